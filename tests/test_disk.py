@@ -23,7 +23,7 @@ from tippedisk_verify.flow.baseline import Baseline
 from tippedisk_verify.model.equations import field
 from tippedisk_verify.model.precision import DOUBLE
 from tippedisk_verify.proofs.closed_forms import proved_hopf
-from tippedisk_verify.proofs.search.cycle_interval import prove_interval
+from tippedisk_verify.proofs.search.interval import prove_interval
 from tippedisk_verify.theory import harmonic_balance, slow_manifold
 
 START = ("pi/2", "pi/2 + 0.4", 0)

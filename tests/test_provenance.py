@@ -68,7 +68,7 @@ def test_a_code_version_is_that_of_the_code_that_runs(tmp_path: Path) -> None:
         "for path in sys.argv[1:]: Path(path).write_text('raise SystemExit(9)')\n"
         "assert code_version() == before\n"
         # Loaded before the change.
-        "import tippedisk_verify.connection.heteroclinic, tippedisk_verify.proofs.search.cover\n"
+        "import tippedisk_verify.connection.heteroclinic, tippedisk_verify.proofs.search.family\n"
         "print(before)"
     )
 

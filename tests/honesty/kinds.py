@@ -11,6 +11,7 @@ from functools import lru_cache, partial
 from typing import Any
 
 from tests.honesty.harness import STRUCTURED, Draw, Kind, Question, decay, decimal
+from tests.proofs.cases import fixed_in
 from tippedisk_verify.connection.bisection import bisect_omega_h
 from tippedisk_verify.cycles.family import in_batches
 from tippedisk_verify.cycles.interpolant import FamilyInterpolant
@@ -28,9 +29,9 @@ from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, QUADRUPLE, bits
 from tippedisk_verify.proofs.closed_forms import proved_equilibrium, proved_hopf
-from tippedisk_verify.proofs.kernel.balls import ball, ball_constants, measured, working_precision
+from tippedisk_verify.proofs.kernel.balls import ball, ball_constants, working_precision
 from tippedisk_verify.proofs.kernel.flow import Model
-from tippedisk_verify.proofs.kernel.krawczyk import inclusion
+from tippedisk_verify.proofs.numbers import measured
 from tippedisk_verify.proofs.search.cycle import prove_cycle
 from tippedisk_verify.reference_values.entries import Case, Item
 from tippedisk_verify.reference_values.local_roads import HOPF, RHS
@@ -449,8 +450,8 @@ def krawczyk(draw: Draw) -> Question:
         with working_precision(working):
             middle = [ball(part.value * (1 + off)).mid() for part in (known.gamma_bar_0, known.v_0)]
             radii = [abs(part) * ball(off * factor) for part in middle]
-            found = inclusion(Model(ball_constants(disk), ball(omega)), middle, radii)
-            if not found.included:
+            found = fixed_in(Model(ball_constants(disk), ball(omega)), middle, radii)
+            if found is None or not found.included:
                 raise Shortfall("nothing is included")
             return {"gamma_bar_0": measured(found.image[0]), "v_0": measured(found.image[1])}
 

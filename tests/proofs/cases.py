@@ -1,18 +1,25 @@
-"""What the tests of proofs share: the numbers of a cycle, exact speeds, and proved states."""
+"""What the tests of proofs share: the numbers of a cycle, exact speeds, and flights with the search's steps."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from fractions import Fraction
+from typing import Any
 
 from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.proofs.kernel.balls import ball, measured, working_precision
-from tippedisk_verify.proofs.kernel.flow import Status, carry
+from tippedisk_verify.proofs.kernel.balls import arb, ball, inside, working_precision
+from tippedisk_verify.proofs.kernel.flow import Model, Status, Step, short_float
+from tippedisk_verify.proofs.kernel.krawczyk import FixedPoints, fixed_points
+from tippedisk_verify.proofs.kernel.section import HALF, TURN, Return, Section, returned
 from tippedisk_verify.proofs.kernel.sliding import model_of
+from tippedisk_verify.proofs.numbers import measured
+from tippedisk_verify.proofs.search.steps import Steps, midpoint_inverse
 from tippedisk_verify.theory.hopf import omega_crit
 
+SHORTEST_STEP = 2.0**-40  # s
 NUMBERS = ("period", "gamma_bar_0", "v_0", "beta_max", "multiplier_slow", "log_multiplier_slow",
            "log_multiplier_fast", "dperiod_domega", "dgamma_bar_0_domega", "dv_0_domega")  # fmt: skip
 
@@ -33,3 +40,87 @@ def proved_state(
         assert flight.status is Status.REACHED
         assert flight.upright
         return [measured(part) for part in flight.state]
+
+
+@dataclass(frozen=True)
+class Flight:
+    """Where all orbits from a box are after a time, proved. Only Status.REACHED makes the rest mean anything."""
+
+    status: Status
+    time: Any  #: [s]
+    state: tuple[Any, Any, Any]  #: holds the end of every orbit, (beta_bar, gamma_bar, v)
+    matrix: tuple[tuple[Any, ...], ...] | None  #: (3, 4): d(end)/d(beta, gamma, v at the start, Omega)
+    divergence: Any  #: integral of div f over the run, or None
+    steps: int
+    upright: bool  #: |beta_bar| < pi/2 throughout: the disk does not lie flat
+
+
+def carry(
+    model: Model,
+    start: Sequence[Any],
+    duration: object,
+    *,
+    derivatives: bool = False,
+    watch: Callable[[Step], None] | None = None,
+) -> Flight:
+    """The flow for a positive time from a box of states; ``watch`` is called with every step before it is taken."""
+    path, span = model.path(start, Steps(), derivatives=derivatives), ball(duration)
+    assert span > 0
+    upright = True
+    share = 1.0
+    while True:
+        left = span - path.time  # positive: what was taken is proved to be shorter
+        step = path.step(max(share * short_float(float(left.abs_upper()) * (1 + 2.0**-18)), 2 * SHORTEST_STEP))
+        if step is None:
+            status = path.status or Status.NO_ENCLOSURE
+            break
+        if not (left <= step.length or left > step.length):
+            share /= 2  # the step ends within the duration's ball
+            continue
+        share = 1.0
+        upright = upright and inside(step.enclosure[0], arb(0, 1.5707))
+        if watch is not None:
+            watch(step)
+        if left <= step.length:
+            path.take(step, left)
+            status = Status.REACHED
+            break
+        path.take(step)
+    return Flight(
+        status,
+        path.time,
+        path.box,
+        path.matrix if path.sharp else None,
+        path.divergence if path.sharp else None,
+        path.steps,
+        upright,
+    )
+
+
+def half_flight(model: Model, gamma_bar: Any, v: Any, **options: Any) -> Return:
+    """The half map over a box."""
+    return returned(model, HALF, (gamma_bar, v), Steps(), **options)
+
+
+def turn_flight(model: Model, beta_bar: Any, v: Any, **options: Any) -> Return:
+    """The turn map over a box."""
+    return returned(model, TURN, (beta_bar, v), Steps(), **options)
+
+
+def fixed_in(model: Model, middle: Sequence[Any], radii: Sequence[Any], section: Section = HALF) -> FixedPoints | None:
+    """Krawczyk's test for all speeds of the model at once; None if the map could not be followed."""
+    middle, away = [ball(part).mid() for part in middle], [arb(0, radius) for radius in radii]
+    box = [point + part for point, part in zip(middle, away, strict=True)]
+    centre = returned(model, section, middle, Steps())
+    over = returned(model, section, box, Steps(), derivatives=True)
+    if not centre.status is over.status is Status.RETURNED:
+        return None
+    (a, b), (c, d) = over.matrix
+    inverse = midpoint_inverse(((a - 1, b), (c, d - 1)))
+    return fixed_points([*middle, arb(0)], [*away, arb(0)], (0, 1), inverse, centre, over)
+
+
+def included(model: Model, middle: Sequence[Any], radii: Sequence[Any]) -> bool:
+    """Whether the box passes the test."""
+    fixed = fixed_in(model, middle, radii)
+    return fixed is not None and fixed.included

@@ -5,24 +5,32 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from fractions import Fraction
+from typing import Any
 
 import numpy as np
 
 from tippedisk_verify.model.equations import field, jacobian, shifted
-from tippedisk_verify.model.parameters import Constants, Parameters
-from tippedisk_verify.proofs.search.local_manifolds import Frame
+from tippedisk_verify.model.parameters import PRINTED, Constants, Parameters
+from tippedisk_verify.proofs.kernel.balls import working_precision
+from tippedisk_verify.proofs.search.certificate import parameter_texts
+from tippedisk_verify.proofs.search.heteroclinic import eigenvectors
 
 OMEGA_H = Fraction("30.0488682607225")  # of `printed`, to its last digit
 STEP = 5e-4  # s: with |lambda_f| = 102 / s the method's error is (0.05)^5 / 120 = 3e-9 of z_f in a step, less elsewhere
 
 
-class Orbits:
-    """The flow about the saddle (0, ``turn`` pi, 0), by the classical Runge-Kutta method, in the frame's z."""
+DISK = parameter_texts(PRINTED)
+with working_precision(64):
+    DIRECTIONS: list[list[Any]] = eigenvectors(PRINTED, OMEGA_H)[1].tolist()
 
-    def __init__(self, parameters: Parameters, frame: Frame, omega: float) -> None:
+
+class Orbits:
+    """The flow about the saddle (0, pi, 0), by the classical Runge-Kutta method, in z."""
+
+    def __init__(self, parameters: Parameters, directions: Sequence[Sequence[Any]], omega: float) -> None:
         constants = Constants(*map(float, parameters.rational()))
         self.rate, self.slope = (f(shifted(math), constants, omega, "linear") for f in (field, jacobian))
-        self.to_y = np.array([[float(frame.directions[i, k].mid()) for k in range(3)] for i in range(3)])
+        self.to_y = np.array([[float(entry) for entry in row] for row in directions])
         self.to_z = np.linalg.inv(self.to_y)
 
     def F(self, z: np.ndarray) -> np.ndarray:

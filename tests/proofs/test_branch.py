@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import json
 import random
+from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from fractions import Fraction
@@ -16,11 +17,10 @@ from unittest.mock import Mock
 import mpmath
 import pytest
 
-from tests.proofs.cases import speed_below
+from tests.proofs.cases import half_flight, speed_below
 from tippedisk_verify.atlas.branch import family
 from tippedisk_verify.atlas.cycles_at_speed import cycle_at
 from tippedisk_verify.cli import main
-from tippedisk_verify.commands import certify_family
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.figures.proved_family import draw_proved_family
 from tippedisk_verify.figures.style import pyplot
@@ -30,23 +30,31 @@ from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED, Parameters
 from tippedisk_verify.proofs.angles import INVERTED, linearization
 from tippedisk_verify.proofs.closed_forms import hopf_balls
-from tippedisk_verify.proofs.kernel.balls import arb, ball, ball_constants, working_precision
-from tippedisk_verify.proofs.kernel.curve_flow import fly
+from tippedisk_verify.proofs.kernel import field as equations
+from tippedisk_verify.proofs.kernel.arc import GAMMA_BAR, arc_test
+from tippedisk_verify.proofs.kernel.balls import arb, ball, ball_constants, negative, working_precision
+from tippedisk_verify.proofs.kernel.claims import arcs as claims
+from tippedisk_verify.proofs.kernel.claims.arcs import Piece, Status
+from tippedisk_verify.proofs.kernel.claims.family import joined, unique_within
+from tippedisk_verify.proofs.kernel.curves import fly
 from tippedisk_verify.proofs.kernel.flow import Model
 from tippedisk_verify.proofs.kernel.jets import Jet
 from tippedisk_verify.proofs.kernel.scaled import ScaledCurve, ScaledModel
 from tippedisk_verify.proofs.kernel.scaled_sine import scaled_sine
-from tippedisk_verify.proofs.kernel.section import half_flight
-from tippedisk_verify.proofs.search import connection_end, cover, family_certificate, pieces
-from tippedisk_verify.proofs.search.arc import GAMMA_BAR, family_polynomials, krawczyk_test
-from tippedisk_verify.proofs.search.branch import BranchProof, hopf_closed
-from tippedisk_verify.proofs.search.heteroclinic import ProvedConnection, prove_connection
+from tippedisk_verify.proofs.search import arcs, connection_end
+from tippedisk_verify.proofs.search import family as search
+from tippedisk_verify.proofs.search.arcs import BITS, piece_entry, prove_piece, read_piece
+from tippedisk_verify.proofs.search.branch import BranchProof
+from tippedisk_verify.proofs.search.certificate import parameter_texts
+from tippedisk_verify.proofs.search.curve_choices import StepSearch, family_polynomials
+from tippedisk_verify.proofs.search.heteroclinic import prove_connection
 from tippedisk_verify.proofs.search.lane_cycles import prove_cycles
-from tippedisk_verify.proofs.search.pieces import Piece, Status, joined, on_curve, prove_piece
+from tippedisk_verify.proofs.search.proved_connection import ProvedConnection
 from tippedisk_verify.proofs.search.proved_end import ProvedEnd
 from tippedisk_verify.proofs.search.proved_end import Status as EndStatus
 from tippedisk_verify.reference_values.lookup import reference
 
+DISK = parameter_texts(PRINTED)
 SUBCRITICAL = PRINTED.changed(A="0.229e-3")
 NEAR = (1, 2, 3, 4, 5, 6, 8, 10, 12, 16, 20, 30)  #: of the reference data's cycles next to Omega_h
 HIGH, NEXT = Fraction("0.1"), Fraction("0.11")  # rad: short pieces, so that a low degree will do
@@ -85,7 +93,7 @@ def test_the_scaled_field_is_the_field() -> None:
     """At a = 0.7 the rates are those of a y over a, in 40 digits; at a = 0 the linearisation's."""
     state = ("0.3", "0.9", "-1.2")
     with working_precision(64):
-        constants, omega = ball_constants(PRINTED), ball("30.4")
+        constants, omega = equations.constants(DISK), ball("30.4")
         start = [ball(part) for part in state]
         with mpmath.workdps(40):
             a = mpmath.mpf("0.7")
@@ -99,27 +107,28 @@ def test_the_scaled_field_is_the_field() -> None:
 
 
 def test_what_is_not_odd_is_refused(monkeypatch) -> None:
+    usual = equations.field
+
     def crooked(*arguments: Any) -> Any:
-        rates = field(*arguments)
+        rates = usual(*arguments)
         return lambda *state: (*rates(*state)[:2], rates(*state)[2] + rates(*state)[0] * rates(*state)[0])
 
     monkeypatch.setattr("tippedisk_verify.proofs.kernel.scaled.field", crooked)
     with pytest.raises(ArithmeticError, match="not odd"):
-        ScaledModel(ball_constants(PRINTED), ball(30), arb(0))
+        ScaledModel(equations.constants(DISK), ball(30), arb(0))
     one = Jet([arb(1)])
     with pytest.raises(ValueError, match="less than 1"):
-        ScaledCurve(one, -one, one, [arb(0)] * 3)
+        ScaledCurve(one, -one, one, [arb(0)] * 3, one)
 
 
 def test_the_scaled_half_map_and_its_derivatives() -> None:
     """Of one orbit at a = 0.3, not on a cycle: from the half map itself; by q from P's homogeneity."""
     with working_precision(64):
         a, w, omega = ball("0.3"), ball("-1.7"), ball("30.8")
-        constants = ball_constants(PRINTED)
+        constants = equations.constants(DISK)
         truth = half_flight(Model(constants, omega), a, a * w, derivatives=True)
-        curve = ScaledCurve(Jet([a * a]), Jet([w]), Jet([omega]), [arb(0)] * 3)
-        found = fly(constants, curve, Jet([truth.time.mid()]))
-        assert found.proved
+        curve = ScaledCurve(Jet([a * a]), Jet([w]), Jet([omega]), [arb(0)] * 3, Jet([truth.time.mid()]))
+        found = fly(constants, curve, StepSearch())
         image, matrix = [jet.c[0] for jet in found.image], [[jet.c[0] for jet in row] for row in found.matrix]
         assert found.own_time.c[0].overlaps(truth.time)
         assert found.divergence.c[0].overlaps(truth.divergence)
@@ -141,13 +150,13 @@ def test_the_scaled_half_map_and_its_derivatives() -> None:
 @pytest.fixture
 def quick(monkeypatch) -> None:
     """Polynomials of degree 2 and no wider box: seconds a piece."""
-    monkeypatch.setattr(pieces, "_DEGREE", 2)
-    monkeypatch.setattr(pieces, "_WIDE_SHARES", ())
+    monkeypatch.setattr(arcs, "_DEGREE", 2)
+    monkeypatch.setattr(arcs, "_WIDE_SHARES", ())
 
 
 @lru_cache(maxsize=4)
 def first(parameters: Parameters) -> Piece | Status:
-    return prove_piece(parameters, Fraction(0), HIGH, cover.hopf_guess(parameters), scaled=True)
+    return prove_piece(parameters, Fraction(0), HIGH, search.hopf_guess(parameters))
 
 
 @lru_cache(maxsize=1)
@@ -173,6 +182,23 @@ def piece() -> Piece:
     return found
 
 
+def on_curve(piece: Piece, gamma_bar: Measured, v: Measured, omega: Measured) -> bool:
+    """Whether a cycle that S maps to itself, with numbers in these intervals, is proved to be one of the piece's.
+
+    For each gamma_bar_0 of its interval those of v_0 and Omega must lie inside the box of uniqueness.
+    """
+    ends = [gamma_bar.value - gamma_bar.uncertainty, gamma_bar.value + gamma_bar.uncertainty]
+    if not piece.low <= ends[0] <= ends[1] <= piece.high or ends[0] <= 0:
+        return False
+    with working_precision(BITS):
+        amplitude, *numbers = (ball(x.value) + arb(0, ball(x.uncertainty)) for x in (gamma_bar, v, omega))
+        s = (2 * amplitude - ball(piece.low) - ball(piece.high)) / ball(piece.high - piece.low)
+        if piece.scaled:
+            s, numbers[0] = 2 * amplitude * amplitude / ball(piece.high**2) - 1, numbers[0] / amplitude
+        off = [x - Jet([ball(part) for part in row]).at(s) for x, row in zip(numbers, piece.curve, strict=True)]
+        return all(negative(abs(x) - ball(room)) for x, room in zip(off, piece.unique_within, strict=True))
+
+
 def numbers(cycle: Any) -> tuple[Measured, Measured, Measured]:
     return cycle.gamma_bar_0, cycle.v_0, cycle.omega
 
@@ -181,8 +207,8 @@ def numbers(cycle: Any) -> tuple[Measured, Measured, Measured]:
 @pytest.mark.usefixtures("quick")
 def test_a_piece_begins_at_the_hopf_point_and_holds_known_cycles() -> None:
     found = piece()
-    assert hopf_closed(PRINTED, found)
-    assert not hopf_closed(CALIBRATED, found)
+    assert BranchProof(PRINTED, (found,)).hopf_closed
+    assert not BranchProof(CALIBRATED, (found,)).hopf_closed
     low, high = found.speeds(Fraction(0))
     assert high - low < Fraction("1e-3")
     for below in ("1e-6", "1e-4", "2e-3"):
@@ -206,15 +232,15 @@ def test_the_hopf_end_agrees_with_the_closed_forms() -> None:
     """
     high = Fraction("0.01")
     with working_precision(64):
-        constants, closed = ball_constants(PRINTED), hopf_balls(ball_constants(PRINTED))
-        ratio, speed, half = (ball(part).mid() for part in cover.hopf_guess(PRINTED))
+        constants, closed = equations.constants(DISK), hopf_balls(ball_constants(PRINTED))
+        ratio, speed, half = (ball(part).mid() for part in search.hopf_guess(PRINTED))
         middle = ball(high / 2)
         polynomials, total = family_polynomials(
             constants, [middle, ratio, speed], middle.mid(), 2, half, GAMMA_BAR, ScaledCurve
         )
         deviation = [arb(0), *(arb(0, abs(jet.c[1]) / 50) for jet in polynomials[1:])]
-        found = krawczyk_test(constants, ScaledCurve(*polynomials, deviation), total, GAMMA_BAR)
-        assert found.proved
+        found = arc_test(constants, ScaledCurve(*polynomials, deviation, total), GAMMA_BAR, StepSearch())
+        assert found.included
         assert found.stable()
         assert found.falling()
         assert found.slowing()
@@ -241,38 +267,41 @@ def test_a_subcritical_disk_has_no_such_piece() -> None:
 @pytest.mark.slow  # a quarter of a minute
 @pytest.mark.usefixtures("quick")
 def test_a_changed_sign_in_the_field_is_not_proved(monkeypatch) -> None:
-    honest = ball_constants(PRINTED)
-    spoiled = honest._replace(g=-honest.g)
-    monkeypatch.setattr(pieces, "ball_constants", lambda parameters: spoiled)
-    guess = cover.hopf_guess(PRINTED)
-    assert isinstance(prove_piece(PRINTED, Fraction(0), HIGH, guess, scaled=True), Status)
+    def spoiled(disk: Mapping[str, str]) -> Any:
+        honest = equations.constants(disk)
+        return honest._replace(g=-honest.g)
+
+    for module in (arcs, claims):
+        monkeypatch.setattr(module, "constants", spoiled)
+    guess = search.hopf_guess(PRINTED)
+    assert isinstance(prove_piece(PRINTED, Fraction(0), HIGH, guess), Status)
 
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("quick")
 def test_neighbours_are_one_curve_and_a_shifted_box_is_not() -> None:
     a, b = piece(), second()
-    assert cover.chain([b, a]) == [a, b]
+    assert search.chain([b, a]) == [a, b]
     assert not joined(a, b, NEXT)
     for k in (0, 1):
         rows = [list(row) for row in b.curve]
         rows[k][0] += 10 * b.unique_within[k]
         shifted_piece = replace(b, curve=(tuple(rows[0]), tuple(rows[1])))
         assert not joined(a, shifted_piece, HIGH)
-        assert cover.chain([a, shifted_piece]) == [a]
-    assert cover.chain([b]) == []
-    assert cover.chain([a, replace(b, low=b.low + Fraction(1, 1000))]) == [a]
+        assert search.chain([a, shifted_piece]) == [a]
+    assert search.chain([b]) == []
+    assert search.chain([a, replace(b, low=b.low + Fraction(1, 1000))]) == [a]
     assert on_curve(b, *numbers(known("0.0028")))
 
 
 def test_pieces_are_joined_as_far_as_a_box_reaches_and_no_further() -> None:
     near, room = (Fraction(1, 1000),) * 2, (Fraction(3, 1000),) * 2
-    one = replace(_flat("0", "1", True), within=near, unique_within=room)
+    one = replace(_flat("0", "1"), within=near, unique_within=room)
     for off, together in (("0.002", True), ("0.0021", False)):
         for k in (0, 1):
             rows = [(Fraction(0),), (Fraction(30),)]
             rows[k] = (rows[k][0] + Fraction(off),)
-            other = Piece(Fraction(1), Fraction(2), False, (rows[0], rows[1]), room, near)
+            other = Piece(Fraction(1), Fraction(2), (rows[0], rows[1]), room, near)
             assert joined(one, other, Fraction(1)) is together
 
 
@@ -280,8 +309,8 @@ def test_pieces_are_joined_as_far_as_a_box_reaches_and_no_further() -> None:
 @pytest.mark.usefixtures("quick")
 def test_a_box_inside_the_first_one_shows_no_uniqueness(monkeypatch) -> None:
     """What a second, narrower test would prove says nothing of the zero that the first one encloses."""
-    monkeypatch.setattr(pieces, "_WIDE_SHARES", (Fraction(1, 10**9),))
-    assert prove_piece(PRINTED, Fraction(0), HIGH, cover.hopf_guess(PRINTED), scaled=True) == first(PRINTED)
+    monkeypatch.setattr(arcs, "_WIDE_SHARES", (Fraction(1, 10**9),))
+    assert prove_piece(PRINTED, Fraction(0), HIGH, search.hopf_guess(PRINTED)) == first(PRINTED)
 
 
 @pytest.mark.usefixtures("quick")
@@ -290,7 +319,7 @@ def test_what_is_rounded_is_rounded_to_the_safe_side() -> None:
     highest = second().speeds(NEXT)[1]
     assert highest <= proof.omega_end < highest + Fraction(1, 10**9)
     rooms = [part.unique_within[1] - part.within[1] for part in proof.pieces]
-    assert proof.unique_within()[2] == min(rooms)
+    assert unique_within(proof.pieces)[2] == min(rooms)
 
 
 @pytest.mark.slow
@@ -388,64 +417,64 @@ def test_what_is_covered() -> None:
     assert nothing.covered is None
 
 
-def _flat(low: str, high: str, scaled: bool = False) -> Piece:
+def _flat(low: str, high: str) -> Piece:
     """A piece with no meaning, for what only looks at where pieces lie."""
     near = Fraction(1, 1000), Fraction(1, 1000)
-    return Piece(Fraction(low), Fraction(high), scaled, ((Fraction(0),), (Fraction(30),)), near, near)
+    return Piece(Fraction(low), Fraction(high), ((Fraction(0),), (Fraction(30),)), near, near)
 
 
 def test_what_is_left_to_prove() -> None:
     end = Fraction("3.06")
-    every = cover.open_intervals([], end)
-    assert (every[0].low, every[0].high, every[-1].high) == (0, cover.HOPF_END, end)
+    every = search.open_intervals([], end)
+    assert (every[0].low, every[0].high, every[-1].high) == (0, search.HOPF_END, end)
     assert all(a.high == b.low for a, b in pairwise(every))
-    assert cover.open_intervals([], Fraction("0.5")) == [cover.Interval(Fraction(0), Fraction("0.5"))]
-    held = [_flat("0", "0.8", True), _flat("0.8", "1"), _flat("1.5", "1.6")]
-    left = cover.open_intervals(held, Fraction("1.7"))
+    assert search.open_intervals([], Fraction("0.5")) == [search.Interval(Fraction(0), Fraction("0.5"))]
+    held = [_flat("0", "0.8"), _flat("0.8", "1"), _flat("1.5", "1.6")]
+    left = search.open_intervals(held, Fraction("1.7"))
     assert (left[0].low, left[-1].high) == (1, Fraction("1.7"))
     assert {interval.high for interval in left} >= {Fraction("1.5"), Fraction("1.7")}
     assert all(interval.high <= Fraction("1.5") or interval.low >= Fraction("1.6") for interval in left)
-    assert cover.open_intervals(held[:2], Fraction(1)) == []
+    assert search.open_intervals(held[:2], Fraction(1)) == []
 
 
 def test_an_interval_that_fails_is_halved_and_nothing_beyond_is_tried(monkeypatch) -> None:
     tried = []
 
-    def attempt(parameters: Parameters, interval: cover.Interval, guess: object) -> Piece | Status:
+    def attempt(parameters: Parameters, interval: search.Interval, guess: object) -> Piece | Status:
         tried.append(interval)
         if interval.high > 2:
             return Status.NOT_STABLE
         fits = interval.high - interval.low <= Fraction(1, 4)
         return _flat(str(interval.low), str(interval.high)) if fits else Status.NOT_INCLUDED
 
-    monkeypatch.setattr(cover, "_attempt", attempt)
+    monkeypatch.setattr(search, "_attempt", attempt)
     found: list[object] = []
     cycles = [tuple(Fraction(k) for _ in range(4)) for k in range(6)]
-    wanted = [cover.Interval(Fraction(k), Fraction(k + 1)) for k in (1, 2, 3)]
-    stopped = cover.prove_intervals(PRINTED, wanted, cycles, watch=lambda what, where: found.append(what))
+    wanted = [search.Interval(Fraction(k), Fraction(k + 1)) for k in (1, 2, 3)]
+    stopped = search.prove_intervals(PRINTED, wanted, cycles, watch=lambda what, where: found.append(what))
     assert stopped is Status.NOT_STABLE
     assert [part.high for part in found if isinstance(part, Piece)] == [Fraction(k, 4) for k in (5, 6, 7, 8)]
     assert max(interval.high for interval in tried) == 3
     found.clear()
     with ThreadPoolExecutor(2) as pool:
-        stopped = cover.prove_intervals(PRINTED, wanted, cycles, pool, lambda what, where: found.append(what))
+        stopped = search.prove_intervals(PRINTED, wanted, cycles, pool, lambda what, where: found.append(what))
     assert stopped is Status.NOT_STABLE
     assert {part.high for part in found if isinstance(part, Piece)} == {Fraction(k, 4) for k in (5, 6, 7, 8)}
-    monkeypatch.setattr(cover, "_attempt", lambda *_: Status.RISING)
-    assert cover.prove_intervals(PRINTED, wanted, cycles) is Status.RISING
+    monkeypatch.setattr(search, "_attempt", lambda *_: Status.RISING)
+    assert search.prove_intervals(PRINTED, wanted, cycles) is Status.RISING
 
 
 def test_at_the_hopf_point_only_the_lower_half_is_tried(monkeypatch) -> None:
-    def attempt(parameters: Parameters, interval: cover.Interval, guess: object) -> Piece | Status:
+    def attempt(parameters: Parameters, interval: search.Interval, guess: object) -> Piece | Status:
         fits = interval.high <= Fraction("0.3")
-        return _flat(str(interval.low), str(interval.high), True) if fits else Status.NOT_INCLUDED
+        return _flat(str(interval.low), str(interval.high)) if fits else Status.NOT_INCLUDED
 
-    monkeypatch.setattr(cover, "_attempt", attempt)
+    monkeypatch.setattr(search, "_attempt", attempt)
     found: list[Any] = []
-    left = cover.open_intervals([], cover.HOPF_END)
-    assert cover.prove_intervals(PRINTED, left, [], watch=lambda what, where: found.append(what)) is None
+    left = search.open_intervals([], search.HOPF_END)
+    assert search.prove_intervals(PRINTED, left, [], watch=lambda what, where: found.append(what)) is None
     assert [part.high for part in found] == [Fraction("0.2")]
-    assert cover.open_intervals(found, Fraction(1))[0].low == Fraction("0.2")
+    assert search.open_intervals(found, Fraction(1))[0].low == Fraction("0.2")
 
 
 def _run(capsys, *arguments: str, status: int) -> str:
@@ -458,21 +487,21 @@ def _run(capsys, *arguments: str, status: int) -> str:
 def test_the_command_goes_on_where_it_stopped(capsys, monkeypatch, tmp_path) -> None:
     made = []
 
-    def attempt(parameters: Parameters, interval: cover.Interval, guess: object) -> Piece | Status:
+    def attempt(parameters: Parameters, interval: search.Interval, guess: object) -> Piece | Status:
         made.append(interval)
         return first(parameters) if not interval.low else second()
 
-    monkeypatch.setattr(cover, "_attempt", attempt)
-    monkeypatch.setattr(cover, "HOPF_END", HIGH)
-    monkeypatch.setattr(certify_family, "_known", lambda *_: [tuple([Fraction(1)] * 4)])
-    monkeypatch.setattr(certify_family, "_connection", lambda *_: None)
+    monkeypatch.setattr(search, "_attempt", attempt)
+    monkeypatch.setattr(search, "HOPF_END", HIGH)
+    monkeypatch.setattr(search, "_known", lambda *_: [tuple([Fraction(1)] * 4)])
+    monkeypatch.setattr(search, "_connection", lambda *_: None)
     path = str(tmp_path / "arcs")
     pictures = str(tmp_path / "pictures")
     result = json.loads(_run(capsys, "--to", str(float(NEXT)), "--arcs", path, "--out", pictures, "--json", status=1))
     assert (tmp_path / "pictures" / "proved_family.svg").stat().st_size > 10_000
     assert len(made) == len(result["arcs"]) == 2
     assert (result["proved"], result["covered"]) == (False, None)
-    assert [Piece.read(entry) for entry in result["arcs"]] == [piece(), second()]
+    assert [read_piece(entry, {}) for entry in result["arcs"]] == [piece(), second()]
     goes_on = ("--to", str(float(NEXT)), "--arcs", path)
     again = json.loads(_run(capsys, *goes_on, "--json", status=1))
     given = "2 of 2 arcs were read from the file of --arcs, not proved here; if they hold, so does what follows: "
@@ -480,9 +509,9 @@ def test_the_command_goes_on_where_it_stopped(capsys, monkeypatch, tmp_path) -> 
     assert len(made) == 2
     said = _run(capsys, *goes_on, status=1)
     assert (f"statement: {given}" in said, said.endswith("\n2 arcs\n")) == (True, True)
-    # The checker has proved every arc of a certificate. If none can be written nothing is said.
+    # The kernel shows every arc of a certificate. If none can be written nothing is said.
     goes_on = (*goes_on, "--certificate", str(tmp_path / "family.json"))
-    monkeypatch.setattr(family_certificate, "family_certificate", lambda *_: "written")
+    monkeypatch.setattr(BranchProof, "certificate", lambda *_: "written")
     assert json.loads(_run(capsys, *goes_on, "--json", status=1)) == result
     with monkeypatch.context() as full:
         full.setattr("os.fsync", Mock(side_effect=OSError(errno.ENOSPC, "No space left on device")))
@@ -505,12 +534,12 @@ def test_a_reach_beyond_omega_crit_is_passed_over(monkeypatch) -> None:
         raise InputError("born below")
 
     monkeypatch.setattr(connection_end, "prove_end", prove_end)
-    assert certify_family._next_to(connected()).proved
+    assert search._next_to(connected()).proved
 
 
 @pytest.mark.usefixtures("quick")
 def test_the_command_has_no_sentence_for_a_subcritical_disk(capsys, monkeypatch, tmp_path) -> None:
-    monkeypatch.setattr(cover, "_attempt", lambda *_: first(SUBCRITICAL))
+    monkeypatch.setattr(search, "_attempt", lambda *_: first(SUBCRITICAL))
     (tmp_path / "disk.toml").write_text(
         "\n".join(f'{name} = "{value}"' for name, value in SUBCRITICAL.decimals().items()), encoding="utf-8"
     )
@@ -538,9 +567,9 @@ def test_bad_input(arguments, word, capsys) -> None:
 
 def test_pieces_are_written_and_read_without_loss() -> None:
     one = _flat("0.1", "1/3")
-    assert Piece.read(json.loads(json.dumps(one.to_dict()))) == one
+    assert read_piece(json.loads(json.dumps(piece_entry(one))), {}) == one
     with pytest.raises((KeyError, InputError, ValueError)):
-        Piece.read({**one.to_dict(), "low": "wide"})
+        read_piece({**piece_entry(one), "low": "wide"}, {})
 
 
 @pytest.mark.slow(minutes=20)
@@ -550,8 +579,8 @@ def test_the_whole_of_the_printed_disk(capsys, tmp_path) -> None:
     said = json.loads(_run(capsys, "--arcs", path, "--json", status=0))
     end = said["ends"]["heteroclinic"]
     assert (said["proved"], said["covered"], said["ends"]["hopf"], end["closed"]) == (True, "1", {"closed": True}, True)
-    proved = [Piece.read(entry) for entry in said["arcs"]]
-    assert cover.chain(proved) == proved
+    proved = [read_piece(entry, {}) for entry in said["arcs"]]
+    assert search.chain(proved) == proved
 
     def known(gamma_bar: Measured, v: Measured, omega: Measured) -> bool:
         """Whether a cycle is one of the arcs', or next to the connection."""

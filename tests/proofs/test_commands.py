@@ -12,7 +12,7 @@ import pytest
 from tippedisk_verify.cli import main
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.proofs.search import connection_end
-from tippedisk_verify.proofs.search.heteroclinic import ProvedConnection
+from tippedisk_verify.proofs.search.proved_connection import ProvedConnection
 from tippedisk_verify.proofs.search.proved_end import ProvedEnd
 from tippedisk_verify.proofs.search.proved_end import Status as EndStatus
 
@@ -49,7 +49,7 @@ def test_hopf(capsys) -> None:
 
 
 def test_heteroclinic_about_a_given_speed(capsys) -> None:
-    result = _json(capsys, "certify", "heteroclinic", "--near", "30.2", "--digits", "4", status=1)
+    result = _json(capsys, "certify", "heteroclinic", "--near", "30.2", "--digits", "4", "--quiet", status=1)
     assert (result["proved"], result["status"]) == (False, "not_near")
     assert result["statement"].startswith("nothing is proved")
 

@@ -8,7 +8,7 @@ from functools import lru_cache
 
 import pytest
 
-from tests.proofs.cases import NUMBERS, speed_below
+from tests.proofs.cases import NUMBERS, half_flight, included, speed_below
 from tippedisk_verify.cli import main
 from tippedisk_verify.cycles.return_map import ReturnMap
 from tippedisk_verify.cycles.section import LIBRATING
@@ -16,12 +16,11 @@ from tippedisk_verify.cycles.shooting import limit_cycle
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.equations import field, shifted
 from tippedisk_verify.model.parameters import NAMED_SETS, PRINTED
-from tippedisk_verify.proofs.kernel.balls import arb, ball, ball_constants, hull, measured, positive, working_precision
+from tippedisk_verify.proofs.kernel.balls import arb, ball, ball_constants, hull, positive, working_precision
 from tippedisk_verify.proofs.kernel.flow import Model
-from tippedisk_verify.proofs.kernel.krawczyk import inclusion
 from tippedisk_verify.proofs.kernel.section import Status as HalfStatus
-from tippedisk_verify.proofs.kernel.section import half_flight
-from tippedisk_verify.proofs.search.cycle import CycleProof, Status, _decimal_below, prove_cycle
+from tippedisk_verify.proofs.numbers import measured
+from tippedisk_verify.proofs.search.cycle import OrbitProof, Status, _decimal_below, prove_cycle
 from tippedisk_verify.reference_values.lookup import reference
 from tippedisk_verify.reference_values.store import stored
 
@@ -32,7 +31,7 @@ GUESS = tuple(f"{float(part):.12g}" for part in TRUTH)
 
 
 @lru_cache(maxsize=1)
-def proved() -> CycleProof:
+def proved() -> OrbitProof:
     return prove_cycle(PRINTED, OMEGA, GUESS, digits=16)
 
 
@@ -74,7 +73,7 @@ def test_what_the_proof_says() -> None:
     ("x", "expected"),
     [
         (9.999999999999999e-6, "9.9e-6"),  # its logarithm to base 10 rounds to -5
-        (1e-5, "0.000010"),  # the double a little above
+        (1e-5, "9.9e-6"),  # the double is a little above, but not by 2^-20 of it
         (0.99999999999999994, "0.99"),
         (0.00041999, "0.00041"),
         (123.4, "120"),
@@ -95,16 +94,18 @@ def test_twice_the_half_map_turns_the_fixed_point_into_itself() -> None:
     """The defining property, at another precision: the image of the proved box meets the box."""
     proof = proved()
     with working_precision(150):
-        flight = half_flight(model(), proof.gamma_bar_0, proof.v_0)
+        period, gamma_bar_0, v_0, beta_max = (proof.values[name] for name in NUMBERS[:4])
+        flight = half_flight(model(), gamma_bar_0, v_0)
         assert flight.status is HalfStatus.RETURNED
-        assert flight.image[0].overlaps(proof.gamma_bar_0)
-        assert flight.image[1].overlaps(proof.v_0)
-        assert (2 * flight.time).overlaps(proof.period)
-        assert (-flight.beta_least).overlaps(proof.beta_max)
+        assert flight.image[0].overlaps(gamma_bar_0)
+        assert flight.image[1].overlaps(v_0)
+        assert (2 * flight.time).overlaps(period)
+        assert (-flight.beta_least).overlaps(beta_max)
 
 
 def test_the_determinant_by_liouville_is_that_of_the_matrix() -> None:
-    (_, wide) = proved().flights
+    with working_precision(150):
+        wide = half_flight(model(), *(proved().values[name] for name in ("gamma_bar_0", "v_0")), derivatives=True)
     (a, b), (c, d) = wide.matrix
     assert (a * d - b * c).overlaps(-wide.divergence.exp())
 
@@ -157,10 +158,10 @@ def test_the_turn_moves_as_its_derivative_says() -> None:
 def test_a_box_beside_the_cycle_is_not_included() -> None:
     with working_precision(64):
         middle, radii = box("1e-9")
-        assert inclusion(model(), middle, radii).included
+        assert included(model(), middle, radii)
         beside = [middle[0] + 3 * radii[0], middle[1]]
-        assert not inclusion(model(), beside, radii).included
-        assert not inclusion(model(omega="31.4"), middle, radii).included  # above Omega_crit there is no cycle
+        assert not included(model(), beside, radii)
+        assert not included(model(omega="31.4"), middle, radii)  # above Omega_crit there is no cycle
 
 
 @pytest.mark.parametrize(
@@ -171,7 +172,7 @@ def test_a_perturbed_parameter_moves_the_cycle_out_of_the_box(name) -> None:
     changed = PRINTED.changed(**{name: getattr(PRINTED, name) * Fraction(10_001, 10_000)})
     with working_precision(64):
         middle, radii = box("3e-8")
-        assert not inclusion(model(changed), middle, radii).included
+        assert not included(model(changed), middle, radii)
 
 
 def test_a_perturbed_equation_moves_the_cycle_out_of_the_box() -> None:
@@ -186,7 +187,7 @@ def test_a_perturbed_equation_moves_the_cycle_out_of_the_box() -> None:
 
     with working_precision(64):
         middle, radii = box("3e-8")
-        assert not inclusion(model(law=wrong), middle, radii).included  # the right law's is, see above
+        assert not included(model(law=wrong), middle, radii)  # the right law's is, see above
 
 
 @pytest.mark.parametrize(
@@ -222,9 +223,9 @@ def test_too_low_a_precision_ends_without_a_proof(most_bits) -> None:
 
 def test_few_bits_do_not_prove_a_narrow_box() -> None:
     middle, radii = box("1e-12")
-    for bits, included in ((35, False), (64, True)):
+    for bits, passes in ((35, False), (64, True)):
         with working_precision(bits):
-            assert inclusion(model(), middle, radii).included is included, bits
+            assert included(model(), middle, radii) is passes, bits
 
 
 @pytest.mark.parametrize(
@@ -306,7 +307,7 @@ def test_all_speeds_of_an_interval_at_once() -> None:
     middle, radii = box("2e-4")
     with working_precision(64):
         speeds = hull(OMEGA - Fraction(1, 10**5), OMEGA + Fraction(1, 10**5))
-        assert inclusion(model(omega=speeds), middle, radii).included
+        assert included(model(omega=speeds), middle, radii)
 
 
 @pytest.mark.slow
@@ -318,5 +319,5 @@ def test_subcritical_cycles_are_proved_unstable(taylor, inertia) -> None:
     proof = prove_cycle(thin, omega, (cycle.gamma_bar_0.value, cycle.v_0.value))
     assert proof.proved, proof.statement
     assert proof.stable is False
-    assert positive(proof.log_multiplier_slow)
-    assert measured(proof.multiplier_slow).value > 1
+    assert positive(proof.values["log_multiplier_slow"])
+    assert measured(proof.values["multiplier_slow"]).value > 1

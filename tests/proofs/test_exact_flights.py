@@ -9,6 +9,7 @@ import inspect
 import random
 import textwrap
 from fractions import Fraction
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -16,12 +17,15 @@ import pytest
 
 from tippedisk_verify.model.parameters import PRINTED, Constants
 from tippedisk_verify.proofs.kernel import frame
-from tippedisk_verify.proofs.kernel.balls import arb, ball, ball_constants, measured, working_precision
-from tippedisk_verify.proofs.kernel.flow import Model, Path
+from tippedisk_verify.proofs.kernel.balls import arb, ball, ball_constants, working_precision
+from tippedisk_verify.proofs.kernel.flow import Model, Path, Trial
 from tippedisk_verify.proofs.kernel.frame import Frame
 from tippedisk_verify.proofs.kernel.lanes import Lanes
+from tippedisk_verify.proofs.numbers import measured
 from tippedisk_verify.proofs.search import lane_flight
+from tippedisk_verify.proofs.search.axes import axes_of_balls, axes_of_lanes
 from tippedisk_verify.proofs.search.lane_flight import half_flights
+from tippedisk_verify.proofs.search.steps import Steps
 
 BLOCK = lane_flight.Block
 COUNT = 3
@@ -113,7 +117,7 @@ def exactly(time: Fraction) -> tuple[Fraction, ...]:
 
 def lanes_steps_are_as_long_as_proved() -> bool:
     zero = Lanes([0.0] * COUNT)
-    block = BLOCK(Model(constants(), Lanes([1.0] * COUNT), falling_late), (zero, zero, zero), (0, 0), np.arange(COUNT))
+    block = BLOCK(Model(constants(), Lanes([1.0] * COUNT), falling_late), (zero, zero, zero), np.arange(COUNT))
     block.cuts = np.array([0.75, 0.5, 0.3])
     step, accepted = block.tried()
     assert accepted.all()
@@ -133,7 +137,7 @@ def lanes_steps_are_as_long_as_proved() -> bool:
 
 def steps_are_as_long_as_proved() -> bool:
     with working_precision(60):
-        path = Path(Model(ball_constants(PRINTED), ball(1), falling_late), [0, 0, 0])
+        path = Path(Model(ball_constants(PRINTED), ball(1), falling_late), [0, 0, 0], Steps())
         step = path.step(0.75)
         assert step is not None
         path.take(step)
@@ -154,7 +158,7 @@ def test_steps_are_as_long_as_proved() -> None:
     ("owner", "function", "old", "new"),
     [
         (lane_flight, "proved_step", "Step(begin, Lanes(length)", "Step(begin, Lanes(length * 1.001)"),
-        (lane_flight, "proved_step", "wide, Lanes(length), len", "wide, Lanes(length / 1.001), len"),
+        (lane_flight, "proved_step", "wide, Lanes(length), orders", "wide, Lanes(length / 1.001), orders"),
         (BLOCK, "go_on", "self.take(step)", "self.take(step, step.length * 1.001)"),
     ],
 )
@@ -164,16 +168,25 @@ def test_a_step_in_lanes_that_is_too_long_is_noticed(owner, function, old, new, 
 
 
 @pytest.mark.parametrize(
-    ("function", "old", "new"),
+    ("owner", "function", "old", "new"),
     [
-        ("_verdict", "wide, length, order)", "wide, length / 1.001, order)"),
-        ("take", "step.carried(time)", "step.carried(ball(step.length * 1.001) if time is None else time)"),
-        ("take", "moment = ball(step.length)", "moment = ball(1.001 * step.length)"),
+        (Trial, "verdict", "self.wide, length, self", "self.wide, length / 1.001, self"),
+        (
+            Path,
+            "take",
+            "(step, time)\n    self.pr",
+            "(step, ball(step.length * 1.001) if time is None else time)\n    self.pr",
+        ),
+        (Path, "take", "moment = ball(step.length)", "moment = ball(1.001 * step.length)"),
     ],
 )
-def test_a_step_that_is_too_long_is_noticed(function, old, new, monkeypatch) -> None:
-    planted(Path, function, old, new, monkeypatch)
+def test_a_step_that_is_too_long_is_noticed(owner, function, old, new, monkeypatch) -> None:
+    planted(owner, function, old, new, monkeypatch)
     assert not steps_are_as_long_as_proved()
+
+
+def _with(axes: Any, stiffness: Any, turned: Any, sizes: Any) -> Any:
+    return axes(turned, sizes, stiffness)
 
 
 def frames_hold_what_is_left_over() -> bool:
@@ -190,13 +203,15 @@ def frames_hold_what_is_left_over() -> bool:
         rows = [[*(Lanes(entry) for entry in row), Lanes(np.zeros(count))] for row in mid]
         centre = [Lanes(np.zeros(count), float(k == coordinate)) for k in range(3)]
         for stiffness in (np.ones(count), np.full(count, 30.0)):
-            found = still.carried(centre, rows, stiffness)
+            found = still.carried(centre, rows, partial(_with, axes_of_lanes, stiffness))
             held &= all(holds(found.box()[coordinate], Fraction(end), lane) for lane in range(count) for end in (-1, 1))
         with working_precision(80):
             still = Frame([ball(0)] * 3, ball(0))
             for lane in range(count):
                 points = [[*(arb(float(entry)) for entry in row), arb(0)] for row in mid[:, :, lane]]
-                box = still.carried([arb(0, int(k == coordinate)) for k in range(3)], points, 1.0).box()
+                box = still.carried(
+                    [arb(0, int(k == coordinate)) for k in range(3)], points, partial(_with, axes_of_balls, 1.0)
+                ).box()
                 held &= all(holds(box[coordinate], Fraction(end)) for end in (-1, 1))
     return held
 

@@ -7,12 +7,14 @@ from fractions import Fraction
 
 import pytest
 
-from tippedisk_verify.errors import InputError
+from tests.proofs.cases import carry
 from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
 from tippedisk_verify.model.precision import bits
-from tippedisk_verify.proofs.kernel.balls import arb, ball, ball_constants, hull, measured, positive, working_precision
-from tippedisk_verify.proofs.kernel.flow import Model, Path, Status, Step, carry
+from tippedisk_verify.proofs.kernel.balls import Unproved, arb, ball, ball_constants, hull, positive, working_precision
+from tippedisk_verify.proofs.kernel.flow import Model, Status, Step
+from tippedisk_verify.proofs.numbers import measured
+from tippedisk_verify.proofs.search.steps import Steps
 
 OMEGA = Fraction("30.3866")
 START = ("0", "1.69", "-1.71")
@@ -77,12 +79,11 @@ def test_a_step_beyond_the_singularity_fails_the_inclusion_itself() -> None:
     """x(0) = 2 is infinite at 1/2: no box E can pass there, whatever the step control would have said."""
     with working_precision(60):
         law = Model(ball_constants(PRINTED), ball(1), blow_up)
-        path = Path(law, [2, 1, 1])
-        identity = [ball(int(row == column)) for column in range(4) for row in range(3)]
-        wide = law.variational.coefficients([*path.box, *identity], 16)
-        for length, passes in ((0.03, True), (0.5, False), (0.5625, False)):
-            *_, included = path._verdict(law.variational, wide, length, 18)
-            assert included is passes, length
+        trial = law.path([2, 1, 1], Steps()).trial((18, 16))
+        assert trial.step(0.03).length == 0.03
+        for length in (0.5, 0.5625, -0.03):
+            with pytest.raises(Unproved, match="stay in its enclosure"):
+                trial.step(length)
 
 
 # -------------------------------------------------------------------------------------------------- the ordinary road
@@ -156,10 +157,10 @@ def test_symmetry_and_liouville() -> None:
 
 def test_equilibria_stay_where_they_are() -> None:
     with working_precision(70):
-        for gamma_bar in ("0", "pi", "-pi"):
-            flight = carry(model(), [0, ball(gamma_bar), 0], "0.05")
+        for gamma_bar in (arb(0), arb.pi(), -arb.pi()):
+            flight = carry(model(), [0, gamma_bar, 0], "0.05")
             assert flight.status is Status.REACHED
-            assert flight.state[1].overlaps(ball(gamma_bar))
+            assert flight.state[1].overlaps(gamma_bar)
             assert all(part.contains(0) for part in (flight.state[0], flight.state[2]))
 
 
@@ -180,9 +181,5 @@ def test_wide_boxes_and_few_bits_end_with_a_status() -> None:
 
 
 def test_refused_requests() -> None:
-    with working_precision(64):
-        for duration in (0, "-1", arb(0, 1), arb("nan")):
-            with pytest.raises(InputError, match="duration"):
-                carry(model(), start(), duration)
-        with pytest.raises(InputError, match="three components"):
-            Path(model(), [0, 1])
+    with working_precision(64), pytest.raises(ValueError, match="three components"):
+        model().path([0, 1], Steps())

@@ -16,7 +16,9 @@ from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import CALIBRATED, GEOMETRY, PRINTED
 from tippedisk_verify.proofs.kernel.balls import arb
-from tippedisk_verify.proofs.search.fold import FoldProof, LibrationFoldProof, RotationFoldProof, _extremum, prove_fold
+from tippedisk_verify.proofs.kernel.claims.cycle import UNKNOWNS
+from tippedisk_verify.proofs.kernel.claims.fold import extremum as extremum_of
+from tippedisk_verify.proofs.search.fold import HALF, TURN, FoldProof, prove_fold
 
 SUBCRITICAL = PRINTED.changed(A="0.229e-3")  # cycles are born above Omega_crit and turn round
 SUBCRITICAL_FOLD = ("1.67348480076360242633639025", "-1.737725448903898", "30.956905829891930640498087550")
@@ -29,9 +31,9 @@ HALF_LENGTH = Fraction(1, 10**11)  # of the arc, for 12 digits
 def held(proof: FoldProof, fold: Fold, digits: int) -> None:
     """The proof holds the ordinary road's fold, and what it prints is what was tested."""
     assert proof.proved, proof.statement
-    arc, v = (getattr(proof, name) for name in proof.unknowns)
-    assert all(getattr(proof, name).contains(getattr(fold, name)) for name in (*proof.unknowns, "omega", "period"))
-    assert proof.omega.uncertainty < proof.omega.value / 10**digits
+    arc, v = (proof.values[name] for name in UNKNOWNS[proof.section])
+    assert all(number.contains(getattr(fold, name)) for name, number in proof.values.items())
+    assert proof.values["omega"].uncertainty < proof.values["omega"].value / 10**digits
     # The arc is a hypothesis: its decimals say it exactly. The curve stays inside the intervals printed.
     assert Measured.of(*arc.decimals()) == arc
     assert float(arc.uncertainty) * abs(float(fold.null_vector)) < float(Measured.of(*v.decimals()).uncertainty)
@@ -53,9 +55,9 @@ def subcritical_fold(taylor) -> LibrationFold:
 @pytest.mark.slow
 def test_a_largest_speed_is_proved(taylor) -> None:
     """v is given to 16 digits: the box is wider than what they leave open."""
-    proof = prove_fold(LibrationFoldProof, SUBCRITICAL, SUBCRITICAL_FOLD, digits=12)
+    proof = prove_fold(SUBCRITICAL, SUBCRITICAL_FOLD, digits=12)
     assert proof.proved, proof.statement
-    assert proof.omega.holds(Fraction(SUBCRITICAL_FOLD[2]))
+    assert proof.values["omega"].holds(Fraction(SUBCRITICAL_FOLD[2]))
     assert proof.extremum == "largest"
     assert is_about(proof.statement, SUBCRITICAL)
     assert "Omega rises at the lower end of the interval and falls at the upper one" in proof.statement
@@ -70,7 +72,7 @@ def test_a_largest_speed_is_proved(taylor) -> None:
 @pytest.mark.parametrize("digits", [3, 12, 30])
 def test_the_fold_of_a_subcritical_disk(subcritical_fold, digits) -> None:
     fold = subcritical_fold
-    proof = prove_fold(LibrationFoldProof, SUBCRITICAL, moved(fold, Fraction(0)), digits=digits)
+    proof = prove_fold(SUBCRITICAL, moved(fold, Fraction(0)), digits=digits)
     held(proof, fold, digits)
     assert proof.extremum == "largest"
 
@@ -86,7 +88,7 @@ def test_the_fold_of_a_subcritical_disk(subcritical_fold, digits) -> None:
 )
 def test_librating_folds_are_proved(taylor, disk, near, extremum) -> None:
     fold = fold_to_digits(LibrationFold, disk, near, taylor, 50)
-    proof = prove_fold(LibrationFoldProof, disk, moved(fold, Fraction(0)), digits=12)
+    proof = prove_fold(disk, moved(fold, Fraction(0)), digits=12)
     held(proof, fold, 12)
     assert proof.extremum == extremum
 
@@ -95,7 +97,7 @@ def test_librating_folds_are_proved(taylor, disk, near, extremum) -> None:
 @pytest.mark.parametrize("disk", [PRINTED, CALIBRATED, GEOMETRY], ids=lambda disk: disk.name)
 def test_rotating_folds_are_proved(taylor, disk) -> None:
     fold = rotation_fold(locator(disk, taylor).rotations, digits=30)
-    proof = prove_fold(RotationFoldProof, disk, moved(fold, Fraction(0)), digits=12)
+    proof = prove_fold(disk, moved(fold, Fraction(0)), digits=12, section=TURN)
     held(proof, fold, 12)
     assert proof.extremum == "smallest"
     assert is_about(proof.statement, disk)
@@ -105,61 +107,61 @@ def test_rotating_folds_are_proved(taylor, disk) -> None:
 # --------------------------------------------------------------------------------------------------- what is not proved
 def test_slopes_of_one_sign_or_of_unknown_sign_prove_nothing() -> None:
     up, down, open_ended = arb(1) + arb(0, "0.5"), arb(-1) + arb(0, "0.5"), arb("1e-30") + arb(0, "1e-29")
-    assert _extremum(up, down) == "largest"
-    assert _extremum(down, up) == "smallest"
+    assert extremum_of(up, down) == "largest"
+    assert extremum_of(down, up) == "smallest"
     unknown = (open_ended, arb(0), arb("nan"), arb("inf"))
     for ends in ((up, up), (down, down), *((up, end) for end in unknown), *((end, down) for end in unknown)):
-        assert _extremum(*ends) is None
-        assert _extremum(*ends[::-1]) is None
+        assert extremum_of(*ends) is None
+        assert extremum_of(*ends[::-1]) is None
 
 
-@pytest.mark.parametrize("kind", [LibrationFoldProof, RotationFoldProof])
-def test_the_mirror_image_of_a_fold_is_no_start(kind) -> None:
+@pytest.mark.parametrize("section", [HALF, TURN], ids=["librating", "rotating"])
+def test_the_mirror_image_of_a_fold_is_no_start(section) -> None:
     """The symmetry takes a fold's cycle to the other side of the section, where no flight starts."""
-    near = ("0.4630367294818", "0.5257215484636", "30.00345938271") if kind is RotationFoldProof else SUBCRITICAL_FOLD
-    disk = PRINTED if kind is RotationFoldProof else SUBCRITICAL
+    near = ("0.4630367294818", "0.5257215484636", "30.00345938271") if section == TURN else SUBCRITICAL_FOLD
+    disk = PRINTED if section == TURN else SUBCRITICAL
     first, second, omega = map(Fraction, near)
-    proof = prove_fold(kind, disk, (-first, -second, omega), digits=6)
+    proof = prove_fold(disk, (-first, -second, omega), digits=6, section=section)
     assert not proof.proved
     assert "nothing is proved" in proof.statement
-    assert proof.omega is None
+    assert not proof.values
 
 
 def test_what_makes_no_sense_is_refused() -> None:
     with pytest.raises(InputError, match="linear"):
-        prove_fold(LibrationFoldProof, SUBCRITICAL.with_friction("smooth"), SUBCRITICAL_FOLD)
+        prove_fold(SUBCRITICAL.with_friction("smooth"), SUBCRITICAL_FOLD)
     with pytest.raises(InputError, match="digits"):
-        prove_fold(LibrationFoldProof, SUBCRITICAL, SUBCRITICAL_FOLD, digits=0)
+        prove_fold(SUBCRITICAL, SUBCRITICAL_FOLD, digits=0)
 
 
 @pytest.mark.slow(minutes=1)
 def test_an_arc_that_ends_short_of_the_fold(subcritical_fold) -> None:
     """By half of its half-length, on either side; one that reaches as far beyond it is proved."""
     for side in (1, -1):
-        short = prove_fold(LibrationFoldProof, SUBCRITICAL, moved(subcritical_fold, side * HALF_LENGTH * 3 / 2))
+        short = prove_fold(SUBCRITICAL, moved(subcritical_fold, side * HALF_LENGTH * 3 / 2))
         assert "not proved to rise at one end" in short.where
-        beyond = prove_fold(LibrationFoldProof, SUBCRITICAL, moved(subcritical_fold, side * HALF_LENGTH / 2))
+        beyond = prove_fold(SUBCRITICAL, moved(subcritical_fold, side * HALF_LENGTH / 2))
         held(beyond, subcritical_fold, 12)
 
 
 @pytest.mark.slow(minutes=1)
 def test_no_librating_fold_is_proved_beside_it(taylor, subcritical_fold) -> None:
     """Beside the fold, on a disk without one, and at a point that no cycle passes."""
-    beside = prove_fold(LibrationFoldProof, SUBCRITICAL, moved(subcritical_fold, Fraction(1, 10**6)), digits=8)
+    beside = prove_fold(SUBCRITICAL, moved(subcritical_fold, Fraction(1, 10**6)), digits=8)
     assert "not proved to rise at one end" in beside.where
     cycle = limit_cycle(PRINTED, "30.4", taylor, digits=25)
-    without = prove_fold(LibrationFoldProof, PRINTED, (cycle.gamma_bar_0.value, cycle.v_0.value, "30.4"), digits=8)
+    without = prove_fold(PRINTED, (cycle.gamma_bar_0.value, cycle.v_0.value, "30.4"), digits=8)
     assert "not proved to rise at one end" in without.where
-    assert not prove_fold(LibrationFoldProof, PRINTED, SUBCRITICAL_FOLD, digits=8).proved
-    assert not prove_fold(LibrationFoldProof, SUBCRITICAL, ("1.5", "-1.9", "30.957"), digits=8).proved
+    assert not prove_fold(PRINTED, SUBCRITICAL_FOLD, digits=8).proved
+    assert not prove_fold(SUBCRITICAL, ("1.5", "-1.9", "30.957"), digits=8).proved
 
 
 @pytest.mark.slow(minutes=1)
 def test_no_rotating_fold_is_proved_beside_it(taylor) -> None:
     """On an arc of the family on which Omega only rises, and where there is no cycle at all."""
     cycle = rotating_cycle(PRINTED, "30.02", taylor, stable=False, digits=25)
-    beside = prove_fold(RotationFoldProof, PRINTED, (cycle.beta_bar_top.value, cycle.v_top.value, "30.02"), digits=8)
+    beside = prove_fold(PRINTED, (cycle.beta_bar_top.value, cycle.v_top.value, "30.02"), digits=8, section=TURN)
     assert not beside.proved
-    off = prove_fold(RotationFoldProof, PRINTED, ("0.463", "0.526", "30.004"), digits=8)
+    off = prove_fold(PRINTED, ("0.463", "0.526", "30.004"), digits=8, section=TURN)
     assert not off.proved
     assert "nothing is proved" in off.statement

@@ -4,28 +4,35 @@ from __future__ import annotations
 
 import json
 import math
+import pathlib
 import random
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from fractions import Fraction
-from pathlib import Path
+from typing import Any
 
 import numpy
 import pytest
 from flint import arb, arb_mat, ctx
 
+from tests.proofs.cases import carry
 from tippedisk_verify.connection.heteroclinic import heteroclinic
 from tippedisk_verify.errors import InputError, NoConnectionError
 from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
-from tippedisk_verify.proofs.angles import rates
-from tippedisk_verify.proofs.kernel.balls import ball, positive, working_precision
-from tippedisk_verify.proofs.kernel.flow import Model, carry
+from tippedisk_verify.proofs.kernel.balls import ball, ball_constants, positive, working_precision
+from tippedisk_verify.proofs.kernel.claims import saddle as saddle_module
+from tippedisk_verify.proofs.kernel.claims.connection import _slowly, connection_shown
+from tippedisk_verify.proofs.kernel.claims.saddle import UNSTABLE, Saddle
+from tippedisk_verify.proofs.kernel.field import field
+from tippedisk_verify.proofs.kernel.flow import Model, Path
 from tippedisk_verify.proofs.kernel.flow import Status as FlowStatus
 from tippedisk_verify.proofs.search import heteroclinic as certified
-from tippedisk_verify.proofs.search.heteroclinic import ProvedConnection, Status, prove_connection
-from tippedisk_verify.proofs.search.local_manifolds import UNSTABLE, Curve
+from tippedisk_verify.proofs.search.certificate import parameter_texts
+from tippedisk_verify.proofs.search.heteroclinic import prove_connection, series_of_curve
+from tippedisk_verify.proofs.search.proved_connection import ProvedConnection, Status
 from tippedisk_verify.reference_values.lookup import reference
 
 TRUTH = {name: reference(f"{name}/linear/heteroclinic/point/omega_h").measured() for name in ("printed", "calibrated")}
@@ -81,7 +88,7 @@ def test_what_follows_of_limit_cycles_names_its_space(proof: ProvedConnection) -
         {"status": Status.SIDES},
     ):
         assert replace(proof, **changed).limit_cycle is None
-    page = (Path(__file__).parents[2] / "docs" / "certified.md").read_text(encoding="utf-8")
+    page = (pathlib.Path(__file__).parents[2] / "docs" / "certified.md").read_text(encoding="utf-8")
     theorem = page[page.index("**Theorem 7") : page.index("**Theorem 9")]
     for word in ("Let gamma be a real number", "figure of eight", "simple zero", "leading direction", "Shilnikov"):
         assert word in theorem
@@ -107,41 +114,46 @@ def test_on_the_cylinder_there_is_another_limit_cycle(taylor: Taylor, below: str
 def test_an_orbit_that_comes_in_along_the_fast_direction_is_told() -> None:
     z = [arb(0, 1e-9), arb("0.01", 1e-9), arb("0.001", 1e-9)]
     apart = arb_mat([[6, 1, 1], [1, -8, 2], [1, 2, -100]])
-    assert certified._arrives_slowly(apart, z)
-    assert not certified._arrives_slowly(apart, [z[0], z[2], z[1]])
-    assert not certified._arrives_slowly(apart, [z[0], arb(0, "0.01"), z[2]])
+    assert _slowly(apart, z)
+    assert not _slowly(apart, [z[0], z[2], z[1]])
+    assert not _slowly(apart, [z[0], arb(0, "0.01"), z[2]])
     near = arb_mat([[6, 1, 1], [1, -8, 2], [1, 2, -13.9]])  # the discs are [-11, -5] and [-16.9, -10.9]
-    assert not certified._arrives_slowly(near, z)
+    assert not _slowly(near, z)
 
 
 @pytest.mark.slow
 def test_arrivals_move_with_the_speed_as_enclosed() -> None:
     """The ends of I, followed by themselves: they arrive in p(I), and their difference is P G times I's length."""
     middle, half, bits = round(TRUTH["printed"].value, 8), Fraction(4, 10**7), 80
+
+    class Noted(certified._Search):
+        def arrived(self, path: Path, z: Sequence[Any], curve: Any) -> bool:
+            self.time, self.box = path.time, path.box
+            return super().arrived(path, z, curve)
+
+        def apart(self, matrix: Any, by_speed: Sequence[Any], G: Sequence[Any]) -> list[Any]:
+            self.G = G
+            return super().apart(matrix, by_speed, G)
+
+    disk, search = parameter_texts(PRINTED), Noted(PRINTED, middle, half, bits, Fraction(1, 64))
     with working_precision(bits):
-        here = certified._Pass(PRINTED, middle, half, bits)
-        assert all(here.interval.contains(ball(speed)) for speed in (middle - half, middle, middle + half))
-        flown = here._thin_flight(half / 64)
-        assert isinstance(flown, tuple)
-        arrived = here._wide_flight(flown[0])
-        assert isinstance(arrived, tuple)
-        state, G, upright, pieces = arrived
-        assert upright
-        assert len(pieces) > 100
-        ends = []
+        assert len(connection_shown(disk, "linear", (middle, half), search).pieces) > 100
+        ends, theta = [], search.log["unstable"]["reach"]
         for speed in (middle - half, middle + half):
-            # Followed from the same plane z_u = theta_0 of the same frame, whatever frame is the speed's own.
-            curve = Curve(here.frame, ball(speed), UNSTABLE, here.leaving.order)
-            start = curve.unstable_point(here.theta_0)
-            assert start is not None
-            flight = carry(Model(here.constants, ball(speed)), here._departing(start[0]), flown[0])
+            # Followed from the same plane z_u = theta_0 of the same coordinates, by the series of the speed itself.
+            saddle = Saddle(disk, "linear", ball(speed), search.log["directions"])
+            curve = series_of_curve(saddle, UNSTABLE, search.order, search.values)
+            defect = curve.relative_defect(theta)
+            start = curve.point(theta, [arb(0, part * theta) for part in defect])
+            beta, gamma, v = saddle.offset(start)
+            flight = carry(Model(ball_constants(PRINTED), ball(speed)), [beta, gamma - arb.pi(), v], search.time)
             assert flight.status is FlowStatus.REACHED
-            assert all(whole.contains(part.mid()) for whole, part in zip(state, flight.state, strict=True))
+            assert all(whole.contains(part.mid()) for whole, part in zip(search.box, flight.state, strict=True))
             ends.append(flight.state)
-        moved = here.frame.coordinates([b - a for a, b in zip(*ends, strict=True)])
-        for part, enclosed in zip(moved, G, strict=True):
+        moved = saddle.coordinates([b - a for a, b in zip(*ends, strict=True)])
+        for part, enclosed in zip(moved, search.G, strict=True):
             assert enclosed.contains((part / (2 * ball(half))).mid())
-        assert positive(abs(G[0]) - 1)
+        assert positive(abs(search.G[0]) - 1)
 
 
 @pytest.mark.parametrize("side", [-1, pytest.param(1, marks=pytest.mark.slow)])
@@ -183,13 +195,17 @@ def test_perturbed_equations_are_not_proved_about_the_true_speed(monkeypatch) ->
 @pytest.mark.slow
 def test_other_equations_at_the_saddles_than_on_the_flight_are_not_proved(monkeypatch) -> None:
     """The local manifolds of a system whose v' is a thousandth larger: their defects know nothing, the sides do."""
-    from tippedisk_verify.proofs.search import local_manifolds
 
-    def stronger(*arguments):
-        beta, gamma, v = rates(*arguments)
-        return beta, gamma, v * 1.0009765625  # exact in binary
+    def stronger(*arguments: Any) -> Callable[..., tuple[Any, Any, Any]]:
+        usual = field(*arguments)
 
-    monkeypatch.setattr(local_manifolds, "rates", stronger)
+        def rates(*state: Any) -> tuple[Any, Any, Any]:
+            beta, gamma, v = usual(*state)
+            return beta, gamma, v * 1.0009765625  # exact in binary
+
+        return rates
+
+    monkeypatch.setattr(saddle_module, "field", stronger)
     monkeypatch.setattr(certified, "_MOST_PASSES", 1)
     assert not prove_connection(PRINTED, TRUTH["printed"].value, DIGITS).proved
 

@@ -43,8 +43,8 @@ def test_the_scalar_proofs_agree_and_take_what_doubles_leave(monkeypatch) -> Non
         assert proof.stable is True
         alone = prove_cycle(PRINTED, omega, guess, digits=14)
         for name in NUMBERS:
-            assert getattr(proof, name).overlaps(getattr(alone, name)), name
-        assert proof.period.rad() < 1e-10
+            assert proof.values[name].overlaps(alone.values[name]), name
+        assert proof.values["period"].rad() < 1e-10
         assert 0 < float(proof.unique_within[0]) < 1e-3
 
 
@@ -73,7 +73,7 @@ def test_cycles_of_the_smooth_law_against_single_proofs(monkeypatch) -> None:
         assert proof.stable is alone.stable is True
         assert proof.reversals == alone.reversals
         for name in NUMBERS:
-            assert getattr(proof, name).overlaps(getattr(alone, name)), name
+            assert proof.values[name].overlaps(alone.values[name]), name
     period = reference(f"{PLACE}/period").measured()
     first = prove_cycles(SMOOTH, speeds[:1], guesses[:1])[0].numbers()["period"]
     assert abs(first.value - period.value) <= first.uncertainty + period.uncertainty
@@ -125,8 +125,11 @@ def test_krawczyks_box_is_no_wider_than_the_one_that_was_flown() -> None:
     middle, radii = [1.5, -1.5], [2.0**-31, 2.0**-31]
     with working_precision(lane_cycles._BITS):
         zero = arb(0)
-        box = SimpleNamespace(status=HalfStatus.RETURNED, matrix=((zero, zero), (zero, zero)))
+        box = SimpleNamespace(status=HalfStatus.RETURNED, matrix=((zero, zero), (zero, zero)), by_omega=(zero, zero))
         for share, included in ((1 + arb(2) ** -30, False), (1 - arb(2) ** -20, True)):
             image = [arb(middle[0]) + arb(radii[0]) * share, arb(middle[1])]
             centre = SimpleNamespace(status=HalfStatus.RETURNED, image=image)
-            assert lane_cycles._included(middle, radii, centre, box).included is included
+            narrower = [lane_cycles._narrower(radius) for radius in radii]
+            fixed = lane_cycles._tested(middle, narrower, centre, box)
+            assert fixed is not None
+            assert fixed.included is included

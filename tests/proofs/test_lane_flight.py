@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
+from tests.proofs.cases import half_flight
 from tests.proofs.test_flow import blow_up
 from tippedisk_verify.cycles.return_map import ReturnMap
 from tippedisk_verify.cycles.section import LIBRATING
@@ -18,12 +19,14 @@ from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.parameters import PRINTED, Constants
 from tippedisk_verify.model.precision import bits
 from tippedisk_verify.proofs.kernel import flow, frame, section
-from tippedisk_verify.proofs.kernel.balls import arb, ball, ball_constants, measured, working_precision
+from tippedisk_verify.proofs.kernel.balls import arb, ball, ball_constants, working_precision
 from tippedisk_verify.proofs.kernel.flow import Model
 from tippedisk_verify.proofs.kernel.frame import Frame
 from tippedisk_verify.proofs.kernel.lanes import Lanes
-from tippedisk_verify.proofs.kernel.section import HalfFlight, Status, half_flight
+from tippedisk_verify.proofs.kernel.section import Return, Status
+from tippedisk_verify.proofs.numbers import measured
 from tippedisk_verify.proofs.search import lane_flight
+from tippedisk_verify.proofs.search.axes import axes_of_lanes
 from tippedisk_verify.proofs.search.lane_flight import HalfFlights, half_flights, lane_of
 
 CYCLE = (1.7162868, -1.7100022, 30.3865927)  # gamma_bar, v and Omega of a cycle half a rad/s below Omega_crit
@@ -49,7 +52,7 @@ def random_boxes(seed: int, count: int) -> Boxes:
     return Boxes(np.array(mid), np.array(rad))
 
 
-def exact(boxes: Boxes, lane: int, shares: tuple[Any, ...]) -> HalfFlight:
+def exact(boxes: Boxes, lane: int, shares: tuple[Any, ...]) -> Return:
     """The half map of one point of a lane's box, in 120 bits."""
     with working_precision(120):
         parts = [
@@ -67,7 +70,7 @@ def entries(flight: Any) -> list[Any]:
     ]  # fmt: skip
 
 
-def assert_holds(found: HalfFlights, lane: int, image: HalfFlight) -> None:
+def assert_holds(found: HalfFlights, lane: int, image: Return) -> None:
     for mine, true in zip(entries(lane_of(found, lane)), entries(image), strict=True):
         assert true.rad() < 1e-15
         assert mine.overlaps(true), (lane, mine, true)
@@ -189,7 +192,7 @@ FAULTS = [
 
 
 @pytest.fixture(scope="module")
-def corners() -> tuple[Boxes, list[tuple[int, HalfFlight]]]:
+def corners() -> tuple[Boxes, list[tuple[int, Return]]]:
     """Boxes whose corners reach far, and the corners' half maps."""
     mid = np.array([[part + 0.02 * k for k in range(4)] for part in CYCLE])
     mid[2] = CYCLE[2] + 0.01 * np.array([0, 3, 1, 2])
@@ -198,7 +201,7 @@ def corners() -> tuple[Boxes, list[tuple[int, HalfFlight]]]:
     return boxes, [(lane, exact(boxes, lane, share)) for lane in range(4) for share in shares]
 
 
-def noticed(boxes: Boxes, images: list[tuple[int, HalfFlight]]) -> bool:
+def noticed(boxes: Boxes, images: list[tuple[int, Return]]) -> bool:
     try:
         found = boxes.fly()
         assert found.returned.all()
@@ -219,7 +222,8 @@ def carried_twice() -> bool:
         mid = np.array([[[rng.uniform(-1, 1) for _ in range(count)] for _ in range(4)] for _ in range(3)])
         push = np.sign(state)[None] * np.ones((3, 1, 1)) * spread
         rows = [[Lanes(mid[i, j], spread) for j in range(3)] + [Lanes(mid[i, 3])] for i in range(3)]
-        found = found.carried([Lanes(np.zeros(count))] * 3, rows, np.ones(count))
+        axes = lambda turned, sizes: axes_of_lanes(turned, sizes, np.ones(count))  # noqa: E731
+        found = found.carried([Lanes(np.zeros(count))] * 3, rows, axes)
         state = np.einsum("ijn,jn->in", mid[:, :3] + push, state) + mid[:, 3] * point[3]
     # In doubles a few ulps of numbers below 100.
     return all((np.abs(s - b.midpoints) <= b.radii + 1e-13).all() for s, b in zip(state, found.box(), strict=True))

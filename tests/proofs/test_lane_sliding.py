@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.proofs.cases import Flight, carry, half_flight
 from tests.proofs.test_sliding import GUESS, OMEGA, SMOOTH
 from tippedisk_verify.model.parameters import Constants
 from tippedisk_verify.proofs.kernel.balls import arb, ball, ball_constants, working_precision
-from tippedisk_verify.proofs.kernel.flow import Flight, carry
 from tippedisk_verify.proofs.kernel.flow import Status as FlowStatus
 from tippedisk_verify.proofs.kernel.lanes import Lanes, quiet
-from tippedisk_verify.proofs.kernel.section import Status, half_flight
+from tippedisk_verify.proofs.kernel.section import Status
 from tippedisk_verify.proofs.kernel.sliding import model_of
 from tippedisk_verify.proofs.search import lane_sliding
 from tippedisk_verify.proofs.search.lane_flight import half_flights, lane_of
@@ -40,7 +40,7 @@ def followed() -> SlidingBlock:
     """All lanes followed beyond `SPAN`."""
     start = [Lanes(part, RADII) for part in MIDDLES[:2]]
     with quiet():
-        block = SlidingBlock(model(MIDDLES, RADII), (start[0].constant(0), *start), (0, 0), np.arange(len(RADII)))
+        block = SlidingBlock(model(MIDDLES, RADII), (start[0].constant(0), *start), np.arange(len(RADII)))
         for _ in range(30):
             ends, _ = block.round()
             assert (ends == None).all()  # noqa: E711

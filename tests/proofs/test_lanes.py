@@ -10,10 +10,9 @@ import numpy as np
 import pytest
 
 from tests.proofs.lane_attacks import ATTACKS
-from tippedisk_verify.errors import Shortfall
 from tippedisk_verify.model.parameters import PRINTED, Constants
 from tippedisk_verify.proofs.kernel import lane_sine, lanes
-from tippedisk_verify.proofs.kernel.balls import arb, ball, ball_constants, working_precision
+from tippedisk_verify.proofs.kernel.balls import DisturbedError, arb, ball, ball_constants, working_precision
 from tippedisk_verify.proofs.kernel.flow import Model
 from tippedisk_verify.proofs.kernel.lanes import Lanes, LaneSeries
 
@@ -82,7 +81,7 @@ def test_another_rounding_mode_is_refused(monkeypatch) -> None:
     """As if a sum had been rounded up, or down."""
     for wrong in (np.nextafter(lanes._STEPPED, 2), np.nextafter(lanes._STEPPED, 0)):
         monkeypatch.setattr(lanes, "_STEPPED", wrong)
-        with pytest.raises(Shortfall, match="nearest"):
+        with pytest.raises(DisturbedError, match="nearest"):
             Lanes([1.0])
 
 

@@ -7,6 +7,7 @@ from fractions import Fraction
 
 import pytest
 
+from tests.proofs.cases import turn_flight
 from tippedisk_verify.atlas.cycles_at_speed import rotating_cycle
 from tippedisk_verify.cli import main
 from tippedisk_verify.cycles.return_map import ReturnMap
@@ -17,8 +18,7 @@ from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.proofs.kernel.balls import arb, ball, ball_constants, working_precision
 from tippedisk_verify.proofs.kernel.flow import Model
 from tippedisk_verify.proofs.kernel.section import Status as FlightStatus
-from tippedisk_verify.proofs.search.cycle import Status
-from tippedisk_verify.proofs.search.rotation import prove_rotation, turn_flight
+from tippedisk_verify.proofs.search.cycle import TURN, Status, prove_cycle
 
 SHARED = ("period", "beta_bar_top", "v_top", "multiplier_slow")
 
@@ -69,7 +69,7 @@ def test_the_image_of_a_box_holds_those_of_its_corners() -> None:
 )
 def test_both_other_roads_lie_in_the_proved_intervals(taylor, omega, stable) -> None:
     ordinary = rotating_cycle(PRINTED, omega, taylor, stable=stable)
-    proof = prove_rotation(PRINTED, omega, (ordinary.beta_bar_top.value, ordinary.v_top.value), digits=12)
+    proof = prove_cycle(PRINTED, omega, (ordinary.beta_bar_top.value, ordinary.v_top.value), digits=12, section=TURN)
     assert proof.proved, proof.statement
     assert proof.stable is stable
     numbers = proof.numbers()
@@ -85,7 +85,7 @@ def test_both_other_roads_lie_in_the_proved_intervals(taylor, omega, stable) -> 
 
 @pytest.mark.slow
 def test_nothing_is_proved_below_the_fold() -> None:
-    below = prove_rotation(PRINTED, "29.9", ("0.463", "0.526"), digits=6, most_bits=120)
+    below = prove_cycle(PRINTED, "29.9", ("0.463", "0.526"), digits=6, most_bits=120, section=TURN)
     assert below.status in (Status.NOT_CONVERGED, Status.NOT_INCLUDED, Status.NOT_FOLLOWED)
 
 
@@ -95,9 +95,9 @@ def test_what_is_not_proved() -> None:
     assert flown("1.2", "1").status is not FlightStatus.RETURNED
     assert flown("-0.5", "-0.5").status is not FlightStatus.RETURNED
     with pytest.raises(InputError, match="two components"):
-        prove_rotation(PRINTED, "30.06", ("0.45",))
+        prove_cycle(PRINTED, "30.06", ("0.45",), section=TURN)
     with pytest.raises(InputError, match="positive decimal"):
-        prove_rotation(PRINTED, "-1", ("0.45", "0.55"))
+        prove_cycle(PRINTED, "-1", ("0.45", "0.55"), section=TURN)
 
 
 def test_the_command(capsys) -> None:

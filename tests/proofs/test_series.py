@@ -12,8 +12,9 @@ from hypothesis import strategies as st
 from tests.problems import decimals, physical_parameters
 from tippedisk_verify.model.equations import field, jacobian, shifted
 from tippedisk_verify.model.parameters import PRINTED, Constants
-from tippedisk_verify.proofs.kernel.balls import ball, ball_constants, measured, working_precision
+from tippedisk_verify.proofs.kernel.balls import ball, ball_constants, working_precision
 from tippedisk_verify.proofs.kernel.series import Graph, System
+from tippedisk_verify.proofs.numbers import measured
 
 ORDER = 12
 

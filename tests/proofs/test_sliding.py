@@ -6,31 +6,35 @@ import json
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from fractions import Fraction
+from functools import cache
+from typing import Any
 
 import mpmath
 import pytest
 
-from tests.proofs.cases import NUMBERS, speed_below
+from tests.proofs.cases import NUMBERS, Flight, carry, half_flight, included, speed_below
 from tippedisk_verify.atlas.cycles_at_speed import rotating_cycle
 from tippedisk_verify.cli import main
 from tippedisk_verify.cycles.shooting import limit_cycle
 from tippedisk_verify.model.equations import field, jacobian, shifted
 from tippedisk_verify.model.parameters import GEOMETRY, NAMED_SETS, PRINTED
 from tippedisk_verify.proofs.kernel import sliding
-from tippedisk_verify.proofs.kernel.balls import arb, ball, ball_constants, positive, working_precision
-from tippedisk_verify.proofs.kernel.flow import Flight, Path, Step, carry
+from tippedisk_verify.proofs.kernel.balls import Unproved, arb, ball, ball_constants, positive, working_precision
+from tippedisk_verify.proofs.kernel.claims.manifolds import Curve, block, leaving
+from tippedisk_verify.proofs.kernel.claims.saddle import SLOW, UNSTABLE, Saddle
+from tippedisk_verify.proofs.kernel.field import one_sided, sliding_motion
+from tippedisk_verify.proofs.kernel.flow import Path, Step
 from tippedisk_verify.proofs.kernel.flow import Status as FlowStatus
-from tippedisk_verify.proofs.kernel.krawczyk import inclusion
 from tippedisk_verify.proofs.kernel.section import Status as HalfStatus
-from tippedisk_verify.proofs.kernel.section import half_flight
-from tippedisk_verify.proofs.kernel.sliding import Crossing, SlidingPath, SmoothModel, model_of, sliding_velocity
-from tippedisk_verify.proofs.search.cycle import Status, prove_cycle
-from tippedisk_verify.proofs.search.heteroclinic import ProvedConnection, prove_connection
-from tippedisk_verify.proofs.search.heteroclinic import Status as ConnectionStatus
-from tippedisk_verify.proofs.search.local_manifolds import SLOW, UNSTABLE, Block, Curve, Frame
-from tippedisk_verify.proofs.search.rotation import prove_rotation
+from tippedisk_verify.proofs.kernel.sliding import Crossing, SlidingPath, SmoothModel, model_of
+from tippedisk_verify.proofs.search.certificate import parameter_texts
+from tippedisk_verify.proofs.search.cycle import TURN, Status, prove_cycle
+from tippedisk_verify.proofs.search.heteroclinic import eigenvectors, prove_connection, series_of_curve
+from tippedisk_verify.proofs.search.proved_connection import ProvedConnection
+from tippedisk_verify.proofs.search.proved_connection import Status as ConnectionStatus
+from tippedisk_verify.proofs.search.steps import Steps
 from tippedisk_verify.reference_values.lookup import reference
-from tippedisk_verify.theory.saddle_manifolds import Saddle
+from tippedisk_verify.theory.saddle_manifolds import Saddle as Series
 
 SMOOTH = PRINTED.with_friction("smooth")
 OMEGA = Fraction("30.386592688644")
@@ -53,6 +57,10 @@ def flown(start=START, omega=OMEGA, **options) -> Flight:
     return flight
 
 
+def gamma_y(constants, omega, state):
+    return sliding_motion(sliding.BallOps, constants, omega, state)[0]
+
+
 def moved(column: int, step: object) -> tuple[list, object]:
     """Start and speed, one of the four moved."""
     values = [ball(part) for part in (*START, OMEGA)]
@@ -66,7 +74,7 @@ def test_the_rate_of_the_sliding_velocity_by_hand() -> None:
     constants, omega = ball_constants(SMOOTH), ball(OMEGA)
     state = beta, gamma, v = tuple(map(ball, ("0.2", "1.1", "-1.3")))
     for side in (1, -1):
-        rates = sliding.one_sided(side)(sliding.BallOps, constants, omega)(*state)
+        rates = one_sided(side)(sliding.BallOps, constants, omega)(*state)
         # In shifted angles sin(beta) is cos(beta_bar), cos(beta) is -sin(beta_bar), and so on.
         sb, cb, sg, cg = beta.cos(), -beta.sin(), gamma.cos(), -gamma.sin()
         rho = constants.r + constants.e * sg
@@ -76,15 +84,15 @@ def test_the_rate_of_the_sliding_velocity_by_hand() -> None:
             rho * sb,
         )
         by_hand = sum((slope * rate for slope, rate in zip(slopes, rates, strict=True)), arb(0))
-        assert sliding.sliding_rate(constants, omega, state, side).overlaps(by_hand)
+        assert sliding_motion(sliding.BallOps, constants, omega, state, rates[2])[1].overlaps(by_hand)
         step = arb(2) ** -40
         ahead = [part + step * rate for part, rate in zip(state, rates, strict=True)]
-        quotient = (sliding_velocity(constants, omega, ahead) - sliding_velocity(constants, omega, state)) / step
+        quotient = (gamma_y(constants, omega, ahead) - gamma_y(constants, omega, state)) / step
         assert abs(quotient - by_hand) < arb(2) ** -25  # step times a second derivative of some thousands
 
 
 def test_the_reversal_is_proved_and_counted() -> None:
-    path = model_of(SMOOTH, ball(OMEGA)).path([ball(part) for part in START])
+    path = model_of(SMOOTH, ball(OMEGA)).path([ball(part) for part in START], Steps())
     assert isinstance(path, SlidingPath)
     sides, crossings = [path.side], 0
     while path.time < ball(SPAN):
@@ -92,7 +100,7 @@ def test_the_reversal_is_proved_and_counted() -> None:
         assert step is not None
         crossings += isinstance(step, Crossing)
         path.take(step)
-        now = sliding_velocity(path.smooth.constants, path.smooth.omega, path.box)
+        now = gamma_y(path.smooth.constants, path.smooth.omega, path.box)
         assert positive(path.side * now)
         sides.append(path.side)
     assert (crossings, path.reversals, sides[0], sides[-1]) == (1, 1, -1, 1)
@@ -193,8 +201,8 @@ def time_of_the_reversal_forgotten(monkeypatch: pytest.MonkeyPatch) -> None:
         if time <= self.tau.lower():
             return rows
         state, constants = self.first.at(self.tau), ball_constants(SMOOTH)
-        rates = sliding.one_sided(-1)(sliding.BallOps, constants, ball(OMEGA))(*state)
-        slope = sliding.sliding_rate(constants, ball(OMEGA), state, -1)
+        rates = one_sided(-1)(sliding.BallOps, constants, ball(OMEGA))(*state)
+        slope = sliding_motion(sliding.BallOps, constants, ball(OMEGA), state, rates[2])[1]
         shift = [-constants.r * row / slope for row in self.first.rows_at(self.tau)[2]]  # d(gamma_y) is about r d(v)
         return tuple(
             tuple(entry + rate * dt for entry, dt in zip(row, shift, strict=True))
@@ -224,7 +232,7 @@ def reversal_without_the_speeds_part(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def rate_of_the_wrong_sign(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(SlidingPath, "_rate", lambda self, state, law=1: -RATE(self, state, law))
+    monkeypatch.setattr(SlidingPath, "_rate", lambda self, state, model=None: -RATE(self, state, model))
 
 
 def no_rate_at_all(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -241,7 +249,7 @@ def reversal_not_counted(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(SlidingPath, "take", Path.take)
 
 
-ONE_SIDED, MIDDLE, ROWS_AT, RATE = sliding.one_sided, SmoothModel.middle, Crossing.rows_at, SlidingPath._rate
+ONE_SIDED, MIDDLE, ROWS_AT, RATE = one_sided, SmoothModel.middle, Crossing.rows_at, SlidingPath._rate
 FAULTS = (
     wrong_law,
     same_law_after_the_reversal,
@@ -278,7 +286,7 @@ def complaint(truths: tuple[list, list]) -> str | None:
     if again.status is not FlowStatus.REACHED or not again.state[2].overlaps(grazing[0].state[2]):
         return "two reversals in a short time are wrong"
     start = [ball(part) for part in START]
-    path = model_of(SMOOTH, ball(OMEGA)).path(start)
+    path = model_of(SMOOTH, ball(OMEGA)).path(start, Steps())
     while path.time < ball(SPAN):
         step = path.step()
         if step is None:
@@ -313,7 +321,7 @@ def test_further_planted_faults_are_noticed(fault: Callable, truths: tuple, monk
 # ---------------------------------------------------------------------------------------------- what must not be proved
 @pytest.mark.parametrize(("by", "reversals"), [("-0.001", 0), ("0.001", 2)])
 def test_on_either_side_of_a_grazing_orbit_reversals_are_counted(by: str, reversals: int) -> None:
-    path = model_of(SMOOTH, ball(OMEGA)).path([*map(ball, GRAZING[:2]), ball(GRAZING[2]) + ball(by)])
+    path = model_of(SMOOTH, ball(OMEGA)).path([*map(ball, GRAZING[:2]), ball(GRAZING[2]) + ball(by)], Steps())
     while path.time < ball(LATER):
         step = path.step()
         assert step is not None
@@ -341,7 +349,7 @@ def test_a_start_on_both_sides_is_not_followed() -> None:
 
 def test_a_moment_in_doubt_has_no_derivatives() -> None:
     start = [ball(part) + arb(0, "1e-6") for part in START]
-    path = model_of(SMOOTH, ball(OMEGA)).path(start, derivatives=True)
+    path = model_of(SMOOTH, ball(OMEGA)).path(start, Steps(), derivatives=True)
     step = path.step()
     while not isinstance(step, Crossing):
         assert step is not None
@@ -359,7 +367,7 @@ def test_a_moment_in_doubt_has_no_derivatives() -> None:
 def test_the_linear_laws_cycle_is_none_of_the_smooth_law() -> None:
     middle = [ball(reference(f"printed/linear/limit-cycle/crit-0.5/{n}").measured().value) for n in NUMBERS[1:3]]
     own = [ball(reference(f"{PLACE}/{name}").measured().value) for name in NUMBERS[1:3]]
-    for law, point, included in (
+    for law, point, passes in (
         ("smooth", own, True),
         ("linear", own, False),
         ("smooth", middle, False),
@@ -367,7 +375,7 @@ def test_the_linear_laws_cycle_is_none_of_the_smooth_law() -> None:
     ):
         with working_precision(64):
             model = model_of(PRINTED.with_friction(law), ball(OMEGA))
-            assert inclusion(model, point, [abs(part) * ball("1e-9") for part in point]).included is included
+            assert included(model, point, [abs(part) * ball("1e-9") for part in point]) is passes
 
 
 # --------------------------------------------------------------------------------------------------------- limit cycles
@@ -414,7 +422,7 @@ def test_the_third_disk_against_the_ordinary_road(taylor, distance: str) -> None
 @pytest.mark.slow
 def test_a_rotating_cycle_against_the_ordinary_road(taylor) -> None:
     cycle = rotating_cycle(SMOOTH, "30.079", taylor)
-    proof = prove_rotation(SMOOTH, "30.079", (cycle.beta_bar_top.value, cycle.v_top.value), digits=12)
+    proof = prove_cycle(SMOOTH, "30.079", (cycle.beta_bar_top.value, cycle.v_top.value), digits=12, section=TURN)
     assert proof.proved, proof.statement
     assert (proof.stable, proof.reversals) == (True, 2)
     assert "gamma_y changes its sign exactly 2 times a period and is 0 nowhere else" in proof.statement
@@ -485,83 +493,82 @@ def test_omega_h_to_many_digits(name: str, digits: int) -> None:
     assert 2 * proof.omega_h.uncertainty <= Fraction(1, 10**digits)
 
 
-def saddle_curve(along: int, width: str = "0") -> tuple[Curve, Saddle]:
+@cache
+def saddle_curve(along: int) -> Curve:
+    """The series of one side's law."""
     speed = Fraction(round(TRUTH.value * 2**60), 2**60)
     with working_precision(160):
-        curve = Curve(Frame(SMOOTH, speed), ball(speed) + arb(0, width), along, 41)
-    return curve, Saddle(SMOOTH, speed, 240, 41)
+        values, directions = eigenvectors(SMOOTH, speed)
+        saddle = Saddle(parameter_texts(SMOOTH), "smooth", ball(speed), directions.tolist())
+        return series_of_curve(saddle, along, 41, values)
 
 
-def on_curve(curve: Curve, series: list, along: int, wanted: float) -> list:
+def on_curve(curve: Curve, along: int, wanted: float) -> list[Any]:
     """z of the ordinary road's power series where the coordinate ``along`` has the value wanted."""
+    ordinary = Series(SMOOTH, Fraction(round(TRUTH.value * 2**60), 2**60), 240, 41)
     context = mpmath.MPContext()
     context.prec = 240
     s = context.mpf(wanted)
     for _ in range(60):
-        z = curve.frame.coordinates([ball(str(context.nstr(part.at(s), 60))) for part in series])
+        parts = ordinary.unstable_curve if along == UNSTABLE else ordinary.stable_curve
+        z = curve.saddle.coordinates([ball(str(context.nstr(part.at(s), 60))) for part in parts])
         s -= context.mpf(z[along].mid().str(60, radius=False)) - wanted
     return z
 
 
+def other_side(curve: Curve) -> Curve:
+    return Curve(curve.saddle, curve.along, curve.graph, -(curve.side or 0))
+
+
 def test_the_unstable_branch_is_where_the_one_sided_power_series_puts_it() -> None:
     with working_precision(160):
-        curve, saddle = saddle_curve(UNSTABLE)
-        theta = curve.share_of_reach()
-        found = curve.unstable_point(theta)
-        assert found is not None
-        truth = on_curve(curve, saddle.unstable_curve, UNSTABLE, float(theta))
-        for mine, true in zip(found[0], truth, strict=True):
+        curve, theta = saddle_curve(UNSTABLE), arb(1) / 32
+        defect = curve.relative_defect(theta)
+        box, _, _ = leaving(curve, theta, [2 * part + arb(2) ** -150 for part in defect], defect)
+        for mine, true in zip(box, on_curve(curve, UNSTABLE, 1 / 32), strict=True):
             assert abs(true - mine.mid()) < mine.rad() + arb(2) ** -140
-        assert all(float(part) < 1e-20 for part in found[1])
+        assert all(float(part) < 1e-20 for part in defect)
 
 
 def test_the_slow_curve_lies_in_the_block_on_both_sides_of_the_saddle() -> None:
     """Where gamma_y has one sign, and, mirrored, where it has the other."""
     with working_precision(160):
-        curve, saddle = saddle_curve(SLOW)
-        block = Block.around(curve, (arb("0.01"), arb("1e-25"), arb("1e-25")))
-        assert block is not None
-        truth = on_curve(curve, saddle.stable_curve, SLOW, -0.008)
+        curve, small = saddle_curve(SLOW), arb("1e-25").mid()
+        delta, _, _ = block(curve, (arb(0.01), small, small))
+        truth = on_curve(curve, SLOW, -0.008)
         for z in (truth, [-part for part in truth]):
-            _, away = curve.straightened(z)
-            assert all(abs(part) < arb("1e-25") for part in away)
-            assert abs(away[0]) < block.delta
+            off = curve.straightened(z)
+            assert all(abs(part) < small for part in off)
+            assert abs(off[0]) < delta
         # Without the mirror one of the two is off by the jump of the curve's second derivative.
-        curve.mirrored = False
-        offs = [max(float(abs(part)) for part in curve.straightened(z)[1]) for z in (truth, [-part for part in truth])]
+        plain = Curve(curve.saddle, SLOW, curve.graph, None)
+        offs = [max(float(abs(x)) for x in plain.straightened(z)) for z in (truth, [-part for part in truth])]
         assert max(offs) > 1e-8
 
 
 def test_a_curve_of_the_wrong_side_is_refused() -> None:
-    curve, _ = saddle_curve(UNSTABLE)
-    theta = curve.share_of_reach()
-    assert curve.keeps_side(theta)
-    curve.side = -curve.side
-    assert not curve.keeps_side(theta)
-    assert curve.unstable_point(theta) is None
-    slow, _ = saddle_curve(SLOW)
-    slow.side = -slow.side
-    assert Block.around(slow, (arb("0.01"), arb("1e-9"), arb("1e-9"))) is None
-    assert not saddle_curve(UNSTABLE)[0].keeps_side(theta, (arb(1), arb(1)))  # a cone that gamma_y = 0 cuts
+    with working_precision(160):
+        theta, curve = arb(1) / 32, saddle_curve(UNSTABLE)
+        curve.keeps_side(theta, (arb(0), arb(0)))
+        for wrong, cone in ((other_side(curve), (arb(0), arb(0))), (curve, (arb(1), arb(1)))):  # gamma_y = 0 cuts it
+            with pytest.raises(Unproved, match="sign of the sliding velocity"):
+                wrong.keeps_side(theta, cone)
+        with pytest.raises(Unproved):
+            block(other_side(saddle_curve(SLOW)), (arb(0.01), arb(1e-9), arb(1e-9)))
 
 
 def test_derivatives_over_boxes_that_both_sides_meet() -> None:
     """Differences of the smooth field itself lie in them, wherever the two states are."""
-    frame = Frame(SMOOTH, TRUTH.value)
-    omega, size = ball(TRUTH.value), ball("0.002")
-    box = [arb(0, size.upper())] * 3
-    matrix, by_speed = frame.derivative(omega, box), frame.derivative_by_speed(omega, box)
-    for one, two in (
-        ((1, 0, 0), (-1, 0, 0)),
-        ((0, 1, 1), (0, 1, -1)),
-        ((1, 1, 1), (-1, -1, -1)),
-        ((0, 0, 1), (1, 1, 0)),
-    ):
-        a, b = ([size * part for part in signs] for signs in (one, two))
-        moved = [x - y for x, y in zip(frame.rates(omega, a), frame.rates(omega, b), strict=True)]
-        for row in range(3):
-            product = sum((matrix[row, k] * (a[k] - b[k]) for k in range(3)), arb(0))
-            assert product.overlaps(moved[row])
-        faster = frame.rates(omega + ball("1e-9"), a)
-        for slope, after, before in zip(by_speed, faster, frame.rates(omega, a), strict=True):
-            assert slope.overlaps((after - before) / ball("1e-9"))
+    with working_precision(160):
+        size, saddle = arb("0.002"), saddle_curve(SLOW).saddle
+        _, matrix, _ = saddle.field([arb(0, size.upper())] * 3)
+        for one, two in (
+            ((1, 0, 0), (-1, 0, 0)),
+            ((0, 1, 1), (0, 1, -1)),
+            ((1, 1, 1), (-1, -1, -1)),
+            ((0, 0, 1), (1, 1, 0)),
+        ):
+            a, b = ([size * part for part in signs] for signs in (one, two))
+            moved = [x - y for x, y in zip(saddle.rates(a), saddle.rates(b), strict=True)]
+            for row in range(3):
+                assert sum((matrix[row][k] * (a[k] - b[k]) for k in range(3)), arb(0)).overlaps(moved[row])

@@ -10,7 +10,8 @@ import pytest
 from tests.proofs.cases import proved_state
 from tippedisk_verify.model.exact import PI, exact
 from tippedisk_verify.model.parameters import PRINTED
-from tippedisk_verify.proofs.kernel.balls import ball, measured, working_precision
+from tippedisk_verify.proofs.kernel.balls import ball, working_precision
+from tippedisk_verify.proofs.numbers import measured
 from tippedisk_verify.reference_values.lookup import reference
 
 

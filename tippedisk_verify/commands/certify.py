@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
     from tippedisk_verify.model.parameters import Parameters
-    from tippedisk_verify.proofs.search.heteroclinic import ProvedConnection
+    from tippedisk_verify.proofs.search.proved_connection import ProvedConnection
     from tippedisk_verify.proofs.search.proved_end import ProvedEnd
 
 __all__ = ["COMMANDS"]
@@ -88,8 +88,6 @@ def heteroclinic(common: Common, near: str | None, cycles: str | None, certifica
     from tippedisk_verify.files import write_text
     from tippedisk_verify.proofs.search.heteroclinic import MOST_DIGITS
 
-    if certificate is not None and cycles is None:
-        raise InputError("certificates are written of the limit cycles next to the connection: give --cycles D too")
     if cycles is not None:
         from tippedisk_verify.proofs.search.connection_end import checked_distance
 
@@ -99,16 +97,12 @@ def heteroclinic(common: Common, near: str | None, cycles: str | None, certifica
         raise InputError(f"a proof of Omega_h is offered to {MOST_DIGITS} digits, not {common.digits}")
     proof = _connection(common, common.parameters, common.digits, near)
     result, proved = proof.to_dict(), proof.proved
+    shown: ProvedConnection | ProvedEnd = proof
     if cycles is not None:
-        end = _end(common, proof, cycles)
-        if end.proved and certificate is not None:
-            from tippedisk_verify.proofs.search.connection_certificate import end_certificate
-
-            with progress(common, 1) as advance:
-                advance("certificate", 0)
-                text = end_certificate(end)
-            write_text(certificate, text)
-        result, proved = result | {"cycles": end.to_dict()}, end.proved
+        shown = _end(common, proof, cycles)
+        result, proved = result | {"cycles": shown.to_dict()}, shown.proved
+    if proved and certificate is not None:
+        write_text(certificate, shown.certificate())
     print_result(common, result)
     return 0 if proved else 1
 
@@ -118,12 +112,12 @@ def heteroclinic(common: Common, near: str | None, cycles: str | None, certifica
 @click.option("--jobs", type=int, metavar="N", help="Processes, for a family's arcs; as many as cores if not given.")
 @plain_options
 def check(common: Common, file: str, jobs: int | None) -> int:
-    """Replay a certificate with a short checker of its own, which shares no code with the proofs.
+    """Replay a certificate: its choices are tested again, without the search that found them.
 
-    A family of limit cycles takes some 8 minutes of CPU, the cycles next to the connection 2, all else seconds.
+    A family of limit cycles takes some 8 minutes of CPU, all else seconds.
     """
     from tippedisk_verify.progress import watched
-    from tippedisk_verify.proofs import checker
+    from tippedisk_verify.proofs.kernel import claims
 
     checked_jobs(jobs)
 
@@ -133,12 +127,12 @@ def check(common: Common, file: str, jobs: int | None) -> int:
             yield from watched(done, "arcs", len(arcs), not common.quiet)
 
     try:
-        result = {"accepted": True, "statement": checker.check(file, mapped)}
-    except checker.Unproved as fault:
+        result = {"accepted": True, "statement": claims.check(file, mapped)}
+    except claims.Unproved as fault:
         result = {"accepted": False, "fails": str(fault)}
         if not common.json:
             raise Shortfall(f"not proved: {fault}") from None
-    except checker.Refused as fault:
+    except claims.Refused as fault:
         raise InputError(f"no certificate: {fault}") from None
     print_result(common, result)
     return 0 if result["accepted"] else 1
@@ -146,7 +140,8 @@ def check(common: Common, file: str, jobs: int | None) -> int:
 
 def _connection(common: Common, parameters: Parameters, digits: int, near: str | None) -> ProvedConnection:
     """The proof about a speed given, or about the Omega_h that the ordinary road finds."""
-    from tippedisk_verify.proofs.search.heteroclinic import Status, not_proved, prove_connection
+    from tippedisk_verify.proofs.search.heteroclinic import prove_connection
+    from tippedisk_verify.proofs.search.proved_connection import Status, not_proved
 
     with progress(common, 2) as advance:
         try:

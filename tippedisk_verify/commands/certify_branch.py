@@ -26,7 +26,7 @@ from tippedisk_verify.errors import InputError
 if TYPE_CHECKING:
     from tippedisk_verify.cycles.shooting import LimitCycle
     from tippedisk_verify.model.parameters import Parameters
-    from tippedisk_verify.proofs.search.cycle import CycleProof
+    from tippedisk_verify.proofs.search.cycle import OrbitProof
 
 __all__ = ["MOST_DIGITS", "branch", "proofs_of"]
 
@@ -137,7 +137,7 @@ def _read(name: str) -> Iterator[str]:
     yield from filter(None, map(str.strip, text.splitlines()))
 
 
-def _line(proof: CycleProof) -> str:
+def _line(proof: OrbitProof) -> str:
     if not proof.proved:
         return f"omega {float(proof.omega):.12g} rad/s  not proved: {proof.status.value} ({proof.where})"
     numbers = proof.numbers()

@@ -20,6 +20,7 @@ from tippedisk_verify.errors import InputError, NoConnectionError, NoSuchCycleEr
 if TYPE_CHECKING:
     from tippedisk_verify.proofs.search.cycle import OrbitProof
     from tippedisk_verify.proofs.search.fold import FoldProof
+    from tippedisk_verify.proofs.search.interval import IntervalProof
 
 __all__ = ["orbit"]
 
@@ -58,10 +59,6 @@ def orbit(
     """Prove one limit cycle: existence, uniqueness nearby, its numbers, its stability."""
     if radius is not None and (rotating or at_fold):
         raise InputError("--radius belongs to librating cycles, and not to a fold: leave out --rotating and --at-fold")
-    if certificate is not None:
-        if radius is not None:
-            raise InputError("certificates are written of single cycles and of folds: leave out --radius")
-        common.parameters.refuse_smooth("certificates are written")
     if at_fold:
         if omega is not None or below_crit is not None or guess is not None or unstable:
             raise InputError("--at-fold finds the speed itself: leave out the other options")
@@ -70,8 +67,8 @@ def orbit(
         raise InputError("--fold belongs to --at-fold")
     if rotating:
         return _rotating(common, omega, below_crit, guess, unstable, certificate)
-    from tippedisk_verify.proofs.search.cycle import CycleProof, Status, prove_cycle
-    from tippedisk_verify.proofs.search.cycle_interval import failed_interval, prove_interval
+    from tippedisk_verify.proofs.search.cycle import HALF, OrbitProof, Status, prove_cycle
+    from tippedisk_verify.proofs.search.interval import failed_interval, prove_interval
 
     parameters = common.parameters
     value = speed(common, omega, below_crit)
@@ -85,26 +82,21 @@ def orbit(
             stable = False if unstable else None
             cycle = cycle_at(parameters, value, default_engine(), digits=12, stable=stable)
         except NoSuchCycleError as fault:
-            failed = unguessed or CycleProof(Status.NO_GUESS, str(fault), parameters, value, 0)
+            failed = unguessed or OrbitProof(HALF, Status.NO_GUESS, str(fault), parameters, value, 0)
             print_result(common, failed.to_dict())
             return 1
         start = (cycle.gamma_bar_0.value, cycle.v_0.value)
     if radius is not None:
-        interval = prove_interval(parameters, value, radius, start)
-        print_result(common, interval.to_dict())
-        return 0 if interval.proved else 1
+        return _ended(common, prove_interval(parameters, value, radius, start), certificate)
     return _ended(common, prove_cycle(parameters, value, start, digits=common.digits), certificate)
 
 
-def _ended(common: Common, proof: OrbitProof | FoldProof, certificate: Path | None) -> int:
+def _ended(common: Common, proof: OrbitProof | FoldProof | IntervalProof, certificate: Path | None) -> int:
     """Print the result; write the certificate, if one is asked for and there is a proof."""
     if proof.proved and certificate is not None:
         from tippedisk_verify.files import write_text
-        from tippedisk_verify.proofs.search.certificate import cycle_certificate, fold_certificate
-        from tippedisk_verify.proofs.search.cycle import OrbitProof
 
-        text = cycle_certificate(proof) if isinstance(proof, OrbitProof) else fold_certificate(proof)
-        write_text(certificate, text)
+        write_text(certificate, proof.certificate())
     print_result(common, proof.to_dict())
     return 0 if proof.proved else 1
 
@@ -114,11 +106,12 @@ def _fold(common: Common, rotating: bool, number: int | None, certificate: Path 
     from tippedisk_verify.atlas.locator import locator
     from tippedisk_verify.cycles.folds import Fold, libration_folds, rotation_fold
     from tippedisk_verify.flow import default_engine
-    from tippedisk_verify.proofs.search.fold import LibrationFoldProof, RotationFoldProof, prove_fold
+    from tippedisk_verify.proofs.kernel.claims.fold import names
+    from tippedisk_verify.proofs.search.fold import HALF, TURN, FoldProof, prove_fold
 
     parameters, digits = common.parameters, common.digits
     parameters.refuse_smooth("folds of limit cycles are proved")
-    kind: type[FoldProof] = RotationFoldProof if rotating else LibrationFoldProof
+    section = TURN if rotating else HALF
     folds: tuple[Fold, ...] = ()
     fault = "no fold of this disk's limit cycles about inverted spinning was found"
     try:
@@ -129,7 +122,7 @@ def _fold(common: Common, rotating: bool, number: int | None, certificate: Path 
     except (NoSuchCycleError, NoConnectionError, Shortfall) as error:
         fault = str(error)
     if not folds:
-        print_result(common, kind(False, fault, parameters, 0).to_dict())
+        print_result(common, FoldProof(section, False, fault, parameters, 0).to_dict())
         return 1
     if number is None and len(folds) > 1:
         speeds = ", ".join(f"{fold.omega:.10g}" for fold in folds)
@@ -137,9 +130,9 @@ def _fold(common: Common, rotating: bool, number: int | None, certificate: Path 
     if number is not None and not 1 <= number <= len(folds):
         raise InputError(f"--fold {number}: this family has {len(folds)} fold{'s' * (len(folds) > 1)}")
     fold = folds[(number or 1) - 1]
-    near = [getattr(fold, name).value for name in (*kind.unknowns, "omega")]
-    proof = prove_fold(kind, parameters, near, digits=digits)
-    return _ended(common, proof, certificate)
+    omega, first, second, _ = names(section)
+    near = [getattr(fold, name).value for name in (first, second, omega)]
+    return _ended(common, prove_fold(parameters, near, digits=digits, section=section), certificate)
 
 
 def _rotating(
@@ -153,8 +146,7 @@ def _rotating(
     """Prove a rotating cycle."""
     from tippedisk_verify.atlas.cycles_at_speed import rotating_cycle
     from tippedisk_verify.flow import default_engine
-    from tippedisk_verify.proofs.search.cycle import Status
-    from tippedisk_verify.proofs.search.rotation import RotationProof, prove_rotation
+    from tippedisk_verify.proofs.search.cycle import TURN, OrbitProof, Status, prove_cycle
 
     parameters, digits = common.parameters, common.digits
     value = speed(common, omega, below_crit)
@@ -163,7 +155,7 @@ def _rotating(
         try:
             cycle = rotating_cycle(parameters, value, default_engine(), stable=not unstable)
         except NoSuchCycleError as fault:
-            print_result(common, RotationProof(Status.NO_GUESS, str(fault), parameters, value, 0).to_dict())
+            print_result(common, OrbitProof(TURN, Status.NO_GUESS, str(fault), parameters, value, 0).to_dict())
             return 1
         start = (cycle.beta_bar_top.value, cycle.v_top.value)
-    return _ended(common, prove_rotation(parameters, value, start, digits=digits), certificate)
+    return _ended(common, prove_cycle(parameters, value, start, digits=digits, section=TURN), certificate)

@@ -1,8 +1,8 @@
-"""Proved pieces of the family of limit cycles, kept in a file from run to run.
+"""Proved pieces of the family of limit cycles with their evidence, kept in a file from run to run.
 
 The file is a cache of what this code has proved, and no certificate: nothing in it is checked again but that the
-pieces are one curve. It belongs to one disk and one version of the code that proves. Its checksum finds damage; whoever
-changes a number can make a new checksum.
+pieces are one curve, unless a certificate is made of them. It belongs to one disk and one version of the code that
+proves. Its checksum finds damage; whoever changes a number can make a new checksum.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from tippedisk_verify.provenance import code_version
 
 if TYPE_CHECKING:
     from tippedisk_verify.model.parameters import Parameters
-    from tippedisk_verify.proofs.search.pieces import Piece
+    from tippedisk_verify.proofs.kernel.claims.arcs import Piece
 
 __all__ = ["read_pieces", "write_pieces"]
 
@@ -31,7 +31,7 @@ def read_pieces(name: str, parameters: Parameters) -> list[Piece]:
 
     Raises InputError for a file that cannot be written again, is damaged, or belongs to another disk or other code.
     """
-    from tippedisk_verify.proofs.search.pieces import Piece
+    from tippedisk_verify.proofs.search.arcs import read_piece
 
     path = output_file(name)
     if not path.exists():
@@ -39,7 +39,7 @@ def read_pieces(name: str, parameters: Parameters) -> list[Piece]:
     content = read_checked(path, _MOST_BYTES)
     try:
         disk, theirs, entries = content["disk"], content["origin"], content["pieces"]
-        pieces = [Piece.read(entry) for entry in entries]
+        pieces = [read_piece(entry, entry["evidence"]) for entry in entries]
     except (KeyError, TypeError, ValueError, AttributeError):
         raise InputError(f"--arcs {path.name}: this is no file of proved arcs, or it is damaged") from None
     if disk != parameters.definition():
@@ -51,6 +51,9 @@ def read_pieces(name: str, parameters: Parameters) -> list[Piece]:
 
 def write_pieces(name: str, parameters: Parameters, pieces: Sequence[Piece]) -> None:
     """Replace the file by one with these pieces. Raises InputError if it cannot be written."""
-    entries = [piece.to_dict() for piece in sorted(pieces, key=lambda piece: piece.low)]
+    from tippedisk_verify.proofs.search.arcs import piece_entry
+
+    ordered = sorted(pieces, key=lambda piece: piece.low)
+    entries = [piece_entry(piece) | {"evidence": piece.evidence} for piece in ordered]
     head = {"disk": parameters.definition(), "origin": code_version(), "proves": _PROVES}
     write_checked(Path(name), head | {"pieces": entries})

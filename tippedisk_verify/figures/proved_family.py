@@ -9,8 +9,8 @@ from typing import Any
 import numpy
 
 from tippedisk_verify.figures.style import BLUE, GREEN, GREY, ORANGE, RED, pyplot
+from tippedisk_verify.proofs.kernel.claims.arcs import Piece
 from tippedisk_verify.proofs.search.branch import BranchProof, omega_crit
-from tippedisk_verify.proofs.search.pieces import Piece
 
 __all__ = ["draw_proved_family"]
 
@@ -53,7 +53,7 @@ def _family(axis: Any, proof: BranchProof, crit: float, omega_h: float) -> None:
         place = {"xytext": (4 if side == "left" else -4, 0), "textcoords": "offset points", "ha": side}
         axis.annotate(name, (speed, 0.12), xycoords=("data", "axes fraction"), **place)
     axis.axhline(math.pi, color=GREY, lw=0.9, ls=":")
-    read = f", {proof.read} of them read" if proof.read else ""
+    read = f", {len(proof.read)} of them read" if proof.read else ""
     axis.set(xlabel="Ω [rad/s]", ylabel=r"$\bar{\gamma}_0$ [rad]", title=f"The family, {len(proof.pieces)} arcs{read}")
     axis.ticklabel_format(useOffset=False)
     axis.legend(loc="center right", frameon=False)

@@ -41,12 +41,12 @@ from tippedisk_verify.proofs.kernel.balls import (
     ball_constants,
     coefficient,
     inside,
-    measured,
     negative,
     positive,
     series_length,
     working_precision,
 )
+from tippedisk_verify.proofs.numbers import measured
 
 __all__ = [
     "Criticality",

@@ -12,7 +12,7 @@ they hold a lock while it is changed, so proofs in several threads take turns. A
 may still change the context in the middle of a proof. Another precision makes balls wider, never wrong. A shorter
 series is noticed: python-flint reads a coefficient that was cut off as an exact zero, and `coefficient` refuses it.
 
-Where a ball becomes a point here: `measured` takes a ball's midpoint and radius, both exactly, as rationals.
+Where a ball becomes a point here: `midpoint_and_radius` takes a ball's midpoint and radius, both exactly, as rationals.
 """
 
 from __future__ import annotations
@@ -25,13 +25,10 @@ from typing import Any
 
 from flint import acb_series, arb, arb_series, ctx, fmpq
 
-from tippedisk_verify.errors import InputError, Shortfall
-from tippedisk_verify.model.exact import exact
-from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.model.parameters import Constants, Parameters
-
 __all__ = [
     "BallOps",
+    "DisturbedError",
+    "Unproved",
     "alike",
     "arb",
     "around_zero",
@@ -41,7 +38,8 @@ __all__ = [
     "coefficient",
     "hull",
     "inside",
-    "measured",
+    "midpoint_and_radius",
+    "need",
     "negative",
     "positive",
     "series_length",
@@ -57,14 +55,28 @@ _CONTEXT = threading.RLock()
 _FEWEST_BITS, _MOST_BITS = 24, 1_000_000
 
 
+class Unproved(Exception):
+    """What was to be shown is not shown; the message says which line fails."""
+
+
+class DisturbedError(ArithmeticError):
+    """Something else in this process has changed what the arithmetic relies on."""
+
+
+def need(shown: object, what: str) -> None:
+    """Raise Unproved unless ``shown`` is True."""
+    if shown is not True:
+        raise Unproved(what)
+
+
 @contextmanager
 def working_precision(bits: int) -> Iterator[None]:
-    """Arb's working precision within the block; what it was is restored. Raises InputError outside 24 … 1,000,000.
+    """Arb's working precision within the block; what it was is restored. Raises ValueError outside 24 … 1,000,000.
 
     Another thread's block begins when this one has ended.
     """
     if not _FEWEST_BITS <= bits <= _MOST_BITS:
-        raise InputError(f"a working precision of {bits} bits is not offered: use {_FEWEST_BITS} to {_MOST_BITS}")
+        raise ValueError(f"a working precision of {bits} bits is not offered: use {_FEWEST_BITS} to {_MOST_BITS}")
     with _CONTEXT:
         before, ctx.prec = ctx.prec, bits
         try:
@@ -95,12 +107,12 @@ def working_bits() -> int:
 def coefficient(series: Any, power: int) -> Any:
     """A coefficient of a series; a number counts as a constant series.
 
-    Raises Shortfall for a coefficient beyond the series' length, which python-flint would read as an exact zero.
+    Raises DisturbedError for a coefficient beyond the series' length, which python-flint would read as an exact zero.
     """
     if not isinstance(series, arb_series | acb_series):
         return arb(0) if power else series
     if power >= series.prec:
-        raise Shortfall(
+        raise DisturbedError(
             f"a series was cut off before its coefficient {power}: something else in this process has changed "
             "python-flint's series length (ctx.cap); run the proof again without it"
         )
@@ -108,7 +120,7 @@ def coefficient(series: Any, power: int) -> Any:
 
 
 class BallOps:
-    """``ops`` of `model.equations` for balls and for series of them."""
+    """The ``ops`` of `field` for balls and for series of them."""
 
     @staticmethod
     def sin(angle: Any) -> Any:
@@ -119,16 +131,18 @@ class BallOps:
         return angle.cos()
 
 
-def ball(value: object) -> Any:
-    """A ball that holds the exact number ``value`` stands for (see `model.exact.exact`), at the working precision.
+def ball(value: Any) -> Any:
+    """A ball that holds the exact number ``value`` stands for, at the working precision.
 
-    A ball passes unchanged. Raises InputError for what is no finite number.
+    It is an integer, a Fraction, a float, a decimal or a ratio as text; a sum of a rational and a multiple of pi
+    (``rational``, ``pi_multiple``); or what has a ``value`` of these kinds. A ball passes unchanged. Raises ValueError
+    for what is no number, OverflowError for an infinite one.
     """
     if isinstance(value, arb) or side_by_side(value):
         return value
-    number = exact(value)
-    result = _rational(number.rational)
-    return result + arb.pi() * _rational(number.pi_multiple) if number.pi_multiple else result
+    if hasattr(value, "pi_multiple"):
+        return _rational(value.rational) + (arb.pi() * _rational(value.pi_multiple) if value.pi_multiple else 0)
+    return _rational(Fraction(getattr(value, "value", value)))
 
 
 def _rational(value: Fraction) -> Any:
@@ -140,9 +154,10 @@ def hull(low: object, high: object) -> Any:
     return ball(low).union(ball(high))
 
 
-def ball_constants(parameters: Parameters) -> Constants:
-    """The field's constants as balls that hold the exact ones, at the working precision."""
-    return Constants(*(_rational(value) for value in parameters.rational()))
+def ball_constants(parameters: Any) -> Any:
+    """The field's constants as balls that hold the exact ones of ``parameters``, at the working precision."""
+    exact = parameters.rational()
+    return type(exact)(*map(_rational, exact))
 
 
 def positive(x: Any) -> Any:
@@ -202,11 +217,11 @@ def side_by_side(x: object) -> bool:
     return hasattr(x, "midpoints")
 
 
-def measured(x: Any) -> Measured:
-    """The ball as exact midpoint and radius. Raises InputError if it is not finite: such a ball says nothing."""
+def midpoint_and_radius(x: Any) -> tuple[Fraction, Fraction]:
+    """Both exactly. Raises ValueError if the ball is not finite: such a ball says nothing."""
     if not x.is_finite():
-        raise InputError("an infinite ball has no value")
-    return Measured(_point(x.mid()), _point(x.rad()))
+        raise ValueError("an infinite ball has no value")
+    return _point(x.mid()), _point(x.rad())
 
 
 def _point(x: Any) -> Fraction:

@@ -25,25 +25,26 @@ E gives the remainder of the orbit from m.
 because balls are convex. Balls put straight through the polynomials would grow like exp(|d(v')/d(v)| t), by some 40
 digits a second; in this form the strong contraction along v contracts the ball too, and half a period costs 2 digits.
 
-Where a ball becomes a point or a float: m is a midpoint, and any point of X would do; step lengths, orders and paddings
-are floats and integers, and any choice that passes the test above is right. Step lengths are exact dyadic numbers.
+**Who chooses.** The lengths and orders of steps and the axes of sets come from a `Proposer`, which searches for them or
+reads them in a certificate. Any choice that passes the test above is right, and nothing else is asked of a proposer.
+
+Where a ball becomes a point or a float: m is a midpoint, and any point of X would do; paddings are free. Step lengths
+are exact dyadic numbers.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
 from functools import cached_property, reduce
 from operator import and_
-from typing import Any
+from typing import Any, NamedTuple, Protocol
 
-from tippedisk_verify.errors import InputError
-from tippedisk_verify.model.equations import Ops, field, shifted
-from tippedisk_verify.model.parameters import Constants
 from tippedisk_verify.proofs.kernel.balls import (
     BallOps,
+    Unproved,
     alike,
     arb,
     around_zero,
@@ -54,34 +55,44 @@ from tippedisk_verify.proofs.kernel.balls import (
     working_bits,
     working_precision,
 )
+from tippedisk_verify.proofs.kernel.field import Law, field
 from tippedisk_verify.proofs.kernel.frame import Frame
 from tippedisk_verify.proofs.kernel.jets import Jet
 from tippedisk_verify.proofs.kernel.lanes import Lanes
 from tippedisk_verify.proofs.kernel.series import Graph, Node, System, with_derivatives
 
-__all__ = ["Flight", "Law", "Model", "Path", "Status", "Step", "carry"]
+__all__ = [
+    "Law",
+    "Model",
+    "Path",
+    "Proposer",
+    "Status",
+    "Step",
+    "Trial",
+    "magnitude",
+    "polynomial",
+    "short_float",
+    "verdict",
+]
 
 _REMAINDER_BITS = 64  # a remainder is needed to its first digits only
-_MEAN_VALUE_BITS, _MEAN_VALUE_ORDER = 53, 16  # derivatives that only multiply radii
-#: Over a wide box, the order of the series and how often it decays along v in a step: balls add up what alternates, so
-#: that derivatives over the box are exp(twice that) times as wide as they are.
-_WIDE_ORDER, _DAMPED = 8, 0.5
-_MEAN_VALUE_TOLERANCE = -24  # log2 of their remainders: a radius is known to 30 bits anyway
+_MEAN_VALUE_BITS = 53  # of derivatives that only multiply radii
 _WIDEST = 3  # -log2 of the radius [rad, rad/s] beyond which a box says too little to go on
 _SHORTEST_STEP = 2.0**-40  # s
-_MOST_TRIALS = 40
 _MOST_STEPS = 20_000
-
-#: ``law(ops, constants, omega)`` is a function of the state that returns its three rates.
-Law = Callable[[Any, Constants, Any], Callable[[Any, Any, Any], tuple[Any, Any, Any]]]
 
 
 class Status(Enum):
     """How a proof that follows the flow ended. The value says what happened and what to try next."""
 
     REACHED = "the end was reached"
+    RETURNED = "the first return to the section is enclosed"
+    NO_START = "v < 0 at the start is not proved: start on the other side of the section, or in a narrower box"
     NO_ENCLOSURE = "no step could be enclosed: work in more bits, or start from a narrower box"
     TOO_WIDE = "the enclosure has grown too wide: work in more bits, or start from a narrower box"
+    FLAT = "the disk may lie flat (|beta - pi/2| reaches 1.5707): there is no return from here"
+    NO_RETURN = "there is no return to the section in the time allowed"
+    UNRESOLVED = "the signs of beta_bar and v could not be proved: work in more bits, or start from a narrower box"
     GRAZING = (
         "the sliding velocity is not proved to keep its sign or to change it at a rate other than zero: work in more "
         "bits, from a narrower box, or at another speed"
@@ -89,18 +100,48 @@ class Status(Enum):
     STEP_LIMIT = "the step limit was reached: shorten the run"
 
 
+class Proposer(Protocol):
+    """What a flight asks for its choices. A search may answer with anything; a reader has a certificate's answers."""
+
+    def step(self, path: Path, longest: float | None) -> Step | None:
+        """A step of the path, made by its `Path.trial`, of at most ``longest`` seconds; None to give up.
+
+        It is asked again, for a shorter one, if what the flight needs is not shown of the step.
+        """
+        ...
+
+    def beyond(self) -> Proposer:
+        """Who is asked for the steps behind a change of side."""
+        ...
+
+    def moment(self, step: Step, index: int, level: Any) -> Any:
+        """A point within the step, near the moment at which a component of the state passes a level."""
+        ...
+
+    def axes(self, turned: Sequence[Sequence[Any]], sizes: Sequence[Any], stiffness: Any) -> Sequence[Sequence[Any]]:
+        """The axes of a set, points, columns of a regular matrix; see `frame.Frame.carried`.
+
+        ``stiffness`` [1/s] weighs velocities against angles.
+        """
+        ...
+
+    def took(self, step: Step, axes: Sequence[Sequence[Any]]) -> None:
+        """The path has taken the step."""
+        ...
+
+
 class Model:
     """The equations of motion on balls (Eq. 3DOF, linear friction), with the systems that a step needs.
 
-    ``constants`` as from `balls.ball_constants`; ``omega`` [rad/s], a ball of any radius or a `Jet` of such; or `Lanes`
-    for both. Built once, used for any number of runs; every enclosure holds for all constants and speeds in their
-    balls. ``law`` replaces the equations, for tests with exact answers.
+    ``constants`` as from `field.constants` or `balls.ball_constants`; ``omega`` [rad/s], a ball of any radius or a
+    `Jet` of such; or `Lanes` for both. Built once, used for any number of runs; every enclosure holds for all constants
+    and speeds in their balls. ``law`` replaces the equations, for tests with exact answers.
     """
 
-    def __init__(self, constants: Constants, omega: Any, law: Law | None = None) -> None:
+    def __init__(self, constants: Any, omega: Any, law: Law | None = None) -> None:
         self.constants = constants
         self.omega: Any = omega if isinstance(omega, Lanes | Jet) else ball(omega)
-        self.law = law or _tippedisk
+        self.law: Law = law or field
         # The speed's radius goes with the box, in mean-value form.
         self.orbit = self.orbit_at(self.omega.mid())
         graph = Graph()
@@ -110,31 +151,23 @@ class Model:
         #: state (3), derivatives by beta, gamma, v and Omega (3 each); the other has the divergence's integral too
         self.variational, self.with_divergence = with_derivatives(graph, variables, [speed], rates)
 
-    def at_middle(self) -> Model:
-        """The model at the midpoint of the speeds."""
-        return Model(self.constants, self.omega.mid(), self.law)
-
     def orbit_at(self, omega: Any) -> System:
         """The states alone, without derivatives, at another speed."""
         graph = Graph()
         variables = [graph.variable() for _ in range(3)]
         return System(graph, variables, self._rates(graph, graph.number(omega), variables))
 
-    def path(self, start: Sequence[Any], *, derivatives: bool = False, along: Sequence[Any] = (0, 0, 0)) -> Path:
+    def path(self, start: Sequence[Any], proposer: Proposer, *, derivatives: bool = False) -> Path:
         """All orbits from a box of states, to be followed; see `Path`."""
-        return Path(self, start, derivatives=derivatives, along=along)
+        return Path(self, start, proposer, derivatives=derivatives)
 
     def _rates(self, graph: Graph, omega: Node, variables: Sequence[Node]) -> tuple[Node, ...]:
-        constants = Constants(*(graph.number(value) for value in self.constants))
+        constants = type(self.constants)(*(graph.number(value) for value in self.constants))
         return tuple(graph.number(rate) for rate in self.law(graph, constants, omega)(*variables))
 
     def rates(self, state: Sequence[Any]) -> tuple[Any, Any, Any]:
         """``(beta', gamma', v')`` [rad/s, rad/s, rad/s^2] on balls."""
         return self.law(BallOps, self.constants, self.omega)(*state)
-
-
-def _tippedisk(ops: Ops, constants: Constants, omega: Any) -> Callable[[Any, Any, Any], tuple[Any, Any, Any]]:
-    return field(shifted(ops), constants, omega, "linear")
 
 
 @dataclass(frozen=True)
@@ -143,8 +176,10 @@ class Step:
 
     begin: Any  #: time at its start [s]
     length: Any  #: [s], exact: a float, or lanes
+    tried: Any  #: the length that was tested, not shorter [s]
     enclosure: tuple[Any, Any, Any]  #: holds the state throughout, for every orbit from the box
     frame: Frame  #: of the states at its start
+    orders: tuple[int, int]  #: of the midpoint's series, and of that over the box
     polynomials: list[list[Any]]  #: of the midpoint's orbit, the remainder's coefficient last
     derivatives: list[list[Any]]  #: of the derivatives, 3 to a column (and the divergence's integral), likewise
 
@@ -168,18 +203,13 @@ class Step:
 
     def at_end(self) -> tuple[Any, Any, Any]:
         """The state at the step's end, for every orbit from the box."""
-        return self.frame.image(*self._end)
+        return self.frame.image(*self.end)
 
     @cached_property
-    def _end(self) -> tuple[Sequence[Any], tuple[tuple[Any, ...], ...]]:
+    def end(self) -> tuple[Sequence[Any], tuple[tuple[Any, ...], ...]]:
+        """The midpoint's image at the step's end, and `rows_at` it."""
         time = alike(self.enclosure[0], self.length)
         return self.centre(time), self.rows_at(time)
-
-    def carried(self, time: Any = None) -> Frame:
-        """The frame of the states after ``time``, or at the step's end."""
-        stiffness = 1 + upper(self.derivatives[8][1])  # of d(v)/d(v): its rate at the start
-        centre, rows = self._end if time is None else (self.centre(time), self.rows_at(time))
-        return self.frame.carried(centre, rows, stiffness)
 
     def centre(self, time: Any) -> Sequence[Any]:
         """Where the midpoint's orbit is after ``time``."""
@@ -193,6 +223,51 @@ def polynomial(coefficients: Sequence[Any], time: Any) -> Any:
     return result
 
 
+class Verdict(NamedTuple):
+    """What the test of a step's length says."""
+
+    enclosure: tuple[Any, Any, Any]  #: the padded box E over [0, length]
+    fine: list[Any]  #: the remainders' coefficients over it, of the midpoint's orbit
+    rough: list[Any]  #: and of all orbits with their derivatives
+    included: Any  #: whether the step is proved
+
+
+class Trial:
+    """The series of all orbits from where a path stands, with orders that are chosen, on which lengths are tried."""
+
+    def __init__(self, path: Path, orders: tuple[int, int]) -> None:
+        self.path, self.orders, model = path, orders, path.model
+        self.thin = model.orbit.coefficients(path.frame.middle, orders[0])
+        self.system = model.with_divergence if path.sharp else model.variational
+        start = [*path.box, *(ball(int(row == column)) for column in range(4) for row in range(3))]
+        if path.sharp:
+            start.append(ball(0))
+        with working_precision(working_bits() if path.sharp else _MEAN_VALUE_BITS):
+            self.wide = self.system.coefficients(start, orders[1])
+
+    def verdict(self, length: float) -> Verdict | None:
+        """What the test says of a length; None if a remainder is infinite."""
+        with working_precision(_REMAINDER_BITS):
+            said = verdict(self.path.model, self.system, self.wide, length, self.orders[0])
+        return said if all(x.is_finite() for x in (*said.fine, *said.rough)) else None
+
+    def step(self, length: float, verdict: Verdict | None = None) -> Step:
+        """The proved step of that length. Raises Unproved if the test does not prove it."""
+        verdict = verdict or self.verdict(length)
+        if not length > 0 or verdict is None or verdict.included is not True:
+            raise Unproved("the states and derivatives over it are not shown to stay in its enclosure")
+        return Step(
+            self.path.time,
+            length,
+            length,
+            verdict.enclosure,
+            self.path.frame,
+            self.orders,
+            [[*c, r] for c, r in zip(self.thin, verdict.fine, strict=True)],
+            [[*c, r] for c, r in zip(self.wide[3:], verdict.rough[3:], strict=True)],
+        )
+
+
 class Path:
     """Follows all orbits from a box, one proved step after the other, at the working precision.
 
@@ -200,132 +275,63 @@ class Path:
     they are computed roughly, for the mean-value form only.
     """
 
-    def __init__(
-        self, model: Model, start: Sequence[Any], *, derivatives: bool = False, along: Sequence[Any] = (0, 0, 0)
-    ) -> None:
+    def __init__(self, model: Model, start: Sequence[Any], proposer: Proposer, *, derivatives: bool = False) -> None:
         if len(start) != 3:
-            raise InputError("a state has three components: beta_bar, gamma_bar, v")
-        self.model, self.time, self.sharp = model, ball(0), derivatives
-        self.frame = Frame([ball(part) for part in start], model.omega, along)
+            raise ValueError("a state has three components: beta_bar, gamma_bar, v")
+        self.model, self.proposer, self.time, self.sharp = model, proposer, ball(0), derivatives
+        self.frame = Frame([ball(part) for part in start], model.omega)
         self.box = self.frame.box()
         self.divergence = ball(0)
         self.steps = 0
         self.reversals = 0  #: how often the sliding velocity has changed its sign; counted under the smooth law only
         self.status: Status | None = None  #: why it stopped, if it did
-        self._share = 0.75  # of the length that the midpoint's series allows; follows what is accepted
 
     @property
     def matrix(self) -> tuple[tuple[Any, ...], ...]:
         """(3, 4): d(state)/d(start, Omega)."""
         return self.frame.matrix()
 
+    def trial(self, orders: tuple[int, int]) -> Trial:
+        """The series from here, for steps to be tried."""
+        return Trial(self, orders)
+
     def step(self, longest: float | None = None) -> Step | None:
         """A proved step of at most ``longest`` seconds, not yet taken; None, with a status, if none is found."""
         if not all(part.is_finite() for part in self.box):
             self.status = Status.NO_ENCLOSURE
-        elif max(_magnitude(part.rad()) for part in self.box) > -_WIDEST:
+        elif max(magnitude(part.rad()) for part in self.box) > -_WIDEST:
             self.status = Status.TOO_WIDE
         elif self.steps >= _MOST_STEPS:
             self.status = Status.STEP_LIMIT
         else:
-            try:
-                step = self._trials(longest)
-            except _NotFiniteError:
-                step = None
+            step = self.proposer.step(self, longest)
             if step is not None:
+                if step.frame is not self.frame:
+                    raise ValueError("a step from elsewhere was proposed")
                 return step
             self.status = Status.NO_ENCLOSURE
         return None
 
+    def carried(self, step: Step, time: Any = None) -> Frame:
+        """The set of the states after ``time`` in the step, or at its end."""
+        stiffness = 1 + upper(step.derivatives[8][1])  # of d(v)/d(v): its rate at the start
+        centre, rows = step.end if time is None else (step.centre(time), step.rows_at(time))
+        return step.frame.carried(centre, rows, lambda turned, sizes: self.proposer.axes(turned, sizes, stiffness))
+
     def take(self, step: Step, time: Any = None) -> None:
         """Go to the step's end, or to ``time`` (a number or ball) within it."""
         moment = ball(step.length) if time is None else time
-        self.frame = step.carried(time)
+        self.frame = self.carried(step, time)
+        self.proposer.took(step, self.frame.axes)
         self.box = self.frame.box()
         if self.sharp:
             self.divergence = self.divergence + step.divergence_at(moment)
         self.time = self.time + moment
         self.steps += 1
 
-    def _trials(self, longest: float | None) -> Step | None:
-        """Steps of falling length until one passes."""
-        model, bits = self.model, working_bits()
-        order = _order(bits)
-        thin = model.orbit.coefficients(self.frame.middle, order)
-        allowed, rough_allowed = self._allowed(bits)
-        rough_order = min(order, _order(-rough_allowed, _WIDE_ORDER)) if self.sharp else _MEAN_VALUE_ORDER
-        system, wide = self._wide_series(rough_order, bits)
-        if rough_order < order:
-            stiffness = float(abs(wide[11][1]).abs_upper())
-            longest = min(math.inf if longest is None else longest, _short_float(_DAMPED / max(1.0, stiffness)))
-        sizes = [max(0, _magnitude(column[0])) for column in wide[3:]]
-        reach, share = _length(thin, allowed), self._share
-        for _ in range(_MOST_TRIALS):
-            length = _short_float(min(reach * share, longest if longest is not None else math.inf))
-            if length < _SHORTEST_STEP:
-                return None
-            try:
-                found = self._verdict(system, wide, length, order)
-            except _NotFiniteError:
-                share *= 0.5
-                continue
-            enclosure, remainders, rough_remainders, included = found
-            excess = max(
-                _excess(remainders, [0, 0, 0], allowed, length, order + 1),
-                _excess(rough_remainders[3:], sizes, [rough_allowed] * len(sizes), length, rough_order + 1),
-            )
-            better = length / reach * 2.0 ** min(1.0, -excess)
-            if included and excess <= 0:
-                # A step cut short says nothing about how long the next may be.
-                if longest is None or length < longest:
-                    self._share = 0.97 * better
-                return Step(
-                    self.time,
-                    length,
-                    enclosure,
-                    self.frame,
-                    [[*c, r] for c, r in zip(thin, remainders, strict=True)],
-                    [[*c, r] for c, r in zip(wide[3:], rough_remainders[3:], strict=True)],
-                )
-            share = min(0.97 * better, 0.9 * length / reach)
-        return None
 
-    def _wide_series(self, order: int, bits: int) -> tuple[System, list[list[Any]]]:
-        """The system of all orbits from the box with their derivatives, and its Taylor coefficients."""
-        system = self.model.with_divergence if self.sharp else self.model.variational
-        start = [*self.box, *(ball(int(row == column)) for column in range(4) for row in range(3))]
-        if self.sharp:
-            start.append(ball(0))
-        with working_precision(bits if self.sharp else _MEAN_VALUE_BITS):
-            return system, system.coefficients(start, order)
-
-    def _allowed(self, bits: int) -> tuple[list[int], int]:
-        """log2 of how large remainders may be: of the state's components, and of the derivatives."""
-        # As large as rounding, or a hundredth of the ball's radius: 70 steps at most double it.
-        allowed = [
-            max(max(0, _magnitude(part)) - bits, _magnitude(part.rad()) - 7 if not part.is_exact() else -bits - 99)
-            for part in self.box
-        ]
-        if not self.sharp:
-            return allowed, _MEAN_VALUE_TOLERANCE
-        # The derivatives differ over the box by about its radius.
-        return allowed, max(-bits, max(_magnitude(part.rad()) for part in self.box) - 7)
-
-    def _verdict(
-        self, system: System, wide: list[list[Any]], length: float, order: int
-    ) -> tuple[tuple[Any, Any, Any], list[Any], list[Any], bool]:
-        """The padded box E over [0, length], the remainders' coefficients over it, and whether the step is proved."""
-        with working_precision(_REMAINDER_BITS):
-            found = verdict(self.model, system, wide, length, order)
-        if not all(part.is_finite() for part in (*found[1], *found[2])):
-            raise _NotFiniteError
-        return found
-
-
-def verdict(
-    model: Model, system: System, wide: list[list[Any]], length: Any, order: int
-) -> tuple[tuple[Any, Any, Any], list[Any], list[Any], Any]:
-    """The padded box E over [0, length], the remainders' coefficients over it, and whether the step is proved.
+def verdict(model: Model, system: System, wide: list[list[Any]], length: Any, order: int) -> Verdict:
+    """The test of a step.
 
     ``wide`` holds the coefficients of ``system`` over the box of states; ``order`` is that of the midpoint's series.
     """
@@ -340,7 +346,7 @@ def verdict(
     # An infinite coefficient is in no interior.
     power = _from_zero(length ** (rough_order + 1))
     included = [inside(part + r * power, room) for part, r, room in zip(ranges, rough, box, strict=True)]
-    return (box[0], box[1], box[2]), fine, rough, reduce(and_, included)
+    return Verdict((box[0], box[1], box[2]), fine, rough, reduce(and_, included))
 
 
 def _from_zero(length: Any) -> Any:
@@ -349,115 +355,25 @@ def _from_zero(length: Any) -> Any:
     return half + around_zero(half)
 
 
-class _NotFiniteError(ArithmeticError):
-    """A coefficient's ball is infinite: the step is too long, or the box too wide."""
-
-
-def _order(bits: int, least: int = _MEAN_VALUE_ORDER) -> int:
-    """Order of a series: its cost grows as the square, the step's length as 2^(-bits/order): flat about 0.3 bits."""
-    return max(least, round(0.3 * bits))
-
-
 def _pad(part: Any) -> Any:
     """An absolute pad for a range that has no width of its own."""
     if side_by_side(part):
         return part.abs_upper() * 2.0 ** -(_REMAINDER_BITS // 2) + 2.0**-_REMAINDER_BITS
-    return arb(2) ** (max(-_REMAINDER_BITS, _magnitude(part) - _REMAINDER_BITS // 2) if part.is_finite() else 0)
+    return arb(2) ** (max(-_REMAINDER_BITS, magnitude(part) - _REMAINDER_BITS // 2) if part.is_finite() else 0)
 
 
-def _magnitude(x: Any) -> int:
-    """An integer k with |x| < 2^k for all x of the ball, the least but for rounding (-10^6 for zero)."""
+def magnitude(x: Any) -> int:
+    """An integer k with |x| < 2^k for all x of the ball, the least but for rounding (-10^6 for zero).
+
+    Raises OverflowError for a ball that is not finite.
+    """
     if not x.is_finite():
-        raise _NotFiniteError
+        raise OverflowError("an infinite ball has no size")
     mantissa, exponent = x.abs_upper().man_exp()
     return int(mantissa).bit_length() + int(exponent) if mantissa else -1_000_000
 
 
-def _excess(
-    remainders: Sequence[Any], sizes: Sequence[int], allowed: Sequence[int], length: float, power: int
-) -> float:
-    """By how much log2 of the step's length is too large for the remainders, which grow like its ``power``."""
-    size = math.log2(length)
-    return max(_magnitude(r) + power * size - s - a for r, s, a in zip(remainders, sizes, allowed, strict=True)) / power
-
-
-def _length(series: list[list[Any]], allowed: Sequence[int]) -> float:
-    """How far the last two coefficients stay below what is allowed: an estimate, the test decides."""
-    order = len(series[0]) - 1
-    exponents = (
-        (limit - _magnitude(column[n])) / n
-        for column, limit in zip(series, allowed, strict=True)
-        for n in (order - 1, order)
-    )
-    return math.exp2(min(0.0, *exponents))
-
-
-def _short_float(length: float) -> float:
+def short_float(length: float) -> float:
     """Rounded down to 20 bits: sums of step lengths are exact."""
     mantissa, exponent = math.frexp(length)
     return math.ldexp(math.floor(mantissa * 2**20), exponent - 20)
-
-
-@dataclass(frozen=True)
-class Flight:
-    """Where all orbits from a box are after a time, proved. Only Status.REACHED makes the rest mean anything."""
-
-    status: Status
-    time: Any  #: [s]
-    state: tuple[Any, Any, Any]  #: holds the end of every orbit, (beta_bar, gamma_bar, v)
-    matrix: tuple[tuple[Any, ...], ...] | None  #: (3, 4): d(end)/d(beta, gamma, v at the start, Omega)
-    divergence: Any  #: integral of div f over the run, or None
-    steps: int
-    upright: bool  #: |beta_bar| < pi/2 throughout: the disk does not lie flat
-
-
-def carry(
-    model: Model,
-    start: Sequence[Any],
-    duration: object,
-    *,
-    derivatives: bool = False,
-    watch: Callable[[Step], None] | None = None,
-) -> Flight:
-    """Enclose the flow for ``duration`` seconds (an exact number or a ball, positive) from a box of states.
-
-    ``watch`` is called with every step before it is taken. Raises InputError for a duration that is not positive.
-    """
-    span = ball(duration)
-    if not span > 0:
-        raise InputError("the duration must be positive")
-    path = model.path(start, derivatives=derivatives)
-    upright = True
-    share = 1.0
-    while True:
-        left = span - path.time  # positive: what was taken is proved to be shorter
-        step = path.step(max(share * _float_above(left), 2 * _SHORTEST_STEP))
-        if step is None:
-            status = path.status or Status.NO_ENCLOSURE
-            break
-        if not (left <= step.length or left > step.length):
-            share /= 2  # the step ends within the duration's ball
-            continue
-        share = 1.0
-        upright = upright and inside(step.enclosure[0], arb(0, 1.5707))
-        if watch is not None:
-            watch(step)
-        if left <= step.length:
-            path.take(step, left)
-            status = Status.REACHED
-            break
-        path.take(step)
-    return Flight(
-        status,
-        path.time,
-        path.box,
-        path.matrix if derivatives else None,
-        path.divergence if derivatives else None,
-        path.steps,
-        upright,
-    )
-
-
-def _float_above(x: Any) -> float:
-    """A float of 20 bits that is not below any point of the ball."""
-    return _short_float(float(x.abs_upper()) * (1 + 2.0**-18))

@@ -2,8 +2,8 @@
 
 A set is  middle + lead d + axes q  for all d and q of two boxes. d is what the start and the speed deviate from their
 midpoints, the same at all times: what is linear in it is never wrapped into a box (R. J. Lohner's doubleton; Mrozek and
-Zgliczynski, Ann. Polon. Math. 74, 2000). q holds the rest, which is quadratic in d but for rounding. Its axes follow
-the flow and are nearly orthogonal, the first along what is largest (Lohner's QR method).
+Zgliczynski, Ann. Polon. Math. 74, 2000). q holds the rest, which is quadratic in d but for rounding. Its axes are
+chosen to follow the flow (Lohner's QR method; `search.axes`).
 
 ``middle``, ``lead`` and ``axes`` are points, so nothing is rounded in them. A map with enclosed derivatives M over the
 set takes it to
@@ -13,43 +13,34 @@ set takes it to
 new points are chosen and what the balls differ from them goes into q, turned into the new axes by an enclosure of their
 inverse. The derivatives of the states by start and Omega are  lead + axes spread  in the same way.
 
-Where a ball becomes a point or a float: middle and lead are midpoints, axes any regular matrix of floats.
+Where a ball becomes a point: middle and lead are midpoints, axes any regular matrix of points.
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
-from tippedisk_verify.proofs.kernel.balls import alike, arb, side_by_side, upper
+from tippedisk_verify.proofs.kernel.balls import alike, upper
 
 __all__ = ["Frame"]
 
 Matrix = Sequence[Sequence[Any]]
-Array = NDArray[np.float64]
 
 
 class Frame:
-    """The set, and the derivatives (3, 4) of its states by the start's three coordinates and Omega.
-
-    ``along`` is how the start moves with Omega [rad s, rad s, rad]: three numbers that are taken as points. The fourth
-    column of the derivatives is then by Omega along that line.
-    """
+    """The set, and the derivatives (3, 4) of its states by the start's three coordinates and Omega."""
 
     __slots__ = ("axes", "deviation", "lead", "middle", "rest", "spread")
 
-    def __init__(self, start: Sequence[Any], omega: Any, along: Sequence[Any] = (0, 0, 0)) -> None:
+    def __init__(self, start: Sequence[Any], omega: Any) -> None:
         self.middle: list[Any] = [part.mid() for part in start]
         #: d: four balls about zero
         away = (part - mid for part, mid in zip(start, self.middle, strict=True))
         self.deviation = [*away, omega - omega.mid()]
         zero, one = (alike(self.middle[0], k) for k in (0, 1))
         unit = [[one if k == row else zero for k in range(3)] for row in range(3)]
-        self.lead: Matrix = [[*unit[row], alike(self.middle[0], along[row]).mid()] for row in range(3)]
+        self.lead: Matrix = [[*row, zero] for row in unit]
         self.axes: Matrix = unit
         self.rest: list[Any] = [zero] * 3
         self.spread: Matrix = [[zero] * 4 for _ in range(3)]
@@ -75,15 +66,18 @@ class Frame:
         lead, turned = self._mapped(rows)
         return tuple(tuple(row) for row in _sum(lead, _product(turned, self.spread)))
 
-    def carried(self, centre: Sequence[Any], rows: Matrix, stiffness: Any) -> Frame:
-        """The images' frame. ``stiffness`` [1/s] weighs velocities against angles when axes are chosen."""
+    def carried(self, centre: Sequence[Any], rows: Matrix, axes: Callable[..., Matrix]) -> Frame:
+        """The images' frame.
+
+        ``axes`` gives its axes, points, from the old ones' images (balls) and the sizes of what lies along them.
+        """
         lead, turned = self._mapped(rows)
         image = object.__new__(Frame)
         image.deviation = self.deviation
         image.middle = [part.mid() for part in centre]
         image.lead = [[entry.mid() for entry in row] for row in lead]
         sizes = [upper(part) + sum(map(upper, row)) for part, row in zip(self.rest, self.spread, strict=True)]
-        image.axes = (_axes_of_lanes if side_by_side(lead[0][0]) else _axes)(turned, sizes, stiffness)
+        image.axes = [[entry.mid() for entry in row] for row in axes(turned, sizes)]
         inverse = _inverse(image.axes)
         left = _product(
             inverse, [[a - b for a, b in zip(*rows, strict=True)] for rows in zip(lead, image.lead, strict=True)]
@@ -114,52 +108,6 @@ def _applied(matrix: Matrix, vector: Sequence[Any]) -> list[Any]:
 
 def _sum(a: Matrix, b: Matrix) -> Matrix:
     return [[x + y for x, y in zip(*rows, strict=True)] for rows in zip(a, b, strict=True)]
-
-
-def _axes(turned: Matrix, sizes: Sequence[float], stiffness: float) -> Matrix:
-    """Axes (columns), orthogonal once velocities are divided by the stiffness. Points; any regular ones would do."""
-    weights = (1.0, 1.0, 1 / stiffness)
-    columns = [[float(row[k].mid()) * weight for row, weight in zip(turned, weights, strict=True)] for k in range(3)]
-    order = sorted(range(3), key=lambda k: -math.hypot(*columns[k]) * sizes[k])
-    basis: list[list[float]] = []
-    for vector in (*(columns[k] for k in order), [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]):
-        length = math.hypot(*vector)
-        for _ in range(2):  # once is not enough where columns are nearly parallel
-            for axis in basis:
-                share = sum(a * b for a, b in zip(axis, vector, strict=True))
-                vector = [b - share * a for a, b in zip(axis, vector, strict=True)]
-        left = math.hypot(*vector)
-        if left > 1e-8 * length and len(basis) < 3:
-            basis.append([part / left for part in vector])
-    return [[arb(axis[row] / weights[row]) for axis in basis] for row in range(3)]
-
-
-def _axes_of_lanes(turned: Matrix, sizes: Sequence[Array], stiffness: Array) -> Matrix:
-    """The same of every lane."""
-    weights = np.array([np.ones_like(stiffness), np.ones_like(stiffness), 1 / stiffness])
-    with np.errstate(all="ignore"):
-        columns = np.array([[entry.midpoints for entry in row] for row in turned]).swapaxes(0, 1) * weights
-        lengths = np.sqrt((columns * columns).sum(1)) * np.array(sizes)
-        ranked = np.take_along_axis(columns, np.argsort(-lengths, axis=0)[:, None], axis=0)
-        first = _unit(ranked[0], np.array([1.0, 0.0, 0.0])[:, None])
-        across = np.eye(3)[:, np.argmin(np.abs(first), axis=0)]  # far from parallel to the first
-        second = _unit(_orthogonal(ranked[1], first), _unit(_orthogonal(across, first), across))
-        axes = np.array([first, second, np.cross(first, second, axis=0)]).swapaxes(0, 1) / weights[:, None]
-    return [[type(turned[0][0])(entry) for entry in row] for row in axes]
-
-
-def _orthogonal(vector: Array, axis: Array) -> Array:
-    """The unit vector's part across the unit axis; zero where they are nearly parallel."""
-    left = _unit(vector, 0 * vector)
-    for _ in range(2):
-        left = left - (left * axis).sum(0) * axis
-    return np.where(np.sqrt((left * left).sum(0)) > 1e-8, left, 0.0)
-
-
-def _unit(vector: Array, otherwise: Array) -> Array:
-    """The vector divided by its length; another where it has none."""
-    length = np.sqrt((vector * vector).sum(0))
-    return np.where(length > 0, vector / length, otherwise)
 
 
 def _inverse(axes: Matrix) -> Matrix:

@@ -4,9 +4,10 @@ A `Jet` c_0, …, c_D stands for every function f on [-1, 1] for which, *for eac
 the balls c_i with f(s) = x_0 + x_1 s + … + x_D s^D. The numbers may differ from one s to the other, so there is no
 separate remainder: what an operation leaves over goes into a ball. A product has terms up to s^(2 D); the sum t(s) of
 those beyond s^D is s^D times something of size at most the sum of their coefficients, because |s| <= 1, and this is
-added to c_D on both sides. Sums are exact. A quotient's and a sine's remainders are written where they are computed.
+added to c_D on both sides. Sums are exact, and jets of unlike degrees may be added. A quotient's and a sine's
+remainders are written where they are computed.
 
-The coefficients are Arb's balls or `lanes`. For D = 0 this is plain ball arithmetic. What is smooth in s on the scale
+The coefficients are Arb's balls. For D = 0 this is plain ball arithmetic. What is smooth in s on the scale
 of the whole interval has coefficients that fall geometrically, and then the balls' radii are of the size of the first
 term left out; plain balls would have radii of the size of c_1.
 
@@ -15,28 +16,30 @@ Where a ball becomes a point: `mid` takes the coefficients' midpoints, and who c
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import nullcontext
-from itertools import starmap
+from collections.abc import Sequence
+from itertools import zip_longest
 from operator import mul
 from typing import Any
 
-from tippedisk_verify.proofs.kernel import balls
-from tippedisk_verify.proofs.kernel.lanes import Lanes
+from flint import arb_poly
 
-__all__ = ["Jet", "JetSeries", "inside", "negative", "positive", "symmetric"]
+from tippedisk_verify.proofs.kernel.balls import arb
+
+__all__ = ["Jet", "JetSeries", "symmetric"]
+
+
+_BOTH = arb(0, 1)
 
 
 def symmetric(x: Any) -> Any:
     """A ball about zero that holds the ball and its mirror image."""
-    return x.union(-x)
+    return x * _BOTH
 
 
 class Jet:
-    """Coefficients of 1, s, …, s^D. Operands are jets of the same degree, balls or integers."""
+    """Coefficients of 1, s, …, s^D. Factors are of the same degree, or balls or integers."""
 
     __slots__ = ("c",)
-    of_balls = True  #: operations with a ball are this class's, whichever comes first
 
     def __init__(self, coefficients: Sequence[Any]) -> None:
         self.c = tuple(coefficients)
@@ -53,14 +56,14 @@ class Jet:
 
     def __add__(self, other: Any) -> Jet:
         if isinstance(other, Jet):
-            return Jet([a + b for a, b in zip(self.c, other.c, strict=True)])
+            return Jet([a + b for a, b in zip_longest(self.c, other.c, fillvalue=0)])
         return Jet([self.c[0] + other, *self.c[1:]])
 
     __radd__ = __add__
 
     def __sub__(self, other: Any) -> Jet:
         if isinstance(other, Jet):
-            return Jet([a - b for a, b in zip(self.c, other.c, strict=True)])
+            return Jet([a - b for a, b in zip_longest(self.c, other.c, fillvalue=0)])
         return Jet([self.c[0] - other, *self.c[1:]])
 
     def __rsub__(self, other: Any) -> Jet:
@@ -71,11 +74,9 @@ class Jet:
 
     def __mul__(self, other: Any) -> Jet:
         if isinstance(other, Jet):
-            a, b, top = self.c, other.c, len(self.c) - 1
-            if len(b) != len(a):
-                raise ValueError(f"jets of degree {top} and {len(b) - 1} do not go together")
-            return _cut([sum(a[i] * b[k - i] for i in range(max(0, k - top), min(k, top) + 1))
-                         for k in range(2 * top + 1)])  # fmt: skip
+            if len(self.c) != len(other.c):
+                raise ValueError(f"jets of degree {self.degree} and {other.degree} do not go together")
+            return _multiplied(_polynomial(self) * _polynomial(other), len(self.c) - 1)
         return Jet([x * other for x in self.c])
 
     __rmul__ = __mul__
@@ -136,6 +137,12 @@ class Jet:
         """With a ball more in the highest coefficient."""
         return Jet([*self.c[:-1], self.c[-1] + extra])
 
+    def cut(self, degree: int) -> Jet:
+        """The same functions with at most D = ``degree``: s^D times what the sizes of the rest add up to."""
+        if degree >= self.degree:
+            return self
+        return Jet(self.c[: degree + 1])._wider(sum(map(symmetric, self.c[degree + 1 :])))
+
     def mid(self) -> Jet:
         """The coefficients' midpoints."""
         return Jet([x.mid() for x in self.c])
@@ -151,79 +158,44 @@ class Jet:
             result = result * s + x
         return result
 
-    def quiet(self) -> Any:
-        """What the coefficients want to be computed under."""
-        return getattr(self.c[0], "quiet", nullcontext)()
-
     def series(self, old: object = None) -> JetSeries:
         """An empty sequence of jets like this one."""
-        rows = old.rows if isinstance(old, JetSeries) and len(old.rows) == len(self.c) else [None] * len(self.c)
-        return JetSeries([getattr(x, "series", _list)(row) for x, row in zip(self.c, rows, strict=True)])
-
-
-def _list(_: object = None) -> list[Any]:
-    return []
-
-
-def _cut(parts: Sequence[Any]) -> Jet:
-    """Of 2 D + 1 coefficients the first D + 1, with the others' sizes in the last."""
-    top = len(parts) // 2
-    if not top:
-        return Jet(parts)
-    return Jet(parts[: top + 1])._wider(sum(map(symmetric, parts[top + 1 :])))
+        return JetSeries([], [])
 
 
 class JetSeries(Sequence[Jet]):
-    """Coefficients of a power series in time that are jets, kept as one sequence of balls for each power of s."""
+    """Coefficients of a power series in time that are jets."""
 
-    __slots__ = ("rows",)
+    __slots__ = ("_polynomials", "jets")
 
-    def __init__(self, rows: list[Any]) -> None:
-        self.rows = rows
+    def __init__(self, jets: list[Jet], polynomials: list[Any]) -> None:
+        self.jets, self._polynomials = jets, polynomials
 
     def append(self, jet: Jet | None) -> None:
         """Behind the last one."""
         assert jet is not None
-        for row, part in zip(self.rows, jet.c, strict=True):
-            row.append(part)
+        self.jets.append(jet)
+        self._polynomials.append(_polynomial(jet))
 
     def __len__(self) -> int:
-        return len(self.rows[0])
+        return len(self.jets)
 
     def __getitem__(self, index: Any) -> Any:
-        parts = [row[index] for row in self.rows]
-        return JetSeries(parts) if isinstance(index, slice) else Jet(parts)
-
-    def __iter__(self) -> Iterator[Jet]:
-        return (self[index] for index in range(len(self)))
+        if isinstance(index, slice):
+            return JetSeries(self.jets[index], self._polynomials[index])
+        return self.jets[index]
 
     def convolution(self, other: JetSeries) -> Jet | int:
         """a_0 b_(k-1) + … + a_(k-1) b_0 of two series of the same length k (the integer 0 for none)."""
         if not len(self):
             return 0
-        a, b, top = self.rows, other.rows, len(self.rows) - 1
-        fused: Callable[[Any, Any], Any] | None = getattr(type(a[0]), "convolution", None)
-        if fused is None:
-            b = [row[::-1] for row in b]
-            fused = _dot
-        pairs = [[(a[i], b[k - i]) for i in range(max(0, k - top), min(k, top) + 1)] for k in range(2 * top + 1)]
-        return _cut([sum(starmap(fused, part)) for part in pairs])
+        return _multiplied(sum(map(mul, self._polynomials, reversed(other._polynomials))), self.jets[0].degree)
 
 
-def _dot(a: Sequence[Any], b: Sequence[Any]) -> Any:
-    return sum(map(mul, a, b))
+def _polynomial(jet: Jet) -> Any:
+    return arb_poly(list(jet.c))
 
 
-def positive(x: Any) -> Any:
-    """Whether every number of the ball is greater than zero, of each lane."""
-    return x.positive() if isinstance(x, Lanes) else balls.positive(x)
-
-
-def negative(x: Any) -> Any:
-    """Whether every number of the ball is less than zero, of each lane."""
-    return x.negative() if isinstance(x, Lanes) else balls.negative(x)
-
-
-def inside(x: Any, y: Any) -> Any:
-    """Whether the ball ``x`` lies in the interior of the ball ``y``, of each lane."""
-    return x.inside(y) if isinstance(x, Lanes) else balls.inside(x, y)
+def _multiplied(product: Any, degree: int) -> Jet:
+    """A polynomial of twice the degree as a jet."""
+    return Jet([product[k] for k in range(2 * degree + 1)]).cut(degree)

@@ -1,84 +1,128 @@
-"""Krawczyk's test for a fixed point of a section's map over a box; `cycle` says what it proves."""
+"""Krawczyk's test for fixed points of a section's map, one for each value of a parameter.
+
+Of the three numbers (first coordinate on the section, v, Omega) two are unknown, u, and the third, p, is in a ball.
+With F = P - 1, m the middle of all three, a box of u about it and any regular matrix Y,
+
+    K = m_u - Y F(m) - Y F_p (p - m_p) + (1 - Y F_u) (u - m_u)
+
+holds every zero u of F(., p) in the box, for each p of the ball: F(u, p) = F(m) + F_p (p - m_p) + F_u (u - m_u) with
+derivatives in the balls over the box (mean value theorem). If K lies in the box's interior there is exactly one for
+each p, and all matrices F_u are regular (Krawczyk 1969; Moore 1977; Rump 1983).
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
-from tippedisk_verify.proofs.kernel.balls import arb, ball, inside
-from tippedisk_verify.proofs.kernel.flow import Model
-from tippedisk_verify.proofs.kernel.section import HalfFlight, half_flight
-from tippedisk_verify.proofs.kernel.section import Status as HalfStatus
+from tippedisk_verify.proofs.kernel.balls import inside
+from tippedisk_verify.proofs.kernel.field import constants
+from tippedisk_verify.proofs.kernel.flow import Proposer, Status
+from tippedisk_verify.proofs.kernel.section import Return, Section, returned
+from tippedisk_verify.proofs.kernel.sliding import law_model
 
-__all__ = ["Flight", "Inclusion", "inclusion", "midpoint_inverse", "product"]
+__all__ = ["Choices", "FixedPoints", "fixed_points", "krawczyk_test", "product"]
 
-Flight = Callable[..., HalfFlight]  #: encloses a section's map over a box of its two coordinates
+Pair = Sequence[Any]
+
+
+class Choices(Protocol):
+    """What a test asks for."""
+
+    @property
+    def centre(self) -> Proposer:
+        """For the flight from the middle."""
+        ...
+
+    @property
+    def box(self) -> Proposer:
+        """For the flight over the box."""
+        ...
+
+    def inverse(self, matrix: Sequence[Pair]) -> Sequence[Pair]:
+        """Y, four points, given F_u over the box."""
+        ...
 
 
 @dataclass(frozen=True)
-class Inclusion:
+class FixedPoints:
     """One application of Krawczyk's operator. ``included`` is the proof."""
 
     included: bool
-    middle: Any = None  #: m, exact points
-    image: Any = None  #: K, (gamma_bar, v)
-    residual: Any = None  #: Y F(m), for choosing the precision
-    centre: HalfFlight | None = None  #: the half map at m
-    box: HalfFlight | None = None  #: the half map over X, with derivatives
-    failed: HalfFlight | None = None  #: the flight that did not return
+    middle: Pair  #: m, three points
+    shift: Pair  #: where the fixed points are from the middle, three balls
+    residual: Pair  #: Y F(m), for choosing the precision
+    slopes: Sequence[Pair]  #: (2, 3): the derivatives of F over the box
+    centre: Return  #: the map at the middle
+    box: Return  #: the map over the box, with derivatives
+
+    @property
+    def image(self) -> list[Any]:
+        """Where the fixed points are: three balls."""
+        return [middle + part for middle, part in zip(self.middle, self.shift, strict=True)]
+
+    def along(self, value: Any, by: Pair) -> Any:
+        """At the fixed points, what is ``value`` in the middle and has these three derivatives over the box."""
+        return value + by[0] * self.shift[0] + by[1] * self.shift[1] + by[2] * self.shift[2]
 
 
-def inclusion(
-    model: Model,
-    middle: Sequence[Any],
-    radii: Sequence[Any],
-    centre: HalfFlight | None = None,
-    flight: Flight = half_flight,
-    along: Sequence[Any] | None = None,
-) -> Inclusion:
-    """Krawczyk's test on the box ``middle`` ± ``radii`` of (gamma_bar, v), at the working precision.
+def krawczyk_test(
+    claim: Mapping[str, Any],
+    section: Section,
+    middle: Pair,
+    deviations: Pair,
+    unknown: tuple[int, int],
+    choices: Choices,
+    centre: Return | None = None,
+) -> FixedPoints | Return:
+    """Krawczyk's test about three points ``middle``, on the box of these plus ``deviations``, three balls about zero.
 
-    ``centre`` is the half map at ``middle``, if it is known already; ``flight`` may be that of another section's map.
-    With ``along`` the box moves with the speed, which is a ball: it is about middle + along (Omega - its midpoint),
-    ``image`` is what Krawczyk's operator gives when that is subtracted, and ``centre`` is at the midpoint. One fixed
-    point is then proved for each speed of the ball.
+    It is for the disk and the law of the claim (``parameters``, ``friction``); ``unknown`` says which two of the three
+    numbers are. Returns the flight that did not return, if one did not. Who has the map at the middle already passes it
+    as ``centre``.
     """
-    m = [ball(part).mid() for part in middle]
-    box = [point + arb(0, radius) for point, radius in zip(m, radii, strict=True)]
+    numbers, friction = constants(claim["parameters"]), claim["friction"]
     if centre is None:
-        centre = flight(model if along is None else model.at_middle(), *m)
-    if centre.status is not HalfStatus.RETURNED:
-        return Inclusion(False, m, failed=centre)
-    moving = {} if along is None else {"along": along}
-    wide = flight(model, *box, derivatives=True, **moving)
-    if wide.status is not HalfStatus.RETURNED:
-        return Inclusion(False, m, centre=centre, failed=wide)
-    value = [after - before for after, before in zip(centre.image, m, strict=True)]
-    (a, b), (c, d) = wide.matrix
-    jacobian = ((a - 1, b), (c, d - 1))
-    inverse = midpoint_inverse(jacobian)
-    if along is not None:
-        # By the mean value theorem in the speed; the line's own part is what the box has moved.
-        away = model.omega - model.omega.mid()
-        value = [
-            part + (slope - ball(line).mid()) * away
-            for part, slope, line in zip(value, wide.by_omega, along, strict=True)
-        ]
+        centre = returned(law_model(friction, numbers, middle[2]), section, middle[:2], choices.centre)
+    if centre.status is not Status.RETURNED:
+        return centre
+    whole = [point + part for point, part in zip(middle, deviations, strict=True)]
+    box = returned(law_model(friction, numbers, whole[2]), section, whole[:2], choices.box, derivatives=True)
+    if box.status is not Status.RETURNED:
+        return box
+    slopes = _slopes(box)
+    return fixed_points(
+        middle, deviations, unknown, choices.inverse([[row[k] for k in unknown] for row in slopes]), centre, box
+    )
+
+
+def fixed_points(
+    middle: Pair, deviations: Pair, unknown: tuple[int, int], inverse: Sequence[Pair], centre: Return, box: Return
+) -> FixedPoints:
+    """What the test says, given the map at the middle and over the box; ``inverse`` is Y."""
+    value = [after - before for after, before in zip(centre.image, middle, strict=False)]
+    slopes = _slopes(box)
+    (other,) = {0, 1, 2}.difference(unknown)
+    width = [deviations[k] for k in unknown]
+    rest = [
+        [int(i == j) - sum(inverse[i][k] * slopes[k][column] for k in range(2)) for j, column in enumerate(unknown)]
+        for i in range(2)
+    ]
     residual = product(inverse, value)
-    rest = [[int(i == j) - sum(inverse[i][k] * jacobian[k][j] for k in range(2)) for j in range(2)] for i in range(2)]
-    spread = product(rest, [whole - part for whole, part in zip(box, m, strict=True)])
-    image = [part - shift + width for part, shift, width in zip(m, residual, spread, strict=True)]
-    included = all(inside(part, whole) for part, whole in zip(image, box, strict=True))
-    return Inclusion(included, m, image, residual, centre, wide)
+    # p's part is one ball that both equations share: its factors come first, for their sum may nearly vanish.
+    moved = product(inverse, [row[other] for row in slopes])
+    shift = list(deviations)
+    for k, spread, part, factor in zip(unknown, product(rest, width), residual, moved, strict=True):
+        shift[k] = spread - part - factor * deviations[other]
+    included = all(inside(shift[k], deviations[k]) for k in unknown)
+    return FixedPoints(included, middle, shift, residual, slopes, centre, box)
 
 
-def midpoint_inverse(matrix: Sequence[Sequence[Any]]) -> list[list[Any]]:
-    """The inverse of the midpoints' matrix, as points: any regular matrix will do, and inclusion shows that it is."""
-    (a, b), (c, d) = ((entry.mid() for entry in row) for row in matrix)
-    determinant = a * d - b * c
-    return [[(d / determinant).mid(), (-b / determinant).mid()], [(-c / determinant).mid(), (a / determinant).mid()]]
+def _slopes(box: Return) -> tuple[Pair, Pair]:
+    (a, b), (c, d) = box.matrix
+    return (a - 1, b, box.by_omega[0]), (c, d - 1, box.by_omega[1])
 
 
-def product(matrix: Sequence[Sequence[Any]], vector: Sequence[Any]) -> list[Any]:
+def product(matrix: Sequence[Pair], vector: Pair) -> list[Any]:
     return [row[0] * vector[0] + row[1] * vector[1] for row in matrix]

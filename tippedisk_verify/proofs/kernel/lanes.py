@@ -40,8 +40,7 @@ from typing import Any, TypeVar, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tippedisk_verify.errors import Shortfall
-from tippedisk_verify.proofs.kernel.balls import arb, measured
+from tippedisk_verify.proofs.kernel.balls import DisturbedError, arb, midpoint_and_radius
 from tippedisk_verify.proofs.kernel.lane_sine import sine_and_cosine
 
 __all__ = ["LaneSeries", "Lanes"]
@@ -62,17 +61,17 @@ _STEPS, _STEPPED = np.array([_U, 3 * _U]), np.array([1.0, 1 + 4 * _U])  # 1 + st
 
 
 def _require_rounding_to_nearest() -> None:
-    """Raises Shortfall if this process rounds in a direction: (1) would need 2 u."""
+    """Raises DisturbedError if this process rounds in a direction: (1) would need 2 u."""
     if (1 + _STEPS != _STEPPED).any():
-        raise Shortfall("this process does not round to nearest: proofs in doubles are not possible in it")
+        raise DisturbedError("this process does not round to nearest: proofs in doubles are not possible in it")
 
 
 @contextmanager
 def quiet() -> Iterator[None]:
     """Without numpy's warnings: what overflows or is no number ends in an infinite radius.
 
-    Every operation on lanes enters this by itself; entering it once around many saves time. Raises Shortfall if this
-    process does not round to nearest.
+    Every operation on lanes enters this by itself; entering it once around many saves time. Raises DisturbedError if
+    this process does not round to nearest.
     """
     _require_rounding_to_nearest()
     with np.errstate(all="ignore"):
@@ -86,8 +85,6 @@ def quiet() -> Iterator[None]:
 def _quiet(function: _F) -> _F:
     @wraps(function)
     def wrapped(*arguments: Any) -> Any:
-        if hasattr(arguments[-1], "of_balls"):  # an operand made of lanes does it itself
-            return NotImplemented
         if _IS_QUIET.get():
             return function(*arguments)
         with quiet():
@@ -470,8 +467,8 @@ def _outward(value: Any) -> tuple[float, float]:
             return 0.0, np.inf
         # Exponents may be beyond all reason; what is smaller than any normal number becomes a radius.
         small = arb(2) ** -1022
-        centre = Fraction(0) if abs(value.mid()) < small else measured(value.mid()).value
-        rad = Fraction(_NORMAL) if value.rad() < small and not value.is_exact() else measured(value.rad()).value
+        centre = Fraction(0) if abs(value.mid()) < small else midpoint_and_radius(value.mid())[0]
+        rad = Fraction(_NORMAL) if value.rad() < small and not value.is_exact() else midpoint_and_radius(value.rad())[0]
         spread = rad if centre or value.mid() == 0 else rad + Fraction(_NORMAL)
     elif isinstance(value, float):
         return value, 0.0

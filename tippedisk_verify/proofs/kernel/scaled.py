@@ -2,7 +2,7 @@
 
 In the angles beta_bar, gamma_bar from inverted spinning the field is odd. So with a state a y, y = (b, g, w) and
 q = a^2, the rates of y are analytic functions of y, Omega and q, and at q = 0 they are the linearisation's. They are
-`model.equations`' own: `_Part` stands for a number a x (odd) or x (even). The sine of an odd one is odd, with
+`field`'s own: `_Part` stands for a number a x (odd) or x (even). The sine of an odd one is odd, with
 sin(a x) / a (`scaled_sine`), its cosine is even; a product of two odd ones is even, with a factor q. A sum of an odd
 one and an even one, or a quotient by an odd one, is refused. So the rates are seen to be odd, and no division by a ever
 takes place.
@@ -34,11 +34,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from tippedisk_verify.model.equations import field, shifted
-from tippedisk_verify.model.parameters import Constants
 from tippedisk_verify.proofs.kernel.balls import positive
-from tippedisk_verify.proofs.kernel.curve_axes import Matrix
-from tippedisk_verify.proofs.kernel.curve_flow import Curve
+from tippedisk_verify.proofs.kernel.curves import Curve, Matrix
+from tippedisk_verify.proofs.kernel.field import Constants, field
 from tippedisk_verify.proofs.kernel.jets import Jet
 from tippedisk_verify.proofs.kernel.scaled_sine import scaled_sine
 from tippedisk_verify.proofs.kernel.series import Graph, Node, System, with_derivatives
@@ -85,7 +83,7 @@ class _Part:
 
 
 class _ScaledOps:
-    """Sine and cosine of odd angles; see `model.equations.Ops`."""
+    """Sine and cosine of odd angles; for `field`."""
 
     @staticmethod
     def sin(angle: _Part) -> _Part:
@@ -136,7 +134,7 @@ class ScaledModel:
 def _rates(constants: Constants, state: Any, omega: Any, square: Any) -> tuple[Any, ...]:
     even = Constants(*(_Part(value, square) for value in constants))
     odd = [_Part(part, square, odd=True) for part in state]
-    rates = field(shifted(_ScaledOps), even, _Part(omega, square), "linear")(*odd)
+    rates = field(_ScaledOps, even, _Part(omega, square))(*odd)
     if not all(rate.odd for rate in rates):
         raise ArithmeticError("a rate is not odd")
     return tuple(rate.x for rate in rates)
@@ -162,13 +160,14 @@ class ScaledCurve(Curve):
         return (*super().numbers, self.gamma_bar)
 
     def trace(self, matrix: Matrix) -> Jet:
-        fixed = self.v + self.deviation[1]
-        trace: Jet = 1 - fixed * matrix[0][1] + 2 * (self.gamma_bar * matrix[0][0]) + matrix[1][1]
+        degree = matrix[0][0].degree
+        fixed, square = (self.v + self.deviation[1]).cut(degree), self.gamma_bar.cut(degree)
+        trace: Jet = 1 - fixed * matrix[0][1] + 2 * (square * matrix[0][0]) + matrix[1][1]
         return trace
 
     def rise(self, beta_bar: Any, slope: Jet) -> Jet:
         # beta_bar = a b, so d(beta_bar)/da = b + 2 q db/dq.
-        rise: Jet = 2 * (self.gamma_bar * slope) + beta_bar
+        rise: Jet = 2 * (self.gamma_bar.cut(slope.degree) * slope) + beta_bar
         return rise
 
     def __post_init__(self) -> None:

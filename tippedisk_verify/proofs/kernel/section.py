@@ -1,7 +1,7 @@
-"""The half map, proved: from the section beta = pi/2 (v < 0) by the flow to the next crossing (v > 0), and back by S.
+"""The maps of two sections, proved: from a section along the flow to the next crossing, the first.
 
-The crossing is proved to be the first: of every step one of these is shown, from its enclosure and the balls at its
-ends,
+**The half map** (`HALF`) goes from beta = pi/2, v < 0 to the next crossing, v > 0, and back by S, x -> -x in shifted
+angles. Of every step one of these is shown, from its enclosure and the balls at its ends,
 
 - *falling*: v < 0 throughout, or v' > 0 throughout and v < 0 at the end; then beta_bar falls;
 - *turning*: v' > 0 throughout, v < 0 at the start, v > 0 and beta_bar < 0 at the end; then v has exactly one zero in
@@ -9,51 +9,66 @@ ends,
 - *rising*: v > 0 throughout, or v' > 0 throughout and v > 0 at the start; if beta_bar < 0 at the end the section is not
   reached, if beta_bar > 0 there it is crossed exactly once, with v > 0.
 
-A path that falls, turns once and rises has beta_bar < 0 between the two sections. A step of which none of this can be
-shown is repeated with a smaller length; if that does not help, the proof ends with a status that says so.
+A path that falls, turns once and rises has beta_bar < 0 between the two sections.
 
-The moment of a zero is enclosed by interval Newton steps T -> t - x(t) / x'(T). Where a ball becomes a point: t is a
-midpoint found by bisection and secants, and any t in the step would do.
+**The turn map** (`TURN`) goes from gamma_bar = 0 to gamma_bar = 2 pi. As long as 0 < beta_bar < pi/2, gamma' =
+Omega sin(beta_bar) is positive: an orbit of which this is shown passes gamma_bar = 2 pi exactly once.
+
+Of every step it is shown that |beta_bar| < 1.5707: the disk does not lie flat. A shorter step is asked for where none
+of this can be shown; if that does not help, the proof ends with a status that says so.
+
+The moment of a zero is enclosed by interval Newton steps T -> t - x(t) / x'(T), from a point t in the step; any would
+do.
 """
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from enum import Enum
 from typing import Any, NamedTuple
 
-from tippedisk_verify.proofs.kernel.balls import alike, arb, ball, choice, inside, negative, positive, within
-from tippedisk_verify.proofs.kernel.flow import Model, Path, Step
-from tippedisk_verify.proofs.kernel.flow import Status as FlowStatus
+from tippedisk_verify.proofs.kernel.balls import alike, arb, choice, inside, need, negative, positive, within
+from tippedisk_verify.proofs.kernel.flow import Model, Path, Proposer, Status, Step
 
-__all__ = ["UPRIGHT", "HalfFlight", "Status", "enclosed_moment", "half_flight", "moment_of_zero", "no_step"]
+__all__ = ["HALF", "TURN", "UPRIGHT", "Return", "Section", "Status", "enclosed_moment", "returned"]
 
 UPRIGHT = 1.5706999  #: rad; as a radius, rounded up to 30 bits, still below 1.5707 and pi/2: sin(beta) > 0 within
 _MOST_CUTS = 40
 _NEWTON_STEPS = 4
 
 
-class Status(Enum):
-    """How the proof of a half map ended. The value says what happened and what to try next."""
+class Section(NamedTuple):
+    """A section with its map: which component is zero on it, which are the coordinates, and what comes after."""
 
-    RETURNED = "the first return to the section is enclosed"
-    NO_START = "v < 0 at the start is not proved: start on the other side of the section, or in a narrower box"
-    NO_ENCLOSURE = "no step could be enclosed: work in more bits, or start from a narrower box"
-    TOO_WIDE = "the enclosure has grown too wide: work in more bits, or start from a narrower box"
-    FLAT = "the disk may lie flat (|beta - pi/2| reaches 1.5707): there is no return from here"
-    NO_RETURN = "there is no return to the section in the time allowed"
-    GRAZING = FlowStatus.GRAZING.value
-    UNRESOLVED = "the signs of beta_bar and v could not be proved: work in more bits, or start from a narrower box"
+    zero: int  #: of the component that is zero on the section
+    first: int  #: of the first coordinate on it; the second is v
+    laps: int  #: flights a period: after the half map's come S and another one
+
+    @property
+    def sign(self) -> int:
+        """Of the image under what comes after the flight."""
+        return -1 if self.laps == 2 else 1
+
+    def level(self) -> Any:
+        """Of the component where the flight ends."""
+        return arb(0) if self.laps == 2 else 2 * arb.pi()
+
+    def start(self, first: Any, v: Any) -> list[Any]:
+        """The state (beta_bar, gamma_bar, v) of two coordinates."""
+        state = [alike(v, 0), alike(v, 0), v]
+        state[self.first] = first
+        return state
+
+
+HALF, TURN = Section(0, 1, 2), Section(1, 0, 1)
 
 
 @dataclass(frozen=True)
-class HalfFlight:
-    """What is proved of all orbits from a box on the section. Only Status.RETURNED makes the rest mean anything.
+class Return:
+    """What is proved of all orbits from a box on a section. Only Status.RETURNED makes the rest mean anything.
 
-    ``image`` is S of the end, (gamma_bar, v); ``matrix`` and ``by_omega`` are the half map's derivatives by
-    (gamma_bar, v) and by Omega, over the box and the speeds in their ball. For the turn map read beta_bar for
-    gamma_bar, and the end itself for its image under S.
+    The coordinates x are (gamma_bar, v) for the half map and (beta_bar, v) for the turn map.
     """
 
     status: Status
@@ -61,71 +76,104 @@ class HalfFlight:
     steps: int
     reversals: int = 0  #: changes of the sliding velocity's sign; counted under the smooth law only
     time: Any = None  #: flight time [s]
-    image: Any = None  #: (gamma_bar, v) [rad, rad/s]
-    beta_least: Any = None  #: least beta_bar, at the turn [rad]
-    turn_by_start: Any = None  #: derivatives of that by (gamma_bar, v, Omega)
-    matrix: Any = None
+    image: Any = None  #: x under the map
+    beta_least: Any = None  #: of the half map least beta_bar, at the turn [rad]
+    turn_by_start: Any = None  #: derivatives of that by (x, Omega)
+    matrix: Any = None  #: d(image)/d(x), over the box and the speeds in their ball
     by_omega: Any = None
     time_by_state: Any = None
     time_by_omega: Any = None
     divergence: Any = None  #: integral of div f over the flight
 
 
-def half_flight(
+def returned(
     model: Model,
-    gamma_bar: Any,
-    v: Any,
+    section: Section,
+    box: Sequence[Any],
+    proposer: Proposer,
     *,
     derivatives: bool = False,
     longest: float = 60.0,
-    along: Sequence[Any] = (0, 0),
-    watch: Callable[[Step], None] | None = None,
-) -> HalfFlight:
-    """Enclose the half map over a box on the section, at the working precision; ``longest`` [s] ends the search.
-
-    ``watch`` is called with every step before it is taken.
-
-    Where the model's speed is a ball, the box moves with it, ``along`` [rad s, rad] for each rad/s. The derivatives by
-    Omega are then along that line.
-    """
-    path = model.path((ball(0), gamma_bar, v), derivatives=derivatives, along=(0, *along))
-    if not negative(ball(v) + ball(along[1]) * (model.omega - model.omega.mid())):
-        return HalfFlight(Status.NO_START, path.time, 0)
-    walk = _Walk(model, path)
+) -> Return:
+    """Enclose a section's map over a box of its two coordinates; ``longest`` [s] ends the flight."""
+    path = model.path(section.start(*box), proposer, derivatives=derivatives)
+    if section == HALF and not negative(alike(path.box[2], box[1])):
+        return Return(Status.NO_START, path.time, 0)
+    walk = (_HalfWalk if section == HALF else _TurnWalk)(model, path)
     while path.time < longest:
         step = _resolved(walk)
         if isinstance(step, Status):
-            return HalfFlight(step, path.time, path.steps)
-        if watch is not None:
-            watch(step)
+            return Return(step, path.time, path.steps)
+        path.take(step, walk.crossing)
         if walk.crossing is not None:
-            path.take(step, walk.crossing)
-            return landed(model, path, walk.beta_least, walk.turn_by_start)
-        path.take(step)
-    return HalfFlight(Status.NO_RETURN, path.time, path.steps)
+            return landed(section, path, walk.beta_least, walk.turn_by_start)
+    return Return(Status.NO_RETURN, path.time, path.steps)
 
 
-class _Walk:
-    """Where the path stands between the two sections."""
+class _Walk(ABC):
+    """Where the path stands between two crossings of the section."""
 
     def __init__(self, model: Model, path: Path) -> None:
         self.model, self.path = model, path
-        self.turned = False
         self.beta_least: Any = None
         self.turn_by_start: Any = None
         self.crossing: Any = None
 
+    @abstractmethod
+    def leans(self, step: Step) -> Any:
+        """Whether beta_bar is proved to stay where it must."""
+
+    @abstractmethod
     def shows(self, step: Step) -> bool:
-        """Whether one of the three cases is proved of the step; notes a turn or a crossing."""
+        """Whether what the step must do is proved of it; notes a crossing."""
+
+    def guess(self, step: Step, index: int, level: Any) -> Any:
+        """A moment in the step, to begin with."""
+        moment = self.path.proposer.moment(step, index, level)
+        need(bool(moment >= 0 and moment <= step.length), "a moment is proposed that does not lie in its step")
+        return moment
+
+
+class _TurnWalk(_Walk):
+    """From gamma_bar = 0 to 2 pi: the step ends before, or crosses."""
+
+    def leans(self, step: Step) -> Any:
+        return positive(step.enclosure[0]) and inside(step.enclosure[0], arb(0, UPRIGHT))
+
+    def shows(self, step: Step) -> bool:
+        level = TURN.level()
+        ahead = step.at_end()[1] - level
+        if not positive(ahead):
+            return bool(negative(ahead))
+        slope = self.model.rates(step.enclosure)[1]
+        self.crossing, proved = enclosed_moment(
+            step,
+            self.guess(step, 1, level),
+            lambda t: step.at(t)[1] - level,
+            slope,
+            lambda t: self.model.rates(step.at(t))[1],
+        )
+        return bool(positive(slope) and proved)
+
+
+class _HalfWalk(_Walk):
+    """From beta_bar = 0, v < 0: one of the three cases, and a turn is noted."""
+
+    turned = False
+
+    def leans(self, step: Step) -> Any:
+        return inside(step.enclosure[0], arb(0, UPRIGHT))
+
+    def shows(self, step: Step) -> bool:
         case = cases(self.model, self.path.box, step)
         if self.turned:
             if case.crosses:
-                self.crossing, proved = moment_of_crossing(step, _approximate_zero(step, 0, 0), case.speed)
+                self.crossing, proved = moment_of_crossing(step, self.guess(step, 0, 0), case.speed)
                 return bool(proved)
             return bool(case.rises)
         if case.falls or not case.turns:
             return bool(case.falls)
-        turn, proved = moment_of_turn(self.model, step, _approximate_zero(step, 2, 0))
+        turn, proved = moment_of_turn(self.model, step, self.guess(step, 2, 0))
         if not proved:
             return False
         self.beta_least, self.turn_by_start = at_turn(step, turn, self.path.sharp)
@@ -178,38 +226,18 @@ def at_turn(step: Step, moment: Any, derivatives: bool) -> tuple[Any, Any]:
 
 def _resolved(walk: _Walk) -> Step | Status:
     """A step of which one of the cases is proved, cut shorter until it is."""
-    length, upright = None, True
+    length, leans = None, True
     for _ in range(_MOST_CUTS):
         step = walk.path.step(length)
         if step is None:
             break
-        upright = inside(step.enclosure[0], arb(0, UPRIGHT))
-        if upright and walk.shows(step):
+        leans = walk.leans(step)
+        if leans and walk.shows(step):
             return step
-        length = 0.7 * step.length
-    if not upright:
+        walk.crossing, length = None, 0.7 * step.length
+    if not leans:
         return Status.FLAT
-    if step is not None:
-        return Status.UNRESOLVED
-    return no_step(walk.path)
-
-
-def no_step(path: Path) -> Status:
-    """Why the path has no next step."""
-    known = {FlowStatus.TOO_WIDE: Status.TOO_WIDE, FlowStatus.GRAZING: Status.GRAZING}
-    return known.get(path.status, Status.NO_ENCLOSURE) if path.status else Status.NO_ENCLOSURE
-
-
-def moment_of_zero(step: Step, index: int, slope: Any, slope_at: Callable[[Any], Any], level: Any = 0) -> Any:
-    """The moment in the step when a state's component is at a level, given its slope's positive enclosure over it.
-
-    The component is proved to pass the level, so there is such a moment, and only one. None if its slope is not proved.
-    """
-    guess = _approximate_zero(step, index, level)
-    moment, proved = enclosed_moment(
-        step, guess, lambda t: step.at(t)[index] - level, slope, lambda t: slope_at(step.at(t))
-    )
-    return moment if proved else None
+    return Status.UNRESOLVED if step is not None else walk.path.status or Status.NO_ENCLOSURE
 
 
 def enclosed_moment(
@@ -232,53 +260,35 @@ def enclosed_moment(
     return moment, proved
 
 
-def _approximate_zero(step: Step, index: int, level: Any) -> Any:
-    """A number in the step near the zero, by bisection and then Newton's iteration on the midpoints."""
-    low, high = 0.0, step.length
-    for _ in range(20):
-        middle = (low + high) / 2
-        if (step.at(ball(middle))[index] - level).mid() < 0:
-            low = middle
-        else:
-            high = middle
-    guess, before = ball((low + high) / 2), ball((low + high) / 2 + 0.01 * step.length)
-    f_before = (step.at(before)[index] - level).mid()
-    for _ in range(12):  # a secant's order is 1.6: from 20 bits to 20 * 1.6^12 = 5600
-        f = (step.at(guess)[index] - level).mid()
-        if f == f_before:
-            break
-        ahead = (guess - f * (guess - before) / (f - f_before)).mid()
-        if not 0 < ahead < step.length:
-            break
-        before, f_before, guess = guess, f, ahead
-    return guess.mid()
-
-
-def landed(model: Model, path: Path, beta_least: Any, turn_by_start: Any) -> HalfFlight:
+def landed(section: Section, path: Path, beta_least: Any, turn_by_start: Any) -> Return:
     """What is proved of orbits whose path has been taken to the section."""
-    _, gamma_bar, v = path.box
+    first, sign = section.first, section.sign
     derivatives: dict[str, Any] = {}
     if path.sharp:
-        acceleration = model.rates((alike(v, 0), gamma_bar, v))[2]
-        columns = (1, 2, 3)
-        # On the section time moves with the start, dt = -d(beta)/v; gamma' = -Omega cos(beta) is zero there.
-        flight = [-path.matrix[0][k] / v for k in columns]
-        gamma_row = [-path.matrix[1][k] for k in columns]
-        v_row = [-(path.matrix[2][k] + acceleration * t) for k, t in zip(columns, flight, strict=True)]
+        state = list(path.box)
+        if sign < 0:  # that is where the section lies
+            state[section.zero] = alike(state[2], 0)
+        rates, columns = path.model.rates(state), (first, 2, 3)
+        # On the section time moves with the start, dt = -d(component) / its rate, and takes the others along.
+        times = [-path.matrix[section.zero][k] / rates[section.zero] for k in columns]
+        rows = [
+            [sign * (path.matrix[row][k] + rates[row] * time) for k, time in zip(columns, times, strict=True)]
+            for row in (first, 2)
+        ]
         derivatives = {
-            "matrix": ((gamma_row[0], gamma_row[1]), (v_row[0], v_row[1])),
-            "by_omega": (gamma_row[2], v_row[2]),
-            "time_by_state": (flight[0], flight[1]),
-            "time_by_omega": flight[2],
+            "matrix": tuple(tuple(row[:2]) for row in rows),
+            "by_omega": tuple(row[2] for row in rows),
+            "time_by_state": tuple(times[:2]),
+            "time_by_omega": times[2],
             "divergence": path.divergence,
         }
-    return HalfFlight(
+    return Return(
         Status.RETURNED,
         path.time,
         path.steps,
         path.reversals,
         time=path.time,
-        image=(-gamma_bar, -v),
+        image=tuple(sign * path.box[row] for row in (first, 2)),
         beta_least=beta_least,
         turn_by_start=turn_by_start,
         **derivatives,

@@ -1,6 +1,6 @@
 """Proved enclosures of the flow under the smooth friction law, whose field is analytic on either side of gamma_y = 0.
 
-gamma_y is the sliding velocity. For each sign s of it the law with |gamma_y| replaced by s gamma_y (`field`'s ``side``)
+gamma_y is the sliding velocity. For each sign s of it the law with |gamma_y| replaced by s gamma_y (`field.one_sided`)
 is analytic wherever s gamma_y > -epsilon; it is the smooth law where s gamma_y >= 0. An orbit is followed with its own
 side's law, by the steps of `flow`, and of every step one of these is shown:
 
@@ -28,7 +28,7 @@ So the smooth law's flow is continuously differentiable along such orbits, and t
 a box into the image of its midpoint plus derivatives times deviations, as in `flow`. The midpoint has its own tau,
 known to the working precision: no digits are lost.
 
-Where a ball becomes a point or a float: pieces, the iteration for tau and the step's end are chosen freely.
+Where a ball becomes a point or a float: pieces, the iteration for tau and the step's end are free.
 """
 
 from __future__ import annotations
@@ -38,24 +38,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from flint import arb_series
+from tippedisk_verify.proofs.kernel.balls import BallOps, arb, ball, ball_constants, hull, need, negative, positive
+from tippedisk_verify.proofs.kernel.field import field, one_sided, sliding_motion
+from tippedisk_verify.proofs.kernel.flow import Model, Path, Proposer, Status, Step, short_float
 
-from tippedisk_verify.model.equations import field, shifted, terms
-from tippedisk_verify.model.parameters import Constants, Parameters
-from tippedisk_verify.proofs.kernel.balls import (
-    BallOps,
-    arb,
-    ball,
-    ball_constants,
-    coefficient,
-    hull,
-    negative,
-    positive,
-    series_length,
-)
-from tippedisk_verify.proofs.kernel.flow import Law, Model, Path, Status, Step
-
-__all__ = ["Crossing", "SlidingPath", "SmoothModel", "model_of", "one_sided", "sliding_rate", "sliding_velocity"]
+__all__ = ["Crossing", "SlidingPath", "SmoothModel", "law_model", "model_of"]
 
 _PIECES = 64  # of a step, at most, before the rest of it is left to the next one
 _MOST_CUTS = 14
@@ -63,44 +50,25 @@ _SHORTEST = 2.0**-40  # s
 _BEYOND = 2.0**-8  # of the step: how far it goes on after the crossing
 _MOST_ITERATIONS = 100
 
-_BALLS = shifted(BallOps)
+
+def law_model(friction: str, constants: Any, omega: Any) -> Model:
+    """The equations of motion on balls under the friction law, 'linear' or 'smooth'."""
+    return (SmoothModel if friction == "smooth" else Model)(constants, omega)
 
 
-def model_of(parameters: Parameters, omega: Any) -> Model:
+def model_of(parameters: Any, omega: Any) -> Model:
     """The equations of motion on balls under the parameters' friction law, at the working precision."""
-    kind = SmoothModel if parameters.friction == "smooth" else Model
-    return kind(ball_constants(parameters), omega)
-
-
-def one_sided(side: int) -> Law:
-    """The analytic law that is the smooth one where the sliding velocity has the sign ``side`` (1 or -1)."""
-    return lambda ops, constants, omega: field(shifted(ops), constants, omega, "smooth", side)
-
-
-def sliding_velocity(constants: Constants, omega: Any, state: Sequence[Any]) -> Any:
-    """gamma_y [m/s] (Eq. gamma_y_3DOF) at shifted angles, on balls or series of balls."""
-    return terms(_BALLS, constants, omega, *state).sliding_velocity
-
-
-def sliding_rate(constants: Constants, omega: Any, state: Sequence[Any], side: int) -> Any:
-    """d(gamma_y)/dt [m/s^2] on balls under one side's law."""
-    rates = one_sided(side)(BallOps, constants, omega)(*state)
-    with series_length(2):
-        moving = [arb_series([part, rate], prec=2) for part, rate in zip(state, rates, strict=True)]
-        return coefficient(sliding_velocity(constants, omega, moving), 1)
+    return law_model(parameters.friction, ball_constants(parameters), omega)
 
 
 class SmoothModel(Model):
     """The smooth law on balls, with what steps need of its two sides' analytic laws."""
 
-    def __init__(self, constants: Constants, omega: Any) -> None:
+    def __init__(self, constants: Any, omega: Any) -> None:
         super().__init__(constants, omega, one_sided(1))
         #: by the sliding velocity's sign; the law of each is that of its side
         self.sides: dict[int, Model] = {1: self, -1: Model(constants, omega, one_sided(-1))}
         self._middles: dict[int, Model] = {}
-
-    def at_middle(self) -> SmoothModel:
-        return SmoothModel(self.constants, self.omega.mid())
 
     def middle(self, side: int) -> Model:
         """One side's law at the midpoint of the speeds."""
@@ -109,10 +77,10 @@ class SmoothModel(Model):
         return self._middles[side]
 
     def rates(self, state: Sequence[Any]) -> tuple[Any, Any, Any]:
-        return field(_BALLS, self.constants, self.omega, "smooth")(*state)
+        return field(BallOps, self.constants, self.omega, "smooth")(*state)
 
-    def path(self, start: Sequence[Any], *, derivatives: bool = False, along: Sequence[Any] = (0, 0, 0)) -> Path:
-        return SlidingPath(self, start, derivatives=derivatives, along=along)
+    def path(self, start: Sequence[Any], proposer: Proposer, *, derivatives: bool = False) -> Path:
+        return SlidingPath(self, start, proposer, derivatives=derivatives)
 
 
 @dataclass(frozen=True)
@@ -163,10 +131,10 @@ class SlidingPath(Path):
     """Follows all orbits from a box on which the sliding velocity has one sign, from side to side."""
 
     def __init__(
-        self, model: SmoothModel, start: Sequence[Any], *, derivatives: bool = False, along: Sequence[Any] = (0, 0, 0)
+        self, model: SmoothModel, start: Sequence[Any], proposer: Proposer, *, derivatives: bool = False
     ) -> None:
-        super().__init__(model, start, derivatives=derivatives, along=along)
-        sliding = sliding_velocity(model.constants, model.omega, self.box)
+        super().__init__(model, start, proposer, derivatives=derivatives)
+        sliding, _ = sliding_motion(BallOps, model.constants, model.omega, self.box)
         self.smooth, self.side = model, int(positive(sliding)) - int(negative(sliding))
         self.model = model.sides[self.side or 1]
 
@@ -199,7 +167,7 @@ class SlidingPath(Path):
                 return crossing
         if kept == step.length:
             return step
-        length = _rounded(kept, math.floor)
+        length = short_float(kept)
         return replace(step, length=length) if length >= _SHORTEST else None
 
     def _kept(self, step: Step) -> tuple[float, float | None]:
@@ -233,38 +201,42 @@ class SlidingPath(Path):
 
     def _towards(self, state: Sequence[Any]) -> Any:
         """side * gamma_y."""
-        return self.side * sliding_velocity(self.smooth.constants, self.smooth.omega, state)
+        return self.side * sliding_motion(BallOps, self.smooth.constants, self.smooth.omega, state)[0]
 
-    def _rate(self, state: Sequence[Any], law: int = 1) -> Any:
-        """Its rate by the law of the present side, or of the other one (-1)."""
-        return self.side * sliding_rate(self.smooth.constants, self.smooth.omega, state, law * self.side)
+    def _rate(self, state: Sequence[Any], model: Model | None = None) -> Any:
+        """Its rate by the law of the present side, or of a model."""
+        model = model or self.model
+        acceleration = model.law(BallOps, model.constants, model.omega)(*state)[2]
+        return self.side * sliding_motion(BallOps, model.constants, model.omega, state, acceleration)[1]
 
     def _crossing(self, step: Step, begin: float, end: float) -> Crossing | None:
-        smooth, other = self.smooth, -self.side
+        other, thin = self.smooth.sides[-self.side], self.smooth.middle(self.side)
         tau = _zero(lambda time: self._towards(step.at(time)), lambda time: self._rate(step.at(time)), begin, end)
         # The midpoint's orbit is one of them; the rates of all hold for it.
         middle_tau = _zero(
-            lambda time: self.side * sliding_velocity(smooth.constants, smooth.omega.mid(), step.centre(time)),
-            lambda time: self.side * sliding_rate(smooth.constants, smooth.omega.mid(), step.centre(time), self.side),
+            lambda time: self.side * sliding_motion(BallOps, thin.constants, thin.omega, step.centre(time))[0],
+            lambda time: self._rate(step.centre(time), thin),
             begin,
             end,
         )
-        until = _rounded(float(tau.upper()) + _BEYOND * step.length, math.ceil)
-        onwards = Path(smooth.sides[other], step.at(tau), derivatives=self.sharp)
-        second = onwards.step(_rounded(until - float(tau.lower()), math.ceil, 2))
-        thin = Path(smooth.middle(other), step.centre(middle_tau))
-        middle = thin.step(_rounded(until - float(middle_tau.lower()), math.ceil, 2))
+        until = _rounded_up(float(tau.upper()) + _BEYOND * step.length)
+        onwards = Path(other, step.at(tau), self.proposer.beyond(), derivatives=self.sharp)
+        second = onwards.step(_rounded_up(until - float(tau.lower()), 2))
+        point = Path(self.smooth.middle(-self.side), step.centre(middle_tau), self.proposer.beyond())
+        middle = point.step(_rounded_up(until - float(middle_tau.lower()), 2))
         if second is None or middle is None:
             return None
         reached = until >= tau.upper() and until - tau <= second.length and until - middle_tau <= middle.length
-        if not (reached and negative(self._rate(second.enclosure, -1))):
+        if not (reached and negative(self._rate(second.enclosure, other))):
             return None
         enclosure = tuple(a.union(b) for a, b in zip(step.enclosure, second.enclosure, strict=True))
         return Crossing(
             step.begin,
             until,
+            step.tried,
             (enclosure[0], enclosure[1], enclosure[2]),
             step.frame,
+            step.orders,
             step.polynomials,
             step.derivatives,
             first=step,
@@ -283,13 +255,14 @@ def _zero(value: Callable[[Any], Any], slope: Callable[[Any], Any], begin: float
         better = guess - value(guess) / slope(moment)
         if not better.is_finite():
             break
+        need(moment.overlaps(better), "the enclosures of a change of side contradict each other")
         before, moment = moment.rad(), moment.intersection(better)
         if 2 * moment.rad() > before:
             break
     return moment
 
 
-def _rounded(length: float, direction: Callable[[float], int], times: int = 1) -> float:
+def _rounded_up(length: float, times: int = 1) -> float:
     """Of 20 bits, like all lengths of steps; ``times`` units further on."""
     mantissa, exponent = math.frexp(length)
-    return math.ldexp(direction(mantissa * 2**20) + times - 1, exponent - 20)
+    return math.ldexp(math.ceil(mantissa * 2**20) + times - 1, exponent - 20)

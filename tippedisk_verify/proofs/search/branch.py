@@ -1,43 +1,38 @@
-"""Theorem 5b: the family of limit cycles from the Hopf point on is one curve, along which the speed falls.
+"""What is proved of the family of limit cycles: for the command line, and as a certificate.
 
-It is put together from the pieces of `pieces`. The first one begins at the Hopf point, gamma_bar_0 = 0; each next one
-begins where the last one ends, and both are proved to have the same cycle there. So over (0, a_end] the family is one
-analytic curve, and what falls or grows strictly on each piece does so on all of it: for each Omega of [Omega_end,
-Omega_crit) exactly one cycle of the curve has this speed. At gamma_bar_0 = 0 the scaled flow is linear, exp(A t), and
-takes a state x to -x in half a period t. So A has an eigenvalue i (2 k + 1) pi / t; no real one does that. A pair is
-imaginary at Omega_crit only (`closed_forms`), so Omega is Omega_crit there, and x is in the pair's plane. Its b is a
-sinusoid, and the flight shows that it has no zero inside the half period: k = 0, and the period is that of the pair.
-The enclosures are checked to hold the closed form's Omega_crit all the same.
-
-**The other end.** `connection_end` proves of every Omega in (Omega_h, Omega_1] that P has exactly one fixed point in a
-set Q next to the saddle. Let the last piece's cycle at a_end lie in Q at a speed below Omega_1 (`ProvedEnd.meets`).
-Then it is that fixed point. Over the speeds from Omega(a_end) to Omega_1 both curves are analytic in Omega; those at
-which they have the same cycle form a closed set, and an open one because P' - 1 is regular. So they are one curve. On
-the part next to the connection gamma_bar_0 falls with a derivative that is not zero as Omega grows, so a = gamma_bar_0
-is a parameter there as well, up to pi.
+`kernel.claims.family` says why arcs that fit together are one curve from the Hopf point on, and what joins it to the
+cycles next to the connection.
 
 Where a ball becomes a point or a float: nowhere.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
-from itertools import pairwise
+from typing import Any
 
+from tippedisk_verify.errors import Shortfall
 from tippedisk_verify.model.decimals import exact_text, rounded_down
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.proofs.closed_forms import check_linearization, hopf_balls
-from tippedisk_verify.proofs.kernel.balls import arb, ball, ball_constants, measured, working_precision
-from tippedisk_verify.proofs.search.heteroclinic import ProvedConnection
-from tippedisk_verify.proofs.search.pieces import Piece, Status, joined
+from tippedisk_verify.proofs.kernel.balls import Unproved, ball_constants, need, working_precision
+from tippedisk_verify.proofs.kernel.claims import connection_cycles
+from tippedisk_verify.proofs.kernel.claims.arcs import Piece, Status, piece_shown
+from tippedisk_verify.proofs.kernel.claims.family import curve_fault, last_cycle, sentence, unique_within
+from tippedisk_verify.proofs.kernel.reading import Refused
+from tippedisk_verify.proofs.numbers import measured
+from tippedisk_verify.proofs.search.arcs import piece_entry
+from tippedisk_verify.proofs.search.certificate import certificate_text, parameter_texts
+from tippedisk_verify.proofs.search.proved_connection import ProvedConnection
 from tippedisk_verify.proofs.search.proved_end import ProvedEnd
 
-__all__ = ["BranchProof", "hopf_closed"]
+__all__ = ["BranchProof", "omega_crit"]
 
-_BITS = 128
+_BITS = 160
 _PLACES = 9  # of the share and of the speed at the end, rounded to the safe side
 
 
@@ -50,24 +45,25 @@ class BranchProof:
     stopped: Status | None = None  #: why the piece after the last one is not proved, if one was tried
     connection: ProvedConnection | None = None  #: Omega_h, if it is known
     end: ProvedEnd | None = None  #: the cycles next to the connection, if they are proved
-    read: int = 0  #: how many of the pieces are taken as a file has them
+    read: frozenset[Piece] = frozenset()  #: those that are taken as a file has them
 
-    @property
+    @cached_property
     def hopf_closed(self) -> bool:
-        """Whether the pieces are one curve that is proved to begin at the Hopf point."""
-        glued = all(a.high == b.low and joined(a, b, b.low) for a, b in pairwise(self.pieces))
-        return bool(self.pieces) and glued and hopf_closed(self.parameters, self.pieces[0])
+        """Whether the pieces are one curve that is proved to begin at the Hopf point.
+
+        Raises InputError for a disk without the closed forms' hypotheses.
+        """
+        check_linearization(self.parameters.rational())
+        with working_precision(_BITS):
+            return not curve_fault(parameter_texts(self.parameters), self.pieces)
 
     @cached_property
     def end_closed(self) -> bool:
         """Whether the last piece runs into what is proved next to the connection."""
         if self.end is None or not self.pieces or self.end.connection.parameters != self.parameters:
             return False
-        last = self.pieces[-1]
-        cycle, off = last.at(last.high), last.scaled_to(last.high, last.within)
         with working_precision(_BITS):
-            found = [ball(middle) + arb(0, 1) * ball(part) for middle, part in zip(cycle, off, strict=True)]
-            return self.end.meets(found[1], ball(last.high), found[0])
+            return self.end.meets(*last_cycle(self.pieces))
 
     @property
     def proved(self) -> bool:
@@ -95,77 +91,55 @@ class BranchProof:
         unit = 10**_PLACES
         return Fraction(max(Fraction(0), (top - self.omega_end) / (top - bottom)) * unit // 1, unit)
 
-    def unique_within(self) -> tuple[Fraction, Fraction, Fraction]:
-        """Distances from every cycle of the curve within which there is no other of the same gamma_bar_0.
+    def claim(self) -> dict[str, Any]:
+        """What is proved, as a certificate claims it."""
+        names = ("v_0_per_gamma_bar_0", "v_0", "omega")
+        claim: dict[str, Any] = {
+            "kind": "family of limit cycles",
+            "parameters": parameter_texts(self.parameters),
+            "friction": "linear",
+            "amplitude_first": exact_text(self.pieces[0].high),
+            "amplitude_end": exact_text(self.pieces[-1].high),
+            "omega_end": exact_text(self.omega_end or Fraction(0)),
+            "numbers": {"omega_crit": omega_crit(self.parameters).to_dict()},
+            "unique_within": dict(zip(names, map(rounded_down, unique_within(self.pieces)), strict=True)),
+        }
+        if self.end is not None and self.end_closed and self.end.connection.omega_h is not None:
+            claim["numbers"] |= (end := self.end.claim())["numbers"]
+            claim |= {name: end[name] for name in connection_cycles.CLAIM} | {"kind": "whole family of limit cycles"}
+        return claim
 
-        Of v_0 / gamma_bar_0 [1/s] on the first piece, of v_0 [rad/s] on the others, and of Omega [rad/s].
-        """
-        rooms = [
-            [room - near for room, near in zip(piece.unique_within, piece.within, strict=True)] for piece in self.pieces
-        ]
-        later = [room[0] for room in rooms[1:]] or [rooms[0][0]]
-        return rooms[0][0], min(later), min(room[1] for room in rooms)
+    def certificate(self, executor: Executor | None = None) -> str:
+        """The text of a certificate; arcs that were read are shown first. Raises Shortfall if none can be written."""
+        if not self.hopf_closed:
+            raise Shortfall("no certificate: nothing is proved from the Hopf point on")
+        disk = parameter_texts(self.parameters)
+        read = [(number, piece) for number, piece in enumerate(self.pieces, 1) if piece in self.read]
+        jobs = [(disk, piece.low, number, piece.evidence) for number, piece in read]
+        try:
+            for (number, piece), shown in zip(
+                read, (map if executor is None else executor.map)(piece_shown, jobs), strict=True
+            ):
+                as_near = all(a <= b for a, b in zip(shown.within, piece.within, strict=True))
+                need(as_near and replace(shown, within=piece.within) == piece, f"arc {number}: it is another one")
+        except (Unproved, Refused) as fault:
+            raise Shortfall(f"no certificate that the kernel accepts could be made: {fault}") from None
+        bits = _BITS
+        evidence: dict[str, Any] = {"arcs": [piece.evidence for piece in self.pieces]}
+        if self.end is not None and self.end_closed:
+            bits, evidence["end"] = max(bits, self.end.connection.bits), self.end.evidence()
+        return certificate_text(self.claim(), bits, evidence)
 
     @property
     def statement(self) -> str:
-        """What is proved, in one sentence or three."""
+        """What is proved, in one sentence or some."""
         if not self.hopf_closed:
             return f"nothing is proved: {self._reason}."
-        last, first = exact_text(self.pieces[-1].high), exact_text(self.pieces[0].high)
-        ratio, v, speed = (rounded_down(part) for part in self.unique_within())
-        crit, end = omega_crit(self.parameters), exact_text(self.omega_end or Fraction(0))
-        if self.proved:
-            amplitudes = "(0, pi)"
-            other = f"as a tends to pi {self._connected}; each Omega with Omega_h < Omega < Omega_crit"
-        else:
-            amplitudes = f"(0, {last}] rad"
-            other = (
-                f"at a = {last} rad Omega is at most {end} rad/s, so that each Omega from there up to, but without, "
-                "Omega_crit"
-            )
-        return (
-            f"{self.read} of {len(self.pieces)} arcs were read from the file of --arcs, not proved here; if they hold, "
-            "so does what follows: "
-        ) * bool(self.read) + (
-            f"for the tippedisk with {self.parameters.definition()} under the linear friction law, gamma being a "
-            f"real number, not an angle, there are analytic functions v_0(a) < 0 and Omega(a) of a in {amplitudes} "
-            "such that at the speed Omega(a) the orbit from beta = pi/2, gamma = pi/2 + a with beta' = v_0(a) is an "
-            "asymptotically stable limit cycle, which S, (beta, gamma, v) -> (pi - beta, pi - gamma, -v), maps to "
-            "itself, which crosses beta = "
-            "pi/2 exactly twice a period, and on which |beta - pi/2| is less than pi/2; as a grows Omega falls "
-            "strictly, and the period and the largest |beta - pi/2| grow strictly; as a tends to 0 the cycle "
-            f"shrinks to inverted spinning, Omega tends to Omega_crit = {crit} rad/s, where a pair of eigenvalues "
-            f"crosses the imaginary axis, and the period tends to 2 pi over their imaginary part; {other} is the "
-            "speed of exactly one of these cycles. Let P be the half-period map, along the flow at the speed Omega "
-            "from beta = pi/2, v < 0 to the next crossing of beta = pi/2, with |beta - pi/2| < pi/2 between, and then "
-            f"by S. For no a with 0 < a <= {last} rad there is another (v, Omega), v < 0, for which P has the fixed "
-            "point gamma = pi/2 + a, v, with "
-            f"|Omega - Omega(a)| <= {speed} rad/s and, where a <= {first} rad, |v - v_0(a)| <= {ratio} a/s, where "
-            f"a is larger, |v - v_0(a)| <= {v} rad/s.{self._alone}"
+        assumed = (
+            f"{len(self.read)} of {len(self.pieces)} arcs were read from the file of --arcs, not proved here; if they "
+            "hold, so does what follows: "
         )
-
-    @property
-    def _connected(self) -> str:
-        """How the curve ends at the connection."""
-        assert self.end is not None
-        assert self.end.connection.omega_h is not None
-        middle, half_width = self.end.connection.omega_h.decimals()
-        return (
-            f"Omega tends to Omega_h, |Omega_h - {middle} rad/s| <= {half_width} rad/s, at which (pi/2, -pi/2, 0) "
-            "and (pi/2, 3 pi/2, 0) are connected by a heteroclinic orbit, and by its image under S; the period tends "
-            "to infinity, and v_0 to 0"
-        )
-
-    @property
-    def _alone(self) -> str:
-        """What is proved of other cycles next to the connection."""
-        if not self.proved or self.end is None:
-            return ""
-        low, high, gamma, v = map(exact_text, (self.end.low, self.end.high, self.end.gamma, self.end.v))
-        return (
-            f" P has no fixed point with 3 pi/2 - {gamma} <= gamma < 3 pi/2 and -{v} rad/s <= v < 0 for any Omega from "
-            f"{low} rad/s to Omega_h, and none but these cycles' for any Omega from there to {high} rad/s."
-        )
+        return assumed * bool(self.read) + sentence(self.claim())
 
     @property
     def _reason(self) -> str:
@@ -199,22 +173,10 @@ class BranchProof:
         if self.connection is not None and self.connection.omega_h is not None and self.connection.proved:
             entries["omega_h"] = self.connection.omega_h.to_dict()
         if hopf:
-            names = ("v_0_per_gamma_bar_0", "v_0", "omega")
-            entries["amplitude_end"] = exact_text(self.pieces[-1].high)
-            entries["omega_end"] = exact_text(self.omega_end or Fraction(0))
-            entries["unique_within"] = dict(zip(names, map(rounded_down, self.unique_within()), strict=True))
-        arcs = [piece.to_dict() for piece in self.pieces]
-        return entries | {"arcs_read": self.read, "arcs": arcs, "parameters": self.parameters.name}
-
-
-def hopf_closed(parameters: Parameters, piece: Piece) -> bool:
-    """Whether a piece begins at the Hopf point.
-
-    Raises InputError for a disk without the closed forms' hypotheses.
-    """
-    check_linearization(parameters.rational())
-    known, middle, off = omega_crit(parameters), piece.at(Fraction(0))[1], piece.within[1]
-    return piece.scaled and piece.low == 0 and abs(known.value - middle) + known.uncertainty <= off
+            claim = self.claim()
+            entries |= {name: claim[name] for name in ("amplitude_end", "omega_end", "unique_within")}
+        arcs = [piece_entry(piece) for piece in self.pieces]
+        return entries | {"arcs_read": len(self.read), "arcs": arcs, "parameters": self.parameters.name}
 
 
 def omega_crit(parameters: Parameters) -> Measured:

@@ -1,106 +1,57 @@
-"""The end of the family of limit cycles at the heteroclinic cycle: one cycle for each speed above Omega_h (linear law).
+"""The cycles next to the connection proved: choices for the kernel's claim `connection_cycles`, which has the proof.
 
-Notation as in `passage`, about the saddle (0, pi, 0) in shifted angles; S is x -> -x, and the field is odd about each
-saddle. All speeds lie in one closed interval J = [Omega_0, Omega_1], which holds the interval I of Theorem 6
-(`heteroclinic`).
+Extents and weights of cones fit the three named disks and those near them; other weights follow from what the kernel
+encloses. The lid eta is a little more than the bounds leave of |z_u| after one round at the largest speed, and as much
+more as it takes for the worst of the flights to arrive above it.
 
-**The map R.** D(Omega) is the set of all z with z_s = -s, |z_f| <= t_0 and -eta <= z_u <= g. An orbit from D that
-starts below the graph g leaves N through z_u = -u, after T seconds, T >= `passage.time`. Bounds of its |z_s| and |z_f|
-there give the *exit set*. S takes the exit to -z about the first saddle, and the flight from there reaches z_s = -s
-about the second one (`connection_flight`): R(z) is where it does. Where an orbit starts nearer and nearer to the graph,
-T grows, and its exit tends to that of the branch of the unstable manifold: an orbit that has always been in N lies on
-it. So R is continuous on D with R = p(Omega) on the graph, p the branch's arrival. Elsewhere it is analytic. All R(z)
-have z_u > -eta and |z_f| < t_0.
-
-**Contraction.** Let |d| = max(|d_u|, |d_f| / w) on the section. The second compound b of the flow and a variation d is
-F x d there, falls during the passage, and gives the variation at the exit, d_s = b_us / F_u, d_f = b_uf / F_u; then
-the derivatives of the flight act. So |DR d| <= kappa |d|, kappa < 1. In the metric "length of the shortest path in D"
-R shortens paths by kappa: a path that touches the graph, where R is only continuous, is the limit of paths a little
-below it. If moreover d = (-1, 0) then b_us > 0 and |b_uf| <= k b_us to the end, so that (d_u, d_f) on
-arrival has d_u < 0 and |d_u| > L |d_f|, L the graph's constant. With h = g - z_u, the height below the graph: h(R(z))
-grows strictly as z goes down on a line of constant z_f.
-
-**Omega_h.** Two speeds' arrivals p differ by a vector of the cone of `Passage.steep` with p_u falling in Omega: their
-exits differ by no more than (k_s, k_f) per rad/s, and the flight's derivatives do the rest. So h(p(Omega)) grows
-strictly in J, and its sign changes between the ends of J: there the bound |g| <= k s of `Passage.flat` tells on which
-side of the graph the branch arrives. At the Omega_h of Theorem 6 the branch is followed from z_s = -s to the box in
-which that theorem lets it stay and converge; |z_u| < u all along, so it stays in N, and h(p(Omega_h)) = 0. It is the
-only such speed in J, also where that theorem says "at least one".
-
-- *Omega >= Omega_h*: h(R(z)) >= h(p) >= 0, so R maps D into D, and has exactly one fixed point in D (Banach). If Omega
-  > Omega_h, it is not on the graph, because R(graph) = p is below it.
-- *Omega <= Omega_h*: if z is a fixed point below the graph and z' the graph's point with the same z_f, then h(z) =
-  h(R(z)) <= h(p) + (1 + L w) kappa |z - z'| < h(z). There is none.
-
-A fixed point below the graph is a periodic orbit that S maps to itself; DR there has norm at most kappa, so it is
-asymptotically stable.
-
-**The statement** is about the half map P of `section` on the box Q = {beta_bar = 0, -c <= y_g < 0, -d <= v < 0}. Q lies
-in N, below the graph, and in the set K of `passage`. So an orbit from Q has beta_bar < 0 until it leaves N through z_u
-= -u, and then in the flight up to its arrival R on z_s = -s: the bounds of the exit set hold for it too. *If P(x) = x*
-for an x in Q, the orbit's arrival lies below the graph. (If it were above or on it, the orbit would leave N through z_u
-= u or not at all. At a first crossing of beta_bar = 0 in N it would be in Q, below the graph; and after z_u = u it has
-y_g > 0, and gamma grows as long as beta_bar > 0.) So the arrival is a fixed point of R in D. *If R(z) = z below the
-graph*, beta_bar changes its sign in N. When it is first 0, v <= 0; the orbit is in the thin set of `passage`, so v < 0
-and y_g < 0: it is in K, and beta_bar < 0 from then on. |z_u| and |z_s| there, bounded by growth and decay from either
-side of a moment t*, put the crossing into Q. So fixed points of P in Q and of R below the graph are the same orbits.
-
-**Monotony.** Let z(Omega) be the fixed point; it is analytic, z' = (1 - DR)^-1 dR/d(Omega), with 0 <= R_uu <= kappa_u
-and dR/d(Omega) at fixed z from `Passage.drift` and the flight. So z_u' < 0, and d = (z_u', 0, z_f') is in the cone of
-`Passage.steep` with the speed's part 1: it stays there and d_u grows.
-
-- gamma_bar_0 falls: where beta_bar = 0, gamma' = 0, and its derivative by Omega is that at fixed time, with d_u's sign.
-- T falls: the passage's time has the derivative -d_u / F_u at the exit, both negative; this is larger than the
-  derivative of the flight's time.
-- beta_max falls: |beta_bar| is largest in the flight, with derivatives by (z_s, z_f, Omega) at its start.
-
-**As Omega falls to Omega_h.** h(z) <= h(p(Omega)) + (1 + L w) kappa h(z) for the fixed point z, and h(p(Omega)) tends
-to 0, as p and g are continuous. So h(z) tends to 0 and T to infinity, by `Passage.time`. Let c be a limit of the
-crossings of beta_bar = 0, and suppose it is not the saddle. It is in the thin set, so z_u, y_g and v are negative
-there. If the times from D to the crossings stayed bounded along a subsequence, c would be on the graph of the stable
-manifold; but all of the quadrant y_g < 0, v < 0 of beta_bar = 0 lies below it, as Q does. If they grow without bound,
-the orbit of c has been in N for ever, so c is on the unstable manifold's branch with z_u < 0. That leaves the saddle
-along -(l, Omega, l^2), l = lambda_u, into the inside of K, and beta_bar < 0 on it from then on in N. So c is the
-saddle.
-
-Where a ball becomes a point or a float: eta, t_0, w, t*, c, d and the cells of the exit set are chosen.
-
-Sources: L. P. Shilnikov, Mat. Sb. 61 (1963); Yu. A. Kuznetsov, Elements of Applied Bifurcation Theory, Section 6.4.
+Where a ball becomes a point or a float: everywhere, and any choice that the kernel accepts is right.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
 from fractions import Fraction
-from itertools import pairwise
 from typing import Any
 
-from flint import arb
+import numpy as np
+from flint import arb, arb_mat
+from numpy.typing import NDArray
 
 from tippedisk_verify.errors import InputError
+from tippedisk_verify.model.equations import field, shifted
 from tippedisk_verify.model.exact import exact, shown
-from tippedisk_verify.model.parameters import Parameters
+from tippedisk_verify.model.parameters import Constants
 from tippedisk_verify.proofs.closed_forms import refuse_past_birth
-from tippedisk_verify.proofs.kernel.balls import ball, ball_constants, hull, measured, positive, working_precision
-from tippedisk_verify.proofs.kernel.flow import Model
-from tippedisk_verify.proofs.search.connection_flight import Landing, fly_over, joined
-from tippedisk_verify.proofs.search.heteroclinic import ProvedConnection
-from tippedisk_verify.proofs.search.local_manifolds import FAST, SLOW, UNSTABLE, Frame
-from tippedisk_verify.proofs.search.passage import Passage, enclosed_passage, least, most, products
+from tippedisk_verify.proofs.kernel.balls import Unproved, ball, working_precision
+from tippedisk_verify.proofs.kernel.claims.connection_cycles import LID, ReturnMap, cycles_shown
+from tippedisk_verify.proofs.kernel.claims.passage import Passage
+from tippedisk_verify.proofs.kernel.claims.saddle import most
+from tippedisk_verify.proofs.numbers import measured
+from tippedisk_verify.proofs.search.certificate import Proposer
+from tippedisk_verify.proofs.search.heteroclinic import eigenvectors
+from tippedisk_verify.proofs.search.proved_connection import ProvedConnection
 from tippedisk_verify.proofs.search.proved_end import ProvedEnd, Status
 
 __all__ = ["checked_distance", "prove_end"]
 
-_BITS = 64
-_FAST = Fraction(1, 512)  # t_0
-_WEIGHT = Fraction(1, 4)  # w
-_SLOW_CELL, _SPEED_CELL = 4e-3, 2e-3  # lengths of the exit set's cells in z_s and in Omega [rad/s]
-_ROOM = 1.01  # eta over what the bounds of the largest speed's orbit leave it
+#: u, s, t: |z_f| has room for starts on the section beta = pi/2 that are off the slow manifold
+_EXTENTS = (Fraction(1, 5), Fraction(1, 5), Fraction(3, 10))
+_CELLS = (32, 6)  # along half of z_u and z_s, and of z_f
+_STEEP = (Fraction(1), Fraction(1, 8), Fraction(1))
+_COMPOUND = (Fraction(1, 2), Fraction(1))
+_RETURN = Fraction(10)  # 1/s, between the two roots of p^2 - a_2 p + a_1
+_THIN = Fraction(1, 8)
+_WIDER = arb(17) / 16  # than an inequality needs
+_FAST, _WEIGHT = Fraction(1, 512), Fraction(1, 4)  # t_0 and w
+_SPEED_CELL, _SLOW_CELL = 2e-3, 4e-3  # lengths of the exits' cells in the speed [rad/s] and in z_s
+_ROOM = 1.01  # the lid over what the bounds of the largest speed's orbit leave it
 _WIDENED = 0.15  # by how much of a cell's image its enclosure is wider; measured
-_ROUNDS = 60
-_LONGEST = 3.0  # s, from the first saddle to Theorem 6's box
+_ROUNDS, _ATTEMPTS = 60, 8
+_STEP = 0.005  # s; a box's enclosure over a longer one is too wide where the fast direction contracts
+_FLOWN, _LONGEST = 1e-3, 3000  # s, and how many, of the single flights
+
+Array = NDArray[np.float64]
 
 
 def prove_end(
@@ -112,20 +63,34 @@ def prove_end(
     """Prove the cycles from the ``connection`` that is proved up to ``reach`` above it, and that ``below`` it is none.
 
     Both [rad/s] count from Omega_h rounded to four decimals. ``watch`` is called with the share of the flights that is
-    done. Raises InputError for the smooth law and for numbers that make no sense, NoConnectionError as `Frame`.
+    done. Raises InputError for the smooth law and for numbers that make no sense, NoConnectionError as `eigenvectors`.
     """
     parameters, omega_h = connection.parameters, connection.omega_h
     above, under = checked_distance(reach), checked_distance(below)
-    if not connection.proved or parameters is None or omega_h is None:
+    if not connection.proved or parameters is None or omega_h is None or connection.shown is None:
         return ProvedEnd(Status.NO_CONNECTION, connection, Fraction(0), Fraction(0))
     parameters.refuse_smooth("the cycles next to the connection are proved")
-    near = round(omega_h.value, 4)
-    low, high = near - under, near + above
+    middle = round(omega_h.value, 4)
+    low, high = middle - under, middle + above
     if not low < omega_h.value - omega_h.uncertainty < omega_h.value + omega_h.uncertainty < high:
         raise InputError("Omega_h is not between the ends: give larger numbers")
     refuse_past_birth(parameters, high)
-    with working_precision(_BITS):
-        return _End(parameters, connection, low, high, watch).prove()
+    for attempt in range(_ATTEMPTS):
+        search = _Search(connection, low, high, _ROOM**attempt)
+        try:
+            with working_precision(connection.bits):
+                end = cycles_shown(connection.shown, low, high, search, watch)
+        except Unproved as fault:
+            status = search.stopped(str(fault))
+            detail = "" if str(fault) == status.value else str(fault)
+            failed = ProvedEnd(status, connection, low, high, detail=detail)
+            if not str(fault).startswith(LID):
+                break
+            continue
+        numbers = {"kappa": end.kappa, "eta": search.log["entry"]["lid"], "T": end.time}
+        texts = {name: f"{float(x):.4g}" for name, x in numbers.items()}
+        return ProvedEnd(Status.PROVED, connection, low, high, end.gamma, end.v, texts, choices=search.log)
+    return failed
 
 
 def checked_distance(number: object) -> Fraction:
@@ -136,285 +101,122 @@ def checked_distance(number: object) -> Fraction:
     return given.rational
 
 
-@dataclass(frozen=True)
-class _Bounds:
-    """What bounds the passages: made before the flights."""
-
-    eta: Any
-    time: Any  #: no passage from D is shorter [s]
-    gamma: Fraction  #: c
-    v: Fraction  #: d
-    slow: tuple[Any, Any]  #: least and largest z_s of the exit set, about the saddle that is left
-    fast: Any  #: largest |z_f| there
+class _NoLidError(Unproved):
+    """The cycle passes the saddle too far away."""
 
 
-class _End:
-    """One proof, at the working precision."""
+class _Search(Proposer):
+    def __init__(self, connection: ProvedConnection, low: Fraction, high: Fraction, factor: float) -> None:
+        """``factor``: by how much more the lid lies beyond what is expected."""
+        super().__init__()
+        self.connection, self.low, self.high, self.factor = connection, low, high, factor
 
-    def __init__(
-        self, parameters: Parameters, connection: ProvedConnection, low: Fraction, high: Fraction, watch: Any
-    ) -> None:
-        self.parameters, self.connection, self.low, self.high, self.watch = parameters, connection, low, high, watch
-        self.constants = ball_constants(parameters)
-        assert connection.omega_h is not None
-        self.frame = Frame(parameters, connection.omega_h.value)
-        self.passage: Passage = enclosed_passage(self.frame, hull(low, high))
-        self.u, self.s, _ = self.passage.extents
-        self.t_0, self.weight = ball(_FAST), ball(_WEIGHT)
+    def stopped(self, refusal: str) -> Status:
+        """Where the kernel refused."""
+        if refusal == Status.NO_LID.value:
+            return Status.NO_LID
+        if "connection" in refusal:
+            return Status.APART
+        return Status.FLIGHT if refusal.startswith("flight") else Status.INEQUALITY
 
-    def prove(self) -> ProvedEnd:
-        failing = _failing(self.passage.slacks())
-        if failing:
-            return self._failed(Status.INEQUALITY, failing)
-        guess = self._fly(ball(self.high), arb(0), arb(0))
-        if guess is None:
-            return self._failed(Status.FLIGHT)
-        eta = self._lid(guess)
-        if eta is None:
-            return self._failed(Status.NO_LID)
-        bounds = self._bounds(eta)
-        failing = _failing(self._starts(bounds))
-        if failing:
-            return self._failed(Status.INEQUALITY, failing)
-        landing = self._flights(bounds)
-        if landing is None:
-            return self._failed(Status.FLIGHT)
-        numbers: dict[str, str] = {}
-        failing = _failing(self._ends(bounds, landing, numbers)) or _failing(self._sides())
-        if failing:
-            return self._failed(Status.INEQUALITY, failing)
-        if not self._connected():
-            return self._failed(Status.APART)
-        return ProvedEnd(Status.PROVED, self.connection, self.low, self.high, bounds.gamma, bounds.v, numbers)
+    def box(self) -> dict[str, Any]:
+        omega_h, parameters = self.connection.omega_h, self.connection.parameters
+        assert omega_h is not None
+        assert parameters is not None
+        directions = eigenvectors(parameters, omega_h.value)[1]
+        extents = [ball(extent).mid() for extent in _EXTENTS]
+        return {"directions": directions.tolist(), "extents": extents, "cells": list(_CELLS)}
 
-    def _failed(self, status: Status, detail: str = "") -> ProvedEnd:
-        return ProvedEnd(status, self.connection, self.low, self.high, detail=detail)
+    def weights(self, n: Passage) -> dict[str, Any]:
+        flat, lipschitz = (
+            most((abs(matrix[0, 1]) + abs(matrix[0, 2])) / matrix[0, 0] * 9 / 8).mid() for matrix in (n.M, n.A)
+        )
+        c = n.C
+        grows = [[c[i, j].upper() if i == j else most(c[i, j]) for j in range(3)] for i in range(3)]
+        drift = arb_mat(grows).solve(arb_mat([[-part * _WIDER] for part in n.stirred]))
+        return {
+            "steep": _points(_STEEP), "compound": _points(_COMPOUND), "drift": [most(x).mid() for x in drift.entries()],
+            "flat": flat, "lipschitz": lipschitz, "thin": ball(_THIN), "return": ball(_RETURN),
+        }  # fmt: skip
 
-    def _fly(self, omega: Any, slow: Any, fast: Any) -> Landing | None:
-        flown = fly_over(self.frame, Model(self.constants, omega), (self.u, self.s), slow, fast)
-        return flown[0] if flown else None
-
-    def _lid(self, guess: Landing) -> Any:
-        """eta: a little more than the bounds leave of |z_u| after one round at the largest speed; None if none does."""
-        arrival, slope = float(most(guess.unstable)), float(most(guess.unstable_by[0]))
-        wide = (slope * _SLOW_CELL + float(most(guess.unstable_by[2])) * _SPEED_CELL) * _WIDENED
-        eta = arrival
+    def entry(self, n: Passage) -> dict[str, Any]:
+        """D and Q, with a lid above which the flights of the largest speed and z_s are expected to arrive."""
+        top, cell = float(self.high), float(self.high) - _SPEED_CELL
+        _, (arrival, further, slower) = self._flown(n, np.array([top, top, cell]), np.array([0, _SLOW_CELL, 0]))
+        wide = (abs(further - arrival) + abs(slower - arrival)) * _WIDENED
+        lid = abs(arrival)
         for _ in range(_ROUNDS):
-            if eta > float(self.u) / 2:
-                return None
-            eta = _ROOM * (arrival + slope * float(self._bounds(ball(eta)).slow[1]) + wide)
-        return ball(eta)
+            reach = float(self._return_map(n, lid).exits[1]) / _SLOW_CELL
+            lid = _ROOM * (abs(arrival) + abs(further - arrival) * reach + wide)
+        return self._entry(n, lid * self.factor)
 
-    def _bounds(self, eta: Any) -> _Bounds:
-        p = self.passage
-        edge = p.flat * self.s  # of |g| on the section, and of |z_u| along the orbits of its graph: there |z_f| < s
-        time = p.time(eta + edge)
-        crossing = self._crossing(eta + edge, edge)
-        share, fast = p.at_crossing()
-        rows = [[self.frame.directions[row, k] for k in range(3)] for row in (1, 2)]
-        c, d = (_decimal_above(crossing * (row[0] + row[1] * share + row[2] * fast)) for row in rows)
-        _, by_v = self._columns()
-        corner = [most(part) for part in self._box_of_starts(c, d)]
-        distance = corner[UNSTABLE] + p.flat * corner[SLOW].max(corner[FAST])
-        slow_d, fast_d = p.fallen(self.s, self.t_0, time)
-        slow_q, fast_q = p.fallen(corner[SLOW], corner[FAST], p.time(distance))
-        back, _ = p.fallen(ball(d) * abs(by_v[SLOW]), self.t_0, p.time(distance))
-        return _Bounds(eta, time, c, d, (-back, slow_d.max(slow_q)), fast_d.max(fast_q))
+    def _return_map(self, n: Passage, lid: float) -> ReturnMap:
+        if lid > float(n.extents[0]) / 2:
+            raise _NoLidError(Status.NO_LID.value)
+        return ReturnMap(n, self._entry(n, lid))
 
-    def _columns(self) -> tuple[list[Any], list[Any]]:
-        """z = -a (first) - b (second) where beta_bar = 0, y_g = -a, v = -b."""
-        return [self.frame.inverse[row, 1] for row in range(3)], [self.frame.inverse[row, 2] for row in range(3)]
+    def _entry(self, n: Passage, lid: float) -> dict[str, Any]:
+        """With the moment that bounds the crossings of beta_bar = 0 best, and the c and d that hold them."""
+        top, fast = ball(lid), ball(_FAST)
 
-    def _box_of_starts(self, c: Fraction, d: Fraction) -> list[Any]:
-        """A box of z that holds Q."""
-        return [-hull(0, c) * x - hull(0, d) * y for x, y in zip(*self._columns(), strict=True)]
-
-    def _crossing(self, distance: Any, edge: Any) -> Any:
-        """A bound of |z_u| where an orbit from D has beta_bar = 0; ``distance`` and ``edge`` bound |d_u| and |z_u| of
-        the graph's orbit at the start.
-        """
-        p = self.passage
-        share, _ = p.at_crossing()
-
-        def both(moment: Any) -> tuple[Any, Any]:
-            early = distance * (p.growth[1] * moment).exp() + edge
-            late = p.fallen(self.s, self.t_0, moment)[0] / share.lower()
-            return most(early), most(late)
+        def bound(moment: float) -> Any:
+            return n.crossing(top, fast, ball(moment))
 
         low, high = 0.0, 1.0
-        for _ in range(_ROUNDS):
-            middle = (low + high) / 2
-            early, late = both(ball(middle))
-            low, high = (middle, high) if early < late else (low, middle)
-        early, late = both(ball(low))
-        return early.max(late)
+        for _ in range(_ROUNDS):  # the bound falls, and then grows
+            first, second = low + (high - low) / 3, high - (high - low) / 3
+            low, high = (low, second) if bound(first) < bound(second) else (first, high)
+        c, d = (_decimal_above(bound(low) * n.at_crossing(row)) for row in (1, 2))
+        return {"lid": top, "fast": fast, "weight": ball(_WEIGHT), "moment": ball(low), "gamma": c, "v": d}
 
-    def _starts(self, bounds: _Bounds) -> Iterator[tuple[str, Any]]:
-        """What is asked of D and Q before the flights."""
-        p = self.passage
-        for extent, part in zip(p.extents, self._box_of_starts(bounds.gamma, bounds.v), strict=True):
-            yield "Q lies in N", extent - abs(part)
-        by_gamma, by_v = self._columns()
-        for column in (by_gamma, by_v):
-            yield "Q lies below the graph", column[UNSTABLE] - p.flat * abs(column[SLOW]).max(abs(column[FAST]))
-        yield "the sign of z_s in Q", by_gamma[SLOW]
-        yield "a passage takes time", bounds.time
-        yield "D lies in the thin set", p.thin * self.s - self.t_0
-        yield "D lies in N", self.u - bounds.eta
-        yield "the graph lies above the lid", bounds.eta - p.flat * self.s
-        yield "the fast part in N", p.stirred_within - p.forcing[1] - self.t_0
-        yield "the fast part in N", self.s - p.stirred_within
-        beta, _, _ = self.frame.offset([-self.u, -hull(*bounds.slow), arb(0, bounds.fast)])
-        yield "beta_bar where N is left", -beta
-        _, gamma, _ = self.frame.offset([self.u, arb(0, self.s), arb(0, p.extents[FAST])])
-        yield "gamma where N is left upwards", gamma
-
-    def _flights(self, bounds: _Bounds) -> Landing | None:
-        """All flights from the exit set at all speeds, cell by cell."""
-        least_slow, most_slow = measured(bounds.slow[0].lower()).value, measured(bounds.slow[1].upper()).value
-        cells = [
-            (omega, slow)
-            for omega in _pieces(self.low, self.high, _SPEED_CELL)
-            for slow in _pieces(least_slow, most_slow, _SLOW_CELL)
-        ]
-        landings = []
-        for done, (omega, slow) in enumerate(cells):
-            landing = self._fly(omega, slow, arb(0, bounds.fast))
-            if landing is None:
-                return None
-            landings.append(landing)
-            self.watch((done + 1) / len(cells))
-        return joined(landings)
-
-    def _ends(self, bounds: _Bounds, landing: Landing, numbers: dict[str, str]) -> Iterator[tuple[str, Any]]:
-        """What is asked of R; sizes go into ``numbers``."""
-        p, w = self.passage, self.weight
-        yield "arrivals above the lid", landing.unstable + bounds.eta
-        yield "arrivals in N", self.u - abs(landing.unstable)
-        yield "the fast part of arrivals", self.t_0 - abs(landing.fast)
-        entry = p.rates([hull(-bounds.eta, p.flat * self.s), -self.s, arb(0, self.t_0)])
-        leave = p.rates([-self.u, -hull(*bounds.slow), arb(0, bounds.fast)])
-        speed, quickest = least(-leave[UNSTABLE]), most(leave[UNSTABLE])
-        yield "orbits enter N", entry[SLOW]
-        yield "orbits leave N", speed
-        (m_us, m_uf, m_uo), (m_fs, m_ff, m_fo) = landing.unstable_by, landing.fast_by
-
-        def returned(d: Sequence[Any]) -> tuple[Any, Any]:
-            """Bounds of |d_u| and |d_f| after one round."""
-            b = p.settled(p.norm(products(entry, d)), bounds.time)
-            slow, fast = (part / speed for part in b)
-            return most(abs(m_us) * slow + abs(m_uf) * fast), most(abs(m_fs) * slow + abs(m_ff) * fast)
-
-        both = returned([arb(0, 1), arb(0), arb(0, w)])
-        kappa = both[0].max(most(both[1] / w))
-        numbers |= {name: f"{float(x):.4g}" for name, x in (("kappa", kappa), ("eta", bounds.eta), ("T", bounds.time))}
-        yield "R contracts", 1 - kappa
-        yield "R contracts heights", 1 - kappa * (1 + p.lipschitz * w)
-        k_1, _ = p.compound
-        yield "the cone on entry", k_1 * entry[SLOW] - abs(entry[FAST])
-        ratio = p.ratio(bounds.time)
-        height = p.lipschitz * (abs(m_fs) + abs(m_ff) * ratio)
-        yield "heights grow downwards", -m_us - abs(m_uf) * ratio - height
-        # The arrivals of the branch.
-        k_u, k_s, k_f = p.steep
-        moved_u = m_us * arb(0, k_s) + m_uf * arb(0, k_f) + m_uo
-        moved_f = m_fs * arb(0, k_s) + m_ff * arb(0, k_f) + m_fo
-        yield "the branch's arrivals fall", -moved_u - k_u
-        yield "the branch's arrivals fall", -moved_u - k_u / k_f * abs(moved_f)
-        yield from self._monotony(bounds, landing, entry, (speed, quickest), returned)
-
-    def _sides(self) -> Iterator[tuple[str, Any]]:
-        """The branch arrives above the graph at the least speed, and below it at the largest one."""
-        slow, fast = self.passage.forcing  # what has been in N for ever has fallen so far
-        reach = measured(slow).value
-        for speed, side in ((self.low, 1), (self.high, -1)):
-            for exit_ in _pieces(-reach, reach, _SLOW_CELL):
-                landing = self._fly(ball(speed), exit_, arb(0, fast))
-                arrival = arb.nan() if landing is None else landing.unstable
-                yield "the branch arrives on either side of the graph", side * arrival - self.passage.flat * self.s
-
-    def _monotony(
-        self, bounds: _Bounds, landing: Landing, entry: Sequence[Any], speeds: Any, returned: Callable[..., Any]
-    ) -> Iterator[tuple[str, Any]]:
-        """The signs of the derivatives by Omega along the cycles."""
-        p = self.passage
-        (k_u, k_s, k_f), (k_1, k_2), (speed, quickest) = p.steep, p.compound, speeds
-        # The columns of DR, and dR/d(Omega) at a fixed start.
-        first, second = returned([arb(1), arb(0), arb(0)]), returned([arb(0), arb(0), arb(1)])
-        drift = [arb(0, most(part / speed)) for part in p.drift[:2]]
-        rest_u, rest_f = (
-            row[0] * drift[0] + row[1] * drift[1] + row[2] for row in (landing.unstable_by, landing.fast_by)
+    def flights(self, returned: ReturnMap) -> dict[str, Any]:
+        """Steps that end half a step after the middle of each cell arrives."""
+        low, high = float(self.low), float(self.high)
+        least, largest = map(float, returned.exits)
+        rows, columns = math.ceil((high - low) / _SPEED_CELL), math.ceil((largest - least) / _SLOW_CELL)
+        speeds, slow = (
+            begin + (end - begin) * (np.arange(number) + 0.5) / number
+            for begin, end, number in ((low, high, rows), (least, largest, columns))
         )
-        # |z_f'| <= slope |z_u'| + offset by the second row, and the first one then bounds |z_u'|.
-        own = 1 - second[1]
-        yield "1 - DR is regular", own
-        slope, offset = first[1] / own, abs(rest_f) / own
-        room = 1 - first[0] - second[0] * slope
-        yield "1 - DR is regular", room
-        falls, away = -rest_u, second[0] * offset
-        yield "the cycle's entry falls", falls - away
-        slowest, fastest = least((falls - away) / (1 + second[0] * slope)), ((falls + away) / room).upper()
-        share = arb(0, most(slope + offset / slowest))  # z_f' / z_u'
-        yield "the cone of the derivative", slowest - k_u
-        yield "the cone of the derivative", k_f - k_u * abs(share)
-        yield "the compound's cone of the derivative", k_1 * entry[SLOW] - abs(entry[UNSTABLE] * share - entry[FAST])
-        yield "the compound's cone of the derivative", k_2 - abs(share)
-        row = [self.frame.directions[1, k] for k in range(3)]
-        yield "gamma_bar_0 falls", row[UNSTABLE] - (abs(row[SLOW]) * k_s + abs(row[FAST]) * k_f) / k_u
-        # The exit's derivatives, about the saddle that is left.
-        b = p.settled(p.norm(products(entry, (arb(1), arb(0), share))) * fastest, bounds.time)
-        slow = hull(0, b[0] / speed) + drift[0]
-        fast = arb(0, most(b[1] / speed)) + drift[1]
-        gained = slowest * (p.growth[0] * bounds.time).exp() / quickest
-        by = landing.time_by
-        yield "the period falls", gained - abs(by[0] * slow + by[1] * fast + by[2])
-        by = landing.beta_most_by
-        yield "beta_max falls", -(by[0] * slow + by[1] * fast + by[2])
-        inside, _, _ = self.frame.offset([arb(0, self.u), arb(0, self.s), arb(0, p.forcing[1] + self.t_0)])
-        yield "beta_max is in the flight", landing.beta_most - abs(inside)
+        times, _ = self._flown(returned.n, np.repeat(speeds, columns), np.tile(slow, rows))
+        count = math.ceil(float(times.max()) / _STEP)
+        lengths = np.round(times / (count - 0.5) * 2**30) / 2**30
+        return {"steps": count, "lengths": [[arb(float(x)) for x in row] for row in lengths.reshape(rows, columns)]}
 
-    def _connected(self) -> bool:
-        """Whether the connection of Theorem 6 stays in N from z_s = -s on."""
-        p, room, omega_h = self.passage, self.connection.room, self.connection.omega_h
-        if room is None or omega_h is None:
-            return False
-        speeds = hull(omega_h.value - omega_h.uncertainty, omega_h.value + omega_h.uncertainty)
-        slow, fast = (arb(0, part) for part in p.forcing)  # what has been in N for ever has fallen so far
-        flown = fly_over(self.frame, Model(self.constants, speeds), (self.u, self.s), slow, fast)
-        box = self.frame.coordinates([arb(0, ball(extent).upper()) for extent in room])
-        if flown is None or not positive(self.u - abs(box[UNSTABLE])):
-            return False
-        path = flown[1]
-        while path.time < _LONGEST:
-            step = path.step()
-            if step is None:
-                return False
-            beta, gamma, v = step.enclosure
-            z = self.frame.coordinates((beta, gamma - arb.pi(), v))
-            if not (positive(self.u - abs(z[UNSTABLE])) and positive(beta)):
-                return False
-            path.take(step)
-            if positive(path.box[1] - arb.pi() + ball(room.gamma)):
-                return True
-        return False
+    def _flown(self, n: Passage, speeds: Array, slow: Array) -> tuple[Array, Array]:
+        """The times of single flights from z_u = u to z_s = -s, and z_u there, by the classical Runge-Kutta method."""
+        assert self.connection.parameters is not None
+        constants = Constants(*map(float, self.connection.parameters.rational()))
+        to_y, to_z = (
+            np.array([[float(x) for x in row] for row in m.tolist()]) for m in (n.saddle.directions, n.saddle.inverse)
+        )
+        rates = field(shifted(np), constants, speeds, "linear")
+        u, s, _ = map(float, n.extents)
+        turn = np.array([[0.0], [math.pi], [0.0]])
+        x = to_y @ np.array([np.full(len(slow), u), slow, 0 * slow]) - turn
+        times, arrived = np.full(len(slow), math.nan), np.full(len(slow), math.nan)
+        before = to_z @ (x - turn)
+        for k in range(_LONGEST):
+            k1 = np.array(rates(*x))
+            k2 = np.array(rates(*(x + _FLOWN / 2 * k1)))
+            k3 = np.array(rates(*(x + _FLOWN / 2 * k2)))
+            x = x + _FLOWN / 6 * (k1 + 2 * k2 + 2 * k3 + np.array(rates(*(x + _FLOWN * k3))))
+            z = to_z @ (x - turn)
+            passed = np.isnan(times) & (before[1] < -s) & (z[1] >= -s)
+            share = ((-s - before[1]) / (z[1] - before[1]))[passed]
+            times[passed] = (k + share) * _FLOWN
+            arrived[passed] = before[0][passed] + (z[0] - before[0])[passed] * share
+            if not np.isnan(times).any():
+                return times, arrived
+            before = z
+        raise Unproved("flight 1: it does not arrive")
 
 
-def _failing(slacks: Iterator[tuple[str, Any]]) -> str:
-    """The first inequality that is not proved, with its ball; empty if all are."""
-    for name, slack in slacks:
-        if not positive(slack):
-            return f"{name}: {slack.str(4)} is not proved to be positive"
-    return ""
-
-
-def _pieces(low: Fraction, high: Fraction, length: float) -> list[Any]:
-    """Balls that cover the interval."""
-    count = math.ceil(float(high - low) / length)
-    ends = [low + (high - low) * k / count for k in range(count + 1)]
-    return [hull(a, b) for a, b in pairwise(ends)]
+def _points(numbers: Sequence[Fraction]) -> list[Any]:
+    return [ball(number).mid() for number in numbers]
 
 
 def _decimal_above(x: Any) -> Fraction:
-    """A multiple of 1/1000 that no number of the ball is above."""
+    """A multiple of 1/1000 that no number of the ball reaches."""
     enclosure = measured(x)
-    return Fraction(math.ceil((enclosure.value + enclosure.uncertainty) * 1000), 1000)
+    return Fraction(math.floor((enclosure.value + enclosure.uncertainty) * 1000) + 1, 1000)

@@ -1,35 +1,18 @@
-"""Limit cycles, proved: existence, local uniqueness, numbers, stability, by Krawczyk's operator on the half map.
+"""Limit cycles, proved: the search for what the kernel's test (`kernel.claims.cycle`) is likely to pass.
 
-A fixed point x of the half map P (see `section`) lies on a limit cycle that S maps to itself: the orbit goes from x to
--x and, by the symmetry, on to x in the same time again. With F = P - 1, a point m, a box X around it, and any regular
-matrix Y,
-
-    K = m - Y F(m) + (1 - Y F'(X)) (X - m)
-
-holds every zero of F in X; if K lies in X's interior there is exactly one, and all matrices of F'(X) are regular
-(Krawczyk 1969; Moore 1977; Rump 1983). Where parameters or the speed are balls, this is so for each choice in them.
-
-The numbers follow on balls: period and largest |beta_bar| by the mean value theorem from m, the derivatives from the
-run over X. The return map's multipliers are the squares of P's. P's determinant is -exp(integral of div f over the
-half period) by Liouville's formula: S after the flow has the derivative -DPhi, with eigenvalue 1 along the field, and
-determinant -det DPhi. So P has a positive and a negative real multiplier.
-
-Under the smooth friction law P is continuously differentiable along orbits that cross gamma_y = 0 as `sliding` proves
-them to, and nothing above asks for more.
-
-Where a ball becomes a point or a float: m, Y and X's radius are chosen, and any choice that passes the test is right;
-iterating towards m uses midpoints, for it only finds m.
+A guess is sharpened by Newton's iteration on midpoints. The precision and the box's radii grow until the numbers have
+the digits asked for; wider boxes are tried for how far the next fixed point must be. Whatever is chosen here, what is
+said comes from a test that was passed.
 """
 
 from __future__ import annotations
 
 import math
-from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from fractions import Fraction
-from typing import Any, ClassVar
+from typing import Any
 
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.decimals import exact_text, rounded_down
@@ -37,29 +20,19 @@ from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import bits_for_digits
-from tippedisk_verify.proofs.kernel.balls import (
-    arb,
-    ball,
-    measured,
-    negative,
-    positive,
-    working_precision,
-)
-from tippedisk_verify.proofs.kernel.flow import Model
-from tippedisk_verify.proofs.kernel.krawczyk import Flight, Inclusion, inclusion, midpoint_inverse, product
-from tippedisk_verify.proofs.kernel.section import HalfFlight, half_flight
-from tippedisk_verify.proofs.kernel.section import Status as HalfStatus
+from tippedisk_verify.proofs.kernel.balls import arb, ball, working_precision
+from tippedisk_verify.proofs.kernel.claims import cycle
+from tippedisk_verify.proofs.kernel.flow import Model, magnitude
+from tippedisk_verify.proofs.kernel.flow import Status as FlowStatus
+from tippedisk_verify.proofs.kernel.krawczyk import FixedPoints, krawczyk_test, product
+from tippedisk_verify.proofs.kernel.reading import dyadic_text
+from tippedisk_verify.proofs.kernel.section import HALF, TURN, Return, Section, returned
 from tippedisk_verify.proofs.kernel.sliding import model_of
+from tippedisk_verify.proofs.numbers import measured, widened
+from tippedisk_verify.proofs.search.certificate import certificate_text, parameter_texts
+from tippedisk_verify.proofs.search.steps import SearchedTest, Steps, midpoint_inverse
 
-__all__ = [
-    "MANNERS",
-    "Attempt",
-    "CycleProof",
-    "OrbitProof",
-    "Status",
-    "apart",
-    "prove_cycle",
-]
+__all__ = ["HALF", "TURN", "Attempt", "OrbitProof", "Status", "prove_cycle"]
 
 
 _GUARD_DIGITS = 6  # the box is that much smaller than the digits asked for
@@ -69,14 +42,6 @@ _REMOTE_BITS = 64  # enough for the wide boxes that show how far the next fixed 
 _REMOTE_BOXES = (12, 16, 22, 30, 40)  # -log2 of their radii relative to the state
 _MOST_ITERATIONS = 25
 _MOST_ATTEMPTS = 6
-
-
-#: What is said of an orbit in a sentence. One of undecided stability need not be isolated, as a limit cycle is.
-MANNERS = {
-    True: "a limit cycle, asymptotically stable",
-    False: "a limit cycle, unstable",
-    None: "a periodic orbit, of undecided stability",
-}
 
 
 class Status(Enum):
@@ -94,26 +59,23 @@ class Status(Enum):
 
 
 @dataclass(frozen=True)
-class OrbitProof(ABC):
-    """What is proved of one limit cycle; every number is a ball that holds the true one. Without a proof: None."""
+class OrbitProof:
+    """What is proved of one limit cycle, librating (`HALF`) or rotating (`TURN`). Without a proof: None.
 
-    unknowns: ClassVar[tuple[str, str]]  #: names of the two coordinates on the section
-    main: ClassVar[tuple[str, ...]]  #: names of the numbers that come to the digits asked for
-    laps: ClassVar[int]  #: flights a period
+    Names of numbers are those of `cycles.limit_cycle.LimitCycle` and `RotatingCycle`.
+    """
 
+    section: Section
     status: Status
     where: str  #: how far the proof came
     parameters: Parameters
     omega: Fraction  #: [rad/s], exact
     bits: int  #: working precision
+    values: Mapping[str, Any] = field(default_factory=dict)  #: the numbers, balls that hold the true ones, by name
     unique_within: Any = None  #: distances of the two coordinates within which the map has no other fixed point
-    period: Any = None  #: T [s]
-    multiplier_slow: Any = None  #: the larger non-trivial Floquet multiplier [1]
-    log_multiplier_slow: Any = None  #: natural logarithm of its absolute value
-    log_multiplier_fast: Any = None  #: that of the smaller one
-    dperiod_domega: Any = None  #: [s^2/rad]
     stable: bool | None = None  #: asymptotically stable (True) or unstable (False), proved; None if not decided
-    flights: tuple[HalfFlight, ...] = field(default=(), repr=False)
+    reversals: int = 0  #: how often the sliding velocity changes its sign in a period, proved under the smooth law only
+    evidence: Mapping[str, Any] | None = field(default=None, repr=False)  #: the choices that the kernel accepted
 
     @property
     def proved(self) -> bool:
@@ -124,177 +86,156 @@ class OrbitProof(ABC):
         """What is proved, in one sentence."""
         if not self.proved:
             return f"nothing is proved: {self.status.value} ({self.where})."
-        manner = MANNERS[self.stable]
-        return self._sentence(manner, *(_decimal_below(distance) for distance in self.unique_within))
+        return cycle.sentence(self.claim())
 
-    @property
-    def reversals(self) -> int:
-        """How often the sliding velocity changes its sign in a period, proved under the smooth law only."""
-        return self.laps * int(self.flights[-1].reversals)
+    def claim(self) -> dict[str, Any]:
+        """What is proved, as certificates have it."""
+        distances = zip(cycle.UNKNOWNS[self.section], self.unique_within, strict=True)
+        claim = {
+            "kind": next(kind for kind, section in cycle.KINDS.items() if section == self.section),
+            **orbit_setting(self.parameters, self.omega),
+            "numbers": {name: number.to_dict() for name, number in self.numbers().items()},
+            "stable": self.stable,
+            "unique_within": {name: _decimal_below(distance) for name, distance in distances},
+        }
+        return claim | ({"reversals": self.reversals} if self.parameters.friction == "smooth" else {})
 
-    @property
-    def sliding(self) -> str:
-        """What is proved of the sliding velocity, as a part of the statement."""
-        if self.parameters.friction == "linear":
-            return ""
-        count = f"{self.reversals} times a period"
-        return f", on which the sliding velocity gamma_y changes its sign exactly {count} and is 0 nowhere else"
-
-    @abstractmethod
-    def _sentence(self, manner: str, first: str, second: str) -> str:
-        """The statement; the cycle's stability, and how far from it there is no other, are words already."""
-
-    @classmethod
-    def names(cls) -> tuple[str, ...]:
-        """The names of the numbers."""
-        slopes = (f"d{name}_domega" for name in cls.unknowns)
-        others = ("multiplier_slow", "log_multiplier_slow", "log_multiplier_fast", "dperiod_domega")
-        return *cls.main, *others, *slopes
+    def certificate(self) -> str:
+        """The proof as a file that the kernel alone checks. Raises InputError if there is no proof."""
+        if self.evidence is None:
+            raise InputError(self.statement)
+        return certificate_text(self.claim(), self.bits, self.evidence)
 
     def lacking_bits(self, digits: int) -> int:
         """Bits by which the worst number misses ``digits`` significant digits, or decimals if it is no main result."""
         worst = 0
-        for name in self.names():
-            value = getattr(self, name)
+        for name, value in self.values.items():
             if not value.is_finite():
                 return 64
-            size = _exponent(value) if name in self.main else max(0, _exponent(value))
+            size = magnitude(value) if name in cycle.main(self.section) else max(0, magnitude(value))
             # 2^size may be twice the value, and 10^-digits is rounded: two bits for that.
-            worst = max(worst, _exponent(value.rad()) - size + 2 + math.ceil(digits * math.log2(10)))
+            worst = max(worst, magnitude(value.rad()) - size + 2 + math.ceil(digits * math.log2(10)))
         return worst
 
     def numbers(self) -> dict[str, Measured]:
-        """The enclosures as exact rational midpoints and radii. Raises InputError if there is no proof."""
+        """The enclosures, a little wider, as exact rational midpoints and radii.
+
+        Raises InputError if there is no proof.
+        """
         if not self.proved:
             raise InputError(self.statement)
-        return {name: measured(getattr(self, name)) for name in self.names()}
+        return {name: widened(measured(self.values[name])) for name in cycle.names(self.section)}
 
     def to_dict(self) -> dict[str, object]:
         """For the command line: the statement and, if proved, the numbers."""
         entries: dict[str, object] = {"proved": self.proved, "statement": self.statement}
         entries["omega"] = Measured(self.omega, Fraction(0)).to_dict()
         if self.proved:
-            entries |= {name: value.to_dict() for name, value in self.numbers().items()}
-            entries["stable"] = self.stable
+            claim = self.claim()
+            entries |= claim["numbers"] | {"stable": self.stable}
             if self.parameters.friction == "smooth":
                 entries["sliding_reversals"] = self.reversals
-            distances = zip(self.unknowns, self.unique_within, strict=True)
-            entries["unique_within"] = {name: _decimal_below(distance) for name, distance in distances}
+            entries["unique_within"] = claim["unique_within"]
         return entries | {"parameters": self.parameters.name, "bits": self.bits, "status": self.status.name}
 
 
-@dataclass(frozen=True)
-class CycleProof(OrbitProof):
-    """What is proved of a limit cycle that S maps to itself. Names are those of `cycles.limit_cycle.LimitCycle`."""
-
-    unknowns = ("gamma_bar_0", "v_0")
-    main = ("period", "gamma_bar_0", "v_0", "beta_max")
-    laps = 2
-
-    gamma_bar_0: Any = None  #: gamma - pi/2 at beta = pi/2 with v < 0 [rad]
-    v_0: Any = None  #: v there [rad/s]
-    beta_max: Any = None  #: largest |beta - pi/2| [rad]
-    dgamma_bar_0_domega: Any = None  #: [s]
-    dv_0_domega: Any = None  #: [1]
-
-    def _sentence(self, manner: str, first: str, second: str) -> str:
-        numbers = self.numbers()
-        return (
-            f"for the tippedisk with {self.parameters.definition()} under the {self.parameters.law} friction law at "
-            f"Omega = {exact_text(self.omega)} rad/s, the half-period map, along the flow from beta = pi/2, v < 0 to "
-            "the next crossing of beta = pi/2 and then by S, (beta, gamma, v) -> (pi - beta, pi - gamma, -v), has a "
-            f"fixed point (gamma - pi/2, v) = (gamma_bar_0, v_0) with gamma_bar_0 = {numbers['gamma_bar_0']} rad and "
-            f"v_0 = {numbers['v_0']} rad/s, and no other with gamma within {first} rad and v within {second} rad/s "
-            f"of it; through it runs {manner}, which S maps to itself, which crosses beta = pi/2 "
-            f"exactly twice a period and whose largest |beta - pi/2| is beta_max = {numbers['beta_max']} rad, less "
-            f"than 1.5707{self.sliding}; its period is T = {numbers['period']} s, its larger Floquet multiplier "
-            f"other than 1 is {numbers['multiplier_slow']} with the logarithm {numbers['log_multiplier_slow']}, the "
-            f"logarithm of the smaller one is {numbers['log_multiplier_fast']}, dT/dOmega = "
-            f"{numbers['dperiod_domega']} s^2/rad, d(gamma_bar_0)/dOmega = {numbers['dgamma_bar_0_domega']} s and "
-            f"d(v_0)/dOmega = {numbers['dv_0_domega']}."
-        )
+def orbit_setting(parameters: Parameters, omega: Fraction) -> dict[str, Any]:
+    """What a claim says of the disk, the law and the speed."""
+    return {
+        "parameters": parameter_texts(parameters),
+        "friction": parameters.friction,
+        "omega": exact_text(omega),
+    }
 
 
 def _decimal_below(x: Any) -> str:
-    """A decimal of two digits that no number of the ball is below; 0 if some are not positive."""
+    """A decimal of two digits that is below all numbers of the ball, by 2^-20 of them or more; 0 if they may be 0."""
     enclosure = measured(x)
     least = enclosure.value - enclosure.uncertainty
-    return rounded_down(least) if least > 0 else "0"
+    return rounded_down(least * (1 - Fraction(1, 2**20))) if least > 0 else "0"
 
 
 def prove_cycle(
-    parameters: Parameters, omega: object, guess: Sequence[object], *, digits: int = 12, most_bits: int = 20_000
-) -> CycleProof:
-    """Prove the limit cycle near ``guess`` = (gamma_bar, v) at ``omega`` [rad/s] and enclose its numbers.
+    parameters: Parameters,
+    omega: object,
+    guess: Sequence[object],
+    *,
+    digits: int = 12,
+    most_bits: int = 20_000,
+    section: Section = HALF,
+) -> OrbitProof:
+    """Prove the limit cycle near ``guess`` at ``omega`` [rad/s] and enclose its numbers.
 
-    Period, state and beta_max come to ``digits`` significant digits, the others to about as many. The guess, of a few
-    digits or more, is sharpened here; ``most_bits`` bounds the working precision. Raises InputError for input that
-    makes no sense; whatever else prevents a proof is a status.
+    The guess is (gamma_bar, v) at beta = pi/2 or, with ``section`` `TURN`, (beta_bar, v) at gamma = pi/2, of a few
+    digits or more. Period, state and beta_max come to ``digits`` significant digits, the others to about as many;
+    ``most_bits`` bounds the working precision. Raises InputError for input that makes no sense; whatever else prevents
+    a proof is a status.
     """
     speed = exact(omega)
     if speed.pi_multiple or speed.rational <= 0:
         raise InputError(f"Omega must be a positive decimal, not {str(omega)[:40]}")
     if len(guess) != 2:
-        raise InputError("a guess has two components: gamma_bar and v")
-    attempt = Attempt(parameters, speed.rational, digits, most_bits)
-    proof: CycleProof = attempt.run([exact(part) for part in guess])
-    return proof
+        raise InputError(f"a guess has two components: {'gamma_bar' if section == HALF else 'beta_bar'} and v")
+    attempt = Attempt(parameters, speed.rational, digits, most_bits, section)
+    return attempt.run([exact(part) for part in guess])
 
 
 class Attempt:
-    """A proof under way: the precision and box in use, and how to report an end. A subclass has another section."""
+    """A proof under way: the precision and box in use, and how to report an end."""
 
-    proof: type[OrbitProof] = CycleProof
-    flight: Flight = staticmethod(half_flight)
-
-    def __init__(self, parameters: Parameters, omega: Fraction, digits: int, most_bits: int) -> None:
+    def __init__(
+        self, parameters: Parameters, omega: Fraction, digits: int, most_bits: int, section: Section = HALF
+    ) -> None:
         self.parameters, self.omega, self.digits, self.most_bits = parameters, omega, digits, most_bits
+        self.section, self.setting = section, orbit_setting(parameters, omega)
         self.box_bits = bits_for_digits(digits + _GUARD_DIGITS)
         self.bits = min(most_bits, self.box_bits + _GUARD_BITS)
 
-    def ended(self, status: Status, where: str) -> Any:
-        return self.proof(status, where, self.parameters, self.omega, self.bits)
+    def ended(self, status: Status, where: str) -> OrbitProof:
+        return OrbitProof(self.section, status, where, self.parameters, self.omega, self.bits)
 
-    def not_followed(self, flight: HalfFlight) -> Any:
+    def not_followed(self, flight: Return) -> OrbitProof:
         return self.ended(Status.NOT_FOLLOWED, f"at t = {float(flight.reached):.4g} s: {flight.status.value}")
 
     def model(self) -> Model:
         """At the working precision, which must be in force."""
         return model_of(self.parameters, ball(self.omega))
 
-    def run(self, guess: Sequence[Any]) -> Any:
+    def run(self, guess: Sequence[Any]) -> OrbitProof:
         middle = self.sharpened(guess)
         if isinstance(middle, OrbitProof):
             return middle
         outcome: OrbitProof | None = None
         for _ in range(_MOST_ATTEMPTS):
             with working_precision(self.bits):
-                radii = [abs(part) * arb(2) ** -self.box_bits for part in middle]
-                verdict = inclusion(self.model(), middle, radii, flight=self.flight)
-                if verdict.included:
-                    proof = self.concluded(verdict, radii)
+                sizes = [(abs(part) * arb(2) ** -self.box_bits).mid() for part in middle]
+                radii = [arb(0, size) for size in sizes]
+                choices = SearchedTest()
+                at, drift = cycle.place(self.setting, middle)
+                fixed = krawczyk_test(self.setting, self.section, at, [*radii, drift], (0, 1), choices)
+                if isinstance(fixed, Return):
+                    outcome, wanted = self.not_followed(fixed), self.bits + 64
+                elif fixed.included:
+                    proof = self.concluded(fixed, radii)
                     lacking = proof.lacking_bits(self.digits)
                     if not lacking:
-                        return replace(proof, unique_within=self.neighbourhood(verdict, radii))
+                        return self.neighbourhood(proof, fixed, sizes, drift, choices)
                     outcome = self.ended(Status.TOO_FEW_DIGITS, f"{lacking} bits are lacking")
                     self.box_bits += lacking + 4
                     wanted = self.bits + lacking + 4
-                    middle = [part.mid() for part in verdict.image]
-                elif verdict.failed is not None:
-                    outcome = self.not_followed(verdict.failed)
-                    wanted = self.bits + 64
+                    middle = [part.mid() for part in fixed.image[:2]]
                 else:
                     outcome = self.ended(Status.NOT_INCLUDED, f"in {self.bits} bits")
-                    wanted = self.bits + _shortage(verdict.residual, radii)
-                    if all(part.is_finite() for part in verdict.image):
-                        middle = [part.mid() for part in verdict.image]
+                    wanted = self.bits + _shortage(fixed.residual, radii)
+                    if all(part.is_finite() for part in fixed.image):
+                        middle = [part.mid() for part in fixed.image[:2]]
             if wanted > self.most_bits:
                 return outcome
             self.bits = wanted
         assert outcome is not None
         return outcome
 
-    def sharpened(self, guess: Sequence[Any]) -> Any:
+    def sharpened(self, guess: Sequence[Any]) -> list[Any] | OrbitProof:
         """A point within the box's radius of the fixed point, by Newton's iteration on midpoints; or how that ended."""
         with working_precision(self.bits):
             state = [ball(part).mid() for part in guess]
@@ -302,11 +243,11 @@ class Attempt:
         if not scale > 0:
             return self.ended(Status.TRIVIAL, "the guess is the equilibrium")
         matrix: Any = None
-        known, gain = 0, 0  # -log2 of the last step's size relative to the state, and of the matrix's error
+        correct, gain = 0, 0  # -log2 of the last step's size relative to the state, and of the matrix's error
         for _ in range(_MOST_ITERATIONS):
-            with working_precision(min(self.bits, max(_FIRST_BITS, 2 * known + 64))):
-                flight = self.flight(self.model(), *state, derivatives=matrix is None)
-                if flight.status is not HalfStatus.RETURNED:
+            with working_precision(min(self.bits, max(_FIRST_BITS, 2 * correct + 64))):
+                flight = returned(self.model(), self.section, state, Steps(), derivatives=matrix is None)
+                if flight.status is not FlowStatus.RETURNED:
                     return self.not_followed(flight)
                 if matrix is None:
                     (a, b), (c, d) = flight.matrix
@@ -314,117 +255,69 @@ class Attempt:
                 inverse = midpoint_inverse(matrix)
                 step = product(inverse, [new - old for new, old in zip(flight.image, state, strict=True)])
                 if not all(part.is_finite() for part in step):
-                    return self.ended(Status.NOT_CONVERGED, "the derivative of the half map is singular")
+                    return self.ended(Status.NOT_CONVERGED, "the derivative of the map is singular")
             with working_precision(self.bits):
                 state = [(old - part).mid() for old, part in zip(state, step, strict=True)]
             if float(abs(state[0])) + float(abs(state[1])) / 10 < scale / 5:
                 return self.ended(Status.TRIVIAL, "in Newton's iteration")
-            size = max(_exponent(part) for part in step) - max(_exponent(part) for part in state)
-            previous, known = known, -size
-            if known < 20:  # far away: a fresh derivative for the next step
+            size = max(magnitude(part) for part in step) - max(magnitude(part) for part in state)
+            previous, correct = correct, -size
+            if correct < 20:  # far off: a fresh derivative for the next step
                 matrix, gain = None, 0
                 continue
-            gain = gain or known
+            gain = gain or correct
             # Within the box's radius, or within what this precision can tell.
-            if known + min(gain, known) > min(self.box_bits + 4, self.bits - 16):
+            if correct + min(gain, correct) > min(self.box_bits + 4, self.bits - 16):
                 return state
-            if known <= previous:  # a stale derivative
+            if correct <= previous:  # a stale derivative
                 matrix, gain = None, 0
         return self.ended(Status.NOT_CONVERGED, f"after {_MOST_ITERATIONS} steps of Newton's iteration")
 
-    def neighbourhood(self, verdict: Inclusion, radii: Sequence[Any]) -> tuple[Any, Any]:
-        """Distances within which there is no other fixed point: from the widest box that passes the test."""
-        assert verdict.centre is not None
-        widest = radii
+    def neighbourhood(
+        self, proof: OrbitProof, fixed: FixedPoints, sizes: Sequence[Any], drift: Any, choices: SearchedTest
+    ) -> OrbitProof:
+        """The proof with the widest box that passes the test, and with its evidence."""
+        evidence = {
+            "middle": [dyadic_text(part) for part in fixed.middle[:2]],
+            "centre": choices.centre.log,
+            "box": choices.written(sizes),
+        }
+        radii = [arb(0, size) for size in sizes]
         with working_precision(_REMOTE_BITS):
-            model = self.model()
             for size in _REMOTE_BOXES:
-                wide = [abs(part) * arb(2) ** -size for part in verdict.middle]
-                if (
-                    size < self.box_bits
-                    and inclusion(model, verdict.middle, wide, verdict.centre, self.flight).included
-                ):
-                    widest = wide
+                if size >= self.box_bits:
+                    continue
+                sizes = [(abs(part) * arb(2) ** -size).mid() for part in fixed.middle[:2]]
+                wide, search = [arb(0, part) for part in sizes], SearchedTest()
+                deviations = [*wide, drift]
+                remote = krawczyk_test(
+                    self.setting, self.section, fixed.middle, deviations, (0, 1), search, fixed.centre
+                )
+                if isinstance(remote, FixedPoints) and remote.included:
+                    evidence["wide box"] = search.written(sizes) | {"bits": _REMOTE_BITS}
+                    radii = wide
                     break
-        return apart(verdict, widest)
+        return replace(proof, unique_within=cycle.apart(fixed, radii), evidence=evidence)
 
-    def concluded(self, verdict: Inclusion, radii: Sequence[Any]) -> OrbitProof:
-        """The cycle's numbers from an inclusion, on balls."""
-        centre, box = verdict.centre, verdict.box
-        assert centre is not None
-        assert box is not None
-        shift = [part - point for part, point in zip(verdict.image, verdict.middle, strict=True)]
-        laps = self.proof.laps
-        log_slow, slow = self.slow_multiplier(box)
-        log_fast = laps * box.divergence - log_slow
-        # (1 - P') x' = P_Omega
-        (a, b), (c, d) = box.matrix
-        determinant = (1 - a) * (1 - d) - b * c
-        by_omega = (
-            ((1 - d) * box.by_omega[0] + b * box.by_omega[1]) / determinant,
-            ((1 - a) * box.by_omega[1] + c * box.by_omega[0]) / determinant,
-        )
-        time_by = box.time_by_state
-        stable = None
-        if negative(log_slow) and negative(log_fast):
-            stable = True
-        elif positive(log_slow):
-            stable = False
-        return self.proof(
+    def concluded(self, fixed: FixedPoints, radii: Sequence[Any]) -> OrbitProof:
+        """The cycle's numbers from a test that was passed on a box of these radii, balls."""
+        numbers = cycle.cycle_numbers(self.section, fixed)
+        return OrbitProof(
+            self.section,
             Status.PROVED,
-            f"in {self.bits} bits, {centre.steps} + {box.steps} steps",
+            f"in {self.bits} bits, {fixed.centre.steps} + {fixed.box.steps} steps",
             self.parameters,
             self.omega,
             self.bits,
-            unique_within=tuple(radii),
-            period=laps * (centre.time + _along(time_by, shift)),
-            multiplier_slow=slow,
-            log_multiplier_slow=log_slow,
-            log_multiplier_fast=log_fast,
-            dperiod_domega=laps * (_along(time_by, by_omega) + box.time_by_omega),
-            stable=stable,
-            flights=(centre, box),
-            **dict(zip(self.proof.unknowns, verdict.image, strict=True)),
-            **{f"d{name}_domega": part for name, part in zip(self.proof.unknowns, by_omega, strict=True)},
-            **self.others(centre, box, shift),
+            numbers,
+            cycle.apart(fixed, radii),
+            cycle.stability(numbers),
+            cycle.reversals(self.section, fixed),
         )
-
-    def slow_multiplier(self, box: HalfFlight) -> tuple[Any, Any]:
-        """The larger one's logarithm and itself. The half map's have opposite signs: det P = -exp(divergence)."""
-        (a, _), (_, d) = box.matrix
-        trace, shrinking = a + d, box.divergence.exp()
-        root = (trace * trace / 4 + shrinking).sqrt()
-        # The root of larger size; where the trace's sign is not certain the sum holds both signs' cases.
-        larger = abs(trace) / 2 + root
-        slow = larger * larger
-        return slow.log(), slow
-
-    def others(self, centre: HalfFlight, box: HalfFlight, shift: Sequence[Any]) -> dict[str, Any]:
-        """What this kind of cycle has besides."""
-        return {"beta_max": -(centre.beta_least + _along(box.turn_by_start, shift))}
-
-
-def apart(verdict: Inclusion, radii: Sequence[Any]) -> tuple[Any, Any]:
-    """Distances from the fixed point of an inclusion within which a box of these radii, that passed too, reaches."""
-    # The fixed point lies within K of m, so a distance from it reaches that much less far from m.
-    near, far = (
-        radius - abs(part - point) for radius, part, point in zip(radii, verdict.image, verdict.middle, strict=True)
-    )
-    return near, far
-
-
-def _along(derivatives: Sequence[Any], shift: Sequence[Any]) -> Any:
-    return derivatives[0] * shift[0] + derivatives[1] * shift[1]
-
-
-def _exponent(x: Any) -> int:
-    """An integer k with |x| < 2^k for all x of the finite ball, the least but for rounding (-10^6 for zero)."""
-    mantissa, exponent = x.abs_upper().man_exp()
-    return int(mantissa).bit_length() + int(exponent) if mantissa else -1_000_000
 
 
 def _shortage(residual: Sequence[Any], radii: Sequence[Any]) -> int:
     """Bits that would bring the rounding errors of Y F(m) well below the box's radius; at least 16."""
     if not all(part.is_finite() for part in residual):
         return 64
-    return max(16, 8 + max(_exponent(part.rad()) - _exponent(r) for part, r in zip(residual, radii, strict=True)))
+    return max(16, 8 + max(magnitude(part.rad()) - magnitude(r) for part, r in zip(residual, radii, strict=True)))

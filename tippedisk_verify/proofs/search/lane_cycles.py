@@ -20,14 +20,17 @@ from numpy.typing import NDArray
 
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.parameters import Constants, Parameters
-from tippedisk_verify.proofs.kernel.balls import arb, ball_constants, measured, working_precision
+from tippedisk_verify.proofs.kernel.balls import arb, ball_constants, working_precision
+from tippedisk_verify.proofs.kernel.claims.cycle import apart
 from tippedisk_verify.proofs.kernel.flow import Model
-from tippedisk_verify.proofs.kernel.krawczyk import Inclusion, inclusion
+from tippedisk_verify.proofs.kernel.krawczyk import FixedPoints, fixed_points
 from tippedisk_verify.proofs.kernel.lanes import Lanes, quiet
-from tippedisk_verify.proofs.kernel.section import half_flight
-from tippedisk_verify.proofs.search.cycle import Attempt, CycleProof, apart, prove_cycle
+from tippedisk_verify.proofs.kernel.section import HALF, Return, Status, returned
+from tippedisk_verify.proofs.numbers import measured
+from tippedisk_verify.proofs.search.cycle import Attempt, OrbitProof, prove_cycle
 from tippedisk_verify.proofs.search.lane_flight import HalfFlights, half_flights, lane_of, some_model
 from tippedisk_verify.proofs.search.lane_sliding import LaneSmoothModel
+from tippedisk_verify.proofs.search.steps import Steps, midpoint_inverse
 
 __all__ = ["prove_cycles"]
 
@@ -44,7 +47,7 @@ _FEW = {"linear": 2, "smooth": 6}  #: cycles that balls of few bits prove sooner
 
 def prove_cycles(
     parameters: Parameters, omegas: Sequence[Fraction], guesses: Sequence[Sequence[object]], *, digits: int = 10
-) -> list[CycleProof]:
+) -> list[OrbitProof]:
     """`cycle.prove_cycle` for many speeds [rad/s], each from its guess (gamma_bar, v).
 
     The period comes to ``digits`` significant digits and stability is decided; the other numbers come as they do. Where
@@ -58,7 +61,7 @@ def prove_cycles(
     middle = np.array([[float(part) for part in guess] for guess in guesses]).T  # type: ignore[arg-type]
     attempts = [Attempt(parameters, Fraction(omega), digits, _DOUBLES) for omega in omegas]
 
-    def singly(lane: int) -> CycleProof:
+    def singly(lane: int) -> OrbitProof:
         alone = _alone(attempts[lane], middle[:, lane])
         return alone or prove_cycle(parameters, omegas[lane], guesses[lane], digits=digits)
 
@@ -78,21 +81,22 @@ def prove_cycles(
     return proofs  # type: ignore[return-value]
 
 
-def _alone(attempt: Attempt, guess: Array) -> CycleProof | None:
+def _alone(attempt: Attempt, guess: Array) -> OrbitProof | None:
     """One cycle's proof from flights on balls of few bits."""
     middle = [float(part) for part in guess]
     attempt.bits = _FEW_BITS
     with working_precision(_FEW_BITS):
         model = attempt.model()
-        centre = half_flight(model, *map(arb, middle))
+        centre = returned(model, HALF, [*map(arb, middle)], Steps())
         boxes = []
         for size in (_NARROW, _WIDE):
             radii = [float(part) for part in _power_of_two(size * np.abs(guess))]
-            boxes.append((radii, half_flight(model, *map(arb, middle, radii), derivatives=True)))
+            box = returned(model, HALF, [*map(arb, middle, radii)], Steps(), derivatives=True)
+            boxes.append((radii, box))
     return _concluded(attempt, middle, centre, boxes)
 
 
-def _attempted(attempts: Sequence[Attempt], model: Model, middle: Array, radii: Array) -> list[CycleProof | None]:
+def _attempted(attempts: Sequence[Attempt], model: Model, middle: Array, radii: Array) -> list[OrbitProof | None]:
     """The proofs that flights from the middles, boxes and wide boxes give; these move side by side."""
     count = len(attempts)
     sizes = (0 * radii, radii, _power_of_two(_WIDE * np.abs(middle)))
@@ -144,24 +148,32 @@ def _power_of_two(sizes: Array) -> Array:
 
 def _concluded(
     attempt: Attempt, middle: list[float], centre: Any, boxes: Sequence[tuple[list[float], Any]]
-) -> CycleProof | None:
+) -> OrbitProof | None:
     """The proof from the flights at the middle and over the boxes; None if it does not say enough."""
     with working_precision(_BITS):
-        verdicts = [_included(middle, radii, centre, box) for radii, box in boxes]
-        if not verdicts[0].included:
+        radii = [[_narrower(part) for part in sizes] for sizes, _ in boxes]
+        tests = [_tested(middle, radii[k], centre, box) for k, (_, box) in enumerate(boxes)]
+        if tests[0] is None or not tests[0].included:
             return None
-        radii = [[arb(part) for part in sizes] for sizes, _ in boxes]
-        proof: Any = attempt.concluded(verdicts[0], radii[0])
-        period = measured(proof.period) if proof.period.is_finite() else None
+        widest = radii[-1] if tests[-1] is not None and tests[-1].included else radii[0]
+        proof = replace(attempt.concluded(tests[0], radii[0]), unique_within=apart(tests[0], widest))
+        period = proof.values["period"]
+        number = measured(period) if period.is_finite() else None
         # In print the half-width is up to a ninth larger.
-        if proof.stable is None or period is None or period.uncertainty * 10**attempt.digits > period.value * 9 / 20:
+        if proof.stable is None or number is None or number.uncertainty * 10**attempt.digits > number.value * 9 / 20:
             return None
-        widest = radii[-1] if verdicts[-1].included else radii[0]
-        concluded: CycleProof = replace(proof, unique_within=apart(verdicts[0], widest))
-        return concluded
+        return proof
 
 
-def _included(middle: list[float], radii: list[float], centre: Any, box: Any) -> Inclusion:
-    """Krawczyk's test on flights that are known."""
-    within = [arb(r) * (1 - arb(2) ** -28) for r in radii]  # rounded up to 30 bits it is less than r
-    return inclusion(None, [arb(part) for part in middle], within, centre, lambda *_, **__: box)  # type: ignore[arg-type]
+def _narrower(radius: float) -> Any:
+    """A ball about zero that reaches less far: Arb rounds a radius up, to 30 bits."""
+    return arb(0, arb(radius) * (1 - arb(2) ** -28))
+
+
+def _tested(middle: list[float], radii: Sequence[Any], centre: Return, box: Return) -> FixedPoints | None:
+    """Krawczyk's test on flights that are known, all of them at the exact speed."""
+    if not (centre.status is box.status is Status.RETURNED):
+        return None
+    (a, b), (c, d) = box.matrix
+    inverse = midpoint_inverse(((a - 1, b), (c, d - 1)))
+    return fixed_points([*map(arb, middle), arb(0)], [*radii, arb(0)], (0, 1), inverse, centre, box)

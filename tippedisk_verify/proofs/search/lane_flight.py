@@ -18,15 +18,15 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from tippedisk_verify.model.parameters import Constants
 from tippedisk_verify.proofs.kernel.balls import inside
 from tippedisk_verify.proofs.kernel.flow import Model, Path, Step, verdict
 from tippedisk_verify.proofs.kernel.frame import Frame
 from tippedisk_verify.proofs.kernel.lanes import Lanes, quiet
 from tippedisk_verify.proofs.kernel.section import (
+    HALF,
     UPRIGHT,
     Cases,
-    HalfFlight,
+    Return,
     Status,
     at_turn,
     cases,
@@ -34,6 +34,7 @@ from tippedisk_verify.proofs.kernel.section import (
     moment_of_crossing,
     moment_of_turn,
 )
+from tippedisk_verify.proofs.search.axes import axes_of_lanes
 
 __all__ = [
     "Block",
@@ -67,8 +68,8 @@ _U, _TINY = 2.0**-53, 2.0**-1000
 
 
 @dataclass(frozen=True)
-class HalfFlights(HalfFlight):
-    """A `HalfFlight` whose entries are lanes, infinite balls where none is proved, and whose ``status`` is an array."""
+class HalfFlights(Return):
+    """A `Return` whose entries are lanes, infinite balls where none is proved, and whose ``status`` is an array."""
 
     @property
     def returned(self) -> Array:
@@ -83,7 +84,6 @@ def half_flights(
     *,
     derivatives: bool = False,
     longest: float = 60.0,
-    along: Sequence[Any] = (0, 0),
 ) -> HalfFlights:
     """`section.half_flight` for every lane; the model's speeds are as many lanes, its constants as many or one.
 
@@ -95,13 +95,11 @@ def half_flights(
     steps, reversals = np.zeros(count, int), np.zeros(count, int)
     kind: type[Block] = getattr(model, "block", Block)
     with quiet():
-        away = model.omega - model.omega.mid()
-        going = np.flatnonzero((v + away * along[1]).negative())
+        going = np.flatnonzero(v.negative())
         for first in range(0, len(going), _BLOCK):
             lanes = going[first : first + _BLOCK]
-            line = [part[lanes] if isinstance(part, Lanes) and len(part) > 1 else part for part in along]
             start = gamma_bar[lanes].constant(0), gamma_bar[lanes], v[lanes]
-            block = kind(some_model(model, lanes), start, line, lanes)
+            block = kind(some_model(model, lanes), start, lanes)
             while len(block.lanes):
                 ends = block.ended(longest)
                 if (ends == None).all():  # noqa: E711
@@ -116,10 +114,10 @@ def half_flights(
         return _gathered(landings, status=status, reached=reached, steps=steps, reversals=reversals)
 
 
-def _gathered(landings: Sequence[tuple[Array, HalfFlight]], status: Array, **others: Array) -> HalfFlights:
+def _gathered(landings: Sequence[tuple[Array, Return]], status: Array, **others: Array) -> HalfFlights:
     """What has landed, in the caller's order; what has not is infinite. Arrays are in that order already."""
     x = Lanes([np.nan])
-    unknown = HalfFlight(Status.NO_START, None, 0, 0, x, (x, x), x, (x, x, x), ((x, x), (x, x)), (x, x), (x, x), x, x)
+    unknown = Return(Status.NO_START, None, 0, 0, x, (x, x), x, (x, x, x), ((x, x), (x, x)), (x, x), (x, x), x, x)
     place = np.full(len(status), -1)
     lanes = np.concatenate([which for which, _ in landings] or [np.zeros(0, int)])
     place[lanes] = np.arange(len(lanes))
@@ -130,16 +128,28 @@ def _gathered(landings: Sequence[tuple[Array, HalfFlight]], status: Array, **oth
 
     proved = [replace(flight, status=Status.NO_START, reached=None, steps=0, reversals=0) for _, flight in landings]
     whole = mapped(joined, *proved, unknown)
-    values = {entry.name: getattr(whole, entry.name) for entry in fields(HalfFlight)}
+    values = {entry.name: getattr(whole, entry.name) for entry in fields(Return)}
     return HalfFlights(**(values | {"status": status} | others))
+
+
+class _Axes:
+    """Who is asked for axes; steps and moments are chosen here."""
+
+    axes = staticmethod(axes_of_lanes)
+
+    def took(self, *_: Any) -> None:
+        """Nothing is noted."""
+
+
+_AXES = _Axes()
 
 
 class Block(Path):
     """Orbits on their way, lane by lane; lanes whose way has ended are dropped."""
 
-    def __init__(self, model: Model, start: Sequence[Lanes], along: Sequence[Any], lanes: Array) -> None:
+    def __init__(self, model: Model, start: Sequence[Lanes], lanes: Array) -> None:
         zero = start[0].constant(0)
-        super().__init__(model, start, derivatives=True, along=(0, *along))
+        super().__init__(model, start, _AXES, derivatives=True)  # type: ignore[arg-type]
         self.time = self.divergence = self.beta_least = zero
         self.turn_by_start: tuple[Any, ...] = (zero, zero, zero)
         self.lanes, count = lanes, len(lanes)  #: which of the caller's they are
@@ -223,7 +233,7 @@ class Block(Path):
             replaced(old, which, new[sure]) for old, new in zip(self.turn_by_start, by_start, strict=True)
         )
 
-    def _land(self, step: Step, case: Cases, proved: Array) -> list[tuple[Array, HalfFlight]]:
+    def _land(self, step: Step, case: Cases, proved: Array) -> list[tuple[Array, Return]]:
         """The lanes that have reached the section, taken there; the others that cross are no longer proved."""
         which = np.flatnonzero(proved & self.turned & case.crosses)
         if not len(which):
@@ -236,7 +246,7 @@ class Block(Path):
         which, part, moment = which[sure], some(part, sure), moment[sure]
         path = self.some(which)
         path.take(part, moment)
-        return [(which, landed(path.model, path, path.beta_least, path.turn_by_start))]
+        return [(which, landed(HALF, path, path.beta_least, path.turn_by_start))]
 
     def go_on(self, step: Step, proved: Array, crossing: Any = None) -> None:
         """Take the proved steps; the other lanes try shorter ones."""
@@ -254,7 +264,7 @@ class Block(Path):
         """The block of some lanes."""
         block = copy(self)
         for name, value in vars(self).items():
-            if name not in ("model", "sharp"):
+            if name not in ("model", "sharp", "proposer"):
                 setattr(block, name, some(value, which))
         block.model = self._model_of(which)
         return block
@@ -265,7 +275,7 @@ class Block(Path):
 
 def some_model(model: Model, which: Array) -> Model:
     """The model of some lanes; constants that are one lane go with any."""
-    constants = Constants(*(part if len(part) == 1 else part[which] for part in model.constants))
+    constants = type(model.constants)(*(part if len(part) == 1 else part[which] for part in model.constants))
     return type(model)(constants, model.omega[which], model.law)
 
 
@@ -282,13 +292,14 @@ def proved_step(
     model: Model, begin: Lanes, frame: Frame, thin: list[list[Lanes]], wide: list[list[Lanes]], length: Array
 ) -> tuple[Step, Array]:
     """The step from these `series`, and of which lanes it is proved."""
-    enclosure, fine, rough, included = verdict(model, model.with_divergence, wide, Lanes(length), len(thin[0]) - 1)
+    orders = len(thin[0]) - 1, len(wide[0]) - 1
+    enclosure, fine, rough, included = verdict(model, model.with_divergence, wide, Lanes(length), orders[0])
     polynomials = [[*c, r] for c, r in zip(thin, fine, strict=True)]
     derivatives = [[*c, r] for c, r in zip(wide[3:], rough[3:], strict=True)]
-    return Step(begin, Lanes(length), enclosure, frame, polynomials, derivatives), included
+    return Step(begin, Lanes(length), Lanes(length), enclosure, frame, orders, polynomials, derivatives), included
 
 
-def lane_of(flights: HalfFlights, lane: int) -> HalfFlight:
+def lane_of(flights: HalfFlights, lane: int) -> Return:
     """One lane's flight, on arb's balls."""
     return mapped(lambda part: part.arb(lane) if isinstance(part, Lanes) else part[lane], flights)  # type: ignore[no-any-return]
 
@@ -304,7 +315,7 @@ def mapped(function: Callable[..., Any], tree: Any, *others: Any) -> Any:
         return function(tree, *others)
     if isinstance(tree, list | tuple):
         return type(tree)([mapped(function, *parts) for parts in zip(tree, *others, strict=True)])
-    if isinstance(tree, Frame | Step | HalfFlight):
+    if isinstance(tree, Frame | Step | Return):
         names = Frame.__slots__ if isinstance(tree, Frame) else [entry.name for entry in fields(tree)]
         images = {n: mapped(function, *(getattr(part, n) for part in (tree, *others))) for n in names}
         if not isinstance(tree, Frame):

@@ -23,11 +23,12 @@ from numpy.typing import NDArray
 from tippedisk_verify.model.equations import shifted, terms
 from tippedisk_verify.model.parameters import Constants
 from tippedisk_verify.proofs.kernel.balls import inside, negative, positive
-from tippedisk_verify.proofs.kernel.flow import Law, Model, Step, polynomial
+from tippedisk_verify.proofs.kernel.field import Law, one_sided
+from tippedisk_verify.proofs.kernel.flow import Model, Step, polynomial
 from tippedisk_verify.proofs.kernel.lanes import Lanes
 from tippedisk_verify.proofs.kernel.section import UPRIGHT, Cases, Status, enclosed_moment
 from tippedisk_verify.proofs.kernel.series import Graph, System
-from tippedisk_verify.proofs.kernel.sliding import Crossing, one_sided
+from tippedisk_verify.proofs.kernel.sliding import Crossing
 from tippedisk_verify.proofs.search.lane_flight import Block, mapped, proved_step, replaced, series, some
 
 __all__ = ["LaneSmoothModel"]
@@ -121,8 +122,10 @@ class SlidingBlock(Block):
         through = LaneCrossing(
             step.begin,
             Lanes(until),
+            step.tried,
             enclosure,
             step.frame,
+            step.orders,
             step.polynomials,
             step.derivatives,
             first=step,

@@ -1,4 +1,4 @@
-"""What is proved of the limit cycles next to the connection of saddles; `connection_end` has the proof."""
+"""What is proved of the limit cycles next to the connection of saddles; the kernel has the proof."""
 
 from __future__ import annotations
 
@@ -8,8 +8,9 @@ from fractions import Fraction
 from typing import Any
 
 from tippedisk_verify.model.decimals import exact_text
-from tippedisk_verify.proofs.kernel.balls import arb, ball, positive
-from tippedisk_verify.proofs.search.heteroclinic import ProvedConnection
+from tippedisk_verify.proofs.kernel.claims.connection_cycles import End, sentence
+from tippedisk_verify.proofs.search.certificate import as_text, certificate_text, parameter_texts
+from tippedisk_verify.proofs.search.proved_connection import ProvedConnection
 
 __all__ = ["ProvedEnd", "Status"]
 
@@ -37,6 +38,7 @@ class ProvedEnd:
     v: Fraction = Fraction(0)  #: d [rad/s]
     numbers: dict[str, str] = field(default_factory=dict)  #: kappa and other sizes in the proof
     detail: str = ""
+    choices: dict[str, Any] | None = None  #: that the kernel has accepted
 
     @property
     def proved(self) -> bool:
@@ -46,22 +48,30 @@ class ProvedEnd:
     def statement(self) -> str:
         if not self.proved or self.connection.omega_h is None or self.connection.parameters is None:
             return f"nothing is proved: {self.status.value}{f' ({self.detail})' if self.detail else ''}."
-        parameters = self.connection.parameters
-        middle, half_width = self.connection.omega_h.decimals()
-        low, high, gamma, v = map(exact_text, (self.low, self.high, self.gamma, self.v))
-        return (
-            f"for the tippedisk with {parameters.definition()} under the {parameters.law} friction law let gamma be a "
-            "real number, not an angle; let P be the half map from the section beta = pi/2, v < 0 along the flow to "
-            "the next crossing of beta = pi/2, there v > 0, with |beta - pi/2| < pi/2 between, and by S: (beta, gamma, "
-            "v) -> (pi - beta, pi - gamma, -v) back; "
-            f"let Q be the set of the section's states with 3 pi/2 - {gamma} <= gamma < 3 pi/2 and -{v} rad/s <= v < "
-            f"0; and let Omega_h be the speed of the heteroclinic connection, |Omega_h - {middle} rad/s| <= "
-            f"{half_width} rad/s. For every Omega with Omega_h < Omega <= {high} rad/s P has exactly one fixed point "
-            "in Q; the limit cycle through it is asymptotically stable, S maps it to itself, and it crosses beta = "
-            "pi/2 exactly twice a period; as Omega grows, its period, its largest |beta - pi/2| and its gamma in Q "
-            "fall strictly; as Omega falls to Omega_h, its period tends to infinity and the fixed point to (pi/2, 3 "
-            f"pi/2, 0). For every Omega with {low} rad/s <= Omega <= Omega_h P has no fixed point in Q."
-        )
+        return sentence(self.claim())
+
+    def claim(self) -> dict[str, Any]:
+        """What is claimed, as a certificate says it. Only of what is proved."""
+        assert self.connection.omega_h is not None
+        assert self.connection.parameters is not None
+        names = ("low", "high", "gamma", "v")
+        return {
+            "kind": "cycles next to the connection",
+            "parameters": parameter_texts(self.connection.parameters),
+            "friction": self.connection.parameters.friction,
+            "numbers": {"omega_h": self.connection.omega_h.to_dict()},
+            **{name: exact_text(getattr(self, name)) for name in names},
+        }
+
+    def evidence(self) -> dict[str, Any]:
+        """The choices that the kernel has accepted, with those of the connection, as a certificate has them."""
+        assert self.choices is not None
+        entry = {name: part for name, part in self.choices["entry"].items() if name not in ("gamma", "v")}
+        return {**as_text(self.choices | {"entry": entry}), "connection": self.connection.evidence()}
+
+    def certificate(self) -> str:
+        """The text of a certificate. Only of what is proved."""
+        return certificate_text(self.claim(), self.connection.bits, self.evidence())
 
     def meets(self, omega: Any, gamma_bar: Any, v: Any) -> bool:
         """Whether the fixed point of P that is in these balls of gamma_bar and v is the statement's, at all speeds of
@@ -69,16 +79,8 @@ class ProvedEnd:
         """
         if not self.proved or self.connection.omega_h is None:
             return False
-        middle, half_width = self.connection.omega_h.value, self.connection.omega_h.uncertainty
-        inside = (
-            ball(omega) - ball(middle + half_width),
-            ball(self.high) - omega,
-            ball(gamma_bar) - arb.pi() + ball(self.gamma),
-            arb.pi() - gamma_bar,
-            ball(v) + ball(self.v),
-            -ball(v),
-        )
-        return all(map(positive, inside))
+        above = self.connection.omega_h.value + self.connection.omega_h.uncertainty
+        return End(self.low, self.high, above, self.gamma, self.v).meets(omega, gamma_bar, v)
 
     def to_dict(self) -> dict[str, object]:
         return {

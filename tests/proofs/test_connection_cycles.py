@@ -1,0 +1,410 @@
+"""The cycles next to the connection: each inequality on motions made up for it, and the flights between the saddles."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from fractions import Fraction
+from itertools import product
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from flint import arb, arb_mat
+
+from tests.proofs.saddle_orbits import DIRECTIONS, DISK, OMEGA_H, Orbits
+from tests.proofs.test_passage import BITS, GIVEN, F, S, U, column, made_up
+from tippedisk_verify.model.parameters import PRINTED
+from tippedisk_verify.proofs.kernel.balls import Unproved, ball, working_precision
+from tippedisk_verify.proofs.kernel.claims import connection_cycles as module
+from tippedisk_verify.proofs.kernel.claims import flights as flights_module
+from tippedisk_verify.proofs.kernel.claims.connection_cycles import End, ReturnMap, cycles_shown
+from tippedisk_verify.proofs.kernel.claims.flights import arrivals as flown
+from tippedisk_verify.proofs.kernel.claims.passage import Passage
+from tippedisk_verify.proofs.kernel.claims.saddle import Saddle
+from tippedisk_verify.proofs.kernel.lanes import Lanes
+
+
+@pytest.fixture(autouse=True)
+def _context() -> Iterator[None]:
+    with working_precision(BITS):
+        yield
+
+
+#: of D and Q, for the passage of `test_passage`
+ENTRY: dict[str, Any] = {
+    "lid": arb(0.077), "fast": arb(1) / 512, "weight": arb(0.25), "moment": arb(0.052), "gamma": "0.145", "v": "0.28",
+}  # fmt: skip
+
+
+# --------------------------------------------------------------------------------------------------------- the flights
+def arrival(omega: float, slow: float, fast: float) -> tuple[float, np.ndarray]:
+    """Time and z where z_s = -s about the second saddle, in floating point, from z about the first."""
+    u, s, _ = GIVEN["extents"]
+    orbits = Orbits(PRINTED, DIRECTIONS, omega)
+    away = orbits.to_z @ np.array([0, 2 * math.pi, 0])
+    time, z, _ = orbits.fly(np.array([u, slow, fast]) - away, (0, 0, 0), lambda z: z[1] > -s)
+    rates = orbits.F(z)
+    return time + (-s - z[1]) / rates[1], z + rates * (-s - z[1]) / rates[1]
+
+
+def flights(
+    omega: Sequence[Any], slow: Sequence[Any], fast: Any, time: Any, count: int = 201, end: int = 201
+) -> list[list[Any]]:
+    saddle = Saddle(DISK, "linear", Lanes.of(omega), DIRECTIONS)
+    lengths = np.asarray(time) / (count - 0.5)
+    return flown(saddle, [arb(x) for x in GIVEN["extents"]], Lanes.of(slow), fast, lengths, end)
+
+
+@pytest.mark.slow
+def test_flights_arrive_where_they_should() -> None:
+    """Against the Runge-Kutta method: interpolation over a step errs by STEP^2 z'' / 2, z'' < 66 s < 14, so 2e-6.
+
+    Derivatives are held against central differences over 1e-3, in which the interpolation's 2e-6 is 4e-3.
+    """
+    place = (float(OMEGA_H + Fraction(1, 250)), 0.01, 0.0)
+    time, z = arrival(*place)
+    landed = flights([arb(place[0])], [arb(place[1])], arb(0), [time])
+    for row, value in zip(landed, (z[0], z[2], time), strict=False):
+        assert abs(float(row[0].mid()) - value) < 4e-6 + float(row[0].rad())
+        assert float(row[0].rad()) < 1e-5
+    for k, (by_slow, by_fast, by_omega) in enumerate(np.eye(3), 1):
+        ends = [arrival(place[0] + h * by_omega, place[1] + h * by_slow, h * by_fast) for h in (-5e-4, 5e-4)]
+        (before, low), (after, high) = ends
+        changes = [*((high - low)[[0, 2]] / 1e-3), (after - before) / 1e-3]
+        for row, slope in zip(landed, changes, strict=False):
+            assert abs(float(row[k].mid()) - slope) < 8e-3 + float(row[k].rad())
+
+
+@pytest.mark.slow
+def test_cells_of_flights_hold_single_ones() -> None:
+    """Two cells side by side, and single flights from their corners."""
+    omega, slow, fast = float(OMEGA_H) + 0.003, (0.02, 0.05), 0.005
+    times = [arrival(omega, x, 0.0)[0] for x in slow]
+    cells = flights([arb(omega, 1e-3)] * 2, [arb(x, 2e-3) for x in slow], arb(0, fast), times)
+    corners = [(omega + a * 1e-3, slow[k] + b * 2e-3, c * fast)
+               for k, a, b, c in ((0, 1, 1, 1), (0, -1, 1, -1), (1, 1, -1, 0.5))]  # fmt: skip
+    for corner in corners:
+        time, z = arrival(*corner)
+        for row, value in zip(cells, (z[0], z[2], time), strict=False):
+            assert row[0].overlaps(arb(value, 4e-6))
+    single = flights(
+        [arb(c[0]) for c in corners], [arb(c[1]) for c in corners], arb(0), [arrival(*c)[0] for c in corners]
+    )
+    assert all(a.overlaps(b) for a, b in zip(cells[3], single[3], strict=True))
+
+
+@pytest.mark.slow
+def test_flights_of_other_lengths_are_refused() -> None:
+    """A last step before the arrival, or after it; steps backwards or too long; the lane at fault is told."""
+    speed, slow = [arb(float(OMEGA_H))] * 2, [arb(0.01)] * 2
+    time = arrival(float(OMEGA_H), 0.01, 0.0)[0]
+    for end, line in ((199, "in its last step|passes"), (204, "on its way")):
+        with pytest.raises(Unproved, match=line):
+            flights(speed, slow, arb(0), [time] * 2, end=end)
+    for times in ([time, -time], [time, 10 * time], [time, math.nan]):
+        with pytest.raises(Unproved, match="flight 2: the states and derivatives"):
+            flights(speed, slow, arb(0), times)
+
+
+@pytest.mark.parametrize(
+    ("beta", "v", "slows", "line"),
+    [
+        ((0.5, 0.5), (arb(1), arb(-1)), -1, [False, False]),
+        ((0.5, 0.5), (arb(1), arb(0, 1)), -1, [False, True]),
+        ((0.5, 0.5), (arb(1), arb(0, 1)), 1, "flight 2: v is not shown to pass zero once"),
+        ((0.5, 0.5), (arb(1), arb(0, 1)), 0, "flight 2: v is not shown to pass zero once"),
+        ((0.5, -0.1), (arb(1), arb(1)), -1, "flight 2: 0 < beta_bar"),
+        ((1.571, 0.5), (arb(1), arb(1)), -1, "flight 1: 0 < beta_bar"),
+    ],
+)
+def test_what_is_asked_of_a_step(beta: Any, v: Any, slows: float, line: Any) -> None:
+    """beta_bar and v over it, and the sign of v'."""
+    model: Any = SimpleNamespace(rates=lambda state: (None, None, Lanes([float(slows)] * 2)))
+    step: Any = SimpleNamespace(enclosure=(Lanes(beta), None, Lanes.of(v)))
+    if isinstance(line, list):
+        assert flights_module._climbs(model, step).tolist() == line
+    else:
+        with pytest.raises(Unproved, match=line):
+            flights_module._climbs(model, step)
+
+
+def test_a_lane_in_which_beta_bar_has_no_largest_value_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    """After one step no v has changed its sign; were it shown of one lane, the other one would be missed."""
+    for shown in ([False, False], [True, False]):
+        monkeypatch.setattr(flights_module, "_climbs", lambda model, step, shown=shown: np.array(shown))
+        with pytest.raises(Unproved, match=f"flight {1 + shown.count(True)}: beta_bar is not shown to have a largest"):
+            flights([ball(OMEGA_H)] * 2, [arb(0.01)] * 2, arb(0), [0.001] * 2, count=1, end=1)
+
+
+def test_a_flight_that_falls_is_refused() -> None:
+    """From z_u = -u gamma falls."""
+    saddle = Saddle(DISK, "linear", Lanes.of([ball(OMEGA_H)]), DIRECTIONS)
+    with pytest.raises(Unproved, match="0 < beta_bar"):
+        flown(saddle, [arb(-0.2), arb(0.2), arb(0.3)], Lanes([0.0]), arb(0), np.array([0.005]), 201)
+
+
+def test_the_flights_cover_all_exits_and_speeds(monkeypatch: pytest.MonkeyPatch) -> None:
+    cells: list[tuple[Any, Any]] = []
+
+    def told(saddle: Any, extents: Any, slow: Any, fast: Any, lengths: Any, count: int, watch: Any) -> None:
+        cells.extend((saddle.omega.arb(k), slow.arb(k)) for k in range(len(lengths)))
+
+    monkeypatch.setattr(module, "arrivals", told)
+    n = SimpleNamespace(saddle=Saddle(DISK, "linear", arb(30), DIRECTIONS), extents=[arb(x) for x in GIVEN["extents"]])
+    returned = SimpleNamespace(n=n, exits=(arb(-0.125), arb(0.375)), exit_fast=arb(0))
+    low, high = Fraction("30.0474"), Fraction("30.0569")
+    module._flights(returned, low, high, {"steps": 9, "lengths": [[arb(1)] * 3, [arb(1)] * 2]}, print)
+    assert len(cells) == 5
+    for i, j in product(range(13), range(13)):
+        speed, slow = ball(low + (high - low) * Fraction(i, 12)), arb(-0.125) + arb(j) / 24
+        assert any(a.contains(speed) and b.contains(slow) for a, b in cells)
+    for lengths in ([], [[]], [[arb(1)], []]):
+        with pytest.raises(Unproved, match="no flights"):
+            module._flights(returned, low, high, {"steps": 9, "lengths": lengths}, print)
+
+
+# ------------------------------------------------------------------------------------------------------ the connection
+def connected(*pieces: tuple[float, float, float], room: Sequence[str] = ("0.0055", "0.02", "0.044")) -> None:
+    """Of pieces of a flight with these z about the second saddle."""
+    saddle = Saddle(DISK, "linear", ball(OMEGA_H), DIRECTIONS)
+    n = SimpleNamespace(saddle=saddle, extents=[arb(x) for x in GIVEN["extents"]])
+    offsets = [saddle.offset([arb(x) for x in z]) for z in pieces]
+    states = [(beta, y + arb.pi(), v) for beta, y, v in offsets]
+    module._connected(n, SimpleNamespace(room=tuple(map(Fraction, room)), pieces=states))
+
+
+def test_the_connection_stays_in_n() -> None:
+    connected((0.5, -3, 0), (0.1, -0.25, 0.1), (0, -0.2, 0.1), (0, -0.1, 0))
+    for pieces, line in (
+        ([(0, -0.2, 0), (0, -0.1, 0)], "from outside"),
+        ([(0, -3, 0), (0.21, -0.15, 0)], "stays in N"),
+        ([(0, -3, 0), (0, -0.15, 0), (-0.21, -0.1, 0)], "stays in N"),
+        ([(0, -3, 0), (0, -0.15, 0.31)], "stays in N"),
+        ([(0, -3, 0), (0, -0.15, 0), (-0.1, 0.1, 0)], "stays in N"),  # beta_bar < 0
+    ):
+        with pytest.raises(Unproved, match=line):
+            connected(*pieces)
+    with pytest.raises(Unproved, match="box lies in N"):
+        connected((0, -3, 0), (0, -0.15, 0), room=("0.0055", "0.5", "0.044"))
+
+
+@pytest.mark.parametrize(("low", "high"), [("30.0485", "30.05"), ("30.04", "30.0495"), ("0", "30.05")])
+def test_an_interval_that_is_empty_is_refused(low: str, high: str) -> None:
+    connection = SimpleNamespace(friction="linear", low=Fraction("30.048"), high=Fraction("30.05"))
+    with pytest.raises(Unproved, match="an interval is empty"):
+        cycles_shown(connection, Fraction(low), Fraction(high), print)  # type: ignore[arg-type]
+
+
+def test_the_end_that_is_shown_knows_its_cycles() -> None:
+    end = End(Fraction("30.0479"), Fraction("30.0569"), OMEGA_H, Fraction("0.14"), Fraction("0.268"))
+    omega = OMEGA_H + Fraction(1, 10**4)
+    for speed, below, v, met in (
+        (omega, 0.01, -0.02, True),
+        (OMEGA_H, 0.01, -0.02, False),
+        (end.high + 1, 0.01, -0.02, False),
+        (omega, 0.15, -0.02, False),
+        (omega, -0.01, -0.02, False),
+        (omega, 0.01, -0.3, False),
+        (omega, 0.01, 0.01, False),
+    ):
+        assert end.meets(ball(speed), arb.pi() - below, arb(v)) is met
+
+
+# ---------------------------------------------------------------------------------------------------- the return map
+def returned_by(n: Passage) -> ReturnMap:
+    return ReturnMap(n, ENTRY)
+
+
+def changed(matrix: Any, row: int, k: int, x: float) -> Any:
+    other = arb_mat(matrix)
+    other[row, k] = arb(x)
+    return other
+
+
+BEFORE: list[tuple[str, str, Callable[[Any], Any]]] = [
+    ("a passage takes time", "time", lambda n: lambda distance: arb(0)),
+    ("the fast part in N", "stirred_within", lambda n: n.forcing[1] + arb(1) / 1024),
+    ("the fast part in N", "forcing", lambda n: [n.forcing[0], n.stirred_within]),
+    ("the sign of z_s in Q", "saddle.inverse", lambda n: changed(n.saddle.inverse, S, 1, -1.0)),
+    ("beta_bar where N is left", "saddle.offset", lambda n: lambda z: [arb(1)] * 3),
+    ("gamma where N is left upwards", "saddle.offset", lambda n: lambda z: [arb(-1)] * 3),
+    # k |z_f| is 0.0176 along y_gamma, k |z_s| is less.
+    ("Q lies below the graph", "saddle.inverse", lambda n: changed(n.saddle.inverse, U, 1, 0.015)),
+    ("the saddles' boxes are apart", "saddle.inverse", lambda n: changed(n.saddle.inverse, S, 1, 0.01)),
+]
+
+
+@pytest.mark.parametrize(("line", "name", "other"), BEFORE)
+def test_what_is_asked_before_the_flights(line: str, name: str, other: Callable[[Any], Any]) -> None:
+    """One of the passage's answers is another one."""
+    n = made_up()
+    returned_by(n)
+    owner = n.saddle if name.startswith("saddle.") else n
+    setattr(owner, name.removeprefix("saddle."), other(n))
+    with pytest.raises(Unproved, match=f"^{line}:"):
+        returned_by(n)
+
+
+@pytest.mark.parametrize("swapped", [False, True])
+def test_the_exits_hold_those_from_d_and_from_q(swapped: bool) -> None:
+    """Beyond the saddle z_s is what is left of D's or of Q's; before it, of what Q's v brings."""
+    answers = [(0.125, 0.0078125), (0.0625, 0.015625)]
+    rest = iter([*(answers[::-1] if swapped else answers), (0.03125, 0)])
+    n = made_up()
+    vars(n).update(crossing=lambda *_: arb(0), fallen=lambda *_: [arb(x) for x in next(rest)])
+    returned = returned_by(n)
+    assert returned.exits == (arb(-0.03125), arb(0.125))
+    assert all(returned.exit_fast.contains(x) for x in (-0.015625, 0.015625))
+    assert all(returned.leaving[S].contains(x) for x in (0.03125, -0.125))
+    assert not returned.leaving[S].contains(0.0625)
+
+
+def before_shown() -> tuple[ReturnMap, Any]:
+    """With a linear field, and arrivals that fit; what is changed in the passage now does not change its answers."""
+    n = made_up()
+    returned = returned_by(n)
+    answers = {name: getattr(n, name) for name in ("settled", "ratio", "fallen")}
+    known = SimpleNamespace(**{**vars(n), **answers, "rates": lambda z: list((n.M * column(z)).entries())})
+    returned.n = known
+    return returned, known
+
+
+def rates_of(n: Any, row: int, x: Any, leaving: bool = False) -> Callable[[Any], Any]:
+    """The linear field, but for one number where orbits enter N (z_s = -s there), or where they leave it."""
+    usual = n.rates
+
+    def rates(z: Any) -> Any:
+        found = usual(z)
+        if bool(z[U] < -n.extents[U] * arb(0.99)) is leaving:
+            found[row] = arb(x)
+        return found
+
+    return rates
+
+
+def settled_of(n: Any, place: int, answer: Sequence[float]) -> Callable[[Any, Any], Any]:
+    """As it is, but for products of which that one is exactly zero: those with a variation along an axis."""
+    usual = n.settled
+    return lambda b, time: [arb(x) for x in answer] if b[place] == 0 else usual(b, time)
+
+
+def directed(n: Any, row: int, k: int, x: float) -> Any:
+    """The saddle with another entry of P, where P itself is asked for."""
+    return SimpleNamespace(**{**vars(n.saddle), "directions": changed(n.saddle.directions, row, k, x),
+                              "offset": n.saddle.offset})  # fmt: skip
+
+
+AFTER: list[tuple[str, dict[str, Callable[[Any], Any]], dict[tuple[int, int], Any]]] = [
+    ("orbits enter N and leave it", {"rates": lambda n: rates_of(n, S, -1)}, {}),
+    ("orbits enter N and leave it", {"rates": lambda n: rates_of(n, U, 1, leaving=True)}, {}),
+    # kappa is below one; 1 + L w is not.
+    ("R contracts", {"lipschitz": lambda n: arb(100)}, {}),
+    # k_1 F_s is 0.8.
+    ("the cone on entry", {"rates": lambda n: rates_of(n, F, 1)}, {(0, 1): arb(-0.1)}),
+    # The graph rises by L times what z_f gains, 0.15 at least.
+    ("heights grow downwards", {"lipschitz": lambda n: arb(1)}, {(0, 1): arb(-0.125), (1, 1): arb(0.15)}),
+    ("heights grow downwards", {"ratio": lambda n: lambda time: arb(1)}, {(0, 2): arb(0.5)}),
+    # A variation of z_f comes back twice as large, in the answers to this question alone.
+    ("1 - DR is regular", {"settled": lambda n: settled_of(n, 0, [0, 1e5])}, {}),
+    # A variation of z_u alone leaves such a z_f that the fixed point's slope is out of the cone.
+    ("the cone of the derivative", {"settled": lambda n: settled_of(n, 2, [0, 1600])}, {(0, 2): arb(0)}),
+    ("the compound's cone of the derivative", {"compound": lambda n: (n.compound[0], arb(1e-9))}, {}),
+    # k_1 F_s is 0.8 again: more than F_f, but less than with what z_u adds.
+    ("the compound's cone of the derivative", {"rates": lambda n: rates_of(n, F, 0.79)}, {(0, 1): arb(-0.1)}),
+    # A variation of z_u alone comes back larger.
+    ("the cycle's entry falls", {"settled": lambda n: settled_of(n, 2, [4, 0])}, {}),
+    ("gamma_bar_0 falls", {"saddle": lambda n: directed(n, 1, S, 6)}, {}),
+    ("gamma_bar_0 falls", {"saddle": lambda n: directed(n, 1, S, -6)}, {}),
+    ("gamma_bar_0 falls", {"saddle": lambda n: directed(n, 1, F, 1)}, {}),
+    ("the period falls", {"grows": lambda n: (arb(-1000), n.grows[1])}, {}),
+]  # fmt: skip
+
+
+def test_the_made_up_return_map_is_shown() -> None:
+    assert before_shown()[0].shown(arrivals()) < 1
+
+
+@pytest.mark.parametrize(("line", "others", "moved"), AFTER)
+def test_what_is_asked_after_the_flights(
+    line: str,
+    others: dict[str, Callable[[Any], Any]],
+    moved: dict[tuple[int, int], Any],
+) -> None:
+    """One of the passage's answers is another one, where it has to be with other arrivals."""
+    returned, n = before_shown()
+    for name, other in others.items():
+        setattr(n, name, other(n))
+    rows = arrivals()
+    for (row, k), x in moved.items():
+        rows[row][k] = x
+    with pytest.raises(Unproved, match=f"^{line}:"):
+        returned.shown(rows)
+
+
+@pytest.mark.parametrize(
+    ("name", "x", "line"),
+    [
+        *((name, x, "the extents of D") for name in ("lid", "fast", "weight") for x in (arb(0), arb(-1))),
+        ("lid", arb(0.001), "D and the graph"),
+        ("lid", arb(0.2), "D and the graph"),
+        ("lid", arb(0.12), "crossings lie in Q"),
+        ("fast", arb(1) / 30, "D and the graph"),
+        ("moment", arb(0.03), "crossings lie in Q"),
+        ("moment", arb(0.08), "crossings lie in Q"),
+        ("moment", arb(0), "the moment"),
+        ("gamma", "0.1", "crossings lie in Q"),
+        ("v", "0.2", "crossings lie in Q"),
+        ("gamma", "0.3", "Q lies in N"),
+        ("v", "1", "Q lies in N"),
+        ("gamma", "0", "the extents of D"),
+        ("v", "-0.28", "the extents of D"),
+    ],
+)
+def test_what_is_asked_of_d_and_q(name: str, x: Any, line: str) -> None:
+    """Every number of D and Q, changed so that its inequality breaks."""
+    n = made_up()
+    returned_by(n)
+    with pytest.raises(Unproved, match=f"^{line}"):
+        ReturnMap(n, ENTRY | {name: x})
+
+
+def arrivals() -> list[list[Any]]:
+    """About what flights arrive with: z_u, z_f, time and largest beta_bar, with derivatives by z_s, z_f and Omega."""
+    return [
+        [arb(-0.035, 0.04), arb(-0.5, 0.06), arb(0, 5e-4), arb(-3.8, 0.15)],
+        [arb(0, 1.5e-3), arb(0, 0.09), arb(0, 1e-3), arb(0, 0.4)],
+        [arb(1.005, 0.01), arb(0, 0.03), arb(0, 3e-4), arb(0, 0.08)],
+        [arb(0.45, 0.02), arb(-0.01, 1e-3), arb(0, 2e-5), arb(-0.04, 6e-3)],
+    ]
+
+
+@pytest.mark.parametrize(
+    ("row", "column", "spoil", "line"),
+    [
+        (0, 0, lambda x: x - arb(0.005), "arrivals above the lid"),
+        (0, 0, lambda x: x + arb(0.25), "arrivals in D"),
+        (1, 0, lambda x: 2 * x, "arrivals in D"),
+        (0, 1, lambda x: 3 * x, "R contracts"),
+        (1, 1, lambda x: 9 * x, "R contracts"),
+        (0, 1, lambda x: -x, "heights grow downwards"),
+        (0, 1, lambda x: 0 * x, "heights grow downwards"),
+        (0, 3, lambda x: -x, "the branch's arrivals fall"),
+        (0, 3, lambda x: x / 8, "the branch's arrivals fall"),
+        (1, 3, lambda x: 30 * x, "the branch's arrivals fall"),
+        (1, 3, lambda x: 6 * x, "cone of the derivative"),
+        (2, 3, lambda x: x + 50, "the period falls"),
+        (2, 1, lambda x: 1000 * x, "the period falls"),
+        (3, 3, lambda x: -x, "beta_max falls"),
+        (3, 1, lambda x: -9 * x, "beta_max falls"),
+        (3, 0, lambda x: x / 20, "beta_max is in the flight"),
+    ],
+)  # fmt: skip
+def test_what_is_found_after_the_flights(row: int, column: int, spoil: Callable[[Any], Any], line: str) -> None:
+    """A number of the arrivals, doubled or with its sign turned, breaks the inequality that rests on it."""
+    returned, _ = before_shown()
+    spoiled = arrivals()
+    spoiled[row][column] = spoil(spoiled[row][column])
+    with pytest.raises(Unproved, match=line):
+        returned.shown(spoiled)

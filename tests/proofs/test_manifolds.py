@@ -1,0 +1,254 @@
+"""Curves, blocks and cones at the saddle, against the ordinary road's power series and against orbits (linear law)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from fractions import Fraction
+from functools import cache
+from typing import Any
+
+import mpmath
+import pytest
+from flint import arb, arb_mat
+
+from tests.proofs.cases import carry
+from tippedisk_verify.errors import NoConnectionError
+from tippedisk_verify.model.equations import field, shifted
+from tippedisk_verify.model.exact import fraction
+from tippedisk_verify.model.parameters import CALIBRATED, PRINTED, Parameters
+from tippedisk_verify.proofs.kernel.balls import BallOps, Unproved, ball, ball_constants, positive, working_precision
+from tippedisk_verify.proofs.kernel.claims.manifolds import Curve, block, leaving
+from tippedisk_verify.proofs.kernel.claims.saddle import FAST, SLOW, UNSTABLE, Saddle, cones
+from tippedisk_verify.proofs.kernel.flow import Model, Status
+from tippedisk_verify.proofs.search.certificate import parameter_texts
+from tippedisk_verify.proofs.search.heteroclinic import eigenvectors, series_of_curve, smallest_weights
+from tippedisk_verify.theory.saddle_manifolds import Saddle as Series
+from tippedisk_verify.theory.series import PowerSeries
+
+SPEED = Fraction(round(Fraction("30.05") * 2**100), 2**100)
+BITS, ORDER = 160, 41
+THETA = arb(1) / 16
+SETS = pytest.mark.parametrize("parameters", [PRINTED, CALIBRATED], ids=lambda p: p.name)
+
+
+@pytest.fixture(autouse=True)
+def _bits() -> Iterator[None]:
+    with working_precision(BITS):
+        yield
+
+
+def saddle_at(parameters: Parameters, width: str = "0") -> Saddle:
+    directions = eigenvectors(parameters, SPEED)[1].tolist()
+    return Saddle(parameter_texts(parameters), parameters.friction, ball(SPEED) + arb(0, width), directions)
+
+
+@cache
+def graph(parameters: Parameters, along: int, order: int) -> list[list[Any]]:
+    with working_precision(BITS):
+        return list(series_of_curve(saddle_at(parameters), along, order, eigenvectors(parameters, SPEED)[0]).graph)
+
+
+def curve_of(parameters: Parameters, along: int, width: str = "0", order: int = ORDER) -> Curve:
+    rows = [list(row) for row in graph(parameters, along, order)]
+    return Curve(saddle_at(parameters, width), along, rows, None)
+
+
+def cone_of(curve: Curve, factor: int = 16) -> list[Any]:
+    """Some times the defect: the gaps between the eigenvalues are larger than 14."""
+    defect = curve.relative_defect(THETA)
+    return [part * factor / 14 + sum(defect) / 64 + arb(2) ** -150 for part in defect]
+
+
+@cache
+def truth_of(parameters: Parameters, shift: Fraction) -> Series:
+    """The ordinary road's series: to order 41 good to 60 digits where they are used here."""
+    return Series(parameters, SPEED + shift, 300, 41)
+
+
+def point_of(saddle: Saddle, series: list[PowerSeries], component: int, wanted: float) -> list[Any]:
+    """z of the ordinary road's curve where one coordinate has the value wanted."""
+    context = mpmath.MPContext()
+    context.prec = 300
+    s = context.mpf(wanted)
+    for _ in range(60):  # the curve is tangent to the coordinate: simple iteration contracts
+        z = saddle.coordinates([ball(fraction(part.at(s))) for part in series])
+        s -= context.mpf(z[component].mid().str(60, radius=False)) - wanted
+    return z
+
+
+@SETS
+@pytest.mark.parametrize(("order", "sharp"), [(ORDER, 1e-40), (5, 1e-6)])
+def test_the_unstable_branch_is_where_the_power_series_put_it(parameters: Parameters, order: int, sharp: float) -> None:
+    """With a short series too, whose defect is all remainder."""
+    curve = curve_of(parameters, UNSTABLE, order=order)
+    cone = cone_of(curve)
+    box, _, _ = leaving(curve, THETA, cone, curve.relative_defect(THETA))
+    assert all(float(part) < sharp for part in cone)
+    truth = point_of(curve.saddle, truth_of(parameters, Fraction(0)).unstable_curve, UNSTABLE, 0.0625)
+    for mine, true in zip(box, truth, strict=True):
+        assert abs(true - mine.mid()) < mine.rad() + arb(2) ** -140
+
+
+@SETS
+def test_the_cone_of_an_interval_of_speeds_holds_how_the_branch_moves(parameters: Parameters) -> None:
+    """The branches of its ends lie in it, and their difference is within the weights times that of the speeds."""
+    curve, step = curve_of(parameters, UNSTABLE, "1e-9"), Fraction(1, 10**9)
+    box, whole, matrix = leaving(curve, THETA, cone_of(curve), curve.relative_defect(THETA))
+    low, middle, high = (
+        point_of(curve.saddle, truth_of(parameters, shift).unstable_curve, UNSTABLE, 0.0625)
+        for shift in (-step, Fraction(0), step)
+    )
+    for truth in (low, middle, high):
+        assert all(mine.contains(true.mid()) for mine, true in zip(box[1:], truth[1:], strict=True))
+    by_speed = curve.saddle.field(whole)[2]
+    weights = smallest_weights(matrix, by_speed)
+    assert all(map(positive, cones(matrix, weights, by_speed)))
+    for place in (SLOW, FAST):
+        moved = abs(high[place] - low[place]) / (2 * ball(step))
+        assert moved < weights[place]
+        assert float(moved) > float(weights[place]) / 100  # the bound is not an idle one
+
+
+@SETS
+@pytest.mark.parametrize(("order", "size", "sharp"), [(ORDER, "1e-30", 1e-32), (5, "1e-7", 1e-8)])
+def test_the_slow_stable_curve_lies_within_delta_of_the_block(
+    parameters: Parameters, order: int, size: str, sharp: float
+) -> None:
+    curve = curve_of(parameters, SLOW, order=order)
+    delta, _, _ = block(curve, (arb("0.06").mid(), arb(size).mid(), arb(size).mid()))
+    assert float(delta) < sharp
+    for theta in (-0.05, -0.01, 0.03):
+        w_u, w_f = curve.straightened(
+            point_of(curve.saddle, truth_of(parameters, Fraction(0)).stable_curve, SLOW, theta)
+        )
+        assert abs(w_u) < delta
+        assert abs(w_f) < arb(size)
+
+
+@pytest.mark.parametrize("side", [-1, 1])
+def test_orbits_leave_the_block_through_the_face_that_is_shown(side: int) -> None:
+    curve, small = curve_of(PRINTED, SLOW), arb("1e-12").mid()
+    delta, _, _ = block(curve, (arb("0.06").mid(), small, small))
+    beta, gamma, v = curve.saddle.offset(curve.point(arb("-0.05"), (side * 2 * delta, small)))
+    # The rate is within a tenth of lambda_u: after this time w_u has grown tenfold at the very least.
+    flight = carry(Model(ball_constants(PRINTED), curve.saddle.omega), (beta, gamma - arb.pi(), v), "0.5")
+    assert flight.status is Status.REACHED
+    beta, gamma, v = flight.state
+    assert positive(side * curve.straightened(curve.saddle.coordinates((beta, gamma + arb.pi(), v)))[0] - 10 * delta)
+
+
+def test_what_is_too_large_or_not_finite_is_refused() -> None:
+    slow, small = curve_of(PRINTED, SLOW), arb("1e-12").mid()
+    block(slow, (arb(0.05), small, small))
+    for extents in (
+        (arb(2), small, small),  # beyond the series
+        (arb(0.05), small, arb("1e-16").mid()),  # the coupling from w_u wins on the faces w_f = t
+        (arb(0.05), arb("1e-16").mid(), small),  # u within delta
+        (arb("nan"), small, small),
+        (arb("inf"), small, small),
+        (arb(0.05), arb("nan"), small),
+        (arb(0.05), -small, small),
+    ):
+        with pytest.raises(Unproved):
+            block(slow, extents)
+    curve = curve_of(PRINTED, UNSTABLE, order=5)
+    right = cone_of(curve)
+    leaving(curve, THETA, right, curve.relative_defect(THETA))
+    for theta, cone in (
+        (arb(3), right),
+        (arb("nan"), right),
+        (-THETA, right),
+        (THETA, [right[0] / 1000, right[1]]),  # too narrow in one direction
+        (THETA, [right[0], right[1] / 1000]),
+    ):
+        with pytest.raises(Unproved):
+            leaving(curve, theta, cone, curve.relative_defect(theta))
+
+
+def test_a_wrong_curve_has_a_defect() -> None:
+    """One coefficient off by 1e-20: the cone must be wide enough to hold the truth all the same."""
+    curve = curve_of(PRINTED, UNSTABLE)
+    right = cone_of(curve)
+    curve.graph[0][3] += arb("1e-20")
+    defect = curve.relative_defect(THETA)
+    with pytest.raises(Unproved, match="the cone of the unstable manifold"):
+        leaving(curve, THETA, right, defect)
+    box, _, _ = leaving(curve, THETA, cone_of(curve), defect)
+    truth = point_of(curve.saddle, truth_of(PRINTED, Fraction(0)).unstable_curve, UNSTABLE, 0.0625)
+    assert all(mine.contains(true.mid()) for mine, true in zip(box[1:], truth[1:], strict=True))
+    curve.graph[0][0] = arb("1e-30").mid()
+    with pytest.raises(Unproved, match="does not pass the saddle"):
+        Curve(curve.saddle, UNSTABLE, curve.graph, None)
+
+
+def test_the_derivative_across_a_curve_is_that_of_the_rate_of_w() -> None:
+    """w' = F_w - W' F_theta by differences in w, for a curve so bent that W' counts."""
+    curve = curve_of(PRINTED, SLOW)
+    curve.graph[0][3], curve.graph[1][3] = arb(16), arb(-8)
+    theta, step = arb("0.125"), arb("1e-12")
+
+    def rate(w: Sequence[Any]) -> list[Any]:
+        flow = curve.saddle.rates(curve.point(theta, w))
+        return [flow[o] - slope * flow[SLOW] for o, slope in zip(curve.others, curve.slopes(theta), strict=True)]
+
+    start = [arb("0.001"), arb("0.002")]
+    for column in range(2):
+        moved = [part + (step if k == column else 0) for k, part in enumerate(start)]
+        box = curve.point(theta, [a.union(b) for a, b in zip(start, moved, strict=True)])
+        rows = curve.across(arb_mat(curve.saddle.field(box)[1]), theta)
+        for row, (after, before) in enumerate(zip(rate(moved), rate(start), strict=True)):
+            assert ((after - before) / step).overlaps(rows[row][column])
+            assert rows[row][column].rel_accuracy_bits() > 20
+
+
+def test_the_field_in_these_coordinates_is_that_of_the_equations() -> None:
+    """F is; differences of F lie in the derivatives over the segment between."""
+    saddle, step, z = saddle_at(PRINTED), arb("1e-12"), [arb("0.03"), arb("-0.02"), arb("0.01")]
+    beta, gamma, v = saddle.offset(z)
+    theirs = field(shifted(BallOps), ball_constants(PRINTED), saddle.omega, "linear")(beta, gamma + arb.pi(), v)
+    start = saddle.rates(z)
+    assert all(a.overlaps(b) for a, b in zip(start, saddle.coordinates(theirs), strict=True))
+    assert saddle.rates([arb(0)] * 3) == [0, 0, 0]
+    for column in range(3):
+        other = [part + (step if k == column else 0) for k, part in enumerate(z)]
+        matrix = saddle.field([a.union(b) for a, b in zip(z, other, strict=True)])[1]
+        for row, (after, before) in enumerate(zip(saddle.rates(other), start, strict=True)):
+            assert ((after - before) / step).overlaps(matrix[row][column])
+    faster = Saddle(saddle.disk, "linear", saddle.omega + step, saddle.directions.tolist())
+    both = Saddle(saddle.disk, "linear", saddle.omega.union(faster.omega), saddle.directions.tolist())
+    for after, before, slope in zip(faster.rates(z), start, both.field(z)[2], strict=True):
+        assert ((after - before) / step).overlaps(slope)
+        assert slope.rel_accuracy_bits() > 20
+
+
+def test_cones_need_a_saddle_and_weights_that_fit() -> None:
+    diagonal = arb_mat([[2, 0.125, 0.125], [0.125, -3, 0.125], [0.125, 0.125, -9]])
+    ones = [arb(1)] * 3
+    assert all(map(positive, cones(diagonal, ones)))
+    mu, nu_s, nu_f = cones(diagonal, ones)
+    assert mu.contains(1.75)
+    assert nu_s.contains(2.75)
+    assert nu_f.contains(8.75)
+    assert not all(map(positive, cones(diagonal, [arb("0.01"), arb(1), arb(1)])))
+    assert not all(map(positive, cones(diagonal, ones, [arb(3), arb(0), arb(0)])))
+    assert not all(map(positive, cones(arb_mat([[arb("nan")] * 3] * 3), ones)))
+    turned = arb_mat([[2, 0.1, 0.1], [0.1, 3, 0.1], [0.1, 0.1, -9]])
+    assert not all(map(positive, cones(turned, ones)))
+    drift = [arb("0.1"), arb("0.2"), arb("0.3")]
+    assert all(map(positive, cones(diagonal, smallest_weights(diagonal, drift), drift)))
+
+
+def test_a_saddle_focus_is_refused() -> None:
+    with pytest.raises(NoConnectionError, match="saddle-focus"):
+        eigenvectors(PRINTED.changed(mu="0.03"), SPEED)
+
+
+def test_the_directions_belong_to_the_eigenvalues() -> None:
+    saddle, (values, _) = saddle_at(PRINTED), eigenvectors(PRINTED, SPEED)
+    matrix = saddle.field([arb(0)] * 3)[1]
+    # Entries of the Jacobian up to 1e3, a condition of the directions below 1e3, a few roundings.
+    rounding = arb(2) ** (24 - BITS)
+    for row in range(3):
+        for column in range(3):
+            assert abs(matrix[row][column] - (values[row] if row == column else arb(0))) < rounding
+    assert all(positive(saddle.directions[1, column]) for column in (UNSTABLE, SLOW, FAST))

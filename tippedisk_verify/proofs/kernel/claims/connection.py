@@ -1,0 +1,283 @@
+"""Omega_h: in an interval of speeds noninverted spinning is connected with its copy, at exactly one (both laws).
+
+The unstable branch of the saddle (0, -pi, 0) (shifted angles) that leaves with growing gamma passes z_u = theta_0 at a
+point p_0(Omega) and some steps later is at p(Omega), near the saddle (0, pi, 0). Let I be an interval of speeds with
+the midpoint Omega_m and the half-width h.
+
+1. *Start.* A cone at the first saddle encloses p_0 on all of I, and cones with the speed as a fourth coordinate the
+   difference of two of its points: p_0(Omega') - p_0(Omega) = (P e_s [-k_s, k_s] + P e_f [-k_f, k_f]) (Omega' - Omega).
+2. *Flight.* One flight encloses p on I and the derivatives of the flow over all that starts there; by the mean value
+   theorem p(Omega') - p(Omega) = P G (Omega' - Omega) with an enclosed vector G. The set of states that the flight
+   carries is linear in the speed, but for a small rest: that gives p at both ends of I by themselves.
+3. *Arrival.* p(I) lies in an isolating block N of the second saddle (`manifolds.block`). At one end of I w_u < -delta,
+   at the other w_u > delta: there the orbit leaves N through one face, here through the other. The speeds of either
+   kind are open sets; I is connected: at some speed of I the orbit stays in N for ever.
+4. *Connection.* By the cones at the second saddle an orbit that stays in N converges to it. That speed is Omega_h, and
+   by the point symmetry the connection back exists at the same speed.
+5. *Uniqueness.* Two speeds Omega < Omega' whose orbits stay in N, or in a larger box about the saddle on which the
+   cones hold, would give orbits that differ at arrival by P G (Omega' - Omega). If G lies in the unstable cone, for all
+   speeds of I, they would drift apart exponentially, and cannot both stay.
+
+**The statement** needs no theta_0, flight or N, which depend on choices. It is about a box around the second saddle,
+|beta_bar| <= b, |gamma_bar - pi| <= c, |v| <= d with short decimals b, c, d. The box holds N, and with it p(I). From
+the branch's first arrival at gamma_bar = pi - c until the flight's end gamma is shown to grow and the branch to be in
+the box, for all speeds of I. So the branch of the speed found in 3 stays in the box from its first arrival on. By 5,
+with the cones over this box, no other speed of I has such a branch.
+
+What is proved excludes, in I, a second speed whose branch never leaves the box again; it says nothing of orbits that
+leave it and come back to the saddle on another way. Only connections on which gamma grows all the way are looked for.
+
+**The limit cycle next to it** (docs/certified.md, Theorem 7). With gamma in R, not modulo 2 pi, the symmetry S maps the
+two connections to each other and acts freely on a neighbourhood of them. In its quotient they are one homoclinic loop
+of one saddle, and Shilnikov's theorem is about such a loop. Its hypotheses are that the eigenvalues are real and
+simple, lambda_u > 0 > lambda_s > lambda_ss, with lambda_u + lambda_s < 0; that the splitting has a simple zero, by step
+5 (the points (z, Omega) from which the orbit stays in N form a smooth graph over (z_s, z_f, Omega), no two of them
+differ by a vector of the unstable cone, and the derivative of the arrivals by Omega lies in that cone); and that the
+connection comes in along the slow direction (``slowly``). The theorem is about smooth fields: nothing is said of the
+smooth friction law. The cycle follows both connections, so it is on the side of Omega_h on which the branch leaves N
+with falling gamma.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any
+
+from flint import arb, arb_mat
+
+from tippedisk_verify.proofs.kernel.balls import Unproved, ball, need, positive
+from tippedisk_verify.proofs.kernel.choices import FLIGHT, Replay
+from tippedisk_verify.proofs.kernel.claims.manifolds import Curve, block, leaving
+from tippedisk_verify.proofs.kernel.claims.saddle import FAST, SLOW, UNSTABLE, Saddle, ask, cones, most
+from tippedisk_verify.proofs.kernel.claims.words import DISK, disk_words, number_words
+from tippedisk_verify.proofs.kernel.flow import Step
+from tippedisk_verify.proofs.kernel.reading import MEASURED, decimal, dyadic, one_of
+
+__all__ = ["CHOICES", "EIGENVALUES", "KINDS", "SIDES", "Connection", "Recorded", "alone", "connection_shown", "holds",
+           "sentence", "shape", "show"]  # fmt: skip
+
+KINDS = ("heteroclinic connection",)
+
+#: the names of the numbers, by descending value
+EIGENVALUES = ("lambda_u", "lambda_s", "lambda_ss")
+#: of a refusal, where the interval may hold no connection
+SIDES = "the ends of the interval are not shown to pass on opposite sides"
+
+_PIECES = 8  # of a step, for what is to hold all along it
+_UPRIGHT = Fraction("1.5707")
+
+_CURVE = {"graph": [[dyadic, None], 2], "side?": one_of("1", "-1")}
+#: what has to be chosen; the speeds, the box of the statement and the eigenvalues are the claim's
+CHOICES = {
+    "directions": [[dyadic, 3], 3],
+    "unstable": {**_CURVE, "reach": dyadic},
+    "cone": [dyadic, 2],
+    "slow": _CURVE,
+    "drift": [dyadic, 3],
+    "flight": FLIGHT,
+    "block": [dyadic, 3],
+    "apart": [dyadic, 3],
+}
+
+
+@dataclass(frozen=True)
+class Connection:
+    """What is shown: at exactly one speed (or at least one) of [low, high] there is a connection of saddles."""
+
+    disk: dict[str, str]
+    friction: str
+    low: Fraction  #: [rad/s]
+    high: Fraction
+    room: tuple[Fraction, Fraction, Fraction]  #: b [rad], c [rad], d [rad/s]
+    unique: bool
+    upright: bool  #: |beta_bar| < pi/2 all along
+    slowly: bool  #: the connection comes in along the slow stable direction
+    above: bool  #: the branch leaves N with falling gamma above Omega_h in I, not below it
+    pieces: list[Any]  #: boxes of states, in order of time, that hold the branch from the first saddle to its arrival
+
+
+def connection_shown(
+    disk: dict[str, str], friction: str, omega_h: tuple[Fraction, Fraction], choose: Callable[..., Any]
+) -> Connection:
+    """What is shown of the interval ``omega_h`` (middle, half-width) [rad/s].
+
+    ``choose`` is called with the names of `CHOICES`, and with "room" and "eigenvalues", and what they may depend on.
+    Raises Unproved with the inequality that fails.
+    """
+    middle, half = omega_h
+    need(0 < half < middle, "claim: the interval of speeds is empty, or not above zero")
+    low, high = middle - half, middle + half
+    speeds = ball(middle) + arb(0, ball(half).upper())
+    saddle = Saddle(disk, friction, speeds, choose("directions"))
+    _eigenvalues(saddle, choose("eigenvalues", saddle))
+    start, change, upright, whole = _departure(saddle, choose)
+    arriving = _curve(saddle, SLOW, choose("slow", saddle))
+    path, pieces = saddle.path(start, choose("flight")), [whole]
+    while True:
+        step = path.step()
+        if step is None:
+            raise Unproved("the flight between the saddles could not be enclosed")
+        pieces += _parts(step)
+        upright = upright and _stands(step.enclosure[0])
+        path.take(step)
+        z = saddle.seen(path.frame)
+        if choose("arrived", path, z, arriving):
+            break
+    G = saddle.coordinates([sum(row[k] * x for k, x in enumerate(change)) for row in path.matrix])
+    extents = choose("block", z, arriving)
+    delta, box, matrix = block(arriving, extents)
+    w_u, w_f = arriving.straightened(z)
+    ask("arrivals lie in the block", *(x - abs(y) for x, y in zip(extents, (z[SLOW], w_u, w_f), strict=True)))
+    # The ends of I: what they deviate from the middle of the speeds is a point.
+    shifts = [ball(end) - speeds.mid() for end in (low, high)]
+    ends = [saddle.seen(path.frame, [*path.frame.deviation[:3], shift]) for shift in shifts]
+    first, last = (arriving.straightened(end)[0] for end in ends)
+    rising = _surely(-first - delta, last - delta)
+    need(rising or _surely(first - delta, -last - delta), SIDES)
+    offset = saddle.offset(box)
+    room = choose("room", offset, pieces, saddle, G)
+    need(holds(room, offset, pieces), "the box at the second saddle is not shown to keep what arrives")
+    unique = alone(saddle, room, G, choose)
+    upright = upright and _stands(ball(room[0]))
+    return Connection(disk, friction, low, high, room, unique, upright, _slowly(matrix, z), not rising, pieces)
+
+
+def _curve(saddle: Saddle, along: int, entry: dict[str, Any]) -> Curve:
+    need(("side" in entry) == (saddle.friction == "smooth"), "the smooth law has sides, the linear one has none")
+    return Curve(saddle, along, entry["graph"], int(entry["side"]) if "side" in entry else None)
+
+
+def _departure(saddle: Saddle, choose: Callable[..., Any]) -> tuple[list[Any], list[Any], bool, list[Any]]:
+    """The branch at z_u = theta_0; how it changes there with the speed, in z and the speed; whether it stays upright up
+    to there; and a box of offsets from the first saddle that holds it.
+    """
+    entry = choose("unstable", saddle)
+    curve, theta = _curve(saddle, UNSTABLE, entry), entry["reach"]
+    defect = curve.relative_defect(theta)
+    start, whole, matrix = leaving(curve, theta, choose("cone", curve, theta, defect), defect)
+    by_speed = saddle.field(whole, curve.side)[2]
+    _, k_s, k_f = weights = choose("drift", matrix, by_speed)
+    ask("the cones at the first saddle", *weights, *cones(matrix, weights, by_speed))
+    offset = saddle.offset(whole)
+    ask("gamma grows where the branch leaves", saddle.directions[1, 0])
+    state = [offset[0], offset[1] - arb.pi(), offset[2]]
+    return start, [arb(0), arb(0, most(k_s)), arb(0, most(k_f)), arb(1)], _stands(offset[0]), state
+
+
+def _surely(*balls: Any) -> bool:
+    return all(positive(x) for x in balls)
+
+
+def _stands(beta: Any) -> bool:
+    return _surely(ball(_UPRIGHT) - abs(beta))
+
+
+def _parts(step: Step) -> list[Any]:
+    """Boxes of states that hold the orbits over the step, in order of time."""
+    share = arb(step.length) / (2 * _PIECES)
+    return [step.at((2 * k + 1) * share + arb(0, share.upper())) for k in range(_PIECES)]
+
+
+def holds(room: Sequence[Fraction], offset: Sequence[Any], pieces: Sequence[Any]) -> bool:
+    """Whether the room holds a block's offsets from the saddle, and all orbits from their first arrival in it on."""
+    sizes = [ball(extent) for extent in room]
+    offsets = [(beta, gamma - arb.pi(), v) for beta, gamma, v in pieces]
+    first = next((place for place, (_, gamma, _) in enumerate(offsets) if not positive(-sizes[1] - gamma)), 0)
+    late = offsets[first:]
+    if not first or not all(_surely(beta.sin(), sizes[1] - gamma) for beta, gamma, _ in late):
+        return False
+    inside = all(_surely(sizes[k] - abs(state[k])) for state in late for k in (0, 2))
+    return inside and all(_surely(size - abs(x)) for size, x in zip(sizes, offset, strict=True))
+
+
+def alone(saddle: Saddle, room: Sequence[Fraction], G: Sequence[Any], choose: Callable[..., Any]) -> bool:
+    """Whether orbits of two speeds cannot both stay in the box. Raises Unproved if no one is shown to converge."""
+    box = saddle.coordinates([arb(0, ball(extent).upper()) for extent in room])
+    _, slopes, by_speed = saddle.field(box)
+    matrix = arb_mat(slopes)
+    ask("the cones of the box at the second saddle", *cones(matrix, (arb(1), arb(1), arb(1))))
+    weights = choose("apart", matrix, by_speed, G)
+    inside = [abs(G[UNSTABLE]) - weights[0], *(weights[k] - abs(G[k]) for k in (SLOW, FAST))]
+    return _surely(*weights, *inside, *cones(matrix, weights, by_speed))
+
+
+def _slowly(matrix: Any, z: Sequence[Any]) -> bool:
+    """Whether an orbit that is in the box z now, and in N for ever, converges along the slow stable direction.
+
+    With weights 1 it has |z_u| <= max(|z_s|, |z_f|). Where |z_f| = |z_s|, |z_f| grows less than |z_s| if the Gershgorin
+    discs of the two rows, enclosed over N in ``matrix``, lie apart; then |z_f| < |z_s| stays true. The eigenvector of
+    the fast eigenvalue, which lies in the fast row's disc, has |z_f| > |z_s|.
+    """
+    slow, fast = (
+        (matrix[row, row], sum((abs(matrix[row, k]) for k in range(3) if k != row), arb(0))) for row in (SLOW, FAST)
+    )
+    return _surely(slow[0] - slow[1] - (fast[0] + fast[1]), abs(z[SLOW]) - abs(z[FAST]))
+
+
+def _eigenvalues(saddle: Saddle, claimed: Sequence[tuple[Fraction, Fraction]]) -> None:
+    """Shown: each of three disjoint intervals holds one eigenvalue at every speed, in descending order."""
+    c, w = saddle.constants, saddle.omega
+    arm = c.r - c.e
+    drag = c.k / c.b * arm
+    a_2, a_1, a_0 = drag * arm, w * w - c.g * arm / c.b, -drag * c.e * w * w
+    signs = []
+    for value, half in claimed:
+        for x in map(ball, (value + half, value - half)):
+            p = ((x + a_2) * x + a_1) * x + a_0
+            signs.append(1 if positive(p) else -1 if positive(-p) else 0)
+    ends = [x for value, half in claimed for x in (value + half, value - half)]
+    need(ends == sorted(ends, reverse=True) and signs == [1, -1, -1, 1, 1, -1], "claim: the eigenvalues are not shown")
+
+
+class Recorded:
+    """The choices of a certificate: entries by their names. The flight ends where its log does."""
+
+    def __init__(self, entries: Mapping[str, Any]) -> None:
+        self.entries = entries
+        self._flight = Replay(entries["flight"], "the flight")
+
+    def __call__(self, name: str, *shown: Any) -> Any:
+        if name == "flight":
+            return self._flight
+        return self._flight.number == len(self._flight.log) if name == "arrived" else self.entries[name]
+
+
+def shape(kind: str) -> tuple[dict[str, Any], dict[str, Any]]:
+    """What a claim and its evidence have."""
+    claim = DISK | {
+        "kind": str, "numbers": dict.fromkeys(("omega_h", *EIGENVALUES), MEASURED),
+        "unique": one_of(True, False), "upright": one_of(True, False), "beta": decimal, "gamma": decimal, "v": decimal,
+    }  # fmt: skip
+    return claim, CHOICES
+
+
+def show(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> None:
+    """Raises Unproved if the evidence does not prove the claim."""
+    numbers = {name: (Fraction(x["value"]), Fraction(x["uncertainty"])) for name, x in claim["numbers"].items()}
+    claimed = {
+        "eigenvalues": [numbers[name] for name in EIGENVALUES],
+        "room": tuple(Fraction(claim[name]) for name in ("beta", "gamma", "v")),
+    }
+    choices = Recorded({**evidence, **claimed})
+    shown = connection_shown(claim["parameters"], claim["friction"], numbers["omega_h"], choices)
+    need(shown.unique or not claim["unique"], "claim: that there is no other speed is not shown")
+    need(shown.upright or not claim["upright"], "claim: that the disk never lies flat is not shown")
+
+
+def sentence(claim: Mapping[str, Any]) -> str:
+    """What is claimed, in one sentence."""
+    middle, half = (claim["numbers"]["omega_h"][name] for name in ("value", "uncertainty"))
+    numbers = number_words(claim)
+    return (
+        f"{disk_words(claim)} there is "
+        f"{'exactly one' if claim['unique'] else 'at least one'} Omega with |Omega - {middle} rad/s| <= {half} rad/s "
+        "at which the branch of the unstable manifold of (beta, gamma, v) = (pi/2, -pi/2, 0) that leaves with growing "
+        f"gamma, from the moment on at which it first has gamma = 3 pi/2 - {claim['gamma']}, stays in the box "
+        f"|beta - pi/2| <= {claim['beta']}, |gamma - 3 pi/2| <= {claim['gamma']}, |v| <= {claim['v']} rad/s and "
+        f"converges to (pi/2, 3 pi/2, 0){', with |beta - pi/2| < pi/2 all along' * claim['upright']}; by the symmetry "
+        "(beta, gamma, v) -> (pi - beta, pi - gamma, -v) the connection back exists at the same speed, an Omega_h; at "
+        f"every speed of the interval the saddle's eigenvalues are {', '.join(numbers[name] for name in EIGENVALUES)} "
+        "1/s."
+    )

@@ -1,0 +1,176 @@
+"""A limit cycle at an exact speed: what is claimed, how it follows from a Krawczyk test, and its sentence.
+
+A fixed point x of the half map lies on a limit cycle that S maps to itself: the orbit goes from x to -x and, by the
+symmetry, on to x in the same time again. One of the turn map lies on a cycle on which gamma grows by 2 pi a period.
+
+The numbers follow on balls: period and largest |beta_bar| by the mean value theorem from the test's middle, the
+derivatives from the flight over its box: (1 - P') dx/dOmega = P_Omega. The multipliers are the eigenvalues of P', of
+the half map their squares. By Liouville's formula the determinant of the turn map's P' is D = exp(integral of div f) at
+a fixed point, for the factor gamma'(start) / gamma'(end) is 1 there. Of the half map it is -D: S after the flow has the
+derivative -DPhi, with eigenvalue 1 along the field, and determinant -det DPhi. So that has a positive and a negative
+real eigenvalue.
+
+Under the smooth friction law P is continuously differentiable along orbits that cross gamma_y = 0 as `sliding` shows
+them to, and nothing above asks for more.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from tippedisk_verify.proofs.kernel.balls import arb, ball, need, negative, positive, working_precision
+from tippedisk_verify.proofs.kernel.choices import BOX, FLIGHT, ReplayedTest
+from tippedisk_verify.proofs.kernel.claims.words import DISK, MANNERS, disk_words, held, number_words
+from tippedisk_verify.proofs.kernel.krawczyk import FixedPoints, krawczyk_test
+from tippedisk_verify.proofs.kernel.reading import MEASURED, count, decimal, dyadic, one_of, precision
+from tippedisk_verify.proofs.kernel.section import HALF, TURN, Return, Section
+
+__all__ = ["KINDS", "UNKNOWNS", "apart", "cycle_numbers", "main", "names", "place", "reversals", "sentence", "shape",
+           "show", "stability"]  # fmt: skip
+
+KINDS = {"limit cycle": HALF, "rotating limit cycle": TURN}
+#: names of a section's coordinates
+UNKNOWNS = {HALF: ("gamma_bar_0", "v_0"), TURN: ("beta_bar_top", "v_top")}
+
+
+def names(section: Section) -> tuple[str, ...]:
+    """The numbers claimed, those first that come to the digits asked for (`main`)."""
+    slopes = (f"d{name}_domega" for name in UNKNOWNS[section])
+    others = ("multiplier_slow", "log_multiplier_slow", "log_multiplier_fast", "dperiod_domega")
+    return *main(section), *others, *slopes
+
+
+def main(section: Section) -> tuple[str, ...]:
+    return "period", *UNKNOWNS[section], *(["beta_max"] if section == HALF else [])
+
+
+def place(claim: Mapping[str, Any], middle: Sequence[Any]) -> tuple[list[Any], Any]:
+    """The test's middle of two points on the section, with the speed's; and how far the speed is from that, a ball."""
+    speed = ball(claim["omega"])
+    return [*middle, speed.mid()], speed - speed.mid()
+
+
+def cycle_numbers(section: Section, fixed: FixedPoints) -> dict[str, Any]:
+    """The cycle's numbers, balls, by name."""
+    centre, box, laps = fixed.centre, fixed.box, section.laps
+    (a, b), (c, d) = box.matrix
+    trace, shrinking = a + d, box.divergence.exp()
+    # Of a complex pair, or where a turn map's trace has no certain sign, this is not finite, and shows nothing.
+    larger = (abs(trace) + (trace * trace - 4 * section.sign * shrinking).sqrt()) / 2
+    sign = 1 if section == HALF or positive(trace) else -1 if negative(trace) else arb.nan()
+    slow, determinant = laps * larger.log(), (1 - a) * (1 - d) - b * c
+    by_omega = [
+        ((1 - d) * box.by_omega[0] + b * box.by_omega[1]) / determinant,
+        ((1 - a) * box.by_omega[1] + c * box.by_omega[0]) / determinant,
+        1,
+    ]
+    time_by = (*box.time_by_state, box.time_by_omega)
+    first, second = UNKNOWNS[section]
+    numbers = {
+        "period": laps * fixed.along(centre.time, time_by),
+        first: fixed.image[0],
+        second: fixed.image[1],
+        "multiplier_slow": sign * larger**laps,
+        "log_multiplier_slow": slow,
+        "log_multiplier_fast": laps * box.divergence - slow,
+        "dperiod_domega": laps * sum(x * y for x, y in zip(time_by, by_omega, strict=True)),
+        f"d{first}_domega": by_omega[0],
+        f"d{second}_domega": by_omega[1],
+    }
+    return numbers | ({"beta_max": -fixed.along(centre.beta_least, box.turn_by_start)} if section == HALF else {})
+
+
+def stability(numbers: Mapping[str, Any]) -> bool | None:
+    """Asymptotically stable (True) or unstable (False), proved; None if not decided."""
+    slow, fast = numbers["log_multiplier_slow"], numbers["log_multiplier_fast"]
+    if negative(slow) and negative(fast):
+        return True
+    return False if positive(slow) else None
+
+
+def apart(fixed: FixedPoints, radii: Sequence[Any]) -> tuple[Any, Any]:
+    """Distances from the fixed point within which a box of these radii, that passed a test too, reaches."""
+    # The fixed point lies within K of m, so a distance from it reaches that much less far from m.
+    first, second = (radius.rad() - abs(part) for radius, part in zip(radii, fixed.shift, strict=False))
+    return first, second
+
+
+def reversals(section: Section, fixed: FixedPoints) -> int:
+    """How often the sliding velocity changes its sign in a period, shown under the smooth law only."""
+    return section.laps * fixed.box.reversals
+
+
+def shape(kind: str) -> tuple[dict[str, Any], dict[str, Any]]:
+    """What a claim and its evidence have."""
+    section = KINDS[kind]
+    claim = DISK | {
+        "kind": str,
+        "omega": decimal,
+        "numbers": dict.fromkeys(names(section), MEASURED),
+        "stable": one_of(True, False, None),
+        "unique_within": dict.fromkeys(UNKNOWNS[section], decimal),
+        "reversals?": count,
+    }
+    return claim, {"middle": [dyadic, 2], "centre": FLIGHT, "box": BOX, "wide box?": BOX | {"bits": precision}}
+
+
+def show(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> None:
+    """Raises Unproved if the evidence does not prove the claim."""
+    section = KINDS[claim["kind"]]
+    middle, drift = place(claim, evidence["middle"])
+
+    def test(name: str, centre: Return | None = None) -> FixedPoints:
+        box = evidence[name]
+        choices = ReplayedTest(evidence["centre"], box, name)
+        fixed = krawczyk_test(claim, section, middle, [*box["radii"], drift], (0, 1), choices, centre)
+        return choices.passed(fixed, first=centre is None)
+
+    fixed, widest = test("box"), evidence["box"]["radii"]
+    numbers = cycle_numbers(section, fixed)
+    for name, number in claim["numbers"].items():
+        held(number, numbers[name], name)
+    need(claim["stable"] in (None, stability(numbers)), "claim: the stability is not shown")
+    if claim["friction"] == "smooth":
+        need(claim.get("reversals") == reversals(section, fixed), "claim: the sliding reversals are not shown")
+    if "wide box" in evidence:
+        widest = evidence["wide box"]["radii"]
+        with working_precision(evidence["wide box"]["bits"]):
+            test("wide box", fixed.centre)
+    for name, room in zip(UNKNOWNS[section], apart(fixed, widest), strict=True):
+        least = ball(claim["unique_within"][name])
+        need(bool(room >= least > 0), f"claim: no other {name} is so near, is not shown")
+
+
+def sentence(claim: Mapping[str, Any]) -> str:
+    """What is claimed, in one sentence."""
+    section, n, room = KINDS[claim["kind"]], number_words(claim), claim["unique_within"]
+    first, second = UNKNOWNS[section]
+    sliding = ""
+    if claim["friction"] == "smooth":
+        changes = f"changes its sign exactly {claim['reversals']} times a period and is 0 nowhere else"
+        sliding = f", on which the sliding velocity gamma_y {changes}"
+    manner = MANNERS[claim["stable"]]
+    if section == HALF:
+        return (
+            f"{disk_words(claim)} at Omega = {claim['omega']} rad/s, the half-period map, along the flow from beta = "
+            "pi/2, v < 0 to the next crossing of beta = pi/2 and then by S, (beta, gamma, v) -> (pi - beta, pi - "
+            f"gamma, -v), has a fixed point (gamma - pi/2, v) = (gamma_bar_0, v_0) with gamma_bar_0 = {n[first]} rad "
+            f"and v_0 = {n[second]} rad/s, and no other with gamma within {room[first]} rad and v within "
+            f"{room[second]} rad/s of it; through it runs {manner}, which S maps to itself, which crosses beta = pi/2 "
+            f"exactly twice a period and whose largest |beta - pi/2| is beta_max = {n['beta_max']} rad, less than "
+            f"1.5707{sliding}; its period is T = {n['period']} s, its larger Floquet multiplier other than 1 is "
+            f"{n['multiplier_slow']} with the logarithm {n['log_multiplier_slow']}, the logarithm of the smaller one "
+            f"is {n['log_multiplier_fast']}, dT/dOmega = {n['dperiod_domega']} s^2/rad, d(gamma_bar_0)/dOmega = "
+            f"{n['dgamma_bar_0_domega']} s and d(v_0)/dOmega = {n['dv_0_domega']}."
+        )
+    return (
+        f"{disk_words(claim)} at Omega = {claim['omega']} rad/s, the turn map, along the flow from gamma = pi/2 to "
+        f"gamma = 5 pi/2, has a fixed point (beta - pi/2, v) = (beta_bar_top, v_top) with beta_bar_top = {n[first]} "
+        f"rad and v_top = {n[second]} rad/s, and no other with beta within {room[first]} rad and v within "
+        f"{room[second]} rad/s of it; through it runs {manner}, on which gamma grows all the time, by 2 pi a period, "
+        f"with 0 < beta - pi/2 < 1.5707{sliding}; its period is T = {n['period']} s, its Floquet multiplier other than "
+        f"1 of larger absolute value is {n['multiplier_slow']}, the logarithms of the absolute values of both are "
+        f"{n['log_multiplier_slow']} and {n['log_multiplier_fast']}, dT/dOmega = {n['dperiod_domega']} s^2/rad, "
+        f"d(beta_bar_top)/dOmega = {n['dbeta_bar_top_domega']} s and d(v_top)/dOmega = {n['dv_top_domega']}."
+    )

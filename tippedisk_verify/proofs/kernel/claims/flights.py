@@ -1,0 +1,135 @@
+"""From one saddle to the next, many flights side by side: from z_u = u about the first to z_s = -s about the second.
+
+Notation as in `saddle`; the linear law. Each lane is a cell of starts (z_s, z_f) and of speeds, and all lanes take the
+same number of steps, each lane with its own length of step. A step is that of `kernel.flow`, in doubles.
+
+Of each step before the last z_s < -s is shown: over all of it, or at its end where F_s > 0 over all of it. The last
+step begins before the section and ends after it, with F_s > 0. So the arrival is the first moment at which z_s = -s. On
+the section time moves with the start by dT = -d(z_s) / F_s. Of each step it is shown that 0 < beta_bar < 1.5707, so
+that gamma grows, and that v > 0, or v < 0, or v' < 0 throughout. So v has at most one zero, where beta_bar is largest;
+its derivatives there are those at a fixed time, because beta_bar' = 0.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tippedisk_verify.proofs.kernel.balls import Unproved, ball
+from tippedisk_verify.proofs.kernel.claims.saddle import FAST, SLOW, UNSTABLE, Saddle, hull_of_lanes
+from tippedisk_verify.proofs.kernel.flow import Model, Step, verdict
+from tippedisk_verify.proofs.kernel.frame import Frame
+from tippedisk_verify.proofs.kernel.lanes import Lanes
+from tippedisk_verify.proofs.kernel.section import UPRIGHT
+
+__all__ = ["arrivals"]
+
+U, S, F = UNSTABLE, SLOW, FAST
+_ORDER = 8
+
+
+def arrivals(
+    saddle: Saddle,
+    extents: Sequence[Any],
+    slow: Lanes,
+    fast: Any,
+    lengths: NDArray[np.float64],
+    count: int,
+    watch: Callable[[float], None] = lambda share: None,
+) -> list[list[Any]]:
+    """What holds for all the flights: z_u, z_f and the time on arrival, and the largest beta_bar, as balls of Arb's.
+
+    Each has its derivatives by z_s, z_f and the speed at the start besides. The saddle's speeds are lanes. Raises
+    Unproved with the first lane of which it is not shown.
+    """
+    model, s = Model(saddle.constants, saddle.omega), extents[S]
+    frame = saddle.departing([slow.constant(extents[U]), slow, slow.constant(fast)])
+    tops: list[list[Any]] = []
+    turned = np.zeros(len(lengths), bool)
+    for number in range(1, count + 1):
+        step = _step(model, frame, lengths)
+        turning = _climbs(model, step)
+        if turning.any():
+            half = step.length / 2
+            by = step.derivatives_at(half + half.around_zero())[0][1:]
+            tops.append([hull_of_lanes(x[turning]) for x in (step.enclosure[0], *by)])
+        turned |= turning
+        z, frame = saddle.arrived(step.enclosure), _carried(step)
+        rate, level = saddle.rates(z)[S], saddle.seen(frame)[S] + s
+        if number < count:
+            _all("it is not shown to be on its way", (-level).positive(), rate.positive() | (-s - z[S]).positive())
+        watch(number / count)
+    _all("beta_bar is not shown to have a largest value on the way", turned)
+    beta = tops[0]
+    for other in tops[1:]:
+        beta = [x.union(y) for x, y in zip(beta, other, strict=True)]
+    time, *landed = _landed(saddle, step, s)
+    begin = step.length * (count - 1)
+    rows = [*landed, [begin + time[0], *time[1:]]]
+    return [*([hull_of_lanes(x) for x in row] for row in rows), beta]
+
+
+def _all(what: str, *shown: NDArray[np.bool_]) -> None:
+    """Raises Unproved unless all is shown of all lanes."""
+    lanes = np.logical_and.reduce(shown)
+    if not lanes.all():
+        raise Unproved(f"flight {int(np.argmin(lanes)) + 1}: {what}")
+
+
+def _step(model: Model, frame: Frame, lengths: NDArray[np.float64]) -> Step:
+    box = frame.box()
+    zero, one = (box[0].constant(k) for k in (0, 1))
+    thin = model.orbit.coefficients(frame.middle, _ORDER)
+    start = [*box, *(one if row == column else zero for column in range(4) for row in range(3))]
+    wide = model.variational.coefficients(start, _ORDER)
+    enclosure, fine, rough, included = verdict(model, model.variational, wide, Lanes(lengths), _ORDER)
+    _all("the states and derivatives over a step are not shown to stay in its enclosure", included, lengths > 0)
+    polynomials = [[*c, r] for c, r in zip(thin, fine, strict=True)]
+    derivatives = [[*c, r] for c, r in zip(wide[3:], rough[3:], strict=True)]
+    length = Lanes(lengths)
+    return Step(zero, length, length, enclosure, frame, (_ORDER, _ORDER), polynomials, derivatives)
+
+
+def _carried(step: Step, time: Any = None) -> Frame:
+    """The set of states after ``time``, or at the step's end. Its axes: the lead's for z_u and z_s, and that of v."""
+    centre, rows = step.end if time is None else (step.centre(time), step.rows_at(time))
+
+    def axes(turned: Any, sizes: Any) -> list[list[Any]]:
+        lead = [[sum(row[k] * step.frame.lead[k][j] for k in range(3)) for j in (U, S)] for row in rows]
+        return [[*row, turned[0][0].constant(int(k == 2))] for k, row in enumerate(lead)]
+
+    return step.frame.carried(centre, rows, axes)
+
+
+def _climbs(model: Model, step: Step) -> NDArray[np.bool_]:
+    """Shown: gamma grows throughout and v has at most one zero. In which lanes it may have one."""
+    beta, _, v = step.enclosure
+    _all("0 < beta_bar < 1.5707 is not shown", beta.positive(), (ball(UPRIGHT) - beta).positive())
+    turning: NDArray[np.bool_] = ~(v.positive() | v.negative())
+    if turning.any():
+        _all("v is not shown to pass zero once", ~turning | model.rates(step.enclosure)[2].negative())
+    return turning
+
+
+def _landed(saddle: Saddle, step: Step, s: Any) -> list[list[Any]]:
+    """The time of the arrival in a step, z_u and z_f, with their derivatives."""
+    # By the mean value theorem about the middle of the step.
+    middle = step.length / 2
+    level = saddle.seen(_carried(step, middle))[S] + s
+    rate = saddle.rates(saddle.arrived(step.enclosure))[S]
+    for _ in range(2):
+        _all("it is not shown to pass z_s = -s once", rate.positive())
+        time = middle - level / rate
+        _all("it is not shown to arrive in its last step", time.positive(), (step.length - time).positive())
+        rate = saddle.rates(saddle.seen(_carried(step, time.union(middle))))[S]
+    frame = _carried(step, time)
+    z = saddle.seen(frame)
+    z[S] = z[S].constant(-s)
+    rates, rows = saddle.rates(z), saddle.columns(frame.matrix())
+    _all("it is not shown to arrive", rates[S].positive())
+    by_time = [-rows[S][k] / rates[S] for k in (1, 2, 3)]
+    by_u, by_f = ([rows[i][k] + rates[i] * by_time[k - 1] for k in (1, 2, 3)] for i in (U, F))
+    return [[time, *by_time], [z[U], *by_u], [z[F], *by_f]]

@@ -1,0 +1,127 @@
+"""A fold of limit cycles: an extreme speed on an arc of a family, rotating or librating.
+
+The family is taken as a curve over p, the first coordinate on the section of a map P whose fixed points are the
+family's cycles. For p in a ball, unknown are the second coordinate v and Omega, with the two fixed-point equations
+F(p, v, Omega) = 0: Krawczyk's test shows that a box of (v, Omega) holds exactly one cycle for each p, and these form an
+analytic curve (implicit function theorem: the matrices of dF/d(v, Omega) over the box are regular). Its slope dOmega/dp
+follows on balls. If its signs at the arc's ends are shown to differ, Omega has a smallest or largest value on the arc
+at an inner point, where dOmega/dp = 0: there dF/d(p, v), which is P' - 1, is singular. The speed there lies in the box.
+
+The half map has the symmetry in it: the multipliers of a period are the squares of its own. By Liouville's formula (see
+`cycle`) the third multiplier of the cycle at the fold is exp(integral of div f) over a period, if that of the others
+is 1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from fractions import Fraction
+from typing import Any, Literal
+
+from tippedisk_verify.proofs.kernel.balls import arb, ball, inside, need, negative, positive
+from tippedisk_verify.proofs.kernel.choices import BOX, FLIGHT, ReplayedTest
+from tippedisk_verify.proofs.kernel.claims.cycle import UNKNOWNS
+from tippedisk_verify.proofs.kernel.claims.words import DISK, disk_words, held, number_words
+from tippedisk_verify.proofs.kernel.krawczyk import FixedPoints, krawczyk_test
+from tippedisk_verify.proofs.kernel.reading import MEASURED, dyadic, one_of
+from tippedisk_verify.proofs.kernel.section import HALF, TURN, Section
+
+__all__ = ["KINDS", "POINTS", "arc_balls", "extremum", "judge", "names", "sentence", "shape", "show",
+           "slope"]  # fmt: skip
+
+KINDS = {"fold of limit cycles": HALF, "fold of rotating limit cycles": TURN}
+POINTS = ("arc", "lower end", "upper end")  #: where tests are made: the whole arc, and its ends
+EXTREMA = ("smallest", "largest")
+
+
+def names(section: Section) -> tuple[str, ...]:
+    return "omega", *UNKNOWNS[section], "period"
+
+
+def arc_balls(place: Fraction, half: Fraction) -> tuple[Any, Any, Any]:
+    """p on the arc, at its lower and at its upper end."""
+    return ball(place) + arb(0, ball(half).upper()), ball(place - half), ball(place + half)
+
+
+def slope(fixed: FixedPoints) -> Any:
+    """dOmega/dp over the box."""
+    (f, a, b), (g, c, d) = fixed.slopes
+    return (c * f - a * g) / (a * d - b * c)
+
+
+def extremum(lower: Any, upper: Any) -> Literal["smallest", "largest"] | None:
+    """What Omega has at an inner point of the arc, given its slopes at the ends; None if their signs do not tell."""
+    if negative(lower) and positive(upper):
+        return "smallest"
+    return "largest" if positive(lower) and negative(upper) else None
+
+
+def judge(claim: Mapping[str, Any], section: Section, points: Sequence[FixedPoints], radii: Sequence[Any]) -> None:
+    """Raises Unproved unless tests on the whole arc and at its ends prove the claim; ``radii`` are the arc's."""
+    whole, numbers = points[0], claim["numbers"]
+    for point, name in zip(points[1:], POINTS[1:], strict=True):
+        # The arc's box holds one cycle only.
+        deviations = zip(point.image[1:], whole.middle[1:], radii, strict=True)
+        need(all(inside(x - y, r) for x, y, r in deviations), f"{name}: the cycle is not shown to be the arc's")
+    need(extremum(*map(slope, points[1:])) == claim["extremum"], "claim: the speed has no such extremum")
+    need(negative(whole.box.divergence), "claim: the third multiplier is not shown to be below 1")
+    for name, x, middle, room in zip((UNKNOWNS[section][1], "omega"), whole.image[1:], whole.middle[1:], radii,
+                                     strict=True):  # fmt: skip
+        held(numbers[name], x, name)
+        # What is printed reaches a little farther than Krawczyk's image; in the box there is still one cycle only.
+        printed = abs(ball(numbers[name]["value"]) - middle) + ball(numbers[name]["uncertainty"])
+        need(inside(printed, room), f"claim: {name} reaches beyond the box that holds one cycle")
+    held(numbers["period"], section.laps * whole.box.time, "period")
+
+
+def shape(kind: str) -> tuple[dict[str, Any], dict[str, Any]]:
+    """What a claim and its evidence have."""
+    claim = DISK | {
+        "kind": str,
+        "friction": one_of("linear"),  # the smooth law has no analytic curves of cycles
+        "numbers": dict.fromkeys(names(KINDS[kind]), MEASURED),
+        "extremum": one_of(*EXTREMA),
+    }
+    point = {"middle": [dyadic, 2], "centre": FLIGHT, "box": BOX}
+    return claim, dict.fromkeys(POINTS, point)
+
+
+def show(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> None:
+    """Raises Unproved if the evidence does not prove the claim."""
+    section = KINDS[claim["kind"]]
+    arc = claim["numbers"][UNKNOWNS[section][0]]
+    place, half = Fraction(arc["value"]), Fraction(arc["uncertainty"])
+    need(half > 0, f"claim: {UNKNOWNS[section][0]} is no interval")
+    points = []
+    for name, p in zip(POINTS, arc_balls(place, half), strict=True):
+        point = evidence[name]
+        choices = ReplayedTest(point["centre"], point["box"], name)
+        middle, deviations = [p.mid(), *point["middle"]], [p - p.mid(), *point["box"]["radii"]]
+        points.append(choices.passed(krawczyk_test(claim, section, middle, deviations, (1, 2), choices)))
+    judge(claim, section, points, evidence["arc"]["box"]["radii"])
+
+
+def sentence(claim: Mapping[str, Any]) -> str:
+    """What is claimed, in one sentence."""
+    section, n = KINDS[claim["kind"]], number_words(claim)
+    first, second = UNKNOWNS[section]
+    pair = f"there is exactly one pair of v within {n[second]} rad/s and Omega within {n['omega']} rad/s such that"
+    if section == HALF:
+        cycles = (
+            f"for each gamma_bar = gamma - pi/2 of the closed interval {n[first]} rad {pair} the orbit from (pi/2, "
+            "gamma, v) meets beta = pi/2 next in (pi/2, pi - gamma, -v), whence S, (beta, gamma, v) -> (pi - beta, pi "
+            "- gamma, -v), maps it to itself; on it |beta - pi/2| < 1.5707 throughout"
+        )
+    else:
+        cycles = (
+            f"for each beta_bar = beta - pi/2 of the closed interval {n[first]} rad {pair} the orbit from (beta, pi/2, "
+            "v) returns to beta and v when gamma has grown by 2 pi for the first time; on it 0 < beta - pi/2 < 1.5707 "
+            "throughout"
+        )
+    signs = ("falls", "rises") if claim["extremum"] == "smallest" else ("rises", "falls")
+    return (
+        f"{disk_words(claim)}, {cycles}, and these periodic orbits form an analytic curve, on which Omega {signs[0]} "
+        f"at the lower end of the interval and {signs[1]} at the upper one: at an inner point Omega has its "
+        f"{claim['extremum']} value on the curve, and the Floquet multipliers of the orbit there are 1, 1 and a number "
+        f"between 0 and 1; the periods lie within {n['period']} s."
+    )

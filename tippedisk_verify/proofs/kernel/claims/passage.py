@@ -1,0 +1,231 @@
+"""The passage by noninverted spinning, however long it takes: bounds that hold for all orbits at once (linear law).
+
+N is the box |z_u| <= u, |z_s| <= s, |z_f| <= t in the coordinates of `saddle`, and all speeds are those of one ball.
+F is odd, so that DF is the same at z and -z, and half of N tells all of it. Over small cells are enclosed: A, which
+holds DF; B, the derivative of F by the speed; M, the mean of DF over each ray from the saddle, so that F(z) = M z for a
+matrix of M (it is the mean of n unions: the k-th is over the cells that meet (k / n) N, and holds DF where the ray's
+parameter is between (k - 1) / n and k / n); and the products F_i B_j - F_j B_i, near z_f = 0.
+
+**Faces.** By F = M z the rates point inwards on |z_s| = s and |z_f| = t, and outwards on |z_u| = u. So orbits leave N
+through z_u = u or z_u = -u only, and at once.
+
+**The stable manifold.** The points from which an orbit stays in N for ever are a graph z_u = g(z_s, z_f; speed): on
+each line along z_u the points that leave through either face form two open sets, and something is left between them; by
+the cones of `saddle.cones` on A, two such points with equal z_s, z_f would drift apart. Those orbits converge to the
+saddle. The weights (k_u, k_s, k_f) = `steep` give |g - g'| <= k_u max(|z_s - z_s'| / k_s, |z_f - z_f'| / k_f, the
+speeds' difference). At one speed |g - g'| <= k max(|z_s - z_s'|, |z_f - z_f'|) with k = `lipschitz`. With M in the
+place of A, and the saddle for the second orbit, |g| <= k max(|z_s|, |z_f|) with k = `flat`.
+
+An orbit *below* the graph (z_u < g) differs from the graph's with the same z_s, z_f by a vector of the cone, d_u < 0.
+It grows, so the orbit leaves N through z_u = -u, and not before `time`: |d_u| grows at most at the rate `grows[1]`, and
+when it leaves |d_u| is at least u - k max(s, t), k = `flat`.
+
+**The second compound.** Let d be a variation of an orbit. The products b_ij = F_i d_j - F_j d_i obey b' = C b with
+
+    C = (A_uu + A_ss, A_sf, -A_uf;  A_fs, A_uu + A_ff, A_us;  -A_fu, A_su, A_ss + A_ff)      (rows us, uf, sf)
+
+and A now DF along the orbit. All three diagonal entries are negative. So |b| = max(|b_us|, |b_uf| / k_1, |b_sf| / k_2)
+falls along the whole passage, and b_uf sooner than that to what b_us and b_sf feed it with (`settled`, `ratio`). If d
+is the derivative by the speed, F_i B_j - F_j B_i is added; then |b_ij| <= X_ij stays true where C X + |F_i B_j - F_j
+B_i| < 0 for C with its off-diagonal entries made positive (X = `drift`). b does not change if a multiple of F is added
+to d: it gives the variation on a section, at either end. The cone |b_uf| <= k_1 b_us, |b_sf| <= k_2 b_us, b_us > 0 is
+kept, because b_us falls slower than the other two.
+
+**beta_bar = 0.** Let y = (beta_bar, y_g, v) be the offset from the saddle. The set K of all y with beta_bar <= 0,
+y_g <= 0, v <= -p beta_bar is kept by orbits in N: gamma falls where beta_bar < 0; where beta_bar = 0 it does not grow;
+and where v = -p beta_bar > 0 the mean of the third row of Df gives (v + p beta_bar)' < 0. In K beta_bar' <= -p
+beta_bar, so from K beta_bar does not come back to 0 in N.
+
+**A thin set.** |z_f| <= k_3 max(|z_u|, |z_s|) is kept by orbits in N, because |z_f| falls faster than the maximum can.
+In it beta_bar = 0 means that z_s is about |lambda_u / lambda_s| z_u, and y_g, v have the sign of z_u; on the graph
+beta_bar > 0 where z_s < 0.
+
+Sources: J. S. Muldowney, Compound matrices and ordinary differential equations, Rocky Mountain J. Math. 20 (1990);
+Yu. A. Kuznetsov, Elements of Applied Bifurcation Theory, Section 6.4.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from flint import arb, arb_mat
+from numpy.typing import NDArray
+
+from tippedisk_verify.proofs.kernel.balls import need
+from tippedisk_verify.proofs.kernel.claims.saddle import (
+    FAST,
+    SLOW,
+    UNSTABLE,
+    Saddle,
+    ask,
+    cones,
+    hull_of_lanes,
+    most,
+    others,
+    products,
+)
+from tippedisk_verify.proofs.kernel.lanes import Lanes
+
+__all__ = ["Passage"]
+
+U, S, F = UNSTABLE, SLOW, FAST
+_MOST_CELLS, _AT_ONCE = 2**18, 2**11
+
+
+class Passage:
+    """N with these extents and cells, and what is enclosed over it; `weighted` shows what follows."""
+
+    def __init__(self, saddle: Saddle, extents: Sequence[Any], cells: Sequence[int]) -> None:
+        self.saddle, self.extents = saddle, list(extents)
+        ask("the extents", *self.extents)
+        n, m = cells
+        need(n * n * m <= _MOST_CELLS, "there are too many cells")
+        #: the |z_f| up to which `stirred` is a bound
+        self.stirred_within = self.extents[F] / m
+        i, j, k = (places.ravel() for places in np.meshgrid(*map(np.arange, (n, 2 * n, 2 * m)), indexing="ij"))
+        # The least multiple (shell + 1) / n of N that the cell's inside meets.
+        shells = np.maximum(np.maximum(n - 1 - i, np.maximum(j - n, n - 1 - j)), np.maximum(k - m, m - 1 - k) * n // m)
+        whole: list[list[Any]] = [[] for _ in range(n)]
+        stirred: list[Any] = []
+        for begin in range(0, len(i), _AT_ONCE):
+            block = slice(begin, begin + _AT_ONCE)
+            z = [
+                x * Lanes((2 * place[block] + 1 - 2 * count) / 2, 0.5) * (1 / arb(count))
+                for x, place, count in zip(self.extents, (i, j, k), (n, n, m), strict=True)
+            ]
+            held, mixed = self._over(z, (k[block] == m) | (k[block] == m - 1))
+            stirred += mixed
+            for shell in np.unique(shells[block]):
+                whole[shell].append([hull_of_lanes(x[shells[block] == shell]) for x in held])
+        self.stirred = [most(_joined(column)) for column in zip(*stirred, strict=True)]
+        self._means([[_joined(column) for column in zip(*parts, strict=True)] for parts in whole])
+
+    def _over(self, z: list[Any], central: NDArray[np.bool_]) -> tuple[list[Any], list[list[Any]]]:
+        """DF, the sums of its diagonal entries and B over cells, and the products' hull over the ``central`` ones."""
+        _, slopes, by_speed = self.saddle.field(z)
+        d = [entry for row in slopes for entry in row]
+        mixed = []
+        if central.any():
+            z = [x[central] for x in z]
+            middle = [x.mid() for x in z]
+            changes = [[slope[central] * (x - y) for slope, x, y in zip(row, z, middle, strict=True)] for row in slopes]
+            rates = [sum(row, point) for point, row in zip(self.saddle.field(middle)[0], changes, strict=True)]
+            mixed = [[hull_of_lanes(x) for x in products(rates, [x[central] for x in by_speed])]]
+        return [*d, d[0] + d[4], d[0] + d[8], d[4] + d[8], *by_speed], mixed
+
+    def _means(self, shells: Sequence[Sequence[Any]]) -> None:
+        whole, total = shells[0], [arb(0)] * 15
+        for held in shells:
+            whole = [x.union(y) for x, y in zip(whole, held, strict=True)]
+            total = [x + y for x, y in zip(total, whole, strict=True)]
+        self.A, self.M = (arb_mat(3, 3, entries) for entries in (whole[:9], [x / len(shells) for x in total[:9]]))
+        a, (c_us, c_uf, c_sf) = self.A, whole[9:12]
+        self.C = arb_mat([[c_us, a[S, F], -a[U, F]], [a[F, S], c_uf, a[U, S]], [-a[F, U], a[S, U], c_sf]])
+        self.B = [most(x) for x in whole[12:]]
+
+    def weighted(self, weights: dict[str, Any]) -> None:
+        """Show the faces, the cones, the compound, the thin set and K for these weights. Raises Unproved."""
+        self.steep, self.compound, self.drift = weights["steep"], weights["compound"], weights["drift"]
+        self.flat, self.lipschitz, self.thin = weights["flat"], weights["lipschitz"], weights["thin"]
+        ask("the weights", *self.steep, *self.compound, *self.drift, self.flat, self.lipschitz, self.thin)
+        (u, s, t), a, m, c = self.extents, self.A, self.M, self.C
+        rest = others(m, self.extents)
+        #: how fast |z_s| and |z_f| fall at least, but for what the others' part feeds them to
+        self.decay = [-m[S, S], -m[F, F]]
+        ask("the stable directions", *self.decay)
+        self.forcing = [most(rest[S] / self.decay[0]), most(rest[F] / self.decay[1])]
+        ask("the face of z_u", m[U, U] * u - rest[U])
+        ask("the faces of z_s and z_f", s - self.forcing[0], t - self.forcing[1])
+        ask("the cones of the steep weights", *cones(a, self.steep, self.B))
+        for matrix, weight in ((m, self.flat), (a, self.lipschitz)):
+            ask("the cones of the flat weights", *cones(matrix, (weight, arb(1), arb(1))))
+        # |d_u| in the steep cone grows at least and at most so fast.
+        rest_u = others(a, self.steep)[U] / self.steep[U]
+        self.grows = (a[U, U] - rest_u - self.B[U] / self.steep[U]).lower(), (a[U, U] + rest_u).upper()
+        # |b| = max(|b_us|, |b_uf| / k_1, |b_sf| / k_2) falls, and b_us slower than the others.
+        sizes = (arb(1), *self.compound)
+        rest = [x / k for x, k in zip(others(c, sizes), sizes, strict=True)]
+        rates = [(c[k, k] + rest[k]).upper() for k in range(3)]
+        self.rate, self.slowest = -rates[0].max(rates[1]).max(rates[2]), -(c[0, 0] - rest[0]).lower()
+        self.falls, self.fed = (-c[1, 1]).lower(), most(abs(c[1, 0]) + abs(c[1, 2]) * self.compound[1])
+        ask("the second compound falls", self.rate, self.falls - self.rate, self.falls - self.slowest)
+        ask("the cone of the second compound", *(-self.slowest - rate for rate in rates[1:]))
+        ask("the variation by the speed", *(
+            -c[k, k] * self.drift[k] - rest - stirred
+            for k, rest, stirred in zip(range(3), others(c, self.drift), self.stirred, strict=True)
+        ))  # fmt: skip
+        self._thin_set()
+        self._quadrant(weights["return"])
+
+    def _thin_set(self) -> None:
+        """|z_f| <= k_3 max(|z_u|, |z_s|) is kept. Where beta_bar = 0 in it, z_s / z_u and z_f / z_u lie in `ratios`."""
+        m, k, p = self.M, self.thin, self.saddle.directions
+        falls = self.decay[1] - (abs(m[F, U]) + abs(m[F, S])) / k
+        for i, j in ((U, S), (S, U)):
+            ask("the thin set", falls + m[i, i] - abs(m[i, j]) - abs(m[i, F]) * k)
+        # With m = max(|z_u|, |z_s|) and z_s = r z_u + q z_f there, m <= max(1, r) |z_u| + |q| k m.
+        r, q = -p[0, U] / p[0, S], -p[0, F] / p[0, S]
+        ask("the thin set at beta_bar = 0", 1 - abs(q) * k)
+        fast = arb(0, most(k * abs(r).max(arb(1)) / (1 - abs(q) * k)))
+        self.ratios = arb(1), r + q * fast, fast
+        ask("the signs at beta_bar = 0", self.ratios[S], self.at_crossing(1), self.at_crossing(2))
+        ask("the weights of the graph", 1 - k, 1 - self.flat)
+        ask("beta_bar on the graph", -p[0, S] - abs(p[0, U]) * self.flat - abs(p[0, F]) * k)
+
+    def at_crossing(self, row: int) -> Any:
+        """y_row / z_u where beta_bar = 0 in the thin set."""
+        return sum(self.saddle.directions[row, k] * self.ratios[k] for k in range(3))
+
+    def _quadrant(self, rate: Any) -> None:
+        """Once y_g <= 0, v <= -rate beta_bar, beta_bar has not come back to 0 before the orbit leaves N."""
+        p = self.saddle.directions
+        rows = p * self.M * self.saddle.inverse
+        beta = sum(abs(p[0, k]) * self.extents[k] for k in range(3))
+        ask("beta_bar and gamma after a crossing", rows[2, 1], rows[2, 0] - rate * (rows[2, 2] + rate), rate, 1 - beta)
+
+    def rates(self, z: Sequence[Any]) -> list[Any]:
+        """F over a box of z, by the mean value theorem about its middle."""
+        middle = [x.mid() for x in z]
+        change = arb_mat(self.saddle.field(z)[1]) * arb_mat([[x - y] for x, y in zip(z, middle, strict=True)])
+        return [x + y for x, y in zip(self.saddle.field(middle)[0], change.entries(), strict=True)]
+
+    def time(self, distance: Any) -> Any:
+        """No orbit that starts below the graph by at most this leaves N before [s]."""
+        u, s, t = self.extents
+        return (((u - self.flat * s.max(t)) / distance).log() / self.grows[1]).lower()
+
+    def fallen(self, slow: Any, fast: Any, time: Any) -> list[Any]:
+        """What |z_s| and |z_f| are at most after ``time`` or later in N, from ``slow`` and ``fast``."""
+        parts = zip((slow, fast), self.decay, self.forcing, strict=True)
+        return [most(x * (-rate.lower() * time).exp() + rest) for x, rate, rest in parts]
+
+    def crossing(self, lid: Any, fast: Any, moment: Any) -> Any:
+        """What |z_u| is at most where an orbit from |z_u| <= lid, |z_f| <= fast below the graph has beta_bar = 0.
+
+        Before the moment |z_u| has not grown to more, and after it |z_s| has fallen.
+        """
+        _, s, _ = self.extents
+        ask("the moment of crossing", moment)
+        early = (lid + self.flat * s) * (self.grows[1] * moment).exp() + self.flat * s
+        return most(early).max(most(self.fallen(s, fast, moment)[0] / self.ratios[S].lower()))
+
+    def settled(self, b: Sequence[Any], time: Any) -> list[Any]:
+        """What |b_us| and |b_uf| are at most after ``time`` or later, from b."""
+        k_1, k_2 = self.compound
+        size = most(b[0]).max(most(b[1] / k_1)).max(most(b[2] / k_2))
+        first = most(size * (-self.rate * time).exp())
+        return [first, most(size * k_1 * (-self.falls * time).exp() + first * self.fed / (self.falls - self.rate))]
+
+    def ratio(self, time: Any) -> Any:
+        """What |b_uf| / b_us is at most after ``time`` or later in the cone |b_uf| <= k_1 b_us, |b_sf| <= k_2 b_us."""
+        faded = self.compound[0] * ((self.slowest - self.falls) * time).exp()
+        return most(faded + self.fed / (self.falls - self.slowest))
+
+
+def _joined(balls: Sequence[Any]) -> Any:
+    total = balls[0]
+    for x in balls[1:]:
+        total = total.union(x)
+    return total

@@ -1,0 +1,145 @@
+"""What a certificate may look like: JSON objects of one shape, with exact numbers as texts."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import re
+from collections.abc import Callable, Sequence
+from typing import Any, NoReturn
+
+from flint import arb
+
+__all__ = [
+    "MEASURED",
+    "Refused",
+    "content_of",
+    "count",
+    "decimal",
+    "digest",
+    "dyadic",
+    "dyadic_text",
+    "one_of",
+    "order",
+    "parsed",
+    "precision",
+    "radius",
+]
+
+_LARGEST_FILE, _LARGEST_COUNT, _HIGHEST_ORDER = 2**26, 20_000, 1000  # bytes; bits of precision; of series
+_FEWEST_BITS = 24
+
+
+class Refused(Exception):
+    """The file is no certificate; the message says what is wrong, and where."""
+
+
+def dyadic(value: Any) -> Any:
+    """An exact point: a hexadecimal mantissa times a power of two."""
+    match = re.fullmatch(r"(-?[0-9a-f]{1,6000})p(-?[0-9]{1,6})", value, re.ASCII) if isinstance(value, str) else None
+    if not match:
+        raise ValueError("a dyadic number as text is needed, such as 1a3p-12")
+    return arb((int(match[1], 16), int(match[2])))
+
+
+def dyadic_text(point: Any) -> str:
+    """A point, or a float, as `dyadic` reads it."""
+    mantissa, exponent = arb(point).man_exp()
+    return f"{int(mantissa):x}p{int(exponent)}"
+
+
+def radius(value: Any) -> Any:
+    """A ball about zero."""
+    size = dyadic(value)
+    if not size >= 0:
+        raise ValueError("a radius must not be negative")
+    return arb(0, size)
+
+
+def decimal(value: Any) -> str:
+    """An exact number in decimals, or a ratio of two integers: as text, as it is said."""
+    pattern = r"-?[0-9]{1,4000}(\.[0-9]{1,4000}(?!/))?(e-?[0-9]{1,4}(?!/))?(/0{0,3999}[1-9][0-9]{0,3999})?"
+    if not isinstance(value, str) or not re.fullmatch(pattern, value, re.ASCII):
+        raise ValueError("an exact decimal as text is needed")
+    return value
+
+
+def count(value: Any) -> int:
+    if type(value) is not int or not 1 <= value <= _LARGEST_COUNT:
+        raise ValueError(f"a whole number from 1 to {_LARGEST_COUNT} is needed")
+    return value
+
+
+def precision(value: Any) -> int:
+    if count(value) < _FEWEST_BITS:
+        raise ValueError(f"at least {_FEWEST_BITS} bits are needed")
+    return int(value)
+
+
+def order(value: Any) -> int:
+    if count(value) > _HIGHEST_ORDER:
+        raise ValueError(f"an order of {_HIGHEST_ORDER} at most is needed")
+    return int(value)
+
+
+def one_of(*choices: Any) -> Callable[[Any], Any]:
+    def read(value: Any) -> Any:
+        if not any(value is choice or (isinstance(value, str) and value == choice) for choice in choices):
+            raise ValueError(f"one of {', '.join(map(str, choices))} is needed")
+        return value
+
+    return read
+
+
+def parsed(value: Any, shape: Any, path: str) -> Any:
+    """What has that shape: an object of these members ('?': not needed), [of what, how many], or a leaf's function."""
+    if isinstance(shape, dict):
+        names = {name.removesuffix("?"): part for name, part in shape.items()}
+        needed = {name for name in shape if not name.endswith("?")}
+        if not isinstance(value, dict) or not needed <= value.keys() <= names.keys():
+            raise Refused(f"{path}: an object with exactly the members {', '.join(shape)} is needed")
+        return {name: parsed(part, names[name], f"{path} {name}") for name, part in value.items()}
+    if isinstance(shape, list):
+        if not isinstance(value, list) or shape[1] not in (len(value), None):
+            raise Refused(f"{path}: a list{f' of {shape[1]}' * bool(shape[1])} is needed")
+        return [parsed(part, shape[0], f"{path} {number}") for number, part in enumerate(value, 1)]
+    try:
+        return shape(value)
+    except ValueError as fault:
+        raise Refused(f"{path}: {fault}") from None
+
+
+MEASURED = {"value": decimal, "uncertainty": decimal}
+
+
+def _once(pairs: Sequence[tuple[str, Any]]) -> dict[str, Any]:
+    if len({name for name, _ in pairs}) < len(pairs):
+        raise Refused("an object has two members of the same name")
+    return dict(pairs)
+
+
+def _no_float(text: str) -> NoReturn:
+    raise Refused(f"a number is written as {text[:40]}: numbers that are not whole are texts here")
+
+
+def content_of(path: str) -> Any:
+    """A file's JSON. Raises Refused for what is none."""
+    try:
+        if not os.path.isfile(path):
+            raise Refused("there is no such file, or it is not a regular one")
+        with open(path, "rb") as stream:
+            raw = stream.read(_LARGEST_FILE + 1)
+        if len(raw) > _LARGEST_FILE:
+            raise Refused(f"it is larger than {_LARGEST_FILE} bytes")
+        return json.loads(raw, object_pairs_hook=_once, parse_float=_no_float, parse_constant=_no_float)
+    except OSError as fault:
+        raise Refused(f"it cannot be read: {fault.strerror}") from None
+    except (ValueError, RecursionError):
+        raise Refused("it is no JSON") from None
+
+
+def digest(content: dict[str, Any]) -> str:
+    """SHA-256 of all but the digest, as JSON with sorted keys and no spaces."""
+    rest = {name: value for name, value in content.items() if name != "sha256"}
+    return hashlib.sha256(json.dumps(rest, sort_keys=True, separators=(",", ":")).encode()).hexdigest()

@@ -1,0 +1,177 @@
+"""Polynomials near the family of limit cycles, and the steps and axes of flights over them: proposals, no proofs.
+
+Where a ball becomes a point or a float: everywhere. What is proposed here `kernel.curves` and `kernel.arc` test.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+from tippedisk_verify.proofs.kernel.arc import UNKNOWNS, inverse
+from tippedisk_verify.proofs.kernel.balls import arb, need
+from tippedisk_verify.proofs.kernel.curves import ORDER, ROUGH_ORDER, Beginning, Curve, Matrix, Step, horner
+from tippedisk_verify.proofs.kernel.field import Constants
+from tippedisk_verify.proofs.kernel.flow import Model
+from tippedisk_verify.proofs.kernel.jets import Jet
+from tippedisk_verify.proofs.search.axes import axes_of_balls
+
+__all__ = ["StepSearch", "duration", "family_polynomials"]
+
+_TOLERANCE, _ROUGH_TOLERANCE = -56, -30  #: log2 of the last terms: of states, and of derivatives
+_FIRST_SHARE, _LONGEST_SHARE = 0.01, 0.03  #: of the time of flight, for a step
+_MOST_STEPS, _MOST_TRIALS = 2000, 15
+_LONGEST = 60  # s
+_NEWTON_STEPS = 8
+_TINY = 2.0**-20  # of a number's step, for a derivative of points
+_POLISHES = 3  # chord steps towards the cycle at s = 0
+
+
+class StepSearch:
+    """Proposes the steps of one flight, each after trials of its length, and keeps what was taken in ``log``.
+
+    What is proposed is rounded to a few digits first, so that the log has just that.
+    """
+
+    def __init__(self) -> None:
+        self.log: list[dict[str, Any]] = []
+        self._done, self._share = 0.0, _FIRST_SHARE
+
+    def step(self, beginning: Beginning) -> tuple[Step, bool]:
+        """One with small remainders, and whether the return lies in it."""
+        need(len(self.log) < _MOST_STEPS, "the flight takes too many steps")
+        for _ in range(_MOST_TRIALS):
+            text, last = self._next()
+            share = float(text)
+            step = beginning.step(share)
+            excess = max(_excess(step.derivatives, step, ROUGH_ORDER + 1, _ROUGH_TOLERANCE),
+                         _excess(step.polynomials, step, ORDER + 1, _TOLERANCE))  # fmt: skip
+            # The length that would do, times 0.9 because remainders grow with the box as well.
+            self._share = share * min(1.3, max(0.3, 0.9 * 2.0**-excess))
+            if excess <= 0 and step.included:
+                break
+            self._share = min(self._share, 0.8 * share)
+        self._done += share
+        self.log.append({"share": text})
+        return step, last
+
+    def _next(self) -> tuple[str, bool]:
+        """The share to try, and whether the return lies in that step, well off both ends."""
+        left = 1 - self._done
+        if left <= 0.7 * self._share:
+            return f"{left + 0.3 * self._share:.4g}", True
+        return f"{min(self._share, 0.6 * left):.4g}", False
+
+    def axes(self, step: Step, turned: Matrix) -> Matrix:
+        """Those of `axes`, rounded."""
+        states = step.states
+        stiffness = max(1.0, abs(float(step.derivatives[8][1].range().mid())))  # the rate of d(v)/d(v)
+        sizes = [
+            sum(float(x.abs_upper()) for x in (rest, *row))
+            for rest, row in zip(states.rest, states.spread, strict=True)
+        ]
+        axes = axes_of_balls(turned, sizes, stiffness)
+        texts = [[f"{float(entry):.4g}".replace("e+", "e") for entry in row] for row in axes]
+        self.log[-1]["axes"] = texts
+        return [[arb(float(text)) for text in row] for row in texts]
+
+
+def _excess(series: Sequence[Sequence[Jet]], step: Step, power: int, tolerance: int) -> float:
+    """By how much log2 of a length is too large for remainders that grow like its ``power``."""
+    size = max(float(part[-1].c[0].abs_upper()) for part in series)
+    length = float(step.length.c[0].mid())
+    if not (math.isfinite(size) and length > 0):
+        return math.inf
+    return (math.log2(size) - tolerance) / power + math.log2(length) if size else -math.inf
+
+
+def glide(constants: Constants, curve: Curve) -> tuple[Sequence[Jet], Jet]:
+    """Roughly the image (gamma_bar, v) of the curve itself and its time: midpoints."""
+    orbit = curve.equations(constants, *curve.numbers).orbit_at(curve.omega)
+    total = curve.total
+    state, time, done = [0 * curve.v.mid(), *curve.start], 0 * total, 0.0
+    for _ in range(_MOST_STEPS):
+        series = orbit.coefficients(state, ORDER)
+        # In longer steps the balls left over would swamp the midpoints.
+        reach = min(_LONGEST_SHARE, _reach(series) / float(total.c[0].mid()))
+        if 1 - done < reach / 2:
+            break
+        length = (total * min(reach, 1 - done)).mid()
+        state, time, done = [horner(part, length).mid() for part in series], time + length, done + reach
+    tau = _moment(series, 0 * total)
+    return [-horner(part, tau).mid() for part in series[1:]], (tau + time).mid()
+
+
+def duration(constants: Constants, omega: Any, gamma_bar: Any, v: Any) -> Any:
+    """About how long a half map takes from one point [s]; None if it does not return within a minute."""
+    orbit = Model(constants, omega).orbit
+    state, time = [Jet([arb(0)]), Jet([arb(gamma_bar).mid()]), Jet([arb(v).mid()])], arb(0)
+    for _ in range(_MOST_STEPS):
+        series = orbit.coefficients(state, ORDER)
+        length = arb(_reach(series))
+        if not (length > 0 and time < _LONGEST):
+            return None
+        end = [horner(part, length).mid() for part in series]
+        if not all(part.c[0].is_finite() for part in end):
+            return None
+        if end[0].c[0] > 0 and end[2].c[0] > 0:
+            return (time + _moment(series, Jet([length / 2])).c[0]).mid()
+        state, time = end, (time + length).mid()
+    return None
+
+
+def _reach(series: Sequence[Sequence[Jet]]) -> float:
+    """For how long [s] the last two terms stay below 2^_TOLERANCE, roughly."""
+    sizes = [(float(part[n].c[0].abs_upper()), n) for part in series for n in (ORDER - 1, ORDER)]
+    if not all(math.isfinite(size) for size, _ in sizes):
+        return 0.0
+    return min(1.0, *(math.exp2((_TOLERANCE - math.log2(size)) / n) for size, n in sizes if size))
+
+
+def _moment(polynomials: Sequence[Sequence[Jet]], guess: Jet) -> Jet:
+    """About when beta_bar is 0 in a step: points."""
+    beta, _, v = ([jet.mid() for jet in part] for part in polynomials)
+    tau = guess.mid()
+    for _ in range(_NEWTON_STEPS):
+        tau = (tau - horner(beta, tau) / horner(v, tau)).mid()
+    return tau
+
+
+def family_polynomials(
+    constants: Constants, start: Sequence[Any], radius: Any, degree: int, total: Any, over: int, kind: type[Curve]
+) -> tuple[list[Jet], Jet]:
+    """Taylor polynomials in s of (gamma_bar, v, Omega) along the family, and of half the period: points.
+
+    ``start`` is near the cycle at s = 0; number ``over`` of the three moves by ``radius`` as s grows by 1. With Y
+    constant, a chord step finds the coefficient of s^k once those before it are known.
+    """
+    zero = 0 * start[0]
+    point = [part.mid() for part in start]
+    free = UNKNOWNS[over]
+    columns = (_slope(constants, kind, point, total, k) for k in free)
+    chord = inverse(list(zip(*columns, strict=True)))
+    polynomials = [[part] for part in point]
+    half = Jet([total])
+    for k in (*[0] * _POLISHES, *range(1, degree + 1)):
+        if len(polynomials[0]) == k:
+            for part in polynomials:
+                part.append(zero)
+            half = Jet([*half.c, zero])
+            if k == 1:
+                polynomials[over][1] = radius
+        first, v, speed = map(Jet, polynomials)
+        curve = kind(first, v, speed, [zero] * 3, half)
+        image, half = glide(constants, curve)
+        value = [after.c[k] - before.c[k] for after, before in zip(image, curve.start, strict=True)]
+        for row, index in zip(chord, free, strict=True):
+            polynomials[index][k] = (polynomials[index][k] - row[0] * value[0] - row[1] * value[1]).mid()
+    return [Jet(part) for part in polynomials], half
+
+
+def _slope(constants: Constants, kind: type[Curve], point: Sequence[Any], half: Any, moving: int) -> list[Any]:
+    """Roughly dF by one of the three numbers."""
+    zero = 0 * point[0]
+    first, v, speed = (Jet([part, zero + _TINY * int(moving == j)]) for j, part in enumerate(point))
+    image, _ = glide(constants, kind(first, v, speed, [zero] * 3, Jet.constant(half, 1)))
+    return [(part.c[1] / _TINY).mid() - own[moving] for part, own in zip(image, kind.unit, strict=True)]

@@ -1,0 +1,304 @@
+"""The proof of the family of limit cycles: which arcs are tried, what is tried again, and how far cycles next to the
+connection are.
+
+An interval of amplitudes that is not proved is halved, unless what is proved of it says that no part of it can be.
+Of one at the Hopf point only the lower half is tried; `open_intervals` has the rest. Where an interval is given up
+nothing beyond it is of use, because the curve is to begin at the Hopf point.
+
+Where a ball becomes a point or a float: the intervals and the guesses are chosen, and what is proved does not depend on
+them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
+from contextlib import AbstractContextManager, nullcontext, suppress
+from dataclasses import dataclass
+from fractions import Fraction
+
+import numpy as np
+
+from tippedisk_verify.errors import InputError, NoConnectionError, NoSuchCycleError, Shortfall
+from tippedisk_verify.model.parameters import Parameters
+from tippedisk_verify.proofs.closed_forms import hopf_balls
+from tippedisk_verify.proofs.kernel.balls import arb, ball_constants, working_precision
+from tippedisk_verify.proofs.kernel.claims.arcs import Piece, Status
+from tippedisk_verify.proofs.kernel.claims.family import joined
+from tippedisk_verify.proofs.numbers import measured
+from tippedisk_verify.proofs.search.arcs import Guess, prove_piece
+from tippedisk_verify.proofs.search.branch import BranchProof, omega_crit
+from tippedisk_verify.proofs.search.proved_connection import ProvedConnection
+from tippedisk_verify.proofs.search.proved_end import ProvedEnd
+
+__all__ = ["HOPF_END", "Interval", "Known", "chain", "guess_at", "hopf_guess", "open_intervals", "prove_family",
+           "prove_intervals"]  # fmt: skip
+
+HOPF_END = Fraction(4, 5)  #: rad: up to where the piece at the Hopf point is tried
+_LONGEST, _SHARE = Fraction(3, 10), Fraction(1, 7)  # of an interval [rad], and of how far pi is from its beginning
+_MOST_HALVINGS = 5
+_NEAREST = 5  # known cycles that a guess is made of
+_HOPELESS = (Status.RISING, Status.UNSTABLE)
+_DEFAULT_END = Fraction("3.06")  # rad: beyond it pieces become short
+_REACHES = ("0.008", "0.004", "0.002")  # rad/s above Omega_h: how far cycles next to the connection are tried
+_OVERLAP = Fraction(3, 4)  # of that reach, for the pieces' end
+_KNOWN, _NEARER = 60, Fraction(4, 5)  # known cycles; how much nearer to Omega_h each of the last ones is
+_CLOSEST = Fraction(1, 10**6)  # rad/s from Omega_h
+_CONNECTION_DIGITS = 10
+
+Known = tuple[Fraction, Fraction, Fraction, Fraction]  #: a cycle's gamma_bar_0, v_0, Omega and half its period
+Found = tuple[Piece | Status, "Interval"]
+Watch = Callable[[Piece | Status, "Interval"], None]
+Pool = Callable[[bool], AbstractContextManager[Executor | None]]  #: processes, if there are several intervals
+
+
+def prove_family(
+    parameters: Parameters,
+    read: Sequence[Piece] = (),
+    until: Fraction | None = None,
+    pool: Pool = lambda several: nullcontext(),
+    stage: Callable[[str], None] = lambda name: None,
+    watch: Watch = lambda found, interval: None,
+) -> BranchProof:
+    """Prove as much of the family as can be: up to the amplitude ``until`` [rad], or to the connection.
+
+    ``read`` are pieces that are taken as they are. ``stage`` is told what is under way, ``watch`` of each interval that
+    is proved or given up. Raises Shortfall where the ordinary methods find no cycles to begin with.
+    """
+    pieces, wanted = list(read), _DEFAULT_END if until is None else until
+    stopped: Status | None = None
+    connection: ProvedConnection | None = None
+    near: ProvedEnd | None = None
+
+    def keep(found: Piece | Status, interval: Interval) -> None:
+        if isinstance(found, Piece):
+            pieces.append(found)
+        watch(found, interval)
+
+    # Without the piece at the Hopf point the others are of no use.
+    if not chain(pieces):
+        stage("the Hopf point")
+        stopped = prove_intervals(parameters, open_intervals(pieces, min(wanted, HOPF_END)), [], watch=keep)
+    if chain(pieces):
+        stage("the connection")
+        connection = _connection(parameters)
+        known = _known(parameters, connection)
+        if until is None and connection is not None:
+            stage("the cycles next to the connection")
+            near = _next_to(connection)
+            wanted = _end_for(near, known) or wanted
+        if stopped is None and (left := open_intervals(pieces, wanted)):
+            stage("arcs")
+            with pool(len(left) > 1) as executor:
+                stopped = prove_intervals(parameters, left, known, executor, keep)
+    one_curve = chain(pieces)
+    if stopped is None and one_curve[-1].high < wanted:
+        stopped = Status.NOT_JOINED
+    return BranchProof(parameters, tuple(one_curve), stopped, connection, near, frozenset(read).intersection(one_curve))
+
+
+def _connection(parameters: Parameters) -> ProvedConnection | None:
+    """Omega_h, proved; None where the ordinary methods find none."""
+    from tippedisk_verify.connection.heteroclinic import heteroclinic
+    from tippedisk_verify.flow import default_engine
+    from tippedisk_verify.proofs.search.heteroclinic import prove_connection
+
+    try:
+        near = heteroclinic(parameters, default_engine(), digits=_CONNECTION_DIGITS + 5).omega_h.value
+        return prove_connection(parameters, near, _CONNECTION_DIGITS)
+    except (NoConnectionError, Shortfall):
+        return None
+
+
+def _next_to(connection: ProvedConnection) -> ProvedEnd | None:
+    """The cycles next to the connection, as far from it as they can be proved; the last failure if they cannot."""
+    from tippedisk_verify.proofs.search.connection_end import prove_end
+
+    end = None
+    for reach in _REACHES if connection.proved else ():
+        with suppress(InputError):  # of a reach beyond Omega_crit
+            end = prove_end(connection, reach)
+        if end is not None and end.proved:
+            break
+    return end
+
+
+def _end_for(near: ProvedEnd | None, known: Sequence[Known]) -> Fraction | None:
+    """An amplitude up to which pieces have to be proved if they are to reach the cycles next to the connection."""
+    if near is None or not near.proved or near.connection.omega_h is None:
+        return None
+    low = near.connection.omega_h.value
+    inside = [cycle for cycle in known if cycle[2] - low < _OVERLAP * (near.high - low)]
+    return round(min(inside, default=known[-1])[0], 4)
+
+
+def _known(parameters: Parameters, connection: ProvedConnection | None) -> list[Known]:
+    """Cycles of the ordinary methods from the Hopf point to the connection, to make guesses of."""
+    from tippedisk_verify.atlas.branch import family
+    from tippedisk_verify.flow import default_engine
+
+    speeds: list[Fraction] | None = None
+    if connection is not None and connection.omega_h is not None:
+        speeds = [round(speed, 12) for speed in _speeds(parameters, connection.omega_h.value)]
+    try:
+        cycles = list(family(parameters, default_engine(), omegas=speeds))
+    except NoSuchCycleError as fault:
+        raise Shortfall(str(fault)) from None
+    return [(cycle.gamma_bar_0.value, cycle.v_0.value, cycle.omega.value, cycle.period.value / 2) for cycle in cycles]
+
+
+def _speeds(parameters: Parameters, omega_h: Fraction) -> Iterator[Fraction]:
+    """Speeds whose amplitudes lie close together at both ends."""
+    span = omega_crit(parameters).value - omega_h
+    for k in range(_KNOWN // 10, _KNOWN - 1):
+        left = span * (1 - Fraction(k, _KNOWN) ** 2)
+        yield omega_h + left
+    while left > _CLOSEST:
+        left *= _NEARER
+        yield omega_h + left
+
+
+@dataclass(frozen=True)
+class Interval:
+    """Amplitudes to be proved [rad]; those from 0 on by scaled states."""
+
+    low: Fraction
+    high: Fraction
+    halvings: int = 0
+
+    def halves(self) -> tuple[Interval, ...]:
+        """Both halves; of an interval from 0 on the lower one, because the other needs known cycles."""
+        middle, count = (self.low + self.high) / 2, self.halvings + 1
+        lower = Interval(self.low, middle, count)
+        return (lower, Interval(middle, self.high, count)) if self.low else (lower,)
+
+
+def open_intervals(pieces: Sequence[Piece], end: Fraction) -> list[Interval]:
+    """What is left to prove between the Hopf point and the amplitude ``end``, cut into intervals."""
+    covered = chain(pieces)
+    low = covered[-1].high if covered else Fraction(0)
+    later = [piece for piece in sorted(pieces, key=lambda piece: piece.low) if piece.low >= low]
+    left: list[Interval] = []
+    if not low:
+        low = min(HOPF_END, end)
+        left.append(Interval(Fraction(0), low))
+    for piece in later:
+        if piece.low >= low:
+            left += _cut(low, min(piece.low, end))
+            low = piece.high
+    return left + list(_cut(low, end))
+
+
+def _cut(low: Fraction, high: Fraction) -> Iterator[Interval]:
+    while low < high:
+        length = min(_LONGEST, _SHARE * max(Fraction(22, 7) - low, Fraction(1, 500)))
+        # Few digits; and no short rest.
+        until = round(low + length, 4)
+        if until + length / 3 > high:
+            until = high
+        yield Interval(low, until)
+        low = until
+
+
+def chain(pieces: Iterable[Piece]) -> list[Piece]:
+    """Those that are one curve from the Hopf point on: each begins where the last one ends, with the same cycle."""
+    curve: list[Piece] = []
+    for piece in sorted(pieces, key=lambda piece: (piece.low, piece.high)):
+        if not curve:
+            if piece.scaled:
+                curve.append(piece)
+        elif piece.low == curve[-1].high and joined(curve[-1], piece, piece.low):
+            curve.append(piece)
+    return curve
+
+
+def hopf_guess(parameters: Parameters) -> Guess:
+    """What the linear flow at Omega_crit has: v_0 / gamma_bar_0, Omega, half the period."""
+    with working_precision(64):
+        numbers = hopf_balls(ball_constants(parameters))
+        speed, period = numbers["omega_crit"], numbers["period"]
+        # gamma_bar is a cosine there, and beta_bar its rate over Omega.
+        ratio = -((2 * arb.pi() / period) ** 2) / speed
+        first, second, third = (measured(part).value for part in (ratio, speed, period / 2))
+        return first, second, third
+
+
+def guess_at(known: Sequence[Known], amplitude: Fraction) -> Guess:
+    """The cycle of an amplitude, interpolated between known ones; no proof depends on it."""
+    nearest = sorted(known, key=lambda cycle: abs(cycle[0] - amplitude))[:_NEAREST]
+    off = [float(cycle[0] - amplitude) for cycle in nearest]
+    values = [[float(number) for number in cycle[1:]] for cycle in nearest]
+    first, second, third = map(Fraction, np.polynomial.polynomial.polyfit(off, values, len(off) - 1)[0].tolist())
+    return first, second, third
+
+
+def prove_intervals(
+    parameters: Parameters,
+    intervals: Sequence[Interval],
+    known: Sequence[Known],
+    executor: Executor | None = None,
+    watch: Watch = lambda found, interval: None,
+) -> Status | None:
+    """Why the first interval that was given up could not be proved; None if all were.
+
+    ``watch`` is told of each interval that is proved or given up, with the piece or the reason.
+    """
+    given_up: list[tuple[Fraction, Status]] = []
+    jobs = _Jobs(parameters, known, executor, intervals)
+    for found, interval in jobs:
+        if isinstance(found, Status):
+            if found not in _HOPELESS and interval.halvings < _MOST_HALVINGS:
+                jobs.add(interval.halves())
+                continue
+            given_up.append((interval.low, found))
+            jobs.drop_from(interval.low)
+        watch(found, interval)
+    return min(given_up, key=lambda entry: entry[0])[1] if given_up else None
+
+
+class _Jobs:
+    """Intervals under way: one after the other here, the lowest first, or all at once in other processes."""
+
+    def __init__(
+        self,
+        parameters: Parameters,
+        known: Sequence[Known],
+        executor: Executor | None,
+        intervals: Iterable[Interval],
+    ) -> None:
+        self.parameters, self.known, self.executor = parameters, known, executor
+        self.waiting: list[Interval] = []
+        self.running: dict[Future[Piece | Status], Interval] = {}
+        self.add(intervals)
+
+    def add(self, intervals: Iterable[Interval]) -> None:
+        self.waiting = sorted([*self.waiting, *intervals], key=lambda interval: interval.low)
+        if self.executor is not None:
+            for interval in self.waiting:
+                self.running[self.executor.submit(_attempt, *self._job(interval))] = interval
+            self.waiting = []
+
+    def drop_from(self, low: Fraction) -> None:
+        """Forget what has not begun and lies beyond."""
+        self.waiting = [interval for interval in self.waiting if interval.low < low]
+        for future in [future for future, interval in self.running.items() if interval.low >= low and future.cancel()]:
+            del self.running[future]
+
+    def __iter__(self) -> Iterator[Found]:
+        while self.waiting or self.running:
+            if self.waiting:
+                interval = self.waiting.pop(0)
+                yield _attempt(*self._job(interval)), interval
+            else:
+                for future in wait(self.running, return_when=FIRST_COMPLETED).done:
+                    if future in self.running:
+                        yield future.result(), self.running.pop(future)
+
+    def _job(self, interval: Interval) -> tuple[Parameters, Interval, Guess]:
+        if not interval.low:
+            return self.parameters, interval, hopf_guess(self.parameters)
+        return self.parameters, interval, guess_at(self.known, (interval.low + interval.high) / 2)
+
+
+def _attempt(parameters: Parameters, interval: Interval, guess: Guess) -> Piece | Status:
+    return prove_piece(parameters, interval.low, interval.high, guess)

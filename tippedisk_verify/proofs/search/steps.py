@@ -1,0 +1,187 @@
+"""The search for steps: lengths and orders that the kernel's test is likely to pass, axes and moments; with their log.
+
+A `Steps` proposes for one flight. What the flight has taken stands in its ``log``, in the form in which
+`kernel.choices` reads it from a certificate.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+from tippedisk_verify.proofs.kernel.balls import arb, ball, working_bits
+from tippedisk_verify.proofs.kernel.flow import Path, Step, magnitude, short_float
+from tippedisk_verify.proofs.kernel.reading import dyadic_text
+from tippedisk_verify.proofs.kernel.sliding import Crossing
+from tippedisk_verify.proofs.search.axes import axes_of_balls
+
+__all__ = ["SearchedTest", "Steps", "midpoint_inverse"]
+
+_LEAST_ORDER = 16  # of derivatives that only multiply radii
+#: Over a wide box, the order of the series and how often it decays along v in a step: balls add up what alternates, so
+#: that derivatives over the box are exp(twice that) times as wide as they are.
+_WIDE_ORDER, _DAMPED = 8, 0.5
+_MEAN_VALUE_TOLERANCE = -24  # log2 of their remainders: a radius is known to 30 bits anyway
+_SHORTEST_STEP = 2.0**-40  # s
+_MOST_TRIALS = 40
+_AXIS_BITS = 30
+
+
+class Steps:
+    """Proposes by trial and error, from what the kernel shows of the path."""
+
+    def __init__(self) -> None:
+        self.log: list[dict[str, Any]] = []
+        self._share = 0.75  # of the length that the midpoint's series allows; follows what is accepted
+        self._moment: Any = None
+
+    def beyond(self) -> Steps:
+        """Another search; what it finds is logged with the step that begins before."""
+        return Steps()
+
+    def step(self, path: Path, longest: float | None) -> Step | None:
+        """A step whose remainders are as small as rounding, or as a share of the box."""
+        self._moment = None
+        try:
+            return self._trials(path, longest)
+        except OverflowError:
+            return None
+
+    def _trials(self, path: Path, longest: float | None) -> Step | None:
+        """Steps of falling length until one passes."""
+        bits = working_bits()
+        order = _order(bits)
+        allowed, rough_allowed = _allowed(path, bits)
+        rough_order = min(order, _order(-rough_allowed, _WIDE_ORDER)) if path.sharp else _LEAST_ORDER
+        trial = path.trial((order, rough_order))
+        if rough_order < order:
+            stiffness = float(abs(trial.wide[11][1]).abs_upper())
+            longest = min(math.inf if longest is None else longest, short_float(_DAMPED / max(1.0, stiffness)))
+        sizes = [max(0, magnitude(column[0])) for column in trial.wide[3:]]
+        reach, share = _length(trial.thin, allowed), self._share
+        for _ in range(_MOST_TRIALS):
+            length = short_float(min(reach * share, longest if longest is not None else math.inf))
+            if length < _SHORTEST_STEP:
+                return None
+            verdict = trial.verdict(length)
+            if verdict is None:
+                share *= 0.5
+                continue
+            excess = max(
+                _excess(verdict.fine, [0, 0, 0], allowed, length, order + 1),
+                _excess(verdict.rough[3:], sizes, [rough_allowed] * len(sizes), length, rough_order + 1),
+            )
+            better = length / reach * 2.0 ** min(1.0, -excess)
+            if verdict.included and excess <= 0:
+                # A step cut short says nothing about how long the next may be.
+                if longest is None or length < longest:
+                    self._share = 0.97 * better
+                return trial.step(length, verdict)
+            share = min(0.97 * better, 0.9 * length / reach)
+        return None
+
+    def moment(self, step: Step, index: int, level: Any) -> Any:
+        """By bisection and then the secant method on the midpoints."""
+        low, high = 0.0, step.length
+        for _ in range(20):
+            middle = (low + high) / 2
+            if (step.at(ball(middle))[index] - level).mid() < 0:
+                low = middle
+            else:
+                high = middle
+        guess, before = ball((low + high) / 2), ball((low + high) / 2 + 0.01 * step.length)
+        f_before = (step.at(before)[index] - level).mid()
+        for _ in range(12):  # a secant's order is 1.6: from 20 bits to 20 * 1.6^12 = 5600
+            f = (step.at(guess)[index] - level).mid()
+            if f == f_before:
+                break
+            ahead = (guess - f * (guess - before) / (f - f_before)).mid()
+            if not 0 < ahead < step.length:
+                break
+            before, f_before, guess = guess, f, ahead
+        self._moment = guess.mid()
+        return self._moment
+
+    def axes(self, turned: Sequence[Sequence[Any]], sizes: Sequence[Any], stiffness: Any) -> Sequence[Sequence[Any]]:
+        """Of few bits, which keeps the log short."""
+        return [[_short(entry) for entry in row] for row in axes_of_balls(turned, sizes, stiffness)]
+
+    def took(self, step: Step, axes: Sequence[Sequence[Any]]) -> None:
+        parts = [step, step.second, step.middle] if isinstance(step, Crossing) else [step]
+        entry: dict[str, Any] = {
+            "steps": [[dyadic_text(part.tried), *part.orders] for part in parts],
+            "axes": [[dyadic_text(entry) for entry in row] for row in axes],
+        }
+        if self._moment is not None:
+            entry["moment"] = dyadic_text(self._moment)
+        self.log.append(entry)
+
+
+def _allowed(path: Path, bits: int) -> tuple[list[int], int]:
+    """log2 of how large remainders may be: of the state's components, and of the derivatives."""
+    # As large as rounding, or a hundredth of the ball's radius: 70 steps at most double it.
+    allowed = [
+        max(max(0, magnitude(part)) - bits, magnitude(part.rad()) - 7 if not part.is_exact() else -bits - 99)
+        for part in path.box
+    ]
+    if not path.sharp:
+        return allowed, _MEAN_VALUE_TOLERANCE
+    # The derivatives differ over the box by about its radius.
+    return allowed, max(-bits, max(magnitude(part.rad()) for part in path.box) - 7)
+
+
+def _order(bits: int, least: int = _LEAST_ORDER) -> int:
+    """Order of a series: its cost grows as the square, the step's length as 2^(-bits/order): flat about 0.3 bits."""
+    return max(least, round(0.3 * bits))
+
+
+def _excess(
+    remainders: Sequence[Any], sizes: Sequence[int], allowed: Sequence[int], length: float, power: int
+) -> float:
+    """By how much log2 of the step's length is too large for the remainders, which grow like its ``power``."""
+    size = math.log2(length)
+    return max(magnitude(r) + power * size - s - a for r, s, a in zip(remainders, sizes, allowed, strict=True)) / power
+
+
+def _length(series: Sequence[Sequence[Any]], allowed: Sequence[int]) -> float:
+    """How far the last two coefficients stay below what is allowed: an estimate, the test decides."""
+    order = len(series[0]) - 1
+    exponents = (
+        (limit - magnitude(column[n])) / n
+        for column, limit in zip(series, allowed, strict=True)
+        for n in (order - 1, order)
+    )
+    return math.exp2(min(0.0, *exponents))
+
+
+def _short(point: Any) -> Any:
+    mantissa, exponent = math.frexp(float(point))
+    return arb((round(math.ldexp(mantissa, _AXIS_BITS)), exponent - _AXIS_BITS))
+
+
+class SearchedTest:
+    """The choices of a Krawczyk test, searched for."""
+
+    def __init__(self) -> None:
+        self.centre, self.box = Steps(), Steps()
+        self._inverse: Sequence[Sequence[Any]] = ()
+
+    def inverse(self, matrix: Sequence[Sequence[Any]]) -> Sequence[Sequence[Any]]:
+        self._inverse = midpoint_inverse(matrix)
+        return self._inverse
+
+    def written(self, sizes: Sequence[Any]) -> dict[str, Any]:
+        """The box's part of the evidence; ``sizes`` are points, and arb(0, size) were the radii."""
+        return {
+            "radii": [dyadic_text(part) for part in sizes],
+            "inverse": [[dyadic_text(entry) for entry in row] for row in self._inverse],
+            "flight": self.box.log,
+        }
+
+
+def midpoint_inverse(matrix: Sequence[Sequence[Any]]) -> list[list[Any]]:
+    """The inverse of the midpoints' matrix, as points."""
+    (a, b), (c, d) = ((entry.mid() for entry in row) for row in matrix)
+    determinant = a * d - b * c
+    return [[(d / determinant).mid(), (-b / determinant).mid()], [(-c / determinant).mid(), (a / determinant).mid()]]
