@@ -21,6 +21,7 @@ from tests.proofs.cases import half_flight, speed_below
 from tippedisk_verify.atlas.branch import family
 from tippedisk_verify.atlas.cycles_at_speed import cycle_at
 from tippedisk_verify.cli import main
+from tippedisk_verify.commands import certify_family
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.figures.proved_family import draw_proved_family
 from tippedisk_verify.figures.style import pyplot
@@ -493,8 +494,8 @@ def test_the_command_goes_on_where_it_stopped(capsys, monkeypatch, tmp_path) -> 
 
     monkeypatch.setattr(search, "_attempt", attempt)
     monkeypatch.setattr(search, "HOPF_END", HIGH)
-    monkeypatch.setattr(search, "_known", lambda *_: [tuple([Fraction(1)] * 4)])
-    monkeypatch.setattr(search, "_connection", lambda *_: None)
+    monkeypatch.setattr(certify_family, "_cycles_at", lambda *_: [tuple([Fraction(1)] * 4)])
+    monkeypatch.setattr(certify_family, "_connected_at", lambda *_: None)
     path = str(tmp_path / "arcs")
     pictures = str(tmp_path / "pictures")
     result = json.loads(_run(capsys, "--to", str(float(NEXT)), "--arcs", path, "--out", pictures, "--json", status=1))

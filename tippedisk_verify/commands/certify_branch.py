@@ -62,7 +62,7 @@ def branch(
 ) -> int:
     """Prove the family of limit cycles from the Hopf point to the heteroclinic cycle: one curve, stable, Omega falls.
 
-    It takes some 20 minutes of CPU. Every worker of a cluster needs this version of the package. With --at the cycles
+    It takes some 6 minutes of CPU. Every worker of a cluster needs this version of the package. With --at the cycles
     at many speeds are proved one by one instead: the period to DIGITS digits, stability, and the rest of `orbit`. A^in
     and A^de are the paper's sets, each with Omega_0 = Omega_crit - 0.5.
     """

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 from fractions import Fraction
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,14 +17,15 @@ from tippedisk_verify.commands.common import (
     progress,
     workers_of,
 )
-from tippedisk_verify.errors import InputError
+from tippedisk_verify.errors import InputError, NoConnectionError, NoSuchCycleError, Shortfall
 from tippedisk_verify.files import write_text
 from tippedisk_verify.model.results import result_lines
 
 if TYPE_CHECKING:
+    from tippedisk_verify.model.parameters import Parameters
     from tippedisk_verify.proofs.kernel.claims.arcs import Piece, Status
     from tippedisk_verify.proofs.search.branch import BranchProof
-    from tippedisk_verify.proofs.search.family import Interval
+    from tippedisk_verify.proofs.search.family import Interval, Known
 
 __all__ = ["family_as_a_curve"]
 
@@ -66,6 +68,8 @@ def family_as_a_curve(
         advance("arcs", sum(int(_UNITS * piece.high) - int(_UNITS * piece.low) for piece in pieces))
         proof = prove_family(
             parameters,
+            partial(_connected_at, parameters),
+            partial(_cycles_at, parameters),
             read,
             wanted,
             lambda several: workers_of(executor, jobs, needed=several),
@@ -84,6 +88,29 @@ def family_as_a_curve(
         save(draw_proved_family(proof), folder, "proved_family")
     print_result(common, proof.to_dict(), _lines(proof))
     return 0 if proof.proved else 1
+
+
+def _connected_at(parameters: Parameters, digits: int) -> Fraction | None:
+    """Omega_h [rad/s]; None where none is found."""
+    from tippedisk_verify.connection.heteroclinic import heteroclinic
+    from tippedisk_verify.flow import default_engine
+
+    try:
+        return heteroclinic(parameters, default_engine(), digits=digits).omega_h.value
+    except (NoConnectionError, Shortfall):
+        return None
+
+
+def _cycles_at(parameters: Parameters, speeds: list[Fraction] | None) -> list[Known]:
+    """Cycles from the Hopf point to the connection."""
+    from tippedisk_verify.atlas.branch import family
+    from tippedisk_verify.flow import default_engine
+
+    try:
+        cycles = list(family(parameters, default_engine(), omegas=speeds))
+    except NoSuchCycleError as fault:
+        raise Shortfall(str(fault)) from None
+    return [(cycle.gamma_bar_0.value, cycle.v_0.value, cycle.omega.value, cycle.period.value / 2) for cycle in cycles]
 
 
 def _amplitude(text: str) -> Fraction:

@@ -32,7 +32,7 @@ from tippedisk_verify.proofs.search.proved_end import ProvedEnd
 
 __all__ = ["BranchProof", "omega_crit"]
 
-_BITS = 160
+_BITS, _CLAIM_BITS = 128, 160  # of Omega_crit, and for what is claimed with as many digits
 _PLACES = 9  # of the share and of the speed at the end, rounded to the safe side
 
 
@@ -124,7 +124,7 @@ class BranchProof:
                 need(as_near and replace(shown, within=piece.within) == piece, f"arc {number}: it is another one")
         except (Unproved, Refused) as fault:
             raise Shortfall(f"no certificate that the kernel accepts could be made: {fault}") from None
-        bits = _BITS
+        bits = _CLAIM_BITS
         evidence: dict[str, Any] = {"arcs": [piece.evidence for piece in self.pieces]}
         if self.end is not None and self.end_closed:
             bits, evidence["end"] = max(bits, self.end.connection.bits), self.end.evidence()

@@ -19,7 +19,7 @@ from fractions import Fraction
 
 import numpy as np
 
-from tippedisk_verify.errors import InputError, NoConnectionError, NoSuchCycleError, Shortfall
+from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.proofs.closed_forms import hopf_balls
 from tippedisk_verify.proofs.kernel.balls import arb, ball_constants, working_precision
@@ -28,6 +28,7 @@ from tippedisk_verify.proofs.kernel.claims.family import joined
 from tippedisk_verify.proofs.numbers import measured
 from tippedisk_verify.proofs.search.arcs import Guess, prove_piece
 from tippedisk_verify.proofs.search.branch import BranchProof, omega_crit
+from tippedisk_verify.proofs.search.heteroclinic import prove_connection
 from tippedisk_verify.proofs.search.proved_connection import ProvedConnection
 from tippedisk_verify.proofs.search.proved_end import ProvedEnd
 
@@ -54,6 +55,8 @@ Pool = Callable[[bool], AbstractContextManager[Executor | None]]  #: processes, 
 
 def prove_family(
     parameters: Parameters,
+    connected_at: Callable[[int], Fraction | None],
+    cycles_at: Callable[[list[Fraction] | None], list[Known]],
     read: Sequence[Piece] = (),
     until: Fraction | None = None,
     pool: Pool = lambda several: nullcontext(),
@@ -62,8 +65,9 @@ def prove_family(
 ) -> BranchProof:
     """Prove as much of the family as can be: up to the amplitude ``until`` [rad], or to the connection.
 
-    ``read`` are pieces that are taken as they are. ``stage`` is told what is under way, ``watch`` of each interval that
-    is proved or given up. Raises Shortfall where the ordinary methods find no cycles to begin with.
+    ``connected_at`` gives Omega_h to some digits, or None, and ``cycles_at`` cycles of some speeds [rad/s], or of some
+    that it chooses: from these guesses are made. ``read`` are pieces that are taken as they are. ``stage`` is told what
+    is under way, ``watch`` of each interval that is proved or given up.
     """
     pieces, wanted = list(read), _DEFAULT_END if until is None else until
     stopped: Status | None = None
@@ -81,8 +85,13 @@ def prove_family(
         stopped = prove_intervals(parameters, open_intervals(pieces, min(wanted, HOPF_END)), [], watch=keep)
     if chain(pieces):
         stage("the connection")
-        connection = _connection(parameters)
-        known = _known(parameters, connection)
+        speeds: list[Fraction] | None = None
+        if (near_omega_h := connected_at(_CONNECTION_DIGITS + 5)) is not None:
+            with suppress(Shortfall):
+                connection = prove_connection(parameters, near_omega_h, _CONNECTION_DIGITS)
+        if connection is not None and connection.omega_h is not None:
+            speeds = [round(speed, 12) for speed in _speeds(parameters, connection.omega_h.value)]
+        known = cycles_at(speeds)
         if until is None and connection is not None:
             stage("the cycles next to the connection")
             near = _next_to(connection)
@@ -95,19 +104,6 @@ def prove_family(
     if stopped is None and one_curve[-1].high < wanted:
         stopped = Status.NOT_JOINED
     return BranchProof(parameters, tuple(one_curve), stopped, connection, near, frozenset(read).intersection(one_curve))
-
-
-def _connection(parameters: Parameters) -> ProvedConnection | None:
-    """Omega_h, proved; None where the ordinary methods find none."""
-    from tippedisk_verify.connection.heteroclinic import heteroclinic
-    from tippedisk_verify.flow import default_engine
-    from tippedisk_verify.proofs.search.heteroclinic import prove_connection
-
-    try:
-        near = heteroclinic(parameters, default_engine(), digits=_CONNECTION_DIGITS + 5).omega_h.value
-        return prove_connection(parameters, near, _CONNECTION_DIGITS)
-    except (NoConnectionError, Shortfall):
-        return None
 
 
 def _next_to(connection: ProvedConnection) -> ProvedEnd | None:
@@ -130,21 +126,6 @@ def _end_for(near: ProvedEnd | None, known: Sequence[Known]) -> Fraction | None:
     low = near.connection.omega_h.value
     inside = [cycle for cycle in known if cycle[2] - low < _OVERLAP * (near.high - low)]
     return round(min(inside, default=known[-1])[0], 4)
-
-
-def _known(parameters: Parameters, connection: ProvedConnection | None) -> list[Known]:
-    """Cycles of the ordinary methods from the Hopf point to the connection, to make guesses of."""
-    from tippedisk_verify.atlas.branch import family
-    from tippedisk_verify.flow import default_engine
-
-    speeds: list[Fraction] | None = None
-    if connection is not None and connection.omega_h is not None:
-        speeds = [round(speed, 12) for speed in _speeds(parameters, connection.omega_h.value)]
-    try:
-        cycles = list(family(parameters, default_engine(), omegas=speeds))
-    except NoSuchCycleError as fault:
-        raise Shortfall(str(fault)) from None
-    return [(cycle.gamma_bar_0.value, cycle.v_0.value, cycle.omega.value, cycle.period.value / 2) for cycle in cycles]
 
 
 def _speeds(parameters: Parameters, omega_h: Fraction) -> Iterator[Fraction]:
