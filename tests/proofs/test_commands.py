@@ -64,7 +64,7 @@ def test_the_cycles_next_to_it(capsys, monkeypatch) -> None:
         return ProvedEnd(EndStatus.NO_LID, connection, Fraction(30), Fraction(31))
 
     monkeypatch.setattr(connection_end, "prove_end", prove_end)
-    arguments = ("certify", "heteroclinic", "--near", "30.0488682607225", "--digits", "9", "--cycles", "0.5")
+    arguments = ("certify", "heteroclinic", "--near", "30.0488682607225", "--digits", "9", "--cycles", "0.5", "--quiet")
     result = _json(capsys, *arguments, status=1)
     assert asked == ["0.5"]
     assert (result["proved"], result["cycles"]["proved"], result["cycles"]["status"]) == (True, False, "no_lid")
@@ -73,7 +73,7 @@ def test_the_cycles_next_to_it(capsys, monkeypatch) -> None:
 
 @pytest.mark.slow
 def test_heteroclinic_by_the_ordinary_road(capsys) -> None:
-    result = _json(capsys, "certify", "heteroclinic", "--digits", "30")
+    result = _json(capsys, "certify", "heteroclinic", "--digits", "30", "--quiet")
     assert (result["proved"], result["unique"]) == (True, True)
     assert 2 * Fraction(result["omega_h"]["uncertainty"]) <= Fraction(1, 10**30)
 
