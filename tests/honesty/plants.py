@@ -39,7 +39,7 @@ PLANTS = {
     "theory.melnikov:limit_speed": "limit epsilon to 0",
     "theory.slow_manifold:analyse_slow_manifold": "slow manifold",
     "cycles.spectral:balanced_cycle": "harmonic balance",
-    "proofs.kernel.balls:measured": "proved closed forms",
+    "proofs.numbers:measured": "proved closed forms",
 }
 _FACTOR = 100
 
