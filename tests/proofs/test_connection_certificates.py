@@ -12,10 +12,14 @@ import pytest
 from tests.proofs.saddle_orbits import OMEGA_H
 from tippedisk_verify.cli import main
 from tippedisk_verify.model.decimals import exact_text
+from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
 from tippedisk_verify.proofs.kernel import claims
+from tippedisk_verify.proofs.kernel.balls import arb, ball, working_precision
 from tippedisk_verify.proofs.kernel.claims import Unproved, connection_cycles, proved
-from tippedisk_verify.proofs.kernel.reading import Refused
+from tippedisk_verify.proofs.kernel.claims.connection import _departure
+from tippedisk_verify.proofs.kernel.claims.saddle import Saddle
+from tippedisk_verify.proofs.kernel.reading import Refused, dyadic
 from tippedisk_verify.proofs.search.certificate import parameter_texts
 from tippedisk_verify.proofs.search.connection_end import prove_end
 from tippedisk_verify.proofs.search.heteroclinic import prove_connection
@@ -115,6 +119,26 @@ def test_a_weaker_claim_is_accepted_as_what_it_says() -> None:
     sentence = proved(content)
     assert "at least one Omega" in sentence
     assert "all along" not in sentence
+
+
+def test_the_branch_on_which_gamma_falls_is_not_taken_for_the_other_one() -> None:
+    """In directions with a first column that mixes two eigenvectors, in which the falling branch has z_u > 0."""
+    content = json.loads(connection().certificate())
+    claim, evidence = content["claim"], content["evidence"]
+    with working_precision(content["bits"]):
+        P = [[dyadic(entry) for entry in row] for row in evidence["directions"]]
+        mixed = [[(2 * row[1] - row[0]).mid(), *row[1:]] for row in P]
+        assert P[1][0] > 0
+        assert mixed[1][0] > 0
+        omega = ball(fraction(claim["numbers"]["omega_h"]["value"]))
+        choices: dict[str, Any] = {
+            "unstable": {"graph": [[arb(0), arb(-2), arb(0)], [arb(0)] * 3], "reach": arb(2) ** -6},
+            "cone": [arb(2) ** -4] * 2,
+            "drift": [arb("0.01"), arb(4), arb(4)],
+        }
+        saddle = Saddle(claim["parameters"], "linear", omega, mixed)
+        with pytest.raises(Unproved, match="gamma grows where the branch leaves"):
+            _departure(saddle, lambda name, *_: choices[name])
 
 
 @pytest.mark.slow

@@ -109,6 +109,10 @@ TAMPERED: dict[str, tuple[Callable[[Any, Any], Any], str]] = {
     "another interval": (
         lambda claim, evidence: claim.update(omega="30.387", radius="0.001", low="30.386", high="30.388"), "Krawczyk"
     ),
+    "no radius": (
+        lambda claim, evidence: claim.update(radius="0", low=claim["omega"], high=claim["omega"]), "interval is empty"
+    ),
+    "further off than it is alone": (lambda claim, evidence: claim["enclosed_within"].update(v_0="1"), "the only one"),
     "a wider interval": (lambda claim, evidence: claim.update(high="30.4"), "other ends"),
     "another disk": (lambda claim, evidence: claim["parameters"].update(e="0.0026"), "Krawczyk|return|move|section"),
     "no disk": (lambda claim, evidence: claim["parameters"].update(e="0.05"), "no disk's"),

@@ -39,6 +39,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from fractions import Fraction
 from operator import mul
 from typing import Any, ClassVar, Protocol
 
@@ -129,12 +130,19 @@ class Replay:
     def step(self, beginning: Beginning) -> tuple[Step, bool]:
         need(bool(self.log), "there are no steps")
         self.number += 1
-        return beginning.step(float(self.log[self.number - 1]["share"])), self.number == len(self.log)
+        return beginning.step(_float(self.log[self.number - 1]["share"])), self.number == len(self.log)
 
     def axes(self, step: Step, turned: Matrix) -> Matrix:
         log = self.log[self.number - 1]
         need("axes" in log, "the axes behind it are missing")
-        return [[arb(float(part)) for part in row] for row in log["axes"]]
+        return [[arb(_float(part)) for part in row] for row in log["axes"]]
+
+
+def _float(text: str) -> float:
+    try:
+        return float(Fraction(text))
+    except OverflowError:
+        raise Unproved("a choice is beyond any double") from None
 
 
 class _Systems:

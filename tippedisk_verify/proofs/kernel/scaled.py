@@ -34,7 +34,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from tippedisk_verify.proofs.kernel.balls import positive
+from tippedisk_verify.proofs.kernel.balls import need, positive
 from tippedisk_verify.proofs.kernel.curves import Curve, Matrix
 from tippedisk_verify.proofs.kernel.field import Constants, field
 from tippedisk_verify.proofs.kernel.jets import Jet
@@ -171,5 +171,5 @@ class ScaledCurve(Curve):
         return rise
 
     def __post_init__(self) -> None:
-        if not (self.deviation[0] == 0 and positive(1 - self.gamma_bar.range())):
-            raise ValueError("the square of the amplitude has no deviation and is less than 1")
+        less = positive(1 - self.gamma_bar.range())
+        need(bool(self.deviation[0] == 0) and less, "the square of the amplitude is not less than 1, or deviates")

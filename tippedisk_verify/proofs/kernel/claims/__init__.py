@@ -39,5 +39,8 @@ def proved(content: Any, mapped: family.Mapped = map) -> str:
         file = parsed(content, shape, "the file")
         need(content["sha256"] == digest(content), "the content is not what its digest, sha256, was made of")
         shared = (mapped,) if KINDS[kind] is family else ()
-        KINDS[kind].show(file["claim"], file["evidence"], *shared)
+        try:
+            KINDS[kind].show(file["claim"], file["evidence"], *shared)
+        except (ValueError, IndexError, OverflowError, ZeroDivisionError) as fault:
+            raise Unproved(f"its choices cannot be computed with: {fault}") from None
     return str(KINDS[kind].sentence(file["claim"]))

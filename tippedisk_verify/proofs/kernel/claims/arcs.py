@@ -26,7 +26,7 @@ from tippedisk_verify.proofs.kernel.balls import Unproved, arb, ball, midpoint_a
 from tippedisk_verify.proofs.kernel.curves import Choices, Curve, Replay
 from tippedisk_verify.proofs.kernel.field import constants
 from tippedisk_verify.proofs.kernel.jets import Jet
-from tippedisk_verify.proofs.kernel.reading import count, decimal, parsed
+from tippedisk_verify.proofs.kernel.reading import decimal, parsed, precision
 from tippedisk_verify.proofs.kernel.scaled import ScaledCurve
 
 __all__ = ["ARC", "BOX", "Job", "Piece", "Status", "box_test", "piece_shown", "polynomial", "signs",
@@ -35,7 +35,7 @@ __all__ = ["ARC", "BOX", "Job", "Piece", "Status", "box_test", "piece_shown", "p
 STEPS = [{"share": decimal, "axes?": [[decimal, 3], 3]}, None]
 BOX = {"radii": [decimal, 2], "steps": STEPS}
 ARC = {
-    "end": decimal, "curve": [[decimal, None], 2], "half": [decimal, None], "bits": count,
+    "end": decimal, "curve": [[decimal, None], 2], "half": [decimal, None], "bits": precision,
     "box": BOX, "wide box?": BOX,
 }  # fmt: skip
 
@@ -141,7 +141,7 @@ def piece_shown(job: Job) -> Piece:
     arc = parsed(content, ARC, f"arc {number}")
     names = [name for name in ("box", "wide box") if name in arc]
     tests: list[Arc] = []
-    with working_precision(max(24, arc["bits"])):
+    with working_precision(arc["bits"]):
         for name in names:
             radii = [Fraction(text) for text in arc[name]["radii"]]
             try:

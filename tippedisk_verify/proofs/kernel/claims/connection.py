@@ -156,12 +156,18 @@ def _departure(saddle: Saddle, choose: Callable[..., Any]) -> tuple[list[Any], l
     entry = choose("unstable", saddle)
     curve, theta = _curve(saddle, UNSTABLE, entry), entry["reach"]
     defect = curve.relative_defect(theta)
-    start, whole, matrix = leaving(curve, theta, choose("cone", curve, theta, defect), defect)
+    cone = choose("cone", curve, theta, defect)
+    start, whole, matrix = leaving(curve, theta, cone, defect)
     by_speed = saddle.field(whole, curve.side)[2]
     _, k_s, k_f = weights = choose("drift", matrix, by_speed)
     ask("the cones at the first saddle", *weights, *cones(matrix, weights, by_speed))
     offset = saddle.offset(whole)
-    ask("gamma grows where the branch leaves", saddle.directions[1, 0])
+    # All along the cone the offset from the saddle is z_u times one of these directions.
+    rows, slopes = saddle.directions.tolist(), curve.steepness(arb(0).union(theta))
+    directions = [slope + arb(0, most(k)) for slope, k in zip(slopes, cone, strict=True)]
+    for row in rows[:2]:  # where beta_bar > 0, gamma grows
+        along = zip(curve.others, directions, strict=True)
+        ask("gamma grows where the branch leaves", row[UNSTABLE] + sum((row[k] * x for k, x in along), arb(0)))
     state = [offset[0], offset[1] - arb.pi(), offset[2]]
     return start, [arb(0), arb(0, most(k_s)), arb(0, most(k_f)), arb(1)], _stands(offset[0]), state
 

@@ -264,13 +264,15 @@ def _flights(
 
 
 def _connected(n: Passage, connection: Connection) -> None:
-    """Shown: the connection stays in N from z_s = -s on."""
+    """Shown: gamma grows all along the connection, which stays in N from z_s = -s on."""
     saddle, (u, s, t) = n.saddle, n.extents
     box = saddle.coordinates([arb(0, ball(extent).upper()) for extent in connection.room])
     ask("the connection's box lies in N", u - abs(box[U]))
     states = [(beta, saddle.arrived((beta, gamma, v))) for beta, gamma, v in connection.pieces]
     first = next((place for place, (_, z) in enumerate(states) if not positive(-s - z[S])), 0)
     need(first > 0, "the connection is not shown to come from outside of N")
+    for beta, _ in states[1:]:  # in the first box, at the saddle, it does: `connection`
+        ask("gamma grows along the connection", beta.sin())
     for beta, z in states[first:]:
         ask("the connection stays in N", u - abs(z[U]), t - abs(z[F]), beta)
 

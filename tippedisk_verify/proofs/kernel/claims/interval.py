@@ -37,6 +37,7 @@ def interval_test(claim: Mapping[str, Any], half: Sequence[str], choices: Choice
     """
     ends = (Fraction(claim["omega"]) + sign * Fraction(claim["radius"]) for sign in (-1, 1))
     need([*ends] == [Fraction(claim["low"]), Fraction(claim["high"])], "claim: the interval has other ends")
+    need(0 < Fraction(claim["low"]) < Fraction(claim["high"]), "claim: the interval is empty, or not above zero")
     middle, radius = ball(Fraction(claim["omega"])), ball(Fraction(claim["radius"]))
     (gamma_bar, v), total = (polynomial(claim["curve"][name]) for name in UNKNOWNS), polynomial(half)
     degree = total.degree
@@ -82,7 +83,9 @@ def show(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> None:
     arc = interval_test(claim, evidence["half"], Replay(evidence["steps"]))
     need(arc.included, "Krawczyk's image is not shown to lie inside the box")
     for name, off in zip(UNKNOWNS, arc.within, strict=True):
-        near = Fraction(claim["enclosed_within"][name])
+        near, room = (Fraction(claim[which][name]) for which in ("enclosed_within", "unique_within"))
+        # The box of the test is larger than the room by up to 2^-29 of it: the cycles have to lie in the room itself.
+        need(near <= room, f"claim: {name} is not shown to lie where it is said to be the only one")
         need(upper_bound(off) <= near, f"claim: {name} is not shown to be so near to its polynomial")
     for name, x in interval_numbers(arc).items():
         held(claim["numbers"][name], x, name)

@@ -61,6 +61,9 @@ class Curve:
         self.order = len(graph[0]) - 1
         #: the graph is the polynomials' where theta > 0, and -W(-theta) where theta < 0
         self.mirrored = side is not None and along == SLOW
+        need(
+            len({len(row) for row in graph}) == 1 and self.order > 0, "a curve's polynomials have unlike degrees, or 0"
+        )
         need(all(bool(row[0] == 0) for row in graph), "a curve does not pass the saddle")
 
     def at(self, theta: Any) -> list[Any]:
