@@ -33,7 +33,7 @@ from tippedisk_verify.proofs.angles import INVERTED, linearization
 from tippedisk_verify.proofs.closed_forms import hopf_balls
 from tippedisk_verify.proofs.kernel import field as equations
 from tippedisk_verify.proofs.kernel.arc import GAMMA_BAR, arc_test
-from tippedisk_verify.proofs.kernel.balls import arb, ball, ball_constants, negative, working_precision
+from tippedisk_verify.proofs.kernel.balls import Unproved, arb, ball, ball_constants, negative, working_precision
 from tippedisk_verify.proofs.kernel.claims import arcs as claims
 from tippedisk_verify.proofs.kernel.claims.arcs import Piece, Status
 from tippedisk_verify.proofs.kernel.claims.family import joined, unique_within
@@ -118,7 +118,7 @@ def test_what_is_not_odd_is_refused(monkeypatch) -> None:
     with pytest.raises(ArithmeticError, match="not odd"):
         ScaledModel(equations.constants(DISK), ball(30), arb(0))
     one = Jet([arb(1)])
-    with pytest.raises(ValueError, match="less than 1"):
+    with pytest.raises(Unproved, match="less than 1"):
         ScaledCurve(one, -one, one, [arb(0)] * 3, one)
 
 

@@ -114,7 +114,7 @@ def heteroclinic(common: Common, near: str | None, cycles: str | None, certifica
 def check(common: Common, file: str, jobs: int | None) -> int:
     """Replay a certificate: its choices are tested again, without the search that found them.
 
-    A family of limit cycles takes some 8 minutes of CPU, all else seconds.
+    A family of limit cycles takes some four minutes of CPU, all else less than one.
     """
     from tippedisk_verify.progress import watched
     from tippedisk_verify.proofs.kernel import claims
