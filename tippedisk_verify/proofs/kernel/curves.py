@@ -62,7 +62,7 @@ Matrix = Sequence[Sequence[Any]]
 
 @dataclass(frozen=True)
 class Curve:
-    """Starts on the section and speeds, polynomials of s with points or balls of decimals, and deviations about them."""
+    """Starts on the section and speeds, polynomials of s with points or small balls, and deviations about them."""
 
     gamma_bar: Jet  #: [rad]
     v: Jet  #: [rad/s]

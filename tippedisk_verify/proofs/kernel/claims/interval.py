@@ -1,8 +1,8 @@
 """The limit cycles of an interval of speeds: what is claimed, how it follows from one test of an arc, its sentence.
 
 With s = (Omega - omega) / radius the claim's ``curve`` holds two polynomials of s, their coefficients beginning with
-that of s^0. ``unique_within`` is the box of the test about them, rounded up by 2^-29 of it at most, and ``enclosed_within`` holds
-Krawczyk's image of it; the second is not larger than the first.
+that of s^0. ``unique_within`` is the box of the test about them, which Arb rounds up by 2^-29 of it at most;
+``enclosed_within`` holds Krawczyk's image of it and is not larger.
 
 Where a ball becomes a point or a float: nowhere.
 """
