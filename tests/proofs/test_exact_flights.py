@@ -91,15 +91,15 @@ def test_remainders_of_the_middle_are_held() -> None:
 @pytest.mark.parametrize(
     ("old", "new"),
     [
-        ("[[*c, r] for c, r in zip(thin, fine, strict=True)]", "[list(c) for c in thin]"),
-        ("[[*c, r] for c, r in zip(thin, fine, strict=True)]",
-         "[[*c, 0 * r] for c, r in zip(thin, fine, strict=True)]"),
-        ("[[*c, r] for c, r in zip(thin, fine, strict=True)]",
-         "[[*c, r.mid() * 0.5] for c, r in zip(thin, fine, strict=True)]"),
+        ("[[*c, r] for c, r in zip(self.thin, verdict.fine, strict=True)]", "[list(c) for c in self.thin]"),
+        ("[[*c, r] for c, r in zip(self.thin, verdict.fine, strict=True)]",
+         "[[*c, 0 * r] for c, r in zip(self.thin, verdict.fine, strict=True)]"),
+        ("[[*c, r] for c, r in zip(self.thin, verdict.fine, strict=True)]",
+         "[[*c, r.mid() * 0.5] for c, r in zip(self.thin, verdict.fine, strict=True)]"),
     ],
 )  # fmt: skip
 def test_a_remainder_that_is_dropped_is_noticed(old, new, monkeypatch) -> None:
-    planted(lane_flight, "proved_step", old, new, monkeypatch)
+    planted(Trial, "tested", old, new, monkeypatch)
     assert not oscillators_are_held()
 
 
@@ -157,8 +157,13 @@ def test_steps_are_as_long_as_proved() -> None:
 @pytest.mark.parametrize(
     ("owner", "function", "old", "new"),
     [
-        (lane_flight, "proved_step", "Step(begin, Lanes(length)", "Step(begin, Lanes(length * 1.001)"),
-        (lane_flight, "proved_step", "wide, Lanes(length), orders", "wide, Lanes(length / 1.001), orders"),
+        (
+            Trial,
+            "tested",
+            "self.path.time,\n        length,",
+            "self.path.time,\n        Lanes(length.midpoints * 1.001),",
+        ),
+        (Trial, "verdict", "self.wide, length, self", "self.wide, length / 1.001, self"),
         (BLOCK, "go_on", "self.take(step)", "self.take(step, step.length * 1.001)"),
     ],
 )

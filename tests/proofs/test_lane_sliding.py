@@ -85,7 +85,7 @@ def test_orbits_through_a_reversal_are_held() -> None:
 
 FAULTS = [
     (SlidingBlock, "__init__", "model.of_side(self.signs)", "model.of_side(-self.signs)"),
-    (SlidingBlock, "_crossing", "self.model.of_side(-np.ones(len(until)))", "self.model"),
+    (SlidingBlock, "_crossing", "self.model.of_side(-np.ones(len(until), int))", "self.model"),
     (SlidingBlock, "go_on", "sides[which] = -1", "pass"),
     (lane_sliding.LaneCrossing, "centre", "time - self.middle_tau", "time"),
     (lane_sliding.Crossing, "rows_behind", "entries[3] + row[3]", "entries[3]"),

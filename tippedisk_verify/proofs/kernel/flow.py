@@ -233,29 +233,36 @@ class Verdict(NamedTuple):
 
 
 class Trial:
-    """The series of all orbits from where a path stands, with orders that are chosen, on which lengths are tried."""
+    """The series of all orbits from where a path stands, with orders that are chosen, on which lengths are tried.
 
-    def __init__(self, path: Path, orders: tuple[int, int]) -> None:
+    ``middle`` holds where the midpoint's orbit begins, if that is known by itself.
+    """
+
+    def __init__(self, path: Path, orders: tuple[int, int], middle: Sequence[Any] | None = None) -> None:
         self.path, self.orders, model = path, orders, path.model
-        self.thin = model.orbit.coefficients(path.frame.middle, orders[0])
+        self.thin = model.orbit.coefficients(middle or path.frame.middle, orders[0])
         self.system = model.with_divergence if path.sharp else model.variational
-        start = [*path.box, *(ball(int(row == column)) for column in range(4) for row in range(3))]
+        zero, one = (alike(path.box[0], k) for k in (0, 1))
+        start = [*path.box, *(one if row == column else zero for column in range(4) for row in range(3))]
         if path.sharp:
-            start.append(ball(0))
+            start.append(zero)
         with working_precision(working_bits() if path.sharp else _MEAN_VALUE_BITS):
             self.wide = self.system.coefficients(start, orders[1])
 
-    def verdict(self, length: float) -> Verdict | None:
-        """What the test says of a length; None if a remainder is infinite."""
+    def verdict(self, length: Any) -> Verdict:
+        """What the test says of a length."""
         with working_precision(_REMAINDER_BITS):
-            said = verdict(self.path.model, self.system, self.wide, length, self.orders[0])
-        return said if all(x.is_finite() for x in (*said.fine, *said.rough)) else None
+            return verdict(self.path.model, self.system, self.wide, length, self.orders[0])
 
     def step(self, length: float, verdict: Verdict | None = None) -> Step:
         """The proved step of that length. Raises Unproved if the test does not prove it."""
-        verdict = verdict or self.verdict(length)
-        if not length > 0 or verdict is None or verdict.included is not True:
+        verdict = verdict or (self.verdict(length) if length > 0 else None)
+        if verdict is None or verdict.included is not True:
             raise Unproved("the states and derivatives over it are not shown to stay in its enclosure")
+        return self.tested(length, verdict)
+
+    def tested(self, length: Any, verdict: Verdict) -> Step:
+        """The step of that length, which is proved where the verdict says so."""
         return Step(
             self.path.time,
             length,
@@ -291,9 +298,9 @@ class Path:
         """(3, 4): d(state)/d(start, Omega)."""
         return self.frame.matrix()
 
-    def trial(self, orders: tuple[int, int]) -> Trial:
+    def trial(self, orders: tuple[int, int], middle: Sequence[Any] | None = None) -> Trial:
         """The series from here, for steps to be tried."""
-        return Trial(self, orders)
+        return Trial(self, orders, middle)
 
     def step(self, longest: float | None = None) -> Step | None:
         """A proved step of at most ``longest`` seconds, not yet taken; None, with a status, if none is found."""
@@ -346,6 +353,7 @@ def verdict(model: Model, system: System, wide: list[list[Any]], length: Any, or
     # An infinite coefficient is in no interior.
     power = _from_zero(length ** (rough_order + 1))
     included = [inside(part + r * power, room) for part, r, room in zip(ranges, rough, box, strict=True)]
+    included += [r.is_finite() for r in fine]
     return Verdict((box[0], box[1], box[2]), fine, rough, reduce(and_, included))
 
 

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tippedisk_verify.proofs.kernel.balls import inside
-from tippedisk_verify.proofs.kernel.flow import Model, Path, Step, verdict
+from tippedisk_verify.proofs.kernel.flow import Model, Path, Step, polynomial
 from tippedisk_verify.proofs.kernel.frame import Frame
 from tippedisk_verify.proofs.kernel.lanes import Lanes, quiet
 from tippedisk_verify.proofs.kernel.section import (
@@ -43,9 +43,8 @@ __all__ = [
     "half_flights",
     "lane_of",
     "mapped",
-    "proved_step",
+    "orders",
     "replaced",
-    "series",
     "some",
     "some_model",
 ]
@@ -193,8 +192,8 @@ class Block(Path):
     def tried(self) -> tuple[Step, Array]:
         """A step of each lane, and whether it is proved and narrow enough."""
         radius = np.max([part.radii for part in self.box], axis=0)
-        thin, wide = series(self.model, self.frame.middle, self.box)
-        rough_order, order = len(wide[0]) - 1, len(thin[0]) - 1
+        trial = self.trial(orders(self.box))
+        (order, rough_order), thin, wide = trial.orders, trial.thin, trial.wide
         # Remainders may be as large as rounding, or a share of the radius.
         allowed = [np.maximum(_U * np.maximum(1.0, _size(part)), part.radii * _TOLERANCE) for part in self.box]
         rough_allowed = np.maximum(_LEAST_ROUGH, radius)
@@ -202,16 +201,18 @@ class Block(Path):
         longest = np.minimum(self.cuts, _DAMPED / np.maximum(1.0, _size(wide[11][1])))
         free = reach * self.shares
         length = np.minimum(free, longest)
-        step, included = proved_step(self.model, self.time, self.frame, thin, wide, length)
-        fine, rough = ([column[-1] for column in part] for part in (step.polynomials, step.derivatives))
+        verdict = trial.verdict(Lanes(length))
         scales = [np.maximum(1.0, _size(column[0])) * rough_allowed for column in wide[3:]]
-        excess = np.maximum(_excess(fine, allowed, length, order + 1), _excess(rough, scales, length, rough_order + 1))
-        accepted = included & (excess <= 0)
+        excess = np.maximum(
+            _excess(verdict.fine, allowed, length, order + 1),
+            _excess(verdict.rough[3:], scales, length, rough_order + 1),
+        )
+        accepted = verdict.included & (excess <= 0)
         # A step cut short says nothing about how long the next may be.
         better = 0.97 * length / reach * np.exp2(np.minimum(1.0, -excess))
         tighter = np.fmin(better, np.where(excess > 0, 0.9, 0.5) * length / reach)
         self.shares = np.where(accepted, np.where(free <= longest, better, self.shares), tighter)
-        return step, accepted
+        return trial.tested(Lanes(length), verdict), accepted
 
     def _followed(self, step: Step, accepted: Array) -> tuple[Array, Any]:
         """Of which accepted steps the law is known, and those in which it changes."""
@@ -279,24 +280,9 @@ def some_model(model: Model, which: Array) -> Model:
     return type(model)(constants, model.omega[which], model.law)
 
 
-def series(model: Model, middle: Sequence[Lanes], box: Sequence[Lanes]) -> tuple[list[list[Lanes]], list[list[Lanes]]]:
-    """Taylor coefficients of the middle's orbit, and of all orbits from the box with their derivatives."""
-    zero, one = (box[0].constant(k) for k in (0, 1))
-    radius = np.max([part.radii for part in box], axis=0)
-    rough_order, order = _ORDERS if np.median(radius) > _NARROW else _NARROW_ORDERS
-    start = [*box, *(one if row == column else zero for column in range(4) for row in range(3)), zero]
-    return model.orbit.coefficients(middle, order), model.with_divergence.coefficients(start, rough_order)
-
-
-def proved_step(
-    model: Model, begin: Lanes, frame: Frame, thin: list[list[Lanes]], wide: list[list[Lanes]], length: Array
-) -> tuple[Step, Array]:
-    """The step from these `series`, and of which lanes it is proved."""
-    orders = len(thin[0]) - 1, len(wide[0]) - 1
-    enclosure, fine, rough, included = verdict(model, model.with_divergence, wide, Lanes(length), orders[0])
-    polynomials = [[*c, r] for c, r in zip(thin, fine, strict=True)]
-    derivatives = [[*c, r] for c, r in zip(wide[3:], rough[3:], strict=True)]
-    return Step(begin, Lanes(length), Lanes(length), enclosure, frame, orders, polynomials, derivatives), included
+def orders(box: Sequence[Lanes]) -> tuple[int, int]:
+    """Of the midpoint's series and of that over the box."""
+    return _ORDERS if np.median(np.max([part.radii for part in box], axis=0)) > _NARROW else _NARROW_ORDERS
 
 
 def lane_of(flights: HalfFlights, lane: int) -> Return:
@@ -362,8 +348,6 @@ def guess(step: Step, index: int) -> Lanes:
     low, high = np.zeros(len(step.length)), step.length.midpoints
     for _ in range(54):
         middle = (low + high) / 2
-        value = coefficients[-1]
-        for coefficient in coefficients[-2::-1]:
-            value = value * middle + coefficient
-        low, high = np.where(value < 0, middle, low), np.where(value < 0, high, middle)
+        below = polynomial(coefficients, middle) < 0
+        low, high = np.where(below, middle, low), np.where(below, high, middle)
     return Lanes((low + high) / 2)

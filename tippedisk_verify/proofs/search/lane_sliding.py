@@ -14,22 +14,21 @@ Where a ball becomes a point or a float: pieces, guesses of moments, and how far
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tippedisk_verify.model.equations import shifted, terms
-from tippedisk_verify.model.parameters import Constants
-from tippedisk_verify.proofs.kernel.balls import inside, negative, positive
-from tippedisk_verify.proofs.kernel.field import Law, one_sided
-from tippedisk_verify.proofs.kernel.flow import Model, Step, polynomial
+from tippedisk_verify.proofs.kernel.balls import BallOps, inside, negative, positive
+from tippedisk_verify.proofs.kernel.field import Law, one_sided, sliding_motion
+from tippedisk_verify.proofs.kernel.flow import Model, Path, Step, polynomial
 from tippedisk_verify.proofs.kernel.lanes import Lanes
 from tippedisk_verify.proofs.kernel.section import UPRIGHT, Cases, Status, enclosed_moment
 from tippedisk_verify.proofs.kernel.series import Graph, System
 from tippedisk_verify.proofs.kernel.sliding import Crossing
-from tippedisk_verify.proofs.search.lane_flight import Block, mapped, proved_step, replaced, series, some
+from tippedisk_verify.proofs.search.lane_flight import Block, mapped, orders, replaced, some
 
 __all__ = ["LaneSmoothModel"]
 
@@ -113,11 +112,13 @@ class SlidingBlock(Block):
         )
         until = tau.midpoints + tau.radii + _BEYOND * step.length.midpoints
         left = Lanes(until) - tau
-        other, box = self.model.of_side(-np.ones(len(until))), step.at(tau)
-        thin, wide = series(other, step.centre(middle_tau), box)
-        second, included = proved_step(other, self.time, step.frame, thin, wide, left.abs_upper().midpoints)
-        onwards = _signed(other.motion(second.enclosure)[1], -self.signs)
-        sure = sure & known & included & positive(left) & positive(onwards)
+        other = self.model.of_side(-np.ones(len(until), int))
+        onwards = Path(other, step.at(tau), self.proposer, derivatives=True)
+        trial = onwards.trial(orders(onwards.box), step.centre(middle_tau))
+        verdict = trial.verdict(left.abs_upper())
+        second = trial.tested(left.abs_upper(), verdict)
+        rate = _signed(other.motion(second.enclosure)[1], self.signs)
+        sure = sure & known & verdict.included & positive(left) & negative(rate)
         enclosure = tuple(a.union(b) for a, b in zip(step.enclosure, second.enclosure, strict=True))
         through = LaneCrossing(
             step.begin,
@@ -143,18 +144,12 @@ class SlidingBlock(Block):
 
     def _moment(self, step: Step, begin: Array, end: Array) -> Lanes:
         """A point between the two near the crossing of the middle's orbit, by bisection in doubles."""
-        constants = Constants(*(part.midpoints for part in self.model.constants))
+        constants = type(self.model.constants)(*(part.midpoints for part in self.model.constants))
         coefficients = [[part.midpoints for part in column] for column in step.polynomials]
         for _ in range(_BISECTIONS):
             time = (begin + end) / 2
-            state = []
-            for column in coefficients:
-                value = column[-1]
-                for coefficient in column[-2::-1]:
-                    value = value * time + coefficient
-                state.append(value)
-            sliding = terms(shifted(np), constants, self.model.omega.midpoints, *state).sliding_velocity
-            ahead = self.signs * sliding > 0
+            state = [polynomial(column, time) for column in coefficients]
+            ahead = self.signs * sliding_motion(np, constants, self.model.omega.midpoints, state)[0] > 0
             begin, end = np.where(ahead, time, begin), np.where(ahead, end, time)
         return Lanes((begin + end) / 2)
 
@@ -182,13 +177,17 @@ class LaneSmoothModel(Model):
 
     block = SlidingBlock  #: what follows its orbits
 
-    def __init__(self, constants: Constants, omega: Any, law: Law | None = None) -> None:
+    def __init__(self, constants: Any, omega: Any, law: Law | None = None) -> None:
         super().__init__(constants, omega, law or one_sided(1))
-        self._motions = {middle: self._motion_at(self.omega.mid() if middle else self.omega) for middle in (0, 1)}
+        graph = Graph()
+        variables, speed = [graph.variable() for _ in range(3)], graph.number(self.omega)
+        numbers = type(constants)(*map(graph.number, constants))
+        rates = self.law(graph, numbers, speed)(*variables)
+        velocity, _ = sliding_motion(graph, numbers, speed, variables)
+        self._with_path = System(graph, [*variables, graph.variable()], [*rates, velocity])
 
     def of_side(self, sides: Array) -> LaneSmoothModel:
         """The model with the other side's law in the lanes whose factor is negative."""
-
         every = np.zeros(len(sides), int)
         traction, epsilon = (
             _signed(value if len(value) == len(sides) else value[every], sides)
@@ -196,30 +195,16 @@ class LaneSmoothModel(Model):
         )
         return LaneSmoothModel(self.constants._replace(traction=traction, epsilon=epsilon), self.omega)
 
-    def motion(self, state: Any, *, middle: bool = False) -> tuple[Lanes, Lanes]:
-        """gamma_y [m/s] and its rate [m/s^2] by the lanes' laws."""
-        zero = state[0].constant(0)
-        *_, velocity, rate = self._motions[middle].coefficients([*state, zero, zero], 1)
-        return velocity[1], rate[1]
+    def motion(self, state: Sequence[Any], *, middle: bool = False) -> tuple[Lanes, Lanes]:
+        """gamma_y [m/s] and its rate [m/s^2] by the lanes' laws, at all speeds or at their midpoints."""
+        omega = self.omega.mid() if middle else self.omega
+        acceleration = self.law(BallOps, self.constants, omega)(*state)[2]
+        return sliding_motion(BallOps, self.constants, omega, state, acceleration)
 
-    def velocity(self, state: Any, order: int) -> list[Lanes]:
+    def velocity(self, state: Sequence[Any], order: int) -> list[Lanes]:
         """Taylor coefficients 0 to ``order`` of gamma_y along orbits of the lanes' laws."""
-        zero = state[0].constant(0)
-        # It is the integral of its rate, from what it is at the start.
-        start = self.motion(state)[0]
-        return self._motions[False].coefficients([*state, zero, start], order)[-1]
-
-    def _motion_at(self, omega: Lanes) -> System:
-        """The state and the integrals of gamma_y and of its rate: their first coefficients are what is asked for."""
-        graph = Graph()
-        variables = [graph.variable() for _ in range(3)]
-        speed = graph.number(omega)
-        constants = Constants(*(graph.number(value) for value in self.constants))
-        velocity = terms(shifted(graph), constants, speed, *variables).sliding_velocity
-        rates = self._rates(graph, speed, variables)
-        first, *others = (a * b for a, b in zip(graph.gradient(velocity, variables), rates, strict=True))
-        integrals = [graph.variable() for _ in range(2)]
-        return System(graph, [*variables, *integrals], [*rates, velocity, sum(others, first)])
+        integral = self._with_path.coefficients([*state, state[0].constant(0)], order + 1)[-1]
+        return [k * coefficient for k, coefficient in enumerate(integral)][1:]
 
 
 @dataclass(frozen=True)
