@@ -9,7 +9,8 @@ So it is the law of side 1 for the constants s traction and s epsilon: one graph
 A step is kept or crossed as in `sliding`, of equal pieces of time. Of a step that is crossed v must keep its sign, so
 that neither the turn nor the section lies in it. Where none of this is shown a shorter step is tried.
 
-Where a ball becomes a point or a float: pieces, guesses of moments, and how far a step goes on after the crossing.
+Where a ball becomes a point or a float: pieces, guesses of moments, which the proposer chooses, and how far a step goes
+on after the crossing.
 """
 
 from __future__ import annotations
@@ -24,42 +25,36 @@ from numpy.typing import NDArray
 from tippedisk_verify.proofs.kernel.balls import BallOps, inside, negative, positive
 from tippedisk_verify.proofs.kernel.field import Law, one_sided, sliding_motion
 from tippedisk_verify.proofs.kernel.flow import Model, Path, Step, polynomial
+from tippedisk_verify.proofs.kernel.lane_path import LanePath, LaneProposer, mapped, replaced, some
 from tippedisk_verify.proofs.kernel.lanes import Lanes
-from tippedisk_verify.proofs.kernel.section import UPRIGHT, Cases, Status, enclosed_moment
+from tippedisk_verify.proofs.kernel.section import UPRIGHT, Cases, enclosed_moment
 from tippedisk_verify.proofs.kernel.series import Graph, System
 from tippedisk_verify.proofs.kernel.sliding import Crossing
-from tippedisk_verify.proofs.search.lane_flight import Block, mapped, orders, replaced, some
 
-__all__ = ["LaneSmoothModel"]
+__all__ = ["LaneSmoothModel", "SlidingLanes"]
 
 Array = NDArray[Any]
 
 _PIECES = 16  # of a step
 _ORDER = 10  # of gamma_y's series: its values are differences of larger numbers, which boxes of states would lose
 _BEYOND = 2.0**-8  # of the step: how far it goes on after the crossing
-_BISECTIONS = 54  # to the last bit of a double
 
 
-class SlidingBlock(Block):
-    """A `Block` whose orbits change sides; each lane's model has the law of its side."""
+class SlidingLanes(LanePath):
+    """A `LanePath` whose orbits change sides; each lane's model has the law of its side."""
 
     model: LaneSmoothModel
 
-    def __init__(self, model: LaneSmoothModel, *others: Any) -> None:
-        super().__init__(model, *others)
+    def __init__(self, model: LaneSmoothModel, start: Sequence[Lanes], proposer: LaneProposer) -> None:
+        super().__init__(model, start, proposer)
         velocity, _ = model.motion(self.box)
         self.signs: Array = positive(velocity).astype(int) - negative(velocity)  #: the sliding velocity's
         self.model = model.of_side(self.signs)
 
-    def ended(self, longest: float) -> Array:
-        status = super().ended(longest)
-        status[(status == None) & (self.signs == 0)] = Status.GRAZING  # noqa: E711
-        return status
-
-    def _followed(self, step: Step, accepted: Array) -> tuple[Array, Crossed | None]:
-        """The accepted steps that are kept or crossed, and the latter."""
+    def _followed(self, step: Step, tested: Array) -> tuple[Array, Crossed | None]:
+        """The tested steps that are kept or crossed, and the latter."""
         kept, crossed, begin, end, rate = self._by_pieces(step)
-        followed, which = accepted & kept, np.flatnonzero(accepted & crossed)
+        followed, which = tested & kept, np.flatnonzero(tested & crossed)
         if not len(which):
             return followed, None
         through, sure = self.some(which)._crossing(*some([step, begin, end, rate], which))
@@ -114,9 +109,9 @@ class SlidingBlock(Block):
         left = Lanes(until) - tau
         other = self.model.of_side(-np.ones(len(until), int))
         onwards = Path(other, step.at(tau), self.proposer, derivatives=True)
-        trial = onwards.trial(orders(onwards.box), step.centre(middle_tau))
+        trial = onwards.trial(self.proposer.orders(onwards.box), step.centre(middle_tau))
         verdict = trial.verdict(left.abs_upper())
-        second = trial.tested(left.abs_upper(), verdict)
+        second = trial.tested(verdict)
         rate = _signed(other.motion(second.enclosure)[1], self.signs)
         sure = sure & known & verdict.included & positive(left) & negative(rate)
         enclosure = tuple(a.union(b) for a, b in zip(step.enclosure, second.enclosure, strict=True))
@@ -143,15 +138,15 @@ class SlidingBlock(Block):
         return _signed(velocity, self.signs), _signed(rate, self.signs)
 
     def _moment(self, step: Step, begin: Array, end: Array) -> Lanes:
-        """A point between the two near the crossing of the middle's orbit, by bisection in doubles."""
+        """A point between the two near the crossing of the middle's orbit."""
         constants = type(self.model.constants)(*(part.midpoints for part in self.model.constants))
         coefficients = [[part.midpoints for part in column] for column in step.polynomials]
-        for _ in range(_BISECTIONS):
-            time = (begin + end) / 2
+
+        def behind(time: Array) -> Any:
             state = [polynomial(column, time) for column in coefficients]
-            ahead = self.signs * sliding_motion(np, constants, self.model.omega.midpoints, state)[0] > 0
-            begin, end = np.where(ahead, time, begin), np.where(ahead, end, time)
-        return Lanes((begin + end) / 2)
+            return -self.signs * sliding_motion(np, constants, self.model.omega.midpoints, state)[0]
+
+        return self._zero(behind, begin, end)
 
     def go_on(self, step: Step, proved: Array, crossing: Crossed | None = None) -> None:
         if crossing is None:
@@ -165,17 +160,15 @@ class SlidingBlock(Block):
         for name in ("frame", "box", "divergence", "time"):
             moved = mapped(lambda old, new: replaced(old, which, new), getattr(self, name), getattr(path, name))
             setattr(self, name, moved)
-        sides = np.ones(len(self.lanes), int)
+        sides = np.ones(len(proved), int)
         sides[which] = -1
-        self.changes = self.changes + (sides < 0)
+        self.reversals = self.reversals + (sides < 0)
         self.signs = self.signs * sides
         self.model = self.model.of_side(sides)
 
 
 class LaneSmoothModel(Model):
     """The law of one side in each lane: side 1, unless `of_side` has given traction and epsilon other signs."""
-
-    block = SlidingBlock  #: what follows its orbits
 
     def __init__(self, constants: Any, omega: Any, law: Law | None = None) -> None:
         super().__init__(constants, omega, law or one_sided(1))
