@@ -187,7 +187,7 @@ class LaneSteps:
 
 def lane_of(flights: HalfFlights, lane: int) -> Return:
     """One lane's flight, on arb's balls."""
-    return mapped(lambda part: part.arb(lane) if isinstance(part, Lanes) else part[lane], flights)  # type: ignore[no-any-return]
+    return mapped(lambda part: part.arb(lane) if isinstance(part, Lanes) else part.item(lane), flights)  # type: ignore[no-any-return]
 
 
 def _size(lanes: Lanes) -> Array:
