@@ -16,18 +16,17 @@ import numpy as np
 import pytest
 
 from tippedisk_verify.model.parameters import PRINTED, Constants
-from tippedisk_verify.proofs.kernel import frame
+from tippedisk_verify.proofs.kernel import flow, frame
 from tippedisk_verify.proofs.kernel.balls import arb, ball, ball_constants, working_precision
 from tippedisk_verify.proofs.kernel.flow import Model, Path, Trial
 from tippedisk_verify.proofs.kernel.frame import Frame
+from tippedisk_verify.proofs.kernel.lane_path import LanePath
 from tippedisk_verify.proofs.kernel.lanes import Lanes
 from tippedisk_verify.proofs.numbers import measured
-from tippedisk_verify.proofs.search import lane_flight
 from tippedisk_verify.proofs.search.axes import axes_of_balls, axes_of_lanes
-from tippedisk_verify.proofs.search.lane_flight import half_flights
+from tippedisk_verify.proofs.search.lane_flight import LaneSteps, half_flights
 from tippedisk_verify.proofs.search.steps import Steps
 
-BLOCK = lane_flight.Block
 COUNT = 3
 
 
@@ -91,15 +90,15 @@ def test_remainders_of_the_middle_are_held() -> None:
 @pytest.mark.parametrize(
     ("old", "new"),
     [
-        ("[[*c, r] for c, r in zip(thin, fine, strict=True)]", "[list(c) for c in thin]"),
-        ("[[*c, r] for c, r in zip(thin, fine, strict=True)]",
-         "[[*c, 0 * r] for c, r in zip(thin, fine, strict=True)]"),
-        ("[[*c, r] for c, r in zip(thin, fine, strict=True)]",
-         "[[*c, r.mid() * 0.5] for c, r in zip(thin, fine, strict=True)]"),
+        ("[[*c, r] for c, r in zip(self.thin, verdict.fine, strict=True)]", "[list(c) for c in self.thin]"),
+        ("[[*c, r] for c, r in zip(self.thin, verdict.fine, strict=True)]",
+         "[[*c, 0 * r] for c, r in zip(self.thin, verdict.fine, strict=True)]"),
+        ("[[*c, r] for c, r in zip(self.thin, verdict.fine, strict=True)]",
+         "[[*c, r.mid() * 0.5] for c, r in zip(self.thin, verdict.fine, strict=True)]"),
     ],
 )  # fmt: skip
 def test_a_remainder_that_is_dropped_is_noticed(old, new, monkeypatch) -> None:
-    planted(lane_flight, "proved_step", old, new, monkeypatch)
+    planted(Trial, "tested", old, new, monkeypatch)
     assert not oscillators_are_held()
 
 
@@ -117,9 +116,11 @@ def exactly(time: Fraction) -> tuple[Fraction, ...]:
 
 def lanes_steps_are_as_long_as_proved() -> bool:
     zero = Lanes([0.0] * COUNT)
-    block = BLOCK(Model(constants(), Lanes([1.0] * COUNT), falling_late), (zero, zero, zero), np.arange(COUNT))
-    block.cuts = np.array([0.75, 0.5, 0.3])
-    step, accepted = block.tried()
+    search = LaneSteps(COUNT)
+    search.cuts = np.array([0.75, 0.5, 0.3])
+    block = LanePath(Model(constants(), Lanes([1.0] * COUNT), falling_late), (zero, zero, zero), search)
+    trial, verdict, wanted = search.lengths(block)
+    step, accepted = trial.tested(verdict), verdict.included & wanted
     assert accepted.all()
     assert not step.length.radii.any()
     block.go_on(step, accepted)
@@ -157,9 +158,14 @@ def test_steps_are_as_long_as_proved() -> None:
 @pytest.mark.parametrize(
     ("owner", "function", "old", "new"),
     [
-        (lane_flight, "proved_step", "Step(begin, Lanes(length)", "Step(begin, Lanes(length * 1.001)"),
-        (lane_flight, "proved_step", "wide, Lanes(length), orders", "wide, Lanes(length / 1.001), orders"),
-        (BLOCK, "go_on", "self.take(step)", "self.take(step, step.length * 1.001)"),
+        (
+            Trial,
+            "tested",
+            "self.path.time,\n        verdict.length,",
+            "self.path.time,\n        Lanes(verdict.length.midpoints * 1.001),",
+        ),
+        (flow, "verdict", "time = alike(wide[0][0], length)", "time = alike(wide[0][0], length / 1.001)"),
+        (LanePath, "go_on", "self.take(step)", "self.take(step, step.length * 1.001)"),
     ],
 )
 def test_a_step_in_lanes_that_is_too_long_is_noticed(owner, function, old, new, monkeypatch) -> None:
@@ -170,7 +176,7 @@ def test_a_step_in_lanes_that_is_too_long_is_noticed(owner, function, old, new, 
 @pytest.mark.parametrize(
     ("owner", "function", "old", "new"),
     [
-        (Trial, "verdict", "self.wide, length, self", "self.wide, length / 1.001, self"),
+        (flow, "verdict", "time = alike(wide[0][0], length)", "time = alike(wide[0][0], length / 1.001)"),
         (
             Path,
             "take",

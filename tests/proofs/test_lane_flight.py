@@ -18,10 +18,11 @@ from tippedisk_verify.cycles.section import LIBRATING
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.parameters import PRINTED, Constants
 from tippedisk_verify.model.precision import bits
-from tippedisk_verify.proofs.kernel import flow, frame, section
+from tippedisk_verify.proofs.kernel import flow, frame, lane_path, section
 from tippedisk_verify.proofs.kernel.balls import arb, ball, ball_constants, working_precision
 from tippedisk_verify.proofs.kernel.flow import Model
 from tippedisk_verify.proofs.kernel.frame import Frame
+from tippedisk_verify.proofs.kernel.lane_path import LanePath
 from tippedisk_verify.proofs.kernel.lanes import Lanes
 from tippedisk_verify.proofs.kernel.section import Return, Status
 from tippedisk_verify.proofs.numbers import measured
@@ -41,7 +42,7 @@ class Boxes(NamedTuple):
     def fly(self, which=slice(None)) -> HalfFlights:
         constants = Constants(*(Lanes.of([value]) for value in ball_constants(PRINTED)))
         gamma_bar, v, omega = (Lanes(*pair) for pair in zip(self.mid[:, which], self.rad[:, which], strict=True))
-        return half_flights(Model(constants, omega), gamma_bar, v)
+        return lane_flight.half_flights(Model(constants, omega), gamma_bar, v)
 
 
 def random_boxes(seed: int, count: int) -> Boxes:
@@ -175,19 +176,21 @@ class Fault(NamedTuple):
     new: str
 
 
-BLOCK = lane_flight.Block
 FAULTS = [
     Fault("what the start deviates is forgotten", (Frame,), "carried", "image.deviation = self.deviation",
           "image.deviation = [0 * part for part in self.deviation]"),
-    Fault("lanes that fail move, the others stay", (BLOCK,), "go_on", "x.where(proved, y)", "y.where(proved, x)"),
-    Fault("lanes that fail move as well", (BLOCK,), "go_on", "x.where(proved, y)", "x"),
-    Fault("results are in the order of landing", (lane_flight,), "_gathered", "place[lanes] = np.arange(len(lanes))",
-          "place[np.sort(lanes)] = np.arange(len(lanes))"),
-    Fault("another lane's speed", (lane_flight,), "some_model", "model.omega[which]", "model.omega[0 * which]"),
-    Fault("speeds are points", (lane_flight,), "some_model", "model.omega[which]", "model.omega[which].mid()"),
-    Fault("the crossing is a point in time", (BLOCK,), "_land", "path.take(part, moment)",
+    Fault("lanes that fail move, the others stay", (LanePath,), "go_on", "_chosen(proved, x, y)",
+          "_chosen(proved, y, x)"),
+    Fault("lanes that fail move as well", (LanePath,), "go_on", "_chosen(proved, x, y)", "x"),
+    Fault("results are in the order of landing", (lane_flight,), "half_flights", "lanes[tried.arrived]",
+          "np.arange(len(tried.arrived))"),
+    Fault("another lane's speed", (lane_path, lane_flight), "some_model", "model.omega[which]",
+          "model.omega[0 * which]"),
+    Fault("speeds are points", (lane_path, lane_flight), "some_model", "model.omega[which]",
+          "model.omega[which].mid()"),
+    Fault("the crossing is a point in time", (LanePath,), "_land", "path.take(part, moment)",
           "path.take(part, moment.mid())"),
-    Fault("the lowest point is a point", (lane_flight,), "at_turn", "step.at(moment)[0]", "step.at(moment)[0].mid()"),
+    Fault("the lowest point is a point", (lane_path,), "at_turn", "step.at(moment)[0]", "step.at(moment)[0].mid()"),
 ]  # fmt: skip
 
 
@@ -263,4 +266,4 @@ def test_every_fault_is_noticed(fault, corners, monkeypatch) -> None:
 @pytest.mark.slow
 def test_the_text_as_it_is_passes(corners) -> None:
     assert not noticed(*corners)
-    assert section.at_turn is lane_flight.at_turn
+    assert section.at_turn is lane_path.at_turn

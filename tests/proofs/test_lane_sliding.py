@@ -14,14 +14,14 @@ import pytest
 from tests.proofs.cases import Flight, carry, half_flight
 from tests.proofs.test_sliding import GUESS, OMEGA, SMOOTH
 from tippedisk_verify.model.parameters import Constants
+from tippedisk_verify.proofs.kernel import lane_sliding
 from tippedisk_verify.proofs.kernel.balls import arb, ball, ball_constants, working_precision
 from tippedisk_verify.proofs.kernel.flow import Status as FlowStatus
+from tippedisk_verify.proofs.kernel.lane_sliding import LaneSmoothModel, SlidingLanes
 from tippedisk_verify.proofs.kernel.lanes import Lanes, quiet
 from tippedisk_verify.proofs.kernel.section import Status
 from tippedisk_verify.proofs.kernel.sliding import model_of
-from tippedisk_verify.proofs.search import lane_sliding
-from tippedisk_verify.proofs.search.lane_flight import half_flights, lane_of
-from tippedisk_verify.proofs.search.lane_sliding import LaneSmoothModel, SlidingBlock
+from tippedisk_verify.proofs.search.lane_flight import LaneSteps, half_flights, lane_of
 
 START = np.array([[float(part)] for part in (*GUESS, OMEGA)])  # gamma_bar, v and Omega of a limit cycle
 #: A point, a narrow and a wide box; and one that begins on the other side.
@@ -36,13 +36,13 @@ def model(middles: np.ndarray, radii: np.ndarray | float = 0.0) -> LaneSmoothMod
     return LaneSmoothModel(constants, Lanes(middles[2], radii))
 
 
-def followed() -> SlidingBlock:
+def followed() -> SlidingLanes:
     """All lanes followed beyond `SPAN`."""
     start = [Lanes(part, RADII) for part in MIDDLES[:2]]
     with quiet():
-        block = SlidingBlock(model(MIDDLES, RADII), (start[0].constant(0), *start), np.arange(len(RADII)))
+        block = SlidingLanes(model(MIDDLES, RADII), (start[0].constant(0), *start), LaneSteps(len(RADII)))
         for _ in range(30):
-            ends, _ = block.round()
+            ends = block.proposer.answered(block.advance())
             assert (ends == None).all()  # noqa: E711
             if (block.time.midpoints > SPAN).all():
                 return block
@@ -59,7 +59,7 @@ def end_of(lane: int, time: Any, shares: tuple[int, ...]) -> Flight:
     return flight
 
 
-def complaint(block: SlidingBlock) -> str | None:
+def complaint(block: SlidingLanes) -> str | None:
     """The first thing that is wrong with the block: it must hold the ends of corners, and their derivatives."""
     matrix = block.matrix
     with working_precision(100):
@@ -72,7 +72,7 @@ def complaint(block: SlidingBlock) -> str | None:
                     return "a derivative is wrong"
             if not block.divergence.arb(lane).overlaps(true.divergence):
                 return "the divergence is wrong"
-    return None if list(block.changes) == [1, 1, 1, 0] and list(block.signs) == [1] * 4 else "reversals are wrong"
+    return None if list(block.reversals) == [1, 1, 1, 0] and list(block.signs) == [1] * 4 else "reversals are wrong"
 
 
 @pytest.mark.slow
@@ -84,9 +84,9 @@ def test_orbits_through_a_reversal_are_held() -> None:
 
 
 FAULTS = [
-    (SlidingBlock, "__init__", "model.of_side(self.signs)", "model.of_side(-self.signs)"),
-    (SlidingBlock, "_crossing", "self.model.of_side(-np.ones(len(until)))", "self.model"),
-    (SlidingBlock, "go_on", "sides[which] = -1", "pass"),
+    (SlidingLanes, "__init__", "model.of_side(self.signs)", "model.of_side(-self.signs)"),
+    (SlidingLanes, "_crossing", "self.model.of_side(-np.ones(len(until), int))", "self.model"),
+    (SlidingLanes, "go_on", "sides[which] = -1", "pass"),
     (lane_sliding.LaneCrossing, "centre", "time - self.middle_tau", "time"),
     (lane_sliding.Crossing, "rows_behind", "entries[3] + row[3]", "entries[3]"),
     (lane_sliding.Crossing, "divergence_behind", "self.first.divergence_at(self.tau) + ", ""),

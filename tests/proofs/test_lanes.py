@@ -14,7 +14,8 @@ from tippedisk_verify.model.parameters import PRINTED, Constants
 from tippedisk_verify.proofs.kernel import lane_sine, lanes
 from tippedisk_verify.proofs.kernel.balls import DisturbedError, arb, ball, ball_constants, working_precision
 from tippedisk_verify.proofs.kernel.flow import Model
-from tippedisk_verify.proofs.kernel.lanes import Lanes, LaneSeries
+from tippedisk_verify.proofs.kernel.lane_series import LaneSeries
+from tippedisk_verify.proofs.kernel.lanes import Lanes
 
 ORDER = 20
 

@@ -1,4 +1,4 @@
-"""Faults planted in `kernel.lanes`, one at a time: the attacks notice each of them.
+"""Faults planted in `kernel.lanes` and what it is made of, one at a time: the attacks notice each of them.
 
 A fault is a piece of the module's text, which must occur exactly once, what replaces it, and the attack that is to
 notice. A mutant that fails in another way than by a false ball counts as noticed as well: it cannot prove anything.
@@ -15,9 +15,11 @@ import numpy as np
 import pytest
 
 from tests.proofs.lane_attacks import ATTACKS
-from tippedisk_verify.proofs.kernel import lane_sine, lanes
+from tippedisk_verify.proofs.kernel import lane_series, lane_sine, lanes, outward
 
-SOURCES = {module: Path(module.__file__).read_text(encoding="utf-8") for module in (lanes, lane_sine)}
+SOURCES = {
+    module: Path(module.__file__).read_text(encoding="utf-8") for module in (lanes, lane_sine, lane_series, outward)
+}
 
 
 class Fault(NamedTuple):
@@ -77,8 +79,8 @@ FAULTS = [
     Fault("quadrants are counted from one", "self._turned(1)", "self._turned(3)", "sines"),
     Fault("the union forgets a radius", "np.abs(b._mid - middle) + b._rad", "np.abs(b._mid - middle)", "predicates"),
     Fault("the union is the first ball", "np.maximum(reach, np.abs(b._mid - middle) + b._rad)", "reach", "predicates"),
-    Fault("what touches zero is positive", "self._mid > self._rad", "self._mid >= self._rad", "predicates"),
-    Fault("a positive midpoint is a positive ball", "self._mid > self._rad", "self._mid > 0", "predicates"),
+    Fault("what touches zero is positive", "(self._mid > self._rad)", "(self._mid >= self._rad)", "predicates"),
+    Fault("a positive midpoint is a positive ball", "(self._mid > self._rad)", "(self._mid > 0)", "predicates"),
     Fault("negative is reversed", "-self._mid > self._rad", "self._mid > self._rad", "predicates"),
     Fault("inside is reversed", "(reach < b._rad)", "(reach > b._rad)", "predicates"),
     Fault("inside looks at the midpoint only", "        reach += self._rad\n", "", "predicates"),
@@ -96,7 +98,7 @@ FAULTS = [
     Fault("what comes in is rounded to nearest", "if Fraction(nearest) >= value else", "if True else", "conversions"),
     Fault("what comes in has no rounding", "_upward(abs(centre - Fraction(mid)) + spread)", "_upward(spread)",
           "conversions"),
-    Fault("a ball's radius is lost on the way in", "else measured(value.rad()).value", "else Fraction(0)",
+    Fault("a ball's radius is lost on the way in", "else midpoint_and_radius(value.rad())[0]", "else Fraction(0)",
           "conversions"),
     Fault("subnormal midpoints come in", "        m[small] = 0.0\n", "        r[small] = 0.0\n", "binary"),
     Fault("a negative radius comes in", "(np.isfinite(m) & (r >= 0))", "np.isfinite(m)", "strange_operands"),
@@ -115,10 +117,14 @@ OWN = {"factors": factors}
 
 
 def mutant(old: str, new: str) -> ModuleType:
-    """A copy of `lanes`, with a copy of `lane_sine`; the fault is planted in the one that has its text."""
+    """A copy of `lanes`, with copies of what belongs to it; the fault is planted in the one that has its text."""
     assert sum(source.count(old) for source in SOURCES.values()) == 1, old
     copies = {original: executed(source.replace(old, new)) for original, source in SOURCES.items()}
     copies[lanes].sine_and_cosine = copies[lane_sine].sine_and_cosine
+    copies[lanes].outward = copies[outward].outward
+    for name in ("made", "rounded"):
+        setattr(copies[lane_series], name, getattr(copies[lanes], name))
+    copies[lanes].LaneSeries = copies[lane_series].LaneSeries
     return copies[lanes]
 
 
@@ -134,9 +140,10 @@ def executed(source: str) -> ModuleType:
 
 def noticed(fault: Fault, count: int) -> bool:
     attack = ATTACKS.get(fault.attack) or OWN[fault.attack]
+    faulty = mutant(fault.old, fault.new)
     try:
         with np.errstate(all="ignore"):
-            attack(mutant(fault.old, fault.new), count)
+            attack(faulty, count)
     except (AssertionError, ValueError):
         return True
     return False

@@ -226,6 +226,7 @@ def polynomial(coefficients: Sequence[Any], time: Any) -> Any:
 class Verdict(NamedTuple):
     """What the test of a step's length says."""
 
+    length: Any  #: [s], exact: a float, or lanes
     enclosure: tuple[Any, Any, Any]  #: the padded box E over [0, length]
     fine: list[Any]  #: the remainders' coefficients over it, of the midpoint's orbit
     rough: list[Any]  #: and of all orbits with their derivatives
@@ -233,33 +234,40 @@ class Verdict(NamedTuple):
 
 
 class Trial:
-    """The series of all orbits from where a path stands, with orders that are chosen, on which lengths are tried."""
+    """The series of all orbits from where a path stands, with orders that are chosen, on which lengths are tried.
 
-    def __init__(self, path: Path, orders: tuple[int, int]) -> None:
+    ``middle`` holds where the midpoint's orbit begins, if that is known by itself.
+    """
+
+    def __init__(self, path: Path, orders: tuple[int, int], middle: Sequence[Any] | None = None) -> None:
         self.path, self.orders, model = path, orders, path.model
-        self.thin = model.orbit.coefficients(path.frame.middle, orders[0])
+        self.thin = model.orbit.coefficients(middle or path.frame.middle, orders[0])
         self.system = model.with_divergence if path.sharp else model.variational
-        start = [*path.box, *(ball(int(row == column)) for column in range(4) for row in range(3))]
+        zero, one = (alike(path.box[0], k) for k in (0, 1))
+        start = [*path.box, *(one if row == column else zero for column in range(4) for row in range(3))]
         if path.sharp:
-            start.append(ball(0))
+            start.append(zero)
         with working_precision(working_bits() if path.sharp else _MEAN_VALUE_BITS):
             self.wide = self.system.coefficients(start, orders[1])
 
-    def verdict(self, length: float) -> Verdict | None:
-        """What the test says of a length; None if a remainder is infinite."""
+    def verdict(self, length: Any) -> Verdict:
+        """What the test says of a length."""
         with working_precision(_REMAINDER_BITS):
-            said = verdict(self.path.model, self.system, self.wide, length, self.orders[0])
-        return said if all(x.is_finite() for x in (*said.fine, *said.rough)) else None
+            return verdict(self.path.model, self.system, self.wide, length, self.orders[0])
 
     def step(self, length: float, verdict: Verdict | None = None) -> Step:
-        """The proved step of that length. Raises Unproved if the test does not prove it."""
-        verdict = verdict or self.verdict(length)
-        if not length > 0 or verdict is None or verdict.included is not True:
+        """The step of that length, whose verdict may be passed. Raises Unproved if the test does not prove it."""
+        verdict = verdict or (self.verdict(length) if length > 0 else None)
+        if verdict is None or verdict.length != length or verdict.included is not True:
             raise Unproved("the states and derivatives over it are not shown to stay in its enclosure")
+        return self.tested(verdict)
+
+    def tested(self, verdict: Verdict) -> Step:
+        """The step of the verdict's length, which is proved where the verdict says so."""
         return Step(
             self.path.time,
-            length,
-            length,
+            verdict.length,
+            verdict.length,
             verdict.enclosure,
             self.path.frame,
             self.orders,
@@ -282,8 +290,10 @@ class Path:
         self.frame = Frame([ball(part) for part in start], model.omega)
         self.box = self.frame.box()
         self.divergence = ball(0)
-        self.steps = 0
-        self.reversals = 0  #: how often the sliding velocity has changed its sign; counted under the smooth law only
+        self.steps: Any = 0  #: taken
+        self.reversals: Any = (
+            0  #: how often the sliding velocity has changed its sign; counted under the smooth law only
+        )
         self.status: Status | None = None  #: why it stopped, if it did
 
     @property
@@ -291,9 +301,9 @@ class Path:
         """(3, 4): d(state)/d(start, Omega)."""
         return self.frame.matrix()
 
-    def trial(self, orders: tuple[int, int]) -> Trial:
+    def trial(self, orders: tuple[int, int], middle: Sequence[Any] | None = None) -> Trial:
         """The series from here, for steps to be tried."""
-        return Trial(self, orders)
+        return Trial(self, orders, middle)
 
     def step(self, longest: float | None = None) -> Step | None:
         """A proved step of at most ``longest`` seconds, not yet taken; None, with a status, if none is found."""
@@ -327,7 +337,7 @@ class Path:
         if self.sharp:
             self.divergence = self.divergence + step.divergence_at(moment)
         self.time = self.time + moment
-        self.steps += 1
+        self.steps = self.steps + 1
 
 
 def verdict(model: Model, system: System, wide: list[list[Any]], length: Any, order: int) -> Verdict:
@@ -336,17 +346,18 @@ def verdict(model: Model, system: System, wide: list[list[Any]], length: Any, or
     ``wide`` holds the coefficients of ``system`` over the box of states; ``order`` is that of the midpoint's series.
     """
     rough_order = len(wide[0]) - 1
-    length = alike(wide[0][0], length)
-    ranges = [polynomial(series, _from_zero(length)) for series in wide]
+    time = alike(wide[0][0], length)
+    ranges = [polynomial(series, _from_zero(time)) for series in wide]
     box = [part + around_zero(part.rad() / 256 + _pad(part)) for part in ranges]
     rough = [series[-1] for series in system.coefficients(box, rough_order + 1)]
     fine = rough[:3]
     if rough_order != order:
         fine = [series[-1] for series in model.orbit.coefficients(box[:3], order + 1)]
     # An infinite coefficient is in no interior.
-    power = _from_zero(length ** (rough_order + 1))
+    power = _from_zero(time ** (rough_order + 1))
     included = [inside(part + r * power, room) for part, r, room in zip(ranges, rough, box, strict=True)]
-    return Verdict((box[0], box[1], box[2]), fine, rough, reduce(and_, included))
+    included += [r.is_finite() for r in fine]
+    return Verdict(length, (box[0], box[1], box[2]), fine, rough, reduce(and_, included))
 
 
 def _from_zero(length: Any) -> Any:

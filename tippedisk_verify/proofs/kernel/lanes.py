@@ -33,17 +33,20 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
-from fractions import Fraction
 from functools import wraps
-from typing import Any, TypeVar, cast
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tippedisk_verify.proofs.kernel.balls import DisturbedError, arb, midpoint_and_radius
+from tippedisk_verify.proofs.kernel.balls import DisturbedError, arb
 from tippedisk_verify.proofs.kernel.lane_sine import sine_and_cosine
+from tippedisk_verify.proofs.kernel.outward import outward
 
-__all__ = ["LaneSeries", "Lanes"]
+if TYPE_CHECKING:
+    from tippedisk_verify.proofs.kernel.lane_series import LaneSeries
+
+__all__ = ["Lanes", "made", "quieted", "rounded"]
 
 Array = NDArray[np.float64]
 
@@ -51,9 +54,7 @@ _U = 2.0**-53
 _UP = 1 + 16 * _U
 _TINY = 2.0**-1000
 _NORMAL = 2.0**-1022  # the smallest number that is not subnormal
-_LONGEST = 2**16  # terms of a convolution: the count of roundings in its proof
 _EXACT_INTEGERS = 2**53
-_CAPACITY = 24  # coefficients that a series has room for at first
 
 _F = TypeVar("_F", bound=Callable[..., Any])
 _IS_QUIET: ContextVar[bool] = ContextVar("_IS_QUIET", default=False)
@@ -82,7 +83,9 @@ def quiet() -> Iterator[None]:
             _IS_QUIET.reset(before)
 
 
-def _quiet(function: _F) -> _F:
+def quieted(function: _F) -> _F:
+    """An operation on lanes, which enters `quiet` by itself."""
+
     @wraps(function)
     def wrapped(*arguments: Any) -> Any:
         if _IS_QUIET.get():
@@ -104,7 +107,7 @@ class Lanes:
     quiet = staticmethod(quiet)
     __array_ufunc__ = None  # numpy's numbers on the left leave the operation to this class
 
-    @_quiet
+    @quieted
     def __init__(self, mid: ArrayLike, rad: ArrayLike = 0.0) -> None:
         given_mid, given_rad = np.broadcast_arrays(np.atleast_1d(_doubles(mid)), _doubles(rad))
         if given_mid.ndim != 1:
@@ -123,7 +126,7 @@ class Lanes:
     @classmethod
     def of(cls, values: Iterable[Any]) -> Lanes:
         """A lane for each number: arb's balls, Fractions, integers, floats; each ball holds its number or ball."""
-        pairs = [_outward(value) for value in values]
+        pairs = [outward(value) for value in values]
         return cls([mid for mid, _ in pairs], [rad for _, rad in pairs])
 
     @property
@@ -158,40 +161,42 @@ class Lanes:
 
     def __getitem__(self, lanes: Any) -> Lanes:
         """The lanes of a slice, a mask or a list of indices."""
-        return _lanes(self._mid[lanes], self._rad[lanes])
+        return made(self._mid[lanes], self._rad[lanes])
 
     def series(self, old: object = None) -> LaneSeries:
         """An empty sequence for as many lanes, in the memory of the ``old`` one where that fits."""
+        from tippedisk_verify.proofs.kernel.lane_series import LaneSeries  # it is made of lanes
+
         if isinstance(old, LaneSeries) and old.width == len(self):
             old.clear()
             return old
         return LaneSeries(len(self))
 
     # The triangle inequality and (1) for the midpoint: |x + y - c| <= ra + rb + u |c| + t.
-    @_quiet
+    @quieted
     def __add__(self, other: Any) -> Lanes:
         if isinstance(other, int) and other == 0:
             return self
         b = _operand(other)
-        return _rounded(self._mid + b._mid, self._rad + b._rad)
+        return rounded(self._mid + b._mid, self._rad + b._rad)
 
     __radd__ = __add__
 
-    @_quiet
+    @quieted
     def __sub__(self, other: Any) -> Lanes:
         if isinstance(other, int) and other == 0:
             return self
         b = _operand(other)
-        return _rounded(self._mid - b._mid, self._rad + b._rad)
+        return rounded(self._mid - b._mid, self._rad + b._rad)
 
     def __rsub__(self, other: Any) -> Lanes:
         return (-self).__add__(other)
 
     def __neg__(self) -> Lanes:
-        return _lanes(-self._mid, self._rad)
+        return made(-self._mid, self._rad)
 
     # (a + s)(b + t) - a b = a t + s (b + t), so with |s| <= ra, |t| <= rb at most |a| rb + ra (|b| + rb).
-    @_quiet
+    @quieted
     def __mul__(self, other: Any) -> Lanes:
         factor = _exact_float(other)
         if factor is not None:
@@ -201,7 +206,7 @@ class Lanes:
         upper = np.abs(b._mid)
         upper += b._rad
         radius += self._rad * upper
-        return _rounded(self._mid * b._mid, radius)
+        return rounded(self._mid * b._mid, radius)
 
     __rmul__ = __mul__
 
@@ -209,18 +214,18 @@ class Lanes:
         """Times an exact float that is 0 or not subnormal."""
         if factor in (1.0, -1.0):
             return self if factor > 0 else -self
-        return _rounded(self._mid * factor, self._rad * abs(factor))
+        return rounded(self._mid * factor, self._rad * abs(factor))
 
-    @_quiet
+    @quieted
     def square(self) -> Lanes:
         """(a + s)^2 - a^2 = s (2 a + s): no wider than the product with itself, and fewer operations."""
         radius = np.abs(self._mid)
         radius += radius
         radius += self._rad
         radius *= self._rad
-        return _rounded(self._mid * self._mid, radius)
+        return rounded(self._mid * self._mid, radius)
 
-    @_quiet
+    @quieted
     def __truediv__(self, other: Any) -> Lanes:
         """The quotient; infinite where the divisor's ball holds 0.
 
@@ -229,7 +234,7 @@ class Lanes:
         absolute error below 2^-1022, which is multiplied by rb / d; rb / d likewise by |q|: hence `_TINY` in both.
         """
         if factor := _exact_float(other):
-            return _rounded(self._mid / factor, self._rad / abs(factor))
+            return rounded(self._mid / factor, self._rad / abs(factor))
         b = _operand(other)
         distance = np.abs(b._mid)
         distance -= b._rad
@@ -239,7 +244,7 @@ class Lanes:
         radius += _TINY
         radius *= b._rad / distance + _TINY
         radius += self._rad / distance
-        return _rounded(quotient, radius)
+        return rounded(quotient, radius)
 
     def __rtruediv__(self, other: Any) -> Lanes:
         return _operand(other) / self
@@ -252,7 +257,7 @@ class Lanes:
         """The cosine; infinite for midpoints beyond 2^18."""
         return self._turned(1)
 
-    @_quiet
+    @quieted
     def _turned(self, quarters: int) -> Lanes:
         """sin(x + quarters pi/2) = sin(y + j pi/2), where x = y + n pi/2 and j = n + quarters.
 
@@ -269,7 +274,7 @@ class Lanes:
         error = np.where(odd, cosine_error, sine_error)
         r = self._rad
         radius = np.minimum(r, slope * r + 0.5 * r * r) + error
-        return _rounded(np.where(j >= 2, -value, value), radius)
+        return rounded(np.where(j >= 2, -value, value), radius)
 
     def __pow__(self, power: int) -> Lanes:
         """A positive integer power, by repeated squaring."""
@@ -278,7 +283,7 @@ class Lanes:
             return self
         return half.square() * self if power % 2 else half.square()
 
-    @_quiet
+    @quieted
     def abs_upper(self) -> Lanes:
         """A number that no absolute value in the ball exceeds, as an exact ball (infinite where the ball is)."""
         return Lanes((np.abs(self._mid) + self._rad) * _UP + _TINY)
@@ -293,17 +298,17 @@ class Lanes:
 
     def where(self, mask: NDArray[np.bool_], other: Lanes) -> Lanes:
         """These lanes where the mask is true, those of the other where it is not."""
-        return _lanes(np.where(mask, self._mid, other._mid), np.where(mask, self._rad, other._rad))
+        return made(np.where(mask, self._mid, other._mid), np.where(mask, self._rad, other._rad))
 
-    @_quiet
+    @quieted
     def union(self, other: Any) -> Lanes:
         """A ball around both balls. Its midpoint may be any number: the radius is measured from it."""
         b = _operand(other)
         middle = 0.5 * self._mid + 0.5 * b._mid
         reach = np.abs(self._mid - middle) + self._rad
-        return _rounded(middle, np.maximum(reach, np.abs(b._mid - middle) + b._rad))
+        return rounded(middle, np.maximum(reach, np.abs(b._mid - middle) + b._rad))
 
-    @_quiet
+    @quieted
     def within(self, length: Lanes) -> Lanes:
         """Balls that hold what the balls share with [0, length]; infinite where nothing is, or no length is exact."""
         # A sum to nearest is less than one double away from the exact one.
@@ -325,7 +330,7 @@ class Lanes:
         """Of each lane, whether every number of the ball is less than zero."""
         return (-self._mid > self._rad) & self.is_finite()
 
-    @_quiet
+    @quieted
     def inside(self, other: Any) -> NDArray[np.bool_]:
         """Of each lane, whether the ball lies in the interior of the other; False if either is not finite."""
         b = _operand(other)
@@ -336,90 +341,6 @@ class Lanes:
         return cast(NDArray[np.bool_], (reach < b._rad) & b.is_finite())
 
 
-class LaneSeries(Sequence[Lanes]):
-    """Coefficients of a power series in n lanes, stored so that `convolution` passes through memory once.
-
-    For coefficient k there are five rows: the midpoints m, |m|, s = r + (k + 1/2) u |m|, |m| + r and the radii r, where
-    the two sums are rounded.
-    """
-
-    __slots__ = ("_length", "_rows")
-
-    def __init__(self, width: int) -> None:
-        self._rows: Array = np.empty((5, _CAPACITY, width))
-        self._length = 0
-
-    @property
-    def width(self) -> int:
-        """Number of lanes."""
-        return int(self._rows.shape[2])
-
-    @_quiet
-    def append(self, ball: Lanes) -> None:
-        """Copy the ball behind the last coefficient."""
-        if self._length == self._rows.shape[1]:
-            self._rows = np.concatenate([self._rows, np.empty_like(self._rows)], axis=1)
-        mid, size, spread, upper, rad = self._rows[:, self._length]
-        mid[:], rad[:] = ball._mid, ball._rad
-        np.abs(mid, out=size)
-        np.multiply(size, (self._length + 0.5) * _U, out=spread)
-        spread += _NORMAL * (size > 0)  # what the product may have lost is multiplied by the other factor
-        spread += rad
-        np.add(size, rad, out=upper)
-        self._length += 1
-
-    def clear(self) -> None:
-        """Forget all coefficients, and keep their memory."""
-        self._length = 0
-
-    def __len__(self) -> int:
-        return self._length
-
-    def __getitem__(self, index: Any) -> Any:
-        """One coefficient, or a series of some: both views, which end with the next `clear`.
-
-        In a series of some each s is at least that of its new place, which is no later than the old one.
-        """
-        rows = self._rows[:, : self._length]
-        if isinstance(index, slice):
-            if index.step is not None and index.step < 0:
-                raise ValueError("a part of a series keeps its order")
-            part = LaneSeries.__new__(LaneSeries)
-            part._rows = rows[:, index]
-            part._length = part._rows.shape[1]
-            return part
-        return _lanes(rows[0, index], rows[4, index])
-
-    def __iter__(self) -> Iterator[Lanes]:
-        return (self[index] for index in range(self._length))
-
-    @_quiet
-    def convolution(self, other: LaneSeries) -> Lanes | int:
-        """a_0 b_(k-1) + … + a_(k-1) b_0 of two series of the same length k (the integer 0 for none).
-
-        *Midpoint.* A sum of k products in an order that is left to numpy, with fused operations or without; a factor
-        common to all terms may be taken out. The last operation's rounding is within u |c| + t. Before it each product
-        has met at most k - 1 roundings (additions to an accumulator that is zero are exact), which change the sum by at
-        most ((1 + u)^(k-1) - 1) W <= k u W for W the sum of |a_i| |b_j| and k <= 2^16.
-
-        *Radius.* The sum of |a_i| rb_j + ra_i (|b_j| + rb_j) as in the product, and k u W. As k = i + j + 1, the sum of
-        |a_i| s_j + s_i (|b_j| + rb_j) is at least both. Any term of it meets at most 2 k + 15 roundings: two in s, one
-        in |b| + rb, one as a product, 2 k - 1 as one of 2 k terms, and the few behind. As in the module's docstring,
-        1 + (4 k + 32) u outweighs them: (1 - m u) (1 + 2 (m + 1) u) > 1 for m = 2 k + 15 and k <= 2^16.
-        """
-        k = self._length
-        if other._length != k:
-            raise ValueError(f"a convolution needs series of one length, not {k} and {other._length}")
-        if k == 0:
-            return 0
-        if k > _LONGEST:
-            raise ValueError(f"a convolution of more than {_LONGEST} terms is not offered")
-        a, b = self._rows[:, :k], other._rows[:, :k][:, ::-1]
-        middle = np.einsum("kn,kn->n", a[0], b[0])
-        radius = np.einsum("pkn,pkn->n", a[1:3], b[2:4])
-        return _rounded(middle, radius, 1 + (4 * k + 32) * _U)
-
-
 def _doubles(values: Any) -> Array:
     """As an array. No other kind of number becomes a double here, because that may round it."""
     many = values if isinstance(values, Sequence) else [values]
@@ -428,14 +349,14 @@ def _doubles(values: Any) -> Array:
     return np.asarray(values, dtype=np.float64)
 
 
-def _lanes(mid: Array, rad: Array) -> Lanes:
+def made(mid: Array, rad: Array) -> Lanes:
     """Lanes of arrays that keep the module's rules already."""
-    made = Lanes.__new__(Lanes)
-    made._mid, made._rad = mid, rad
-    return made
+    ball = Lanes.__new__(Lanes)
+    ball._mid, ball._rad = mid, rad
+    return ball
 
 
-def _rounded(middle: Array, radius: Array, up: float = _UP) -> Lanes:
+def rounded(middle: Array, radius: Array, up: float = _UP) -> Lanes:
     """The ball of an operation: ``radius``, a new array, from its operands' radii; the midpoint's rounding is added.
 
     ``up`` makes good for the radius's roundings. If the midpoint is not finite, the radius is not; fmin makes infinity
@@ -446,7 +367,7 @@ def _rounded(middle: Array, radius: Array, up: float = _UP) -> Lanes:
     radius += rounding
     radius *= up
     radius += _TINY
-    return _lanes(middle, np.fmin(radius, np.inf, out=radius))
+    return made(middle, np.fmin(radius, np.inf, out=radius))
 
 
 def _exact_float(value: Any) -> float | None:
@@ -458,31 +379,3 @@ def _exact_float(value: Any) -> float | None:
 
 def _operand(value: Any) -> Lanes:
     return value if isinstance(value, Lanes) else Lanes.of([value])
-
-
-def _outward(value: Any) -> tuple[float, float]:
-    """A float and a radius that hold a number or one of arb's balls, by exact rational arithmetic."""
-    if isinstance(value, arb):
-        if not (value.is_finite() and abs(value) < arb(2) ** 1023):
-            return 0.0, np.inf
-        # Exponents may be beyond all reason; what is smaller than any normal number becomes a radius.
-        small = arb(2) ** -1022
-        centre = Fraction(0) if abs(value.mid()) < small else midpoint_and_radius(value.mid())[0]
-        rad = Fraction(_NORMAL) if value.rad() < small and not value.is_exact() else midpoint_and_radius(value.rad())[0]
-        spread = rad if centre or value.mid() == 0 else rad + Fraction(_NORMAL)
-    elif isinstance(value, float):
-        return value, 0.0
-    else:
-        centre, spread = Fraction(value), Fraction(0)
-    try:
-        mid = float(centre)  # correctly rounded by Python; any float would do
-        return mid, _upward(abs(centre - Fraction(mid)) + spread)
-    except OverflowError:
-        return 0.0, np.inf
-
-
-def _upward(value: Fraction) -> float:
-    if 0 < value < _NORMAL:
-        return _NORMAL
-    nearest = float(value)
-    return nearest if Fraction(nearest) >= value else float(np.nextafter(nearest, np.inf))

@@ -24,12 +24,13 @@ from tippedisk_verify.proofs.kernel.balls import arb, ball_constants, working_pr
 from tippedisk_verify.proofs.kernel.claims.cycle import apart
 from tippedisk_verify.proofs.kernel.flow import Model
 from tippedisk_verify.proofs.kernel.krawczyk import FixedPoints, fixed_points
+from tippedisk_verify.proofs.kernel.lane_path import some_model
+from tippedisk_verify.proofs.kernel.lane_sliding import LaneSmoothModel
 from tippedisk_verify.proofs.kernel.lanes import Lanes, quiet
 from tippedisk_verify.proofs.kernel.section import HALF, Return, Status, returned
 from tippedisk_verify.proofs.numbers import measured
 from tippedisk_verify.proofs.search.cycle import Attempt, OrbitProof, prove_cycle
-from tippedisk_verify.proofs.search.lane_flight import HalfFlights, half_flights, lane_of, some_model
-from tippedisk_verify.proofs.search.lane_sliding import LaneSmoothModel
+from tippedisk_verify.proofs.search.lane_flight import HalfFlights, half_flights, lane_of
 from tippedisk_verify.proofs.search.steps import Steps, midpoint_inverse
 
 __all__ = ["prove_cycles"]

@@ -1,54 +1,28 @@
-"""Many half maps side by side: the steps and cases of `flow` and `section` on `Lanes`, a step length for each lane.
+"""Many half maps side by side: the search for the lengths and orders of `kernel.lane_path`'s steps, and what returned.
 
-Every round tries one step in each lane. A lane whose step is proved, with its case, moves on; the others stay where
-they are and try a shorter one in the next round. Lanes that have returned to the section, or of which nothing more can
-be proved, leave. What is proved of a lane does not depend on the lanes beside it, but for the orders of the series and
-the sums that numpy takes in another order.
-
-This file chooses, and proves nothing by itself: step lengths, orders, guesses of moments, and which lanes go on.
+This file chooses, and proves nothing by itself: step lengths, orders, guesses of moments, and which lanes go on. A lane
+whose step is not proved tries a shorter one in the next round. Lanes that have returned to the section, or of which
+nothing more can be proved, leave.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from copy import copy
-from dataclasses import dataclass, fields, replace
-from typing import Any, Self
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tippedisk_verify.proofs.kernel.balls import inside
-from tippedisk_verify.proofs.kernel.flow import Model, Path, Step, verdict
-from tippedisk_verify.proofs.kernel.frame import Frame
+from tippedisk_verify.proofs.kernel.flow import Model
+from tippedisk_verify.proofs.kernel.lane_path import LanePath, Proposal, Round, mapped, replaced, some_model
+from tippedisk_verify.proofs.kernel.lane_sliding import LaneSmoothModel, SlidingLanes
 from tippedisk_verify.proofs.kernel.lanes import Lanes, quiet
-from tippedisk_verify.proofs.kernel.section import (
-    HALF,
-    UPRIGHT,
-    Cases,
-    Return,
-    Status,
-    at_turn,
-    cases,
-    landed,
-    moment_of_crossing,
-    moment_of_turn,
-)
+from tippedisk_verify.proofs.kernel.section import Return, Status
 from tippedisk_verify.proofs.search.axes import axes_of_lanes
 
-__all__ = [
-    "Block",
-    "HalfFlights",
-    "guess",
-    "half_flights",
-    "lane_of",
-    "mapped",
-    "proved_step",
-    "replaced",
-    "series",
-    "some",
-    "some_model",
-]
+__all__ = ["HalfFlights", "LaneSteps", "half_flights", "lane_of"]
 
 Array = NDArray[Any]
 
@@ -64,7 +38,12 @@ _WIDEST = 2.0**-3  # as in `flow`
 _SHORTEST_STEP = 2.0**-40
 _MOST_TRIALS = 40
 _FIRST_SHARE = 0.75
+_BISECTIONS = 54  # to the last bit of a double
 _U, _TINY = 2.0**-53, 2.0**-1000
+_ENTRIES = (
+    "time", "image", "beta_least", "turn_by_start", "matrix", "by_omega", "time_by_state", "time_by_omega",
+    "divergence",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -85,252 +64,130 @@ def half_flights(
     derivatives: bool = False,
     longest: float = 60.0,
 ) -> HalfFlights:
-    """`section.half_flight` for every lane; the model's speeds are as many lanes, its constants as many or one.
+    """`section.returned` for every lane; the model's speeds are as many lanes, its constants as many or one.
 
     The derivatives come in any case.
     """
     count = len(v)
     status = np.full(count, Status.NO_START)
-    reached, landings = np.zeros(count), []
-    steps, reversals = np.zeros(count, int), np.zeros(count, int)
-    kind: type[Block] = getattr(model, "block", Block)
+    reached, steps, reversals = np.zeros(count), np.zeros(count, int), np.zeros(count, int)
+    x = Lanes(np.full(count, np.nan))
+    values: list[Any] = [x, (x, x), x, (x, x, x), ((x, x), (x, x)), (x, x), (x, x), x, x]
     with quiet():
         going = np.flatnonzero(v.negative())
         for first in range(0, len(going), _BLOCK):
             lanes = going[first : first + _BLOCK]
             start = gamma_bar[lanes].constant(0), gamma_bar[lanes], v[lanes]
-            block = kind(some_model(model, lanes), start, lanes)
-            while len(block.lanes):
-                ends = block.ended(longest)
+            kind = SlidingLanes if isinstance(model, LaneSmoothModel) else LanePath
+            search = LaneSteps(len(lanes))
+            path = kind(some_model(model, lanes), start, search)  # type: ignore[arg-type]
+            while len(lanes):
+                ends = _ended(path, longest)
                 if (ends == None).all():  # noqa: E711
-                    ends, found = block.round()
-                    landings += found
+                    tried = path.advance()
+                    ends = search.answered(tried)
+                    if tried.landing is not None:
+                        place, landed = lanes[tried.arrived], [getattr(tried.landing, name) for name in _ENTRIES]
+                        values = mapped(lambda old, new, place=place: replaced(old, place, new), values, landed)
                 gone = ends != None  # noqa: E711
                 if gone.any():
-                    left = block.lanes[gone]
-                    status[left], reached[left] = ends[gone], block.time.midpoints[gone]
-                    steps[left], reversals[left] = block.taken[gone], block.changes[gone]
-                    block = block.some(np.flatnonzero(~gone))
-        return _gathered(landings, status=status, reached=reached, steps=steps, reversals=reversals)
+                    left = lanes[gone]
+                    status[left], reached[left] = ends[gone], path.time.midpoints[gone]
+                    steps[left], reversals[left] = path.steps[gone], path.reversals[gone]
+                    staying = np.flatnonzero(~gone)
+                    lanes, path = lanes[staying], path.some(staying)
+                    search = search.some(staying)
+                    path.proposer = search
+    return HalfFlights(status, reached, steps, reversals, **dict(zip(_ENTRIES, values, strict=True)))  # type: ignore[arg-type]
 
 
-def _gathered(landings: Sequence[tuple[Array, Return]], status: Array, **others: Array) -> HalfFlights:
-    """What has landed, in the caller's order; what has not is infinite. Arrays are in that order already."""
-    x = Lanes([np.nan])
-    unknown = Return(Status.NO_START, None, 0, 0, x, (x, x), x, (x, x, x), ((x, x), (x, x)), (x, x), (x, x), x, x)
-    place = np.full(len(status), -1)
-    lanes = np.concatenate([which for which, _ in landings] or [np.zeros(0, int)])
-    place[lanes] = np.arange(len(lanes))
-
-    def joined(*parts: Lanes) -> Lanes:
-        mid, rad = (np.concatenate([getattr(part, name) for part in parts]) for name in ("midpoints", "radii"))
-        return Lanes(mid, rad)[place]
-
-    proved = [replace(flight, status=Status.NO_START, reached=None, steps=0, reversals=0) for _, flight in landings]
-    whole = mapped(joined, *proved, unknown)
-    values = {entry.name: getattr(whole, entry.name) for entry in fields(Return)}
-    return HalfFlights(**(values | {"status": status} | others))
+def _ended(path: LanePath, longest: float) -> Array:
+    """Of each lane a status if it cannot go on."""
+    status = np.full(len(path.time), None)
+    if isinstance(path, SlidingLanes):
+        status[path.signs == 0] = Status.GRAZING
+    radii = np.max([part.radii for part in path.box], axis=0)
+    status[~(path.time - longest).negative()] = Status.NO_RETURN
+    status[radii > _WIDEST] = Status.TOO_WIDE
+    status[~np.isfinite(radii)] = Status.NO_ENCLOSURE
+    return status
 
 
-class _Axes:
-    """Who is asked for axes; steps and moments are chosen here."""
+class LaneSteps:
+    """The choices for a path in lanes, from what the kernel shows of it."""
 
     axes = staticmethod(axes_of_lanes)
+
+    def __init__(self, count: int) -> None:
+        self.shares = np.full(count, _FIRST_SHARE)  #: of the length that the midpoint's series allows
+        self.cuts = np.full(count, np.inf)  #: what the next step may not exceed [s]
+        self.failures = np.zeros(count, int)
+
+    def some(self, which: Array) -> LaneSteps:
+        """The search for some lanes."""
+        search = copy(self)
+        for name, value in vars(self).items():
+            setattr(search, name, value[which])
+        return search
 
     def took(self, *_: Any) -> None:
         """Nothing is noted."""
 
+    def orders(self, box: Sequence[Lanes]) -> tuple[int, int]:
+        return _ORDERS if np.median(np.max([part.radii for part in box], axis=0)) > _NARROW else _NARROW_ORDERS
 
-_AXES = _Axes()
+    def zero(self, value: Callable[[Array], Array], begin: Array, end: Array) -> Array:
+        """By bisection in doubles: the last time known to lie before it."""
+        for _ in range(_BISECTIONS):
+            middle = (begin + end) / 2
+            below = value(middle) < 0
+            begin, end = np.where(below, middle, begin), np.where(below, end, middle)
+        return begin
 
-
-class Block(Path):
-    """Orbits on their way, lane by lane; lanes whose way has ended are dropped."""
-
-    def __init__(self, model: Model, start: Sequence[Lanes], lanes: Array) -> None:
-        zero = start[0].constant(0)
-        super().__init__(model, start, _AXES, derivatives=True)  # type: ignore[arg-type]
-        self.time = self.divergence = self.beta_least = zero
-        self.turn_by_start: tuple[Any, ...] = (zero, zero, zero)
-        self.lanes, count = lanes, len(lanes)  #: which of the caller's they are
-        self.taken, self.failures = np.zeros(count, int), np.zeros(count, int)
-        self.changes = np.zeros(count, int)  #: of the law
-        self.turned = np.zeros(count, bool)
-        self.shares, self.cuts = np.full(count, _FIRST_SHARE), np.full(count, np.inf)
-
-    def ended(self, longest: float) -> Array:
-        """Of each lane a status if it cannot go on."""
-        status = np.full(len(self.lanes), None)
-        radii = np.max([part.radii for part in self.box], axis=0)
-        status[~(self.time - longest).negative()] = Status.NO_RETURN
-        status[radii > _WIDEST] = Status.TOO_WIDE
-        status[~np.isfinite(radii)] = Status.NO_ENCLOSURE
-        return status
-
-    def round(self) -> tuple[Array, list[Any]]:
-        """One step tried in each lane: a status where the way ends, and what has landed, with its lanes."""
-        step, accepted = self.tried()
-        followed, crossing = self._followed(step, accepted)
-        upright = inside(step.enclosure[0], Lanes([0.0], [UPRIGHT]))
-        case = cases(self.model, self.box, step)
-        if crossing:
-            crossing.judge(upright, case)
-        proved = followed & upright & np.where(self.turned, case.rises | case.crosses, case.falls | case.turns)
-        self._turn(step, case, proved)
-        landings = self._land(step, case, proved)
-        short = ~(step.length.midpoints >= _SHORTEST_STEP)
-        self.go_on(step, proved, crossing)
-        status = np.full(len(self.lanes), None)
-        stuck = ~proved & (short | (self.failures >= _MOST_TRIALS))
-        status[stuck] = Status.NO_ENCLOSURE
-        status[stuck & accepted] = Status.UNRESOLVED
-        status[stuck & accepted & ~upright] = Status.FLAT
-        status[stuck & accepted & ~followed] = Status.GRAZING
-        for which, _ in landings:
-            status[which] = Status.RETURNED
-        return status, [(self.lanes[which], flight) for which, flight in landings]
-
-    def tried(self) -> tuple[Step, Array]:
-        """A step of each lane, and whether it is proved and narrow enough."""
-        radius = np.max([part.radii for part in self.box], axis=0)
-        thin, wide = series(self.model, self.frame.middle, self.box)
-        rough_order, order = len(wide[0]) - 1, len(thin[0]) - 1
+    def lengths(self, path: LanePath) -> Proposal:
+        """Steps whose remainders are narrow enough to be wanted."""
+        radius = np.max([part.radii for part in path.box], axis=0)
+        trial = path.trial(self.orders(path.box))
+        (order, rough_order), thin, wide = trial.orders, trial.thin, trial.wide
         # Remainders may be as large as rounding, or a share of the radius.
-        allowed = [np.maximum(_U * np.maximum(1.0, _size(part)), part.radii * _TOLERANCE) for part in self.box]
+        allowed = [np.maximum(_U * np.maximum(1.0, _size(part)), part.radii * _TOLERANCE) for part in path.box]
         rough_allowed = np.maximum(_LEAST_ROUGH, radius)
         reach = _reach(thin, allowed)
         longest = np.minimum(self.cuts, _DAMPED / np.maximum(1.0, _size(wide[11][1])))
         free = reach * self.shares
         length = np.minimum(free, longest)
-        step, included = proved_step(self.model, self.time, self.frame, thin, wide, length)
-        fine, rough = ([column[-1] for column in part] for part in (step.polynomials, step.derivatives))
+        verdict = trial.verdict(Lanes(length))
         scales = [np.maximum(1.0, _size(column[0])) * rough_allowed for column in wide[3:]]
-        excess = np.maximum(_excess(fine, allowed, length, order + 1), _excess(rough, scales, length, rough_order + 1))
-        accepted = included & (excess <= 0)
+        excess = np.maximum(
+            _excess(verdict.fine, allowed, length, order + 1),
+            _excess(verdict.rough[3:], scales, length, rough_order + 1),
+        )
+        wanted = excess <= 0
+        accepted = verdict.included & wanted
         # A step cut short says nothing about how long the next may be.
         better = 0.97 * length / reach * np.exp2(np.minimum(1.0, -excess))
         tighter = np.fmin(better, np.where(excess > 0, 0.9, 0.5) * length / reach)
         self.shares = np.where(accepted, np.where(free <= longest, better, self.shares), tighter)
-        return step, accepted
+        return Proposal(trial, verdict, wanted)
 
-    def _followed(self, step: Step, accepted: Array) -> tuple[Array, Any]:
-        """Of which accepted steps the law is known, and those in which it changes."""
-        return accepted, None
-
-    def _turn(self, step: Step, case: Cases, proved: Array) -> None:
-        """Note the turns of proved steps; those whose moment cannot be enclosed are no longer proved."""
-        which = np.flatnonzero(proved & ~self.turned & case.turns)
-        if not len(which):
-            return
-        part = some(step, which)
-        moment, sure = moment_of_turn(self._model_of(which), part, guess(part, 2))
-        least, by_start = at_turn(part, moment, True)
-        proved[which[~sure]] = False
-        which = which[sure]
-        self.turned[which] = True
-        self.beta_least = replaced(self.beta_least, which, least[sure])
-        self.turn_by_start = tuple(
-            replaced(old, which, new[sure]) for old, new in zip(self.turn_by_start, by_start, strict=True)
-        )
-
-    def _land(self, step: Step, case: Cases, proved: Array) -> list[tuple[Array, Return]]:
-        """The lanes that have reached the section, taken there; the others that cross are no longer proved."""
-        which = np.flatnonzero(proved & self.turned & case.crosses)
-        if not len(which):
-            return []
-        part = some(step, which)
-        moment, sure = moment_of_crossing(part, guess(part, 0), case.speed[which])
-        proved[which[~sure]] = False
-        if not sure.any():
-            return []
-        which, part, moment = which[sure], some(part, sure), moment[sure]
-        path = self.some(which)
-        path.take(part, moment)
-        return [(which, landed(HALF, path, path.beta_least, path.turn_by_start))]
-
-    def go_on(self, step: Step, proved: Array, crossing: Any = None) -> None:
-        """Take the proved steps; the other lanes try shorter ones."""
-        before = copy(self)
-        self.take(step)
-        self.taken = before.taken + proved
-        if not proved.all():
-            for name in ("frame", "box", "divergence", "time"):
-                old, new = getattr(before, name), getattr(self, name)
-                setattr(self, name, mapped(lambda x, y: x.where(proved, y), new, old))
-        self.cuts = np.where(proved, np.inf, 0.7 * step.length.midpoints)
+    def answered(self, tried: Round) -> Array:
+        """Prepare the next steps: a status for each lane whose way ends."""
+        length, proved = tried.step.length.midpoints, tried.proved
+        self.cuts = np.where(proved, np.inf, 0.7 * length)
         self.failures = np.where(proved, 0, self.failures + 1)
-
-    def some(self, which: Array) -> Self:
-        """The block of some lanes."""
-        block = copy(self)
-        for name, value in vars(self).items():
-            if name not in ("model", "sharp", "proposer"):
-                setattr(block, name, some(value, which))
-        block.model = self._model_of(which)
-        return block
-
-    def _model_of(self, which: Array) -> Model:
-        return some_model(self.model, which)
-
-
-def some_model(model: Model, which: Array) -> Model:
-    """The model of some lanes; constants that are one lane go with any."""
-    constants = type(model.constants)(*(part if len(part) == 1 else part[which] for part in model.constants))
-    return type(model)(constants, model.omega[which], model.law)
-
-
-def series(model: Model, middle: Sequence[Lanes], box: Sequence[Lanes]) -> tuple[list[list[Lanes]], list[list[Lanes]]]:
-    """Taylor coefficients of the middle's orbit, and of all orbits from the box with their derivatives."""
-    zero, one = (box[0].constant(k) for k in (0, 1))
-    radius = np.max([part.radii for part in box], axis=0)
-    rough_order, order = _ORDERS if np.median(radius) > _NARROW else _NARROW_ORDERS
-    start = [*box, *(one if row == column else zero for column in range(4) for row in range(3)), zero]
-    return model.orbit.coefficients(middle, order), model.with_divergence.coefficients(start, rough_order)
-
-
-def proved_step(
-    model: Model, begin: Lanes, frame: Frame, thin: list[list[Lanes]], wide: list[list[Lanes]], length: Array
-) -> tuple[Step, Array]:
-    """The step from these `series`, and of which lanes it is proved."""
-    orders = len(thin[0]) - 1, len(wide[0]) - 1
-    enclosure, fine, rough, included = verdict(model, model.with_divergence, wide, Lanes(length), orders[0])
-    polynomials = [[*c, r] for c, r in zip(thin, fine, strict=True)]
-    derivatives = [[*c, r] for c, r in zip(wide[3:], rough[3:], strict=True)]
-    return Step(begin, Lanes(length), Lanes(length), enclosure, frame, orders, polynomials, derivatives), included
+        stuck = ~proved & (~(length >= _SHORTEST_STEP) | (self.failures >= _MOST_TRIALS))
+        status = np.full(len(proved), None)
+        status[stuck] = Status.NO_ENCLOSURE
+        status[stuck & tried.tested] = Status.UNRESOLVED
+        status[stuck & tried.tested & ~tried.upright] = Status.FLAT
+        status[stuck & tried.tested & ~tried.followed] = Status.GRAZING
+        status[tried.arrived] = Status.RETURNED
+        return status
 
 
 def lane_of(flights: HalfFlights, lane: int) -> Return:
     """One lane's flight, on arb's balls."""
-    return mapped(lambda part: part.arb(lane) if isinstance(part, Lanes) else part[lane], flights)  # type: ignore[no-any-return]
-
-
-def some(tree: Any, which: Array) -> Any:
-    """Some lanes of whatever holds lanes and arrays of them."""
-    return mapped(lambda part: part[which], tree)
-
-
-def mapped(function: Callable[..., Any], tree: Any, *others: Any) -> Any:
-    """The same structure with the function of its lanes and arrays; the others have the same structure."""
-    if isinstance(tree, Lanes | np.ndarray):
-        return function(tree, *others)
-    if isinstance(tree, list | tuple):
-        return type(tree)([mapped(function, *parts) for parts in zip(tree, *others, strict=True)])
-    if isinstance(tree, Frame | Step | Return):
-        names = Frame.__slots__ if isinstance(tree, Frame) else [entry.name for entry in fields(tree)]
-        images = {n: mapped(function, *(getattr(part, n) for part in (tree, *others))) for n in names}
-        if not isinstance(tree, Frame):
-            return replace(tree, **images)
-        image = copy(tree)
-        for name, value in images.items():
-            setattr(image, name, value)
-        return image
-    return tree
-
-
-def replaced(lanes: Lanes, which: Array, values: Lanes) -> Lanes:
-    mid, rad = lanes.midpoints.copy(), lanes.radii.copy()
-    mid[which], rad[which] = values.midpoints, values.radii
-    return Lanes(mid, rad)
+    return mapped(lambda part: part.arb(lane) if isinstance(part, Lanes) else part.item(lane), flights)  # type: ignore[no-any-return]
 
 
 def _size(lanes: Lanes) -> Array:
@@ -354,16 +211,3 @@ def _excess(remainders: Sequence[Lanes], allowed: Sequence[Array], length: Array
     worst = np.max([_size(r) / limit for r, limit in zip(remainders, allowed, strict=True)], axis=0)
     excess: Array = np.log2(np.maximum(worst, _TINY)) / power + np.log2(length)
     return excess
-
-
-def guess(step: Step, index: int) -> Lanes:
-    """A point in each step near the zero of the middle orbit's component, by bisection in doubles."""
-    coefficients = [part.midpoints for part in step.polynomials[index]]
-    low, high = np.zeros(len(step.length)), step.length.midpoints
-    for _ in range(54):
-        middle = (low + high) / 2
-        value = coefficients[-1]
-        for coefficient in coefficients[-2::-1]:
-            value = value * middle + coefficient
-        low, high = np.where(value < 0, middle, low), np.where(value < 0, high, middle)
-    return Lanes((low + high) / 2)

@@ -65,7 +65,7 @@ class Steps:
             if length < _SHORTEST_STEP:
                 return None
             verdict = trial.verdict(length)
-            if verdict is None:
+            if not all(part.is_finite() for part in (*verdict.fine, *verdict.rough)):
                 share *= 0.5
                 continue
             excess = max(

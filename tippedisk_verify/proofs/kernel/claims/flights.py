@@ -85,7 +85,7 @@ def _step(model: Model, frame: Frame, lengths: NDArray[np.float64]) -> Step:
     thin = model.orbit.coefficients(frame.middle, _ORDER)
     start = [*box, *(one if row == column else zero for column in range(4) for row in range(3))]
     wide = model.variational.coefficients(start, _ORDER)
-    enclosure, fine, rough, included = verdict(model, model.variational, wide, Lanes(lengths), _ORDER)
+    _, enclosure, fine, rough, included = verdict(model, model.variational, wide, Lanes(lengths), _ORDER)
     _all("the states and derivatives over a step are not shown to stay in its enclosure", included, lengths > 0)
     polynomials = [[*c, r] for c, r in zip(thin, fine, strict=True)]
     derivatives = [[*c, r] for c, r in zip(wide[3:], rough[3:], strict=True)]

@@ -9,58 +9,52 @@ So it is the law of side 1 for the constants s traction and s epsilon: one graph
 A step is kept or crossed as in `sliding`, of equal pieces of time. Of a step that is crossed v must keep its sign, so
 that neither the turn nor the section lies in it. Where none of this is shown a shorter step is tried.
 
-Where a ball becomes a point or a float: pieces, guesses of moments, and how far a step goes on after the crossing.
+Where a ball becomes a point or a float: pieces, guesses of moments, which the proposer chooses, and how far a step goes
+on after the crossing.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tippedisk_verify.model.equations import shifted, terms
-from tippedisk_verify.model.parameters import Constants
-from tippedisk_verify.proofs.kernel.balls import inside, negative, positive
-from tippedisk_verify.proofs.kernel.field import Law, one_sided
-from tippedisk_verify.proofs.kernel.flow import Model, Step, polynomial
+from tippedisk_verify.proofs.kernel.balls import BallOps, inside, negative, positive
+from tippedisk_verify.proofs.kernel.field import Law, one_sided, sliding_motion
+from tippedisk_verify.proofs.kernel.flow import Model, Path, Step, polynomial
+from tippedisk_verify.proofs.kernel.lane_path import LanePath, LaneProposer, mapped, replaced, some
 from tippedisk_verify.proofs.kernel.lanes import Lanes
-from tippedisk_verify.proofs.kernel.section import UPRIGHT, Cases, Status, enclosed_moment
+from tippedisk_verify.proofs.kernel.section import UPRIGHT, Cases, enclosed_moment
 from tippedisk_verify.proofs.kernel.series import Graph, System
 from tippedisk_verify.proofs.kernel.sliding import Crossing
-from tippedisk_verify.proofs.search.lane_flight import Block, mapped, proved_step, replaced, series, some
 
-__all__ = ["LaneSmoothModel"]
+__all__ = ["LaneSmoothModel", "SlidingLanes"]
 
 Array = NDArray[Any]
 
 _PIECES = 16  # of a step
 _ORDER = 10  # of gamma_y's series: its values are differences of larger numbers, which boxes of states would lose
 _BEYOND = 2.0**-8  # of the step: how far it goes on after the crossing
-_BISECTIONS = 54  # to the last bit of a double
 
 
-class SlidingBlock(Block):
-    """A `Block` whose orbits change sides; each lane's model has the law of its side."""
+class SlidingLanes(LanePath):
+    """A `LanePath` whose orbits change sides; each lane's model has the law of its side."""
 
     model: LaneSmoothModel
 
-    def __init__(self, model: LaneSmoothModel, *others: Any) -> None:
-        super().__init__(model, *others)
+    def __init__(self, model: LaneSmoothModel, start: Sequence[Lanes], proposer: LaneProposer) -> None:
+        super().__init__(model, start, proposer)
         velocity, _ = model.motion(self.box)
         self.signs: Array = positive(velocity).astype(int) - negative(velocity)  #: the sliding velocity's
         self.model = model.of_side(self.signs)
 
-    def ended(self, longest: float) -> Array:
-        status = super().ended(longest)
-        status[(status == None) & (self.signs == 0)] = Status.GRAZING  # noqa: E711
-        return status
-
-    def _followed(self, step: Step, accepted: Array) -> tuple[Array, Crossed | None]:
-        """The accepted steps that are kept or crossed, and the latter."""
+    def _followed(self, step: Step, tested: Array) -> tuple[Array, Crossed | None]:
+        """The tested steps that are kept or crossed, and the latter."""
         kept, crossed, begin, end, rate = self._by_pieces(step)
-        followed, which = accepted & kept, np.flatnonzero(accepted & crossed)
+        followed, which = tested & kept, np.flatnonzero(tested & crossed)
         if not len(which):
             return followed, None
         through, sure = self.some(which)._crossing(*some([step, begin, end, rate], which))
@@ -113,11 +107,13 @@ class SlidingBlock(Block):
         )
         until = tau.midpoints + tau.radii + _BEYOND * step.length.midpoints
         left = Lanes(until) - tau
-        other, box = self.model.of_side(-np.ones(len(until))), step.at(tau)
-        thin, wide = series(other, step.centre(middle_tau), box)
-        second, included = proved_step(other, self.time, step.frame, thin, wide, left.abs_upper().midpoints)
-        onwards = _signed(other.motion(second.enclosure)[1], -self.signs)
-        sure = sure & known & included & positive(left) & positive(onwards)
+        other = self.model.of_side(-np.ones(len(until), int))
+        onwards = Path(other, step.at(tau), self.proposer, derivatives=True)
+        trial = onwards.trial(self.proposer.orders(onwards.box), step.centre(middle_tau))
+        verdict = trial.verdict(left.abs_upper())
+        second = trial.tested(verdict)
+        rate = _signed(other.motion(second.enclosure)[1], self.signs)
+        sure = sure & known & verdict.included & positive(left) & negative(rate)
         enclosure = tuple(a.union(b) for a, b in zip(step.enclosure, second.enclosure, strict=True))
         through = LaneCrossing(
             step.begin,
@@ -142,21 +138,15 @@ class SlidingBlock(Block):
         return _signed(velocity, self.signs), _signed(rate, self.signs)
 
     def _moment(self, step: Step, begin: Array, end: Array) -> Lanes:
-        """A point between the two near the crossing of the middle's orbit, by bisection in doubles."""
-        constants = Constants(*(part.midpoints for part in self.model.constants))
+        """A point between the two near the crossing of the middle's orbit."""
+        constants = type(self.model.constants)(*(part.midpoints for part in self.model.constants))
         coefficients = [[part.midpoints for part in column] for column in step.polynomials]
-        for _ in range(_BISECTIONS):
-            time = (begin + end) / 2
-            state = []
-            for column in coefficients:
-                value = column[-1]
-                for coefficient in column[-2::-1]:
-                    value = value * time + coefficient
-                state.append(value)
-            sliding = terms(shifted(np), constants, self.model.omega.midpoints, *state).sliding_velocity
-            ahead = self.signs * sliding > 0
-            begin, end = np.where(ahead, time, begin), np.where(ahead, end, time)
-        return Lanes((begin + end) / 2)
+
+        def behind(time: Array) -> Any:
+            state = [polynomial(column, time) for column in coefficients]
+            return -self.signs * sliding_motion(np, constants, self.model.omega.midpoints, state)[0]
+
+        return self._zero(behind, begin, end)
 
     def go_on(self, step: Step, proved: Array, crossing: Crossed | None = None) -> None:
         if crossing is None:
@@ -170,9 +160,9 @@ class SlidingBlock(Block):
         for name in ("frame", "box", "divergence", "time"):
             moved = mapped(lambda old, new: replaced(old, which, new), getattr(self, name), getattr(path, name))
             setattr(self, name, moved)
-        sides = np.ones(len(self.lanes), int)
+        sides = np.ones(len(proved), int)
         sides[which] = -1
-        self.changes = self.changes + (sides < 0)
+        self.reversals = self.reversals + (sides < 0)
         self.signs = self.signs * sides
         self.model = self.model.of_side(sides)
 
@@ -180,15 +170,17 @@ class SlidingBlock(Block):
 class LaneSmoothModel(Model):
     """The law of one side in each lane: side 1, unless `of_side` has given traction and epsilon other signs."""
 
-    block = SlidingBlock  #: what follows its orbits
-
-    def __init__(self, constants: Constants, omega: Any, law: Law | None = None) -> None:
+    def __init__(self, constants: Any, omega: Any, law: Law | None = None) -> None:
         super().__init__(constants, omega, law or one_sided(1))
-        self._motions = {middle: self._motion_at(self.omega.mid() if middle else self.omega) for middle in (0, 1)}
+        graph = Graph()
+        variables, speed = [graph.variable() for _ in range(3)], graph.number(self.omega)
+        numbers = type(constants)(*map(graph.number, constants))
+        rates = self.law(graph, numbers, speed)(*variables)
+        velocity, _ = sliding_motion(graph, numbers, speed, variables)
+        self._with_path = System(graph, [*variables, graph.variable()], [*rates, velocity])
 
     def of_side(self, sides: Array) -> LaneSmoothModel:
         """The model with the other side's law in the lanes whose factor is negative."""
-
         every = np.zeros(len(sides), int)
         traction, epsilon = (
             _signed(value if len(value) == len(sides) else value[every], sides)
@@ -196,30 +188,16 @@ class LaneSmoothModel(Model):
         )
         return LaneSmoothModel(self.constants._replace(traction=traction, epsilon=epsilon), self.omega)
 
-    def motion(self, state: Any, *, middle: bool = False) -> tuple[Lanes, Lanes]:
-        """gamma_y [m/s] and its rate [m/s^2] by the lanes' laws."""
-        zero = state[0].constant(0)
-        *_, velocity, rate = self._motions[middle].coefficients([*state, zero, zero], 1)
-        return velocity[1], rate[1]
+    def motion(self, state: Sequence[Any], *, middle: bool = False) -> tuple[Lanes, Lanes]:
+        """gamma_y [m/s] and its rate [m/s^2] by the lanes' laws, at all speeds or at their midpoints."""
+        omega = self.omega.mid() if middle else self.omega
+        acceleration = self.law(BallOps, self.constants, omega)(*state)[2]
+        return sliding_motion(BallOps, self.constants, omega, state, acceleration)
 
-    def velocity(self, state: Any, order: int) -> list[Lanes]:
+    def velocity(self, state: Sequence[Any], order: int) -> list[Lanes]:
         """Taylor coefficients 0 to ``order`` of gamma_y along orbits of the lanes' laws."""
-        zero = state[0].constant(0)
-        # It is the integral of its rate, from what it is at the start.
-        start = self.motion(state)[0]
-        return self._motions[False].coefficients([*state, zero, start], order)[-1]
-
-    def _motion_at(self, omega: Lanes) -> System:
-        """The state and the integrals of gamma_y and of its rate: their first coefficients are what is asked for."""
-        graph = Graph()
-        variables = [graph.variable() for _ in range(3)]
-        speed = graph.number(omega)
-        constants = Constants(*(graph.number(value) for value in self.constants))
-        velocity = terms(shifted(graph), constants, speed, *variables).sliding_velocity
-        rates = self._rates(graph, speed, variables)
-        first, *others = (a * b for a, b in zip(graph.gradient(velocity, variables), rates, strict=True))
-        integrals = [graph.variable() for _ in range(2)]
-        return System(graph, [*variables, *integrals], [*rates, velocity, sum(others, first)])
+        integral = self._with_path.coefficients([*state, state[0].constant(0)], order + 1)[-1]
+        return [k * coefficient for k, coefficient in enumerate(integral)][1:]
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,104 @@
+"""Power series whose coefficients are lanes; u, t and the count of roundings are those of `lanes`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tippedisk_verify.proofs.kernel.lanes import Lanes, made, quieted, rounded
+
+__all__ = ["LaneSeries"]
+
+Array = NDArray[np.float64]
+
+_U = 2.0**-53
+_NORMAL = 2.0**-1022
+_LONGEST = 2**16  # terms of a convolution: the count of roundings in its proof
+_CAPACITY = 24  # coefficients that a series has room for at first
+
+
+class LaneSeries(Sequence[Lanes]):
+    """Coefficients of a power series in n lanes, stored so that `convolution` passes through memory once.
+
+    For coefficient k there are five rows: the midpoints m, |m|, s = r + (k + 1/2) u |m|, |m| + r and the radii r, where
+    the two sums are rounded.
+    """
+
+    __slots__ = ("_length", "_rows")
+
+    def __init__(self, width: int) -> None:
+        self._rows: Array = np.empty((5, _CAPACITY, width))
+        self._length = 0
+
+    @property
+    def width(self) -> int:
+        """Number of lanes."""
+        return int(self._rows.shape[2])
+
+    @quieted
+    def append(self, ball: Lanes) -> None:
+        """Copy the ball behind the last coefficient."""
+        if self._length == self._rows.shape[1]:
+            self._rows = np.concatenate([self._rows, np.empty_like(self._rows)], axis=1)
+        mid, size, spread, upper, rad = self._rows[:, self._length]
+        mid[:], rad[:] = ball.midpoints, ball.radii
+        np.abs(mid, out=size)
+        np.multiply(size, (self._length + 0.5) * _U, out=spread)
+        spread += _NORMAL * (size > 0)  # what the product may have lost is multiplied by the other factor
+        spread += rad
+        np.add(size, rad, out=upper)
+        self._length += 1
+
+    def clear(self) -> None:
+        """Forget all coefficients, and keep their memory."""
+        self._length = 0
+
+    def __len__(self) -> int:
+        return self._length
+
+    def __getitem__(self, index: Any) -> Any:
+        """One coefficient, or a series of some: both views, which end with the next `clear`.
+
+        In a series of some each s is at least that of its new place, which is no later than the old one.
+        """
+        rows = self._rows[:, : self._length]
+        if isinstance(index, slice):
+            if index.step is not None and index.step < 0:
+                raise ValueError("a part of a series keeps its order")
+            part = LaneSeries.__new__(LaneSeries)
+            part._rows = rows[:, index]
+            part._length = part._rows.shape[1]
+            return part
+        return made(rows[0, index], rows[4, index])
+
+    def __iter__(self) -> Iterator[Lanes]:
+        return (self[index] for index in range(self._length))
+
+    @quieted
+    def convolution(self, other: LaneSeries) -> Lanes | int:
+        """a_0 b_(k-1) + … + a_(k-1) b_0 of two series of the same length k (the integer 0 for none).
+
+        *Midpoint.* A sum of k products in an order that is left to numpy, with fused operations or without; a factor
+        common to all terms may be taken out. The last operation's rounding is within u |c| + t. Before it each product
+        has met at most k - 1 roundings (additions to an accumulator that is zero are exact), which change the sum by at
+        most ((1 + u)^(k-1) - 1) W <= k u W for W the sum of |a_i| |b_j| and k <= 2^16.
+
+        *Radius.* The sum of |a_i| rb_j + ra_i (|b_j| + rb_j) as in the product, and k u W. As k = i + j + 1, the sum of
+        |a_i| s_j + s_i (|b_j| + rb_j) is at least both. Any term of it meets at most 2 k + 15 roundings: two in s, one
+        in |b| + rb, one as a product, 2 k - 1 as one of 2 k terms, and the few behind. As in the docstring of `lanes`,
+        1 + (4 k + 32) u outweighs them: (1 - m u) (1 + 2 (m + 1) u) > 1 for m = 2 k + 15 and k <= 2^16.
+        """
+        k = self._length
+        if other._length != k:
+            raise ValueError(f"a convolution needs series of one length, not {k} and {other._length}")
+        if k == 0:
+            return 0
+        if k > _LONGEST:
+            raise ValueError(f"a convolution of more than {_LONGEST} terms is not offered")
+        a, b = self._rows[:, :k], other._rows[:, :k][:, ::-1]
+        middle = np.einsum("kn,kn->n", a[0], b[0])
+        radius = np.einsum("pkn,pkn->n", a[1:3], b[2:4])
+        return rounded(middle, radius, 1 + (4 * k + 32) * _U)
