@@ -182,7 +182,7 @@ def test_the_connection_stays_in_n() -> None:
         ([(0, -3, 0), (0.21, -0.15, 0)], "stays in N"),
         ([(0, -3, 0), (0, -0.15, 0), (-0.21, -0.1, 0)], "stays in N"),
         ([(0, -3, 0), (0, -0.15, 0.31)], "stays in N"),
-        ([(0, -3, 0), (0, -0.15, 0), (-0.1, 0.1, 0)], "stays in N"),  # beta_bar < 0
+        ([(0, -3, 0), (0, -0.15, 0), (-0.1, 0.1, 0)], "gamma grows"),  # beta_bar < 0
     ):
         with pytest.raises(Unproved, match=line):
             connected(*pieces)

@@ -39,7 +39,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from fractions import Fraction
 from operator import mul
 from typing import Any, ClassVar, Protocol
 
@@ -47,6 +46,7 @@ from tippedisk_verify.proofs.kernel.balls import Unproved, arb, inside, need, ne
 from tippedisk_verify.proofs.kernel.field import Constants
 from tippedisk_verify.proofs.kernel.flow import Model
 from tippedisk_verify.proofs.kernel.jets import Jet, symmetric
+from tippedisk_verify.proofs.kernel.reading import as_float
 from tippedisk_verify.proofs.kernel.section import UPRIGHT
 
 __all__ = ["Beginning", "Choices", "Curve", "CurveFlight", "Matrix", "Replay", "Step", "fly", "horner"]
@@ -130,19 +130,12 @@ class Replay:
     def step(self, beginning: Beginning) -> tuple[Step, bool]:
         need(bool(self.log), "there are no steps")
         self.number += 1
-        return beginning.step(_float(self.log[self.number - 1]["share"])), self.number == len(self.log)
+        return beginning.step(as_float(self.log[self.number - 1]["share"])), self.number == len(self.log)
 
     def axes(self, step: Step, turned: Matrix) -> Matrix:
         log = self.log[self.number - 1]
         need("axes" in log, "the axes behind it are missing")
-        return [[arb(_float(part)) for part in row] for row in log["axes"]]
-
-
-def _float(text: str) -> float:
-    try:
-        return float(Fraction(text))
-    except OverflowError:
-        raise Unproved("a choice is beyond any double") from None
+        return [[arb(as_float(part)) for part in row] for row in log["axes"]]
 
 
 class _Systems:

@@ -7,13 +7,17 @@ import json
 import os
 import re
 from collections.abc import Callable, Sequence
+from fractions import Fraction
 from typing import Any, NoReturn
 
 from flint import arb
 
+from tippedisk_verify.proofs.kernel.balls import Unproved
+
 __all__ = [
     "MEASURED",
     "Refused",
+    "as_float",
     "content_of",
     "count",
     "decimal",
@@ -63,6 +67,14 @@ def decimal(value: Any) -> str:
     if not isinstance(value, str) or not re.fullmatch(pattern, value, re.ASCII):
         raise ValueError("an exact decimal as text is needed")
     return value
+
+
+def as_float(text: str) -> float:
+    """A double near a `decimal`. Raises Unproved if there is none."""
+    try:
+        return float(Fraction(text))
+    except OverflowError:
+        raise Unproved("a choice is beyond any double") from None
 
 
 def count(value: Any) -> int:

@@ -271,10 +271,10 @@ def _connected(n: Passage, connection: Connection) -> None:
     states = [(beta, saddle.arrived((beta, gamma, v))) for beta, gamma, v in connection.pieces]
     first = next((place for place, (_, z) in enumerate(states) if not positive(-s - z[S])), 0)
     need(first > 0, "the connection is not shown to come from outside of N")
+    for _, z in states[first:]:
+        ask("the connection stays in N", u - abs(z[U]), t - abs(z[F]))
     for beta, _ in states[1:]:  # in the first box, at the saddle, it does: `connection`
         ask("gamma grows along the connection", beta.sin())
-    for beta, z in states[first:]:
-        ask("the connection stays in N", u - abs(z[U]), t - abs(z[F]), beta)
 
 
 def shape(kind: str) -> tuple[dict[str, Any], dict[str, Any]]:
