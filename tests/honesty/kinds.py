@@ -330,7 +330,7 @@ def next_to_omega_h(draw: Draw, law: str) -> Question:
     """A cycle a named distance above Omega_h."""
     disk = draw.disk(STRUCTURED, law, 500)
     above = draw.told(decimal(draw.choice((draw.log_uniform(1e-5, 1e-2), draw.log_uniform(1e-12, 1e-5))), 4))
-    return _with_more(partial(disk.limit_cycle, above_het=above), 12, 12)
+    return _with_more(partial(disk.limit_cycle, above_het=above), 12, 24)
 
 
 def connection(draw: Draw, method: str, law: str = "linear") -> Question:
