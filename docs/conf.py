@@ -1,12 +1,16 @@
 """The site: `sphinx-build --fail-on-warning docs build/site`."""
 
 import os
+import re
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 from docutils import nodes
 from latex2mathml.converter import convert
+from sphinx import addnodes
 from sphinx.application import Sphinx
+from sphinx.transforms import SphinxTransform
 from sphinx.writers.html5 import HTML5Translator
 
 import tippedisk_verify
@@ -17,6 +21,8 @@ extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx_click"]
 html_theme = "furo"
 html_title = f"tippedisk_verify {release}"
 html_math_renderer = "mathml"
+html_static_path = ["static"]
+html_css_files = ["site.css"]
 html_show_sphinx = html_copy_source = False
 exclude_patterns = ["**.ipynb_checkpoints"]
 highlight_language = "none"  # most examples are commands
@@ -36,18 +42,61 @@ autodoc_member_order = "bysource"
 autodoc_typehints = "none"  # the docstrings give types, shapes and units
 
 
+# ------------------------------------------------------------------------------------------ formulas
+_GREEK = "Omega|beta|gamma|delta|epsilon|eta|theta|kappa|lambda|mu|nu|xi|pi|rho|tau|phi|chi|omega"
+#: Symbols as pages and docstrings write them for terminals (gamma_bar_0, Omega_crit, c_2, T_crit, pi), and powers.
+_SYMBOL = re.compile(
+    rf"(?<![\w.\\/])(?:({_GREEK})(_bar)?(?:_([A-Za-z]+|\d+))?|([A-Za-z])_(\d+|crit|end|G|y))('?)(?![\w(])"
+    r"|(?<=[\w)])\^(-?\w+|\([^()]*\))"
+)
+
+
+def _formula(symbol: re.Match[str]) -> nodes.Node:
+    greek, bar, index, letter, letter_index, prime, power = symbol.groups()
+    if power:
+        return nodes.superscript("", power.strip("()").replace("-", "\N{MINUS SIGN}"))
+    base = rf"\{greek}".replace(r"\epsilon", r"\varepsilon") if greek else letter
+    below = index or letter_index or ""
+    below = rf"\mathrm{{{below}}}" if len(below) > 2 else below
+    return nodes.math("", (rf"\bar{base}" if bar else base) + (f"_{{{below}}}" if below else "") + prime)
+
+
+class Symbols(SphinxTransform):
+    """Symbols in running text become formulas; sources and docstrings stay readable in a terminal."""
+
+    default_priority = 480
+    _VERBATIM = (nodes.literal, nodes.math, nodes.FixedTextElement, nodes.raw, nodes.comment, addnodes.desc_signature)
+
+    def apply(self, **_: object) -> None:
+        for text in list(self.document.findall(nodes.Text)):
+            ancestor = text.parent
+            while ancestor is not None and not isinstance(ancestor, self._VERBATIM):
+                ancestor = ancestor.parent
+            if ancestor is None and _SYMBOL.search(text.astext()):
+                text.parent.replace(text, list(self._pieces(text.astext())))
+
+    @staticmethod
+    def _pieces(text: str) -> Iterator[nodes.Node]:
+        at = 0
+        for symbol in _SYMBOL.finditer(text):
+            yield nodes.Text(text[at : symbol.start()])
+            yield _formula(symbol)
+            at = symbol.end()
+        yield nodes.Text(text[at:])
+
+
 def _inline(self: HTML5Translator, node: nodes.math) -> None:
     self.body.append(convert(node.astext()))
     raise nodes.SkipNode
 
 
 def _display(self: HTML5Translator, node: nodes.math_block) -> None:
-    self.body.append(
-        f'<div class="math" style="margin: 1em 0; overflow-x: auto">{convert(node.astext(), display="block")}</div>'
-    )
+    self.body.append(f'<div class="math">{convert(node.astext(), display="block")}</div>')
     raise nodes.SkipNode
 
 
 def setup(app: Sphinx) -> None:
     """MathML, which browsers draw by themselves: no page needs a script or a network to show its formulas."""
     app.add_html_math_renderer("mathml", (_inline, None), (_display, None))
+    app.add_transform(Symbols)
+    app.parallel = max(app.parallel, 2)  # the notebooks run side by side

@@ -238,7 +238,7 @@ def test_every_row_of_level_10_says_which_cycle_is_meant(store: Store) -> None:
     for row in rows:
         rotates = row["kind"] == "rotating-cycle"
         assert (row["form"] in ("stable", "unstable"), bool(row["Omega"])) == (rotates, rotates)
-    page = (Path(__file__).parents[2] / "docs" / "grading.md").read_text(encoding="utf-8")
+    page = (Path(__file__).parents[2] / "docs" / "grading_equations.md").read_text(encoding="utf-8")
     for quantity in {row["quantity"] for row in rows}:
         assert f"`{quantity}`" in page, "a stranger cannot answer what is not defined"
 
@@ -458,7 +458,7 @@ def test_answers_are_split_where_they_leave_the_truth() -> None:
 
 @pytest.mark.slow
 def test_the_documented_example_runs(tmp_path: Path) -> None:
-    page = (Path(__file__).parents[2] / "docs" / "grading.md").read_text(encoding="utf-8")
+    page = (Path(__file__).parents[2] / "docs" / "grading_tests.md").read_text(encoding="utf-8")
     (code,) = re.findall(r"```python\n(.*?)```", page, re.S)
     (tmp_path / "test_mine.py").write_text(code)
     command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-W", "error", str(tmp_path)]

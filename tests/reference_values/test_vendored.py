@@ -93,7 +93,7 @@ def test_tables_are_made_anew_and_checked(tmp_path: Path) -> None:
 
 # ------------------------------------------------------------------------------------------ definitions
 def test_every_quantity_is_defined_where_it_is_shown(capsys: pytest.CaptureFixture[str]) -> None:
-    page = (ROOT / "docs" / "grading.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "grading_equations.md").read_text(encoding="utf-8")
     for quantity in stored().values():
         assert definition(quantity.kind, quantity.name)
     for kind in KINDS:
@@ -110,17 +110,23 @@ def test_every_quantity_is_defined_where_it_is_shown(capsys: pytest.CaptureFixtu
 
 
 def test_the_one_harmonic_law_is_the_documents() -> None:
-    """Both forms by the formulas of docs/grading.md, which are read from there."""
-    page = (ROOT / "docs" / "grading.md").read_text(encoding="utf-8")
+    """Both forms by the formulas of docs/grading_equations.md, which are read from there."""
+    page = (ROOT / "docs" / "grading_equations.md").read_text(encoding="utf-8")
     law = page.split("### The one-harmonic law")[1].split("\n## ")[0]
-    formulas = re.findall(r"^    (\S+) *= (.*?)(?:,  .*)?$", law, re.MULTILINE)
-    assert [name for name, _ in formulas] == ["C^2", "omega^2", "chi", "delta", "chi", "delta"]
+    displayed = " ".join(re.findall(r"\$\$(.*?)\$\$", law, re.DOTALL))
+    formulas = [part.rstrip(" ,.").split(" = ") for part in re.split(r"\\qquad|(?<=\.) ", displayed)]
+    formulas = [[side.strip() for side in formula] for formula in formulas if len(formula) == 2]
+    assert [name for name, _ in formulas] == ["C^2", r"\omega^2", "T", r"\chi", r"\delta", r"\chi", r"\delta"]
 
     def value(text: str, names: dict[str, float]) -> float:
-        factors = r"(?<=[\w)]) (?=[\w(])"
-        return float(eval(re.sub(factors, " * ", text.replace("C^2", "C2").replace("^", "**")), dict(names)))
+        """Of a formula in LaTeX: fractions, powers, products."""
+        text = text.replace(r"\bar B", "Bbar").replace("C^2", "C2").replace(r"\,", " ").replace("^", "**")
+        while r"\frac" in text:
+            text = re.sub(r"\\frac\{([^{}]*)\}\{([^{}]*)\}", r"((\1) / (\2))", text)
+        text = " ".join(text.replace("\\", "").split())
+        return float(eval(re.sub(r"(?<=[\w)]) (?=[\w(])", " * ", text), dict(names)))
 
-    for form, (chi, delta) in {"printed": formulas[2:4], "consistent": formulas[4:6]}.items():
+    for form, (chi, delta) in {"printed": formulas[3:5], "consistent": formulas[5:7]}.items():
         for quantity in tv.references(f"printed/linear/harmonic-balance/{form}"):
             p = {name: float(text) for name, text in tv.PRINTED.decimals().items()}
             p |= {"Omega": float(quantity.inputs["Omega"]), "Bbar": p["B"] - p["m"] * p["e"] ** 2}

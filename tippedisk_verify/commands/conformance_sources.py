@@ -50,9 +50,12 @@ def _printed(common: Common, language: str, files: dict[str, str]) -> int:
 @click.command()
 @plain_options
 def guide(common: Common) -> int:
-    """Print how to have an implementation graded: docs/grading.md."""
-    packed = FOLDER.parent / "grading.md"
-    return _shown(common, {}, packed if packed.exists() else FOLDER.parents[2] / "docs" / "grading.md")
+    """Print how to have an implementation graded: the pages docs/grading*.md."""
+    packed = FOLDER.parent / "guide"
+    pages = sorted((packed if packed.exists() else FOLDER.parents[2] / "docs").glob("grading*.md"))
+    text = "\n".join(read_text(page, _LARGEST) for page in pages)
+    print_result(common, {"files": [page.name for page in pages], "text": text}, [text.removesuffix("\n")])
+    return 0
 
 
 def _shown(common: Common, says: dict[str, str], file: Path) -> int:
