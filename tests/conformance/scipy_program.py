@@ -1,4 +1,4 @@
-"""A program as a user would write it: plain SciPy at one tolerance, in doubles, from the equations in docs/grading_equations.md.
+"""A program as a user would write it: plain SciPy at one tolerance, in doubles, from docs/grading_equations.md.
 
 It answers trajectories and librating cycles, near the connection as well. Its crossings are those of `solve_ivp`'s
 events; its Floquet multipliers come from the variational equations with imaginary steps.
