@@ -1,14 +1,13 @@
-"""The example in the README: a motion, a limit cycle, Omega_h, a reference value, an answer graded."""
+"""The ten lines of the README: the critical speed, a limit cycle, a motion, and an answer graded."""
 
 import tippedisk_verify as tv
 
 disk = tv.Disk("printed")
-sol = disk.integrate("30.4", ("pi/2", "pi/2 + 0.4", 0), 10)
-print(sol.message, sol.end.time, sol.end.state, sol.end.uncertainty)
+print(disk.omega_crit)  # 30.8865926886435672...
+print(disk.heteroclinic(digits=20).omega_h)  # 30.0488682607225011227...
 cycle = disk.limit_cycle("30.4", digits=20)
-print(cycle.period, f"{cycle.multiplier_slow:.6f}", cycle.stable)
+print(cycle.period)  # 1.0825552726783306222...
 t, y = cycle.orbit(400)
-print(disk.omega_crit - disk.heteroclinic().omega_h)
-print(tv.reference("printed/linear/heteroclinic/point/omega_h"))
-print(tv.compare("printed/linear/hopf/point/omega_crit", 30.886592688643568).digits)
-print(tv.grade({q.id: q.for_doubles for q in tv.references("printed/linear/rhs/001")}))
+sol = disk.integrate("30.4", ("pi/2", "pi/2 + 0.4", 0), 10)
+print(sol.y.shape, sol.uncertainty.max() < 1e-12)  # (3, 201) True
+print(tv.compare("printed/linear/limit-cycle/crit-0.5/period", 1.0928443).digits)  # 7.578...

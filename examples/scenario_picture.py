@@ -1,4 +1,4 @@
-"""The second picture of the README: all families of limit cycles, as `scenario_picture.py [FILE.png]`."""
+"""The picture of docs/scenario.md: all families of limit cycles, as `scenario_picture.py [FILE.png]`."""
 
 import sys
 

@@ -1,4 +1,4 @@
-"""The picture of the README: two of the paper's scenes in state space, as `scenes_picture.py [FILE.png]`."""
+"""The picture of docs/index.md: two of the paper's scenes in state space, as `scenes_picture.py [FILE.png]`."""
 
 import sys
 

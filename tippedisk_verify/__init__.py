@@ -39,7 +39,7 @@ from __future__ import annotations
 
 from importlib import import_module
 
-__version__ = "0.1.0"
+__version__ = "1.0.0"
 
 TYPE_CHECKING = False  # to type checkers it is true; typing itself would delay the answer to Ctrl-C
 if TYPE_CHECKING:

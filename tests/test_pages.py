@@ -1,0 +1,144 @@
+"""The README and the pages of the site: what they show runs, and says what they say that it says."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+import re
+import shlex
+from pathlib import Path
+
+import click
+import pytest
+
+import tippedisk_verify as tv
+from tippedisk_verify.cli import cli, main
+
+ROOT = Path(__file__).parent.parent
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+INDEX = (ROOT / "docs" / "index.md").read_text(encoding="utf-8")
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
+#: Of the README's table: longer than some seconds, with the minutes of a core.
+LONG = {"basin": 0.3, "atlas": 0.5, "bench": 6}
+
+
+def commands(page: str) -> list[str]:
+    """What a page asks to type after ``tippedisk-verify``: in code between backticks, or on indented lines."""
+    code = [*re.findall(r"`([^`\n]+)`", page), *re.findall(r"^ {4}(.+)$", page, re.MULTILINE)]
+    return [told for line in code for told in re.findall(r"tippedisk-verify ((?:(?! &&| >| \|).)+)", line)]
+
+
+ROWS = commands("\n".join(line for line in README.splitlines() if line.startswith("| ")))
+
+
+# ------------------------------------------------------------------------------------------ the README
+def test_the_readme_is_short() -> None:
+    assert len(README.splitlines()) <= 130
+    assert len(ROWS) == 12
+
+
+@pytest.mark.parametrize(
+    "row", [pytest.param(row, marks=pytest.mark.slow(minutes=LONG.get(row.split()[0], 0.25))) for row in ROWS]
+)
+def test_a_row_of_the_readme_runs(row: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    arguments = shlex.split(row)
+    assert main(arguments) == 0
+    if "--out" in arguments:
+        assert Path(arguments[arguments.index("--out") + 1]).exists()
+
+
+def test_the_lines_of_python_print_what_stands_beside_them() -> None:
+    """They are one of the examples, so mypy reads them too. Three dots stand for further digits."""
+    (shown,) = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
+    assert shown == (ROOT / "examples" / "from_python.py").read_text(encoding="utf-8").partition("\n\n")[2]
+    lines = [line for line in shown.splitlines() if line]
+    assert len(lines) == 10
+    names: dict[str, object] = {}
+    for line in lines:
+        printed = io.StringIO()
+        with contextlib.redirect_stdout(printed):
+            exec(line, names)
+        expected = line.partition("  # ")[2]
+        assert printed.getvalue().startswith(expected.removesuffix("...")), line
+        assert bool(expected) == line.startswith("print")
+
+
+def test_the_disk_file_of_the_readme_is_table_1(tmp_path: Path) -> None:
+    lines = re.findall(r"^    (\w+ = \".*\")$", README, re.MULTILINE)
+    (tmp_path / "disk.toml").write_text("\n".join(lines))
+    assert (
+        tv.Disk.read(tmp_path / "disk.toml").decimals() | {"C": tv.PRINTED.decimals()["C"]}
+        == tv.Disk("printed").decimals()
+    )
+
+
+def test_continuous_integration_runs_the_readmes_test_command() -> None:
+    (told,) = re.findall(r"^    python3 -m venv \.venv && (.*pytest)$", README, re.MULTILINE)
+    install, test = told.replace(".venv/bin/", "").split(" && ")
+    script = (ROOT / ".ci" / "run").read_text(encoding="utf-8").replace('"$work/venv/bin/', "").replace('"', "")
+    assert test in script
+    assert install.replace("[test]", "[test,docs]") in script
+    assert "run: .ci/run" in (ROOT / ".github" / "workflows" / "ci.yml").read_text(encoding="utf-8")
+
+
+# ------------------------------------------------------------------------------------------ all pages
+@pytest.mark.parametrize("path", PAGES, ids=lambda path: path.relative_to(ROOT).as_posix())
+def test_every_command_is_one(path: Path) -> None:
+    """By name, options and number of arguments; words in capitals stand for what a reader puts there."""
+    for told in commands(path.read_text(encoding="utf-8")):
+        words, command = shlex.split(told), cli
+        if words[0].isupper():
+            continue
+        while isinstance(command, click.Group) and words and not words[0].startswith("-"):
+            name = words.pop(0)
+            below = command.get_command(click.Context(command), name)
+            assert below is not None, f"{path.name}: {told}: there is no {name}"
+            command = below
+        if words and not isinstance(command, click.Group):
+            command.make_context(command.name, words)
+
+
+def test_every_command_has_its_place_on_the_page_of_commands() -> None:
+    shown = {told.split()[0] for told in commands((ROOT / "docs" / "commands.md").read_text(encoding="utf-8"))}
+    assert shown == {*cli.list_commands(click.Context(cli)), "COMMAND"}
+
+
+@pytest.mark.parametrize("path", PAGES, ids=lambda path: path.relative_to(ROOT).as_posix())
+def test_links_lead_to_files(path: Path) -> None:
+    for target in re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", path.read_text(encoding="utf-8")):
+        assert (path.parent / target).exists(), target
+
+
+def test_the_numbers_of_the_first_page() -> None:
+    """Each number in the table is the true one, rounded to the places that it has."""
+    from tippedisk_verify.audit.claims import rounds_to
+    from tippedisk_verify.model.measured import Measured
+    from tippedisk_verify.theory.equilibria import stiff_eigenvalue_estimate
+    from tippedisk_verify.theory.harmonic_balance import chi
+
+    rows = {
+        cells[1].split()[0].rstrip(","): cells[3:5] for line in INDEX.splitlines() if len(cells := line.split("|")) == 6
+    }
+    for place, parameters in enumerate((tv.PRINTED, tv.CALIBRATED)):
+        truths = {
+            "Omega_crit": tv.omega_crit(parameters, 25),
+            "T_crit": tv.period_crit(parameters, 25),
+            "A_33": Measured.of(stiff_eigenvalue_estimate(parameters), 0),
+            "chi": Measured.of(chi(parameters.rational(), "printed"), 0),
+            "Omega_h": tv.reference(f"{parameters.name}/linear/heteroclinic/point/omega_h").measured(),
+        }
+        for name, truth in truths.items():
+            assert rounds_to(truth, rows[name][place].strip()) is True, (name, parameters.name)
+
+
+# ------------------------------------------------------------------------------------------ the release
+def test_the_version_is_the_same_everywhere() -> None:
+    changes = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    assert re.findall(r"^## (\d+\.\d+\.\d+) ", changes, re.MULTILINE)[0] == tv.__version__
+    citation = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    assert f"\nversion: {tv.__version__}\n" in citation
+    assert json.loads((ROOT / ".zenodo.json").read_text(encoding="utf-8"))["version"] == tv.__version__
+    released = re.findall(r"^date-released: (\S+)$", citation, re.MULTILINE)
+    assert released == re.findall(rf"^## {re.escape(tv.__version__)} \((\S+)\)$", changes, re.MULTILINE)
