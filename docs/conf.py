@@ -99,4 +99,4 @@ def setup(app: Sphinx) -> None:
     """MathML, which browsers draw by themselves: no page needs a script or a network to show its formulas."""
     app.add_html_math_renderer("mathml", (_inline, None), (_display, None))
     app.add_transform(Symbols)
-    app.parallel = max(app.parallel, 2)  # the notebooks run side by side
+    app.parallel = max(app.parallel, 8)  # so few pages to a process that no two notebooks wait for each other

@@ -30,7 +30,7 @@ _MOST_DIGITS = 200
 
 
 def limit_speed(parameters: Parameters, gamma_bar_0: object = None, digits: int = 12) -> Measured:
-    """Omega [rad/s] of the limit cycle with largest |gamma - pi/2| = ``gamma_bar_0`` [rad] as epsilon -> 0.
+    """Omega [rad/s] of the limit cycle whose largest abs(gamma - pi/2) is ``gamma_bar_0`` [rad], as epsilon -> 0.
 
     Without ``gamma_bar_0`` the limit of Omega_h; towards 0 it is Omega_crit. Raises InputError outside (0, pi) or
     beyond 200 digits, Shortfall if no speed makes the integral vanish.
