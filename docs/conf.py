@@ -46,19 +46,21 @@ autodoc_typehints = "none"  # the docstrings give types, shapes and units
 _GREEK = "Omega|beta|gamma|delta|epsilon|eta|theta|kappa|lambda|mu|nu|xi|pi|rho|tau|phi|chi|omega"
 #: Symbols as pages and docstrings write them for terminals (gamma_bar_0, Omega_crit, c_2, T_crit, pi), and powers.
 _SYMBOL = re.compile(
-    rf"(?<![\w.\\/])(?:({_GREEK})(_bar)?(?:_([A-Za-z]+|\d+))?|([A-Za-z])_(\d+|crit|end|G|y))('?)(?![\w(])"
+    rf"(?<![\w.\\\"“])(d?)(?:({_GREEK})(_bar)?(?:_([A-Za-z]+|\d+))?|([A-Za-z])_(\d+|crit|end|G|y))('*)(?![\w(])"
     r"|(?<=[\w)])\^(-?\w+|\([^()]*\))"
 )
+_FUNCTION = re.compile(r"(<mi>(?:sin|cos|log|ln|exp)</mi>|<msup><mi>(?:sin|cos)</mi><mn>\d</mn></msup>)")
 
 
 def _formula(symbol: re.Match[str]) -> nodes.Node:
-    greek, bar, index, letter, letter_index, prime, power = symbol.groups()
+    differential, greek, bar, index, letter, letter_index, primes, power = symbol.groups()
     if power:
         return nodes.superscript("", power.strip("()").replace("-", "\N{MINUS SIGN}"))
     base = rf"\{greek}".replace(r"\epsilon", r"\varepsilon") if greek else letter
     below = index or letter_index or ""
     below = rf"\mathrm{{{below}}}" if len(below) > 2 else below
-    return nodes.math("", (rf"\bar{base}" if bar else base) + (f"_{{{below}}}" if below else "") + prime)
+    latex = (rf"\bar{base}" if bar else base) + (f"_{{{below}}}" if below else "") + primes
+    return nodes.math("", f"{differential}{latex}")
 
 
 class Symbols(SphinxTransform):
@@ -85,13 +87,17 @@ class Symbols(SphinxTransform):
         yield nodes.Text(text[at:])
 
 
+def _mathml(latex: str, display: str = "inline") -> str:
+    return _FUNCTION.sub(r'<mspace width="0.1em"/>\1<mspace width="0.15em"/>', convert(latex, display=display))
+
+
 def _inline(self: HTML5Translator, node: nodes.math) -> None:
-    self.body.append(convert(node.astext()))
+    self.body.append(_mathml(node.astext()))
     raise nodes.SkipNode
 
 
 def _display(self: HTML5Translator, node: nodes.math_block) -> None:
-    self.body.append(f'<div class="math">{convert(node.astext(), display="block")}</div>')
+    self.body.append(f'<div class="math">{_mathml(node.astext(), "block")}</div>')
     raise nodes.SkipNode
 
 

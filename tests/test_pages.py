@@ -111,6 +111,15 @@ def test_links_lead_to_files(path: Path) -> None:
         assert (path.parent / target).exists(), target
 
 
+def test_every_public_name_of_python_has_an_example() -> None:
+    """In a cell that runs as the site is built; a disk's methods as well."""
+    pages = [path.read_text(encoding="utf-8") for path in (ROOT / "docs" / "reference").glob("python*.md")]
+    cells = "\n".join(re.findall(r"```\{code-cell\}\n(.*?)```", "\n".join(pages), re.DOTALL))
+    assert {name for name in tv.__all__ if not re.search(rf"\btv\.{name}\b", cells)} == set()
+    methods = {name for name, value in vars(tv.Disk).items() if not name.startswith("_") and value is not None}
+    assert {name for name in methods if not re.search(rf"\.{name}\b", cells)} == set()
+
+
 def test_the_numbers_of_the_first_page() -> None:
     """Each number in the table is the true one, rounded to the places that it has."""
     from tippedisk_verify.audit.claims import rounds_to
