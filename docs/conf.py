@@ -50,6 +50,7 @@ _SYMBOL = re.compile(
     r"|(?<=[\w)])\^(-?\w+|\([^()]*\))"
 )
 _FUNCTION = re.compile(r"(<mi>(?:sin|cos|log|ln|exp)</mi>|<msup><mi>(?:sin|cos)</mi><mn>\d</mn></msup>)")
+_BAR = re.compile(r"<mo(?=[^>]*>&#x0007C;</mo>)")
 
 
 def _formula(symbol: re.Match[str]) -> nodes.Node:
@@ -76,6 +77,10 @@ class Symbols(SphinxTransform):
                 ancestor = ancestor.parent
             if ancestor is None and _SYMBOL.search(text.astext()):
                 text.parent.replace(text, list(self._pieces(text.astext())))
+        for formula in self.document.findall(nodes.math):
+            after = formula.next_node(nodes.Text, descend=False, siblings=True)
+            if after is not None and after.astext()[:1] in {*",.;:?!)'"}:  # no line begins with these
+                after.parent.replace(after, nodes.Text("\N{WORD JOINER}" + after.astext()))
 
     @staticmethod
     def _pieces(text: str) -> Iterator[nodes.Node]:
@@ -88,7 +93,9 @@ class Symbols(SphinxTransform):
 
 
 def _mathml(latex: str, display: str = "inline") -> str:
-    return _FUNCTION.sub(r'<mspace width="0.1em"/>\1<mspace width="0.15em"/>', convert(latex, display=display))
+    """The formula, with the spaces that TeX puts after functions and not around bars."""
+    spaced = _FUNCTION.sub(r'<mspace width="0.1em"/>\1<mspace width="0.15em"/>', convert(latex, display=display))
+    return _BAR.sub('<mo lspace="0" rspace="0"', spaced)
 
 
 def _inline(self: HTML5Translator, node: nodes.math) -> None:
