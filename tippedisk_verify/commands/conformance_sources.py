@@ -54,7 +54,7 @@ def guide(common: Common) -> int:
     packed = FOLDER.parent / "guide"
     pages = sorted((packed if packed.exists() else FOLDER.parents[2] / "docs").glob("grading*.md"))
     text = "\n".join(read_text(page, _LARGEST) for page in pages)
-    print_result(common, {"files": [page.name for page in pages], "text": text}, [text.removesuffix("\n")])
+    print_result(common, {"file": pages[0].name, "text": text}, [text.removesuffix("\n")])
     return 0
 
 
