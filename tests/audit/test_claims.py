@@ -56,6 +56,7 @@ def test_all_claims_on_the_named_sets(taylor) -> None:
         *("delta", "amplitude_law", "period_law", "reduced_dimension", "second_noninverted_state"),
         *("order_0_noninverted", "globally_attractive", "smooth_same_asymptotics", "almost_all_trajectories"),
     }
+    assert {claim.name for claim in CLAIMS if claim.fault} == wrong
     for name, finding in found.items():
         if name == "convergent_series":
             assert finding.verdict is Verdict.UNDECIDED

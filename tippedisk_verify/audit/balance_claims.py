@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from fractions import Fraction
 
-from tippedisk_verify.audit.claims import EXACT, Audit, Claim, Examination, ProofOffer, compared, number, per_set
+from tippedisk_verify.audit.claims import EXACT, Audit, Claim, Examination, Fault, ProofOffer, compared, number, per_set
 from tippedisk_verify.audit.table_claims import chi, critical_period
 from tippedisk_verify.audit.table_rounding import noted
 from tippedisk_verify.model.parameters import Constants
@@ -85,11 +85,15 @@ def _supercritical(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
     return f"{kind}, l_1 = {float(hopf.hopf_point(parameters).first_lyapunov_coefficient):.6g}", kind == printed
 
 
+_DROPPED = "the cubic term of gamma_bar' = Omega sin(beta_bar)"
+_BY_CHI = "the paper's chi follows from the right one and not from what is printed"
+
+
 #: In the order of the paper.
 BALANCE_CLAIMS: tuple[Claim, ...] = (
     Claim(
         "expansion_mass",
-        "Eq. MassMatrix_3DOF_approx",
+        "eq:MassMatrix_3DOF_approx",
         "M-tilde is the mass matrix to third order",
         "formula",
         _expansion_part("mass", ""),
@@ -100,32 +104,42 @@ BALANCE_CLAIMS: tuple[Claim, ...] = (
     ),
     Claim(
         "expansion_gyroscopic",
-        "Eq. GyroVector_3DOF_approx",
+        "eq:GyroVector_3DOF_approx",
         "h-tilde is the vector of gyroscopic forces to third order",
         "formula",
-        _expansion_part("gyroscopic", "the mixed term is -[2 (A - Bbar) + m e (r + e)] Omega"),
+        _expansion_part("gyroscopic", ""),
         formula=(
             r"\tilde{h} = -\bar{B}\Omega^2\bar{\beta} + (\bar{B}-A)\Omega^2\bar{\beta}\bar{\gamma}^2"
             r" + \left[\tfrac{2}{3}\bar{B} - m e(r+e)\right]\Omega^2\bar{\beta}^3"
             r" - 2\left[A-\bar{B}+m e(r+e)\right]\Omega\dot{\bar{\beta}}\bar{\beta}\bar{\gamma}"
             r" - m(r+e)^2\dot{\bar{\beta}}^2\bar{\beta} + \dots"
         ),
+        fault=Fault(
+            "slip",
+            f"a factor 2 stands before the whole bracket instead of its first term; {_BY_CHI}",
+            "the mixed term is -[2 (A - Bbar) + m e (r + e)] Omega v beta_bar gamma_bar",
+        ),
     ),
     Claim(
         "expansion_gravity",
-        "Eq. force_3DOF_approx",
+        "eq:force_3DOF_approx",
         "f_G to third order",
         "formula",
-        _expansion_part("gravity", "gamma_bar^3 should be gamma_bar^2"),
+        _expansion_part("gravity", ""),
         formula=(
             r"f_G = m g(r+e)\bar{\beta} - \tfrac{1}{2} m g e\,\bar{\beta}\bar{\gamma}^3"
             r" - \tfrac{1}{6} m g(r+e)\bar{\beta}^3"
             r" + \dots"
         ),
+        fault=Fault(
+            "slip",
+            f"gamma_bar^3 stands for gamma_bar^2; {_BY_CHI}",
+            "the mixed term is -(1/2) m g e beta_bar gamma_bar^2",
+        ),
     ),
     Claim(
         "expansion_friction",
-        "Eq. genForce_3DOF_approx",
+        "eq:genForce_3DOF_approx",
         "w_y lambda_Ty to third order",
         "formula",
         _expansion_part("friction", ""),
@@ -139,42 +153,41 @@ BALANCE_CLAIMS: tuple[Claim, ...] = (
     ),
     Claim(
         "kappa_1",
-        "below Eq. cos_balance",
+        "eq:cos_balance+1",
         "kappa_1 is the cubic part of the sine balance",
         "-2 m e (r + e)",
-        per_set(_balance_constant(0), "2 m e (r + e) enters with the other sign; the printed chi has it right", EXACT),
+        per_set(_balance_constant(0), "", EXACT),
         formula=(
             r"\kappa_1 = \tfrac{1}{4}\left[\bar{B} - 3A - 2 m e(r+e)\right]\Omega^2 - \tfrac{1}{2} m(r+e)^2\omega^2"
             r" + \tfrac{1}{8} m g e\frac{\Omega^2}{\omega^2} - \tfrac{1}{4}(\bar{B}-A)\frac{\Omega^4}{\omega^2}"
             r" + \tfrac{1}{8} m g(r+e)"
         ),
+        fault=Fault("slip", f"a sign; {_BY_CHI}", "the first bracket is [Bbar - 3 A + 2 m e (r + e)]"),
     ),
     Claim(
         "kappa_2",
-        "Eq. kappa2",
+        "eq:kappa2, eq:kin_rel, eq:harmonic_ansatz, eq:harmonic_ansatz+1",
         "kappa_2 is the cubic part of the cosine balance",
         "formula",
-        per_set(
-            _balance_constant(1),
-            "follows from the ansatz D = -C Omega/omega, which drops a cubic term of gamma_bar' = Omega sin(beta_bar)",
-            EXACT,
-        ),
+        per_set(_balance_constant(1), "the printed one belongs to the ansatz D = -C Omega/omega", EXACT),
         formula=(
             r"\kappa_2 = -e\,\frac{r+4e}{2}\,\frac{\Omega^4}{\omega^2} + \tfrac{3}{2} e(r+e)\Omega^2"
             r" + (r+e)^2\omega^2"
         ),
+        fault=Fault("follows-from", _DROPPED, "the middle term is e (r + e) Omega^2, without the factor 3/2"),
     ),
     Claim(
         "delta",
-        "Eq. delta",
+        "eq:delta",
         "delta = -(1/8) (r - e)/(r + e) Omega^2",
         "-(1/8) (r - e)/(r + e) Omega^2",
-        per_set(_balance_constant(2), "-(1/8) r/(r + e) Omega^2 with the cubic kinematic term", EXACT),
+        per_set(_balance_constant(2), "", EXACT),
         formula=r"\delta = -\frac{1}{8}\,\frac{r-e}{r+e}\,\Omega^2",
+        fault=Fault("follows-from", _DROPPED, "delta = -(1/8) r/(r + e) Omega^2"),
     ),
     Claim(
         "chi",
-        "below Eq. Csol",
+        "eq:Csol+1",
         "chi = 1.31e-7 kg m^3",
         "1.31e-7",
         number(chi, noted("chi", "the printed formula"), ("closed form",)),
@@ -184,36 +197,37 @@ BALANCE_CLAIMS: tuple[Claim, ...] = (
     ),
     Claim(
         "amplitude_law",
-        "Eq. Csol",
+        "eq:Csol",
         "C is the amplitude up to O(C^4)",
         "C + O(C^4)",
         per_set(
             _slope_claim(0),
-            "the cubic term of gamma_bar' = Omega sin(beta_bar) is of the order of what is kept and changes the leading"
-            " order; with it (the consistent form) the next term is O(C^3)",
+            "the dropped term is of the order of what is kept and changes the leading order",
             ("first Lyapunov coefficient", "closed form"),
         ),
         formula=(
             r"C = 2\sqrt{\frac{e}{r+e}}\sqrt{-\frac{\bar{B}r\Omega^2 - m g(r+e)^2}{\chi\Omega^2 + m g e(r+e)}}"
             r" + \mathcal{O}(C^4)"
         ),
+        fault=Fault("follows-from", _DROPPED, "C is C + O(C^3) with Bbar e^2/(2 (r + e)) added to chi"),
         figures=("harmonic_balance",),
     ),
     Claim(
         "period_law",
-        "Eq. omega_sol",
+        "eq:omega_sol",
         "omega is the frequency of the cycle up to O(C^4)",
         "omega + O(C^4)",
-        per_set(_slope_claim(1), "as for the amplitude", ("first Lyapunov coefficient", "closed form")),
+        per_set(_slope_claim(1), "", ("first Lyapunov coefficient", "closed form")),
         formula=(
             r"\omega = \Omega\sqrt{\frac{e}{r+e}\left(1 + \frac{1}{2}\,\frac{r-e}{r+e}\,"
             r"\frac{\bar{B}r\Omega^2 - m g(r+e)^2}{\chi\Omega^2 + m g e(r+e)}\right)}"
         ),
+        fault=Fault("follows-from", _DROPPED, "r - e becomes r, with Bbar e^2/(2 (r + e)) added to chi"),
         figures=("harmonic_balance",),
     ),
     Claim(
         "supercritical",
-        "Section sec:linear3DOF",
+        "below eq:Csol+2",
         "the Hopf bifurcation is supercritical",
         "supercritical",
         compared(_supercritical, "the sign of A (r - 2e) - Bbar r (2r - e) / (2 (r + e)), exactly", EXACT),
@@ -227,7 +241,7 @@ BALANCE_CLAIMS: tuple[Claim, ...] = (
     ),
     Claim(
         "period_crit",
-        "text below Eq. omega_sol",
+        "below eq:omega_sol",
         "the period at the Hopf point is 0.886 s",
         "0.886",
         number(critical_period, noted("period_crit", "0.8867 for Table 1 as rounded"), ("closed form",)),

@@ -13,10 +13,11 @@ from decimal import Decimal
 from enum import Enum
 from fractions import Fraction
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 from tippedisk_verify.atlas.branch import family
 from tippedisk_verify.atlas.locator import locator
+from tippedisk_verify.audit.citations import cited
 from tippedisk_verify.connection.heteroclinic import Heteroclinic, heteroclinic
 from tippedisk_verify.cycles.folds import fold_in_double
 from tippedisk_verify.cycles.shooting import LimitCycle
@@ -33,6 +34,8 @@ __all__ = [
     "Audit",
     "Claim",
     "Examination",
+    "Fault",
+    "FaultKind",
     "Finding",
     "ProofOffer",
     "Verdict",
@@ -121,22 +124,44 @@ class ProofOffer(NamedTuple):
     every_disk: bool = False
 
 
+FaultKind = Literal["slip", "follows-from", "differs"]
+
+
+class Fault(NamedTuple):
+    """Why a claim does not follow, and what is true instead.
+
+    A ``slip`` is one of the pen: the paper itself shows what is meant. What ``follows-from`` another claim or a dropped
+    term has that one's name as its cause. Anything else ``differs``.
+    """
+
+    kind: FaultKind
+    cause: str
+    instead: str
+
+
 @dataclass(frozen=True)
 class Claim:
     """One sentence, formula or number of the paper (or one cross-check of our own), with all that belongs to it."""
 
     name: str
-    source: str  #: section, equation label or figure of the paper
+    labels: str  #: LaTeX labels of the paper's equations, figures, tables and sections, as `cited` takes them
     statement: str
     printed: str  #: what the paper prints
     examine: Examination  #: on the audit's sets, against what is printed
     formula: str = ""  #: what the paper writes, in LaTeX: its formula, or the sentence's mathematical content
     unit: str = ""  #: of what is printed and computed, where that is a number
-    reading: bool = False  #: the fault is one of wording, which no disk and no computation changes
+    fault: Fault | None = None  #: where the claim follows for no disk
     own_check: bool = False
     figures: tuple[str, ...] = ()  #: the exhibits that are drawn with it
     proof: ProofOffer | None = None
     cost: float = 0.0  #: what examining three sets takes alone on one core [s], where that is two or more
+
+    @property
+    def source(self) -> str:
+        """Published numbers, with the LaTeX labels behind."""
+        if self.own_check:
+            return "own cross-check"
+        return f"{cited(self.labels)}, {self.labels.replace('below ', '')}"
 
 
 @dataclass(repr=False)

@@ -143,7 +143,7 @@ def _theorems_6_and_7(theorem: str, proves: str, law: Friction | None = "linear"
 CONNECTION_CLAIMS: tuple[Claim, ...] = (
     Claim(
         "omega_h",
-        "text below Figure Shooting",
+        "below fig:Shooting",
         "the periodic solution vanishes at Omega_h = 30.07 rad/s",
         "30.07",
         number(Audit.omega_h, _WHERE, ("manifolds",)),
@@ -160,7 +160,7 @@ CONNECTION_CLAIMS: tuple[Claim, ...] = (
     ),
     Claim(
         "infinite_period",
-        "Section sec:discussion",
+        "sec:discussion",
         "the period tends to infinity as Omega falls to Omega_h",
         "T_h = infinity",
         per_set(
@@ -179,7 +179,7 @@ CONNECTION_CLAIMS: tuple[Claim, ...] = (
     ),
     Claim(
         "only_above_omega_h",
-        "Section sec:discussion",
+        "sec:discussion",
         "the periodic solution exists above Omega_h only: below, the saddle's unstable branch leaves the well",
         "existence above",
         per_set(
@@ -202,7 +202,7 @@ CONNECTION_CLAIMS: tuple[Claim, ...] = (
     ),
     Claim(
         "both_connections",
-        "Section sec:discussion",
+        "sec:discussion",
         "at Omega_h two heteroclinic connections form a cycle",
         "two connections",
         per_set(
@@ -215,7 +215,7 @@ CONNECTION_CLAIMS: tuple[Claim, ...] = (
     ),
     Claim(
         "homoclinic_identified",
-        "Section sec:discussion",
+        "sec:discussion",
         "with the noninverted equilibria identified the connections are homoclinic",
         "homoclinic",
         per_set(
@@ -228,7 +228,7 @@ CONNECTION_CLAIMS: tuple[Claim, ...] = (
     ),
     Claim(
         "attracting_cycle",
-        "Section sec:discussion",
+        "sec:discussion",
         "the periodic orbit that arises at Omega_h is stable",
         "stable",
         per_set(
@@ -241,7 +241,7 @@ CONNECTION_CLAIMS: tuple[Claim, ...] = (
     ),
     Claim(
         "omega_h_two_roads",
-        "own cross-check",
+        "",
         "two roads to Omega_h agree",
         "",
         _two_roads,

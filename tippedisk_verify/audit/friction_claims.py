@@ -7,7 +7,7 @@ from fractions import Fraction
 from functools import lru_cache
 
 from tippedisk_verify.atlas.cycles_at_speed import cycle_at
-from tippedisk_verify.audit.claims import Audit, Claim, per_set
+from tippedisk_verify.audit.claims import Audit, Claim, Fault, per_set
 from tippedisk_verify.connection.heteroclinic import heteroclinic
 from tippedisk_verify.cycles.shooting import LimitCycle
 from tippedisk_verify.errors import NoConnectionError, NoSuchCycleError, Shortfall
@@ -134,19 +134,24 @@ def _boundary(parameters: Parameters, omega: Fraction, engine: Engine) -> str:
 FRICTION_CLAIMS: tuple[Claim, ...] = (
     Claim(
         "globally_attractive",
-        "Section sec:discussion",
+        "sec:discussion",
         "the slow manifold is globally attractive, with the smooth law as well",
         "globally attractive",
         per_set(
             _attractive,
-            "rates at which neighbours in v fall together; closer to lying flat they part",
+            "rates at which neighbours in v fall together, a little off rolling",
             ("closed form",),
+        ),
+        fault=Fault(
+            "differs",
+            "the attraction rate vanishes where the disk lies flat, and off rolling neighbours in v part before that",
+            "the slow manifold attracts at an angle from lying flat, by both laws",
         ),
         formula=r"\mathcal{M}_s \;\text{attracts}\; \{0 < \beta < \pi\}",
     ),
     Claim(
         "smooth_same_behaviour",
-        "Section sec:discussion",
+        "sec:discussion",
         "smooth Coulomb friction does not change the qualitative behaviour",
         "same qualitatively",
         per_set(_qualitative, "stable cycles between a connection and the same Hopf point", ("shooting", "manifolds")),
@@ -159,19 +164,24 @@ FRICTION_CLAIMS: tuple[Claim, ...] = (
     ),
     Claim(
         "smooth_same_asymptotics",
-        "Section sec:discussion",
+        "sec:discussion",
         "linear and smooth Coulomb friction describe the same asymptotic behaviour",
         "same",
         per_set(
             _asymptotic,
-            "the limit cycles at Omega_crit - 0.5; they agree only where they shrink to the Hopf point",
+            "the limit cycles at Omega_crit - 0.5",
             ("shooting",),
+        ),
+        fault=Fault(
+            "differs",
+            "the sliding velocity does not vanish along the limit cycle, so the laws differ there",
+            "the limit cycles of the two laws agree only where they shrink to the Hopf point",
         ),
         formula=r"|\gamma_y| \ll \varepsilon",
     ),
     Claim(
         "almost_all_trajectories",
-        "Section sec:discussion",
+        "sec:discussion",
         "above Omega_crit inverted spinning attracts almost all trajectories",
         "almost all",
         per_set(
@@ -179,6 +189,11 @@ FRICTION_CLAIMS: tuple[Claim, ...] = (
             f"{_STATES} starts over the whole strip between noninverted states, 20 s; a boundary told is the"
             " stable manifold of an unstable rotating cycle, with its image under the point symmetry",
             ("trajectories", "shooting"),
+        ),
+        fault=Fault(
+            "differs",
+            "many starts lie flat before they invert",
+            "inverted spinning attracts a neighbourhood, which an unstable rotating cycle's stable manifold bounds",
         ),
         formula=r"x(t) \to (\pi/2,\,\pi/2,\,0) \quad\text{for}\quad \Omega > \Omega_\text{crit}",
         cost=3,

@@ -136,7 +136,7 @@ def _engines(audit: Audit, printed: str) -> Finding:
 GLOBAL_CLAIMS: tuple[Claim, ...] = (
     Claim(
         "stable_branch",
-        "Section sec:shooting",
+        "sec:shooting",
         "between Omega_h and Omega_crit the periodic solution is stable; amplitude and period fall with Omega",
         "stable, monotone",
         per_set(_branch, "at 41 speeds each multiplier lies below 1 by more than its half-width", ("shooting",)),
@@ -152,7 +152,7 @@ GLOBAL_CLAIMS: tuple[Claim, ...] = (
     ),
     Claim(
         "table_2",
-        "Table tab:initail",
+        "tab:initail",
         "the guess at Omega_crit - 0.5 converges",
         "guess 1.69, -1.72, 1.10",
         compared(_table_2, "the cycle found from the table's guess: gamma_bar_0, v_0 and T", ("shooting",)),
@@ -160,7 +160,7 @@ GLOBAL_CLAIMS: tuple[Claim, ...] = (
     ),
     Claim(
         "scene_a",
-        "Figure sub_hom",
+        "fig:sub_hom",
         "below Omega_h solutions are repelled by inverted spinning",
         "repelled",
         per_set(
@@ -176,7 +176,7 @@ GLOBAL_CLAIMS: tuple[Claim, ...] = (
     *(
         Claim(
             f"scene_{name}",
-            f"Figure {label}",
+            f"fig:{label}",
             "the periodic solution attracts both orbits",
             "limit cycle",
             _scene(name, "amplitude of gamma at beta = pi/2"),
@@ -192,7 +192,7 @@ GLOBAL_CLAIMS: tuple[Claim, ...] = (
     ),
     Claim(
         "scene_f",
-        "Figure sup_crit",
+        "fig:sup_crit",
         "above Omega_crit inverted spinning attracts both orbits",
         "inverted spinning",
         _scene("f", ""),
@@ -201,7 +201,7 @@ GLOBAL_CLAIMS: tuple[Claim, ...] = (
     ),
     Claim(
         "permanent_contact",
-        "Section sec:model",
+        "sec:model",
         "the disk stays in contact with the support",
         "permanent contact",
         per_set(_contact, "smallest normal force over weight along the orbits of scenes a; b to f", ("trajectories",)),
@@ -210,7 +210,7 @@ GLOBAL_CLAIMS: tuple[Claim, ...] = (
     ),
     Claim(
         "engines_agree",
-        "own cross-check",
+        "",
         "two integrators that share only the equations agree",
         "",
         _engines,

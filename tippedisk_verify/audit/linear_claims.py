@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from fractions import Fraction
 
-from tippedisk_verify.audit.claims import EXACT, Audit, Claim, Examination, ProofOffer, compared, number, per_set
+from tippedisk_verify.audit.claims import EXACT, Audit, Claim, Examination, Fault, ProofOffer, compared, number, per_set
 from tippedisk_verify.audit.table_claims import critical_speed, stiff_eigenvalue
 from tippedisk_verify.audit.table_rounding import noted
 from tippedisk_verify.model.equations import jacobian, terms
@@ -112,20 +112,20 @@ def _theorem_1(proves: str, rest: str = "") -> ProofOffer:
 LINEAR_CLAIMS: tuple[Claim, ...] = (
     Claim(
         "sliding_velocity",
-        "Eq. gamma_y_3DOF",
+        "eq:gamma_y_3DOF",
         "gamma_y = (r + e sin gamma) v sin beta - e Omega sin beta^2 cos gamma",
         "sin beta^2",
-        compared(
-            _square_of_sine,
-            "read as the square of the sine; the contact point's kinematics give no other reading",
-            ("reading", "closed form"),
+        compared(_square_of_sine, "", ("reading", "closed form")),
+        fault=Fault(
+            "slip",
+            "the square stands at the angle instead of its sine; the contact point's kinematics give no other reading",
+            "gamma_y = (r + e sin gamma) v sin beta - e Omega sin^2(beta) cos gamma",
         ),
-        reading=True,
         formula=r"\gamma_y = (r + e\,\sin\gamma)\,\dot{\beta}\,\sin\beta - e\,\Omega\,\sin\beta^2\,\cos\gamma",
     ),
     Claim(
         "linearization",
-        "Eqs. 3DOF_lin, A_coeff_O",
+        "eq:3DOF_lin, eq:A_coeff_O",
         "A31, A32 and A33 linearise the equations about inverted spinning",
         "A31, A32, A33",
         per_set(_jacobian_entries, "against the derivative of the full equations in 200 bits", EXACT),
@@ -137,7 +137,7 @@ LINEAR_CLAIMS: tuple[Claim, ...] = (
     ),
     Claim(
         "omega_crit",
-        "Eq. approx_omega_crit",
+        "eq:approx_omega_crit",
         "Omega_crit = sqrt((r+e)^2/r * m g/Bbar) = 30.92 rad/s",
         "30.92",
         number(
@@ -151,7 +151,7 @@ LINEAR_CLAIMS: tuple[Claim, ...] = (
     ),
     Claim(
         "omega_crit_friction",
-        "text below Eq. approx_omega_crit",
+        "below eq:approx_omega_crit",
         "the critical speed does not depend on the friction parameters mu and epsilon",
         "independent",
         compared(
@@ -168,7 +168,7 @@ LINEAR_CLAIMS: tuple[Claim, ...] = (
     ),
     Claim(
         "lambda_3",
-        "Eq. closed_la3",
+        "eq:closed_la3",
         "lambda_3 is about A_33 = -129.04 1/s",
         "-129.04",
         number(
@@ -186,7 +186,7 @@ LINEAR_CLAIMS: tuple[Claim, ...] = (
     ),
     Claim(
         "lambda_3_order",
-        "Eq. closed_la3",
+        "eq:closed_la3",
         "lambda_3 = A_33 + O(epsilon)",
         "O(epsilon)",
         per_set(_stiff_order, "fitted exponent of epsilon between 1e-4 and 1e-5", ("eigenvalues at 40 digits",)),
@@ -194,13 +194,11 @@ LINEAR_CLAIMS: tuple[Claim, ...] = (
     ),
     Claim(
         "critical_pair",
-        "below Eq. closed_la3",
+        "below eq:closed_la3",
         "a pair of convex conjugate eigenvalues crosses the imaginary axis",
         "convex conjugate",
-        compared(
-            _critical_pair, "a slip of the pen: the pair is complex conjugate", ("reading", "eigenvalues at 20 digits")
-        ),
-        reading=True,
+        compared(_critical_pair, "", ("reading", "eigenvalues at 20 digits")),
+        fault=Fault("slip", "'convex' stands for 'complex'", "the pair is complex conjugate"),
         formula=r"\lambda_{1,2} = \pm i\,\omega \quad\text{at}\quad \Omega = \Omega_\text{crit}",
         proof=_theorem_1(
             "that a pair of complex conjugate eigenvalues crosses the imaginary axis, with nonzero speed",
@@ -209,7 +207,7 @@ LINEAR_CLAIMS: tuple[Claim, ...] = (
     ),
     Claim(
         "inverted_stable_above",
-        "Section sec:linear_stab3DOF",
+        "sec:linear_stab3DOF",
         "inverted spinning is stable above Omega_crit",
         "stable",
         _stability("inverted", (1,)),
@@ -218,7 +216,7 @@ LINEAR_CLAIMS: tuple[Claim, ...] = (
     ),
     Claim(
         "inverted_unstable_below",
-        "Section sec:linear_stab3DOF",
+        "sec:linear_stab3DOF",
         "inverted spinning is unstable below Omega_crit",
         "unstable",
         _stability("inverted", (-1,)),
@@ -227,7 +225,7 @@ LINEAR_CLAIMS: tuple[Claim, ...] = (
     ),
     Claim(
         "noninverted_unstable",
-        "Section sec:linear_stab3DOF",
+        "sec:linear_stab3DOF",
         "noninverted spinning is always unstable",
         "unstable",
         _stability("noninverted", (-1, 1)),

@@ -6,7 +6,8 @@ import math
 from collections.abc import Callable
 from fractions import Fraction
 
-from tippedisk_verify.audit.claims import Audit, Claim, compared, per_set
+from tippedisk_verify.audit.citations import cited
+from tippedisk_verify.audit.claims import Audit, Claim, Fault, compared, per_set
 from tippedisk_verify.model.equations import field, jacobian
 from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.measured import Measured
@@ -99,7 +100,7 @@ def _second_state(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
 MANIFOLD_CLAIMS: tuple[Claim, ...] = (
     Claim(
         "convergent_series",
-        "Section sec:basics_singularperturbation",
+        "eq:slow_manifold+2",
         "the slow manifold's series in epsilon converges",
         "convergent series",
         per_set(
@@ -111,7 +112,7 @@ MANIFOLD_CLAIMS: tuple[Claim, ...] = (
     ),
     Claim(
         "slow_manifold_h1",
-        "below Eq. slow_manifold_tippdisk",
+        "eq:slow_manifold_tippdisk+1",
         "h_1 is the first-order term of the slow manifold",
         "formula",
         per_set(_rolling_correction, "against the recursion at twenty points", ("jets", "closed form")),
@@ -122,7 +123,7 @@ MANIFOLD_CLAIMS: tuple[Claim, ...] = (
     ),
     Claim(
         "attraction",
-        "below Eq. slow_manifold_tippdisk",
+        "eq:slow_manifold_tippdisk+3",
         "the attraction rate is strictly negative for beta in (0, pi)",
         "negative",
         per_set(_attraction, "but it tends to 0 at both ends, so attraction is not uniform", ("closed form",)),
@@ -133,33 +134,46 @@ MANIFOLD_CLAIMS: tuple[Claim, ...] = (
     ),
     Claim(
         "reduced_dimension",
-        "end of Section sec:singular_tippedisk",
+        "eq:slow_manifold_tippdisk+4",
         "the asymptotic behaviour is governed by a reduced three-dimensional system",
         "three-dimensional",
-        compared(_slow_variables, "the slow variables are beta and gamma: two", ("eigenvalues at 20 digits",)),
+        compared(_slow_variables, "", ("eigenvalues at 20 digits",)),
+        fault=Fault(
+            "slip",
+            f"'three' stands for 'two', as {cited('sec:discussion')} says",
+            "the reduced system is two-dimensional: its variables are beta and gamma",
+        ),
         formula=r"\dot{x} = f(x,h(x)),\quad x = (\beta,\gamma)",
     ),
     Claim(
         "second_noninverted_state",
-        "Section sec:dynamics",
+        "sec:dynamics",
         "(3 pi/2, pi/2, 0) is the second noninverted state",
         "(3 pi/2, pi/2, 0)",
-        compared(
-            _second_state, "outside the model's domain; the cycle's other saddle is (pi/2, 3 pi/2, 0)", ("closed form",)
+        compared(_second_state, "", ("closed form",)),
+        fault=Fault(
+            "differs",
+            "sin(beta) is negative there, where the contact model means nothing",
+            "the heteroclinic cycle's other saddle is (pi/2, 3 pi/2, 0)",
         ),
         formula=r"x_\text{non} = (3\pi/2,\,\pi/2,\,0)",
     ),
     Claim(
         "order_0_noninverted",
-        "Section sec:discussion",
+        "sec:discussion",
         "on the critical manifold noninverted spinning's instability cannot be seen",
         "cannot be seen",
-        per_set(_order_0("noninverted"), "the rolling flow already has it as a saddle", ("jets",)),
+        per_set(_order_0("noninverted"), "", ("jets",)),
+        fault=Fault(
+            "differs",
+            "the rolling flow conserves (r + e sin gamma) sin beta, which has a saddle there",
+            "noninverted spinning is a saddle of the rolling flow, with eigenvalues +-Omega sqrt(e/(r - e))",
+        ),
         formula=r"\dot{x} = f(x,h_c(x)) \quad\text{at}\quad (\pi/2,\,-\pi/2)",
     ),
     Claim(
         "order_0_hopf",
-        "Section sec:discussion",
+        "sec:discussion",
         "on the critical manifold the Hopf bifurcation cannot be seen",
         "cannot be seen",
         per_set(_order_0("inverted"), "the rolling flow conserves the height: a centre at every speed", ("jets",)),
@@ -167,7 +181,7 @@ MANIFOLD_CLAIMS: tuple[Claim, ...] = (
     ),
     Claim(
         "order_1_hopf",
-        "Section sec:discussion",
+        "sec:discussion",
         "the slow manifold up to O(epsilon) suffices to study the inversion",
         "up to O(epsilon)",
         per_set(

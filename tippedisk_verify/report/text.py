@@ -41,9 +41,7 @@ def markdown_page(results: dict[str, Any]) -> str:
     if faults := wrong(results):
         lines += ["", "## What does not follow", ""]
         lines += [
-            f"- **{claim['name']}**: {_plain(claim['statement'])}."
-            + (f" ({_plain(claim['note'])}.)" if claim["note"] else "")
-            for claim in faults
+            f"- **{claim['name']}**: {_plain(claim['statement'])}." + f" ({_plain(_why(claim))}.)" for claim in faults
         ]
     for group, claims in grouped(results["claims"]).items():
         lines += ["", f"## {group}", ""]
@@ -83,14 +81,21 @@ def _claim(claim: dict[str, Any], sets: Sequence[str]) -> list[str]:
         f"{_plain(name)}: {text}{unit}" for name, text in zip(sets, _values(claim, sets), strict=True) if text
     ]  # fmt: skip
     said += ["", *(f"- {text}" for text in values), ""]
-    if claim["reading"]:
-        said.append("A slip of wording, found by reading: no computation changes it.")
+    if claim["class"]:
+        said.append(f"{_why(claim)}.")
     if claim["note"]:
         said.append(f"Note: {_plain(claim['note'])}.")
     if claim["proof"]:
         said += [*_proof(claim), ""]
     by = f"By {_plain(', '.join(claim['methods']))}. " if claim["methods"] else ""
     return [*said, f"{by}Recompute: `{_code(claim['command'])}`", ""]
+
+
+def _why(claim: dict[str, Any]) -> str:
+    """Why a claim does not follow, and what is true instead."""
+    kind = {"slip": "A slip of the pen: ", "follows-from": "Follows from ", "differs": "Differs: "}[claim["class"]]
+    instead = f". Instead: {claim['instead']}" if claim["instead"] else ""
+    return f"{kind}{claim['cause']}{instead}"
 
 
 def _proof(claim: dict[str, Any]) -> list[str]:
