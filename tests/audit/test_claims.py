@@ -83,3 +83,11 @@ def test_selected_set_comes_first_and_names_are_checked(taylor) -> None:
     assert next(iter(Audit(CALIBRATED, taylor).sets)) == "calibrated"
     with pytest.raises(InputError, match="omega_crit"):
         selected(["omega_krit"])
+
+
+def test_claims_are_found_by_equation() -> None:
+    assert {claim.name for claim in selected(["eq. 7"])} == {"sliding_velocity"}
+    assert {claim.name for claim in selected(["eq.30", "chi"])} == {"chi", "kappa_2"}
+    assert selected(["eq (48)"]) == selected(["amplitude_law"])
+    with pytest.raises(InputError, match=r"no claim is about eq\. \(3\)"):
+        selected(["eq. 3"])

@@ -42,11 +42,11 @@ def test_a_record_loses_nothing() -> None:
         {},
         [],
         "text",
-        {"computed": {}, "holds": {"printed": "yes"}, "note": "", "methods": []},
-        {"computed": {"printed": {"value": "1/0", "width": "0"}}, "holds": {}, "note": "", "methods": []},
-        {"computed": {"printed": {"value": "x", "width": "0"}}, "holds": {}, "note": "", "methods": []},
-        {"computed": {"printed": 3}, "holds": {}, "note": "", "methods": []},
-        {"computed": {}, "holds": {}, "note": ""},
+        {"computed": {}, "holds": {"printed": "yes"}, "note": ""},
+        {"computed": {"printed": ["1/0", "0"]}, "holds": {}, "note": ""},
+        {"computed": {"printed": ["x", "0"]}, "holds": {}, "note": ""},
+        {"computed": {"printed": 3}, "holds": {}, "note": ""},
+        {"computed": {}, "holds": {}},
     ],
 )
 def test_a_record_of_another_shape_is_computed_again(record, tmp_path: Path) -> None:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 from fractions import Fraction
+from functools import partial
 
-from tippedisk_verify.audit.claims import EXACT, Audit, Claim, Examination, Fault, ProofOffer, compared, number, per_set
-from tippedisk_verify.audit.table_claims import critical_speed, stiff_eigenvalue
+from tippedisk_verify.audit.claims import Answer, Audit, Claim, Fault, ProofOffer, number
+from tippedisk_verify.audit.table_claims import closed_form
 from tippedisk_verify.audit.table_rounding import noted
 from tippedisk_verify.model.equations import jacobian, terms
 from tippedisk_verify.model.parameters import Constants
@@ -17,20 +18,17 @@ from tippedisk_verify.theory.hopf import omega_crit, omega_crit_squared
 __all__ = ["LINEAR_CLAIMS"]
 
 
-def _stability(which: EquilibriumName, sides: tuple[int, ...]) -> Examination:
+_EIGHT_SPEEDS = "exact Routh-Hurwitz in rational arithmetic at eight speeds on each side, the nearest 0.4 % away"
+
+
+def _stability(which: EquilibriumName, sides: tuple[int, ...], audit: Audit, name: str, printed: str) -> Answer:
     """Stability at eight speeds on each of the given sides of Omega_crit (-1 below, 1 above), exactly."""
-
-    def one(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
-        # A rational within 1e-30 of Omega_crit; the shifts are far larger, so the side is certain.
-        crit = omega_crit(audit.sets[name], 30).value
-        speeds = [crit * (1 + side * Fraction(1, 2**power)) for side in sides for power in range(1, 9)]
-        answers = {is_stable(linearization(audit.sets[name], speed, which)) for speed in speeds}
-        said = " and ".join("stable" if answer else "unstable" for answer in sorted(answers))
-        return said, said == printed
-
-    where = " and ".join({-1: "below", 1: "above"}[side] for side in sides)
-    note = f"exact Routh-Hurwitz in rational arithmetic at eight speeds {where} Omega_crit, the nearest 0.4 % away"
-    return compared(one, note, EXACT)
+    # A rational within 1e-30 of Omega_crit; the shifts are far larger, so the side is certain.
+    crit = omega_crit(audit.sets[name], 30).value
+    speeds = [crit * (1 + side * Fraction(1, 2**power)) for side in sides for power in range(1, 9)]
+    answers = {is_stable(linearization(audit.sets[name], speed, which)) for speed in speeds}
+    said = " and ".join("stable" if answer else "unstable" for answer in sorted(answers))
+    return said, said == printed
 
 
 def _friction_free(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
@@ -77,7 +75,7 @@ def _critical_pair(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
     return said, said == printed
 
 
-def _jacobian_entries(audit: Audit, name: str) -> tuple[str, bool]:
+def _jacobian_entries(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
     """A31, A32, A33 against the derivative of the full equations, in 200 bits."""
     precision = bits(200)
     parameters = audit.sets[name]
@@ -93,7 +91,7 @@ def _jacobian_entries(audit: Audit, name: str) -> tuple[str, bool]:
     return "equal" if close else "different", close
 
 
-def _stiff_order(audit: Audit, name: str) -> tuple[str, bool]:
+def _stiff_order(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
     """The observed exponent of epsilon in lambda_3 - A33."""
     gaps = []
     for exponent in (4, 5):
@@ -115,7 +113,8 @@ LINEAR_CLAIMS: tuple[Claim, ...] = (
         "eq:gamma_y_3DOF",
         "gamma_y = (r + e sin gamma) v sin beta - e Omega sin beta^2 cos gamma",
         "sin beta^2",
-        compared(_square_of_sine, "", ("reading", "closed form")),
+        _square_of_sine,
+        methods=("reading", "closed form"),
         fault=Fault(
             "slip",
             "the square stands at the angle instead of its sine; the contact point's kinematics give no other reading",
@@ -128,7 +127,8 @@ LINEAR_CLAIMS: tuple[Claim, ...] = (
         "eq:3DOF_lin, eq:A_coeff_O",
         "A31, A32 and A33 linearise the equations about inverted spinning",
         "A31, A32, A33",
-        per_set(_jacobian_entries, "against the derivative of the full equations in 200 bits", EXACT),
+        _jacobian_entries,
+        note="against the derivative of the full equations in 200 bits",
         formula=(
             r"A_{31} = \frac{m g}{\bar{B}}(r+e) - \Omega^2,"
             r"\quad A_{32} = -\frac{\mu m g}{\varepsilon\bar{B}}\,e(r+e)\,\Omega,"
@@ -140,11 +140,9 @@ LINEAR_CLAIMS: tuple[Claim, ...] = (
         "eq:approx_omega_crit",
         "Omega_crit = sqrt((r+e)^2/r * m g/Bbar) = 30.92 rad/s",
         "30.92",
-        number(
-            critical_speed,
-            noted("omega_crit", "Table 1 as rounded gives less", "a set inside its rounding gives it"),
-            ("closed form",),
-        ),
+        number(closed_form("omega_crit")),
+        note=noted("omega_crit", "Table 1 as rounded gives less", "a set inside its rounding gives it"),
+        methods=("closed form",),
         unit="rad/s",
         formula=r"\Omega_\text{crit} = \sqrt{\frac{(r+e)^2}{r}\,\frac{m g}{\bar{B}}}",
         proof=_theorem_1("the formula, and an enclosure of the number"),
@@ -154,11 +152,9 @@ LINEAR_CLAIMS: tuple[Claim, ...] = (
         "below eq:approx_omega_crit",
         "the critical speed does not depend on the friction parameters mu and epsilon",
         "independent",
-        compared(
-            _friction_free,
-            "with mu and epsilon changed a thousandfold, stability changes within 1e-30 rad/s of the same speed"
-            " (exact)",
-            EXACT,
+        _friction_free,
+        note=(
+            "with mu and epsilon changed a thousandfold, stability changes within 1e-30 rad/s of the same speed (exact)"
         ),
         formula=(
             r"\frac{\partial\Omega_\text{crit}}{\partial\mu}"
@@ -171,11 +167,9 @@ LINEAR_CLAIMS: tuple[Claim, ...] = (
         "eq:closed_la3",
         "lambda_3 is about A_33 = -129.04 1/s",
         "-129.04",
-        number(
-            stiff_eigenvalue,
-            noted("lambda_3", "the number is A_33, the leading term; the eigenvalue itself depends on Omega"),
-            ("closed form",),
-        ),
+        number(closed_form("lambda_3")),
+        note=noted("lambda_3", "the number is A_33, the leading term; the eigenvalue itself depends on Omega"),
+        methods=("closed form",),
         unit="1/s",
         formula=r"\lambda_3 \approx -\frac{\mu m g}{\varepsilon\bar{B}}(r+e)^2",
         figures=("eigenvalues",),
@@ -189,7 +183,9 @@ LINEAR_CLAIMS: tuple[Claim, ...] = (
         "eq:closed_la3",
         "lambda_3 = A_33 + O(epsilon)",
         "O(epsilon)",
-        per_set(_stiff_order, "fitted exponent of epsilon between 1e-4 and 1e-5", ("eigenvalues at 40 digits",)),
+        _stiff_order,
+        note="fitted exponent of epsilon between 1e-4 and 1e-5",
+        methods=("eigenvalues at 40 digits",),
         formula=r"\lambda_3 = A_{33} + \mathcal{O}(\varepsilon)",
     ),
     Claim(
@@ -197,7 +193,8 @@ LINEAR_CLAIMS: tuple[Claim, ...] = (
         "below eq:closed_la3",
         "a pair of convex conjugate eigenvalues crosses the imaginary axis",
         "convex conjugate",
-        compared(_critical_pair, "", ("reading", "eigenvalues at 20 digits")),
+        _critical_pair,
+        methods=("reading", "eigenvalues at 20 digits"),
         fault=Fault("slip", "'convex' stands for 'complex'", "the pair is complex conjugate"),
         formula=r"\lambda_{1,2} = \pm i\,\omega \quad\text{at}\quad \Omega = \Omega_\text{crit}",
         proof=_theorem_1(
@@ -210,7 +207,8 @@ LINEAR_CLAIMS: tuple[Claim, ...] = (
         "sec:linear_stab3DOF",
         "inverted spinning is stable above Omega_crit",
         "stable",
-        _stability("inverted", (1,)),
+        partial(_stability, "inverted", (1,)),
+        note=_EIGHT_SPEEDS,
         formula=r"\Re\lambda_i < 0 \quad\text{for}\quad \Omega > \Omega_\text{crit}",
         proof=_theorem_1("asymptotic stability at every speed above Omega_crit"),
     ),
@@ -219,7 +217,8 @@ LINEAR_CLAIMS: tuple[Claim, ...] = (
         "sec:linear_stab3DOF",
         "inverted spinning is unstable below Omega_crit",
         "unstable",
-        _stability("inverted", (-1,)),
+        partial(_stability, "inverted", (-1,)),
+        note=_EIGHT_SPEEDS,
         formula=r"\Re\lambda_{1,2} > 0 \quad\text{for}\quad \Omega < \Omega_\text{crit}",
         proof=_theorem_1("instability at every speed below Omega_crit"),
     ),
@@ -228,7 +227,8 @@ LINEAR_CLAIMS: tuple[Claim, ...] = (
         "sec:linear_stab3DOF",
         "noninverted spinning is always unstable",
         "unstable",
-        _stability("noninverted", (-1, 1)),
+        partial(_stability, "noninverted", (-1, 1)),
+        note=_EIGHT_SPEEDS,
         formula=r"\max_i \Re\lambda_i > 0 \quad\text{at}\quad (\pi/2,\,-\pi/2,\,0)",
         proof=_theorem_1("instability at every speed"),
     ),

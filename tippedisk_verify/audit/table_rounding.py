@@ -20,7 +20,6 @@ from typing import Any
 
 from mpmath import iv
 
-from tippedisk_verify.audit.claims import Audit
 from tippedisk_verify.model.exact import quotient
 from tippedisk_verify.model.parameters import PRINTED, Constants, Parameters
 
@@ -89,10 +88,10 @@ def some_set_gives(formula: Formula, printed: str) -> bool | None:
     return None
 
 
-def noted(claim: str, note: str, mended: str = "") -> Callable[[Audit, str], str]:
+def noted(claim: str, note: str, mended: str = "") -> Callable[[str], str]:
     """A claim's note and what the table's rounding can do: ``mended`` if a set inside it gives what is printed."""
 
-    def said(audit: Audit, printed: str) -> str:
+    def said(printed: str) -> str:
         found = some_set_gives(CLOSED_FORMS[claim], printed)
         rest = {True: mended, False: "no set inside Table 1's rounding gives this", None: ""}[found]
         return "; ".join(filter(None, (note, rest)))

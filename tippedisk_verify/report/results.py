@@ -60,7 +60,7 @@ def claim_json(claim: Claim, finding: Finding, order: AuditJob) -> dict[str, Any
         **_fault_json(claim, finding),
         "sets": list(finding.sets),
         "note": finding.note,
-        "methods": list(finding.methods),
+        "methods": list(claim.methods),
         "grade": "computed" if proof is None else proof.grade,
         "proof": None if proof is None else proof.to_dict(),
         "own_check": claim.own_check,
