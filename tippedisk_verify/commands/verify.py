@@ -205,7 +205,7 @@ def _verdict_lines(order: AuditJob, findings: Sequence[tuple[Claim, Finding]], l
     for claim, finding in findings:
         entry, value = claim_json(claim, finding, order), finding.computed[order.parameters.name]
         text = value.partition("; ")[0] if isinstance(value, str) else f"{shown(value)} {claim.unit}".rstrip()
-        yield f"{claim.name:23}  {_verdict_words(entry):22}  {textwrap.shorten(text, 31, placeholder=' ...')}"
+        yield f"{claim.name:24}  {_verdict_words(entry):22}  {textwrap.shorten(text, 30, placeholder=' ...')}"
         if long:
             yield f"    {claim.statement} ({claim.source})"
             unit = f" {claim.unit}" if claim.unit else ""
