@@ -8,8 +8,6 @@ from itertools import groupby
 
 __all__ = ["agreed_digits", "decimal_of", "marked", "shortened"]
 
-_LONGEST = 24  # characters of a value on the page; results.json has all of them
-
 
 def decimal_of(text: str) -> Decimal | None:
     """The number that the text is, if it is nothing but a finite number."""
@@ -89,11 +87,11 @@ def marked(value: str, uncertainty: str, printed: str = "") -> list[tuple[str, s
     return pieces
 
 
-def shortened(value: str, uncertainty: str, printed: str = "") -> list[tuple[str, str]]:
-    """`marked`, with digits left out before the exponent, if there is one, where the number would be too long."""
+def shortened(value: str, uncertainty: str, printed: str = "", longest: int = 24) -> list[tuple[str, str]]:
+    """`marked`, with digits left out (before the exponent, if there is one) where it has more characters."""
     pieces = marked(value, uncertainty, printed)
     tail = [pieces.pop()] if pieces[-1][1].startswith("e") else []
-    shown, left = [], _LONGEST - sum(len(text) for _, text in tail)
+    shown, left = [], longest - sum(len(text) for _, text in tail)
     for kind, text in pieces:
         if left > 0:
             shown.append((kind, text[:left]))
