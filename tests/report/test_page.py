@@ -13,6 +13,7 @@ import pytest
 from tests.test_cli import GOOD
 from tippedisk_verify.cli import main
 from tippedisk_verify.figures.catalogue import EXHIBITS
+from tippedisk_verify.report.pages import _symbols
 
 ONLY = "omega_crit,lambda_3,sliding_velocity,chi,amplitude_law,attraction,convergent_series,scene_d"
 NUMBER = re.compile(r"\d+(?:\.\d+)?…?(?:e[+-]?\d+)?")  # one too long for its cell is cut: 1.18184621…e-7
@@ -153,6 +154,18 @@ def test_each_claim_has_a_row_that_jumps_to_it(folder: Path) -> None:
     assert opened == [claim["verdict"] in ("does-not-follow", "undecided") for claim in results["claims"]]
     text = (folder / "report.md").read_text(encoding="utf-8")
     assert sum(claim["instead"] is not None for claim in results["claims"]) == text.count(" Instead: ") > 0
+
+
+@pytest.mark.parametrize(
+    ("text", "shown"),
+    [
+        ("Omega_crit - 0.5 (claim omega_h)", "Ω<sub>crit</sub> - 0.5 (claim omega_h)"),
+        ("d(C^2)/dOmega at gamma_bar_0, A_33", "d(C<sup>2</sup>)/dΩ at γ̄<sub>0</sub>, A<sub>33</sub>"),
+        ("near_omega_h.csv, 1e-3 <b>", "near_omega_h.csv, 1e-3 &lt;b&gt;"),
+    ],
+)
+def test_symbols_are_drawn_and_text_is_escaped(text: str, shown: str) -> None:
+    assert _symbols(text) == shown
 
 
 def test_every_figure_has_its_files(folder: Path) -> None:

@@ -211,15 +211,6 @@ def _panels(audit: Audit, examined: Sequence[str]) -> list[Panel]:
     return panels
 
 
-def _endings(panels: Sequence[Panel]) -> str:
-    """What the orbits end on, scene by scene."""
-    names: dict[tuple[str, ...], list[str]] = {}
-    for panel in panels:
-        names.setdefault(tuple(dict.fromkeys(orbit.ending.kind for orbit in panel.orbits)), []).append(panel.scene.name)
-    said = [f"{', '.join(scenes)}: {' and '.join(kinds)}" for kinds, scenes in names.items()]
-    return f"what both orbits end on: {'; '.join(said)}"
-
-
 @partial(
     Exhibit,
     name="scenes_3d",
@@ -236,7 +227,7 @@ def scenes_3d(audit: Audit, examined: Sequence[str]) -> Drawing:
         figure=lambda columns: draw_scenes_3d(panels, columns),
         columns=2,
         reading=f"Orbits fall onto the grey slow manifold, near inverted spinning at a rate of {rate:.3g} 1/s, and "
-        f"stay on it; {_endings(panels)}.",
+        "stay on it, until they reach the limit cycle or an equilibrium, or leave for other wells (a).",
         data={name: table for panel in panels for name, table in scene_tables(panel).items()},
         facts={"scenes": {panel.scene.name: panel.to_dict() for panel in panels}},
         embedded="webp",

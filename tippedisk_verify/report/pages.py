@@ -22,8 +22,8 @@ _GREEK = dict(zip(
     ("alpha", "beta", "gamma", "delta", "epsilon", "kappa", "lambda", "mu", "chi", "omega", "Omega", "pi"),
     "αβγδεκλμχωΩπ", strict=True,
 ))  # fmt: skip
-#: Symbols as running text has them: Omega_crit, gamma_bar_0, A_33, pi; the names of claims stand alone.
-_SYMBOL = re.compile(rf"(?<!claim )\b({'|'.join(_GREEK)}|[A-Za-z])(_bar)?(?:_(\w+))?(?!\w)")
+#: Symbols as running text has them: Omega_crit, gamma_bar_0, dOmega, A_33; the names of claims stand alone.
+_SYMBOL = re.compile(rf"(?<!claim )(?:\b|(?<=\bd))({'|'.join(_GREEK)}|[A-Za-z])(_bar)?(?:_(\w+))?(?!\w)")
 
 
 def html_page(results: dict[str, Any], pictures: dict[str, dict[str, Any]], formulas: dict[str, Any]) -> str:
@@ -75,8 +75,9 @@ def _reason(fault: dict[str, Any]) -> str:
     """Why a claim, or several, do not follow."""
     if fault["class"] == "follows-from":  # another claim, by its name, or a dropped term
         return f"Follows from {'dropping ' if ' ' in fault['cause'] else ''}{fault['cause']}"
-    named = "A slip of the pen" if fault["class"] == "slip" else "What is true differs"
-    return f"{named}: {fault['cause']}" if fault["cause"] else named
+    if fault["cause"] is None:  # of several
+        return "Slips of the pen" if fault["class"] == "slip" else "What is true differs"
+    return f"{'A slip of the pen' if fault['class'] == 'slip' else 'What is true differs'}: {fault['cause']}"
 
 
 def _pieces(value: Any, printed: str, longest: int) -> list[tuple[str, str]]:
@@ -98,7 +99,7 @@ def _symbols(text: str) -> Markup:
     def drawn(match: re.Match[str]) -> str:
         letter, bar, index = match.groups()
         if letter not in _GREEK and not (bar or index):
-            return letter
+            return str(letter)
         below = f"<sub>{_GREEK.get(index, index)}</sub>" if index else ""
         return _GREEK.get(letter, letter) + ("\N{COMBINING MACRON}" if bar else "") + below
 
