@@ -110,10 +110,10 @@ BALANCE_CLAIMS: tuple[Claim, ...] = (
         "formula",
         partial(_expansion_part, "friction"),
         formula=(
-            r"w_y\lambda_{Ty} = -\frac{\mu m g}{\varepsilon}\left[-\Omega e\,\tfrac{4e+r}{6}\bar{\gamma}^3"
+            r"w_y\lambda_{Ty} = -\frac{\mu m g}{\varepsilon}[-\Omega e\,\tfrac{4e+r}{6}\bar{\gamma}^3"
             r" + (r+e)^2\dot{\bar{\beta}} - \tfrac{3}{2}\Omega e(r+e)\bar{\beta}^2\bar{\gamma}"
             r" - (r+e)^2\dot{\bar{\beta}}\bar{\beta}^2 + e(r+e)\Omega\bar{\gamma}"
-            r" - e(r+e)\dot{\bar{\beta}}\bar{\gamma}^2\right]"
+            r" - e(r+e)\dot{\bar{\beta}}\bar{\gamma}^2]"
             r" + \dots"
         ),
     ),
@@ -177,7 +177,7 @@ BALANCE_CLAIMS: tuple[Claim, ...] = (
             r" + \mathcal{O}(C^4)"
         ),
         fault=Fault("follows-from", _DROPPED, "C is C + O(C^3) with Bbar e^2/(2 (r + e)) added to chi"),
-        figures=("harmonic_balance",),
+        figures=("branch",),
     ),
     Claim(
         "period_law",
@@ -191,7 +191,7 @@ BALANCE_CLAIMS: tuple[Claim, ...] = (
             r"\frac{\bar{B}r\Omega^2 - m g(r+e)^2}{\chi\Omega^2 + m g e(r+e)}\right)}"
         ),
         fault=Fault("follows-from", _DROPPED, "r - e becomes r, with Bbar e^2/(2 (r + e)) added to chi"),
-        figures=("harmonic_balance",),
+        figures=("branch",),
     ),
     Claim(
         "supercritical",

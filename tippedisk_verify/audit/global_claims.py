@@ -135,7 +135,7 @@ GLOBAL_CLAIMS: tuple[Claim, ...] = (
         note="at 41 speeds each multiplier lies below 1 by more than its half-width",
         methods=("shooting",),
         formula=r"|\mu_\text{slow}| < 1,\quad \frac{d\bar{\beta}_\text{max}}{d\Omega} < 0,\quad \frac{dT}{d\Omega} < 0",
-        figures=("branch", "sketch"),
+        figures=("branch", "scenario"),
         proof=ProofOffer(
             "Theorem 5b",
             ("certify branch",),

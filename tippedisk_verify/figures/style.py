@@ -19,7 +19,14 @@ _STYLE: dict[Any, Any] = {
     "font.size": 9.0,
     "axes.titlesize": 9.5,
     "axes.linewidth": 0.6,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "grid.linewidth": 0.3,
+    "grid.alpha": 0.5,
     "legend.fontsize": 8.5,
+    "legend.frameon": False,
+    "lines.linewidth": 1.5,
+    "lines.markersize": 4.0,
     "lines.solid_joinstyle": "round",
     "savefig.dpi": 160,
     "svg.hashsalt": "tippedisk",  # the same picture gives the same file
@@ -28,7 +35,7 @@ _STYLE: dict[Any, Any] = {
 
 
 def pyplot() -> Any:
-    """Matplotlib's pyplot without a screen and in the house's style."""
+    """Matplotlib's pyplot without a screen and in the style of all figures."""
     import matplotlib
 
     matplotlib.use("Agg", force=False)
