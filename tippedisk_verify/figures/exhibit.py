@@ -87,10 +87,11 @@ def drawn(exhibit: Exhibit, audit: Audit, examined: Sequence[str]) -> dict[str, 
         figure = drawing.figure(columns)
         if place == "wide":
             files = {f"{exhibit.name}.{kind}": encoded(figure, kind) for kind in ("png", "svg")}
+        picture = files.get(f"{exhibit.name}.{drawing.embedded}") if place == "wide" else None
         width, height = figure.get_size_inches()
         embedded[place] = {
             "kind": _MEDIA[drawing.embedded],
-            "content": b64encode(encoded(figure, drawing.embedded)).decode(),
+            "content": b64encode(picture or encoded(figure, drawing.embedded)).decode(),
             "width": round(96 * width),
             "height": round(96 * height),
         }
