@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import re
 from html.parser import HTMLParser
@@ -182,10 +183,21 @@ def every_figure_has_its_files(folder: Path, wanted: set[str]) -> None:
         assert figure["reading"].endswith(".")
         for name in figure["files"]:
             assert (folder / name).stat().st_size > 50
+            if name.endswith(".csv"):
+                columns_of_doubles_have_a_unit(folder / name)
     pages = [(folder / name).read_text(encoding="utf-8") for name in ("report.html", "report.md")]
     for claim in results["claims"]:
         for text in pages:
             assert claim["command"] in text
+
+
+def columns_of_doubles_have_a_unit(path: Path) -> None:
+    with open(path, encoding="utf-8", newline="") as lines:
+        for name, *cells in zip(*csv.reader(lines), strict=True):
+            filled = [cell for cell in cells if cell]
+            if all(re.fullmatch(r"-?\d+(\.\d+)?(e[+-]?\d+)?", cell) and re.search("[.e]", cell) for cell in filled):
+                assert re.search(r" \[[^\]]+\]$", name), f"{path.name}: {name}"
+                assert all(cell == repr(float(cell)) for cell in filled), f"{path.name}: {name}"
 
 
 def test_names_from_outside_are_text(tmp_path: Path) -> None:

@@ -17,7 +17,7 @@ from tippedisk_verify.bench.problems import problem_named
 from tippedisk_verify.bench.race import Score, machine, raced, ratios
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.figures.exhibit import CSV, Drawing, Exhibit, table
-from tippedisk_verify.figures.style import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, RED, grid
+from tippedisk_verify.figures.style import BLACK, BLUE, GREEN, ORANGE, PURPLE, RED, grid
 
 __all__ = ["draw_bench", "race", "race_csv"]
 
@@ -30,7 +30,6 @@ _FAMILIES = {
     "cvode": (PURPLE, "-."),
     "diffrax": (PURPLE, ":"),
     "scipy": (ORANGE, "--"),
-    "mpmath": (GREY, "none"),
 }
 _MARKS = "os^Dv<>PXphd*8H12+"
 _UNITS = dict.fromkeys(("error", "error_over_samples", "truth_uncertainty"), "rad or rad/s") | {
