@@ -6,8 +6,7 @@ from fractions import Fraction
 from functools import partial
 
 from tippedisk_verify.audit.claims import Answer, Audit, Claim, Fault, ProofOffer, number
-from tippedisk_verify.audit.table_claims import closed_form
-from tippedisk_verify.audit.table_rounding import noted
+from tippedisk_verify.audit.table_rounding import closed_form, noted
 from tippedisk_verify.theory import harmonic_balance, hopf
 from tippedisk_verify.theory.expansion import derived, printed
 

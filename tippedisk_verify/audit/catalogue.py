@@ -13,7 +13,6 @@ from tippedisk_verify.audit import (
     global_claims,
     linear_claims,
     manifold_claims,
-    table_claims,
 )
 from tippedisk_verify.audit.claims import Claim
 from tippedisk_verify.errors import InputError
@@ -22,7 +21,6 @@ __all__ = ["CLAIMS", "GROUPS", "claims_drawn_in", "group_of", "selected"]
 
 _GROUPS = {
     "Model, linear analysis and harmonic balance": (
-        *table_claims.TABLE_CLAIMS,
         *linear_claims.LINEAR_CLAIMS,
         *balance_claims.BALANCE_CLAIMS,
     ),

@@ -17,9 +17,9 @@ from tippedisk_verify.model.precision import DOUBLE, EXTENDED, QUADRUPLE, bits, 
 
 __all__ = ["METHODS", "Method", "Outcome", "Prepared", "compiled_rates"]
 
-_TAYLOR_TOLERANCES = (1e-3, 1e-6, 1e-9, 1e-12, 1e-15)
+_TAYLOR_TOLERANCES = (1e-3, 1e-5, 1e-6, 1e-7, 1e-9, 1e-11, 1e-12, 1e-13, 1e-15)
 _TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12)
-_FINE_TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-9, 1e-11, 1e-13)  # for the strongest of them
+_FINE_TOLERANCES = (1e-4, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 3e-11, 1e-11, 1e-12, 1e-13)  # for the strongest of them
 
 
 @dataclass(frozen=True)
