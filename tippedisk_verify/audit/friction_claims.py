@@ -159,7 +159,6 @@ FRICTION_CLAIMS: tuple[Claim, ...] = (
             r"\lambda_{Ty} = -\frac{\mu m g}{\varepsilon}\gamma_y"
             r" \;\sim\; -\mu m g\,\frac{\gamma_y}{|\gamma_y|+\varepsilon}"
         ),
-        figures=("switching_order",),
         cost=17,
     ),
     Claim(

@@ -1,4 +1,4 @@
-"""Studies of accuracy: close to Omega_h, and at the smooth law's switches."""
+"""Cycles close to Omega_h: the period's law, and what double precision loses."""
 
 from __future__ import annotations
 
@@ -10,13 +10,11 @@ from typing import Any
 from tippedisk_verify.audit.claims import Audit
 from tippedisk_verify.audit.near_omega_h import Sight
 from tippedisk_verify.audit.near_omega_h import near_omega_h as sights_near
-from tippedisk_verify.audit.switching_order import OrderPoint
-from tippedisk_verify.audit.switching_order import switching_order as order_points
 from tippedisk_verify.connection.heteroclinic import Heteroclinic
 from tippedisk_verify.figures.exhibit import Drawing, Exhibit, table
 from tippedisk_verify.figures.style import BLACK, GREEN, grid
 
-__all__ = ["draw_near_omega_h", "draw_switching_order", "near_omega_h", "switching_order"]
+__all__ = ["draw_near_omega_h", "near_omega_h"]
 
 _LEAST = 1e-17  # an error of zero has no logarithm: it sits on the lower edge
 
@@ -92,43 +90,4 @@ def near_omega_h(audit: Audit, examined: Sequence[str]) -> Drawing:
             ),
         ),
         facts={"connection": connection.to_dict(), "law_constant": constant},
-    )
-
-
-def draw_switching_order(points: Sequence[OrderPoint], columns: int = 2) -> Any:
-    """Error against tolerance, with and without switching the smooth law's branch."""
-    figure, axes = grid(2, columns, (4.6, 3.3))
-    errors = [max(point.error, _LEAST) for point in points]
-    names = {"taylor": "taylor, switching its branch", "scipy-DOP853": "DOP853, not switching"}
-    for axis, (method, title) in zip(axes, names.items(), strict=True):
-        for law, line, colour in (("linear", "o--", BLACK), ("smooth", "s-", GREEN)):
-            chosen = [point for point in points if point.method == method and point.friction == law]
-            ends = [max(point.error, _LEAST) for point in chosen]
-            axis.loglog([p.tolerance for p in chosen], ends, line, lw=1.0, color=colour, label=f"{law} law")
-        axis.set(title=title, xlabel="tolerance [1]", ylabel="error after 3 s [rad or rad/s]")
-        axis.set_ylim(min(errors) / 3, 3 * max(errors))
-        axis.legend()
-    return figure
-
-
-@partial(
-    Exhibit,
-    name="switching_order",
-    title="Both friction laws: error against tolerance",
-    alternative="Two panels, error against tolerance for the linear and the smooth law: the Taylor engine has the "
-    "same order for both, DOP853 loses its order for the smooth law at tight tolerances.",
-    cost=5,
-)
-def switching_order(audit: Audit, examined: Sequence[str]) -> Drawing:
-    points = order_points(audit.parameters)
-    tightest = min(point.tolerance for point in points)
-    ends = {(p.method, p.friction): p.error for p in points if p.tolerance == tightest}
-    rows = [(point.method, point.friction, point.tolerance, point.error) for point in points]
-    return Drawing(
-        figure=lambda columns: draw_switching_order(points, columns),
-        columns=2,
-        reading="With the smooth law at the tightest tolerance, DOP853 is left with an error of "
-        f"{ends['scipy-DOP853', 'smooth']:.1g}; the Taylor engine, which switches its branch where the disk rolls, has "
-        f"{ends['taylor', 'smooth']:.1g}.",
-        data={"switching_order.csv": (("method", "friction law", "tolerance [1]", "error [rad or rad/s]"), rows)},
     )

@@ -18,7 +18,6 @@ EXHIBITS: tuple[Exhibit, ...] = (
     family.scenario,
     state_space.scenes_2d,
     accuracy.near_omega_h,
-    accuracy.switching_order,
     race.race,
 )
 
