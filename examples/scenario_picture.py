@@ -7,6 +7,6 @@ from tippedisk_verify.audit.claims import Audit
 from tippedisk_verify.figures.family import scenario
 
 target = sys.argv[1] if len(sys.argv) > 1 else "scenario.png"
-drawing = scenario(Audit(tv.PRINTED, tv.Taylor()))
+drawing = scenario.draw(Audit(tv.PRINTED, tv.Taylor()), ())
 drawing.figure(2).savefig(target, dpi=120)
 print(drawing.reading)

@@ -7,11 +7,14 @@ from fractions import Fraction
 import pytest
 
 from tippedisk_verify.audit.catalogue import CLAIMS, selected
-from tippedisk_verify.audit.claims import Audit, Finding, Verdict, examined, rounds_to
+from tippedisk_verify.audit.claims import Audit, Finding, Verdict, examined, rounds_to, sets_with
+from tippedisk_verify.commands.verify import _verdict_lines
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
+from tippedisk_verify.report.results import summary, totals
+from tippedisk_verify.report.work import AuditJob
 
 
 @pytest.mark.parametrize(
@@ -56,6 +59,7 @@ def test_all_claims_on_the_named_sets(taylor) -> None:
         *("delta", "amplitude_law", "period_law", "reduced_dimension", "second_noninverted_state"),
         *("order_0_noninverted", "globally_attractive", "smooth_same_asymptotics", "almost_all_trajectories"),
     }
+    assert {claim.name for claim in CLAIMS if claim.fault} == wrong
     for name, finding in found.items():
         if name == "convergent_series":
             assert finding.verdict is Verdict.UNDECIDED
@@ -82,3 +86,43 @@ def test_selected_set_comes_first_and_names_are_checked(taylor) -> None:
     assert next(iter(Audit(CALIBRATED, taylor).sets)) == "calibrated"
     with pytest.raises(InputError, match="omega_crit"):
         selected(["omega_krit"])
+
+
+def test_claims_are_found_by_equation() -> None:
+    assert {claim.name for claim in selected(["eq. 7"])} == {"sliding_velocity"}
+    assert {claim.name for claim in selected(["eq.30", "chi"])} == {"chi", "kappa_2"}
+    assert selected(["eq (48)"]) == selected(["amplitude_law"])
+    with pytest.raises(InputError, match=r"no claim is about eq\. \(3\)"):
+        selected(["eq. 3"])
+
+
+@pytest.mark.parametrize(
+    "answers", [(True, True, True), (True, True, False), (False, False, False), (None, None, None)]
+)
+def test_a_verdict_is_one_line_of_eighty_characters(answers) -> None:
+    order = AuditJob(PRINTED, 12, tuple(claim.name for claim in CLAIMS))
+    names = tuple(sets_with(PRINTED))
+    long = Measured(Fraction(-123456789123, 10**9), Fraction(1, 10**9))
+    for value in (long, "as many words as a sentence that says everything has; and then some more of them"):
+        chosen = [claim for claim in CLAIMS if claim.unit or value is not long]
+        finding = Finding(dict.fromkeys(names, value), dict(zip(names, answers, strict=True)))
+        title, *lines, total = _verdict_lines(order, [(claim, finding) for claim in chosen], long=False)
+        assert max(map(len, (title, *lines))) <= 80
+        assert total.startswith(f"{len(chosen)} claims: ")
+        for claim, line in zip(chosen, lines, strict=True):
+            assert line.startswith(f"{claim.name} ")
+            assert ("does not follow" in line) == (answers[0] is False)
+    assert len(list(_verdict_lines(order, [(CLAIMS[0], finding)], long=True))) > 3
+
+
+def test_the_summary_counts_what_does_not_follow_by_its_cause() -> None:
+    finding = Finding({}, {"x": False})
+    counts = summary(
+        [(claim, finding) for claim in selected(["delta", "kappa_2", "critical_pair", "order_0_noninverted"])]
+    )
+    assert [(fault["class"], fault["claims"]) for fault in counts["not_following"]] == [
+        ("slip", ["critical_pair"]),
+        ("follows-from", ["kappa_2", "delta"]),
+        ("differs", ["order_0_noninverted"]),
+    ]
+    assert totals(counts).endswith("4 do not follow: 1 slip of the pen, 2 from one dropped term, 1 differs")

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from fractions import Fraction
 from functools import cache
-from typing import Any
+from typing import Any, get_args
 
 import pytest
 
@@ -25,7 +25,7 @@ from tippedisk_verify.audit import (
     manifold_claims,
 )
 from tippedisk_verify.audit.catalogue import CLAIMS, selected
-from tippedisk_verify.audit.claims import Audit, Claim, Verdict, examined
+from tippedisk_verify.audit.claims import Audit, Claim, FaultKind, Verdict, examined
 from tippedisk_verify.connection.heteroclinic import heteroclinic
 from tippedisk_verify.cycles.spectral import spectral_fold
 from tippedisk_verify.errors import NoSuchCycleError
@@ -333,5 +333,14 @@ def test_the_papers_disk_is_told_its_fold_its_rotating_cycle_and_its_boundary(au
     assert ends == [Status.REACHED, Status.FLAT]
 
 
-def test_slips_of_wording_are_marked_as_read() -> None:
-    assert {claim.name for claim in CLAIMS if claim.reading} == {"sliding_velocity", "critical_pair"}
+def test_each_fault_has_its_class() -> None:
+    """The paper itself shows what a slip means: its chi follows from the right terms only (tests/theory)."""
+    faults = {claim.name: claim.fault for claim in CLAIMS if claim.fault}
+    kinds = {kind: {name for name, fault in faults.items() if fault.kind == kind} for kind in get_args(FaultKind)}
+    assert kinds["slip"] == {
+        *("sliding_velocity", "critical_pair", "reduced_dimension"),
+        *("expansion_gyroscopic", "expansion_gravity", "kappa_1"),
+    }
+    assert kinds["follows-from"] == {"kappa_2", "delta", "amplitude_law", "period_law"}
+    assert len({faults[name].cause for name in kinds["follows-from"]}) == 1
+    assert all(fault.cause and fault.instead for fault in faults.values())

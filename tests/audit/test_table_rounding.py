@@ -94,6 +94,6 @@ def test_what_intervals_cannot_tell_stays_open(monkeypatch: pytest.MonkeyPatch) 
 
 def test_the_note_says_so() -> None:
     said = noted("omega_crit", "less", "more")
-    assert said(None, "30.92") == "less; more"
-    assert said(None, "31.92") == "less; no set inside Table 1's rounding gives this"
-    assert noted("chi", "as printed")(None, "1.31e-7") == "as printed"
+    assert said("30.92") == "less; more"
+    assert said("31.92") == "less; no set inside Table 1's rounding gives this"
+    assert noted("chi", "as printed")("1.31e-7") == "as printed"

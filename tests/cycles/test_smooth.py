@@ -6,6 +6,7 @@ import json
 import math
 from concurrent.futures import ThreadPoolExecutor
 from fractions import Fraction
+from functools import partial
 from pathlib import Path
 
 import numpy
@@ -13,7 +14,6 @@ import pytest
 
 from tests.cycles.full_period import WHOLE_PERIOD
 from tippedisk_verify.atlas.cycles_at_speed import cycle_above, cycle_at
-from tippedisk_verify.audit.switching_order import switching_order
 from tippedisk_verify.cli import main
 from tippedisk_verify.connection.heteroclinic import heteroclinic
 from tippedisk_verify.cycles.return_map import ReturnMap
@@ -22,9 +22,9 @@ from tippedisk_verify.cycles.shooting import limit_cycle, shoot
 from tippedisk_verify.errors import InputError, NoSuchCycleError
 from tippedisk_verify.flow.baseline import Baseline
 from tippedisk_verify.flow.contract import Request
-from tippedisk_verify.model.exact import fraction
+from tippedisk_verify.model.exact import PI, Exact, fraction
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
-from tippedisk_verify.model.precision import bits
+from tippedisk_verify.model.precision import QUADRUPLE, bits
 from tippedisk_verify.motion.basins import OUTCOMES, Attractors, basins, classified_lanes
 from tippedisk_verify.theory.equilibria import equilibrium
 from tippedisk_verify.theory.hopf import omega_crit
@@ -110,11 +110,21 @@ def test_two_roads_to_omega_h_and_a_cycle_close_to_it(taylor) -> None:
         assert abs(fraction(there) + fraction(here)) <= 100 * grown + near.period.uncertainty
 
 
-def test_order_is_regained(tmp_path: Path) -> None:
-    points = {(p.method, p.friction, p.tolerance): p.error for p in switching_order(PRINTED)}
+def test_order_is_regained(taylor) -> None:
+    """The Taylor engine switches its branch where the disk rolls; DOP853 does not, and loses its order there."""
+    start = (PI * Fraction(1, 2), Exact(Fraction(2, 5), Fraction(1, 2)), 0)  # near inverted spinning
+    errors = {}
+    for law in ("linear", "smooth"):
+        asked = partial(Request, PRINTED.with_friction(law), below(PRINTED, "0.5"), start, 3)
+        truth = taylor(asked(precision=QUADRUPLE)).state
+        for engine, tolerances in ((taylor, (1e-9, 1e-11, 1e-13)), (Baseline("DOP853"), (1e-13,))):
+            for tolerance in tolerances:
+                state = engine(asked(tolerance=tolerance)).state
+                away = max(abs(float(fraction(a) - fraction(b))) for a, b in zip(state, truth, strict=True))
+                errors[engine.name, law, tolerance] = away
     for tolerance in (1e-9, 1e-11, 1e-13):
-        assert points["taylor", "smooth", tolerance] < 30 * points["taylor", "linear", tolerance] + 1e-14
-    assert points["scipy-DOP853", "smooth", 1e-13] > 20 * points["scipy-DOP853", "linear", 1e-13]
+        assert errors["taylor", "smooth", tolerance] < 30 * errors["taylor", "linear", tolerance] + 1e-14
+    assert errors["scipy-DOP853", "smooth", 1e-13] > 20 * errors["scipy-DOP853", "linear", 1e-13]
 
 
 @pytest.mark.parametrize("friction", ["linear", "smooth"])

@@ -12,8 +12,9 @@ from tippedisk_verify.audit.catalogue import claims_drawn_in
 from tippedisk_verify.audit.claims import Audit
 from tippedisk_verify.figures.catalogue import EXHIBITS
 from tippedisk_verify.figures.disk import points_of
-from tippedisk_verify.figures.exhibit import Table, drawn
-from tippedisk_verify.figures.local import draw_eigenvalues, eigenvalue_rows, harmonic_balance_rows
+from tippedisk_verify.figures.exhibit import drawn, table
+from tippedisk_verify.figures.family import law_rows
+from tippedisk_verify.figures.local import draw_eigenvalues, eigenvalue_rows
 from tippedisk_verify.figures.state_space import last_turn
 from tippedisk_verify.figures.style import encoded, pyplot
 from tippedisk_verify.model.measured import Measured
@@ -51,13 +52,13 @@ def test_eigenvalues_sum_to_the_trace_and_close_up_where_the_pair_meets() -> Non
     assert 0 < rows[begin][2] < 0.02
 
 
-def test_laws_start_at_the_hopf_point_and_leave_the_truth() -> None:
-    curves = harmonic_balance_rows(PRINTED, ("0.01", "0.5"))
-    assert len({curve[0] for curve in curves.values()}) == 1
-    truth = {round(speed, 9): amplitude for speed, amplitude, _ in curves["numerical"]}
-    law = {round(speed, 9): amplitude for speed, amplitude, _ in curves["printed"]}
-    far = min(truth)
-    assert truth[far] - law[far] > 0.01
+def test_laws_end_where_the_family_is_born_and_have_no_cycle_above() -> None:
+    """C^2 falls to zero like Omega_crit - Omega: a hundredth of the distance is a tenth of the amplitude."""
+    crit = float(omega_crit(PRINTED))
+    for form in ("printed", "consistent"):
+        near, far = law_rows(PRINTED, [crit - 1e-5, crit - 1e-3, crit + 0.1], form)
+        assert near[1] == pytest.approx(far[1] / 10, rel=1e-3)  # the next term is of the distance's size
+        assert near[2] == pytest.approx(far[2], rel=1e-3)
 
 
 def test_the_same_picture_gives_the_same_file() -> None:
@@ -76,7 +77,7 @@ def test_axes_carry_units(taylor) -> None:
     """Every axis that shows numbers of the model names a unit in brackets."""
     audit = Audit(PRINTED, taylor)
     for exhibit in EXHIBITS:
-        if exhibit.name in ("eigenvalues", "branch", "scenario", "sketch", "inversion", "scenes_2d"):
+        if exhibit.name in ("eigenvalues", "branch", "scenario", "inversion", "scenes_2d"):
             figure = exhibit.draw(audit, claims_drawn_in(exhibit.name)).figure(2)
             for axis in figure.axes:
                 if axis.axison and axis.name != "3d":
@@ -104,6 +105,6 @@ def test_records_are_plain_data(taylor) -> None:
 
 
 def test_tables_show_few_digits_and_keep_all() -> None:
-    table = Table.of("caption", ("a", "b"), [(1 / 3, None), ("text", 7)])
-    assert table.shown == (("0.333", ""), ("text", "7"))
-    assert table.rows[0][0] == 1 / 3
+    shown = table("caption", ("a", "b"), [(1 / 3, None), ("text", 7)])
+    assert shown["shown"] == [["0.333", ""], ["text", "7"]]
+    assert shown["rows"][0][0] == 1 / 3

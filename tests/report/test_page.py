@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import re
 from html.parser import HTMLParser
@@ -13,10 +14,11 @@ import pytest
 from tests.test_cli import GOOD
 from tippedisk_verify.cli import main
 from tippedisk_verify.figures.catalogue import EXHIBITS
+from tippedisk_verify.report.pages import _symbols
 
 ONLY = "omega_crit,lambda_3,sliding_velocity,chi,amplitude_law,attraction,convergent_series,scene_d"
 NUMBER = re.compile(r"\d+(?:\.\d+)?…?(?:e[+-]?\d+)?")  # one too long for its cell is cut: 1.18184621…e-7
-EMPTY = {"meta", "link", "img", "source", "br", "path", "use"}
+EMPTY = {"meta", "link", "img", "source", "br", "col", "path", "use"}
 
 
 class Page(HTMLParser):
@@ -137,10 +139,38 @@ def it_is_made_for_every_reader(folder: Path) -> None:
     text = (folder / "report.html").read_text(encoding="utf-8")
     for wanted in ("prefers-color-scheme: dark", "@media print", 'name="viewport"'):
         assert wanted in text
+    assert len(text) < 4e6
+
+
+def test_each_claim_has_a_row_that_jumps_to_it(folder: Path) -> None:
+    """What does not follow is open and says what is true instead; what holds is folded."""
+    page = Page((folder / "report.html").read_text(encoding="utf-8"))
+    results = json.loads((folder / "results.json").read_text(encoding="utf-8"))
+    targets = [attributes.get("href") for tag, attributes in page.elements if tag == "a"]
+    claims = [f"#claim-{claim['name']}" for claim in results["claims"]]
+    rows = [target for target in targets if target in claims]
+    assert [rows.count(claim) >= 1 for claim in claims] == [True] * len(claims)
+    folds = [attributes for tag, attributes in page.elements if tag == "details" and "class" not in attributes]
+    opened = ["open" in attributes for attributes in folds]
+    assert opened == [claim["verdict"] in ("does-not-follow", "undecided") for claim in results["claims"]]
+    text = (folder / "report.md").read_text(encoding="utf-8")
+    assert sum(claim["instead"] is not None for claim in results["claims"]) == text.count(" Instead: ") > 0
+
+
+@pytest.mark.parametrize(
+    ("text", "shown"),
+    [
+        ("Omega_crit - 0.5 (claim omega_h)", "Ω<sub>crit</sub> - 0.5 (claim omega_h)"),
+        ("d(C^2)/dOmega at gamma_bar_0, A_33", "d(C<sup>2</sup>)/dΩ at γ̄<sub>0</sub>, A<sub>33</sub>"),
+        ("near_omega_h.csv, 1e-3 <b>", "near_omega_h.csv, 1e-3 &lt;b&gt;"),
+    ],
+)
+def test_symbols_are_drawn_and_text_is_escaped(text: str, shown: str) -> None:
+    assert _symbols(text) == shown
 
 
 def test_every_figure_has_its_files(folder: Path) -> None:
-    every_figure_has_its_files(folder, {"eigenvalues", "harmonic_balance", "scenes_3d", "scenes_2d"})
+    every_figure_has_its_files(folder, {"eigenvalues", "branch", "scenes_3d", "scenes_2d"})
 
 
 def every_figure_has_its_files(folder: Path, wanted: set[str]) -> None:
@@ -153,10 +183,21 @@ def every_figure_has_its_files(folder: Path, wanted: set[str]) -> None:
         assert figure["reading"].endswith(".")
         for name in figure["files"]:
             assert (folder / name).stat().st_size > 50
+            if name.endswith(".csv"):
+                columns_of_doubles_have_a_unit(folder / name)
     pages = [(folder / name).read_text(encoding="utf-8") for name in ("report.html", "report.md")]
     for claim in results["claims"]:
         for text in pages:
             assert claim["command"] in text
+
+
+def columns_of_doubles_have_a_unit(path: Path) -> None:
+    with open(path, encoding="utf-8", newline="") as lines:
+        for name, *cells in zip(*csv.reader(lines), strict=True):
+            filled = [cell for cell in cells if cell]
+            if all(re.fullmatch(r"-?\d+(\.\d+)?(e[+-]?\d+)?", cell) and re.search("[.e]", cell) for cell in filled):
+                assert re.search(r" \[[^\]]+\]$", name), f"{path.name}: {name}"
+                assert all(cell == repr(float(cell)) for cell in filled), f"{path.name}: {name}"
 
 
 def test_names_from_outside_are_text(tmp_path: Path) -> None:

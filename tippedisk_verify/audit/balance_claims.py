@@ -2,81 +2,46 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from fractions import Fraction
+from functools import partial
 
-from tippedisk_verify.audit.claims import EXACT, Audit, Claim, Examination, ProofOffer, compared, number, per_set
-from tippedisk_verify.audit.table_claims import chi, critical_period
-from tippedisk_verify.audit.table_rounding import noted
-from tippedisk_verify.model.parameters import Constants
+from tippedisk_verify.audit.claims import Answer, Audit, Claim, Fault, ProofOffer, number
+from tippedisk_verify.audit.table_rounding import closed_form, noted
 from tippedisk_verify.theory import harmonic_balance, hopf
 from tippedisk_verify.theory.expansion import derived, printed
 
 __all__ = ["BALANCE_CLAIMS"]
 
 
-def _expansion_part(part: str, note: str) -> Examination:
-    def one(audit: Audit, name: str) -> tuple[str, bool]:
-        constants, speed = audit.sets[name].rational(), Fraction("30.4")
-        follows, claimed = (getattr(function(constants, speed), part) for function in (derived, printed))
-        wrong = sorted(key for key in {*follows, *claimed} if follows.get(key, 0) != claimed.get(key, 0))
-        words = ["".join(f"{s}^{n} " for s, n in zip(("beta", "gamma", "v"), key, strict=True) if n) for key in wrong]
-        return ("follows" if not wrong else "differs in " + "and ".join(words)).strip(), not wrong
-
-    return per_set(one, note, EXACT)
+def _expansion_part(part: str, audit: Audit, name: str, printed_text: str) -> Answer:
+    """One part of the printed expansion against what the expansion gives, coefficient by coefficient."""
+    constants, speed = audit.sets[name].rational(), Fraction("30.4")
+    follows, claimed = (getattr(function(constants, speed), part) for function in (derived, printed))
+    wrong = sorted(key for key in {*follows, *claimed} if follows.get(key, 0) != claimed.get(key, 0))
+    words = ["".join(f"{s}^{n} " for s, n in zip(("beta", "gamma", "v"), key, strict=True) if n) for key in wrong]
+    return ("follows" if not wrong else "differs in " + "and ".join(words)).strip(), not wrong
 
 
-def _balanced(constants: Constants, speed: Fraction, square: Fraction) -> tuple[Fraction, Fraction, Fraction]:
-    """kappa_1, kappa_2 and delta as the expansion gives them, for omega^2 = ``square`` [rad^2/s^2].
-
-    beta_bar = C sin(theta) and v = C omega cos(theta). Of gamma_bar' = Omega sin(beta_bar) the first harmonic is
-    Omega (C - C^3/8) sin(theta), so gamma_bar = -(Omega/omega) (C - C^3/8) cos(theta).
-    """
-    parts = derived(constants, speed)
-    inertia = {(i + 1, j, k): square * value for (i, j, k), value in parts.mass.items()}  # -M v'
-    sine, cosine = Fraction(0), parts.friction[0, 1, 0] * speed / 8  # of C^3 sin(theta) and C^3 cos(theta) / omega
-    for forces in (inertia, parts.gyroscopic, parts.gravity, parts.friction):
-        for (i, j, k), value in forces.items():
-            if i + j + k == 3:
-                # The first harmonic of a cube is 3/4 of its amplitude, of a mixed product 1/4.
-                harmonic = value * (-speed) ** j * square ** ((k - j + 1) // 2) * (3 if i in (0, 3) else 1) / 4
-                sine, cosine = (sine + harmonic, cosine) if i % 2 else (sine, cosine + harmonic)
-    kappa_2 = 4 * cosine / (constants.m * constants.k)
-    return -sine, kappa_2, kappa_2 / (4 * (constants.r + constants.e) ** 2)
+def _balance_constant(which: str, audit: Audit, name: str, printed_text: str) -> Answer:
+    """Printed kappa_1, kappa_2 or delta against what the expansion gives, which tests/theory derives in symbols."""
+    constants, speed = audit.sets[name].rational(), Fraction("30.4")
+    square = constants.e / (constants.r + constants.e) * speed**2
+    inputs = (constants, speed) if which == "delta" else (constants, speed, square)
+    claimed, follows = (getattr(harmonic_balance, which)(*inputs, form) for form in ("printed", "consistent"))
+    if which == "kappa_1":
+        said = f"{float(follows):.6g} N m, printed {float(claimed):.6g} N m, at 30.4 rad/s"
+    else:
+        said = f"{float(claimed / follows):.4f} of what follows"
+    return said, claimed == follows
 
 
-def _balance_constant(which: int) -> Callable[[Audit, str], tuple[str, bool]]:
-    """Printed kappa_1, kappa_2 or delta against what the expansion gives."""
-
-    def one(audit: Audit, name: str) -> tuple[str, bool]:
-        constants, speed = audit.sets[name].rational(), Fraction("30.4")
-        square = constants.e / (constants.r + constants.e) * speed**2
-        follows = _balanced(constants, speed, square)[which]
-        claimed = (
-            harmonic_balance.kappa_1(constants, speed, square, "printed"),
-            harmonic_balance.kappa_2(constants, speed, square, "printed"),
-            harmonic_balance.delta(constants, speed, "printed"),
-        )[which]
-        if which == 0:
-            said = f"{float(follows):.6g} N m, printed {float(claimed):.6g} N m, at 30.4 rad/s"
-        else:
-            said = f"{float(claimed / follows):.4f} of what follows"
-        return said, claimed == follows
-
-    return one
-
-
-def _slope_claim(which: int) -> Callable[[Audit, str], tuple[str, bool]]:
+def _slope(which: int, audit: Audit, name: str, printed_text: str) -> Answer:
     """The printed one-harmonic law's slope at the Hopf point against the first Lyapunov coefficient's."""
-
-    def one(audit: Audit, name: str) -> tuple[str, bool]:
-        parameters = audit.linear(name)
-        law = harmonic_balance.slopes(parameters, "printed")[which]
-        true = hopf.hopf_point(parameters).slopes()[which]
-        ratio = float(law) / float(true)
-        return f"{ratio:.4f} of the true {('d(C^2)/dOmega', 'dT/dOmega')[which]}", abs(ratio - 1) < 1e-9
-
-    return one
+    parameters = audit.linear(name)
+    law = harmonic_balance.slopes(parameters, "printed")[which]
+    true = hopf.hopf_point(parameters).slopes()[which]
+    ratio = float(law) / float(true)
+    return f"{ratio:.4f} of the true {('d(C^2)/dOmega', 'dT/dOmega')[which]}", abs(ratio - 1) < 1e-9
 
 
 def _supercritical(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
@@ -85,14 +50,18 @@ def _supercritical(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
     return f"{kind}, l_1 = {float(hopf.hopf_point(parameters).first_lyapunov_coefficient):.6g}", kind == printed
 
 
+_DROPPED = "the cubic term of gamma_bar' = Omega sin(beta_bar)"
+_BY_CHI = "the paper's chi follows from the right one and not from what is printed"
+
+
 #: In the order of the paper.
 BALANCE_CLAIMS: tuple[Claim, ...] = (
     Claim(
         "expansion_mass",
-        "Eq. MassMatrix_3DOF_approx",
+        "eq:MassMatrix_3DOF_approx",
         "M-tilde is the mass matrix to third order",
         "formula",
-        _expansion_part("mass", ""),
+        partial(_expansion_part, "mass"),
         formula=(
             r"\tilde{M} = (A-\bar{B})\,\bar{\gamma}^2 + \bar{B} + m(r+e)^2\,\bar{\beta}^2"
             r" + \mathcal{O}(\|\bar{z}\|^4)"
@@ -100,123 +69,136 @@ BALANCE_CLAIMS: tuple[Claim, ...] = (
     ),
     Claim(
         "expansion_gyroscopic",
-        "Eq. GyroVector_3DOF_approx",
+        "eq:GyroVector_3DOF_approx",
         "h-tilde is the vector of gyroscopic forces to third order",
         "formula",
-        _expansion_part("gyroscopic", "the mixed term is -[2 (A - Bbar) + m e (r + e)] Omega"),
+        partial(_expansion_part, "gyroscopic"),
         formula=(
             r"\tilde{h} = -\bar{B}\Omega^2\bar{\beta} + (\bar{B}-A)\Omega^2\bar{\beta}\bar{\gamma}^2"
             r" + \left[\tfrac{2}{3}\bar{B} - m e(r+e)\right]\Omega^2\bar{\beta}^3"
             r" - 2\left[A-\bar{B}+m e(r+e)\right]\Omega\dot{\bar{\beta}}\bar{\beta}\bar{\gamma}"
             r" - m(r+e)^2\dot{\bar{\beta}}^2\bar{\beta} + \dots"
         ),
+        fault=Fault(
+            "slip",
+            f"a factor 2 stands before the whole bracket instead of its first term; {_BY_CHI}",
+            "the mixed term is -[2 (A - Bbar) + m e (r + e)] Omega v beta_bar gamma_bar",
+        ),
     ),
     Claim(
         "expansion_gravity",
-        "Eq. force_3DOF_approx",
+        "eq:force_3DOF_approx",
         "f_G to third order",
         "formula",
-        _expansion_part("gravity", "gamma_bar^3 should be gamma_bar^2"),
+        partial(_expansion_part, "gravity"),
         formula=(
             r"f_G = m g(r+e)\bar{\beta} - \tfrac{1}{2} m g e\,\bar{\beta}\bar{\gamma}^3"
             r" - \tfrac{1}{6} m g(r+e)\bar{\beta}^3"
             r" + \dots"
         ),
+        fault=Fault(
+            "slip",
+            f"gamma_bar^3 stands for gamma_bar^2; {_BY_CHI}",
+            "the mixed term is -(1/2) m g e beta_bar gamma_bar^2",
+        ),
     ),
     Claim(
         "expansion_friction",
-        "Eq. genForce_3DOF_approx",
+        "eq:genForce_3DOF_approx",
         "w_y lambda_Ty to third order",
         "formula",
-        _expansion_part("friction", ""),
+        partial(_expansion_part, "friction"),
         formula=(
-            r"w_y\lambda_{Ty} = -\frac{\mu m g}{\varepsilon}\left[-\Omega e\,\tfrac{4e+r}{6}\bar{\gamma}^3"
+            r"w_y\lambda_{Ty} = -\frac{\mu m g}{\varepsilon}[-\Omega e\,\tfrac{4e+r}{6}\bar{\gamma}^3"
             r" + (r+e)^2\dot{\bar{\beta}} - \tfrac{3}{2}\Omega e(r+e)\bar{\beta}^2\bar{\gamma}"
             r" - (r+e)^2\dot{\bar{\beta}}\bar{\beta}^2 + e(r+e)\Omega\bar{\gamma}"
-            r" - e(r+e)\dot{\bar{\beta}}\bar{\gamma}^2\right]"
+            r" - e(r+e)\dot{\bar{\beta}}\bar{\gamma}^2]"
             r" + \dots"
         ),
     ),
     Claim(
         "kappa_1",
-        "below Eq. cos_balance",
+        "eq:cos_balance+1",
         "kappa_1 is the cubic part of the sine balance",
         "-2 m e (r + e)",
-        per_set(_balance_constant(0), "2 m e (r + e) enters with the other sign; the printed chi has it right", EXACT),
+        partial(_balance_constant, "kappa_1"),
         formula=(
             r"\kappa_1 = \tfrac{1}{4}\left[\bar{B} - 3A - 2 m e(r+e)\right]\Omega^2 - \tfrac{1}{2} m(r+e)^2\omega^2"
             r" + \tfrac{1}{8} m g e\frac{\Omega^2}{\omega^2} - \tfrac{1}{4}(\bar{B}-A)\frac{\Omega^4}{\omega^2}"
             r" + \tfrac{1}{8} m g(r+e)"
         ),
+        fault=Fault("slip", f"a sign; {_BY_CHI}", "the first bracket is [Bbar - 3 A + 2 m e (r + e)]"),
     ),
     Claim(
         "kappa_2",
-        "Eq. kappa2",
+        "eq:kappa2, eq:kin_rel, eq:harmonic_ansatz, eq:harmonic_ansatz+1",
         "kappa_2 is the cubic part of the cosine balance",
         "formula",
-        per_set(
-            _balance_constant(1),
-            "follows from the ansatz D = -C Omega/omega, which drops a cubic term of gamma_bar' = Omega sin(beta_bar)",
-            EXACT,
-        ),
+        partial(_balance_constant, "kappa_2"),
+        note="the printed one belongs to the ansatz D = -C Omega/omega",
         formula=(
             r"\kappa_2 = -e\,\frac{r+4e}{2}\,\frac{\Omega^4}{\omega^2} + \tfrac{3}{2} e(r+e)\Omega^2"
             r" + (r+e)^2\omega^2"
         ),
+        fault=Fault("follows-from", _DROPPED, "the middle term is e (r + e) Omega^2, without the factor 3/2"),
     ),
     Claim(
         "delta",
-        "Eq. delta",
+        "eq:delta",
         "delta = -(1/8) (r - e)/(r + e) Omega^2",
         "-(1/8) (r - e)/(r + e) Omega^2",
-        per_set(_balance_constant(2), "-(1/8) r/(r + e) Omega^2 with the cubic kinematic term", EXACT),
+        partial(_balance_constant, "delta"),
         formula=r"\delta = -\frac{1}{8}\,\frac{r-e}{r+e}\,\Omega^2",
+        fault=Fault("follows-from", _DROPPED, "delta = -(1/8) r/(r + e) Omega^2"),
     ),
     Claim(
         "chi",
-        "below Eq. Csol",
+        "eq:Csol+1",
         "chi = 1.31e-7 kg m^3",
         "1.31e-7",
-        number(chi, noted("chi", "the printed formula"), ("closed form",)),
+        number(closed_form("chi")),
+        note=noted("chi", "the printed formula"),
+        methods=("closed form",),
         unit="kg m^3",
         formula=r"\chi = A(r-2e) - \bar{B}\,\frac{2r^2+e(r+e)}{2(r+e)}",
         proof=ProofOffer("Theorem 3", ("certify hopf",), "an enclosure of the number", law="linear"),
     ),
     Claim(
         "amplitude_law",
-        "Eq. Csol",
+        "eq:Csol",
         "C is the amplitude up to O(C^4)",
         "C + O(C^4)",
-        per_set(
-            _slope_claim(0),
-            "the cubic term of gamma_bar' = Omega sin(beta_bar) is of the order of what is kept and changes the leading"
-            " order; with it (the consistent form) the next term is O(C^3)",
-            ("first Lyapunov coefficient", "closed form"),
-        ),
+        partial(_slope, 0),
+        note="the dropped term is of the order of what is kept and changes the leading order",
+        methods=("first Lyapunov coefficient", "closed form"),
         formula=(
             r"C = 2\sqrt{\frac{e}{r+e}}\sqrt{-\frac{\bar{B}r\Omega^2 - m g(r+e)^2}{\chi\Omega^2 + m g e(r+e)}}"
             r" + \mathcal{O}(C^4)"
         ),
-        figures=("harmonic_balance",),
+        fault=Fault("follows-from", _DROPPED, "C is C + O(C^3) with Bbar e^2/(2 (r + e)) added to chi"),
+        figures=("branch",),
     ),
     Claim(
         "period_law",
-        "Eq. omega_sol",
+        "eq:omega_sol",
         "omega is the frequency of the cycle up to O(C^4)",
         "omega + O(C^4)",
-        per_set(_slope_claim(1), "as for the amplitude", ("first Lyapunov coefficient", "closed form")),
+        partial(_slope, 1),
+        methods=("first Lyapunov coefficient", "closed form"),
         formula=(
             r"\omega = \Omega\sqrt{\frac{e}{r+e}\left(1 + \frac{1}{2}\,\frac{r-e}{r+e}\,"
             r"\frac{\bar{B}r\Omega^2 - m g(r+e)^2}{\chi\Omega^2 + m g e(r+e)}\right)}"
         ),
-        figures=("harmonic_balance",),
+        fault=Fault("follows-from", _DROPPED, "r - e becomes r, with Bbar e^2/(2 (r + e)) added to chi"),
+        figures=("branch",),
     ),
     Claim(
         "supercritical",
-        "Section sec:linear3DOF",
+        "below eq:Csol+2",
         "the Hopf bifurcation is supercritical",
         "supercritical",
-        compared(_supercritical, "the sign of A (r - 2e) - Bbar r (2r - e) / (2 (r + e)), exactly", EXACT),
+        _supercritical,
+        note="the sign of A (r - 2e) - Bbar r (2r - e) / (2 (r + e)), exactly",
         formula=r"\chi\,\Omega_\text{crit}^2 + m g e(r+e) > 0",
         proof=ProofOffer(
             "Theorem 3",
@@ -227,10 +209,12 @@ BALANCE_CLAIMS: tuple[Claim, ...] = (
     ),
     Claim(
         "period_crit",
-        "text below Eq. omega_sol",
+        "below eq:omega_sol",
         "the period at the Hopf point is 0.886 s",
         "0.886",
-        number(critical_period, noted("period_crit", "0.8867 for Table 1 as rounded"), ("closed form",)),
+        number(closed_form("period_crit")),
+        note=noted("period_crit", "0.8867 for Table 1 as rounded"),
+        methods=("closed form",),
         unit="s",
         formula=r"T_\text{crit} = \frac{2\pi}{\Omega_\text{crit}}\sqrt{\frac{r+e}{e}}",
         proof=ProofOffer(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from difflib import get_close_matches
 
@@ -12,7 +13,6 @@ from tippedisk_verify.audit import (
     global_claims,
     linear_claims,
     manifold_claims,
-    table_claims,
 )
 from tippedisk_verify.audit.claims import Claim
 from tippedisk_verify.errors import InputError
@@ -21,7 +21,6 @@ __all__ = ["CLAIMS", "GROUPS", "claims_drawn_in", "group_of", "selected"]
 
 _GROUPS = {
     "Model, linear analysis and harmonic balance": (
-        *table_claims.TABLE_CLAIMS,
         *linear_claims.LINEAR_CLAIMS,
         *balance_claims.BALANCE_CLAIMS,
     ),
@@ -47,10 +46,19 @@ def claims_drawn_in(figure: str) -> tuple[str, ...]:
 
 
 def selected(names: Sequence[str]) -> tuple[Claim, ...]:
-    """The claims of those names, in the table's order; all if none is named. Raises InputError for unknown names."""
-    known = {claim.name for claim in CLAIMS}
-    if unknown := [name for name in names if name not in known]:
-        near = get_close_matches(unknown[0], known, n=3, cutoff=0.6)
-        hint = f"did you mean {' or '.join(near)}? " if near else ""
-        raise InputError(f"claim '{unknown[0][:40]}' is not known: {hint}verify --list names all")
-    return tuple(claim for claim in CLAIMS if not names or claim.name in names)
+    """The claims of those names or equations ("eq. 30"), in the table's order; all if none is named.
+
+    Raises InputError for unknown names, and for an equation that no claim is about.
+    """
+    known, wanted = {claim.name for claim in CLAIMS}, set(names)
+    for name in names:
+        if number := re.fullmatch(r"eq\.? ?\(?(\d{1,3})\)?", name.strip()):
+            about = {claim.name for claim in CLAIMS if f"({number[1]})" in claim.source}
+            if not about:
+                raise InputError(f"no claim is about eq. ({number[1]}): verify --list says what the claims are about")
+            wanted = wanted - {name} | about
+        elif name not in known:
+            near = get_close_matches(name, known, n=3, cutoff=0.6)
+            hint = f"did you mean {' or '.join(near)}? " if near else ""
+            raise InputError(f"claim '{name[:40]}' is not known: {hint}verify --list names all")
+    return tuple(claim for claim in CLAIMS if not names or claim.name in wanted)

@@ -13,10 +13,11 @@ from decimal import Decimal
 from enum import Enum
 from fractions import Fraction
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 from tippedisk_verify.atlas.branch import family
 from tippedisk_verify.atlas.locator import locator
+from tippedisk_verify.audit.citations import cited
 from tippedisk_verify.connection.heteroclinic import Heteroclinic, heteroclinic
 from tippedisk_verify.cycles.folds import fold_in_double
 from tippedisk_verify.cycles.shooting import LimitCycle
@@ -29,17 +30,17 @@ from tippedisk_verify.model.results import Printable
 from tippedisk_verify.motion.scenes import Panel, compute, scene_named
 
 __all__ = [
-    "EXACT",
+    "Answer",
     "Audit",
     "Claim",
     "Examination",
+    "Fault",
+    "FaultKind",
     "Finding",
     "ProofOffer",
     "Verdict",
-    "compared",
     "examined",
     "number",
-    "per_set",
     "rounds_to",
     "sets_with",
 ]
@@ -61,7 +62,6 @@ class Finding:
     computed: dict[str, Measured | str]
     holds: dict[str, bool | None]
     note: str = ""
-    methods: tuple[str, ...] = ()
 
     @property
     def verdict(self) -> Verdict:
@@ -79,35 +79,21 @@ class Finding:
 
     def record(self) -> dict[str, Any]:
         """As plain data that loses nothing: numbers as exact fractions."""
-
-        def plain(value: Measured | str) -> Any:
-            return value if isinstance(value, str) else {"value": str(value.value), "width": str(value.uncertainty)}
-
-        return {
-            "computed": {name: plain(value) for name, value in self.computed.items()},
-            "holds": self.holds,
-            "note": self.note,
-            "methods": list(self.methods),
+        computed = {
+            name: value if isinstance(value, str) else [str(value.value), str(value.uncertainty)]
+            for name, value in self.computed.items()
         }
+        return {"computed": computed, "holds": self.holds, "note": self.note}
 
     @classmethod
     def of_record(cls, record: dict[str, Any]) -> Finding:
         """What `record` gave. Raises KeyError, TypeError, ValueError or ArithmeticError for anything else."""
-
-        def number(value: Any) -> Measured | str:
-            if isinstance(value, str):
-                return value
-            return Measured(Fraction(value["value"]), Fraction(value["width"]))
-
-        holds = dict(record["holds"])
+        computed, holds = {}, dict(record["holds"])
+        for name, value in record["computed"].items():
+            computed[str(name)] = value if isinstance(value, str) else Measured(*map(Fraction, value))
         if any(answer not in (True, False, None) for answer in holds.values()):
             raise ValueError("an answer is true, false or open")
-        return cls(
-            computed={str(name): number(value) for name, value in record["computed"].items()},
-            holds=holds,
-            note=str(record["note"]),
-            methods=tuple(str(method) for method in record["methods"]),
-        )
+        return cls(computed, holds, str(record["note"]))
 
 
 class ProofOffer(NamedTuple):
@@ -121,22 +107,46 @@ class ProofOffer(NamedTuple):
     every_disk: bool = False
 
 
+FaultKind = Literal["slip", "follows-from", "differs"]
+
+
+class Fault(NamedTuple):
+    """Why a claim does not follow, and what is true instead.
+
+    A ``slip`` is one of the pen: the paper itself shows what is meant. What ``follows-from`` another claim or a dropped
+    term has that one's name as its cause. Anything else ``differs``.
+    """
+
+    kind: FaultKind
+    cause: str
+    instead: str
+
+
 @dataclass(frozen=True)
 class Claim:
     """One sentence, formula or number of the paper (or one cross-check of our own), with all that belongs to it."""
 
     name: str
-    source: str  #: section, equation label or figure of the paper
+    labels: str  #: LaTeX labels of the paper's equations, figures, tables and sections, as `cited` takes them
     statement: str
     printed: str  #: what the paper prints
-    examine: Examination  #: on the audit's sets, against what is printed
+    examine: Examination  #: of one set of the audit, against what is printed
+    note: str | Callable[[str], str] = ""  #: as it stands, or made from what is printed
+    methods: tuple[str, ...] = ("exact arithmetic",)
     formula: str = ""  #: what the paper writes, in LaTeX: its formula, or the sentence's mathematical content
     unit: str = ""  #: of what is printed and computed, where that is a number
-    reading: bool = False  #: the fault is one of wording, which no disk and no computation changes
+    fault: Fault | None = None  #: where the claim follows for no disk
     own_check: bool = False
     figures: tuple[str, ...] = ()  #: the exhibits that are drawn with it
     proof: ProofOffer | None = None
     cost: float = 0.0  #: what examining three sets takes alone on one core [s], where that is two or more
+
+    @property
+    def source(self) -> str:
+        """Published numbers, with the LaTeX labels behind."""
+        if self.own_check:
+            return "own cross-check"
+        return f"{cited(self.labels)}, {self.labels.replace('below ', '')}"
 
 
 @dataclass(repr=False)
@@ -217,52 +227,34 @@ def rounds_to(measured: Measured, printed: str) -> bool | None:
 
 
 def examined(audit: Audit, claim: Claim) -> Finding:
-    """What becomes of one claim. A computation that falls short leaves it undecided, with the reason."""
-    try:
-        return claim.examine(audit, claim.printed)
-    except (Shortfall, ArithmeticError, InputError) as reason:
-        answers: dict[str, bool | None] = dict.fromkeys(audit.sets, False if claim.own_check else None)
-        return Finding(dict.fromkeys(audit.sets, "-"), answers, note=str(reason))
+    """What becomes of one claim, set by set; our own checks look at the selected set only.
+
+    A computation that falls short leaves its set undecided, with the reason, and the others' answers alone.
+    """
+    computed: dict[str, Measured | str] = {}
+    holds: dict[str, bool | None] = {}
+    notes = [claim.note if isinstance(claim.note, str) else claim.note(claim.printed)]
+    for name in (audit.parameters.name,) if claim.own_check else audit.sets:
+        try:
+            computed[name], holds[name], *said = claim.examine(audit, name, claim.printed)
+            notes += said
+        except (Shortfall, ArithmeticError, InputError) as reason:
+            computed[name], holds[name] = "-", False if claim.own_check else None
+            notes.append(f"{name}: {reason}")
+    return Finding(computed, holds, "; ".join(filter(None, notes)))
 
 
-#: The methods of an examination in rational numbers.
-EXACT = ("exact arithmetic",)
-#: What is computed for one set, and whether the claim holds for it.
-Answer = tuple[Measured | str, bool | None]
-Examination = Callable[[Audit, str], Finding]
-#: A claim's note as it stands, or computed from the audit and what is printed.
-Note = str | Callable[[Audit, str], str]
+def number(compute: Callable[[Audit, str], Measured]) -> Examination:
+    """The examination of a printed number: whether the computed one rounds to it."""
 
-
-def number(compute_one: Callable[[Audit, str], Measured], note: Note, methods: tuple[str, ...]) -> Examination:
-    """The examination of a printed number: for which sets the computed one rounds to it."""
-
-    def one(audit: Audit, name: str, printed: str) -> Answer:
-        value = compute_one(audit, name)
+    def examine(audit: Audit, name: str, printed: str) -> Answer:
+        value = compute(audit, name)
         return value, rounds_to(value, printed)
 
-    return compared(one, note, methods)
-
-
-def per_set(one: Callable[[Audit, str], Answer], note: str, methods: tuple[str, ...]) -> Examination:
-    """Examine each set by itself, where the examination itself knows what the paper says."""
-    return compared(lambda audit, name, printed: one(audit, name), note, methods)
-
-
-def compared(one: Callable[[Audit, str, str], Answer], note: Note, methods: tuple[str, ...]) -> Examination:
-    """Compare each set by itself with what is printed: what one set lacks leaves the others' answers alone."""
-
-    def examine(audit: Audit, printed: str) -> Finding:
-        computed: dict[str, Measured | str] = {}
-        holds: dict[str, bool | None] = {}
-        said = note if isinstance(note, str) else note(audit, printed)
-        notes = [said] if said else []
-        for name in audit.sets:
-            try:
-                computed[name], holds[name] = one(audit, name, printed)
-            except (Shortfall, ArithmeticError, InputError) as reason:
-                computed[name], holds[name] = "-", None
-                notes.append(f"{name}: {reason}")
-        return Finding(computed, holds, "; ".join(notes), methods)
-
     return examine
+
+
+#: What is computed for one set, whether the claim holds for it, and what is to be noted.
+Answer = tuple[Measured | str, bool | None] | tuple[Measured | str, bool | None, str]
+#: From the audit, the name of one of its sets, and what is printed.
+Examination = Callable[[Audit, str, str], Answer]

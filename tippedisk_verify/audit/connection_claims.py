@@ -5,7 +5,7 @@ from __future__ import annotations
 from fractions import Fraction
 
 from tippedisk_verify.atlas.cycles_at_speed import rotating_cycle
-from tippedisk_verify.audit.claims import Audit, Claim, Finding, ProofOffer, number, per_set
+from tippedisk_verify.audit.claims import Answer, Audit, Claim, ProofOffer, number
 from tippedisk_verify.connection.bisection import unstable_branch
 from tippedisk_verify.connection.heteroclinic import heteroclinic
 from tippedisk_verify.cycles.period_continuation import PeriodContinuation
@@ -14,7 +14,6 @@ from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.model.equations import field
 from tippedisk_verify.model.exact import Exact
-from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Constants, Friction
 from tippedisk_verify.model.precision import bits
 from tippedisk_verify.theory.equilibria import linearization, right_eigenvector
@@ -25,7 +24,7 @@ _SHARE = Fraction(1, 1000)  # of the branch, how far from Omega_h both sides are
 _OFFSET = Fraction(1, 10**6)  # rad, from the saddle; no quadratic terms there, so a start is off by its cube
 
 
-def _infinite_period(audit: Audit, name: str) -> tuple[str, bool]:
+def _infinite_period(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
     """The local slope of T against log(Omega - Omega_h) at the end of the family in double, against the law."""
     descent = PeriodContinuation(audit.sets[name], audit.engine)
     above, here = float(descent.above), descent.latest
@@ -39,7 +38,7 @@ def _infinite_period(audit: Audit, name: str) -> tuple[str, bool]:
     )
 
 
-def _both_sides(audit: Audit, name: str) -> tuple[str, bool]:
+def _both_sides(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
     omega_h = audit.omega_h(name).value
     ends = []
     for sign in (-1, 1):
@@ -63,12 +62,12 @@ def _takes_over(audit: Audit, name: str) -> str:
     return f"stable rotating cycles from a fold at {fold:.5f} rad/s to Omega_h, halfway with T = {period:.4f} s"
 
 
-def _attracting(audit: Audit, name: str) -> tuple[str, bool | None]:
+def _attracting(audit: Audit, name: str, printed: str) -> tuple[str, bool | None]:
     value = audit.connection(name).saddle_value
     return f"{float(value):.6f} 1/s", float(value) < 0 if abs(value.value) > value.uncertainty else None
 
 
-def _both_connections(audit: Audit, name: str) -> tuple[str, bool]:
+def _both_connections(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
     """How close the unstable branch of each noninverted state comes to the other one at Omega_h, in double."""
     import numpy
 
@@ -88,7 +87,7 @@ def _both_connections(audit: Audit, name: str) -> tuple[str, bool]:
     return f"branches within {closest[0]:.0e} and {closest[1]:.0e} of the other state", max(closest) < 0.003
 
 
-def _identified(audit: Audit, name: str) -> tuple[str, bool]:
+def _identified(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
     """The field at states a full turn of gamma apart, the two noninverted ones among them, in 400 bits."""
     precision = bits(400)
     ctx = precision.context
@@ -103,29 +102,25 @@ def _identified(audit: Audit, name: str) -> tuple[str, bool]:
     return f"the field differs by {float(apart):.0e}", max(apart, moved) < 2.0**-300
 
 
-def _two_roads(audit: Audit, printed: str) -> Finding:
+def _two_methods(audit: Audit, name: str, printed: str) -> Answer:
     """Omega_h as the zero of the splitting, and as the limit of the limit cycles."""
-    name, parameters = audit.parameters.name, audit.parameters
     taylor = audit.engine if audit.engine.measures_error else default_engine()
-    ends: list[Measured | str] = []
+    ends, without = [], []
     for digits, method in ((12, "manifolds"), (14, "limit-cycles")):
         try:
-            ends.append(heteroclinic(parameters, taylor, digits=digits, method=method).omega_h)
+            ends.append(heteroclinic(audit.parameters, taylor, digits=digits, method=method).omega_h)
         except (NoConnectionError, NoSuchCycleError) as reason:
-            ends.append(str(reason))
+            without.append(str(reason))
+    if without:
+        said = "one method finds a connection, the other none" if ends else "no connection"
+        return said, not ends, "; ".join(without)
     one, two = ends
-    if isinstance(one, str) or isinstance(two, str):
-        neither = isinstance(one, str) and isinstance(two, str)
-        said = "no connection" if neither else "one road finds a connection, the other none"
-        return Finding({name: said}, {name: neither}, "; ".join(end for end in ends if isinstance(end, str)))
     apart = abs(one.value - two.value)
-    agreed = apart <= one.uncertainty + two.uncertainty
-    widths = f"{float(one.uncertainty):.1e} and {float(two.uncertainty):.1e}"
     note = (
         f"the manifolds' splitting and the limit of the limit cycles lie {float(apart):.1e} rad/s apart, with"
-        f" half-widths of {widths}"
+        f" half-widths of {float(one.uncertainty):.1e} and {float(two.uncertainty):.1e}"
     )
-    return Finding({name: one}, {name: agreed}, note, ("manifolds", "limit-cycles"))
+    return one, apart <= one.uncertainty + two.uncertainty, note
 
 
 _WHERE = (
@@ -143,10 +138,12 @@ def _theorems_6_and_7(theorem: str, proves: str, law: Friction | None = "linear"
 CONNECTION_CLAIMS: tuple[Claim, ...] = (
     Claim(
         "omega_h",
-        "text below Figure Shooting",
+        "below fig:Shooting",
         "the periodic solution vanishes at Omega_h = 30.07 rad/s",
         "30.07",
-        number(Audit.omega_h, _WHERE, ("manifolds",)),
+        number(Audit.omega_h),
+        note=_WHERE,
+        methods=("manifolds",),
         unit="rad/s",
         formula=r"\Omega_\text{h}:\quad W^u(\pi/2,\,-\pi/2,\,0) \cap W^s(\pi/2,\,3\pi/2,\,0) \neq \emptyset",
         proof=ProofOffer(
@@ -160,12 +157,12 @@ CONNECTION_CLAIMS: tuple[Claim, ...] = (
     ),
     Claim(
         "infinite_period",
-        "Section sec:discussion",
+        "sec:discussion",
         "the period tends to infinity as Omega falls to Omega_h",
         "T_h = infinity",
-        per_set(
-            _infinite_period, "T ~ -(2 / lambda_u) log(Omega - Omega_h), its slope at the end of double", ("shooting",)
-        ),
+        _infinite_period,
+        note="T ~ -(2 / lambda_u) log(Omega - Omega_h), its slope at the end of double",
+        methods=("shooting",),
         formula=r"T \to \infty \quad\text{as}\quad \Omega \downarrow \Omega_\text{h}",
         figures=("near_omega_h",),
         proof=ProofOffer(
@@ -179,15 +176,15 @@ CONNECTION_CLAIMS: tuple[Claim, ...] = (
     ),
     Claim(
         "only_above_omega_h",
-        "Section sec:discussion",
+        "sec:discussion",
         "the periodic solution exists above Omega_h only: below, the saddle's unstable branch leaves the well",
         "existence above",
-        per_set(
-            _both_sides,
+        _both_sides,
+        note=(
             "what the unstable branch does a thousandth off Omega_h, for gamma in R, where the cycle about inverted"
-            " spinning ends at Omega_h; rotating cycles are periodic on the cylinder, gamma modulo 2 pi",
-            ("trajectories", "shooting"),
+            " spinning ends at Omega_h; rotating cycles are periodic on the cylinder, gamma modulo 2 pi"
         ),
+        methods=("trajectories", "shooting"),
         formula=r"\Omega_\text{h} < \Omega < \Omega_\text{crit}",
         figures=("scenario",),
         proof=ProofOffer(
@@ -202,49 +199,46 @@ CONNECTION_CLAIMS: tuple[Claim, ...] = (
     ),
     Claim(
         "both_connections",
-        "Section sec:discussion",
+        "sec:discussion",
         "at Omega_h two heteroclinic connections form a cycle",
         "two connections",
-        per_set(
-            _both_connections,
-            "each noninverted state's unstable branch reaches the other; the point symmetry maps one to the other",
-            ("trajectories",),
-        ),
+        _both_connections,
+        note="each noninverted state's unstable branch reaches the other; the point symmetry maps one to the other",
+        methods=("trajectories",),
         formula=r"(\pi/2,\,-\pi/2,\,0) \rightleftarrows (\pi/2,\,3\pi/2,\,0)",
         proof=_theorems_6_and_7("Theorem 6", "that both connections exist at one and the same speed", law=None),
     ),
     Claim(
         "homoclinic_identified",
-        "Section sec:discussion",
+        "sec:discussion",
         "with the noninverted equilibria identified the connections are homoclinic",
         "homoclinic",
-        per_set(
-            _identified,
+        _identified,
+        note=(
             "the field has period 2 pi in gamma, and the two states are 2 pi apart: on the cylinder both connections"
-            " lead back to one saddle, as a figure of eight",
-            ("symmetry",),
+            " lead back to one saddle, as a figure of eight"
         ),
+        methods=("symmetry",),
         formula=r"F(\beta,\,\gamma+2\pi,\,v) = F(\beta,\,\gamma,\,v)",
     ),
     Claim(
         "attracting_cycle",
-        "Section sec:discussion",
+        "sec:discussion",
         "the periodic orbit that arises at Omega_h is stable",
         "stable",
-        per_set(
-            _attracting,
-            "saddle value lambda_u + lambda_s, negative: cycles next to the connection attract, rotating ones too",
-            ("eigenvalues",),
-        ),
+        _attracting,
+        note="saddle value lambda_u + lambda_s, negative: cycles next to the connection attract, rotating ones too",
+        methods=("eigenvalues",),
         formula=r"\lambda_u + \lambda_s < 0",
         proof=_theorems_6_and_7("Theorem 7", "that the limit cycle next to the connection is asymptotically stable"),
     ),
     Claim(
         "omega_h_two_roads",
-        "own cross-check",
-        "two roads to Omega_h agree",
         "",
-        _two_roads,
+        "two methods for Omega_h agree",
+        "",
+        _two_methods,
+        methods=("manifolds", "limit-cycles"),
         own_check=True,
         unit="rad/s",
         cost=2,

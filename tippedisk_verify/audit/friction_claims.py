@@ -7,7 +7,7 @@ from fractions import Fraction
 from functools import lru_cache
 
 from tippedisk_verify.atlas.cycles_at_speed import cycle_at
-from tippedisk_verify.audit.claims import Audit, Claim, per_set
+from tippedisk_verify.audit.claims import Audit, Claim, Fault
 from tippedisk_verify.connection.heteroclinic import heteroclinic
 from tippedisk_verify.cycles.shooting import LimitCycle
 from tippedisk_verify.errors import NoConnectionError, NoSuchCycleError, Shortfall
@@ -34,7 +34,7 @@ def _cycle(parameters: Parameters, engine: Engine) -> LimitCycle:
     return cycle_at(parameters, _below(parameters), engine, digits=12)
 
 
-def _qualitative(audit: Audit, name: str) -> tuple[str, bool]:
+def _qualitative(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
     """Same kind of Hopf point, stable cycles, and a connection, by both laws."""
     parameters = audit.sets[name]
     speeds = [
@@ -65,7 +65,7 @@ def _smooth_kind(parameters: Parameters, engine: Engine) -> str:
     return "supercritical" if near.stable and far.stable and shrinks else "not supercritical"
 
 
-def _asymptotic(audit: Audit, name: str) -> tuple[str, bool]:
+def _asymptotic(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
     """The attracting cycles of both laws at the same speed, and how far the sliding velocity is from small."""
     import numpy
 
@@ -89,7 +89,7 @@ def _asymptotic(audit: Audit, name: str) -> tuple[str, bool]:
     return f"T differs by {100 * apart:.3f} %, |gamma_y| up to {share:.3f} epsilon", not certain
 
 
-def _attractive(audit: Audit, name: str) -> tuple[str, bool]:
+def _attractive(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
     """Where neighbours in v fall together, a little off rolling, and at what rate, -d(v')/d(v), by both laws."""
     import numpy
 
@@ -107,7 +107,7 @@ def _attractive(audit: Audit, name: str) -> tuple[str, bool]:
     return "; ".join(said), all(falling)
 
 
-def _almost_all(audit: Audit, name: str) -> tuple[str, bool]:
+def _almost_all(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
     """A plane of starts at rest above Omega_crit."""
     parameters = audit.sets[name]
     omega = omega_crit(parameters, 20).value + Fraction(1, 2)
@@ -134,51 +134,63 @@ def _boundary(parameters: Parameters, omega: Fraction, engine: Engine) -> str:
 FRICTION_CLAIMS: tuple[Claim, ...] = (
     Claim(
         "globally_attractive",
-        "Section sec:discussion",
+        "sec:discussion",
         "the slow manifold is globally attractive, with the smooth law as well",
         "globally attractive",
-        per_set(
-            _attractive,
-            "rates at which neighbours in v fall together; closer to lying flat they part",
-            ("closed form",),
+        _attractive,
+        note="rates at which neighbours in v fall together, a little off rolling",
+        methods=("closed form",),
+        fault=Fault(
+            "differs",
+            "the attraction rate vanishes where the disk lies flat, and off rolling neighbours in v part before that",
+            "the slow manifold attracts at an angle from lying flat, by both laws",
         ),
         formula=r"\mathcal{M}_s \;\text{attracts}\; \{0 < \beta < \pi\}",
     ),
     Claim(
         "smooth_same_behaviour",
-        "Section sec:discussion",
+        "sec:discussion",
         "smooth Coulomb friction does not change the qualitative behaviour",
         "same qualitatively",
-        per_set(_qualitative, "stable cycles between a connection and the same Hopf point", ("shooting", "manifolds")),
+        _qualitative,
+        note="stable cycles between a connection and the same Hopf point",
+        methods=("shooting", "manifolds"),
         formula=(
             r"\lambda_{Ty} = -\frac{\mu m g}{\varepsilon}\gamma_y"
             r" \;\sim\; -\mu m g\,\frac{\gamma_y}{|\gamma_y|+\varepsilon}"
         ),
-        figures=("switching_order",),
         cost=17,
     ),
     Claim(
         "smooth_same_asymptotics",
-        "Section sec:discussion",
+        "sec:discussion",
         "linear and smooth Coulomb friction describe the same asymptotic behaviour",
         "same",
-        per_set(
-            _asymptotic,
-            "the limit cycles at Omega_crit - 0.5; they agree only where they shrink to the Hopf point",
-            ("shooting",),
+        _asymptotic,
+        note="the limit cycles at Omega_crit - 0.5",
+        methods=("shooting",),
+        fault=Fault(
+            "differs",
+            "the sliding velocity does not vanish along the limit cycle, so the laws differ there",
+            "the limit cycles of the two laws agree only where they shrink to the Hopf point",
         ),
         formula=r"|\gamma_y| \ll \varepsilon",
     ),
     Claim(
         "almost_all_trajectories",
-        "Section sec:discussion",
+        "sec:discussion",
         "above Omega_crit inverted spinning attracts almost all trajectories",
         "almost all",
-        per_set(
-            _almost_all,
+        _almost_all,
+        note=(
             f"{_STATES} starts over the whole strip between noninverted states, 20 s; a boundary told is the"
-            " stable manifold of an unstable rotating cycle, with its image under the point symmetry",
-            ("trajectories", "shooting"),
+            " stable manifold of an unstable rotating cycle, with its image under the point symmetry"
+        ),
+        methods=("trajectories", "shooting"),
+        fault=Fault(
+            "differs",
+            "many starts lie flat before they invert",
+            "inverted spinning attracts a neighbourhood, which an unstable rotating cycle's stable manifold bounds",
         ),
         formula=r"x(t) \to (\pi/2,\,\pi/2,\,0) \quad\text{for}\quad \Omega > \Omega_\text{crit}",
         cost=3,

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 from fractions import Fraction
+from functools import partial
 from itertools import pairwise
 
 from tippedisk_verify.atlas.cycles_at_speed import cycle_at
-from tippedisk_verify.audit.claims import Audit, Claim, Examination, Finding, ProofOffer, compared, per_set
+from tippedisk_verify.audit.claims import Answer, Audit, Claim, ProofOffer
 from tippedisk_verify.cycles.shooting import limit_cycle
 from tippedisk_verify.errors import NoSuchCycleError
 from tippedisk_verify.flow import default_engine
@@ -18,10 +19,8 @@ from tippedisk_verify.theory.hopf import omega_crit
 __all__ = ["GLOBAL_CLAIMS"]
 
 
-def _scene(name: str, note: str) -> Examination:
-    return compared(
-        lambda audit, set_name, printed: _ends(audit.panel(name, set_name), printed), note, ("trajectories",)
-    )
+def _scene(scene: str, audit: Audit, name: str, printed: str) -> Answer:
+    return _ends(audit.panel(scene, name), printed)
 
 
 def _ends(panel: Panel, *expected: str) -> tuple[str, bool | None]:
@@ -32,7 +31,7 @@ def _ends(panel: Panel, *expected: str) -> tuple[str, bool | None]:
     return "; ".join(_said(ending) for ending in endings), outcome
 
 
-def _repelled(audit: Audit, name: str) -> tuple[str, bool | None]:
+def _repelled(audit: Audit, name: str, printed: str) -> tuple[str, bool | None]:
     """Panel a, and whether its speed lies below the fold of the rotating cycles: from there up they hold orbits up."""
     panel, fold = audit.panel("a", name), audit.rotation_fold(name)
     if fold is None:
@@ -54,7 +53,7 @@ def _said(ending: Ending) -> str:
     return ending.kind
 
 
-def _branch(audit: Audit, name: str) -> tuple[str, bool]:
+def _branch(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
     """The overview of the family: stable everywhere, amplitude and period monotone."""
     cycles = sorted(audit.family(name), key=lambda cycle: cycle.omega.value)
     steps = list(pairwise(cycles))
@@ -78,7 +77,7 @@ def _table_2(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
     return "converges to " + ", ".join(f"{float(mine):.4f}" for mine, _ in pairs), same
 
 
-def _contact(audit: Audit, name: str) -> tuple[str, bool]:
+def _contact(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
     """The smallest lambda_N / (m g) along the sampled orbits; negative would mean that the contact opens."""
     import numpy
 
@@ -98,24 +97,22 @@ def _contact(audit: Audit, name: str) -> tuple[str, bool]:
     return text, min(smallest) > 0
 
 
-def _engines(audit: Audit, printed: str) -> Finding:
+def _engines(audit: Audit, name: str, printed: str) -> Answer:
     """The Taylor engine in double against itself in extended precision and against SciPy."""
     from tippedisk_verify.flow.baseline import Baseline
 
     taylor = audit.engine if audit.engine.measures_error else default_engine()
     scipy = Baseline("DOP853")
-    parameters = audit.linear(audit.parameters.name)  # both engines have their full order under the linear law only
+    parameters = audit.linear(name)  # both engines have their full order under the linear law only
     crit = omega_crit(parameters, 20).value
-    worst = Fraction(0)
-    claimed = Fraction(0)
+    worst = claimed = Fraction(0)
     for share in ("0.98", "0.997", "1.016"):
         for start in INITIAL_STATES:
             request = Request(parameters, crit * Fraction(share), start, 10)
-            mine = taylor(replace(request, error_estimate=True))
-            theirs = scipy(request)
+            mine, theirs = taylor(replace(request, error_estimate=True)), scipy(request)
             if mine.status is not theirs.status or mine.error is None:
                 note = f"at {share} Omega_crit: {mine.status.value} against {theirs.status.value}"
-                return Finding({parameters.name: "the engines end differently"}, {parameters.name: False}, note)
+                return "the engines end differently", False, note
             worst = max(worst, *(Fraction(abs(a - b)) for a, b in zip(mine.state, theirs.state, strict=True)))
             claimed = max(claimed, Fraction(mine.error.largest))
     # SciPy's local tolerance of 1e-13 grows over 10 s by the passages near the saddles, which cost up to three digits.
@@ -124,24 +121,21 @@ def _engines(audit: Audit, printed: str) -> Finding:
         f"six orbits of 10 s: SciPy's DOP853 differs by at most {float(worst):.1e}; the Taylor engine's own estimate of"
         f" its error, from a run in extended precision, is at most {float(claimed):.1e}"
     )
-    return Finding(
-        {parameters.name: f"within {float(worst):.1e} rad, rad/s"},
-        {parameters.name: agreed},
-        note,
-        ("taylor", "scipy-DOP853"),
-    )
+    return f"within {float(worst):.1e} rad, rad/s", agreed, note
 
 
 #: In the order of the paper.
 GLOBAL_CLAIMS: tuple[Claim, ...] = (
     Claim(
         "stable_branch",
-        "Section sec:shooting",
+        "sec:shooting",
         "between Omega_h and Omega_crit the periodic solution is stable; amplitude and period fall with Omega",
         "stable, monotone",
-        per_set(_branch, "at 41 speeds each multiplier lies below 1 by more than its half-width", ("shooting",)),
+        _branch,
+        note="at 41 speeds each multiplier lies below 1 by more than its half-width",
+        methods=("shooting",),
         formula=r"|\mu_\text{slow}| < 1,\quad \frac{d\bar{\beta}_\text{max}}{d\Omega} < 0,\quad \frac{dT}{d\Omega} < 0",
-        figures=("branch", "sketch"),
+        figures=("branch", "scenario"),
         proof=ProofOffer(
             "Theorem 5b",
             ("certify branch",),
@@ -152,23 +146,25 @@ GLOBAL_CLAIMS: tuple[Claim, ...] = (
     ),
     Claim(
         "table_2",
-        "Table tab:initail",
+        "tab:initail",
         "the guess at Omega_crit - 0.5 converges",
         "guess 1.69, -1.72, 1.10",
-        compared(_table_2, "the cycle found from the table's guess: gamma_bar_0, v_0 and T", ("shooting",)),
+        _table_2,
+        note="the cycle found from the table's guess: gamma_bar_0, v_0 and T",
+        methods=("shooting",),
         formula=r"(\bar{\beta}_0,\,\bar{\gamma}_0,\,\dot{\bar{\beta}}_0,\,T_0) = (0,\;1.69,\;-1.72,\;1.10)",
     ),
     Claim(
         "scene_a",
-        "Figure sub_hom",
+        "fig:sub_hom",
         "below Omega_h solutions are repelled by inverted spinning",
         "repelled",
-        per_set(
-            _repelled,
+        _repelled,
+        note=(
             "orbits go on past noninverted states; what can hold them up below Omega_h, a stable rotating cycle, exists"
-            " from the fold up only; the model ends where the disk lies flat",
-            ("trajectories", "shooting"),
+            " from the fold up only; the model ends where the disk lies flat"
         ),
+        methods=("trajectories", "shooting"),
         formula=r"\Omega = \Omega_\text{h} - 0.1",
         figures=("scenes_3d", "scenes_2d"),
         cost=6,
@@ -176,10 +172,12 @@ GLOBAL_CLAIMS: tuple[Claim, ...] = (
     *(
         Claim(
             f"scene_{name}",
-            f"Figure {label}",
+            f"fig:{label}",
             "the periodic solution attracts both orbits",
             "limit cycle",
-            _scene(name, "amplitude of gamma at beta = pi/2"),
+            partial(_scene, name),
+            note="amplitude of gamma at beta = pi/2",
+            methods=("trajectories",),
             formula=formula,
             figures=("scenes_3d", "scenes_2d"),
         )
@@ -192,28 +190,32 @@ GLOBAL_CLAIMS: tuple[Claim, ...] = (
     ),
     Claim(
         "scene_f",
-        "Figure sup_crit",
+        "fig:sup_crit",
         "above Omega_crit inverted spinning attracts both orbits",
         "inverted spinning",
-        _scene("f", ""),
+        partial(_scene, "f"),
+        methods=("trajectories",),
         formula=r"\Omega = \Omega_\text{crit} + 0.5",
         figures=("inversion", "scenes_3d", "scenes_2d"),
     ),
     Claim(
         "permanent_contact",
-        "Section sec:model",
+        "sec:model",
         "the disk stays in contact with the support",
         "permanent contact",
-        per_set(_contact, "smallest normal force over weight along the orbits of scenes a; b to f", ("trajectories",)),
+        _contact,
+        note="smallest normal force over weight along the orbits of scenes a; b to f",
+        methods=("trajectories",),
         formula=r"\frac{\lambda_N}{m g} > 0",
         cost=3,
     ),
     Claim(
         "engines_agree",
-        "own cross-check",
+        "",
         "two integrators that share only the equations agree",
         "",
         _engines,
+        methods=("taylor", "scipy-DOP853"),
         own_check=True,
         figures=("race",),
         cost=2,

@@ -1,13 +1,13 @@
-"""Claims about the model's linearisation: the two equilibria, their eigenvalues, and the critical speed."""
+"""Claims about Table 1 and the model's linearisation: the two equilibria, their eigenvalues, the critical speed."""
 
 from __future__ import annotations
 
 import math
 from fractions import Fraction
+from functools import partial
 
-from tippedisk_verify.audit.claims import EXACT, Audit, Claim, Examination, ProofOffer, compared, number, per_set
-from tippedisk_verify.audit.table_claims import critical_speed, stiff_eigenvalue
-from tippedisk_verify.audit.table_rounding import noted
+from tippedisk_verify.audit.claims import Answer, Audit, Claim, Fault, ProofOffer, number, rounds_to
+from tippedisk_verify.audit.table_rounding import CLOSED_FORMS, closed_form, inside_table, noted
 from tippedisk_verify.model.equations import jacobian, terms
 from tippedisk_verify.model.parameters import Constants
 from tippedisk_verify.model.precision import DOUBLE, bits
@@ -17,20 +17,26 @@ from tippedisk_verify.theory.hopf import omega_crit, omega_crit_squared
 __all__ = ["LINEAR_CLAIMS"]
 
 
-def _stability(which: EquilibriumName, sides: tuple[int, ...]) -> Examination:
+def _joint(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
+    """Whether the set lies inside Table 1's rounding and reproduces all printed closed-form numbers at once."""
+    pairs = zip(printed.split(", "), CLOSED_FORMS, strict=True)
+    missed = [text for text, claim in pairs if not rounds_to(closed_form(claim)(audit, name), text)]
+    inside = inside_table(audit.sets[name])
+    where = "inside" if inside else "outside"
+    return f"{where} the rounding, misses {', '.join(missed) or 'none'}", inside and not missed
+
+
+_EIGHT_SPEEDS = "exact Routh-Hurwitz in rational arithmetic at eight speeds on each side, the nearest 0.4 % away"
+
+
+def _stability(which: EquilibriumName, sides: tuple[int, ...], audit: Audit, name: str, printed: str) -> Answer:
     """Stability at eight speeds on each of the given sides of Omega_crit (-1 below, 1 above), exactly."""
-
-    def one(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
-        # A rational within 1e-30 of Omega_crit; the shifts are far larger, so the side is certain.
-        crit = omega_crit(audit.sets[name], 30).value
-        speeds = [crit * (1 + side * Fraction(1, 2**power)) for side in sides for power in range(1, 9)]
-        answers = {is_stable(linearization(audit.sets[name], speed, which)) for speed in speeds}
-        said = " and ".join("stable" if answer else "unstable" for answer in sorted(answers))
-        return said, said == printed
-
-    where = " and ".join({-1: "below", 1: "above"}[side] for side in sides)
-    note = f"exact Routh-Hurwitz in rational arithmetic at eight speeds {where} Omega_crit, the nearest 0.4 % away"
-    return compared(one, note, EXACT)
+    # A rational within 1e-30 of Omega_crit; the shifts are far larger, so the side is certain.
+    crit = omega_crit(audit.sets[name], 30).value
+    speeds = [crit * (1 + side * Fraction(1, 2**power)) for side in sides for power in range(1, 9)]
+    answers = {is_stable(linearization(audit.sets[name], speed, which)) for speed in speeds}
+    said = " and ".join("stable" if answer else "unstable" for answer in sorted(answers))
+    return said, said == printed
 
 
 def _friction_free(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
@@ -77,7 +83,7 @@ def _critical_pair(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
     return said, said == printed
 
 
-def _jacobian_entries(audit: Audit, name: str) -> tuple[str, bool]:
+def _jacobian_entries(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
     """A31, A32, A33 against the derivative of the full equations, in 200 bits."""
     precision = bits(200)
     parameters = audit.sets[name]
@@ -93,7 +99,7 @@ def _jacobian_entries(audit: Audit, name: str) -> tuple[str, bool]:
     return "equal" if close else "different", close
 
 
-def _stiff_order(audit: Audit, name: str) -> tuple[str, bool]:
+def _stiff_order(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
     """The observed exponent of epsilon in lambda_3 - A33."""
     gaps = []
     for exponent in (4, 5):
@@ -111,24 +117,41 @@ def _theorem_1(proves: str, rest: str = "") -> ProofOffer:
 #: In the order of the paper.
 LINEAR_CLAIMS: tuple[Claim, ...] = (
     Claim(
+        "table_1",
+        "tab:dim_mass, eq:closed_la3, eq:approx_omega_crit, eq:Csol+1",
+        "the printed closed-form numbers follow from Table 1",
+        "30.92, 0.886, -129.04, 1.31e-7",
+        _joint,
+        note="yes: calibrated does, with Omega_h = 30.07 as well (claim omega_h)",
+        formula=r"r,\; e,\; m,\; A,\; B \;\mapsto\; \Omega_\text{crit},\; T_\text{crit},\; A_{33},\; \chi",
+        proof=ProofOffer(
+            "Theorem 3",
+            ("certify hopf",),
+            "enclosures of the four numbers; whether the disk rounds to Table 1 is seen from its decimals",
+            law="linear",
+        ),
+    ),
+    Claim(
         "sliding_velocity",
-        "Eq. gamma_y_3DOF",
+        "eq:gamma_y_3DOF",
         "gamma_y = (r + e sin gamma) v sin beta - e Omega sin beta^2 cos gamma",
         "sin beta^2",
-        compared(
-            _square_of_sine,
-            "read as the square of the sine; the contact point's kinematics give no other reading",
-            ("reading", "closed form"),
+        _square_of_sine,
+        methods=("reading", "closed form"),
+        fault=Fault(
+            "slip",
+            "the square stands at the angle instead of its sine; the contact point's kinematics give no other reading",
+            "gamma_y = (r + e sin gamma) v sin beta - e Omega sin^2(beta) cos gamma",
         ),
-        reading=True,
         formula=r"\gamma_y = (r + e\,\sin\gamma)\,\dot{\beta}\,\sin\beta - e\,\Omega\,\sin\beta^2\,\cos\gamma",
     ),
     Claim(
         "linearization",
-        "Eqs. 3DOF_lin, A_coeff_O",
+        "eq:3DOF_lin, eq:A_coeff_O",
         "A31, A32 and A33 linearise the equations about inverted spinning",
         "A31, A32, A33",
-        per_set(_jacobian_entries, "against the derivative of the full equations in 200 bits", EXACT),
+        _jacobian_entries,
+        note="against the derivative of the full equations in 200 bits",
         formula=(
             r"A_{31} = \frac{m g}{\bar{B}}(r+e) - \Omega^2,"
             r"\quad A_{32} = -\frac{\mu m g}{\varepsilon\bar{B}}\,e(r+e)\,\Omega,"
@@ -137,28 +160,24 @@ LINEAR_CLAIMS: tuple[Claim, ...] = (
     ),
     Claim(
         "omega_crit",
-        "Eq. approx_omega_crit",
+        "eq:approx_omega_crit",
         "Omega_crit = sqrt((r+e)^2/r * m g/Bbar) = 30.92 rad/s",
         "30.92",
-        number(
-            critical_speed,
-            noted("omega_crit", "Table 1 as rounded gives less", "a set inside its rounding gives it"),
-            ("closed form",),
-        ),
+        number(closed_form("omega_crit")),
+        note=noted("omega_crit", "Table 1 as rounded gives less", "a set inside its rounding gives it"),
+        methods=("closed form",),
         unit="rad/s",
         formula=r"\Omega_\text{crit} = \sqrt{\frac{(r+e)^2}{r}\,\frac{m g}{\bar{B}}}",
         proof=_theorem_1("the formula, and an enclosure of the number"),
     ),
     Claim(
         "omega_crit_friction",
-        "text below Eq. approx_omega_crit",
+        "below eq:approx_omega_crit",
         "the critical speed does not depend on the friction parameters mu and epsilon",
         "independent",
-        compared(
-            _friction_free,
-            "with mu and epsilon changed a thousandfold, stability changes within 1e-30 rad/s of the same speed"
-            " (exact)",
-            EXACT,
+        _friction_free,
+        note=(
+            "with mu and epsilon changed a thousandfold, stability changes within 1e-30 rad/s of the same speed (exact)"
         ),
         formula=(
             r"\frac{\partial\Omega_\text{crit}}{\partial\mu}"
@@ -168,14 +187,12 @@ LINEAR_CLAIMS: tuple[Claim, ...] = (
     ),
     Claim(
         "lambda_3",
-        "Eq. closed_la3",
+        "eq:closed_la3",
         "lambda_3 is about A_33 = -129.04 1/s",
         "-129.04",
-        number(
-            stiff_eigenvalue,
-            noted("lambda_3", "the number is A_33, the leading term; the eigenvalue itself depends on Omega"),
-            ("closed form",),
-        ),
+        number(closed_form("lambda_3")),
+        note=noted("lambda_3", "the number is A_33, the leading term; the eigenvalue itself depends on Omega"),
+        methods=("closed form",),
         unit="1/s",
         formula=r"\lambda_3 \approx -\frac{\mu m g}{\varepsilon\bar{B}}(r+e)^2",
         figures=("eigenvalues",),
@@ -186,21 +203,22 @@ LINEAR_CLAIMS: tuple[Claim, ...] = (
     ),
     Claim(
         "lambda_3_order",
-        "Eq. closed_la3",
+        "eq:closed_la3",
         "lambda_3 = A_33 + O(epsilon)",
         "O(epsilon)",
-        per_set(_stiff_order, "fitted exponent of epsilon between 1e-4 and 1e-5", ("eigenvalues at 40 digits",)),
+        _stiff_order,
+        note="fitted exponent of epsilon between 1e-4 and 1e-5",
+        methods=("eigenvalues at 40 digits",),
         formula=r"\lambda_3 = A_{33} + \mathcal{O}(\varepsilon)",
     ),
     Claim(
         "critical_pair",
-        "below Eq. closed_la3",
+        "below eq:closed_la3",
         "a pair of convex conjugate eigenvalues crosses the imaginary axis",
         "convex conjugate",
-        compared(
-            _critical_pair, "a slip of the pen: the pair is complex conjugate", ("reading", "eigenvalues at 20 digits")
-        ),
-        reading=True,
+        _critical_pair,
+        methods=("reading", "eigenvalues at 20 digits"),
+        fault=Fault("slip", "'convex' stands for 'complex'", "the pair is complex conjugate"),
         formula=r"\lambda_{1,2} = \pm i\,\omega \quad\text{at}\quad \Omega = \Omega_\text{crit}",
         proof=_theorem_1(
             "that a pair of complex conjugate eigenvalues crosses the imaginary axis, with nonzero speed",
@@ -209,28 +227,31 @@ LINEAR_CLAIMS: tuple[Claim, ...] = (
     ),
     Claim(
         "inverted_stable_above",
-        "Section sec:linear_stab3DOF",
+        "sec:linear_stab3DOF",
         "inverted spinning is stable above Omega_crit",
         "stable",
-        _stability("inverted", (1,)),
+        partial(_stability, "inverted", (1,)),
+        note=_EIGHT_SPEEDS,
         formula=r"\Re\lambda_i < 0 \quad\text{for}\quad \Omega > \Omega_\text{crit}",
         proof=_theorem_1("asymptotic stability at every speed above Omega_crit"),
     ),
     Claim(
         "inverted_unstable_below",
-        "Section sec:linear_stab3DOF",
+        "sec:linear_stab3DOF",
         "inverted spinning is unstable below Omega_crit",
         "unstable",
-        _stability("inverted", (-1,)),
+        partial(_stability, "inverted", (-1,)),
+        note=_EIGHT_SPEEDS,
         formula=r"\Re\lambda_{1,2} > 0 \quad\text{for}\quad \Omega < \Omega_\text{crit}",
         proof=_theorem_1("instability at every speed below Omega_crit"),
     ),
     Claim(
         "noninverted_unstable",
-        "Section sec:linear_stab3DOF",
+        "sec:linear_stab3DOF",
         "noninverted spinning is always unstable",
         "unstable",
-        _stability("noninverted", (-1, 1)),
+        partial(_stability, "noninverted", (-1, 1)),
+        note=_EIGHT_SPEEDS,
         formula=r"\max_i \Re\lambda_i > 0 \quad\text{at}\quad (\pi/2,\,-\pi/2,\,0)",
         proof=_theorem_1("instability at every speed"),
     ),

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from fractions import Fraction
+from functools import partial
 
-from tippedisk_verify.audit.claims import Audit, Claim, compared, per_set
+from tippedisk_verify.audit.citations import cited
+from tippedisk_verify.audit.claims import Answer, Audit, Claim, Fault
 from tippedisk_verify.model.equations import field, jacobian
 from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.measured import Measured
@@ -26,7 +27,7 @@ from tippedisk_verify.theory.slow_manifold import (
 __all__ = ["MANIFOLD_CLAIMS"]
 
 
-def _rolling_correction(audit: Audit, name: str) -> tuple[str, bool]:
+def _rolling_correction(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
     """The paper's h_1 against the recursion's, at the twenty fixed points."""
     constants, speed = audit.sets[name].at(DOUBLE), 30.4
     worst = 0.0
@@ -37,36 +38,32 @@ def _rolling_correction(audit: Audit, name: str) -> tuple[str, bool]:
     return f"within {worst:.0e}", worst < 1e-12  # round-off of terms up to 1e3 times the result
 
 
-def _attraction(audit: Audit, name: str) -> tuple[str, bool]:
+def _attraction(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
     constants = audit.sets[name].at(DOUBLE)
     rates = [attraction_rate(math, constants, 0.01 * k, 0.1 * n) for k in range(1, 314) for n in range(63)]
     return f"{min(rates):.4g} to {max(rates):.2g} 1/s", max(rates) < 0
 
 
-def _order_0(which: EquilibriumName) -> Callable[[Audit, str], tuple[str, bool]]:
+def _order_0(which: EquilibriumName, audit: Audit, name: str, printed: str) -> Answer:
     """Whether the flow on the critical manifold hides that the equilibrium gains or loses stability."""
-
-    def one(audit: Audit, name: str) -> tuple[str, bool]:
-        reduced = reduced_equilibrium(audit.sets[name], Fraction("30.4"), which, 0)
-        # A trace that vanishes comes out as rounding of 120 bits; at order 1 it is a thirtieth of this size.
-        centre = reduced.determinant > 0 and abs(reduced.trace) < 2.0**-80 * reduced.determinant**0.5
-        return "a centre" if centre else "a saddle" if reduced.determinant < 0 else "a focus", centre
-
-    return one
+    reduced = reduced_equilibrium(audit.sets[name], Fraction("30.4"), which, 0)
+    # A trace that vanishes comes out as rounding of 120 bits; at order 1 it is a thirtieth of this size.
+    centre = reduced.determinant > 0 and abs(reduced.trace) < 2.0**-80 * reduced.determinant**0.5
+    return "a centre" if centre else "a saddle" if reduced.determinant < 0 else "a focus", centre
 
 
-def _growing_series(audit: Audit, name: str) -> tuple[str, bool | None]:
-    """|h_n|^(1/n) at (1.2, 0.3): bounded for a convergent series; growth over sixteen terms disproves nothing."""
+def _growing_series(audit: Audit, name: str, printed: str) -> tuple[str, bool | None]:
+    """|h_n|^(1/n) at (1.2, 0.3): bounded for a convergent series; growth over twelve terms disproves nothing."""
     precision = bits(160)
     constants = Constants(*(precision.mpf(value) for value in audit.sets[name].at(precision)))
     ctx = precision.context
-    terms = orders(ctx, constants, ctx.mpf("30.4"), ctx.mpf("1.2"), ctx.mpf("0.3"), 16)
+    terms = orders(ctx, constants, ctx.mpf("30.4"), ctx.mpf("1.2"), ctx.mpf("0.3"), 12)
     roots = [float(abs(term)) ** (1 / n) for n, term in enumerate(terms) if n]
-    growing = roots[3] < roots[7] < roots[15]
-    return f"|h_n|^(1/n): {roots[3]:.3g} at 4, {roots[7]:.3g} at 8, {roots[15]:.3g} at 16", None if growing else True
+    growing = roots[2] < roots[5] < roots[11]
+    return f"|h_n|^(1/n): {roots[2]:.3g} at 3, {roots[5]:.3g} at 6, {roots[11]:.3g} at 12", None if growing else True
 
 
-def _order_1_hopf(audit: Audit, name: str) -> tuple[Measured, bool]:
+def _order_1_hopf(audit: Audit, name: str, printed: str) -> tuple[Measured, bool]:
     speed = reduced_omega_crit(audit.linear(name), 1, 15)
     return speed, speed.holds(omega_crit(audit.sets[name], 30).value)
 
@@ -99,22 +96,22 @@ def _second_state(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
 MANIFOLD_CLAIMS: tuple[Claim, ...] = (
     Claim(
         "convergent_series",
-        "Section sec:basics_singularperturbation",
+        "eq:slow_manifold+2",
         "the slow manifold's series in epsilon converges",
         "convergent series",
-        per_set(
-            _growing_series,
-            "no proof is given; bounded for a convergent series. Units of h_n as such, at (beta, gamma) = (1.2, 0.3)",
-            ("jets",),
-        ),
+        _growing_series,
+        note="no proof is given; bounded for a convergent series. Units of h_n as such, at (beta, gamma) = (1.2, 0.3)",
+        methods=("jets",),
         formula=r"h(x;\varepsilon) = h_0(x) + \varepsilon\,h_1(x) + \varepsilon^2 h_2(x) + \dots",
     ),
     Claim(
         "slow_manifold_h1",
-        "below Eq. slow_manifold_tippdisk",
+        "eq:slow_manifold_tippdisk+1",
         "h_1 is the first-order term of the slow manifold",
         "formula",
-        per_set(_rolling_correction, "against the recursion at twenty points", ("jets", "closed form")),
+        _rolling_correction,
+        note="against the recursion at twenty points",
+        methods=("jets", "closed form"),
         formula=(
             r"h_1 = \left(\frac{\partial g}{\partial y}\right)^{-1}\left[\frac{\partial h_c}{\partial x}\,f(x,h_c)"
             r" - g_1(x,h_c)\right]"
@@ -122,10 +119,12 @@ MANIFOLD_CLAIMS: tuple[Claim, ...] = (
     ),
     Claim(
         "attraction",
-        "below Eq. slow_manifold_tippdisk",
+        "eq:slow_manifold_tippdisk+3",
         "the attraction rate is strictly negative for beta in (0, pi)",
         "negative",
-        per_set(_attraction, "but it tends to 0 at both ends, so attraction is not uniform", ("closed form",)),
+        _attraction,
+        note="but it tends to 0 at both ends, so attraction is not uniform",
+        methods=("closed form",),
         formula=(
             r"\frac{\partial g_0}{\partial y} = -\frac{\mu m g}{M}(r+e\,\sin\gamma)^2\,\sin^2\beta < 0"
             r"\quad\text{for}\quad \beta\in(0,\pi)"
@@ -133,46 +132,64 @@ MANIFOLD_CLAIMS: tuple[Claim, ...] = (
     ),
     Claim(
         "reduced_dimension",
-        "end of Section sec:singular_tippedisk",
+        "eq:slow_manifold_tippdisk+4",
         "the asymptotic behaviour is governed by a reduced three-dimensional system",
         "three-dimensional",
-        compared(_slow_variables, "the slow variables are beta and gamma: two", ("eigenvalues at 20 digits",)),
+        _slow_variables,
+        methods=("eigenvalues at 20 digits",),
+        fault=Fault(
+            "slip",
+            f"'three' stands for 'two', as {cited('sec:discussion')} says",
+            "the reduced system is two-dimensional: its variables are beta and gamma",
+        ),
         formula=r"\dot{x} = f(x,h(x)),\quad x = (\beta,\gamma)",
     ),
     Claim(
         "second_noninverted_state",
-        "Section sec:dynamics",
+        "sec:dynamics",
         "(3 pi/2, pi/2, 0) is the second noninverted state",
         "(3 pi/2, pi/2, 0)",
-        compared(
-            _second_state, "outside the model's domain; the cycle's other saddle is (pi/2, 3 pi/2, 0)", ("closed form",)
+        _second_state,
+        methods=("closed form",),
+        fault=Fault(
+            "differs",
+            "sin(beta) is negative there, where the contact model means nothing",
+            "the heteroclinic cycle's other saddle is (pi/2, 3 pi/2, 0)",
         ),
         formula=r"x_\text{non} = (3\pi/2,\,\pi/2,\,0)",
     ),
     Claim(
         "order_0_noninverted",
-        "Section sec:discussion",
+        "sec:discussion",
         "on the critical manifold noninverted spinning's instability cannot be seen",
         "cannot be seen",
-        per_set(_order_0("noninverted"), "the rolling flow already has it as a saddle", ("jets",)),
+        partial(_order_0, "noninverted"),
+        methods=("jets",),
+        fault=Fault(
+            "differs",
+            "the rolling flow conserves (r + e sin gamma) sin beta, which has a saddle there",
+            "noninverted spinning is a saddle of the rolling flow, with eigenvalues +-Omega sqrt(e/(r - e))",
+        ),
         formula=r"\dot{x} = f(x,h_c(x)) \quad\text{at}\quad (\pi/2,\,-\pi/2)",
     ),
     Claim(
         "order_0_hopf",
-        "Section sec:discussion",
+        "sec:discussion",
         "on the critical manifold the Hopf bifurcation cannot be seen",
         "cannot be seen",
-        per_set(_order_0("inverted"), "the rolling flow conserves the height: a centre at every speed", ("jets",)),
+        partial(_order_0, "inverted"),
+        note="the rolling flow conserves the height: a centre at every speed",
+        methods=("jets",),
         formula=r"\dot{x} = f(x,h_c(x)) \quad\text{at}\quad (\pi/2,\,\pi/2)",
     ),
     Claim(
         "order_1_hopf",
-        "Section sec:discussion",
+        "sec:discussion",
         "the slow manifold up to O(epsilon) suffices to study the inversion",
         "up to O(epsilon)",
-        per_set(
-            _order_1_hopf, "the reduced flow's Hopf speed of order 1 is Omega_crit itself", ("jets", "closed form")
-        ),
+        _order_1_hopf,
+        note="the reduced flow's Hopf speed of order 1 is Omega_crit itself",
+        methods=("jets", "closed form"),
         unit="rad/s",
         formula=r"\dot{x} = f(x,\,h_c(x) + \varepsilon h_1(x)) \;\Rightarrow\; \Omega_\text{crit}",
     ),

@@ -67,7 +67,8 @@ def near_omega_h(parameters: Parameters, engine: Engine) -> tuple[Heteroclinic, 
     guess = (float(cycle.gamma_bar_0), float(cycle.v_0), float(middle))
     first = cycle_at_half_period(parameters, float(cycle.period) / 2, guess, engine, QUADRUPLE)
     rows = []
-    for point in lengthened(parameters, first, engine, longest=_LONGEST, precision=QUADRUPLE, longest_step=0.4):
+    steps = {"first_step": 0.1, "longest_step": 0.6}
+    for point in lengthened(parameters, first, engine, longest=_LONGEST, precision=QUADRUPLE, **steps):
         above = fraction(point.omega) - omega_h
         omega, period = float(fraction(point.omega)), 2 * fraction(point.half_period)
         state = (float(point.gamma_bar_0), float(point.v_0))

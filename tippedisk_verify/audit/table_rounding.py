@@ -22,9 +22,23 @@ from mpmath import iv
 
 from tippedisk_verify.audit.claims import Audit
 from tippedisk_verify.model.exact import quotient
+from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import PRINTED, Constants, Parameters
+from tippedisk_verify.theory import harmonic_balance
+from tippedisk_verify.theory.equilibria import stiff_eigenvalue_estimate
+from tippedisk_verify.theory.hopf import omega_crit, period_crit
 
-__all__ = ["CLOSED_FORMS", "Box", "Formula", "enclosed", "inside_table", "noted", "rounding_box", "some_set_gives"]
+__all__ = [
+    "CLOSED_FORMS",
+    "Box",
+    "Formula",
+    "closed_form",
+    "enclosed",
+    "inside_table",
+    "noted",
+    "rounding_box",
+    "some_set_gives",
+]
 
 _TABLE = {"r": "0.045", "e": "2.5e-3", "m": "0.435", "A": "0.249e-3", "B": "0.227e-3"}
 _GRAVITY = Fraction("9.80"), Fraction("9.82")  # m/s^2
@@ -40,6 +54,20 @@ CLOSED_FORMS: Mapping[str, Formula] = {
     "lambda_3": lambda p: -p.k * (p.r + p.e) ** 2 / p.b,
     "chi": lambda p: p.r * (p.A - p.Bbar) - 2 * p.e * p.A + p.Bbar * (p.e / 2 - p.e**2 / (p.r + p.e)),
 }
+
+
+#: The same as numbers of one set, to so many digits.
+_NUMBERS: dict[str, Callable[[Parameters, int], Measured]] = {
+    "omega_crit": omega_crit,
+    "period_crit": period_crit,
+    "lambda_3": lambda parameters, digits: Measured(stiff_eigenvalue_estimate(parameters), Fraction(0)),
+    "chi": lambda parameters, digits: Measured(harmonic_balance.chi(parameters.rational(), "printed"), Fraction(0)),
+}
+
+
+def closed_form(name: str) -> Callable[[Audit, str], Measured]:
+    """The number that a claim prints, of a set."""
+    return lambda audit, set_name: _NUMBERS[name](audit.sets[set_name], max(audit.digits, 12))
 
 
 def rounding_interval(printed: str) -> tuple[Fraction, Fraction]:
@@ -89,10 +117,10 @@ def some_set_gives(formula: Formula, printed: str) -> bool | None:
     return None
 
 
-def noted(claim: str, note: str, mended: str = "") -> Callable[[Audit, str], str]:
+def noted(claim: str, note: str, mended: str = "") -> Callable[[str], str]:
     """A claim's note and what the table's rounding can do: ``mended`` if a set inside it gives what is printed."""
 
-    def said(audit: Audit, printed: str) -> str:
+    def said(printed: str) -> str:
         found = some_set_gives(CLOSED_FORMS[claim], printed)
         rest = {True: mended, False: "no set inside Table 1's rounding gives this", None: ""}[found]
         return "; ".join(filter(None, (note, rest)))

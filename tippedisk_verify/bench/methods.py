@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -21,7 +20,6 @@ __all__ = ["METHODS", "Method", "Outcome", "Prepared", "compiled_rates"]
 _TAYLOR_TOLERANCES = (1e-3, 1e-5, 1e-6, 1e-7, 1e-9, 1e-11, 1e-12, 1e-13, 1e-15)
 _TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12)
 _FINE_TOLERANCES = (1e-4, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 3e-11, 1e-11, 1e-12, 1e-13)  # for the strongest of them
-_ODEFUN_SECONDS = 1.0
 
 
 @dataclass(frozen=True)
@@ -47,7 +45,7 @@ class Method:
     """A competitor. ``prepare`` does what is done once: compiling, allocating."""
 
     name: str
-    family: str  #: heyoka, bare, half-widths, scipy, mpmath, or the peer's name
+    family: str  #: heyoka, bare, half-widths, scipy, or the peer's name
     settings: tuple[Any, ...]  #: loosest first
     prepare: Callable[[Problem, Any], Prepared]
     fits: Callable[[Problem], bool] = lambda problem: True  #: whether it takes part
@@ -168,34 +166,6 @@ def _scipy_compiled(method: str) -> Callable[[Problem, float], Prepared]:
     return prepare
 
 
-def _odefun(problem: Problem, digits: int) -> Prepared:
-    """mpmath's Taylor series method, given up after some seconds; it has no tolerance but the working precision."""
-
-    def sampled() -> Outcome:
-        import mpmath
-
-        begin = time.perf_counter()
-        samples: list[Any] = []
-        with mpmath.workdps(digits):
-            constants = Constants(*(mpmath.mpf(v.numerator) / v.denominator for v in problem.parameters.rational()))
-            rates = vector_field(mpmath, constants, mpmath.mpf(problem.omega), problem.friction)
-            solution = mpmath.odefun(lambda t, y: list(rates(*y)), 0, [mpmath.mpf(part) for part in problem.start])
-            for moment in problem.times:
-                if time.perf_counter() - begin > _ODEFUN_SECONDS:
-                    return Outcome(f"unfinished after {_ODEFUN_SECONDS:g} s", samples)
-                samples.append([+part for part in solution(mpmath.mpf(moment))])
-        return Outcome("reached", samples)
-
-    return Prepared(lambda duration: _at(sampled(), problem, duration), sampled)
-
-
-def _at(outcome: Outcome, problem: Problem, duration: float) -> Any:
-    """The end of a run, of a method without anything but its samples. Raises RuntimeError if it has not come there."""
-    if outcome.status != "reached":
-        raise RuntimeError(outcome.status)
-    return outcome.samples[problem.times.index(duration)]
-
-
 def _linear(problem: Problem) -> bool:
     return problem.friction == "linear"
 
@@ -214,5 +184,4 @@ METHODS: tuple[Method, ...] = (
     Method("scipy DOP853", "scipy", _FINE_TOLERANCES, _engine(Baseline, "DOP853")),
     Method("scipy DOP853, compiled", "scipy", _TOLERANCES, _scipy_compiled("DOP853"), _linear),
     Method("scipy LSODA, compiled", "scipy", _TOLERANCES, _scipy_compiled("LSODA"), _linear),
-    Method("mpmath odefun", "mpmath", (20,), _odefun, _linear),
 )

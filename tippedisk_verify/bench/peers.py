@@ -1,8 +1,8 @@
-"""What users would pick instead: SUNDIALS CVODE (scikit-sundae) and diffrax, of the extra ``peers``, and numbalsoda.
+"""What users would pick instead, of the extra ``peers``: SUNDIALS CVODE (scikit-sundae), diffrax and numbalsoda.
 
 Each is set up as its authors advise: CVODE with an analytic Jacobian, Adams beside BDF and as many steps as it needs;
 diffrax compiled, in 64 bits, with a PID controller and an explicit method of order 8; numbalsoda with a right-hand side
-that numba compiles. The extra leaves numbalsoda out, because it comes as source that needs a Fortran compiler.
+that numba compiles. numbalsoda comes as source, which takes a C++ and a Fortran compiler.
 """
 
 from __future__ import annotations

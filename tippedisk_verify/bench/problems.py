@@ -1,7 +1,7 @@
 """What to race on: six initial-value problems, with truths whose own uncertainty is known.
 
-The truth is integrated in 60 digits and seen against 80, at the inputs that doubles are: a method in doubles is not
-blamed for what rounding them does.
+The truth is integrated in 60 digits and seen against 80, or in quadruple precision and seen against 42 digits, at the
+inputs that doubles are: a method in doubles is not blamed for what rounding them does.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import Request, Result, raise_unless_usable
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import PRINTED, Friction, Parameters
-from tippedisk_verify.model.precision import bits
+from tippedisk_verify.model.precision import QUADRUPLE, Precision, bits
 from tippedisk_verify.theory.hopf import omega_crit
 
 __all__ = ["PROBLEMS", "STOPS", "Problem", "Truth", "problem_named", "truth_of"]
@@ -24,7 +24,6 @@ __all__ = ["PROBLEMS", "STOPS", "Problem", "Truth", "problem_named", "truth_of"]
 _SAMPLES = 20
 #: Samples at which a run of its own ends: one end alone may lie where an orbit happens to meet its error's zero.
 STOPS = (5, 12, 19)
-_BITS, _WIDER = 200, 266
 
 
 @dataclass(frozen=True)
@@ -54,7 +53,7 @@ class Problem:
 
 @dataclass(frozen=True)
 class Truth:
-    """Samples to some 55 digits, and the largest of their half-widths."""
+    """Samples, and the largest of their half-widths."""
 
     samples: tuple[tuple[Measured, ...], ...]  #: (n, 3)
     uncertainty: float
@@ -90,12 +89,13 @@ def problem_named(name: str) -> Problem:
 
 
 @lru_cache(maxsize=16)
-def truth_of(problem: Problem) -> Truth:
-    """The samples, from two precisions. Raises ArithmeticError if an integration fails."""
-    rough, sharp = (_samples(problem, working) for working in (_BITS, _WIDER))
+def truth_of(problem: Problem, sharp: bool = True) -> Truth:
+    """The samples to some 55 digits, or if not ``sharp`` 28. Raises ArithmeticError if an integration fails."""
+    working = (bits(200), bits(266)) if sharp else (QUADRUPLE, bits(140))
+    rough, wider = (_samples(problem, precision) for precision in working)
     held = [
-        [Measured.compared(a, b, bits(_BITS).epsilon) for a, b in zip(row, other, strict=True)]
-        for row, other in zip(rough.samples, sharp.samples, strict=True)
+        [Measured.compared(a, b, working[0].epsilon) for a, b in zip(row, other, strict=True)]
+        for row, other in zip(rough.samples, wider.samples, strict=True)
     ]
     return Truth(
         samples=tuple(tuple(row) for row in held),
@@ -103,7 +103,6 @@ def truth_of(problem: Problem) -> Truth:
     )
 
 
-def _samples(problem: Problem, working: int) -> Result:
-    precision = bits(working)
+def _samples(problem: Problem, precision: Precision) -> Result:
     result = default_engine()(problem.request(precision=precision, times=precision.array(problem.times)))
     return raise_unless_usable(result)

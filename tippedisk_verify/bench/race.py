@@ -19,7 +19,7 @@ from tippedisk_verify.provenance import processor
 
 __all__ = ["Score", "machine", "raced", "ratios"]
 
-_REPEATS = 5
+_REPEATS = 5  # at most
 _BRIEF = 0.03  # s; what takes longer is repeated less
 _LONG = 0.3  # s; tighter settings of a method that took this long are not run
 _BOUNDS = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12, 1e-13)  # on the error, for the ratios
@@ -55,7 +55,7 @@ class _Entry:
     outcome: Outcome | None = None
     ends: dict[int, Any] = field(default_factory=dict)  # by sample: the state where a run of its own stops
     preparation: float | None = None
-    seconds: list[float] | None = None
+    seconds: list[float] = field(default_factory=list)
 
 
 def raced(
@@ -69,7 +69,9 @@ def raced(
     ``mapping`` is ``map``, or an executor's, so that another process computes the truths, which are not timed.
     """
     scores = []
-    truths = iter(mapping(truth_of, problems))
+    # None but these has errors that quadruple precision does not tell from none.
+    sharp = any({"quadruple", "50 digits"} & set(method.settings) for method in methods)
+    truths = iter(mapping(partial(truth_of, sharp=sharp), problems))
     for problem in problems:
         entries = []
         for method in methods:
@@ -78,9 +80,7 @@ def raced(
                 entries += _first_runs(problem, method)
         for repeat in range(_REPEATS - 1):
             for entry in entries:
-                if entry.prepared is None or entry.seconds is None or (repeat and entry.seconds[0] > _BRIEF):
-                    continue
-                if entry.seconds[0] <= _LONG and entry.method.family != "mpmath":
+                if entry.prepared and entry.seconds and entry.seconds[0] <= (_BRIEF if repeat else _LONG):
                     job = partial(entry.prepared.run, problem.duration)
                     if entry.seconds[0] <= _BRIEF:
                         job()  # what ran before has emptied the processor's caches
@@ -111,11 +111,10 @@ def _first_runs(problem: Problem, method: Method) -> list[_Entry]:
             cold, entry.outcome = _timed(entry.prepared.sampled)
             entry.preparation = spent + cold
             entry.status = entry.outcome.status
-            longest = max(longest, cold if method.family == "mpmath" else 0.0)
             if entry.status == "reached":
                 for stop in STOPS:
                     warm, entry.ends[stop] = _timed(partial(entry.prepared.run, problem.times[stop]))
-                entry.seconds = [cold if method.family == "mpmath" else warm]
+                entry.seconds = [warm]
                 longest = max(longest, warm)
         except (ArithmeticError, ValueError, RuntimeError) as fault:
             entry.status = f"failed: {str(fault).splitlines()[0][:100] if str(fault) else type(fault).__name__}"

@@ -63,14 +63,12 @@ def basin(
             common.parameters, value, count=count, duration=seconds, v=velocity, executor=pool, advance=advance
         )
     if folder is not None:
-        from tippedisk_verify.figures.basins import draw_basins, draw_boundary
+        from tippedisk_verify.figures.basins import draw_basins
         from tippedisk_verify.figures.style import save
         from tippedisk_verify.report.tables import write_basins
 
         boundary = _boundary(common.parameters, value)
         save(draw_basins(plane, boundary), folder, "basins")
-        if boundary is not None:
-            save(draw_boundary(boundary), folder, "boundary")
         write_basins(plane, folder)
     shares = plane.fractions().items()
     lines = (f"{name:20s} {100 * share:8.3f} % +- {100 * error:.3f} %" for name, (share, error) in shares)

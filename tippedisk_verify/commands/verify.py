@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import textwrap
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +14,6 @@ from tippedisk_verify.commands.common import (
     alone_in,
     checked_jobs,
     common_options,
-    console,
     print_result,
     processes,
     progress,
@@ -35,9 +35,10 @@ _MOST_PROCESSES = 8  # there is no more to do at once
 
 @click.command()
 @click.option("--out", metavar="DIR", help="Write report, figures and data there.")
-@click.option("--only", multiple=True, metavar="CLAIM", help="Examine these claims only.")
+@click.option("--only", multiple=True, metavar="CLAIM", help="Examine these only: by name, or by equation (eq.7).")
 @click.option("--list", "listing", is_flag=True, help="Say which claims there are, and examine none.")
 @click.option("--fresh", is_flag=True, help="Compute everything anew, also what was kept from earlier runs.")
+@click.option("--long", is_flag=True, help="Say all there is to each verdict.")
 @click.option("--jobs", type=int, metavar="N", help="Processes; as many as there are cores, at most 8, if not given.")
 @click.argument("more", nargs=-1, metavar="[CLAIM]...")
 @common_options
@@ -47,6 +48,7 @@ def verify(
     only: Sequence[str],
     listing: bool,
     fresh: bool,
+    long: bool,
     jobs: int | None,
     more: Sequence[str],
 ) -> int:
@@ -87,12 +89,8 @@ def verify(
             (formulas,) = [record for task, record in outcome.records.items() if task.kind == "formulas"]
             write_report(folder, results, findings, figures, formulas)
             advance("report", 1)
-    if common.json:
-        print_result(common, results)
-    elif not common.quiet:
-        _print_claims(order, findings)
-        if folder is not None:
-            click.echo(f"report, figures and data: {folder} (open {folder / 'report.html'})")
+    written = [] if folder is None else [f"report, figures and data: {folder} (open {folder / 'report.html'})"]
+    print_result(common, results, (*_verdict_lines(order, findings, long), *written))
     failed = summary(findings)["own_checks_failed"]
     if failed:
         click.echo(f"own checks that fell short: {', '.join(failed)}", err=True)
@@ -193,39 +191,40 @@ def _listed(common: Common) -> int:
     from tippedisk_verify.audit.catalogue import CLAIMS
 
     width = max(len(claim.name) for claim in CLAIMS)
-    listing = [{"name": claim.name, "statement": claim.statement} for claim in CLAIMS]
-    print_result(common, {"claims": listing}, (f"{claim.name:{width}}  {claim.statement}" for claim in CLAIMS))
+    listing = [{"name": claim.name, "source": claim.source, "statement": claim.statement} for claim in CLAIMS]
+    lines = (f"{claim.name:{width}}  {claim.statement} ({claim.source.partition(', ')[0]})" for claim in CLAIMS)
+    print_result(common, {"claims": listing}, lines)
     return 0
 
 
-def _print_claims(order: AuditJob, findings: Sequence[tuple[Claim, Finding]]) -> None:
-    from rich.markup import escape
-    from rich.table import Table
+def _verdict_lines(order: AuditJob, findings: Sequence[tuple[Claim, Finding]], long: bool) -> Iterator[str]:
+    """A line of at most 80 characters for each claim: its name, its verdict and one number; or all there is to say."""
+    from tippedisk_verify.report.results import claim_json, shown, summary, totals
 
-    from tippedisk_verify.audit.claim_proofs import proof_of
-    from tippedisk_verify.audit.claims import sets_with
-    from tippedisk_verify.report.results import shown, summary, totals
-
-    colours = {"holds": "green", "holds-for": "yellow", "does-not-follow": "red", "undecided": "magenta"}
-    sets = sets_with(order.parameters)
-    table = Table(
-        title=escape(f"Claims ({order.parameters.name}, {order.parameters.friction} friction)"), title_justify="left"
-    )
-    for heading in ("claim", "paper", *sets, "verdict"):
-        table.add_column(escape(heading), overflow="fold")
+    yield f"Claims ({order.parameters.name}, {order.parameters.friction} friction)"
     for claim, finding in findings:
-        verdict = finding.verdict.value
-        text = f"[{colours[verdict]}]{verdict}[/]"
-        if verdict == "holds-for":
-            text += ": " + escape(", ".join(finding.sets))
-        if proof := proof_of(claim, finding, sets):
-            text += f" [dim]({proof.grade})[/]"
-        cells = [escape(shown(finding.computed[name])) if name in finding.computed else "" for name in sets]
-        label = f"{claim.name} [{claim.unit}]" if claim.unit else claim.name
-        table.add_row(escape(label), escape(claim.printed), *cells, text)
-    terminal = console()
-    terminal.print(table)
-    terminal.print(totals(summary(findings)) + ".", highlight=False)
+        entry, value = claim_json(claim, finding, order), finding.computed[order.parameters.name]
+        text = value.partition("; ")[0] if isinstance(value, str) else f"{shown(value)} {claim.unit}".rstrip()
+        yield f"{claim.name:24}  {_verdict_words(entry):22}  {textwrap.shorten(text, 30, placeholder=' ...')}"
+        if long:
+            yield f"    {claim.statement} ({claim.source})"
+            unit = f" {claim.unit}" if claim.unit else ""
+            values = [f"{name}: {shown(one)}" for name, one in finding.computed.items()]
+            yield f"    {'; '.join([f'paper: {claim.printed}'] * bool(claim.printed) + values)}{unit}"
+            yield from (f"    {part}: {entry[part]}" for part in ("cause", "instead", "note") if entry[part])
+            if proof := entry["proof"]:
+                yield f"    {entry['grade']} by {proof['theorem']}: {proof['proves']}"
+    yield totals(summary(findings)) + "."
+
+
+def _verdict_words(entry: dict[str, Any]) -> str:
+    """The verdict in at most 22 characters."""
+    if entry["verdict"] == "holds-for":
+        named = f"holds for {', '.join(entry['sets'])}"
+        return named if len(named) <= 22 else f"holds for {len(entry['sets'])} of {len(entry['computed_by_set'])} sets"
+    why = {"slip": " (slip)", "follows-from": " (term)"}.get(entry["class"], "")
+    proved = " (proved)" if entry["grade"] == "proved" else ""
+    return str(entry["verdict"]).replace("-", " ") + (why or proved)
 
 
 COMMANDS = (verify, scene)

@@ -105,14 +105,15 @@ def lengthened(
     longest: float,
     precision: Precision = DOUBLE,
     longest_step: float = math.inf,
+    first_step: float = _FIRST_STEP,
 ) -> Iterator[PeriodPoint]:
     """Cycles of longer and longer period from ``first`` on, up to the period ``longest`` [s].
 
-    The step in the half period adapts, up to ``longest_step`` [s]: it grows by half after a quick solution and is
-    halved after a failed one. Raises NoSuchCycleError when it has become less than half a millisecond, which in double
-    happens where Omega - Omega_h drowns in rounding.
+    The step in the half period adapts, from ``first_step`` up to ``longest_step`` [s]: it grows by half after a quick
+    solution and is halved after a failed one. Raises NoSuchCycleError when it has become less than half a millisecond,
+    which in double happens where Omega - Omega_h drowns in rounding.
     """
-    point, before, step = first, first, _FIRST_STEP
+    point, before, step = first, first, first_step
     while 2 * float(point.half_period) < longest:
         if step < _SHORTEST_STEP:
             raise NoSuchCycleError(

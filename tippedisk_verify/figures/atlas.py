@@ -23,12 +23,16 @@ _POINTS = {
     "neutral-saddle": ("s", "neutral saddle: saddle value 0 on $\\Omega_h$"),
     "hopf-heteroclinic": ("D", "$\\Omega_h = \\Omega_\\mathrm{crit}$"),
 }
+_SYMBOLS = {"mu": "μ", "epsilon": "ε"}
 
 
 def draw_atlas(found: Atlas) -> Any:
     """The figure: the curves, and the points over them."""
     plane = found.plane
-    name, factor = _axis_label(plane.name, float(plane.highest))
+    units = {item.name: item.metadata["unit"] for item in fields(Parameters) if item.metadata}
+    unit = units[plane.name] if units[plane.name] != "1" else ""
+    power = 3 * round(math.log10(float(plane.highest)) / 3) if unit else 0  # thousandths and the like go to the unit
+    factor = 10.0**-power
     figure, axis = pyplot().subplots(figsize=(7.2, 5.6), layout="constrained")
     handles: dict[str, Any] = {}
     for curve in sorted(found.curves, key=lambda curve: curve.kind == "fold"):
@@ -40,31 +44,16 @@ def draw_atlas(found: Atlas) -> Any:
             factor * float(point.value), float(point.omega), marker,
             color=PURPLE, mec=BLACK, mew=0.7, ms=6.5, label=label, clip_on=False,
         )  # fmt: skip
-    axis.set(xlabel=name, ylabel="Ω [rad/s]")
+    scaled = f"$10^{{{power}}}$ {unit}" if power else unit
+    name = _SYMBOLS.get(plane.name, plane.name)
+    axis.set(xlabel=f"{name} [{scaled}]" if unit else name, ylabel="Ω [rad/s]")
     axis.set_xlim(factor * float(plane.lowest), factor * float(plane.highest))
     axis.ticklabel_format(useOffset=False)
-    axis.grid(lw=0.3, alpha=0.5)
-    figure.legend(handles=list(handles.values()), loc="outside lower center", ncols=2, frameon=False)
-    axis.set_title(_title(plane.parameters, plane.name))
+    figure.legend(handles=list(handles.values()), loc="outside lower center", ncols=2)
+    shared = [
+        f"{_SYMBOLS.get(other, other)} = {float(getattr(plane.parameters, other)):g} {units[other]}".removesuffix(" 1")
+        for other in units
+        if other not in (plane.name, "C")
+    ]
+    axis.set_title("Disks with " + ", ".join(shared[:4]) + ",\n" + ", ".join(shared[4:]))
     return figure
-
-
-def _title(parameters: Parameters, varied: str) -> str:
-    """The parameters that all disks of the plane share, with their units."""
-    parts = []
-    for item in fields(Parameters):
-        if item.metadata and item.name not in (varied, "C"):
-            label, factor = _axis_label(item.name, float(getattr(parameters, item.name)))
-            symbol, _, unit = label.partition(" [")
-            parts.append(f"{symbol} = {float(getattr(parameters, item.name)) * factor:g} {unit.rstrip(']')}".strip())
-    return "Disks with " + ", ".join(parts[:4]) + ",\n" + ", ".join(parts[4:])
-
-
-def _axis_label(name: str, largest: float) -> tuple[str, float]:
-    """The axis's label for a parameter, with a power of 1000 before its unit, and the factor to the numbers on it."""
-    unit = next(item.metadata["unit"] for item in fields(Parameters) if item.name == name)
-    unit = "" if unit == "1" else unit.replace("^2", "²")
-    power = 3 * round(math.log10(largest) / 3) if unit else 0
-    text = f"10{str(power).translate(str.maketrans('-0123456789', '⁻⁰¹²³⁴⁵⁶⁷⁸⁹'))} {unit}" if power else unit
-    symbol = {"mu": "μ", "epsilon": "ε"}.get(name, name)
-    return f"{symbol} [{text}]" if text else symbol, 10.0**-power

@@ -10,13 +10,15 @@ from tippedisk_verify.figures.exhibit import Exhibit
 
 __all__ = ["EXHIBITS", "exhibits_for"]
 
-_MODULES = (disk, local, family, state_space, accuracy, race)
-_ORDER = ("inversion", "eigenvalues", "harmonic_balance", "branch", "scenes_3d", "sketch", "scenes_2d")
-EXHIBITS: tuple[Exhibit, ...] = tuple(
-    sorted(
-        (exhibit for module in _MODULES for exhibit in module.EXHIBITS),
-        key=lambda exhibit: _ORDER.index(exhibit.name) if exhibit.name in _ORDER else len(_ORDER),
-    )
+EXHIBITS: tuple[Exhibit, ...] = (
+    disk.inversion,
+    local.eigenvalues,
+    family.branch,
+    state_space.scenes_3d,
+    family.scenario,
+    state_space.scenes_2d,
+    accuracy.near_omega_h,
+    race.race,
 )
 
 

@@ -9,16 +9,17 @@ from __future__ import annotations
 import io
 import math
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 from tippedisk_verify.audit.claims import Audit
 from tippedisk_verify.figures.exhibit import Drawing, Exhibit
-from tippedisk_verify.figures.state_space import draw_plane
+from tippedisk_verify.figures.state_space import draw_plane, orbits_within
 from tippedisk_verify.figures.style import BLACK, BLUE, GREEN, ORANGE, RED, pyplot
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.motion.scenes import Panel
 
-__all__ = ["EXHIBITS", "animated", "points_of"]
+__all__ = ["animated", "inversion", "points_of"]
 
 _HOLE_RADIUS, _HOLE_OFFSET = 0.33, 0.44  # of the disk's radius, as in the set `geometry`
 _FRONT, _BACK, _BACK_SEEN = "#bcd7ea", "#f4d9a0", "#f5ddaa"  # of the faces; the last as it shines through
@@ -100,7 +101,7 @@ def animated(panel: Panel, told: Callable[[str], None] = lambda place: None, mom
         for turning, place in ((0.0, (0.0, 0.05, 0.42, 0.8)), (speed, (0.4, 0.12, 0.3, 0.6)))
     }
     plane = figure.add_axes((0.755, 0.18, 0.155, 0.72))
-    draw_plane(plane, panel, [orbit.states[orbit.times <= _FIRST_SECONDS]])
+    draw_plane(plane, panel, orbits_within(panel, _FIRST_SECONDS)[:1])
     for gamma, height in ((-math.pi / 2, "below"), (math.pi / 2, "above"), (3 * math.pi / 2, "below")):
         plane.annotate(f"S {height} G", (1.06, gamma), xycoords=plane.get_yaxis_transform(), va="center", fontsize=8)
     (dot,) = plane.plot([], [], "o", color=BLACK, ms=6, zorder=9)
@@ -144,7 +145,7 @@ def _drawn(parameters: Parameters, times: Any, states: Any, height: Any, across:
     views = tuple(f"({number})" for number in (1, 2, 3, 4))
     figure, axes = pyplot().subplot_mosaic(
         [*(list(views[first : first + across]) for first in range(0, 4, across)), ["height"] * across],
-        figsize=(10.4 if across > 2 else 4.6, 2.5 * (4 // across + 1)),
+        figsize=(9.4 if across > 2 else 4.6, 2.4 * (4 // across + 1)),
         layout="constrained",
         per_subplot_kw={views: {"projection": "3d", "computed_zorder": False}},
     )
@@ -161,11 +162,18 @@ def _drawn(parameters: Parameters, times: Any, states: Any, height: Any, across:
         curve.annotate(view, (times[moment], height[moment]), xytext=(5, -10), textcoords="offset points")
     curve.margins(y=0.12)
     curve.set(xlabel="t [s]", ylabel="height of S [mm]")
-    curve.grid(lw=0.3, alpha=0.5)
     return figure
 
 
-def _inversion(audit: Audit, examined: Sequence[str]) -> Drawing:
+@partial(
+    Exhibit,
+    name="inversion",
+    title="The inversion, computed",
+    labels="fig:intro_inversion_COG, fig:intro_inversion",
+    alternative="Four views of a disk with a hole on a floor, as it turns over in its own plane, and below "
+    "them the height of its centre of gravity against time, which rises and settles.",
+)
+def inversion(audit: Audit, examined: Sequence[str]) -> Drawing:
     import numpy
 
     r, e = float(audit.parameters.r), float(audit.parameters.e)
@@ -182,15 +190,3 @@ def _inversion(audit: Audit, examined: Sequence[str]) -> Drawing:
         f"{1e3 * (r + e):.4g} mm; the hole, opposite to it, goes down.",
         data={"inversion.csv": (("t [s]", "beta [rad]", "gamma [rad]", "v [rad/s]", "height of S [mm]"), table)},
     )
-
-
-EXHIBITS = (
-    Exhibit(
-        name="inversion",
-        title="The inversion, computed",
-        source="Figures intro_inversion_COG and intro_inversion",
-        alternative="Four views of a disk with a hole on a floor, as it turns over in its own plane, and below "
-        "them the height of its centre of gravity against time, which rises and settles.",
-        draw=_inversion,
-    ),
-)

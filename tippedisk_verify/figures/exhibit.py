@@ -7,34 +7,15 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from tippedisk_verify.audit.citations import cited
 from tippedisk_verify.audit.claims import Audit
 from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.files import csv_text
-from tippedisk_verify.model.results import Printable
 
-__all__ = ["Drawing", "Exhibit", "Table", "drawn"]
+__all__ = ["CSV", "Drawing", "Exhibit", "by_curve", "drawn", "table"]
 
-
-@dataclass(frozen=True, repr=False)
-class Table(Printable):
-    """Rows that the report prints: each cell a number with all its digits, and as it is shown."""
-
-    caption: str
-    columns: tuple[str, ...]
-    rows: tuple[tuple[Any, ...], ...]
-    shown: tuple[tuple[str, ...], ...]
-
-    @classmethod
-    def of(cls, caption: str, columns: Sequence[str], rows: Sequence[Sequence[Any]], digits: int = 3) -> Table:
-        """Floats are shown with so many significant digits, None as an empty cell."""
-        shown = tuple(tuple(_cell(value, digits) for value in row) for row in rows)
-        return cls(caption, tuple(columns), tuple(map(tuple, rows)), shown)
-
-
-def _cell(value: Any, digits: int) -> str:
-    if value is None:
-        return ""
-    return f"{value:.{digits}g}" if isinstance(value, float) else str(value)
+CSV = tuple[Sequence[str], Sequence[Sequence[object]]]  #: header, with the unit of each number in brackets, and rows
+_MEDIA = {"svg": "image/svg+xml", "webp": "image/webp"}
 
 
 @dataclass(frozen=True)
@@ -44,10 +25,8 @@ class Drawing:
     figure: Callable[[int], Any]  #: draws it in so many columns
     columns: int  #: where there is room
     reading: str  #: what to see, in one line
-    data: Mapping[
-        str, tuple[Sequence[str], Sequence[Sequence[object]]]
-    ]  #: CSV file: header and rows, all that is drawn
-    tables: tuple[Table, ...] = ()
+    data: Mapping[str, CSV]  #: by file: all that is drawn
+    tables: tuple[dict[str, Any], ...] = ()
     facts: dict[str, Any] = field(default_factory=dict)  #: more for results.json
     embedded: str = "svg"  #: the form that the page holds: svg, or webp where an svg would be megabytes
 
@@ -56,14 +35,37 @@ class Drawing:
 class Exhibit:
     """One figure of the report."""
 
+    draw: Callable[[Audit, Sequence[str]], Drawing]  #: from the audit and the names of the claims examined
     name: str
     title: str
-    source: str  #: which figure of the paper it redraws; empty for a study of our own
     alternative: str  #: what the picture shows, for those who cannot see it
-    draw: Callable[[Audit, Sequence[str]], Drawing]  #: from the audit and the names of the claims examined
+    labels: str = ""  #: of the paper's figures that it redraws; empty for a study of our own
     laws: tuple[str, ...] = ("linear", "smooth")  #: friction laws that it is for
     alone: bool = False  #: measures run times, so nothing else should run beside it
+    packages: tuple[str, ...] = ()  #: that it uses beside those of all figures, if they are installed
     cost: float = 0.0  #: what drawing it takes alone on one core [s], where that is three or more
+
+    @property
+    def source(self) -> str:
+        """The figures of the paper that it redraws, by their published numbers with the labels behind."""
+        return f"{cited(self.labels)}, {self.labels}" if self.labels else ""
+
+
+def by_curve(header: Sequence[str], curves: Mapping[str, Sequence[Sequence[object]]]) -> CSV:
+    """Several curves in one file: the first column names the curve."""
+    return ("curve", *header), [(name, *row) for name, rows in curves.items() for row in rows]
+
+
+def table(caption: str, columns: Sequence[str], rows: Sequence[Sequence[Any]]) -> dict[str, Any]:
+    """Rows that the report prints, with all digits and as they are shown: floats with three, None as an empty cell."""
+
+    def cell(value: Any) -> str:
+        if value is None:
+            return ""
+        return f"{value:.3g}" if isinstance(value, float) else str(value)
+
+    shown = [list(map(cell, row)) for row in rows]
+    return {"caption": caption, "columns": list(columns), "rows": list(map(list, rows)), "shown": shown}
 
 
 def drawn(exhibit: Exhibit, audit: Audit, examined: Sequence[str]) -> dict[str, Any]:
@@ -71,42 +73,30 @@ def drawn(exhibit: Exhibit, audit: Audit, examined: Sequence[str]) -> dict[str, 
 
     A figure that cannot be had for these parameters says why under ``missing``.
     """
-    entry: dict[str, Any] = {
-        "name": exhibit.name,
-        "title": exhibit.title,
-        "source": exhibit.source,
-        "alternative": exhibit.alternative,
-    }
+    entry: dict[str, Any] = {name: getattr(exhibit, name) for name in ("name", "title", "source", "alternative")}
+    entry["claims"] = list(examined)
     try:
         drawing = exhibit.draw(audit, examined)
     except (Shortfall, ArithmeticError, InputError) as reason:
         return {"entry": entry | {"missing": str(reason), "files": []}, "facts": {}, "files": {}, "embedded": {}}
     from tippedisk_verify.figures.style import encoded, pyplot
 
-    files: dict[str, str] = {}
+    files: dict[str, bytes] = {}
     embedded: dict[str, dict[str, Any]] = {}
-    for place, columns in (("wide", drawing.columns), ("narrow", 1)):
-        if place == "narrow" and drawing.columns == 1:
-            continue
+    for place, columns in {"wide": drawing.columns, "narrow": 1}.items():
         figure = drawing.figure(columns)
         if place == "wide":
-            files |= {f"{exhibit.name}.{kind}": _text(encoded(figure, kind)) for kind in ("png", "svg")}
+            files = {f"{exhibit.name}.{kind}": encoded(figure, kind) for kind in ("png", "svg")}
+        picture = files.get(f"{exhibit.name}.{drawing.embedded}") if place == "wide" else None
         width, height = figure.get_size_inches()
         embedded[place] = {
-            "kind": {"svg": "image/svg+xml", "webp": "image/webp"}[drawing.embedded],
-            "content": _text(encoded(figure, drawing.embedded)),
+            "kind": _MEDIA[drawing.embedded],
+            "content": b64encode(picture or encoded(figure, drawing.embedded)).decode(),
             "width": round(96 * width),
             "height": round(96 * height),
         }
         pyplot().close(figure)
-    files |= {name: _text(csv_text(header, rows).encode()) for name, (header, rows) in drawing.data.items()}
-    entry |= {
-        "reading": drawing.reading,
-        "files": list(files),
-        "tables": [table.to_dict() for table in drawing.tables],
-    }
-    return {"entry": entry, "facts": drawing.facts, "files": files, "embedded": embedded}
-
-
-def _text(content: bytes) -> str:
-    return b64encode(content).decode()
+    files |= {name: csv_text(header, rows).encode() for name, (header, rows) in drawing.data.items()}
+    entry |= {"reading": drawing.reading, "files": list(files), "tables": list(drawing.tables)}
+    texts = {name: b64encode(content).decode() for name, content in files.items()}
+    return {"entry": entry, "facts": drawing.facts, "files": texts, "embedded": embedded}

@@ -19,7 +19,7 @@ def draw_motion(solution: Solution) -> Any:
     states = solution(times).astype(float)
     figure, axes = pyplot().subplots(3, sharex=True, figsize=(7.5, 5.5), layout="constrained")
     for row, (axis, name) in enumerate(zip(axes, ("β [rad]", "γ [rad]", "dβ/dt [rad/s]"), strict=True)):
-        axis.plot(times, states[row], color=BLUE, lw=1.2)
+        axis.plot(times, states[row], color=BLUE)
         for event in solution.events:
             axis.plot(float(event.time), float(event.state[row]), ".", color=ORANGE)
         axis.set(ylabel=name)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy
 
-from tippedisk_verify.figures.style import BLUE, GREEN, GREY, ORANGE, RED, pyplot
+from tippedisk_verify.figures.style import BLACK, BLUE, GREEN, GREY, ORANGE, RED, grid
 from tippedisk_verify.proofs.kernel.claims.arcs import Piece
 from tippedisk_verify.proofs.search.branch import BranchProof, omega_crit
 
@@ -16,92 +16,91 @@ __all__ = ["draw_proved_family"]
 
 _POINTS = 40  # of each arc
 _LEAST = 1e-5  # rad: how near to pi amplitudes are shown
+_AMPLITUDE, _SPEED = r"$\bar{\gamma}_0$ [rad]", "Ω [rad/s]"
 
 
 def draw_proved_family(proof: BranchProof) -> Any:
     """The figure of a proof whose Hopf end is closed."""
-    figure, axes = pyplot().subplots(2, 2, figsize=(8.6, 6.8), layout="constrained")
+    figure, axes = grid(4, 2, (4.5, 3.4))
     crit = float(omega_crit(proof.parameters).value)
     known = proof.connection.omega_h if proof.connection is not None else None
     omega_h = math.nan if known is None else float(known.value)
-    _family(axes[0, 0], proof, crit, omega_h)
-    _widths(axes[0, 1], proof)
-    _hopf_end(axes[1, 0], proof.pieces, crit)
-    _connection_end(axes[1, 1], proof, omega_h)
-    for axis in axes.flat:
-        axis.grid(lw=0.3, alpha=0.5)
+    for draw, axis in zip((_family, _widths, _hopf_end, _connection_end), axes, strict=True):
+        draw(axis, proof, crit, omega_h)
     return figure
 
 
-def _along(piece: Piece) -> tuple[Any, Any]:
-    """Amplitudes [rad] and speeds [rad/s] along an arc."""
-    a = numpy.linspace(float(piece.low), float(piece.high), _POINTS)
-    return a, numpy.array([float(piece.at(Fraction(x))[1]) for x in a.tolist()])
+def _arcs(proof: BranchProof) -> list[tuple[Piece, str, Any, Any]]:
+    """Each arc with its colour, amplitudes [rad] and speeds [rad/s]."""
+    arcs = []
+    for count, piece in enumerate(proof.pieces):
+        a = numpy.linspace(float(piece.low), float(piece.high), _POINTS)
+        arcs.append((piece, (BLUE, ORANGE)[count % 2], a, numpy.array([float(piece.at(Fraction(x))[1]) for x in a])))
+    return arcs
 
 
 def _family(axis: Any, proof: BranchProof, crit: float, omega_h: float) -> None:
-    for count, piece in enumerate(proof.pieces):
-        a, omega = _along(piece)
-        axis.plot(omega, a, color=(BLUE, ORANGE)[count % 2], lw=2.2, label="arcs, in turns" if count == 1 else None)
-    end = proof.end
-    if proof.end_closed and end is not None:
-        low = math.pi - float(end.gamma)
-        axis.fill_between([omega_h, float(end.high)], low, math.pi, color=GREEN, alpha=0.5, lw=0, label="the set Q")
+    for _, colour, a, omega in _arcs(proof):
+        axis.plot(omega, a, color=colour, lw=2.2)
+    if proof.end_closed and proof.end is not None:
+        low = math.pi - float(proof.end.gamma)
+        axis.fill_between([omega_h, float(proof.end.high)], low, math.pi, color=GREEN, alpha=0.6, lw=0)
     axis.margins(x=0.12)
-    for speed, name, side in ((crit, r"$\Omega_\mathrm{crit}$", "left"), (omega_h, r"$\Omega_h$", "right")):
-        axis.axvline(speed, color=GREY, lw=0.9)
-        place = {"xytext": (4 if side == "left" else -4, 0), "textcoords": "offset points", "ha": side}
-        axis.annotate(name, (speed, 0.12), xycoords=("data", "axes fraction"), **place)
+    for speed, name, side in ((crit, r"$\Omega_\mathrm{crit}$", 1), (omega_h, r"$\Omega_h$", -1)):
+        if not math.isnan(speed):
+            axis.axvline(speed, color=GREY, lw=0.9)
+            axis.annotate(
+                name, (speed, 0.12), xycoords=("data", "axes fraction"), xytext=(4 * side, 0),
+                textcoords="offset points", ha="left" if side > 0 else "right",
+            )  # fmt: skip
     axis.axhline(math.pi, color=GREY, lw=0.9, ls=":")
+    axis.annotate("π", (1, math.pi), xycoords=("axes fraction", "data"), xytext=(4, -3), textcoords="offset points")
     read = f", {len(proof.read)} of them read" if proof.read else ""
-    axis.set(xlabel="Ω [rad/s]", ylabel=r"$\bar{\gamma}_0$ [rad]", title=f"The family, {len(proof.pieces)} arcs{read}")
+    axis.set(xlabel=_SPEED, ylabel=_AMPLITUDE, title=f"The family, {len(proof.pieces)} arcs{read}")
     axis.ticklabel_format(useOffset=False)
-    axis.legend(loc="center right", frameon=False)
 
 
-def _widths(axis: Any, proof: BranchProof) -> None:
+def _widths(axis: Any, proof: BranchProof, crit: float, omega_h: float) -> None:
     edges = [float(piece.low) for piece in proof.pieces] + [float(proof.pieces[-1].high)]
     for rows, style, manner in (("unique_within", "-", "no other cycle within"), ("within", ":", "enclosed within")):
-        for index, unit, colour in ((1, "Ω [rad/s]", BLUE), (0, r"$v_0$ [rad/s]", RED)):
+        for index, unit, colour in ((1, _SPEED, BLUE), (0, r"$v_0$ [rad/s]", RED)):
             sizes = [float(piece.scaled_to(piece.high, getattr(piece, rows))[index]) for piece in proof.pieces]
             axis.stairs(sizes, edges, baseline=None, color=colour, ls=style, lw=1.5, label=f"{manner}: {unit}")
     axis.set_yscale("log")
     low, high = axis.get_ylim()
-    axis.set_ylim(low, high**1.6 / low**0.6)
-    axis.set(xlabel=r"$\bar{\gamma}_0$ [rad]", title="How wide the proved tube is")
-    axis.legend(loc="upper center", frameon=False)
+    axis.set_ylim(low / (high / low) ** 0.45, high)  # room for the legend
+    axis.set(xlabel=_AMPLITUDE, title="How wide the proved tube is")
+    axis.legend(loc="lower left")
 
 
-def _hopf_end(axis: Any, pieces: tuple[Piece, ...], crit: float) -> None:
-    for count, piece in enumerate(pieces[:2]):
-        a, omega = _along(piece)
-        off, colour = float(piece.unique_within[1]), (BLUE, ORANGE)[count]
+def _hopf_end(axis: Any, proof: BranchProof, crit: float, omega_h: float) -> None:
+    for piece, colour, a, omega in _arcs(proof)[:2]:
+        off = float(piece.unique_within[1])
         axis.fill_between(a, omega - off, omega + off, color=colour, alpha=0.3, lw=0)
         axis.plot(a, omega, color=colour, lw=1.2)
     axis.axhline(crit, color=GREY, lw=0.9)
+    axis.annotate(r"$\Omega_\mathrm{crit}$", (1, crit), xycoords=("axes fraction", "data"), va="bottom", ha="right")
     axis.ticklabel_format(useOffset=False)
-    axis.set(xlim=(0, None), xlabel=r"$\bar{\gamma}_0$ [rad]", ylabel="Ω [rad/s]")
+    axis.set(xlim=(0, None), xlabel=_AMPLITUDE, ylabel=_SPEED)
     axis.set_title("The Hopf end: the first arc begins at 0; shaded, its tube")
 
 
-def _connection_end(axis: Any, proof: BranchProof, omega_h: float) -> None:
-    end = proof.end
-    if math.isnan(omega_h):
-        axis.set_axis_off()
-        return
-    if proof.end_closed and end is not None:
-        reach = float(end.high) - omega_h
-        axis.fill_between(
-            [_LEAST, float(end.gamma)], _LEAST / 10, reach, color=GREEN, alpha=0.4, lw=0, label="Q: exactly one cycle"
-        )
-    for count, piece in enumerate(proof.pieces):
-        if math.pi - float(piece.high) < 0.8:
-            a, omega = _along(piece)
-            axis.plot(math.pi - a, omega - omega_h, color=(BLUE, ORANGE)[count % 2], lw=2.2)
-            axis.plot(math.pi - a[-1], omega[-1] - omega_h, "|", color="black", ms=7)
-    axis.set(xscale="log", yscale="log", xlim=(_LEAST, 0.8), ylim=(_LEAST / 10, None))
-    axis.set(xlabel=r"$\pi - \bar{\gamma}_0$ [rad]", ylabel=r"$\Omega - \Omega_h$ [rad/s]")
+def _connection_end(axis: Any, proof: BranchProof, crit: float, omega_h: float) -> None:
     closed = "the set Q holds the rest" if proof.end_closed else "open"
     axis.set_title(f"The heteroclinic end: {closed}")
-    if proof.end_closed:
-        axis.legend(loc="upper left", frameon=False)
+    near = [arc for arc in _arcs(proof) if math.pi - float(arc[0].high) < 0.8]
+    if math.isnan(omega_h) or not (near or proof.end_closed):
+        axis.set_axis_off()
+        return
+    if proof.end_closed and proof.end is not None:
+        reach = float(proof.end.high) - omega_h
+        axis.fill_between(
+            [_LEAST, float(proof.end.gamma)], _LEAST / 10, reach,
+            color=GREEN, alpha=0.4, lw=0, label="Q: exactly one cycle",
+        )  # fmt: skip
+        axis.legend(loc="upper left")
+    for _, colour, a, omega in near:
+        axis.plot(math.pi - a, omega - omega_h, color=colour, lw=2.2)
+        axis.plot(math.pi - a[-1], omega[-1] - omega_h, "|", color=BLACK, ms=7)
+    axis.set(xscale="log", yscale="log", xlim=(_LEAST, 0.8), ylim=(_LEAST / 10, None))
+    axis.set(xlabel=r"$\pi - \bar{\gamma}_0$ [rad]", ylabel=r"$\Omega - \Omega_h$ [rad/s]")

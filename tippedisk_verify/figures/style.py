@@ -19,7 +19,14 @@ _STYLE: dict[Any, Any] = {
     "font.size": 9.0,
     "axes.titlesize": 9.5,
     "axes.linewidth": 0.6,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "grid.linewidth": 0.3,
+    "grid.alpha": 0.5,
     "legend.fontsize": 8.5,
+    "legend.frameon": False,
+    "lines.linewidth": 1.5,
+    "lines.markersize": 4.0,
     "lines.solid_joinstyle": "round",
     "savefig.dpi": 160,
     "svg.hashsalt": "tippedisk",  # the same picture gives the same file
@@ -28,7 +35,7 @@ _STYLE: dict[Any, Any] = {
 
 
 def pyplot() -> Any:
-    """Matplotlib's pyplot without a screen and in the house's style."""
+    """Matplotlib's pyplot without a screen and in the style of all figures."""
     import matplotlib
 
     matplotlib.use("Agg", force=False)
@@ -57,8 +64,20 @@ def encoded(figure: Any, kind: str) -> bytes:
         "svg": {"metadata": {"Date": None}},
         "webp": {"pil_kwargs": {"quality": 85, "method": 4}},
     }
+    for axes in figure.axes:
+        for axis in (axes.xaxis, axes.yaxis):
+            if axis.get_scale() == "log":
+                axis.set_major_formatter(_power_of_ten)
     figure.savefig(stream, format=kind, **options[kind])
+    figure.set_layout_engine("none")  # every form has the same layout, and finding it takes a third of the time
     return stream.getvalue()
+
+
+def _power_of_ten(value: float, place: int | None = None) -> str:
+    """A label of a logarithmic axis as text: parsing Matplotlib's own as formulas takes half the time of a figure."""
+    exponent = round(math.log10(value)) if value > 0 else 0
+    power = str(exponent).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
+    return f"10{power}" if math.isclose(value, 10.0**exponent) else f"{value:g}"
 
 
 def save(figure: Any, folder: Path, name: str) -> list[Path]:

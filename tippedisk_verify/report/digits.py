@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from decimal import Decimal, InvalidOperation
 from fractions import Fraction
-from itertools import groupby
+from itertools import groupby, takewhile
 
 __all__ = ["agreed_digits", "decimal_of", "marked", "shortened"]
-
-_LONGEST = 24  # characters of a value on the page; results.json has all of them
 
 
 def decimal_of(text: str) -> Decimal | None:
@@ -26,16 +24,11 @@ def _first_difference(value: Decimal, printed: Decimal) -> tuple[int, int]:
     The value is rounded to the printed places first.
     """
     last = int(printed.as_tuple().exponent)
-    unit = Fraction(10) ** last
-    mine, theirs = (round(Fraction(number) / unit) for number in (value, printed))
-    if (mine < 0) != (theirs < 0) and mine != 0 != theirs:
-        return max(len(str(abs(mine))), len(str(abs(theirs)))) - 1 + last, last
-    a, b = str(abs(mine)), str(abs(theirs))
-    width = max(len(a), len(b))
-    for index, (left, right) in enumerate(zip(a.rjust(width, "0"), b.rjust(width, "0"), strict=True)):
-        if left != right:
-            return last + width - 1 - index, last
-    return last - 1, last
+    mine, theirs = (round(Fraction(number) / Fraction(10) ** last) for number in (value, printed))
+    digits = max(len(str(abs(mine))), len(str(abs(theirs))))
+    texts = (f"{number:+0{digits + 1}d}" for number in (mine, theirs))  # with the sign before
+    same = sum(1 for _ in takewhile(lambda pair: pair[0] == pair[1], zip(*texts, strict=True)))
+    return last + digits - same, last
 
 
 def _rounds_up(value: Decimal, last: int) -> bool:
@@ -89,11 +82,11 @@ def marked(value: str, uncertainty: str, printed: str = "") -> list[tuple[str, s
     return pieces
 
 
-def shortened(value: str, uncertainty: str, printed: str = "") -> list[tuple[str, str]]:
-    """`marked`, with digits left out before the exponent, if there is one, where the number would be too long."""
+def shortened(value: str, uncertainty: str, printed: str = "", longest: int = 24) -> list[tuple[str, str]]:
+    """`marked`, with digits left out (before the exponent, if there is one) where it has more characters."""
     pieces = marked(value, uncertainty, printed)
     tail = [pieces.pop()] if pieces[-1][1].startswith("e") else []
-    shown, left = [], _LONGEST - sum(len(text) for _, text in tail)
+    shown, left = [], longest - sum(len(text) for _, text in tail)
     for kind, text in pieces:
         if left > 0:
             shown.append((kind, text[:left]))

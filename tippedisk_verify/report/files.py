@@ -9,9 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from tippedisk_verify.files import write_bytes, write_csv, write_text
-from tippedisk_verify.report.page import html_page
+from tippedisk_verify.report.pages import html_page, markdown_page
 from tippedisk_verify.report.results import Findings
-from tippedisk_verify.report.text import markdown_page
 
 __all__ = ["write_report"]
 
@@ -28,23 +27,12 @@ def write_report(
         for name, content in figure["files"].items():
             write_bytes(folder / name, b64decode(content))
     write_text(folder / "results.json", json.dumps(results, indent=1, ensure_ascii=False) + "\n")
-    sets = results["sets"]
-    write_csv(
-        folder / "claims.csv",
-        ("name", "source", "printed", "verdict", "sets", *sets, "note"),
-        [
-            (
-                claim.name,
-                claim.source,
-                claim.printed,
-                finding.verdict.value,
-                " ".join(finding.sets),
-                *(str(finding.computed.get(name, "")) for name in sets),
-                finding.note,
-            )
-            for claim, finding in findings
-        ],
-    )
+    texts = ("name", "source", "statement", "printed", "unit", "verdict", "class", "cause", "instead", "note")
+    rows = [
+        [*(claim[name] for name in texts), *(str(finding.computed.get(name, "")) for name in results["sets"])]
+        for claim, (_, finding) in zip(results["claims"], findings, strict=True)
+    ]
+    write_csv(folder / "claims.csv", (*texts, *(f"computed for {name}" for name in results["sets"])), rows)
     write_text(folder / "report.md", markdown_page(results))
     pictures = {figure["entry"]["name"]: figure["embedded"] for figure in figures}
     write_text(folder / "report.html", html_page(results, pictures, formulas))

@@ -7,11 +7,12 @@ import platform
 import time
 from collections.abc import Sequence
 from shlex import quote
-from typing import Any
+from typing import Any, get_args
 
-from tippedisk_verify.audit.catalogue import group_of
+from tippedisk_verify.audit.catalogue import CLAIMS, group_of
+from tippedisk_verify.audit.citations import cited
 from tippedisk_verify.audit.claim_proofs import proof_of
-from tippedisk_verify.audit.claims import Claim, Finding, Verdict, sets_with
+from tippedisk_verify.audit.claims import Claim, Fault, FaultKind, Finding, Verdict, sets_with
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.results import as_json
@@ -22,6 +23,7 @@ from tippedisk_verify.report.work import AuditJob
 __all__ = ["claim_json", "results_json", "run_facts", "shown", "summary", "totals"]
 
 Findings = Sequence[tuple[Claim, Finding]]
+_NAMES = {claim.name for claim in CLAIMS}
 
 
 def shown(value: Measured | str) -> str:
@@ -45,6 +47,7 @@ def claim_json(claim: Claim, finding: Finding, order: AuditJob) -> dict[str, Any
         "name": claim.name,
         "group": group_of(claim.name),
         "source": claim.source,
+        "cited": "" if claim.own_check else cited(claim.labels),
         "statement": claim.statement,
         "formula": claim.formula,
         "unit": claim.unit,
@@ -54,15 +57,28 @@ def claim_json(claim: Claim, finding: Finding, order: AuditJob) -> dict[str, Any
         "agreed_digits": {name: mine for name, (mine, _) in agreed.items()},
         "printed_digits": next((whole for _, whole in agreed.values()), None),
         "verdict": finding.verdict.value,
+        **_fault_json(claim, finding),
         "sets": list(finding.sets),
         "note": finding.note,
-        "methods": list(finding.methods),
+        "methods": list(claim.methods),
         "grade": "computed" if proof is None else proof.grade,
         "proof": None if proof is None else proof.to_dict(),
-        "reading": claim.reading,
         "own_check": claim.own_check,
         "command": f"{_command(order)} --only {claim.name}",
     }
+
+
+def _fault(claim: Claim, finding: Finding) -> Fault | None:
+    """Why the claim does not follow, if it does not."""
+    if finding.verdict is not Verdict.DOES_NOT_FOLLOW:
+        return None
+    return claim.fault or Fault("differs", "what is computed differs from what is printed", "")
+
+
+def _fault_json(claim: Claim, finding: Finding) -> dict[str, str | None]:
+    fault = _fault(claim, finding)
+    values = (None,) * 3 if fault is None else (fault.kind, fault.cause, fault.instead or None)
+    return dict(zip(("class", "cause", "instead"), values, strict=True))
 
 
 def _command(order: AuditJob) -> str:
@@ -78,12 +94,23 @@ def _command(order: AuditJob) -> str:
 
 
 def summary(findings: Findings) -> dict[str, Any]:
-    """How many claims met each verdict, and which of our own checks fell short."""
+    """How many claims met each verdict, why some do not follow, and which of our own checks fell short."""
     counts = {verdict.value: 0 for verdict in Verdict}
     for _, finding in findings:
         counts[finding.verdict.value] += 1
     failed = [claim.name for claim, finding in findings if claim.own_check and finding.verdict is not Verdict.HOLDS]
-    return {"claims": len(findings), **counts, "own_checks_failed": failed}
+    alike: dict[tuple[str, str | None], list[str]] = {}
+    for claim, finding in findings:
+        if fault := _fault(claim, finding):
+            alike.setdefault((fault.kind, fault.cause if fault.kind == "follows-from" else None), []).append(claim.name)
+    order = list(get_args(FaultKind))
+    faults = sorted(alike.items(), key=lambda entry: order.index(entry[0][0]))
+    return {
+        "claims": len(findings),
+        **counts,
+        "not_following": [{"class": kind, "cause": cause, "claims": names} for (kind, cause), names in faults],
+        "own_checks_failed": failed,
+    }
 
 
 def totals(counts: dict[str, Any]) -> str:
@@ -92,11 +119,21 @@ def totals(counts: dict[str, Any]) -> str:
     def said(verdict: str, one: str, many: str) -> str:
         return f"{counts[verdict]} {one if counts[verdict] == 1 else many}"
 
+    faults = ", ".join(_counted_fault(fault) for fault in counts["not_following"])
     return (
         f"{counts['claims']} {'claim' if counts['claims'] == 1 else 'claims'}: {said('holds', 'holds', 'hold')},"
-        f" {said('holds-for', 'holds', 'hold')} for some parameter sets,"
-        f" {said('does-not-follow', 'does', 'do')} not follow, {said('undecided', 'is', 'are')} undecided"
+        f" {said('holds-for', 'holds', 'hold')} for some parameter sets, {said('undecided', 'is', 'are')} undecided,"
+        f" {said('does-not-follow', 'does', 'do')} not follow{': ' * bool(faults)}{faults}"
     )
+
+
+def _counted_fault(fault: dict[str, Any]) -> str:
+    count = len(fault["claims"])
+    if fault["class"] == "slip":
+        return f"{count} {'slip' if count == 1 else 'slips'} of the pen"
+    if fault["class"] == "differs":
+        return f"{count} {'differs' if count == 1 else 'differ'}"
+    return f"{count} from {'one dropped term' if fault['cause'] not in _NAMES else fault['cause']}"
 
 
 def results_json(

@@ -11,22 +11,15 @@ from tippedisk_verify.bench.race import Score
 from tippedisk_verify.cycles.limit_cycle import LimitCycle, RotatingCycle
 from tippedisk_verify.files import write_csv, write_text
 from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.motion.basins import Basins
+from tippedisk_verify.motion.basins import OUTCOMES, Basins
 
 __all__ = ["write_basins", "write_bench", "write_branch"]
 
 
 def write_basins(plane: Basins, folder: Path) -> None:
     """``basins.csv``: every initial state and what it ended on."""
-    from tippedisk_verify.motion.basins import OUTCOMES
-
-    cells = zip(
-        plane.beta.ravel().tolist(),
-        plane.gamma.ravel().tolist(),
-        plane.outcome.ravel().tolist(),
-        strict=True,
-    )
-    rows = [(beta, gamma, plane.v, OUTCOMES[outcome]) for beta, gamma, outcome in cells]
+    states = zip(plane.beta.ravel().tolist(), plane.gamma.ravel().tolist(), plane.outcome.ravel().tolist(), strict=True)
+    rows = [(beta, gamma, plane.v, OUTCOMES[outcome]) for beta, gamma, outcome in states]
     write_csv(folder / "basins.csv", ("beta [rad]", "gamma [rad]", "v [rad/s]", "ends on"), rows)
 
 
@@ -40,11 +33,10 @@ def write_branch(cycles: Sequence[LimitCycle | RotatingCycle], path: Path) -> No
 
 def write_bench(folder: Path, scores: Sequence[Score], result: dict[str, Any]) -> None:
     """`bench.json` with everything, `bench.csv` and the figure with the initial-value problems."""
-    from tippedisk_verify.figures.race import draw_bench
+    from tippedisk_verify.figures.race import draw_bench, race_csv
     from tippedisk_verify.figures.style import save
 
     write_text(folder / "bench.json", json.dumps(result, indent=1) + "\n")
     if scores:
-        rows = [score.to_dict() for score in scores]
-        write_csv(folder / "bench.csv", list(rows[0]), [list(row.values()) for row in rows])
+        write_csv(folder / "bench.csv", *race_csv(scores))
         save(draw_bench(scores), folder, "bench")

@@ -70,7 +70,8 @@ def key(order: AuditJob, task: Task) -> str:
         return fingerprint(inputs)
     if task.kind == "formulas":
         return fingerprint({"latex": _formulas(order)}, DRAWING)
-    return fingerprint(inputs | {"claims": _of_figure(order, task.name)}, DRAWING)
+    packages = (*DRAWING, *_exhibit(task.name).packages)
+    return fingerprint(inputs | {"claims": _of_figure(order, task.name)}, packages)
 
 
 def _formulas(order: AuditJob) -> list[str]:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
 from tippedisk_verify.flow import default_engine
-from tippedisk_verify.flow.contract import Request, Result
+from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.flow.lanes import BatchTaylor, field_constants
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.exact import exact
@@ -19,60 +19,52 @@ from tippedisk_verify.stress.case import Case, Found, against, digits_between
 __all__ = ["CASES"]
 
 _REQUEST = Request(PRINTED, "30.4", ("1.4", "1.9", "0.5"), "2", domain="none", error_estimate=True)
+_BETA, _GAMMA, _V = (exact(str(part)) for part in _REQUEST.state)
+_HALF_PI = exact("pi/2")
 
 
-def _held(mine: Result, other: Any, other_error: Any, scale: float = 1.0) -> Found:
-    """Two answers to one question in double: each within both half-widths of the other."""
-    assert mine.error is not None
-    pairs = list(zip(mine.state, other, mine.error.state, other_error, strict=True))
-    honest = all(abs(float(a) - float(b)) <= float(p) + float(q) for a, b, p, q in pairs)
-    return Found("digits", min(digits_between(a, b, scale) for a, b, *_ in pairs), honest)
+def _asked_otherwise(factors: Sequence[float], offsets: Sequence[float], **changes: Any) -> Callable[[], Found]:
+    """The request with these changes: its end, times ``factors`` plus ``offsets``, is the usual one.
+
+    Each of the two answers in double must lie within both half-widths of the other.
+    """
+
+    def run() -> Found:
+        mine, other = (default_engine()(request) for request in (_REQUEST, replace(_REQUEST, **changes)))
+        assert mine.error is not None
+        assert other.error is not None
+        digits, honest = 16.0, True
+        rows = zip(mine.state, other.state, mine.error.state, other.error.state, factors, offsets, strict=True)
+        for usual, end, width, its_width, factor, offset in rows:
+            back = offset + factor * float(end)
+            rounding = 2.0**-52 * (abs(back) + 4 * abs(offset))  # of what is scaled and added
+            claimed = float(width) + abs(factor) * float(its_width) + rounding
+            honest &= abs(float(usual) - back) <= claimed
+            digits = min(digits, digits_between(usual, back, 1))
+        return Found("digits", digits, honest)
+
+    return run
 
 
-def _in_other_units() -> Found:
+def _other_units() -> dict[str, Any]:
     """Millimetres, grams, milliseconds: lengths times 1e3, masses 1e3, inertias 1e9, g 1e-3, rates 1e-3, times 1e3."""
     p = PRINTED
     scaled = Parameters(
         r=p.r * 1000, e=p.e * 1000, m=p.m * 1000, A=p.A * 10**9, B=p.B * 10**9, g=p.g / 1000, mu=p.mu,
         epsilon=p.epsilon, name="mm, g, ms",
     )  # fmt: skip
-    engine = default_engine()
-    mine = engine(_REQUEST)
     # epsilon is a speed, mm/ms = m/s.
-    beta, gamma, v = _REQUEST.state
-    per_ms = exact(str(v)).rational / 1000, exact(str(_REQUEST.omega)).rational / 1000
-    other = engine(replace(_REQUEST, parameters=scaled, omega=per_ms[1], state=(beta, gamma, per_ms[0]), duration=2000))
-    assert other.error is not None
-    factors = (1.0, 1.0, 1000.0)
-    state = [float(part) * factor for part, factor in zip(other.state, factors, strict=True)]
-    error = [float(part) * factor for part, factor in zip(other.error.state, factors, strict=True)]
-    return _held(mine, state, [w + 2.0**-52 * abs(s) for w, s in zip(error, state, strict=True)])
+    omega, v = (exact(str(value)).rational / 1000 for value in (_REQUEST.omega, _REQUEST.state[2]))
+    return {"parameters": scaled, "omega": omega, "state": (*_REQUEST.state[:2], v), "duration": 2000}
 
 
-def _mirrored() -> Found:
-    """The point symmetry's image, a turn of gamma further: rounding differs everywhere, the motion does not."""
-    pi = exact("pi")
-    beta, gamma, v = (exact(str(part)) for part in _REQUEST.state)
-    engine = default_engine()
-    mine = engine(_REQUEST)
-    image = engine(replace(_REQUEST, state=(pi - beta, exact("3 pi") - gamma, -v)))
-    assert image.error is not None
-    three_pi = 3 * math.pi
-    back = [math.pi - float(image.state[0]), three_pi - float(image.state[1]), -float(image.state[2])]
-    # What is added is rounded to the size of 3 pi.
-    return _held(mine, back, [float(width) + 8 * 2.0**-52 * three_pi for width in image.error.state])
-
-
-def _measured_from_the_middle() -> Found:
-    """Shifted angles: another right-hand side, cosines for sines."""
-    half = exact("pi/2")
-    beta, gamma, v = (exact(str(part)) for part in _REQUEST.state)
-    engine = default_engine()
-    mine = engine(_REQUEST)
-    other = engine(replace(_REQUEST, shifted=True, state=(beta - half, gamma - half, v)))
-    assert other.error is not None
-    back = [float(other.state[0]) + math.pi / 2, float(other.state[1]) + math.pi / 2, float(other.state[2])]
-    return _held(mine, back, [float(width) + 8 * 2.0**-52 for width in other.error.state])
+_UNITS = _asked_otherwise((1, 1, 1000), (0, 0, 0), **_other_units())
+_MIRRORED = _asked_otherwise(
+    (-1, -1, -1), (math.pi, 3 * math.pi, 0), state=(exact("pi") - _BETA, exact("3 pi") - _GAMMA, -_V)
+)
+_SHIFTED = _asked_otherwise(
+    (1, 1, 1), (math.pi / 2, math.pi / 2, 0), state=(_BETA - _HALF_PI, _GAMMA - _HALF_PI, _V), shifted=True
+)
 
 
 def _compiled(**options: Any) -> Callable[[], Found]:
@@ -130,9 +122,9 @@ def _pole() -> Found:
 
 
 CASES: tuple[Case, ...] = (
-    Case("units mm, g, ms", "the same run in other units", _in_other_units, 11),
-    Case("symmetric image", "the point symmetry's image and a turn of gamma", _mirrored, 11),
-    Case("shifted angles", "angles from pi/2", _measured_from_the_middle, 11),
+    Case("units mm, g, ms", "the same run in other units", _UNITS, 11),
+    Case("symmetric image", "the point symmetry's image and a turn of gamma", _MIRRORED, 11),
+    Case("shifted angles", "angles from pi/2: another right-hand side, cosines for sines", _SHIFTED, 11),
     Case("compiled compact", "loops instead of unrolled code", _compiled(compact=True), 11),
     Case("compiled with fast_math", "sums in any order", _compiled(fast_math=True), 11),
     Case("compensated sums", "high_accuracy", _compiled(high_accuracy=True), 11),

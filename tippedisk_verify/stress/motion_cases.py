@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from fractions import Fraction
 from functools import partial
@@ -190,6 +189,8 @@ def _long_run() -> Found:
     The truth needs no integration: after N periods the cycle is where it was. Rounding acts on the period, so the
     error grows linearly; a worse law would be a fault of the integrator.
     """
+    import numpy
+
     engine = default_engine()
     cycle = limit_cycle(PRINTED, exact(_OMEGA).rational, engine, digits=30)
     start = (0.0, float(cycle.gamma_bar_0), float(cycle.v_0))
@@ -203,10 +204,8 @@ def _long_run() -> Found:
         # On the section beta_bar moves with v: its distance is the error of time; rounding the duration is known.
         points.append((10.0**decade, abs(float(end[0]) / start[2] - late)))
     far = points[-1][1]
-    x = [math.log10(t) for t, _ in points]
-    y = [math.log10(max(error, 1e-16)) for _, error in points]
-    middle, high = sum(x) / len(x), sum(y) / len(y)
-    slope = sum((a - middle) * (b - high) for a, b in zip(x, y, strict=True)) / sum((a - middle) ** 2 for a in x)
+    times, errors = numpy.log10([(time, max(error, 1e-16)) for time, error in points]).T
+    slope = float(numpy.polyfit(times, errors, 1)[0])
     note = f"phase error {far:.1e} s after 1e5 s, growing with exponent {slope:.2f}"
     # The random part of the errors at short times leaves the fitted exponent uncertain by some 0.1.
     return Found("digits", digits_between(far + 1.0, 1.0), slope < 1.15, note)

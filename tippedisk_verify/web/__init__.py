@@ -11,15 +11,15 @@ __all__ = ["rendered"]
 
 
 def rendered(package: str, template: str, filters: dict[str, Callable[..., Any]] | None = None, **values: Any) -> str:
-    """The template of that package, with everything that goes into it escaped.
+    """The template of that package; in HTML everything that goes into it is escaped.
 
-    It extends ``base.html`` of this one, which holds the style sheet. The result needs no other file.
+    HTML extends ``base.html`` of this package, which holds the style sheet. The result needs no other file.
     """
     from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 
     environment = Environment(
         loader=ChoiceLoader([PackageLoader(package, "."), PackageLoader(__name__, ".")]),
-        autoescape=True,
+        autoescape=template.endswith(".html"),
         trim_blocks=True,
         lstrip_blocks=True,
         keep_trailing_newline=True,

@@ -1,0 +1,111 @@
+"""results.json as pages: one in HTML that needs no other file, and the same in Markdown.
+
+Nothing is computed here, and no number is made up.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from typing import Any
+
+from markupsafe import Markup, escape
+
+from tippedisk_verify.report.digits import shortened
+from tippedisk_verify.report.results import totals
+from tippedisk_verify.web import rendered
+
+__all__ = ["html_page", "markdown_page"]
+
+_SIGNS = {"holds": "✓", "holds-for": "◐", "does-not-follow": "✗", "undecided": "?"}
+_GREEK = dict(zip(
+    ("alpha", "beta", "gamma", "delta", "epsilon", "kappa", "lambda", "mu", "chi", "omega", "Omega", "pi"),
+    "αβγδεκλμχωΩπ", strict=True,
+))  # fmt: skip
+#: Symbols as running text has them: Omega_crit, gamma_bar_0, dOmega, A_33; the names of claims stand alone.
+_SYMBOL = re.compile(rf"(?<!claim )(?:\b|(?<=\bd))({'|'.join(_GREEK)}|[A-Za-z])(_bar)?(?:_(\w+))?(?!\w)")
+
+
+def html_page(results: dict[str, Any], pictures: dict[str, dict[str, Any]], formulas: dict[str, Any]) -> str:
+    """The page. ``pictures`` holds for each figure the wide one and, for small screens, the narrow one.
+
+    ``formulas`` are those of `formulas_drawn`. Their LaTeX is the package's own: nothing that a user gives gets into a
+    page unescaped.
+    """
+    return _page("page.html", results, pictures=pictures, formulas=formulas)
+
+
+def markdown_page(results: dict[str, Any]) -> str:
+    """The report for a terminal, a repository or a mail; figures are linked, as PNG files beside it."""
+    return re.sub(r"\n{3,}", "\n\n", _page("page.md", results))
+
+
+def _page(template: str, results: dict[str, Any], **more: Any) -> str:
+    groups: dict[str, list[dict[str, Any]]] = {}
+    for claim in results["claims"]:
+        groups.setdefault(claim["group"], []).append(claim)
+    filters: dict[str, Callable[..., Any]] = {
+        "alike": _alike,
+        "code": lambda text: " ".join(text.replace("`", "'").split()),
+        "pieces": _pieces,
+        "plain": _plain,
+        "reason": _reason,
+        "sign": _SIGNS.__getitem__,
+        "symbols": _symbols,
+        "words": _words,
+    }
+    return rendered(
+        "tippedisk_verify.report", template, filters,
+        results=results, groups=groups, figures=results["figures"], totals=totals(results["summary"]), **more,
+    )  # fmt: skip
+
+
+def _words(claim: dict[str, Any]) -> str:
+    """The verdict as words."""
+    if claim["verdict"] == "holds-for":
+        return f"holds for {', '.join(claim['sets'])}"
+    if claim["verdict"] != "does-not-follow":
+        return str(claim["verdict"])
+    kind = {"slip": "slip of the pen", "follows-from": "one dropped term", "differs": "differs"}[claim["class"]]
+    return f"does not follow: {kind}"
+
+
+def _reason(fault: dict[str, Any]) -> str:
+    """Why a claim, or several, do not follow."""
+    if fault["class"] == "follows-from":  # another claim, by its name, or a dropped term
+        return f"Follows from {'dropping ' if ' ' in fault['cause'] else ''}{fault['cause']}"
+    if fault["cause"] is None:  # of several
+        return "Slips of the pen" if fault["class"] == "slip" else "What is true differs"
+    return f"{'A slip of the pen' if fault['class'] == 'slip' else 'What is true differs'}: {fault['cause']}"
+
+
+def _pieces(value: Any, printed: str, longest: int) -> list[tuple[str, str]]:
+    """A number's text in pieces by agreement, cut where it would not fit; a sentence in one piece."""
+    if isinstance(value, dict):
+        return shortened(value["value"], value["uncertainty"], printed, longest)
+    return [("text", value or "")]
+
+
+def _alike(values: dict[str, Any]) -> bool:
+    """Whether all sets have the same sentence: it is then said once."""
+    said = list(values.values())
+    return len(said) > 1 and all(isinstance(value, str) and value == said[0] for value in said)
+
+
+def _symbols(text: str) -> Markup:
+    """Text with its symbols as such: Greek letters, bars, indices and powers."""
+
+    def drawn(match: re.Match[str]) -> str:
+        letter, bar, index = match.groups()
+        if letter not in _GREEK and not (bar or index):
+            return str(letter)
+        below = f"<sub>{_GREEK.get(index, index)}</sub>" if index else ""
+        return _GREEK.get(letter, letter) + ("\N{COMBINING MACRON}" if bar else "") + below
+
+    marked = _SYMBOL.sub(drawn, str(escape(text)))
+    return Markup(re.sub(r"\^(-?\w+|\([^()]*\))", r"<sup>\1</sup>", marked))
+
+
+def _plain(text: str) -> str:
+    """Text that Markdown shows as it stands, in a table as well."""
+    return re.sub(r"([\\`*<\[\]|])", r"\\\1", " ".join(text.split()))
