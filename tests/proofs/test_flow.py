@@ -12,7 +12,8 @@ from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
 from tippedisk_verify.model.precision import bits
 from tippedisk_verify.proofs.kernel.balls import Unproved, arb, ball, ball_constants, hull, positive, working_precision
-from tippedisk_verify.proofs.kernel.flow import Model, Status, Step
+from tippedisk_verify.proofs.kernel.flow import Model, Status
+from tippedisk_verify.proofs.kernel.step import Step
 from tippedisk_verify.proofs.numbers import measured
 from tippedisk_verify.proofs.search.steps import Steps
 

@@ -20,10 +20,11 @@ from numpy.typing import NDArray
 
 from tippedisk_verify.proofs.kernel.balls import Unproved, ball
 from tippedisk_verify.proofs.kernel.claims.saddle import FAST, SLOW, UNSTABLE, Saddle, hull_of_lanes
-from tippedisk_verify.proofs.kernel.flow import Model, Step, verdict
+from tippedisk_verify.proofs.kernel.flow import Model
 from tippedisk_verify.proofs.kernel.frame import Frame
 from tippedisk_verify.proofs.kernel.lanes import Lanes
 from tippedisk_verify.proofs.kernel.section import UPRIGHT
+from tippedisk_verify.proofs.kernel.step import Step, verdict
 
 __all__ = ["arrivals"]
 
@@ -90,7 +91,7 @@ def _step(model: Model, frame: Frame, lengths: NDArray[np.float64]) -> Step:
     polynomials = [[*c, r] for c, r in zip(thin, fine, strict=True)]
     derivatives = [[*c, r] for c, r in zip(wide[3:], rough[3:], strict=True)]
     length = Lanes(lengths)
-    return Step(zero, length, length, enclosure, frame, (_ORDER, _ORDER), polynomials, derivatives)
+    return Step(zero, length, enclosure, frame, (_ORDER, _ORDER), polynomials, derivatives)
 
 
 def _carried(step: Step, time: Any = None) -> Frame:
