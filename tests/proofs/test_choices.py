@@ -10,7 +10,7 @@ import pytest
 
 from tests.proofs.cases import half_flight
 from tippedisk_verify.model.parameters import PRINTED
-from tippedisk_verify.proofs.kernel.balls import Unproved, arb, ball, working_precision
+from tippedisk_verify.proofs.kernel.balls import arb, ball, working_precision
 from tippedisk_verify.proofs.kernel.flow import Path, Status, short_float
 from tippedisk_verify.proofs.kernel.section import HALF, returned
 from tippedisk_verify.proofs.kernel.sliding import model_of
@@ -33,10 +33,9 @@ class Careless(Steps):
     def step(self, path: Path, longest: float | None) -> Step | None:
         for _ in range(60):
             trial = path.trial((self.draw.randint(2, 24), self.draw.randint(2, 12)))
-            try:
-                return trial.step(short_float(min(2.0 ** -self.draw.uniform(6, 11), longest or 1.0)))
-            except Unproved:
-                continue
+            step = trial.tested(short_float(min(2.0 ** -self.draw.uniform(6, 11), longest or 1.0)))
+            if step.included:
+                return step
         return None
 
     def axes(self, turned: Any, sizes: Any, stiffness: Any) -> Sequence[Sequence[Any]]:

@@ -15,7 +15,7 @@ import pytest
 
 from tests.proofs.cases import plant
 from tippedisk_verify.model.parameters import PRINTED, Constants
-from tippedisk_verify.proofs.kernel import frame, step
+from tippedisk_verify.proofs.kernel import frame
 from tippedisk_verify.proofs.kernel.balls import arb, ball, ball_constants, working_precision
 from tippedisk_verify.proofs.kernel.flow import Model, Path
 from tippedisk_verify.proofs.kernel.frame import Frame
@@ -80,12 +80,12 @@ def test_remainders_of_the_middle_are_held() -> None:
 @pytest.mark.parametrize(
     ("old", "new"),
     [
-        ("[[*c, alike(c[0], r)] for c, r in zip(self.thin, verdict.fine, strict=True)]",
+        ("[[*c, alike(c[0], r)] for c, r in zip(self.thin, fine, strict=True)]",
          "[list(c) for c in self.thin]"),
-        ("[[*c, alike(c[0], r)] for c, r in zip(self.thin, verdict.fine, strict=True)]",
-         "[[*c, 0 * r] for c, r in zip(self.thin, verdict.fine, strict=True)]"),
-        ("[[*c, alike(c[0], r)] for c, r in zip(self.thin, verdict.fine, strict=True)]",
-         "[[*c, r.mid() * 0.5] for c, r in zip(self.thin, verdict.fine, strict=True)]"),
+        ("[[*c, alike(c[0], r)] for c, r in zip(self.thin, fine, strict=True)]",
+         "[[*c, 0 * r] for c, r in zip(self.thin, fine, strict=True)]"),
+        ("[[*c, alike(c[0], r)] for c, r in zip(self.thin, fine, strict=True)]",
+         "[[*c, r.mid() * 0.5] for c, r in zip(self.thin, fine, strict=True)]"),
     ],
 )  # fmt: skip
 def test_a_remainder_that_is_dropped_is_noticed(old, new, monkeypatch) -> None:
@@ -151,10 +151,10 @@ def test_steps_are_as_long_as_proved() -> None:
         (
             Trial,
             "tested",
-            "self.path.time,\n        verdict.length,",
-            "self.path.time,\n        type(verdict.length)(verdict.length.midpoints * 1.001),",
+            "self.path.time,\n        length,",
+            "self.path.time,\n        type(length)(length.midpoints * 1.001),",
         ),
-        (step, "verdict", "alike(whole(wide[0][0]), whole(length))", "alike(whole(wide[0][0]), whole(length / 1.001))"),
+        (Trial, "_test", "whole(length))", "whole(length / 1.001))"),
         (Path, "take", "step.length) if time is None", "step.length * 1.001) if time is None"),
     ],
 )
@@ -166,7 +166,7 @@ def test_a_step_in_lanes_that_is_too_long_is_noticed(owner, function, old, new, 
 @pytest.mark.parametrize(
     ("owner", "function", "old", "new"),
     [
-        (step, "verdict", "alike(whole(wide[0][0]), whole(length))", "alike(whole(wide[0][0]), whole(length / 1.001))"),
+        (Trial, "_test", "whole(length))", "whole(length / 1.001))"),
         (Path, "take", "frame = self.carried(step, time)",
          "frame = self.carried(step, ball(step.length * 1.001) if time is None else time)"),
         (Path, "take", "alike(self.time, step.length) if", "ball(1.001 * step.length) if"),

@@ -10,13 +10,12 @@ import numpy as np
 import pytest
 
 from tests.proofs.cases import half_flight, plant
-from tests.proofs.test_flow import blow_up
 from tippedisk_verify.cycles.return_map import ReturnMap
 from tippedisk_verify.cycles.section import LIBRATING
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.parameters import PRINTED, Constants
 from tippedisk_verify.model.precision import bits
-from tippedisk_verify.proofs.kernel import batch, flow, frame, section, step
+from tippedisk_verify.proofs.kernel import batch, flow, frame, section
 from tippedisk_verify.proofs.kernel.balls import arb, ball, ball_constants, working_precision
 from tippedisk_verify.proofs.kernel.flow import Model, Path
 from tippedisk_verify.proofs.kernel.frame import Frame
@@ -152,16 +151,6 @@ def test_what_is_no_number_or_not_followed_ends_with_a_status() -> None:
     assert not strange.returned[:2].any()
     ended = half_flights(Model(constants, Lanes([30.4])), Lanes([1.7]), Lanes([-1.7]), longest=0.05)
     assert list(ended.status) == [Status.NO_RETURN]
-
-
-def test_a_step_beyond_a_singularity_is_not_proved_in_any_lane() -> None:
-    """x(0) = 2 is infinite at 1/2; the first lane stops long before."""
-    model = Model(Constants(*(Lanes.of([value]) for value in ball_constants(PRINTED))), Lanes([1.0] * 3), blow_up)
-    start = [Lanes([part] * 3) for part in (2.0, 1.0, 1.0)]
-    identity = [start[0].constant(int(row == column)) for column in range(4) for row in range(3)]
-    wide = model.variational.coefficients([*start, *identity], 16)
-    *_, included = step.verdict(model, model.variational, wide, Lanes([0.03, 0.5, 0.5625]), 18)
-    assert list(included) == [True, False, False]
 
 
 # ---------------------------------------------------------------------------------------------------- planted faults

@@ -16,7 +16,7 @@ from copy import copy
 from enum import Enum
 from typing import Any, ClassVar, Protocol, Self
 
-from tippedisk_verify.proofs.kernel.balls import BallOps, alike, ball, negative, rough, side_by_side, upper, whole
+from tippedisk_verify.proofs.kernel.balls import BallOps, alike, ball, need, negative, rough, side_by_side, upper, whole
 from tippedisk_verify.proofs.kernel.batch import chosen, replaced, some, some_model
 from tippedisk_verify.proofs.kernel.field import Law, field
 from tippedisk_verify.proofs.kernel.frame import Frame
@@ -126,9 +126,7 @@ class Path:
     #: what differs from one box of a batch to the other, besides the model
     BATCHED: ClassVar[tuple[str, ...]] = ("frame", "box", "time", "divergence", "steps", "reversals")
 
-    def __init__(
-        self, model: Any, start: Sequence[Any] | Frame, proposer: Proposer, *, derivatives: bool = False
-    ) -> None:
+    def __init__(self, model: Any, start: Sequence[Any] | Frame, proposer: Any, *, derivatives: bool = False) -> None:
         self.model, self.proposer, self.sharp = model, proposer, derivatives
         self.frame = start if isinstance(start, Frame) else Frame([ball(part) for part in start], model.omega)
         if len(self.frame.middle) != 3:
@@ -161,6 +159,8 @@ class Path:
             self.status = self.status or Status.NO_ENCLOSURE
         elif step.frame is not self.frame:
             raise ValueError("a step from elsewhere was proposed")
+        elif not side_by_side(self.time):
+            need(step.included, "the states and derivatives over it are not shown to stay in its enclosure")
         return step
 
     def _spent(self) -> Status | None:

@@ -31,12 +31,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, reduce
 from operator import and_
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from tippedisk_verify.proofs.kernel.balls import (
-    Unproved,
     alike,
     arb,
     around_zero,
@@ -55,7 +54,7 @@ from tippedisk_verify.proofs.kernel.balls import (
 from tippedisk_verify.proofs.kernel.frame import Frame
 from tippedisk_verify.proofs.kernel.series import System
 
-__all__ = ["Step", "Trial", "enclosed_moment", "magnitude", "polynomial", "verdict"]
+__all__ = ["Step", "Trial", "enclosed_moment", "magnitude", "polynomial"]
 
 _REMAINDER_BITS = 64  # a remainder is needed to its first digits only
 _MEAN_VALUE_BITS = 53  # of derivatives that only multiply radii
@@ -128,16 +127,6 @@ def polynomial(coefficients: Sequence[Any], time: Any) -> Any:
     return result
 
 
-class Verdict(NamedTuple):
-    """What the test of a step's length says."""
-
-    length: Any  #: [s], exact: a float, or lanes
-    enclosure: tuple[Any, Any, Any]  #: the padded box E over [0, length]
-    fine: list[Any]  #: the remainders' coefficients over it, of the midpoint's orbit
-    rough: list[Any]  #: and of all orbits with their derivatives
-    included: Any  #: whether the step is proved
-
-
 class Trial:
     """The series of all orbits from where a path stands, with orders that are chosen, on which lengths are tried."""
 
@@ -157,55 +146,41 @@ class Trial:
         system: System = model.with_divergence if self.path.sharp else model.variational
         return system
 
-    def verdict(self, length: Any) -> Verdict:
-        """What the test says of a length."""
+    def tested(self, length: Any) -> Step:
+        """The step of that length, which is proved where it says so."""
         with working_precision(_REMAINDER_BITS):
-            bound = self.path.model.bound
-            return verdict(bound, self._system(bound), self.wide, length, self.orders[0])
-
-    def step(self, length: float, verdict: Verdict | None = None) -> Step:
-        """The step of that length, whose verdict may be passed. Raises Unproved if the test does not prove it."""
-        verdict = verdict or (self.verdict(length) if length > 0 else None)
-        if verdict is None or verdict.length != length or verdict.included is not True:
-            raise Unproved("the states and derivatives over it are not shown to stay in its enclosure")
-        return self.tested(verdict)
-
-    def tested(self, verdict: Verdict) -> Step:
-        """The step of the verdict's length, which is proved where the verdict says so."""
+            enclosure, fine, wider, included = self._test(length)
         return Step(
             self.path.time,
-            verdict.length,
-            verdict.enclosure,
+            length,
+            enclosure,
             self.path.frame,
             self.orders,
-            [[*c, alike(c[0], r)] for c, r in zip(self.thin, verdict.fine, strict=True)],
-            [[*c, alike(c[0], r)] for c, r in zip(self.wide[3:], verdict.rough[3:], strict=True)],
-            verdict.included,
+            [[*c, alike(c[0], r)] for c, r in zip(self.thin, fine, strict=True)],
+            [[*c, alike(c[0], r)] for c, r in zip(self.wide[3:], wider[3:], strict=True)],
+            included,
         )
 
-
-def verdict(model: Any, system: System, wide: list[list[Any]], length: Any, order: int) -> Verdict:
-    """The test of a step.
-
-    ``wide`` holds the coefficients of ``system`` over the box of states; ``order`` is that of the midpoint's series.
-    """
-    rough_order, time = len(wide[0]) - 1, alike(whole(wide[0][0]), whole(length))
-    span, power = _from_zero(time), _from_zero(time**rough_order)
-    coefficients = [[whole(coefficient) for coefficient in series] for series in wide]
-    ranges = [polynomial(series, span) for series in coefficients]
-    # What the last term contributes is a fair guess of what the rest does.
-    box = [
-        part + around_zero(part.rad() / 256 + _pad(part)) + around_zero(series[-1] * power)
-        for part, series in zip(ranges, coefficients, strict=True)
-    ]
-    wider = [series[-1] for series in system.coefficients(box, rough_order + 1)]
-    fine = wider[:3]
-    if rough_order != order:
-        fine = [series[-1] for series in model.orbit.coefficients(box[:3], order + 1)]
-    # An infinite coefficient is in no interior.
-    included = [inside(part + r * (power * span), room) for part, r, room in zip(ranges, wider, box, strict=True)]
-    included += [positive(time), *(r.is_finite() for r in fine)]
-    return Verdict(length, (box[0], box[1], box[2]), fine, wider, reduce(and_, included))
+    def _test(self, length: Any) -> tuple[tuple[Any, ...], list[Any], list[Any], Any]:
+        """The padded box E over [0, length], the remainders' coefficients over it, and whether the step is proved."""
+        bound, (order, rough_order) = self.path.model.bound, self.orders
+        time = alike(whole(self.wide[0][0]), whole(length))
+        span, power = _from_zero(time), _from_zero(time**rough_order)
+        coefficients = [[whole(coefficient) for coefficient in series] for series in self.wide]
+        ranges = [polynomial(series, span) for series in coefficients]
+        # What the last term contributes is a fair guess of what the rest does.
+        box = [
+            part + around_zero(part.rad() / 256 + _pad(part)) + around_zero(series[-1] * power)
+            for part, series in zip(ranges, coefficients, strict=True)
+        ]
+        wider = [series[-1] for series in self._system(bound).coefficients(box, rough_order + 1)]
+        fine = wider[:3]
+        if rough_order != order:
+            fine = [series[-1] for series in bound.orbit.coefficients(box[:3], order + 1)]
+        # An infinite coefficient is in no interior.
+        included = [inside(part + r * (power * span), room) for part, r, room in zip(ranges, wider, box, strict=True)]
+        included += [positive(time), *(r.is_finite() for r in fine)]
+        return tuple(box[:3]), fine, wider, reduce(and_, included)
 
 
 def enclosed_moment(

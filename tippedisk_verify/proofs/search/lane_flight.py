@@ -139,7 +139,7 @@ class LaneSteps:
         radius = np.max([part.radii for part in path.box], axis=0)
         trial = path.trial(_ORDERS if np.median(radius) > _NARROW else _NARROW_ORDERS)
         if longest is not None:
-            return trial.tested(trial.verdict(longest))
+            return trial.tested(longest)
         (order, rough_order), thin, wide = trial.orders, trial.thin, trial.wide
         # Remainders may be as large as rounding, or a share of the radius.
         allowed = [np.maximum(_U * np.maximum(1.0, _size(part)), part.radii * _TOLERANCE) for part in path.box]
@@ -148,18 +148,18 @@ class LaneSteps:
         most = np.minimum(self.cuts, _DAMPED / np.maximum(1.0, _size(wide[11][1])))
         free = reach * self.shares
         length = np.minimum(free, most)
-        verdict = trial.verdict(Lanes(length))
+        step = trial.tested(Lanes(length))
         scales = [np.maximum(1.0, _size(column[0])) * rough_allowed for column in wide[3:]]
         excess = np.maximum(
-            _excess(verdict.fine, allowed, length, order + 1),
-            _excess(verdict.rough[3:], scales, length, rough_order + 1),
+            _excess([series[-1] for series in step.polynomials], allowed, length, order + 1),
+            _excess([series[-1] for series in step.derivatives], scales, length, rough_order + 1),
         )
-        accepted = verdict.included & (excess <= 0)
+        accepted = step.included & (excess <= 0)
         # A step cut short says nothing about how long the next may be.
         better = 0.97 * length / reach * np.exp2(np.minimum(1.0, -excess))
         tighter = np.fmin(better, np.where(excess > 0, 0.9, 0.5) * length / reach)
         self.shares = np.where(accepted, np.where(free <= most, better, self.shares), tighter)
-        return replace(trial.tested(verdict), included=accepted)
+        return replace(step, included=accepted)
 
     def answered(self, tried: Round) -> Array:
         """Prepare the next steps: a status for each lane whose way ends."""

@@ -63,20 +63,21 @@ class Steps:
             length = short_float(min(reach * share, longest if longest is not None else math.inf))
             if length < _SHORTEST_STEP:
                 return None
-            verdict = trial.verdict(length)
-            if not all(part.is_finite() for part in (*verdict.fine, *verdict.rough)):
+            step = trial.tested(length)
+            fine, rough = ([series[-1] for series in part] for part in (step.polynomials, step.derivatives))
+            if not all(part.is_finite() for part in (*fine, *rough)):
                 share *= 0.5
                 continue
             excess = max(
-                _excess(verdict.fine, [0, 0, 0], allowed, length, order + 1),
-                _excess(verdict.rough[3:], sizes, [rough_allowed] * len(sizes), length, rough_order + 1),
+                _excess(fine, [0, 0, 0], allowed, length, order + 1),
+                _excess(rough, sizes, [rough_allowed] * len(sizes), length, rough_order + 1),
             )
             better = length / reach * 2.0 ** min(1.0, -excess)
-            if verdict.included and excess <= 0:
+            if step.included and excess <= 0:
                 # A step cut short says nothing about how long the next may be.
                 if longest is None or length < longest:
                     self._share = 0.97 * better
-                return trial.step(length, verdict)
+                return step
             share = min(0.97 * better, 0.9 * length / reach)
         return None
 
