@@ -21,13 +21,13 @@ from numpy.typing import NDArray
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.parameters import Constants, Parameters
 from tippedisk_verify.proofs.kernel.balls import arb, ball_constants, working_precision
+from tippedisk_verify.proofs.kernel.batch import some_model
 from tippedisk_verify.proofs.kernel.claims.cycle import apart
 from tippedisk_verify.proofs.kernel.flow import Model
 from tippedisk_verify.proofs.kernel.krawczyk import FixedPoints, fixed_points
-from tippedisk_verify.proofs.kernel.lane_path import some_model
-from tippedisk_verify.proofs.kernel.lane_sliding import LaneSmoothModel
 from tippedisk_verify.proofs.kernel.lanes import Lanes, quiet
 from tippedisk_verify.proofs.kernel.section import HALF, Return, Status, returned
+from tippedisk_verify.proofs.kernel.sliding import law_model
 from tippedisk_verify.proofs.numbers import measured
 from tippedisk_verify.proofs.search.cycle import Attempt, OrbitProof, prove_cycle
 from tippedisk_verify.proofs.search.lane_flight import HalfFlights, half_flights, lane_of
@@ -70,8 +70,7 @@ def prove_cycles(
         return [singly(lane) for lane in range(len(omegas))]
     with working_precision(_BITS):
         constants = Constants(*(Lanes.of([value]) for value in ball_constants(parameters)))
-    kind = LaneSmoothModel if parameters.friction == "smooth" else Model
-    model = kind(constants, Lanes.of(omegas))
+    model = law_model(parameters.friction, constants, Lanes.of(omegas))
     proofs = _attempted(attempts, model, middle, _power_of_two(_NARROW * np.abs(middle)))
     left = np.array([lane for lane, proof in enumerate(proofs) if proof is None], int)
     if len(left):

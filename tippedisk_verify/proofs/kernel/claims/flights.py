@@ -20,10 +20,11 @@ from numpy.typing import NDArray
 
 from tippedisk_verify.proofs.kernel.balls import Unproved, ball
 from tippedisk_verify.proofs.kernel.claims.saddle import FAST, SLOW, UNSTABLE, Saddle, hull_of_lanes
-from tippedisk_verify.proofs.kernel.flow import Model, Step, verdict
+from tippedisk_verify.proofs.kernel.flow import Model, Path
 from tippedisk_verify.proofs.kernel.frame import Frame
 from tippedisk_verify.proofs.kernel.lanes import Lanes
 from tippedisk_verify.proofs.kernel.section import UPRIGHT
+from tippedisk_verify.proofs.kernel.step import Step
 
 __all__ = ["arrivals"]
 
@@ -80,17 +81,9 @@ def _all(what: str, *shown: NDArray[np.bool_]) -> None:
 
 
 def _step(model: Model, frame: Frame, lengths: NDArray[np.float64]) -> Step:
-    box = frame.box()
-    zero, one = (box[0].constant(k) for k in (0, 1))
-    thin = model.orbit.coefficients(frame.middle, _ORDER)
-    start = [*box, *(one if row == column else zero for column in range(4) for row in range(3))]
-    wide = model.variational.coefficients(start, _ORDER)
-    _, enclosure, fine, rough, included = verdict(model, model.variational, wide, Lanes(lengths), _ORDER)
-    _all("the states and derivatives over a step are not shown to stay in its enclosure", included, lengths > 0)
-    polynomials = [[*c, r] for c, r in zip(thin, fine, strict=True)]
-    derivatives = [[*c, r] for c, r in zip(wide[3:], rough[3:], strict=True)]
-    length = Lanes(lengths)
-    return Step(zero, length, length, enclosure, frame, (_ORDER, _ORDER), polynomials, derivatives)
+    step = Path(model, frame, None).trial((_ORDER, _ORDER)).tested(Lanes(lengths))
+    _all("the states and derivatives over a step are not shown to stay in its enclosure", step.included)
+    return step
 
 
 def _carried(step: Step, time: Any = None) -> Frame:
