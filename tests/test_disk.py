@@ -48,7 +48,7 @@ def test_a_named_disk_with_another_number_is_no_longer_the_named_one() -> None:
     assert changed == tv.PRINTED.changed(mu="0.4", friction="smooth")
     assert (changed.name, changed.mu, changed.C) == ("custom", Fraction("0.4"), tv.PRINTED.C)
     assert tv.Disk("printed", A="0.5e-3", C=None).C is None
-    assert tv.Disk("printed", friction="smooth").name == "printed"
+    assert tv.Disk("printed", friction="smooth").name == "table1"
 
 
 def test_a_text_for_a_list_is_one_number_or_refused() -> None:
@@ -316,7 +316,7 @@ def test_an_audit_flies_with_its_own_engine() -> None:
             self.laws.append(request.friction)
             return super().__call__(request)
 
-    friction_claims._asymptotic(tv.Audit(tv.PRINTED, Counting()), "printed")
+    friction_claims._asymptotic(tv.Audit(tv.PRINTED, Counting()), "table1")
     assert set(Counting.laws) == {"linear", "smooth"}
     assert Counting.laws[-1] == "linear"  # the sliding velocity along the linear law's cycle
 

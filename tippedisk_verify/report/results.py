@@ -68,7 +68,7 @@ def claim_json(claim: Claim, finding: Finding, order: AuditJob) -> dict[str, Any
 def _command(order: AuditJob) -> str:
     parts = ["tippedisk-verify verify"]
     for option, value, usual in (
-        ("parameters", order.parameters.name, "printed"),
+        ("parameters", order.parameters.name, "table1"),
         ("friction", order.parameters.friction, "linear"),
         ("digits", str(order.digits), "12"),
     ):
