@@ -424,3 +424,28 @@ def test_a_branch_reaches_next_to_omega_h() -> None:
 def test_an_engine_is_no_name() -> None:
     with pytest.raises(tv.InputError, match=r"Taylor\(\) or Baseline\(\)"):
         tv.Disk("printed").heteroclinic(engine="taylor")  # type: ignore[arg-type]
+
+
+def test_a_disk_offers_what_the_commands_print() -> None:
+    disk = tv.Disk("table1")
+    speed = disk.speed(below_crit="0.5")
+    assert disk.slow_manifold(1).to_dict() == tv.analyse_slow_manifold(disk, speed, 1).to_dict()
+    balanced, shot = disk.harmonic_balance(speed), disk.limit_cycle(speed)
+    assert abs(balanced.period.value - shot.period.value) <= balanced.period.uncertainty + shot.period.uncertainty
+    assert disk.equilibrium("inverted", speed).to_dict()["kind_changes"]
+    panel = disk.scene("d")
+    assert panel.omega.holds(speed)
+    assert disk.scene("b", omega_h="30.05").omega.holds(Fraction("30.06"))
+    assert disk.certify.equilibrium("noninverted", speed).stable is False
+    with pytest.raises(tv.InputError, match="linear friction law only"):
+        tv.Disk("table1", friction="smooth").certify.hopf()
+
+
+def test_a_branch_is_a_table_of_its_length() -> None:
+    branch = tv.Disk("table1").branch(["30.3", "30.4", "30.5"])
+    assert len(branch) == 3
+    head, names, *rows = repr(branch).splitlines()
+    assert head == "Branch of table1 (linear): 3 limit cycles"
+    assert names.split()[0::2] == ["omega", "period", "gamma_bar_0", "beta_max", "multiplier_slow"]
+    assert [row.split()[0] for row in rows] == ["30.3", "30.4", "30.5"]
+    assert branch._repr_html_().count("<tr>") == 4

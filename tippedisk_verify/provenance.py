@@ -55,8 +55,8 @@ def code_version() -> str:
     code it runs, whatever has been installed meanwhile.
     """
     code = _code()
-    for room in _COMPUTING:
-        for module in iter_modules([str(_ROOT / room)], f"tippedisk_verify.{room}."):
+    for package in _COMPUTING:
+        for module in iter_modules([str(_ROOT / package)], f"tippedisk_verify.{package}."):
             with suppress(ImportError):  # what needs a package that is not there computes nothing
                 import_module(module.name)
     return ", ".join([code, *(f"{name} {number}" for name, number in versions(NUMERICAL).items())])

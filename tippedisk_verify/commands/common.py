@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from functools import wraps
+from itertools import zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
@@ -36,7 +37,6 @@ __all__ = [
 ]
 
 _FEWEST_OFFERED = 16  # processes, each with a memory of its own
-_NARROWEST = 12  # characters of a last column
 _BETWEEN_WORDS: dict[str, Any] = {"break_long_words": False, "break_on_hyphens": False}
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -188,15 +188,18 @@ def print_result(common: Common, result: dict[str, Any], lines: Iterable[object]
 
 
 def table(headings: Sequence[str], rows: Iterable[Sequence[object]]) -> Iterator[str]:
-    """A table as lines: columns as wide as their cells, the last one broken between words where it is too wide."""
+    """A table as lines: columns as wide as their cells; where a terminal is too narrow, cells are broken at words."""
     cells = [headings, *(list(map(str, row)) for row in rows)]
-    *widths, _ = (max(map(len, column)) for column in zip(*cells, strict=True))
-    margin = sum(widths) + 2 * len(widths)
+    columns = list(zip(*cells, strict=True))
+    widths = [max(map(len, column)) for column in columns]
+    least = [max(len(word) for cell in column for word in [*cell.split(), ""]) for column in columns]
+    while sum(widths) + 2 * len(widths) - 2 > _width() and widths != least:
+        widest = max(range(len(widths)), key=lambda n: (widths[n] > least[n], widths[n]))
+        widths[widest] -= 1
     for row in cells:
-        front = "".join(f"{cell:{width}}  " for cell, width in zip(row, widths, strict=False))
-        last = textwrap.wrap(row[-1], max(_width() - margin, _NARROWEST), **_BETWEEN_WORDS) or [""]
-        yield (front + last[0]).rstrip()
-        yield from (" " * margin + line for line in last[1:])
+        parts = [textwrap.wrap(cell, width, **_BETWEEN_WORDS) for cell, width in zip(row, widths, strict=True)]
+        for line in zip_longest(*parts, fillvalue=""):
+            yield "  ".join(f"{part:{width}}" for part, width in zip(line, widths, strict=True)).rstrip()
 
 
 def _width() -> int:
