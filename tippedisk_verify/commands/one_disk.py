@@ -267,9 +267,13 @@ def basin(
     jobs: int | None,
 ) -> Any:
     """Compute what each of many initial states ends on: fractions with their sampling error, and a picture."""
+    from tippedisk_verify.model.precision import DOUBLE
+
     disk = common.disk
     if margin is not None:
-        distance = disk.basin_boundary(omega).margin(margin.split(","))
+        if len(start := [DOUBLE.number(part) for part in margin.split(",")]) != 3:
+            raise InputError(f"a start is three numbers, beta,gamma,v, not '{margin[:60]}'")
+        distance = disk.basin_boundary(omega).margin(start)
         return {"margin": distance.to_dict(), "keeps_standing": distance > 0}
     folder = alone_in(out)
     with processes(jobs, needed=count >= 10_000) as pool:
