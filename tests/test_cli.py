@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 from pathlib import Path
 
@@ -57,8 +58,11 @@ def test_integrate_prints_and_writes_a_motion(tmp_path: Path, capsys) -> None:
     assert [record["name"] for record in found["events"]] == ["turn", "section", "turn", "section"]
     assert {"t", "beta", "gamma", "v"} <= set(found["events"][0])
     header, first, *_ = (tmp_path / "motion.csv").read_text().splitlines()
-    assert header == "t,beta,gamma,v,beta_uncertainty,gamma_uncertainty,v_uncertainty"
-    assert first.startswith("1.0,1.5707963267948")
+    assert header == "t,beta,gamma,v,beta_uncertainty,gamma_uncertainty,v_uncertainty,event,t_uncertainty"
+    assert (first[:17], first[-2:]) == ("1.0,1.57079632679", ",,")
+    rows = list(csv.DictReader((tmp_path / "motion.csv").read_text().splitlines()))
+    assert [row["event"] for row in rows] == [""] * 5 + ["turn", "section", "turn", "section"]
+    assert all(row["t_uncertainty"] and 1 < float(row["t"]) < 2 for row in rows[5:])
     assert (tmp_path / "motion.png").read_bytes()[:4] == b"\x89PNG"
     (tmp_path / "times").write_text("t\n1\n1.5,0\n")
     assert main([*asked, "--times", str(tmp_path / "times")]) == 0

@@ -48,7 +48,7 @@ def test_a_named_disk_with_another_number_is_no_longer_the_named_one() -> None:
     assert changed == tv.PRINTED.changed(mu="0.4", friction="smooth")
     assert (changed.name, changed.mu, changed.C) == ("custom", Fraction("0.4"), tv.PRINTED.C)
     assert tv.Disk("printed", A="0.5e-3", C=None).C is None
-    assert tv.Disk("printed", friction="smooth").name == "printed"
+    assert tv.Disk("printed", friction="smooth").name == "table1"
 
 
 def test_a_text_for_a_list_is_one_number_or_refused() -> None:
@@ -316,7 +316,7 @@ def test_an_audit_flies_with_its_own_engine() -> None:
             self.laws.append(request.friction)
             return super().__call__(request)
 
-    friction_claims._asymptotic(tv.Audit(tv.PRINTED, Counting()), "printed")
+    friction_claims._asymptotic(tv.Audit(tv.PRINTED, Counting()), "table1")
     assert set(Counting.laws) == {"linear", "smooth"}
     assert Counting.laws[-1] == "linear"  # the sliding velocity along the linear law's cycle
 
@@ -424,3 +424,28 @@ def test_a_branch_reaches_next_to_omega_h() -> None:
 def test_an_engine_is_no_name() -> None:
     with pytest.raises(tv.InputError, match=r"Taylor\(\) or Baseline\(\)"):
         tv.Disk("printed").heteroclinic(engine="taylor")  # type: ignore[arg-type]
+
+
+def test_a_disk_offers_what_the_commands_print() -> None:
+    disk = tv.Disk("table1")
+    speed = disk.speed(below_crit="0.5")
+    assert disk.slow_manifold(1).to_dict() == tv.analyse_slow_manifold(disk, speed, 1).to_dict()
+    balanced, shot = disk.harmonic_balance(speed), disk.limit_cycle(speed)
+    assert abs(balanced.period.value - shot.period.value) <= balanced.period.uncertainty + shot.period.uncertainty
+    assert disk.equilibrium("inverted", speed).to_dict()["kind_changes"]
+    panel = disk.scene("d")
+    assert panel.omega.holds(speed)
+    assert disk.scene("b", omega_h="30.05").omega.holds(Fraction("30.06"))
+    assert disk.certify.equilibrium("noninverted", speed).stable is False
+    with pytest.raises(tv.InputError, match="linear friction law only"):
+        tv.Disk("table1", friction="smooth").certify.hopf()
+
+
+def test_a_branch_is_a_table_of_its_length() -> None:
+    branch = tv.Disk("table1").branch(["30.3", "30.4", "30.5"])
+    assert len(branch) == 3
+    head, names, *rows = repr(branch).splitlines()
+    assert head == "Branch of table1 (linear): 3 limit cycles"
+    assert names.split()[0::2] == ["omega", "period", "gamma_bar_0", "beta_max", "multiplier_slow"]
+    assert [row.split()[0] for row in rows] == ["30.3", "30.4", "30.5"]
+    assert branch._repr_html_().count("<tr>") == 4

@@ -40,6 +40,9 @@ RESULTS = {
     "balanced cycle": lambda: tv.balanced_cycle(DISK, "30.4"),
     "slow manifold": lambda: tv.analyse_slow_manifold(DISK, "30.4", 1),
     "scene": lambda: tv.scene_named("a"),
+    "panel": lambda: DISK.scene("d"),
+    "event": lambda: DISK.integrate("30.4", START, 1, events="section").events[0],
+    "proof": lambda: DISK.certify.equilibrium("inverted", "30.4"),
     "audit": lambda: tv.Audit(DISK, tv.Taylor()),
 }
 

@@ -21,7 +21,7 @@ from typing import Any
 
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.files import read_bytes, write_bytes
-from tippedisk_verify.provenance import digest
+from tippedisk_verify.provenance import DRAWING, digest, origin
 
 __all__ = ["VARIABLE", "Cache", "code_folder", "default_folder", "read_checked", "write_checked"]
 
@@ -88,6 +88,16 @@ class Cache:
             with suppress(OSError, InputError):
                 self._folder.mkdir(parents=True, exist_ok=True, mode=0o700)
                 write_checked(self._folder / f"{key}.json", value)
+
+    def changes(self) -> list[str]:
+        """What has changed since this was last asked, such as "mpmath 1.3.0 -> 1.4.0": no result from before is found.
+
+        Nothing is said of a folder without a note of that, which this leaves there.
+        """
+        now = origin(DRAWING)
+        before = None if self._folder is None else read_checked(self._folder / "origin.json", _MOST_BYTES)
+        self.put("origin", now)
+        return [f"{name} {old} -> {now[name]}" for name, old in (before or now).items() if now.get(name, old) != old]
 
     def tidy(self) -> None:
         """Remove what has not been used for long. Only files that are named like ours are touched."""

@@ -17,17 +17,8 @@ from typing import NoReturn
 import click
 
 from tippedisk_verify import __version__
-from tippedisk_verify.commands.atlas import COMMANDS as ATLAS_COMMANDS
-from tippedisk_verify.commands.basin import COMMANDS as BASIN_COMMANDS
-from tippedisk_verify.commands.bench import COMMANDS as BENCH_COMMANDS
-from tippedisk_verify.commands.certify import COMMANDS as CERTIFY_COMMANDS
-from tippedisk_verify.commands.conformance import COMMANDS as CONFORMANCE_COMMANDS
-from tippedisk_verify.commands.integrate import COMMANDS as INTEGRATE_COMMANDS
-from tippedisk_verify.commands.numbers import COMMANDS
-from tippedisk_verify.commands.reference import COMMANDS as REFERENCE_COMMANDS
-from tippedisk_verify.commands.stress import COMMANDS as STRESS_COMMANDS
-from tippedisk_verify.commands.sweep import COMMANDS as SWEEP_COMMANDS
-from tippedisk_verify.commands.verify import COMMANDS as VERIFY_COMMANDS
+from tippedisk_verify.commands import certify, conformance, one_disk, reference, studies, verify
+from tippedisk_verify.commands.help import Cli
 from tippedisk_verify.errors import InputError, Shortfall
 
 __all__ = ["entry", "main"]
@@ -36,7 +27,18 @@ _LONGEST = 1_000  # characters of a line that says what is wrong
 
 
 @click.group(
-    context_settings={"help_option_names": ["-h", "--help"]}, no_args_is_help=False, invoke_without_command=True
+    cls=Cli,
+    sections={
+        "The paper": verify.COMMANDS,
+        "One disk's motion and cycles": one_disk.COMMANDS,
+        "Omega_h": one_disk.OMEGA_H,
+        "Your implementation": (*conformance.COMMANDS, *reference.COMMANDS),
+        "Proofs": certify.COMMANDS,
+        "Studies": studies.COMMANDS,
+    },
+    context_settings={"help_option_names": ["-h", "--help"]},
+    no_args_is_help=False,
+    invoke_without_command=True,
 )
 @click.version_option(__version__, prog_name="tippedisk-verify", message="%(prog)s %(version)s")
 @click.pass_context
@@ -44,22 +46,6 @@ def cli(context: click.Context) -> None:
     """True numbers of the tippedisk, and a verdict on each number that its paper prints."""
     if context.invoked_subcommand is None:
         click.echo(context.get_help())
-
-
-for command in (
-    *VERIFY_COMMANDS,
-    *COMMANDS,
-    *INTEGRATE_COMMANDS,
-    *ATLAS_COMMANDS,
-    *BASIN_COMMANDS,
-    *BENCH_COMMANDS,
-    *REFERENCE_COMMANDS,
-    *CONFORMANCE_COMMANDS,
-    *SWEEP_COMMANDS,
-    *STRESS_COMMANDS,
-    *CERTIFY_COMMANDS,
-):
-    cli.add_command(command)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -1,36 +1,45 @@
 """The front door: a `Disk`, and what can be asked of it.
 
-A disk is its parameters with the friction law. Each method hands it to the room where the mathematics is, with the
-default engine unless another one is given. Results remember the disk that they are about.
+A disk is its parameters with the friction law. Each method hands it to the package where the mathematics is, with the
+default engine unless another one is given. Results remember the disk that they are about. The command line calls these
+methods and prints what they return.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import fields
+from dataclasses import fields, replace
+from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tippedisk_verify.errors import InputError, UnknownKeywordError
-from tippedisk_verify.model.equations import checked_speeds, field, jacobian
+from tippedisk_verify.errors import InputError, Shortfall, UnknownKeywordError
+from tippedisk_verify.model.equations import checked_speed, checked_speeds, field, jacobian
 from tippedisk_verify.model.exact import shown
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Friction, Parameters
 from tippedisk_verify.progress import progress_of, watched
 
 if TYPE_CHECKING:
+    from concurrent.futures import Executor
+
     from tippedisk_verify.atlas.branch import Branch
+    from tippedisk_verify.atlas.plane import Atlas
+    from tippedisk_verify.certify import Certifier
     from tippedisk_verify.connection.heteroclinic import Heteroclinic
-    from tippedisk_verify.cycles.folds import LibrationFold, RotationFold
+    from tippedisk_verify.cycles.folds import Folds, RotationFold
     from tippedisk_verify.cycles.limit_cycle import LimitCycle, RotatingCycle
+    from tippedisk_verify.cycles.spectral import BalancedCycle
     from tippedisk_verify.flow.contract import Engine, Event
     from tippedisk_verify.model.arrays import Array
     from tippedisk_verify.motion.basin_boundary import BasinBoundary
     from tippedisk_verify.motion.basins import Basins
+    from tippedisk_verify.motion.scenes import Panel
     from tippedisk_verify.motion.solution import Solution
     from tippedisk_verify.theory.bautin import BautinPoint
     from tippedisk_verify.theory.equilibria import Equilibrium, EquilibriumName
     from tippedisk_verify.theory.hopf import HopfPoint
+    from tippedisk_verify.theory.slow_manifold import SlowManifold
 
 __all__ = ["Disk"]
 
@@ -38,8 +47,8 @@ __all__ = ["Disk"]
 class Disk(Parameters):
     """A tippedisk under a friction law, and what can be asked of it.
 
-    ``Disk("printed")`` is a named set (printed, calibrated, geometry) or a TOML file, ``Disk("printed", mu="0.4")``
-    the same with another mu, named ``custom``, and ``Disk(r="0.045", ...)`` one of your own: eight numbers
+    ``Disk("table1")`` is a named set (table1, calibrated, geometry) or a TOML file, ``Disk("table1", mu="0.4")`` the
+    same with another mu, named ``custom``, and ``Disk(r="0.045", ...)`` one of your own: eight numbers
     r, e, m, A, B, g, mu, epsilon [SI], as decimal strings or other exact numbers. C, which no equation needs, may be
     given as well or left out (None). ``friction`` is linear or smooth. A disk is a `Parameters` and goes wherever those
     go. Raises InputError as they do.
@@ -83,11 +92,17 @@ class Disk(Parameters):
 
         return omega_crit(self)
 
+    def speed(self, omega: object = None, *, below_crit: object = None, digits: int = 12) -> Fraction:
+        """A speed [rad/s] as an exact rational, Omega_crit - ``below_crit`` if that is given."""
+        from tippedisk_verify.theory.hopf import speed_below_crit
+
+        return checked_speed(omega) if below_crit is None else speed_below_crit(self, below_crit, digits)
+
     def equilibrium(self, name: EquilibriumName, omega: object, *, digits: int = 15) -> Equilibrium:
         """``inverted`` or ``noninverted`` spinning: state, eigenvalues [1/s], stability."""
-        from tippedisk_verify.theory.equilibria import equilibrium
+        from tippedisk_verify.theory.equilibria import equilibrium, kind_changes
 
-        return equilibrium(self, omega, name, digits)
+        return replace(equilibrium(self, omega, name, digits), kind_changes=kind_changes(self, name, digits))
 
     def hopf(self, *, digits: int = 12) -> HopfPoint:
         """The Hopf point of inverted spinning with its normal form. Raises InputError under the smooth law."""
@@ -100,6 +115,18 @@ class Disk(Parameters):
         from tippedisk_verify.theory.bautin import bautin_points
 
         return bautin_points(self, parameter, digits)
+
+    def slow_manifold(
+        self, order: int, omega: object = None, *, at: tuple[object, object] = ("1.2", "0.3"), digits: int = 12
+    ) -> SlowManifold:
+        """The orders h_0 ... h_N of the slow manifold at a point (beta, gamma), and how well the truncated series does.
+
+        The speed is Omega_crit - 0.5 if left out. Raises InputError under the smooth law.
+        """
+        from tippedisk_verify.theory.slow_manifold import analyse_slow_manifold
+
+        speed = self.speed(below_crit="0.5", digits=digits) if omega is None else omega
+        return analyse_slow_manifold(self, speed, order, digits, at=at)
 
     # ---------------------------------------------------------------------------------------- motion
     def integrate(
@@ -125,7 +152,7 @@ class Disk(Parameters):
         "pi/2 + 0.4" are exact. Angles are beta_bar and gamma_bar, from pi/2, if ``shifted``.
         Raises InputError for what makes no sense; a run that ends early does not raise.
 
-        >>> sol = Disk("printed").integrate("30.4", ("pi/2", 2, 0), (0, 10), t_eval=[1, 2], events="section")
+        >>> sol = Disk("table1").integrate("30.4", ("pi/2", 2, 0), (0, 10), t_eval=[1, 2], events="section")
         >>> sol.y.shape, sol.end.time, len(sol.events)
         ((3, 2), 10.0, 21)
         """
@@ -143,7 +170,7 @@ class Disk(Parameters):
 
         ``y`` is a state (3,) or states (3, k). Angles in rad, v in rad/s. Raises InputError for a speed <= 0.
 
-        >>> [f("30.4")(0, [1.5, 1.6, 0.0]).shape for f in (Disk("printed").rhs, Disk("printed").jacobian)]
+        >>> [f("30.4")(0, [1.5, 1.6, 0.0]).shape for f in (Disk("table1").rhs, Disk("table1").jacobian)]
         [(3,), (3, 3)]
         """
         from tippedisk_verify.model.arrays import OnArrays
@@ -163,6 +190,22 @@ class Disk(Parameters):
         with progress_of(count if isinstance(count, int) else 0, progress) as advance:
             return basins(self, omega, count=count, advance=advance, **options)
 
+    def basin_boundary(self, omega: object, *, engine: Engine | None = None) -> BasinBoundary:
+        """What separates starts that keep standing from those that lie flat. Raises as `rotating_cycle` does."""
+        from tippedisk_verify.motion.basin_boundary import BasinBoundary
+
+        return BasinBoundary(self, omega, self._engine(engine))
+
+    def scene(self, name: str, *, omega_h: object = None, engine: Engine | None = None) -> Panel:
+        """One of the panels a to f of the paper's figures 3D and proj_3D; ``omega_h`` [rad/s] saves finding it."""
+        from tippedisk_verify.motion.scenes import compute, scene_named
+
+        scene, engine = scene_named(name), self._engine(engine)
+        if omega_h is not None:
+            return compute(scene, self, engine, omega_h=Measured(checked_speed(omega_h), Fraction(0)))
+        needed = scene.base == "Omega_h"
+        return compute(scene, self, engine, omega_h=self.heteroclinic(engine=engine).omega_h if needed else None)
+
     # ---------------------------------------------------------------------------------------- limit cycles
     def limit_cycle(
         self,
@@ -181,7 +224,6 @@ class Disk(Parameters):
         reached.
         """
         from tippedisk_verify.atlas.cycles_at_speed import cycle_above, cycle_at
-        from tippedisk_verify.theory.hopf import speed_below_crit
 
         if (omega is not None) + (below_crit is not None) + (above_het is not None) != 1:
             raise InputError("give the speed with one of omega, below_crit and above_het")
@@ -189,39 +231,56 @@ class Disk(Parameters):
             if stable is not None:
                 raise InputError("above_het leads to the cycles next to Omega_h: choose with stable at a speed omega")
             return cycle_above(self, above_het, self._engine(engine), digits=digits)
-        if below_crit is not None:
-            omega = speed_below_crit(self, below_crit, digits)
-        return cycle_at(self, omega, self._engine(engine), digits=digits, stable=stable)
+        speed = self.speed(omega, below_crit=below_crit, digits=digits)
+        return cycle_at(self, speed, self._engine(engine), digits=digits, stable=stable)
 
-    def folds(self, *, digits: int = 12, engine: Engine | None = None) -> tuple[LibrationFold, ...]:
+    def harmonic_balance(self, omega: object, *, harmonics: int | None = None, digits: int = 12) -> BalancedCycle:
+        """The limit cycle at ``omega`` by harmonic balance of the full equations, without an integrator.
+
+        ``harmonics`` is the number of odd harmonics, chosen for the digits if left out. Raises as `limit_cycle` does,
+        and InputError under the smooth law.
+        """
+        from tippedisk_verify.cycles.spectral import balanced_cycle
+
+        return balanced_cycle(self, omega, digits=digits, harmonics=harmonics)
+
+    def folds(self, *, digits: int = 12, engine: Engine | None = None) -> Folds:
         """Where two limit cycles about inverted spinning meet and end, from the Hopf point on; of many disks none.
 
-        Raises NoSuchCycleError where the family cannot be followed, Shortfall if the digits are not reached.
+        Raises Shortfall where the family cannot be followed, or the digits are not reached.
         """
+        from tippedisk_verify.atlas.locator import locator
         from tippedisk_verify.cycles.folds import libration_folds
 
-        return libration_folds(self, self._engine(engine), digits=digits)
+        found = locator(self, self._engine(engine))
+        if found.lost:
+            raise Shortfall(found.lost)
+        return libration_folds(self, found.engine, digits=digits, family=found.family)
 
     def rotating_cycle(
         self,
         omega: object = None,
         *,
+        below_crit: object = None,
         below_het: object = None,
         stable: bool = True,
         digits: int = 12,
         engine: Engine | None = None,
     ) -> RotatingCycle:
-        """The rotating limit cycle at ``omega`` or at Omega_h - ``below_het``: gamma grows by 2 pi a period.
+        """The rotating limit cycle at ``omega``, Omega_crit - ``below_crit`` or Omega_h - ``below_het``.
+
+        gamma grows by 2 pi a period.
 
         Stable ones lie between the family's fold and Omega_h, unstable ones (``stable=False``) from the fold upward.
         Raises as `limit_cycle` does.
         """
         from tippedisk_verify.atlas.cycles_at_speed import rotating_below, rotating_cycle
 
-        if (omega is None) == (below_het is None):
-            raise InputError("give the speed with either omega or below_het")
+        if (omega is not None) + (below_crit is not None) + (below_het is not None) != 1:
+            raise InputError("give the speed with one of omega, below_crit and below_het")
         if below_het is None:
-            return rotating_cycle(self, omega, self._engine(engine), stable=stable, digits=digits)
+            speed = self.speed(omega, below_crit=below_crit, digits=digits)
+            return rotating_cycle(self, speed, self._engine(engine), stable=stable, digits=digits)
         if not stable:
             raise InputError("below_het leads to stable rotating cycles: give the unstable one's speed with omega")
         return rotating_below(self, below_het, self._engine(engine), digits=digits)
@@ -247,27 +306,48 @@ class Disk(Parameters):
 
         return rotation_fold(locator(self, self._engine(engine)).rotations, digits=digits)
 
-    def basin_boundary(self, omega: object, *, engine: Engine | None = None) -> BasinBoundary:
-        """What separates starts that keep standing from those that lie flat. Raises as `rotating_cycle` does."""
-        from tippedisk_verify.motion.basin_boundary import BasinBoundary
-
-        return BasinBoundary(self, omega, self._engine(engine))
-
     def branch(
-        self, omegas: Sequence[object] | None = None, *, engine: Engine | None = None, progress: bool | None = None
+        self,
+        omegas: Sequence[object] | None = None,
+        *,
+        paper_sets: bool = False,
+        engine: Engine | None = None,
+        progress: bool | None = None,
     ) -> Branch:
         """The family of limit cycles at these speeds, or an even overview of it, as arrays with half-widths.
 
-        A speed with several cycles gives all of them; a text or a number by itself is one speed. A hundred speeds and
-        more are rounded to doubles, and the linear law's cycles found together, in lanes of the Taylor engine. What
-        takes longer than two seconds shows its progress on standard error, unless ``progress`` is False. Raises
-        NoSuchCycleError where there is no cycle.
+        ``paper_sets`` are the paper's speeds A^in and A^de. A speed with several cycles gives all of them; a text or a
+        number by itself is one speed. A hundred speeds and more are rounded to doubles, and the linear law's cycles
+        are computed together, in lanes of the Taylor engine. What takes longer than two seconds shows its progress on
+        standard error, unless ``progress`` is False. Raises NoSuchCycleError where there is no cycle.
         """
-        from tippedisk_verify.atlas.branch import DEFAULT_COUNT, Branch, family
+        from tippedisk_verify.atlas.branch import DEFAULT_COUNT, PAPER_COUNT, Branch, family
 
         speeds = omegas if omegas is None else checked_speeds(omegas)
-        cycles = family(self, self._engine(engine), omegas=speeds)
-        return Branch.of(watched(cycles, "limit cycles", len(speeds or ()) or DEFAULT_COUNT, progress))
+        cycles = family(self, self._engine(engine), paper_sets=paper_sets, omegas=speeds)
+        total = PAPER_COUNT if paper_sets else len(speeds or ()) or DEFAULT_COUNT
+        return Branch.of(watched(cycles, "limit cycles", total, progress))
+
+    def atlas(
+        self,
+        plane: str = "A,Omega",
+        *,
+        ends: tuple[object, object] | None = None,
+        points: int = 200,
+        digits: int = 12,
+        executor: Executor | None = None,
+        progress: bool | None = None,
+    ) -> Atlas:
+        """Hopf, fold and heteroclinic curves in the plane of one parameter and the speed, with their special points.
+
+        The parameter runs between the ``ends``, a tenth to both sides if left out; each curve has so many ``points``.
+        With an ``executor`` they are computed on it. Raises InputError under the smooth law.
+        """
+        from tippedisk_verify.atlas.plane import atlas, plane_of
+
+        with progress_of(0, progress) as advance:
+            where = plane_of(self, plane, ends)
+            return atlas(where, points=points, digits=digits, executor=executor, advance=advance)
 
     def heteroclinic(
         self, *, digits: int = 12, method: str = "manifolds", engine: Engine | None = None
@@ -276,6 +356,13 @@ class Disk(Parameters):
         from tippedisk_verify.connection.heteroclinic import heteroclinic
 
         return heteroclinic(self, self._engine(engine), digits=digits, method=method)
+
+    @property
+    def certify(self) -> Certifier:
+        """What can be proved of this disk by ball arithmetic, such as ``disk.certify.limit_cycle("30.4")``."""
+        from tippedisk_verify.certify import Certifier
+
+        return Certifier(self)
 
     @staticmethod
     def _engine(engine: Engine | None) -> Engine:

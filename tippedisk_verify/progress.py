@@ -1,6 +1,6 @@
 """Progress of long work on standard error: a bar on a terminal and in a notebook, elsewhere a line now and then.
 
-The rooms tell what is done by calling an `Advance`; who calls them from outside decides here whether it is shown.
+What computes tells what it has done by calling an `Advance`; its caller decides here whether that is shown.
 """
 
 from __future__ import annotations

@@ -11,7 +11,7 @@ from importlib import import_module
 from pathlib import Path
 from pkgutil import iter_modules
 
-__all__ = ["DRAWING", "NUMERICAL", "code_version", "digest", "fingerprint", "processor", "versions"]
+__all__ = ["DRAWING", "NUMERICAL", "code_version", "digest", "fingerprint", "origin", "processor", "versions"]
 
 _ROOT = Path(__file__).parent
 _COMPUTING = (
@@ -37,8 +37,13 @@ def fingerprint(inputs: object, packages: tuple[str, ...] = NUMERICAL) -> str:
 
     Compiled code uses what the processor has, and may round differently on another.
     """
-    machine = (platform.python_version(), platform.system(), platform.machine(), processor())
-    return digest([inputs, _code(), versions(packages), machine])
+    return digest([inputs, origin(packages)])
+
+
+def origin(packages: tuple[str, ...] = NUMERICAL) -> dict[str, str]:
+    """All that a result depends on beside its inputs, by name: what a result that is kept must agree with."""
+    machine = {"Python": platform.python_version(), "the machine": f"{platform.machine()} {processor()}"}
+    return {"the code": _code(), **versions(packages), **machine, "the system": platform.system()}
 
 
 @cache
@@ -50,8 +55,8 @@ def code_version() -> str:
     code it runs, whatever has been installed meanwhile.
     """
     code = _code()
-    for room in _COMPUTING:
-        for module in iter_modules([str(_ROOT / room)], f"tippedisk_verify.{room}."):
+    for package in _COMPUTING:
+        for module in iter_modules([str(_ROOT / package)], f"tippedisk_verify.{package}."):
             with suppress(ImportError):  # what needs a package that is not there computes nothing
                 import_module(module.name)
     return ", ".join([code, *(f"{name} {number}" for name, number in versions(NUMERICAL).items())])

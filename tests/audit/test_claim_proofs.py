@@ -193,12 +193,12 @@ def test_the_report_names_the_set_and_how_far_the_proof_goes(capsys: pytest.Capt
     assert [claims[name]["grade"] for name in only] == ["proved", "proved in part", "proved", "computed"]
     for name in only[:3]:
         proof = claims[name]["proof"]
-        assert list(proof["commands"]) == ["geometry", "printed", "calibrated"]
+        assert list(proof["commands"]) == ["geometry", "table1", "calibrated"]
         for parameters, command in proof["commands"].items():
             assert all(part.endswith(f"--parameters {parameters}") for part in command.split(" && "))
         assert proof["proves"]
     assert not claims["omega_h"]["proof"]["not_proved"]
-    assert "certify branch" in claims["omega_h"]["proof"]["commands"]["printed"]
+    assert "certify branch" in claims["omega_h"]["proof"]["commands"]["table1"]
     assert claims["omega_h"]["proof"]["friction"] == ["linear"]
     assert claims["sliding_velocity"]["proof"] is None
 
@@ -214,7 +214,7 @@ def test_theorems_and_commands_exist(capsys: pytest.CaptureFixture[str]) -> None
         assert name in page
         for number in re.findall(r"\d+", proof.theorem):
             assert f"**Theorem {number} (" in page
-        for part in proof.commands["printed"].split(" && "):
+        for part in proof.commands["table1"].split(" && "):
             assert main([*part.split()[1:3], "--help"]) == 0
     capsys.readouterr()
 
@@ -235,14 +235,14 @@ def test_only_for_the_sets_and_the_law_that_the_theorem_is_about() -> None:
     # Theorem 6 is about both laws, and its command must be told which; Theorem 7 is about the linear one.
     told = _of("both_connections", PRINTED.with_friction("smooth"))
     assert told.grade == "proved"
-    assert told.commands["printed"] == "tippedisk-verify certify heteroclinic --parameters printed --friction smooth"
-    assert "--friction" not in _of("both_connections", PRINTED).commands["printed"]
+    assert told.commands["table1"] == "tippedisk-verify certify heteroclinic --parameters table1 --friction smooth"
+    assert "--friction" not in _of("both_connections", PRINTED).commands["table1"]
     for name in ("attracting_cycle", "omega_h", "infinite_period", "stable_branch"):
         assert _of(name, PRINTED.with_friction("smooth")) is None
     # An answer that was left open is not proved, nor is anything of a set that no command can name.
-    assert set(_of("noninverted_unstable", PRINTED, printed=None).commands) == {"calibrated", "geometry"}
+    assert set(_of("noninverted_unstable", PRINTED, table1=None).commands) == {"calibrated", "geometry"}
     assert set(_of("noninverted_unstable", PRINTED.changed(mu="0.2")).commands) == set(NAMED_SETS)
-    posing = PRINTED.changed(mu="0.2", name="printed")
+    posing = PRINTED.changed(mu="0.2", name="table1")
     assert set(_of("both_connections", posing).commands) == {"calibrated", "geometry"}
     assert _of("both_connections", posing).grade == "proved in part"
 
@@ -250,12 +250,12 @@ def test_only_for_the_sets_and_the_law_that_the_theorem_is_about() -> None:
 def test_a_number_next_to_a_rounding_boundary_is_not_called_proved() -> None:
     """A_33 = -129.045 exactly rounds to -129.04, by half a unit: twelve digits cannot tell."""
     (claim,) = selected(["lambda_3"])
-    sets = {"edge.toml": PRINTED.changed(name="edge.toml"), "printed": PRINTED}
+    sets = {"edge.toml": PRINTED.changed(name="edge.toml"), "table1": PRINTED}
     computed = {
         "edge.toml": Measured(Fraction("-129.045"), Fraction(0)),
-        "printed": Measured(Fraction(-129), Fraction(0)),
+        "table1": Measured(Fraction(-129), Fraction(0)),
     }
-    proof = proof_of(claim, Finding(computed, {"edge.toml": True, "printed": False}), sets)
+    proof = proof_of(claim, Finding(computed, {"edge.toml": True, "table1": False}), sets)
     assert proof is not None
-    assert set(proof.commands) == {"printed"}
+    assert set(proof.commands) == {"table1"}
     assert "edge.toml" in proof.not_proved

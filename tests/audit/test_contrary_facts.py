@@ -84,8 +84,8 @@ def connects(change: Callable[[Any], dict[str, Any]]) -> Plant:
     """Another heteroclinic connection."""
 
     def plant(patch: pytest.MonkeyPatch, audit: Audit, claim: Claim) -> tuple[Audit, Claim]:
-        true = audit.connection("printed")
-        patch.setitem(audit._connections, "printed", replace(true, **change(true)))
+        true = audit.connection("table1")
+        patch.setitem(audit._connections, "table1", replace(true, **change(true)))
         return audit, claim
 
     return plant
@@ -95,10 +95,10 @@ def ends(scene: str, kind: Any) -> Plant:
     """Another end of the first of a scene's orbits."""
 
     def plant(patch: pytest.MonkeyPatch, audit: Audit, claim: Claim) -> tuple[Audit, Claim]:
-        true = audit.panel(scene, "printed")
+        true = audit.panel(scene, "table1")
         first, second = true.orbits
         contrary = replace(first, ending=replace(first.ending, kind=kind))
-        patch.setitem(audit._panels, (scene, "printed"), replace(true, orbits=(contrary, second)))
+        patch.setitem(audit._panels, (scene, "table1"), replace(true, orbits=(contrary, second)))
         return audit, claim
 
     return plant
@@ -110,9 +110,9 @@ def another_disk(**values: object) -> Plant:
 
 
 def _a_longer_cycle(patch: pytest.MonkeyPatch, audit: Audit, claim: Claim) -> tuple[Audit, Claim]:
-    first, *others = audit.family("printed")
+    first, *others = audit.family("table1")
     longer = replace(first, period=Measured(first.period.value * 10, first.period.uncertainty))
-    patch.setitem(audit._families, "printed", (longer, *others))
+    patch.setitem(audit._families, "table1", (longer, *others))
     return audit, claim
 
 
@@ -269,20 +269,20 @@ def test_a_contrary_fact_changes_the_verdict(claim: Claim, audit: Audit, monkeyp
 )
 def test_what_repels_may_lead_to_a_rotating_cycle_above_the_fold(audit, kind, omega, fold, verdict) -> None:
     """Orbits of panel a that end so, at this speed, where rotating cycles exist from that speed on."""
-    true = audit.panel("a", "printed")
+    true = audit.panel("a", "table1")
     ending = replace(true.orbits[0].ending, kind=kind)
     panel = replace(
         true, omega=Measured(Fraction(omega), Fraction(0)), orbits=(replace(true.orbits[0], ending=ending),)
     )
     contrary = OneDisk(
-        PRINTED, audit.engine, _panels={("a", "printed"): panel}, _folds={"printed": fold and {"omega": fold}}
+        PRINTED, audit.engine, _panels={("a", "table1"): panel}, _folds={"table1": fold and {"omega": fold}}
     )
     found = examined(contrary, *selected(["scene_a"]))
     assert found.verdict is verdict
     place = (
         "no fold" if fold is None else f"{abs(float(omega) - fold):.4f} rad/s {'above' if omega > '30' else 'below'}"
     )
-    assert place in found.computed["printed"]
+    assert place in found.computed["table1"]
 
 
 def _none_found(*inputs: Any, **options: Any) -> Any:
@@ -310,8 +310,8 @@ def test_what_is_said_of_rotating_cycles_is_computed(audit, monkeypatch, claim, 
     told = examined(OneDisk(PRINTED, audit.engine), *selected([claim]))
     monkeypatch.setattr(place, name, function)
     untold = examined(OneDisk(PRINTED, audit.engine), *selected([claim]))
-    assert without not in told.computed["printed"]
-    assert without in untold.computed["printed"]
+    assert without not in told.computed["table1"]
+    assert without in untold.computed["table1"]
     assert untold.verdict is told.verdict
 
 
@@ -319,11 +319,11 @@ def test_the_papers_disk_is_told_its_fold_its_rotating_cycle_and_its_boundary(au
     """To the digits shown, against the fold by Fourier series and a run in quadruple precision on either side."""
     fold = spectral_fold(PRINTED, digits=14).omega
     said = {
-        name: examined(audit, *selected([name])).computed["printed"]
+        name: examined(audit, *selected([name])).computed["table1"]
         for name in ("only_above_omega_h", "scene_a", "almost_all_trajectories")
     }
     assert f"fold at {float(fold):.5f} rad/s" in said["only_above_omega_h"]
-    assert f"{float(fold - audit.panel('a', 'printed').omega):.4f} rad/s below" in said["scene_a"]
+    assert f"{float(fold - audit.panel('a', 'table1').omega):.4f} rad/s below" in said["scene_a"]
     (room,) = re.findall(r"is at (0\.\d{4}) rad", said["almost_all_trajectories"])
     omega = tv.omega_crit(PRINTED, 20).value + Fraction(1, 2)
     ends = []

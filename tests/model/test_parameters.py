@@ -44,7 +44,8 @@ def test_geometry_agrees_with_the_solid_integrated_numerically() -> None:
 
 
 def test_named_sets_are_as_documented() -> None:
-    assert set(NAMED_SETS) == {"printed", "calibrated", "geometry"}
+    assert set(NAMED_SETS) == {"table1", "calibrated", "geometry"}
+    assert Parameters.named("printed") is Parameters.named("table1") is PRINTED
     assert (GEOMETRY.e, GEOMETRY.A, GEOMETRY.B) == (
         Fraction("0.0025"),
         Fraction("0.2483125e-3"),
@@ -108,7 +109,7 @@ def test_toml_round_trip(tmp_path: Path) -> None:
     assert read.decimals()["A"] == "0.000249"
 
 
-@pytest.mark.parametrize("name", ["printed", "geometry", "disk"])
+@pytest.mark.parametrize("name", ["printed", "table1", "disk"])
 def test_a_file_is_never_taken_for_a_named_set(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
     """Its own name leads back to it, so that a command that is given for it is about this disk."""
     (tmp_path / name).write_text(GOOD.replace("9.81", "9.7"), encoding="utf-8")

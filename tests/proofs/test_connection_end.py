@@ -14,7 +14,7 @@ from tippedisk_verify.cycles.shooting import limit_cycle
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.model.parameters import NAMED_SETS, PRINTED, Parameters
+from tippedisk_verify.model.parameters import PRINTED, Parameters
 from tippedisk_verify.proofs.kernel.balls import ball, working_precision
 from tippedisk_verify.proofs.search.connection_end import prove_end
 from tippedisk_verify.proofs.search.heteroclinic import prove_connection
@@ -111,6 +111,6 @@ def test_the_end_is_proved(taylor: Taylor, proof: ProvedConnection) -> None:
 @pytest.mark.parametrize("name", ["calibrated", "geometry"])
 def test_the_end_of_the_other_disks_is_proved(taylor: Taylor, name: str) -> None:
     """20 CPU seconds each."""
-    omega_h = heteroclinic(NAMED_SETS[name], taylor, digits=14).omega_h.value
-    end = prove_end(prove_connection(NAMED_SETS[name], omega_h, 9))
+    omega_h = heteroclinic(Parameters.named(name), taylor, digits=14).omega_h.value
+    end = prove_end(prove_connection(Parameters.named(name), omega_h, 9))
     assert end.proved, end.statement

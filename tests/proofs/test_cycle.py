@@ -15,7 +15,7 @@ from tippedisk_verify.cycles.section import LIBRATING
 from tippedisk_verify.cycles.shooting import limit_cycle
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.equations import field, shifted
-from tippedisk_verify.model.parameters import NAMED_SETS, PRINTED
+from tippedisk_verify.model.parameters import PRINTED, Parameters
 from tippedisk_verify.proofs.kernel.balls import arb, ball, ball_constants, hull, positive, working_precision
 from tippedisk_verify.proofs.kernel.flow import Model
 from tippedisk_verify.proofs.kernel.section import Status as HalfStatus
@@ -295,7 +295,7 @@ def test_every_reference_cycle_of_the_linear_law_is_proved(place) -> None:
     name = place.partition("/")[0]
     omega = Fraction(reference(f"{place}/period").inputs["Omega"])
     values = {key: reference(f"{place}/{key}").measured() for key in NUMBERS}
-    proof = prove_cycle(NAMED_SETS[name], omega, (values["gamma_bar_0"].value, values["v_0"].value), digits=45)
+    proof = prove_cycle(Parameters.named(name), omega, (values["gamma_bar_0"].value, values["v_0"].value), digits=45)
     assert proof.proved, proof.statement
     for key, mine in proof.numbers().items():
         assert abs(mine.value - values[key].value) <= mine.uncertainty + values[key].uncertainty, key

@@ -81,11 +81,11 @@ def test_cycles_of_the_smooth_law_against_single_proofs(monkeypatch) -> None:
 
 @pytest.mark.slow(minutes=40)
 def test_the_papers_cycles_under_the_smooth_law(capsys) -> None:
-    assert main(["certify", "branch", "--at", "A^in+A^de", "--friction", "smooth", "--digits", "10", "--json"]) == 0
+    assert main(["branch", "--paper-sets", "--proved", "--friction", "smooth", "--digits", "10", "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
-    assert len(told["cycles"]) == 801
-    assert all(entry["proved"] and entry["stable"] for entry in told["cycles"])
-    for entry in told["cycles"]:
+    assert (len(told["orbits"]), told["share_proved"]) == (801, 1)
+    for entry in told["orbits"]:
+        assert entry["stable"]
         assert float(entry["period"]["uncertainty"]) <= 0.5e-10 * float(entry["period"]["value"])
 
 
@@ -96,22 +96,18 @@ def test_requests_that_make_no_sense() -> None:
             prove_cycles(PRINTED, speeds, guesses)
 
 
-def test_a_file_of_speeds(tmp_path, capsys) -> None:
-    speeds = tmp_path / "speeds.txt"
-    speeds.write_text("30.5\n\n")
-    assert main(["certify", "branch", "--at", str(speeds), "--digits", "10", "--json"]) == 0
+def test_a_speed(capsys) -> None:
+    assert main(["branch", "--proved", "--omegas", "30.5", "--digits", "10", "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
-    assert told["proved"] is True
-    assert told["share_proved"] == 1
-    assert [entry["stable"] for entry in told["cycles"]] == [True]
-    assert "asymptotically stable" in told["cycles"][0]["statement"]
+    (entry,) = told["orbits"]
+    assert (entry["proved"], entry["stable"], told["share_proved"]) == (True, True, 1)
+    assert "asymptotically stable" in entry["statement"]
 
 
 @pytest.mark.parametrize(
     "arguments",
     [
-        ("certify", "branch", "--at", "no such file"),
-        ("certify", "branch", "--at", "A^in", "--digits", "13"),
+        ("branch", "--proved", "--digits", "13"),
         ("branch", "--proved", "--rotating"),
         ("branch", "--proved", "--out", "branch.csv"),
     ],

@@ -6,7 +6,7 @@ from functools import cache
 
 import pytest
 
-from tippedisk_verify.model.parameters import NAMED_SETS
+from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.proofs.closed_forms import ProvedEquilibrium, proved_equilibrium, proved_hopf
 from tippedisk_verify.reference_values.store import stored
 
@@ -23,7 +23,7 @@ HOPF = (
 
 @cache
 def _equilibrium(name: str, omega: str, which: str) -> ProvedEquilibrium:
-    return proved_equilibrium(NAMED_SETS[name], omega, which, DIGITS)
+    return proved_equilibrium(Parameters.named(name), omega, which, DIGITS)
 
 
 @pytest.mark.parametrize("name", ["printed", "calibrated"])
@@ -44,7 +44,7 @@ def test_eigenvalues(name: str) -> None:
 
 @pytest.mark.parametrize("name", ["printed", "calibrated"])
 def test_the_hopf_point(name: str) -> None:
-    proved, seen = proved_hopf(NAMED_SETS[name], DIGITS), 0
+    proved, seen = proved_hopf(Parameters.named(name), DIGITS), 0
     for quantity in stored().matching(f"{name}/linear/hopf/point/"):
         entry = quantity.id.split("/")[-1]
         if entry in HOPF:

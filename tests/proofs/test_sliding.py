@@ -17,7 +17,7 @@ from tippedisk_verify.atlas.cycles_at_speed import rotating_cycle
 from tippedisk_verify.cli import main
 from tippedisk_verify.cycles.shooting import limit_cycle
 from tippedisk_verify.model.equations import field, jacobian, shifted
-from tippedisk_verify.model.parameters import GEOMETRY, NAMED_SETS, PRINTED
+from tippedisk_verify.model.parameters import GEOMETRY, PRINTED, Parameters
 from tippedisk_verify.proofs.kernel import sliding
 from tippedisk_verify.proofs.kernel.balls import Unproved, arb, ball, ball_constants, positive, working_precision
 from tippedisk_verify.proofs.kernel.claims.manifolds import Curve, block, leaving
@@ -326,7 +326,7 @@ def test_the_linear_laws_cycle_is_none_of_the_smooth_law() -> None:
 # --------------------------------------------------------------------------------------------------------- limit cycles
 def held(place: str, digits: int) -> None:
     """The reference data's cycle, with half-widths of some 1e-50, meets the proved intervals."""
-    disk = NAMED_SETS[place.partition("/")[0]].with_friction("smooth")
+    disk = Parameters.named(place.partition("/")[0]).with_friction("smooth")
     values = {name: reference(f"{place}/{name}").measured() for name in NUMBERS}
     omega = Fraction(reference(f"{place}/period").inputs["Omega"])
     proof = prove_cycle(disk, omega, (values["gamma_bar_0"].value, values["v_0"].value), digits=digits)
@@ -431,7 +431,7 @@ def test_no_omega_h_beside_it() -> None:
 @pytest.mark.parametrize(("name", "digits"), [("printed", 30), ("calibrated", 12)])
 def test_omega_h_to_many_digits(name: str, digits: int) -> None:
     truth = reference(f"{name}/smooth/heteroclinic/point/omega_h").measured()
-    proof = prove_connection(NAMED_SETS[name].with_friction("smooth"), truth.value, digits)
+    proof = prove_connection(Parameters.named(name).with_friction("smooth"), truth.value, digits)
     assert proof.proved
     assert proof.unique
     assert proof.omega_h.holds(truth.value)

@@ -12,7 +12,7 @@ import pytest
 from tippedisk_verify.cli import main
 from tippedisk_verify.connection.heteroclinic import heteroclinic
 from tippedisk_verify.flow.taylor import Taylor
-from tippedisk_verify.model.parameters import CALIBRATED, NAMED_SETS, PRINTED, Parameters
+from tippedisk_verify.model.parameters import CALIBRATED, PRINTED, Parameters
 from tippedisk_verify.proofs.search.heteroclinic import prove_connection
 from tippedisk_verify.reference_values.store import data_folder
 
@@ -124,7 +124,7 @@ def test_every_stored_statement_is_about_its_own_entry() -> None:
             if "proof" not in entry:
                 continue
             statement = entry["proof"]["statement"]
-            assert is_about(statement, NAMED_SETS[document["set"]]), entry["id"]
+            assert is_about(statement, Parameters.named(document["set"])), entry["id"]
             assert "friction law" in statement, entry["id"]
             if "Omega" in entry["inputs"]:
                 assert f"Omega = {entry['inputs']['Omega']} rad/s" in statement, entry["id"]

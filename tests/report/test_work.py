@@ -93,7 +93,7 @@ def test_a_key_is_for_one_question(tmp_path: Path) -> None:
     orders = [
         AuditJob(PRINTED, 12, LOCAL),
         AuditJob(CALIBRATED, 12, LOCAL),
-        AuditJob(PRINTED.changed(mu="0.31", name="printed"), 12, LOCAL),
+        AuditJob(PRINTED.changed(mu="0.31", name="table1"), 12, LOCAL),
         AuditJob(PRINTED.changed(name="other"), 12, LOCAL),
         AuditJob(PRINTED.with_friction("smooth"), 12, LOCAL),
         AuditJob(PRINTED, 13, LOCAL),

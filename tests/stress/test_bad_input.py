@@ -80,11 +80,11 @@ WRONG: list[tuple[Wrong, str]] = [
     ((*NAME, "dask://\0", "dask://"), "--executor"),
     (AXIS, "--over"),
     (FOLDER, "--out, --data"),
-    (TARGET, "--certificate, --arcs, --html, --csv, --badge, branch --out, heteroclinic --out"),
+    (TARGET, "--certificate, --html, --csv, --badge, branch --out, heteroclinic --out"),
     ((*TARGET, "x.txt"), "sweep --out, integrate --out"),
     ((*TARGET, "answered.csv"), "conformance questions file"),
     (SOURCE, "--expected-failures, file, old, new, command"),
-    ((*SOURCE, *NAME, "nan.toml", "hexadecimal.toml", "long.toml", "nested.toml"), "--parameters, --at"),
+    ((*SOURCE, *NAME, "nan.toml", "hexadecimal.toml", "long.toml", "nested.toml"), "--parameters"),
 ]
 #: What makes a command right, in one way or another. Spoiled is what it names, and in the first all other options.
 _AT_A_SPEED = "--omega 30.4 | --below-crit 0.5"
@@ -99,7 +99,7 @@ RIGHT = {
     "sweep": "hopf --over mu=0.3 --out o.csv",
     "certify orbit": "--omega 30.4 | --omega 30.4 --radius 1e-3 | --below-crit 0.5 | --at-fold --fold 1",
     "certify heteroclinic": " | --cycles 1e-3 --certificate c.json",
-    "certify branch": "--at A^in | --certificate c.json | --to 3 --arcs a --out out --executor serial",
+    "certify branch": "--certificate c.json | --to 3 --out out --executor serial",
     "reference generate": "--only hopf --out out",
     "conformance questions": "q.csv --levels 3 | q.csv --states 2 --seed 7",
     "conformance grade": "answered.csv",

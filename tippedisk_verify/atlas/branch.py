@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, fields
 from fractions import Fraction
+from html import escape
 from itertools import pairwise
 from typing import Any, TypeVar
 
@@ -29,12 +30,13 @@ from tippedisk_verify.model.arrays import Array
 from tippedisk_verify.model.equations import checked_speeds
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.model.results import Printable, as_json
+from tippedisk_verify.model.results import Printable, as_json, heading
 from tippedisk_verify.theory.hopf import omega_crit
 
-__all__ = ["DEFAULT_COUNT", "DEFAULT_ROTATIONS", "MANY", "Branch", "family", "paper_speeds", "rotating_branch"]
+__all__ = ["DEFAULT_COUNT", "DEFAULT_ROTATIONS", "PAPER_COUNT", "Branch", "family", "paper_speeds", "rotating_branch"]
 
 C = TypeVar("C", bound=Cycle)
+_SHOWN = ("omega", "period", "gamma_bar_0", "beta_max", "multiplier_slow")
 
 DEFAULT_COUNT = 41  #: speeds of the family that is shown if none are named
 DEFAULT_ROTATIONS = 40  #: the same of the rotating cycles
@@ -43,7 +45,8 @@ _UNRESOLVED = 1e-10  # of a speed; closer to the Hopf point or a fold doubles do
 _MOST = 1_000_000
 _DIGITS_IN_LANES = {"librating": 0, "rotating": 12}  #: fewer, and a speed is solved by itself
 _STEPS = 400  # of each of the paper's sets
-MANY = 100  #: speeds from which on it pays to compile for all lanes of the SIMD registers
+PAPER_COUNT = 2 * _STEPS + 1  #: speeds of both
+_MANY = 100  # speeds from which on it pays to compile for all lanes of the SIMD registers
 
 
 @dataclass(frozen=True, repr=False)
@@ -71,8 +74,28 @@ class Branch(Printable):
         widths = {name: numpy.array([_in_double(number) for number in column]) for name, column in numbers.items()}
         return cls(kept, uncertainty=widths, **columns)
 
+    def __len__(self) -> int:
+        return len(self.cycles)
+
     def to_dict(self) -> dict[str, Any]:
         return {"orbits": as_json(self.cycles)}
+
+    def _rows(self) -> list[list[str]]:
+        """A heading, and the numbers of the first and last cycles, as many as fit into ten lines with it."""
+        chosen = range(len(self)) if len(self) <= 8 else (0, 1, 2, None, -3, -2, -1)
+        columns = [getattr(self, name) for name in _SHOWN]
+        rows = (["…"] * len(columns) if n is None else [f"{x[n]:.10g}" for x in columns] for n in chosen)
+        return [[*map(heading, _SHOWN)], *rows]
+
+    def __repr__(self) -> str:
+        whose = f" of {self.cycles[0].parameters.name} ({self.cycles[0].parameters.friction})" if self.cycles else ""
+        lines = ["".join(f"{cell:>18}" for cell in row) for row in self._rows()]
+        return "\n".join([f"Branch{whose}: {len(self)} limit cycles", *lines])
+
+    def _repr_html_(self) -> str:
+        """A table, for notebooks."""
+        rows = ("".join(f"<td>{escape(cell)}</td>" for cell in row) for row in self._rows())
+        return f"<table><tr>{'</tr><tr>'.join(rows)}</tr></table>"
 
 
 def _in_double(number: Measured) -> float:
@@ -139,7 +162,7 @@ def _at(
     """
     parameters, engine = disk_locator.parameters, disk_locator.engine
     by_speed: list[list[C] | None] = [None] * len(speeds)
-    if len(speeds) >= MANY and parameters.friction == "linear":
+    if len(speeds) >= _MANY and parameters.friction == "linear":
         lanes, doubles = default_lanes(), [float(speed) for speed in speeds]
         speeds = [Fraction(speed) for speed in doubles]
         solve = in_batches(section, parameters, lanes)

@@ -29,11 +29,12 @@ from tippedisk_verify.atlas.connection_curve import (
 from tippedisk_verify.atlas.fold_curves import Nodes, Plane, Trace, fold_at, fold_traces
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow import default_engine
-from tippedisk_verify.model.decimals import decimal_magnitude
+from tippedisk_verify.model.decimals import decimal_magnitude, exact_text
 from tippedisk_verify.model.exact import exact, shown
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import SYMBOLS, Parameters
 from tippedisk_verify.model.precision import checked_digits
+from tippedisk_verify.model.results import Printable, as_json
 from tippedisk_verify.theory.bautin import BAUTIN_PARAMETERS, bautin_points
 from tippedisk_verify.theory.hopf import omega_crit
 
@@ -51,10 +52,10 @@ class CurvePoint:
     """A point of a curve: an exact value of the parameter, and the speed."""
 
     value: Fraction
-    omega: Measured  #: [rad/s]
-    gamma_bar_0: Measured | None = None  #: of the cycle, at a fold [rad]
-    v_0: Measured | None = None  #: of the cycle, at a fold [rad/s]
-    period: Measured | None = None  #: of the cycle, at a fold [s]
+    omega: Measured  #: Omega on the curve [rad/s]
+    gamma_bar_0: Measured | None = None  #: gamma - pi/2 where beta = pi/2 and v < 0, of the cycle at a fold [rad]
+    v_0: Measured | None = None  #: v = beta' there [rad/s]
+    period: Measured | None = None  #: T, the period of the cycle at a fold [s]
 
 
 @dataclass(frozen=True)
@@ -65,17 +66,49 @@ class Curve:
     points: tuple[CurvePoint, ...]
 
 
-@dataclass(frozen=True)
-class Atlas:
-    """All that was found in the plane, and what was looked for in vain."""
+@dataclass(frozen=True, repr=False)
+class Atlas(Printable):
+    """All that was found in the plane, and what was looked for in vain.
+
+    Special points are bautin (where cycles are no longer born stable), neutral-saddle (on Omega_h, where the saddle
+    value vanishes: curves of folds end there) and hopf-heteroclinic (where Omega_h = Omega_crit).
+    """
 
     plane: Plane
     curves: tuple[Curve, ...]
     points: tuple[SpecialPoint, ...]
     missing: tuple[Missing, ...]
 
+    def to_dict(self) -> dict[str, Any]:
+        """As JSON; what is missing by kind: at how many values of the parameter, and why at the first of them."""
+        plane, kinds = self.plane, dict.fromkeys(one.kind for one in self.missing)
 
-def plane_of(parameters: Parameters, axes: str, ends: tuple[str, str] | None) -> Plane:
+        def told(point: CurvePoint | SpecialPoint) -> dict[str, Any]:
+            entries = vars(point).items()
+            return {
+                plane.name if key == "value" else key: as_json(entry) for key, entry in entries if entry is not None
+            }
+
+        return {
+            "plane": [plane.name, "Omega"],
+            "range": [exact_text(plane.lowest), exact_text(plane.highest)],
+            "parameters": plane.parameters.decimals(),
+            "curves": [{"kind": curve.kind, "points": list(map(told, curve.points))} for curve in self.curves],
+            "points": list(map(told, self.points)),
+            "missing": [
+                {
+                    "kind": kind,
+                    "count": len(mine),
+                    "range": [exact_text(mine[0].value), exact_text(mine[-1].value)],
+                    "reason": mine[0].reason,
+                }
+                for kind in kinds
+                for mine in [[one for one in self.missing if one.kind == kind]]
+            ],
+        }
+
+
+def plane_of(parameters: Parameters, axes: str, ends: tuple[object, object] | None) -> Plane:
     """The plane with axes such as "A,Omega", the parameter between two decimals.
 
     Without ends it goes a tenth of its value to both sides, as far as `Parameters` takes it. Raises InputError for

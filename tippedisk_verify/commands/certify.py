@@ -10,28 +10,24 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from tippedisk_verify.commands.certify_branch import branch
-from tippedisk_verify.commands.certify_orbit import orbit
 from tippedisk_verify.commands.common import (
     Common,
+    alone_in,
     certificate_option,
-    checked_jobs,
     common_options,
+    executor_option,
+    jobs_option,
     plain_options,
     print_result,
     processes,
-    progress,
-    speed,
     speed_options,
+    workers_of,
 )
-from tippedisk_verify.errors import InputError, NoConnectionError, Shortfall
+from tippedisk_verify.errors import InputError, Shortfall
+from tippedisk_verify.model.results import result_lines
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
-
-    from tippedisk_verify.model.parameters import Parameters
-    from tippedisk_verify.proofs.search.proved_connection import ProvedConnection
-    from tippedisk_verify.proofs.search.proved_end import ProvedEnd
 
 __all__ = ["COMMANDS"]
 
@@ -46,32 +42,70 @@ def certify(context: click.Context) -> None:
 
 @certify.command()
 @click.option("--every-speed", is_flag=True, help="Prove stability at every speed instead, and Omega_crit.")
-@speed_options
 @common_options
-def equilibria(common: Common, omega: str | None, below_crit: str | None, every_speed: bool) -> int:
+@speed_options
+def equilibria(common: Common, every_speed: bool, omega: str | None, below_crit: str | None) -> dict[str, Any]:
     """Prove eigenvalues and stability of inverted and noninverted spinning (both friction laws)."""
-    from tippedisk_verify.proofs.closed_forms import proved_equilibrium, proved_stability
-
+    prover, digits = common.disk.certify, common.digits
     if every_speed:
         if omega is not None or below_crit is not None:
             raise InputError("--every-speed takes the place of --omega and --below-crit")
-        print_result(common, {"proved": True, **proved_stability(common.parameters, common.digits).to_dict()})
-        return 0
-    value = speed(common, omega, below_crit)
-    proofs = {name: proved_equilibrium(common.parameters, value, name, common.digits) for name in _EQUILIBRIA}
-    print_result(common, {"proved": True, **{name: proof.to_dict() for name, proof in proofs.items()}})
-    return 0
+        return {"proved": True, **prover.stability(digits=digits).to_dict()}
+    speed = common.speed(omega, below_crit)
+    names = ("inverted", "noninverted")
+    return {"proved": True, **{name: prover.equilibrium(name, speed, digits=digits).to_dict() for name in names}}
 
 
 @certify.command()
 @common_options
-def hopf(common: Common) -> int:
+def hopf(common: Common) -> dict[str, Any]:
     """Prove the Hopf point: where it is, its normal form, and on which side the limit cycles are."""
-    from tippedisk_verify.proofs.closed_forms import proved_hopf
+    return {"proved": True, **common.disk.certify.hopf(digits=common.digits).to_dict()}
 
-    common.parameters.refuse_smooth("the Hopf point's normal form is")
-    print_result(common, {"proved": True, **proved_hopf(common.parameters, common.digits).to_dict()})
-    return 0
+
+@certify.command()
+@click.option(
+    "--guess",
+    nargs=2,
+    metavar="GAMMA_BAR V",
+    help="Start from this state [rad, rad/s] at beta = pi/2; of a rotating cycle beta_bar and v at gamma = pi/2.",
+)
+@click.option("--rotating", is_flag=True, help="The cycle on which gamma grows by 2 pi a period.")
+@click.option("--unstable", is_flag=True, help="The unstable one, where a stable one has the same speed.")
+@click.option("--at-fold", is_flag=True, help="Prove a fold of the family: two of its cycles meet there and end.")
+@click.option("--fold", "number", type=click.IntRange(1, 20), metavar="N", help="Its number, if there are several.")
+@click.option(
+    "--radius", metavar="R", help="Prove the cycles of all speeds within R [rad/s] at once; numbers become ranges."
+)
+@certificate_option
+@common_options
+@speed_options
+def orbit(
+    common: Common,
+    omega: str | None,
+    below_crit: str | None,
+    guess: tuple[str, str] | None,
+    rotating: bool,
+    unstable: bool,
+    at_fold: bool,
+    number: int | None,
+    radius: str | None,
+    certificate: Path | None,
+) -> Any:
+    """Prove one limit cycle: existence, uniqueness nearby, its numbers, its stability."""
+    prover, digits = common.disk.certify, common.digits
+    if radius is not None and (rotating or at_fold):
+        raise InputError("--radius belongs to librating cycles, and not to a fold: leave out --rotating and --at-fold")
+    if number is not None and not at_fold:
+        raise InputError("--fold belongs to --at-fold")
+    if at_fold:
+        if omega is not None or below_crit is not None or guess is not None or unstable:
+            raise InputError("--at-fold finds the speed itself: leave out the other options")
+        return _written(prover.fold(number, rotating=rotating, digits=digits), certificate)
+    speed, how = common.speed(omega, below_crit), {"stable": False if unstable else None, "guess": guess}
+    if radius is not None:
+        return _written(prover.limit_cycles(speed, radius, **how), certificate)
+    return _written(prover.limit_cycle(speed, rotating=rotating, digits=digits, **how), certificate)
 
 
 @certify.command()
@@ -83,33 +117,66 @@ def hopf(common: Common) -> int:
 )
 @certificate_option
 @common_options
-def heteroclinic(common: Common, near: str | None, cycles: str | None, certificate: Path | None) -> int:
+def heteroclinic(common: Common, near: str | None, cycles: str | None, certificate: Path | None) -> Any:
     """Prove Omega_h in an interval no longer than 10^-DIGITS, and that it is the only one there."""
+    prover, how = common.disk.certify, {"digits": common.digits, "progress": not common.quiet}
+    if cycles is None:
+        return _written(prover.heteroclinic(near, **how), certificate)
+    end = _written(prover.beside_omega_h(cycles, near, **how), certificate)
+    print_result(common, end.connection.to_dict() | {"cycles": end.to_dict()})
+    return 0 if end.proved else 1
+
+
+def _written(proof: Any, certificate: Path | None) -> Any:
+    """The proof; its certificate is written, if one is asked for and there is a proof."""
+    if proof.proved and certificate is not None:
+        from tippedisk_verify.files import write_text
+
+        write_text(certificate, proof.certificate())
+    return proof
+
+
+@certify.command()
+@click.option("--to", "until", metavar="X", help="Only to this gamma_bar_0 [rad], without the end at Omega_h.")
+@click.option("--out", metavar="DIR", help="Write a picture of what is proved there.")
+@certificate_option
+@executor_option
+@jobs_option
+@common_options
+def branch(
+    common: Common, until: str | None, out: str | None, certificate: Path | None, executor: str, jobs: int | None
+) -> int:
+    """Prove the family of limit cycles from the Hopf point to the heteroclinic cycle: one curve, stable, Omega falls.
+
+    It takes some 6 minutes of CPU. Every worker of a cluster needs this version of the package. `branch --proved`
+    proves the cycles at single speeds one by one.
+    """
     from tippedisk_verify.files import write_text
-    from tippedisk_verify.proofs.search.heteroclinic import MOST_DIGITS
 
-    if cycles is not None:
-        from tippedisk_verify.proofs.search.connection_end import checked_distance
+    def workers(several: bool) -> Any:
+        return workers_of(executor, jobs, needed=several)
 
-        checked_distance(cycles)
-        common.parameters.refuse_smooth("limit cycles next to the connection are proved")
-    if common.digits > MOST_DIGITS:
-        raise InputError(f"a proof of Omega_h is offered to {MOST_DIGITS} digits, not {common.digits}")
-    proof = _connection(common, common.parameters, common.digits, near)
-    result, proved = proof.to_dict(), proof.proved
-    shown: ProvedConnection | ProvedEnd = proof
-    if cycles is not None:
-        shown = _end(common, proof, cycles)
-        result, proved = result | {"cycles": shown.to_dict()}, shown.proved
-    if proved and certificate is not None:
-        write_text(certificate, shown.certificate())
-    print_result(common, result)
-    return 0 if proved else 1
+    folder = alone_in(out)
+    with workers(False):
+        pass  # a cluster that is not there is told at once
+    proof = common.disk.certify.branch(until, workers=workers, progress=not common.quiet)
+    if certificate is not None and proof.hopf_closed:
+        with workers(len(proof.pieces) > 1) as pool:
+            write_text(certificate, proof.certificate(pool))
+    if folder is not None and proof.hopf_closed:
+        from tippedisk_verify.figures.proved_family import draw_proved_family
+        from tippedisk_verify.figures.style import save
+
+        save(draw_proved_family(proof), folder, "proved_family")
+    entries = proof.to_dict()
+    shown = {name: len(proof.pieces) if name == "arcs" else entry for name, entry in entries.items()}
+    print_result(common, entries, result_lines(shown))
+    return 0 if proof.proved else 1
 
 
 @certify.command()
 @click.argument("file")
-@click.option("--jobs", type=int, metavar="N", help="Processes, for a family's arcs; as many as cores if not given.")
+@jobs_option
 @plain_options
 def check(common: Common, file: str, jobs: int | None) -> int:
     """Replay a certificate: its choices are tested again, without the search that found them.
@@ -119,12 +186,10 @@ def check(common: Common, file: str, jobs: int | None) -> int:
     from tippedisk_verify.progress import watched
     from tippedisk_verify.proofs.kernel import claims
 
-    checked_jobs(jobs)
-
     def mapped(shown: Callable[[Any], Any], arcs: Sequence[Any]) -> Iterator[Any]:
         with processes(jobs, needed=len(arcs) > 1) as pool:
-            done = (map if pool is None else pool.map)(shown, arcs)
-            yield from watched(done, "arcs", len(arcs), not common.quiet)
+            answers = (map if pool is None else pool.map)(shown, arcs)
+            yield from watched(answers, "arcs", len(arcs), not common.quiet)
 
     try:
         result = {"accepted": True, "statement": claims.check(file, mapped)}
@@ -138,45 +203,4 @@ def check(common: Common, file: str, jobs: int | None) -> int:
     return 0 if result["accepted"] else 1
 
 
-def _connection(common: Common, parameters: Parameters, digits: int, near: str | None) -> ProvedConnection:
-    """The proof about a speed given, or about the Omega_h that the ordinary road finds."""
-    from tippedisk_verify.proofs.search.heteroclinic import prove_connection
-    from tippedisk_verify.proofs.search.proved_connection import Status, not_proved
-
-    with progress(common, 2) as advance:
-        try:
-            if near is None:
-                from tippedisk_verify.connection.heteroclinic import heteroclinic as connection
-                from tippedisk_verify.flow import default_engine
-
-                advance("an approximation", 0)
-                guess: object = connection(parameters, default_engine(), digits=digits + 5).omega_h.value
-            else:
-                guess = near
-            advance("proof", 1)
-            proof = prove_connection(parameters, guess, digits)
-        except NoConnectionError as fault:
-            proof = not_proved(Status.NO_SADDLE, detail=str(fault))
-        advance("proof", 1)
-    return proof
-
-
-def _end(common: Common, connection: ProvedConnection, reach: object) -> ProvedEnd:
-    """The proof of the limit cycles next to a connection."""
-    from tippedisk_verify.proofs.search.connection_end import prove_end
-
-    with progress(common, 100) as advance:
-        done = 0
-
-        def watch(share: float) -> None:
-            nonlocal done
-            advance("limit cycles", int(100 * share) - done)
-            done = int(100 * share)
-
-        return prove_end(connection, reach, watch=watch)
-
-
-_EQUILIBRIA = ("inverted", "noninverted")
-certify.add_command(orbit)
-certify.add_command(branch)
 COMMANDS = (certify,)

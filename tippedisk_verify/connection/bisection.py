@@ -43,7 +43,7 @@ _LONGEST = 60.0  # s; a passage within 1e-16 of the saddle takes less than 12 s 
 class Connection(Printable):
     """The speed of the heteroclinic connection and how it was found."""
 
-    omega_h: Measured  #: [rad/s]
+    omega_h: Measured  #: the speed at which the two noninverted saddles are connected [rad/s]
     method: str
 
 

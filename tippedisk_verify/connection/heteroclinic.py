@@ -38,16 +38,19 @@ _DOUBLE_DIGITS = 12
 
 @dataclass(frozen=True, repr=False)
 class Heteroclinic(Printable):
-    """The connection from (pi/2, -pi/2, 0) to (pi/2, 3 pi/2, 0); by the point symmetry the way back exists too."""
+    """The connection from (pi/2, -pi/2, 0) to (pi/2, 3 pi/2, 0); by the point symmetry the way back exists too.
 
-    omega_h: Measured  #: [rad/s]
-    saddle_eigenvalues: tuple[Measured, Measured, Measured]  #: unstable, slow stable, fast stable [1/s]
-    saddle_value: Measured  #: lambda_u + lambda_s [1/s]; negative: the cycle attracts from inside
+    Only the method `manifolds` has the splitting derivative and the budget.
+    """
+
+    omega_h: Measured  #: the speed at which the two noninverted saddles are connected [rad/s]
+    saddle_eigenvalues: tuple[Measured, Measured, Measured]  #: unstable, slow and fast stable one there [1/s]
+    saddle_value: Measured  #: sum of the unstable and the slow stable one; below 0 cycles attract [1/s]
     method: Method
     parameters: Parameters  #: whose connection it is, with the friction law
     engine: str  #: what computed it
-    splitting_derivative: Measured | None = None  #: d(u)/d(Omega) carried back to s = 1 [s/rad] (manifolds only)
-    budget: dict[str, float] = field(default_factory=dict)  #: parts of the half-width [rad/s] (manifolds only)
+    splitting_derivative: Measured | None = None  #: of the distance between the manifolds by Omega, at s = 1 [s/rad]
+    budget: dict[str, float] = field(default_factory=dict)  #: parts of the half-width of Omega_h [rad/s]
 
     def orbit(self, count: int = 401, *, engine: Engine | None = None) -> tuple[Any, Any]:
         """Times (count,) [s], zero where gamma = pi/2, and the states (3, count) along the connection, in double.

@@ -27,12 +27,13 @@ from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, Precision, bits, bits_for_digits, checked_digits, companion
-from tippedisk_verify.model.results import Printable
+from tippedisk_verify.model.results import Printable, as_json
 from tippedisk_verify.theory.equilibria import saddle_value_sign
 from tippedisk_verify.theory.hopf import amplitude_law, critical_frequency_squared, criticality, omega_crit
 
 __all__ = [
     "Fold",
+    "Folds",
     "LibrationFold",
     "RotationFold",
     "fold_in",
@@ -58,11 +59,11 @@ class Fold(Printable):
     section: ClassVar[Section[Any]]  #: whose map has the fold's cycle as a fixed point
 
     omega: Measured  #: the speed, extreme on the family [rad/s]
-    period: Measured  #: T of the cycle there [s]
+    period: Measured  #: T, the period of the cycle there [s]
     v_0: Measured  #: v next to the saddle [rad/s]
     beta_max: Measured  #: largest abs(beta - pi/2) [rad]
-    null_vector: Measured  #: derivative of the second coordinate by the first along the family [1/s]
-    log_multiplier_fast: Measured  #: natural logarithm of the multiplier that is not 1
+    null_vector: Measured  #: d(v_0)/d(gamma_bar_0), or d(v_top)/d(beta_bar_top), along the family [1/s]
+    log_multiplier_fast: Measured  #: natural logarithm of the multiplier that is not 1 [1]
     parameters: Parameters  #: whose fold it is, with the friction law
     engine: str  #: what computed it
     precision: str  #: the arithmetic of its numbers
@@ -75,7 +76,7 @@ class LibrationFold(Fold):
     section = LIBRATING
     first = ("omega", "period", *LIBRATING.names)
 
-    gamma_bar_0: Measured  #: gamma - pi/2 at beta = pi/2 with v < 0 [rad]; v_0 is v there
+    gamma_bar_0: Measured  #: gamma - pi/2 where beta = pi/2 and v < 0 [rad]; v_0 is v there
 
 
 @dataclass(frozen=True, repr=False)
@@ -88,6 +89,15 @@ class RotationFold(Fold):
     beta_bar_top: Measured  #: beta - pi/2 at gamma = pi/2 [rad]
     v_top: Measured  #: v there [rad/s]
     beta_bar_0: Measured  #: beta - pi/2 at gamma = -pi/2 [rad]; v_0 is v there
+
+
+class Folds(tuple[LibrationFold, ...]):
+    """The folds of a family of librating cycles, in their order from the Hopf point on."""
+
+    followed_to: str  #: where the family ends
+
+    def to_dict(self) -> dict[str, Any]:
+        return {"folds": as_json(tuple(self)), "followed_to": self.followed_to}
 
 
 def rotation_fold(family: RotatingFamily, *, digits: int = 12) -> RotationFold:
@@ -105,7 +115,7 @@ def rotation_fold(family: RotatingFamily, *, digits: int = 12) -> RotationFold:
 
 def libration_folds(
     parameters: Parameters, engine: Engine, *, digits: int = 12, family: LibratingFamily | None = None
-) -> tuple[LibrationFold, ...]:
+) -> Folds:
     """The folds of the librating limit cycles from the Hopf point on, to ``digits`` significant digits; often none.
 
     They are those that `LibratingFamily` passes. Raises Shortfall where it cannot be
@@ -128,7 +138,9 @@ def libration_folds(
         # A start on polynomials through twenty nodes is right to some digits; what is far from it is something else.
         if abs(float(fold.gamma_bar_0) - a) > _ASTRAY * a or abs(float(fold.omega) - omega) > _ASTRAY * omega:
             raise Shortfall(f"the fold near {omega:.8g} rad/s was not found again in a finer arithmetic")
-    return tuple(folds)
+    result = Folds(folds)
+    result.followed_to = "Omega_h" if family.connected else f"an amplitude of pi at {family.limit:.7g} rad/s"
+    return result
 
 
 def _asked_for(parameters: Parameters, omega_h: float) -> int:

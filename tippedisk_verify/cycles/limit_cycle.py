@@ -37,15 +37,15 @@ class Cycle(Printable):
     symmetric: ClassVar[bool]  #: whether the cycle is its own image under the point symmetry
     beside_the_saddle: ClassVar[tuple[str, ...]] = ()  #: names of coordinates that a power of Omega - Omega_h rules
 
-    omega: Measured  #: [rad/s]
-    period: Measured  #: T [s]
-    v_0: Measured  #: v next to the saddle [rad/s]
-    beta_max: Measured  #: largest abs(beta - pi/2) [rad]
-    multiplier_slow: Measured  #: the larger non-trivial Floquet multiplier, of a complex pair the modulus [1]
-    log_multiplier_slow: Measured  #: natural logarithm of its absolute value
-    log_multiplier_fast: Measured  #: the same of the smaller one, through Liouville's integral
-    trivial_multiplier_defect: Measured  #: distance of the computed multiplier along the flow from 1
-    dperiod_domega: Measured  #: [s^2/rad]
+    omega: Measured  #: the spinning speed [rad/s]
+    period: Measured  #: T, the period [s]
+    v_0: Measured  #: v = beta' where gamma_bar_0 or beta_bar_0 is taken [rad/s]
+    beta_max: Measured  #: largest abs(beta - pi/2) on the cycle [rad]
+    multiplier_slow: Measured  #: the larger nontrivial Floquet multiplier, of a complex pair the modulus [1]
+    log_multiplier_slow: Measured  #: natural logarithm of its absolute value [1]
+    log_multiplier_fast: Measured  #: the same of the smaller one, which may lie below any double [1]
+    trivial_multiplier_defect: Measured  #: distance from 1 of the computed multiplier along the flow, a check [1]
+    dperiod_domega: Measured  #: dT/dOmega along the family of cycles [s^2/rad]
     stable: bool | None  #: None if the multiplier's half-width holds 1
     residuals: tuple[float, ...]  #: of the Newton iteration
     parameters: Parameters  #: whose cycle it is, with the friction law
@@ -136,9 +136,9 @@ class LimitCycle(Cycle):
     unknowns, fixed, symmetric = ("gamma_bar_0", "v_0"), 0, True
     first = ("omega", "period", *unknowns)
 
-    gamma_bar_0: Measured  #: gamma - pi/2 at beta = pi/2 with v < 0, its largest value [rad]; v_0 is v there
-    dgamma_bar_0_domega: Measured  #: [s]
-    dv_0_domega: Measured  #: [1]
+    gamma_bar_0: Measured  #: gamma - pi/2 where beta = pi/2 and v < 0, its largest value [rad]
+    dgamma_bar_0_domega: Measured  #: d(gamma_bar_0)/dOmega along the family [s]
+    dv_0_domega: Measured  #: d(v_0)/dOmega along the family [1]
 
 
 @dataclass(frozen=True, repr=False)
@@ -153,8 +153,8 @@ class RotatingCycle(Cycle):
     beside_the_saddle = ("beta_bar_0", "v_0")
     first = ("omega", "period", *unknowns, *beside_the_saddle)
 
-    beta_bar_top: Measured  #: beta - pi/2 at gamma = pi/2 [rad]
+    beta_bar_top: Measured  #: beta - pi/2 of a rotating cycle where gamma = pi/2 [rad]
     v_top: Measured  #: v there [rad/s]
-    beta_bar_0: Measured  #: beta - pi/2 at gamma = -pi/2, next to the saddle [rad]; v_0 is v there
-    dbeta_bar_top_domega: Measured  #: [s]
-    dv_top_domega: Measured  #: [1]
+    beta_bar_0: Measured  #: beta - pi/2 of a rotating cycle where gamma = -pi/2, next to the saddle [rad]
+    dbeta_bar_top_domega: Measured  #: d(beta_bar_top)/dOmega along the family [s]
+    dv_top_domega: Measured  #: d(v_top)/dOmega along the family [1]

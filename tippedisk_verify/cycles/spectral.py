@@ -58,11 +58,11 @@ class BalancedCycle(Printable):
     """A limit cycle from spectral harmonic balance; half-widths are from a balance of more harmonics."""
 
     omega: Fraction  #: the spinning speed [rad/s]
-    harmonics: int  #: number of odd harmonics
-    period: Measured  #: T [s]
-    gamma_bar_0: Measured  #: gamma - pi/2 at beta = pi/2, v < 0 [rad]
-    v_0: Measured  #: v there [rad/s]
-    beta_max: Measured  #: largest |beta - pi/2| [rad]
+    harmonics: int  #: number of odd harmonics [1]
+    period: Measured  #: T, the period [s]
+    gamma_bar_0: Measured  #: gamma - pi/2 where beta = pi/2 and v < 0 [rad]
+    v_0: Measured  #: v = beta' there [rad/s]
+    beta_max: Measured  #: largest abs(beta - pi/2) on the cycle [rad]
 
 
 def balanced_cycle(

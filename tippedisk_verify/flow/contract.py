@@ -16,7 +16,7 @@ from typing import Any, Literal, NamedTuple, Protocol
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.parameters import Constants, Friction, Parameters
 from tippedisk_verify.model.precision import DOUBLE, Precision
-from tippedisk_verify.model.results import Printable
+from tippedisk_verify.model.results import Printable, with_widths
 
 __all__ = [
     "FLAT",
@@ -163,7 +163,8 @@ class Request:
         return other
 
 
-class EventRecord(NamedTuple):
+@dataclass(frozen=True, repr=False, eq=False)
+class EventRecord(Printable):
     """One crossing: the event's name, the time [s] and the state there, with half-widths where a `Solution` has it."""
 
     name: str
@@ -171,6 +172,10 @@ class EventRecord(NamedTuple):
     state: Any  #: (3,) beta, gamma [rad] and v [rad/s]
     time_uncertainty: float = math.inf
     uncertainty: Any = (math.inf,) * 3  #: of the state at the crossing, wherever in its half-width that lies
+
+    def to_dict(self) -> dict[str, Any]:
+        state = zip(("beta", "gamma", "v"), with_widths(self.state, self.uncertainty), strict=True)
+        return {"name": self.name, "t": with_widths(self.time, self.time_uncertainty), **dict(state)}
 
 
 @dataclass(frozen=True, repr=False)

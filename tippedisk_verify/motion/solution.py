@@ -27,10 +27,9 @@ from tippedisk_verify.flow.contract import (
 )
 from tippedisk_verify.flow.error_estimate import CORRECTED_DIGITS, PLAIN_DIGITS
 from tippedisk_verify.model.exact import Exact, exact, shown
-from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, bits, bits_for_digits, checked_digits
-from tippedisk_verify.model.results import Printable
+from tippedisk_verify.model.results import Printable, with_widths
 
 __all__ = ["EVENTS", "Solution", "integrated"]
 
@@ -144,26 +143,12 @@ class Solution(Printable):
         return {
             "status": self.status.name.lower(),
             "message": self.message,
-            "end": _moment(self.end),
-            "t": [repr(float(t)) if self.precision == DOUBLE.name else _said(t, 0)["value"] for t in self.t],
-            **dict(zip(_STATE, _said(self.y, self.uncertainty), strict=True)),
-            "events": [{"name": event.name} | _moment(event) for event in self.events],
-            **{name: _said(values, widths) for name, values, widths in derivatives if values is not None},
+            "end": {name: entry for name, entry in self.end.to_dict().items() if name != "name"},
+            "t": [repr(float(t)) if self.precision == DOUBLE.name else with_widths(t, 0)["value"] for t in self.t],
+            **dict(zip(_STATE, with_widths(self.y, self.uncertainty), strict=True)),
+            "events": [event.to_dict() for event in self.events],
+            **{name: with_widths(values, widths) for name, values, widths in derivatives if values is not None},
         }
-
-
-def _moment(record: EventRecord) -> dict[str, Any]:
-    state = zip(_STATE, _said(record.state, record.uncertainty), strict=True)
-    return {"t": _said(record.time, record.time_uncertainty), **dict(state)}
-
-
-def _said(values: Any, widths: Any) -> Any:
-    """Numbers with half-widths as JSON, in lists as the arrays have them."""
-    if numpy.ndim(values):
-        return [_said(*pair) for pair in zip(values, widths, strict=True)]
-    if not numpy.isfinite(widths):
-        return {"value": str(values), "uncertainty": "infinite"}
-    return Measured.of(values, float(widths)).to_dict()
 
 
 def integrated(
@@ -252,7 +237,7 @@ def _solution(request: Request, result: Result, engine: Engine, start: Exact, en
             return record
         time = precision.number(start + record.time)
         rounding = float(abs(time)) * float(precision.epsilon)
-        return record._replace(time=time, time_uncertainty=record.time_uncertainty + rounding)
+        return replace(record, time=time, time_uncertainty=record.time_uncertainty + rounding)
 
     def derivative(by: tuple[Variation, ...]) -> tuple[Any, Any]:
         if result.derivatives is None or not set(by) <= set(request.variations):
@@ -264,11 +249,11 @@ def _solution(request: Request, result: Result, engine: Engine, start: Exact, en
     events = result.events
     if error.events:
         estimated = zip(events, error.events, error.event_states, strict=True)
-        events = tuple(record._replace(time_uncertainty=time, uncertainty=state) for record, time, state in estimated)
+        events = tuple(replace(record, time_uncertainty=time, uncertainty=state) for record, time, state in estimated)
     last = moment(EventRecord(result.status.name.lower(), result.time, result.state, error.time, error.state))
     if result.status is Status.REACHED:
         rounded = precision.number(end)
-        last = last._replace(time=rounded, time_uncertainty=2 * abs(float(end - rounded)))
+        last = replace(last, time=rounded, time_uncertainty=2 * abs(float(end - rounded)))
     if result.samples is None:
         times, samples, uncertainty = precision.array([last.time]), result.state[None], error.state[None]
     else:

@@ -103,8 +103,8 @@ class ProvedHopf(Printable):
 
     omega_crit: Measured  #: [rad/s], Eq. approx_omega_crit
     period: Measured  #: [s] of the cycle at its birth
-    lambda_3: Measured  #: A33 [1/s], Eq. closed_la3; at Omega_crit the third eigenvalue itself
-    chi: Measured  #: [kg m^3], below Eq. Csol
+    lambda_3: Measured  #: A33, Eq. closed_la3; at Omega_crit the third eigenvalue itself [1/s]
+    chi: Measured  #: the constant of the one-harmonic amplitude law, below Eq. Csol [kg m^3]
     first_lyapunov_coefficient: Measured  #: Kuznetsov's l_1, <q, q> = 1 in (beta, gamma, v), SI units
     transversality: Measured  #: d(Re lambda)/d(Omega) of the critical pair [1/rad]
     amplitude_squared_slope: Measured  #: limit of beta_max^2 / (Omega_crit - Omega) [rad s]
@@ -119,7 +119,7 @@ class ProvedStability(Printable):
 
     omega_crit: Measured  #: [rad/s], Eq. approx_omega_crit
     period: Measured  #: [s], 2 pi / omega for the pair +- i omega at Omega_crit
-    lambda_3: Measured  #: A33 [1/s], Eq. closed_la3; at Omega_crit the third eigenvalue itself
+    lambda_3: Measured  #: A33, Eq. closed_la3; at Omega_crit the third eigenvalue itself [1/s]
     transversality: Measured  #: d(Re lambda)/d(Omega) of the critical pair [1/rad]
     statement: str
 

@@ -190,7 +190,7 @@ def _documents(entries: Iterable[tuple[str, str, dict[str, Any]]]) -> list[dict[
     for kind, set_name, entry in entries:
         by_kind.setdefault((kind, set_name), []).append(entry)
     documents = [
-        {**document_head(_DRAWN_KINDS[kind], parameters_of(set_name)), "entries": here}
+        {**document_head(_DRAWN_KINDS[kind], set_name, parameters_of(set_name)), "entries": here}
         for (kind, set_name), here in by_kind.items()
     ]
     return sorted(documents, key=lambda document: document["level"])

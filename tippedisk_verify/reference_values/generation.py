@@ -159,7 +159,7 @@ def _generate(
     return written
 
 
-def document_head(kind: Kind, parameters: Parameters) -> dict[str, Any]:
+def document_head(kind: Kind, set_name: str, parameters: Parameters) -> dict[str, Any]:
     """What a reference file says before its entries."""
     doubles = as_doubles(parameters)
     return {
@@ -167,7 +167,7 @@ def document_head(kind: Kind, parameters: Parameters) -> dict[str, Any]:
         "kind": kind.name,
         "level": kind.level,
         "says": kind.says,
-        "set": parameters.name,
+        "set": set_name,
         "parameters": {
             name: {
                 "decimal": Measured.of(getattr(parameters, name), 0).decimals()[0],
@@ -181,7 +181,7 @@ def document_head(kind: Kind, parameters: Parameters) -> dict[str, Any]:
 
 def file_text(kind: Kind, set_name: str, entries: list[dict[str, Any]]) -> str:
     """A reference file: one quantity to a line, so that a changed number is a changed line."""
-    head = document_head(kind, Parameters.named(set_name))
+    head = document_head(kind, set_name, Parameters.named(set_name))
     lines = ["{"]
     lines += [f" {_json(name)}: {_json(value)}," for name, value in head.items()]
     lines.append(' "entries": [')

@@ -84,7 +84,7 @@ def _fault_json(claim: Claim, finding: Finding) -> dict[str, str | None]:
 def _command(order: AuditJob) -> str:
     parts = ["tippedisk-verify verify"]
     for option, value, usual in (
-        ("parameters", order.parameters.name, "printed"),
+        ("parameters", order.parameters.name, "table1"),
         ("friction", order.parameters.friction, "linear"),
         ("digits", str(order.digits), "12"),
     ):

@@ -38,15 +38,15 @@ class BautinPoint(Printable):
     """A disk with l_1 = 0, and what its neighbours do. Derivatives are along the one parameter that varies."""
 
     parameter: str  #: A, B, m, r or e
-    value: Measured  #: of that parameter [its SI unit]; exact for A, B and m
+    value: Measured  #: of that parameter, exact for A, B and m [SI]
     parameters: Parameters  #: the disk, without C; where the value is irrational, a fraction too close to matter
-    omega_crit: Measured  #: [rad/s]
-    period: Measured  #: [s] of the cycle at its birth
-    second_lyapunov_coefficient: Measured  #: Kuznetsov's l_2, <q, q> = 1 in (beta, gamma, v), SI units
-    quartic_coefficient: Measured  #: c_2 [1/(rad^3 s)]
-    quadratic_coefficient_slope: Measured  #: c_1' [1/(rad s) per unit of the parameter]
-    fold_amplitude_slope: Measured  #: limit of a_fold^2 / (p - p_B) [rad^2 per unit]; its sign is the fold's side
-    fold_speed_curvature: Measured  #: limit of (Omega_fold - Omega_crit) / (p - p_B)^2 [rad/s per unit squared]
+    omega_crit: Measured  #: of that disk [rad/s]
+    period: Measured  #: limit of the cycle's period at Omega_crit [s]
+    second_lyapunov_coefficient: Measured  #: Kuznetsov's l_2, eigenvector of length 1 in (beta, gamma, v) [SI]
+    quartic_coefficient: Measured  #: c_2 of the law of `HopfPoint` [1/(rad^3 s)]
+    quadratic_coefficient_slope: Measured  #: dc_1/dP at the point, P being the parameter [SI]
+    fold_amplitude_slope: Measured  #: limit of a^2 / (P - value) on the fold of cycles; its sign tells the side [SI]
+    fold_speed_curvature: Measured  #: limit of (Omega - Omega_crit) / (P - value)^2 on the fold [SI]
 
 
 def bautin_points(parameters: Parameters, name: str, digits: int = 12) -> tuple[BautinPoint, ...]:

@@ -63,19 +63,21 @@ class Eigenvalue(NamedTuple):
 
 @dataclass(frozen=True, repr=False)
 class Equilibrium(Printable):
-    """One stationary state at one speed."""
+    """One stationary state at one speed; `Disk.equilibrium` adds the speeds at which its eigenvalues change kind."""
 
     name: EquilibriumName
     state: tuple[Exact, Exact, Exact]  #: (beta, gamma, v) [rad, rad, rad/s]
-    eigenvalues: tuple[Eigenvalue, Eigenvalue, Eigenvalue]  #: by descending real part, then descending imaginary part
+    eigenvalues: tuple[Eigenvalue, Eigenvalue, Eigenvalue]  #: by descending real part, then imaginary part [1/s]
     stable: bool  #: all eigenvalues in the open left half-plane, by the exact Routh-Hurwitz criterion
+    kind_changes: tuple[Measured, ...] | None = None  #: where eigenvalues turn from real to complex, or back [rad/s]
 
     def to_dict(self) -> dict[str, object]:
-        return {
+        told = {
             "state": {"beta": "pi/2", "gamma": "pi/2" if self.name == "inverted" else "-pi/2", "v": "0"},
             "eigenvalues": as_json(self.eigenvalues),
             "stable": self.stable,
         }
+        return told if self.kind_changes is None else told | {"kind_changes": as_json(self.kind_changes)}
 
 
 def location(name: EquilibriumName) -> tuple[Exact, Exact, Exact]:

@@ -54,14 +54,14 @@ Criticality = Literal["supercritical", "subcritical", "degenerate"]
 class HopfPoint(Printable):
     """Everything local about the Hopf point, to the digits asked for."""
 
-    omega_crit: Measured  #: [rad/s], Eq. approx_omega_crit
-    period: Measured  #: [s] of the cycle at its birth
-    first_lyapunov_coefficient: Measured  #: Kuznetsov's l_1, <q, q> = 1 in (beta, gamma, v), SI units
+    omega_crit: Measured  #: where inverted spinning loses its stability, Eq. approx_omega_crit [rad/s]
+    period: Measured  #: limit of the cycle's period at Omega_crit [s]
+    first_lyapunov_coefficient: Measured  #: Kuznetsov's l_1, eigenvector of length 1 in (beta, gamma, v) [SI]
     criticality: Criticality  #: of the first Lyapunov coefficient's sign, decided exactly
-    transversality: Measured  #: d(Re lambda)/d(Omega) of the critical pair [1/rad]
+    transversality: Measured  #: d(Re lambda)/dOmega of the critical pair [1/rad]
     quadratic_coefficient: Measured  #: c_1 of Omega = Omega_crit + c_1 a^2 + c_2 a^4, a = gamma_bar_0 [1/(rad s)]
-    quartic_coefficient: Measured  #: c_2 [1/(rad^3 s)]
-    second_lyapunov_coefficient: Measured | None = None  #: Kuznetsov's l_2, likewise; only where l_1 = 0
+    quartic_coefficient: Measured  #: c_2 of that [1/(rad^3 s)]
+    second_lyapunov_coefficient: Measured | None = None  #: Kuznetsov's l_2, likewise, where l_1 = 0 [SI]
     amplitude_squared_slope: Measured | None = None  #: limit of beta_max^2 / (Omega_crit - Omega) [rad s], if l_1 != 0
     period_slope: Measured | None = None  #: limit of (T - T_crit) / (Omega_crit - Omega) [s^2/rad], if l_1 != 0
 

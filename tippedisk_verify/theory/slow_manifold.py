@@ -234,19 +234,22 @@ def reduced_omega_crit(parameters: Parameters, order: int, digits: int = 15) -> 
 # --------------------------------------------------------------------------------------------- how good the series are
 @dataclass(frozen=True, repr=False)
 class SlowManifold(Printable):
-    """What can be said of the truncated series: its orders at one point, and how well it does at twenty fixed ones."""
+    """What can be said of the truncated series: its orders at one point, and how well it does at twenty fixed ones.
+
+    A residual is |epsilon (dh/dx) f - g|, at this set's epsilon. The reduced flow is that of order N; of order 0 it has
+    no Hopf point (None).
+    """
 
     order: int
     omega: Fraction  #: [rad/s]
     beta: Fraction  #: where h is taken [rad]
     gamma: Fraction  #: where h is taken [rad]
-    h: tuple[Measured, ...]  #: h_0 ... h_N at (beta, gamma) [rad/s, rad/m, ...]
-    #: Largest |epsilon (dh/dx) f - g| over the fixed points, of the orders 0 ... N, at this set's epsilon [m rad/s^3].
-    residual: tuple[Measured, ...]
-    residual_slope: tuple[Measured, ...]  #: exponent of epsilon in that as epsilon tends to 0, seen at 1e-5 ... 1e-6
-    best_order: int  #: where |epsilon^n h_n|, at its largest over the points, is smallest
-    smallest_term: Measured  #: that size [rad/s]
-    reduced_omega_crit: Measured | None  #: of the reduced flow at order N [rad/s]; None at order 0
+    h: tuple[Measured, ...]  #: the orders h_0, h_1, ... of v = h_0 + epsilon h_1 + ... there [rad s^(n-1)/m^n]
+    residual: tuple[Measured, ...]  #: largest residual of orders 0, 1, ... over twenty fixed points [m rad/s^3]
+    residual_slope: tuple[Measured, ...]  #: its exponent in epsilon as epsilon tends to 0, seen at 1e-5 ... 1e-6 [1]
+    best_order: int  #: the order whose term is smallest, at its largest over those points [1]
+    smallest_term: Measured  #: the size of that term [rad/s]
+    reduced_omega_crit: Measured | None  #: the Hopf speed of the flow on the truncated slow manifold [rad/s]
     warning: str | None
 
 

@@ -45,7 +45,8 @@ CROSSING = ("crossing_time", "crossing_gamma", "crossing_v")
 ROW = 1e-3  # s, between the rows of an orbit
 EARLY = 0.01  # s, in which crossings do not count
 EXACT = 1e-7  # s, of times that are read exactly
-ROUND = sorted((f * 10.0**-k for k in range(1, 6) for f in (5, 4, 2.5, 2, 1.25, 1)), reverse=True)  # s, of steps
+#: [s] of steps
+ROUND: list[float] = sorted((f * 10.0**-k for k in range(1, 6) for f in (5, 4, 2.5, 2, 1.25, 1)), reverse=True)
 _TOLERANCE = 1e-11
 _END = 25.0  # s
 _SCALAR: dict[str, Any] = {"sin": math.sin, "cos": math.cos, "abs": abs}

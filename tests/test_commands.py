@@ -1,0 +1,169 @@
+"""The command line's promises: examples that run, whole sentences and words in 80 columns, the README's commands."""
+
+from __future__ import annotations
+
+import re
+import shlex
+import shutil
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import click
+import pytest
+
+from tippedisk_verify.cli import cli, main
+from tippedisk_verify.commands import common
+from tippedisk_verify.model import results
+
+README = Path(__file__).parents[1] / "README.md"
+CONTEXT = click.Context(cli, info_name="tippedisk-verify", terminal_width=80)
+
+
+def _commands(group: click.Group, path: str = "") -> Iterator[tuple[str, click.Command]]:
+    for name in group.list_commands(CONTEXT):
+        command = group.get_command(CONTEXT, name)
+        assert command is not None
+        yield f"{path}{name}", command
+        if isinstance(command, click.Group):
+            yield from _commands(command, f"{path}{name} ")
+
+
+COMMANDS = dict(_commands(cli))
+
+
+def _help(path: str) -> str:
+    context = click.Context(COMMANDS[path], info_name=path, terminal_width=80) if path else CONTEXT
+    return context.command.get_help(context)
+
+
+def _parsed(words: list[str]) -> None:
+    """Raises click.ClickException, or InputError, for what is no command; nothing is computed."""
+    command, path, name = cli.get_command(CONTEXT, words[0]), CONTEXT, words[0]
+    assert command is not None, f"there is no command {name}"
+    words = words[1:]
+    while isinstance(command, click.Group) and words:
+        path = command.make_context(name, [], parent=path)
+        name, words, command = words[0], words[1:], command.get_command(path, words[0])
+        assert command is not None, f"there is no command {name}"
+    command.make_context(name, words, parent=path)
+
+
+EXAMPLES = {path: re.findall(r"^ +tippedisk-verify (.+)$", _help(path), re.MULTILINE) for path in COMMANDS}
+#: What takes more than some seconds, by how the example begins.
+LONG = (
+    *("verify --out", "branch --paper-sets", "bench", "stress --quick", "atlas", "scene b d", "certify branch"),
+    *("certify heteroclinic", "conformance run", "reference check --sample 50", "certify orbit --omega"),
+    *("sweep orbit", "basin --below-crit", "certify check", "reference generate", "reference prove"),
+)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Where the examples run, with the files that they need of a user: answers, old and new, and a program."""
+    here = tmp_path_factory.mktemp("examples")
+    for name in ("answers.csv", "old.csv", "new.csv"):
+        (here / name).write_text("id,answer\nprinted/linear/hopf/point/omega_crit,30.886592688643568\n")
+    client = Path(common.__file__).parents[1] / "conformance" / "clients" / "client.py"
+    shutil.copy(client, here)
+    (here / "your_program").write_text(f'#!/bin/sh\nexec {shlex.quote(sys.executable)} {here / client.name} "$@"\n')
+    (here / "your_program").chmod(0o755)
+    return here
+
+
+@pytest.mark.parametrize(
+    "example",
+    [
+        pytest.param(example, marks=[pytest.mark.slow(minutes=2)] if example.startswith(LONG) else [])
+        for examples in EXAMPLES.values()
+        for example in examples
+    ],
+)
+def test_an_example_of_the_help_runs(
+    example: str, folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(folder)
+    if example.startswith("certify check"):
+        made = {"cycle.json": "orbit --omega 30.4", "omega_h.json": "heteroclinic"}[example.split()[2]]
+        assert main(["certify", *made.split(), "--quiet", "--certificate", example.split()[2]]) == 0
+    # What is proved of a part of the family only has the status of what is not proved.
+    assert main([*shlex.split(example), "--quiet"]) == (1 if example.startswith("certify branch --to") else 0)
+
+
+def test_each_command_has_two_examples_at_the_end_of_its_help() -> None:
+    for path, examples in EXAMPLES.items():
+        assert len(examples) == 2, path
+        assert all(example.startswith(path) for example in examples), path
+        assert _help(path).rstrip().endswith(examples[1]), path
+
+
+def test_help_is_sections_of_whole_sentences_in_80_columns() -> None:
+    said = _help("")
+    sections = re.findall(r"^([A-Z].*):$", said, re.MULTILINE)
+    assert sections == [
+        *("Options", "The paper", "One disk's motion and cycles", "Omega_h", "Your implementation", "Proofs"),
+        "Studies",
+    ]
+    listed = re.findall(r"^  ([a-z][\w-]+)  ", said, re.MULTILINE)
+    assert sorted(listed) == sorted(cli.commands)
+    assert "..." not in said.split("Options:")[1]
+    for path in ("", *COMMANDS):
+        assert max(map(len, _help(path).splitlines())) <= 80, path
+        for command in getattr(COMMANDS.get(path, cli), "commands", {}).values():
+            assert command.get_short_help_str().endswith("."), command.name
+
+
+def test_the_commands_of_the_readme_are_commands(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.chdir(tmp_path)
+    text = README.read_text(encoding="utf-8")
+    code = [*re.findall(r"`([^`\n]+)`", text), *re.findall(r"^    (.+)$", text, re.MULTILINE)]
+    lines = [part.strip() for line in code for part in line.split("&&")]
+    said = [line.split("tippedisk-verify ", 1)[1] for line in lines if re.match(r"(\S*/)?tippedisk-verify \S", line)]
+    # Beside a whole command a second one may stand without the program's name.
+    said += [line for row in text.splitlines() if row.startswith("|") for line in re.findall(r", `([^`]+)`", row)]
+    wanted = [line for line in said if re.match("[a-z]", line)]  # COMMAND stands for any
+    assert len(wanted) > 12
+    for line in wanted:
+        _parsed(shlex.split(line))
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        "stress --list",
+        "branch --omegas 30.3,30.4,30.5",
+        "integrate --omega 30.4 --state pi/2,2,0 --time 1 --times 3 --events section",
+        "certify equilibria --omega 30.4",
+        "hopf --bautin A --digits 50",
+        "verify --list",
+    ],
+)
+def test_on_a_terminal_lines_end_between_words(
+    command: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(command.split()) == 0
+    words = capsys.readouterr().out.split()
+    monkeypatch.setattr(common, "_width", lambda: 80)
+    assert main(command.split()) == 0
+    narrow = capsys.readouterr().out
+    assert narrow.split() == words or sorted(narrow.split()) == sorted(words)
+    assert max(len(line) for line in narrow.splitlines() if len(line.split()) > 1) <= 80
+
+
+def test_a_table_is_as_wide_as_its_cells(monkeypatch: pytest.MonkeyPatch) -> None:
+    rows = [("a", "first"), ("long name", "one two three four")]
+    assert list(common.table(("x", "y"), rows)) == ["x          y", "a          first", "long name  one two three four"]
+    monkeypatch.setattr(common, "_width", lambda: 24)
+    assert list(common.table(("x", "y"), rows))[2:] == ["long name  one two three", "           four"]
+
+
+def test_a_quantity_has_one_unit() -> None:
+    """Whatever class it stands in; and a meaning that the comment beside the field says."""
+    units: dict[str, set[str]] = {name: {what.unit} for name, what in results.COORDINATES.items()}
+    for module in results._RESULTS:
+        for name, what in results.quantities(module).items():
+            units.setdefault(name, set()).add(what.unit)
+            assert what.meaning
+    assert {name: said for name, said in units.items() if len(said) > 1} == {}
+    assert results.quantities("theory.hopf", "HopfPoint")["period"].unit == "s"
+    assert "harmonics" not in results.quantities("cycles.spectral", "SpectralFold")

@@ -1,0 +1,129 @@
+"""What help says beyond the commands' own sentences: sections, the quantities printed, and examples that tests run."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+
+import click
+
+from tippedisk_verify.model.results import COORDINATES, Quantity, heading, quantities
+
+__all__ = ["EXAMPLES", "Cli"]
+
+#: Of each command two examples, cheap ones first; what they write is named so that it can be written anywhere.
+EXAMPLES: dict[str, tuple[str, str]] = {
+    "verify": ("--only omega_crit lambda_3", "--out report"),
+    "scene": ("d", "b d --out figures"),
+    "integrate": (
+        "--omega 30.4 --state 1,2,0 --time 9 --events turn",
+        "--omega 31 --state 1,2,0 --time 2 --out m.csv",
+    ),
+    "equilibria": ("--omega 30.4", "--below-crit 0.5 --digits 30"),
+    "hopf": ("--digits 50", "--bautin A"),
+    "slow-manifold": ("--order 3", "--order 2 --omega 30.4 --beta 1.2 --gamma 0.3"),
+    "orbit": ("--below-crit 0.5", "--rotating --omega 30.0388"),
+    "harmonic-balance": ("--below-crit 0.5", "--omega 30.8 --digits 30"),
+    "branch": ("--omegas 30.3,30.4,30.5", "--paper-sets --out branch.csv"),
+    "basin": ("--omega 30.5 --margin pi/2+0.4,pi/2,0", "--below-crit 0.5 --count 2000 --out basins"),
+    "heteroclinic": ("", "--digits 20 --out connection.csv"),
+    "reference": ("list printed/linear/hopf", "show printed/linear/hopf/point/omega_crit"),
+    "reference generate": ("--only hopf --out values", "--only hopf --set printed --out values"),
+    "reference prove": ("printed/linear/hopf --data values", "printed/linear/equilibrium --data values"),
+    "reference check": ("--sample 0", "--sample 50 --seed 1"),
+    "reference list": ("printed/linear/hopf", "calibrated/smooth/limit-cycle"),
+    "reference show": ("printed/linear/hopf/point/omega_crit", "printed/linear/limit-cycle/crit-0.5/period"),
+    "conformance": ("questions sheet.csv --levels 1", "client octave"),
+    "conformance questions": ("sheet.csv --set printed", "fresh.csv --states 5 --seed 7"),
+    "conformance grade": ("answers.csv", "answers.csv --html grades.html"),
+    "conformance run": ("--levels 1-3 -- ./your_program", "--out graded -- ./your_program"),
+    "conformance compare": ("old.csv new.csv", "old.csv new.csv --from doubles"),
+    "conformance client": ("python", "octave"),
+    "conformance grader": ("octave", "javascript"),
+    "conformance guide": ("", "--json"),
+    "certify": ("equilibria --omega 30.4", "hopf --digits 30"),
+    "certify equilibria": ("--omega 30.4", "--every-speed"),
+    "certify hopf": ("--digits 30", "--parameters calibrated"),
+    "certify orbit": ("--below-crit 0.5", "--omega 30.4 --certificate cycle.json"),
+    "certify heteroclinic": ("--digits 10", "--certificate omega_h.json"),
+    "certify branch": ("--to 0.5", "--certificate family.json"),
+    "certify check": ("cycle.json", "omega_h.json --jobs 1"),
+    "atlas": ("--points 20", "--plane A,Omega --out atlas"),
+    "sweep": (
+        "hopf --over mu=0.2,0.3,0.4 --out hopf.csv",
+        "orbit --over below-crit=0.1:0.7:7 --out cycles.csv",
+    ),
+    "bench": ("--only cycle", "--out bench"),
+    "stress": ("--list", "--quick"),
+}
+_CYCLES = ("cycles.limit_cycle", "Cycle", "LimitCycle", "RotatingCycle")
+#: The classes of what a command prints, each as its module and names there, or names of coordinates.
+_PRINTED: dict[str, tuple[tuple[str, ...], ...]] = {
+    "integrate": (("", "beta", "gamma", "v"),),
+    "equilibria": (("", "beta", "gamma", "v"), ("theory.equilibria", "Equilibrium")),
+    "hopf": (("theory.hopf", "HopfPoint"), ("theory.bautin", "BautinPoint")),
+    "slow-manifold": (("", "beta", "gamma"), ("theory.slow_manifold", "SlowManifold")),
+    "orbit": (_CYCLES, ("cycles.folds", "Fold")),
+    "harmonic-balance": (("cycles.spectral", "BalancedCycle"),),
+    "branch": (_CYCLES,),
+    "basin": (("", "margin"),),
+    "heteroclinic": (("connection.heteroclinic", "Heteroclinic"),),
+    "atlas": (("atlas.plane", "CurvePoint"),),
+}
+
+
+class Cli(click.Group):
+    """The program's commands, listed in sections; help defines what is printed, and ends with examples."""
+
+    def __init__(self, *args: object, sections: Mapping[str, Sequence[click.Command]], **kwargs: object) -> None:
+        super().__init__(*args, **kwargs)  # type: ignore[arg-type]
+        self.sections = sections
+        for command in (command for members in sections.values() for command in members):
+            self.add_command(command)
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return [str(command.name) for members in self.sections.values() for command in members]
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        command = super().get_command(ctx, cmd_name)
+        return None if command is None else _completed(command, cmd_name)
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        for title, members in self.sections.items():
+            with formatter.section(title):
+                formatter.write_dl([(str(command.name), _sentence(command)) for command in members])
+
+
+def _completed(command: click.Command, path: str) -> click.Command:
+    """The command with its last paragraphs, and with whole sentences for what it lists itself."""
+    command.epilog = "\n\n".join("\b\n" + "\n".join(lines) for lines in (_defined(path), _examples(path)) if lines)
+    if isinstance(command, click.Group):
+        for name, inner in command.commands.items():
+            _completed(inner, f"{path} {name}").short_help = _sentence(inner)
+    return command
+
+
+def _sentence(command: click.Command) -> str:
+    """The first paragraph of what the command says of itself, on one line."""
+    return " ".join((command.help or "").partition("\n\n")[0].split())
+
+
+def _defined(path: str) -> list[str]:
+    known: dict[str, Quantity] = {}
+    for module, *names in _PRINTED.get(path, ()):
+        of_class = quantities(module, *names) if module else {name: COORDINATES[name] for name in names}
+        known = known | {name: what for name, what in of_class.items() if name not in known}
+    told = [f"  {heading(name)}: {what.meaning}" for name, what in known.items()]
+    return ["Quantities (± is a half-width that holds the true value):", *_wrapped(told)] if told else []
+
+
+def _examples(path: str) -> list[str]:
+    lines = [f"  tippedisk-verify {path} {words}".rstrip() for words in EXAMPLES.get(path, ())]
+    return ["Examples:", *lines] if lines else []
+
+
+def _wrapped(lines: Sequence[str]) -> Iterator[str]:
+    """Lines of at most 78 characters, broken between words."""
+    from textwrap import wrap
+
+    for line in lines:
+        yield from wrap(line, 76, initial_indent="  ", subsequent_indent="      ")

@@ -1,0 +1,320 @@
+"""The commands about one disk: its states and cycles, its motion, and Omega_h."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from fractions import Fraction
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from tippedisk_verify.commands.common import (
+    Common,
+    alone_in,
+    at_a_speed,
+    common_options,
+    jobs_option,
+    print_result,
+    processes,
+    table,
+)
+from tippedisk_verify.errors import InputError, Shortfall
+from tippedisk_verify.model.results import heading, result_lines
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from tippedisk_verify.cycles.limit_cycle import LimitCycle, RotatingCycle
+    from tippedisk_verify.motion.solution import Solution
+
+__all__ = ["COMMANDS", "OMEGA_H"]
+
+_MOST_TIMES = 1_000_000
+_LARGEST_FILE = 2**25  # bytes
+_PROVED_DIGITS = 12  # what the cycles have that proofs start from
+_ROTATING = click.option("--rotating", is_flag=True, help="The rotating cycles, on which gamma grows by 2 pi a period.")
+
+
+@click.command()
+@click.option("--state", required=True, metavar="BETA,GAMMA,V", help="The start, such as pi/2,pi/2+0.4,0.")
+@click.option("--time", "span", required=True, metavar="T|T0,T1", help="How long, or from when to when [s].")
+@click.option("--times", metavar="N|FILE", help="So many even times, or the first column of a file.")
+@click.option(
+    "--events",
+    default="",
+    metavar="NAME,...",
+    help="Crossings to report: section (beta = pi/2), turn (v = 0), surface (the sliding velocity is zero).",
+)
+@click.option("--out", metavar="FILE.csv|.parquet|.png", help="Write the motion with its events there, or draw it.")
+@common_options
+@at_a_speed
+def integrate(
+    common: Common, omega: Fraction, state: str, span: str, times: str | None, events: str, out: str | None
+) -> int:
+    """Integrate one motion, with half-widths of its states and events; at 201 even times if none are given."""
+    from tippedisk_verify.files import table_file
+
+    target, ends = None if out is None else table_file(out, ".png"), span.split(",")
+    solution = common.disk.integrate(
+        omega,
+        state.split(","),
+        ends if len(ends) > 1 else span,
+        t_eval=None if times is None else _times(times, ends),
+        digits=common.digits,
+        events=events.split(",") if events else (),
+    )
+    entries = solution.to_dict()
+    columns = (entries[name] for name in ("t", "beta", "gamma", "v"))
+    rows = [dict(zip(("t", "beta", "gamma", "v"), row, strict=True)) for row in zip(*columns, strict=True)]
+    if target is not None:
+        crossings = [
+            {"event" if name == "name" else name: entry for name, entry in e.items()} for e in entries["events"]
+        ]
+        _write_motion(solution, rows + crossings, target)
+    shown = {name: entries[name] for name in ("message", "end", "events")} | ({"samples": rows} if times else {})
+    print_result(common, entries, result_lines(shown))
+    return 0
+
+
+def _times(text: str, ends: list[str]) -> list[Any]:
+    """Even ones over the run, or those in the first column of a file, below ``t`` if that stands there."""
+    from tippedisk_verify.files import read_text
+    from tippedisk_verify.model.exact import exact
+
+    if not text.isdecimal():
+        lines = read_text(Path(text), _LARGEST_FILE).splitlines()
+        column = [line.split(",")[0].strip() for line in lines if line.strip()]
+        return column[1:] if column[:1] == ["t"] else column
+    if not 2 <= (count := int(text[:20])) <= _MOST_TIMES:
+        raise InputError(f"--times is a number from 2 to {_MOST_TIMES}, or a file, not '{text[:40]}'")
+    first, last = exact(ends[0] if len(ends) > 1 else 0), exact(ends[-1])
+    return [float(first + (last - first) * Fraction(n, count - 1)) for n in range(count)]
+
+
+def _write_motion(solution: Solution, rows: list[dict[str, Any]], target: Path) -> None:
+    """The picture, or the table: the samples, and below them the events with their names."""
+    from tippedisk_verify.files import write_bytes, write_table
+
+    if target.suffix.lower() == ".png":
+        from tippedisk_verify.figures.motion import draw_motion
+        from tippedisk_verify.figures.style import encoded
+
+        write_bytes(target, encoded(draw_motion(solution), "png"))
+        return
+    lines = []
+    for row in rows:
+        texts = {name: entry for name, entry in row.items() if isinstance(entry, str)}
+        numbers = {name: entry for name, entry in row.items() if isinstance(entry, dict)}
+        widths = {f"{name}_uncertainty": entry["uncertainty"] for name, entry in numbers.items()}
+        lines.append(texts | {name: entry["value"] for name, entry in numbers.items()} | widths)
+    write_table(target, lines)
+
+
+@click.command()
+@common_options
+@at_a_speed
+def equilibria(common: Common, omega: Fraction) -> dict[str, Any]:
+    """Compute states, eigenvalues and stability of inverted and noninverted spinning."""
+    names = ("inverted", "noninverted")
+    return {name: common.disk.equilibrium(name, omega, digits=common.digits).to_dict() for name in names}
+
+
+@click.command()
+@click.option(
+    "--bautin",
+    metavar="P",
+    help="Also the Bautin points, where the first Lyapunov coefficient vanishes, as P of A, B, m, r and e varies.",
+)
+@common_options
+def hopf(common: Common, bautin: str | None) -> dict[str, Any]:
+    """Compute the Hopf point: speed, period, first Lyapunov coefficient, laws of amplitude and period."""
+    entries: dict[str, Any] = common.disk.hopf(digits=common.digits).to_dict()
+    if bautin is None:
+        return entries
+    return entries | {"bautin": [p.to_dict() for p in common.disk.bautin_points(bautin, digits=common.digits)]}
+
+
+@click.command("slow-manifold")
+@click.option(
+    "--order",
+    type=int,
+    required=True,
+    metavar="N",
+    help="Highest order in epsilon, 0 to 40. Above 5 it takes long: 8 some ten seconds, 12 half a minute.",
+)
+@click.option("--omega", metavar="X", help="The spinning speed [rad/s]; Omega_crit - 0.5 if not given.")
+@click.option("--beta", default="1.2", show_default=True, metavar="X", help="Where h is taken [rad].")
+@click.option("--gamma", default="0.3", show_default=True, metavar="X", help="Where h is taken [rad].")
+@common_options
+def slow_manifold(common: Common, order: int, omega: str | None, beta: str, gamma: str) -> Any:
+    """Compute the orders of the slow manifold, their residuals, and the reduced flow."""
+    return common.disk.slow_manifold(order, omega, at=(beta, gamma), digits=common.digits)
+
+
+@click.command()
+@click.option("--omega", metavar="X", help="The spinning speed [rad/s].")
+@click.option("--below-crit", metavar="D", help="Omega_crit - D [rad/s].")
+@click.option("--above-het", metavar="D", help="Omega_h + D [rad/s], with D as small as 1e-100.")
+@click.option("--below-het", metavar="D", help="The rotating cycle at Omega_h - D [rad/s].")
+@click.option("--at-fold", is_flag=True, help="Where two cycles of the family meet and end: each of its folds.")
+@_ROTATING
+@click.option("--unstable", is_flag=True, help="The unstable one, where a stable one has the same speed.")
+@common_options
+def orbit(common: Common, at_fold: bool, rotating: bool, unstable: bool, **speeds: str | None) -> Any:
+    """Compute one limit cycle by shooting: period, state, multipliers, sensitivities."""
+    disk, digits = common.disk, common.digits
+    if speeds.pop("above_het" if rotating else "below_het") is not None:
+        raise InputError(
+            "--above-het is for cycles that do not rotate" if rotating else "--below-het belongs to --rotating"
+        )
+    if at_fold + sum(speed is not None for speed in speeds.values()) != 1:
+        *first, last = (f"--{name.replace('_', '-')}" for name in (*speeds, "at_fold"))
+        raise InputError(f"give the speed of the cycle with one of {', '.join(first)} and {last}")
+    if unstable and speeds["omega"] is speeds["below_crit"] is None:
+        raise InputError("--unstable goes with --omega or --below-crit")
+    if at_fold:
+        return disk.rotation_fold(digits=digits) if rotating else disk.folds(digits=digits)
+    if rotating:
+        return disk.rotating_cycle(**speeds, stable=not unstable, digits=digits)
+    return disk.limit_cycle(**speeds, stable=False if unstable else None, digits=digits)
+
+
+@click.command("harmonic-balance")
+@click.option("--harmonics", type=int, metavar="N", help="Number of odd harmonics; chosen for the digits if not given.")
+@common_options
+@at_a_speed
+def harmonic_balance(common: Common, omega: Fraction, harmonics: int | None) -> Any:
+    """Compute a limit cycle by harmonic balance of the full equations, without an integrator."""
+    return common.disk.harmonic_balance(omega, harmonics=harmonics, digits=common.digits)
+
+
+@click.command()
+@click.option("--paper-sets", is_flag=True, help="The paper's sets A^in and A^de: 801 speeds.")
+@click.option("--omegas", metavar="X,X,...", help="These speeds [rad/s], in this order.")
+@_ROTATING
+@click.option("--proved", is_flag=True, help="Replace the numbers by proved enclosures, where these exist.")
+@click.option("--out", metavar="FILE.csv", help="Write the family there as CSV.")
+@common_options
+def branch(common: Common, paper_sets: bool, omegas: str | None, rotating: bool, proved: bool, out: str | None) -> int:
+    """Compute the family of limit cycles from Omega_crit towards Omega_h, through any folds, or the rotating ones."""
+    from tippedisk_verify.files import output_file
+    from tippedisk_verify.parallel import usable_cores
+    from tippedisk_verify.report.tables import write_branch
+
+    if common.digits > _PROVED_DIGITS:
+        raise InputError(f"a branch holds at most 12 digits, not {common.digits}: ask orbit for more at single speeds")
+    if paper_sets and (omegas is not None or rotating):
+        raise InputError("--paper-sets are speeds of their own, without rotating cycles: leave out the other option")
+    if proved and (rotating or out is not None):
+        raise InputError("--proved is for librating cycles, and for --json: leave out --rotating and --out")
+    target = None if out is None else output_file(out)
+    disk, speeds, watched = common.disk, None if omegas is None else omegas.split(","), not common.quiet
+    cycles: Sequence[LimitCycle | RotatingCycle]
+    if rotating:
+        cycles = disk.rotating_branch(speeds, progress=watched)
+    else:
+        cycles = disk.branch(speeds, paper_sets=paper_sets, progress=watched).cycles
+    if target is not None:
+        write_branch(cycles, target)
+    result: dict[str, Any] = {"orbits": [cycle.to_dict() for cycle in cycles]}
+    if proved:
+        portions = max(1, min(usable_cores(), len(cycles) // 20))
+        with processes(portions) as pool:
+            how = {"digits": common.digits, "executor": pool, "portions": portions, "progress": watched}
+            proofs = disk.certify.each(cycles, **how)
+        # What is not proved keeps its measured half-widths, and says so.
+        result["orbits"] = [entries | proof for entries, proof in zip(result["orbits"], proofs, strict=True)]
+        result["share_proved"] = sum(bool(proof["proved"]) for proof in proofs) / len(proofs)
+    if rotating:
+        result["fold"] = disk.rotation_fold(digits=common.digits).to_dict()
+    else:
+        with suppress(InputError, Shortfall):  # none where the family is known at single speeds only
+            result |= disk.folds(digits=common.digits).to_dict()
+    print_result(common, result, _family_lines(result))
+    return 0
+
+
+def _family_lines(result: dict[str, Any]) -> Iterator[str]:
+    shown = ("omega", "period", "beta_max", "multiplier_slow")
+    headings = [heading(name) for name in shown] + ["half-widths"] * ("share_proved" in result)
+    rows = (
+        [f"{float(entries[name]['value']):.12g}" for name in shown]
+        + [{True: "proved", False: "measured"}[entries["proved"]] for _ in headings[len(shown) :]]
+        for entries in result["orbits"]
+    )
+    yield from table(headings, rows)
+    yield from result_lines({name: entry for name, entry in result.items() if name != "orbits"})
+
+
+@click.command()
+@click.option("--count", type=int, default=100_000, show_default=True, metavar="N", help="Number of initial states.")
+@click.option("--seconds", type=float, default=20.0, show_default=True, metavar="T", help="How long each runs [s].")
+@click.option("--velocity", type=float, default=0.0, show_default=True, metavar="V", help="d(beta)/dt at the start.")
+@click.option("--margin", metavar="BETA,GAMMA,V", help="Only how far this start is from the boundary, in beta [rad].")
+@click.option("--out", metavar="DIR", help="Write picture and CSV there.")
+@jobs_option
+@common_options
+@at_a_speed
+def basin(
+    common: Common,
+    omega: Fraction,
+    count: int,
+    seconds: float,
+    velocity: float,
+    margin: str | None,
+    out: str | None,
+    jobs: int | None,
+) -> Any:
+    """Compute what each of many initial states ends on: fractions with their sampling error, and a picture."""
+    from tippedisk_verify.model.precision import DOUBLE
+
+    disk = common.disk
+    if margin is not None:
+        if len(start := [DOUBLE.number(part) for part in margin.split(",")]) != 3:
+            raise InputError(f"a start is three numbers, beta,gamma,v, not '{margin[:60]}'")
+        distance = disk.basin_boundary(omega).margin(start)
+        return {"margin": distance.to_dict(), "keeps_standing": distance > 0}
+    folder = alone_in(out)
+    with processes(jobs, needed=count >= 10_000) as pool:
+        how = {"count": count, "duration": seconds, "v": velocity, "executor": pool}
+        plane = disk.basins(omega, progress=not common.quiet, **how)
+    if folder is not None:
+        from tippedisk_verify.figures.basins import draw_basins
+        from tippedisk_verify.figures.style import save
+        from tippedisk_verify.report.tables import write_basins
+
+        boundary = None
+        with suppress(InputError, Shortfall):  # below the rotating cycles' fold everything lies flat
+            boundary = disk.basin_boundary(omega)
+            save(draw_boundary(boundary), folder, "boundary")
+        save(draw_basins(plane, boundary), folder, "basins")
+        write_basins(plane, folder)
+    return plane
+
+
+@click.command()
+@click.option(
+    "--method",
+    default="manifolds",
+    show_default=True,
+    metavar="NAME",
+    help="manifolds, limit-cycles, bisection or scipy.",
+)
+@click.option("--out", metavar="FILE.csv", help="Write samples of the connection there.")
+@common_options
+def heteroclinic(common: Common, method: str, out: str | None) -> Any:
+    """Compute Omega_h, where the saddles are connected, by one of several methods."""
+    from tippedisk_verify.files import output_file, write_csv
+
+    target = None if out is None else output_file(out)
+    connection = common.disk.heteroclinic(digits=common.digits, method=method)
+    if target is not None:
+        times, states = connection.orbit()
+        rows = [list(row) for row in zip(times.tolist(), *states.tolist(), strict=True)]
+        write_csv(target, [heading(name) for name in ("t", "beta", "gamma", "v")], rows)
+    return connection
+
+
+COMMANDS = (integrate, equilibria, hopf, slow_manifold, orbit, harmonic_balance, branch, basin)
+OMEGA_H = (heteroclinic,)
