@@ -1,0 +1,324 @@
+"""Truths: the numbers of a question, through `Disk` and the equations, and how far inputs move them.
+
+`compute` gives the numbers that the published data and fresh questions have. `compute_again` gives those that a check
+holds against them: in another formulation where there is one, else by the same method in another precision.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from fractions import Fraction
+from functools import partial
+from typing import Any
+
+from tippedisk_verify.cycles.error_budget import cycle_numbers
+from tippedisk_verify.cycles.return_map import FixedPoint, ReturnMap
+from tippedisk_verify.cycles.section import LIBRATING, ROTATING
+from tippedisk_verify.cycles.shooting import shoot
+from tippedisk_verify.errors import Shortfall
+from tippedisk_verify.flow import default_engine
+from tippedisk_verify.flow.contract import Engine, Request, Status
+from tippedisk_verify.model.equations import friction_force, jacobian, shifted, terms
+from tippedisk_verify.model.exact import PI, exact, fraction, quotient
+from tippedisk_verify.model.measured import Measured
+from tippedisk_verify.model.parameters import SYMBOLS
+from tippedisk_verify.model.precision import DOUBLE, bits
+from tippedisk_verify.motion.solution import EVENTS
+from tippedisk_verify.reference_values.definitions import codebook, definition_of
+from tippedisk_verify.reference_values.draws import DRAWN_SET
+from tippedisk_verify.reference_values.entries import Case, Item, Reading, Values, short
+from tippedisk_verify.reference_values.store import Quantity
+from tippedisk_verify.theory import harmonic_balance, hopf, slow_manifold
+
+__all__ = [
+    *(
+        "BITS",
+        "DIGITS",
+        "ORDERS",
+        "WIDER",
+        "as_quantity",
+        "by_differences",
+        "compute",
+        "compute_again",
+        "condition",
+        "connection",
+    ),
+    *("in_two", "motion", "plain_motion", "shot"),
+]
+
+DIGITS = 56  #: of closed forms, for 50 that are kept
+BITS, WIDER = 240, 304  #: 72 digits: near beta = pi/2 some cancel; and more, to see the error
+ORDERS = 5  #: of the slow manifold
+_STEP = Fraction(1, 10**12)  # relative, of the differences that give condition numbers
+# The starts lie on the section, up to rounding, half of them with v = 0: a crossing before this time [s] is the start
+# itself, also when the start is moved by 1e-7 to see what that does.
+_START = 0.01
+_STATE = ("beta", "gamma", "v")
+_QUARTER = PI * Fraction(1, 2)
+Slopes = dict[str, dict[str, Any]]  #: of each quantity, by parameter or input
+
+
+def compute(case: Case, digits: int) -> Values:
+    """The numbers of a question: closed forms to `DIGITS`, what takes an integrator to ``digits``."""
+    return _COMPUTE[case.item.kind](case, digits)
+
+
+def compute_again(case: Case, digits: int) -> Values:
+    """The same, in another formulation where there is one."""
+    return {**_COMPUTE, **_COMPUTE_AGAIN}[case.item.kind](case, digits)
+
+
+def condition(case: Case, values: Values) -> Slopes:
+    """The change of each number per relative change of each parameter and input, next to ``values``."""
+    plain, step = _PLAIN[case.item.kind]
+    return by_differences(case, lambda moved: plain(moved, values), step)
+
+
+def by_differences(case: Case, plain: Callable[[Case], Mapping[str, Any]], step: Fraction = _STEP) -> Slopes:
+    """dq / (dp / p) by central differences of a function that is cheap to evaluate."""
+    slopes: Slopes = {}
+    moving = [name for name, value in case.inputs.items() if isinstance(value, Fraction) and value]
+    for name in (*SYMBOLS, *moving):
+        above, below = (plain(_moved(case, name, 1 + sign * step)) for sign in (1, -1))
+        for quantity in above.keys() & below.keys():
+            slope = float((above[quantity] - below[quantity]) / (2 * float(step)))
+            slopes.setdefault(quantity, {})[name] = slope
+    return slopes
+
+
+def _moved(case: Case, name: str, factor: Fraction) -> Case:
+    if name in case.inputs:
+        return replace(case, inputs={**case.inputs, name: case.inputs[name] * factor})
+    value: Any = getattr(case.disk, name) * factor
+    return replace(case, disk=replace(case.disk, **{name: value}))
+
+
+def in_two(evaluate: Callable[[Any], Mapping[str, Any]], narrow: int = BITS, kept: int = BITS) -> Values:
+    """What a function of an mpmath context gives in ``narrow`` bits, its error seen in 64 more; ``kept`` are right."""
+    rough, sharp = (evaluate(bits(working).context) for working in (narrow, narrow + WIDER - BITS))
+    return {name: Measured.compared(value, sharp[name], Fraction(2, 1 << kept)) for name, value in rough.items()}
+
+
+def _in(ctx: Any, case: Case, *names: str) -> tuple[Any, ...]:
+    """The disk's constants and these inputs in a context."""
+    return (case.disk.within(ctx), *(quotient(ctx, case.inputs[name]) for name in names))
+
+
+def as_quantity(
+    item: Item,
+    name: str,
+    values: Mapping[Reading, tuple[str, str]],
+    slopes: Mapping[str, Any],
+    grade: str = "single",
+    methods: Mapping[str, str] | None = None,
+) -> Quantity:
+    """A computed number as a reference value; the slopes to three digits, without those that are 0."""
+    level, unit, _ = definition_of(item.kind, name)
+    return Quantity(
+        id=f"{item.id}/{name}", level=level, kind=item.kind, set=item.set, friction=item.friction, name=name, unit=unit,
+        inputs=item.inputs, values=values, grade=grade, methods=methods or {},
+        condition={symbol: short(slope) for symbol, slope in slopes.items() if slope},
+    )  # fmt: skip
+
+
+# ------------------------------------------------------------------------------------------ closed forms
+def _right_hand_side(case: Case, ctx: Any, shift: bool = False) -> dict[str, Any]:
+    """The paper's terms as they stand and the Jacobian by hand; with ``shift`` in angles less pi/2."""
+    c, omega, beta, gamma, v = _in(ctx, case, "Omega", *_STATE)
+    ops, quarter = (shifted(ctx), ctx.pi / 2) if shift else (ctx, 0)
+    beta, gamma = beta - quarter, gamma - quarter
+    values = terms(ops, c, omega, beta, gamma, v)
+    if case.item.friction == "both":
+        return {
+            "M": values.mass,
+            "h": values.gyroscopic,
+            "f_G": values.gravity,
+            "w_y": values.direction,
+            "gamma_y": values.sliding_velocity,
+            "gamma_rate": -omega * ops.cos(beta),
+        }
+    force = friction_force(c, values.sliding_velocity, case.disk.friction)
+    slopes = jacobian(ops, c, omega, case.disk.friction)(beta, gamma, v)[2]
+    return {
+        "lambda_Ty": force,
+        "v_rate": (values.gyroscopic + values.gravity + values.direction * force) / values.mass,
+        **dict(zip(("dv_rate_dbeta", "dv_rate_dgamma", "dv_rate_dv"), slopes, strict=True)),
+    }
+
+
+def _equilibrium(case: Case, digits: int) -> Values:
+    state = case.disk.equilibrium(case.inputs["equilibrium"], case.inputs["Omega"], digits=DIGITS)
+    return {
+        f"lambda_{n}_{part}": getattr(value, part)
+        for n, value in enumerate(state.eigenvalues, start=1)
+        for part in ("re", "im")
+    }
+
+
+def _eigenvalues(case: Case, ctx: Any) -> dict[str, Any]:
+    """Eigenvalues of the Jacobian of the full equations, by the QR algorithm."""
+    c, omega = _in(ctx, case, "Omega")
+    gamma = ctx.pi / 2 if case.inputs["equilibrium"] == "inverted" else -ctx.pi / 2
+    rows = jacobian(ctx, c, omega, "linear")(ctx.pi / 2, gamma, ctx.mpf(0))
+    values = ctx.eig(ctx.matrix([list(row) for row in rows]), left=False, right=False)
+    small = ctx.mpf(2) ** (-ctx.prec // 2) * max(abs(value) for value in values)
+    pairs = [(ctx.re(value), ctx.im(value) if abs(ctx.im(value)) > small else ctx.mpf(0)) for value in values]
+    pairs.sort(key=lambda pair: (-ctx.nint(pair[0] / small), -pair[1]))
+    return {
+        f"lambda_{n}_{part}": number
+        for n, pair in enumerate(pairs, start=1)
+        for part, number in zip(("re", "im"), pair, strict=True)
+    }
+
+
+def _one_harmonic(case: Case, digits: int) -> Values:
+    return _named(case, harmonic_balance.one_harmonic(case.disk, case.inputs["Omega"], case.inputs["form"], DIGITS))
+
+
+def _law(case: Case, ctx: Any) -> dict[str, Any]:
+    """The one-harmonic law in floating point."""
+    c, omega = _in(ctx, case, "Omega")
+    square, frequency_squared = harmonic_balance.squares(c, omega, case.inputs["form"])
+    frequency = ctx.sqrt(frequency_squared)
+    return {"amplitude": ctx.sqrt(square), "frequency": frequency, "period": 2 * ctx.pi / frequency}
+
+
+def _manifold(case: Case, ctx: Any) -> dict[str, Any]:
+    """The slow manifold's orders and residuals, by the recursion on truncated power series."""
+    arguments = (ctx, *_in(ctx, case, "Omega", "beta", "gamma"), ORDERS)
+    orders, residuals = slow_manifold.orders(*arguments), slow_manifold.invariance_residuals(*arguments)
+    return {f"h_{n}": h for n, h in enumerate(orders)} | {f"residual_{n}": h for n, h in enumerate(residuals)}
+
+
+# ------------------------------------------------------------------------------------------ motion
+def _span(case: Case) -> tuple[int, list[Fraction]]:
+    """How long an orbit is followed [s], and when it is sampled: every half second."""
+    duration = 2 if DRAWN_SET.fullmatch(case.item.set) else 10
+    return duration, [Fraction(n, 2) for n in range(1, 2 * duration + 1)]
+
+
+def motion(case: Case, digits: int, *, shift: bool = False) -> Values:
+    """An orbit's samples, its crossings of beta = pi/2, and when the disk lies flat; ``shift`` for angles less pi/2.
+
+    Raises Shortfall if it ends otherwise.
+    """
+    duration, times = _span(case)
+    start = [exact(case.inputs[name]) for name in _STATE]
+    if shift:
+        start[:2] = [angle - _QUARTER for angle in start[:2]]
+    solution = case.disk.integrate(
+        case.inputs["Omega"], start, duration, t_eval=times, digits=digits, events="section", shifted=shift
+    )
+    records = [one for one in solution.events if one.time > _START]
+    values, widths = (
+        _by_name(case, solution.status, *arrays)
+        for arrays in (
+            (solution.y.T, [(one.time, one.state) for one in records], solution.end.time),
+            (
+                solution.uncertainty.T,
+                [(one.time_uncertainty, one.uncertainty) for one in records],
+                solution.end.time_uncertainty,
+            ),
+        )
+    )
+    quarter = sum(_QUARTER.enclosed(WIDER)) / 2 if shift else Fraction(0)
+    angles = ("beta", "gamma", "crossing_gamma")
+    return {
+        name: Measured.of(fraction(value) + quarter * name.startswith(angles), float(widths[name]))
+        for name, value in values.items()
+    }
+
+
+def plain_motion(case: Case, engine: Engine, tolerance: float | None = None) -> dict[str, Any]:
+    """The same in double, without half-widths."""
+    duration, times = _span(case)
+    result = engine(
+        Request(
+            case.disk, case.inputs["Omega"], [case.inputs[name] for name in _STATE], duration,
+            tolerance=tolerance, times=times, events=(EVENTS["section"],),
+        )
+    )  # fmt: skip
+    records = [(one.time, one.state) for one in result.events if one.time > _START]
+    return _by_name(case, result.status, result.samples, records, result.time)
+
+
+def _by_name(case: Case, status: Status, samples: Any, crossings: Sequence[Any], end: Any) -> dict[str, Any]:
+    if status not in (Status.REACHED, Status.FLAT):
+        raise Shortfall(f"{case.item.id}: {status.value}")
+    numbers = {
+        f"{name}@{float(time):g}": number
+        for time, state in zip(_span(case)[1], samples, strict=False)
+        for name, number in zip(_STATE, state, strict=True)
+    }
+    for n, (time, state) in enumerate(crossings, start=1):
+        numbers |= {f"crossing_time#{n}": time, f"crossing_gamma#{n}": state[1], f"crossing_v#{n}": state[2]}
+    return numbers | ({"flat_time": end} if status is Status.FLAT else {})
+
+
+# ------------------------------------------------------------------------------------------ cycles and Omega_h
+def _named(case: Case, result: Any) -> Values:
+    """The numbers of a result that its kind is asked for."""
+    return {name: getattr(result, name) for name in codebook()[case.item.kind]}
+
+
+def _limit_cycle(case: Case, digits: int) -> Values:
+    return _named(case, case.disk.limit_cycle(case.inputs["Omega"], digits=digits))
+
+
+def shot(case: Case, values: Mapping[str, Any], engine: Engine) -> FixedPoint[Any]:
+    """The cycle's point on its section, by shooting in double from its numbers."""
+    section = ROTATING if case.item.kind == "rotating-cycle" else LIBRATING
+    names = ("beta_bar_top", "v_top") if section is ROTATING else ("gamma_bar_0", "v_0")
+    return shoot(ReturnMap(section, case.disk, case.inputs["Omega"], engine), [float(values[name]) for name in names])
+
+
+def _cycle_in_double(case: Case, values: Values) -> dict[str, Any]:
+    numbers = cycle_numbers(shot(case, values, default_engine()), DOUBLE)
+    return {name: float(numbers[name]) for name in codebook()[case.item.kind]}
+
+
+def _rotating_cycle(case: Case, digits: int) -> Values:
+    stable = case.inputs["form"] == "stable"
+    return _named(case, case.disk.rotating_cycle(case.inputs["Omega"], stable=stable, digits=digits))
+
+
+def connection(case: Case, digits: int, method: str = "manifolds") -> Values:
+    """Omega_h and the saddle's eigenvalues there."""
+    point = case.disk.heteroclinic(digits=digits, method=method)
+    return dict(zip(codebook()["heteroclinic"], (point.omega_h, *point.saddle_eigenvalues), strict=True))
+
+
+_COMPUTE: dict[str, Callable[[Case, int], Values]] = {
+    "rhs": lambda case, digits: in_two(partial(_right_hand_side, case)),
+    "equilibrium": _equilibrium,
+    "hopf": lambda case, digits: _named(case, case.disk.hopf(digits=DIGITS)),
+    "harmonic-balance": _one_harmonic,
+    "slow-manifold": lambda case, digits: in_two(partial(_manifold, case), kept=BITS - 20),
+    "trajectory": motion,
+    "limit-cycle": _limit_cycle,
+    "heteroclinic": connection,
+    "near-heteroclinic": _limit_cycle,
+    "rotating-cycle": _rotating_cycle,
+    "rotation-fold": lambda case, digits: _named(case, case.disk.rotation_fold(digits=digits)),
+}
+_COMPUTE_AGAIN: dict[str, Callable[[Case, int], Values]] = {
+    "rhs": lambda case, digits: in_two(partial(_right_hand_side, case, shift=True), WIDER, WIDER),
+    # A pair that nearly coincides costs the algorithm half its digits; just below Omega_crit a numerator cancels.
+    "equilibrium": lambda case, digits: in_two(partial(_eigenvalues, case), kept=BITS // 2),
+    "harmonic-balance": lambda case, digits: in_two(partial(_law, case), kept=BITS - 40),
+    "trajectory": partial(motion, shift=True),
+}
+Plain = Callable[[Case, Values], Mapping[str, Any]]
+#: What is cheap to evaluate, and the step of its differences. 1e-7 of a parameter moves an orbit of ten seconds by some
+#: 1e-4 after the passages, and rounding by 1e-9 of that change; 1e-8 moves Omega_crit by 1e-7 and the fold by 1e-6.
+_PLAIN: dict[str, tuple[Plain, Fraction]] = {
+    "rhs": (lambda case, values: _right_hand_side(case, bits(BITS).context), _STEP),
+    "equilibrium": (lambda case, values: _eigenvalues(case, bits(BITS).context), _STEP),
+    "hopf": (lambda case, values: hopf.normal_form(case.disk, DIGITS), _STEP),
+    "harmonic-balance": (lambda case, values: _law(case, bits(BITS).context), _STEP),
+    "slow-manifold": (lambda case, values: _manifold(case, bits(BITS).context), _STEP),
+    "trajectory": (lambda case, values: plain_motion(case, default_engine()), Fraction(1, 10**7)),
+    "limit-cycle": (_cycle_in_double, Fraction(1, 10**8)),
+    "rotating-cycle": (_cycle_in_double, Fraction(1, 10**8)),
+}
