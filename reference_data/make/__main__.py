@@ -17,21 +17,18 @@ from tippedisk_verify.interrupts import answering  # noqa: E402
 @click.command()
 @click.argument("prefixes", nargs=-1, metavar="[PREFIX]...")
 @click.option("--out", default=str(FOLDER), show_default=True, metavar="DIR", help="Where the files go.")
-@click.option("--check", is_flag=True, help="Write nothing: hold what is there against the further methods.")
 @click.option("--jobs", type=int, metavar="N", help="Processes; as many as there are cores if not given.")
 @plain_options
-def make(common: Common, prefixes: tuple[str, ...], out: str, check: bool, jobs: int | None) -> int:
+def make(common: Common, prefixes: tuple[str, ...], out: str, jobs: int | None) -> int:
     """Make the reference values whose ids start with a PREFIX, such as printed/linear/hopf; all takes some CPU hours.
 
     What an interrupted run has computed is taken up again.
     """
-    from reference_data.make.generation import confirm, generate
+    from reference_data.make.generation import generate
 
-    work = confirm if check else generate
     with progress(common, 0) as advance, processes(jobs) as pool:
-        count = work(Path(out), prefixes, pool, advance)
-    what = "confirmed" if check else "made"
-    print_result(common, {what: count}, [f"{count} entries {what}"])
+        count = generate(Path(out), prefixes, pool, advance)
+    print_result(common, {"made": count}, [f"{count} entries made"])
     return 0
 
 

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from fractions import Fraction
-from functools import cached_property
 from typing import Any
 
 from tippedisk_verify.cycles.folds import fold_near
@@ -14,7 +12,7 @@ from tippedisk_verify.cycles.spectral import balanced_cycle, spectral_fold, spec
 from tippedisk_verify.errors import Shortfall
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.baseline import Baseline
-from tippedisk_verify.flow.contract import Event, Request, Result, Status
+from tippedisk_verify.flow.contract import Event, Request, Status
 from tippedisk_verify.model.equations import field
 from tippedisk_verify.model.exact import PI, Exact, fraction
 from tippedisk_verify.model.measured import Measured
@@ -23,8 +21,8 @@ from tippedisk_verify.reference_values.entries import Case, Values
 from tippedisk_verify.reference_values.truths import shot
 
 __all__ = [
-    *("balance", "collocation", "fold_by_collocation", "fold_by_scipy", "fold_from_the_bottom", "from_the_bottom"),
-    *("full_period", "scipy"),
+    *("balance", "collocation", "fold_by_collocation", "fold_by_scipy", "fold_from_the_bottom", "omega_h_for"),
+    *("scipy", "whole_period"),
 ]
 
 _BALANCE_ABOVE = Fraction(1, 20)  # rad/s above Omega_h: closer, harmonic balance needs hundreds of harmonics
@@ -36,92 +34,66 @@ _QUARTER = PI * Fraction(1, 2)
 _TOP = Event("top", ROUND.function, direction=ROUND.direction, terminal=False)
 
 
-def omega_h(case: Case, digits: int) -> Fraction:
+def omega_h_for(case: Case) -> Fraction:
+    """To enough digits to know how far from it a speed written with so many decimals lies."""
+    digits = max(14, min(len(str(case.inputs["Omega"].denominator)), 90))
     return case.disk.heteroclinic(digits=digits).omega_h.value
 
 
 # ------------------------------------------------------------------------------------------ whole periods
-@dataclass(frozen=True)
+def _rotates(case: Case) -> bool:
+    return case.item.kind in ("rotating-cycle", "rotation-fold")
+
+
 class _Period:
     """A flight for a whole period, in the paper's angles and without the symmetry, with its derivatives.
 
     It starts at beta = pi/2 (librating cycles) or at gamma = -pi/2 next to the saddle (rotating ones), where `Disk`
-    never starts them; ``free`` are the other angle less pi/2, and v.
+    never starts them; ``free`` are the other angle less pi/2, and v. Raises Shortfall if the flight ends early.
     """
 
-    case: Case
-    precision: Precision
-    omega: Fraction
-    free: tuple[Fraction, Fraction]
-    time: Any
-    rotating: bool
-
-    @cached_property
-    def start(self) -> list[Any]:
-        angle = Exact(self.free[0], Fraction(1, 2))
-        return [angle, -_QUARTER, self.free[1]] if self.rotating else [_QUARTER, angle, self.free[1]]
-
-    @cached_property
-    def result(self) -> Result:
-        """Raises Shortfall if the flight ends early."""
+    def __init__(self, case: Case, precision: Precision, omega: Fraction, free: Sequence[Fraction], time: Any) -> None:
+        self.case, self.precision, self.omega, self.free = case, precision, omega, free
+        angle, rotating = Exact(free[0], Fraction(1, 2)), _rotates(case)
+        start = [angle, -_QUARTER, free[1]] if rotating else [_QUARTER, angle, free[1]]
         request = Request(
-            self.case.disk, self.omega, self.start, self.time, precision=self.precision,
-            variations=("beta", "gamma", "v", "Omega"), divergence=True, domain="none",
-            events=(EXTREME, _TOP) if self.rotating else (EXTREME,),
+            case.disk, omega, start, time, precision=precision, divergence=True, domain="none",
+            variations=("beta", "gamma", "v", "Omega"), events=(EXTREME, _TOP) if rotating else (EXTREME,),
         )  # fmt: skip
-        result = default_engine()(request)
-        if result.status is not Status.REACHED:
-            raise Shortfall(f"{self.case.item.id}: {result.status.value}")
-        return result
-
-    @cached_property
-    def rows(self) -> list[list[Any]]:
-        """Derivatives of (beta, gamma, v) at the end by (beta, gamma, v, Omega)."""
-        return [[self.precision.mpf(entry) for entry in row] for row in self.result.derivatives]
-
-    @cached_property
-    def flow(self) -> list[Any]:
-        """(beta', gamma', v') at the end."""
-        constants, number = self.case.disk.at(self.precision), self.precision.number
-        rates = field(self.precision.ops, constants, number(self.omega), self.case.disk.friction)
-        return [self.precision.mpf(rate) for rate in rates(*self.result.state)]
-
-    @cached_property
-    def away(self) -> list[Any]:
-        """The end less the start; of rotating cycles gamma by a turn less."""
-        aims = [self.start[0], PI * Fraction(3, 2), self.start[2]] if self.rotating else self.start
-        return [self.precision.mpf(x - self.precision.number(y)) for x, y in zip(self.result.state, aims, strict=True)]
-
-    @cached_property
-    def bordered(self) -> list[list[Any]]:
-        """Derivatives of ``away`` by the free angle and v at the start, and by the period."""
-        axes = (0, 2) if self.rotating else (1, 2)
-        return [[self.rows[i][j] - (i == j) for j in axes] + [self.flow[i]] for i in range(3)]
+        self.result = default_engine()(request)
+        if self.result.status is not Status.REACHED:
+            raise Shortfall(f"{case.item.id}: {self.result.status.value}")
+        mpf, number, state = precision.mpf, precision.number, self.result.state
+        #: Derivatives of (beta, gamma, v) at the end by (beta, gamma, v, Omega).
+        self.rows = [[mpf(entry) for entry in row] for row in self.result.derivatives]
+        rates = field(precision.ops, case.disk.at(precision), number(omega), case.disk.friction)
+        self.flow = [mpf(rate) for rate in rates(*state)]  #: (beta', gamma', v') at the end
+        aims = [angle, PI * Fraction(3, 2), free[1]] if rotating else start
+        #: The end less the start, of rotating cycles gamma by a turn less; and its derivatives by the free angle and v
+        #: at the start, and by the period.
+        self.away = [mpf(end - number(aim)) for end, aim in zip(state, aims, strict=True)]
+        axes = (0, 2) if rotating else (1, 2)
+        self.bordered = [[self.rows[i][j] - (i == j) for j in axes] + [self.flow[i]] for i in range(3)]
 
     def solved(self, rows: Any, right: Sequence[Any]) -> list[Any]:
         ctx = self.precision.context
         return list(ctx.lu_solve(ctx.matrix(rows), ctx.matrix(list(right))))
 
-    @property
-    def top(self) -> Any:
-        """Where a rotating cycle passes gamma = pi/2."""
-        (top,) = (record for record in self.result.events if record.name == _TOP.name)
-        return top
-
     def beta_max(self) -> Fraction:
         quarter = self.precision.number(_QUARTER)
         return max(fraction(abs(one.state[0] - quarter)) for one in self.result.events if one.name == EXTREME.name)
 
-    def at_top(self, change: Sequence[Any]) -> dict[str, Any]:
-        """The state at gamma = pi/2, and its change for one of (beta, gamma, v, Omega) at the start."""
-        half = _Period(self.case, self.precision, self.omega, self.free, self.top.time, True)
+    def at_top(self, change: Sequence[Any], names: tuple[str, str]) -> dict[str, Fraction]:
+        """The state at gamma = pi/2, and by these names its change for one of (beta, gamma, v, Omega) at the start."""
+        (top,) = (record for record in self.result.events if record.name == _TOP.name)
+        half = _Period(self.case, self.precision, self.omega, self.free, top.time)
         moved = [sum(a * b for a, b in zip(row, change, strict=True)) for row in half.rows]
         later = -moved[1] / half.flow[1]
-        quarter = self.precision.number(_QUARTER)
         return {
-            "beta_bar_top": fraction(self.top.state[0] - quarter),
-            "v_top": fraction(self.top.state[2]),
-            "changes": [fraction(moved[axis] + half.flow[axis] * later) for axis in (0, 2)],
+            "beta_bar_top": fraction(top.state[0] - self.precision.number(_QUARTER)),
+            "v_top": fraction(top.state[2]),
+            names[0]: fraction(moved[0] + half.flow[0] * later),
+            names[1]: fraction(moved[2] + half.flow[2] * later),
         }
 
     def multipliers(self) -> dict[str, Fraction]:
@@ -142,49 +114,35 @@ class _Period:
         return {name: fraction(number) for name, number in numbers.items()}
 
 
-def _closed(case: Case, values: Values, precision: Precision, names: Sequence[str]) -> tuple[_Period, list[Fraction]]:
-    """Two Newton steps of the bordered system from ``values``: the second flight, whose derivatives are those on the
-    cycle, and the numbers of those names after it.
-    """
-    numbers = [values[name].value for name in names]
-    for _ in range(2):
-        first, second, time = numbers
-        rotating = case.item.kind == "rotating-cycle"
-        period = _Period(case, precision, case.inputs["Omega"], (first, second), time, rotating)
-        step = period.solved(period.bordered, period.away)
-        numbers = [number - fraction(part) for number, part in zip(numbers, step, strict=True)]
-    return period, numbers
-
-
 def _claimed(numbers: dict[str, Fraction], values: Values) -> Values:
     """All steps done, what is left is rounding; 35 digits are claimed."""
     return {name: Measured(value, abs(value) / 10**35 + values[name].uncertainty) for name, value in numbers.items()}
 
 
-def full_period(case: Case, values: Values) -> Values:
-    """A librating cycle from beta = pi/2."""
+def whole_period(case: Case, values: Values) -> Values:
+    """A librating cycle from beta = pi/2, a rotating one from gamma = -pi/2: Newton steps of the bordered system.
+
+    The first leads on from ``values``; where the second starts, the derivatives are those on the cycle.
+    """
     zeros = 0  # k for a speed 10^-k above Omega_h: each passage amplifies errors by about the inverse of the distance
     if case.item.kind == "near-heteroclinic":
-        omega = case.inputs["Omega"]
-        above = omega - omega_h(case, max(14, min(len(str(omega.denominator)), 90)))
+        above = case.inputs["Omega"] - omega_h_for(case)
         zeros = len(str(above.denominator // above.numerator))
-    names = ("gamma_bar_0", "v_0", "period")
-    period, numbers = _closed(case, values, bits(220 + 8 * zeros), names)
-    slopes = period.solved(period.bordered, [-row[3] for row in period.rows])
+    precision = bits(_BITS if _rotates(case) else 220 + 8 * zeros)
+    names = ("beta_bar_0" if _rotates(case) else "gamma_bar_0", "v_0", "period")
+    numbers = [values[name].value for name in names]
+    for _ in range(2):
+        period = _Period(case, precision, case.inputs["Omega"], numbers[:2], numbers[2])
+        step = period.solved(period.bordered, period.away)
+        numbers = [number - fraction(part) for number, part in zip(numbers, step, strict=True)]
+    by_angle, by_v, by_time = period.solved(period.bordered, [-row[3] for row in period.rows])
     found = dict(zip(names, numbers, strict=True)) | {"beta_max": period.beta_max()} | period.multipliers()
-    slope_names = ("dgamma_bar_0_domega", "dv_0_domega", "dperiod_domega")
-    return _claimed(found | dict(zip(slope_names, map(fraction, slopes), strict=True)), values)
-
-
-def from_the_bottom(case: Case, values: Values) -> Values:
-    """A rotating cycle from gamma = -pi/2."""
-    names = ("beta_bar_0", "v_0", "period")
-    period, numbers = _closed(case, values, bits(_BITS), names)
-    slopes = period.solved(period.bordered, [-row[3] for row in period.rows])
-    top = period.at_top([slopes[0], 0, slopes[1], 1])
-    top |= dict(zip(("dbeta_bar_top_domega", "dv_top_domega"), top.pop("changes"), strict=True))
-    found = dict(zip(names, numbers, strict=True)) | {"beta_max": period.beta_max()} | period.multipliers()
-    return _claimed(found | top | {"dperiod_domega": fraction(slopes[2])}, values)
+    found |= {"dperiod_domega": fraction(by_time)}
+    if _rotates(case):
+        found |= period.at_top([by_angle, 0, by_v, 1], ("dbeta_bar_top_domega", "dv_top_domega"))
+    else:
+        found |= {"dgamma_bar_0_domega": fraction(by_angle), "dv_0_domega": fraction(by_v)}
+    return _claimed(found, values)
 
 
 def fold_from_the_bottom(case: Case, values: Values) -> Values:
@@ -197,7 +155,7 @@ def fold_from_the_bottom(case: Case, values: Values) -> Values:
     at = [Fraction(float(values[name])) for name in names]
 
     def flown(beta_bar: Fraction, v: Fraction, time: Fraction, omega: Fraction) -> _Period:
-        return _Period(case, precision, omega, (beta_bar, v), time, True)
+        return _Period(case, precision, omega, (beta_bar, v), time)
 
     def conditions(period: _Period) -> list[Any]:
         trace = sum(period.rows[i][i] for i in range(3))
@@ -216,11 +174,11 @@ def fold_from_the_bottom(case: Case, values: Values) -> Values:
     # Along the family at its turn beta, v and the period at the start change as the null vector of the bordered matrix.
     by_beta, by_rest = [row[0] for row in period.bordered[:2]], [row[1:] for row in period.bordered[:2]]
     v_change, _ = period.solved(by_rest, [-entry for entry in by_beta])
-    top = period.at_top([1, 0, v_change, 0])
-    beta_change, v_change = top.pop("changes")
+    top = period.at_top([1, 0, v_change, 0], ("beta", "v"))
+    slope = top.pop("v") / top.pop("beta")
     found = {**dict(zip(names, at, strict=True)), **top, "beta_max": period.beta_max()}
     divergence = fraction(period.result.divergence)
-    return _claimed(found | {"null_vector": v_change / beta_change, "log_multiplier_fast": divergence}, values)
+    return _claimed(found | {"null_vector": slope, "log_multiplier_fast": divergence}, values)
 
 
 # ------------------------------------------------------------------------------------------ without this integrator
@@ -230,7 +188,7 @@ def _attributes(result: Any, *names: str) -> Values:
 
 def balance(case: Case, values: Values) -> Values:
     omega = case.inputs["Omega"]
-    if case.disk.friction != "linear" or omega - omega_h(case, 14) < _BALANCE_ABOVE:
+    if case.disk.friction != "linear" or omega - omega_h_for(case) < _BALANCE_ABOVE:
         return {}
     cycle = balanced_cycle(case.disk, omega, digits=_BALANCED)
     return _attributes(cycle, "period", "gamma_bar_0", "v_0", "beta_max")

@@ -10,22 +10,21 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from itertools import groupby
 from pathlib import Path
 from typing import Any
 
-from reference_data.make.places import PLACES
-from reference_data.make.recipes import answered, confirmed
+from reference_data.make.recipes import answered
 from tippedisk_verify import __version__
 from tippedisk_verify.cache import Cache
 from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.files import csv_text, output_folder, read_bytes, read_text, remains_of, sole_writer, write_text
 from tippedisk_verify.parallel import as_done
 from tippedisk_verify.provenance import code_version, digest
-from tippedisk_verify.reference_values.checking import Entry, entries_of
-from tippedisk_verify.reference_values.entries import Item, case_of
+from tippedisk_verify.reference_values.checking import entries_of
+from tippedisk_verify.reference_values.entries import Item
 from tippedisk_verify.reference_values.manifest import (
     FILES,
     LARGEST,
@@ -37,15 +36,13 @@ from tippedisk_verify.reference_values.manifest import (
     sound_files,
 )
 from tippedisk_verify.reference_values.questions import TABLE
-from tippedisk_verify.reference_values.store import Store, table_rows
+from tippedisk_verify.reference_values.store import stored, table_rows
 
-__all__ = ["COMMAND", "DATA_VERSION", "SETS", "confirm", "generate", "items_of", "replace_files", "write_manifest"]
+__all__ = ["COMMAND", "DATA_VERSION", "generate", "items_of", "replace_files", "write_manifest"]
 
 #: Of the values, apart from the program's; reference_data/CHANGELOG.md says what each version changed.
 DATA_VERSION = "1.1.0"
 COMMAND = "python reference_data/make"
-SETS = ("printed", "calibrated")
-Advance = Callable[[str, int], None]
 Entries = dict[str, dict[str, Any]]  #: rows and proof by entry
 
 
@@ -53,74 +50,36 @@ def generate(
     out: Path,
     prefixes: Sequence[str] = (),
     executor: Executor | None = None,
-    advance: Advance = lambda label, steps: None,
+    advance: Callable[[str, int], None] = lambda label, steps: None,
 ) -> int:
     """Make the entries whose ids start so (all if nothing is said) and write the files; how many entries were made.
 
     Other entries of the folder stay. Raises InputError if no id starts so or the folder cannot be written, Shortfall if
     two methods exclude each other.
     """
+    items = items_of(prefixes)
+    if not items:
+        raise InputError(f"no entry starts with '{' or '.join(prefixes)[:100]}': try printed/linear/hopf")
     with sole_writer(out) as folder:
         for path in (remains for name in (*FILES, MANIFEST) for remains in remains_of(folder / name)):
             path.unlink()  # what a killed run left unfinished
         entries = _present(folder)  # damage is told before hours of work
         work = output_folder(folder / ".work")
-        wanted: list[Item] = []
-
-        def jobs() -> Iterator[tuple[Item, Path, str]]:
-            """One by one: where the questions of the last kinds are put takes minutes, and the first need not wait."""
-            for item in items_of(prefixes):
-                wanted.append(item)
-                yield item, work, _code()
-
-        answers = {}
-        for (item, *_), answer in as_done(_computed, jobs(), executor):
-            answers[item.id] = answer
+        for (item, *_), answer in as_done(_computed, [(item, work, _code()) for item in items], executor):
+            entries[item.id] = answer
             advance(item.id, 1)
-        if not wanted:
-            raise InputError(f"no entry starts with '{' or '.join(prefixes)[:100]}': try printed/linear/hopf")
-        entries |= {item.id: answers[item.id] for item in wanted}
         texts = _texts(entries)
         if folder.resolve() != data_folder().resolve():
             texts |= {name: read_text(data_folder() / name, LARGEST) for name in STATIC}
         replace_files(folder, texts)
         # A worker of a killed run may still be writing into it; what it leaves is taken up or removed next time.
         shutil.rmtree(work, ignore_errors=True)
-        return len(wanted)
+        return len(items)
 
 
-def confirm(
-    folder: Path,
-    prefixes: Sequence[str] = (),
-    executor: Executor | None = None,
-    advance: Advance = lambda label, steps: None,
-) -> int:
-    """Hold the folder's entries whose ids start so against the further methods; how many there are.
-
-    Raises Shortfall where one excludes a value, InputError where there is no such entry.
-    """
-    entries = [one for one in entries_of(Store(folder)) if one.item.id.startswith(tuple(prefixes) or ("",))]
-    if not entries:
-        raise InputError(f"no entry starts with '{' or '.join(prefixes)[:100]}': try printed/linear/hopf")
-    for entry, _ in as_done(_confirmed, entries, executor):
-        advance(entry.item.id, 1)
-    return len(entries)
-
-
-def _confirmed(entry: Entry) -> None:
-    for reading in entry.item.readings:
-        confirmed(case_of(entry.item, reading), entry.values(reading))
-
-
-def items_of(prefixes: Sequence[str] = ()) -> Iterator[Item]:
-    """All questions whose ids start so, in order of difficulty."""
-    beginnings = [prefix.split("/") for prefix in prefixes or ("",)]
-    for kind, places in PLACES.items():
-        for name in SETS:
-            # Where a question is put can take minutes: only those are looked at that may be wanted.
-            parts = (name, None, kind)
-            if any(all(b is None or b.startswith(a) for a, b in zip(one, parts, strict=False)) for one in beginnings):
-                yield from (item for item in places(name) if item.id.startswith(tuple(prefixes) or ("",)))
+def items_of(prefixes: Sequence[str] = ()) -> list[Item]:
+    """The questions of the table whose ids start so, in its order."""
+    return [entry.item for entry in entries_of(stored()) if entry.item.id.startswith(tuple(prefixes) or "")]
 
 
 def _code() -> str:
@@ -157,16 +116,10 @@ def _present(folder: Path) -> Entries:
 
 def _texts(entries: Entries) -> dict[str, str]:
     """The files with values; one quantity or proof to a line, so that a changed number is a changed line."""
-    kinds = list(PLACES)
-
-    def place(id_: str) -> tuple[int, int, int]:
-        (row, *_) = entries[id_]["rows"]
-        return int(row["level"]), SETS.index(row["set"]), kinds.index(row["kind"])
-
-    ordered = sorted(entries, key=place)
+    ordered = [item.id for item in items_of() if item.id in entries]
     rows = [[row[name] for name in TABLE] for id_ in ordered for row in entries[id_]["rows"]]
     proofs = {id_: entries[id_]["proof"] for id_ in ordered if entries[id_]["proof"]}
-    lines = ",\n".join(f" {json.dumps(id_)}: {json.dumps(proof, ensure_ascii=False)}" for id_, proof in proofs.items())
+    lines = ",\n".join(f" {json.dumps(id_)}: {json.dumps(one, ensure_ascii=False)}" for id_, one in proofs.items())
     return {"values.csv": csv_text(TABLE, rows), "proofs.json": f"{{\n{lines}\n}}\n"}
 
 

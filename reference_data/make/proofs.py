@@ -7,7 +7,7 @@ must contain its enclosure. If it does not, the value is wrong or claims more th
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from typing import Any
 
 from tippedisk_verify.disk import Disk
 from tippedisk_verify.errors import Shortfall
@@ -15,7 +15,7 @@ from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.reference_values.definitions import codebook
 from tippedisk_verify.reference_values.entries import Case, Values
 
-__all__ = ["Proof", "proved"]
+__all__ = ["proved"]
 
 _DIGITS = 52  # two more than most values claim
 _OMEGA_H_DIGITS = 104  # so that the enclosures lie within the half-widths of the 100 digits stored
@@ -23,32 +23,23 @@ _OMEGA_H_DIGITS = 104  # so that the enclosures lie within the half-widths of th
 _NEAR = ("het+1e-1", "het+1e-2", "het+1e-3", "het+1e-4")
 
 
-@dataclass(frozen=True)
-class Proof:
-    """What is proved of one entry."""
-
-    statement: str
-    command: str
-    enclosures: Values
-
-    def to_dict(self) -> dict[str, object]:
-        enclosures = {name: enclosure.to_dict() for name, enclosure in self.enclosures.items()}
-        return {"statement": self.statement, "command": self.command, "enclosures": enclosures}
+Proof = tuple[str, str, Values]  #: statement, command, enclosures
 
 
-def proved(case: Case, values: Values) -> Proof | None:
-    """The proof of an entry from its decimals; None for what has none.
+def proved(case: Case, values: Values) -> dict[str, Any] | None:
+    """The proof of an entry from its decimals, as proofs.json has it; None for what has none.
 
     Raises Shortfall if the attempt ends without a proof, or a value's half-width does not contain its enclosure.
     """
     prove = _PROOFS.get(case.item.kind)
     if prove is None or (case.item.kind == "near-heteroclinic" and case.item.id.split("/")[3] not in _NEAR):
         return None
-    proof = prove(case, values)
-    for name, enclosure in proof.enclosures.items():
+    statement, command, enclosures = prove(case, values)
+    for name, enclosure in enclosures.items():
         if not values[name].contains(enclosure):
             raise Shortfall(f"{case.item.id}/{name} does not contain its enclosure: it is wrong, or claims too much")
-    return proof
+    held = {name: enclosure.to_dict() for name, enclosure in enclosures.items()}
+    return {"statement": statement, "command": command, "enclosures": held}
 
 
 def _equilibrium(case: Case, values: Values) -> Proof:
@@ -58,7 +49,7 @@ def _equilibrium(case: Case, values: Values) -> Proof:
     proof = proved_equilibrium(case.disk, omega, case.inputs["equilibrium"], _DIGITS)
     parts = (part for value in proof.eigenvalues for part in (value.re, value.im))
     enclosures = {f"lambda_{n // 2 + 1}_{('re', 'im')[n % 2]}": part for n, part in enumerate(parts)}
-    return Proof(proof.statement, _command("equilibria", case.disk, f"--omega {omega}"), enclosures)
+    return (proof.statement, _command("equilibria", case.disk, f"--omega {omega}"), enclosures)
 
 
 def _hopf(case: Case, values: Values) -> Proof:
@@ -66,7 +57,7 @@ def _hopf(case: Case, values: Values) -> Proof:
 
     proof = proved_hopf(case.disk, _DIGITS)
     enclosures = {name: one for name in values if isinstance(one := getattr(proof, name, None), Measured)}
-    return Proof(proof.statement, _command("hopf", case.disk), enclosures)
+    return (proof.statement, _command("hopf", case.disk), enclosures)
 
 
 def _connection(case: Case, values: Values) -> Proof:
@@ -78,7 +69,7 @@ def _connection(case: Case, values: Values) -> Proof:
     if not proof.proved or proof.omega_h is None:
         raise Shortfall(proof.statement)
     enclosures = dict(zip(codebook()["heteroclinic"], (proof.omega_h, *proof.saddle_eigenvalues), strict=True))
-    return Proof(proof.statement, _command("heteroclinic", case.disk, digits=_OMEGA_H_DIGITS), enclosures)
+    return (proof.statement, _command("heteroclinic", case.disk, digits=_OMEGA_H_DIGITS), enclosures)
 
 
 def _cycle(case: Case, values: Values) -> Proof:
@@ -90,7 +81,7 @@ def _cycle(case: Case, values: Values) -> Proof:
         raise Shortfall(f"{case.item.id}: {proof.statement}")
     numbers = proof.numbers()
     enclosures = {name: numbers[name] for name in values if name in numbers}
-    return Proof(proof.statement, _command("orbit", case.disk, f"--omega {omega}"), enclosures)
+    return (proof.statement, _command("orbit", case.disk, f"--omega {omega}"), enclosures)
 
 
 def _command(what: str, disk: Disk, *options: str, digits: int = _DIGITS) -> str:

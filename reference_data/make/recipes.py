@@ -12,6 +12,7 @@ from reference_data.make import cycles, local
 from reference_data.make.proofs import proved
 from tippedisk_verify.errors import Shortfall
 from tippedisk_verify.model.measured import Measured
+from tippedisk_verify.reference_values import truths
 from tippedisk_verify.reference_values.entries import (
     KEPT,
     Case,
@@ -20,21 +21,10 @@ from tippedisk_verify.reference_values.entries import (
     Values,
     case_of,
     disagreements,
-    short,
     trimmed,
 )
 from tippedisk_verify.reference_values.manifest import data_folder, sound_files
 from tippedisk_verify.reference_values.questions import table_row
-from tippedisk_verify.reference_values.truths import (
-    Slopes,
-    as_quantity,
-    by_differences,
-    compute,
-    compute_again,
-    condition,
-    connection,
-    motion,
-)
 
 __all__ = ["CONFIRM", "answered", "confirmed", "methods_of"]
 
@@ -46,12 +36,12 @@ _CONFIRMED = Fraction(1, 10**30)
 
 
 def _again(case: Case, values: Values) -> Values:
-    return compute_again(case, _USUAL_DIGITS)
+    return truths.compute_again(case, _USUAL_DIGITS)
 
 
 def _shifted(case: Case, values: Values) -> Values:
     """Its own error, of ten digits more, is far below the half-widths that it is held against."""
-    return motion(case, _DIGITS["trajectory"] + 10, shift=True)
+    return truths.motion(case, _DIGITS["trajectory"] + 10, shift=True)
 
 
 #: The methods beside the first, by their names in methods.csv.
@@ -62,17 +52,13 @@ CONFIRM: dict[str, dict[str, Confirm]] = {
     "harmonic-balance": {"floating": _again},
     "slow-manifold": {"differences": local.differences},
     "trajectory": {"shifted": _shifted, "scipy": local.orbit_by_scipy},
-    "limit-cycle": {"full-period": cycles.full_period, "balance": cycles.balance, "scipy": cycles.scipy},
+    "limit-cycle": {"full-period": cycles.whole_period, "balance": cycles.balance, "scipy": cycles.scipy},
     "heteroclinic": {
-        "limit-cycles": lambda case, values: connection(case, 60, "limit-cycles"),
-        "scipy": lambda case, values: connection(case, 11, "scipy"),
+        "limit-cycles": lambda case, values: truths.connection(case, 60, "limit-cycles"),
+        "scipy": lambda case, values: truths.connection(case, 11, "scipy"),
     },
-    "near-heteroclinic": {"full-period": cycles.full_period, "balance": cycles.balance},
-    "rotating-cycle": {
-        "bottom": cycles.from_the_bottom,
-        "collocation": cycles.collocation,
-        "scipy": cycles.scipy,
-    },
+    "near-heteroclinic": {"full-period": cycles.whole_period, "balance": cycles.balance},
+    "rotating-cycle": {"bottom": cycles.whole_period, "collocation": cycles.collocation, "scipy": cycles.scipy},
     "rotation-fold": {
         "bottom": cycles.fold_from_the_bottom,
         "collocation": cycles.fold_by_collocation,
@@ -107,7 +93,7 @@ def answered(item: Item) -> dict[str, Any]:
     twice: set[str] = set()
     for reading in item.readings:
         case = case_of(item, reading)
-        first = compute(case, digits)
+        first = truths.compute(case, digits)
         # As they will be written: a proof is of these.
         values[reading] = {name: Measured.of(*trimmed(value, kept).decimals()) for name, value in first.items()}
         for method, answers in confirmed(case, first).items():
@@ -122,21 +108,25 @@ def answered(item: Item) -> dict[str, Any]:
     slopes, proof = _slopes(case, values["decimals"]), proved(case, values["decimals"])
     rows = []
     for name in values["decimals"]:
-        proven = proof is not None and name in proof.enclosures
-        by = {method: short(away) for method, away in distances.get(name, {}).items()}
+        proven = proof is not None and name in proof["enclosures"]
+        by = {method: f"{float(away):.3g}" for method, away in distances.get(name, {}).items()}
         grade = "proved" if proven else "two-method" if name in twice else "agreed" if by else "single"
         numbers = {reading: values[reading][name].decimals() for reading in item.readings}
-        quantity = as_quantity(item, name, numbers, slopes[name], grade, {next(iter(methods_of(kind))): "0", **by})
+        quantity = truths.as_quantity(
+            item, name, numbers, slopes.get(name, {}), grade, {next(iter(methods_of(kind))): "0", **by}
+        )
         rows.append(table_row(case.disk.decimals(), quantity))
-    return {"rows": rows, "proof": None if proof is None else proof.to_dict()}
+    return {"rows": rows, "proof": proof}
 
 
-def _slopes(case: Case, values: Values) -> Slopes:
+def _slopes(case: Case, values: Values) -> truths.Slopes:
     """Condition numbers; next to Omega_h by steps that are small beside the distance from it."""
     if case.item.kind not in ("near-heteroclinic", "heteroclinic", "rotation-fold"):
-        return condition(case, values)
+        return truths.condition(case, values)
     step = Fraction(1, 10**8)
     if case.item.kind == "near-heteroclinic":
         omega = case.inputs["Omega"]
-        step = (omega - cycles.omega_h(case, len(str(omega.denominator)))) / omega / 10**5
-    return by_differences(case, lambda moved: {name: one.value for name, one in compute(moved, 17).items()}, step)
+        step = (omega - cycles.omega_h_for(case)) / omega / 10**5
+    return truths.by_differences(
+        case, lambda moved: {name: one.value for name, one in truths.compute(moved, 17).items()}, step
+    )

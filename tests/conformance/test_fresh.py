@@ -20,7 +20,7 @@ from tippedisk_verify.cli import main
 from tippedisk_verify.conformance.grading import graded
 from tippedisk_verify.conformance.sheet import questions, read_answers, sheet_csv, sheet_json, store_for
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.reference_values.draws import drawn_disk, parameters_of
+from tippedisk_verify.reference_values.draws import disk_of, drawn_disk
 from tippedisk_verify.reference_values.entries import Item, case_of, disagreements
 from tippedisk_verify.reference_values.fresh import blank_questions, with_fresh
 from tippedisk_verify.reference_values.store import Store, stored
@@ -66,7 +66,7 @@ def test_seeds_and_disks_have_nothing_in_common() -> None:
 @pytest.mark.parametrize("number", range(1, 41))
 def test_every_drawn_disk_is_like_the_papers(number: int) -> None:
     """Cycles are born stable at Omega_crit, so that each question of a sheet has an answer."""
-    assert tv.hopf_point(parameters_of(f"fresh-12-{number}")).criticality == "supercritical"
+    assert tv.hopf_point(disk_of(f"fresh-12-{number}")).criticality == "supercritical"
 
 
 # ------------------------------------------------------------------------------------------ truths

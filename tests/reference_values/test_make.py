@@ -12,26 +12,28 @@ import subprocess
 import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
 from fractions import Fraction
 from itertools import islice
 from pathlib import Path
 
 import pytest
 
-from reference_data.make.generation import SETS, _computed, confirm, generate, items_of
+from reference_data.make.generation import _computed, generate, items_of
 from reference_data.make.recipes import CONFIRM, confirmed, methods_of
+from tests.reference_values.places import PLACES
 from tests.stress.runs import LONGEST, MAKE
 from tests.stress.strikes import Struck, ended_by
 from tippedisk_verify.cache import read_checked
 from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.reference_values.checking import Entry, check, entries_of
+from tippedisk_verify.reference_values.checking import check, entries_of
 from tippedisk_verify.reference_values.definitions import codebook
 from tippedisk_verify.reference_values.entries import case_of
 from tippedisk_verify.reference_values.manifest import LARGEST
-from tippedisk_verify.reference_values.store import Store, data_folder, stored
+from tippedisk_verify.reference_values.store import Store, stored
 
+SETS = ("printed", "calibrated")
+INTEGRATED = ("trajectory", "near-heteroclinic", "rotating-cycle")
 HOPF = ("printed/linear/hopf", "calibrated/linear/hopf")
 QUICK = (*HOPF, *(f"{name}/{kind}" for name in SETS for kind in ("both/equilibrium/", "linear/harmonic")))
 
@@ -49,24 +51,16 @@ def test_each_kind_has_the_methods_of_the_table() -> None:
         assert set(quantity.methods) <= set(methods_of(quantity.kind))
 
 
-def test_questions_are_put_where_they_were() -> None:
-    """Those whose places take no integrator."""
-    inputs = {entry.item.id: dict(entry.item.inputs) for entry in entries_of(stored())}
-    items = list(items_of([f"{name}/{kind}" for name in ("printed", "calibrated") for kind in (
-        "both/rhs", "linear/rhs", "smooth/rhs", "both/equilibrium", "linear/hopf", "linear/harm", "linear/slow",
-        "linear/limit-cycle",
-    )]))  # fmt: skip
-    assert len(items) > 1200
-    for item in items:
-        assert dict(item.inputs) == inputs[item.id]
-
-
-@pytest.mark.slow(minutes=1)
-def test_all_questions_are_put_where_they_were() -> None:
-    entries = {entry.item.id: entry.item for entry in entries_of(stored())}
-    for item in items_of():
-        assert (dict(item.inputs), item.readings) == (dict(entries[item.id].inputs), entries[item.id].readings)
-    assert [item.id for item in items_of()] == list(entries)
+@pytest.mark.parametrize(
+    "kind", [kind if kind not in INTEGRATED else pytest.param(kind, marks=pytest.mark.slow) for kind in PLACES]
+)
+def test_questions_are_where_the_rules_put_them(kind: str) -> None:
+    """The kinds whose places depend on Omega_h take some seconds."""
+    for name in SETS:
+        stored_items = [one.item for one in entries_of(stored(), f"{name}/") if one.item.kind == kind]
+        assert [(one.id, dict(one.inputs), one.readings) for one in PLACES[kind](name)] == [
+            (one.id, dict(one.inputs), one.readings) for one in stored_items
+        ]
 
 
 def test_the_further_methods_agree() -> None:
@@ -107,14 +101,11 @@ def test_a_false_thirtieth_digit_is_seen_from_another_section() -> None:
         confirmed(case_of(entry.item, "doubles"), values)
 
 
-def test_a_folder_is_confirmed_or_not(tmp_path: Path) -> None:
-    assert confirm(data_folder(), ("printed/linear/hopf", "printed/both/equilibrium/inverted-30")) == 4
-    with pytest.raises(InputError, match="no entry starts with 'nothing'"):
-        confirm(data_folder(), ("nothing",))
+def test_a_false_value_is_excluded_by_another_method() -> None:
     (entry,) = entries_of(stored(), "printed/linear/hopf/")
-    wrong = replace(entry.quantities[0], values={"decimals": ("30.9", "0.001")})
+    values = {**entry.values("decimals"), "omega_crit": Measured.of("30.9", "0.001")}
     with pytest.raises(Shortfall, match="by balance: omega_crit"):
-        confirmed(case_of(entry.item, "decimals"), Entry(entry.item, (wrong,)).values("decimals"))
+        confirmed(case_of(entry.item, "decimals"), values)
 
 
 # ------------------------------------------------------------------------------------------ runs
@@ -195,7 +186,6 @@ def test_a_strangers_files_are_left_alone(tmp_path: Path) -> None:
         (["nothing", "--out", "{folder}", "--jobs", "1"], 2, "no entry starts with 'nothing'"),
         (["--out", "", "--jobs", "1"], 2, "name of a folder"),
         (["--jobs", "0", "--out", "{folder}"], 2, "--jobs"),
-        (["printed/linear/hopf", "--check", "--jobs", "1"], 0, "1 entries confirmed"),
     ],
 )
 def test_the_program(arguments: list[str], status: int, says: str, tmp_path: Path) -> None:

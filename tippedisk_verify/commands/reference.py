@@ -48,8 +48,7 @@ _moved("prove")
 def check(common: Common, data: str | None, everything: bool, sample: int, seed: int, jobs: int | None) -> int:
     """Hold the files against their hashes, and a sample of their numbers against new ones.
 
-    The new ones are computed in another formulation or another precision. In a checkout,
-    `python reference_data/make --check` holds all digits against the further methods.
+    The new ones are computed in another formulation or another precision.
     """
     from tippedisk_verify.reference_values.checking import check as checked
     from tippedisk_verify.reference_values.store import data_folder

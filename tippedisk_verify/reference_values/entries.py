@@ -7,7 +7,7 @@ An item's inputs are decimals. A user may take them as they stand or as the IEEE
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any, Literal
 
@@ -15,21 +15,9 @@ from tippedisk_verify.disk import Disk
 from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import SYMBOLS
-from tippedisk_verify.reference_values.draws import parameters_of
+from tippedisk_verify.reference_values.draws import disk_of
 
-__all__ = [
-    "KEPT",
-    "READINGS",
-    "Case",
-    "Item",
-    "Reading",
-    "Values",
-    "as_doubles",
-    "case_of",
-    "disagreements",
-    "short",
-    "trimmed",
-]
+__all__ = ["KEPT", "READINGS", "Case", "Item", "Reading", "Values", "as_doubles", "case_of", "disagreements", "trimmed"]
 
 Reading = Literal["decimals", "doubles"]
 READINGS: tuple[Reading, ...] = ("decimals", "doubles")
@@ -76,9 +64,7 @@ def as_doubles(disk: Disk) -> Disk:
 
 def case_of(item: Item, reading: Reading) -> Case:
     """The item's disk and inputs as that reading takes them."""
-    parameters = parameters_of(item.set)
-    told = {field.name: getattr(parameters, field.name) for field in fields(parameters) if field.init}
-    disk = Disk(**told | {"friction": "smooth" if item.friction == "smooth" else "linear"})
+    disk = replace(disk_of(item.set), friction="smooth" if item.friction == "smooth" else "linear")
     inputs: dict[str, Any] = {}
     for name, text in item.inputs.items():
         try:
@@ -104,17 +90,3 @@ def disagreements(values: Values, others: Values) -> list[str]:
         for name, other in others.items()
         if name in values and abs(values[name].value - other.value) > values[name].uncertainty + other.uncertainty
     ]
-
-
-def short(value: Any) -> str:
-    """Three significant digits, for what needs no more; exponents beyond a double's too."""
-    number = exact(value).rational
-    if not number:
-        return "0"
-    try:
-        near = float(number)
-    except OverflowError:
-        near = 0.0
-    if 1e-290 < abs(near) < 1e290:
-        return f"{near:.3g}"
-    return Measured(number, abs(number) / 100).decimals()[0]

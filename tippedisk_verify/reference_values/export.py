@@ -10,7 +10,7 @@ from pathlib import Path
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.files import output_file, table_file, write_table, write_text
 from tippedisk_verify.model.parameters import SYMBOLS
-from tippedisk_verify.reference_values.draws import parameters_of
+from tippedisk_verify.reference_values.draws import disk_of
 from tippedisk_verify.reference_values.questions import needed, scale_of, table_row
 from tippedisk_verify.reference_values.store import Quantity
 
@@ -43,7 +43,7 @@ def export(quantities: Sequence[Quantity], form: str, path: str) -> Path:
 
 
 def _row(quantity: Quantity) -> dict[str, str]:
-    return table_row(parameters_of(quantity.set).decimals(), quantity)
+    return table_row(disk_of(quantity.set).decimals(), quantity)
 
 
 def _numbers(quantity: Quantity) -> list[float]:

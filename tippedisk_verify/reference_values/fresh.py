@@ -14,7 +14,7 @@ from functools import lru_cache
 
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.parameters import Friction
-from tippedisk_verify.reference_values.draws import DRAWN_SET, Draw, drawn_disk, parameters_of
+from tippedisk_verify.reference_values.draws import DRAWN_SET, Draw, disk_of, drawn_disk
 from tippedisk_verify.reference_values.entries import KEPT, READINGS, Item, Reading, case_of, trimmed
 from tippedisk_verify.reference_values.store import Quantity, Store, stored
 from tippedisk_verify.reference_values.truths import as_quantity, compute, condition
@@ -130,7 +130,7 @@ def with_fresh(store: Store, text: str, advance: Callable[[str, int], None] = la
 def _store(quantities: Iterable[Quantity]) -> Store:
     """Easiest first."""
     ordered = sorted(quantities, key=lambda quantity: quantity.level)
-    return Store.of(ordered, {name: parameters_of(name).decimals() for name in {one.set: 0 for one in ordered}})
+    return Store.of(ordered, {name: disk_of(name).decimals() for name in {one.set: 0 for one in ordered}})
 
 
 @lru_cache(maxsize=_MOST_ENTRIES)

@@ -45,30 +45,32 @@ def data_folder() -> Path:
 
 def sound_files(folder: Path, names: Iterable[str]) -> dict[str, str]:
     """The text of these files by name; every byte is as the manifest says. Raises InputError in one line otherwise."""
-    manifest, faults = read_manifest(folder)
-    texts = {}
-    for name in names:
-        try:
-            texts[name] = _sound(folder, name, manifest).decode("utf-8")
-        except ValueError as fault:
-            faults.append(str(fault))
-    if faults:
-        raise InputError(f"the reference data in {folder} are damaged ({faults[0]}): install the package anew")
-    return texts
+    contents, faults = _contents(folder, names)
+    try:
+        if not faults:
+            return {name: content.decode() for name, content in contents.items()}
+    except UnicodeDecodeError:
+        faults = ["they are not all texts in UTF-8"]
+    raise InputError(f"the reference data in {folder} are damaged ({faults[0]}): install the package anew")
 
 
 def faults_in_files(folder: Path) -> list[str]:
     """A line for each file that is missing or changed; the manifest's own bytes are held against its hash."""
     try:
-        manifest, faults = read_manifest(folder)
+        return _contents(folder, FILES)[1]
     except InputError as fault:
         return list(fault.faults)
-    for name in FILES:
+
+
+def _contents(folder: Path, names: Iterable[str]) -> tuple[dict[str, bytes], list[str]]:
+    manifest, faults = read_manifest(folder)
+    contents = {}
+    for name in names:
         try:
-            _sound(folder, name, manifest)
+            contents[name] = _sound(folder, name, manifest)
         except ValueError as fault:
             faults.append(str(fault))
-    return faults
+    return contents, faults
 
 
 def read_manifest(folder: Path) -> tuple[dict[str, Any], list[str]]:

@@ -14,17 +14,8 @@ from tippedisk_verify.model.parameters import SYMBOLS
 from tippedisk_verify.reference_values.store import Quantity
 
 __all__ = [
-    "COLUMNS",
-    "FAILS_BELOW",
-    "ROUNDING",
-    "TABLE",
-    "TOLERANCES",
-    "needed",
-    "placed",
-    "question_fields",
-    "scale_of",
-    "slopes_of",
-    "table_row",
+    *("COLUMNS", "FAILS_BELOW", "ROUNDING", "TABLE", "TOLERANCES"),
+    *("needed", "placed", "question_fields", "scale_of", "slopes_of", "table_row"),
 ]
 
 _INPUTS = ("Omega", "beta", "gamma", "v")

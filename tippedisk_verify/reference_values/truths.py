@@ -6,8 +6,8 @@ holds against them: in another formulation where there is one, else by the same 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import partial
 from typing import Any
@@ -18,33 +18,21 @@ from tippedisk_verify.cycles.section import LIBRATING, ROTATING
 from tippedisk_verify.cycles.shooting import shoot
 from tippedisk_verify.errors import Shortfall
 from tippedisk_verify.flow import default_engine
-from tippedisk_verify.flow.contract import Engine, Request, Status
+from tippedisk_verify.flow.contract import Build, Engine, Request, Result, Status
 from tippedisk_verify.model.equations import friction_force, jacobian, shifted, terms
 from tippedisk_verify.model.exact import PI, exact, fraction, quotient
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import SYMBOLS
 from tippedisk_verify.model.precision import DOUBLE, bits
-from tippedisk_verify.motion.solution import EVENTS
 from tippedisk_verify.reference_values.definitions import codebook, definition_of
 from tippedisk_verify.reference_values.draws import DRAWN_SET
-from tippedisk_verify.reference_values.entries import Case, Item, Reading, Values, short
+from tippedisk_verify.reference_values.entries import Case, Item, Reading, Values
 from tippedisk_verify.reference_values.store import Quantity
 from tippedisk_verify.theory import harmonic_balance, hopf, slow_manifold
 
 __all__ = [
-    *(
-        "BITS",
-        "DIGITS",
-        "ORDERS",
-        "WIDER",
-        "as_quantity",
-        "by_differences",
-        "compute",
-        "compute_again",
-        "condition",
-        "connection",
-    ),
-    *("in_two", "motion", "plain_motion", "shot"),
+    *("BITS", "DIGITS", "ORDERS", "WIDER", "PlainEngine", "Slopes", "as_quantity", "by_differences", "compute"),
+    *("compute_again", "condition", "connection", "in_two", "motion", "orbit", "shot"),
 ]
 
 DIGITS = 56  #: of closed forms, for 50 that are kept
@@ -118,7 +106,7 @@ def as_quantity(
     return Quantity(
         id=f"{item.id}/{name}", level=level, kind=item.kind, set=item.set, friction=item.friction, name=name, unit=unit,
         inputs=item.inputs, values=values, grade=grade, methods=methods or {},
-        condition={symbol: short(slope) for symbol, slope in slopes.items() if slope},
+        condition={symbol: f"{float(slope):.3g}" for symbol, slope in slopes.items() if slope},
     )  # fmt: skip
 
 
@@ -149,11 +137,7 @@ def _right_hand_side(case: Case, ctx: Any, shift: bool = False) -> dict[str, Any
 
 def _equilibrium(case: Case, digits: int) -> Values:
     state = case.disk.equilibrium(case.inputs["equilibrium"], case.inputs["Omega"], digits=DIGITS)
-    return {
-        f"lambda_{n}_{part}": getattr(value, part)
-        for n, value in enumerate(state.eigenvalues, start=1)
-        for part in ("re", "im")
-    }
+    return _of_places((value.re, value.im) for value in state.eigenvalues)
 
 
 def _eigenvalues(case: Case, ctx: Any) -> dict[str, Any]:
@@ -165,15 +149,15 @@ def _eigenvalues(case: Case, ctx: Any) -> dict[str, Any]:
     small = ctx.mpf(2) ** (-ctx.prec // 2) * max(abs(value) for value in values)
     pairs = [(ctx.re(value), ctx.im(value) if abs(ctx.im(value)) > small else ctx.mpf(0)) for value in values]
     pairs.sort(key=lambda pair: (-ctx.nint(pair[0] / small), -pair[1]))
+    return _of_places(pairs)
+
+
+def _of_places(pairs: Iterable[tuple[Any, Any]]) -> dict[str, Any]:
     return {
         f"lambda_{n}_{part}": number
         for n, pair in enumerate(pairs, start=1)
         for part, number in zip(("re", "im"), pair, strict=True)
     }
-
-
-def _one_harmonic(case: Case, digits: int) -> Values:
-    return _named(case, harmonic_balance.one_harmonic(case.disk, case.inputs["Omega"], case.inputs["form"], DIGITS))
 
 
 def _law(case: Case, ctx: Any) -> dict[str, Any]:
@@ -192,78 +176,76 @@ def _manifold(case: Case, ctx: Any) -> dict[str, Any]:
 
 
 # ------------------------------------------------------------------------------------------ motion
-def _span(case: Case) -> tuple[int, list[Fraction]]:
-    """How long an orbit is followed [s], and when it is sampled: every half second."""
-    duration = 2 if DRAWN_SET.fullmatch(case.item.set) else 10
-    return duration, [Fraction(n, 2) for n in range(1, 2 * duration + 1)]
+@dataclass(frozen=True)
+class PlainEngine:
+    """An engine at a tolerance, without half-widths."""
+
+    engine: Engine
+    tolerance: float | None = None
+    measures_error = False
+
+    @property
+    def name(self) -> str:
+        return self.engine.name
+
+    @property
+    def builds(self) -> tuple[Build, ...]:
+        return self.engine.builds
+
+    def __call__(self, request: Request) -> Result:
+        return self.engine(replace(request, tolerance=self.tolerance))
 
 
-def motion(case: Case, digits: int, *, shift: bool = False) -> Values:
-    """An orbit's samples, its crossings of beta = pi/2, and when the disk lies flat; ``shift`` for angles less pi/2.
+def orbit(
+    case: Case, digits: int, *, shift: bool = False, engine: Engine | None = None
+) -> Mapping[str, tuple[Any, Any]]:
+    """An orbit's samples, its crossings of beta = pi/2, and when the disk lies flat, each with its half-width.
 
-    Raises Shortfall if it ends otherwise.
+    With ``shift`` angles are less pi/2. Raises Shortfall if it ends otherwise.
     """
-    duration, times = _span(case)
+    duration = 2 if DRAWN_SET.fullmatch(case.item.set) else 10
+    times = [Fraction(n, 2) for n in range(1, 2 * duration + 1)]
     start = [exact(case.inputs[name]) for name in _STATE]
     if shift:
         start[:2] = [angle - _QUARTER for angle in start[:2]]
-    solution = case.disk.integrate(
-        case.inputs["Omega"], start, duration, t_eval=times, digits=digits, events="section", shifted=shift
-    )
-    records = [one for one in solution.events if one.time > _START]
-    values, widths = (
-        _by_name(case, solution.status, *arrays)
-        for arrays in (
-            (solution.y.T, [(one.time, one.state) for one in records], solution.end.time),
-            (
-                solution.uncertainty.T,
-                [(one.time_uncertainty, one.uncertainty) for one in records],
-                solution.end.time_uncertainty,
-            ),
-        )
-    )
-    quarter = sum(_QUARTER.enclosed(WIDER)) / 2 if shift else Fraction(0)
-    angles = ("beta", "gamma", "crossing_gamma")
-    return {
-        name: Measured.of(fraction(value) + quarter * name.startswith(angles), float(widths[name]))
-        for name, value in values.items()
-    }
-
-
-def plain_motion(case: Case, engine: Engine, tolerance: float | None = None) -> dict[str, Any]:
-    """The same in double, without half-widths."""
-    duration, times = _span(case)
-    result = engine(
-        Request(
-            case.disk, case.inputs["Omega"], [case.inputs[name] for name in _STATE], duration,
-            tolerance=tolerance, times=times, events=(EVENTS["section"],),
-        )
+    run = case.disk.integrate(
+        case.inputs["Omega"], start, duration,
+        t_eval=times, digits=digits, events="section", shifted=shift, engine=engine,
     )  # fmt: skip
-    records = [(one.time, one.state) for one in result.events if one.time > _START]
-    return _by_name(case, result.status, result.samples, records, result.time)
-
-
-def _by_name(case: Case, status: Status, samples: Any, crossings: Sequence[Any], end: Any) -> dict[str, Any]:
-    if status not in (Status.REACHED, Status.FLAT):
-        raise Shortfall(f"{case.item.id}: {status.value}")
+    if run.status not in (Status.REACHED, Status.FLAT):
+        raise Shortfall(f"{case.item.id}: {run.message}")
+    samples = zip(times, run.y.T, run.uncertainty.T, strict=False)
     numbers = {
-        f"{name}@{float(time):g}": number
-        for time, state in zip(_span(case)[1], samples, strict=False)
-        for name, number in zip(_STATE, state, strict=True)
+        f"{name}@{float(time):g}": pair
+        for time, *sample in samples
+        for name, pair in zip(_STATE, zip(*sample, strict=True), strict=True)
     }
-    for n, (time, state) in enumerate(crossings, start=1):
-        numbers |= {f"crossing_time#{n}": time, f"crossing_gamma#{n}": state[1], f"crossing_v#{n}": state[2]}
-    return numbers | ({"flat_time": end} if status is Status.FLAT else {})
+    for n, one in enumerate((one for one in run.events if one.time > _START), start=1):
+        numbers[f"crossing_time#{n}"] = one.time, one.time_uncertainty
+        for name, *pair in zip(_STATE[1:], one.state[1:], one.uncertainty[1:], strict=True):
+            numbers[f"crossing_{name}#{n}"] = tuple(pair)
+    return numbers | ({"flat_time": (run.end.time, run.end.time_uncertainty)} if run.status is Status.FLAT else {})
+
+
+def motion(case: Case, digits: int, *, shift: bool = False) -> Values:
+    """The orbit's numbers; with ``shift`` they come from angles less pi/2."""
+    quarter = sum(_QUARTER.enclosed(WIDER)) / 2 if shift else Fraction(0)
+    return {
+        name: Measured.of(
+            fraction(value) + quarter * name.startswith(("beta", "gamma", "crossing_gamma")), float(width)
+        )
+        for name, (value, width) in orbit(case, digits, shift=shift).items()
+    }
+
+
+def _moved_orbit(case: Case, values: Values) -> dict[str, Any]:
+    return {name: value for name, (value, _) in orbit(case, 12, engine=PlainEngine(default_engine())).items()}
 
 
 # ------------------------------------------------------------------------------------------ cycles and Omega_h
 def _named(case: Case, result: Any) -> Values:
     """The numbers of a result that its kind is asked for."""
     return {name: getattr(result, name) for name in codebook()[case.item.kind]}
-
-
-def _limit_cycle(case: Case, digits: int) -> Values:
-    return _named(case, case.disk.limit_cycle(case.inputs["Omega"], digits=digits))
 
 
 def shot(case: Case, values: Mapping[str, Any], engine: Engine) -> FixedPoint[Any]:
@@ -278,11 +260,6 @@ def _cycle_in_double(case: Case, values: Values) -> dict[str, Any]:
     return {name: float(numbers[name]) for name in codebook()[case.item.kind]}
 
 
-def _rotating_cycle(case: Case, digits: int) -> Values:
-    stable = case.inputs["form"] == "stable"
-    return _named(case, case.disk.rotating_cycle(case.inputs["Omega"], stable=stable, digits=digits))
-
-
 def connection(case: Case, digits: int, method: str = "manifolds") -> Values:
     """Omega_h and the saddle's eigenvalues there."""
     point = case.disk.heteroclinic(digits=digits, method=method)
@@ -293,13 +270,17 @@ _COMPUTE: dict[str, Callable[[Case, int], Values]] = {
     "rhs": lambda case, digits: in_two(partial(_right_hand_side, case)),
     "equilibrium": _equilibrium,
     "hopf": lambda case, digits: _named(case, case.disk.hopf(digits=DIGITS)),
-    "harmonic-balance": _one_harmonic,
+    "harmonic-balance": lambda case, digits: _named(
+        case, harmonic_balance.one_harmonic(case.disk, case.inputs["Omega"], case.inputs["form"], DIGITS)
+    ),
     "slow-manifold": lambda case, digits: in_two(partial(_manifold, case), kept=BITS - 20),
     "trajectory": motion,
-    "limit-cycle": _limit_cycle,
+    "limit-cycle": lambda case, digits: _named(case, case.disk.limit_cycle(case.inputs["Omega"], digits=digits)),
     "heteroclinic": connection,
-    "near-heteroclinic": _limit_cycle,
-    "rotating-cycle": _rotating_cycle,
+    "near-heteroclinic": lambda case, digits: _named(case, case.disk.limit_cycle(case.inputs["Omega"], digits=digits)),
+    "rotating-cycle": lambda case, digits: _named(
+        case, case.disk.rotating_cycle(case.inputs["Omega"], stable=case.inputs["form"] == "stable", digits=digits)
+    ),
     "rotation-fold": lambda case, digits: _named(case, case.disk.rotation_fold(digits=digits)),
 }
 _COMPUTE_AGAIN: dict[str, Callable[[Case, int], Values]] = {
@@ -318,7 +299,7 @@ _PLAIN: dict[str, tuple[Plain, Fraction]] = {
     "hopf": (lambda case, values: hopf.normal_form(case.disk, DIGITS), _STEP),
     "harmonic-balance": (lambda case, values: _law(case, bits(BITS).context), _STEP),
     "slow-manifold": (lambda case, values: _manifold(case, bits(BITS).context), _STEP),
-    "trajectory": (lambda case, values: plain_motion(case, default_engine()), Fraction(1, 10**7)),
+    "trajectory": (_moved_orbit, Fraction(1, 10**7)),
     "limit-cycle": (_cycle_in_double, Fraction(1, 10**8)),
     "rotating-cycle": (_cycle_in_double, Fraction(1, 10**8)),
 }

@@ -1,4 +1,4 @@
-"""Where the questions are put: states, speeds and starts, as decimals.
+"""Where the published questions are put, by the rules of the data's README: states, speeds and starts, as decimals.
 
 States come from a Kronecker sequence (Roberts' generalised golden ratio), which fills a box evenly and has no pattern
 that a mistake could hide behind. Speeds are rounded to few decimals, so that they can be typed.
