@@ -38,11 +38,10 @@ from tippedisk_verify.reference_values.manifest import (
 from tippedisk_verify.reference_values.questions import TABLE
 from tippedisk_verify.reference_values.store import stored, table_rows
 
-__all__ = ["COMMAND", "DATA_VERSION", "generate", "items_of", "replace_files", "write_manifest"]
+__all__ = ["DATA_VERSION", "generate", "items_of", "replace_files", "write_manifest"]
 
 #: Of the values, apart from the program's; reference_data/CHANGELOG.md says what each version changed.
 DATA_VERSION = "1.1.0"
-COMMAND = "python reference_data/make"
 Entries = dict[str, dict[str, Any]]  #: rows and proof by entry
 
 
@@ -149,7 +148,7 @@ def write_manifest(folder: Path, ahead: Mapping[str, str] | None = None) -> None
         "data_version": DATA_VERSION,
         "license": "MIT",
         "generator": f"tippedisk-verify {__version__}",
-        "command": COMMAND,
+        "command": "python reference_data/make",
         "files": files,
     }
     write_text(folder / MANIFEST, manifest_text(content))

@@ -12,8 +12,8 @@ from typing import Any
 from tippedisk_verify.disk import Disk
 from tippedisk_verify.errors import Shortfall
 from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.reference_values.definitions import codebook
 from tippedisk_verify.reference_values.entries import Case, Values
+from tippedisk_verify.reference_values.store import codebook
 
 __all__ = ["proved"]
 

@@ -27,10 +27,9 @@ from tippedisk_verify.cache import read_checked
 from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.reference_values.checking import check, entries_of
-from tippedisk_verify.reference_values.definitions import codebook
 from tippedisk_verify.reference_values.entries import case_of
 from tippedisk_verify.reference_values.manifest import LARGEST
-from tippedisk_verify.reference_values.store import Store, stored
+from tippedisk_verify.reference_values.store import Store, codebook, stored
 
 SETS = ("printed", "calibrated")
 INTEGRATED = ("trajectory", "near-heteroclinic", "rotating-cycle")

@@ -25,11 +25,10 @@ from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import SYMBOLS, Parameters
 from tippedisk_verify.reference_values.checking import Entry, check, entries_of, recomputed
-from tippedisk_verify.reference_values.definitions import codebook
 from tippedisk_verify.reference_values.entries import as_doubles, case_of, trimmed
 from tippedisk_verify.reference_values.lookup import reference
 from tippedisk_verify.reference_values.manifest import faults_in_files
-from tippedisk_verify.reference_values.store import Store, data_folder, stored, table_rows
+from tippedisk_verify.reference_values.store import Store, codebook, data_folder, stored, table_rows
 
 SETS = ("printed", "calibrated")
 

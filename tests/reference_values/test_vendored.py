@@ -20,10 +20,9 @@ from reference_data.make.generation import DATA_VERSION
 from tests.conformance.scipy_program import motion
 from tippedisk_verify.cli import main
 from tippedisk_verify.provenance import digest
-from tippedisk_verify.reference_values.definitions import codebook, definition_of
 from tippedisk_verify.reference_values.export import export
 from tippedisk_verify.reference_values.questions import TABLE
-from tippedisk_verify.reference_values.store import data_folder, stored, table_rows
+from tippedisk_verify.reference_values.store import codebook, data_folder, definition_of, stored, table_rows
 
 ROOT = Path(__file__).parents[2]
 DATA = data_folder()

@@ -51,7 +51,7 @@ def check(common: Common, data: str | None, everything: bool, sample: int, seed:
     The new ones are computed in another formulation or another precision.
     """
     from tippedisk_verify.reference_values.checking import check as checked
-    from tippedisk_verify.reference_values.store import data_folder
+    from tippedisk_verify.reference_values.manifest import data_folder
 
     folder = data_folder() if data is None else Path(data)
     with progress(common, 0) as advance, processes(jobs, needed=bool(sample) or everything) as pool:

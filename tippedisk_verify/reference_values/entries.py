@@ -9,17 +9,17 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from typing import Any, Literal
+from typing import Any
 
 from tippedisk_verify.disk import Disk
 from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import SYMBOLS
 from tippedisk_verify.reference_values.draws import disk_of
+from tippedisk_verify.reference_values.store import Reading
 
 __all__ = ["KEPT", "READINGS", "Case", "Item", "Reading", "Values", "as_doubles", "case_of", "disagreements", "trimmed"]
 
-Reading = Literal["decimals", "doubles"]
 READINGS: tuple[Reading, ...] = ("decimals", "doubles")
 Values = dict[str, Measured]
 KEPT = 50  #: digits of a number; Omega_h keeps more

@@ -8,13 +8,13 @@ first method (an orbit's and a cycle's in double), with the half-width that this
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from fractions import Fraction
 from functools import lru_cache
 
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.parameters import Friction
-from tippedisk_verify.reference_values.draws import DRAWN_SET, Draw, disk_of, drawn_disk
+from tippedisk_verify.reference_values.draws import DRAWN_SET, Draw, drawn_disk
 from tippedisk_verify.reference_values.entries import KEPT, READINGS, Item, Reading, case_of, trimmed
 from tippedisk_verify.reference_values.store import Quantity, Store, stored
 from tippedisk_verify.reference_values.truths import as_quantity, compute, condition
@@ -100,7 +100,8 @@ def blank_questions(states: int, seed: int) -> Store:
     beyond = {f"/rhs/{n:02d}" for n in range(last + 1, STATES_PER_DISK + 1)}
     items = [item for item in items if not (item.set == f"fresh-{seed}-{disks}" and item.id[-7:] in beyond)]
     nothing: dict[Reading, tuple[str, str]] = {"decimals": ("", ""), "doubles": ("", "")}
-    return _store(as_quantity(item, name, nothing, {}) for item in items for name in _names(item.kind, item.friction))
+    blank = (as_quantity(item, name, nothing, {}) for item in items for name in _names(item.kind, item.friction))
+    return Store.of(sorted(blank, key=lambda quantity: quantity.level))
 
 
 def entries_of(prefix: str) -> str:
@@ -124,13 +125,7 @@ def with_fresh(store: Store, text: str, advance: Callable[[str, int], None] = la
     for item in wanted:
         truths += _truths(item.id)
         advance(item.id, 1)
-    return store.joined(_store(truths)) if truths else store
-
-
-def _store(quantities: Iterable[Quantity]) -> Store:
-    """Easiest first."""
-    ordered = sorted(quantities, key=lambda quantity: quantity.level)
-    return Store.of(ordered, {name: disk_of(name).decimals() for name in {one.set: 0 for one in ordered}})
+    return store.joined(Store.of(sorted(truths, key=lambda quantity: quantity.level))) if truths else store
 
 
 @lru_cache(maxsize=_MOST_ENTRIES)
@@ -138,12 +133,11 @@ def _truths(item_id: str) -> tuple[Quantity, ...]:
     item = next(item for item in _items(item_id.split("/")[0]) if item.id == item_id)
     values = {reading: compute(case_of(item, reading), _DIGITS) for reading in READINGS}
     slopes = condition(case_of(item, "decimals"), values["decimals"])
-    return tuple(
-        as_quantity(
-            item, name, {reading: trimmed(values[reading][name], KEPT).decimals() for reading in READINGS}, slopes[name]
-        )
-        for name in _names(item.kind, item.friction)
-    )
+
+    def told(name: str) -> dict[Reading, tuple[str, str]]:
+        return {reading: trimmed(values[reading][name], KEPT).decimals() for reading in READINGS}
+
+    return tuple(as_quantity(item, name, told(name), slopes[name]) for name in _names(item.kind, item.friction))
 
 
 @lru_cache(maxsize=32)

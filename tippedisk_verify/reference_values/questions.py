@@ -69,7 +69,7 @@ def question_fields(parameters: Mapping[str, str], quantity: Quantity) -> dict[s
         "friction": quantity.friction,
         "quantity": plain,
         "unit": quantity.unit,
-        **parameters,
+        **{symbol: parameters[symbol] for symbol in SYMBOLS},
         **quantity.inputs,
         **place,
         "from": "decimals" if "doubles" not in quantity.values else "",

@@ -8,24 +8,54 @@ from __future__ import annotations
 import csv
 import json
 import numbers
+import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, fields, replace
 from fractions import Fraction
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.measured import Bounded, Measured
-from tippedisk_verify.model.parameters import SYMBOLS
 from tippedisk_verify.model.results import Printable, as_json
-from tippedisk_verify.reference_values.definitions import definition_of
+from tippedisk_verify.reference_values.draws import disk_of
 from tippedisk_verify.reference_values.manifest import data_folder, sound_files
 
-__all__ = ["Quantity", "Reading", "Store", "data_folder", "quantity_of", "stored", "table_rows"]
+__all__ = ["Quantity", "Reading", "Store", "codebook", "definition_of", "quantity_of", "stored", "table_rows"]
 
 Reading = Literal["decimals", "doubles"]
+
+
+class Definition(NamedTuple):
+    level: int  #: of difficulty, from 1
+    unit: str
+    meaning: str
+
+
+@lru_cache(maxsize=1)
+def codebook() -> dict[str, dict[str, Definition]]:
+    """By kind, in order of difficulty, then by name; ``n`` stands for a number in it. Raises InputError if damaged."""
+    kinds: dict[str, dict[str, Definition]] = {}
+    text = sound_files(data_folder(), ["quantities.csv"])["quantities.csv"]
+    for row in csv.DictReader(text.splitlines()):
+        told = Definition(int(row["level"]), row["unit"], row["definition"])
+        kinds.setdefault(row["kind"], {})[row["quantity"]] = told
+    return kinds
+
+
+def definition_of(kind: str, quantity: str) -> Definition:
+    """Of a quantity of that kind, by its name with or without a place."""
+    name, of_kind = re.split("[@#]", quantity)[0], codebook()[kind]
+    if name in of_kind:
+        return of_kind[name]
+    number = re.search(r"(?<=_)\d+(?=_|$)", name)
+    told = of_kind[name if number is None else f"{name[: number.start()]}n{name[number.end() :]}"]
+    if number is None or "^n" not in told.unit:
+        return told
+    n = int(number[0])
+    return told._replace(unit=("rad/s", "rad/m")[n] if n < 2 else f"rad s^{n - 1}/m^{n}")
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -128,26 +158,27 @@ class Store(Mapping[str, Quantity]):
         texts = sound_files(folder, ("values.csv", "proofs.json"))
         try:
             proofs, rows = json.loads(texts["proofs.json"]), table_rows(texts["values.csv"])
-            self._fill((quantity_of(row, proofs) for row in rows), {row["set"]: row for row in rows})
+            self._quantities = {row["id"]: quantity_of(row, proofs) for row in rows}
         except (KeyError, TypeError, AttributeError, ValueError, RecursionError, csv.Error):
             raise InputError(f"the reference data in {folder} are damaged: run reference check") from None
         if not self:
             raise InputError(f"there are no reference values in {folder}")
 
     @classmethod
-    def of(cls, quantities: Iterable[Quantity], parameters: Mapping[str, Mapping[str, str]]) -> Store:
-        """These values; ``parameters`` by set are decimals."""
+    def of(cls, quantities: Iterable[Quantity]) -> Store:
+        """These values."""
         store = cls.__new__(cls)
-        store._fill(quantities, parameters)
+        store._quantities = {quantity.id: quantity for quantity in quantities}
         return store
 
     def joined(self, other: Store) -> Store:
         """These values and those of another store."""
-        return Store.of((*self.values(), *other.values()), self.parameters | other.parameters)
+        return Store.of((*self.values(), *other.values()))
 
-    def _fill(self, quantities: Iterable[Quantity], parameters: Mapping[str, Mapping[str, str]]) -> None:
-        self.parameters = {name: {symbol: told[symbol] for symbol in SYMBOLS} for name, told in parameters.items()}
-        self._quantities = {quantity.id: quantity for quantity in quantities}
+    @cached_property
+    def parameters(self) -> dict[str, dict[str, str]]:
+        """Of each set's disk, as decimals. Raises InputError for a set that is neither named nor drawn."""
+        return {name: disk_of(name).decimals() for name in {quantity.set: 0 for quantity in self.values()}}
 
     def __getitem__(self, id_: str) -> Quantity:
         return self._quantities[id_]

@@ -24,10 +24,9 @@ from tippedisk_verify.model.exact import PI, exact, fraction, quotient
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import SYMBOLS
 from tippedisk_verify.model.precision import DOUBLE, bits
-from tippedisk_verify.reference_values.definitions import codebook, definition_of
 from tippedisk_verify.reference_values.draws import DRAWN_SET
 from tippedisk_verify.reference_values.entries import Case, Item, Reading, Values
-from tippedisk_verify.reference_values.store import Quantity
+from tippedisk_verify.reference_values.store import Quantity, codebook, definition_of
 from tippedisk_verify.theory import harmonic_balance, hopf, slow_manifold
 
 __all__ = [
