@@ -39,9 +39,7 @@ def _compiled(law: Any, working: int) -> Any:
 
 
 def symbolic(case: Case, values: Values) -> Values:
-    if case.item.friction == "both":
-        return {}
-    return in_two(partial(_symbolic, case), WIDER, WIDER)
+    return {} if case.item.friction == "both" else in_two(partial(_symbolic, case), WIDER, WIDER)
 
 
 def _symbolic(case: Case, ctx: Any) -> dict[str, Any]:

@@ -49,7 +49,7 @@ def _equilibrium(case: Case, values: Values) -> Proof:
     proof = proved_equilibrium(case.disk, omega, case.inputs["equilibrium"], _DIGITS)
     parts = (part for value in proof.eigenvalues for part in (value.re, value.im))
     enclosures = {f"lambda_{n // 2 + 1}_{('re', 'im')[n % 2]}": part for n, part in enumerate(parts)}
-    return (proof.statement, _command("equilibria", case.disk, f"--omega {omega}"), enclosures)
+    return (proof.statement, _command("equilibria", case.disk, f" --omega {omega}"), enclosures)
 
 
 def _hopf(case: Case, values: Values) -> Proof:
@@ -81,13 +81,12 @@ def _cycle(case: Case, values: Values) -> Proof:
         raise Shortfall(f"{case.item.id}: {proof.statement}")
     numbers = proof.numbers()
     enclosures = {name: numbers[name] for name in values if name in numbers}
-    return (proof.statement, _command("orbit", case.disk, f"--omega {omega}"), enclosures)
+    return (proof.statement, _command("orbit", case.disk, f" --omega {omega}"), enclosures)
 
 
-def _command(what: str, disk: Disk, *options: str, digits: int = _DIGITS) -> str:
-    law = ["--friction smooth"] * (disk.friction == "smooth")
-    words = ["tippedisk-verify certify", what, f"--parameters {disk.name}", *law, *options, f"--digits {digits}"]
-    return " ".join(words)
+def _command(what: str, disk: Disk, options: str = "", digits: int = _DIGITS) -> str:
+    law = " --friction smooth" * (disk.friction == "smooth")
+    return f"tippedisk-verify certify {what} --parameters {disk.name}{law}{options} --digits {digits}"
 
 
 _PROOFS: dict[str, Callable[[Case, Values], Proof]] = {

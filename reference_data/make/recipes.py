@@ -28,7 +28,6 @@ from tippedisk_verify.reference_values.questions import table_row
 
 __all__ = ["CONFIRM", "answered", "confirmed", "methods_of"]
 
-Confirm = Callable[[Case, Values], Values]
 _DIGITS = {"heteroclinic": 104, "trajectory": 43}
 _USUAL_DIGITS = 36
 # What another method must confirm, relative to the number's size, to stand beside the first one.
@@ -45,7 +44,7 @@ def _shifted(case: Case, values: Values) -> Values:
 
 
 #: The methods beside the first, by their names in methods.csv.
-CONFIRM: dict[str, dict[str, Confirm]] = {
+CONFIRM: dict[str, dict[str, Callable[[Case, Values], Values]]] = {
     "rhs": {"shifted": _again, "symbolic": local.symbolic},
     "equilibrium": {"eigensolver": _again},
     "hopf": {"balance": local.hopf_by_balance},
@@ -125,8 +124,7 @@ def _slopes(case: Case, values: Values) -> truths.Slopes:
         return truths.condition(case, values)
     step = Fraction(1, 10**8)
     if case.item.kind == "near-heteroclinic":
-        omega = case.inputs["Omega"]
-        step = (omega - cycles.omega_h_for(case)) / omega / 10**5
+        step = (1 - cycles.omega_h_for(case) / case.inputs["Omega"]) / 10**5
     return truths.by_differences(
         case, lambda moved: {name: one.value for name, one in truths.compute(moved, 17).items()}, step
     )

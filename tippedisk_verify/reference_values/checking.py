@@ -84,8 +84,7 @@ def check(
         redone += count
         faults += wrong
         advance(entry.item.id, 1)
-    numbers = sum(len(quantity.values) for quantity in store.values())
-    return CheckReport(len(FILES), numbers, redone, tuple(faults))
+    return CheckReport(len(FILES), sum(len(one.values) for one in store.values()), redone, tuple(faults))
 
 
 def _faults_in_rows(folder: Path, store: Store) -> list[str]:
