@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.stress.runs import LONGEST, PROGRAM
+from tests.stress.runs import LONGEST, MAKE, PROGRAM
 from tests.stress.strikes import INTERRUPTED, Struck, ended_by
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals are POSIX here")
@@ -171,7 +171,7 @@ def test_the_package_leaves_signals_to_its_users() -> None:
         ("verify --only scene_a,scene_b,scene_c,scene_d,scene_e --out {folder}", 5),
         ("sweep orbit --over below-crit=0.1:0.7:40 --jobs 2 --out {folder}/a.csv", 6),
         ("basin --below-crit 0.5 --count 10000 --jobs 2 --out {folder}", 5),
-        ("reference generate --only hopf --jobs 2 --out {folder}", 5),
+        (f"{MAKE[0]} printed/linear/hopf --jobs 2 --out {{folder}}", 5),
     ],
 )
 def test_fifty_moments(arguments: str, count: int, number: signal.Signals, struck: Struck, tmp_path: Path) -> None:

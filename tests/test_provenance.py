@@ -14,7 +14,7 @@ from tippedisk_verify import provenance
 from tippedisk_verify.provenance import DRAWING, NUMERICAL, code_version, fingerprint
 
 # Dependencies that no number and no picture comes from.
-PRESENTATION = {"click", "rich", "jinja2", "fastjsonschema"}
+PRESENTATION = {"click", "rich", "jinja2"}
 PYPROJECT = Path(__file__).parent.parent / "pyproject.toml"
 
 

@@ -12,7 +12,7 @@ only from those before it:
 - `tippedisk_verify.proofs`: enclosures with proofs, in ball arithmetic; it knows `model` only, and
   `tippedisk_verify.certify` gives it the numbers to start from;
 - `tippedisk_verify.audit`: the paper's claims, and how each is examined;
-- `tippedisk_verify.reference_values`: how they are made, checked and read, and
+- `tippedisk_verify.reference_values`: how they are read, checked and drawn anew, and
   `tippedisk_verify.conformance`: the grading of other programs by them;
 - `tippedisk_verify.bench`: run time against error, and `tippedisk_verify.stress`: cases that are numerically hard;
 - `tippedisk_verify.figures` and `tippedisk_verify.report`: what a person sees of it.

@@ -41,8 +41,8 @@ def chosen() -> list[Quantity]:
 @pytest.fixture(scope="module")
 def table(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The rows of the shipped table for these questions."""
-    path = tmp_path_factory.mktemp("truths") / "sheet_with_truths.csv"
-    head, *rows = (data_folder() / "printed" / path.name).read_text().splitlines(keepends=True)
+    path = tmp_path_factory.mktemp("truths") / "values.csv"
+    head, *rows = (data_folder() / path.name).read_text().splitlines(keepends=True)
     path.write_text("".join([head, *(row for row in rows if row.startswith(ASKED))]))
     return path
 
@@ -182,7 +182,7 @@ def test_the_table_has_the_truths_of_the_data(chosen: list[Quantity], table: Pat
     assert rows.keys() == {quantity.id for quantity in chosen}
     for quantity in chosen:
         row = rows[quantity.id]
-        assert Decimal(row["truth_from_decimals"]) == Decimal(quantity.values["decimals"][0])
-        assert row["truth_from_doubles"] == quantity.values.get("doubles", ("", ""))[0]
+        assert Decimal(row["value_from_decimals"]) == Decimal(quantity.values["decimals"][0])
+        assert row["value_from_doubles"] == quantity.values.get("doubles", ("", ""))[0]
         assert float(row["digits_needed"]) > 0
         assert float(row["scale"]) > 0

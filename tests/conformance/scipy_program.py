@@ -43,7 +43,7 @@ def motion(ops: Any, p: dict[str, float], omega: Any, smooth: bool, state: Seque
 
 
 def _setting(store: Store, quantity: Quantity) -> tuple[dict[str, float], float, bool]:
-    parameters = {name: float(value["decimal"]) for name, value in store.parameters[quantity.set].items()}
+    parameters = {name: float(value) for name, value in store.parameters[quantity.set].items()}
     return parameters, float(quantity.inputs["Omega"]), quantity.friction == "smooth"
 
 

@@ -14,15 +14,15 @@ from pathlib import Path
 import pytest
 
 import tippedisk_verify as tv
+from reference_data.make.recipes import CONFIRM
 from tests.conformance.scipy_program import motion
 from tippedisk_verify.cli import main
 from tippedisk_verify.conformance.grading import graded
 from tippedisk_verify.conformance.sheet import questions, read_answers, sheet_csv, sheet_json, store_for
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.reference_values.draws import drawn_disk, parameters_of
+from tippedisk_verify.reference_values.draws import disk_of, drawn_disk
 from tippedisk_verify.reference_values.entries import Item, case_of, disagreements
 from tippedisk_verify.reference_values.fresh import blank_questions, with_fresh
-from tippedisk_verify.reference_values.kinds import kind_named
 from tippedisk_verify.reference_values.store import Store, stored
 
 
@@ -66,7 +66,7 @@ def test_seeds_and_disks_have_nothing_in_common() -> None:
 @pytest.mark.parametrize("number", range(1, 41))
 def test_every_drawn_disk_is_like_the_papers(number: int) -> None:
     """Cycles are born stable at Omega_crit, so that each question of a sheet has an answer."""
-    assert tv.hopf_point(parameters_of(f"fresh-12-{number}")).criticality == "supercritical"
+    assert tv.hopf_point(disk_of(f"fresh-12-{number}")).criticality == "supercritical"
 
 
 # ------------------------------------------------------------------------------------------ truths
@@ -91,12 +91,12 @@ def test_other_methods_agree_with_the_truths(kind: str, truths: Store) -> None:
     asked = [quantity for quantity in truths.matching("fresh-5-1/") if quantity.kind == kind]
     for entry in dict.fromkeys(quantity.id.rsplit("/", 1)[0] for quantity in asked):
         here = [quantity for quantity in asked if quantity.id.startswith(f"{entry}/")]
-        item = Item(entry, kind, here[0].set, here[0].friction, here[0].inputs)
+        item = Item(entry, here[0].inputs)
         for reading in ("decimals", "doubles"):
             known = {quantity.name: quantity.measured(reading) for quantity in here}
-            for road in kind_named(kind).roads[1:]:
-                if road.name != "symbolic":  # compiles for seconds; another road confirms the same
-                    assert disagreements(known, road.compute(case_of(item, reading), known)) == []
+            for name, method in CONFIRM[kind].items():
+                if name != "symbolic":  # compiles for seconds; another method confirms the same
+                    assert disagreements(known, method(case_of(item, reading), known)) == []
 
 
 @pytest.mark.parametrize("law", ["linear", "smooth"])

@@ -10,6 +10,7 @@ from fractions import Fraction
 from functools import lru_cache, partial
 from typing import Any
 
+from reference_data.make.local import hopf_by_balance
 from tests.honesty.harness import STRUCTURED, Draw, Kind, Question, decay, decimal
 from tests.proofs.cases import fixed_in
 from tippedisk_verify.connection.bisection import bisect_omega_h
@@ -34,7 +35,7 @@ from tippedisk_verify.proofs.kernel.flow import Model
 from tippedisk_verify.proofs.numbers import measured
 from tippedisk_verify.proofs.search.cycle import prove_cycle
 from tippedisk_verify.reference_values.entries import Case, Item
-from tippedisk_verify.reference_values.local_roads import HOPF, RHS
+from tippedisk_verify.reference_values.truths import compute, compute_again
 from tippedisk_verify.theory import slow_manifold
 from tippedisk_verify.theory.harmonic_balance import one_harmonic, slopes
 from tippedisk_verify.theory.hopf import criticality, omega_crit
@@ -67,8 +68,8 @@ def right_hand_side(draw: Draw) -> Question:
     disk = draw.disk(law=draw.choice(_LAWS))
     angles = (decimal(float(DOUBLE.number(part)), 12) for part in draw.state())  # rational: pi has no place there
     place = dict(zip(("Omega", "beta", "gamma", "v"), (draw.speed(disk), *angles), strict=True))
-    case = Case(Item("drawn", "drawn", disk.name, draw.choice(("both", disk.friction)), {}), disk, place)
-    return Question(lambda: RHS[0].compute(case, {}), lambda known: RHS[1].compute(case, known))
+    case = Case(Item(f"drawn/{draw.choice(('both', disk.friction))}/rhs/1", {}), disk, place)
+    return Question(lambda: compute(case, 0), lambda known: compute_again(case, 0))
 
 
 def equilibria(draw: Draw) -> Question:
@@ -80,8 +81,8 @@ def equilibria(draw: Draw) -> Question:
 def hopf(draw: Draw) -> Question:
     """Against implicit differentiation and the consistent one-harmonic law."""
     disk, digits = draw.disk(), draw.choice((6, 12, 15, 30))
-    case = Case(Item("drawn", "drawn", disk.name, "linear", {}), disk, {})
-    return Question(lambda: disk.hopf(digits=digits), lambda _: HOPF[1].compute(case, {}))
+    case = Case(Item("drawn/linear/hopf/point", {}), disk, {})
+    return Question(lambda: disk.hopf(digits=digits), lambda _: hopf_by_balance(case, {}))
 
 
 def bautin(draw: Draw) -> Question:

@@ -10,44 +10,30 @@ from pathlib import Path
 
 import pytest
 
+from reference_data.make import generation
+from reference_data.make.generation import generate, replace_files, write_manifest
 from tippedisk_verify.cli import main
 from tippedisk_verify.conformance.grading import compare
 from tippedisk_verify.conformance.sheet import questions, read_answers, sheet_csv, sheet_json
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.reference_values import store as reading
-from tippedisk_verify.reference_values.generation import generate
-from tippedisk_verify.reference_values.kinds import KINDS
 from tippedisk_verify.reference_values.lookup import reference
-from tippedisk_verify.reference_values.manifest import (
-    SETS,
-    faults_in_files,
-    replace_files,
-    sound_files,
-    write_manifest,
-)
-from tippedisk_verify.reference_values.proofs import prove
+from tippedisk_verify.reference_values.manifest import faults_in_files
 from tippedisk_verify.reference_values.store import Store, data_folder
-from tippedisk_verify.reference_values.tables import tables
 
-_LARGE = ("rhs", "trajectory", "slow-manifold")
 _ID = "printed/linear/hopf/point/omega_crit"
 pytest_plugins = ["pytester"]
 
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """All kinds of files that the data have, without the large ones."""
-    found = tmp_path / "data"
-    shutil.copytree(data_folder(), found)
-    for name in SETS:
-        for kind in _LARGE:
-            (found / name / f"{kind}.json").unlink()
-        small = [found / name / f"{kind.name}.json" for kind in KINDS if kind.name not in _LARGE]
-        documents = [json.loads(path.read_text()) for path in small]
-        for table, text in tables(documents).items():
-            (found / name / table).write_text(text)
-    write_manifest(found)
-    return found
+    """All files that the data have, with the values of the Hopf points and equilibria."""
+    shutil.copytree(data_folder(), tmp_path / "data", ignore=shutil.ignore_patterns("make"))
+    head, *rows = (tmp_path / "data" / "values.csv").read_text().splitlines(keepends=True)
+    kept = [row for row in rows if "/hopf/" in row or "/equilibrium/" in row]
+    (tmp_path / "data" / "values.csv").write_text("".join([head, *kept]))
+    write_manifest(tmp_path / "data")
+    return tmp_path / "data"
 
 
 @pytest.fixture
@@ -71,15 +57,14 @@ def _flip(path: Path, draw: random.Random) -> bytes:
 def _one_line(fault: InputError) -> None:
     assert len(fault.faults) == 1
     assert "\n" not in str(fault)
-    assert "reference generate" in str(fault)
+    assert "install the package anew" in str(fault)
 
 
 def _silent(folder: Path, draws: int) -> dict[str, int]:
     """How reading ends after one flipped bit; one that a file with values lets pass is silent whatever it changes."""
     whole = Store(folder)
     paths = sorted(path for path in folder.rglob("*") if path.is_file())
-    read = {path for path in paths if path.match("printed/*.json") or path.match("calibrated/*.json")}
-    read.add(folder / "manifest.json")
+    read = {folder / name for name in ("values.csv", "proofs.json", "manifest.json")}
     draw, ends = random.Random(5), {"refused": 0, "not read": 0, "silently changed": 0}
     for n in range(draws):
         path = paths[n % len(paths)]
@@ -100,16 +85,16 @@ def _silent(folder: Path, draws: int) -> dict[str, int]:
 def test_five_hundred_flipped_bits_change_nothing_silently(folder: Path) -> None:
     ends = _silent(folder, 500)
     assert ends["silently changed"] == 0
-    assert ends["refused"] > 280  # 17 of the 28 files are read, and the files take turns
+    assert ends["refused"] > 140  # three of the nine files are read, and the files take turns
 
 
 @pytest.mark.slow(minutes=4)
 def test_two_thousand_in_all_files(tmp_path: Path) -> None:
-    shutil.copytree(data_folder(), tmp_path / "data")
+    shutil.copytree(data_folder(), tmp_path / "data", ignore=shutil.ignore_patterns("make"))
     assert _silent(tmp_path / "data", 2_000)["silently changed"] == 0
 
 
-@pytest.mark.parametrize("name", ["printed/hopf.json", "calibrated/limit-cycle.json", "manifest.json"])
+@pytest.mark.parametrize("name", ["values.csv", "proofs.json", "manifest.json"])
 def test_whoever_reads_refuses(
     name: str, installed: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], pytester: pytest.Pytester
 ) -> None:
@@ -147,9 +132,9 @@ def test_whoever_reads_refuses(
 @pytest.mark.parametrize(
     ("damage", "says"),
     [
-        (lambda data: (data / "printed/hopf.json").unlink(), "printed/hopf.json is missing"),
-        (lambda data: (data / "manifest.json").unlink(), "no manifest.json"),
-        (lambda data: (data / "printed/mine.json").write_text("{}"), "printed/mine.json is not in the manifest"),
+        (lambda data: (data / "values.csv").unlink(), "values.csv is missing"),
+        (lambda data: (data / "proofs.json").unlink(), "proofs.json is missing"),
+        (lambda data: (data / "values.csv").write_text("id\n"), "values.csv has been changed"),
     ],
 )
 def test_files_that_come_or_go(damage: object, says: str, folder: Path) -> None:
@@ -214,45 +199,28 @@ def test_a_remark_says_which_row_asks_something_else(tmp_path: Path, capsys: pyt
 
 def test_damage_gets_no_new_manifest(folder: Path) -> None:
     """Whoever adds to a folder hashes all of it again, and would vouch for what was turned meanwhile."""
-    _flip(folder / "printed" / "limit-cycle.json", random.Random(7))
+    _flip(folder / "values.csv", random.Random(7))
     before = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
-    for add in (lambda: generate(folder, only=("hopf",)), lambda: prove(folder, prefixes=("printed/linear/hopf",))):
-        with pytest.raises(InputError, match=r"limit-cycle\.json has been changed"):
-            add()
+    with pytest.raises(InputError, match=r"values\.csv has been changed"):
+        generate(folder, ("printed/linear/hopf",))
     assert {path: path.read_bytes() for path in before} == before
-
-
-def test_a_folder_of_one_s_own_is_read_and_added_to(tmp_path: Path) -> None:
-    generate(tmp_path, only=("hopf",))
-    assert set(Store(tmp_path)) == {id_ for id_ in reading.stored() if "/hopf/" in id_}
-    generate(tmp_path, only=("equilibrium",))
-    assert {quantity.kind for quantity in Store(tmp_path).values()} == {"hopf", "equilibrium"}
 
 
 def test_at_every_step_of_a_replacement_the_files_fit_the_manifest(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """So a run that is killed there costs nobody their data."""
-    from tippedisk_verify.reference_values import manifest
-
-    texts = {"printed/hopf.json": "{}\n", "printed/new.json": "[]\n", "printed/values.csv": "id\n"}
-    written, steps = manifest.write_text, []
+    texts = {"values.csv": "id\n", "proofs.json": "{}\n", "methods.csv": "kind\n"}
+    written, steps = generation.write_text, []
 
     def watched(path: Path, content: str) -> Path:
         done = written(path, content)
-        steps.append(sorted(sound_files(folder)))
+        steps.append(path.name)
         assert faults_in_files(folder) == []
         return done
 
-    monkeypatch.setattr(manifest, "write_text", watched)
+    monkeypatch.setattr(generation, "write_text", watched)
     replace_files(folder, texts)
-    assert len(steps) == 5
+    assert steps == ["manifest.json", *texts, "manifest.json"]
     assert {name: (folder / name).read_text() for name in texts} == texts
     assert "becoming" not in (folder / "manifest.json").read_text()
-
-
-def test_what_another_run_has_computed_outlives_a_proof(folder: Path) -> None:
-    (folder / ".work").mkdir()
-    (folder / ".work" / "hopf-printed-0.json").write_text("{}")
-    prove(folder, prefixes=("printed/linear/hopf",))
-    assert [path.name for path in (folder / ".work").iterdir()] == ["hopf-printed-0.json"]

@@ -2,27 +2,27 @@
 
 from __future__ import annotations
 
+import csv
 import json
+import math
 import re
+import shutil
+import subprocess
+from collections.abc import Sequence
+from itertools import product
 from pathlib import Path
 
 import pytest
+from scipy.integrate import solve_ivp
 
 import tippedisk_verify as tv
+from reference_data.make.generation import DATA_VERSION
+from tests.conformance.scipy_program import motion
 from tippedisk_verify.cli import main
 from tippedisk_verify.provenance import digest
-from tippedisk_verify.reference_values.checking import check
-from tippedisk_verify.reference_values.definitions import DEFINITIONS, definition
-from tippedisk_verify.reference_values.kinds import KINDS
-from tippedisk_verify.reference_values.manifest import (
-    DATA_VERSION,
-    STATIC,
-    faults_in_files,
-    replace_files,
-    write_manifest,
-)
-from tippedisk_verify.reference_values.store import data_folder, stored
-from tippedisk_verify.reference_values.tables import tables
+from tippedisk_verify.reference_values.export import export
+from tippedisk_verify.reference_values.questions import TABLE
+from tippedisk_verify.reference_values.store import codebook, data_folder, definition_of, stored, table_rows
 
 ROOT = Path(__file__).parents[2]
 DATA = data_folder()
@@ -43,9 +43,9 @@ def test_the_version_of_the_data_is_the_same_everywhere(capsys: pytest.CaptureFi
 
 
 def test_values_change_with_their_version() -> None:
-    """Of version 1.0.1. Where this fails, values were changed: raise the version, say so, and put the new hash here."""
+    """As in version 1.0.1. Where this fails, values were changed: raise the version, and put the new hash here."""
     values = {id_: quantity.values["decimals"][0] for id_, quantity in stored().items()}
-    assert (DATA_VERSION, digest(values)[:16]) == ("1.0.1", "cc4c134dac3c7d25")
+    assert (DATA_VERSION, digest(values)[:16]) == ("1.1.0", "cc4c134dac3c7d25")
 
 
 def test_what_a_deposit_asks_for() -> None:
@@ -59,54 +59,148 @@ def test_what_a_deposit_asks_for() -> None:
             assert re.search(rf"^{key}", text, re.MULTILINE), (path, key)
 
 
-# ------------------------------------------------------------------------------------------ tables and lines
-def test_the_lines_say_what_the_files_say() -> None:
-    store, seen = stored(), []
-    for path in sorted(DATA.glob("*/values.jsonl")):
-        for line in path.read_text().splitlines():
-            told = json.loads(line)
-            quantity = store[told["id"]]
-            assert (told["value"], told["uncertainty"]) == quantity.values["decimals"]
-            if "from_doubles" in told:
-                assert tuple(told["from_doubles"].values()) == quantity.values["doubles"]
-            assert (told["inputs"], told["unit"], told["grade"]) == (quantity.inputs, quantity.unit, quantity.grade)
-            seen.append(told["id"])
-    assert sorted(seen) == sorted(store)
+# ------------------------------------------------------------------------------------------ the table
+def test_the_schema_is_that_of_the_table() -> None:
+    """A table schema in the form of the Frictionless standard: each column, with the pattern of its entries."""
+    fields = json.loads((DATA / "schema.json").read_text())["fields"]
+    assert tuple(field["name"] for field in fields) == TABLE
+    patterns = {one["name"]: re.compile(one.get("constraints", {}).get("pattern", ".*")) for one in fields}
+    required = {one["name"] for one in fields if one.get("constraints", {}).get("required")}
+    for row in table_rows((DATA / "values.csv").read_text()):
+        for name, text in row.items():
+            assert patterns[name].fullmatch(text) if text else name not in required, (row["id"], name)
+    assert '"' not in (DATA / "values.csv").read_text()  # no field needs quotes
 
 
-def test_tables_are_made_anew_and_checked(tmp_path: Path) -> None:
-    (tmp_path / "printed").mkdir()
-    for name in ("printed/hopf.json", "printed/equilibrium.json", *STATIC):
-        (tmp_path / name).write_bytes((DATA / name).read_bytes())
-    write_manifest(tmp_path)
-    assert "does not hold the same numbers" in " ".join(check(tmp_path, sample=0).faults)
-    documents = [json.loads((tmp_path / f"printed/{kind}.json").read_text()) for kind in ("equilibrium", "hopf")]
-    made = tables(documents)
-    assert made.keys() == {"values.csv", "values.jsonl", "sheet_with_truths.csv"}
-    replace_files(tmp_path, {f"printed/{name}": text for name, text in made.items()})
-    assert check(tmp_path, sample=2).faults == ()
-    lines = (tmp_path / "printed/values.jsonl").read_text().splitlines()
-    assert lines == [line for line in (DATA / "printed/values.jsonl").read_text().splitlines()
-                     if "/hopf/" in line[:40] or "/equilibrium/" in line[:40]]  # fmt: skip
-    assert faults_in_files(DATA) == []
+# ------------------------------------------------------------------------------------------ other forms
+@pytest.mark.parametrize("form", ["csv", "jsonl", "parquet"])
+def test_exported_values_are_the_stored_ones(form: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / f"hopf.{form}"
+    assert main(["reference", "export", "table1/linear/hopf", "--format", form, "--out", str(path)]) == 0
+    assert capsys.readouterr().out == f"{path}\n"
+    known = tv.references("printed/linear/hopf")
+    if form == "jsonl":
+        assert [json.loads(line) for line in path.read_text().splitlines()] == [one.to_dict() for one in known]
+    elif form == "csv":
+        lines = (DATA / "values.csv").read_text().splitlines()
+        assert path.read_text().splitlines() == [lines[0], *(line for line in lines if "printed/linear/hopf" in line)]
+    else:
+        import pyarrow.parquet
+
+        columns = pyarrow.parquet.read_table(path).to_pydict()
+        assert columns["value_from_decimals"] == [one.values["decimals"][0] for one in known]
+
+
+_USES = {
+    "c": """#include <stdio.h>
+#include "values.h"
+int main(void) { for (int n = 0; n < 5; n++) printf("%s %a %a\\n", tippedisk_values[n].id,
+  tippedisk_values[n].Omega, tippedisk_values[n].value); return 0; }
+""",
+    "fortran": """include 'values.h'
+program main
+  use tippedisk_values
+  integer :: n
+  do n = 1, 5
+    print '(a, 2(1x, es25.17e3))', trim(values(n)%id), values(n)%Omega, values(n)%value
+  end do
+end program
+""",
+}
+
+
+@pytest.mark.parametrize(("form", "compiler", "suffix"), [("c", "gcc", "c"), ("fortran", "gfortran", "f90")])
+def test_a_test_file_is_a_program_s(form: str, compiler: str, suffix: str, tmp_path: Path) -> None:
+    if shutil.which(compiler) is None:
+        pytest.skip(f"no {compiler} here")
+    export(tv.references("printed/linear/rhs/001"), form, str(tmp_path / "values.h"))
+    (tmp_path / f"use.{suffix}").write_text(_USES[form])
+    subprocess.run([compiler, "-o", "use", f"use.{suffix}"], check=True, cwd=tmp_path)
+    said = subprocess.run([tmp_path / "use"], check=True, capture_output=True, text=True).stdout
+    for line, quantity in zip(said.splitlines(), tv.references("printed/linear/rhs/001"), strict=True):
+        id_, omega, value = line.split()
+        number = float.fromhex if form == "c" else float
+        assert (id_, number(value), number(omega)) == (
+            quantity.id,
+            quantity.for_doubles,
+            float(quantity.inputs["Omega"]),
+        )
+
+
+def test_a_julia_test_file_has_the_doubles(tmp_path: Path) -> None:
+    export(tv.references("printed/linear/limit-cycle/crit-0.5"), "julia", str(tmp_path / "values.jl"))
+    told = re.findall(r'id = "(\S+)".* value = (\S+), tolerance = (\S+)\)', (tmp_path / "values.jl").read_text())
+    assert len(told) == 10
+    for id_, value, tolerance in told:
+        assert float(value) == tv.reference(id_).for_doubles
+        # An answer that far off is the first that fails.
+        assert not tv.compare(id_, float(value) + 0.9 * float(tolerance)).failed
+        assert tv.compare(id_, float(value) + 1.1 * float(tolerance)).failed
+
+
+# ------------------------------------------------------------------------------------------ without the package
+def test_right_hand_sides_and_a_cycle_from_the_columns_alone() -> None:
+    """With another transcription of the equations, and nothing but the csv module."""
+    with open(DATA / "values.csv", newline="") as table:
+        rows = {row["id"]: row for row in csv.DictReader(table)}
+
+    def rates(row: dict[str, str], state: Sequence[float]) -> list[float]:
+        p = {name: float.fromhex(row[f"{name}_hex"]) for name in ("r", "e", "m", "A", "B", "g", "mu", "epsilon")}
+        return [state[2], *motion(math, p, float.fromhex(row["Omega_hex"]), row["friction"] == "smooth", state)[:2]]
+
+    for n, law in product(range(1, 11), ("linear", "smooth")):
+        row = rows[f"printed/{law}/rhs/{n:03d}/v_rate"]
+        state = [float.fromhex(row[f"{name}_hex"]) for name in ("beta", "gamma", "v")]
+        # At level 1 an error is told from what cancelled.
+        away = rates(row, state)[2] - float(row["value_from_doubles"])
+        assert abs(away) < 1e-13 * float(row["scale"])
+    cycle = [rows[f"calibrated/linear/limit-cycle/crit-0.3/{name}"] for name in ("period", "gamma_bar_0", "v_0")]
+    period, gamma_bar, v = (float(row["value_from_doubles"]) for row in cycle)
+    start = [math.pi / 2, math.pi / 2 + gamma_bar, v]
+    end = solve_ivp(lambda t, y: rates(cycle[0], y), (0, period), start, "DOP853", rtol=1e-12, atol=1e-12).y[:, -1]
+    assert end == pytest.approx(start, abs=1e-9)  # a hundredfold of the tolerance for a thousand steps
+
+
+@pytest.mark.parametrize(("language", "runs"), [("c", "gcc"), ("octave", "octave-cli")])
+def test_the_programs_of_the_readme(language: str, runs: str, tmp_path: Path) -> None:
+    program = re.search(rf"```{language}\n(.*?)```", (DATA / "README.md").read_text(), re.DOTALL)
+    assert program is not None
+    if shutil.which(runs) is None:
+        pytest.skip(f"no {runs} here")
+    (tmp_path / "read.c").write_text(program[1])
+    command = [runs, "--quiet", str(tmp_path / "read.c"), str(DATA / "values.csv")]
+    if language == "c":
+        subprocess.run(["gcc", "-o", "read", "read.c"], check=True, cwd=tmp_path)
+        command = [str(tmp_path / "read"), str(DATA / "values.csv")]
+    done = subprocess.run(command, check=True, capture_output=True, text=True).stdout.split()
+    if language == "c":
+        assert dict(zip(done[::2], map(float, done[1::2]), strict=True)) == {
+            id_: tv.reference(id_).for_doubles for id_ in stored() if id_.endswith("/omega_h")
+        }
+        return
+    assert len(done) == 3 * 10 + 5
+    assert all(abs(float(away)) < 1e-12 for away in done[2:30:3])
+    assert abs(float(done[-1])) < 1e-11
 
 
 # ------------------------------------------------------------------------------------------ definitions
 def test_every_quantity_is_defined_where_it_is_shown(capsys: pytest.CaptureFixture[str]) -> None:
     page = (ROOT / "docs" / "grading_equations.md").read_text(encoding="utf-8")
     for quantity in stored().values():
-        assert definition(quantity.kind, quantity.name)
-    for kind in KINDS:
-        if kind.level < 10:
-            for name, said in DEFINITIONS[kind.name].items():
-                assert re.search(rf"\| `{name}` \| [^|]* \| {re.escape(said)} \|", page), (kind.name, name)
+        told = definition_of(quantity.kind, quantity.name)
+        assert (told.level, told.unit) == (quantity.level, quantity.unit)
+        assert quantity.definition == told.meaning != ""
+    for kind, quantities in codebook().items():
+        for name, told in quantities.items():
+            if told.level < 10:
+                assert re.search(rf"\| `{name}` \| [^|]* \| {re.escape(told.meaning)} \|", page), (kind, name)
     id_ = "printed/linear/trajectory/d1/crossing_time#3"
     assert main(["reference", "show", id_]) == 0
     printed = capsys.readouterr().out
     assert "time of the n-th crossing of beta = pi/2" in printed
     assert main(["reference", "show", id_, "--json"]) == 0
     (one,) = json.loads(capsys.readouterr().out)["values"]
-    assert one["definition"] == DEFINITIONS["trajectory"]["crossing_time"]
+    assert one["definition"] == codebook()["trajectory"]["crossing_time"].meaning
 
 
 def test_the_one_harmonic_law_is_the_documents() -> None:

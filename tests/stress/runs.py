@@ -7,14 +7,23 @@ import resource
 import shutil
 import subprocess
 import sys
+from collections.abc import Sequence
+from pathlib import Path
 
 import pytest
 
 PROGRAM = [sys.executable, "-m", "tippedisk_verify"]
 LONGEST = 240  # s; a run that is still there then hangs
-GENERATE = ["reference", "generate", "--only", "hopf", "--jobs", "1", "--quiet", "--out"]
+ROOT = Path(__file__).parents[2]
+MAKE = [str(ROOT / "reference_data" / "make")]
+GENERATE = [*MAKE, "printed/linear/hopf", "--jobs", "1", "--quiet", "--out"]
 SWEEP = ["sweep", "hopf", "--over", "g=9.7:9.9:300", "--executor", "serial", "--quiet", "--out"]
 ORBIT = ["orbit", "--below-crit", "0.5", "--json"]
+
+
+def program(arguments: Sequence[str]) -> list[str]:
+    """The command line of these arguments: the program's, or that of what makes the reference data."""
+    return [*(PROGRAM[:1] if arguments[0] in MAKE else PROGRAM), *arguments]
 
 
 def environment(**changes: str | None) -> dict[str, str]:
@@ -34,7 +43,7 @@ def run(
             resource.setrlimit(what, (limit, limit))
 
     return subprocess.run(
-        [*prefix, *PROGRAM, *arguments],
+        [*prefix, *program(arguments)],
         capture_output=True,
         text=True,
         errors=errors,

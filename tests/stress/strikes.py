@@ -16,7 +16,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from tests.stress.runs import LONGEST, PROGRAM, environment
+from tests.stress.runs import LONGEST, MAKE, PROGRAM, environment
 
 INTERRUPTED = "tippedisk-verify: interrupted\n"
 
@@ -151,9 +151,10 @@ class Struck:
         self._listens.unlink(missing_ok=True)
         pipes: dict[str, Any] = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
         own = environment(PYTHONPATH=self._path, LISTENS=str(self._listens), STRIKE=step, STRIKE_BY=str(int(number)))
+        program = self._program[:1] if arguments[0] in MAKE else self._program
         # A group of its own, as a shell gives to a command.
         options = {**pipes, **streams, "env": own, "start_new_session": True, "preexec_fn": _hearing}
-        return subprocess.Popen([*self._program, *arguments], **options)
+        return subprocess.Popen([*program, *arguments], **options)
 
 
 def _hearing() -> None:

@@ -74,14 +74,14 @@ WRONG: list[tuple[Wrong, str]] = [
     (_but(NUMBER, "9" * 400), "--sample, reference check --seed"),
     (COUNT, "--digits, --jobs, --points, --harmonics, --count, --fold, --levels, --states, --require"),
     (_but(COUNT, "0", "1000000007"), "--order, --seed"),
-    (NAME, "--friction, --only, --plane, --bautin, --method, --set, --from"),
+    (NAME, "--friction, --only, --format, --plane, --bautin, --method, --set, --from"),
     (NAME, "names, ids, prefixes, language, analysis"),
     (_but(NAME, ""), "more, prefix"),
     ((*NAME, "dask://\0", "dask://"), "--executor"),
     (AXIS, "--over"),
     (FOLDER, "--out, --data"),
     (TARGET, "--certificate, --html, --csv, --badge, branch --out, heteroclinic --out"),
-    ((*TARGET, "x.txt"), "sweep --out, integrate --out"),
+    ((*TARGET, "x.txt"), "sweep --out, integrate --out, reference export --out"),
     ((*TARGET, "answered.csv"), "conformance questions file"),
     (SOURCE, "--expected-failures, file, old, new, command"),
     ((*SOURCE, *NAME, "nan.toml", "hexadecimal.toml", "long.toml", "nested.toml"), "--parameters"),
@@ -100,7 +100,7 @@ RIGHT = {
     "certify orbit": "--omega 30.4 | --omega 30.4 --radius 1e-3 | --below-crit 0.5 | --at-fold --fold 1",
     "certify heteroclinic": " | --cycles 1e-3 --certificate c.json",
     "certify branch": "--certificate c.json | --to 3 --out out --executor serial",
-    "reference generate": "--only hopf --out out",
+    "reference export": "printed/linear/hopf --out o.csv",
     "conformance questions": "q.csv --levels 3 | q.csv --states 2 --seed 7",
     "conformance grade": "answered.csv",
     "conformance run": "cat --levels 3 | cat --states 2 --seed 7",
@@ -120,7 +120,7 @@ def _spoiled(words: list[str], parameter: click.Parameter, place: int, text: str
 def _mistakes(command: click.Command, name: str = "") -> Iterator[tuple[str, Wrong, Callable[[str], list[str]]]]:
     """For all parameters of all commands: the command's name, what is wrong, and the command with that."""
     if isinstance(command, click.Group):
-        for inner in command.commands.values():
+        for inner in (inner for inner in command.commands.values() if not inner.hidden):
             yield from _mistakes(inner, f"{name} {inner.name}".strip())
         return
     usual = _AT_A_SPEED if any(parameter.name == "below_crit" for parameter in command.params) else ""

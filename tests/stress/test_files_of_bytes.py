@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import gzip
 import json
 import random
 import shutil
@@ -12,13 +13,13 @@ from pathlib import Path
 
 import pytest
 
+from reference_data.make.generation import generate, write_manifest
 from tests.stress.nonsense import Ran, assert_refused, ran
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.parameters import PRINTED, Parameters
 from tippedisk_verify.reference_values.checking import check
-from tippedisk_verify.reference_values.manifest import faults_in_files, write_manifest
+from tippedisk_verify.reference_values.manifest import LARGEST, faults_in_files
 from tippedisk_verify.reference_values.store import Store, data_folder
-from tippedisk_verify.reference_values.tables import tables
 from tippedisk_verify.sweep import running
 from tippedisk_verify.sweep.plan import Plan
 
@@ -130,15 +131,9 @@ def _reference_folders(folder: Path, draws: int) -> Iterator[Ran]:
     """Files of the data folder, with a manifest that fits the damage every other time."""
     draw = random.Random(4)
     data = folder / "data"
-    (data / "printed").mkdir(parents=True)
-    for name in ("README.md", "schema.json", "printed/hopf.json", "printed/heteroclinic.json"):
-        shutil.copy(data_folder() / name, data / name)
-    documents = [json.loads((data / "printed" / name).read_text()) for name in ("hopf.json", "heteroclinic.json")]
-    for table, text in tables(documents).items():
-        (data / "printed" / table).write_text(text)
-    write_manifest(data)
+    generate(data, ("printed/linear/hopf",))
     assert check(data, sample=0).faults == ()
-    names = ["schema.json", "printed/hopf.json", "printed/heteroclinic.json", "printed/values.csv", "manifest.json"]
+    names = ["schema.json", "values.csv", "proofs.json", "manifest.json"]
     whole = {name: (data / name).read_bytes() for name in names}
     for n in range(draws):
         name = names[n % len(names)]
@@ -150,10 +145,7 @@ def _reference_folders(folder: Path, draws: int) -> Iterator[Ran]:
             assert json.loads(done.out)["faults"]
             done = Ran(1, "", "one line\n", done.seconds)
         elif done.status == 0:
-            assert (data / name).read_bytes() == whole[name] or name in (
-                "printed/hopf.json",
-                "printed/heteroclinic.json",
-            )
+            assert (data / name).read_bytes() == whole[name] or name in ("schema.json", "values.csv", "proofs.json")
         yield done
         try:
             Store(data)
@@ -219,30 +211,36 @@ def test_a_gigabyte_is_refused_unread(suffix: str, tmp_path: Path) -> None:
 
 def test_a_huge_manifest_and_a_huge_data_file_are_refused_unread(tmp_path: Path) -> None:
     shutil.copytree(data_folder(), tmp_path / "data")
-    with open(tmp_path / "data" / "printed" / "hopf.json", "r+b") as stream:
+    with open(tmp_path / "data" / "values.csv", "r+b") as stream:
         stream.truncate(1 << 30)
-    assert any("hopf.json has been changed" in fault for fault in faults_in_files(tmp_path / "data"))
-    with pytest.raises(InputError, match=r"hopf\.json has been changed"):
+    assert faults_in_files(tmp_path / "data") == ["values.csv has been changed"]
+    with pytest.raises(InputError, match=r"values\.csv has been changed"):
         Store(tmp_path / "data")
     with open(tmp_path / "data" / "manifest.json", "r+b") as stream:
         stream.truncate(1 << 30)
     assert any("larger than" in fault for fault in faults_in_files(tmp_path / "data"))
 
 
-def test_the_folder_s_schema_is_never_made_a_program(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A schema is compiled to Python and run; the only one for which that is done is the package's own."""
-    import fastjsonschema
-
-    shutil.copytree(data_folder(), tmp_path / "data")
-    schema = tmp_path / "data" / "schema.json"
-    schema.write_text(json.dumps({"pattern": "(a+)+$", "x": '"""\n__import__(\'os\')'}))
-    write_manifest(tmp_path / "data")
-    monkeypatch.setattr(fastjsonschema, "compile", lambda *given, **named: pytest.fail("compiled"))
-    assert check(tmp_path / "data", sample=0).faults == ("schema.json is not the one of this version",)
+@pytest.mark.parametrize("spoil", ["bomb", "cut", "text"])
+def test_a_compressed_file_that_is_none_is_refused(spoil: str, tmp_path: Path) -> None:
+    """As the installed package has it; what would fill the memory is read up to a size."""
+    data = tmp_path / "data"
+    shutil.copytree(data_folder(), data)
+    text = (data / "values.csv").read_bytes()
+    (data / "values.csv").unlink()
+    (data / "values.csv.gz").write_bytes(gzip.compress(text, 1))
+    assert faults_in_files(data) == []
+    assert len(Store(data)) > 13_000
+    packed = {"bomb": gzip.compress(bytes(LARGEST + 10), 1), "cut": gzip.compress(text, 1)[:-9], "text": text}[spoil]
+    (data / "values.csv.gz").write_bytes(packed)
+    (fault,) = faults_in_files(data)
+    assert fault.startswith("values.csv has been changed")
+    with pytest.raises(InputError, match=r"values\.csv has been changed"):
+        Store(data)
 
 
 def test_no_file_is_unpickled_or_evaluated() -> None:
-    """The package has no call that would run what a file says, but the schema compiler on its own schema."""
+    """The package has no call that would run what a file says."""
     import ast
 
     import tippedisk_verify
@@ -268,7 +266,8 @@ def test_links_in_a_data_folder_lead_nowhere_else(tmp_path: Path) -> None:
     (tmp_path / "secret").write_text("mine")
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / ".lock").symlink_to(tmp_path / "secret")
-    assert_refused(["reference", "generate", "--only", "hopf", "--jobs", "1", "--out", str(tmp_path / "out")])
+    with pytest.raises(InputError):
+        generate(tmp_path / "out", ("printed/linear/hopf",))
     (tmp_path / ".a.csv.journal").symlink_to(tmp_path / "elsewhere")
     assert_refused(["sweep", "hopf", "--over", "mu=0.3", "--executor", "serial", "--out", str(tmp_path / "a.csv")])
     assert (tmp_path / "secret").read_text() == "mine"

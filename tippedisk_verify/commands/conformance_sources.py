@@ -37,7 +37,7 @@ def client(common: Common, language: str) -> int:
 @click.argument("language", metavar="|".join(GRADERS))
 @plain_options
 def grader(common: Common, language: str) -> int:
-    """Print a program in this language that grades answers by the table sheet_with_truths.csv."""
+    """Print a program in this language that grades answers by the reference data's table."""
     return _printed(common, language, GRADERS)
 
 

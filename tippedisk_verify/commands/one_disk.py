@@ -287,7 +287,6 @@ def basin(
         boundary = None
         with suppress(InputError, Shortfall):  # below the rotating cycles' fold everything lies flat
             boundary = disk.basin_boundary(omega)
-            save(draw_boundary(boundary), folder, "boundary")
         save(draw_basins(plane, boundary), folder, "basins")
         write_basins(plane, folder)
     return plane

@@ -1,6 +1,6 @@
-"""Reference values: how they are made (two roads each), kept, checked and read.
+"""Reference values: read, asked for, drawn anew and checked. `reference_data/make` in a checkout makes them.
 
-`entries` says what an entry is; `places` where the questions are put; `local_roads`, `motion_roads`, `cycle_roads` and
-`rotation_roads` answer them; `kinds` lists what there is; `generation`, `manifest` and `checking` make and check files;
-`store` reads them, `lookup` finds one; `draws` and `fresh` make new ones.
+`manifest` finds the files and holds each against its hash, `store` reads the values and what they are, `lookup` finds
+one, `export` writes them in other forms. `entries` has questions, `truths` computes what they ask;
+`draws` and `fresh` make new questions, `checking` computes published values again. `questions` is what grading needs.
 """

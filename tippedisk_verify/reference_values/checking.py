@@ -1,29 +1,29 @@
-"""Checking reference files: bytes against the manifest, form against the schema, numbers against the other roads."""
+"""Checking reference data: bytes against the manifest, rows against themselves, numbers against new ones."""
 
 from __future__ import annotations
 
-import json
 import random
 from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import dataclass
+from itertools import groupby
 from pathlib import Path
-from typing import Any
 
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.files import printable, read_text
+from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.results import Printable
 from tippedisk_verify.parallel import as_done
-from tippedisk_verify.reference_values.entries import Item, Reading, Values, as_measured, case_of, disagreements
-from tippedisk_verify.reference_values.kinds import KINDS, kind_named
-from tippedisk_verify.reference_values.manifest import LARGEST, SETS, faults_in_files
-from tippedisk_verify.reference_values.store import data_folder
-from tippedisk_verify.reference_values.tables import tables
+from tippedisk_verify.reference_values.entries import Item, Reading, Values, case_of, disagreements
+from tippedisk_verify.reference_values.manifest import FILES, MANIFEST, faults_in_files, sound_files
+from tippedisk_verify.reference_values.questions import table_row
+from tippedisk_verify.reference_values.store import Quantity, Store, table_rows
+from tippedisk_verify.reference_values.truths import compute_again
 
-__all__ = ["CheckReport", "check", "recomputed", "stored_entries"]
+__all__ = ["CheckReport", "Entry", "check", "entries_of", "recomputed"]
 
 # Above this level an entry costs seconds: at most a twentieth of a sample.
 _CHEAP_LEVEL = 5
+_DIGITS = 20  # of what takes an integrator; the published values come from wider arithmetic
 
 
 @dataclass(frozen=True, repr=False)
@@ -32,38 +32,27 @@ class CheckReport(Printable):
 
     files: int
     numbers: int  #: of the files
-    recomputed: int  #: by a second road
+    recomputed: int
     faults: tuple[str, ...]
 
 
 @dataclass(frozen=True)
-class StoredEntry:
-    """An entry of a file, as a question and the answers to hold against it."""
+class Entry:
+    """A question, and the stored numbers that answer it."""
 
     item: Item
-    quantities: dict[str, Any]
+    quantities: tuple[Quantity, ...]
 
     def values(self, reading: Reading) -> Values:
-        return {
-            name: as_measured(told)
-            for name, quantity in self.quantities.items()
-            for told in (quantity if reading == "decimals" else quantity["from_doubles"],)
-        }
+        return {quantity.name: quantity.measured(reading) for quantity in self.quantities}
 
 
-def stored_entries(folder: Path) -> list[StoredEntry]:
-    """All entries of a folder's files, in order of difficulty."""
+def entries_of(store: Store, prefix: str = "") -> list[Entry]:
+    """The store's values by question, in order of difficulty."""
     entries = []
-    for kind in KINDS:
-        for path in sorted(folder.glob(f"*/{kind.name}.json")):
-            document = json.loads(read_text(path, LARGEST))
-            for entry in document["entries"]:
-                readings: tuple[Reading, ...] = (
-                    ("decimals", "doubles") if "inputs_as_doubles" in entry else ("decimals",)
-                )
-                friction = entry["id"].split("/")[1]
-                item = Item(entry["id"], kind.name, document["set"], friction, entry["inputs"], readings)
-                entries.append(StoredEntry(item, entry["quantities"]))
+    for id_, group in groupby(store.matching(prefix), key=lambda quantity: quantity.id.rsplit("/", 1)[0]):
+        quantities = tuple(group)
+        entries.append(Entry(Item(id_, quantities[0].inputs, tuple(quantities[0].values)), quantities))
     return entries
 
 
@@ -75,108 +64,63 @@ def check(
     executor: Executor | None = None,
     advance: Callable[[str, int], None] = lambda label, steps: None,
 ) -> CheckReport:
-    """Check a folder; ``sample`` entries are computed again by the other roads, all of them if it is None.
+    """Check a folder; ``sample`` entries are computed again, all of them if it is None.
 
     Raises InputError for a folder that holds no reference data.
     """
     if sample is not None and sample < 0:
         raise InputError(f"the sample must not be negative, not {sample}")
-    if not (folder / "manifest.json").is_file():
-        raise InputError(f"no reference data in {folder}: there is no manifest.json")
-    files = sum(1 for path in folder.rglob("*") if path.is_file())
-    entries, faults = _sound_entries(folder)
-    if faults:
-        return CheckReport(files, 0, 0, tuple(faults))
-    faults = [fault for entry in entries for fault in _beyond_proofs(entry)]
-    numbers = sum(len(entry.quantities) * len(entry.item.readings) for entry in entries)
-    chosen = _chosen(entries, sample, seed)
+    if not (folder / MANIFEST).is_file():
+        raise InputError(f"no reference data in {folder}: there is no {MANIFEST}")
+    try:
+        if faults := faults_in_files(folder):
+            raise InputError(faults)
+        store = Store(folder)
+        faults = _faults_in_rows(folder, store)
+    except (InputError, AttributeError, ArithmeticError) as fault:
+        return CheckReport(len(FILES), 0, 0, getattr(fault, "faults", (f"the files are not reference data: {fault}",)))
     redone = 0
-    for entry, (count, wrong) in as_done(recomputed, chosen, executor):
+    for entry, (count, wrong) in as_done(recomputed, _chosen(entries_of(store), sample, seed), executor):
         redone += count
         faults += wrong
         advance(entry.item.id, 1)
-    return CheckReport(files, numbers, redone, tuple(faults))
+    return CheckReport(len(FILES), sum(len(one.values) for one in store.values()), redone, tuple(faults))
 
 
-def _sound_entries(folder: Path) -> tuple[list[StoredEntry], list[str]]:
-    """The folder's entries, or what is wrong with its files: numbers of a changed file need no second look."""
-    if faults := faults_in_files(folder):
-        return [], faults
-    try:
-        faults = _faults_in_form(folder)
-        entries = [] if faults else stored_entries(folder)
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as fault:
-        # With hashes that fit: someone has written a manifest for files that are not of this program's making.
-        return [], [f"the files are not reference data: {printable(str(fault))[:160]}"]
-    return entries, faults if faults or entries else ["there are no reference values"]
+def _faults_in_rows(folder: Path, store: Store) -> list[str]:
+    """Rows that contradict themselves, and values that are wrong by their own proof or claim more than it proves."""
+    faults = []
+    rows = table_rows(sound_files(folder, ["values.csv"])["values.csv"])
+    for row, quantity in zip(rows, store.values(), strict=True):
+        told = table_row(store.parameters[quantity.set], quantity)
+        faults += [
+            f"{quantity.id}: {name} is not what follows from the rest" for name in told if told[name] != row[name]
+        ]
+        proof = quantity.proof
+        if proof and not quantity.measured().contains(Measured.of(proof["value"], proof["uncertainty"])):
+            faults.append(f"{quantity.id} does not contain its proved enclosure")
+    return faults
 
 
-def _beyond_proofs(entry: StoredEntry) -> list[str]:
-    """Values that are wrong by their own proof, or claim more than it proves."""
-    values = entry.values("decimals")
-    return [
-        f"{entry.item.id}/{name} does not contain its proved enclosure"
-        for name, quantity in entry.quantities.items()
-        if "enclosure" in quantity and not values[name].contains(as_measured(quantity["enclosure"]))
-    ]
-
-
-def _chosen(entries: list[StoredEntry], sample: int | None, seed: int) -> list[StoredEntry]:
+def _chosen(entries: list[Entry], sample: int | None, seed: int) -> list[Entry]:
     if sample is None:
         return entries
     draw = random.Random(seed)
-    levels = {kind.name: kind.level for kind in KINDS}
-    cheap = [entry for entry in entries if levels[entry.item.kind] <= _CHEAP_LEVEL]
-    costly = [entry for entry in entries if levels[entry.item.kind] > _CHEAP_LEVEL]
+    cheap = [entry for entry in entries if entry.quantities[0].level <= _CHEAP_LEVEL]
+    costly = [entry for entry in entries if entry.quantities[0].level > _CHEAP_LEVEL]
     few = min(len(costly), -(-sample // 20))
     return draw.sample(cheap, min(len(cheap), sample - few)) + draw.sample(costly, few)
 
 
-def recomputed(entry: StoredEntry) -> tuple[int, list[str]]:
-    """The entry by every road but the first, in each reading: how many numbers, and which of them do not agree."""
-    kind = kind_named(entry.item.kind)
+def recomputed(entry: Entry) -> tuple[int, list[str]]:
+    """The entry once more, in each reading: how many numbers, and which of them exclude those stored."""
     count, faults = 0, []
     for reading in entry.item.readings:
-        case, values = case_of(entry.item, reading), entry.values(reading)
-        for road in kind.roads[1:]:
-            try:
-                answers = road.compute(case, values)
-            except (ArithmeticError, RuntimeError, ValueError) as fault:
-                faults.append(f"{entry.item.id} from {reading} by {road.name}: {fault}")
-                continue
-            count += len(answers)
-            faults += [
-                f"{entry.item.id} from {reading} by {road.name}: {line}" for line in disagreements(values, answers)
-            ]
-    return count, faults
-
-
-def _faults_in_form(folder: Path) -> list[str]:
-    import fastjsonschema
-
-    faults = []
-    # The package's own schema: compiling one makes a program of it and runs that, so a folder's must be the same.
-    schema = read_text(data_folder() / "schema.json", LARGEST)
-    if read_text(folder / "schema.json", LARGEST) != schema:
-        return ["schema.json is not the one of this version"]
-    valid = fastjsonschema.compile(json.loads(schema))
-    for set_folder in (folder / name for name in SETS if (folder / name).is_dir()):
-        documents = []
-        for kind in KINDS:
-            path = set_folder / f"{kind.name}.json"
-            if not path.exists():
-                continue
-            document = json.loads(read_text(path, LARGEST))
-            try:
-                valid(document)
-            except fastjsonschema.JsonSchemaValueException as fault:
-                faults.append(f"{set_folder.name}/{kind.name}.json is not of the form of schema.json: {fault.message}")
-                continue
-            documents.append(document)
-        if faults:  # what is not of the form cannot be tabulated
+        try:
+            answers = compute_again(case_of(entry.item, reading), _DIGITS)
+        except (ArithmeticError, RuntimeError, ValueError) as fault:
+            faults.append(f"{entry.item.id} from {reading}: {fault}")
             continue
-        for name, text in tables(documents).items():
-            path = set_folder / name
-            if not path.exists() or read_text(path, LARGEST) != text:
-                faults.append(f"{set_folder.name}/{name} does not hold the same numbers as the JSON files")
-    return faults
+        count += len(answers)
+        faults += [f"{entry.item.id} from {reading}: {line}" for line in disagreements(entry.values(reading), answers)]
+    return count, faults

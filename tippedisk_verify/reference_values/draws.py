@@ -12,10 +12,11 @@ from decimal import Decimal, localcontext
 from fractions import Fraction
 from functools import lru_cache
 
+from tippedisk_verify.disk import Disk
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.model.parameters import SYMBOLS, Parameters
+from tippedisk_verify.model.parameters import SYMBOLS
 
-__all__ = ["DRAWN_SET", "Draw", "decimal_text", "drawn_disk", "parameters_of"]
+__all__ = ["DRAWN_SET", "Draw", "decimal_text", "disk_of", "drawn_disk"]
 
 #: The name of a drawn set: its seed and its number.
 DRAWN_SET = re.compile(r"fresh-(0|[1-9][0-9]{0,8})-([1-9][0-9]{0,2})")
@@ -48,7 +49,7 @@ class Draw:
 
 
 @lru_cache(maxsize=4096)
-def drawn_disk(seed: int, number: int) -> Parameters:
+def drawn_disk(seed: int, number: int) -> Disk:
     """A disk whose limit cycles are born stable at Omega_crit, as the paper's are; Table 1 lies among such disks."""
     draw = Draw(seed, number)
     values = {name: draw.between(name, *bounds) for name, bounds in _RANGES.items()}
@@ -59,16 +60,16 @@ def drawn_disk(seed: int, number: int) -> Parameters:
     least = r * (2 * r - e) / (2 * (r + e) * (r - 2 * e)) * (B - m * e**2)
     low, high = (least * Fraction(ratio) for ratio in _RATIO)
     values["A"] = draw.between("A", low, high, 7)
-    return Parameters(**{name: values[name] for name in SYMBOLS}, name=f"fresh-{seed}-{number}")  # type: ignore[arg-type]
+    return Disk(**{name: values[name] for name in SYMBOLS}, name=f"fresh-{seed}-{number}")  # type: ignore[arg-type]
 
 
-def parameters_of(set_name: str) -> Parameters:
-    """The parameters of a set of questions, drawn or named. Raises InputError if there is none."""
+def disk_of(set_name: str) -> Disk:
+    """The disk of a set of questions, drawn or named. Raises InputError if there is none."""
     if (drawn := DRAWN_SET.fullmatch(set_name)) is not None:
         return drawn_disk(int(drawn[1]), int(drawn[2]))
     if set_name.startswith("fresh-"):
         raise InputError(f"'{set_name[:40]}' is no drawn set: its name is fresh-SEED-NUMBER, such as fresh-7-1")
-    return Parameters.named(set_name)
+    return Disk(set_name)
 
 
 def decimal_text(value: Fraction, places: int) -> str:

@@ -2,32 +2,22 @@
 
 They are of levels 1 to 7, ten states to a disk. A question's id holds the seed and the disk's number, so whoever has
 the id can draw the same inputs again: grading needs nothing but the answers. Each truth is the value of its kind's
-first method (an orbit's is computed in double), with the half-width that this method gives.
+first method (an orbit's and a cycle's in double), with the half-width that this method gives.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import replace
+from collections.abc import Callable, Iterator
 from fractions import Fraction
 from functools import lru_cache
-from typing import Any
 
-from tippedisk_verify.cycles.shooting import limit_cycle
-from tippedisk_verify.errors import InputError, Shortfall
-from tippedisk_verify.flow import default_engine
-from tippedisk_verify.flow.contract import Request, Status
-from tippedisk_verify.model.measured import Measured
+from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.parameters import Friction
-from tippedisk_verify.model.precision import DOUBLE
-from tippedisk_verify.reference_values.cycle_roads import named_numbers
-from tippedisk_verify.reference_values.draws import DRAWN_SET, Draw, drawn_disk, parameters_of
-from tippedisk_verify.reference_values.entries import Case, Item, Kind, Method, Values, answered
-from tippedisk_verify.reference_values.generation import document_head
-from tippedisk_verify.reference_values.kinds import KINDS
-from tippedisk_verify.reference_values.local_roads import by_differences
-from tippedisk_verify.reference_values.store import Store, stored
+from tippedisk_verify.reference_values.draws import DRAWN_SET, Draw, drawn_disk
+from tippedisk_verify.reference_values.entries import KEPT, READINGS, Item, Reading, case_of, trimmed
+from tippedisk_verify.reference_values.store import Quantity, Store, stored
+from tippedisk_verify.reference_values.truths import as_quantity, compute, condition
 from tippedisk_verify.theory.hopf import omega_crit
 
 __all__ = ["MOST_STATES", "STATES_PER_DISK", "blank_questions", "entries_of", "with_fresh"]
@@ -36,7 +26,7 @@ STATES_PER_DISK = 10
 MOST_STATES = 1000
 _LAWS: tuple[Friction, ...] = ("linear", "smooth")
 _TIMES = ("0.5", "1", "1.5", "2")
-_STATE = ("beta", "gamma", "v")
+_DIGITS = 12  # of orbits and cycles, which doubles give
 _HALF_PI = Fraction("1.5708")
 _ENTRY = re.compile(rf"(?<![\w-]){DRAWN_SET.pattern}/(both|linear|smooth)/[a-z-]+/[A-Za-z0-9.+-]+")
 _MOST_ENTRIES = 42 * MOST_STATES // STATES_PER_DISK  # of so many states
@@ -59,7 +49,7 @@ def _drawn_items(set_name: str) -> Iterator[Item]:
         return draw.between(name, crit * (1 + Fraction(below)), crit * (1 + Fraction(above)), places)
 
     def item(law: str, kind: str, name: str, **inputs: str) -> Item:
-        return Item(f"{set_name}/{law}/{kind}/{name}", kind, set_name, law, inputs)
+        return Item(f"{set_name}/{law}/{kind}/{name}", inputs)
 
     for n in range(1, STATES_PER_DISK + 1):
         place = f"{n:02d}"
@@ -97,55 +87,7 @@ def _drawn_items(set_name: str) -> Iterator[Item]:
         yield item(law, "limit-cycle", "1", Omega=near("cycle speed", "-0.01", "-0.001", 6))
 
 
-# ------------------------------------------------------------------------------------------ truths
-def _motion(case: Case, error_estimate: bool) -> tuple[list[str], Any]:
-    request = Request(
-        case.parameters, case.inputs["Omega"], [case.inputs[name] for name in _STATE], Fraction(_TIMES[-1]),
-        precision=DOUBLE, times=[Fraction(time) for time in _TIMES], error_estimate=error_estimate,
-    )  # fmt: skip
-    result = default_engine()(request)
-    if result.status is not Status.REACHED:
-        raise Shortfall(f"{case.item.id}: {result.status.value}")
-    return [f"{name}@{time}" for time in _TIMES for name in _STATE], result
-
-
-def _samples(case: Case, known: Values) -> Values:
-    names, result = _motion(case, True)
-    pairs = zip(result.samples.ravel().tolist(), result.error.samples.ravel().tolist(), strict=True)
-    return {name: Measured.of(value, width) for name, (value, width) in zip(names, pairs, strict=True)}
-
-
-def _plain_samples(case: Case) -> dict[str, Any]:
-    names, result = _motion(case, False)
-    return dict(zip(names, result.samples.ravel().tolist(), strict=True))
-
-
-def _cycle(case: Case, known: Values) -> Values:
-    return named_numbers(limit_cycle(case.parameters, case.inputs["Omega"], default_engine()))
-
-
-def _drawn_kinds() -> Iterator[Kind]:
-    for kind in KINDS:
-        if kind.level < 6:
-            yield replace(kind, roads=kind.roads[:1])
-        elif kind.name == "trajectory":
-            road = Method("double", "heyoka's Taylor integrator in double, error seen in a wider arithmetic", _samples)
-            # A change by 1e-7 moves an orbit of two seconds by some 1e-6, and rounding by 1e-8 of that.
-            yield replace(kind, roads=(road,), condition=by_differences(_plain_samples, Fraction(1, 10**7)))
-        elif kind.name == "limit-cycle":
-            yield replace(kind, roads=(Method("double", "half-period shooting with heyoka in double", _cycle),))
-
-
-_DRAWN_KINDS = {kind.name: kind for kind in _drawn_kinds()}
-
-
-@lru_cache(maxsize=_MOST_ENTRIES)
-def _truth(item_id: str) -> dict[str, Any]:
-    item = next(item for item in _items(item_id.split("/")[0]) if item.id == item_id)
-    return answered(_DRAWN_KINDS[item.kind], item)
-
-
-# ------------------------------------------------------------------------------------------ as reference values
+# ------------------------------------------------------------------------------------------ their truths
 def blank_questions(states: int, seed: int) -> Store:
     """So many states and what else is asked of their disks, without the truths. Raises InputError for other numbers."""
     if not 1 <= states <= MOST_STATES:
@@ -157,7 +99,9 @@ def blank_questions(states: int, seed: int) -> Store:
     last = states - (disks - 1) * STATES_PER_DISK
     beyond = {f"/rhs/{n:02d}" for n in range(last + 1, STATES_PER_DISK + 1)}
     items = [item for item in items if not (item.set == f"fresh-{seed}-{disks}" and item.id[-7:] in beyond)]
-    return Store.of(_documents((item.kind, item.set, _blank(item)) for item in items))
+    nothing: dict[Reading, tuple[str, str]] = {"decimals": ("", ""), "doubles": ("", "")}
+    blank = (as_quantity(item, name, nothing, {}) for item in items for name in _names(item.kind, item.friction))
+    return Store.of(sorted(blank, key=lambda quantity: quantity.level))
 
 
 def entries_of(prefix: str) -> str:
@@ -177,38 +121,28 @@ def with_fresh(store: Store, text: str, advance: Callable[[str, int], None] = la
         raise InputError(f"there are fresh questions for {len(named)} entries: a sheet has {_MOST_ENTRIES} at most")
     sets = dict.fromkeys(id_.split("/")[0] for id_ in sorted(named))
     wanted = [item for name in sets for item in _items(name) if item.id in named]
-    entries = []
+    truths: list[Quantity] = []
     for item in wanted:
-        entries.append((item.kind, item.set, _truth(item.id)))
+        truths += _truths(item.id)
         advance(item.id, 1)
-    return store.joined(_documents(entries)) if entries else store
+    return store.joined(Store.of(sorted(truths, key=lambda quantity: quantity.level))) if truths else store
 
 
-def _documents(entries: Iterable[tuple[str, str, dict[str, Any]]]) -> list[dict[str, Any]]:
-    """Entries by kind and set, as the files have them, easiest first."""
-    by_kind: dict[tuple[str, str], list[dict[str, Any]]] = {}
-    for kind, set_name, entry in entries:
-        by_kind.setdefault((kind, set_name), []).append(entry)
-    documents = [
-        {**document_head(_DRAWN_KINDS[kind], set_name, parameters_of(set_name)), "entries": here}
-        for (kind, set_name), here in by_kind.items()
-    ]
-    return sorted(documents, key=lambda document: document["level"])
+@lru_cache(maxsize=_MOST_ENTRIES)
+def _truths(item_id: str) -> tuple[Quantity, ...]:
+    item = next(item for item in _items(item_id.split("/")[0]) if item.id == item_id)
+    values = {reading: compute(case_of(item, reading), _DIGITS) for reading in READINGS}
+    slopes = condition(case_of(item, "decimals"), values["decimals"])
 
+    def told(name: str) -> dict[Reading, tuple[str, str]]:
+        return {reading: trimmed(values[reading][name], KEPT).decimals() for reading in READINGS}
 
-def _blank(item: Item) -> dict[str, Any]:
-    """The entry with its quantities, which are those of the published data, and nothing said of them."""
-    nothing = {"value": "", "uncertainty": ""}
-    units = _DRAWN_KINDS[item.kind].units
-    quantities = {
-        name: {"unit": units(name), **nothing, "from_doubles": nothing, "grade": "", "methods": {}, "condition": {}}
-        for name in _names(item.kind, item.friction)
-    }
-    return {"id": item.id, "inputs": dict(item.inputs), "quantities": quantities}
+    return tuple(as_quantity(item, name, told(name), slopes[name]) for name in _names(item.kind, item.friction))
 
 
 @lru_cache(maxsize=32)
 def _names(kind: str, friction: str) -> tuple[str, ...]:
+    """The quantities that the published data have of such an entry; of orbits those at the times of a drawn one."""
     published = stored().matching(f"printed/{friction}/{kind}/")
     first = published[0].id.rsplit("/", 1)[0]
     names = [quantity.name for quantity in published if quantity.id.startswith(f"{first}/")]

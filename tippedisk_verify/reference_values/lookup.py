@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import re
+
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.reference_values.store import Quantity, Reading, Store, stored
 
-__all__ = ["reference", "references"]
+__all__ = ["full_id", "reference", "references"]
 
 _MOST_NEAR = 5  # ids that an error suggests
 
@@ -18,6 +20,7 @@ def references(prefix: str = "", *, reading: Reading = "decimals") -> list[Quant
     """
     if not isinstance(prefix, str):
         raise InputError(f"the ids of reference values start with a string, not with {type(prefix).__name__}")
+    prefix = full_id(prefix)
     store = _with_drawn(prefix)
     found = [q.read_from(reading) for q in store.matching(prefix) if reading != "doubles" or reading in q.values]
     if not found:
@@ -33,12 +36,18 @@ def reference(id_: str, *, reading: Reading = "decimals") -> Quantity:
     """
     if not isinstance(id_, str):
         raise InputError(f"the id of a reference value is a string, not {type(id_).__name__}")
+    id_ = full_id(id_)
     quantity = _with_drawn(id_).get(id_)
     if quantity is None:
         near = _near(id_[:200])
         hint = f"; did you mean {' or '.join(near)}?" if near else "; `reference list` shows them"
         raise InputError(f"no reference value '{id_[:100]}'{hint}")
     return quantity.read_from(reading)
+
+
+def full_id(id_: str) -> str:
+    """The id with its set's name in the data: ``table1`` is there as ``printed``."""
+    return re.sub("^table1(?=/|$)", "printed", id_)
 
 
 def _near(asked: str) -> list[str]:

@@ -1,6 +1,6 @@
-"""What each reference value is asked as, how far off an answer may be, and the table that says both.
+"""What each reference value is asked as, how far off an answer may be, and its row in values.csv, which says both.
 
-Everything that grading takes from the data is here, so that a sheet can be graded from one table in any language.
+Everything that grading takes from the data is there, so that a sheet can be graded from one table in any language.
 """
 
 from __future__ import annotations
@@ -10,21 +10,12 @@ import re
 from collections.abc import Mapping
 from decimal import Decimal
 
-from tippedisk_verify.files import csv_text
 from tippedisk_verify.model.parameters import SYMBOLS
-from tippedisk_verify.reference_values.store import Quantity, Store
+from tippedisk_verify.reference_values.store import Quantity
 
 __all__ = [
-    "COLUMNS",
-    "FAILS_BELOW",
-    "ROUNDING",
-    "TOLERANCES",
-    "needed",
-    "placed",
-    "question_fields",
-    "scale_of",
-    "sheet_with_truths",
-    "slopes_of",
+    *("COLUMNS", "FAILS_BELOW", "ROUNDING", "TABLE", "TOLERANCES"),
+    *("needed", "placed", "question_fields", "scale_of", "slopes_of", "table_row"),
 ]
 
 _INPUTS = ("Omega", "beta", "gamma", "v")
@@ -45,9 +36,12 @@ _UNIT_SIZED = ("beta", "gamma", "v", "crossing_gamma", "crossing_v", "lambda_", 
 TOLERANCES = {level: 1e-12 if level < 6 else 1e-10 for level in FAILS_BELOW}
 _LEAST = 0.3  # digits that every question asks for: the value to within its half
 ROUNDING = 2.0**-52  #: twice the relative change that rounding to a double makes
-_TRUTHS = (
-    *("truth_from_doubles", "uncertainty_from_doubles", "truth_from_decimals", "uncertainty_from_decimals"),
-    *("scale", "digits_needed", "rounding"),
+#: Of values.csv: a question's columns, its numbers as doubles in hexadecimal, the value, and what is known of it.
+TABLE = (
+    *COLUMNS,
+    *(f"{name}_hex" for name in (*SYMBOLS, *_INPUTS, "t")),
+    *("value_from_decimals", "uncertainty_from_decimals", "value_from_doubles", "uncertainty_from_doubles"),
+    *("scale", "digits_needed", "rounding", "grade", "methods", "condition"),
 )
 
 
@@ -64,8 +58,8 @@ def placed(name: str) -> tuple[str, dict[str, str]]:
     return name, {}
 
 
-def question_fields(parameters: Mapping[str, Mapping[str, str]], quantity: Quantity) -> dict[str, str]:
-    """A question by `COLUMNS`, without those that do not apply; ``parameters`` as a reference file has them."""
+def question_fields(parameters: Mapping[str, str], quantity: Quantity) -> dict[str, str]:
+    """A question by `COLUMNS`, without those that do not apply; ``parameters`` are decimals."""
     plain, place = placed(quantity.name)
     return {
         "id": quantity.id,
@@ -75,7 +69,7 @@ def question_fields(parameters: Mapping[str, Mapping[str, str]], quantity: Quant
         "friction": quantity.friction,
         "quantity": plain,
         "unit": quantity.unit,
-        **{name: value["decimal"] for name, value in parameters.items()},
+        **{symbol: parameters[symbol] for symbol in SYMBOLS},
         **quantity.inputs,
         **place,
         "from": "decimals" if "doubles" not in quantity.values else "",
@@ -112,16 +106,23 @@ def needed(quantity: Quantity) -> float:
     condition = float(slopes_of(quantity) / scale) if scale else 0.0
     if "doubles" in quantity.values and condition:
         digits = max(min(digits, -math.log10(condition * TOLERANCES[quantity.level])), _LEAST)
-    return digits
+    return round(digits, 3)  # the same on every processor
 
 
-def sheet_with_truths(store: Store) -> str:
-    """The sheet of these questions with what grades its answers behind each."""
-    rows = []
-    for quantity in store.values():
-        fields = question_fields(store.parameters[quantity.set], quantity)
-        decimals, doubles = quantity.values["decimals"], quantity.values.get("doubles", ("", ""))
-        scale = scale_of(quantity, Decimal(decimals[0]))
-        judged = (f"{scale:.17g}", repr(needed(quantity)), f"{float(slopes_of(quantity)) * ROUNDING:.3g}")
-        rows.append((*(fields.get(name, "") for name in COLUMNS), *doubles, *decimals, *judged))
-    return csv_text((*COLUMNS, *_TRUTHS), rows)
+def table_row(parameters: Mapping[str, str], quantity: Quantity) -> dict[str, str]:
+    """The quantity's row in values.csv."""
+    row = question_fields(parameters, quantity)
+    if "doubles" in quantity.values:
+        row |= {f"{name}_hex": float(row[name]).hex() for name in (*SYMBOLS, *_INPUTS, "t") if name in row}
+    for reading, (value, uncertainty) in quantity.values.items():
+        row |= {f"value_from_{reading}": value, f"uncertainty_from_{reading}": uncertainty}
+    scale = scale_of(quantity, Decimal(quantity.values["decimals"][0]))
+    row |= {
+        "scale": f"{scale:.17g}",
+        "digits_needed": repr(needed(quantity)),
+        "rounding": f"{float(slopes_of(quantity)) * ROUNDING:.3g}",
+        "grade": quantity.grade,
+        "methods": " ".join(map("=".join, quantity.methods.items())),
+        "condition": " ".join(map("=".join, quantity.condition.items())),
+    }
+    return {name: row.get(name, "") for name in TABLE}

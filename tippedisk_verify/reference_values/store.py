@@ -1,28 +1,61 @@
-"""Reading reference data: where they lie, and what an entry says. Imports nothing heavy.
+"""Reading reference data: the rows of values.csv as numbers, by id. Imports nothing heavy.
 
 Every byte is held against the manifest on the way in, once in a process.
 """
 
 from __future__ import annotations
 
+import csv
 import json
 import numbers
+import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, fields, replace
 from fractions import Fraction
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.measured import Bounded, Measured
 from tippedisk_verify.model.results import Printable, as_json
-from tippedisk_verify.reference_values.manifest import sound_files
+from tippedisk_verify.reference_values.draws import disk_of
+from tippedisk_verify.reference_values.manifest import data_folder, sound_files
 
-__all__ = ["Quantity", "Reading", "Store", "data_folder", "stored"]
+__all__ = ["Quantity", "Reading", "Store", "codebook", "definition_of", "quantity_of", "stored", "table_rows"]
 
 Reading = Literal["decimals", "doubles"]
+
+
+class Definition(NamedTuple):
+    level: int  #: of difficulty, from 1
+    unit: str
+    meaning: str
+
+
+@lru_cache(maxsize=1)
+def codebook() -> dict[str, dict[str, Definition]]:
+    """By kind, in order of difficulty, then by name; ``n`` stands for a number in it. Raises InputError if damaged."""
+    kinds: dict[str, dict[str, Definition]] = {}
+    text = sound_files(data_folder(), ["quantities.csv"])["quantities.csv"]
+    for row in csv.DictReader(text.splitlines()):
+        told = Definition(int(row["level"]), row["unit"], row["definition"])
+        kinds.setdefault(row["kind"], {})[row["quantity"]] = told
+    return kinds
+
+
+def definition_of(kind: str, quantity: str) -> Definition:
+    """Of a quantity of that kind, by its name with or without a place."""
+    name, of_kind = re.split("[@#]", quantity)[0], codebook()[kind]
+    if name in of_kind:
+        return of_kind[name]
+    number = re.search(r"(?<=_)\d+(?=_|$)", name)
+    told = of_kind[name if number is None else f"{name[: number.start()]}n{name[number.end() :]}"]
+    if number is None or "^n" not in told.unit:
+        return told
+    n = int(number[0])
+    return told._replace(unit=("rad/s", "rad/m")[n] if n < 2 else f"rad s^{n - 1}/m^{n}")
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -44,7 +77,7 @@ class Quantity(Printable, Bounded):
     inputs: Mapping[str, str]  #: beside the parameters; decimals
     values: Mapping[Reading, tuple[str, str]]  #: (value, uncertainty) as decimals, for each reading
     grade: str  #: proved, two-method, agreed, or single
-    methods: Mapping[str, str]  #: how far each road's value lies from the one given
+    methods: Mapping[str, str]  #: how far each method's value lies from the one given, in the worse reading
     condition: Mapping[str, str]  #: change of the value per relative change of a parameter or input
     proof: Mapping[str, str] | None = None  #: the enclosure's value and uncertainty, the statement and the command
     reading: Reading = "decimals"  #: which of `values` this is as a number
@@ -59,6 +92,11 @@ class Quantity(Printable, Bounded):
         if reading not in self.values:
             raise InputError(f"{self.id} has no value from {reading}: doubles cannot tell its inputs apart")
         return self if reading == self.reading else replace(self, reading=reading)
+
+    @property
+    def definition(self) -> str:
+        """What it is, in a sentence."""
+        return definition_of(self.kind, self.name).meaning
 
     @property
     def value(self) -> Fraction:
@@ -98,7 +136,8 @@ class Quantity(Printable, Bounded):
 
     def to_dict(self) -> dict[str, Any]:
         value, uncertainty = self.values["decimals"]
-        entry: dict[str, Any] = {"id": self.id, "unit": self.unit, "value": value, "uncertainty": uncertainty}
+        entry: dict[str, Any] = {"id": self.id, "definition": self.definition, "unit": self.unit}
+        entry |= {"value": value, "uncertainty": uncertainty}
         if "doubles" in self.values:
             entry["from_doubles"] = dict(zip(("value", "uncertainty"), self.values["doubles"], strict=True))
         names = ("grade", "methods", "condition", "inputs", *["proof"] * (self.proof is not None))
@@ -108,67 +147,38 @@ class Quantity(Printable, Bounded):
 numbers.Real.register(Quantity)  # pytest.approx compares what is a number by this name, inside lists too
 
 
+#: Beside the parameters and the time, in the order of every entry.
+_INPUTS = ("Omega", "beta", "gamma", "v", "equilibrium", "form")
+
+
 class Store(Mapping[str, Quantity]):
     """All reference values, by id, in order of difficulty. Raises InputError for a folder without them, or damaged."""
 
     def __init__(self, folder: Path) -> None:
-        documents = []
-        for name, text in sound_files(folder).items():
-            try:
-                documents.append(json.loads(text))
-            except (ValueError, RecursionError):
-                raise InputError(f"reference file {folder / name} cannot be read: run reference check") from None
-        if not documents:
-            raise InputError(f"no reference data in {folder}")
+        texts = sound_files(folder, ("values.csv", "proofs.json"))
         try:
-            documents.sort(key=lambda document: (document["level"], document["set"] != "printed"))
-            self._fill(documents)
-        except (KeyError, TypeError, AttributeError, ValueError):
+            proofs, rows = json.loads(texts["proofs.json"]), table_rows(texts["values.csv"])
+            self._quantities = {row["id"]: quantity_of(row, proofs) for row in rows}
+        except (KeyError, TypeError, AttributeError, ValueError, RecursionError, csv.Error):
             raise InputError(f"the reference data in {folder} are damaged: run reference check") from None
+        if not self:
+            raise InputError(f"there are no reference values in {folder}")
 
     @classmethod
-    def of(cls, documents: Iterable[dict[str, Any]]) -> Store:
-        """What documents of the files' form say, in their order."""
+    def of(cls, quantities: Iterable[Quantity]) -> Store:
+        """These values."""
         store = cls.__new__(cls)
-        store._fill(documents)
+        store._quantities = {quantity.id: quantity for quantity in quantities}
         return store
 
-    def joined(self, documents: Iterable[dict[str, Any]]) -> Store:
-        """These values and those of more documents."""
-        store = self.of(documents)
-        store.parameters = self.parameters | store.parameters
-        store._quantities = self._quantities | store._quantities
-        return store
+    def joined(self, other: Store) -> Store:
+        """These values and those of another store."""
+        return Store.of((*self.values(), *other.values()))
 
-    def _fill(self, documents: Iterable[dict[str, Any]]) -> None:
-        self.parameters: dict[str, dict[str, dict[str, str]]] = {}
-        self._quantities: dict[str, Quantity] = {}
-        for document in documents:
-            self._take(document)
-
-    def _take(self, document: dict[str, Any]) -> None:
-        self.parameters[document["set"]] = document["parameters"]
-        for entry in document["entries"]:
-            for name, told in entry["quantities"].items():
-                values: dict[Reading, tuple[str, str]] = {"decimals": (told["value"], told["uncertainty"])}
-                if "from_doubles" in told:
-                    values["doubles"] = (told["from_doubles"]["value"], told["from_doubles"]["uncertainty"])
-                id_ = f"{entry['id']}/{name}"
-                self._quantities[id_] = Quantity(
-                    id=id_,
-                    level=document["level"],
-                    kind=document["kind"],
-                    set=document["set"],
-                    friction=entry["id"].split("/")[1],
-                    name=name,
-                    unit=told["unit"],
-                    inputs=MappingProxyType(entry["inputs"]),
-                    values=values,
-                    grade=told["grade"],
-                    methods=MappingProxyType(told["methods"]),
-                    condition=MappingProxyType(told["condition"]),
-                    proof=MappingProxyType(told["enclosure"] | entry["proof"]) if "enclosure" in told else None,
-                )
+    @cached_property
+    def parameters(self) -> dict[str, dict[str, str]]:
+        """Of each set's disk, as decimals. Raises InputError for a set that is neither named nor drawn."""
+        return {name: disk_of(name).decimals() for name in {quantity.set: 0 for quantity in self.values()}}
 
     def __getitem__(self, id_: str) -> Quantity:
         return self._quantities[id_]
@@ -184,16 +194,43 @@ class Store(Mapping[str, Quantity]):
         return [quantity for id_, quantity in self._quantities.items() if id_.startswith(prefix)]
 
 
-def data_folder() -> Path:
-    """Where the reference data lie: inside the installed package, or beside it in a source checkout.
+def table_rows(text: str) -> list[dict[str, str]]:
+    """The rows of values.csv by column. Raises ValueError if one is longer or shorter than the header."""
+    header, *rows = csv.reader(text.splitlines())
+    return [dict(zip(header, row, strict=True)) for row in rows]
 
-    Raises InputError if they are in neither place.
-    """
-    package = Path(__file__).resolve().parent.parent
-    for folder in (package / "reference_data", package.parent / "reference_data"):
-        if (folder / "schema.json").is_file():
-            return folder
-    raise InputError("the reference data are not installed with this package: reinstall it, or give their folder")
+
+def quantity_of(row: Mapping[str, str], proofs: Mapping[str, Any]) -> Quantity:
+    """A row of values.csv, and its entry's proof if there is one."""
+    entry, name = row["id"].rsplit("/", 1)
+    values: dict[Reading, tuple[str, str]] = {
+        "decimals": (row["value_from_decimals"], row["uncertainty_from_decimals"])
+    }
+    if row["value_from_doubles"]:
+        values["doubles"] = (row["value_from_doubles"], row["uncertainty_from_doubles"])
+    proof = proofs.get(entry, {"enclosures": {}})
+    enclosure = proof["enclosures"].get(name)
+    return Quantity(
+        id=row["id"],
+        level=int(row["level"]),
+        kind=row["kind"],
+        set=row["set"],
+        friction=row["friction"],
+        name=name,
+        unit=row["unit"],
+        inputs=MappingProxyType({name: row[name] for name in _INPUTS if row[name]}),
+        values=values,
+        grade=row["grade"],
+        methods=MappingProxyType(_pairs(row["methods"])),
+        condition=MappingProxyType(_pairs(row["condition"])),
+        proof=enclosure
+        and MappingProxyType({**enclosure, "statement": proof["statement"], "command": proof["command"]}),
+    )
+
+
+def _pairs(text: str) -> dict[str, str]:
+    """``r=0.05 e=-0.004`` by name."""
+    return dict(pair.split("=") for pair in text.split())
 
 
 @lru_cache(maxsize=2)

@@ -1,7 +1,7 @@
 // Grades answers with the verdicts of `tippedisk-verify conformance grade`; what agrees may be exact as well, and
 // have more than 15 digits: doubles cannot tell.
 //
-//     node grade.mjs answers.csv reference_data/printed/sheet_with_truths.csv
+//     node grade.mjs answers.csv truths.csv
 import { readFileSync } from 'node:fs';
 
 const refuse = reason => { console.error(reason); process.exit(2); };
@@ -24,7 +24,7 @@ for (const { id, answer, from } of rowsOf(answers)) {
   if (id === undefined || answer === undefined) refuse('the first line must name the columns id and answer');
   if (!answer) continue;
   if (!asked.has(id)) { unknown++; continue; } else if (given.has(id)) { repeated++; continue; }
-  const reading = from ? from.toLowerCase() : asked.get(id).truth_from_doubles ? 'doubles' : 'decimals';
+  const reading = from ? from.toLowerCase() : asked.get(id).value_from_doubles ? 'doubles' : 'decimals';
   if (!['doubles', 'decimals'].includes(reading)) refuse(`${id}: from says doubles or decimals`);
   given.set(id, { answer, reading });
 }
@@ -33,10 +33,10 @@ const missing = /^([+-]?nan(\([^)]*\))?|-?1\.#(ind|qnan)0*|n\/?a|null|none|missi
 const entry = id => id.slice(0, id.lastIndexOf('/'));
 const answered = new Set([...given].filter(([, { answer }]) => !missing.test(answer)).map(([id]) => entry(id)));
 function verdictOf({ answer, reading }, row) {
-  if (!row[`truth_from_${reading}`]) return ['no-truth'];
+  if (!row[`value_from_${reading}`]) return ['no-truth'];
   if (/^[+-]?(nan|inf(inity)?)$/i.test(answer)) return ['not-a-number'];
   if (!/^[+-]?(\d+\.?\d*|\.\d+)([eEdD][+-]?\d+)?$/.test(answer)) return ['unreadable'];
-  const away = Math.abs(Number(answer.replace(/d/i, 'e')) - row[`truth_from_${reading}`]), needs = +row.digits_needed;
+  const away = Math.abs(Number(answer.replace(/d/i, 'e')) - row[`value_from_${reading}`]), needs = +row.digits_needed;
   const digits = away === 0 ? 15 : +row.scale === 0 ? 0 : Math.min(-Math.log10(away / row.scale), 15);
   if (digits >= needs) return ['agrees', digits];
   if (digits >= 1 && away <= +row.rounding) return ['rounding', digits];
@@ -50,7 +50,7 @@ for (const [id, row] of asked) {
   sum.n++; sum.least = Math.min(sum.least, digits);
   if (['agrees', 'rounding'].includes(verdict)) continue;
   sum.failed++; sum.few += verdict === 'few-digits';
-  console.log(`${verdict.padEnd(12)}  ${id}  ${one.answer} instead of ${+row[`truth_from_${one.reading}`]}`);
+  console.log(`${verdict.padEnd(12)}  ${id}  ${one.answer} instead of ${+row[`value_from_${one.reading}`]}`);
 }
 for (const [level, { asked, n, failed, few, least }] of levels) {
   const passes = n < asked ? 'partial' : 'agrees', fails = failed === few ? 'too few digits' : 'fails';

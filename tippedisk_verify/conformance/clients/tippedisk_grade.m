@@ -1,6 +1,6 @@
 % Grades answers in GNU Octave or MATLAB, with the verdicts of `tippedisk-verify conformance grade`.
 %
-%     octave --eval "tippedisk_grade('answers.csv', 'reference_data/printed/sheet_with_truths.csv')"
+%     octave --eval "tippedisk_grade('answers.csv', 'truths.csv')"
 function tippedisk_grade(answers, truths)
   % What agrees may be exact as well, and have more than 15 digits: doubles cannot tell.
   asked = columns_of(truths); given = columns_of(answers);
@@ -11,7 +11,7 @@ function tippedisk_grade(answers, truths)
   repeated = numel(lines) - numel(places); lines = lines(first);
   answer = repmat({''}, size(asked.id)); answer(places) = given.answer(lines); is_given = ~cellfun(@isempty, answer);
   from = answer; from(places) = lower(given.from(lines));
-  from(cellfun(@isempty, from) & cellfun(@isempty, asked.truth_from_doubles)) = {'decimals'};
+  from(cellfun(@isempty, from) & cellfun(@isempty, asked.value_from_doubles)) = {'decimals'};
   from(cellfun(@isempty, from)) = {'doubles'}; decimals = strcmp(from, 'decimals');
   if ~all(decimals | strcmp(from, 'doubles')), error('the column from says doubles or decimals'), end
   % An entry with nothing but NaN or NA has not been answered.
@@ -19,7 +19,7 @@ function tippedisk_grade(answers, truths)
   missing = matches('^([+-]?nan(\([^)]*\))?|-?1\.#(ind|qnan)0*|n/?a|null|none|missing|<na>)$');
   [~, ~, entry] = unique(regexprep(asked.id, '/[^/]*$', ''));
   some = accumarray(entry(:), double(is_given(:) & ~missing(:))) > 0; is_given(~some(entry)) = false;
-  truth = str2double(asked.truth_from_doubles); x = str2double(asked.truth_from_decimals);
+  truth = str2double(asked.value_from_doubles); x = str2double(asked.value_from_decimals);
   truth(decimals) = x(decimals); needs = str2double(asked.digits_needed); scale = str2double(asked.scale);
   away = abs(str2double(regexprep(answer, '[dD]', 'e')) - truth);
   digits = -log10(away ./ scale); digits(scale == 0) = 0; digits(away == 0) = 15; digits = min(digits, 15);

@@ -205,7 +205,7 @@ def tables_of(grades: Iterable[Grade], store: Store) -> list[Table]:
 
 def _table(kind: str, friction: str, entries: Sequence[Entry], store: Store) -> Table:
     decimals = [store.parameters[entry.quantities[0].set] for entry in entries]
-    p = tuple(np.array([float(one[symbol]["decimal"]) for one in decimals]) for symbol in SYMBOLS)
+    p = tuple(np.array([float(one[symbol]) for one in decimals]) for symbol in SYMBOLS)
     given: dict[str, Array] = {}
     for name in ("Omega", "beta", "gamma", "v"):
         if all(name in entry.inputs for entry in entries):

@@ -1,0 +1,41 @@
+"""``python reference_data/make [PREFIX]...``: make the entries whose ids start so, all if nothing is said."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import click
+
+FOLDER = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(FOLDER.parent))  # for the processes that compute, too
+
+from tippedisk_verify.commands.common import Common, plain_options, print_result, processes, progress  # noqa: E402
+from tippedisk_verify.interrupts import answering  # noqa: E402
+
+
+@click.command()
+@click.argument("prefixes", nargs=-1, metavar="[PREFIX]...")
+@click.option("--out", default=str(FOLDER), show_default=True, metavar="DIR", help="Where the files go.")
+@click.option("--jobs", type=int, metavar="N", help="Processes; as many as there are cores if not given.")
+@plain_options
+def make(common: Common, prefixes: tuple[str, ...], out: str, jobs: int | None) -> int:
+    """Make the reference values whose ids start with a PREFIX, such as printed/linear/hopf; all takes some CPU hours.
+
+    What an interrupted run has computed is taken up again.
+    """
+    from reference_data.make.generation import generate
+
+    with progress(common, 0) as advance, processes(jobs) as pool:
+        count = generate(Path(out), prefixes, pool, advance)
+    print_result(common, {"made": count}, [f"{count} entries made"])
+    return 0
+
+
+if __name__ == "__main__":
+    with answering():
+        from tippedisk_verify.cli import cli, entry
+
+        cli.add_command(make)
+        sys.argv.insert(1, "make")
+        entry()

@@ -1,0 +1,98 @@
+"""The grade *proved*: enclosures in ball arithmetic, with the statement and the command that proves it again.
+
+Eigenvalues, the Hopf point, and, under both friction laws, limit cycles and Omega_h have them. A value's half-width
+must contain its enclosure. If it does not, the value is wrong or claims more than is proved, and nothing is written.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from tippedisk_verify.disk import Disk
+from tippedisk_verify.errors import Shortfall
+from tippedisk_verify.model.measured import Measured
+from tippedisk_verify.reference_values.entries import Case, Values
+from tippedisk_verify.reference_values.store import codebook
+
+__all__ = ["proved"]
+
+_DIGITS = 52  # two more than most values claim
+_OMEGA_H_DIGITS = 104  # so that the enclosures lie within the half-widths of the 100 digits stored
+#: Closer to Omega_h a proof takes minutes.
+_NEAR = ("het+1e-1", "het+1e-2", "het+1e-3", "het+1e-4")
+
+
+Proof = tuple[str, str, Values]  #: statement, command, enclosures
+
+
+def proved(case: Case, values: Values) -> dict[str, Any] | None:
+    """The proof of an entry from its decimals, as proofs.json has it; None for what has none.
+
+    Raises Shortfall if the attempt ends without a proof, or a value's half-width does not contain its enclosure.
+    """
+    prove = _PROOFS.get(case.item.kind)
+    if prove is None or (case.item.kind == "near-heteroclinic" and case.item.id.split("/")[3] not in _NEAR):
+        return None
+    statement, command, enclosures = prove(case, values)
+    for name, enclosure in enclosures.items():
+        if not values[name].contains(enclosure):
+            raise Shortfall(f"{case.item.id}/{name} does not contain its enclosure: it is wrong, or claims too much")
+    held = {name: enclosure.to_dict() for name, enclosure in enclosures.items()}
+    return {"statement": statement, "command": command, "enclosures": held}
+
+
+def _equilibrium(case: Case, values: Values) -> Proof:
+    from tippedisk_verify.proofs.closed_forms import proved_equilibrium
+
+    omega = case.item.inputs["Omega"]
+    proof = proved_equilibrium(case.disk, omega, case.inputs["equilibrium"], _DIGITS)
+    parts = (part for value in proof.eigenvalues for part in (value.re, value.im))
+    enclosures = {f"lambda_{n // 2 + 1}_{('re', 'im')[n % 2]}": part for n, part in enumerate(parts)}
+    return (proof.statement, _command("equilibria", case.disk, f" --omega {omega}"), enclosures)
+
+
+def _hopf(case: Case, values: Values) -> Proof:
+    from tippedisk_verify.proofs.closed_forms import proved_hopf
+
+    proof = proved_hopf(case.disk, _DIGITS)
+    enclosures = {name: one for name in values if isinstance(one := getattr(proof, name, None), Measured)}
+    return (proof.statement, _command("hopf", case.disk), enclosures)
+
+
+def _connection(case: Case, values: Values) -> Proof:
+    from tippedisk_verify.proofs.search.heteroclinic import prove_connection
+
+    # As the command does it: the stored value has too few digits for so short an interval.
+    near = case.disk.heteroclinic(digits=_OMEGA_H_DIGITS + 5).omega_h.value
+    proof = prove_connection(case.disk, near, _OMEGA_H_DIGITS)
+    if not proof.proved or proof.omega_h is None:
+        raise Shortfall(proof.statement)
+    enclosures = dict(zip(codebook()["heteroclinic"], (proof.omega_h, *proof.saddle_eigenvalues), strict=True))
+    return (proof.statement, _command("heteroclinic", case.disk, digits=_OMEGA_H_DIGITS), enclosures)
+
+
+def _cycle(case: Case, values: Values) -> Proof:
+    from tippedisk_verify.proofs.search.cycle import prove_cycle
+
+    omega = case.item.inputs["Omega"]
+    proof = prove_cycle(case.disk, omega, (values["gamma_bar_0"].value, values["v_0"].value), digits=_DIGITS)
+    if not proof.proved:
+        raise Shortfall(f"{case.item.id}: {proof.statement}")
+    numbers = proof.numbers()
+    enclosures = {name: numbers[name] for name in values if name in numbers}
+    return (proof.statement, _command("orbit", case.disk, f" --omega {omega}"), enclosures)
+
+
+def _command(what: str, disk: Disk, options: str = "", digits: int = _DIGITS) -> str:
+    law = " --friction smooth" * (disk.friction == "smooth")
+    return f"tippedisk-verify certify {what} --parameters {disk.name}{law}{options} --digits {digits}"
+
+
+_PROOFS: dict[str, Callable[[Case, Values], Proof]] = {
+    "equilibrium": _equilibrium,
+    "hopf": _hopf,
+    "heteroclinic": _connection,
+    "limit-cycle": _cycle,
+    "near-heteroclinic": _cycle,
+}

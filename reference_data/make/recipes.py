@@ -1,0 +1,130 @@
+"""What answers each kind of question: `Disk`'s method, and those that confirm it."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable
+from fractions import Fraction
+from functools import lru_cache
+from typing import Any
+
+from reference_data.make import cycles, local
+from reference_data.make.proofs import proved
+from tippedisk_verify.errors import Shortfall
+from tippedisk_verify.model.measured import Measured
+from tippedisk_verify.reference_values import truths
+from tippedisk_verify.reference_values.entries import (
+    KEPT,
+    Case,
+    Item,
+    Reading,
+    Values,
+    case_of,
+    disagreements,
+    trimmed,
+)
+from tippedisk_verify.reference_values.manifest import data_folder, sound_files
+from tippedisk_verify.reference_values.questions import table_row
+
+__all__ = ["CONFIRM", "answered", "confirmed", "methods_of"]
+
+_DIGITS = {"heteroclinic": 104, "trajectory": 43}
+_USUAL_DIGITS = 36
+# What another method must confirm, relative to the number's size, to stand beside the first one.
+_CONFIRMED = Fraction(1, 10**30)
+
+
+def _again(case: Case, values: Values) -> Values:
+    return truths.compute_again(case, _USUAL_DIGITS)
+
+
+def _shifted(case: Case, values: Values) -> Values:
+    """Its own error, of ten digits more, is far below the half-widths that it is held against."""
+    return truths.motion(case, _DIGITS["trajectory"] + 10, shift=True)
+
+
+#: The methods beside the first, by their names in methods.csv.
+CONFIRM: dict[str, dict[str, Callable[[Case, Values], Values]]] = {
+    "rhs": {"shifted": _again, "symbolic": local.symbolic},
+    "equilibrium": {"eigensolver": _again},
+    "hopf": {"balance": local.hopf_by_balance},
+    "harmonic-balance": {"floating": _again},
+    "slow-manifold": {"differences": local.differences},
+    "trajectory": {"shifted": _shifted, "scipy": local.orbit_by_scipy},
+    "limit-cycle": {"full-period": cycles.whole_period, "balance": cycles.balance, "scipy": cycles.scipy},
+    "heteroclinic": {
+        "limit-cycles": lambda case, values: truths.connection(case, 60, "limit-cycles"),
+        "scipy": lambda case, values: truths.connection(case, 11, "scipy"),
+    },
+    "near-heteroclinic": {"full-period": cycles.whole_period, "balance": cycles.balance},
+    "rotating-cycle": {"bottom": cycles.whole_period, "collocation": cycles.collocation, "scipy": cycles.scipy},
+    "rotation-fold": {
+        "bottom": cycles.fold_from_the_bottom,
+        "collocation": cycles.fold_by_collocation,
+        "scipy": cycles.fold_by_scipy,
+    },
+}
+
+
+@lru_cache(maxsize=16)
+def methods_of(kind: str) -> dict[str, bool]:
+    """The kind's methods by name, the first of which gives the values; whether they share no integrator with it."""
+    rows = csv.DictReader(sound_files(data_folder(), ["methods.csv"])["methods.csv"].splitlines())
+    return {row["method"]: row["independent"] == "yes" for row in rows if row["kind"] == kind}
+
+
+def confirmed(case: Case, values: Values) -> dict[str, Values]:
+    """The values by each further method. Raises Shortfall if one excludes them."""
+    answers = {}
+    for name, method in CONFIRM[case.item.kind].items():
+        answers[name] = method(case, values)
+        for line in disagreements(values, answers[name]):
+            raise Shortfall(f"{case.item.id} by {name}: {line}")
+    return answers
+
+
+def answered(item: Item) -> dict[str, Any]:
+    """The entry's rows of values.csv, and its proof if it has one. Raises Shortfall if methods exclude each other."""
+    kind, digits = item.kind, _DIGITS.get(item.kind, _USUAL_DIGITS)
+    kept = max(KEPT, digits - 2)
+    values: dict[Reading, Values] = {}
+    distances: dict[str, dict[str, Fraction]] = {}
+    twice: set[str] = set()
+    for reading in item.readings:
+        case = case_of(item, reading)
+        first = truths.compute(case, digits)
+        # As they will be written: a proof is of these.
+        values[reading] = {name: Measured.of(*trimmed(value, kept).decimals()) for name, value in first.items()}
+        for method, answers in confirmed(case, first).items():
+            for name, other in answers.items():
+                away = abs(other.value - values[reading][name].value)
+                told = distances.setdefault(name, {})
+                told[method] = max(told.get(method, Fraction(0)), away)
+                near = away + other.uncertainty <= _CONFIRMED * max(abs(other.value), Fraction(1, 10**6))
+                if near and reading == "decimals" and methods_of(kind)[method]:
+                    twice.add(name)
+    case = case_of(item, "decimals")
+    slopes, proof = _slopes(case, values["decimals"]), proved(case, values["decimals"])
+    rows = []
+    for name in values["decimals"]:
+        proven = proof is not None and name in proof["enclosures"]
+        by = {method: f"{float(away):.3g}" for method, away in distances.get(name, {}).items()}
+        grade = "proved" if proven else "two-method" if name in twice else "agreed" if by else "single"
+        numbers = {reading: values[reading][name].decimals() for reading in item.readings}
+        quantity = truths.as_quantity(
+            item, name, numbers, slopes.get(name, {}), grade, {next(iter(methods_of(kind))): "0", **by}
+        )
+        rows.append(table_row(case.disk.decimals(), quantity))
+    return {"rows": rows, "proof": proof}
+
+
+def _slopes(case: Case, values: Values) -> truths.Slopes:
+    """Condition numbers; next to Omega_h by steps that are small beside the distance from it."""
+    if case.item.kind not in ("near-heteroclinic", "heteroclinic", "rotation-fold"):
+        return truths.condition(case, values)
+    step = Fraction(1, 10**8)
+    if case.item.kind == "near-heteroclinic":
+        step = (1 - cycles.omega_h_for(case) / case.inputs["Omega"]) / 10**5
+    return truths.by_differences(
+        case, lambda moved: {name: one.value for name, one in truths.compute(moved, 17).items()}, step
+    )

@@ -1,0 +1,249 @@
+"""What makes the reference data: methods that agree with what is stored, and runs that may be interrupted."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import random
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
+from fractions import Fraction
+from itertools import islice
+from pathlib import Path
+
+import pytest
+
+from reference_data.make.generation import _computed, generate, items_of
+from reference_data.make.recipes import CONFIRM, confirmed, methods_of
+from tests.reference_values.places import PLACES
+from tests.stress.runs import LONGEST, MAKE
+from tests.stress.strikes import Struck, ended_by
+from tippedisk_verify.cache import read_checked
+from tippedisk_verify.errors import InputError, Shortfall
+from tippedisk_verify.model.measured import Measured
+from tippedisk_verify.reference_values.checking import check, entries_of
+from tippedisk_verify.reference_values.entries import case_of
+from tippedisk_verify.reference_values.manifest import LARGEST
+from tippedisk_verify.reference_values.store import Store, codebook, stored
+
+SETS = ("printed", "calibrated")
+INTEGRATED = ("trajectory", "near-heteroclinic", "rotating-cycle")
+HOPF = ("printed/linear/hopf", "calibrated/linear/hopf")
+QUICK = (*HOPF, *(f"{name}/{kind}" for name in SETS for kind in ("both/equilibrium/", "linear/harmonic")))
+
+
+def _bytes(folder: Path) -> dict[str, bytes]:
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+# ------------------------------------------------------------------------------------------ questions and methods
+def test_each_kind_has_the_methods_of_the_table() -> None:
+    assert list(CONFIRM) == list(codebook())
+    for kind, methods in CONFIRM.items():
+        assert list(methods_of(kind))[1:] == list(methods)
+    for quantity in stored().values():
+        assert set(quantity.methods) <= set(methods_of(quantity.kind))
+
+
+@pytest.mark.parametrize(
+    "kind", [kind if kind not in INTEGRATED else pytest.param(kind, marks=pytest.mark.slow) for kind in PLACES]
+)
+def test_questions_are_where_the_rules_put_them(kind: str) -> None:
+    """The kinds whose places depend on Omega_h take some seconds."""
+    for name in SETS:
+        stored_items = [one.item for one in entries_of(stored(), f"{name}/") if one.item.kind == kind]
+        assert [(one.id, dict(one.inputs), one.readings) for one in PLACES[kind](name)] == [
+            (one.id, dict(one.inputs), one.readings) for one in stored_items
+        ]
+
+
+def test_the_further_methods_agree() -> None:
+    for kind in ("rhs", "equilibrium", "hopf", "harmonic-balance", "slow-manifold"):
+        entries = [entry for entry in entries_of(stored()) if entry.item.kind == kind]
+        for entry in random.Random(7).sample(entries, min(4, len(entries))):
+            values = entry.values("doubles")
+            answers = confirmed(case_of(entry.item, "doubles"), values)
+            assert any(answers.values()) or entry.item.friction == "both"
+
+
+@pytest.mark.slow(minutes=6)
+@pytest.mark.parametrize(
+    "id_",
+    [
+        *(
+            "printed/smooth/trajectory/d1",
+            "calibrated/linear/limit-cycle/crit-0.3",
+            "printed/smooth/limit-cycle/crit-0.5",
+        ),
+        *("calibrated/smooth/heteroclinic/point", "printed/linear/near-heteroclinic/het+1e-4"),
+        *("printed/linear/rotating-cycle/stable-het-0.03", "calibrated/smooth/rotating-cycle/unstable-crit-0.5"),
+        *("printed/linear/rotation-fold/point", "calibrated/smooth/rotation-fold/point"),
+    ],
+)
+def test_the_further_methods_agree_where_integrators_are_needed(id_: str) -> None:
+    (entry,) = entries_of(stored(), f"{id_}/")
+    answers = confirmed(case_of(entry.item, "decimals"), entry.values("decimals"))
+    assert set(answers) == set(CONFIRM[entry.item.kind])
+
+
+@pytest.mark.slow
+def test_a_false_thirtieth_digit_is_seen_from_another_section() -> None:
+    (entry,) = entries_of(stored(), "calibrated/smooth/rotating-cycle/unstable-crit-0.5/")
+    values = entry.values("doubles")
+    values["v_top"] = Measured(values["v_top"].value * (1 + Fraction(1, 10**30)), values["v_top"].uncertainty)
+    with pytest.raises(Shortfall, match="by bottom: v_top"):
+        confirmed(case_of(entry.item, "doubles"), values)
+
+
+def test_a_false_value_is_excluded_by_another_method() -> None:
+    (entry,) = entries_of(stored(), "printed/linear/hopf/")
+    values = {**entry.values("decimals"), "omega_crit": Measured.of("30.9", "0.001")}
+    with pytest.raises(Shortfall, match="by balance: omega_crit"):
+        confirmed(case_of(entry.item, "decimals"), values)
+
+
+# ------------------------------------------------------------------------------------------ runs
+def test_what_is_made_is_what_is_stored(tmp_path: Path) -> None:
+    """To the half-widths: the last digits depend on the libraries."""
+    assert generate(tmp_path, QUICK) == 50
+    made = Store(tmp_path)
+    assert list(made) == [id_ for id_ in stored() if re.match("[a-z]+/(both/equilibrium|linear/(hopf|harm))", id_)]
+    for id_, quantity in made.items():
+        known = stored()[id_]
+        assert (quantity.unit, quantity.inputs, quantity.grade) == (known.unit, known.inputs, known.grade)
+        for reading in ("decimals", "doubles"):
+            one, other = quantity.measured(reading), known.measured(reading)
+            assert abs(one.value - other.value) <= one.uncertainty + other.uncertainty
+    assert check(tmp_path, sample=0).faults == ()
+
+
+def test_threads_make_the_same_bytes(tmp_path: Path) -> None:
+    generate(tmp_path / "serial", QUICK)
+    with ThreadPoolExecutor(8) as pool:
+        generate(tmp_path / "threads", QUICK, pool)
+    assert _bytes(tmp_path / "threads") == _bytes(tmp_path / "serial")
+
+
+def test_what_is_made_one_after_the_other_is_what_is_made_at_once(tmp_path: Path) -> None:
+    generate(tmp_path / "once", QUICK)
+    for prefix in (QUICK[3], *HOPF, *QUICK[2:]):
+        generate(tmp_path / "parts", (prefix,))
+    assert _bytes(tmp_path / "parts") == _bytes(tmp_path / "once")
+
+
+def test_a_process_with_other_code_computes_no_entry(tmp_path: Path) -> None:
+    (item,) = items_of(HOPF[:1])
+    with pytest.raises(Shortfall, match="has changed"):
+        _computed((item, tmp_path, "other code"))
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("left", ['[{"id": "pri', "null", "5", "[5]", "[{}]", "[]", "[" * 100_000])
+def test_damaged_answers_are_computed_again(left: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    generate(tmp_path / "whole", HOPF)
+    work = tmp_path / "other" / ".work"
+    with monkeypatch.context() as patch:
+        patch.setattr("reference_data.make.generation.replace_files", lambda folder, texts: 1 / 0)
+        with pytest.raises(ZeroDivisionError):
+            generate(tmp_path / "other", HOPF)
+    kept = list(work.glob("*.json"))
+    assert len(kept) == 2
+    for path in kept:
+        path.write_text(left)
+    generate(tmp_path / "other", HOPF)
+    assert _bytes(tmp_path / "other") == _bytes(tmp_path / "whole")
+
+
+def test_a_second_run_into_the_same_folder_is_refused(tmp_path: Path) -> None:
+    fcntl = pytest.importorskip("fcntl")
+    with open(tmp_path / ".lock", "w") as handle:
+        fcntl.flock(handle, fcntl.LOCK_EX)
+        with pytest.raises(InputError, match="another run"):
+            generate(tmp_path, HOPF)
+
+
+def test_a_strangers_files_are_left_alone(tmp_path: Path) -> None:
+    strange = [tmp_path / ".pre-commit-config", tmp_path / "sub" / ".env-local", tmp_path / "mydoc.txt"]
+    (tmp_path / "sub").mkdir()
+    for path in strange:
+        path.write_text("mine")
+    generate(tmp_path, HOPF)
+    assert all(path.read_text() == "mine" for path in strange)
+    assert check(tmp_path, sample=0).faults == ()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "status", "says"),
+    [
+        (["--help"], 0, "taken up again"),
+        (["printed/linear/hopf", "--out", "{folder}", "--jobs", "1"], 0, "1 entries made"),
+        (["nothing", "--out", "{folder}", "--jobs", "1"], 2, "no entry starts with 'nothing'"),
+        (["--out", "", "--jobs", "1"], 2, "name of a folder"),
+        (["--jobs", "0", "--out", "{folder}"], 2, "--jobs"),
+    ],
+)
+def test_the_program(arguments: list[str], status: int, says: str, tmp_path: Path) -> None:
+    words = [word.format(folder=tmp_path) for word in arguments]
+    done = subprocess.run([sys.executable, *MAKE, *words], capture_output=True, text=True, check=False, cwd=tmp_path)
+    assert done.returncode == status, done
+    assert says in (done.stderr if status else done.stdout)
+    assert not status or done.stderr.count("\n") == 1
+
+
+def _survives(tmp_path: Path, kills: int, seed: int) -> None:
+    """Each kill leaves whole files only, and runs that go on make what one run makes."""
+    words = [*MAKE, *QUICK, "--quiet", "--jobs", "1", "--out"]
+    struck = Struck(tmp_path / "hand")
+    whole, broken = tmp_path / "whole", tmp_path / "broken"
+    lasts = struck.lasts([*words, str(whole)])
+    expected = _bytes(whole)
+    for status, _, _ in islice(struck.at_random([*words, str(broken)], signal.SIGKILL, lasts, seed), kills):
+        assert status == -signal.SIGKILL
+        for name, content in _bytes(broken).items():
+            if not any(part.startswith(".") for part in Path(name).parts):
+                assert content == expected[name], name
+        for answer in broken.glob(".work/*.json"):
+            assert read_checked(answer, LARGEST) is not None
+        if (broken / "manifest.json").exists():
+            shutil.rmtree(broken)
+    generate(broken, QUICK)
+    assert _bytes(broken) == expected
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(os.name == "nt", reason="no SIGKILL")
+@pytest.mark.parametrize("kills", [4, 50])
+def test_killed_runs_leave_no_broken_file_and_can_be_resumed(kills: int, tmp_path: Path) -> None:
+    _survives(tmp_path, kills, 11)
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="needs /proc to see processes")
+@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGINT, signal.SIGTERM])
+def test_workers_end_with_their_parent(how: signal.Signals, tmp_path: Path) -> None:
+    command = [sys.executable, *MAKE, "--quiet", "--jobs", "2", "--out", str(tmp_path)]
+    run = subprocess.Popen(command, stderr=subprocess.DEVNULL, start_new_session=True)
+
+    def alive() -> list[str]:
+        found = []
+        for path in Path("/proc").glob("[0-9]*/stat"):
+            with contextlib.suppress(OSError):
+                fields = path.read_text().rsplit(")", 1)[1].split()
+                if int(fields[3]) == run.pid and fields[0] != "Z":  # the session that the run leads
+                    found.append(path.parent.name)
+        return found
+
+    until = time.monotonic() + LONGEST
+    while len(alive()) < 4:  # itself, Python's tracker of semaphores, two workers
+        assert time.monotonic() < until
+        time.sleep(0.1)
+    run.send_signal(how)
+    assert run.wait(timeout=LONGEST) == ended_by(how)[0]
+    until = time.monotonic() + LONGEST
+    while alive() and time.monotonic() < until:
+        time.sleep(0.2)
+    assert alive() == []

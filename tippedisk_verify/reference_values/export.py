@@ -1,0 +1,90 @@
+"""Reference values in other forms: tables, JSON, and test files in C, Fortran and Julia."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator, Sequence
+from decimal import Decimal
+from pathlib import Path
+
+from tippedisk_verify.errors import InputError
+from tippedisk_verify.files import output_file, table_file, write_table, write_text
+from tippedisk_verify.model.parameters import SYMBOLS
+from tippedisk_verify.reference_values.draws import disk_of
+from tippedisk_verify.reference_values.questions import needed, scale_of, table_row
+from tippedisk_verify.reference_values.store import Quantity
+
+__all__ = ["FORMATS", "export"]
+
+_INPUTS = (*SYMBOLS, "Omega", "beta", "gamma", "v", "t")
+_FIELDS = (*_INPUTS, "value", "tolerance")
+_SAYS = "Reference values of the tippedisk for inputs in doubles; an answer may be off by `tolerance`. 0 where none is."
+Row = tuple[str, list[float]]  #: the id, and a number for each of `_FIELDS`
+
+
+def export(quantities: Sequence[Quantity], form: str, path: str) -> Path:
+    """Write these values to a file. A test file has the values from doubles, and how far an answer may be off.
+
+    Raises InputError if the file cannot be written, the form is not known, or a test file would have no value.
+    """
+    if form not in FORMATS:
+        raise InputError(f"a form is one of {', '.join(FORMATS)}, not '{form[:40]}'")
+    if form in ("csv", "parquet"):
+        if not path.endswith(f".{form}"):
+            raise InputError(f"the name of this file must end in .{form}")
+        return write_table(table_file(path), [_row(one) for one in quantities])
+    file = output_file(path)
+    if form == "jsonl":
+        return write_text(file, "".join(f"{json.dumps(one.to_dict(), ensure_ascii=False)}\n" for one in quantities))
+    rows = [(one.id, _numbers(one)) for one in quantities if "doubles" in one.values]
+    if not rows:
+        raise InputError("doubles cannot tell the inputs of these apart: a test file would have no value")
+    return write_text(file, "\n".join([*_LANGUAGES[form](rows), ""]))
+
+
+def _row(quantity: Quantity) -> dict[str, str]:
+    return table_row(disk_of(quantity.set).decimals(), quantity)
+
+
+def _numbers(quantity: Quantity) -> list[float]:
+    row = _row(quantity)
+    scale = scale_of(quantity, Decimal(row["value_from_doubles"]))
+    tolerance = max(float(scale) * 10 ** -needed(quantity), float(row["rounding"]))
+    return [*(float(row[name] or 0) for name in _INPUTS), quantity.for_doubles, tolerance]
+
+
+def _c(rows: Sequence[Row]) -> Iterator[str]:
+    yield f"/* {_SAYS} */"
+    yield f"struct tippedisk_value {{ const char *id; double {', '.join(_FIELDS)}; }};"
+    yield f"static const struct tippedisk_value tippedisk_values[{len(rows)}] = {{"
+    yield from (f'  {{"{id_}", {", ".join(number.hex() for number in numbers)}}},' for id_, numbers in rows)
+    yield "};"
+
+
+def _julia(rows: Sequence[Row]) -> Iterator[str]:
+    yield f"# {_SAYS}"
+    yield "const tippedisk_values = ["
+    for id_, numbers in rows:
+        told = (f"{name} = {number!r}" for name, number in zip(_FIELDS, numbers, strict=True))
+        yield f'  (id = "{id_}", {", ".join(told)}),'
+    yield "]"
+
+
+def _fortran(rows: Sequence[Row]) -> Iterator[str]:
+    yield f"! {_SAYS}"
+    yield "module tippedisk_values"
+    yield "  implicit none"
+    yield "  type tippedisk_value"
+    yield f"    character(len={max(len(id_) for id_, _ in rows)}) :: id"
+    yield f"    double precision :: {', '.join(_FIELDS)}"
+    yield "  end type"
+    yield f"  type(tippedisk_value) :: values({len(rows)})"
+    for n, (id_, numbers) in enumerate(rows, start=1):
+        yield f'  data values({n}) / tippedisk_value("{id_}" &'
+        yield from (f"    , {number:.16e} &".replace("e", "d") for number in numbers)
+        yield "  ) /"
+    yield "end module"
+
+
+_LANGUAGES: dict[str, Callable[[Sequence[Row]], Iterator[str]]] = {"c": _c, "fortran": _fortran, "julia": _julia}
+FORMATS = ("csv", "jsonl", "parquet", *_LANGUAGES)
