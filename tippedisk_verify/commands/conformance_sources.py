@@ -14,6 +14,7 @@ __all__ = ["CLIENTS", "FOLDER", "GRADERS", "client", "grader", "guide"]
 
 FOLDER = Path(__file__).resolve().parent.parent / "conformance" / "clients"
 CLIENTS = {
+    "auto": "auto.f90",  # continues cycles, and answers no sheet
     "c": "client.c",
     "fortran": "client.f90",
     "javascript": "client.mjs",
@@ -29,7 +30,10 @@ _LARGEST = 1_000_000
 @click.argument("language", metavar="|".join(CLIENTS))
 @plain_options
 def client(common: Common, language: str) -> int:
-    """Print a program in this language that answers a sheet; `octave` is MATLAB as well."""
+    """Print a program in this language that answers a sheet; `octave` is MATLAB as well.
+
+    `auto` is for AUTO-07p: equations, constants and a reference cycle to start from, in one file.
+    """
     return _printed(common, language, CLIENTS)
 
 
