@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import click
 
 from tippedisk_verify.commands.common import Common, plain_options, print_result
+from tippedisk_verify.conformance import CLIENTS_FOLDER, client_text
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.files import printable, read_text
+from tippedisk_verify.files import printable
 
 __all__ = ["CLIENTS", "FOLDER", "GRADERS", "client", "grader", "guide"]
 
-FOLDER = Path(__file__).resolve().parent.parent / "conformance" / "clients"
+FOLDER = CLIENTS_FOLDER.resolve()
 CLIENTS = {
     "auto": "auto.f90",  # continues cycles, and answers no sheet
     "c": "client.c",
@@ -23,7 +22,6 @@ CLIENTS = {
     "python": "client.py",
 }
 GRADERS = {"javascript": "grade.mjs", "octave": "tippedisk_grade.m"}
-_LARGEST = 1_000_000
 
 
 @click.command()
@@ -48,7 +46,8 @@ def grader(common: Common, language: str) -> int:
 def _printed(common: Common, language: str, files: dict[str, str]) -> int:
     if language not in files:
         raise InputError(f"there is none in '{printable(language)[:40]}': use {', '.join(files)}")
-    return _shown(common, {"language": language}, FOLDER / files[language])
+    text = client_text(files[language])
+    return _shown(common, {"language": language, "file": files[language], "text": text})
 
 
 @click.command()
@@ -56,10 +55,10 @@ def _printed(common: Common, language: str, files: dict[str, str]) -> int:
 def guide(common: Common) -> int:
     """Print how to have an implementation graded: docs/grading.md."""
     packed = FOLDER.parent / "grading.md"
-    return _shown(common, {}, packed if packed.exists() else FOLDER.parents[2] / "docs" / "grading.md")
+    file = packed if packed.exists() else FOLDER.parents[2] / "docs" / "grading.md"
+    return _shown(common, {"file": file.name, "text": file.read_text(encoding="utf-8")})
 
 
-def _shown(common: Common, says: dict[str, str], file: Path) -> int:
-    text = read_text(file, _LARGEST)
-    print_result(common, says | {"file": file.name, "text": text}, [text.removesuffix("\n")])
+def _shown(common: Common, told: dict[str, str]) -> int:
+    print_result(common, told, [told["text"].removesuffix("\n")])
     return 0
