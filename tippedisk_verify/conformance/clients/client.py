@@ -96,14 +96,10 @@ def derivatives(p, Omega, smooth, beta, gamma, v):
         dlambda_dgamma_y = -mu * m * g * epsilon / (abs(gamma_y) + epsilon) ** 2
     else:
         dlambda_dgamma_y = -mu * m * g / epsilon
-    dlambda_dbeta = dlambda_dgamma_y * dgamma_y_dbeta
-    dlambda_dgamma = dlambda_dgamma_y * dgamma_y_dgamma
-    dlambda_dv = dlambda_dgamma_y * dgamma_y_dv
-    dlambda_domega = dlambda_dgamma_y * dgamma_y_domega
-    dforce_dbeta = dh_dbeta + df_G_dbeta + dw_y_dbeta * lambda_Ty + w_y * dlambda_dbeta
-    dforce_dgamma = dh_dgamma + df_G_dgamma + dw_y_dgamma * lambda_Ty + w_y * dlambda_dgamma
-    dforce_dv = dh_dv + w_y * dlambda_dv
-    dforce_domega = dh_domega + w_y * dlambda_domega
+    dforce_dbeta = dh_dbeta + df_G_dbeta + dw_y_dbeta * lambda_Ty + w_y * dlambda_dgamma_y * dgamma_y_dbeta
+    dforce_dgamma = dh_dgamma + df_G_dgamma + dw_y_dgamma * lambda_Ty + w_y * dlambda_dgamma_y * dgamma_y_dgamma
+    dforce_dv = dh_dv + w_y * dlambda_dgamma_y * dgamma_y_dv
+    dforce_domega = dh_domega + w_y * dlambda_dgamma_y * dgamma_y_domega
     dv_rate_dbeta = quotient_rate(dforce_dbeta, dM_dbeta, M, v_rate)
     dv_rate_dgamma = quotient_rate(dforce_dgamma, dM_dgamma, M, v_rate)
     dv_rate_dv = dforce_dv / M

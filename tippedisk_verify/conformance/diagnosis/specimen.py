@@ -129,10 +129,10 @@ class Program:
         with np.errstate(all="ignore"), warnings.catch_warnings():
             warnings.simplefilter("ignore")
             try:
-                found: Results = function(table.p, table.smooth, table.given, table.asked)
+                found = function(table.p, table.smooth, table.given, table.asked)
             except Exception:  # what a change does to a program is its own affair
                 return {}
-        return found
+        return found if isinstance(found, Mapping) else {}
 
     def count(self) -> None:
         """Count turns of loops and calls of functions from now on."""

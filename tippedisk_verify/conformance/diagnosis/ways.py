@@ -142,6 +142,7 @@ def ways() -> tuple[Specimen, ...]:
     terms = _written_out(motion, "inertia", "h_1", "h_2", "h_3", "h_4", "h_5", "normal_force", "force")
     terms = _replaced(terms, ("rho * v * sin(beta)", "w_y * v"))
     solver = _replaced(hopf, ("sqrt(e / (r + e)) * Omega", "pair_frequency(p, Omega)")) + _SOLVER
+    parts = _replaced(law, *_PARTS)
     steps = plain.patched("complex steps", _COMPLEX_STEPS, abs=_analytic)
     return (
         plain,
@@ -152,8 +153,8 @@ def ways() -> tuple[Specimen, ...]:
         steps.patched("general state, complex steps", _GENERAL_STATE + motion),
         plain.patched("eigenvectors of a solver", solver),
         plain.patched("polarised cubic terms", solver + _POLARISED),
-        plain.patched("amplitude law in parts", _replaced(law, *_PARTS)),
-        plain.patched("roots of moduli", law + _ROOTS_OF_MODULI),
+        plain.patched("amplitude law in parts", parts),
+        plain.patched("amplitude law in parts, roots of moduli", parts + _ROOTS_OF_MODULI),
         plain.patched("period written out", _written_out(hopf, "omega")),
         plain.patched("residual of the equations", _replaced(plain.text("invariance_residual"), _RATE)),
         plain.patched("drag written out", _written_out(plain.text("manifold_terms"), "w_y")),
