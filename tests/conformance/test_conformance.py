@@ -203,7 +203,7 @@ def test_what_is_no_number_has_no_digits_and_no_cause(tmp_path: Path, capsys: py
 def test_an_empty_sheet_is_counted_by_its_own_questions(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     sheet = tmp_path / "sheet.csv"
     counts = []
-    for options in (["--set", "printed"], []):
+    for options in (["--set", "table1"], []):
         sheet.unlink(missing_ok=True)
         assert main(["conformance", "questions", str(sheet), "--levels", "1", "--quiet", *options]) == 0
         assert main(["conformance", "grade", str(sheet), "--json"]) == 0

@@ -11,7 +11,7 @@ from xml.etree import ElementTree
 import pytest
 
 from tippedisk_verify.cli import main
-from tippedisk_verify.conformance.grading import LevelGrade, compare
+from tippedisk_verify.conformance.grading import Tally, compare
 from tippedisk_verify.conformance.regression import badge, changes, expected_failures
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.reference_values.store import stored
@@ -97,19 +97,20 @@ def test_rounding_is_no_loss() -> None:
     assert change.kind == "lost"
 
 
-def _level(number: int, answered: int = 5, failed: int = 0) -> LevelGrade:
-    return LevelGrade(number, 5, answered, 12.0, 13.0, failed)
+def _level(number: int, answered: int = 5, failed: int = 0) -> Tally:
+    return Tally(number, 5, answered, failed, 0, 0, 12.0, 13.0)
 
 
 @pytest.mark.parametrize(
     ("levels", "says"),
     [
         ([_level(n) for n in range(1, 8)], "levels 1-7 agree"), ([_level(1), _level(2, 0)], "level 1 agrees"),
+        ([_level(1), _level(2, 3)], "levels 1-2 partial"), ([_level(1, 3), _level(2, 3, 1)], "level 1 partial"),
         ([_level(1), _level(2), _level(3, failed=1)], "levels 1-2 agree"), ([_level(1, 0)], "not answered"),
         ([_level(1, failed=2), _level(2)], "fails at level 1"),
     ],
 )  # fmt: skip
-def test_the_badge(levels: list[LevelGrade], says: str) -> None:
+def test_the_badge(levels: list[Tally], says: str) -> None:
     root = ElementTree.fromstring(badge(levels))
     assert root.tag.endswith("svg")
     assert [text.text for text in root.iter("{http://www.w3.org/2000/svg}text")] == ["tippedisk", says]
@@ -118,7 +119,7 @@ def test_the_badge(levels: list[LevelGrade], says: str) -> None:
 def test_a_badge_is_written_over_no_other_file(tmp_path: Path) -> None:
     sheet = _sheet(tmp_path / "a.csv")
     assert _grade(sheet, "--badge", str(tmp_path / "a.svg")) == 0
-    assert "levels 1-3 agree" in (tmp_path / "a.svg").read_text()
+    assert "levels 1-3 partial" in (tmp_path / "a.svg").read_text()
     assert _grade(sheet, "--badge", sheet) == 2
 
 

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import click
 
 from tippedisk_verify.commands.common import Common, plain_options, print_result
+from tippedisk_verify.conformance import CLIENTS_FOLDER, client_text
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.files import printable, read_text
+from tippedisk_verify.files import printable
 
 __all__ = ["CLIENTS", "FOLDER", "GRADERS", "client", "grader", "guide"]
 
-FOLDER = Path(__file__).resolve().parent.parent / "conformance" / "clients"
+FOLDER = CLIENTS_FOLDER.resolve()
 CLIENTS = {
+    "auto": "auto.f90",  # continues cycles, and answers no sheet
     "c": "client.c",
     "fortran": "client.f90",
     "javascript": "client.mjs",
@@ -22,14 +22,16 @@ CLIENTS = {
     "python": "client.py",
 }
 GRADERS = {"javascript": "grade.mjs", "octave": "tippedisk_grade.m"}
-_LARGEST = 1_000_000
 
 
 @click.command()
 @click.argument("language", metavar="|".join(CLIENTS))
 @plain_options
 def client(common: Common, language: str) -> int:
-    """Print a program in this language that answers a sheet; `octave` is MATLAB as well."""
+    """Print a program in this language that answers a sheet; `octave` is MATLAB as well.
+
+    `auto` is for AUTO-07p: equations, constants and a reference cycle to start from, in one file.
+    """
     return _printed(common, language, CLIENTS)
 
 
@@ -44,7 +46,8 @@ def grader(common: Common, language: str) -> int:
 def _printed(common: Common, language: str, files: dict[str, str]) -> int:
     if language not in files:
         raise InputError(f"there is none in '{printable(language)[:40]}': use {', '.join(files)}")
-    return _shown(common, {"language": language}, FOLDER / files[language])
+    text = client_text(files[language])
+    return _shown(common, {"language": language, "file": files[language], "text": text})
 
 
 @click.command()
@@ -53,12 +56,9 @@ def guide(common: Common) -> int:
     """Print how to have an implementation graded: the pages docs/grading*.md."""
     packed = FOLDER.parent / "guide"
     pages = sorted((packed if packed.exists() else FOLDER.parents[2] / "docs").glob("grading*.md"))
-    text = "\n".join(read_text(page, _LARGEST) for page in pages)
-    print_result(common, {"file": pages[0].name, "text": text}, [text.removesuffix("\n")])
-    return 0
+    return _shown(common, {"file": pages[0].name, "text": "\n".join(page.read_text(encoding="utf-8") for page in pages)})
 
 
-def _shown(common: Common, says: dict[str, str], file: Path) -> int:
-    text = read_text(file, _LARGEST)
-    print_result(common, says | {"file": file.name, "text": text}, [text.removesuffix("\n")])
+def _shown(common: Common, told: dict[str, str]) -> int:
+    print_result(common, told, [told["text"].removesuffix("\n")])
     return 0

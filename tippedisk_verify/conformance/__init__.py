@@ -1,5 +1,18 @@
 """Grading another implementation in digits, and saying what is wrong with it where that can be told.
 
 `sheet` writes questions and reads answers, `grading` counts digits, `diagnosis` changes a right program until it gives
-the answers that fail, `pages` shows the result, `regression` makes a gate of it.
+the answers that fail, `pages` shows the result, `regression` makes a gate of it. `clients` has programs to copy.
 """
+
+from pathlib import Path
+
+__all__ = ["CLIENTS_FOLDER", "client_text"]
+
+CLIENTS_FOLDER = Path(__file__).parent / "clients"
+
+
+def client_text(name: str) -> str:
+    """The program of a file among the clients, with its further parts: of client.py that is client_orbits.py."""
+    file = CLIENTS_FOLDER / name
+    parts = (file, *sorted(CLIENTS_FOLDER.glob(f"{file.stem}_*{file.suffix}")))
+    return "\n\n".join(part.read_text(encoding="utf-8") for part in parts)

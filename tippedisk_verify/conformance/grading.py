@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Mapping
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from decimal import Decimal, InvalidOperation, localcontext
 from fractions import Fraction
@@ -33,8 +34,7 @@ __all__ = [
     "LEVEL_NAMES",
     "TOLERANCES",
     "Grade",
-    "LevelGrade",
-    "QuantityGrade",
+    "Tally",
     "answer_text",
     "as_decimal",
     "by_quantity",
@@ -95,17 +95,27 @@ class Grade(Printable):
 
 
 @dataclass(frozen=True, repr=False)
-class LevelGrade(Printable):
-    """The answers of one level."""
+class Tally(Printable):
+    """The answers of one level, or those to one quantity of a level under one friction law."""
 
     level: int
     asked: int
     answered: int
+    failed: int
+    few: int  #: of the failed ones, those with too few digits only
+    rounded: int  #: answers as far off as rounding the inputs explains
     least: float  #: digits; NaN where no answer is a number
     middle: float  #: median of the digits
-    failed: int
-    rounded: int = 0  #: answers as far off as rounding the inputs explains
-    few: int = 0  #: of the failed ones, those with too few digits only
+    quantity: str = ""  #: without its place: beta stands for beta@0.5 as well
+    friction: str = ""
+
+    @classmethod
+    def of(cls, grades: Sequence[Grade], level: int, asked: int, quantity: str = "", friction: str = "") -> Tally:
+        digits = [grade.digits for grade in grades if math.isfinite(grade.digits)]
+        failed, few = sum(grade.failed for grade in grades), sum(grade.verdict == "few-digits" for grade in grades)
+        rounded, middle = sum(grade.verdict == "rounding" for grade in grades), median(digits or [math.nan])
+        least = min(digits, default=math.nan)
+        return cls(level, asked, len(grades), failed, few, rounded, least, middle, quantity, friction)
 
     @property
     def name(self) -> str:
@@ -121,41 +131,13 @@ class LevelGrade(Printable):
         return "agrees" if self.answered == self.asked else "partial"
 
     def to_dict(self) -> dict[str, Any]:
-        return {
-            "level": self.level,
-            "name": self.name,
-            "asked": self.asked,
-            "answered": self.answered,
-            "least_digits": None if math.isnan(self.least) else round(self.least, 1),
-            "median_digits": None if math.isnan(self.middle) else round(self.middle, 1),
-            "failed": self.failed,
-            "too_few_digits": self.few,
-            "rounding": self.rounded,
-        }
-
-
-@dataclass(frozen=True, repr=False)
-class QuantityGrade(Printable):
-    """The answers for one quantity at one level, under one friction law."""
-
-    level: int
-    quantity: str  #: without its place: beta stands for beta@0.5 as well
-    friction: str
-    answered: int
-    failed: int
-    few: int  #: of the failed ones, those with too few digits only
-    least: float  #: digits; NaN where no answer is a number
-
-    def to_dict(self) -> dict[str, Any]:
-        return {
-            "level": self.level,
-            "quantity": self.quantity,
-            "friction": self.friction,
-            "answered": self.answered,
-            "failed": self.failed,
-            "too_few_digits": self.few,
-            "least_digits": None if math.isnan(self.least) else round(self.least, 1),
-        }
+        least, middle = (None if math.isnan(one) else round(one, 1) for one in (self.least, self.middle))
+        counts = {"failed": self.failed, "too_few_digits": self.few}
+        if self.quantity:
+            about = {"level": self.level, "quantity": self.quantity, "friction": self.friction}
+            return about | {"answered": self.answered} | counts | {"least_digits": least}
+        about = {"level": self.level, "name": self.name, "asked": self.asked, "answered": self.answered}
+        return about | {"least_digits": least, "median_digits": middle} | counts | {"rounding": self.rounded}
 
 
 def digits_between(answer: Decimal, truth: Decimal, scale: Decimal, most: float = math.inf) -> float:
@@ -237,54 +219,27 @@ def _nearest_double(answer: Decimal, truth: Decimal) -> bool:
     return 16 <= len(answer.as_tuple().digits) <= 17 and float(answer) == float(truth)
 
 
-def levels_of(grades: Iterable[Grade], asked: Iterable[Quantity]) -> list[LevelGrade]:
+def levels_of(grades: Iterable[Grade], asked: Iterable[Quantity]) -> list[Tally]:
     """The grades by level, for all levels that were asked."""
-    counts: dict[int, int] = {}
-    for quantity in asked:
-        counts[quantity.level] = counts.get(quantity.level, 0) + 1
+    counts = Counter(quantity.level for quantity in asked)
     by_level: dict[int, list[Grade]] = {level: [] for level in counts}
     for grade in grades:
         if grade.verdict != "no-truth":
             by_level.setdefault(grade.level, []).append(grade)
-    levels = []
-    for level in sorted(by_level):
-        here = by_level[level]
-        digits = [grade.digits for grade in here if math.isfinite(grade.digits)]
-        levels.append(
-            LevelGrade(
-                level=level,
-                asked=counts.get(level, len(here)),
-                answered=len(here),
-                least=min(digits, default=math.nan),
-                middle=median(digits) if digits else math.nan,
-                failed=sum(grade.failed for grade in here),
-                few=sum(grade.verdict == "few-digits" for grade in here),
-                rounded=sum(grade.verdict == "rounding" for grade in here),
-            )
-        )
-    return levels
+    return [Tally.of(own, level, counts.get(level, len(own))) for level, own in sorted(by_level.items())]
 
 
-def by_quantity(grades: Iterable[Grade]) -> list[QuantityGrade]:
+def by_quantity(grades: Iterable[Grade]) -> list[Tally]:
     """The grades by level, quantity and friction law, in the order of the questions."""
     groups: dict[tuple[int, str, str], list[Grade]] = {}
     for grade in grades:
         if grade.verdict != "no-truth":
             _, friction, _, _, name = grade.id.split("/", 4)
             plain, place = placed(name)
-            groups.setdefault(
-                (grade.level, re.sub(r"_\d+$", "", plain) if "order" in place else plain, friction), []
-            ).append(grade)
-    return [
-        QuantityGrade(
-            *key,
-            answered=len(here),
-            failed=sum(grade.failed for grade in here),
-            few=sum(grade.verdict == "few-digits" for grade in here),
-            least=min((grade.digits for grade in here if math.isfinite(grade.digits)), default=math.nan),
-        )
-        for key, here in sorted(groups.items(), key=lambda item: item[0][0])
-    ]
+            quantity = re.sub(r"_\d+$", "", plain) if "order" in place else plain
+            groups.setdefault((grade.level, quantity, friction), []).append(grade)
+    ordered = sorted(groups.items(), key=lambda item: item[0][0])
+    return [Tally.of(own, level, len(own), quantity, friction) for (level, quantity, friction), own in ordered]
 
 
 def compare(id_: str, answer: object, *, reading: Reading = "doubles") -> Grade:

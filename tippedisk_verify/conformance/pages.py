@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from tippedisk_verify.conformance.diagnosis import Diagnosis
-from tippedisk_verify.conformance.grading import FAILS_BELOW, TOLERANCES, Grade, LevelGrade, QuantityGrade, by_quantity
+from tippedisk_verify.conformance.grading import FAILS_BELOW, TOLERANCES, Grade, Tally, by_quantity
 from tippedisk_verify.conformance.sheet import Answers, looks_like
 from tippedisk_verify.files import csv_text
 from tippedisk_verify.model.results import Printable
@@ -37,7 +37,7 @@ class Report(Printable):
     source: str
     answers: Answers
     grades: Sequence[Grade]
-    levels: Sequence[LevelGrade]
+    levels: Sequence[Tally]
     diagnoses: Sequence[Diagnosis]
     shortcomings: Sequence[str] = ()  #: what keeps it from passing, where levels are required
     mended: Sequence[str] = ()  #: ids that were expected to fail, and pass
@@ -62,7 +62,7 @@ class Report(Printable):
         return "\n".join(lines if len(lines) <= 10 else [*lines[:9], f"and {len(lines) - 9} more"])
 
     @property
-    def first_failure(self) -> LevelGrade | None:
+    def first_failure(self) -> Tally | None:
         return next((level for level in self.levels if level.failed), None)
 
     def headline(self) -> str:
@@ -85,36 +85,28 @@ class Report(Printable):
         return f"level {first.level}, {first.name}, {how}: {first.failed} of {answers}{few}"
 
     @property
-    def quantities(self) -> list[QuantityGrade]:
+    def quantities(self) -> list[Tally]:
         """By quantity, at the levels that fail."""
         failing = {level.level for level in self.levels if level.failed}
         return [row for row in by_quantity(self.grades) if row.level in failing]
 
     def remarks(self) -> list[str]:
         """What was noticed about the sheet itself."""
-        said = list(self.noticed)
-        if self.answers.undeclared:
-            answers = counted(self.answers.undeclared, "answer does", "answers do")
-            said.append(f"{answers} not say from which inputs; graded as from doubles")
-        if self.answers.unknown:
-            said.append(
-                f"{counted(len(self.answers.unknown), 'unknown id', 'unknown ids')}, such as {self.answers.unknown[0]}"
-            )
-        if self.answers.repeated:
-            said.append(
-                f"{counted(len(self.answers.repeated), 'id', 'ids')} answered more than once, such as"
-                f" {self.answers.repeated[0]}; "
-                "the first answer counts"
-            )
-        if self.answers.altered:
-            rows = counted(len(self.answers.altered), "row does", "rows do")
-            said.append(
-                f"{rows} not ask what the id stands for, such as {self.answers.altered[0]}: is the sheet damaged?"
-            )
-        if self.answers.missing:
-            entries = counted(len(self.answers.missing), "entry has", "entries have")
-            said.append(f"{entries} NaN or NA only, such as {self.answers.missing[0]}: counted as not answered")
+        answers = self.answers
         unreadable = [grade for grade in self.grades if grade.verdict == "unreadable"]
+        rounded = sum("inputs were rounded" in grade.note for grade in self.grades)
+        untold = sum(grade.verdict == "no-truth" for grade in self.grades)
+        said = list(self.noticed)
+        said += _remark(
+            answers.undeclared, "answer does", "answers do", "not say from which inputs; graded as from doubles"
+        )
+        said += _remark(answers.unknown, "unknown id,", "unknown ids,", "such as {}")
+        said += _remark(answers.repeated, "id", "ids", "answered more than once, such as {}; the first answer counts")
+        lost = "not ask what the id stands for, such as {}: is the sheet damaged?"
+        said += _remark(answers.altered, "row does", "rows do", lost)
+        said += _remark(
+            answers.missing, "entry has", "entries have", "NaN or NA only, such as {}: counted as not answered"
+        )
         if unreadable and len(unreadable) >= _MOSTLY * len(self.grades):
             first = unreadable[0]
             looks = looks_like(first.answer)
@@ -123,21 +115,13 @@ class Report(Printable):
                 f" first is {first.answer[:60]!r} at {first.id}" + (f", which looks like {looks}" if looks else "")
             )
         said += self._tolerance()
-        if self.mended:
-            answers = counted(len(self.mended), "answer passes", "answers pass")
-            said.append(f"{answers} though expected to fail, such as {self.mended[0]}: mend the list")
-        if self.answers.short:
-            said.append(f"{counted(self.answers.short, 'row ends', 'rows end')} before the column answer")
-        rounded = sum("inputs were rounded" in grade.note for grade in self.grades)
-        if rounded:
-            said.append(f"{counted(rounded, 'answer', 'answers')} said to be from decimals: exactly what doubles give")
-        untold = sum(grade.verdict == "no-truth" for grade in self.grades)
-        if untold:
-            said.append(
-                f"{counted(untold, 'answer', 'answers')} from doubles where doubles cannot tell the inputs apart:"
-                " not graded"
-            )
-        return said
+        said += _remark(
+            self.mended, "answer passes", "answers pass", "though expected to fail, such as {}: mend the list"
+        )
+        said += _remark(answers.short, "row ends", "rows end", "before the column answer")
+        said += _remark(rounded, "answer", "answers", "said to be from decimals: exactly what doubles give")
+        doubles = "from doubles where doubles cannot tell the inputs apart: not graded"
+        return said + _remark(untold, "answer", "answers", doubles)
 
     def _tolerance(self) -> list[str]:
         """Where an integrator's tolerance shows: answers that are not wrong, but off by more than `TOLERANCES`."""
@@ -157,7 +141,7 @@ class Report(Printable):
 
     def csv(self) -> str:
         """The grades by level, quantity and friction law, as a table."""
-        columns = list(QuantityGrade(0, "", "", 0, 0, 0, math.nan).to_dict())
+        columns = list(Tally.of((), 0, 0, "any").to_dict())
         return csv_text(columns, (list(row.to_dict().values()) for row in by_quantity(self.grades)))
 
     def to_dict(self) -> dict[str, Any]:
@@ -182,6 +166,12 @@ class Report(Printable):
         """Failures of the first failing level first, then by digits."""
         graded = [grade for grade in self.grades if grade.verdict != "no-truth"]
         return sorted(graded, key=lambda grade: (not grade.failed, grade.failed and grade.level, grade.digits))[:_WORST]
+
+
+def _remark(which: int | Sequence[str], one: str, many: str, said: str) -> list[str]:
+    """A remark on so many things, or on things by name, of which it says the first; none where there are none."""
+    number, first = (which, "") if isinstance(which, int) else (len(which), which[0] if which else "")
+    return [f"{counted(number, one, many)} {said.format(first)}"] if number else []
 
 
 def counted(number: int, one: str, many: str) -> str:
@@ -212,80 +202,74 @@ def split_where_wrong(answer: str, truth: str) -> tuple[str, str]:
 def print_report(report: Report, console: Console) -> None:
     """The table by level, the worst answers coloured by agreeing digits, the diagnosis."""
     from rich.markup import escape
-    from rich.table import Table
     from rich.text import Text
 
-    table = Table(title=escape(f"{report.source}: {report.headline()}"), title_justify="left")
-    table.add_column("level")
-    for heading in ("answered", "least digits", "median", "needs", "wrong", "too few"):
-        table.add_column(heading, justify="right")
-    table.add_column("verdict")
-    for level in report.levels:
-        colour = _TERMINAL[shade(level.least)] if level.answered else "dim"
-        table.add_row(
-            f"{level.level} {level.name}",
-            f"{level.answered} of {level.asked}",
-            Text(shown_digits(level.least), style=colour),
-            Text(shown_digits(level.middle), style=_TERMINAL[shade(level.middle)]),
-            str(FAILS_BELOW[level.level]),
-            str(level.failed - level.few or ""),
-            str(level.few or ""),
-            Text(level.verdict, style=_VERDICTS[level.verdict]),
+    def digits(number: float, answered: int = 1) -> Text:
+        return Text(shown_digits(number), style=_TERMINAL[shade(number)] if answered else "dim")
+
+    def counts(tally: Tally) -> tuple[str, str]:
+        return str(tally.failed - tally.few or ""), str(tally.few or "")
+
+    title = escape(f"{report.source}: {report.headline()}")
+    headings = "level =answered =least_digits =median =needs =wrong =too_few verdict"
+    levels = (
+        (
+            f"{one.level} {one.name}",
+            f"{one.answered} of {one.asked}",
+            digits(one.least, one.answered),
+            digits(one.middle),
+            str(FAILS_BELOW[one.level]),
+            *counts(one),
+            Text(one.verdict, style=_VERDICTS[one.verdict]),
         )
-    console.print(table)
+        for one in report.levels
+    )
+    console.print(_table(title, headings, levels))
     if report.quantities:
-        console.print(_quantity_table(report.quantities))
-    worst = Table(title="least digits", title_justify="left")
-    for heading in ("id", "answer", "truth", "digits", "verdict"):
-        worst.add_column(heading, overflow="fold")
+        headings = "level quantity law =answered =least_digits =wrong =too_few"
+        cells = (
+            (str(one.level), one.quantity, one.friction, str(one.answered), digits(one.least), *counts(one))
+            for one in report.quantities
+        )
+        console.print(_table("by quantity, at the levels that fail", headings, cells))
+    worst = []
     for grade in report.worst():
         right, wrong = split_where_wrong(grade.answer[:40], grade.truth)
         answer = Text(right, style="green") + Text(wrong, style="red")
-        digits = shown_digits(grade.digits)
-        worst.add_row(
-            grade.id, answer, grade.truth[:24], Text(digits, style=_TERMINAL[shade(grade.digits)]), grade.verdict
-        )
+        worst.append((grade.id, answer, grade.truth[:24], digits(grade.digits), grade.verdict))
     if report.grades:
-        console.print(worst)
+        console.print(_table("least digits", "id answer truth digits verdict", worst, overflow="fold"))
     if report.times:
-        console.print(_times_table(report))
+        title = f"run time: {report.start_up or 0:.3g} s to start up, then for each state, trajectory or cycle"
+        headings = "level =answers =entries =total_[s] =median_[s] =largest_[s] longest"
+        names = ("total", "median", "largest")
+        rows = (
+            (
+                f"{one['level']} {one['kind']}",
+                str(one["answered"]),
+                str(one["entries"]),
+                *(f"{one[name]:.3g}" for name in names),
+                one["longest"],
+            )
+            for one in report.times
+        )
+        console.print(_table(title, headings, rows))
     for remark in report.remarks():
         console.print(Text(f"note: {remark}"))
-    for diagnosis in report.diagnoses:
-        console.print(Text(diagnosis.says(), style="bold"))
-    for shortcoming in report.shortcomings:
-        console.print(Text(shortcoming, style="bold red"))
+    for said in (*(diagnosis.says() for diagnosis in report.diagnoses), *report.shortcomings):
+        console.print(Text(said, style="bold red" if said in report.shortcomings else "bold"))
 
 
-def _times_table(report: Report) -> Table:
+def _table(title: str, headings: str, rows: Iterable[Sequence[Any]], **column: Any) -> Table:
+    """A table for the terminal; a heading that starts with = is of numbers."""
     from rich.table import Table
 
-    title = f"run time: {report.start_up or 0:.3g} s to start up, then for each state, trajectory or cycle"
     table = Table(title=title, title_justify="left")
-    table.add_column("level")
-    for heading in ("answers", "entries", "total [s]", "median [s]", "largest [s]"):
-        table.add_column(heading, justify="right")
-    table.add_column("which took the longest")
-    for one in report.times:
-        cells = (f"{one[name]:.3g}" for name in ("total", "median", "largest"))
-        kind, counts = f"{one['level']} {one['kind']}", (str(one["answered"]), str(one["entries"]))
-        table.add_row(kind, *counts, *cells, one["longest"])
-    return table
-
-
-def _quantity_table(rows: Sequence[QuantityGrade]) -> Table:
-    from rich.table import Table
-    from rich.text import Text
-
-    table = Table(title="by quantity, at the levels that fail", title_justify="left")
-    for heading in ("level", "quantity", "law"):
-        table.add_column(heading)
-    for heading in ("answered", "least digits", "wrong", "too few"):
-        table.add_column(heading, justify="right")
+    for heading in headings.split():
+        name = heading.removeprefix("=").replace("_", " ")
+        table.add_column(name, justify="right" if heading[0] == "=" else "left", **column)
     for row in rows:
-        cells = (str(row.level), row.quantity, row.friction, str(row.answered))
-        counts = (str(row.failed - row.few or ""), str(row.few or ""))
-        table.add_row(*cells, Text(shown_digits(row.least), style=_TERMINAL[shade(row.least)]), *counts)
+        table.add_row(*row)
     return table
 
 
@@ -306,7 +290,7 @@ def html_page(report: Report) -> str:
     )
 
 
-def _level_section(level: LevelGrade, grades: Sequence[Grade]) -> dict[str, Any]:
+def _level_section(level: Tally, grades: Sequence[Grade]) -> dict[str, Any]:
     """A level on the page: its failures, the answers that did not fail, and how many are beyond what a page holds."""
     here = sorted((grade for grade in grades if grade.level == level.level), key=lambda grade: not grade.failed)
     return {

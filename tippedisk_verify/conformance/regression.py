@@ -9,7 +9,7 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
 
-from tippedisk_verify.conformance.grading import Grade, LevelGrade
+from tippedisk_verify.conformance.grading import Grade, Tally
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.files import printable, read_text
 from tippedisk_verify.reference_values.store import Store
@@ -40,7 +40,7 @@ def expected_failures(path: Path, store: Store) -> frozenset[str]:
 
 
 def shortcomings(
-    levels: Sequence[LevelGrade], grades: Sequence[Grade], required: Iterable[int] | None, expected: frozenset[str]
+    levels: Sequence[Tally], grades: Sequence[Grade], required: Iterable[int] | None, expected: frozenset[str]
 ) -> list[str]:
     """What keeps a sheet from passing: at the levels required (those answered if None), beside expected failures."""
     said = []
@@ -98,16 +98,20 @@ def changes(old: Iterable[Grade], new: Iterable[Grade]) -> list[Change]:
     return sorted((change for change in every if change.kind), key=lambda change: order.index(change.kind))
 
 
-def badge(levels: Sequence[LevelGrade]) -> str:
-    """An SVG picture that says up to which level all answers agree."""
+def badge(levels: Sequence[Tally]) -> str:
+    """An SVG picture that says up to which level all answers agree; *partial* if questions of these were left out."""
     answered = [level for level in levels if level.answered]
-    failing = next((level.level for level in answered if level.failed), None)
-    passed = [level.level for level in answered if failing is None or level.level < failing]
-    ends = f"{passed[0]}-{passed[-1]}" if len(passed) > 1 else str(passed[0]) if passed else ""
-    said = f"levels {ends} agree" if len(passed) > 1 else f"level {ends} agrees" if passed else "not answered"
-    if failing is not None and not passed:
-        said = f"fails at level {failing}"
-    colour = _COLOURS["fails" if not passed else "passes" if failing is None else "partly"]
+    failing = next((level.level for level in answered if level.failed), math.inf)
+    passed = [level for level in answered if level.level < failing]
+    if passed:
+        span = passed[-1].level - passed[0].level + 1
+        whole = len(passed) == span and all(level.verdict == "agrees" for level in passed)
+        ends = dict.fromkeys((str(passed[0].level), str(passed[-1].level)))
+        many = len(ends) > 1
+        said = f"level{'s' * many} {'-'.join(ends)} {'partial' if not whole else 'agree' if many else 'agrees'}"
+        colour = _COLOURS["passes" if whole and failing == math.inf else "partly"]
+    else:
+        said, colour = f"fails at level {failing}" if answered else "not answered", _COLOURS["fails"]
     left, right = 68, 12 + 7 * len(said)  # a letter is seven units wide at this size, or less
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" width="{left + right}" height="20" role="img" '

@@ -85,8 +85,9 @@ def questions(
 ) -> list[Quantity]:
     """The questions of the sets, laws and levels named (all where none is), in order of difficulty.
 
-    Raises InputError for names that no question has.
+    `table1` is the set whose ids start with `printed/`. Raises InputError for names that no question has.
     """
+    sets = ["printed" if name == "table1" else name for name in sets]
     for asked, known, what in (
         (sets, {quantity.set for quantity in store.values()}, "parameter set"),
         (frictions, {"linear", "smooth"}, "friction law"),

@@ -113,50 +113,27 @@ class Table:
         }
 
 
+def _joined(name: str) -> cached_property[Array]:
+    """What the tables of a sheet have by this name, one after the other."""
+    empty = np.zeros(0, dtype=bool)
+    return cached_property(lambda sheet: np.concatenate([getattr(t, name) for t in sheet.tables] or [empty]))
+
+
 @dataclass(frozen=True, eq=False)
 class Sheet:
     """The tables of one level whose answers one mistake has to explain."""
 
     tables: tuple[Table, ...]
 
-    @cached_property
-    def answer(self) -> Array:
-        return self._joined("answer")
-
-    @cached_property
-    def truth(self) -> Array:
-        return self._joined("truth")
-
-    @cached_property
-    def allowed(self) -> Array:
-        return self._joined("allowed")
-
-    @cached_property
-    def wrong(self) -> Array:
-        return self._joined("wrong")
+    answer, truth, allowed, wrong, ids = map(_joined, ("answer", "truth", "allowed", "wrong", "ids"))
 
     @cached_property
     def stems(self) -> Array:
         return np.concatenate([[f"{table.friction} {stem}" for stem in table.stems] for table in self.tables])
 
-    @cached_property
-    def ids(self) -> Array:
-        return self._joined("ids")
-
     @property
     def level(self) -> int:
         return self.tables[0].level
-
-    def _joined(self, name: str) -> Array:
-        parts = [getattr(table, name) for table in self.tables]
-        joined: Array = np.concatenate(parts) if parts else np.zeros(0, dtype=bool)
-        return joined
-
-    def without(self, dropped: Array) -> Sheet:
-        """The same without some of the answers."""
-        parts = np.split(dropped, np.cumsum([len(table.names) for table in self.tables])[:-1])
-        tables = (table.without(part) for table, part in zip(self.tables, parts, strict=True))
-        return Sheet(tuple(table for table in tables if len(table.names)))
 
     def fitted(self, predicted: Array, digits: float = 0.0) -> Array:
         """Which answers a prediction gives: as close as its question asks, and ten times closer than the truth."""

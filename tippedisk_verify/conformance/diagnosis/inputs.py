@@ -48,12 +48,8 @@ def _pairs() -> Iterator[Input]:
         yield Input(f"{other}-is-{one}", f"{one} in place of {other}", _from({other: one}), 1)
 
 
-def _to_digits(digits: int, values: Any) -> Any:
-    return np.array([float(f"{value:.{digits}g}") for value in values])
-
-
-def _to_decimals(decimals: int, values: Any) -> Any:
-    return np.array([float(f"{value:.{decimals}f}") for value in values])
+def _printed(form: str, values: Any) -> Any:
+    return np.array([float(format(value, form)) for value in values])
 
 
 def _to_single(values: Any) -> Any:
@@ -81,7 +77,7 @@ def _precisions() -> Iterator[Input]:
         slug = text.replace(" ", "-")
         yield Input(f"{slug}-single", f"{text} in single precision", _all(names, _to_single), 2)
         for n in range(1, 12):
-            rounded, cut = _all(names, partial(_to_digits, n)), _all(names, partial(_to_decimals, n))
+            rounded, cut = (_all(names, partial(_printed, f".{n}{form}")) for form in "gf")
             yield Input(f"{slug}-{n}-digits", f"{text} rounded to {n} digits", rounded, 2)
             yield Input(f"{slug}-{n}-decimals", f"{text} rounded to {n} decimals", cut, 2)
 

@@ -35,7 +35,7 @@ _KIN = (
     {"mu", "epsilon", "m", "g", "k"}, {"gamma_y", "w_y", "v"}, {"sin", "cos"}, {"sin", "tan"}, {"h", "f_G"},
     {"cos_beta", "sin_beta", "cos_gamma", "sin_gamma"}, {"C", "omega"}, {"rho", "rho_squared"}, {"matrix", "A_33"},
     {"chi", "delta"}, {"drho_dgamma", "rho", "e"}, {"m", "rho"}, {"q", "p_star"}, {"c_1", "dlambda"}, {"v", "h_0"},
-    {"rho", "radius"}, {"M", "mass"},
+    {"rho", "radius"},
 )  # fmt: skip
 #: What stands for a name by habit.
 _HABITS = {

@@ -13,17 +13,16 @@ import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cache, cached_property, partial
-from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
+from tippedisk_verify.conformance import client_text
 from tippedisk_verify.conformance.diagnosis.entries import Array, Results, Sheet, Table
 
 __all__ = ["HERE", "Program", "Specimen", "specimen"]
 
-_SOURCE = Path(__file__).parent.parent / "clients" / "client.py"
 _LONGER = 3.0  # times: so many more turns of loops are allowed to a changed program
 HERE = ast.parse("_here(locals())", mode="eval").body  #: stands for an expression that changes
 NOTHING: Mapping[str, ast.stmt] = MappingProxyType({})
@@ -130,10 +129,10 @@ class Program:
         with np.errstate(all="ignore"), warnings.catch_warnings():
             warnings.simplefilter("ignore")
             try:
-                found: Results = function(table.p, table.smooth, table.given, table.asked)
+                found = function(table.p, table.smooth, table.given, table.asked)
             except Exception:  # what a change does to a program is its own affair
                 return {}
-        return found
+        return found if isinstance(found, Mapping) else {}
 
     def count(self) -> None:
         """Count turns of loops and calls of functions from now on."""
@@ -165,9 +164,9 @@ class Program:
 @cache
 def specimen() -> Specimen:
     """The client as it is."""
-    tree = ast.parse(_SOURCE.read_text(encoding="utf-8"))
+    tree = ast.parse(client_text("client.py"))
     space: dict[str, Any] = {"__name__": "specimen"}
-    exec(compile(tree, str(_SOURCE), "exec"), space)
+    exec(compile(tree, "client.py", "exec"), space)
     functions = {node.name: node for node in tree.body if isinstance(node, ast.FunctionDef)}
     constants = {}
     for node in tree.body:

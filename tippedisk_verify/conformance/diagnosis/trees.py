@@ -90,10 +90,6 @@ class Place:
             path = path[:-1]
         return Place(self.function, self.statement, path)
 
-    def wider(self) -> Place:
-        """The expression around this one."""
-        return Place(self.function, self.statement, self.path[:-1])
-
     def lines(self, new: Node) -> tuple[str, str]:
         """The statement's first line as it is, and as it is with ``new`` here."""
         start = max(n for n, (parent, _, _) in enumerate(self.path) if kind(parent, ast.stmt) or n == 0)
