@@ -54,10 +54,9 @@ def _page(template: str, results: dict[str, Any], **more: Any) -> str:
         "symbols": _symbols,
         "words": _words,
     }
-    figures = [figure for figure in results["figures"] if figure["claims"]]
     return rendered(
         "tippedisk_verify.report", template, filters,
-        results=results, groups=groups, figures=figures, totals=totals(results["summary"]), **more,
+        results=results, groups=groups, figures=results["figures"], totals=totals(results["summary"]), **more,
     )  # fmt: skip
 
 
