@@ -56,7 +56,8 @@ def guide(common: Common) -> int:
     """Print how to have an implementation graded: the pages docs/grading*.md."""
     packed = FOLDER.parent / "guide"
     pages = sorted((packed if packed.exists() else FOLDER.parents[2] / "docs").glob("grading*.md"))
-    return _shown(common, {"file": pages[0].name, "text": "\n".join(page.read_text(encoding="utf-8") for page in pages)})
+    text = "\n".join(page.read_text(encoding="utf-8") for page in pages)
+    return _shown(common, {"file": pages[0].name, "text": text})
 
 
 def _shown(common: Common, told: dict[str, str]) -> int:
