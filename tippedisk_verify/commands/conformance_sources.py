@@ -52,13 +52,10 @@ def _printed(common: Common, language: str, files: dict[str, str]) -> int:
 def guide(common: Common) -> int:
     """Print how to have an implementation graded: the pages docs/grading*.md."""
     packed = FOLDER.parent / "guide"
-    pages = sorted((packed if packed.exists() else FOLDER.parents[2] / "docs").glob("grading*.md"))
-    text = "\n".join(read_text(page, _LARGEST) for page in pages)
-    print_result(common, {"file": pages[0].name, "text": text}, [text.removesuffix("\n")])
-    return 0
+    return _shown(common, {}, *sorted((packed if packed.exists() else FOLDER.parents[2] / "docs").glob("grading*.md")))
 
 
-def _shown(common: Common, says: dict[str, str], file: Path) -> int:
-    text = read_text(file, _LARGEST)
-    print_result(common, says | {"file": file.name, "text": text}, [text.removesuffix("\n")])
+def _shown(common: Common, says: dict[str, str], *files: Path) -> int:
+    text = "\n".join(read_text(file, _LARGEST) for file in files)
+    print_result(common, says | {"file": files[0].name, "text": text}, [text.removesuffix("\n")])
     return 0
