@@ -51,8 +51,8 @@ def _printed(common: Common, language: str, files: dict[str, str]) -> int:
 @plain_options
 def guide(common: Common) -> int:
     """Print how to have an implementation graded: the pages docs/grading*.md."""
-    packed = FOLDER.parent / "guide"
-    return _shown(common, {}, *sorted((packed if packed.exists() else FOLDER.parents[2] / "docs").glob("grading*.md")))
+    packed, source = FOLDER.parent / "guide", FOLDER.parents[2] / "docs"
+    return _shown(common, {}, *sorted((packed if packed.exists() else source).glob("grading*.md")))
 
 
 def _shown(common: Common, says: dict[str, str], *files: Path) -> int:
