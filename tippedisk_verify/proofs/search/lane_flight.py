@@ -9,13 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tippedisk_verify.proofs.kernel.flow import Model
+from tippedisk_verify.proofs.kernel.lane_middle import SharpModel, SharpPath
 from tippedisk_verify.proofs.kernel.lane_path import LanePath, Proposal, Round, mapped, replaced, some_model
 from tippedisk_verify.proofs.kernel.lane_sliding import LaneSmoothModel, SlidingLanes
 from tippedisk_verify.proofs.kernel.lanes import Lanes, quiet
@@ -30,6 +31,7 @@ _BLOCK = 4000  # lanes at a time: some 50 kB each
 #: Orders of the series over a box and of the midpoint's. Measured: over a wide box a higher one costs more than its
 #: longer steps save, and its derivatives are wider.
 _ORDERS, _NARROW_ORDERS = (10, 10), (16, 16)
+_SHARP_ORDERS, _SHARP = (24, 16), 2.0**-66  # with a middle that Arb follows; and how large its remainders may be
 _NARROW = 2.0**-30  # radius below which a box is narrow
 _DAMPED = 1.0  # how often the series over a box decays along v in a step
 _TOLERANCE = 1 / 16  # remainders, in units of a box's radius
@@ -50,6 +52,8 @@ _ENTRIES = (
 class HalfFlights(Return):
     """A `Return` whose entries are lanes, infinite balls where none is proved, and whose ``status`` is an array."""
 
+    middle: HalfFlights | None = None  #: of the boxes' middles alone, if a `SharpModel` moves them
+
     @property
     def returned(self) -> Array:
         """Of each lane, whether its return is proved."""
@@ -57,7 +61,7 @@ class HalfFlights(Return):
 
 
 def half_flights(
-    model: Model,
+    model: Model | SharpModel,
     gamma_bar: Lanes,
     v: Lanes,
     *,
@@ -72,23 +76,29 @@ def half_flights(
     status = np.full(count, Status.NO_START)
     reached, steps, reversals = np.zeros(count), np.zeros(count, int), np.zeros(count, int)
     x = Lanes(np.full(count, np.nan))
-    values: list[Any] = [x, (x, x), x, (x, x, x), ((x, x), (x, x)), (x, x), (x, x), x, x]
+    nothing = [x, (x, x), x, (x, x, x), ((x, x), (x, x)), (x, x), (x, x), x, x]
+    values: list[list[Any]] = [nothing, nothing]  # of the boxes, and of their middles
     with quiet():
         going = np.flatnonzero(v.negative())
         for first in range(0, len(going), _BLOCK):
             lanes = going[first : first + _BLOCK]
             start = gamma_bar[lanes].constant(0), gamma_bar[lanes], v[lanes]
-            kind = SlidingLanes if isinstance(model, LaneSmoothModel) else LanePath
-            search = LaneSteps(len(lanes))
-            path = kind(some_model(model, lanes), start, search)  # type: ignore[arg-type]
+            search = LaneSteps(len(lanes), sharp=isinstance(model, SharpModel))
+            path: LanePath
+            if isinstance(model, SharpModel):
+                path = SharpPath(model.some(lanes), start, search)
+            else:
+                kind = SlidingLanes if isinstance(model, LaneSmoothModel) else LanePath
+                path = kind(some_model(model, lanes), start, search)  # type: ignore[arg-type]
             while len(lanes):
                 ends = _ended(path, longest)
                 if (ends == None).all():  # noqa: E711
                     tried = path.advance()
                     ends = search.answered(tried)
-                    if tried.landing is not None:
-                        place, landed = lanes[tried.arrived], [getattr(tried.landing, name) for name in _ENTRIES]
-                        values = mapped(lambda old, new, place=place: replaced(old, place, new), values, landed)
+                    for k, landing in enumerate((tried.landing, getattr(tried.landing, "middle", None))):
+                        if landing is not None:
+                            place, landed = lanes[tried.arrived], [getattr(landing, name) for name in _ENTRIES]
+                            values[k] = mapped(lambda old, new, at=place: replaced(old, at, new), values[k], landed)
                 gone = ends != None  # noqa: E711
                 if gone.any():
                     left = lanes[gone]
@@ -98,7 +108,11 @@ def half_flights(
                     lanes, path = lanes[staying], path.some(staying)
                     search = search.some(staying)
                     path.proposer = search
-    return HalfFlights(status, reached, steps, reversals, **dict(zip(_ENTRIES, values, strict=True)))  # type: ignore[arg-type]
+    boxes, middles = (
+        HalfFlights(status, reached, steps, reversals, **dict(zip(_ENTRIES, part, strict=True)))  # type: ignore[arg-type]
+        for part in values
+    )
+    return replace(boxes, middle=middles if isinstance(model, SharpModel) else None)
 
 
 def _ended(path: LanePath, longest: float) -> Array:
@@ -118,7 +132,8 @@ class LaneSteps:
 
     axes = staticmethod(axes_of_lanes)
 
-    def __init__(self, count: int) -> None:
+    def __init__(self, count: int, *, sharp: bool = False) -> None:
+        self.sharp = sharp  #: whether the path is a `SharpPath`
         self.shares = np.full(count, _FIRST_SHARE)  #: of the length that the midpoint's series allows
         self.cuts = np.full(count, np.inf)  #: what the next step may not exceed [s]
         self.failures = np.zeros(count, int)
@@ -127,13 +142,16 @@ class LaneSteps:
         """The search for some lanes."""
         search = copy(self)
         for name, value in vars(self).items():
-            setattr(search, name, value[which])
+            if name != "sharp":
+                setattr(search, name, value[which])
         return search
 
     def took(self, *_: Any) -> None:
         """Nothing is noted."""
 
     def orders(self, box: Sequence[Lanes]) -> tuple[int, int]:
+        if self.sharp:
+            return _SHARP_ORDERS
         return _ORDERS if np.median(np.max([part.radii for part in box], axis=0)) > _NARROW else _NARROW_ORDERS
 
     def zero(self, value: Callable[[Array], Array], begin: Array, end: Array) -> Array:
@@ -150,7 +168,10 @@ class LaneSteps:
         trial = path.trial(self.orders(path.box))
         (order, rough_order), thin, wide = trial.orders, trial.thin, trial.wide
         # Remainders may be as large as rounding, or a share of the radius.
-        allowed = [np.maximum(_U * np.maximum(1.0, _size(part)), part.radii * _TOLERANCE) for part in path.box]
+        if self.sharp:
+            allowed = [_SHARP * np.maximum(1.0, _size(part)) for part in path.box]
+        else:
+            allowed = [np.maximum(_U * np.maximum(1.0, _size(part)), part.radii * _TOLERANCE) for part in path.box]
         rough_allowed = np.maximum(_LEAST_ROUGH, radius)
         reach = _reach(thin, allowed)
         longest = np.minimum(self.cuts, _DAMPED / np.maximum(1.0, _size(wide[11][1])))
