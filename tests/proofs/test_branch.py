@@ -42,17 +42,16 @@ from tippedisk_verify.proofs.kernel.flow import Model
 from tippedisk_verify.proofs.kernel.jets import Jet
 from tippedisk_verify.proofs.kernel.scaled import ScaledCurve, ScaledModel
 from tippedisk_verify.proofs.kernel.scaled_sine import scaled_sine
-from tippedisk_verify.proofs.search import arcs, connection_end
+from tippedisk_verify.proofs.search import connection_end, curve_choices
 from tippedisk_verify.proofs.search import family as search
-from tippedisk_verify.proofs.search.arcs import BITS, piece_entry, prove_piece, read_piece
 from tippedisk_verify.proofs.search.branch import BranchProof
 from tippedisk_verify.proofs.search.certificate import parameter_texts
-from tippedisk_verify.proofs.search.curve_choices import StepSearch, family_polynomials
+from tippedisk_verify.proofs.search.connection_end import ProvedEnd
+from tippedisk_verify.proofs.search.connection_end import Status as EndStatus
+from tippedisk_verify.proofs.search.curve_choices import BITS, StepSearch, family_polynomials, piece_entry, prove_piece
 from tippedisk_verify.proofs.search.heteroclinic import prove_connection
 from tippedisk_verify.proofs.search.lane_cycles import prove_cycles
 from tippedisk_verify.proofs.search.proved_connection import ProvedConnection
-from tippedisk_verify.proofs.search.proved_end import ProvedEnd
-from tippedisk_verify.proofs.search.proved_end import Status as EndStatus
 from tippedisk_verify.reference_values.lookup import reference
 
 DISK = parameter_texts(PRINTED)
@@ -151,8 +150,8 @@ def test_the_scaled_half_map_and_its_derivatives() -> None:
 @pytest.fixture
 def quick(monkeypatch) -> None:
     """Polynomials of degree 2 and no wider box: seconds a piece."""
-    monkeypatch.setattr(arcs, "_DEGREE", 2)
-    monkeypatch.setattr(arcs, "_WIDE_SHARES", ())
+    monkeypatch.setattr(curve_choices, "_DEGREE", 2)
+    monkeypatch.setattr(curve_choices, "_WIDE_SHARES", ())
 
 
 @lru_cache(maxsize=4)
@@ -272,7 +271,7 @@ def test_a_changed_sign_in_the_field_is_not_proved(monkeypatch) -> None:
         honest = equations.constants(disk)
         return honest._replace(g=-honest.g)
 
-    for module in (arcs, claims):
+    for module in (curve_choices, claims):
         monkeypatch.setattr(module, "constants", spoiled)
     guess = search.hopf_guess(PRINTED)
     assert isinstance(prove_piece(PRINTED, Fraction(0), HIGH, guess), Status)
@@ -310,7 +309,7 @@ def test_pieces_are_joined_as_far_as_a_box_reaches_and_no_further() -> None:
 @pytest.mark.usefixtures("quick")
 def test_a_box_inside_the_first_one_shows_no_uniqueness(monkeypatch) -> None:
     """What a second, narrower test would prove says nothing of the zero that the first one encloses."""
-    monkeypatch.setattr(arcs, "_WIDE_SHARES", (Fraction(1, 10**9),))
+    monkeypatch.setattr(curve_choices, "_WIDE_SHARES", (Fraction(1, 10**9),))
     assert prove_piece(PRINTED, Fraction(0), HIGH, search.hopf_guess(PRINTED)) == first(PRINTED)
 
 
@@ -485,7 +484,7 @@ def _run(capsys, *arguments: str, status: int) -> str:
 
 
 @pytest.mark.usefixtures("quick")
-def test_the_command_goes_on_where_it_stopped(capsys, monkeypatch, tmp_path) -> None:
+def test_the_command_says_what_is_proved(capsys, monkeypatch, tmp_path) -> None:
     made = []
 
     def attempt(parameters: Parameters, interval: search.Interval, guess: object) -> Piece | Status:
@@ -496,36 +495,31 @@ def test_the_command_goes_on_where_it_stopped(capsys, monkeypatch, tmp_path) -> 
     monkeypatch.setattr(search, "HOPF_END", HIGH)
     monkeypatch.setattr(certify_family, "_cycles_at", lambda *_: [tuple([Fraction(1)] * 4)])
     monkeypatch.setattr(certify_family, "_connected_at", lambda *_: None)
-    path = str(tmp_path / "arcs")
     pictures = str(tmp_path / "pictures")
-    result = json.loads(_run(capsys, "--to", str(float(NEXT)), "--arcs", path, "--out", pictures, "--json", status=1))
+    asked = ("--to", str(float(NEXT)))
+    result = json.loads(_run(capsys, *asked, "--out", pictures, "--json", status=1))
     assert (tmp_path / "pictures" / "proved_family.svg").stat().st_size > 10_000
     assert len(made) == len(result["arcs"]) == 2
     assert (result["proved"], result["covered"]) == (False, None)
-    assert [read_piece(entry, {}) for entry in result["arcs"]] == [piece(), second()]
-    goes_on = ("--to", str(float(NEXT)), "--arcs", path)
-    again = json.loads(_run(capsys, *goes_on, "--json", status=1))
-    given = "2 of 2 arcs were read from the file of --arcs, not proved here; if they hold, so does what follows: "
-    assert again == result | {"arcs_read": 2, "statement": given + result["statement"]}
-    assert len(made) == 2
-    said = _run(capsys, *goes_on, status=1)
-    assert (f"statement: {given}" in said, said.endswith("\n2 arcs\n")) == (True, True)
-    # The kernel shows every arc of a certificate. If none can be written nothing is said.
-    goes_on = (*goes_on, "--certificate", str(tmp_path / "family.json"))
+    assert [read_piece(entry) for entry in result["arcs"]] == [piece(), second()]
+    said = _run(capsys, *asked, status=1)
+    assert (f"statement: {result['statement']}" in said, said.endswith("\n2 arcs\n")) == (True, True)
+    # If a certificate cannot be written nothing is said.
+    asked = (*asked, "--certificate", str(tmp_path / "family.json"))
     monkeypatch.setattr(BranchProof, "certificate", lambda *_: "written")
-    assert json.loads(_run(capsys, *goes_on, "--json", status=1)) == result
+    assert json.loads(_run(capsys, *asked, "--json", status=1)) == result
     with monkeypatch.context() as full:
         full.setattr("os.fsync", Mock(side_effect=OSError(errno.ENOSPC, "No space left on device")))
-        assert main(["certify", "branch", *goes_on]) == 2
+        assert main(["certify", "branch", *asked]) == 2
     captured = capsys.readouterr()
     assert (captured.out, captured.err.count("\n"), "No space left" in captured.err) == ("", 1, True)
-    other = _run(capsys, "--parameters", "calibrated", "--arcs", path, status=2)
-    assert "another disk" in other
-    monkeypatch.setattr("tippedisk_verify.commands.piece_file.code_version", lambda: "python-flint 0.1")
-    assert "python-flint" in _run(capsys, "--arcs", path, status=2)
-    (tmp_path / "arcs").write_text("x" + (tmp_path / "arcs").read_text())
-    assert "damaged" in _run(capsys, "--arcs", path, status=2)
-    assert "without" not in _run(capsys, "--arcs", path, status=2)
+
+
+def read_piece(entry: Mapping[str, Any]) -> Piece:
+    """An arc of the command's JSON."""
+    first, second = (tuple(map(Fraction, row)) for row in entry["curve"])
+    unique, near = ((Fraction(x), Fraction(y)) for x, y in (entry["unique_within"], entry["within"]))
+    return Piece(Fraction(entry["low"]), Fraction(entry["high"]), (first, second), unique, near)
 
 
 def test_a_reach_beyond_omega_crit_is_passed_over(monkeypatch) -> None:
@@ -558,7 +552,6 @@ def test_the_command_has_no_sentence_for_a_subcritical_disk(capsys, monkeypatch,
         (("--to", ""), "not a finite decimal"),
         (("--to", "-1"), "--to"),
         (("--at", "A^in", "--to", "3"), "--at"),
-        (("--arcs", "/nowhere/at/all"), "cannot be written"),
         (("--jobs", "0"), "--jobs"),
     ],
 )
@@ -566,21 +559,18 @@ def test_bad_input(arguments, word, capsys) -> None:
     assert word in _run(capsys, *arguments, status=2)
 
 
-def test_pieces_are_written_and_read_without_loss() -> None:
+def test_arcs_are_told_without_loss() -> None:
     one = _flat("0.1", "1/3")
-    assert read_piece(json.loads(json.dumps(piece_entry(one))), {}) == one
-    with pytest.raises((KeyError, InputError, ValueError)):
-        read_piece({**piece_entry(one), "low": "wide"}, {})
+    assert read_piece(json.loads(json.dumps(piece_entry(one)))) == one
 
 
 @pytest.mark.slow(minutes=20)
-def test_the_whole_of_the_printed_disk(capsys, tmp_path) -> None:
+def test_the_whole_of_the_printed_disk(capsys) -> None:
     """The command's own sentence; cycles of the reference data, and a hundred that are proved one by one, are its."""
-    path = str(tmp_path / "arcs")
-    said = json.loads(_run(capsys, "--arcs", path, "--json", status=0))
+    said = json.loads(_run(capsys, "--json", status=0))
     end = said["ends"]["heteroclinic"]
     assert (said["proved"], said["covered"], said["ends"]["hopf"], end["closed"]) == (True, "1", {"closed": True}, True)
-    proved = [read_piece(entry, {}) for entry in said["arcs"]]
+    proved = [read_piece(entry) for entry in said["arcs"]]
     assert search.chain(proved) == proved
 
     def known(gamma_bar: Measured, v: Measured, omega: Measured) -> bool:

@@ -30,8 +30,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
     from tippedisk_verify.model.parameters import Parameters
+    from tippedisk_verify.proofs.search.connection_end import ProvedEnd
     from tippedisk_verify.proofs.search.proved_connection import ProvedConnection
-    from tippedisk_verify.proofs.search.proved_end import ProvedEnd
 
 __all__ = ["COMMANDS"]
 

@@ -42,9 +42,6 @@ _Job = tuple[tuple[int, Fraction, tuple[Fraction, Fraction]], ...]
 @click.option(
     "--to", "until", metavar="X", help="As one curve: only to this gamma_bar_0 [rad], without the end at Omega_h."
 )
-@click.option(
-    "--arcs", metavar="FILE", help="As one curve: keep arcs in this file; those found there are read, not proved."
-)
 @click.option("--out", metavar="DIR", help="As one curve: write a picture of what is proved there.")
 @certificate_option
 @executor_option
@@ -54,7 +51,6 @@ def branch(
     common: Common,
     where: str | None,
     until: str | None,
-    arcs: str | None,
     out: str | None,
     certificate: Path | None,
     executor: str,
@@ -67,11 +63,9 @@ def branch(
     and A^de are the paper's sets, each with Omega_0 = Omega_crit - 0.5.
     """
     if where is None:
-        return family_as_a_curve(common, jobs, arcs, until, out, certificate, executor)
-    if (until, arcs, out, certificate, executor) != (*(None,) * 4, "local"):
-        raise InputError(
-            "--to, --arcs, --out, --certificate and --executor belong to the family as one curve: leave out --at"
-        )
+        return family_as_a_curve(common, jobs, until, out, certificate, executor)
+    if (until, out, certificate, executor) != (*(None,) * 3, "local"):
+        raise InputError("--to, --out, --certificate and --executor belong to the family as one curve: leave out --at")
     if common.digits > MOST_DIGITS:
         raise InputError(f"a branch is proved to at most {MOST_DIGITS} digits, not {common.digits}: ask orbit for more")
     checked_jobs(jobs)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 from fractions import Fraction
 from functools import partial
 from pathlib import Path
@@ -36,14 +35,12 @@ _FURTHEST = Fraction("3.1415")  # rad
 def family_as_a_curve(
     common: Common,
     jobs: int | None,
-    arcs: str | None,
     until: str | None,
     out: str | None,
     certificate: Path | None,
     executor: str,
 ) -> int:
     """Prove as much of the family as can be, and say how much that is."""
-    from tippedisk_verify.commands.piece_file import read_pieces, write_pieces
     from tippedisk_verify.proofs.kernel.claims.arcs import Piece
     from tippedisk_verify.proofs.search.family import prove_family
 
@@ -52,35 +49,29 @@ def family_as_a_curve(
     wanted = None if until is None else _amplitude(until)
     checked_jobs(jobs)
     folder = alone_in(out)
-    pieces = [] if arcs is None else read_pieces(arcs, parameters)
-    read = tuple(pieces)
+    count = 0
     with workers_of(executor, jobs, needed=False):
         pass  # a cluster that is not there is told at once
     with progress(common, int(_UNITS * (wanted or _FURTHEST))) as advance:
 
         def keep(found: Piece | Status, interval: Interval) -> None:
+            nonlocal count
             if isinstance(found, Piece):
-                pieces.append(found)
-                if arcs is not None:
-                    write_pieces(arcs, parameters, pieces)
-                advance(f"arcs: {len(pieces)}", int(_UNITS * interval.high) - int(_UNITS * interval.low))
+                count += 1
+                advance(f"arcs: {count}", int(_UNITS * interval.high) - int(_UNITS * interval.low))
 
-        advance("arcs", sum(int(_UNITS * piece.high) - int(_UNITS * piece.low) for piece in pieces))
+        advance("arcs", 0)
         proof = prove_family(
             parameters,
             partial(_connected_at, parameters),
             partial(_cycles_at, parameters),
-            read,
             wanted,
             lambda several: workers_of(executor, jobs, needed=several),
             lambda stage: advance(stage, 0),
             keep,
         )
     if certificate is not None and proof.hopf_closed:
-        with workers_of(executor, jobs, needed=len(proof.read) > 1) as pool:
-            text = proof.certificate(pool)
-        write_text(certificate, text)
-        proof = replace(proof, read=frozenset())  # the kernel has shown every arc, also those that were read
+        write_text(certificate, proof.certificate())
     if folder is not None and proof.hopf_closed:
         from tippedisk_verify.figures.proved_family import draw_proved_family
         from tippedisk_verify.figures.style import save

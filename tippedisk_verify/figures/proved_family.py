@@ -53,8 +53,7 @@ def _family(axis: Any, proof: BranchProof, crit: float, omega_h: float) -> None:
         place = {"xytext": (4 if side == "left" else -4, 0), "textcoords": "offset points", "ha": side}
         axis.annotate(name, (speed, 0.12), xycoords=("data", "axes fraction"), **place)
     axis.axhline(math.pi, color=GREY, lw=0.9, ls=":")
-    read = f", {len(proof.read)} of them read" if proof.read else ""
-    axis.set(xlabel="Ω [rad/s]", ylabel=r"$\bar{\gamma}_0$ [rad]", title=f"The family, {len(proof.pieces)} arcs{read}")
+    axis.set(xlabel="Ω [rad/s]", ylabel=r"$\bar{\gamma}_0$ [rad]", title=f"The family, {len(proof.pieces)} arcs")
     axis.ticklabel_format(useOffset=False)
     axis.legend(loc="center right", frameon=False)
 
