@@ -1,7 +1,9 @@
-"""What the tests of proofs share: the numbers of a cycle, exact speeds, and flights with the search's steps."""
+"""What the tests of proofs share: the numbers of a cycle, exact speeds, flights, and faults planted in the kernel."""
 
 from __future__ import annotations
 
+import inspect
+import textwrap
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -11,10 +13,11 @@ from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.proofs.kernel.balls import arb, ball, inside, working_precision
-from tippedisk_verify.proofs.kernel.flow import Model, Status, Step, short_float
+from tippedisk_verify.proofs.kernel.flow import Model, Status, short_float
 from tippedisk_verify.proofs.kernel.krawczyk import FixedPoints, fixed_points
 from tippedisk_verify.proofs.kernel.section import HALF, TURN, Return, Section, returned
 from tippedisk_verify.proofs.kernel.sliding import model_of
+from tippedisk_verify.proofs.kernel.step import Step
 from tippedisk_verify.proofs.numbers import measured
 from tippedisk_verify.proofs.search.steps import Steps, midpoint_inverse
 from tippedisk_verify.theory.hopf import omega_crit
@@ -22,6 +25,17 @@ from tippedisk_verify.theory.hopf import omega_crit
 SHORTEST_STEP = 2.0**-40  # s
 NUMBERS = ("period", "gamma_bar_0", "v_0", "beta_max", "multiplier_slow", "log_multiplier_slow",
            "log_multiplier_fast", "dperiod_domega", "dgamma_bar_0_domega", "dv_0_domega")  # fmt: skip
+
+
+def plant(monkeypatch: Any, owner: Any, function: str, old: str, new: str) -> None:
+    """Replace one piece of the text of a module's or a class's function."""
+    original = getattr(owner, function)
+    source = textwrap.dedent(inspect.getsource(original))
+    assert source.count(old) == 1, old
+    names: dict[str, Any] = {}
+    source = source.replace(old, new).replace("super()", f"super({getattr(owner, '__name__', '')}, self)")
+    exec(source, original.__globals__, names)
+    monkeypatch.setattr(owner, function, names[function])
 
 
 def speed_below(parameters: Parameters, distance: str | Fraction) -> Fraction:

@@ -22,7 +22,7 @@ from tippedisk_verify.proofs.kernel.balls import (
     inside,
     negative,
     positive,
-    within,
+    shared,
     working_precision,
 )
 from tippedisk_verify.proofs.kernel.lanes import Lanes
@@ -93,18 +93,22 @@ def test_what_a_ball_shares_with_an_interval_is_held() -> None:
         mid, rad, length = draw.uniform(-2, 3), draw.choice([0.0, 1e-17, 0.3, 2.0]), draw.uniform(0.1, 2)
         low, high = (Fraction(mid) + sign * Fraction(rad) for sign in (-1, 1))
         low, high = max(low, Fraction(0)), min(high, Fraction(length))
-        found = [within(arb(mid, rad), length), within(Lanes([mid], [rad]), Lanes([length])).arb(0)]
-        for shared in found:
+        found = [
+            shared(arb(mid, rad), hull(0, length)),
+            shared(Lanes([mid], [rad]), Lanes([length / 2], [length / 2])).arb(0),
+        ]
+        for both in found:
             if low > high:
-                assert not shared.is_finite() or shared.contains(arb(0)) or shared.contains(arb(length))
+                assert not both.is_finite() or both.contains(arb(0)) or both.contains(arb(length))
             else:
-                assert all(shared.contains(arb(float(end))) for end in (low, high) if Fraction(float(end)) == end)
-                number = measured(shared)
+                assert all(both.contains(arb(float(end))) for end in (low, high) if Fraction(float(end)) == end)
+                number = measured(both)
                 # An intersection's radius has 16 bits or more in python-flint; and the rounding of sums of doubles.
                 assert number.uncertainty <= (high - low) / 2 * (1 + Fraction(1, 2**15)) + Fraction(1, 2**50)
-    assert within(arb.nan(), 1.0).contains(hull(0, 1))
-    assert within(Lanes([math.nan]), Lanes([1.0])).arb(0).contains(hull(0, 1))
-    assert not within(Lanes([5.0]), Lanes([1.0])).is_finite().any()
+    assert shared(arb.nan(), hull(0, 1)).contains(hull(0, 1))
+    assert shared(Lanes([math.nan]), Lanes([0.5], [0.5])).arb(0).contains(hull(0, 1))
+    assert not shared(Lanes([5.0]), Lanes([0.5], [0.5])).is_finite().any()
+    assert not shared(Lanes([0.5]), Lanes([0.5], [math.inf])).is_finite().any()
 
 
 def test_the_precision_is_restored() -> None:

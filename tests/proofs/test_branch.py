@@ -39,9 +39,8 @@ from tippedisk_verify.proofs.kernel.claims.arcs import Piece, Status
 from tippedisk_verify.proofs.kernel.claims.family import joined, unique_within
 from tippedisk_verify.proofs.kernel.curves import fly
 from tippedisk_verify.proofs.kernel.flow import Model
-from tippedisk_verify.proofs.kernel.jets import Jet
+from tippedisk_verify.proofs.kernel.jets import Jet, scaled_sine
 from tippedisk_verify.proofs.kernel.scaled import ScaledCurve, ScaledModel
-from tippedisk_verify.proofs.kernel.scaled_sine import scaled_sine
 from tippedisk_verify.proofs.search import connection_end, curve_choices
 from tippedisk_verify.proofs.search import family as search
 from tippedisk_verify.proofs.search.branch import BranchProof

@@ -10,17 +10,18 @@ import pytest
 
 from tests.proofs.cases import half_flight
 from tippedisk_verify.model.parameters import PRINTED
-from tippedisk_verify.proofs.kernel.balls import Unproved, arb, ball, working_precision
-from tippedisk_verify.proofs.kernel.flow import Path, Status, Step, short_float
+from tippedisk_verify.proofs.kernel.balls import arb, ball, working_precision
+from tippedisk_verify.proofs.kernel.flow import Path, Status, short_float
 from tippedisk_verify.proofs.kernel.section import HALF, returned
 from tippedisk_verify.proofs.kernel.sliding import model_of
+from tippedisk_verify.proofs.kernel.step import Step
 from tippedisk_verify.proofs.search.steps import Steps
 
 OMEGA, START = "30.4", (1.7, -1.72)
 
 
 class Careless(Steps):
-    """Draws lengths, orders, axes and moments."""
+    """Draws lengths, orders and axes."""
 
     def __init__(self, draw: random.Random) -> None:
         super().__init__()
@@ -32,18 +33,14 @@ class Careless(Steps):
     def step(self, path: Path, longest: float | None) -> Step | None:
         for _ in range(60):
             trial = path.trial((self.draw.randint(2, 24), self.draw.randint(2, 12)))
-            try:
-                return trial.step(short_float(min(2.0 ** -self.draw.uniform(6, 11), longest or 1.0)))
-            except Unproved:
-                continue
+            step = trial.tested(short_float(min(2.0 ** -self.draw.uniform(6, 11), longest or 1.0)))
+            if step.included:
+                return step
         return None
 
     def axes(self, turned: Any, sizes: Any, stiffness: Any) -> Sequence[Sequence[Any]]:
         chosen = super().axes(turned, sizes, stiffness)
         return [[entry + self.draw.uniform(-0.1, 0.1) / stiffness for entry in row] for row in chosen]
-
-    def moment(self, step: Step, index: int, level: Any) -> Any:
-        return ball(step.length * self.draw.random())
 
 
 @pytest.mark.slow(minutes=1)

@@ -5,9 +5,7 @@ Each test is followed by the faults that it is to notice (none of them is notice
 
 from __future__ import annotations
 
-import inspect
 import random
-import textwrap
 from fractions import Fraction
 from functools import partial
 from typing import Any
@@ -15,13 +13,14 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.proofs.cases import plant
 from tippedisk_verify.model.parameters import PRINTED, Constants
-from tippedisk_verify.proofs.kernel import flow, frame
+from tippedisk_verify.proofs.kernel import frame
 from tippedisk_verify.proofs.kernel.balls import arb, ball, ball_constants, working_precision
-from tippedisk_verify.proofs.kernel.flow import Model, Path, Trial
+from tippedisk_verify.proofs.kernel.flow import Model, Path
 from tippedisk_verify.proofs.kernel.frame import Frame
-from tippedisk_verify.proofs.kernel.lane_path import LanePath
 from tippedisk_verify.proofs.kernel.lanes import Lanes
+from tippedisk_verify.proofs.kernel.step import Trial
 from tippedisk_verify.proofs.numbers import measured
 from tippedisk_verify.proofs.search.axes import axes_of_balls, axes_of_lanes
 from tippedisk_verify.proofs.search.lane_flight import LaneSteps, half_flights
@@ -45,15 +44,6 @@ def holds(x: Any, truth: Any, lane: int = 0) -> bool:
     point = truth if isinstance(truth, Fraction) else measured(truth).value
     slack = 0 if isinstance(truth, Fraction) else measured(truth).uncertainty
     return abs(point - mid) <= rad + slack
-
-
-def planted(owner: Any, function: str, old: str, new: str, monkeypatch: Any) -> None:
-    original = getattr(owner, function)
-    source = textwrap.dedent(inspect.getsource(original))
-    assert source.count(old) == 1, old
-    names: dict[str, Any] = {}
-    exec(source.replace(old, new), original.__globals__, names)
-    monkeypatch.setattr(owner, function, names[function])
 
 
 def oscillator(ops: Any, constants: Any, omega: Any) -> Any:
@@ -90,15 +80,16 @@ def test_remainders_of_the_middle_are_held() -> None:
 @pytest.mark.parametrize(
     ("old", "new"),
     [
-        ("[[*c, r] for c, r in zip(self.thin, verdict.fine, strict=True)]", "[list(c) for c in self.thin]"),
-        ("[[*c, r] for c, r in zip(self.thin, verdict.fine, strict=True)]",
-         "[[*c, 0 * r] for c, r in zip(self.thin, verdict.fine, strict=True)]"),
-        ("[[*c, r] for c, r in zip(self.thin, verdict.fine, strict=True)]",
-         "[[*c, r.mid() * 0.5] for c, r in zip(self.thin, verdict.fine, strict=True)]"),
+        ("[[*c, alike(c[0], r)] for c, r in zip(self.thin, fine, strict=True)]",
+         "[list(c) for c in self.thin]"),
+        ("[[*c, alike(c[0], r)] for c, r in zip(self.thin, fine, strict=True)]",
+         "[[*c, 0 * r] for c, r in zip(self.thin, fine, strict=True)]"),
+        ("[[*c, alike(c[0], r)] for c, r in zip(self.thin, fine, strict=True)]",
+         "[[*c, r.mid() * 0.5] for c, r in zip(self.thin, fine, strict=True)]"),
     ],
 )  # fmt: skip
 def test_a_remainder_that_is_dropped_is_noticed(old, new, monkeypatch) -> None:
-    planted(Trial, "tested", old, new, monkeypatch)
+    plant(monkeypatch, Trial, "tested", old, new)
     assert not oscillators_are_held()
 
 
@@ -118,12 +109,11 @@ def lanes_steps_are_as_long_as_proved() -> bool:
     zero = Lanes([0.0] * COUNT)
     search = LaneSteps(COUNT)
     search.cuts = np.array([0.75, 0.5, 0.3])
-    block = LanePath(Model(constants(), Lanes([1.0] * COUNT), falling_late), (zero, zero, zero), search)
-    trial, verdict, wanted = search.lengths(block)
-    step, accepted = trial.tested(verdict), verdict.included & wanted
-    assert accepted.all()
+    block = Path(Model(constants(), Lanes([1.0] * COUNT), falling_late), (zero, zero, zero), search)
+    step = search.step(block)
+    assert step.included.all()
     assert not step.length.radii.any()
-    block.go_on(step, accepted)
+    block.take(step, where=step.included)
     return all(
         holds(block.time, length, lane)
         and all(holds(part, truth, lane) for part, truth in zip(block.box, exactly(length), strict=True))
@@ -161,33 +151,29 @@ def test_steps_are_as_long_as_proved() -> None:
         (
             Trial,
             "tested",
-            "self.path.time,\n        verdict.length,",
-            "self.path.time,\n        Lanes(verdict.length.midpoints * 1.001),",
+            "self.path.time,\n        length,",
+            "self.path.time,\n        type(length)(length.midpoints * 1.001),",
         ),
-        (flow, "verdict", "time = alike(wide[0][0], length)", "time = alike(wide[0][0], length / 1.001)"),
-        (LanePath, "go_on", "self.take(step)", "self.take(step, step.length * 1.001)"),
+        (Trial, "_test", "whole(length))", "whole(length / 1.001))"),
+        (Path, "take", "step.length) if time is None", "step.length * 1.001) if time is None"),
     ],
 )
 def test_a_step_in_lanes_that_is_too_long_is_noticed(owner, function, old, new, monkeypatch) -> None:
-    planted(owner, function, old, new, monkeypatch)
+    plant(monkeypatch, owner, function, old, new)
     assert not lanes_steps_are_as_long_as_proved()
 
 
 @pytest.mark.parametrize(
     ("owner", "function", "old", "new"),
     [
-        (flow, "verdict", "time = alike(wide[0][0], length)", "time = alike(wide[0][0], length / 1.001)"),
-        (
-            Path,
-            "take",
-            "(step, time)\n    self.pr",
-            "(step, ball(step.length * 1.001) if time is None else time)\n    self.pr",
-        ),
-        (Path, "take", "moment = ball(step.length)", "moment = ball(1.001 * step.length)"),
+        (Trial, "_test", "whole(length))", "whole(length / 1.001))"),
+        (Path, "take", "frame = self.carried(step, time)",
+         "frame = self.carried(step, ball(step.length * 1.001) if time is None else time)"),
+        (Path, "take", "alike(self.time, step.length) if", "ball(1.001 * step.length) if"),
     ],
-)
+)  # fmt: skip
 def test_a_step_that_is_too_long_is_noticed(owner, function, old, new, monkeypatch) -> None:
-    planted(owner, function, old, new, monkeypatch)
+    plant(monkeypatch, owner, function, old, new)
     assert not steps_are_as_long_as_proved()
 
 
@@ -262,6 +248,6 @@ def test_frames_hold_what_is_left_over() -> None:
     ],
 )
 def test_a_transposed_inverse_is_noticed(old, new, monkeypatch) -> None:
-    planted(frame, "_inverse", old, new, monkeypatch)
+    plant(monkeypatch, frame, "_inverse", old, new)
     assert not frames_hold_what_is_left_over()
     assert not inverses_are_inverses()

@@ -209,9 +209,9 @@ IN_THE_ARC: dict[str, tuple[Callable[[Any], Any], str]] = {
     "the box is a hundred times larger": (
         lambda arc: arc["box"].update(radii=[str(Fraction(text) * 100) for text in arc["box"]["radii"]]), "arc 2"
     ),
-    "a step is three times as long": (lambda arc: _longer(arc, 3), "enclosure|return|move|section"),
-    "a step is missing": (lambda arc: arc["box"]["steps"].pop(30), "return|move|section"),
-    "the last step is missing": (lambda arc: arc["box"]["steps"].pop(), "passed|move"),
+    "a step is three times as long": (lambda arc: _longer(arc, 3), "enclosure|return|move|section|further steps"),
+    "a step is missing": (lambda arc: arc["box"]["steps"].pop(30), "return|move|section|missing"),
+    "the last step is missing": (lambda arc: arc["box"]["steps"].pop(), "missing|no steps"),
     "axes have no inverse": (_axes, "no inverse|enclosure|Krawczyk|upright|section"),
     "half the period is another one": (lambda arc: arc["half"].__setitem__(0, "1"), "return|move|section|enclosure"),
 }  # fmt: skip

@@ -11,8 +11,10 @@ from tests.proofs.cases import carry
 from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
 from tippedisk_verify.model.precision import bits
-from tippedisk_verify.proofs.kernel.balls import Unproved, arb, ball, ball_constants, hull, positive, working_precision
-from tippedisk_verify.proofs.kernel.flow import Model, Status, Step
+from tippedisk_verify.proofs.kernel.balls import arb, ball, ball_constants, hull, positive, working_precision
+from tippedisk_verify.proofs.kernel.flow import Model, Status
+from tippedisk_verify.proofs.kernel.lanes import Lanes
+from tippedisk_verify.proofs.kernel.step import Step
 from tippedisk_verify.proofs.numbers import measured
 from tippedisk_verify.proofs.search.steps import Steps
 
@@ -77,13 +79,14 @@ def test_no_enclosure_beyond_a_singularity(precision) -> None:
 
 def test_a_step_beyond_the_singularity_fails_the_inclusion_itself() -> None:
     """x(0) = 2 is infinite at 1/2: no box E can pass there, whatever the step control would have said."""
+    lengths, shown = [0.03, 0.5, 0.5625, -0.03], [True, False, False, False]
     with working_precision(60):
-        law = Model(ball_constants(PRINTED), ball(1), blow_up)
-        trial = law.path([2, 1, 1], Steps()).trial((18, 16))
-        assert trial.step(0.03).length == 0.03
-        for length in (0.5, 0.5625, -0.03):
-            with pytest.raises(Unproved, match="stay in its enclosure"):
-                trial.step(length)
+        constants = ball_constants(PRINTED)
+        trial = Model(constants, ball(1), blow_up).path([2, 1, 1], Steps()).trial((18, 16))
+        assert [trial.tested(length).included for length in lengths] == shown
+        side_by_side = Model(type(constants)(*(Lanes.of([x]) for x in constants)), Lanes([1.0] * 4), blow_up)
+        start = [Lanes([part] * 4) for part in (2.0, 1.0, 1.0)]
+        assert list(side_by_side.path(start, Steps()).trial((18, 16)).tested(Lanes(lengths)).included) == shown
 
 
 # -------------------------------------------------------------------------------------------------- the ordinary road

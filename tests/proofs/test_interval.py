@@ -129,7 +129,7 @@ TAMPERED: dict[str, tuple[Callable[[Any, Any], Any], str]] = {
     "the degrees differ": (lambda claim, evidence: claim["curve"]["v_0"].pop(), "unlike degrees"),
     "half the period is another one": (lambda claim, evidence: evidence.update(half=["1", "0", "0", "0", "0"]),
                                        "return|move|section|enclosure"),
-    "a step is missing": (lambda claim, evidence: evidence["steps"].pop(7), "return|move|section"),
+    "a step is missing": (lambda claim, evidence: evidence["steps"].pop(7), "return|move|section|missing"),
 }  # fmt: skip
 
 

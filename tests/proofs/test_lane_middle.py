@@ -48,7 +48,7 @@ def test_middles_are_held_and_known_far_better_than_boxes() -> None:
     found = flown()
     assert are_held(found)
     assert (found.middle.time.radii < 2.0**-50).all()
-    assert (found.middle.image[1].radii < 2.0**-50 * np.array(SIZES)).all()
+    assert (found.middle.image[1].radii < 2.0**-48 * np.array(SIZES)).all()  # of a few roundings
     assert (found.image[1].radii > 2.0**-17 * np.array(SIZES)).all()
 
 
@@ -66,9 +66,8 @@ def test_middles_from_short_series_are_held(short_series) -> None:
 FAULTS = {
     "the remainder is forgotten": ("[*c, r.arb(lane)]", "list(c)"),
     "another lane's orbit": ("self.path.orbits[lane]", "self.path.orbits[0]"),
-    "another start": ("starts[lane]", "starts[lane] * (1 + 2.0**-30)"),
+    "another start": ("in starts[lane]]", "in starts[lane] * (1 + 2.0**-30)]"),
     "what the image differs from a double is a point": ("self.rest + (self.point", "self.rest.mid() + (self.point"),
-    "what the set deviates from its middle is forgotten": ("(self.rest + other)", "self.rest"),
     "orbits stay where lanes go": ("self.orbits[which]", "self.orbits[0 * which]"),
     "another lane's middle": ("self.middle.some(which)", "self.middle.some(0 * which)"),
 }
@@ -83,7 +82,7 @@ def test_faults_are_noticed(name, short_series, monkeypatch) -> None:
     module: Any = ModuleType(lane_middle.__name__)
     monkeypatch.setitem(sys.modules, lane_middle.__name__, module)  # where dataclasses look for their names
     exec(source.replace(old, new), module.__dict__)
-    for kind in ("SharpModel", "SharpPath"):
+    for kind in ("SharpModel", "SharpWalk"):
         monkeypatch.setattr(lane_flight, kind, getattr(module, kind))
     try:
         assert are_held(flown(module.SharpModel))

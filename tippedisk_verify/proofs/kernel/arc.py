@@ -2,21 +2,15 @@
 
 Three numbers describe a cycle that S maps to itself: gamma_bar and v on the section, and Omega. One of them is the
 arc's parameter p = p_0 + R s, |s| <= 1; the other two, u, are unknown, with the two equations F_p(u) = P - (gamma_bar,
-v) = 0 for the half map P (`section`). Let m(s) be polynomials near the family, r > 0 two numbers, and X(s) the box of
-all u with |u - m(s)| <= r: it moves with s. For regular matrices Y(s), which are chosen as well,
+v) = 0 for the half map P (`section`). Let m(s) be polynomials near the family, r > 0 two numbers, X(s) the box of all u
+with |u - m(s)| <= r, and Y(s) regular matrices. *For each s by itself* `krawczyk` says: if
 
-    K(s) = m(s) - Y(s) F(m(s)) + (1 - Y(s) F'(X(s))) (X(s) - m(s)),
+    - Y(s) F(m(s))  +  (1 - Y(s) F'(X(s))) [-r, r]  lies inside  (-r, r),
 
-F and F' at the parameter's value for s. *For each s by itself* this is Krawczyk's operator: if K(s) lies in X(s)'s
-interior, the box X(s) holds exactly one zero u(s) of F at this value of the parameter, it lies in K(s), and all
-matrices of F'(X(s)) are regular. One flight over the curve m(s) with the deviations |d| <= r about it (`curves`)
-gives F(m(s)) and enclosures of F'(X(s)) as jets, functions enclosed for each s. The test takes the ranges over s of
-
-    - Y(s) F(m(s))  +  (1 - Y(s) F'(s)) [-r, r]  =  K(s) - m(s)
-
-and asks whether they lie inside (-r, r). So one test answers for all s of [-1, 1], that is, for all values of the
-parameter. F is analytic, and F' by the unknowns is regular, so u(s) is an analytic curve by the implicit function
-theorem, and u' = -(dF/du)^-1 dF/dp.
+X(s) holds exactly one zero u(s) of F, and all matrices of F'(X(s)) are regular. One flight over the curve m(s) with the
+deviations |d| <= r about it (`curves`) gives F(m(s)) and F'(X(s)) as jets, functions enclosed for each s; the test
+compares their ranges, for all s at once. u(s) is an analytic curve by the implicit function theorem, and u' =
+-(dF/du)^-1 dF/dp.
 
 With gamma_bar as the parameter the columns of P' - 1 and dP/dOmega are c_g, c_v and c_Omega, and differentiating the
 equations along the curve gives c_g + c_v v' + c_Omega Omega' = 0. The determinants of both sides with c_v say that
@@ -26,10 +20,10 @@ is enclosed for all times at which v may be 0. If it is negative, beta_max grows
 its beta_max, its neighbours of larger gamma_bar_0 are further out. `scaled` says how it is with the state divided by
 gamma_bar_0.
 
-Period, multipliers and slopes are ranges of jets: they hold for each s the number of that cycle. With tau the trace of
-P' and delta = exp(integral of div f) = -det P' > 0 (Liouville, see `claims.cycle`), P' has one positive and one
-negative eigenvalue. Both lie between -1 and 1 if and only if 1 - tau - delta = det(P' - 1) > 0 and 1 + tau - delta > 0,
-the values of its characteristic polynomial there; if one of these is negative, an eigenvalue lies outside.
+With tau the trace of P' and delta = exp(integral of div f) = -det P' > 0 (Liouville, see `claims.cycle`), P' has one
+positive and one negative eigenvalue. Both lie between -1 and 1 if and only if 1 - tau - delta = det(P' - 1) > 0 and
+1 + tau - delta > 0, the values of its characteristic polynomial there; if one of these is negative, an eigenvalue lies
+outside.
 
 Where a ball becomes a point or a float: m, Y and r are chosen, and any choice that passes the test is right.
 """
@@ -42,7 +36,7 @@ from itertools import chain
 from typing import Any
 
 from tippedisk_verify.proofs.kernel.balls import inside, negative, positive
-from tippedisk_verify.proofs.kernel.curves import Choices, Curve, CurveFlight, fly
+from tippedisk_verify.proofs.kernel.curves import Curve, CurveFlight, fly, turnings
 from tippedisk_verify.proofs.kernel.field import Constants
 from tippedisk_verify.proofs.kernel.jets import Jet
 
@@ -104,14 +98,14 @@ class Arc:
 
     def widening(self) -> bool:
         """Whether beta_max grows with gamma_bar_0 all along an arc over it (not at the Hopf point, where it is 0)."""
-        for beta_bar, row in chain.from_iterable(step.turning() for step in self.flight.turning):
+        for beta_bar, row in chain.from_iterable(map(turnings, self.flight.turning)):
             slope = row[0] + row[1] * self.slopes[0] + row[2] * self.slopes[1]
             if not negative(self.curve.rise(beta_bar, slope).range()):
                 return False
         return bool(self.flight.turning)
 
 
-def arc_test(constants: Constants, curve: Curve, over: int, choices: Choices) -> Arc:
+def arc_test(constants: Constants, curve: Curve, over: int, choices: Any) -> Arc:
     """Krawczyk's test on a curve of starts and speeds; number ``over`` of the three is the parameter.
 
     It has no deviation. Raises Unproved if the flight fails.

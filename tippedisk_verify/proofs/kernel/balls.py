@@ -36,16 +36,19 @@ __all__ = [
     "ball_constants",
     "choice",
     "coefficient",
+    "exact",
     "hull",
     "inside",
     "midpoint_and_radius",
     "need",
     "negative",
     "positive",
+    "rough",
     "series_length",
+    "shared",
     "side_by_side",
     "upper",
-    "within",
+    "whole",
     "working_bits",
     "working_precision",
 ]
@@ -135,10 +138,11 @@ def ball(value: Any) -> Any:
     """A ball that holds the exact number ``value`` stands for, at the working precision.
 
     It is an integer, a Fraction, a float, a decimal or a ratio as text; a sum of a rational and a multiple of pi
-    (``rational``, ``pi_multiple``); or what has a ``value`` of these kinds. A ball passes unchanged. Raises ValueError
+    (``rational``, ``pi_multiple``); or what has a ``value`` of these kinds. A ball of any arithmetic passes unchanged.
+    Raises ValueError
     for what is no number, OverflowError for an infinite one.
     """
-    if isinstance(value, arb) or side_by_side(value):
+    if hasattr(value, "mid"):
         return value
     if hasattr(value, "pi_multiple"):
         return _rational(value.rational) + (arb.pi() * _rational(value.pi_multiple) if value.pi_multiple else 0)
@@ -184,7 +188,24 @@ def upper(x: Any) -> Any:
 
 def alike(sample: Any, value: object) -> Any:
     """A number, or a ball, as a ball in the arithmetic of ``sample``."""
-    return sample.constant(value) if side_by_side(sample) else ball(value)
+    if type(value) is type(sample):
+        return value
+    return sample.alike(value) if hasattr(sample, "alike") else ball(value)
+
+
+def whole(x: Any) -> Any:
+    """A ball that holds all values of a `jets.Jet`; anything else passes."""
+    return x.range() if hasattr(x, "c") else x
+
+
+def rough(x: Any) -> Any:
+    """A jet of the lower degree that derivatives have, which holds the same functions; anything else passes."""
+    return x.rough() if hasattr(x, "c") else x
+
+
+def exact(sample: Any, numbers: Any) -> Any:
+    """A float, or an array of them, as lengths of time stand beside ``sample``: floats beside a ball, else lanes."""
+    return type(sample)(numbers) if side_by_side(sample) else numbers
 
 
 def around_zero(radius: Any) -> Any:
@@ -199,17 +220,13 @@ def choice(mask: Any, x: Any, y: Any) -> Any:
     return x if mask else y
 
 
-def within(x: Any, length: Any) -> Any:
-    """A ball that holds what the ball ``x`` and the interval from 0 to ``length``, a float or exact lanes, share.
-
-    It is not finite where they share nothing.
-    """
+def shared(x: Any, y: Any) -> Any:
+    """A ball that holds what the balls ``x`` and ``y``, which is finite, share; not finite where they share nothing."""
     if side_by_side(x):
-        return x.within(length)
-    span = hull(0, length)
+        return x.shared(y)
     if not x.is_finite():
-        return span
-    return x.intersection(span) if x.overlaps(span) else arb.nan()
+        return y
+    return x.intersection(y) if x.overlaps(y) else arb.nan()
 
 
 def side_by_side(x: object) -> bool:

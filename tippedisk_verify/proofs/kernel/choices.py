@@ -1,8 +1,7 @@
 """The choices of a proof as a certificate has them, read again.
 
 A flight's log has an entry for each step taken. "steps": the length and the orders tested, and of a step in which the
-sliding velocity changes its sign those of the two steps behind the change too; the axes of the set that it ends with;
-and the point in time from which a zero was enclosed ("moment"), if one was.
+sliding velocity changes its sign those of the step behind the change too; and the axes of the set that it ends with.
 """
 
 from __future__ import annotations
@@ -12,10 +11,11 @@ from types import SimpleNamespace
 from typing import Any
 
 from tippedisk_verify.proofs.kernel.balls import Unproved, arb, need
-from tippedisk_verify.proofs.kernel.flow import Path, Step
+from tippedisk_verify.proofs.kernel.flow import Path
 from tippedisk_verify.proofs.kernel.krawczyk import FixedPoints
 from tippedisk_verify.proofs.kernel.reading import dyadic, order, radius
 from tippedisk_verify.proofs.kernel.section import Return
+from tippedisk_verify.proofs.kernel.step import Step
 
 __all__ = ["BOX", "FLIGHT", "Replay", "ReplayedTest"]
 
@@ -31,7 +31,7 @@ def _tested(value: Any) -> tuple[float, tuple[int, int]]:
     return length, (order(value[1]), order(value[2]))
 
 
-FLIGHT = [{"steps": [_tested, None], "axes": [[dyadic, 3], 3], "moment?": dyadic}, None]
+FLIGHT = [{"steps": [_tested, None], "axes": [[dyadic, 3], 3]}, None]
 BOX = {"radii": [radius, 2], "inverse": [[dyadic, 2], 2], "flight": FLIGHT}  #: of a Krawczyk test
 
 
@@ -57,18 +57,14 @@ class Replay:
         if part is None:
             return None
         length, orders = part
-        try:
-            return path.trial(orders).step(length)
-        except Unproved as fault:
-            raise Unproved(f"{self._place()}: {fault}") from None
+        step = path.trial(orders).tested(length)
+        need(
+            step.included, f"{self._place()}: the states and derivatives over it are not shown to stay in its enclosure"
+        )
+        return step
 
     def beyond(self) -> Any:
         return SimpleNamespace(step=lambda path, longest: self.next_part(path))
-
-    def moment(self, step: Step, index: int, level: Any) -> Any:
-        entry = self.log[self.number - 1]
-        need("moment" in entry, f"{self._place()}: a zero lies in it, of which no moment is given")
-        return entry["moment"]
 
     def axes(self, turned: Any, sizes: Any, stiffness: Any) -> Any:
         return self.log[self.number - 1]["axes"]

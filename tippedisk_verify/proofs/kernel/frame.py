@@ -19,9 +19,11 @@ Where a ball becomes a point: middle and lead are midpoints, axes any regular ma
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from copy import copy
+from operator import mul
 from typing import Any
 
-from tippedisk_verify.proofs.kernel.balls import alike, upper
+from tippedisk_verify.proofs.kernel.balls import alike, upper, whole
 
 __all__ = ["Frame"]
 
@@ -29,30 +31,34 @@ Matrix = Sequence[Sequence[Any]]
 
 
 class Frame:
-    """The set, and the derivatives (3, 4) of its states by the start's three coordinates and Omega."""
+    """The set, and the derivatives (3, 4) of its states by the start's three coordinates and Omega.
 
-    __slots__ = ("axes", "deviation", "lead", "middle", "rest", "spread")
+    A set over a curve (`curves`) has jets for middle and lead, other deviations, and in ``own`` the part of ``rest``
+    that belongs to the middle's own orbits.
+    """
+
+    __slots__ = ("axes", "columns", "deviation", "lead", "middle", "own", "rest", "spread")
 
     def __init__(self, start: Sequence[Any], omega: Any) -> None:
         self.middle: list[Any] = [part.mid() for part in start]
         #: d: four balls about zero
-        away = (part - mid for part, mid in zip(start, self.middle, strict=True))
-        self.deviation = [*away, omega - omega.mid()]
+        self.deviation = [*(x - mid for x, mid in zip(start, self.middle, strict=True)), omega - omega.mid()]
+        self.columns: Sequence[int] = (3,)  #: which of them the equations depend on
         zero, one = (alike(self.middle[0], k) for k in (0, 1))
         unit = [[one if k == row else zero for k in range(3)] for row in range(3)]
         self.lead: Matrix = [[*row, zero] for row in unit]
         self.axes: Matrix = unit
         self.rest: list[Any] = [zero] * 3
+        self.own: list[Any] | None = None
         self.spread: Matrix = [[zero] * 4 for _ in range(3)]
 
     def box(self) -> tuple[Any, ...]:
-        """Balls that hold all states, and the middle."""
-        lead, rest = _applied(self.lead, self.deviation), _applied(self.axes, self.rest)
-        zero = alike(self.middle[0], 0)
-        return tuple(middle + (a + b).union(zero) for middle, a, b in zip(self.middle, lead, rest, strict=True))
+        """What holds all states, and the middle."""
+        parts = zip(self.middle, _applied(self.lead, self.deviation), _applied(self.axes, self.rest), strict=True)
+        return tuple(middle + a + b.union(0 * b) for middle, a, b in parts)
 
     def matrix(self) -> tuple[tuple[Any, ...], ...]:
-        """(3, 4) balls: the derivatives of all states by the start and by Omega."""
+        """The derivatives of all states by what they deviate."""
         return tuple(tuple(row) for row in _sum(self.lead, _product(self.axes, self.spread)))
 
     def image(self, centre: Sequence[Any], rows: Matrix) -> tuple[Any, ...]:
@@ -61,8 +67,13 @@ class Frame:
         parts = zip(centre, _applied(lead, self.deviation), _applied(turned, self.rest), strict=True)
         return tuple(a + b + c for a, b, c in parts)
 
+    def own_image(self, centre: Sequence[Any], rows: Matrix) -> list[Any]:
+        """Where it takes those of the middle's own orbits."""
+        assert self.own is not None
+        return [a + b for a, b in zip(centre, _applied(self._mapped(rows)[1], self.own), strict=True)]
+
     def derivatives(self, rows: Matrix) -> tuple[tuple[Any, ...], ...]:
-        """(3, 4) balls: those of the images by the start and by Omega."""
+        """The derivatives of the images by what the states deviate."""
         lead, turned = self._mapped(rows)
         return tuple(tuple(row) for row in _sum(lead, _product(turned, self.spread)))
 
@@ -72,38 +83,40 @@ class Frame:
         ``axes`` gives its axes, points, from the old ones' images (balls) and the sizes of what lies along them.
         """
         lead, turned = self._mapped(rows)
-        image = object.__new__(Frame)
-        image.deviation = self.deviation
+        image = copy(self)
         image.middle = [part.mid() for part in centre]
         image.lead = [[entry.mid() for entry in row] for row in lead]
         sizes = [upper(part) + sum(map(upper, row)) for part, row in zip(self.rest, self.spread, strict=True)]
         image.axes = [[entry.mid() for entry in row] for row in axes(turned, sizes)]
         inverse = _inverse(image.axes)
         left = _product(
-            inverse, [[a - b for a, b in zip(*rows, strict=True)] for rows in zip(lead, image.lead, strict=True)]
+            inverse, [[whole(a - b) for a, b in zip(*rows, strict=True)] for rows in zip(lead, image.lead, strict=True)]
         )
         turned = _product(inverse, turned)
-        away = _applied(inverse, [part - mid for part, mid in zip(centre, image.middle, strict=True)])
+        away = _applied(inverse, [whole(part - mid) for part, mid in zip(centre, image.middle, strict=True)])
         parts = zip(away, _applied(left, self.deviation), _applied(turned, self.rest), strict=True)
         image.rest = [a + b + c for a, b, c in parts]
+        if self.own is not None:
+            image.own = [a + b for a, b in zip(away, _applied(turned, self.own), strict=True)]
         image.spread = _sum(left, _product(turned, self.spread))
         return image
 
     def _mapped(self, rows: Matrix) -> tuple[Matrix, Matrix]:
-        """Balls: the images of the lead, with the speed's own part, and of the axes."""
-        lead = [
-            [*entries[:3], entries[3] + row[3]] for entries, row in zip(_product(rows, self.lead), rows, strict=True)
-        ]
-        return lead, _product(rows, self.axes)
+        """The images of the lead, with the equations' own part, and, as balls, of the axes."""
+        lead = _product(rows, self.lead)
+        for entries, row in zip(lead, rows, strict=True):
+            for column, own in zip(self.columns, row[3:], strict=True):
+                entries[column] = entries[column] + own
+        return lead, [[whole(entry) for entry in row] for row in _product(rows, self.axes)]
 
 
-def _product(a: Matrix, b: Matrix) -> Matrix:
+def _product(a: Matrix, b: Matrix) -> list[list[Any]]:
     """Of the first three columns of ``a`` with three rows."""
     return [[row[0] * x + row[1] * y + row[2] * z for x, y, z in zip(*b, strict=True)] for row in a]
 
 
 def _applied(matrix: Matrix, vector: Sequence[Any]) -> list[Any]:
-    return [sum(entry * part for entry, part in zip(row, vector, strict=True)) for row in matrix]
+    return [sum(map(mul, row[1:], vector[1:]), row[0] * vector[0]) for row in matrix]
 
 
 def _sum(a: Matrix, b: Matrix) -> Matrix:

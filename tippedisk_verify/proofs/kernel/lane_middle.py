@@ -8,21 +8,23 @@ alone are as small as the balls of its image, so doubles suffice for them.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tippedisk_verify.proofs.kernel.balls import arb
+from tippedisk_verify.proofs.kernel.batch import some, some_model
 from tippedisk_verify.proofs.kernel.field import Law, field
-from tippedisk_verify.proofs.kernel.flow import Model, Step, Trial, Verdict, polynomial
-from tippedisk_verify.proofs.kernel.lane_path import LanePath, LaneProposer, some, some_model
+from tippedisk_verify.proofs.kernel.flow import Model, Path
 from tippedisk_verify.proofs.kernel.lanes import Lanes
-from tippedisk_verify.proofs.kernel.section import Cases, Return
+from tippedisk_verify.proofs.kernel.section import Return, Round, Section, Walk
 from tippedisk_verify.proofs.kernel.series import Graph, System
+from tippedisk_verify.proofs.kernel.step import Step, Trial, polynomial
 
-__all__ = ["SharpModel", "SharpPath", "SharpReturn"]
+__all__ = ["SharpModel", "SharpReturn", "SharpWalk"]
 
 Array = NDArray[Any]
 
@@ -41,9 +43,15 @@ class SharpModel:
 
     def some(self, which: Array) -> SharpModel:
         """The model of some lanes."""
-        model = object.__new__(SharpModel)
+        model = copy(self)
         model.lanes, model.orbits = some_model(self.lanes, which), self.orbits[which]
         return model
+
+    def path(self, start: Sequence[Lanes], proposer: Any, *, derivatives: bool) -> Path:
+        """All orbits from a box in each lane."""
+        path = _Path(self.lanes, start, proposer, derivatives=derivatives)
+        path.orbits = self.orbits
+        return path
 
 
 @dataclass(frozen=True)
@@ -53,66 +61,76 @@ class SharpReturn(Return):
     middle: Any = None
 
 
-class SharpPath(LanePath):
-    """A `LanePath` whose middles Arb follows; beside the box there is the orbit of its middle alone.
+class SharpWalk(Walk):
+    """A `Walk` whose middles Arb follows; beside the box there is the orbit of its middle alone.
 
     That orbit is one of the box's, so what is proved of a step holds for it.
     """
 
-    def __init__(self, model: SharpModel, start: Sequence[Lanes], proposer: LaneProposer) -> None:
-        super().__init__(model.lanes, start, proposer)
-        self.orbits = model.orbits
-        self.middle = LanePath(model.lanes, [part.mid() for part in start], proposer)
+    def __init__(
+        self, model: SharpModel, section: Section, box: Sequence[Lanes], proposer: Any, *, derivatives: bool = False
+    ) -> None:
+        super().__init__(model, section, box, proposer, derivatives=derivatives)  # type: ignore[arg-type]
+        self.middle = Walk(model.lanes, section, [part.mid() for part in box], proposer, derivatives=derivatives)
         # The middle moves at the exact speed, from which nothing deviates.
-        for path in (self, self.middle):
-            path.frame.deviation = [*path.frame.deviation[:3], start[0].constant(0)]
+        for path in (self.path, self.middle.path):
+            path.frame.deviation = [*path.frame.deviation[:3], box[0].constant(0)]
             path.box = path.frame.box()
 
-    def trial(self, orders: tuple[int, int], middle: Sequence[Any] | None = None) -> Trial:
-        return _Trial(self, orders, middle)
+    def some(self, which: Any) -> Self:
+        walk = super().some(which)
+        walk.middle = self.middle.some(which)
+        return walk
 
     def _of_middle(self, step: Step) -> Step:
         """The step with the set of the middle alone; where its end is does not depend on the set."""
-        own = replace(step, frame=self.middle.frame)
+        own = replace(step, frame=self.middle.path.frame)
         vars(own)["end"] = step.end
         return own
 
-    def _turn(self, step: Step, case: Cases, proved: Array) -> None:
-        self.middle._turn(self._of_middle(step), case, proved)
-        super()._turn(step, case, proved)
+    def _advance(self, step: Step) -> Round:
+        own = self._of_middle(step)
+        tried = super()._advance(step)
+        moving = tried.proved & ~tried.arrived
+        if moving.any():
+            self.middle.path.take(own, where=moving)
+        return tried
 
-    def _land(self, step: Step, case: Cases, proved: Array) -> tuple[Array, Return | None]:
-        among, landed = self.middle._land(self._of_middle(step), case, proved)
-        arrived, landing = super()._land(step, case, proved)
+    def _turn(self, step: Step, turning: Any, proved: Any) -> Any:
+        proved = self.middle._turn(self._of_middle(step), turning, proved)
+        return super()._turn(step, turning & proved, proved)
+
+    def _land(self, step: Step, crossing: Any, speed: Any) -> tuple[Any, Return | None]:
+        among, landed = self.middle._land(self._of_middle(step), crossing, speed)
+        arrived, landing = super()._land(step, among, speed)
         if landing is not None:
-            landing = SharpReturn(**vars(landing), middle=some(landed, np.isin(among, arrived)))
+            landing = SharpReturn(**vars(landing), middle=some(landed, arrived[among]))
         return arrived, landing
 
-    def go_on(self, step: Step, proved: Array, crossing: Any = None) -> None:
-        self.middle.go_on(self._of_middle(step), proved)
-        super().go_on(step, proved, crossing)
 
-    def some(self, which: Array) -> SharpPath:
-        path = super().some(which)
-        path.middle = self.middle.some(which)
-        return path
+class _Path(Path):
+    """With the system of each lane's middle."""
+
+    BATCHED = (*Path.BATCHED, "orbits")
+    orbits: Array
+
+    def trial(self, orders: tuple[int, int]) -> Trial:
+        return _Trial(self, orders)
 
 
 class _Trial(Trial):
     """Adds the middles' series to the steps that are proved."""
 
-    path: SharpPath
-
-    def tested(self, verdict: Verdict) -> Step:
-        step = super().tested(verdict)
-        columns = np.empty(len(verdict.included), object)
+    def tested(self, length: Lanes) -> Step:
+        step = super().tested(length)
+        columns = np.empty(len(length), object)
         starts = np.array([part.midpoints for part in self.path.frame.middle]).T
-        for lane, proved in enumerate(verdict.included):
+        remainders = [series[-1] for series in step.polynomials]
+        for lane in np.flatnonzero(step.included):
             # A middle is a point where it is finite, which it is where the step is proved.
-            if proved:
-                start = [arb(float(part)) for part in starts[lane]]
-                series = self.path.orbits[lane].coefficients(start, self.orders[0])
-                columns[lane] = [[*c, r.arb(lane)] for c, r in zip(series, verdict.fine, strict=True)]
+            start = [arb(float(part)) for part in starts[lane]]
+            series = self.path.orbits[lane].coefficients(start, self.orders[0])
+            columns[lane] = [[*c, r.arb(lane)] for c, r in zip(series, remainders, strict=True)]
         return _Step(**vars(step), columns=columns)
 
 
@@ -120,11 +138,12 @@ class _Trial(Trial):
 class _Step(Step):
     """A step with the series of each lane's middle, None where it is not proved."""
 
-    columns: Array
+    columns: Any = None
 
-    def centre(self, time: Lanes) -> Sequence[_Image]:
+    def centre(self, time: Lanes, components: slice = slice(3)) -> Sequence[_Image]:
+        empty = [[arb.nan()]] * 3
         images = [
-            [arb.nan()] * 3 if columns is None else [polynomial(column, time.arb(lane)) for column in columns]
+            [polynomial(column, time.arb(lane)) for column in (columns or empty)[components]]
             for lane, columns in enumerate(self.columns)
         ]
         return [_Image(part) for part in zip(*images, strict=True)]

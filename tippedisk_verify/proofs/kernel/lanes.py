@@ -296,6 +296,8 @@ class Lanes:
         """As many balls that hold one number; lanes pass unchanged."""
         return value if isinstance(value, Lanes) else Lanes.of([value])[np.zeros(len(self), int)]
 
+    alike = constant
+
     def where(self, mask: NDArray[np.bool_], other: Lanes) -> Lanes:
         """These lanes where the mask is true, those of the other where it is not."""
         return made(np.where(mask, self._mid, other._mid), np.where(mask, self._rad, other._rad))
@@ -309,18 +311,13 @@ class Lanes:
         return rounded(middle, np.maximum(reach, np.abs(b._mid - middle) + b._rad))
 
     @quieted
-    def within(self, length: Lanes) -> Lanes:
-        """Balls that hold what the balls share with [0, length]; infinite where nothing is, or no length is exact."""
+    def shared(self, other: Lanes) -> Lanes:
+        """Balls that hold what two balls share; infinite where nothing is. The other is finite, or nothing is known."""
         # A sum to nearest is less than one double away from the exact one.
-        low = np.nextafter(self._mid - self._rad, -np.inf)
-        high = np.nextafter(self._mid + self._rad, np.inf)
-        finite = self.is_finite()
-        low, high = (
-            np.where(finite, np.maximum(low, 0.0), 0.0),
-            np.where(finite, np.minimum(high, length._mid), length._mid),
-        )
-        shared = (low <= high) & (length._rad == 0)
-        return Lanes(np.where(shared, low, np.nan)).union(Lanes(np.where(shared, high, np.nan)))
+        low = np.maximum(*(np.nextafter(x._mid - x._rad, -np.inf) for x in (self, other)))
+        high = np.minimum(*(np.nextafter(x._mid + x._rad, np.inf) for x in (self, other)))
+        low, high = (Lanes(np.where((low <= high) & other.is_finite(), end, np.nan)) for end in (low, high))
+        return low.union(high).where(self.is_finite(), other)
 
     def positive(self) -> NDArray[np.bool_]:
         """Of each lane, whether every number of the ball is greater than zero: a comparison of two floats."""

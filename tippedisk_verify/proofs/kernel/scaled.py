@@ -2,10 +2,9 @@
 
 In the angles beta_bar, gamma_bar from inverted spinning the field is odd. So with a state a y, y = (b, g, w) and
 q = a^2, the rates of y are analytic functions of y, Omega and q, and at q = 0 they are the linearisation's. They are
-`field`'s own: `_Part` stands for a number a x (odd) or x (even). The sine of an odd one is odd, with
-sin(a x) / a (`scaled_sine`), its cosine is even; a product of two odd ones is even, with a factor q. A sum of an odd
-one and an even one, or a quotient by an odd one, is refused. So the rates are seen to be odd, and no division by a ever
-takes place.
+`field`'s own: `_Part` stands for a number a x (odd) or x (even). The sine of an odd one is odd, with sin(a x) / a
+(`jets.scaled_sine`), its cosine is even; a product of two odd ones is even, with a factor q. A sum of an odd one and an
+even one, or a quotient by an odd one, is refused. So the rates are seen to be odd, and no division by a takes place.
 
 **The equations.** Let P(g, w; Omega, q) be the scaled half map from the section b = 0, w < 0, and F(w, Omega; q) =
 P(1, w; Omega, q) - (1, w). For q > 0 its zeros are the family's cycles with gamma_bar_0 = a and v_0 = a w. Krawczyk's
@@ -37,8 +36,7 @@ from typing import Any
 from tippedisk_verify.proofs.kernel.balls import need, positive
 from tippedisk_verify.proofs.kernel.curves import Curve, Matrix
 from tippedisk_verify.proofs.kernel.field import Constants, field
-from tippedisk_verify.proofs.kernel.jets import Jet
-from tippedisk_verify.proofs.kernel.scaled_sine import scaled_sine
+from tippedisk_verify.proofs.kernel.jets import Jet, scaled_sine
 from tippedisk_verify.proofs.kernel.series import Graph, Node, System, with_derivatives
 
 __all__ = ["ScaledCurve", "ScaledModel"]

@@ -14,28 +14,35 @@ A path that falls, turns once and rises has beta_bar < 0 between the two section
 **The turn map** (`TURN`) goes from gamma_bar = 0 to gamma_bar = 2 pi. As long as 0 < beta_bar < pi/2, gamma' =
 Omega sin(beta_bar) is positive: an orbit of which this is shown passes gamma_bar = 2 pi exactly once.
 
-Of every step it is shown that |beta_bar| < 1.5707: the disk does not lie flat. A shorter step is asked for where none
-of this can be shown; if that does not help, the proof ends with a status that says so.
+Of every step it is shown that |beta_bar| < 1.5707: the disk does not lie flat. Of a step in which the friction law
+changes (`sliding.Crossing`) v must keep its sign and gamma_bar must stay below 2 pi, so that neither the turn nor the
+section lies in it. A shorter step is asked for where none of this can be shown; if that does not help, the proof ends
+with a status that says so.
 
-The moment of a zero is enclosed by interval Newton steps T -> t - x(t) / x'(T), from a point t in the step; any would
-do.
+One `Walk` does this for single balls and for batches, where every round tries a step for each start. What is proved
+moves on, and the rest stays where it is. What is proved of a start does not depend on those beside it, but for the
+orders of the series and the sums that numpy takes in another order.
 """
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import Any, NamedTuple
+from collections.abc import Sequence
+from copy import copy
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple, Self
 
-from tippedisk_verify.proofs.kernel.balls import alike, arb, choice, inside, need, negative, positive, within
-from tippedisk_verify.proofs.kernel.flow import Model, Path, Proposer, Status, Step
+import numpy as np
 
-__all__ = ["HALF", "TURN", "UPRIGHT", "Return", "Section", "Status", "enclosed_moment", "returned"]
+from tippedisk_verify.proofs.kernel.balls import alike, arb, choice, inside, negative, positive
+from tippedisk_verify.proofs.kernel.batch import among, replaced, some, some_model
+from tippedisk_verify.proofs.kernel.flow import Model, Proposer, Status
+from tippedisk_verify.proofs.kernel.sliding import Crossing
+from tippedisk_verify.proofs.kernel.step import Step, enclosed_moment
+
+__all__ = ["HALF", "TURN", "UPRIGHT", "Return", "Round", "Section", "Status", "Walk", "returned"]
 
 UPRIGHT = 1.5706999  #: rad; as a radius, rounded up to 30 bits, still below 1.5707 and pi/2: sin(beta) > 0 within
 _MOST_CUTS = 40
-_NEWTON_STEPS = 4
 
 
 class Section(NamedTuple):
@@ -73,8 +80,8 @@ class Return:
 
     status: Status
     reached: Any  #: how far the path was followed [s]
-    steps: int
-    reversals: int = 0  #: changes of the sliding velocity's sign; counted under the smooth law only
+    steps: Any
+    reversals: Any = 0  #: changes of the sliding velocity's sign; counted under the smooth law only
     time: Any = None  #: flight time [s]
     image: Any = None  #: x under the map
     beta_least: Any = None  #: of the half map least beta_bar, at the turn [rad]
@@ -96,200 +103,188 @@ def returned(
     longest: float = 60.0,
 ) -> Return:
     """Enclose a section's map over a box of its two coordinates; ``longest`` [s] ends the flight."""
-    path = model.path(section.start(*box), proposer, derivatives=derivatives)
-    if section == HALF and not negative(alike(path.box[2], box[1])):
+    walk = Walk(model, section, box, proposer, derivatives=derivatives)
+    path = walk.path
+    if section == HALF and not negative(alike(path.time, box[1])):
         return Return(Status.NO_START, path.time, 0)
-    walk = (_HalfWalk if section == HALF else _TurnWalk)(model, path)
     while path.time < longest:
-        step = _resolved(walk)
-        if isinstance(step, Status):
-            return Return(step, path.time, path.steps)
-        path.take(step, walk.crossing)
-        if walk.crossing is not None:
-            return landed(section, path, walk.beta_least, walk.turn_by_start)
+        length: Any = None
+        tried: Round | None = None
+        for _ in range(_MOST_CUTS):
+            before, tried = tried, walk.advance(length)
+            if tried is None or tried.proved:
+                break
+            length = 0.7 * tried.step.length
+        if tried is None or not tried.proved:
+            last = tried or before
+            status = Status.FLAT if last and not last.upright else Status.UNRESOLVED if tried else path.status
+            return Return(status or Status.NO_ENCLOSURE, path.time, path.steps)
+        if tried.landing is not None:
+            return tried.landing
     return Return(Status.NO_RETURN, path.time, path.steps)
 
 
-class _Walk(ABC):
-    """Where the path stands between two crossings of the section."""
+@dataclass(frozen=True)
+class Round:
+    """What is proved of one step; of a batch, box by box."""
 
-    def __init__(self, model: Model, path: Path) -> None:
-        self.model, self.path = model, path
-        self.beta_least: Any = None
-        self.turn_by_start: Any = None
-        self.crossing: Any = None
-
-    @abstractmethod
-    def leans(self, step: Step) -> Any:
-        """Whether beta_bar is proved to stay where it must."""
-
-    @abstractmethod
-    def shows(self, step: Step) -> bool:
-        """Whether what the step must do is proved of it; notes a crossing."""
-
-    def guess(self, step: Step, index: int, level: Any) -> Any:
-        """A moment in the step, to begin with."""
-        moment = self.path.proposer.moment(step, index, level)
-        need(bool(moment >= 0 and moment <= step.length), "a moment is proposed that does not lie in its step")
-        return moment
-
-
-class _TurnWalk(_Walk):
-    """From gamma_bar = 0 to 2 pi: the step ends before, or crosses."""
-
-    def leans(self, step: Step) -> Any:
-        return positive(step.enclosure[0]) and inside(step.enclosure[0], arb(0, UPRIGHT))
-
-    def shows(self, step: Step) -> bool:
-        level = TURN.level()
-        ahead = step.at_end()[1] - level
-        if not positive(ahead):
-            return bool(negative(ahead))
-        slope = self.model.rates(step.enclosure)[1]
-        self.crossing, proved = enclosed_moment(
-            step,
-            self.guess(step, 1, level),
-            lambda t: step.at(t)[1] - level,
-            slope,
-            lambda t: self.model.rates(step.at(t))[1],
-        )
-        return bool(positive(slope) and proved)
-
-
-class _HalfWalk(_Walk):
-    """From beta_bar = 0, v < 0: one of the three cases, and a turn is noted."""
-
-    turned = False
-
-    def leans(self, step: Step) -> Any:
-        return inside(step.enclosure[0], arb(0, UPRIGHT))
-
-    def shows(self, step: Step) -> bool:
-        case = cases(self.model, self.path.box, step)
-        if self.turned:
-            if case.crosses:
-                self.crossing, proved = moment_of_crossing(step, self.guess(step, 0, 0), case.speed)
-                return bool(proved)
-            return bool(case.rises)
-        if case.falls or not case.turns:
-            return bool(case.falls)
-        turn, proved = moment_of_turn(self.model, step, self.guess(step, 2, 0))
-        if not proved:
-            return False
-        self.beta_least, self.turn_by_start = at_turn(step, turn, self.path.sharp)
-        self.turned = True
-        return True
+    step: Step
+    upright: Any  #: the disk does not lie flat
+    followed: Any  #: the step itself is proved, and what it does at gamma_y = 0
+    proved: Any  #: all that, with its case: the path has taken the step, or landed
+    arrived: Any  #: the section is reached
+    landing: Return | None  #: and what is proved of those that have reached it
 
 
 class Cases(NamedTuple):
-    """What is proved of a step, lane by lane where there are lanes."""
+    """What is proved of a step; of a batch, box by box."""
 
-    falls: Any
+    upright: Any  #: beta_bar stays where it must
+    on: Any  #: it falls, or after the turn rises, and the section is not reached
     turns: Any
-    rises: Any  #: and beta_bar < 0 at its end
     crosses: Any
-    speed: Any  #: holds v throughout the step, if v rises
+    speed: Any  #: holds the rate of the section's component throughout a step that crosses
 
 
-def cases(model: Model, box: Sequence[Any], step: Step) -> Cases:
-    """The cases of the module's docstring; ``box`` holds the states at the step's start."""
-    v_start, v_all = box[2], step.enclosure[2]
-    beta_end, _, v_end = step.at_end()
-    gains = positive(model.rates(step.enclosure)[2])
-    climbs = gains & positive(v_start) & positive(v_end)
-    rises = positive(v_all) | climbs
-    return Cases(
-        falls=negative(v_all) | (gains & negative(v_end)),
-        turns=gains & negative(v_start) & positive(v_end) & negative(beta_end),
-        rises=rises & negative(beta_end),
-        crosses=rises & positive(beta_end),
-        speed=choice(positive(v_all), v_all, v_start.union(v_end)),  # v climbs from one to the other
-    )
+class Walk:
+    """All orbits from a box on a section, or from each of a batch, on their way to the next crossing."""
 
+    def __init__(
+        self, model: Model, section: Section, box: Sequence[Any], proposer: Proposer, *, derivatives: bool = False
+    ) -> None:
+        self.section = section
+        self.path = model.path(section.start(*box), proposer, derivatives=derivatives)
+        self.turned = 0 * self.path.steps != 0
+        #: least beta_bar, and its derivatives by (gamma_bar, v, Omega), where the path has turned
+        self.turn: tuple[Any, Any] = (self.path.time, (self.path.time,) * 3) if section == HALF else (None, None)
 
-def moment_of_turn(model: Model, step: Step, guess: Any) -> tuple[Any, Any]:
-    """When v = 0 in a step that is proved to turn, and whether that is proved."""
-    slope = model.rates(step.enclosure)[2]
-    return enclosed_moment(step, guess, lambda t: step.at(t)[2], slope, lambda t: model.rates(step.at(t))[2])
+    def some(self, which: Any) -> Self:
+        """The walk of some boxes of a batch, by mask or indices."""
+        walk = copy(self)
+        walk.path = self.path.some(which)
+        walk.turned, walk.turn = some((self.turned, self.turn), which)
+        return walk
 
-
-def moment_of_crossing(step: Step, guess: Any, speed: Any) -> tuple[Any, Any]:
-    """When beta_bar = 0 in a step that is proved to cross the section, and whether that is proved."""
-    return enclosed_moment(step, guess, lambda t: step.at(t)[0], speed, lambda t: step.at(t)[2])
-
-
-def at_turn(step: Step, moment: Any, derivatives: bool) -> tuple[Any, Any]:
-    """The least beta_bar, and its derivatives by (gamma_bar, v, Omega) if they are asked for."""
-    # At the turn beta' = 0: moving the moment does not change beta to first order.
-    return step.at(moment)[0], step.derivatives_at(moment)[0][1:] if derivatives else None
-
-
-def _resolved(walk: _Walk) -> Step | Status:
-    """A step of which one of the cases is proved, cut shorter until it is."""
-    length, leans = None, True
-    for _ in range(_MOST_CUTS):
-        step = walk.path.step(length)
+    def advance(self, longest: float | None = None) -> Round | None:
+        """One step, taken where it is proved; None if the path has none."""
+        step = self.path.step(longest)
         if step is None:
-            break
-        leans = walk.leans(step)
-        if leans and walk.shows(step):
-            return step
-        walk.crossing, length = None, 0.7 * step.length
-    if not leans:
-        return Status.FLAT
-    return Status.UNRESOLVED if step is not None else walk.path.status or Status.NO_ENCLOSURE
+            return None
+        if step.aside is None:
+            return self._advance(step)
+        which, crossing = step.aside
+        others = self.some(which)  # they take a step of their own, and neither turn nor land
+        tried, theirs = self._advance(replace(step, aside=None)), others._advance(crossing)
+        self.path.put(which, others.path)
+        parts = ((tried.upright, theirs.upright), (tried.followed, theirs.followed), (tried.proved, theirs.proved))
+        upright, followed, proved = (replaced(old, which, new) for old, new in parts)
+        return Round(step, upright, followed, proved, tried.arrived, tried.landing)
 
+    def _advance(self, step: Step) -> Round:
+        case, followed = self._cases(step), step.included & step.followed
+        proved = followed & case.upright & (case.on | case.turns | case.crosses)
+        proved = self._turn(step, proved & case.turns, proved)
+        arrived, landing = self._land(step, proved & case.crosses, case.speed)
+        proved = proved & (arrived | (case.crosses ^ True))
+        moving = proved & (arrived ^ True)
+        if np.any(moving):
+            self.path.take(step, where=moving)
+        return Round(step, case.upright, followed, proved, arrived, landing)
 
-def enclosed_moment(
-    step: Step, guess: Any, value_at: Callable[[Any], Any], slope: Any, slope_at: Callable[[Any], Any]
-) -> tuple[Any, Any]:
-    """All zeros of functions of time, of which each has one in the step, and whether the enclosure is proved.
+    def _cases(self, step: Step) -> Cases:
+        """The cases of the module's docstring."""
+        rates, (beta, _, v) = self.path.model.rates(step.enclosure), step.enclosure
+        beta_end, gamma_end, v_end = step.at_end()
+        one_law = not isinstance(step, Crossing)
+        upright = inside(beta, alike(beta, arb(0, UPRIGHT)))
+        if self.section == TURN:
+            ahead = gamma_end - TURN.level()
+            passed = positive(ahead) & positive(rates[1]) & one_law
+            return Cases(upright & positive(beta), negative(ahead), False, passed, rates[1])
+        start, gains = self.path.box[2], positive(rates[2]) & one_law
+        falls = negative(v) | (gains & negative(v_end))
+        turns = gains & negative(start) & positive(v_end) & negative(beta_end)
+        rises = positive(v) | (gains & positive(start) & positive(v_end))
+        # v climbs from one to the other.
+        speed = choice(positive(v), v, start.union(v_end))
+        before = self.turned ^ True
+        return Cases(
+            upright,
+            (before & falls) | (self.turned & rises & negative(beta_end)),
+            before & turns,
+            self.turned & rises & positive(beta_end) & one_law,
+            speed,
+        )
 
-    ``value_at`` and ``slope_at`` enclose the functions and their derivatives at a ball of times within the step;
-    ``slope`` holds the positive derivatives between the guess and the zeros.
-    """
-    value = value_at(guess)
-    # The zero is in the step: what the quotients hold beyond it is left out.
-    moment = within(guess - value / slope, step.length)
-    proved = positive(moment + 1)
-    for _ in range(_NEWTON_STEPS):
-        # The mean value theorem between the zero and the guess: the slope over both.
-        between = slope_at(moment.union(guess))
-        moment = within(guess - value / between, step.length)
-        proved = proved & positive(between) & positive(moment + 1)
-    return moment, proved
+    def _turn(self, step: Step, turning: Any, proved: Any) -> Any:
+        """Notes turns; what is ``proved`` without those whose moment cannot be enclosed."""
+        if not np.any(turning):
+            return proved
+        part, model = some(step, turning), some_model(self.path.model, turning)
+        moment, sure = enclosed_moment(
+            part,
+            part.span(),
+            lambda time: part.component(2, time),
+            model.rates(part.enclosure)[2],
+            lambda time: model.rates(part.at(time))[2],
+        )
+        enclosed = among(turning, sure)
+        # At the turn beta' = 0: moving the moment does not change beta to first order.
+        turn = part.component(0, moment), part.derivatives_at(moment)[0][1:] if self.path.sharp else None
+        self.turn, self.turned = replaced(self.turn, enclosed, some(turn, sure)), self.turned | enclosed
+        return proved & (enclosed | (turning ^ True))
 
+    def _land(self, step: Step, crossing: Any, speed: Any) -> tuple[Any, Return | None]:
+        """Which of those that are crossing have arrived, by an enclosed moment; and what is proved of these."""
+        if not np.any(crossing):
+            return crossing, None
+        part, model, section = some(step, crossing), some_model(self.path.model, crossing), self.section
+        level = section.level()
+        moment, sure = enclosed_moment(
+            part,
+            part.span(),
+            lambda time: part.component(section.zero, time) - level,
+            some(speed, crossing),
+            lambda time: model.rates(part.at(time))[section.zero],
+        )
+        arrived = among(crossing, sure)
+        if not np.any(arrived):
+            return arrived, None
+        there = self.some(arrived)
+        there.path.take(some(part, sure), some(moment, sure))
+        return arrived, there._landed()
 
-def landed(section: Section, path: Path, beta_least: Any, turn_by_start: Any) -> Return:
-    """What is proved of orbits whose path has been taken to the section."""
-    first, sign = section.first, section.sign
-    derivatives: dict[str, Any] = {}
-    if path.sharp:
-        state = list(path.box)
-        if sign < 0:  # that is where the section lies
-            state[section.zero] = alike(state[2], 0)
-        rates, columns = path.model.rates(state), (first, 2, 3)
-        # On the section time moves with the start, dt = -d(component) / its rate, and takes the others along.
-        times = [-path.matrix[section.zero][k] / rates[section.zero] for k in columns]
-        rows = [
-            [sign * (path.matrix[row][k] + rates[row] * time) for k, time in zip(columns, times, strict=True)]
-            for row in (first, 2)
-        ]
-        derivatives = {
-            "matrix": tuple(tuple(row[:2]) for row in rows),
-            "by_omega": tuple(row[2] for row in rows),
-            "time_by_state": tuple(times[:2]),
-            "time_by_omega": times[2],
-            "divergence": path.divergence,
-        }
-    return Return(
-        Status.RETURNED,
-        path.time,
-        path.steps,
-        path.reversals,
-        time=path.time,
-        image=tuple(sign * path.box[row] for row in (first, 2)),
-        beta_least=beta_least,
-        turn_by_start=turn_by_start,
-        **derivatives,
-    )
+    def _landed(self) -> Return:
+        """What is proved of orbits whose path has been taken to the section."""
+        path, section = self.path, self.section
+        first, sign = section.first, section.sign
+        derivatives: dict[str, Any] = {}
+        if path.sharp:
+            state = list(path.box)
+            if sign < 0:  # that is where the section lies
+                state[section.zero] = alike(state[2], 0)
+            rates, columns = path.model.rates(state), (first, 2, 3)
+            # On the section time moves with the start, dt = -d(component) / its rate, and takes the others along.
+            times = [-path.matrix[section.zero][k] / rates[section.zero] for k in columns]
+            rows = [
+                [sign * (path.matrix[row][k] + rates[row] * time) for k, time in zip(columns, times, strict=True)]
+                for row in (first, 2)
+            ]
+            derivatives = {
+                "matrix": tuple(tuple(row[:2]) for row in rows),
+                "by_omega": tuple(row[2] for row in rows),
+                "time_by_state": tuple(times[:2]),
+                "time_by_omega": times[2],
+                "divergence": path.divergence,
+            }
+        return Return(
+            Status.RETURNED,
+            path.time,
+            path.steps,
+            path.reversals,
+            time=path.time,
+            image=tuple(sign * path.box[row] for row in (first, 2)),
+            beta_least=self.turn[0],
+            turn_by_start=self.turn[1],
+            **derivatives,
+        )

@@ -8,7 +8,7 @@ need no second transcription (`with_derivatives`).
 
 Besides the sine and cosine there is the pair S = sin(a x) / a, C = cos(a x) with q = a^2 (`Graph.scaled_sine`): along
 an orbit S' = C x' and C' = -q S x', without a division by a. Of its derivatives by q, dC/dq is -x S / 2, and D = dS/dq
-has D' = (dC/dq) x' = -(x S) x' / 2. Where they start `scaled_sine` says.
+has D' = (dC/dq) x' = -(x S) x' / 2. Where they start `jets.scaled_sine` says.
 
 On balls every coefficient is an enclosure: each step of a recurrence is an operation on balls, Arb's or those of
 `lanes`, which are inclusion-isotone. No ball is replaced by a point, a float or a midpoint in this file. An arithmetic
@@ -23,12 +23,12 @@ from fractions import Fraction
 from operator import mul
 from typing import Any
 
-from tippedisk_verify.proofs.kernel.scaled_sine import scaled_sine
+from tippedisk_verify.proofs.kernel.jets import scaled_sine
 
 __all__ = ["Graph", "Node", "System", "with_derivatives"]
 
 
-_PAIRS = ("sin", "cos", "scaled sine", "scaled cosine")
+_PAIR = ("sin", "cos")
 
 
 class Node:
@@ -102,20 +102,17 @@ class Graph:
         return node
 
     def sin(self, angle: Node) -> Node:
-        if angle.partner is None:
-            sine, cosine = Node(self, "sin", angle), Node(self, "cos", angle)
-            angle.partner, sine.partner, cosine.partner = sine, cosine, sine
-        return angle.partner
+        return self.scaled_sine(angle, None)
 
     def cos(self, angle: Node) -> Node:
         cosine = self.sin(angle).partner
         assert cosine is not None
         return cosine
 
-    def scaled_sine(self, angle: Node, square: Node) -> Node:
-        """sin(a x) / a of an angle x, for a^2 = ``square``, a constant; its partner is cos(a x)."""
+    def scaled_sine(self, angle: Node, square: Node | None) -> Node:
+        """sin(a x) / a of an angle x, for a^2 = ``square``, a constant; its partner is cos(a x). None: a = 1."""
         if angle.partner is None:
-            sine, cosine = Node(self, "scaled sine", angle, square), Node(self, "scaled cosine", angle, square)
+            sine, cosine = Node(self, "sin", angle, square), Node(self, "cos", angle, square)
             angle.partner, sine.partner, cosine.partner = sine, cosine, sine
         return angle.partner
 
@@ -142,19 +139,17 @@ class Graph:
                 share = bar / node.right
                 pass_on(node.left, share)
                 pass_on(node.right, -(node * share))
-            elif node.kind == "scaled sine":
-                pass_on(node.left, node.partner * bar)
-                if node.right.active:
-                    slope = Node(self, "scaled slope", node.left * node, node.right)
-                    slope.partner = node.left
-                    pass_on(node.right, slope * bar)
-            elif node.kind == "scaled cosine":
-                pass_on(node.left, -(node.right * (node.partner * bar)))
-                if node.right.active:
-                    pass_on(node.right, (node.left * node.partner) * bar / -2)
             else:
-                other = node.partner * bar
-                pass_on(node.left, other if node.kind == "sin" else -other)
+                angle, square, share = node.left, node.right, node.partner * bar
+                if node.kind == "cos":
+                    share = -share if square is None else -(square * share)
+                pass_on(angle, share)
+                if square is not None and square.active:
+                    slope = (angle * node.partner) / -2
+                    if node.kind == "sin":
+                        slope = Node(self, "slope", angle * node, square)
+                        slope.partner = angle
+                    pass_on(square, slope * bar)
         return [self.number(adjoints.get(node, 0)) for node in inputs]
 
 
@@ -257,16 +252,16 @@ def _ancestors(nodes: Sequence[Node]) -> set[Node]:
         if node not in ancestors:
             ancestors.add(node)
             # A sine's recurrence needs the cosine, and the other way round; a variable has a partner that it needs not.
-            partner = node.partner if node.kind in _PAIRS or node.kind == "scaled slope" else None
+            partner = node.partner if node.kind in (*_PAIR, "slope") else None
             open_nodes += [part for part in (node.left, node.right, partner) if isinstance(part, Node)]
     return ancestors
 
 
 def _convolved(node: Node) -> tuple[Node, ...]:
     """The nodes whose coefficients of all orders a node's recurrence needs."""
-    if node.kind in _PAIRS:
+    if node.kind in _PAIR:
         return (node,)
-    if node.kind == "scaled slope":
+    if node.kind == "slope":
         return (node.left,)
     if node.kind == "divide" and not node.right.constant:
         return node, node.right
@@ -282,28 +277,10 @@ def _recurrence(node: Node) -> Callable[[int], None] | None:
     """
     kind, x, y = node.kind, node.left, node.right
 
-    if kind in ("variable", "cos", "scaled cosine"):  # a variable's come from its rate, a cosine's with its sine
+    if kind in ("variable", "cos"):  # a variable's come from its rate, a cosine's with its sine
         return None
-    if kind in ("scaled sine", "scaled slope"):
-        return _scaled_recurrence(node)
-    if kind == "sin":
-        cosine = node.partner
-        slopes: Any = []
-        assert cosine is not None
-
-        def sine(k: int) -> None:
-            nonlocal slopes
-            if k == 0:
-                slopes = getattr(x.c[0], "series", _list)(slopes)
-                node.c.append(x.c[0].sin())
-                cosine.c.append(x.c[0].cos())
-            else:
-                slopes.append(k * x.c[k])
-                rise, fall = _convolution(slopes, cosine.c), _convolution(slopes, node.c)
-                node.c.append(rise / k)
-                cosine.c.append(-fall / k)
-
-        return sine
+    if kind in ("sin", "slope"):
+        return _sine(node) if kind == "sin" else _slope(node)
     if kind == "divide":
         if y.constant:
             return lambda k: node.c.append(x.c[k] / y.c[0])
@@ -331,38 +308,44 @@ def _recurrence(node: Node) -> Callable[[int], None] | None:
     return lambda k: node.c.append(x.c[k] - y.c[k])
 
 
-def _scaled_recurrence(node: Node) -> Callable[[int], None]:
-    """Of sin(a x) / a with its partner, or of its derivative by a^2, of which ``left`` is x sin(a x) / a."""
-    sloped = node.kind == "scaled slope"
-    x = node.partner if sloped else node.left
-    other, q = (node.left if sloped else node.partner), node.right
+def _sine(node: Node) -> Callable[[int], None]:
+    """Of a sine with its cosine: S' = C x', C' = -q S x'."""
+    x, square, cosine = node.left, node.right, node.partner
+    slopes: Any = []
+    assert cosine is not None
+
+    def sine(k: int) -> None:
+        nonlocal slopes
+        if k == 0:
+            slopes, start = getattr(x.c[0], "series", _list)(slopes), x.c[0]
+            first = (start.sin(), start.cos()) if square is None else scaled_sine(start, square.c[0])[:2]
+            node.c.append(first[0])
+            cosine.c.append(first[1])
+        else:
+            slopes.append(k * x.c[k])
+            rise, fall = _convolution(slopes, cosine.c), _convolution(slopes, node.c)
+            node.c.append(rise / k)
+            cosine.c.append(-(fall if square is None else square.c[0] * fall) / k)
+
+    return sine
+
+
+def _slope(node: Node) -> Callable[[int], None]:
+    """Of a scaled sine's derivative by q: D' = -(x S) x' / 2, where ``left`` is x S."""
+    product, x, square = node.left, node.partner, node.right
     slopes: Any = []
     assert x is not None
-    assert other is not None
 
     def slope(k: int) -> None:
         nonlocal slopes
         if k == 0:
             slopes = getattr(x.c[0], "series", _list)()
-            node.c.append(scaled_sine(x.c[0], q.c[0])[2])
+            node.c.append(scaled_sine(x.c[0], square.c[0])[2])
         else:
             slopes.append(k * x.c[k])
-            node.c.append(_convolution(slopes, other.c[:k]) / (-2 * k))
+            node.c.append(_convolution(slopes, product.c[:k]) / (-2 * k))
 
-    def sine(k: int) -> None:
-        nonlocal slopes
-        if k == 0:
-            slopes = getattr(x.c[0], "series", _list)()
-            start = scaled_sine(x.c[0], q.c[0])
-            node.c.append(start[0])
-            other.c.append(start[1])
-        else:
-            slopes.append(k * x.c[k])
-            rise, fall = _convolution(slopes, other.c), _convolution(slopes, node.c)
-            node.c.append(rise / k)
-            other.c.append(-(q.c[0] * fall) / k)
-
-    return slope if sloped else sine
+    return slope
 
 
 def _convolution(a: Sequence[Any], b: Sequence[Any]) -> Any:

@@ -1,54 +1,70 @@
 """Proved enclosures of the flow under the smooth friction law, whose field is analytic on either side of gamma_y = 0.
 
 gamma_y is the sliding velocity. For each sign s of it the law with |gamma_y| replaced by s gamma_y (`field.one_sided`)
-is analytic wherever s gamma_y > -epsilon; it is the smooth law where s gamma_y >= 0. An orbit is followed with its own
-side's law, by the steps of `flow`, and of every step one of these is shown:
+is analytic wherever s gamma_y > -epsilon; it is the smooth law where s gamma_y >= 0. As
 
-- *kept*: s gamma_y > 0 throughout. The time is cut into pieces; on each s gamma_y is enclosed, or its rate is, so that
-  the piece's ends bound it.
-- *crossed*: s gamma_y is positive up to a piece at whose end it is negative, and on which its rate is. Then every orbit
+    traction / (s gamma_y + epsilon) = (s traction) / (gamma_y + s epsilon),
+
+it is the law of side 1 for the constants s traction and s epsilon. An orbit is followed with its own side's law, by the
+steps of `flow`. Their time is cut into pieces, on which Taylor's formula encloses s gamma_y and its rate, and one of
+these is shown:
+
+- *kept*: on each piece s gamma_y > 0, or grows, or falls to an end at which it is positive.
+- *crossed*: s gamma_y is positive up to a piece on which it falls to an end at which it is negative. Then every orbit
   of side s has exactly one zero tau of gamma_y in the step, and up to tau it is an orbit of the smooth law. From the
   states at tau, which the step encloses at the ball of all tau, a step of the other side's law follows. There
   s gamma_y' < 0 throughout: gamma_y has changed its sign and keeps it.
 
 Where neither can be shown, by shorter steps either, the proof ends: an orbit may touch gamma_y = 0 there and turn back.
 
-**The derivatives through a crossing.** Let phi and psi be the flows of the two sides' laws. At a time t after it the
-state is psi(t - tau, phi(tau, x)), where tau is an analytic function of the start x (and of Omega), as gamma_y' is not
-zero there. Its derivative is
+**The derivatives through a crossing.** Let phi and psi be the flows of the two sides' laws, with fields f_s and f_-s.
+At a time t after it the state is psi(t - tau, phi(tau, x)), where tau is an analytic function of the start x (and of
+Omega), as gamma_y' is not zero there. A flow's time derivative is its derivative by state times the field, so
 
-    psi_x phi_x + (psi_x f_s - psi') dtau/dx,       psi' = psi_x f_-s,
+    d(state)/dx = psi_x phi_x + psi_x (f_s - f_-s) dtau/dx,       f_s = f_-s where gamma_y = 0:
 
-f_s and f_-s being the two fields at the crossing: a flow's time derivative is its derivative by state times the field.
-They are equal there, because gamma_y = 0. So the bracket vanishes, and derivatives multiply as if tau were a fixed
-time; those by Omega are psi_x phi_Omega + psi_Omega. (The jump, or saltation, matrix is the identity.) The products are
-taken over the ball of all tau, which differ by as little as the states do.
+derivatives multiply as if tau were a fixed time; those by Omega are psi_x phi_Omega + psi_Omega. (The jump, or
+saltation, matrix is the identity.) The products are taken over the ball of all tau. So the smooth law's flow is
+continuously differentiable along such orbits, and the mean value theorem applies as in `step`. The midpoint has its own
+tau, known to the working precision: no digits are lost.
 
-So the smooth law's flow is continuously differentiable along such orbits, and the mean value theorem puts the image of
-a box into the image of its midpoint plus derivatives times deviations, as in `flow`. The midpoint has its own tau,
-known to the working precision: no digits are lost.
-
-Where a ball becomes a point or a float: pieces, the iteration for tau and the step's end are free.
+Where a ball becomes a point or a float: pieces and the step's end are free.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, ClassVar
 
-from tippedisk_verify.proofs.kernel.balls import BallOps, arb, ball, ball_constants, hull, need, negative, positive
-from tippedisk_verify.proofs.kernel.field import field, one_sided, sliding_motion
-from tippedisk_verify.proofs.kernel.flow import Model, Path, Proposer, Status, Step, short_float
+import numpy as np
+
+from tippedisk_verify.proofs.kernel.balls import (
+    BallOps,
+    alike,
+    arb,
+    ball_constants,
+    choice,
+    exact,
+    negative,
+    positive,
+    side_by_side,
+    upper,
+)  # fmt: skip
+from tippedisk_verify.proofs.kernel.batch import among, some
+from tippedisk_verify.proofs.kernel.field import Law, one_sided, sliding_motion
+from tippedisk_verify.proofs.kernel.flow import Model, Path, Proposer, Status
+from tippedisk_verify.proofs.kernel.series import Graph, System
+from tippedisk_verify.proofs.kernel.step import Step, enclosed_moment, polynomial
 
 __all__ = ["Crossing", "SlidingPath", "SmoothModel", "law_model", "model_of"]
 
-_PIECES = 64  # of a step, at most, before the rest of it is left to the next one
+_PIECES = 16  # of a step
+_ORDER = 10  # of gamma_y's series: its values are differences of larger numbers, which boxes of states would lose
 _MOST_CUTS = 14
 _SHORTEST = 2.0**-40  # s
 _BEYOND = 2.0**-8  # of the step: how far it goes on after the crossing
-_MOST_ITERATIONS = 100
+_LONGER = 1 + 2.0**-18  # a proposer may round lengths
 
 
 def law_model(friction: str, constants: Any, omega: Any) -> Model:
@@ -62,22 +78,44 @@ def model_of(parameters: Any, omega: Any) -> Model:
 
 
 class SmoothModel(Model):
-    """The smooth law on balls, with what steps need of its two sides' analytic laws."""
+    """The law of one side: side 1, unless `of_side` has given traction and epsilon other signs."""
 
-    def __init__(self, constants: Any, omega: Any) -> None:
-        super().__init__(constants, omega, one_sided(1))
-        #: by the sliding velocity's sign; the law of each is that of its side
-        self.sides: dict[int, Model] = {1: self, -1: Model(constants, omega, one_sided(-1))}
-        self._middles: dict[int, Model] = {}
+    def __init__(self, constants: Any, omega: Any, law: Law | None = None) -> None:
+        super().__init__(constants, omega, law or one_sided(1))
+        self._other: SmoothModel | None = None
+        graph = Graph()
+        variables, speed = [graph.variable() for _ in range(3)], graph.number(self.omega)
+        numbers = type(self.constants)(*map(graph.number, self.constants))
+        rates = self.law(graph, numbers, speed)(*variables)
+        velocity, _ = sliding_motion(graph, numbers, speed, variables)
+        self._with_path = System(graph, [*variables, graph.variable()], [*rates, velocity])
 
-    def middle(self, side: int) -> Model:
-        """One side's law at the midpoint of the speeds."""
-        if side not in self._middles:
-            self._middles[side] = Model(self.constants, self.omega.mid(), one_sided(side))
-        return self._middles[side]
+    def of_side(self, side: Any) -> SmoothModel:
+        """The model with the other side's law, where ``side`` (of a batch, an array) is negative."""
+        if not np.any(side < 0):
+            return self
+        if np.ndim(side) or self._other is None:
+            every = np.zeros(np.shape(side), int)
+            traction, epsilon = (
+                _signed(value[every] if np.ndim(side) and len(value) == 1 else value, side)
+                for value in (self.constants.traction, self.constants.epsilon)
+            )
+            other = SmoothModel(self.constants._replace(traction=traction, epsilon=epsilon), self.omega)
+            if np.ndim(side):
+                return other
+            self._other, other._other = other, self
+        return self._other
 
-    def rates(self, state: Sequence[Any]) -> tuple[Any, Any, Any]:
-        return field(BallOps, self.constants, self.omega, "smooth")(*state)
+    def motion(self, state: Sequence[Any], *, middle: bool = False) -> tuple[Any, Any]:
+        """gamma_y [m/s] and its rate [m/s^2] by this law, at all speeds or at their midpoints."""
+        omega = self.omega.mid() if middle else self.omega
+        acceleration = self.law(BallOps, self.constants, omega)(*state)[2]
+        return sliding_motion(BallOps, self.constants, omega, state, acceleration)
+
+    def velocity(self, state: Sequence[Any], order: int) -> list[Any]:
+        """Taylor coefficients 0 to ``order`` of gamma_y along orbits of this law."""
+        integral = self._with_path.coefficients([*state, alike(state[0], 0)], order + 1)[-1]
+        return [k * coefficient for k, coefficient in enumerate(integral)][1:]
 
     def path(self, start: Sequence[Any], proposer: Proposer, *, derivatives: bool = False) -> Path:
         return SlidingPath(self, start, proposer, derivatives=derivatives)
@@ -87,182 +125,141 @@ class SmoothModel(Model):
 class Crossing(Step):
     """An accepted step in which the sliding velocity of every orbit changes its sign, exactly once.
 
-    Of moments that may be before or after the crossing no derivatives are known: those balls are not finite.
+    The derivatives at times that are not shown to be later than all crossings are not finite.
     """
 
-    first: Step  #: with the law of the side on which it begins
-    tau: Any  #: when the orbits cross, from the step's start [s]
-    second: Step  #: from there, with the other side's law
-    middle_tau: Any  #: when the midpoint's orbit crosses
-    middle: Step  #: from there
+    first: Any = None  #: the step with the law of the side on which it begins
+    tau: Any = None  #: when the orbits cross, from the step's start [s]
+    second: Any = None  #: the step from there, with the other side's law; it follows the midpoint's orbit as well
+    middle_tau: Any = None  #: when the midpoint's orbit crosses
 
-    def at(self, time: Any) -> tuple[Any, Any, Any]:
-        known = time <= self.tau.lower() or time >= self.tau.upper()
-        return super().at(time) if known else self.enclosure
+    def at(self, time: Any, components: slice = slice(3)) -> tuple[Any, ...]:
+        before, after = self.first.at(time, components), super().at(time, components)
+        earlier, later = positive(self.tau - time), positive(time - self.tau)
+        states = zip(before, after, self.enclosure[components], strict=True)
+        return tuple(choice(earlier, x, choice(later, y, either)) for x, y, either in states)
 
-    def rows_at(self, time: Any) -> tuple[tuple[Any, Any, Any, Any], ...]:
-        if time <= self.tau.lower():
-            return self.first.rows_at(time)
-        return self.rows_behind(time) if time >= self.tau.upper() else ((arb.nan(),) * 4,) * 3
-
-    def rows_behind(self, time: Any) -> tuple[tuple[Any, Any, Any, Any], ...]:
-        """`rows_at` a time at which all orbits have crossed."""
-        before, after = self.first.rows_at(self.tau), self.second.rows_at(time - self.tau)
+    def rows_at(self, time: Any, components: slice = slice(3)) -> tuple[tuple[Any, ...], ...]:
+        before, after = self.first.rows_at(self.tau), self.second.rows_at(_since(self.tau, time), components)
         columns = list(zip(*before, strict=True))
         rows = [[sum(row[k] * column[k] for k in range(3)) for column in columns] for row in after]
         return tuple((*entries[:3], entries[3] + row[3]) for entries, row in zip(rows, after, strict=True))
 
     def divergence_at(self, time: Any) -> Any:
-        if time <= self.tau.lower():
-            return self.first.divergence_at(time)
-        return self.divergence_behind(time) if time >= self.tau.upper() else arb.nan()
+        return self.first.divergence_at(self.tau) + self.second.divergence_at(_since(self.tau, time))
 
-    def divergence_behind(self, time: Any) -> Any:
-        """`divergence_at` a time at which all orbits have crossed."""
-        return self.first.divergence_at(self.tau) + self.second.divergence_at(time - self.tau)
-
-    def centre(self, time: Any) -> Sequence[Any]:
-        if time <= self.middle_tau.lower():
-            return self.first.centre(time)
-        return self.middle.at(time - self.middle_tau) if time >= self.middle_tau.upper() else [arb.nan()] * 3
+    def centre(self, time: Any, components: slice = slice(3)) -> Any:
+        return self.second.centre(_since(self.middle_tau, time), components)
 
 
 class SlidingPath(Path):
     """Follows all orbits from a box on which the sliding velocity has one sign, from side to side."""
 
+    BATCHED: ClassVar[tuple[str, ...]] = (*Path.BATCHED, "side")
+    model: SmoothModel  #: the law of the present side
+
     def __init__(
         self, model: SmoothModel, start: Sequence[Any], proposer: Proposer, *, derivatives: bool = False
     ) -> None:
         super().__init__(model, start, proposer, derivatives=derivatives)
-        sliding, _ = sliding_motion(BallOps, model.constants, model.omega, self.box)
-        self.smooth, self.side = model, int(positive(sliding)) - int(negative(sliding))
-        self.model = model.sides[self.side or 1]
+        velocity, _ = model.motion(self.box)
+        self.side = 1 * positive(velocity) - 1 * negative(velocity)  #: the sliding velocity's sign; 0: not known
+        self.model = model.of_side(self.side)
 
     def step(self, longest: float | None = None) -> Step | None:
+        if side_by_side(self.time):
+            proposed = super().step(longest)
+            return proposed and self._followed(proposed)
         for _ in range(_MOST_CUTS):
             step = super().step(longest)
             if step is None:
                 return None
-            followed = self._followed(step, longest) if self.side else None
-            if followed is not None:
-                return followed
+            step = self._followed(step)
+            if step.aside is not None:
+                step = step.aside[1]
+            if step.followed and (longest is None or step.length <= longest):
+                return step
             longest = step.length / 2
             if longest < _SHORTEST or not self.side:
                 break
         self.status = Status.GRAZING
         return None
 
-    def take(self, step: Step, time: Any = None) -> None:
-        super().take(step, time)
-        if isinstance(step, Crossing) and (time is None or not time <= step.tau.lower()):
-            self.side, self.reversals = -self.side, self.reversals + 1
-            self.model = self.smooth.sides[self.side]
+    def take(self, step: Step, time: Any = None, where: Any = True) -> None:
+        super().take(step, time, where)
+        if isinstance(step, Crossing):
+            moved = 1 * where + 0 * self.side
+            self.reversals = self.reversals + moved
+            self.side, self.model = self.side * (1 - 2 * moved), self.model.of_side(1 - 2 * moved)
 
-    def _followed(self, step: Step, longest: float | None) -> Step | None:
-        """The step as far as the sliding velocity is proved to keep its sign, or through its crossing."""
-        kept, end = self._kept(step)
-        if end is not None:
-            crossing = self._crossing(step, kept, end)
-            if crossing is not None and (longest is None or crossing.length <= longest):
-                return crossing
-        if kept == step.length:
+    def put(self, which: Any, path: Path) -> None:
+        turned = self.side
+        super().put(which, path)
+        self.model = self.model.of_side(turned * self.side)
+
+    def _followed(self, step: Step) -> Step:
+        """The step, followed where the sliding velocity keeps its sign; and aside the way through the crossings."""
+        if np.all((self.side != 0) & positive(_signed(self.model.motion(step.enclosure)[0], self.side))):
             return step
-        length = short_float(kept)
-        return replace(step, length=length) if length >= _SHORTEST else None
+        kept, crossed, between, rate = self._by_pieces(step)
+        crossed = step.included & crossed
+        if not np.any(crossed):
+            return replace(step, followed=kept)
+        through = self.some(crossed)._crossing(*some((step, between, rate), crossed))
+        if through is None or not np.any(through.included):
+            return replace(step, followed=kept)
+        return replace(step, followed=kept, aside=(among(crossed, through.included), some(through, through.included)))
 
-    def _kept(self, step: Step) -> tuple[float, float | None]:
-        """Until when the sign is proved to be kept, and the end of a piece from there on that all orbits cross in."""
-        begin, ends = 0.0, [step.length]
-        while ends:
-            end = ends[-1]
-            verdict = self._sign(step, begin, end)
-            if verdict > 0:
-                begin = ends.pop()
-            elif verdict < 0:
-                return begin, end
-            elif end - begin <= step.length / _PIECES:
-                return begin, None
-            else:
-                ends.append((begin + end) / 2)
-        return begin, None
+    def _by_pieces(self, step: Step) -> tuple[Any, Any, Any, Any]:
+        """Where the step is kept and where crossed; the times of the piece in which it is, and the rate in it."""
+        start, throughout = self.model.velocity(self.box, _ORDER), self.model.velocity(step.enclosure, _ORDER + 1)
+        velocity = [_signed(coefficient, self.side) for coefficient in (*start, throughout[-1])]
+        rates = [k * coefficient for k, coefficient in enumerate(velocity)][1:]
+        kept, crossed = (self.side != 0), False
+        length, between, slope = alike(self.time, step.length), step.span(), self.time
+        for piece in range(_PIECES):
+            low, high = (length * (n / _PIECES) for n in (piece, piece + 1))
+            time = low.union(high)
+            rate, last = polynomial(rates, time), polynomial(velocity, high)
+            ahead, falls = positive(polynomial(velocity, time)) | positive(rate), negative(rate)
+            crosses = kept & (falls & negative(last) & ((crossed | ahead) ^ True))
+            crossed = crossed | crosses
+            # What comes after the crossing is the other side's.
+            kept = kept & (crossed | ahead | (falls & positive(last)))
+            between, slope = choice(crosses, time, between), choice(crosses, rate, slope)
+        return kept & (crossed ^ True), kept & crossed, between, slope
 
-    def _sign(self, step: Step, begin: float, end: float) -> int:
-        """1: side * gamma_y > 0 in (begin, end] if it is not negative at the begin; -1: all cross; 0: not decided."""
-        states = step.at(hull(begin, end))
-        if positive(self._towards(states)):
-            return 1
-        rate = self._rate(states)
-        if positive(rate):
-            return 1
-        if not negative(rate):
-            return 0
-        last = self._towards(step.at(ball(end)))
-        return int(positive(last)) - int(negative(last))
+    def _crossing(self, step: Step, between: Any, rate: Any) -> Crossing | None:
+        """The step as far as shortly after its crossing, which lies ``between`` two times."""
 
-    def _towards(self, state: Sequence[Any]) -> Any:
-        """side * gamma_y."""
-        return self.side * sliding_motion(BallOps, self.smooth.constants, self.smooth.omega, state)[0]
+        def zero(states: Callable[[Any], Any], *, middle: bool = False) -> tuple[Any, Any]:
+            def towards(time: Any, k: int) -> Any:
+                return -_signed(self.model.motion(states(time), middle=middle)[k], self.side)
 
-    def _rate(self, state: Sequence[Any], model: Model | None = None) -> Any:
-        """Its rate by the law of the present side, or of a model."""
-        model = model or self.model
-        acceleration = model.law(BallOps, model.constants, model.omega)(*state)[2]
-        return self.side * sliding_motion(BallOps, model.constants, model.omega, state, acceleration)[1]
+            return enclosed_moment(step, between, lambda time: towards(time, 0), -rate, lambda time: towards(time, 1))
 
-    def _crossing(self, step: Step, begin: float, end: float) -> Crossing | None:
-        other, thin = self.smooth.sides[-self.side], self.smooth.middle(self.side)
-        tau = _zero(lambda time: self._towards(step.at(time)), lambda time: self._rate(step.at(time)), begin, end)
-        # The midpoint's orbit is one of them; the rates of all hold for it.
-        middle_tau = _zero(
-            lambda time: self.side * sliding_motion(BallOps, thin.constants, thin.omega, step.centre(time))[0],
-            lambda time: self._rate(step.centre(time), thin),
-            begin,
-            end,
-        )
-        until = _rounded_up(float(tau.upper()) + _BEYOND * step.length)
+        # The middle's orbit is one of them; the rates of all hold for it.
+        (tau, sure), (middle_tau, known) = zero(step.at), zero(step.centre, middle=True)
+        until = exact(tau, upper(tau + _BEYOND * step.length))
+        left = until - tau
+        other = self.model.of_side(-1 + 0 * self.side)
         onwards = Path(other, step.at(tau), self.proposer.beyond(), derivatives=self.sharp)
-        second = onwards.step(_rounded_up(until - float(tau.lower()), 2))
-        point = Path(self.smooth.middle(-self.side), step.centre(middle_tau), self.proposer.beyond())
-        middle = point.step(_rounded_up(until - float(middle_tau.lower()), 2))
-        if second is None or middle is None:
+        onwards.middle = step.centre(middle_tau)
+        second = onwards.step(exact(tau, upper(left * _LONGER)))
+        if second is None:
             return None
-        reached = until >= tau.upper() and until - tau <= second.length and until - middle_tau <= middle.length
-        if not (reached and negative(self._rate(second.enclosure, other))):
-            return None
+        falls = negative(_signed(other.motion(second.enclosure)[1], self.side))
+        shown = sure & known & positive(left) & positive(second.length - left) & second.included & falls
         enclosure = tuple(a.union(b) for a, b in zip(step.enclosure, second.enclosure, strict=True))
-        return Crossing(
-            step.begin,
-            until,
-            step.tried,
-            (enclosure[0], enclosure[1], enclosure[2]),
-            step.frame,
-            step.orders,
-            step.polynomials,
-            step.derivatives,
-            first=step,
-            tau=tau,
-            second=second,
-            middle_tau=middle_tau,
-            middle=middle,
-        )
+        own = step.begin, until, enclosure, step.frame, step.orders, step.polynomials, step.derivatives, shown
+        return Crossing(*own, first=step, tau=tau, second=second, middle_tau=middle_tau)
 
 
-def _zero(value: Callable[[Any], Any], slope: Callable[[Any], Any], begin: float, end: float) -> Any:
-    """All zeros of functions that have one each between the moments, and slopes of one sign: interval Newton steps."""
-    moment = hull(begin, end)
-    for _ in range(_MOST_ITERATIONS):
-        guess = moment.mid()
-        better = guess - value(guess) / slope(moment)
-        if not better.is_finite():
-            break
-        need(moment.overlaps(better), "the enclosures of a change of side contradict each other")
-        before, moment = moment.rad(), moment.intersection(better)
-        if 2 * moment.rad() > before:
-            break
-    return moment
+def _since(moment: Any, time: Any) -> Any:
+    """How long after the moment it is; not finite where it is not shown to be later."""
+    after = time - moment
+    return choice(positive(after), after, alike(after, arb.nan()))
 
 
-def _rounded_up(length: float, times: int = 1) -> float:
-    """Of 20 bits, like all lengths of steps; ``times`` units further on."""
-    mantissa, exponent = math.frexp(length)
-    return math.ldexp(math.ceil(mantissa * 2**20) + times - 1, exponent - 20)
+def _signed(x: Any, side: Any) -> Any:
+    return choice(side < 0, -x, x)

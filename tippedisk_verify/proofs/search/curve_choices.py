@@ -17,11 +17,12 @@ from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.proofs.kernel.arc import GAMMA_BAR, UNKNOWNS, Arc, inverse
 from tippedisk_verify.proofs.kernel.balls import Unproved, arb, ball, need, working_precision
 from tippedisk_verify.proofs.kernel.claims.arcs import Piece, Status, box_test, signs, upper_bound
-from tippedisk_verify.proofs.kernel.curves import ORDER, ROUGH_ORDER, Beginning, Curve, Matrix, Step, horner
+from tippedisk_verify.proofs.kernel.curves import ORDERS, Curve, CurvePath, Matrix
 from tippedisk_verify.proofs.kernel.field import Constants, constants
 from tippedisk_verify.proofs.kernel.flow import Model
 from tippedisk_verify.proofs.kernel.jets import Jet
 from tippedisk_verify.proofs.kernel.scaled import ScaledCurve
+from tippedisk_verify.proofs.kernel.step import Step, polynomial
 from tippedisk_verify.proofs.numbers import WIDER, measured
 from tippedisk_verify.proofs.search.axes import axes_of_balls
 from tippedisk_verify.proofs.search.certificate import parameter_texts
@@ -58,15 +59,16 @@ class StepSearch:
         self.log: list[dict[str, Any]] = []
         self._done, self._share = 0.0, _FIRST_SHARE
 
-    def step(self, beginning: Beginning) -> tuple[Step, bool]:
-        """One with small remainders, and whether the return lies in it."""
+    def step(self, path: CurvePath, longest: Any) -> Step:
+        """One with small remainders; the return lies in it or well beyond it."""
         need(len(self.log) < _MOST_STEPS, "the flight takes too many steps")
+        trial = path.trial(ORDERS)
         for _ in range(_MOST_TRIALS):
-            text, last = self._next()
+            text = self._next()
             share = float(text)
-            step = beginning.step(share)
-            excess = max(_excess(step.derivatives, step, ROUGH_ORDER + 1, _ROUGH_TOLERANCE),
-                         _excess(step.polynomials, step, ORDER + 1, _TOLERANCE))  # fmt: skip
+            step = path.step_of(trial, share)
+            excess = max(_excess(step.derivatives, step, ORDERS[1] + 1, _ROUGH_TOLERANCE),
+                         _excess(step.polynomials, step, ORDERS[0] + 1, _TOLERANCE))  # fmt: skip
             # The length that would do, times 0.9 because remainders grow with the box as well.
             self._share = share * min(1.3, max(0.3, 0.9 * 2.0**-excess))
             if excess <= 0 and step.included:
@@ -74,23 +76,18 @@ class StepSearch:
             self._share = min(self._share, 0.8 * share)
         self._done += share
         self.log.append({"share": text})
-        return step, last
+        return step
 
-    def _next(self) -> tuple[str, bool]:
-        """The share to try, and whether the return lies in that step, well off both ends."""
+    def _next(self) -> str:
+        """The share to try; if the return lies in that step, it lies well off both ends."""
         left = 1 - self._done
-        if left <= 0.7 * self._share:
-            return f"{left + 0.3 * self._share:.4g}", True
-        return f"{min(self._share, 0.6 * left):.4g}", False
+        return f"{left + 0.3 * self._share if left <= 0.7 * self._share else min(self._share, 0.6 * left):.4g}"
 
-    def axes(self, step: Step, turned: Matrix) -> Matrix:
+    def took(self, step: Step, axes: Matrix | None) -> None:
+        """Nothing is noted."""
+
+    def axes(self, turned: Matrix, sizes: Sequence[float], stiffness: float) -> Matrix:
         """Those of `axes`, rounded."""
-        states = step.states
-        stiffness = max(1.0, abs(float(step.derivatives[8][1].range().mid())))  # the rate of d(v)/d(v)
-        sizes = [
-            sum(float(x.abs_upper()) for x in (rest, *row))
-            for rest, row in zip(states.rest, states.spread, strict=True)
-        ]
         axes = axes_of_balls(turned, sizes, stiffness)
         texts = [[f"{float(entry):.4g}".replace("e+", "e") for entry in row] for row in axes]
         self.log[-1]["axes"] = texts
@@ -112,15 +109,15 @@ def glide(constants: Constants, curve: Curve) -> tuple[Sequence[Jet], Jet]:
     total = curve.total
     state, time, done = [0 * curve.v.mid(), *curve.start], 0 * total, 0.0
     for _ in range(_MOST_STEPS):
-        series = orbit.coefficients(state, ORDER)
+        series = orbit.coefficients(state, ORDERS[0])
         # In longer steps the balls left over would swamp the midpoints.
         reach = min(_LONGEST_SHARE, _reach(series) / float(total.c[0].mid()))
         if 1 - done < reach / 2:
             break
         length = (total * min(reach, 1 - done)).mid()
-        state, time, done = [horner(part, length).mid() for part in series], time + length, done + reach
+        state, time, done = [polynomial(part, length).mid() for part in series], time + length, done + reach
     tau = _moment(series, 0 * total)
-    return [-horner(part, tau).mid() for part in series[1:]], (tau + time).mid()
+    return [-polynomial(part, tau).mid() for part in series[1:]], (tau + time).mid()
 
 
 def duration(constants: Constants, omega: Any, gamma_bar: Any, v: Any) -> Any:
@@ -128,11 +125,11 @@ def duration(constants: Constants, omega: Any, gamma_bar: Any, v: Any) -> Any:
     orbit = Model(constants, omega).orbit
     state, time = [Jet([arb(0)]), Jet([arb(gamma_bar).mid()]), Jet([arb(v).mid()])], arb(0)
     for _ in range(_MOST_STEPS):
-        series = orbit.coefficients(state, ORDER)
+        series = orbit.coefficients(state, ORDERS[0])
         length = arb(_reach(series))
         if not (length > 0 and time < _LONGEST):
             return None
-        end = [horner(part, length).mid() for part in series]
+        end = [polynomial(part, length).mid() for part in series]
         if not all(part.c[0].is_finite() for part in end):
             return None
         if end[0].c[0] > 0 and end[2].c[0] > 0:
@@ -143,7 +140,7 @@ def duration(constants: Constants, omega: Any, gamma_bar: Any, v: Any) -> Any:
 
 def _reach(series: Sequence[Sequence[Jet]]) -> float:
     """For how long [s] the last two terms stay below 2^_TOLERANCE, roughly."""
-    sizes = [(float(part[n].c[0].abs_upper()), n) for part in series for n in (ORDER - 1, ORDER)]
+    sizes = [(float(part[n].c[0].abs_upper()), n) for part in series for n in (ORDERS[0] - 1, ORDERS[0])]
     if not all(math.isfinite(size) for size, _ in sizes):
         return 0.0
     return min(1.0, *(math.exp2((_TOLERANCE - math.log2(size)) / n) for size, n in sizes if size))
@@ -154,7 +151,7 @@ def _moment(polynomials: Sequence[Sequence[Jet]], guess: Jet) -> Jet:
     beta, _, v = ([jet.mid() for jet in part] for part in polynomials)
     tau = guess.mid()
     for _ in range(_NEWTON_STEPS):
-        tau = (tau - horner(beta, tau) / horner(v, tau)).mid()
+        tau = (tau - polynomial(beta, tau) / polynomial(v, tau)).mid()
     return tau
 
 

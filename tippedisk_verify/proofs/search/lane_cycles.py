@@ -1,7 +1,7 @@
 """Many limit cycles proved at once, one by one in kind: flights side by side, then `cycle`'s test and numbers of each.
 
-Half maps over a box and over a wide box come from `lane_flight`, and so does that of the box's middle: under the linear
-law Arb follows the middle, to more digits than doubles have. What they enclose goes through `krawczyk.fixed_points` and
+Half maps over a box and over a wide box come from `lane_flight`, and so does that of the box's middle: for more than 10
+digits Arb follows the middle (linear law). What they enclose goes through `krawczyk.fixed_points` and
 `cycle.Attempt.concluded` as if it came from Arb, so the statements are the same. A cycle of which this does not show
 enough is proved on balls of more bits.
 
@@ -24,14 +24,14 @@ from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.decimals import decimal_magnitude
 from tippedisk_verify.model.parameters import Constants, Parameters
 from tippedisk_verify.proofs.kernel.balls import arb, ball, ball_constants, negative, positive, working_precision
+from tippedisk_verify.proofs.kernel.batch import some_model
 from tippedisk_verify.proofs.kernel.claims.cycle import apart, main
 from tippedisk_verify.proofs.kernel.flow import Model
 from tippedisk_verify.proofs.kernel.krawczyk import FixedPoints, fixed_points
 from tippedisk_verify.proofs.kernel.lane_middle import SharpModel
-from tippedisk_verify.proofs.kernel.lane_path import some_model
-from tippedisk_verify.proofs.kernel.lane_sliding import LaneSmoothModel
 from tippedisk_verify.proofs.kernel.lanes import Lanes, quiet
 from tippedisk_verify.proofs.kernel.section import HALF, Return, Status, returned
+from tippedisk_verify.proofs.kernel.sliding import law_model
 from tippedisk_verify.proofs.numbers import measured
 from tippedisk_verify.proofs.search.cycle import Attempt, OrbitProof, prove_cycle
 from tippedisk_verify.proofs.search.lane_flight import HalfFlights, half_flights, lane_of
@@ -44,8 +44,9 @@ Array = NDArray[np.float64]
 _BITS = 96  # of the balls that the lanes' results pass into: these round nothing that matters
 _DOUBLES = 53
 _FEW_BITS = 64  # of the balls on which a cycle is tried that doubles do not prove
-#: radii of the boxes, relative to the state: some times what a middle's image is off
-_NARROW = {"linear": 2.0**-36, "smooth": 2.0**-32}
+_DOUBLES_DIGITS = 10  # that doubles give without Arb
+#: radii of the boxes, relative to the state, without and with middles that Arb follows
+_NARROW = 2.0**-32, 2.0**-36
 _WIDE = 2.0**-16
 _NEAR = 2.0**-26  # the guess's distance from the cycle, relative to the state, that needs no sharpening
 _MOST_SHARPENINGS = 4
@@ -74,7 +75,8 @@ def prove_cycles(
 
     if len(omegas) <= _FEW[parameters.friction]:
         return [singly(lane) for lane in range(len(omegas))]
-    models, narrow = _Models(parameters, omegas), _NARROW[parameters.friction]
+    sharp = digits > _DOUBLES_DIGITS and parameters.friction == "linear"
+    models, narrow = _Models(parameters, omegas, sharp), _NARROW[sharp]
     proofs = _attempted(attempts, models, middle, _power_of_two(narrow * np.abs(middle)))
     left = np.array([lane for lane, proof in enumerate(proofs) if proof is None], int)
     if len(left):
@@ -93,7 +95,7 @@ def _alone(attempt: Attempt, guess: Array) -> OrbitProof | None:
         model = attempt.model()
         centre = returned(model, HALF, [*map(arb, middle)], Steps())
         boxes = []
-        for size in (_NARROW[attempt.parameters.friction], _WIDE):
+        for size in (_NARROW[0], _WIDE):
             radii = [float(part) for part in _power_of_two(size * np.abs(guess))]
             box = returned(model, HALF, [*map(arb, middle, radii)], Steps(), derivatives=True)
             boxes.append((radii, box))
@@ -101,14 +103,14 @@ def _alone(attempt: Attempt, guess: Array) -> OrbitProof | None:
 
 
 class _Models:
-    """The disk at each speed: in lanes and, under the linear law, with middles that Arb follows."""
+    """The disk at each speed: in lanes and, if that is to be ``sharp``, with middles that Arb follows (linear law)."""
 
-    def __init__(self, parameters: Parameters, omegas: Sequence[Fraction]) -> None:
+    def __init__(self, parameters: Parameters, omegas: Sequence[Fraction], sharp: bool) -> None:
         with working_precision(_BITS):
             constants = ball_constants(parameters)
-            self.sharp = None if parameters.friction == "smooth" else SharpModel(constants, [*map(ball, omegas)])
+            self.sharp = SharpModel(constants, [*map(ball, omegas)]) if sharp else None
             lanes = Constants(*(Lanes.of([value]) for value in constants))
-        self.plain = self.sharp.lanes if self.sharp else LaneSmoothModel(lanes, Lanes.of(omegas))
+        self.plain = self.sharp.lanes if self.sharp else law_model(parameters.friction, lanes, Lanes.of(omegas))
 
     def some(self, which: NDArray[Any]) -> _Models:
         """Those of some lanes."""

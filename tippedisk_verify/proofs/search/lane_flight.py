@@ -1,4 +1,4 @@
-"""Many half maps side by side: the search for the lengths and orders of `kernel.lane_path`'s steps, and what returned.
+"""Many half maps side by side: the search for the lengths and orders of their steps, and what returned.
 
 This file chooses, and proves nothing by itself: step lengths, orders, guesses of moments, and which lanes go on. A lane
 whose step is not proved tries a shorter one in the next round. Lanes that have returned to the section, or of which
@@ -7,7 +7,7 @@ nothing more can be proved, leave.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from typing import Any
@@ -15,12 +15,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tippedisk_verify.proofs.kernel.flow import Model
-from tippedisk_verify.proofs.kernel.lane_middle import SharpModel, SharpPath
-from tippedisk_verify.proofs.kernel.lane_path import LanePath, Proposal, Round, mapped, replaced, some_model
-from tippedisk_verify.proofs.kernel.lane_sliding import LaneSmoothModel, SlidingLanes
+from tippedisk_verify.proofs.kernel.batch import mapped, replaced, some_model
+from tippedisk_verify.proofs.kernel.flow import Model, Path
+from tippedisk_verify.proofs.kernel.lane_middle import SharpModel, SharpWalk
 from tippedisk_verify.proofs.kernel.lanes import Lanes, quiet
-from tippedisk_verify.proofs.kernel.section import Return, Status
+from tippedisk_verify.proofs.kernel.section import HALF, Return, Round, Status, Walk
+from tippedisk_verify.proofs.kernel.sliding import SlidingPath
+from tippedisk_verify.proofs.kernel.step import Step
 from tippedisk_verify.proofs.search.axes import axes_of_lanes
 
 __all__ = ["HalfFlights", "LaneSteps", "half_flights", "lane_of"]
@@ -40,7 +41,6 @@ _WIDEST = 2.0**-3  # as in `flow`
 _SHORTEST_STEP = 2.0**-40
 _MOST_TRIALS = 40
 _FIRST_SHARE = 0.75
-_BISECTIONS = 54  # to the last bit of a double
 _U, _TINY = 2.0**-53, 2.0**-1000
 _ENTRIES = (
     "time", "image", "beta_least", "turn_by_start", "matrix", "by_omega", "time_by_state", "time_by_omega",
@@ -82,18 +82,13 @@ def half_flights(
         going = np.flatnonzero(v.negative())
         for first in range(0, len(going), _BLOCK):
             lanes = going[first : first + _BLOCK]
-            start = gamma_bar[lanes].constant(0), gamma_bar[lanes], v[lanes]
-            search = LaneSteps(len(lanes), sharp=isinstance(model, SharpModel))
-            path: LanePath
-            if isinstance(model, SharpModel):
-                path = SharpPath(model.some(lanes), start, search)
-            else:
-                kind = SlidingLanes if isinstance(model, LaneSmoothModel) else LanePath
-                path = kind(some_model(model, lanes), start, search)  # type: ignore[arg-type]
+            sharp, start = isinstance(model, SharpModel), (gamma_bar[lanes], v[lanes])
+            search, kind = LaneSteps(len(lanes), sharp=sharp), SharpWalk if sharp else Walk
+            walk = kind(some_model(model, lanes), HALF, start, search, derivatives=True)
             while len(lanes):
+                path = walk.path
                 ends = _ended(path, longest)
-                if (ends == None).all():  # noqa: E711
-                    tried = path.advance()
+                if (ends == None).all() and (tried := walk.advance()):  # noqa: E711
                     ends = search.answered(tried)
                     for k, landing in enumerate((tried.landing, getattr(tried.landing, "middle", None))):
                         if landing is not None:
@@ -105,9 +100,8 @@ def half_flights(
                     status[left], reached[left] = ends[gone], path.time.midpoints[gone]
                     steps[left], reversals[left] = path.steps[gone], path.reversals[gone]
                     staying = np.flatnonzero(~gone)
-                    lanes, path = lanes[staying], path.some(staying)
-                    search = search.some(staying)
-                    path.proposer = search
+                    lanes, walk, search = lanes[staying], walk.some(staying), search.some(staying)
+                    walk.path.proposer = search
     boxes, middles = (
         HalfFlights(status, reached, steps, reversals, **dict(zip(_ENTRIES, part, strict=True)))  # type: ignore[arg-type]
         for part in values
@@ -115,11 +109,11 @@ def half_flights(
     return replace(boxes, middle=middles if isinstance(model, SharpModel) else None)
 
 
-def _ended(path: LanePath, longest: float) -> Array:
+def _ended(path: Path, longest: float) -> Array:
     """Of each lane a status if it cannot go on."""
     status = np.full(len(path.time), None)
-    if isinstance(path, SlidingLanes):
-        status[path.signs == 0] = Status.GRAZING
+    if isinstance(path, SlidingPath):
+        status[path.side == 0] = Status.GRAZING
     radii = np.max([part.radii for part in path.box], axis=0)
     status[~(path.time - longest).negative()] = Status.NO_RETURN
     status[radii > _WIDEST] = Status.TOO_WIDE
@@ -149,23 +143,17 @@ class LaneSteps:
     def took(self, *_: Any) -> None:
         """Nothing is noted."""
 
-    def orders(self, box: Sequence[Lanes]) -> tuple[int, int]:
-        if self.sharp:
-            return _SHARP_ORDERS
-        return _ORDERS if np.median(np.max([part.radii for part in box], axis=0)) > _NARROW else _NARROW_ORDERS
+    def beyond(self) -> LaneSteps:
+        """Behind a change of side the step is short, and as long as it is to be."""
+        return self
 
-    def zero(self, value: Callable[[Array], Array], begin: Array, end: Array) -> Array:
-        """By bisection in doubles: the last time known to lie before it."""
-        for _ in range(_BISECTIONS):
-            middle = (begin + end) / 2
-            below = value(middle) < 0
-            begin, end = np.where(below, middle, begin), np.where(below, end, middle)
-        return begin
-
-    def lengths(self, path: LanePath) -> Proposal:
-        """Steps whose remainders are narrow enough to be wanted."""
+    def step(self, path: Path, longest: Any = None) -> Step:
+        """Steps whose remainders are narrow enough to be wanted; or steps of that length."""
         radius = np.max([part.radii for part in path.box], axis=0)
-        trial = path.trial(self.orders(path.box))
+        orders = _ORDERS if np.median(radius) > _NARROW else _NARROW_ORDERS
+        trial = path.trial(_SHARP_ORDERS if self.sharp else orders)
+        if longest is not None:
+            return trial.tested(longest)
         (order, rough_order), thin, wide = trial.orders, trial.thin, trial.wide
         # Remainders may be as large as rounding, or a share of the radius.
         if self.sharp:
@@ -174,22 +162,21 @@ class LaneSteps:
             allowed = [np.maximum(_U * np.maximum(1.0, _size(part)), part.radii * _TOLERANCE) for part in path.box]
         rough_allowed = np.maximum(_LEAST_ROUGH, radius)
         reach = _reach(thin, allowed)
-        longest = np.minimum(self.cuts, _DAMPED / np.maximum(1.0, _size(wide[11][1])))
+        most = np.minimum(self.cuts, _DAMPED / np.maximum(1.0, _size(wide[11][1])))
         free = reach * self.shares
-        length = np.minimum(free, longest)
-        verdict = trial.verdict(Lanes(length))
+        length = np.minimum(free, most)
+        step = trial.tested(Lanes(length))
         scales = [np.maximum(1.0, _size(column[0])) * rough_allowed for column in wide[3:]]
         excess = np.maximum(
-            _excess(verdict.fine, allowed, length, order + 1),
-            _excess(verdict.rough[3:], scales, length, rough_order + 1),
+            _excess([series[-1] for series in step.polynomials], allowed, length, order + 1),
+            _excess([series[-1] for series in step.derivatives], scales, length, rough_order + 1),
         )
-        wanted = excess <= 0
-        accepted = verdict.included & wanted
+        accepted = step.included & (excess <= 0)
         # A step cut short says nothing about how long the next may be.
         better = 0.97 * length / reach * np.exp2(np.minimum(1.0, -excess))
         tighter = np.fmin(better, np.where(excess > 0, 0.9, 0.5) * length / reach)
-        self.shares = np.where(accepted, np.where(free <= longest, better, self.shares), tighter)
-        return Proposal(trial, verdict, wanted)
+        self.shares = np.where(accepted, np.where(free <= most, better, self.shares), tighter)
+        return replace(step, included=accepted)
 
     def answered(self, tried: Round) -> Array:
         """Prepare the next steps: a status for each lane whose way ends."""
@@ -199,9 +186,10 @@ class LaneSteps:
         stuck = ~proved & (~(length >= _SHORTEST_STEP) | (self.failures >= _MOST_TRIALS))
         status = np.full(len(proved), None)
         status[stuck] = Status.NO_ENCLOSURE
-        status[stuck & tried.tested] = Status.UNRESOLVED
-        status[stuck & tried.tested & ~tried.upright] = Status.FLAT
-        status[stuck & tried.tested & ~tried.followed] = Status.GRAZING
+        tested = stuck & tried.step.included
+        status[tested] = Status.UNRESOLVED
+        status[tested & ~tried.upright] = Status.FLAT
+        status[tested & ~tried.followed] = Status.GRAZING
         status[tried.arrived] = Status.RETURNED
         return status
 

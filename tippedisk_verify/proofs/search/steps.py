@@ -1,4 +1,4 @@
-"""The search for steps: lengths and orders that the kernel's test is likely to pass, axes and moments; with their log.
+"""The search for steps: lengths, orders that the kernel's test is likely to pass, and axes; with their log.
 
 A `Steps` proposes for one flight. What the flight has taken stands in its ``log``, in the form in which
 `kernel.choices` reads it from a certificate.
@@ -10,10 +10,11 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from tippedisk_verify.proofs.kernel.balls import arb, ball, working_bits
-from tippedisk_verify.proofs.kernel.flow import Path, Step, magnitude, short_float
+from tippedisk_verify.proofs.kernel.balls import arb, working_bits
+from tippedisk_verify.proofs.kernel.flow import Path, short_float
 from tippedisk_verify.proofs.kernel.reading import dyadic_text
 from tippedisk_verify.proofs.kernel.sliding import Crossing
+from tippedisk_verify.proofs.kernel.step import Step, magnitude
 from tippedisk_verify.proofs.search.axes import axes_of_balls
 
 __all__ = ["SearchedTest", "Steps", "midpoint_inverse"]
@@ -34,7 +35,6 @@ class Steps:
     def __init__(self) -> None:
         self.log: list[dict[str, Any]] = []
         self._share = 0.75  # of the length that the midpoint's series allows; follows what is accepted
-        self._moment: Any = None
 
     def beyond(self) -> Steps:
         """Another search; what it finds is logged with the step that begins before."""
@@ -42,7 +42,6 @@ class Steps:
 
     def step(self, path: Path, longest: float | None) -> Step | None:
         """A step whose remainders are as small as rounding, or as a share of the box."""
-        self._moment = None
         try:
             return self._trials(path, longest)
         except OverflowError:
@@ -64,58 +63,34 @@ class Steps:
             length = short_float(min(reach * share, longest if longest is not None else math.inf))
             if length < _SHORTEST_STEP:
                 return None
-            verdict = trial.verdict(length)
-            if not all(part.is_finite() for part in (*verdict.fine, *verdict.rough)):
+            step = trial.tested(length)
+            fine, rough = ([series[-1] for series in part] for part in (step.polynomials, step.derivatives))
+            if not all(part.is_finite() for part in (*fine, *rough)):
                 share *= 0.5
                 continue
             excess = max(
-                _excess(verdict.fine, [0, 0, 0], allowed, length, order + 1),
-                _excess(verdict.rough[3:], sizes, [rough_allowed] * len(sizes), length, rough_order + 1),
+                _excess(fine, [0, 0, 0], allowed, length, order + 1),
+                _excess(rough, sizes, [rough_allowed] * len(sizes), length, rough_order + 1),
             )
             better = length / reach * 2.0 ** min(1.0, -excess)
-            if verdict.included and excess <= 0:
+            if step.included and excess <= 0:
                 # A step cut short says nothing about how long the next may be.
                 if longest is None or length < longest:
                     self._share = 0.97 * better
-                return trial.step(length, verdict)
+                return step
             share = min(0.97 * better, 0.9 * length / reach)
         return None
-
-    def moment(self, step: Step, index: int, level: Any) -> Any:
-        """By bisection and then the secant method on the midpoints."""
-        low, high = 0.0, step.length
-        for _ in range(20):
-            middle = (low + high) / 2
-            if (step.at(ball(middle))[index] - level).mid() < 0:
-                low = middle
-            else:
-                high = middle
-        guess, before = ball((low + high) / 2), ball((low + high) / 2 + 0.01 * step.length)
-        f_before = (step.at(before)[index] - level).mid()
-        for _ in range(12):  # a secant's order is 1.6: from 20 bits to 20 * 1.6^12 = 5600
-            f = (step.at(guess)[index] - level).mid()
-            if f == f_before:
-                break
-            ahead = (guess - f * (guess - before) / (f - f_before)).mid()
-            if not 0 < ahead < step.length:
-                break
-            before, f_before, guess = guess, f, ahead
-        self._moment = guess.mid()
-        return self._moment
 
     def axes(self, turned: Sequence[Sequence[Any]], sizes: Sequence[Any], stiffness: Any) -> Sequence[Sequence[Any]]:
         """Of few bits, which keeps the log short."""
         return [[_short(entry) for entry in row] for row in axes_of_balls(turned, sizes, stiffness)]
 
     def took(self, step: Step, axes: Sequence[Sequence[Any]]) -> None:
-        parts = [step, step.second, step.middle] if isinstance(step, Crossing) else [step]
-        entry: dict[str, Any] = {
-            "steps": [[dyadic_text(part.tried), *part.orders] for part in parts],
+        parts = [step.first, step.second] if isinstance(step, Crossing) else [step]
+        self.log.append({
+            "steps": [[dyadic_text(part.length), *part.orders] for part in parts],
             "axes": [[dyadic_text(entry) for entry in row] for row in axes],
-        }
-        if self._moment is not None:
-            entry["moment"] = dyadic_text(self._moment)
-        self.log.append(entry)
+        })  # fmt: skip
 
 
 def _allowed(path: Path, bits: int) -> tuple[list[int], int]:

@@ -10,7 +10,7 @@ from tippedisk_verify.proofs.kernel.reading import Refused, content_of, digest, 
 
 __all__ = ["FORMAT", "KINDS", "Refused", "Unproved", "check", "digest", "proved"]
 
-FORMAT = "tippedisk certificate 2"
+FORMAT = "tippedisk certificate 3"
 #: by what shows them
 KINDS: dict[str, Any] = {
     kind: module for module in (cycle, fold, interval, connection, connection_cycles, family) for kind in module.KINDS

@@ -16,7 +16,7 @@ from typing import Any
 
 from tippedisk_verify.proofs.kernel.arc import GAMMA_BAR, Arc, arc_test
 from tippedisk_verify.proofs.kernel.balls import Unproved, arb, ball, midpoint_and_radius, need, working_precision
-from tippedisk_verify.proofs.kernel.curves import Choices, Curve, Replay
+from tippedisk_verify.proofs.kernel.curves import Curve, Replay
 from tippedisk_verify.proofs.kernel.field import constants
 from tippedisk_verify.proofs.kernel.jets import Jet
 from tippedisk_verify.proofs.kernel.reading import decimal, parsed, precision
@@ -101,7 +101,7 @@ def upper_bound(x: Any) -> Fraction:
 
 
 def box_test(
-    disk: Mapping[str, str], low: Fraction, arc: Mapping[str, Any], radii: Sequence[Fraction], choices: Choices
+    disk: Mapping[str, str], low: Fraction, arc: Mapping[str, Any], radii: Sequence[Fraction], choices: Any
 ) -> Arc:
     """The test over a box about an arc's polynomials, at the working precision. Raises Unproved if the flight fails."""
     high = Fraction(arc["end"])

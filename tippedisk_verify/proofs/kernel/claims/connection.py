@@ -29,8 +29,8 @@ from tippedisk_verify.proofs.kernel.choices import FLIGHT, Replay
 from tippedisk_verify.proofs.kernel.claims.manifolds import Curve, block, leaving
 from tippedisk_verify.proofs.kernel.claims.saddle import FAST, SLOW, UNSTABLE, Saddle, ask, cones, most
 from tippedisk_verify.proofs.kernel.claims.words import DISK, disk_words, number_words
-from tippedisk_verify.proofs.kernel.flow import Step
 from tippedisk_verify.proofs.kernel.reading import MEASURED, decimal, dyadic, one_of
+from tippedisk_verify.proofs.kernel.step import Step
 
 __all__ = ["CHOICES", "EIGENVALUES", "KINDS", "SIDES", "Connection", "Recorded", "alone", "connection_shown", "holds",
            "sentence", "shape", "show"]  # fmt: skip

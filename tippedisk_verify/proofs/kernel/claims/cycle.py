@@ -91,7 +91,7 @@ def apart(fixed: FixedPoints, radii: Sequence[Any]) -> tuple[Any, Any]:
 
 def reversals(section: Section, fixed: FixedPoints) -> int:
     """How often the sliding velocity changes its sign in a period, shown under the smooth law only."""
-    return section.laps * fixed.box.reversals
+    return int(section.laps * fixed.box.reversals)
 
 
 def shape(kind: str) -> tuple[dict[str, Any], dict[str, Any]]:

@@ -20,9 +20,10 @@ from numpy.typing import NDArray
 
 from tippedisk_verify.proofs.kernel.balls import Unproved, ball
 from tippedisk_verify.proofs.kernel.claims.saddle import FAST, SLOW, UNSTABLE, Saddle, hull_of_lanes
-from tippedisk_verify.proofs.kernel.flow import Model, Path, Step
+from tippedisk_verify.proofs.kernel.flow import Model, Path
 from tippedisk_verify.proofs.kernel.lanes import Lanes
 from tippedisk_verify.proofs.kernel.section import UPRIGHT
+from tippedisk_verify.proofs.kernel.step import Step
 
 __all__ = ["arrivals"]
 
@@ -90,10 +91,9 @@ def _all(what: str, *shown: NDArray[np.bool_]) -> None:
 
 
 def _step(path: Path, lengths: NDArray[np.float64]) -> Step:
-    trial = path.trial((_ORDER, _ORDER))
-    verdict = trial.verdict(Lanes(lengths))
-    _all("the states and derivatives over a step are not shown to stay in its enclosure", verdict.included, lengths > 0)
-    return trial.tested(verdict)
+    step = path.trial((_ORDER, _ORDER)).tested(Lanes(lengths))
+    _all("the states and derivatives over a step are not shown to stay in its enclosure", step.included)
+    return step
 
 
 def _climbs(model: Model, step: Step) -> NDArray[np.bool_]:

@@ -17,7 +17,7 @@ from tippedisk_verify.proofs.kernel.arc import OMEGA, Arc, arc_test
 from tippedisk_verify.proofs.kernel.balls import arb, ball, need
 from tippedisk_verify.proofs.kernel.claims.arcs import STEPS, polynomial, upper_bound
 from tippedisk_verify.proofs.kernel.claims.words import DISK, MANNERS, disk_words, held, number_words
-from tippedisk_verify.proofs.kernel.curves import Choices, Curve, Replay
+from tippedisk_verify.proofs.kernel.curves import Curve, Replay
 from tippedisk_verify.proofs.kernel.field import constants
 from tippedisk_verify.proofs.kernel.jets import Jet
 from tippedisk_verify.proofs.kernel.reading import MEASURED, decimal, one_of
@@ -31,7 +31,7 @@ _NUMBERS = ("period", *UNKNOWNS, "multiplier_slow", "log_multiplier_slow", "log_
 _UPRIGHT = Fraction(15707, 10000)  # rad: the flights prove that much in any case
 
 
-def interval_test(claim: Mapping[str, Any], half: Sequence[str], choices: Choices) -> Arc:
+def interval_test(claim: Mapping[str, Any], half: Sequence[str], choices: Any) -> Arc:
     """The test of the claim's box about its polynomials; ``half``: about half the period, a polynomial as well.
 
     Raises Unproved if the flight fails.

@@ -1,0 +1,229 @@
+"""One step of all orbits from a set of states: an interval Taylor method in mean-value form.
+
+Given a box X of states (a vector of balls) and a ball of speeds Omega, let m be X's midpoint. Recurrences (`series`)
+give the Taylor coefficients p_0 … p_N of the orbit from m, and those of the orbits from X together with their
+derivatives by state and Omega to order K. Over [0, h] the latter polynomials have a range; padded, it is a box E. With
+c the coefficients number K + 1 over E, the step is accepted if
+
+    polynomial(t) + t^(K+1) c  lies in the interior of E  for all t in [0, h].
+
+*Then every orbit from X exists on [0, h] and stays in E.* As long as an orbit has been in E, Taylor's formula with
+Lagrange's remainder puts it in E's interior (component by component: the remainder is a coefficient at an earlier point
+of the same orbit, so within c). It cannot reach the boundary first, nor blow up in a compact box on which the field is
+analytic (c is finite, so M has no zero there). The same argument holds for the derivatives, which are part of the
+system (Corliss and Rihm 1996; Nedialkov, Jackson and Pryce 2001: a high-order enclosure). Coefficient number N + 1 over
+E gives the remainder of the orbit from m.
+
+**Mean-value form.** By the mean value theorem the image of X at time t lies in
+
+    orbit of m at t  +  [derivatives over X](t) (X - m)  +  [derivative by Omega](t) (Omega - its midpoint),
+
+because balls are convex. Balls put straight through the polynomials would grow like exp(|d(v')/d(v)| t), by some 40
+digits a second; in this form the strong contraction along v contracts the ball too, and half a period costs 2 digits.
+
+Where a ball becomes a point or a float: m is a midpoint, and any point of X would do; paddings are free. Step lengths
+are exact dyadic numbers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property, reduce
+from operator import and_
+from typing import Any
+
+import numpy as np
+
+from tippedisk_verify.proofs.kernel.balls import (
+    alike,
+    arb,
+    around_zero,
+    choice,
+    inside,
+    negative,
+    positive,
+    rough,
+    shared,
+    side_by_side,
+    upper,
+    whole,
+    working_bits,
+    working_precision,
+)
+from tippedisk_verify.proofs.kernel.frame import Frame
+from tippedisk_verify.proofs.kernel.series import System
+
+__all__ = ["Step", "Trial", "enclosed_moment", "magnitude", "polynomial"]
+
+_REMAINDER_BITS = 64  # a remainder is needed to its first digits only
+_MEAN_VALUE_BITS = 53  # of derivatives that only multiply radii
+_MOST_ITERATIONS = 100
+_ALL = slice(3)
+
+
+@dataclass(frozen=True)
+class Step:
+    """One accepted step: what is proved over [0, length] from where the path stood."""
+
+    begin: Any  #: time at its start [s]
+    length: Any  #: [s], exact: a float, or lanes
+    enclosure: tuple[Any, ...]  #: holds the state throughout, for every orbit from the box
+    frame: Frame  #: of the states at its start
+    orders: tuple[int, int]  #: of the midpoint's series, and of that over the box
+    polynomials: list[list[Any]]  #: of the midpoint's orbit, the remainder's coefficient last
+    derivatives: list[list[Any]]  #: of the derivatives, 3 to a column (and the divergence's integral), likewise
+    included: Any = True  #: where it is proved
+    followed: Any = True  #: where the equations hold throughout
+    aside: tuple[Any, Step] | None = None  #: the rest of a batch, if it takes another step, and that step
+
+    def rows_at(self, time: Any, components: slice = _ALL) -> tuple[tuple[Any, ...], ...]:
+        """d(state at ``time``)/d(state at the start, Omega) for every orbit from the box; ``time`` in the step."""
+        columns, time = range(0, len(self.derivatives) - 2, 3), rough(time)
+        return tuple(
+            tuple(polynomial(self.derivatives[column + row], time) for column in columns)
+            for row in range(3)[components]
+        )
+
+    def derivatives_at(self, time: Any) -> tuple[tuple[Any, ...], ...]:
+        """d(state at ``time``)/d(start of the path, Omega) for every orbit."""
+        return self.frame.derivatives(self.rows_at(time))
+
+    def divergence_at(self, time: Any) -> Any:
+        """Integral of div f from the step's start."""
+        return polynomial(self.derivatives[-1], rough(time))
+
+    def at(self, time: Any, components: slice = _ALL) -> tuple[Any, ...]:
+        """The state, or a part of it, after ``time``, a ball within [0, length], for every orbit from the box."""
+        return self.frame.image(self.centre(time, components), self.rows_at(time, components))
+
+    def component(self, index: int, time: Any) -> Any:
+        """One of the three of `at`."""
+        return self.at(time, slice(index, index + 1))[0]
+
+    def at_end(self) -> tuple[Any, ...]:
+        """The state at the step's end, for every orbit from the box."""
+        return self.frame.image(*self.end)
+
+    @cached_property
+    def end(self) -> tuple[Sequence[Any], tuple[tuple[Any, ...], ...]]:
+        """The midpoint's image at the step's end, and `rows_at` it."""
+        time = alike(self.polynomials[0][0], self.length)
+        return self.centre(time), self.rows_at(time)
+
+    def centre(self, time: Any, components: slice = _ALL) -> Sequence[Any]:
+        """Where the midpoint's orbit is after ``time``."""
+        return [polynomial(series, time) for series in self.polynomials[components]]
+
+    def span(self) -> Any:
+        """A ball that holds the times from 0 to its length."""
+        return _from_zero(alike(self.enclosure[0], self.length))
+
+
+def polynomial(coefficients: Sequence[Any], time: Any) -> Any:
+    result = coefficients[-1]
+    for coefficient in reversed(coefficients[:-1]):
+        result = result * time + coefficient
+    return result
+
+
+class Trial:
+    """The series of all orbits from where a path stands, with orders that are chosen, on which lengths are tried."""
+
+    def __init__(self, path: Any, orders: tuple[int, int]) -> None:
+        self.path, self.orders, model = path, orders, path.model
+        self.thin = model.orbit.coefficients(path.middle or path.frame.middle, orders[0])
+        box = [rough(part) for part in path.box]
+        zero, one = (alike(box[0], k) for k in (0, 1))
+        columns = range(3 + len(path.frame.columns))
+        start = [*box, *(one if row == column else zero for column in columns for row in range(3))]
+        if path.sharp:
+            start.append(zero)
+        with working_precision(working_bits() if path.sharp else _MEAN_VALUE_BITS):
+            self.wide = self._system(model).coefficients(start, orders[1])
+
+    def _system(self, model: Any) -> System:
+        system: System = model.with_divergence if self.path.sharp else model.variational
+        return system
+
+    def tested(self, length: Any) -> Step:
+        """The step of that length, which is proved where it says so."""
+        with working_precision(_REMAINDER_BITS):
+            enclosure, fine, wider, included = self._test(length)
+        return Step(
+            self.path.time,
+            length,
+            enclosure,
+            self.path.frame,
+            self.orders,
+            [[*c, alike(c[0], r)] for c, r in zip(self.thin, fine, strict=True)],
+            [[*c, alike(c[0], r)] for c, r in zip(self.wide[3:], wider[3:], strict=True)],
+            included,
+        )
+
+    def _test(self, length: Any) -> tuple[tuple[Any, ...], list[Any], list[Any], Any]:
+        """The padded box E over [0, length], the remainders' coefficients over it, and whether the step is proved."""
+        bound, (order, rough_order) = self.path.model.bound, self.orders
+        time = alike(whole(self.wide[0][0]), whole(length))
+        span, power = _from_zero(time), _from_zero(time**rough_order)
+        coefficients = [[whole(coefficient) for coefficient in series] for series in self.wide]
+        ranges = [polynomial(series, span) for series in coefficients]
+        # What the last term contributes is a fair guess of what the rest does.
+        box = [
+            part + around_zero(part.rad() / 256 + _pad(part)) + around_zero(series[-1] * power)
+            for part, series in zip(ranges, coefficients, strict=True)
+        ]
+        wider = [series[-1] for series in self._system(bound).coefficients(box, rough_order + 1)]
+        fine = wider[:3]
+        if rough_order != order:
+            fine = [series[-1] for series in bound.orbit.coefficients(box[:3], order + 1)]
+        # An infinite coefficient is in no interior.
+        included = [inside(part + r * (power * span), room) for part, r, room in zip(ranges, wider, box, strict=True)]
+        included += [positive(time), *(r.is_finite() for r in fine)]
+        return tuple(box[:3]), fine, wider, reduce(and_, included)
+
+
+def enclosed_moment(
+    step: Step, span: Any, value: Callable[[Any], Any], slope: Any, slope_over: Callable[[Any], Any]
+) -> tuple[Any, Any]:
+    """All zeros of growing functions of time, of which each has one in the step, and where they are shown to be held.
+
+    The zeros lie in the ball ``span``. ``value`` and ``slope_over`` enclose the functions and their derivatives at a
+    ball of times; ``slope`` holds the derivatives over the span. Interval Newton steps T -> t - x(t) / x'(T), where t,
+    any point of T that lies in the step, is T's midpoint; and the sign of x(t) tells on which side of t the zero is.
+    """
+    moment, shown = span, True
+    for _ in range(_MOST_ITERATIONS):
+        guess, before = moment.mid(), upper(moment.rad())
+        shown = shown & positive(guess) & positive(step.length - guess)
+        there, reach = value(guess), moment.rad()
+        ahead = choice(negative(there), guess.union(guess + reach), moment)
+        moment = shared(guess - there / slope, choice(positive(there), guess.union(guess - reach), ahead))
+        if not np.any(1.5 * upper(moment.rad()) < before):  # at worst a step halves it, up to rounding
+            break
+        slope = slope_over(moment)
+    return moment, shown & moment.is_finite()
+
+
+def _from_zero(length: Any) -> Any:
+    """A ball that holds 0, ``length`` and what lies between."""
+    half = length / 2
+    return half + around_zero(half)
+
+
+def _pad(part: Any) -> Any:
+    """An absolute pad for a range that has no width of its own."""
+    if side_by_side(part):
+        return part.abs_upper() * 2.0 ** -(_REMAINDER_BITS // 2) + 2.0**-_REMAINDER_BITS
+    return arb(2) ** (max(-_REMAINDER_BITS, magnitude(part) - _REMAINDER_BITS // 2) if part.is_finite() else 0)
+
+
+def magnitude(x: Any) -> int:
+    """An integer k with |x| < 2^k for all x of the ball, the least but for rounding (-10^6 for zero).
+
+    Raises OverflowError for a ball that is not finite.
+    """
+    if not x.is_finite():
+        raise OverflowError("an infinite ball has no size")
+    mantissa, exponent = x.abs_upper().man_exp()
+    return int(mantissa).bit_length() + int(exponent) if mantissa else -1_000_000
