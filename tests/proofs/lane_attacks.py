@@ -182,7 +182,7 @@ def strange_operands(module, count: int = 0, seed: int = 4) -> None:
     assert_sound(left)
     results = [left, -left, left.square(), 0 * left, left / 3, left.mid(), left.rad(), left.sin(), left.cos()]
     for a, b in ((left, right), (right, left), (left, left)):
-        results += [a + b, a - b, a * b, a / b, a.union(b)]
+        results += [a + b, a - b, a * b, a / b, a.union(b), right.shared(b) if b is left else left]
         one, other = a.series(), b.series()
         for ordinary in (1.0, 2.0):
             one.append(module.Lanes(np.full(len(a), ordinary)))
@@ -318,8 +318,9 @@ def predicates(module, count: int, seed: int = 7) -> None:
             inner = rad * rng.choice((0.0, 0.5, 1.0, 1 - 2.0**-50))
             first[i] = (mid + (rad - inner) * rng.choice((-1, 0, 1)), inner)
     a, b = lanes_of(module, first), lanes_of(module, second)
-    inside, positive, negative, union = a.inside(b), a.positive(), a.negative(), a.union(b)
+    inside, positive, negative, union, shared = a.inside(b), a.positive(), a.negative(), a.union(b), a.shared(b)
     assert_sound(union)
+    assert_sound(shared)
     seen = 0
     for i in range(count):
         (m, r), (n, s) = (tuple(map(Fraction, box)) for box in (first[i], second[i]))
@@ -336,6 +337,8 @@ def predicates(module, count: int, seed: int = 7) -> None:
             assert negative[i] == (m + r < 0), first[i]
         for point in (*points(rng, first[i]), *points(rng, second[i])):
             assert_holds(union, i, point, (first[i], second[i]))
+            if abs(point - m) <= r and abs(point - n) <= s:
+                assert_holds(shared, i, point, (first[i], second[i]))
     assert seen > count // 20
 
 

@@ -207,9 +207,9 @@ FAULTS = [
     (Crossing, "rows_at", "entries[3] + row[3]", "entries[3]"),
     (Crossing, "divergence_at", "self.first.divergence_at(self.tau) + ", ""),
     (Crossing, "centre", "_since(self.middle_tau, time)", "time"),
-    # The signs at the ends of pieces are believed to tell what is between.
-    (SlidingPath, "_by_pieces", "positive(polynomial(velocity, time)) | positive(rate)", "positive(last)"),
-    (SlidingPath, "_by_pieces", "positive(rate), negative(rate)", "negative(rate), positive(rate)"),
+    # The sign at a step's end is believed to tell what is between.
+    (SlidingPath, "_by_pieces", "positive(polynomial(velocity, time)) |", "positive(polynomial(velocity, length)) |"),
+    (SlidingPath, "_by_pieces", "falls = negative(rate)", "falls = positive(rate)"),
 ]
 
 

@@ -31,6 +31,16 @@ __all__ = ["Graph", "Node", "System", "with_derivatives"]
 _PAIR = ("sin", "cos")
 
 
+def _operation(kind: str, *, reflected: bool = False) -> Callable[[Node, Any], Node]:
+    """A method of `Node` that records an operation."""
+
+    def record(node: Node, other: Any) -> Node:
+        left, right = (node.graph.number(other), node) if reflected else (node, other)
+        return node.graph.operation(kind, left, right)
+
+    return record
+
+
 class Node:
     """One operation on series: what it is, and the Taylor coefficients found so far (one if it is constant)."""
 
@@ -45,29 +55,10 @@ class Node:
         self.active: bool = any(part.active for part in parts)
         graph.nodes.append(self)
 
-    def __add__(self, other: Any) -> Node:
-        return self.graph.operation("add", self, other)
-
-    def __radd__(self, other: Any) -> Node:
-        return self.graph.operation("add", self, other)
-
-    def __sub__(self, other: Any) -> Node:
-        return self.graph.operation("subtract", self, other)
-
-    def __rsub__(self, other: Any) -> Node:
-        return self.graph.operation("subtract", self.graph.number(other), self)
-
-    def __mul__(self, other: Any) -> Node:
-        return self.graph.operation("multiply", self, other)
-
-    def __rmul__(self, other: Any) -> Node:
-        return self.graph.operation("multiply", self, other)
-
-    def __truediv__(self, other: Any) -> Node:
-        return self.graph.operation("divide", self, other)
-
-    def __rtruediv__(self, other: Any) -> Node:
-        return self.graph.operation("divide", self.graph.number(other), self)
+    __add__ = __radd__ = _operation("add")
+    __sub__, __rsub__ = _operation("subtract"), _operation("subtract", reflected=True)
+    __mul__ = __rmul__ = _operation("multiply")
+    __truediv__, __rtruediv__ = _operation("divide"), _operation("divide", reflected=True)
 
     def __neg__(self) -> Node:
         return self.graph.operation("multiply", self, -1)

@@ -9,8 +9,8 @@ it is the law of side 1 for the constants s traction and s epsilon. An orbit is 
 steps of `flow`. Their time is cut into pieces, on which Taylor's formula encloses s gamma_y and its rate, and one of
 these is shown:
 
-- *kept*: on each piece s gamma_y > 0, or grows, or falls to an end at which it is positive.
-- *crossed*: s gamma_y is positive up to a piece on which it falls to an end at which it is negative. Then every orbit
+- *kept*: on each piece s gamma_y > 0, or grows, or falls to an end at which it is positive, at once or pieces later.
+- *crossed*: s gamma_y is positive up to pieces on which it falls to an end at which it is negative. Then every orbit
   of side s has exactly one zero tau of gamma_y in the step, and up to tau it is an orbit of the smooth law. From the
   states at tau, which the step encloses at the ball of all tau, a step of the other side's law follows. There
   s gamma_y' < 0 throughout: gamma_y has changed its sign and keeps it.
@@ -211,23 +211,28 @@ class SlidingPath(Path):
         return replace(step, followed=kept, aside=(among(crossed, through.included), some(through, through.included)))
 
     def _by_pieces(self, step: Step) -> tuple[Any, Any, Any, Any]:
-        """Where the step is kept and where crossed; the times of the piece in which it is, and the rate in it."""
+        """Where the step is kept and where crossed; the times of the pieces in which it is, and the rate in them."""
         start, throughout = self.model.velocity(self.box, _ORDER), self.model.velocity(step.enclosure, _ORDER + 1)
         velocity = [_signed(coefficient, self.side) for coefficient in (*start, throughout[-1])]
         rates = [k * coefficient for k, coefficient in enumerate(velocity)][1:]
-        kept, crossed = (self.side != 0), False
+        kept, crossed, waits = (self.side != 0), False, False
         length, between, slope = alike(self.time, step.length), step.span(), self.time
+        run, fall = between, slope  # the pieces since which it falls to an end that is not known to be positive
         for piece in range(_PIECES):
             low, high = (length * (n / _PIECES) for n in (piece, piece + 1))
             time = low.union(high)
             rate, last = polynomial(rates, time), polynomial(velocity, high)
-            ahead, falls = positive(polynomial(velocity, time)) | positive(rate), negative(rate)
-            crosses = kept & (falls & negative(last) & ((crossed | ahead) ^ True))
-            crossed = crossed | crosses
+            falls = negative(rate)
+            ahead = positive(polynomial(velocity, time)) | ((waits ^ True) & positive(rate)) | (falls & positive(last))
+            run, fall = choice(waits, run.union(time), time), choice(waits, fall.union(rate), rate)
+            open_ = kept & (crossed ^ True) & (ahead ^ True) & falls
+            crosses = open_ & negative(last)
+            waits = open_ & (crosses ^ True)
             # What comes after the crossing is the other side's.
-            kept = kept & (crossed | ahead | (falls & positive(last)))
-            between, slope = choice(crosses, time, between), choice(crosses, rate, slope)
-        return kept & (crossed ^ True), kept & crossed, between, slope
+            kept = kept & (crossed | ahead | open_)
+            crossed = crossed | crosses
+            between, slope = choice(crosses, run, between), choice(crosses, fall, slope)
+        return kept & ((crossed | waits) ^ True), kept & crossed, between, slope
 
     def _crossing(self, step: Step, between: Any, rate: Any) -> Crossing | None:
         """The step as far as shortly after its crossing, which lies ``between`` two times."""
