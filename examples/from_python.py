@@ -2,7 +2,7 @@
 
 import tippedisk_verify as tv
 
-disk = tv.Disk("printed")
+disk = tv.Disk("table1")
 print(disk.omega_crit)  # 30.8865926886435672...
 print(disk.heteroclinic(digits=20).omega_h)  # 30.0488682607225011227...
 cycle = disk.limit_cycle("30.4", digits=20)

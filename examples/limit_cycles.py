@@ -6,7 +6,7 @@ from matplotlib import pyplot
 
 import tippedisk_verify as tv
 
-disk = tv.Disk("printed")
+disk = tv.Disk("table1")
 _, (left, right) = pyplot.subplots(1, 2, figsize=(10, 4), layout="constrained")
 disk.limit_cycle("30.4").plot(left).legend()
 branch = disk.branch()

@@ -2,7 +2,7 @@
 
 import tippedisk_verify as tv
 
-disk = tv.Disk("printed")
+disk = tv.Disk("table1")
 cycle = disk.limit_cycle(below_crit="0.5")
 print(f"period            {cycle.period} s")
 print(f"largest angle     {cycle.beta_max} rad from upright")

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from tippedisk_verify.proofs.search.fold import FoldProof
     from tippedisk_verify.proofs.search.interval import IntervalProof
     from tippedisk_verify.proofs.search.proved_connection import ProvedConnection
-    from tippedisk_verify.proofs.search.proved_end import ProvedEnd
+    from tippedisk_verify.proofs.search.connection_end import ProvedEnd
     from tippedisk_verify.theory.equilibria import EquilibriumName
 
 __all__ = ["Certifier"]

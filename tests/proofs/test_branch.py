@@ -42,17 +42,16 @@ from tippedisk_verify.proofs.kernel.curves import fly
 from tippedisk_verify.proofs.kernel.flow import Model
 from tippedisk_verify.proofs.kernel.jets import Jet, scaled_sine
 from tippedisk_verify.proofs.kernel.scaled import ScaledCurve, ScaledModel
-from tippedisk_verify.proofs.search import arcs, connection_end
+from tippedisk_verify.proofs.search import connection_end, curve_choices
 from tippedisk_verify.proofs.search import family as search
-from tippedisk_verify.proofs.search.arcs import BITS, piece_entry, prove_piece, read_piece
 from tippedisk_verify.proofs.search.branch import BranchProof
 from tippedisk_verify.proofs.search.certificate import parameter_texts
-from tippedisk_verify.proofs.search.curve_choices import StepSearch, family_polynomials
+from tippedisk_verify.proofs.search.connection_end import ProvedEnd
+from tippedisk_verify.proofs.search.connection_end import Status as EndStatus
+from tippedisk_verify.proofs.search.curve_choices import BITS, StepSearch, family_polynomials, piece_entry, prove_piece
 from tippedisk_verify.proofs.search.heteroclinic import prove_connection
 from tippedisk_verify.proofs.search.lane_cycles import prove_cycles
 from tippedisk_verify.proofs.search.proved_connection import ProvedConnection
-from tippedisk_verify.proofs.search.proved_end import ProvedEnd
-from tippedisk_verify.proofs.search.proved_end import Status as EndStatus
 from tippedisk_verify.reference_values.lookup import reference
 
 DISK = parameter_texts(PRINTED)
@@ -151,8 +150,8 @@ def test_the_scaled_half_map_and_its_derivatives() -> None:
 @pytest.fixture
 def quick(monkeypatch) -> None:
     """Polynomials of degree 2 and no wider box: seconds a piece."""
-    monkeypatch.setattr(arcs, "_DEGREE", 2)
-    monkeypatch.setattr(arcs, "_WIDE_SHARES", ())
+    monkeypatch.setattr(curve_choices, "_DEGREE", 2)
+    monkeypatch.setattr(curve_choices, "_WIDE_SHARES", ())
 
 
 @lru_cache(maxsize=4)
@@ -272,7 +271,7 @@ def test_a_changed_sign_in_the_field_is_not_proved(monkeypatch) -> None:
         honest = equations.constants(disk)
         return honest._replace(g=-honest.g)
 
-    for module in (arcs, claims):
+    for module in (curve_choices, claims):
         monkeypatch.setattr(module, "constants", spoiled)
     guess = search.hopf_guess(PRINTED)
     assert isinstance(prove_piece(PRINTED, Fraction(0), HIGH, guess), Status)
@@ -310,7 +309,7 @@ def test_pieces_are_joined_as_far_as_a_box_reaches_and_no_further() -> None:
 @pytest.mark.usefixtures("quick")
 def test_a_box_inside_the_first_one_shows_no_uniqueness(monkeypatch) -> None:
     """What a second, narrower test would prove says nothing of the zero that the first one encloses."""
-    monkeypatch.setattr(arcs, "_WIDE_SHARES", (Fraction(1, 10**9),))
+    monkeypatch.setattr(curve_choices, "_WIDE_SHARES", (Fraction(1, 10**9),))
     assert prove_piece(PRINTED, Fraction(0), HIGH, search.hopf_guess(PRINTED)) == first(PRINTED)
 
 
@@ -503,7 +502,7 @@ def test_the_command_says_what_is_proved(capsys, monkeypatch, tmp_path) -> None:
     assert (tmp_path / "pictures" / "proved_family.svg").stat().st_size > 10_000
     assert len(made) == len(result["arcs"]) == 2
     assert (result["proved"], result["covered"]) == (False, None)
-    assert [read_piece(entry, {}) for entry in result["arcs"]] == [piece(), second()]
+    assert [read_piece(entry) for entry in result["arcs"]] == [piece(), second()]
     said = _run(capsys, *asked, status=1).splitlines()
     assert ("arcs: 2" in said, f"statement: {result['statement']}" in said) == (True, True)
     # If a certificate cannot be written nothing is said.
@@ -515,6 +514,13 @@ def test_the_command_says_what_is_proved(capsys, monkeypatch, tmp_path) -> None:
         assert main(["certify", "branch", *asked]) == 2
     captured = capsys.readouterr()
     assert (captured.out, captured.err.count("\n"), "No space left" in captured.err) == ("", 1, True)
+
+
+def read_piece(entry: Mapping[str, Any]) -> Piece:
+    """An arc of the command's JSON."""
+    first, second = (tuple(map(Fraction, row)) for row in entry["curve"])
+    unique, near = ((Fraction(x), Fraction(y)) for x, y in (entry["unique_within"], entry["within"]))
+    return Piece(Fraction(entry["low"]), Fraction(entry["high"]), (first, second), unique, near)
 
 
 def test_a_reach_beyond_omega_crit_is_passed_over(monkeypatch) -> None:
@@ -553,11 +559,9 @@ def test_bad_input(arguments, word, capsys) -> None:
     assert word in _run(capsys, *arguments, status=2)
 
 
-def test_pieces_are_written_and_read_without_loss() -> None:
+def test_arcs_are_told_without_loss() -> None:
     one = _flat("0.1", "1/3")
-    assert read_piece(json.loads(json.dumps(piece_entry(one))), {}) == one
-    with pytest.raises((KeyError, InputError, ValueError)):
-        read_piece({**piece_entry(one), "low": "wide"}, {})
+    assert read_piece(json.loads(json.dumps(piece_entry(one)))) == one
 
 
 @pytest.mark.slow(minutes=20)
@@ -566,7 +570,7 @@ def test_the_whole_of_the_printed_disk(capsys) -> None:
     said = json.loads(_run(capsys, "--json", status=0))
     end = said["ends"]["heteroclinic"]
     assert (said["proved"], said["covered"], said["ends"]["hopf"], end["closed"]) == (True, "1", {"closed": True}, True)
-    proved = [read_piece(entry, {}) for entry in said["arcs"]]
+    proved = [read_piece(entry) for entry in said["arcs"]]
     assert search.chain(proved) == proved
 
     def known(gamma_bar: Measured, v: Measured, omega: Measured) -> bool:

@@ -12,9 +12,9 @@ import pytest
 from tippedisk_verify.cli import main
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.proofs.search import connection_end
+from tippedisk_verify.proofs.search.connection_end import ProvedEnd
+from tippedisk_verify.proofs.search.connection_end import Status as EndStatus
 from tippedisk_verify.proofs.search.proved_connection import ProvedConnection
-from tippedisk_verify.proofs.search.proved_end import ProvedEnd
-from tippedisk_verify.proofs.search.proved_end import Status as EndStatus
 
 
 def _json(capsys, *arguments: str, status: int = 0) -> dict:

@@ -16,11 +16,10 @@ from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import PRINTED, Parameters
 from tippedisk_verify.proofs.kernel.balls import ball, working_precision
-from tippedisk_verify.proofs.search.connection_end import prove_end
+from tippedisk_verify.proofs.search.connection_end import ProvedEnd, Status, prove_end
 from tippedisk_verify.proofs.search.heteroclinic import prove_connection
 from tippedisk_verify.proofs.search.proved_connection import ProvedConnection, Room, not_proved
 from tippedisk_verify.proofs.search.proved_connection import Status as ConnectionStatus
-from tippedisk_verify.proofs.search.proved_end import ProvedEnd, Status
 from tippedisk_verify.reference_values.lookup import reference
 
 

@@ -13,7 +13,6 @@ from typing import Any
 import pytest
 
 from tests.proofs.test_branch import DISK, SUBCRITICAL, first, quick, second  # noqa: F401
-from tippedisk_verify.errors import Shortfall
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
 from tippedisk_verify.proofs.kernel import claims
 from tippedisk_verify.proofs.kernel.balls import ball, working_precision
@@ -249,16 +248,3 @@ def test_a_certificate_is_accepted_and_what_is_tampered_with_is_not(quick) -> No
     content["sha256"] = claims.digest(content)
     with pytest.raises(claims.Unproved, match="amplitude_end"):
         claims.proved(content, mapped)
-
-
-@pytest.mark.slow(minutes=1)
-def test_arcs_that_were_read_are_shown_before_a_certificate_is_made(quick) -> None:  # noqa: F811
-    """One that would fit, but lacks a step."""
-    proof = BranchProof(PRINTED, (first(PRINTED),))
-    spoiled = copy.deepcopy(proof.pieces[0].evidence)
-    spoiled["box"]["steps"].pop(30)
-    piece = Piece(
-        *(getattr(proof.pieces[0], name) for name in ("low", "high", "curve", "unique_within", "within")), spoiled
-    )
-    with pytest.raises(Shortfall, match="accepts"):
-        BranchProof(PRINTED, (piece,), read=frozenset([piece])).certificate()

@@ -12,6 +12,7 @@ from tests.proofs.cases import NUMBERS
 from tests.proofs.test_sliding import GUESS, OMEGA, PLACE, SMOOTH
 from tippedisk_verify.cli import main
 from tippedisk_verify.errors import InputError
+from tippedisk_verify.model.decimals import decimal_magnitude
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.proofs.kernel.balls import arb, working_precision
 from tippedisk_verify.proofs.kernel.section import Status as HalfStatus
@@ -22,11 +23,17 @@ from tippedisk_verify.reference_values.lookup import reference
 
 SPEEDS = [Fraction("30.3866"), Fraction("30.5"), Fraction("30.3866")]
 GUESSES = [("1.716267", "-1.710005"), ("1.419348159", "-1.681333424"), ("0.01", "-0.01")]
+MAIN = ("period", "gamma_bar_0", "v_0", "beta_max")
+
+
+def half_a_unit(value: Fraction, digits: int) -> Fraction:
+    """Of the last of so many significant digits."""
+    return Fraction(10) ** (decimal_magnitude(value) + 1 - digits) / 2
 
 
 @pytest.mark.slow(minutes=1)
-def test_the_scalar_proofs_agree_and_take_what_doubles_leave(monkeypatch) -> None:
-    """The first guess has five digits and is sharpened; the last leads to no cycle."""
+def test_the_scalar_proofs_agree_and_take_what_is_left(monkeypatch) -> None:
+    """To 12 digits. The first guess has six digits and is sharpened; the last leads to no cycle."""
     left: list[Fraction] = []
 
     def scalar(parameters, omega, guess, **options):
@@ -35,17 +42,34 @@ def test_the_scalar_proofs_agree_and_take_what_doubles_leave(monkeypatch) -> Non
 
     monkeypatch.setattr(lane_cycles, "prove_cycle", scalar)
     monkeypatch.setitem(lane_cycles._FEW, "linear", 0)
-    found = prove_cycles(PRINTED, SPEEDS, GUESSES, digits=10)
+    found = prove_cycles(PRINTED, SPEEDS, GUESSES, digits=12)
     assert left == SPEEDS[2:]
     assert not found[2].proved
     for proof, omega, guess in zip(found[:2], SPEEDS, GUESSES, strict=False):
         assert proof.status is Status.PROVED
         assert proof.stable is True
-        alone = prove_cycle(PRINTED, omega, guess, digits=14)
+        alone = prove_cycle(PRINTED, omega, guess, digits=16)
         for name in NUMBERS:
             assert proof.values[name].overlaps(alone.values[name]), name
-        assert proof.values["period"].rad() < 1e-10
+        for name in MAIN:
+            assert proof.numbers()[name].uncertainty <= half_a_unit(alone.numbers()[name].value, 12), name
         assert 0 < float(proof.unique_within[0]) < 1e-3
+
+
+@pytest.mark.slow(minutes=1)
+def test_twelve_digits_hold_what_the_integrator_finds_in_more_than_200_bits(monkeypatch) -> None:
+    """The reference values have 50 digits. No cycle is left to single proofs, none to flights on other balls."""
+    for name in ("prove_cycle", "_alone"):
+        monkeypatch.setattr(lane_cycles, name, None)
+    places = [f"printed/linear/limit-cycle/crit-{distance}" for distance in ("0.01", "0.3", "0.7")]
+    truth = [{name: reference(f"{place}/{name}").measured() for name in NUMBERS} for place in places]
+    speeds = [Fraction(reference(f"{place}/period").inputs["Omega"]) for place in places]
+    guesses = [(round(values["gamma_bar_0"].value, 12), round(values["v_0"].value, 12)) for values in truth]
+    for proof, values in zip(prove_cycles(PRINTED, speeds, guesses, digits=12), truth, strict=True):
+        for name, mine in proof.numbers().items():
+            assert abs(mine.value - values[name].value) <= mine.uncertainty + values[name].uncertainty, name
+        for name in MAIN:
+            assert proof.numbers()[name].uncertainty <= half_a_unit(values[name].value, 12), name
 
 
 @pytest.mark.slow

@@ -65,6 +65,8 @@ def some_model(model: Any, which: Any) -> Any:
     """The model for some speeds; constants that are one ball go with any."""
     if np.ndim(which) == 0:
         return model
+    if hasattr(model, "some"):
+        return model.some(which)
     constants = type(model.constants)(*(part if len(part) == 1 else part[which] for part in model.constants))
     return type(model)(constants, model.omega[which], model.law)
 

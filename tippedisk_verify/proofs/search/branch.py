@@ -8,8 +8,7 @@ Where a ball becomes a point or a float: nowhere.
 
 from __future__ import annotations
 
-from concurrent.futures import Executor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
 from typing import Any
@@ -19,16 +18,15 @@ from tippedisk_verify.model.decimals import exact_text, rounded_down
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.proofs.closed_forms import check_linearization, hopf_balls
-from tippedisk_verify.proofs.kernel.balls import Unproved, ball_constants, need, working_precision
+from tippedisk_verify.proofs.kernel.balls import ball_constants, working_precision
 from tippedisk_verify.proofs.kernel.claims import connection_cycles
-from tippedisk_verify.proofs.kernel.claims.arcs import Piece, Status, piece_shown
+from tippedisk_verify.proofs.kernel.claims.arcs import Piece, Status
 from tippedisk_verify.proofs.kernel.claims.family import curve_fault, last_cycle, sentence, unique_within
-from tippedisk_verify.proofs.kernel.reading import Refused
 from tippedisk_verify.proofs.numbers import measured
-from tippedisk_verify.proofs.search.arcs import piece_entry
 from tippedisk_verify.proofs.search.certificate import certificate_text, parameter_texts
+from tippedisk_verify.proofs.search.connection_end import ProvedEnd
+from tippedisk_verify.proofs.search.curve_choices import piece_entry
 from tippedisk_verify.proofs.search.proved_connection import ProvedConnection
-from tippedisk_verify.proofs.search.proved_end import ProvedEnd
 
 __all__ = ["BranchProof", "omega_crit"]
 
@@ -45,7 +43,6 @@ class BranchProof:
     stopped: Status | None = None  #: why the piece after the last one is not proved, if one was tried
     connection: ProvedConnection | None = None  #: Omega_h, if it is known
     end: ProvedEnd | None = None  #: the cycles next to the connection, if they are proved
-    read: frozenset[Piece] = frozenset()  #: those that are taken as a file has them
 
     @cached_property
     def hopf_closed(self) -> bool:
@@ -109,21 +106,10 @@ class BranchProof:
             claim |= {name: end[name] for name in connection_cycles.CLAIM} | {"kind": "whole family of limit cycles"}
         return claim
 
-    def certificate(self, executor: Executor | None = None) -> str:
-        """The text of a certificate; arcs that were read are shown first. Raises Shortfall if none can be written."""
+    def certificate(self) -> str:
+        """The text of a certificate. Raises Shortfall if none can be written."""
         if not self.hopf_closed:
             raise Shortfall("no certificate: nothing is proved from the Hopf point on")
-        disk = parameter_texts(self.parameters)
-        read = [(number, piece) for number, piece in enumerate(self.pieces, 1) if piece in self.read]
-        jobs = [(disk, piece.low, number, piece.evidence) for number, piece in read]
-        try:
-            for (number, piece), shown in zip(
-                read, (map if executor is None else executor.map)(piece_shown, jobs), strict=True
-            ):
-                as_near = all(a <= b for a, b in zip(shown.within, piece.within, strict=True))
-                need(as_near and replace(shown, within=piece.within) == piece, f"arc {number}: it is another one")
-        except (Unproved, Refused) as fault:
-            raise Shortfall(f"no certificate that the kernel accepts could be made: {fault}") from None
         bits = _CLAIM_BITS
         evidence: dict[str, Any] = {"arcs": [piece.evidence for piece in self.pieces]}
         if self.end is not None and self.end_closed:
@@ -135,11 +121,7 @@ class BranchProof:
         """What is proved, in one sentence or some."""
         if not self.hopf_closed:
             return f"nothing is proved: {self._reason}."
-        assumed = (
-            f"{len(self.read)} of {len(self.pieces)} arcs were read from the file of --arcs, not proved here; if they "
-            "hold, so does what follows: "
-        )
-        return assumed * bool(self.read) + sentence(self.claim())
+        return sentence(self.claim())
 
     @property
     def _reason(self) -> str:
@@ -176,7 +158,7 @@ class BranchProof:
             claim = self.claim()
             entries |= {name: claim[name] for name in ("amplitude_end", "omega_end", "unique_within")}
         arcs = [piece_entry(piece) for piece in self.pieces]
-        return entries | {"arcs_read": len(self.read), "arcs": arcs, "parameters": self.parameters.name}
+        return entries | {"arcs": arcs, "parameters": self.parameters.name}
 
 
 def omega_crit(parameters: Parameters) -> Measured:

@@ -11,6 +11,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from enum import Enum
 from fractions import Fraction
 from typing import Any
 
@@ -19,21 +21,21 @@ from flint import arb, arb_mat
 from numpy.typing import NDArray
 
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.model.equations import field, shifted
+from tippedisk_verify.model import equations
+from tippedisk_verify.model.decimals import exact_text
 from tippedisk_verify.model.exact import exact, shown
 from tippedisk_verify.model.parameters import Constants
 from tippedisk_verify.proofs.closed_forms import refuse_past_birth
 from tippedisk_verify.proofs.kernel.balls import Unproved, ball, working_precision
-from tippedisk_verify.proofs.kernel.claims.connection_cycles import LID, ReturnMap, cycles_shown
+from tippedisk_verify.proofs.kernel.claims.connection_cycles import LID, End, ReturnMap, cycles_shown, sentence
 from tippedisk_verify.proofs.kernel.claims.passage import Passage
 from tippedisk_verify.proofs.kernel.claims.saddle import most
 from tippedisk_verify.proofs.numbers import measured
-from tippedisk_verify.proofs.search.certificate import Proposer
+from tippedisk_verify.proofs.search.certificate import Proposer, as_text, certificate_text, parameter_texts
 from tippedisk_verify.proofs.search.heteroclinic import eigenvectors
 from tippedisk_verify.proofs.search.proved_connection import ProvedConnection
-from tippedisk_verify.proofs.search.proved_end import ProvedEnd, Status
 
-__all__ = ["checked_distance", "prove_end"]
+__all__ = ["ProvedEnd", "Status", "checked_distance", "prove_end"]
 
 #: u, s, t: |z_f| has room for starts on the section beta = pi/2 that are off the slow manifold
 _EXTENTS = (Fraction(1, 5), Fraction(1, 5), Fraction(3, 10))
@@ -52,6 +54,87 @@ _STEP = 0.005  # s; a box's enclosure over a longer one is too wide where the fa
 _FLOWN, _LONGEST = 1e-3, 3000  # s, and how many, of the single flights
 
 Array = NDArray[np.float64]
+
+
+class Status(Enum):
+    """How the proof ended. The value says where it stopped and what to try next."""
+
+    PROVED = "proved"
+    NO_CONNECTION = "the connection itself is not proved: give the answer of `prove_connection` with its digits"
+    NO_LID = "no cycle passes the saddle near enough at the largest speed: ask for a smaller reach"
+    FLIGHT = "the flight between the saddles could not be enclosed: ask for a smaller reach"
+    INEQUALITY = "an inequality of the proof does not hold: ask for a smaller reach"
+    APART = "the connection could not be followed into the box of its own theorem: prove it to more digits"
+
+
+@dataclass(frozen=True)
+class ProvedEnd:
+    """What is proved of the cycles at speeds from ``low`` to ``high`` [rad/s]; nothing without status PROVED."""
+
+    status: Status
+    connection: ProvedConnection
+    low: Fraction
+    high: Fraction
+    gamma: Fraction = Fraction(0)  #: c [rad]
+    v: Fraction = Fraction(0)  #: d [rad/s]
+    numbers: dict[str, str] = field(default_factory=dict)  #: kappa and other sizes in the proof
+    detail: str = ""
+    choices: dict[str, Any] | None = None  #: that the kernel has accepted
+
+    @property
+    def proved(self) -> bool:
+        return self.status is Status.PROVED
+
+    @property
+    def statement(self) -> str:
+        if not self.proved or self.connection.omega_h is None or self.connection.parameters is None:
+            return f"nothing is proved: {self.status.value}{f' ({self.detail})' if self.detail else ''}."
+        return sentence(self.claim())
+
+    def claim(self) -> dict[str, Any]:
+        """What is claimed, as a certificate says it. Only of what is proved."""
+        assert self.connection.omega_h is not None
+        assert self.connection.parameters is not None
+        names = ("low", "high", "gamma", "v")
+        return {
+            "kind": "cycles next to the connection",
+            "parameters": parameter_texts(self.connection.parameters),
+            "friction": self.connection.parameters.friction,
+            "numbers": {"omega_h": self.connection.omega_h.to_dict()},
+            **{name: exact_text(getattr(self, name)) for name in names},
+        }
+
+    def evidence(self) -> dict[str, Any]:
+        """The choices that the kernel has accepted, with those of the connection, as a certificate has them."""
+        assert self.choices is not None
+        entry = {name: part for name, part in self.choices["entry"].items() if name not in ("gamma", "v")}
+        return {**as_text(self.choices | {"entry": entry}), "connection": self.connection.evidence()}
+
+    def certificate(self) -> str:
+        """The text of a certificate. Only of what is proved."""
+        return certificate_text(self.claim(), self.connection.bits, self.evidence())
+
+    def meets(self, omega: Any, gamma_bar: Any, v: Any) -> bool:
+        """Whether the fixed point of P that is in these balls of gamma_bar and v is the statement's, at all speeds of
+        the ball ``omega``: then a curve of cycles that is proved there is the same curve.
+        """
+        if not self.proved or self.connection.omega_h is None:
+            return False
+        above = self.connection.omega_h.value + self.connection.omega_h.uncertainty
+        return End(self.low, self.high, above, self.gamma, self.v).meets(omega, gamma_bar, v)
+
+    def to_dict(self) -> dict[str, object]:
+        return {
+            "proved": self.proved,
+            "status": self.status.name.lower(),
+            "statement": self.statement,
+            "omega_h": None if self.connection.omega_h is None else self.connection.omega_h.to_dict(),
+            "from": exact_text(self.low),
+            "to": exact_text(self.high),
+            "gamma": exact_text(self.gamma),
+            "v": exact_text(self.v),
+            "numbers": self.numbers,
+        }
 
 
 def prove_end(
@@ -190,7 +273,7 @@ class _Search(Proposer):
         to_y, to_z = (
             np.array([[float(x) for x in row] for row in m.tolist()]) for m in (n.saddle.directions, n.saddle.inverse)
         )
-        rates = field(shifted(np), constants, speeds, "linear")
+        rates = equations.field(equations.shifted(np), constants, speeds, "linear")
         u, s, _ = map(float, n.extents)
         turn = np.array([[0.0], [math.pi], [0.0]])
         x = to_y @ np.array([np.full(len(slow), u), slow, 0 * slow]) - turn

@@ -26,11 +26,11 @@ from tippedisk_verify.proofs.kernel.balls import arb, ball_constants, working_pr
 from tippedisk_verify.proofs.kernel.claims.arcs import Piece, Status
 from tippedisk_verify.proofs.kernel.claims.family import joined
 from tippedisk_verify.proofs.numbers import measured
-from tippedisk_verify.proofs.search.arcs import Guess, prove_piece
 from tippedisk_verify.proofs.search.branch import BranchProof, omega_crit
+from tippedisk_verify.proofs.search.connection_end import ProvedEnd
+from tippedisk_verify.proofs.search.curve_choices import Guess, prove_piece
 from tippedisk_verify.proofs.search.heteroclinic import prove_connection
 from tippedisk_verify.proofs.search.proved_connection import ProvedConnection
-from tippedisk_verify.proofs.search.proved_end import ProvedEnd
 
 __all__ = ["HOPF_END", "Interval", "Known", "chain", "guess_at", "hopf_guess", "open_intervals", "prove_family",
            "prove_intervals"]  # fmt: skip
@@ -57,7 +57,6 @@ def prove_family(
     parameters: Parameters,
     connected_at: Callable[[int], Fraction | None],
     cycles_at: Callable[[list[Fraction] | None], list[Known]],
-    read: Sequence[Piece] = (),
     until: Fraction | None = None,
     pool: Pool = lambda several: nullcontext(),
     stage: Callable[[str], None] = lambda name: None,
@@ -66,11 +65,11 @@ def prove_family(
     """Prove as much of the family as can be: up to the amplitude ``until`` [rad], or to the connection.
 
     ``connected_at`` gives Omega_h to some digits, or None, and ``cycles_at`` cycles of some speeds [rad/s], or of some
-    that it chooses: from these guesses are made. ``read`` are pieces that are taken as they are. ``stage`` is told what
-    is under way, ``watch`` of each interval that is proved or given up.
+    that it chooses: from these guesses are made. ``stage`` is told what is under way, ``watch`` of each interval that
+    is proved or given up.
     """
-    pieces, wanted = list(read), _DEFAULT_END if until is None else until
-    stopped: Status | None = None
+    pieces: list[Piece] = []
+    wanted = _DEFAULT_END if until is None else until
     connection: ProvedConnection | None = None
     near: ProvedEnd | None = None
 
@@ -80,9 +79,8 @@ def prove_family(
         watch(found, interval)
 
     # Without the piece at the Hopf point the others are of no use.
-    if not chain(pieces):
-        stage("the Hopf point")
-        stopped = prove_intervals(parameters, open_intervals(pieces, min(wanted, HOPF_END)), [], watch=keep)
+    stage("the Hopf point")
+    stopped = prove_intervals(parameters, open_intervals(pieces, min(wanted, HOPF_END)), [], watch=keep)
     if chain(pieces):
         stage("the connection")
         speeds: list[Fraction] | None = None
@@ -103,7 +101,7 @@ def prove_family(
     one_curve = chain(pieces)
     if stopped is None and one_curve[-1].high < wanted:
         stopped = Status.NOT_JOINED
-    return BranchProof(parameters, tuple(one_curve), stopped, connection, near, frozenset(read).intersection(one_curve))
+    return BranchProof(parameters, tuple(one_curve), stopped, connection, near)
 
 
 def _next_to(connection: ProvedConnection) -> ProvedEnd | None:

@@ -32,9 +32,16 @@ from tippedisk_verify.proofs.kernel.claims.interval import (
 from tippedisk_verify.proofs.kernel.curves import Curve
 from tippedisk_verify.proofs.kernel.field import constants
 from tippedisk_verify.proofs.numbers import WIDER, measured, widened
-from tippedisk_verify.proofs.search.arcs import BITS, decimal_above, rounded_jet, two_digits
 from tippedisk_verify.proofs.search.certificate import certificate_text, parameter_texts
-from tippedisk_verify.proofs.search.curve_choices import StepSearch, duration, family_polynomials
+from tippedisk_verify.proofs.search.curve_choices import (
+    BITS,
+    StepSearch,
+    decimal_above,
+    duration,
+    family_polynomials,
+    rounded_jet,
+    two_digits,
+)
 
 __all__ = ["IntervalProof", "Status", "failed_interval", "prove_interval"]
 

@@ -1,8 +1,9 @@
 """Many limit cycles proved at once, one by one in kind: flights side by side, then `cycle`'s test and numbers of each.
 
-Half maps at the middle, over a box and over a wide box come from `lane_flight`. What they enclose goes through
-`krawczyk.inclusion` and `cycle.Attempt.concluded` as if it came from Arb, so the statements are the same, under either
-friction law. A cycle of which doubles do not show enough is proved on balls of more bits.
+Half maps over a box and over a wide box come from `lane_flight`, and so does that of the box's middle: for more than 10
+digits Arb follows the middle (linear law). What they enclose goes through `krawczyk.fixed_points` and
+`cycle.Attempt.concluded` as if it came from Arb, so the statements are the same. A cycle of which this does not show
+enough is proved on balls of more bits.
 
 Where a ball becomes a point or a float: middles and radii of boxes are doubles, and any that pass the test are right.
 Arb rounds a radius up, so Krawczyk's test is made on boxes a little narrower than those flown.
@@ -11,6 +12,7 @@ Arb rounds a radius up, so Krawczyk's test is made on boxes a little narrower th
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import replace
 from fractions import Fraction
 from typing import Any
@@ -19,12 +21,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tippedisk_verify.errors import InputError
+from tippedisk_verify.model.decimals import decimal_magnitude
 from tippedisk_verify.model.parameters import Constants, Parameters
-from tippedisk_verify.proofs.kernel.balls import arb, ball_constants, working_precision
+from tippedisk_verify.proofs.kernel.balls import arb, ball, ball_constants, negative, positive, working_precision
 from tippedisk_verify.proofs.kernel.batch import some_model
-from tippedisk_verify.proofs.kernel.claims.cycle import apart
+from tippedisk_verify.proofs.kernel.claims.cycle import apart, main
 from tippedisk_verify.proofs.kernel.flow import Model
 from tippedisk_verify.proofs.kernel.krawczyk import FixedPoints, fixed_points
+from tippedisk_verify.proofs.kernel.lane_middle import SharpModel
 from tippedisk_verify.proofs.kernel.lanes import Lanes, quiet
 from tippedisk_verify.proofs.kernel.section import HALF, Return, Status, returned
 from tippedisk_verify.proofs.kernel.sliding import law_model
@@ -40,7 +44,10 @@ Array = NDArray[np.float64]
 _BITS = 96  # of the balls that the lanes' results pass into: these round nothing that matters
 _DOUBLES = 53
 _FEW_BITS = 64  # of the balls on which a cycle is tried that doubles do not prove
-_NARROW, _WIDE = 2.0**-32, 2.0**-16  # radii of the boxes, relative to the state
+_DOUBLES_DIGITS = 10  # that doubles give without Arb
+#: radii of the boxes, relative to the state, without and with middles that Arb follows
+_NARROW = 2.0**-32, 2.0**-36
+_WIDE = 2.0**-16
 _NEAR = 2.0**-26  # the guess's distance from the cycle, relative to the state, that needs no sharpening
 _MOST_SHARPENINGS = 4
 _FEW = {"linear": 2, "smooth": 6}  #: cycles that balls of few bits prove sooner than lanes do
@@ -51,9 +58,9 @@ def prove_cycles(
 ) -> list[OrbitProof]:
     """`cycle.prove_cycle` for many speeds [rad/s], each from its guess (gamma_bar, v).
 
-    The period comes to ``digits`` significant digits and stability is decided; the other numbers come as they do. Where
-    doubles do not suffice for that, balls of few bits may; if not, the proof is `prove_cycle`'s to ``digits``. Raises
-    InputError for speeds that are not positive, or not as many as guesses.
+    The main numbers come to ``digits`` significant digits and stability is decided; the others come as they do. Where
+    flights side by side do not suffice for that, balls of few bits may; if not, the proof is `prove_cycle`'s to
+    ``digits``. Raises InputError for speeds that are not positive, or not as many as guesses.
     """
     if len(omegas) != len(guesses) or not all(omega > 0 for omega in omegas):
         raise InputError("each cycle has a positive speed and a guess of two components")
@@ -68,15 +75,14 @@ def prove_cycles(
 
     if len(omegas) <= _FEW[parameters.friction]:
         return [singly(lane) for lane in range(len(omegas))]
-    with working_precision(_BITS):
-        constants = Constants(*(Lanes.of([value]) for value in ball_constants(parameters)))
-    model = law_model(parameters.friction, constants, Lanes.of(omegas))
-    proofs = _attempted(attempts, model, middle, _power_of_two(_NARROW * np.abs(middle)))
+    sharp = digits > _DOUBLES_DIGITS and parameters.friction == "linear"
+    models, narrow = _Models(parameters, omegas, sharp), _NARROW[sharp]
+    proofs = _attempted(attempts, models, middle, _power_of_two(narrow * np.abs(middle)))
     left = np.array([lane for lane, proof in enumerate(proofs) if proof is None], int)
     if len(left):
-        model = some_model(model, left)
-        sharpened = _attempted([attempts[lane] for lane in left], model, *_sharpened(model, middle[:, left]))
-        for lane, proof in zip(left, sharpened, strict=True):
+        models = models.some(left)
+        boxes = _sharpened(models.plain, middle[:, left], narrow)
+        for lane, proof in zip(left, _attempted([attempts[lane] for lane in left], models, *boxes), strict=True):
             proofs[lane] = proof or singly(int(lane))
     return proofs  # type: ignore[return-value]
 
@@ -89,31 +95,61 @@ def _alone(attempt: Attempt, guess: Array) -> OrbitProof | None:
         model = attempt.model()
         centre = returned(model, HALF, [*map(arb, middle)], Steps())
         boxes = []
-        for size in (_NARROW, _WIDE):
+        for size in (_NARROW[0], _WIDE):
             radii = [float(part) for part in _power_of_two(size * np.abs(guess))]
             box = returned(model, HALF, [*map(arb, middle, radii)], Steps(), derivatives=True)
             boxes.append((radii, box))
     return _concluded(attempt, middle, centre, boxes)
 
 
-def _attempted(attempts: Sequence[Attempt], model: Model, middle: Array, radii: Array) -> list[OrbitProof | None]:
+class _Models:
+    """The disk at each speed: in lanes and, if that is to be ``sharp``, with middles that Arb follows (linear law)."""
+
+    def __init__(self, parameters: Parameters, omegas: Sequence[Fraction], sharp: bool) -> None:
+        with working_precision(_BITS):
+            constants = ball_constants(parameters)
+            self.sharp = SharpModel(constants, [*map(ball, omegas)]) if sharp else None
+            lanes = Constants(*(Lanes.of([value]) for value in constants))
+        self.plain = self.sharp.lanes if self.sharp else law_model(parameters.friction, lanes, Lanes.of(omegas))
+
+    def some(self, which: NDArray[Any]) -> _Models:
+        """Those of some lanes."""
+        models = copy(self)
+        models.sharp = self.sharp and self.sharp.some(which)
+        models.plain = models.sharp.lanes if models.sharp else some_model(self.plain, which)
+        return models
+
+    def flown(self, middle: Array, radii: Array) -> tuple[HalfFlights, HalfFlights]:
+        """The half maps of the middles and over boxes about them."""
+        boxes = [Lanes(part, size) for part, size in zip(middle, radii, strict=True)]
+        if self.sharp:
+            with working_precision(_BITS):
+                flights = half_flights(self.sharp, *boxes)
+            assert flights.middle is not None
+            return flights.middle, flights
+        return half_flights(self.plain, *(part.mid() for part in boxes)), half_flights(self.plain, *boxes)
+
+
+def _attempted(attempts: Sequence[Attempt], models: _Models, middle: Array, radii: Array) -> list[OrbitProof | None]:
     """The proofs that flights from the middles, boxes and wide boxes give; these move side by side."""
-    count = len(attempts)
-    sizes = (0 * radii, radii, _power_of_two(_WIDE * np.abs(middle)))
-    starts = [Lanes(np.tile(middle[k], 3), np.concatenate([size[k] for size in sizes])) for k in range(2)]
-    flights = half_flights(some_model(model, np.tile(np.arange(count), 3)), *starts)
+    wide = _power_of_two(_WIDE * np.abs(middle))
+    centre, box = models.flown(middle, radii)
+    remote = half_flights(models.plain, *(Lanes(part, size) for part, size in zip(middle, wide, strict=True)))
     return [
         _concluded(
             attempt,
             [float(part) for part in middle[:, lane]],
-            lane_of(flights, lane),
-            [([float(part) for part in sizes[k][:, lane]], lane_of(flights, k * count + lane)) for k in (1, 2)],
+            lane_of(centre, lane),
+            [
+                ([float(part) for part in sizes[:, lane]], lane_of(flights, lane))
+                for sizes, flights in ((radii, box), (wide, remote))
+            ],
         )
         for lane, attempt in enumerate(attempts)
     ]
 
 
-def _sharpened(model: Model, middle: Array) -> tuple[Array, Array]:
+def _sharpened(model: Model, middle: Array, narrow: float) -> tuple[Array, Array]:
     """Points near the fixed points by Newton's iteration, and radii for boxes about them."""
     for sharpening in range(_MOST_SHARPENINGS):
         centre = half_flights(model, *(Lanes(part) for part in middle))
@@ -125,7 +161,7 @@ def _sharpened(model: Model, middle: Array) -> tuple[Array, Array]:
             middle = np.where(far, middle - step, middle)
     with quiet():
         size = np.abs(middle)
-        radii = np.fmax(_NARROW * size, np.fmin(8 * (np.abs(step) + noise), size / 8))
+        radii = np.fmax(narrow * size, np.fmin(8 * (np.abs(step) + noise), size / 8))
         return middle, _power_of_two(radii)
 
 
@@ -157,12 +193,17 @@ def _concluded(
             return None
         widest = radii[-1] if tests[-1] is not None and tests[-1].included else radii[0]
         proof = replace(attempt.concluded(tests[0], radii[0]), unique_within=apart(tests[0], widest))
-        period = proof.values["period"]
-        number = measured(period) if period.is_finite() else None
-        # In print the half-width is up to a ninth larger.
-        if proof.stable is None or number is None or number.uncertainty * 10**attempt.digits > number.value * 9 / 20:
-            return None
-        return proof
+        enough = all(_to_digits(proof.values[name], attempt.digits) for name in main(HALF))
+        return proof if enough and proof.stable is not None else None
+
+
+def _to_digits(x: Any, digits: int) -> bool:
+    """Whether the ball's radius is at most half a unit in that significant digit."""
+    if not x.is_finite() or not (positive(x) or negative(x)):
+        return False
+    number = measured(x)
+    unit = Fraction(10) ** (decimal_magnitude(number.value) + 1 - digits)
+    return number.uncertainty <= unit * 9 / 20  # in print it is up to a ninth larger
 
 
 def _narrower(radius: float) -> Any:

@@ -1,4 +1,4 @@
-"""Many half maps side by side: the search for the lengths and orders of `kernel.lane_path`'s steps, and what returned.
+"""Many half maps side by side: the search for the lengths and orders of their steps, and what returned.
 
 This file chooses, and proves nothing by itself: step lengths, orders, guesses of moments, and which lanes go on. A lane
 whose step is not proved tries a shorter one in the next round. Lanes that have returned to the section, or of which
@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from tippedisk_verify.proofs.kernel.batch import mapped, replaced, some_model
 from tippedisk_verify.proofs.kernel.flow import Model, Path
+from tippedisk_verify.proofs.kernel.lane_middle import SharpModel, SharpWalk
 from tippedisk_verify.proofs.kernel.lanes import Lanes, quiet
 from tippedisk_verify.proofs.kernel.section import HALF, Return, Round, Status, Walk
 from tippedisk_verify.proofs.kernel.sliding import SlidingPath
@@ -31,6 +32,7 @@ _BLOCK = 4000  # lanes at a time: some 50 kB each
 #: Orders of the series over a box and of the midpoint's. Measured: over a wide box a higher one costs more than its
 #: longer steps save, and its derivatives are wider.
 _ORDERS, _NARROW_ORDERS = (10, 10), (16, 16)
+_SHARP_ORDERS, _SHARP = (24, 16), 2.0**-66  # with a middle that Arb follows; and how large its remainders may be
 _NARROW = 2.0**-30  # radius below which a box is narrow
 _DAMPED = 1.0  # how often the series over a box decays along v in a step
 _TOLERANCE = 1 / 16  # remainders, in units of a box's radius
@@ -50,6 +52,8 @@ _ENTRIES = (
 class HalfFlights(Return):
     """A `Return` whose entries are lanes, infinite balls where none is proved, and whose ``status`` is an array."""
 
+    middle: HalfFlights | None = None  #: of the boxes' middles alone, if a `SharpModel` moves them
+
     @property
     def returned(self) -> Array:
         """Of each lane, whether its return is proved."""
@@ -57,7 +61,7 @@ class HalfFlights(Return):
 
 
 def half_flights(
-    model: Model,
+    model: Model | SharpModel,
     gamma_bar: Lanes,
     v: Lanes,
     *,
@@ -72,21 +76,24 @@ def half_flights(
     status = np.full(count, Status.NO_START)
     reached, steps, reversals = np.zeros(count), np.zeros(count, int), np.zeros(count, int)
     x = Lanes(np.full(count, np.nan))
-    values: list[Any] = [x, (x, x), x, (x, x, x), ((x, x), (x, x)), (x, x), (x, x), x, x]
+    nothing = [x, (x, x), x, (x, x, x), ((x, x), (x, x)), (x, x), (x, x), x, x]
+    values: list[list[Any]] = [nothing, nothing]  # of the boxes, and of their middles
     with quiet():
         going = np.flatnonzero(v.negative())
         for first in range(0, len(going), _BLOCK):
             lanes = going[first : first + _BLOCK]
-            search, start = LaneSteps(len(lanes)), (gamma_bar[lanes], v[lanes])
-            walk = Walk(some_model(model, lanes), HALF, start, search, derivatives=True)
+            sharp, start = isinstance(model, SharpModel), (gamma_bar[lanes], v[lanes])
+            search, kind = LaneSteps(len(lanes), sharp=sharp), SharpWalk if sharp else Walk
+            walk = kind(some_model(model, lanes), HALF, start, search, derivatives=True)
             while len(lanes):
                 path = walk.path
                 ends = _ended(path, longest)
                 if (ends == None).all() and (tried := walk.advance()):  # noqa: E711
                     ends = search.answered(tried)
-                    if tried.landing is not None:
-                        place, landed = lanes[tried.arrived], [getattr(tried.landing, name) for name in _ENTRIES]
-                        values = mapped(lambda old, new, place=place: replaced(old, place, new), values, landed)
+                    for k, landing in enumerate((tried.landing, getattr(tried.landing, "middle", None))):
+                        if landing is not None:
+                            place, landed = lanes[tried.arrived], [getattr(landing, name) for name in _ENTRIES]
+                            values[k] = mapped(lambda old, new, at=place: replaced(old, at, new), values[k], landed)
                 gone = ends != None  # noqa: E711
                 if gone.any():
                     left = lanes[gone]
@@ -95,7 +102,11 @@ def half_flights(
                     staying = np.flatnonzero(~gone)
                     lanes, walk, search = lanes[staying], walk.some(staying), search.some(staying)
                     walk.path.proposer = search
-    return HalfFlights(status, reached, steps, reversals, **dict(zip(_ENTRIES, values, strict=True)))  # type: ignore[arg-type]
+    boxes, middles = (
+        HalfFlights(status, reached, steps, reversals, **dict(zip(_ENTRIES, part, strict=True)))  # type: ignore[arg-type]
+        for part in values
+    )
+    return replace(boxes, middle=middles if isinstance(model, SharpModel) else None)
 
 
 def _ended(path: Path, longest: float) -> Array:
@@ -115,7 +126,8 @@ class LaneSteps:
 
     axes = staticmethod(axes_of_lanes)
 
-    def __init__(self, count: int) -> None:
+    def __init__(self, count: int, *, sharp: bool = False) -> None:
+        self.sharp = sharp  #: whether the path is a `SharpPath`
         self.shares = np.full(count, _FIRST_SHARE)  #: of the length that the midpoint's series allows
         self.cuts = np.full(count, np.inf)  #: what the next step may not exceed [s]
         self.failures = np.zeros(count, int)
@@ -124,7 +136,8 @@ class LaneSteps:
         """The search for some lanes."""
         search = copy(self)
         for name, value in vars(self).items():
-            setattr(search, name, value[which])
+            if name != "sharp":
+                setattr(search, name, value[which])
         return search
 
     def took(self, *_: Any) -> None:
@@ -137,12 +150,16 @@ class LaneSteps:
     def step(self, path: Path, longest: Any = None) -> Step:
         """Steps whose remainders are narrow enough to be wanted; or steps of that length."""
         radius = np.max([part.radii for part in path.box], axis=0)
-        trial = path.trial(_ORDERS if np.median(radius) > _NARROW else _NARROW_ORDERS)
+        orders = _ORDERS if np.median(radius) > _NARROW else _NARROW_ORDERS
+        trial = path.trial(_SHARP_ORDERS if self.sharp else orders)
         if longest is not None:
             return trial.tested(longest)
         (order, rough_order), thin, wide = trial.orders, trial.thin, trial.wide
         # Remainders may be as large as rounding, or a share of the radius.
-        allowed = [np.maximum(_U * np.maximum(1.0, _size(part)), part.radii * _TOLERANCE) for part in path.box]
+        if self.sharp:
+            allowed = [_SHARP * np.maximum(1.0, _size(part)) for part in path.box]
+        else:
+            allowed = [np.maximum(_U * np.maximum(1.0, _size(part)), part.radii * _TOLERANCE) for part in path.box]
         rough_allowed = np.maximum(_LEAST_ROUGH, radius)
         reach = _reach(thin, allowed)
         most = np.minimum(self.cuts, _DAMPED / np.maximum(1.0, _size(wide[11][1])))

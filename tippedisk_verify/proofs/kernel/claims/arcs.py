@@ -1,16 +1,9 @@
 """An arc of the family of limit cycles over an interval of amplitudes a = gamma_bar_0: what its evidence shows.
 
 An arc is that of `arc` over an interval of a, or, at the Hopf point, that of `scaled` over an interval of a^2 that
-begins at 0. The evidence has the polynomials, about half the period, and for each of one or two boxes about the
-polynomials the choices of a flight. Over the first box everything is shown. A wider one shows, by Krawczyk's inclusion
-alone, how far there is no other cycle. Of each a of the interval (of each but 0) is shown
-
-- that (v_0, Omega) has exactly one value within ``unique_within`` of the polynomials ``curve`` for which the orbit from
-  (gamma_bar, v) = (a, v_0) on the section is a cycle that S maps to itself, and that it lies ``within`` of them;
-- that these values are analytic in a, with Omega falling and the period and beta_max rising as a grows;
-- that the cycle is asymptotically stable, crosses beta = pi/2 exactly twice a period, and stays upright.
-
-The numbers of a `Piece` are exact. Where a ball becomes a point: they are, outwards.
+begins at 0. Over a first box about the polynomials the inclusion and all signs of Theorem 5b (docs/certified.md) are
+shown; over a wider one the inclusion alone, which says how far there is no other cycle. The numbers of a `Piece` are
+exact: balls are rounded outwards.
 """
 
 from __future__ import annotations

@@ -1,41 +1,18 @@
 """Omega_h: in an interval of speeds noninverted spinning is connected with its copy, at exactly one (both laws).
 
-The unstable branch of the saddle (0, -pi, 0) (shifted angles) that leaves with growing gamma passes z_u = theta_0 at a
-point p_0(Omega) and some steps later is at p(Omega), near the saddle (0, pi, 0). Let I be an interval of speeds with
-the midpoint Omega_m and the half-width h.
+Theorems 6 and 7 of docs/certified.md say what is claimed and why the following suffices. The unstable branch of the
+saddle (0, -pi, 0) (shifted angles) that leaves with growing gamma passes z_u = theta_0 at a point p_0(Omega) and some
+steps later is at p(Omega), near the saddle (0, pi, 0). Let I be the interval of speeds.
 
 1. *Start.* A cone at the first saddle encloses p_0 on all of I, and cones with the speed as a fourth coordinate the
    difference of two of its points: p_0(Omega') - p_0(Omega) = (P e_s [-k_s, k_s] + P e_f [-k_f, k_f]) (Omega' - Omega).
-2. *Flight.* One flight encloses p on I and the derivatives of the flow over all that starts there; by the mean value
-   theorem p(Omega') - p(Omega) = P G (Omega' - Omega) with an enclosed vector G. The set of states that the flight
-   carries is linear in the speed, but for a small rest: that gives p at both ends of I by themselves.
+2. *Flight.* By the derivatives of the flow p(Omega') - p(Omega) = P G (Omega' - Omega) with an enclosed vector G; the
+   set of states gives p at both ends of I by themselves.
 3. *Arrival.* p(I) lies in an isolating block N of the second saddle (`manifolds.block`). At one end of I w_u < -delta,
-   at the other w_u > delta: there the orbit leaves N through one face, here through the other. The speeds of either
-   kind are open sets; I is connected: at some speed of I the orbit stays in N for ever.
-4. *Connection.* By the cones at the second saddle an orbit that stays in N converges to it. That speed is Omega_h, and
-   by the point symmetry the connection back exists at the same speed.
-5. *Uniqueness.* Two speeds Omega < Omega' whose orbits stay in N, or in a larger box about the saddle on which the
-   cones hold, would give orbits that differ at arrival by P G (Omega' - Omega). If G lies in the unstable cone, for all
-   speeds of I, they would drift apart exponentially, and cannot both stay.
-
-**The statement** needs no theta_0, flight or N, which depend on choices. It is about a box around the second saddle,
-|beta_bar| <= b, |gamma_bar - pi| <= c, |v| <= d with short decimals b, c, d. The box holds N, and with it p(I). From
-the branch's first arrival at gamma_bar = pi - c until the flight's end gamma is shown to grow and the branch to be in
-the box, for all speeds of I. So the branch of the speed found in 3 stays in the box from its first arrival on. By 5,
-with the cones over this box, no other speed of I has such a branch.
-
-What is proved excludes, in I, a second speed whose branch never leaves the box again; it says nothing of orbits that
-leave it and come back to the saddle on another way. Only connections on which gamma grows all the way are looked for.
-
-**The limit cycle next to it** (docs/certified.md, Theorem 7). With gamma in R, not modulo 2 pi, the symmetry S maps the
-two connections to each other and acts freely on a neighbourhood of them. In its quotient they are one homoclinic loop
-of one saddle, and Shilnikov's theorem is about such a loop. Its hypotheses are that the eigenvalues are real and
-simple, lambda_u > 0 > lambda_s > lambda_ss, with lambda_u + lambda_s < 0; that the splitting has a simple zero, by step
-5 (the points (z, Omega) from which the orbit stays in N form a smooth graph over (z_s, z_f, Omega), no two of them
-differ by a vector of the unstable cone, and the derivative of the arrivals by Omega lies in that cone); and that the
-connection comes in along the slow direction (``slowly``). The theorem is about smooth fields: nothing is said of the
-smooth friction law. The cycle follows both connections, so it is on the side of Omega_h on which the branch leaves N
-with falling gamma.
+   at the other w_u > delta.
+4. *Uniqueness.* G lies in the unstable cone of a box about the saddle on which the cones hold.
+5. *The box of the statement*, |beta_bar| <= b, |gamma_bar - pi| <= c, |v| <= d, holds N, and the branch from its first
+   arrival at gamma_bar = pi - c until the flight's end, during which gamma grows.
 """
 
 from __future__ import annotations

@@ -1,17 +1,10 @@
 """A limit cycle at an exact speed: what is claimed, how it follows from a Krawczyk test, and its sentence.
 
-A fixed point x of the half map lies on a limit cycle that S maps to itself: the orbit goes from x to -x and, by the
-symmetry, on to x in the same time again. One of the turn map lies on a cycle on which gamma grows by 2 pi a period.
-
-The numbers follow on balls: period and largest |beta_bar| by the mean value theorem from the test's middle, the
-derivatives from the flight over its box: (1 - P') dx/dOmega = P_Omega. The multipliers are the eigenvalues of P', of
-the half map their squares. By Liouville's formula the determinant of the turn map's P' is D = exp(integral of div f) at
-a fixed point, for the factor gamma'(start) / gamma'(end) is 1 there. Of the half map it is -D: S after the flow has the
-derivative -DPhi, with eigenvalue 1 along the field, and determinant -det DPhi. So that has a positive and a negative
-real eigenvalue.
-
-Under the smooth friction law P is continuously differentiable along orbits that cross gamma_y = 0 as `sliding` shows
-them to, and nothing above asks for more.
+Theorems 5 and 9 of docs/certified.md say why a fixed point lies on a cycle, and how the numbers follow on balls: period
+and largest |beta_bar| by the mean value theorem from the test's middle, the derivatives by the speed and the
+multipliers from the flight over its box. The determinant of the turn map's P' is D = exp(integral of div f) at a fixed
+point, for the factor gamma'(start) / gamma'(end) is 1 there. That of the half map's is -D: S after the flow has the
+derivative -DPhi, with eigenvalue 1 along the field, and determinant -det DPhi.
 """
 
 from __future__ import annotations

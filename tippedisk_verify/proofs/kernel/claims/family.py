@@ -1,27 +1,13 @@
 """The family of limit cycles from the Hopf point on: arcs that are one curve, and what is claimed of it.
 
-The first arc begins at the Hopf point, gamma_bar_0 = 0; each next one begins where the last one ends.
+The first arc begins at the Hopf point, gamma_bar_0 = 0; each next one begins where the last one ends. Theorem 5b of
+docs/certified.md says why arcs are one curve if the enclosure of one's cycle, where they meet, lies in the other one's
+box of uniqueness; the comparison is one of rational numbers (`joined`). So what falls or grows strictly on each arc
+does so on all of it. It says as well why the last arc's cycle joins the curve to the cycles next to the connection.
 
-**Gluing.** Let two arcs share a value of a, and let the enclosure of one of them there lie inside the other one's box
-of uniqueness. Then both have the same cycle at that value. Each one's curve satisfies the same analytic equations
-with a regular derivative by (v_0, Omega), so by the implicit function theorem they agree near that value: the arcs
-are parts of one analytic curve. The comparison is one of rational numbers (`joined`).
-
-So over (0, a_end] the family is one analytic curve, and what falls or grows strictly on each arc does so on all of it:
-for each Omega of [Omega_end, Omega_crit) exactly one cycle of the curve has this speed. At gamma_bar_0 = 0 the scaled
-flow is linear, exp(A t), and takes a state x to -x in half a period t. So A has an eigenvalue i (2 k + 1) pi / t; no
-real one does that. A pair is imaginary at Omega_crit only (docs/certified.md, Theorem 1), so Omega is Omega_crit there,
-and x is in the pair's plane. Its b is a sinusoid, and the flight shows that it has no zero inside the half period: k =
-0, and the period is that of the pair. The enclosures are checked to hold the closed form's Omega_crit all the same.
-
-**The other end.** Of every Omega in (Omega_h, Omega_1] it is proved that P has exactly one fixed point in a set Q next
-to the saddle. Let the last arc's cycle at a_end lie in Q at a speed below Omega_1. Then it is that fixed point. Over
-the speeds from Omega(a_end) to Omega_1 both curves are analytic in Omega; those at which they have the same cycle form
-a closed set, and an open one because P' - 1 is regular. So they are one curve. On the part next to the connection
-gamma_bar_0 falls with a derivative that is not zero as Omega grows, so a = gamma_bar_0 is a parameter there as well,
-up to pi.
-
-Where a ball becomes a point or a float: nowhere.
+At gamma_bar_0 = 0 the pair of imaginary eigenvalues has the half period t with exp(A t) x = -x. Its b is a sinusoid,
+and the flight shows that it has no zero inside the half period: the period is that of the pair. The enclosures are
+checked to hold the closed form's Omega_crit all the same.
 """
 
 from __future__ import annotations

@@ -21,7 +21,6 @@ from numpy.typing import NDArray
 from tippedisk_verify.proofs.kernel.balls import Unproved, ball
 from tippedisk_verify.proofs.kernel.claims.saddle import FAST, SLOW, UNSTABLE, Saddle, hull_of_lanes
 from tippedisk_verify.proofs.kernel.flow import Model, Path
-from tippedisk_verify.proofs.kernel.frame import Frame
 from tippedisk_verify.proofs.kernel.lanes import Lanes
 from tippedisk_verify.proofs.kernel.section import UPRIGHT
 from tippedisk_verify.proofs.kernel.step import Step
@@ -46,31 +45,42 @@ def arrivals(
     Each has its derivatives by z_s, z_f and the speed at the start besides. The saddle's speeds are lanes. Raises
     Unproved with the first lane of which it is not shown.
     """
-    model, s = Model(saddle.constants, saddle.omega), extents[S]
-    frame = saddle.departing([slow.constant(extents[U]), slow, slow.constant(fast)])
+    path, s = saddle.path([slow.constant(extents[U]), slow, slow.constant(fast)], _Axes()), extents[S]
     tops: list[list[Any]] = []
     turned = np.zeros(len(lengths), bool)
     for number in range(1, count + 1):
-        step = _step(model, frame, lengths)
-        turning = _climbs(model, step)
+        step = _step(path, lengths)
+        turning = _climbs(path.model, step)
         if turning.any():
             half = step.length / 2
             by = step.derivatives_at(half + half.around_zero())[0][1:]
             tops.append([hull_of_lanes(x[turning]) for x in (step.enclosure[0], *by)])
         turned |= turning
-        z, frame = saddle.arrived(step.enclosure), _carried(step)
-        rate, level = saddle.rates(z)[S], saddle.seen(frame)[S] + s
-        if number < count:
-            _all("it is not shown to be on its way", (-level).positive(), rate.positive() | (-s - z[S]).positive())
         watch(number / count)
+        if number == count:
+            break
+        path.take(step)
+        z = saddle.arrived(step.enclosure)
+        rate, level = saddle.rates(z)[S], saddle.seen(path.frame)[S] + s
+        _all("it is not shown to be on its way", (-level).positive(), rate.positive() | (-s - z[S]).positive())
     _all("beta_bar is not shown to have a largest value on the way", turned)
     beta = tops[0]
     for other in tops[1:]:
         beta = [x.union(y) for x, y in zip(beta, other, strict=True)]
-    time, *landed = _landed(saddle, step, s)
+    time, *landed = _landed(saddle, path, step, s)
     begin = step.length * (count - 1)
     rows = [*landed, [begin + time[0], *time[1:]]]
     return [*([hull_of_lanes(x) for x in row] for row in rows), beta]
+
+
+class _Axes:
+    """The axes of the sets follow a rule, which no choice changes: the lead's for z_u and z_s, and that of v."""
+
+    def axes(self, turned: Sequence[Sequence[Any]], sizes: Any, stiffness: Any) -> list[list[Any]]:
+        return [[*row[: S + 1], row[F].constant(int(k == 2))] for k, row in enumerate(turned)]
+
+    def took(self, *_: Any) -> None:
+        """Nothing is noted."""
 
 
 def _all(what: str, *shown: NDArray[np.bool_]) -> None:
@@ -80,21 +90,10 @@ def _all(what: str, *shown: NDArray[np.bool_]) -> None:
         raise Unproved(f"flight {int(np.argmin(lanes)) + 1}: {what}")
 
 
-def _step(model: Model, frame: Frame, lengths: NDArray[np.float64]) -> Step:
-    step = Path(model, frame, None).trial((_ORDER, _ORDER)).tested(Lanes(lengths))
+def _step(path: Path, lengths: NDArray[np.float64]) -> Step:
+    step = path.trial((_ORDER, _ORDER)).tested(Lanes(lengths))
     _all("the states and derivatives over a step are not shown to stay in its enclosure", step.included)
     return step
-
-
-def _carried(step: Step, time: Any = None) -> Frame:
-    """The set of states after ``time``, or at the step's end. Its axes: the lead's for z_u and z_s, and that of v."""
-    centre, rows = step.end if time is None else (step.centre(time), step.rows_at(time))
-
-    def axes(turned: Any, sizes: Any) -> list[list[Any]]:
-        lead = [[sum(row[k] * step.frame.lead[k][j] for k in range(3)) for j in (U, S)] for row in rows]
-        return [[*row, turned[0][0].constant(int(k == 2))] for k, row in enumerate(lead)]
-
-    return step.frame.carried(centre, rows, axes)
 
 
 def _climbs(model: Model, step: Step) -> NDArray[np.bool_]:
@@ -107,18 +106,18 @@ def _climbs(model: Model, step: Step) -> NDArray[np.bool_]:
     return turning
 
 
-def _landed(saddle: Saddle, step: Step, s: Any) -> list[list[Any]]:
+def _landed(saddle: Saddle, path: Path, step: Step, s: Any) -> list[list[Any]]:
     """The time of the arrival in a step, z_u and z_f, with their derivatives."""
     # By the mean value theorem about the middle of the step.
     middle = step.length / 2
-    level = saddle.seen(_carried(step, middle))[S] + s
+    level = saddle.seen(path.carried(step, middle))[S] + s
     rate = saddle.rates(saddle.arrived(step.enclosure))[S]
     for _ in range(2):
         _all("it is not shown to pass z_s = -s once", rate.positive())
         time = middle - level / rate
         _all("it is not shown to arrive in its last step", time.positive(), (step.length - time).positive())
-        rate = saddle.rates(saddle.seen(_carried(step, time.union(middle))))[S]
-    frame = _carried(step, time)
+        rate = saddle.rates(saddle.seen(path.carried(step, time.union(middle))))[S]
+    frame = path.carried(step, time)
     z = saddle.seen(frame)
     z[S] = z[S].constant(-s)
     rates, rows = saddle.rates(z), saddle.columns(frame.matrix())

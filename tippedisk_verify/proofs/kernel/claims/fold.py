@@ -1,15 +1,8 @@
 """A fold of limit cycles: an extreme speed on an arc of a family, rotating or librating.
 
-The family is taken as a curve over p, the first coordinate on the section of a map P whose fixed points are the
-family's cycles. For p in a ball, unknown are the second coordinate v and Omega, with the two fixed-point equations
-F(p, v, Omega) = 0: Krawczyk's test shows that a box of (v, Omega) holds exactly one cycle for each p, and these form an
-analytic curve (implicit function theorem: the matrices of dF/d(v, Omega) over the box are regular). Its slope dOmega/dp
-follows on balls. If its signs at the arc's ends are shown to differ, Omega has a smallest or largest value on the arc
-at an inner point, where dOmega/dp = 0: there dF/d(p, v), which is P' - 1, is singular. The speed there lies in the box.
-
-The half map has the symmetry in it: the multipliers of a period are the squares of its own. By Liouville's formula (see
-`cycle`) the third multiplier of the cycle at the fold is exp(integral of div f) over a period, if that of the others
-is 1.
+The family is a curve over p, the first coordinate on the section; the second one, v, and Omega are unknown. Theorem 10
+of docs/certified.md says why Krawczyk's test over p in a ball, and the signs of dOmega/dp at the arc's ends, suffice.
+The half map has the symmetry in it: the multipliers of a period are the squares of its own.
 """
 
 from __future__ import annotations

@@ -21,7 +21,7 @@ from flint import arb, arb_mat, arb_series
 
 from tippedisk_verify.proofs.kernel.balls import BallOps, Unproved, ball, coefficient, need, positive, series_length
 from tippedisk_verify.proofs.kernel.field import constants, field, sliding_motion
-from tippedisk_verify.proofs.kernel.flow import Model, Path, Proposer
+from tippedisk_verify.proofs.kernel.flow import Model, Path
 from tippedisk_verify.proofs.kernel.frame import Frame
 from tippedisk_verify.proofs.kernel.lanes import Lanes
 from tippedisk_verify.proofs.kernel.sliding import law_model
@@ -154,26 +154,18 @@ class Saddle:
             moved, _ = sliding_motion(_Beyond(BallOps, gamma), self.constants, self.omega, (beta, gamma, v))
             return coefficient(moved, 1)
 
-    def path(self, z: Sequence[Any], proposer: Proposer) -> Path:
+    def path(self, z: Sequence[Any], proposer: Any) -> Path:
         """All orbits from a box of z about the first saddle, with their derivatives by z and by the speed."""
-        model = law_model(self.friction, self.constants, self.omega)
-        path = model.path(self._state(z), proposer, derivatives=True)
-        path.frame = self.departing(z)
-        path.box = path.frame.box()
-        return path
-
-    def departing(self, z: Sequence[Any]) -> Frame:
-        """The states of a box of z about the first saddle, with z for what they deviate by."""
-        state = self._state([x.mid() for x in z])
-        frame = Frame(state, self.omega)
-        frame.rest = [x - x.mid() for x in state]
-        frame.lead = [[*row, frame.lead[k][3]] for k, row in enumerate(self.directions.tolist())]
+        beta, gamma, v = self.offset([x.mid() for x in z])
+        start = [beta, gamma - arb.pi(), v]
+        path = law_model(self.friction, self.constants, self.omega).path(start, proposer, derivatives=True)
+        frame = path.frame = Frame([x.mid() for x in start], self.omega)
+        directions = self.directions.tolist()
+        frame.axes, frame.rest = directions, self.coordinates([x - x.mid() for x in start])
+        frame.lead = [[*row, entries[3]] for row, entries in zip(directions, frame.lead, strict=True)]
         frame.deviation = [*(x - x.mid() for x in z), frame.deviation[3]]
-        return frame
-
-    def _state(self, z: Sequence[Any]) -> list[Any]:
-        beta, gamma, v = self.offset(z)
-        return [beta, gamma - arb.pi(), v]
+        path.box = frame.box()
+        return path
 
     def seen(self, frame: Frame, deviation: Sequence[Any] | None = None) -> list[Any]:
         """z about the second saddle of a set of states, each coordinate in one sum over the set's own axes.
