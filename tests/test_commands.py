@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import shlex
-import shutil
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -64,9 +63,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     here = tmp_path_factory.mktemp("examples")
     for name in ("answers.csv", "old.csv", "new.csv"):
         (here / name).write_text("id,answer\nprinted/linear/hopf/point/omega_crit,30.886592688643568\n")
-    client = Path(common.__file__).parents[1] / "conformance" / "clients" / "client.py"
-    shutil.copy(client, here)
-    (here / "your_program").write_text(f'#!/bin/sh\nexec {shlex.quote(sys.executable)} {here / client.name} "$@"\n')
+    answerer = README.parent / "examples" / "answerers" / "answerer.py"
+    (here / "your_program").write_text(f"#!/bin/sh\nexec {shlex.quote(sys.executable)} {shlex.quote(str(answerer))}\n")
     (here / "your_program").chmod(0o755)
     return here
 

@@ -28,7 +28,7 @@ EXAMPLES: dict[str, tuple[str, str]] = {
     "heteroclinic": ("", "--digits 20 --out connection.csv"),
     "reference": ("list printed/linear/hopf", "show printed/linear/hopf/point/omega_crit"),
     "reference generate": ("--only hopf --out values", "--only hopf --set printed --out values"),
-    "reference prove": ("printed/linear/hopf --data values", "printed/linear/equilibrium --data values"),
+    "reference prove": ("printed/linear/hopf --data values", "--data values"),
     "reference check": ("--sample 0", "--sample 50 --seed 1"),
     "reference list": ("printed/linear/hopf", "calibrated/smooth/limit-cycle"),
     "reference show": ("printed/linear/hopf/point/omega_crit", "printed/linear/limit-cycle/crit-0.5/period"),
