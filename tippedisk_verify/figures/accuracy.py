@@ -21,6 +21,8 @@ _LEAST = 1e-17  # an error of zero has no logarithm: it sits on the lower edge
 
 def draw_near_omega_h(sights: Sequence[Sight], connection: Heteroclinic, constant: float, columns: int = 3) -> Any:
     """Close to Omega_h: the period and what its law leaves, and what double precision loses."""
+    from matplotlib.ticker import LogLocator
+
     figure, axes = grid(3, columns, (3.2, 3.3) if columns > 1 else (4.6, 3.3))
     unstable, slow, _ = (float(value) for value in connection.saddle_eigenvalues)
     falling = [sight for sight in sights if sight.distance < 0.1]
@@ -39,13 +41,14 @@ def draw_near_omega_h(sights: Sequence[Sight], connection: Heteroclinic, constan
     law = rf"power {power:.3f} = $|\lambda_s|/\lambda_u - 1$"
     draw(rest, "--", falling, lambda s: factor * s.distance**power, law)
     held = [sight for sight in sights if sight.period_error is not None]
-    draw(error, "o", held, lambda s: max(s.period_error, _LEAST), "T in double (none: lower edge)")
+    draw(error, "o", held, lambda s: max(s.period_error, _LEAST), "T in double")
     draw(error, "x", [s for s in sights if s not in held], lambda s: 1.0, "no cycle in double")
     draw(error, "--", sights, lambda s: s.expected_error, "rounding of Ω alone")
     for axis, name in zip(axes, ("period T [s]", "what the law leaves of T [s]", "error of T [s]"), strict=True):
         scale = "linear" if axis is period else "log"
         axis.set(xscale="log", yscale=scale, xlabel=r"$\Omega - \Omega_\mathrm{h}$ [rad/s]", ylabel=name)
-        axis.legend(fontsize=8)
+        axis.xaxis.set_major_locator(LogLocator(numticks=5))
+        axis.legend(fontsize=8, loc="lower left" if axis is error else "best")
     return figure
 
 
