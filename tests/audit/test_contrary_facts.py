@@ -43,7 +43,7 @@ from tippedisk_verify.theory.slow_manifold import ReducedEquilibrium, reduced_eq
 
 # Long computations that plants stand on, each done once.
 true_connection = cache(heteroclinic)
-true_descent = cache(connection_claims.PeriodContinuation)
+true_descent = cache(claims.PeriodContinuation)
 true_basins = cache(friction_claims.basins)
 true_cycle = friction_claims._cycle
 
@@ -241,7 +241,7 @@ def audit(taylor: Taylor) -> Iterator[Audit]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(friction_claims, "heteroclinic", true_connection)
         patch.setattr(connection_claims, "heteroclinic", true_connection)
-        patch.setattr(connection_claims, "PeriodContinuation", true_descent)
+        patch.setattr(claims, "PeriodContinuation", true_descent)
         patch.setattr(friction_claims, "basins", true_basins)
         yield OneDisk(PRINTED, taylor)
 

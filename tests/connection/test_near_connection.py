@@ -10,17 +10,16 @@ import pytest
 
 from tests.connection.passages import passage_times
 from tippedisk_verify.atlas.cycles_at_speed import cycle_above, cycle_at
-from tippedisk_verify.audit.near_omega_h import limit_of_powers, near_omega_h
 from tippedisk_verify.cli import main
 from tippedisk_verify.connection.heteroclinic import heteroclinic
 from tippedisk_verify.connection.near_connection import cycle_near, with_speed
+from tippedisk_verify.cycles.period_continuation import PeriodContinuation
 from tippedisk_verify.cycles.section import LIBRATING
 from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
 from tippedisk_verify.model.precision import bits
-from tippedisk_verify.reference_values.lookup import reference
 from tippedisk_verify.theory.hopf import omega_crit
 
 
@@ -97,6 +96,17 @@ def test_laws_near_omega_h(taylor) -> None:
     assert abs(math.log(left[0] / left[1]) / (5 * math.log(10)) / (-slow / unstable - 1) - 1) < 0.05
 
 
+def test_the_periods_slope_tends_to_the_laws(taylor) -> None:
+    """Cycle by cycle in double, what the slope lacks falls with the power of the law's remainder."""
+    unstable, slow, _ = (float(v) for v in heteroclinic(PRINTED, taylor).saddle_eigenvalues)
+    rows = PeriodContinuation(PRINTED, taylor).law_rows(unstable)
+    lacking = [ratio - 1 for _, _, ratio in rows]
+    assert lacking == sorted(lacking, reverse=True)
+    assert rows[-1][0] < 1e-9
+    power = math.log(lacking[-2] / lacking[-1]) / math.log(rows[-2][0] / rows[-1][0])
+    assert abs(power / (-slow / unstable - 1) - 1) < 0.05  # the next power of the remainder is twice the first
+
+
 @pytest.mark.slow
 def test_passages_take_all_the_growth(taylor) -> None:
     """The flight outside the saddles' neighbourhoods hardly changes; the passage grows by (1 / lambda_u) log(1 / D)."""
@@ -105,27 +115,6 @@ def test_passages_take_all_the_growth(taylor) -> None:
     ]
     assert abs(times[0][1] - times[1][1]) < 1e-3
     assert abs((times[1][0] - times[0][0]) / (math.log(1e3) / 6.647) - 1) < 0.01
-
-
-def test_the_limit_of_powers() -> None:
-    points = [(x, 3 + 2 * x**0.2 - 5 * x**0.4 + x**0.6) for x in (1e-3, 1e-5, 1e-8, 1e-10)]
-    assert abs(limit_of_powers(points, 0.2) - 3) < 1e-13
-
-
-@pytest.mark.slow
-def test_what_a_double_sees(taylor) -> None:
-    connection, constant, sights = near_omega_h(PRINTED, taylor)
-    unstable, slow, _ = map(float, connection.saddle_eigenvalues)
-    # Sixteen powers of ten closer, by another road: what the law leaves there follows from the closest one here.
-    far = float(reference("printed/linear/near-heteroclinic/het+1e-30/period")) + 2 / unstable * math.log(1e-30)
-    left = sights[-1].remainder * (1e-30 / sights[-1].distance) ** (-slow / unstable - 1)
-    assert abs(far - left - constant) < 1e-9
-    assert sights[0].period_error < 1e-14
-    for sight in sights:
-        if sight.period_error is not None:
-            # Rounding of the other inputs and of the flow adds a few roundings to that of Omega.
-            assert sight.period_error < 20 * sight.expected_error + 1e-15
-    assert min(sight.distance for sight in sights) < 1e-12
 
 
 def test_command(capsys) -> None:

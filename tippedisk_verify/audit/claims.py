@@ -20,6 +20,7 @@ from tippedisk_verify.atlas.locator import locator
 from tippedisk_verify.audit.citations import cited
 from tippedisk_verify.connection.heteroclinic import Heteroclinic, heteroclinic
 from tippedisk_verify.cycles.folds import fold_in_double
+from tippedisk_verify.cycles.period_continuation import PeriodContinuation
 from tippedisk_verify.cycles.shooting import LimitCycle
 from tippedisk_verify.errors import InputError, NoConnectionError, NoSuchCycleError, Shortfall
 from tippedisk_verify.flow.contract import Engine
@@ -157,6 +158,7 @@ class Audit(Printable):
     engine: Engine
     digits: int = 12
     _connections: dict[str, Heteroclinic] = field(default_factory=dict)
+    _approaches: dict[str, PeriodContinuation] = field(default_factory=dict)
     _folds: dict[str, dict[str, float] | None] = field(default_factory=dict)
     _panels: dict[tuple[str, str], Panel] = field(default_factory=dict)
     _families: dict[str, tuple[LimitCycle, ...]] = field(default_factory=dict)
@@ -184,6 +186,12 @@ class Audit(Printable):
     def omega_h(self, name: str) -> Measured:
         """Omega_h [rad/s] of a set. Raises Shortfall if there is no connection."""
         return self.connection(name).omega_h
+
+    def approach(self, name: str) -> PeriodContinuation:
+        """A set's limit cycles followed towards Omega_h in double. Raises NoSuchCycleError or Shortfall."""
+        if name not in self._approaches:
+            self._approaches[name] = PeriodContinuation(self._set(name), self.engine)
+        return self._approaches[name]
 
     def rotation_fold(self, name: str) -> dict[str, float] | None:
         """The fold of a set's rotating limit cycles, as `fold_in_double` has it; None if none is found."""

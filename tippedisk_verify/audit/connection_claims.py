@@ -8,7 +8,6 @@ from tippedisk_verify.atlas.cycles_at_speed import rotating_cycle
 from tippedisk_verify.audit.claims import Answer, Audit, Claim, ProofOffer, number
 from tippedisk_verify.connection.bisection import unstable_branch
 from tippedisk_verify.connection.heteroclinic import heteroclinic
-from tippedisk_verify.cycles.period_continuation import PeriodContinuation
 from tippedisk_verify.errors import NoConnectionError, NoSuchCycleError, Shortfall
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import Request
@@ -26,16 +25,9 @@ _OFFSET = Fraction(1, 10**6)  # rad, from the saddle; no quadratic terms there, 
 
 def _infinite_period(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
     """The local slope of T against log(Omega - Omega_h) at the end of the family in double, against the law."""
-    descent = PeriodContinuation(audit.sets[name], audit.engine)
-    above, here = float(descent.above), descent.latest
-    growth = float(audit.connection(name).saddle_eigenvalues[0])
-    # dT / d(log D) = 2 D / (d(Omega) / d(T / 2)).
-    ratio = 2 * above / float(here.slopes[2]) * growth / -2
+    above, period, ratio = audit.approach(name).law_rows(float(audit.connection(name).saddle_eigenvalues[0]))[-1]
     # The law's remainder falls like a power of D as small as 0.2, which leaves about a hundredth at D = 1e-8.
-    return (
-        f"T = {2 * float(here.half_period):.2f} s at Omega_h + {above:.1e} rad/s, slope {ratio:.4f} of the law's",
-        abs(ratio - 1) < 0.05,
-    )
+    return f"T = {period:.2f} s at Omega_h + {above:.1e} rad/s, slope {ratio:.4f} of the law's", abs(ratio - 1) < 0.05
 
 
 def _both_sides(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
@@ -172,7 +164,6 @@ CONNECTION_CLAIMS: tuple[Claim, ...] = (
             "infinity",
             law="linear",
         ),
-        cost=10,
     ),
     Claim(
         "only_above_omega_h",

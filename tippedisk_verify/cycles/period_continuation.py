@@ -105,15 +105,14 @@ def lengthened(
     longest: float,
     precision: Precision = DOUBLE,
     longest_step: float = math.inf,
-    first_step: float = _FIRST_STEP,
 ) -> Iterator[PeriodPoint]:
     """Cycles of longer and longer period from ``first`` on, up to the period ``longest`` [s].
 
-    The step in the half period adapts, from ``first_step`` up to ``longest_step`` [s]: it grows by half after a quick
-    solution and is halved after a failed one. Raises NoSuchCycleError when it has become less than half a millisecond,
-    which in double happens where Omega - Omega_h drowns in rounding.
+    The step in the half period adapts, up to ``longest_step`` [s]: it grows by half after a quick solution and is
+    halved after a failed one. Raises NoSuchCycleError when it has become less than half a millisecond, which in double
+    happens where Omega - Omega_h drowns in rounding.
     """
-    point, before, step = first, first, first_step
+    point, before, step = first, first, _FIRST_STEP
     while 2 * float(point.half_period) < longest:
         if step < _SHORTEST_STEP:
             raise NoSuchCycleError(
@@ -207,10 +206,28 @@ class PeriodContinuation:
             points.append(point)
             if len(points) > 3 and abs(point.slopes[2]) < growth * _LEAST_IN_DOUBLE:
                 break
-        self.latest, self.solved = points[-1], len(points)
+        self.points = points
         before, self.asymptotics = (PeriodAsymptotics(parameters, *pair, DOUBLE) for pair in pairwise(points[-3:]))
         #: The last change of the limit [rad/s], or double's rounding; that of the present one is smaller.
         self.change = max(abs(self.asymptotics.omega_h - before.omega_h), self.asymptotics.omega_h / 2**50)
+
+    @property
+    def latest(self) -> PeriodPoint:
+        """The last cycle."""
+        return self.points[-1]
+
+    def law_rows(self, unstable: float) -> list[tuple[float, float, float]]:
+        """Of each cycle Omega - Omega_h [rad/s], the period [s], and the slope of T over its law's.
+
+        By the law T = c - (2 / lambda_u) log(Omega - Omega_h) + O((Omega - Omega_h)^p), p = |lambda_s| / lambda_u - 1,
+        that ratio tends to 1; ``unstable`` is lambda_u [1/s].
+        """
+        rows = []
+        for point in self.points:
+            above = float(fraction(point.omega) - self.asymptotics.omega_h)
+            # dT / d(log D) = 2 D / (d(Omega) / d(T / 2)).
+            rows.append((above, 2 * float(point.half_period), -unstable * above / float(point.slopes[2])))
+        return rows
 
     @property
     def above(self) -> Fraction:
@@ -237,8 +254,8 @@ class PeriodContinuation:
             raise Shortfall(f"the family of limit cycles could not be followed to Omega_h: {fault}") from None
         self.asymptotics = PeriodAsymptotics(self.parameters, self.latest, point, precision)
         self.change = abs(self.asymptotics.omega_h - omega_h)
-        self.latest, self.solved = point, self.solved + 1
-        if self.solved > _MOST_CYCLES:
+        self.points.append(point)
+        if len(self.points) > _MOST_CYCLES:
             raise Shortfall(f"the limit of the limit cycles still moves by {float(self.change):.1e} rad/s")
 
 
