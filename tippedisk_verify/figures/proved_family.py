@@ -55,8 +55,7 @@ def _family(axis: Any, proof: BranchProof, crit: float, omega_h: float) -> None:
             )  # fmt: skip
     axis.axhline(math.pi, color=GREY, lw=0.9, ls=":")
     axis.annotate("π", (1, math.pi), xycoords=("axes fraction", "data"), xytext=(4, -3), textcoords="offset points")
-    read = f", {len(proof.read)} of them read" if proof.read else ""
-    axis.set(xlabel=_SPEED, ylabel=_AMPLITUDE, title=f"The family, {len(proof.pieces)} arcs{read}")
+    axis.set(xlabel=_SPEED, ylabel=_AMPLITUDE, title=f"The family, {len(proof.pieces)} arcs")
     axis.ticklabel_format(useOffset=False)
 
 
