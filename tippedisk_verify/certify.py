@@ -28,12 +28,12 @@ if TYPE_CHECKING:
     from tippedisk_verify.proofs.closed_forms import ProvedEquilibrium, ProvedHopf, ProvedStability
     from tippedisk_verify.proofs.kernel.claims.arcs import Piece, Status
     from tippedisk_verify.proofs.search.branch import BranchProof
+    from tippedisk_verify.proofs.search.connection_end import ProvedEnd
     from tippedisk_verify.proofs.search.cycle import OrbitProof
     from tippedisk_verify.proofs.search.family import Interval
     from tippedisk_verify.proofs.search.fold import FoldProof
     from tippedisk_verify.proofs.search.interval import IntervalProof
     from tippedisk_verify.proofs.search.proved_connection import ProvedConnection
-    from tippedisk_verify.proofs.search.connection_end import ProvedEnd
     from tippedisk_verify.theory.equilibria import EquilibriumName
 
 __all__ = ["Certifier"]
