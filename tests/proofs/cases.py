@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import inspect
+import sys
 import textwrap
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from types import ModuleType
 from typing import Any
 
 from tippedisk_verify.model.exact import exact
@@ -36,6 +38,17 @@ def plant(monkeypatch: Any, owner: Any, function: str, old: str, new: str) -> No
     source = source.replace(old, new).replace("super()", f"super({getattr(owner, '__name__', '')}, self)")
     exec(source, original.__globals__, names)
     monkeypatch.setattr(owner, function, names[function])
+
+
+def executed(source: str) -> ModuleType:
+    """A module of this text."""
+    module = ModuleType("copy_of_a_module")
+    sys.modules[module.__name__] = module  # dataclasses look there
+    try:
+        exec(compile(source, module.__name__, "exec"), module.__dict__)
+    finally:
+        del sys.modules[module.__name__]
+    return module
 
 
 def speed_below(parameters: Parameters, distance: str | Fraction) -> Fraction:

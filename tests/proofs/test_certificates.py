@@ -26,8 +26,9 @@ from tippedisk_verify.model.decimals import exact_text
 from tippedisk_verify.model.parameters import CALIBRATED, GEOMETRY, PRINTED, SYMBOLS
 from tippedisk_verify.proofs.kernel import claims, flow, krawczyk, sliding
 from tippedisk_verify.proofs.kernel import field as equations
-from tippedisk_verify.proofs.kernel.balls import working_precision
+from tippedisk_verify.proofs.kernel.balls import midpoint_and_radius, working_precision
 from tippedisk_verify.proofs.kernel.claims import FORMAT, proved
+from tippedisk_verify.proofs.kernel.claims.words import held
 from tippedisk_verify.proofs.kernel.reading import decimal, dyadic, dyadic_text
 from tippedisk_verify.proofs.kernel.series import System
 from tippedisk_verify.proofs.search.cycle import TURN, prove_cycle
@@ -368,6 +369,17 @@ class _Larger:
         return other * arb(1.001)
 
     __rmul__ = __mul__
+
+
+def test_a_half_width_of_a_few_last_bits_is_held() -> None:
+    """As that of the sharpest of a cycle's numbers to many digits; and half of it is not."""
+    with working_precision(64):
+        for n in range(3, 200, 2):
+            x = arb(1) / n
+            middle, half = midpoint_and_radius(x)
+            held({"value": str(middle), "uncertainty": str(half)}, x, "a number")
+            with pytest.raises(claims.Unproved):
+                held({"value": str(middle), "uncertainty": str(half / 2)}, x, "a number")
 
 
 def test_any_changed_character_is_noticed_by_the_digest() -> None:

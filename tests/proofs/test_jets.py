@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import random
-import sys
 from collections.abc import Callable
 from fractions import Fraction
 from pathlib import Path
@@ -12,8 +11,10 @@ from typing import Any
 
 import pytest
 
+from tests.proofs.cases import executed
+from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.proofs.kernel import jets
-from tippedisk_verify.proofs.kernel.balls import arb, ball, inside, working_precision
+from tippedisk_verify.proofs.kernel.balls import arb, ball, ball_constants, inside, working_precision
 from tippedisk_verify.proofs.kernel.flow import Model
 from tippedisk_verify.proofs.kernel.series import Graph, System
 from tippedisk_verify.proofs.numbers import measured
@@ -132,21 +133,12 @@ FAULTS = {
 def test_planted_faults_are_noticed(name) -> None:
     old, new = FAULTS[name]
     assert SOURCE.count(old) == 1
-    module = ModuleType("copy_of_jets")
-    sys.modules[module.__name__] = module
-    try:
-        exec(compile(SOURCE.replace(old, new), module.__name__, "exec"), module.__dict__)
-    finally:
-        del sys.modules[module.__name__]
     with working_precision(64), pytest.raises(AssertionError):
-        attack(module, 300)
+        attack(executed(SOURCE.replace(old, new)), 300)
 
 
 def test_a_model_takes_a_jet_of_speeds() -> None:
     with working_precision(64):
-        from tippedisk_verify.model.parameters import PRINTED
-        from tippedisk_verify.proofs.kernel.balls import ball_constants
-
         constants = ball_constants(PRINTED)
         state = (arb("-0.1"), arb("0.5"), arb("-1"))
         moving = Model(constants, jets.Jet([arb(30), arb(1) / 4]))

@@ -6,7 +6,6 @@ notice. A mutant that fails in another way than by a false ball counts as notice
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from types import ModuleType
 from typing import NamedTuple
@@ -14,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
+from tests.proofs.cases import executed
 from tests.proofs.lane_attacks import ATTACKS
 from tippedisk_verify.proofs.kernel import lane_series, lane_sine, lanes, outward
 
@@ -130,16 +130,6 @@ def mutant(old: str, new: str) -> ModuleType:
         setattr(copies[lane_series], name, getattr(copies[lanes], name))
     copies[lanes].LaneSeries = copies[lane_series].LaneSeries
     return copies[lanes]
-
-
-def executed(source: str) -> ModuleType:
-    module = ModuleType("copy_of_lanes")
-    sys.modules[module.__name__] = module
-    try:
-        exec(compile(source, module.__name__, "exec"), module.__dict__)
-    finally:
-        del sys.modules[module.__name__]
-    return module
 
 
 def noticed(fault: Fault, count: int) -> bool:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from fractions import Fraction
 from typing import Any
 
-from tippedisk_verify.proofs.kernel.balls import ball, need
+from tippedisk_verify.proofs.kernel.balls import ball, need, working_bits, working_precision
 from tippedisk_verify.proofs.kernel.field import UNITS
 from tippedisk_verify.proofs.kernel.reading import decimal, one_of
 
@@ -38,5 +38,6 @@ def number_words(claim: Mapping[str, Any]) -> dict[str, str]:
 
 def held(number: Mapping[str, str], x: Any, name: str) -> None:
     """Shown: all that the ball stands for lies within the claimed half-width."""
-    within = x.is_finite() and abs(x - ball(Fraction(number["value"]))) <= ball(Fraction(number["uncertainty"]))
+    with working_precision(2 * working_bits()):  # a half-width of a few last bits leaves no room for their rounding
+        within = x.is_finite() and abs(x - ball(Fraction(number["value"]))) <= ball(Fraction(number["uncertainty"]))
     need(bool(within), f"claim: {name} is not shown to lie within its uncertainty")
