@@ -15,7 +15,7 @@ from typing import Any
 from tippedisk_verify.cycles.error_budget import cycle_numbers
 from tippedisk_verify.cycles.return_map import FixedPoint, ReturnMap
 from tippedisk_verify.cycles.section import LIBRATING, ROTATING
-from tippedisk_verify.cycles.shooting import shoot
+from tippedisk_verify.cycles.shooting import limit_cycle, shoot
 from tippedisk_verify.errors import Shortfall
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import Build, Engine, Request, Result, Status
@@ -274,7 +274,13 @@ _COMPUTE: dict[str, Callable[[Case, int], Values]] = {
     ),
     "slow-manifold": lambda case, digits: in_two(partial(_manifold, case), kept=BITS - 20),
     "trajectory": motion,
-    "limit-cycle": lambda case, digits: _named(case, case.disk.limit_cycle(case.inputs["Omega"], digits=digits)),
+    # By the law's guess where that leads to the cycle, as on all drawn disks.
+    "limit-cycle": lambda case, digits: _named(
+        case,
+        limit_cycle(case.disk, case.inputs["Omega"], default_engine(), digits=digits)
+        if DRAWN_SET.fullmatch(case.item.set)
+        else case.disk.limit_cycle(case.inputs["Omega"], digits=digits),
+    ),
     "heteroclinic": connection,
     "near-heteroclinic": lambda case, digits: _named(case, case.disk.limit_cycle(case.inputs["Omega"], digits=digits)),
     "rotating-cycle": lambda case, digits: _named(
