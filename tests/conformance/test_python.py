@@ -131,7 +131,8 @@ def test_grades_come_with_a_diagnosis() -> None:
         (np.complex128(3), "a real number"),
         (True, "a real number, not True"), (np.array([1.0, 2.0]), "one number, not an array of 2"),
         (np.array([]), "not an array of 0"), ([30.9], "not an object of type list"), ("30,9", "not '30,9'"),
-        (object(), "of type object"), (np.array([None]), "a real number, not None"),
+        (object(), "of type object"), (np.array([None]), "a real number, not None"), ({}, "type dict"),
+        (b"1", "type bytes"), ("1_000", "not '1_000'"), ("", "not ''"), ("9" * 3000, "not '999"),
     ],
 )  # fmt: skip
 def test_what_is_no_number_is_one_failure(answer: object, says: str) -> None:
@@ -148,6 +149,9 @@ def test_what_is_a_number_by_another_name() -> None:
     mine = own_omega_crit()
     for answer in (np.float64(mine), np.array(mine), np.array([mine]), np.array([[mine]]), np.array([mine], object)):
         assert tv.compare(OMEGA_CRIT, answer) == tv.compare(OMEGA_CRIT, mine)
+    assert tv.compare(OMEGA_CRIT, f" {mine!r} ".replace("e", "d")) == tv.compare(OMEGA_CRIT, mine)
+    with pytest.raises(InputError, match="decimals or doubles"):
+        tv.compare(OMEGA_CRIT, 1.0, reading="floats")  # type: ignore[arg-type]
     # These say more digits than a double is printed with, all of them counted.
     for answer in (
         *(Decimal(mine), Fraction(mine), tv.Measured.of(mine, 0), np.longdouble(mine), mpmath.mpf(mine)),

@@ -116,11 +116,23 @@ def test_the_badge(levels: list[Tally], says: str) -> None:
     assert [text.text for text in root.iter("{http://www.w3.org/2000/svg}text")] == ["tippedisk", says]
 
 
-def test_a_badge_is_written_over_no_other_file(tmp_path: Path) -> None:
-    sheet = _sheet(tmp_path / "a.csv")
-    assert _grade(sheet, "--badge", str(tmp_path / "a.svg")) == 0
-    assert "levels 1-3 partial" in (tmp_path / "a.svg").read_text()
-    assert _grade(sheet, "--badge", sheet) == 2
+@pytest.mark.parametrize(
+    ("option", "name", "says"),
+    [("--badge", "a.svg", "levels 1-3 partial"), ("--html", "a.html", "<html"), ("--csv", "a.csv", "level,quantity,")],
+)
+def test_what_is_written_goes_over_its_own_kind_only(
+    option: str, name: str, says: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    answers, target = _sheet(tmp_path / "answers.csv"), tmp_path / name
+    before = Path(answers).read_bytes()
+    for _ in range(2):
+        assert _grade(answers, option, str(target)) == 0
+    assert says in target.read_text()
+    for other in (answers, str(tmp_path / "other.txt")):
+        assert _grade(answers, option, other) == 2
+        assert capsys.readouterr().err.count("\n") == 1
+    assert Path(answers).read_bytes() == before
+    assert {path.name for path in tmp_path.iterdir()} == {"answers.csv", name}
 
 
 @pytest.mark.parametrize("path", WORKFLOWS, ids=lambda path: path.stem)

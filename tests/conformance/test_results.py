@@ -8,9 +8,7 @@ from pathlib import Path
 
 import pytest
 
-import tippedisk_verify as tv
 from results.make import HERE, SCIPY, table
-from tippedisk_verify.cli import main
 
 FILES = sorted(HERE.glob("*.csv"))
 
@@ -33,24 +31,3 @@ def test_a_file_has_the_grades_of_one_program(path: Path) -> None:
         assert math.isfinite(float(row["least_digits"]))
     if "1e-12" in path.stem or "heyoka" in path.stem:
         assert not any(int(row["failed"]) for row in rows)
-
-
-def test_a_table_goes_over_another_one_only(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    answers, target = tmp_path / "answers.csv", tmp_path / "table.csv"
-    answers.write_text(
-        "id,answer\n" + "".join(f"{q.id},{q.for_doubles!r}\n" for q in tv.references("printed/linear/hopf"))
-    )
-    before = answers.read_bytes()
-    for _ in range(2):
-        assert main(["conformance", "grade", str(answers), "--csv", str(target), "--quiet"]) == 0
-    (row, *others) = csv.DictReader(target.read_text().splitlines())
-    assert (row["level"], row["quantity"], row["answered"], row["failed"], len(others)) == (
-        "3",
-        "omega_crit",
-        "1",
-        "0",
-        5,
-    )
-    assert main(["conformance", "grade", str(answers), "--csv", str(answers), "--quiet"]) == 2
-    assert "no table of grades" in capsys.readouterr().err
-    assert answers.read_bytes() == before

@@ -5,13 +5,13 @@ from __future__ import annotations
 import click
 
 from tippedisk_verify.commands.common import Common, plain_options, print_result
-from tippedisk_verify.conformance import CLIENTS_FOLDER, client_text
+from tippedisk_verify.conformance import CLIENTS_FOLDER as FOLDER
+from tippedisk_verify.conformance import client_text
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.files import printable
 
 __all__ = ["CLIENTS", "FOLDER", "GRADERS", "client", "grader", "guide"]
 
-FOLDER = CLIENTS_FOLDER.resolve()
 CLIENTS = {
     "auto": "auto.f90",  # continues cycles, and answers no sheet
     "c": "client.c",
@@ -28,10 +28,7 @@ GRADERS = {"javascript": "grade.mjs", "octave": "tippedisk_grade.m"}
 @click.argument("language", metavar="|".join(CLIENTS))
 @plain_options
 def client(common: Common, language: str) -> int:
-    """Print a program in this language that answers a sheet; `octave` is MATLAB as well.
-
-    `auto` is for AUTO-07p: equations, constants and a reference cycle to start from, in one file.
-    """
+    """Print a program that answers a sheet; `octave` is MATLAB as well, and `auto` continues cycles in AUTO-07p."""
     return _printed(common, language, CLIENTS)
 
 

@@ -64,13 +64,7 @@ def blank_ones(states: int | None, seed: int | None, sets: Sequence[str]) -> Sto
 
 _LARGEST = 64_000_000  # bytes of a file that --csv may replace
 _QUESTION_OPTIONS = (
-    click.option(
-        "--set",
-        "sets",
-        multiple=True,
-        metavar="NAME",
-        help="table1 (whose ids say printed) or calibrated; both if not given.",
-    ),
+    click.option("--set", "sets", multiple=True, metavar="NAME", help="table1 or calibrated; both if not given."),
     click.option("--friction", "laws", multiple=True, metavar="linear|smooth", help="One law only."),
     click.option("--levels", metavar="N-M", help="Levels of difficulty, such as 1-3 or 7; all ten if not given."),
     click.option(
@@ -83,9 +77,7 @@ _GRADING_OPTIONS = (
     click.option("--html", metavar="FILE.html", help="Write a page with all grades there."),
     click.option("--csv", "table", metavar="FILE.csv", help="Write the grades by quantity there."),
     click.option("--badge", metavar="FILE.svg", help="Write a picture there that says which levels agree."),
-    click.option(
-        "--require", metavar="N-M", help="Exit with 1 where one of these levels has no answer, or a wrong one."
-    ),
+    click.option("--require", metavar="N-M", help="Exit with 1 if one of these levels has no answer or a wrong one."),
     click.option(
         "--expected-failures",
         "expected",

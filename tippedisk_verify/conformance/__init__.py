@@ -8,11 +8,10 @@ from pathlib import Path
 
 __all__ = ["CLIENTS_FOLDER", "client_text"]
 
-CLIENTS_FOLDER = Path(__file__).parent / "clients"
+CLIENTS_FOLDER = Path(__file__).resolve().parent / "clients"
 
 
 def client_text(name: str) -> str:
     """The program of a file among the clients, with its further parts: of client.py that is client_orbits.py."""
-    file = CLIENTS_FOLDER / name
-    parts = (file, *sorted(CLIENTS_FOLDER.glob(f"{file.stem}_*{file.suffix}")))
+    parts = (CLIENTS_FOLDER / name, *sorted(CLIENTS_FOLDER.glob(name.replace(".", "_*."))))
     return "\n\n".join(part.read_text(encoding="utf-8") for part in parts)
