@@ -33,8 +33,7 @@ class Taylor:
     ``high_accuracy`` compensates the summation of the series; over tens of seconds it changes the error little here,
     because the rounding of the inputs dominates. ``fast_math`` lets the compiler reorder sums: in double a fifth less
     run time, and last digits that depend on the processor. ``compact`` overrides the measured choice between unrolled
-    code (double: half the run time) and loops (above double, where compiling unrolled code would take minutes, and with
-    derivatives, where it takes seconds, which only some ten thousand runs win back).
+    code (double: half the run time) and loops (above double or with derivatives: the former compiles for long).
     ``optimisation`` is the compiler's level, 0 to 3; 3 if left out.
     Raises InputError if sums are to be reordered and compensated at once.
     """
