@@ -163,10 +163,10 @@ class Fault(NamedTuple):
 
 
 FAULTS = [
-    Fault("what the start deviates is forgotten", Frame, "carried", "image.deviation = self.deviation",
-          "image.deviation = [0 * part for part in self.deviation]"),
+    Fault("what the start deviates is forgotten", Frame, "carried", "image = copy(self)",
+          "image = copy(self)\n    image.deviation = [0 * part for part in self.deviation]"),
     Fault("what fails moves, the rest stays", Path, "take", "chosen(where, after, before)",
-          "chosen(~where if np.ndim(where) else where, after, before)"),
+          "chosen(where if where is True else ~where, after, before)"),
     Fault("what fails moves as well", Path, "take", "chosen(where, after, before)", "chosen(True, after, before)"),
     Fault("results are in the order of landing", lane_flight, "half_flights", "lanes[tried.arrived]",
           "np.arange(tried.arrived.sum())"),
