@@ -13,8 +13,8 @@ did not know the diagnosis:
 
 All that was by a diagnosis of forty modules. The engine that took its place names 135 and 137, 130 and 126, 116 and 115
 of lists 8 to 10, which were in view while it was made, and 81 of the 100 of list 11. Without mechanisms
-that named a fault in fifteen lines or more it names 131, 122, 110 and 81; with one text of the client in place of
-several by hand 131, 123, 111 and 81.
+that named a fault in fifteen lines or more it names 131, 122, 110 and 81; with one text of the client in fine steps, in
+place of six texts, two faults in formulas more, one each of lists 9 and 10.
 """
 
 from __future__ import annotations
