@@ -316,7 +316,7 @@ def test_an_audit_flies_with_its_own_engine() -> None:
             self.laws.append(request.friction)
             return super().__call__(request)
 
-    friction_claims._asymptotic(tv.Audit(tv.PRINTED, Counting()), "table1")
+    friction_claims._asymptotic(tv.Audit(tv.PRINTED, Counting()), "table1", None)
     assert set(Counting.laws) == {"linear", "smooth"}
     assert Counting.laws[-1] == "linear"  # the sliding velocity along the linear law's cycle
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from tippedisk_verify.disk import Disk
 from tippedisk_verify.errors import Shortfall
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.reference_values.entries import Case, Values
@@ -49,7 +48,7 @@ def _equilibrium(case: Case, values: Values) -> Proof:
     proof = proved_equilibrium(case.disk, omega, case.inputs["equilibrium"], _DIGITS)
     parts = (part for value in proof.eigenvalues for part in (value.re, value.im))
     enclosures = {f"lambda_{n // 2 + 1}_{('re', 'im')[n % 2]}": part for n, part in enumerate(parts)}
-    return (proof.statement, _command("equilibria", case.disk, f" --omega {omega}"), enclosures)
+    return (proof.statement, _command("equilibria", case, f" --omega {omega}"), enclosures)
 
 
 def _hopf(case: Case, values: Values) -> Proof:
@@ -57,7 +56,7 @@ def _hopf(case: Case, values: Values) -> Proof:
 
     proof = proved_hopf(case.disk, _DIGITS)
     enclosures = {name: one for name in values if isinstance(one := getattr(proof, name, None), Measured)}
-    return (proof.statement, _command("hopf", case.disk), enclosures)
+    return (proof.statement, _command("hopf", case), enclosures)
 
 
 def _connection(case: Case, values: Values) -> Proof:
@@ -69,7 +68,7 @@ def _connection(case: Case, values: Values) -> Proof:
     if not proof.proved or proof.omega_h is None:
         raise Shortfall(proof.statement)
     enclosures = dict(zip(codebook()["heteroclinic"], (proof.omega_h, *proof.saddle_eigenvalues), strict=True))
-    return (proof.statement, _command("heteroclinic", case.disk, digits=_OMEGA_H_DIGITS), enclosures)
+    return (proof.statement, _command("heteroclinic", case, digits=_OMEGA_H_DIGITS), enclosures)
 
 
 def _cycle(case: Case, values: Values) -> Proof:
@@ -81,12 +80,13 @@ def _cycle(case: Case, values: Values) -> Proof:
         raise Shortfall(f"{case.item.id}: {proof.statement}")
     numbers = proof.numbers()
     enclosures = {name: numbers[name] for name in values if name in numbers}
-    return (proof.statement, _command("orbit", case.disk, f" --omega {omega}"), enclosures)
+    return (proof.statement, _command("orbit", case, f" --omega {omega}"), enclosures)
 
 
-def _command(what: str, disk: Disk, options: str = "", digits: int = _DIGITS) -> str:
-    law = " --friction smooth" * (disk.friction == "smooth")
-    return f"tippedisk-verify certify {what} --parameters {disk.name}{law}{options} --digits {digits}"
+def _command(what: str, case: Case, options: str = "", digits: int = _DIGITS) -> str:
+    law = " --friction smooth" * (case.disk.friction == "smooth")
+    disk = case.item.id.partition("/")[0]
+    return f"tippedisk-verify certify {what} --parameters {disk}{law}{options} --digits {digits}"
 
 
 _PROOFS: dict[str, Callable[[Case, Values], Proof]] = {

@@ -204,7 +204,7 @@ def table(headings: Sequence[str], rows: Iterable[Sequence[object]]) -> Iterator
 
 def _width() -> int:
     """The characters of a terminal's line; a file's are as long as they need be."""
-    return shutil.get_terminal_size().columns if sys.stdout.isatty() else sys.maxsize
+    return shutil.get_terminal_size().columns if sys.stdout and sys.stdout.isatty() else sys.maxsize
 
 
 def alone_in(out: str | None) -> Path | None:
