@@ -27,7 +27,7 @@ def make(common: Common, prefixes: tuple[str, ...], out: str, jobs: int | None) 
     from reference_data.make.generation import generate
 
     with progress(common, 0) as advance, processes(jobs) as pool:
-        count = generate(Path(out), prefixes, pool, advance)
+        count = generate(out, prefixes, pool, advance)
     print_result(common, {"made": count}, [f"{count} entries made"])
     return 0
 

@@ -46,7 +46,7 @@ Entries = dict[str, dict[str, Any]]  #: rows and proof by entry
 
 
 def generate(
-    out: Path,
+    out: str | Path,
     prefixes: Sequence[str] = (),
     executor: Executor | None = None,
     advance: Callable[[str, int], None] = lambda label, steps: None,
