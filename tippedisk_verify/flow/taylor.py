@@ -33,7 +33,7 @@ class Taylor:
     ``high_accuracy`` compensates the summation of the series; over tens of seconds it changes the error little here,
     because the rounding of the inputs dominates. ``fast_math`` lets the compiler reorder sums: in double a fifth less
     run time, and last digits that depend on the processor. ``compact`` overrides the measured choice between unrolled
-    code (double: half the run time) and loops (above double or with derivatives: the former compiles for long).
+    code (double: half the run time) and loops (above double, where compiling unrolled code would take minutes).
     ``optimisation`` is the compiler's level, 0 to 3; 3 if left out.
     Raises InputError if sums are to be reordered and compensated at once.
     """
@@ -81,7 +81,7 @@ class Taylor:
             events = (*events, FLAT)
         shape = (request.shifted, request.variations, request.divergence, events)
         key = (precision, request.friction, request.tolerance, *shape)
-        compact = self._compact if self._compact is not None else precision != DOUBLE or bool(request.variations)
+        compact = self._compact if self._compact is not None else precision != DOUBLE
         result: Result = self._integrators.run(
             key, lambda: Integrator(request, events, self._options, compact), request
         )

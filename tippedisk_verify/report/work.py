@@ -91,9 +91,10 @@ def _exhibit(name: str) -> Any:
 @lru_cache(maxsize=1)
 def _audit(parameters: Parameters, digits: int) -> Audit:
     """What this process's tasks share: connections, families and panels are computed once in it."""
-    from tippedisk_verify.flow import default_engine
+    from tippedisk_verify.flow.taylor import Taylor
 
-    return Audit(parameters, default_engine(), digits)
+    # Loops: what is compiled here is run a few times only, and unrolled code takes longer to compile than these runs.
+    return Audit(parameters, Taylor(compact=True), digits)
 
 
 def compute(order: AuditJob, task: Task) -> Any:
