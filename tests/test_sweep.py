@@ -17,7 +17,7 @@ import pytest
 
 from tippedisk_verify.cli import main
 from tippedisk_verify.commands import workers
-from tippedisk_verify.errors import InputError, Shortfall
+from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.sweep import running
 from tippedisk_verify.sweep.plan import Plan, axis, computed
@@ -212,7 +212,7 @@ def test_processes_that_always_die_end_the_sweep(tmp_path: Path) -> None:
         def submit(self, *given: Any, **named: Any) -> Any:
             raise BrokenExecutor("it died")
 
-    with pytest.raises(Shortfall, match="it died; 0 of 10 points are kept"):
+    with pytest.raises(AccuracyError, match="it died; 0 of 10 points are kept"):
         running.swept(_TEN, tmp_path / "a.csv", Dead)
     assert list(tmp_path.iterdir()) == []
 

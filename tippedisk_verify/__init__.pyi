@@ -10,8 +10,8 @@ from tippedisk_verify.connection.heteroclinic import heteroclinic as heteroclini
 from tippedisk_verify.cycles.shooting import limit_cycle as limit_cycle
 from tippedisk_verify.cycles.spectral import balanced_cycle as balanced_cycle
 from tippedisk_verify.disk import Disk as Disk
+from tippedisk_verify.errors import AccuracyError as AccuracyError
 from tippedisk_verify.errors import InputError as InputError
-from tippedisk_verify.errors import Shortfall as Shortfall
 from tippedisk_verify.flow.baseline import Baseline as Baseline
 from tippedisk_verify.flow.contract import Event as Event
 from tippedisk_verify.flow.contract import Request as Request

@@ -13,7 +13,7 @@ from fractions import Fraction
 from functools import partial
 from typing import TYPE_CHECKING, Any, cast
 
-from tippedisk_verify.errors import InputError, NoConnectionError, NoSuchCycleError, Shortfall
+from tippedisk_verify.errors import AccuracyError, InputError, NoConnectionError, NoSuchCycleError
 from tippedisk_verify.model.exact import exact, shown
 from tippedisk_verify.parallel import as_done
 from tippedisk_verify.progress import progress_of
@@ -138,7 +138,7 @@ class Certifier:
         try:
             finer = digits + 10
             folds = (self.disk.rotation_fold(digits=finer),) if rotating else self.disk.folds(digits=finer)
-        except (NoSuchCycleError, NoConnectionError, Shortfall) as error:
+        except (NoSuchCycleError, NoConnectionError, AccuracyError) as error:
             fault = str(error)
         if not folds:
             return FoldProof(section, False, fault, self.disk, 0)
@@ -241,14 +241,14 @@ class Certifier:
             def connected_at(digits: int) -> Fraction | None:
                 try:
                     return self.disk.heteroclinic(digits=digits).omega_h.value
-                except (NoConnectionError, Shortfall):
+                except (NoConnectionError, AccuracyError):
                     return None
 
             def cycles_at(speeds: list[Fraction] | None) -> list[Any]:
                 try:
                     cycles = self.disk.branch(speeds, progress=False).cycles
                 except NoSuchCycleError as fault:
-                    raise Shortfall(str(fault)) from None
+                    raise AccuracyError(str(fault)) from None
                 return [(c.gamma_bar_0.value, c.v_0.value, c.omega.value, c.period.value / 2) for c in cycles]
 
             advance("arcs", 0)

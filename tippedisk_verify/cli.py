@@ -19,7 +19,7 @@ import click
 from tippedisk_verify import __version__
 from tippedisk_verify.commands import certify, conformance, one_disk, reference, studies, verify
 from tippedisk_verify.commands.help import Cli
-from tippedisk_verify.errors import InputError, Shortfall
+from tippedisk_verify.errors import AccuracyError, InputError
 
 __all__ = ["entry", "main"]
 
@@ -65,7 +65,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _refused(fault.format_message())
     except InputError as fault:
         return _refused(str(fault))
-    except (Shortfall, ArithmeticError) as shortfall:
+    except (AccuracyError, ArithmeticError) as shortfall:
         return _told(str(shortfall), 1)
     except MemoryError:
         return _told("the memory is used up: ask for less at a time, or fewer --jobs", 1)

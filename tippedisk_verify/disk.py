@@ -13,7 +13,7 @@ from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tippedisk_verify.errors import InputError, Shortfall, UnknownKeywordError
+from tippedisk_verify.errors import AccuracyError, InputError, UnknownKeywordError
 from tippedisk_verify.model.equations import checked_speed, checked_speeds, field, jacobian
 from tippedisk_verify.model.exact import shown
 from tippedisk_verify.model.measured import Measured
@@ -220,7 +220,7 @@ class Disk(Parameters):
         """The limit cycle about inverted spinning at ``omega``, Omega_crit - ``below_crit`` or Omega_h + ``above_het``.
 
         Where a speed has several it is the stable one, or the one that ``stable`` asks for. Raises InputError unless
-        one of the three is given, NoSuchCycleError where there is no such cycle, Shortfall if the digits are not
+        one of the three is given, NoSuchCycleError where there is no such cycle, AccuracyError if the digits are not
         reached.
         """
         from tippedisk_verify.atlas.cycles_at_speed import cycle_above, cycle_at
@@ -247,14 +247,14 @@ class Disk(Parameters):
     def folds(self, *, digits: int = 12, engine: Engine | None = None) -> Folds:
         """Where two limit cycles about inverted spinning meet and end, from the Hopf point on; of many disks none.
 
-        Raises Shortfall where the family cannot be followed, or the digits are not reached.
+        Raises AccuracyError where the family cannot be followed, or the digits are not reached.
         """
         from tippedisk_verify.atlas.locator import locator
         from tippedisk_verify.cycles.folds import libration_folds
 
         found = locator(self, self._engine(engine))
         if found.lost:
-            raise Shortfall(found.lost)
+            raise AccuracyError(found.lost)
         return libration_folds(self, found.engine, digits=digits, family=found.family)
 
     def rotating_cycle(

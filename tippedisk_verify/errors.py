@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-__all__ = ["InputError", "NoConnectionError", "NoSuchCycleError", "Shortfall", "UnknownKeywordError"]
+__all__ = ["AccuracyError", "InputError", "NoConnectionError", "NoSuchCycleError", "UnknownKeywordError"]
 
 
 class InputError(ValueError):
@@ -22,7 +22,7 @@ class UnknownKeywordError(InputError, TypeError):
     """A keyword that a function does not have; the message says what there is instead."""
 
 
-class Shortfall(RuntimeError):
+class AccuracyError(RuntimeError):
     """A computation ended without the digits that were asked for; the message says why and what to try.
 
     The command line prints it on one line and exits with status 1.

@@ -9,7 +9,7 @@ from typing import Any
 from tippedisk_verify.cycles.folds import fold_near
 from tippedisk_verify.cycles.section import EXTREME, ROTATING, ROUND
 from tippedisk_verify.cycles.spectral import balanced_cycle, spectral_fold, spectral_rotation
-from tippedisk_verify.errors import Shortfall
+from tippedisk_verify.errors import AccuracyError
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.baseline import Baseline
 from tippedisk_verify.flow.contract import Event, Request, Status
@@ -49,7 +49,7 @@ class _Period:
     """A flight for a whole period, in the paper's angles and without the symmetry, with its derivatives.
 
     It starts at beta = pi/2 (librating cycles) or at gamma = -pi/2 next to the saddle (rotating ones), where `Disk`
-    never starts them; ``free`` are the other angle less pi/2, and v. Raises Shortfall if the flight ends early.
+    never starts them; ``free`` are the other angle less pi/2, and v. Raises AccuracyError if the flight ends early.
     """
 
     def __init__(self, case: Case, precision: Precision, omega: Fraction, free: Sequence[Fraction], time: Any) -> None:
@@ -62,7 +62,7 @@ class _Period:
         )  # fmt: skip
         self.result = default_engine()(request)
         if self.result.status is not Status.REACHED:
-            raise Shortfall(f"{case.item.id}: {self.result.status.value}")
+            raise AccuracyError(f"{case.item.id}: {self.result.status.value}")
         mpf, number, state = precision.mpf, precision.number, self.result.state
         #: Derivatives of (beta, gamma, v) at the end by (beta, gamma, v, Omega).
         self.rows = [[mpf(entry) for entry in row] for row in self.result.derivatives]

@@ -19,7 +19,7 @@ from typing import Any
 from reference_data.make.recipes import answered
 from tippedisk_verify import __version__
 from tippedisk_verify.cache import Cache
-from tippedisk_verify.errors import InputError, Shortfall
+from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.files import csv_text, output_folder, read_bytes, read_text, remains_of, sole_writer, write_text
 from tippedisk_verify.parallel import as_done
 from tippedisk_verify.provenance import code_version, digest
@@ -53,8 +53,8 @@ def generate(
 ) -> int:
     """Make the entries whose ids start so (all if nothing is said) and write the files; how many entries were made.
 
-    Other entries of the folder stay. Raises InputError if no id starts so or the folder cannot be written, Shortfall if
-    two methods exclude each other.
+    Other entries of the folder stay. Raises InputError if no id starts so or the folder cannot be written,
+    AccuracyError if two methods exclude each other.
     """
     items = items_of(prefixes)
     if not items:
@@ -90,11 +90,11 @@ def _code() -> str:
 def _computed(job: tuple[Item, Path, str]) -> dict[str, Any]:
     """An entry's answer: from the work folder if it is there, otherwise computed and left there.
 
-    Raises Shortfall if the code here is not that of the process that asks.
+    Raises AccuracyError if the code here is not that of the process that asks.
     """
     item, work, code = job
     if _code() != code:
-        raise Shortfall("the code, or a numerical package, has changed since this run began: start it again")
+        raise AccuracyError("the code, or a numerical package, has changed since this run began: start it again")
     cache, key = Cache(work), digest([code, item.id, dict(item.inputs), item.readings])
     kept: dict[str, Any] | None = cache.get(key)
     if kept is None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from tippedisk_verify.errors import Shortfall
+from tippedisk_verify.errors import AccuracyError
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.reference_values.entries import Case, Values
 from tippedisk_verify.reference_values.store import codebook
@@ -28,7 +28,7 @@ Proof = tuple[str, str, Values]  #: statement, command, enclosures
 def proved(case: Case, values: Values) -> dict[str, Any] | None:
     """The proof of an entry from its decimals, as proofs.json has it; None for what has none.
 
-    Raises Shortfall if the attempt ends without a proof, or a value's half-width does not contain its enclosure.
+    Raises AccuracyError if the attempt ends without a proof, or a value's half-width does not contain its enclosure.
     """
     prove = _PROOFS.get(case.item.kind)
     if prove is None or (case.item.kind == "near-heteroclinic" and case.item.id.split("/")[3] not in _NEAR):
@@ -36,7 +36,9 @@ def proved(case: Case, values: Values) -> dict[str, Any] | None:
     statement, command, enclosures = prove(case, values)
     for name, enclosure in enclosures.items():
         if not values[name].contains(enclosure):
-            raise Shortfall(f"{case.item.id}/{name} does not contain its enclosure: it is wrong, or claims too much")
+            raise AccuracyError(
+                f"{case.item.id}/{name} does not contain its enclosure: it is wrong, or claims too much"
+            )
     held = {name: enclosure.to_dict() for name, enclosure in enclosures.items()}
     return {"statement": statement, "command": command, "enclosures": held}
 
@@ -66,7 +68,7 @@ def _connection(case: Case, values: Values) -> Proof:
     near = case.disk.heteroclinic(digits=_OMEGA_H_DIGITS + 5).omega_h.value
     proof = prove_connection(case.disk, near, _OMEGA_H_DIGITS)
     if not proof.proved or proof.omega_h is None:
-        raise Shortfall(proof.statement)
+        raise AccuracyError(proof.statement)
     enclosures = dict(zip(codebook()["heteroclinic"], (proof.omega_h, *proof.saddle_eigenvalues), strict=True))
     return (proof.statement, _command("heteroclinic", case, digits=_OMEGA_H_DIGITS), enclosures)
 
@@ -77,7 +79,7 @@ def _cycle(case: Case, values: Values) -> Proof:
     omega = case.item.inputs["Omega"]
     proof = prove_cycle(case.disk, omega, (values["gamma_bar_0"].value, values["v_0"].value), digits=_DIGITS)
     if not proof.proved:
-        raise Shortfall(f"{case.item.id}: {proof.statement}")
+        raise AccuracyError(f"{case.item.id}: {proof.statement}")
     numbers = proof.numbers()
     enclosures = {name: numbers[name] for name in values if name in numbers}
     return (proof.statement, _command("orbit", case, f" --omega {omega}"), enclosures)

@@ -10,7 +10,7 @@ from typing import Any
 
 from reference_data.make import cycles, local
 from reference_data.make.proofs import proved
-from tippedisk_verify.errors import Shortfall
+from tippedisk_verify.errors import AccuracyError
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.reference_values import truths
 from tippedisk_verify.reference_values.entries import (
@@ -74,17 +74,17 @@ def methods_of(kind: str) -> dict[str, bool]:
 
 
 def confirmed(case: Case, values: Values) -> dict[str, Values]:
-    """The values by each further method. Raises Shortfall if one excludes them."""
+    """The values by each further method. Raises AccuracyError if one excludes them."""
     answers = {}
     for name, method in CONFIRM[case.item.kind].items():
         answers[name] = method(case, values)
         for line in disagreements(values, answers[name]):
-            raise Shortfall(f"{case.item.id} by {name}: {line}")
+            raise AccuracyError(f"{case.item.id} by {name}: {line}")
     return answers
 
 
 def answered(item: Item) -> dict[str, Any]:
-    """The entry's rows of values.csv, and its proof if it has one. Raises Shortfall if methods exclude each other."""
+    """The entry's rows of values.csv, and its proof if any. Raises AccuracyError if methods exclude each other."""
     kind, digits = item.kind, _DIGITS.get(item.kind, _USUAL_DIGITS)
     kept = max(KEPT, digits - 2)
     values: dict[Reading, Values] = {}

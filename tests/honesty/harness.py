@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 
 from tests.honesty.arithmetics import DEFAULT, MOVED_BITS, Arithmetic
 from tippedisk_verify.disk import Disk
-from tippedisk_verify.errors import InputError, Shortfall
+from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.model.exact import PI, Exact, exact
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import NAMED_SETS, PRINTED, Parameters
@@ -238,7 +238,7 @@ def compared(claims: Any, truths: Any) -> list[Number]:
         ratio = float(half / max(away, last)) if half else 1.0  # what is exact is neither too wide nor too narrow
         found.append(Number(name, float(half), float(away), ratio, holds))
     if not found:
-        raise Shortfall("nothing to compare")
+        raise AccuracyError("nothing to compare")
     return found
 
 
@@ -265,7 +265,7 @@ def run(
             pairs = compared(answer, question.truth(answer))
             if question.sharper is not None and not all(number.holds for number in pairs):
                 pairs = compared(answer, question.sharper(answer))
-    except (Shortfall, InputError) as refusal:
+    except (AccuracyError, InputError) as refusal:
         return Found(*about, draw.text, "refused", str(refusal))
     except Exception as fault:  # a defect, whatever it is
         return Found(*about, draw.text, "violated", f"{type(fault).__name__}: {fault}")

@@ -21,7 +21,7 @@ from tippedisk_verify.cycles.section import LIBRATING, RETURNS, VARIATIONS
 from tippedisk_verify.cycles.shooting import LimitCycle, limit_cycle
 from tippedisk_verify.cycles.spectral import balanced_cycle, spectral_rotation
 from tippedisk_verify.disk import Disk
-from tippedisk_verify.errors import InputError, Shortfall
+from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.flow import default_engine, default_lanes
 from tippedisk_verify.flow.contract import SECTION, SLIDING_REVERSAL, TURN, Event, Request, Status
 from tippedisk_verify.flow.start import at_rest
@@ -164,10 +164,10 @@ def _flown(request: Request) -> Question:
 
     def ask() -> Any:
         if request.events and at_rest(request):
-            raise Shortfall("at rest to rounding: no event is looked for")
+            raise AccuracyError("at rest to rounding: no event is looked for")
         found = default_engine()(request)
         if not found.status.usable or found.error is None or not max(found.error.state) < float("inf"):
-            raise Shortfall(f"{found.status.name}, or the two runs did not end alike")
+            raise AccuracyError(f"{found.status.name}, or the two runs did not end alike")
         return _numbers_of(found, found.error) | {"alike": True, "names": [record.name for record in found.events]}
 
     def truth(answer: Any, wide: Any = QUADRUPLE) -> Any:
@@ -247,7 +247,7 @@ def solution(draw: Draw) -> Question:
     def ask(digits: int) -> Any:
         found = disk.integrate(omega, state, duration, t_eval=[0, duration / 3, duration], digits=digits)
         if not max(found.uncertainty[:, -1]) < float("inf"):
-            raise Shortfall(f"rounding decides the end: {found.message}")
+            raise AccuracyError(f"rounding decides the end: {found.message}")
         pairs = zip(found.y.ravel().tolist(), found.uncertainty.ravel().tolist(), strict=True)
         return {"status": found.status, "y": [Measured.of(*pair) for pair in pairs]}
 
@@ -257,7 +257,7 @@ def solution(draw: Draw) -> Question:
 # -------------------------------------------------------------------------------------------------------- libration
 @lru_cache(maxsize=64)
 def _rough_omega_h(disk: Parameters) -> Fraction:
-    """Omega_h as double sees it. Raises NoConnectionError or Shortfall."""
+    """Omega_h as double sees it. Raises NoConnectionError or AccuracyError."""
     return bisect_omega_h(disk, default_engine(), confirm=False).omega_h.value
 
 
@@ -270,7 +270,7 @@ def _librating(draw: Draw, law: str = "linear") -> tuple[Disk, Fraction]:
     omega = crit * (1 - side * share / (1 if side > 0 else 40))  # born unstable, a family may turn back after 1e-4
     within = decimal(draw.choice((draw.uniform(0.002, 1), 1 - draw.log_uniform(1e-6, 1), draw.log_uniform(1e-4, 1))))
     if side > 0 and draw.random() < 0.9:
-        with suppress(InputError, Shortfall):
+        with suppress(InputError, AccuracyError):
             omega = crit + (1 - within) * (_rough_omega_h(disk) - crit)
     return disk, draw.told(_near(omega))
 
@@ -347,7 +347,7 @@ def _rotating(draw: Draw, law: str) -> tuple[Disk, Fraction, bool]:
     while True:
         disk, stable = draw.disk((*STRUCTURED, "far"), law, 500), draw.random() < 0.5
         share = draw.log_uniform(2e-5, 1e-3) if stable else draw.uniform(5e-4, -0.03)
-        with suppress(InputError, Shortfall):
+        with suppress(InputError, AccuracyError):
             return disk, draw.told(_near(_rough_omega_h(disk) * (1 - decimal(share)), 9)), stable
 
 
@@ -453,7 +453,7 @@ def krawczyk(draw: Draw) -> Question:
             radii = [abs(part) * ball(off * factor) for part in middle]
             found = fixed_in(Model(ball_constants(disk), ball(omega)), middle, radii)
             if found is None or not found.included:
-                raise Shortfall("nothing is included")
+                raise AccuracyError("nothing is included")
             return {"gamma_bar_0": measured(found.image[0]), "v_0": measured(found.image[1])}
 
     return Question(ask, lambda _: limit_cycle(disk, omega, default_engine(), digits=40))

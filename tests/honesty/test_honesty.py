@@ -13,7 +13,7 @@ from tests.honesty.arithmetics import DEFAULT, MOVED_BITS, OTHER_ORDER
 from tests.honesty.harness import FAMILIES, Draw, Kind, Question, assert_honest, compared, numbers, run
 from tests.honesty.kinds import KINDS, kind_named
 from tests.honesty.plants import PLANTS, planted
-from tippedisk_verify.errors import Shortfall
+from tippedisk_verify.errors import AccuracyError
 from tippedisk_verify.flow import default_engine, default_lanes
 from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.model.measured import Measured
@@ -94,7 +94,7 @@ def test_defects_are_not_refusals() -> None:
 
         return Kind("k", lambda draw: Question(ask, lambda found: found), 1)
 
-    assert run(raising(Shortfall("no digits here")), 0).outcome == "refused"
+    assert run(raising(AccuracyError("no digits here")), 0).outcome == "refused"
     found = run(raising(ZeroDivisionError("inside")), 0)
     assert (found.outcome, found.reason) == ("violated", "ZeroDivisionError: inside")
     honest = replace(found, outcome="holds", reason="")

@@ -14,7 +14,7 @@ import numpy
 import pytest
 
 from tests.honesty.harness import decimal
-from tippedisk_verify.errors import InputError, Shortfall
+from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.model.exact import exact, fraction, quotient
 from tippedisk_verify.model.measured import Measured
 
@@ -96,7 +96,10 @@ def test_what_is_not_defined_or_open_says_so() -> None:
         (InputError, "may lie beyond", lambda: Measured.of(2, 0) ** Measured.of(10**9, 0)),
         (ZeroDivisionError, "may be zero", lambda: Measured.of(0, 1) ** -1),
         (ZeroDivisionError, "may be zero", lambda: Measured.of("1.5", "0.1").tan()),
-        *((Shortfall, r"to 2 or to 3.*float\(x\)", lambda act=act: act(number)) for act in (round, int, math.floor)),
+        *(
+            (AccuracyError, r"to 2 or to 3.*float\(x\)", lambda act=act: act(number))
+            for act in (round, int, math.floor)
+        ),
         (TypeError, "arctan", lambda: numpy.arctan(number)),
     ):
         with pytest.raises(error, match=says):

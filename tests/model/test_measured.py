@@ -9,7 +9,7 @@ import mpmath
 import numpy
 import pytest
 
-from tippedisk_verify.errors import InputError, Shortfall
+from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.model.decimals import exact_text
 from tippedisk_verify.model.measured import Measured
 
@@ -28,7 +28,7 @@ def test_comparisons_say_when_they_cannot_tell() -> None:
     assert not period >= 2
     assert sorted([period, Measured.of(1, 0)])[0].value == 1
     for open_question in (lambda: period < Measured.of("1.0826", "0.0001"), lambda: period <= Decimal("1.0825")):
-        with pytest.raises(Shortfall, match="cannot be told apart"):
+        with pytest.raises(AccuracyError, match="cannot be told apart"):
             open_question()
     with pytest.raises(TypeError):
         _ = period < "1"
@@ -44,7 +44,7 @@ def test_numbers_of_other_packages_lose_no_half_width() -> None:
             assert product == Measured.of("2.469", "0.002"), type(two)
         for sum_ in (number + two, two + number):
             assert sum_ == Measured.of("3.2345", "0.001"), type(two)
-    with pytest.raises(Shortfall):
+    with pytest.raises(AccuracyError):
         _ = number < mpmath.mpf("1.2346")
 
 

@@ -7,7 +7,7 @@ from fractions import Fraction
 import pytest
 from flint import arb, ctx
 
-from tippedisk_verify.errors import InputError, Shortfall
+from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.model.parameters import NAMED_SETS, PRINTED, Parameters
 from tippedisk_verify.proofs import angles, closed_forms
 from tippedisk_verify.proofs.closed_forms import (
@@ -138,7 +138,7 @@ def test_at_a_rational_omega_crit_nothing_is_claimed() -> None:
     """(r + e)^2 g / (r b) = 1 with b = B / m - e^2: the speed 1 is Omega_crit exactly."""
     disk = PRINTED.changed(r="0.04", e="0.01", m=1, B="0.0351", A="0.036", C=None, g="0.56")
     assert hopf.omega_crit_squared(disk) == 1
-    with pytest.raises(Shortfall, match="imaginary axis"):
+    with pytest.raises(AccuracyError, match="imaginary axis"):
         proved_equilibrium(disk, 1, "inverted")
     assert proved_hopf(disk).omega_crit.holds(1)
 
@@ -152,7 +152,7 @@ def test_bad_input_gets_one_line() -> None:
 def test_the_precision_and_the_series_length_are_left_alone() -> None:
     before = ctx.prec, ctx.cap
     proved_hopf(PRINTED, 50)
-    with pytest.raises(Shortfall):
+    with pytest.raises(AccuracyError):
         real_root((arb(0, 1), arb(0, 1), arb(0, 1)), arb(1))
     assert (ctx.prec, ctx.cap) == before
 

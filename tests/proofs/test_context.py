@@ -13,7 +13,7 @@ import pytest
 from flint import acb_series, arb_series, ctx
 
 from tests.proofs.cases import proved_state
-from tippedisk_verify.errors import Shortfall
+from tippedisk_verify.errors import AccuracyError
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED, Parameters
 from tippedisk_verify.proofs import closed_forms
@@ -173,7 +173,7 @@ def test_another_precision_in_a_proof_makes_balls_wider_and_never_wrong(
     with working_precision(200):
         assert found.overlaps(ball(L_1.value) + arb(0, ball(L_1.uncertainty).upper()))
     if bits < 60:
-        with pytest.raises(Shortfall, match="has no 12 digits"):
+        with pytest.raises(AccuracyError, match="has no 12 digits"):
             proved_hopf(PRINTED)
 
 

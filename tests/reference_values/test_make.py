@@ -24,7 +24,7 @@ from tests.reference_values.places import PLACES
 from tests.stress.runs import LONGEST, MAKE
 from tests.stress.strikes import Struck, ended_by
 from tippedisk_verify.cache import read_checked
-from tippedisk_verify.errors import InputError, Shortfall
+from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.reference_values.checking import check, entries_of
 from tippedisk_verify.reference_values.entries import case_of
@@ -96,14 +96,14 @@ def test_a_false_thirtieth_digit_is_seen_from_another_section() -> None:
     (entry,) = entries_of(stored(), "calibrated/smooth/rotating-cycle/unstable-crit-0.5/")
     values = entry.values("doubles")
     values["v_top"] = Measured(values["v_top"].value * (1 + Fraction(1, 10**30)), values["v_top"].uncertainty)
-    with pytest.raises(Shortfall, match="by bottom: v_top"):
+    with pytest.raises(AccuracyError, match="by bottom: v_top"):
         confirmed(case_of(entry.item, "doubles"), values)
 
 
 def test_a_false_value_is_excluded_by_another_method() -> None:
     (entry,) = entries_of(stored(), "printed/linear/hopf/")
     values = {**entry.values("decimals"), "omega_crit": Measured.of("30.9", "0.001")}
-    with pytest.raises(Shortfall, match="by balance: omega_crit"):
+    with pytest.raises(AccuracyError, match="by balance: omega_crit"):
         confirmed(case_of(entry.item, "decimals"), values)
 
 
@@ -138,7 +138,7 @@ def test_what_is_made_one_after_the_other_is_what_is_made_at_once(tmp_path: Path
 
 def test_a_process_with_other_code_computes_no_entry(tmp_path: Path) -> None:
     (item,) = items_of(HOPF[:1])
-    with pytest.raises(Shortfall, match="has changed"):
+    with pytest.raises(AccuracyError, match="has changed"):
         _computed((item, tmp_path, "other code"))
     assert list(tmp_path.iterdir()) == []
 

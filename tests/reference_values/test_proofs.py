@@ -12,7 +12,7 @@ import pytest
 
 from reference_data.make.generation import write_manifest
 from reference_data.make.proofs import proved
-from tippedisk_verify.errors import Shortfall
+from tippedisk_verify.errors import AccuracyError
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.reference_values.checking import check, entries_of
 from tippedisk_verify.reference_values.entries import case_of
@@ -64,7 +64,7 @@ def test_values_that_are_wrong_or_claim_too_much_are_not_proved() -> None:
         Measured(period.value + Fraction(1, 10**45), period.uncertainty),
         replace(period, uncertainty=Fraction(1, 10**60)),
     ):
-        with pytest.raises(Shortfall, match="period does not contain its enclosure"):
+        with pytest.raises(AccuracyError, match="period does not contain its enclosure"):
             proved(case, {**values, "period": spoilt})
 
 

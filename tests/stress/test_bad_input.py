@@ -359,7 +359,7 @@ TYPED: list[tuple[Wrong, list[Call]]] = [
     ]),
 ]  # fmt: skip
 #: Nothing to be called with anything: outcomes, verdicts, errors, and types that functions above give.
-_PLAIN = {"InputError", "Shortfall", "Result", "Status", "Verdict", "Solution", "Exact", "Precision"}
+_PLAIN = {"InputError", "AccuracyError", "Result", "Status", "Verdict", "Solution", "Exact", "Precision"}
 
 
 def test_every_public_name_is_spoiled() -> None:

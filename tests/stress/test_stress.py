@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 import tippedisk_verify as tv
 from tests.stress.nonsense import ran
 from tippedisk_verify.cli import main
-from tippedisk_verify.errors import InputError, Shortfall
+from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.model.parameters import PRINTED
@@ -56,12 +56,12 @@ def test_what_is_unforeseen_never_passes() -> None:
         raise ZeroDivisionError("by accident")
 
     def short() -> Found:
-        raise Shortfall("not this close")
+        raise AccuracyError("not this close")
 
     outcome = Outcome.of(Case("x", "x", broken, may=("digits", "unforeseen ZeroDivisionError")))
     assert not outcome.passed
     assert "by accident" in outcome.note
-    assert Outcome.of(Case("x", "x", short, may=("Shortfall",))).passed
+    assert Outcome.of(Case("x", "x", short, may=("AccuracyError",))).passed
     assert not Outcome.of(Case("x", "x", short, 3)).passed
     assert not Outcome.of(Case("x", "x", lambda: Found("digits", 2.9), 3)).passed
     assert not refused(lambda: 1, InputError).honest

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from tests.problems import SETS, decimals, physical_parameters
 from tippedisk_verify.cli import main
-from tippedisk_verify.errors import InputError, Shortfall
+from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.model import equations
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.parameters import PRINTED
@@ -89,7 +89,7 @@ def test_eigenvalues_of_any_size_are_found(matrix) -> None:
     try:
         values = eigenvalues(matrix, 40)
         discs = [(re.value, im.value, max(re.uncertainty, im.uncertainty)) for re, im in values]
-    except Shortfall:
+    except AccuracyError:
         assert a2**2 * a1**2 - 4 * a1**3 - 4 * a2**3 * a0 + 18 * a2 * a1 * a0 - 27 * a0**2 == 0  # a double one
         return
     assert discs == sorted(discs, key=lambda disc: (-disc[0], -disc[1]))

@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from tests.problems import SETS, decimals, physical_parameters
 from tests.theory.formal_cycles import formal_cycles
 from tippedisk_verify.cli import main
-from tippedisk_verify.errors import Shortfall
+from tippedisk_verify.errors import AccuracyError
 from tippedisk_verify.model import equations
 from tippedisk_verify.model.parameters import PRINTED, Constants, Parameters
 from tippedisk_verify.theory.equilibria import characteristic_polynomial, equilibrium, linearization
@@ -184,7 +184,7 @@ def test_a_degenerate_point_has_no_slopes() -> None:
     A = p.Bbar * p.r * (2 * p.r - p.e) / (2 * (p.r + p.e)) / (p.r - 2 * p.e)
     odd = PRINTED.changed(A=A, C=None)
     assert criticality(odd) == "degenerate"
-    with pytest.raises(Shortfall, match="vanishes exactly"):
+    with pytest.raises(AccuracyError, match="vanishes exactly"):
         hopf_point(odd).slopes()
 
 

@@ -13,7 +13,7 @@ from hypothesis import given, settings
 
 from tests.problems import decimals, physical_parameters
 from tippedisk_verify.cli import main
-from tippedisk_verify.errors import Shortfall
+from tippedisk_verify.errors import AccuracyError
 from tippedisk_verify.model import equations
 from tippedisk_verify.model.parameters import PRINTED, Constants
 from tippedisk_verify.model.precision import DOUBLE, bits, bits_for_digits
@@ -119,7 +119,7 @@ def test_reduced_flow() -> None:
     crit = omega_crit(PRINTED, 40).value
     for order in (1, 2, 4):
         assert reduced_omega_crit(PRINTED, order, 25).holds(crit)
-    with pytest.raises(Shortfall, match="centre at every speed"):
+    with pytest.raises(AccuracyError, match="centre at every speed"):
         reduced_omega_crit(PRINTED, 0)
 
 

@@ -23,7 +23,7 @@ from tippedisk_verify.cycles.librating_family import LibratingFamily
 from tippedisk_verify.cycles.limit_cycle import Cycle, LimitCycle, RotatingCycle
 from tippedisk_verify.cycles.rotating_family import RotatingFamily
 from tippedisk_verify.cycles.section import LIBRATING, ROTATING, Section
-from tippedisk_verify.errors import InputError, NoConnectionError, NoSuchCycleError, Shortfall
+from tippedisk_verify.errors import AccuracyError, InputError, NoConnectionError, NoSuchCycleError
 from tippedisk_verify.flow import default_lanes
 from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.arrays import Array
@@ -166,7 +166,7 @@ def _at(
         lanes, doubles = default_lanes(), [float(speed) for speed in speeds]
         speeds = [Fraction(speed) for speed in doubles]
         solve = in_batches(section, parameters, lanes)
-        with suppress(NoConnectionError, NoSuchCycleError, Shortfall):
+        with suppress(NoConnectionError, NoSuchCycleError, AccuracyError):
             followed: Family
             if section is LIBRATING:
                 followed = LibratingFamily(parameters, engine, solve)
@@ -186,7 +186,7 @@ def _overview(disk_locator: Locator) -> Iterator[LimitCycle]:
     try:
         family = disk_locator.family
     except NoSuchCycleError as fault:  # no speed was asked for
-        raise Shortfall(str(fault)) from None
+        raise AccuracyError(str(fault)) from None
     breaks, closest = family.breaks, 2 * float(DOUBLE_SHOOTS)
     for piece, ((_, begin), (name, end)) in enumerate(pairwise(family.ends)):
         share = (breaks[piece + 1] - breaks[piece]) / (breaks[-1] - breaks[0])

@@ -20,7 +20,7 @@ from tippedisk_verify.atlas.fold_curves import Nodes, Plane
 from tippedisk_verify.connection.bisection import bisect_omega_h
 from tippedisk_verify.connection.splitting import splitting_zero, splitting_zero_in_double
 from tippedisk_verify.cycles.librating_family import LibratingFamily
-from tippedisk_verify.errors import InputError, Shortfall
+from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.decimals import decimal_magnitude
@@ -79,7 +79,7 @@ def attempted(kind: str, value: Fraction, compute: Callable[[], T]) -> T | Missi
     """What ``compute`` returns, or why it could not."""
     try:
         return compute()
-    except (InputError, Shortfall) as fault:
+    except (InputError, AccuracyError) as fault:
         return Missing(kind, value, str(fault))
 
 
@@ -115,7 +115,7 @@ def _sample(plane: Plane, share: float) -> Sample:
 def _omega_h(disk: Parameters, guess: Fraction | None, engine: Engine) -> float:
     """Omega_h from where the family tends to, else from a bisection."""
     if guess is not None:
-        with suppress(InputError, Shortfall):
+        with suppress(InputError, AccuracyError):
             return float(splitting_zero_in_double(disk, guess, engine))
     guess = bisect_omega_h(disk, engine, confirm=False).omega_h.value
     return float(splitting_zero_in_double(disk, guess, engine))
@@ -141,7 +141,7 @@ def connected_runs(samples: Sequence[Sample]) -> list[Nodes]:
 def omega_h_near(disk: Parameters, guess: float, engine: Engine, digits: int) -> Measured:
     """Omega_h [rad/s] to ``digits`` significant digits from an approximation good to some five.
 
-    Raises Shortfall if it is not found or the digits are not reached, NoConnectionError where there are no saddles.
+    Raises AccuracyError if it is not found or the digits are not reached, NoConnectionError where there are no saddles.
     """
     omega_h = splitting_zero_in_double(disk, Fraction(guess), engine)
     if omega_h.uncertainty > omega_h.value / 10**digits:
@@ -213,4 +213,4 @@ def _refined_point(kind: Condition, plane: Plane, ends: tuple[float, float], run
             # Omega_h is monotonic over so short a distance, but for the errors of its two ends.
             spread = abs(left.value - right.value) + left.uncertainty + right.uncertainty
             return SpecialPoint(kind, Measured(value, width), Measured((left.value + right.value) / 2, spread))
-    raise Shortfall("the two signs of the condition could not be told apart next to it: ask for more digits")
+    raise AccuracyError("the two signs of the condition could not be told apart next to it: ask for more digits")

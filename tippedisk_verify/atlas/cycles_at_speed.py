@@ -16,7 +16,7 @@ from tippedisk_verify.cycles.return_map import ReturnMap
 from tippedisk_verify.cycles.rotating_family import unstable_top
 from tippedisk_verify.cycles.section import LIBRATING, ROTATING, Section
 from tippedisk_verify.cycles.shooting import shoot, shoot_from_law
-from tippedisk_verify.errors import InputError, NoConnectionError, NoSuchCycleError, Shortfall
+from tippedisk_verify.errors import AccuracyError, InputError, NoConnectionError, NoSuchCycleError
 from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.equations import checked_speed
 from tippedisk_verify.model.exact import exact, shown
@@ -37,7 +37,7 @@ def cycle_at(
     """The limit cycle at ``omega`` [rad/s], to ``digits`` significant digits, however close to Omega_h that is.
 
     Where a speed has several it is the stable one, or the one that ``stable`` asks for. Raises InputError for a speed
-    that is not positive, NoSuchCycleError where the search fails, Shortfall if the digits are not reached.
+    that is not positive, NoSuchCycleError where the search fails, AccuracyError if the digits are not reached.
     """
     speed = checked_speed(omega)
     checked_digits(digits)
@@ -65,7 +65,7 @@ def rotating_cycle(
     """The rotating limit cycle at ``omega`` [rad/s], to ``digits`` significant digits.
 
     Stable ones lie between the family's fold and Omega_h, unstable ones from the fold upward. Raises InputError for a
-    speed that is not positive, NoSuchCycleError where the search fails, Shortfall if the digits are not reached.
+    speed that is not positive, NoSuchCycleError where the search fails, AccuracyError if the digits are not reached.
     """
     speed = checked_speed(omega)
     checked_digits(digits)
@@ -84,7 +84,7 @@ def cycle_above(parameters: Parameters, above: object, engine: Engine, *, digits
     """The limit cycle at Omega_h + ``above`` [rad/s], to ``digits`` significant digits.
 
     Raises InputError unless ``above`` is a positive decimal, NoSuchCycleError where the family does not reach as far or
-    the search fails, Shortfall if the digits are not reached.
+    the search fails, AccuracyError if the digits are not reached.
     """
     return _beside_omega_h(LIBRATING, parameters, above, engine, digits)
 
@@ -92,8 +92,8 @@ def cycle_above(parameters: Parameters, above: object, engine: Engine, *, digits
 def rotating_below(parameters: Parameters, below: object, engine: Engine, *, digits: int = 12) -> RotatingCycle:
     """The stable rotating limit cycle at Omega_h - ``below`` [rad/s], to ``digits`` significant digits.
 
-    Raises InputError unless ``below`` is a positive decimal, NoSuchCycleError beyond the fold, Shortfall if the digits
-    are not reached.
+    Raises InputError unless ``below`` is a positive decimal, NoSuchCycleError beyond the fold, AccuracyError if the
+    digits are not reached.
     """
     return _beside_omega_h(ROTATING, parameters, below, engine, digits)
 
@@ -121,7 +121,7 @@ def _beside_omega_h(section: Section[C], parameters: Parameters, offset: object,
     at_speed: Any = location.cycle(location.starts[-1], digits)
     cycle: C = with_speed(at_speed, section, omega_h, distance, room, engine)
     if cycle.period.uncertainty > cycle.period.value / 10**digits:
-        raise Shortfall(f"T has fewer than {digits} digits this close to Omega_h: ask for {digits + 10}")
+        raise AccuracyError(f"T has fewer than {digits} digits this close to Omega_h: ask for {digits + 10}")
     return cycle
 
 

@@ -21,7 +21,7 @@ from tippedisk_verify.cycles.folds import LibrationFold, fold_in, fold_system, f
 from tippedisk_verify.cycles.librating_family import amplitude
 from tippedisk_verify.cycles.return_map import Image, NewtonIteration, ReturnMap
 from tippedisk_verify.cycles.section import LIBRATING
-from tippedisk_verify.errors import InputError, Shortfall
+from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE
@@ -101,9 +101,9 @@ class Trace(Nodes):
 def fold_at(plane: Plane, s: float, point: Any, engine: Engine, digits: int) -> LibrationFold:
     """The fold next to a point of a trace, of a disk with a decimal parameter, its speed to ``digits`` digits.
 
-    Raises Shortfall or InputError if it is not found, or another one is.
+    Raises AccuracyError or InputError if it is not found, or another one is.
     """
-    a, failure = float(amplitude(s)), Shortfall("the iteration for the fold arrives at another one")
+    a, failure = float(amplitude(s)), AccuracyError("the iteration for the fold arrives at another one")
     # Between its points a trace is good to some eight digits, too few for cycles that come close to the saddles.
     for refined in (False, True):
         try:
@@ -115,10 +115,10 @@ def fold_at(plane: Plane, s: float, point: Any, engine: Engine, digits: int) -> 
                 fold = fold_to_digits(LibrationFold, disk, guess, engine, digits)
             if abs(float(fold.gamma_bar_0) - a) < _SAME * min(a, math.pi - a):
                 return fold
-        except (InputError, Shortfall) as fault:
-            failure = Shortfall(str(fault))
+        except (InputError, AccuracyError) as fault:
+            failure = AccuracyError(str(fault))
         except numpy.linalg.LinAlgError:
-            failure = Shortfall("the conditions of the fold are singular in double")
+            failure = AccuracyError("the conditions of the fold are singular in double")
     raise failure
 
 
@@ -151,7 +151,7 @@ def _from_seed(plane: Plane, engine: Engine, s: float, seed: Any) -> list[Trace]
 
     try:
         start = solve(s, seed)
-    except (InputError, Shortfall, numpy.linalg.LinAlgError):
+    except (InputError, AccuracyError, numpy.linalg.LinAlgError):
         return []
     falling, rising = (_followed(solve, s, start, end) for end in (_LEAST, _MOST))
     nodes = [*falling[:0:-1], *rising]
@@ -175,7 +175,7 @@ def _followed(solve: Callable[[float, Any], Any], start: float, point: Any, end:
         try:
             corrected = solve(where, predicted)
             off = float(numpy.abs(corrected - predicted).max())
-        except (InputError, Shortfall, numpy.linalg.LinAlgError):
+        except (InputError, AccuracyError, numpy.linalg.LinAlgError):
             off = math.inf
         if not off < _BEND:
             step /= 2
@@ -195,7 +195,7 @@ def _fold_at(plane: Plane, engine: Engine, s: float, guess: Any) -> Any:
     def mapped(at: Sequence[float]) -> Image:
         return ReturnMap(LIBRATING, plane.at(plane.value(at[3])), at[2], engine)(at[:2])
 
-    iteration = NewtonIteration(8, Shortfall("the iteration for a fold of given amplitude does not settle"),
+    iteration = NewtonIteration(8, AccuracyError("the iteration for a fold of given amplitude does not settle"),
                                 small=_SETTLED * slope)  # fmt: skip
     unknowns = numpy.array(guess, dtype=float)
     while True:

@@ -25,7 +25,7 @@ from tippedisk_verify.cycles.return_map import ReturnMap
 from tippedisk_verify.cycles.rotating_family import RotatingFamily
 from tippedisk_verify.cycles.section import LIBRATING, ROTATING, Section
 from tippedisk_verify.cycles.shooting import shoot
-from tippedisk_verify.errors import NoConnectionError, NoSuchCycleError, Shortfall
+from tippedisk_verify.errors import AccuracyError, NoConnectionError, NoSuchCycleError
 from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.theory.equilibria import saddle_value_sign
@@ -69,8 +69,8 @@ class Location(Generic[C]):
     def cycle(self, start: Start, digits: int = 12) -> C:
         """The cycle of one start, to ``digits`` digits.
 
-        Raises NoSuchCycleError if the search fails, Shortfall if doubles do not tell it from its neighbour at a fold,
-        or the digits are not reached.
+        Raises NoSuchCycleError if the search fails, AccuracyError if doubles do not tell it from its neighbour at a
+        fold, or the digits are not reached.
         """
         if start.guess is None:
             assert self.omega_h is not None
@@ -78,14 +78,14 @@ class Location(Generic[C]):
         return_map = ReturnMap(self.section, self.parameters, self.omega, self.engine)
         try:
             cycle = cycle_to_digits(shoot(return_map, start.guess), digits)
-        except Shortfall as fault:
+        except AccuracyError as fault:
             others = [other.guess[0] for other in self.starts if other.guess and other is not start]
             if not any(abs(other - start.guess[0]) < _ABOUT_TO_MEET for other in others):
                 raise
-            raise Shortfall(f"{fault}; the speed is next to a fold, where two cycles meet") from None
+            raise AccuracyError(f"{fault}; the speed is next to a fold, where two cycles meet") from None
         rate = getattr(cycle, f"d{self.section.names[0]}_domega")
         if not (-rate.value if start.falls else rate.value) > rate.uncertainty:
-            raise Shortfall(
+            raise AccuracyError(
                 f"{float(self.omega):.17g} rad/s is so close to a fold that doubles cannot tell its two cycles apart"
             )
         return cycle
@@ -130,7 +130,7 @@ class Locator:
         """The cycles about inverted spinning at a speed [rad/s]; ``omega_h`` is the caller's better Omega_h."""
         location = Location(LIBRATING, self.parameters, self.engine, omega, (), self.lost, omega_h)
         if self.lost:
-            with suppress(NoConnectionError, Shortfall):
+            with suppress(NoConnectionError, AccuracyError):
                 if abs(omega - self.omega_h) < _UNFOLLOWED:
                     return self._beside_omega_h(location, 0, above=self.attracts)
             return location
@@ -138,7 +138,7 @@ class Locator:
         refusal, places = _no_libration(family, float(omega)), family.places(float(omega))
         location = replace(location, refusal=refusal, starts=tuple(_start(family, place) for place in places))
         if family.connected and abs(omega - Fraction(family.limit)) < 2 * DOUBLE_SHOOTS:
-            with suppress(NoConnectionError, Shortfall):
+            with suppress(NoConnectionError, AccuracyError):
                 return self._beside_omega_h(location, len(family.folds), above=self.attracts)
         return location
 
@@ -165,7 +165,7 @@ class Locator:
     def _beside_omega_h(self, location: Location[C], piece: int, *, above: bool) -> Location[C]:
         """The location where doubles see neither the side of Omega_h nor the cycles of the piece that ends there.
 
-        That piece lies ``above`` Omega_h, or below. Raises Shortfall where Omega_h has too few digits.
+        That piece lies ``above`` Omega_h, or below. Raises AccuracyError where Omega_h has too few digits.
         """
         omega, omega_h, digits = location.omega, location.omega_h, 20
         while omega_h is None:  # to six digits of its distance

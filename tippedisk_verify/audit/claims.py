@@ -22,7 +22,7 @@ from tippedisk_verify.connection.heteroclinic import Heteroclinic, heteroclinic
 from tippedisk_verify.cycles.folds import fold_in_double
 from tippedisk_verify.cycles.period_continuation import PeriodContinuation
 from tippedisk_verify.cycles.shooting import LimitCycle
-from tippedisk_verify.errors import InputError, NoConnectionError, NoSuchCycleError, Shortfall
+from tippedisk_verify.errors import AccuracyError, InputError, NoConnectionError, NoSuchCycleError
 from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.exact import shown
 from tippedisk_verify.model.measured import Measured
@@ -178,17 +178,17 @@ class Audit(Printable):
         return self._set(name).with_friction("linear")
 
     def connection(self, name: str) -> Heteroclinic:
-        """The heteroclinic connection of a set. Raises InputError for an unknown set, Shortfall if there is none."""
+        """The heteroclinic connection of a set. Raises InputError for an unknown set, AccuracyError if it has none."""
         if name not in self._connections:
             self._connections[name] = heteroclinic(self._set(name), self.engine)
         return self._connections[name]
 
     def omega_h(self, name: str) -> Measured:
-        """Omega_h [rad/s] of a set. Raises Shortfall if there is no connection."""
+        """Omega_h [rad/s] of a set. Raises AccuracyError if there is no connection."""
         return self.connection(name).omega_h
 
     def approach(self, name: str) -> PeriodContinuation:
-        """A set's limit cycles followed towards Omega_h in double. Raises NoSuchCycleError or Shortfall."""
+        """A set's limit cycles followed towards Omega_h in double. Raises NoSuchCycleError or AccuracyError."""
         if name not in self._approaches:
             self._approaches[name] = PeriodContinuation(self._set(name), self.engine)
         return self._approaches[name]
@@ -197,7 +197,7 @@ class Audit(Printable):
         """The fold of a set's rotating limit cycles, as `fold_in_double` has it; None if none is found."""
         if name not in self._folds:
             self._folds[name] = None
-            with suppress(NoSuchCycleError, NoConnectionError, Shortfall):
+            with suppress(NoSuchCycleError, NoConnectionError, AccuracyError):
                 self._folds[name] = fold_in_double(locator(self._set(name), self.engine).rotations)
         return self._folds[name]
 
@@ -246,7 +246,7 @@ def examined(audit: Audit, claim: Claim) -> Finding:
         try:
             computed[name], holds[name], *said = claim.examine(audit, name, claim.printed)
             notes += said
-        except (Shortfall, ArithmeticError, InputError) as reason:
+        except (AccuracyError, ArithmeticError, InputError) as reason:
             computed[name], holds[name] = "-", False if claim.own_check else None
             notes.append(f"{name}: {reason}")
     return Finding(computed, holds, "; ".join(filter(None, notes)))

@@ -8,7 +8,7 @@ from tippedisk_verify.atlas.cycles_at_speed import rotating_cycle
 from tippedisk_verify.audit.claims import Answer, Audit, Claim, ProofOffer, number
 from tippedisk_verify.connection.bisection import unstable_branch
 from tippedisk_verify.connection.heteroclinic import heteroclinic
-from tippedisk_verify.errors import NoConnectionError, NoSuchCycleError, Shortfall
+from tippedisk_verify.errors import AccuracyError, NoConnectionError, NoSuchCycleError
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.model.equations import field
@@ -49,7 +49,7 @@ def _takes_over(audit: Audit, name: str) -> str:
     halfway = (omega_h + Fraction(fold)) / 2
     try:
         period = float(rotating_cycle(audit.sets[name], halfway, audit.engine).period)
-    except (NoSuchCycleError, Shortfall) as reason:
+    except (NoSuchCycleError, AccuracyError) as reason:
         return f"rotating cycles from a fold at {fold:.5f} rad/s, and none found halfway: {reason}"
     return f"stable rotating cycles from a fold at {fold:.5f} rad/s to Omega_h, halfway with T = {period:.4f} s"
 

@@ -10,7 +10,7 @@ from tippedisk_verify.atlas.cycles_at_speed import cycle_at
 from tippedisk_verify.audit.claims import Audit, Claim, Fault
 from tippedisk_verify.connection.heteroclinic import heteroclinic
 from tippedisk_verify.cycles.shooting import LimitCycle
-from tippedisk_verify.errors import NoConnectionError, NoSuchCycleError, Shortfall
+from tippedisk_verify.errors import AccuracyError, NoConnectionError, NoSuchCycleError
 from tippedisk_verify.flow.contract import Engine, Request
 from tippedisk_verify.model.equations import jacobian, terms
 from tippedisk_verify.model.parameters import Friction, Parameters
@@ -125,7 +125,7 @@ def _boundary(parameters: Parameters, omega: Fraction, engine: Engine) -> str:
     """How far from inverted spinning what separates the two passes."""
     try:
         room = BasinBoundary(parameters, omega, engine).margin((math.pi / 2, math.pi / 2, 0.0))
-    except (NoSuchCycleError, NoConnectionError, Shortfall):
+    except (NoSuchCycleError, NoConnectionError, AccuracyError):
         return "no unstable rotating cycle found that separates them"
     return f"the boundary between them is at {float(room):.4f} rad in beta from inverted spinning"
 

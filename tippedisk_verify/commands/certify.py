@@ -23,7 +23,7 @@ from tippedisk_verify.commands.common import (
     speed_options,
     workers_of,
 )
-from tippedisk_verify.errors import InputError, Shortfall
+from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.model.results import result_lines
 
 if TYPE_CHECKING:
@@ -196,7 +196,7 @@ def check(common: Common, file: str, jobs: int | None) -> int:
     except claims.Unproved as fault:
         result = {"accepted": False, "fails": str(fault)}
         if not common.json:
-            raise Shortfall(f"not proved: {fault}") from None
+            raise AccuracyError(f"not proved: {fault}") from None
     except claims.Refused as fault:
         raise InputError(f"no certificate: {fault}") from None
     print_result(common, result)

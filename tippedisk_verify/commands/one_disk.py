@@ -19,7 +19,7 @@ from tippedisk_verify.commands.common import (
     processes,
     table,
 )
-from tippedisk_verify.errors import InputError, Shortfall
+from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.model.results import heading, result_lines
 
 if TYPE_CHECKING:
@@ -229,7 +229,7 @@ def branch(common: Common, paper_sets: bool, omegas: str | None, rotating: bool,
     if rotating:
         result["fold"] = disk.rotation_fold(digits=common.digits).to_dict()
     else:
-        with suppress(InputError, Shortfall):  # none where the family is known at single speeds only
+        with suppress(InputError, AccuracyError):  # none where the family is known at single speeds only
             result |= disk.folds(digits=common.digits).to_dict()
     print_result(common, result, _family_lines(result))
     return 0
@@ -285,7 +285,7 @@ def basin(
         from tippedisk_verify.report.tables import write_basins
 
         boundary = None
-        with suppress(InputError, Shortfall):  # below the rotating cycles' fold everything lies flat
+        with suppress(InputError, AccuracyError):  # below the rotating cycles' fold everything lies flat
             boundary = disk.basin_boundary(omega)
         save(draw_basins(plane, boundary), folder, "basins")
         write_basins(plane, folder)

@@ -22,7 +22,7 @@ from functools import partial
 from multiprocessing import active_children, get_context, parent_process
 from typing import Any
 
-from tippedisk_verify.errors import InputError, Shortfall
+from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.interrupts import deaf_children, unbroken
 from tippedisk_verify.provenance import code_version
 
@@ -72,7 +72,7 @@ def _end_with_parent() -> None:
 
 
 class Checked(Executor):
-    """An executor that calls functions only where the code is that of this process; elsewhere they raise Shortfall."""
+    """An executor that calls functions where the code is that of this process; elsewhere they raise AccuracyError."""
 
     def __init__(self, executor: Executor) -> None:
         self._executor = executor
@@ -94,7 +94,7 @@ class _Call:
 def _checked(version: str, call: Callable[[], Any]) -> Any:
     if (mine := code_version()) != version:
         where = f"process {os.getpid()} on {platform.node()}"
-        raise Shortfall(f"all workers need the same code, but {where} has {mine} instead of {version}")
+        raise AccuracyError(f"all workers need the same code, but {where} has {mine} instead of {version}")
     return call()
 
 
@@ -102,7 +102,8 @@ def _checked(version: str, call: Callable[[], Any]) -> Any:
 def cluster(address: str) -> Iterator[Executor]:
     """The workers of the Dask scheduler at ``dask://HOST:PORT``.
 
-    Raises InputError if there is none, Shortfall if it has no worker, goes away, or a worker is without this package.
+    Raises InputError if there is none, AccuracyError if it has no worker, goes away, or a worker is without this
+    package.
     """
     try:
         from distributed import Client, KilledWorker
@@ -121,11 +122,11 @@ def cluster(address: str) -> Iterator[Executor]:
             try:
                 client.wait_for_workers(1, timeout=_PATIENCE)
             except TimeoutError:
-                raise Shortfall(f"{host} has no worker: start some with 'dask worker tcp://{host}'") from None
+                raise AccuracyError(f"{host} has no worker: start some with 'dask worker tcp://{host}'") from None
             yield Checked(client.get_executor(pure=False))
     except (CancelledError, KilledWorker, ImportError, AttributeError) as fault:
         reason = "its scheduler is gone, or was started anew" if isinstance(fault, CancelledError) else fault
-        raise Shortfall(f"the cluster at {host} failed: {reason}") from None
+        raise AccuracyError(f"the cluster at {host} failed: {reason}") from None
     finally:
         logging.disable(before)
 

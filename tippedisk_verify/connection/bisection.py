@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache, partial
 
-from tippedisk_verify.errors import NoConnectionError, Shortfall
+from tippedisk_verify.errors import AccuracyError, NoConnectionError
 from tippedisk_verify.flow.contract import SECTION, Engine, Event, Request, Result, Status
 from tippedisk_verify.model.exact import Exact
 from tippedisk_verify.model.measured import DISTANCES, Measured
@@ -106,7 +106,7 @@ def bisect_omega_h(parameters: Parameters, engine: Engine, *, confirm: bool = Tr
     while not confirmed(centre - half_width) or confirmed(centre + half_width):
         half_width *= 2
         if half_width > centre / 1000:
-            raise Shortfall("the bisection's bracket could not be confirmed in a wider arithmetic")
+            raise AccuracyError("the bisection's bracket could not be confirmed in a wider arithmetic")
     # Twice as wide: close to its ends another processor's wider run may see the other side.
     return Connection(Measured(centre, half_width * DISTANCES), f"bisection, confirmed in {wider.name} precision")
 
@@ -122,7 +122,7 @@ def _passes(
     """Whether the unstable branch passes the next saddle at a speed, or turns back."""
     result = unstable_branch(parameters, omega, engine, precision=precision, offset=offset, tolerance=tolerance)
     if result.status not in (Status.EVENT, Status.FLAT):
-        raise Shortfall(f"the unstable branch at Omega = {float(omega):.12g} rad/s: {result.status.value}")
+        raise AccuracyError(f"the unstable branch at Omega = {float(omega):.12g} rad/s: {result.status.value}")
     return result.status is Status.FLAT or result.events[-1].name == _PASSES.name
 
 

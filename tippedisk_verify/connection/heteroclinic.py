@@ -17,7 +17,7 @@ import numpy
 from tippedisk_verify.connection.bisection import bisect_omega_h
 from tippedisk_verify.connection.splitting import MOST_DIGITS, splitting_zero, start_on_branch
 from tippedisk_verify.cycles.period_continuation import limit_of_cycles
-from tippedisk_verify.errors import InputError, Shortfall
+from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.baseline import Baseline
 from tippedisk_verify.flow.contract import Engine, Request, Status
@@ -56,7 +56,7 @@ class Heteroclinic(Printable):
         """Times (count,) [s], zero where gamma = pi/2, and the states (3, count) along the connection, in double.
 
         It runs from a distance of 1e-6 to the first saddle to where double leaves the connection, some 1e-4 before the
-        second one. Raises InputError for a count below 2, Shortfall if the branch cannot be followed.
+        second one. Raises InputError for a count below 2, AccuracyError if the branch cannot be followed.
         """
         if count < 2:
             raise InputError(f"an orbit has at least its two ends, not {shown(count)} points")
@@ -68,7 +68,7 @@ class Heteroclinic(Printable):
         )
         result = (engine or default_engine())(request)
         if result.status is not Status.REACHED or result.dense is None:
-            raise Shortfall(f"the unstable branch: {result.status.value}")
+            raise AccuracyError(f"the unstable branch: {result.status.value}")
         distances = numpy.abs(result.samples - numpy.array([0, math.pi, 0])).max(axis=1)
         last = times[int(numpy.argmin(distances))]
         crossing = int(numpy.flatnonzero(result.samples[:, 1] > 0)[0])
@@ -90,7 +90,7 @@ def heteroclinic(
     """Omega_h to ``digits`` significant digits by one of `METHODS`.
 
     Raises InputError for an unknown method or more digits than it can have, NoConnectionError where there is no
-    connection, Shortfall if the digits are not reached.
+    connection, AccuracyError if the digits are not reached.
     """
     if method not in METHODS:
         raise InputError(f"method '{shown(method)}' is not known: use {', '.join(METHODS)}")

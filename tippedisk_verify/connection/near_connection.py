@@ -54,7 +54,7 @@ def cycle_near(
     """The cycle of the section's kind at exactly ``omega`` [rad/s], next to ``omega_h``: their distance needs digits.
 
     Librating cycles lie above, or below where the saddle value is positive, stable rotating ones below. The cycle is
-    kept once it is found. Raises NoSuchCycleError where there is none, Shortfall if the digits are not reached.
+    kept once it is found. Raises NoSuchCycleError where there is none, AccuracyError if the digits are not reached.
     """
     cycle: C = _cycle_near(section, parameters, omega, omega_h, engine, digits)
     return cycle

@@ -26,7 +26,7 @@ _CLOSER = 1 / 32  # of that, for the second run, which shows the first one's err
 def omega_h_slopes(parameters: Parameters, omega_h: Measured, engine: Engine) -> dict[str, Measured]:
     """d(Omega_h) / d(parameter) for r, e, m, A, B, g, mu and epsilon [rad/s per SI unit of each].
 
-    ``omega_h`` must have some twenty digits. Raises Shortfall if the branch cannot be followed.
+    ``omega_h`` must have some twenty digits. Raises AccuracyError if the branch cannot be followed.
     """
     parameters.refuse_smooth("slopes by the field's constants are")
     rough, sharp = (

@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 
 import numpy
 
-from tippedisk_verify.errors import Shortfall
+from tippedisk_verify.errors import AccuracyError
 from tippedisk_verify.flow.contract import Engine, Request, Result, Status, Variation
 from tippedisk_verify.model.exact import fraction, quotient
 from tippedisk_verify.model.measured import DISTANCES, Measured
@@ -143,7 +143,7 @@ class SplittingFunction:
         )
         result = self.engine(request)
         if result.status is not Status.REACHED:
-            raise Shortfall(f"the unstable branch: {result.status.value}")
+            raise AccuracyError(f"the unstable branch: {result.status.value}")
         return result
 
     @property
@@ -180,7 +180,7 @@ class SplittingFunction:
         distances = numpy.abs(samples - numpy.array([0.0, math.pi, 0.0])).max(axis=1)
         reached = numpy.flatnonzero(distances < max(_FAR, float(self.end)))
         if not len(reached):
-            raise Shortfall("the unstable branch does not come near the second saddle: there is no connection here")
+            raise AccuracyError("the unstable branch does not come near the second saddle: there is no connection here")
         begin = float(times[reached[0]])
         further = math.log(max(_FAR, float(self.end)) / float(self.end)) / -float(saddle.eigenvalues[1])
         return Fraction(round((begin + further) * 100), 100)
@@ -209,8 +209,8 @@ class SplittingZero:
 def splitting_zero(parameters: Parameters, guess: Fraction, engine: Engine, digits: int) -> SplittingZero:
     """Omega_h [rad/s] to ``digits`` significant digits from an approximation good to some five; kept once found.
 
-    Raises Shortfall if the iteration does not settle or the branch does not arrive, or if the digits are not reached,
-    NoConnectionError where there are no saddles to connect.
+    Raises AccuracyError if the iteration does not settle or the branch does not arrive, or if the digits are not
+    reached, NoConnectionError where there are no saddles to connect.
     """
     guard = _GUARD
     while True:
@@ -219,7 +219,7 @@ def splitting_zero(parameters: Parameters, guess: Fraction, engine: Engine, digi
             return zero
         guard *= 2
         if guard > 8 * _GUARD:
-            raise Shortfall(
+            raise AccuracyError(
                 f"only {float(zero.omega_h.uncertainty):.1e} rad/s could be had for Omega_h: ask for fewer digits"
             )
 
@@ -296,13 +296,13 @@ def _newton(splitting_at: SplittingFunction, omega: Fraction, slope: _Slope | No
             secant = _Slope((value - previous[1]) / step, _BENDS * abs(step) + 1000 * resolution / abs(step))
             slope = min(slope, secant, key=lambda one: one.error)
         if not slope.value:
-            raise Shortfall("the splitting does not depend on Omega: there is no isolated connection")
+            raise AccuracyError("the splitting does not depend on Omega: there is no isolated connection")
         change = -value / slope.value
         previous = omega, value
         omega = _cut(omega + change, splitting_at.precision)
         if abs(change) * max(_BENDS * abs(change), slope.error) < 1000 * resolution:
             return omega, slope
-    raise Shortfall("the iteration for Omega_h does not settle: is the approximation it starts from one?")
+    raise AccuracyError("the iteration for Omega_h does not settle: is the approximation it starts from one?")
 
 
 def _short(value: float) -> Fraction:

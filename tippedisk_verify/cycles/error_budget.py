@@ -27,7 +27,7 @@ from typing import Any, TypeVar
 from tippedisk_verify.cycles.limit_cycle import Cycle
 from tippedisk_verify.cycles.return_map import FixedPoint, Image, NewtonIteration, ReturnMap, newton_step
 from tippedisk_verify.cycles.section import Section
-from tippedisk_verify.errors import Shortfall
+from tippedisk_verify.errors import AccuracyError
 from tippedisk_verify.flow.rounding import nudged
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.measured import Measured
@@ -58,7 +58,7 @@ _STANDING = 4
 def cycle_to_digits(fixed_point: FixedPoint[C], digits: int) -> C:
     """The cycle that Newton's iteration in double has led to, to so many significant digits.
 
-    Raises Shortfall if the digits are not reached.
+    Raises AccuracyError if the digits are not reached.
     """
     draws, doubles = _draws(fixed_point), list[dict[str, Any]]()
     wanted, wider = max(digits, _DOUBLE_DIGITS), companion(DOUBLE)
@@ -71,14 +71,14 @@ def cycle_to_digits(fixed_point: FixedPoint[C], digits: int) -> C:
     # Twenty digits more than asked for: slow convergence next to the Hopf point and the passages cost some of them.
     cycle = cycle_in(fixed_point, bits(bits_for_digits(digits + 20)))
     if name := _lacking(cycle, digits):
-        raise Shortfall(f"{name} has fewer than {digits} digits so close to a bifurcation: ask for {digits + 20}")
+        raise AccuracyError(f"{name} has fewer than {digits} digits so close to a bifurcation: ask for {digits + 20}")
     return cycle
 
 
 def cycle_in(fixed_point: FixedPoint[C], precision: Precision, wider: Precision | None = None) -> C:
     """The cycle in one arithmetic, its half-widths from twins in double, or else from a wider arithmetic.
 
-    Raises Shortfall if the chord iteration does not settle.
+    Raises AccuracyError if the chord iteration does not settle.
     """
     if precision == DOUBLE:
         doubles = list(islice(_draws(fixed_point), 1 + TWINS))
@@ -256,7 +256,7 @@ def _sharpened(
 ) -> tuple[dict[str, Any], dict[str, Fraction], FixedPoint[C]]:
     """All numbers of the cycle, what the chord iteration leaves undecided of its point and period, and where it ended.
 
-    Raises Shortfall if the chord iteration does not settle.
+    Raises AccuracyError if the chord iteration does not settle.
     """
     return_map = fixed_point.return_map
     if precision == return_map.precision:
@@ -279,7 +279,7 @@ def _chords(return_map: ReturnMap[C], fixed_point: FixedPoint[C]) -> tuple[tuple
     matrix = tuple(tuple(precision.number(entry) for entry in row) for row in fixed_point.image.matrix)
     # Below a thousand ulps only rounding is left; a step that has stopped shrinking says the same.
     small = 1000 * precision.epsilon
-    failure = Shortfall(f"the chord iteration has not converged in {precision.name} precision")
+    failure = AccuracyError(f"the chord iteration has not converged in {precision.name} precision")
     iteration = NewtonIteration(precision.bits // 8 + 8, failure, small=small, fewest=2)
     while True:
         # As `numbers_at` flies: what that takes to build is more than what divergence and events take.

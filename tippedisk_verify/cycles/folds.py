@@ -21,7 +21,7 @@ from tippedisk_verify.cycles.librating_family import LibratingFamily
 from tippedisk_verify.cycles.return_map import Image, NewtonIteration, ReturnMap
 from tippedisk_verify.cycles.rotating_family import RotatingFamily
 from tippedisk_verify.cycles.section import LIBRATING, ROTATING, Section
-from tippedisk_verify.errors import NoSuchCycleError, Shortfall
+from tippedisk_verify.errors import AccuracyError, NoSuchCycleError
 from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.measured import Measured
@@ -103,7 +103,7 @@ class Folds(tuple[LibrationFold, ...]):
 def rotation_fold(family: RotatingFamily, *, digits: int = 12) -> RotationFold:
     """The fold of the rotating limit cycles, to ``digits`` significant digits of its speed and cycle.
 
-    Raises NoSuchCycleError where the family has none, Shortfall if the digits are not reached.
+    Raises NoSuchCycleError where the family has none, AccuracyError if the digits are not reached.
     """
     checked_digits(digits)
     place = family.near_fold()
@@ -118,26 +118,26 @@ def libration_folds(
 ) -> Folds:
     """The folds of the librating limit cycles from the Hopf point on, to ``digits`` significant digits; often none.
 
-    They are those that `LibratingFamily` passes. Raises Shortfall where it cannot be
+    They are those that `LibratingFamily` passes. Raises AccuracyError where it cannot be
     followed, the digits are not reached, or doubles do not see a fold that the exact signs at the ends ask for.
     """
     checked_digits(digits)
     try:
         family = family or LibratingFamily(parameters, engine)
     except NoSuchCycleError as fault:
-        raise Shortfall(str(fault)) from None
+        raise AccuracyError(str(fault)) from None
     starts = [(*place.start, place.omega) for place in map(family.place, family.folds)]
     if parameters.friction == "linear":
         small = _small_fold(parameters)
         if small is not None:  # next to it doubles see their rounding
             starts = [small, *(start for start in starts if start[0] > 2 * _SMALL_FOLD)]
         if family.connected and len(starts) % 2 != _asked_for(parameters, family.limit):
-            raise Shortfall("this family has a fold too close to its end for doubles: they have no digits of it")
+            raise AccuracyError("this family has a fold too close to its end for doubles: they have no digits of it")
     folds = [fold_to_digits(LibrationFold, parameters, start, engine, digits) for start in starts]
     for fold, (a, _, omega) in zip(folds, starts, strict=True):
         # A start on polynomials through twenty nodes is right to some digits; what is far from it is something else.
         if abs(float(fold.gamma_bar_0) - a) > _ASTRAY * a or abs(float(fold.omega) - omega) > _ASTRAY * omega:
-            raise Shortfall(f"the fold near {omega:.8g} rad/s was not found again in a finer arithmetic")
+            raise AccuracyError(f"the fold near {omega:.8g} rad/s was not found again in a finer arithmetic")
     result = Folds(folds)
     result.followed_to = "Omega_h" if family.connected else f"an amplitude of pi at {family.limit:.7g} rad/s"
     return result
@@ -176,13 +176,13 @@ def fold_to_digits(
 ) -> Any:
     """The fold of that kind next to a point (both coordinates on the section, Omega), to ``digits`` significant digits.
 
-    Raises Shortfall if it is not found, or the digits are not reached.
+    Raises AccuracyError if it is not found, or the digits are not reached.
     """
     fold = fold_in(kind, parameters, guess, engine, bits(bits_for_digits(digits + _GUARD)))
     for name in ("omega", "period", *kind.section.names):
         number = getattr(fold, name)
         if number.uncertainty > abs(number.value) / 10**digits:
-            raise Shortfall(f"{name} of the fold has fewer than {digits} digits: ask for {digits + 20}")
+            raise AccuracyError(f"{name} of the fold has fewer than {digits} digits: ask for {digits + 20}")
     return fold
 
 
@@ -191,14 +191,14 @@ def fold_in(
 ) -> Any:
     """The fold of that kind next to a point, computed in ``precision`` and compared with the next wider arithmetic.
 
-    Raises Shortfall if it is not found.
+    Raises AccuracyError if it is not found.
     """
     for arithmetic in (DOUBLE, _WIDE):  # the second where conditions nearly coincide
         try:
             start, jacobian = fold_near(kind.section, parameters, guess, engine, arithmetic)
             rough = _numbers(kind.section, parameters, start, jacobian, engine, precision)
             sharp = _numbers(kind.section, parameters, start, jacobian, engine, companion(precision))
-        except (Shortfall, NoSuchCycleError, numpy.linalg.LinAlgError):
+        except (AccuracyError, NoSuchCycleError, numpy.linalg.LinAlgError):
             if arithmetic is _WIDE:
                 raise
         else:
@@ -251,9 +251,9 @@ def fold_near(
 ) -> tuple[tuple[float, float, float], Any]:
     """Both coordinates and Omega of the fold next to a point, and the derivative of its conditions there, as doubles.
 
-    They are computed in ``precision``. Raises Shortfall if the iteration does not settle.
+    They are computed in ``precision``. Raises AccuracyError if the iteration does not settle.
     """
-    lost = Shortfall("the iteration for the fold of the limit cycles does not settle")
+    lost = AccuracyError("the iteration for the fold of the limit cycles does not settle")
     iteration = NewtonIteration(20, lost, small=1e-13 * min(1.0, abs(float(at[0]))), near=1e-9)
     at, mapped = [precision.number(float(x)) for x in at], _mapped(section, parameters, engine, precision)
     share = _DIFFERENCE if precision == DOUBLE else float(precision.epsilon) ** (1 / 3)
@@ -281,7 +281,7 @@ def _numbers(
     """All numbers of the fold in one arithmetic, by chord steps from doubles."""
     inverse = [[precision.number(float(entry)) for entry in row] for row in numpy.linalg.inv(jacobian)]
     at, mapped = [precision.number(float(x)) for x in start], _mapped(section, parameters, engine, precision)
-    lost = Shortfall(f"the iteration for the fold has not converged in {precision.name} precision")
+    lost = AccuracyError(f"the iteration for the fold has not converged in {precision.name} precision")
     iteration = NewtonIteration(precision.bits // 8 + 8, lost, small=1000 * precision.epsilon, fewest=2)
     while True:
         conditions = _conditions(mapped(at))

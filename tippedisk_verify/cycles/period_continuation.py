@@ -22,7 +22,7 @@ from typing import Any
 from tippedisk_verify.cycles.librating_family import LibratingFamily
 from tippedisk_verify.cycles.return_map import NewtonIteration, ReturnMap, newton_step
 from tippedisk_verify.cycles.section import LIBRATING
-from tippedisk_verify.errors import NoSuchCycleError, Shortfall
+from tippedisk_verify.errors import AccuracyError, NoSuchCycleError
 from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.exact import fraction, quotient
 from tippedisk_verify.model.measured import DISTANCES, Measured
@@ -237,7 +237,7 @@ class PeriodContinuation:
     def further(self, least: Fraction) -> None:
         """One more cycle, as far ahead as the law allows, but not closer to Omega_h than ``least`` [rad/s].
 
-        Raises Shortfall if it is not found.
+        Raises AccuracyError if it is not found.
         """
         # The prediction is off by about the last change of the limit: a cycle a hundred times further out is within it.
         ahead = max(100 * self.change, least)
@@ -251,12 +251,12 @@ class PeriodContinuation:
         try:
             point = cycle_at_half_period(self.parameters, half_period, guess, self.engine, precision)
         except NoSuchCycleError as fault:
-            raise Shortfall(f"the family of limit cycles could not be followed to Omega_h: {fault}") from None
+            raise AccuracyError(f"the family of limit cycles could not be followed to Omega_h: {fault}") from None
         self.asymptotics = PeriodAsymptotics(self.parameters, self.latest, point, precision)
         self.change = abs(self.asymptotics.omega_h - omega_h)
         self.points.append(point)
         if len(self.points) > _MOST_CYCLES:
-            raise Shortfall(f"the limit of the limit cycles still moves by {float(self.change):.1e} rad/s")
+            raise AccuracyError(f"the limit of the limit cycles still moves by {float(self.change):.1e} rad/s")
 
 
 def limit_of_cycles(parameters: Parameters, engine: Engine, digits: int) -> Measured:
@@ -264,7 +264,7 @@ def limit_of_cycles(parameters: Parameters, engine: Engine, digits: int) -> Meas
 
     The answer is the limit before the last one, and its distance to the last one its error: that falls by a growing
     factor from cycle to cycle, a hundredfold and more, so twice the distance holds what the last one is off itself.
-    Raises Shortfall if the family ends before.
+    Raises AccuracyError if the family ends before.
     """
     family = PeriodContinuation(parameters, engine)
     while True:

@@ -85,7 +85,7 @@ def limit_cycle(
     Up to 12 digits everything runs in double if that holds them (close to the Hopf point it does not); a wider
     arithmetic measures the error only where the budget in double is too wide for the digits. ``precision`` fixes the
     arithmetic, and then the digits are what it gives. Raises InputError for a speed that is not positive,
-    NoSuchCycleError where the search fails, Shortfall if the digits are not reached.
+    NoSuchCycleError where the search fails, AccuracyError if the digits are not reached.
     """
     return_map = ReturnMap(LIBRATING, parameters, checked_speed(omega), engine)
     checked_digits(digits)

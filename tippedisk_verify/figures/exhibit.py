@@ -9,7 +9,7 @@ from typing import Any
 
 from tippedisk_verify.audit.citations import cited
 from tippedisk_verify.audit.claims import Audit
-from tippedisk_verify.errors import InputError, Shortfall
+from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.files import csv_text
 
 __all__ = ["CSV", "Drawing", "Exhibit", "by_curve", "drawn", "table"]
@@ -77,7 +77,7 @@ def drawn(exhibit: Exhibit, audit: Audit, examined: Sequence[str]) -> dict[str, 
     entry["claims"] = list(examined)
     try:
         drawing = exhibit.draw(audit, examined)
-    except (Shortfall, ArithmeticError, InputError) as reason:
+    except (AccuracyError, ArithmeticError, InputError) as reason:
         return {"entry": entry | {"missing": str(reason), "files": []}, "facts": {}, "files": {}, "embedded": {}}
     from tippedisk_verify.figures.style import encoded, pyplot
 

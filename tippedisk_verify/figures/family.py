@@ -12,7 +12,7 @@ from typing import Any
 from tippedisk_verify.atlas.branch import family, rotating_branch
 from tippedisk_verify.audit.claims import Audit
 from tippedisk_verify.cycles.limit_cycle import LimitCycle, RotatingCycle
-from tippedisk_verify.errors import InputError, Shortfall
+from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.figures.exhibit import Drawing, Exhibit, by_curve
 from tippedisk_verify.figures.style import BLACK, BLUE, GREEN, ORANGE, PURPLE, RED, grid
 from tippedisk_verify.model.parameters import Parameters
@@ -46,7 +46,7 @@ def law_rows(parameters: Parameters, speeds: Sequence[float], form: Form) -> Row
     """Omega, amplitude and period by a one-harmonic law, where it has a cycle."""
     rows: list[tuple[float, ...]] = []
     for omega in speeds:
-        with suppress(Shortfall):
+        with suppress(AccuracyError):
             cycle = one_harmonic(parameters.with_friction("linear"), Fraction(omega), form)
             rows.append((omega, float(cycle.amplitude), float(cycle.period)))
     return rows
@@ -96,7 +96,7 @@ def branch(audit: Audit, examined: Sequence[str]) -> Drawing:
 
 def _slopes(linear: Parameters) -> str:
     """How far the printed law is off at the Hopf point; nothing where it has no slope there."""
-    with suppress(Shortfall, ArithmeticError, InputError):
+    with suppress(AccuracyError, ArithmeticError, InputError):
         pairs = zip(slopes(linear, "printed"), hopf_point(linear).slopes(), strict=True)
         amplitude, period = (100 * (float(law) / float(truth) - 1) for law, truth in pairs)
         return (
@@ -160,12 +160,12 @@ def draw_scenario(families: Mapping[str, Rows], scenes: Mapping[str, float], ome
     cost=8,
 )
 def scenario(audit: Audit, examined: Sequence[str]) -> Drawing:
-    """Every family of limit cycles of the audited disk. Raises Shortfall where no rotating cycles are found."""
+    """Every family of limit cycles of the audited disk. Raises AccuracyError where no rotating cycles are found."""
     parameters, name, engine = audit.parameters, audit.parameters.name, audit.engine
     omega_h, birth = audit.omega_h(name), _birth(parameters)
     fold = audit.rotation_fold(name)
     if fold is None:
-        raise Shortfall("no rotating cycles found with a fold")
+        raise AccuracyError("no rotating cycles found with a fold")
     lowest = Fraction(fold["omega"])
     room = omega_h.value - lowest
     # Curves are steepest at the fold and on both sides of Omega_h: speeds lie closest together there.

@@ -8,7 +8,7 @@ from functools import partial
 from typing import Any
 
 from tippedisk_verify.audit.claims import Audit
-from tippedisk_verify.errors import InputError, Shortfall
+from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.figures.exhibit import CSV, Drawing, Exhibit
 from tippedisk_verify.figures.style import BLACK, BLUE, GREEN, GREY, ORANGE, RED, grid
 from tippedisk_verify.model.precision import DOUBLE
@@ -204,10 +204,10 @@ def _panels(audit: Audit, examined: Sequence[str]) -> list[Panel]:
         if f"scene_{scene.name}" in examined:
             try:
                 panels.append(audit.panel(scene.name, audit.parameters.name))
-            except (Shortfall, ArithmeticError, InputError) as fault:
+            except (AccuracyError, ArithmeticError, InputError) as fault:
                 reason = reason or str(fault)
     if not panels:
-        raise Shortfall(reason)
+        raise AccuracyError(reason)
     return panels
 
 

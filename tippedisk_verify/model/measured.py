@@ -14,7 +14,7 @@ from fractions import Fraction
 from functools import partialmethod
 from typing import Any
 
-from tippedisk_verify.errors import InputError, Shortfall
+from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.model.decimals import at_place, decimal_magnitude, exact_decimals, rounded_up
 from tippedisk_verify.model.exact import Approximate, fraction, quotient, shown
 
@@ -47,7 +47,7 @@ class Bounded(Approximate):
     are exact. Each half-width counts as independent, so x - x is zero with twice the half-width. What has no room for a
     half-width leaves it behind: float(), `mpf` and `numpy.asarray` take the value.
 
-    A comparison that the half-widths leave open raises Shortfall, and so does `int`, `round` to an integer,
+    A comparison that the half-widths leave open raises AccuracyError, and so does `int`, `round` to an integer,
     `math.floor`, `math.ceil` or `math.trunc` where they leave open which integer it is. Raises ZeroDivisionError where
     the divisor may be zero, InputError where a function is not defined for all that the number may be.
 
@@ -119,7 +119,7 @@ class Bounded(Approximate):
         difference = self - theirs if self is not theirs else Measured(Fraction(0), Fraction(0))
         low, high = (compare(end, 0) for end in difference._ends())
         if low != high:
-            raise Shortfall(
+            raise AccuracyError(
                 f"{self} and {theirs} cannot be told apart: ask for more digits, or compare the values by float(), as"
                 " sorted(xs, key=float) does"
             )
@@ -134,7 +134,7 @@ class Bounded(Approximate):
         """The integer that a number is rounded to, if it is the same wherever in the half-width the true value lies."""
         low, high = map(rounding, self._ends())
         if low != high:
-            raise Shortfall(
+            raise AccuracyError(
                 f"{self} may be rounded to {shown(low)} or to {shown(high)}: ask for more digits, or round float(x)"
             )
         return low

@@ -21,7 +21,7 @@ import numpy
 
 from tippedisk_verify.atlas.cycles_at_speed import cycle_at, rotating_cycle
 from tippedisk_verify.cycles.section import ROUND
-from tippedisk_verify.errors import InputError, NoConnectionError, NoSuchCycleError, Shortfall
+from tippedisk_verify.errors import AccuracyError, InputError, NoConnectionError, NoSuchCycleError
 from tippedisk_verify.flow import default_engine, default_lanes
 from tippedisk_verify.flow.contract import FLAT, SECTION, Event, Request, Status
 from tippedisk_verify.flow.lanes import field_constants
@@ -148,12 +148,12 @@ class Attractors:
         """Those at a speed [rad/s]; a cycle that is not found is none."""
         amplitude = lean = None
         period = 0.0
-        with suppress(NoSuchCycleError, Shortfall):
+        with suppress(NoSuchCycleError, AccuracyError):
             cycle = cycle_at(parameters, omega, default_engine(), digits=6)
             if cycle.stable:
                 amplitude, period = float(cycle.gamma_bar_0), float(cycle.period)
         if amplitude is None:
-            with suppress(NoSuchCycleError, NoConnectionError, Shortfall):
+            with suppress(NoSuchCycleError, NoConnectionError, AccuracyError):
                 rotating = rotating_cycle(parameters, omega, default_engine(), digits=6)
                 lean, period = float(rotating.beta_bar_top), float(rotating.period)
         stable = is_stable(linearization(parameters, omega))

@@ -15,7 +15,7 @@ from typing import Any, Literal
 
 import numpy
 
-from tippedisk_verify.errors import InputError, Shortfall
+from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.flow.contract import Build, Engine, Request, Result, Status
 from tippedisk_verify.model.exact import PI, Exact, exact, shown
 from tippedisk_verify.model.measured import Measured
@@ -156,8 +156,8 @@ class Panel(Printable):
 def compute(scene: Scene, parameters: Parameters, engine: Engine, *, omega_h: Measured | None = None) -> Panel:
     """Integrate a panel's orbits and say what each ends on.
 
-    Raises InputError if the panel needs an Omega_h that is not given or an engine that measures its errors, Shortfall
-    if an integration fails.
+    Raises InputError if the panel needs an Omega_h that is not given or an engine that measures its errors,
+    AccuracyError if an integration fails.
     """
     if not engine.measures_error:
         raise InputError(f"a scene needs an engine that measures its errors, such as taylor, not {engine.name}")
@@ -180,7 +180,7 @@ def compute(scene: Scene, parameters: Parameters, engine: Engine, *, omega_h: Me
         )
         result = engine(request)
         if not result.status.usable:
-            raise Shortfall(f"scene {scene.name}: at t = {float(result.time):.4g} s {result.status.value}")
+            raise AccuracyError(f"scene {scene.name}: at t = {float(result.time):.4g} s {result.status.value}")
         compiled |= dict.fromkeys(result.built)
         if result.status is Status.FLAT:
             ending, timed = _flat(request, engine, omega)
@@ -299,7 +299,7 @@ def _flat(request: Request, engine: Engine, omega: Measured) -> tuple[Ending, Re
     timed = engine(replace(bare, error_estimate=True))
     moved = engine(replace(bare, omega=omega.value + omega.uncertainty))
     if timed.error is None or not math.isfinite(timed.error.time):
-        raise Shortfall("rounding decides whether the disk lies flat in this scene: no time can be given in double")
+        raise AccuracyError("rounding decides whether the disk lies flat in this scene: no time can be given in double")
     time = Measured.of(timed.time, timed.error.time + 2 * abs(float(moved.time) - float(timed.time)) + 1e-15)
     wells = math.floor(abs(float(timed.state[1]) - math.pi / 2) / (2 * math.pi) + 0.5)
     reason = f"passed {wells} noninverted state{'s' * (wells != 1)}, then sin(beta) = 0"

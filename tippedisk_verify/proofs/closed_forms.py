@@ -29,7 +29,7 @@ from typing import Any, Literal
 
 from flint import Ordering, acb, acb_series, arb, fmpq, fmpq_mpoly_ctx, fmpq_poly
 
-from tippedisk_verify.errors import InputError, Shortfall
+from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.model.decimals import exact_text
 from tippedisk_verify.model.exact import exact, shown
 from tippedisk_verify.model.measured import Measured
@@ -137,7 +137,7 @@ def proved_equilibrium(parameters: Parameters, omega: object, name: str, digits:
     """Eigenvalues enclosed to ``digits`` significant digits, and stability proved, at an exact speed ``omega`` [rad/s].
 
     Arb isolates the roots of the exact polynomial. Raises InputError for an unknown name or an impossible speed,
-    Shortfall where an eigenvalue with real part zero leaves stability to the nonlinear terms.
+    AccuracyError where an eigenvalue with real part zero leaves stability to the nonlinear terms.
     """
     if name not in _AROUND:
         raise InputError(f"equilibrium '{shown(name)}' is not known: use inverted or noninverted")
@@ -156,14 +156,14 @@ def proved_equilibrium(parameters: Parameters, omega: object, name: str, digits:
     while not _apart(eigenvalues) or unstable + sum(negative(root.real) for root in enclosed) != 3:
         # Rational coefficients: more digits decide every sign, but for a real part of exactly zero or a double root.
         if wanted > 16 * digits + 1000:
-            raise Shortfall(f"{name} spinning has an eigenvalue on the imaginary axis, or a double one, here")
+            raise AccuracyError(f"{name} spinning has an eigenvalue on the imaginary axis, or a double one, here")
         enclosed = list(to_digits(roots, wanted).values())
         eigenvalues = [Eigenvalue(measured(root.real), measured(root.imag)) for root in enclosed]
         unstable = sum(positive(root.real) for root in enclosed)
         wanted *= 4
     stable = a2 > 0 and a0 > 0 and a2 * a1 > a0
     if stable != (unstable == 0):
-        raise Shortfall("Routh-Hurwitz and the enclosed eigenvalues contradict each other: report this")
+        raise AccuracyError("Routh-Hurwitz and the enclosed eigenvalues contradict each other: report this")
     eigenvalues.sort(key=lambda value: (-value.re.value, -value.im.value))
     sign, (first, second, third) = "-" if name == "noninverted" else "", eigenvalues
     statement = (
@@ -178,7 +178,7 @@ def proved_equilibrium(parameters: Parameters, omega: object, name: str, digits:
 def real_root(polynomial: tuple[Any, Any, Any], guess: Any) -> Any:
     """A ball with exactly one root of lambda^3 + a2 lambda^2 + a1 lambda + a0, for all coefficients in their balls.
 
-    Interval Newton: N = x - p(x) / p'(X) inside X holds exactly one zero. Raises Shortfall if that is not proved.
+    Interval Newton: N = x - p(x) / p'(X) inside X holds exactly one zero. Raises AccuracyError if that is not proved.
     """
     a2, a1, a0 = polynomial
     x = guess.mid()
@@ -187,7 +187,7 @@ def real_root(polynomial: tuple[Any, Any, Any], guess: Any) -> Any:
     around = x + arb(0, radius)
     image = x - value / ((3 * around + 2 * a2) * around + a1)
     if not inside(image, around):
-        raise Shortfall("an eigenvalue could not be enclosed over the interval of speeds: ask for more digits")
+        raise AccuracyError("an eigenvalue could not be enclosed over the interval of speeds: ask for more digits")
     return image
 
 
@@ -200,14 +200,15 @@ def chi(constants: Any) -> Any:
 def proved_hopf(parameters: Parameters, digits: int = 12) -> ProvedHopf:
     """The Hopf point with every number enclosed to ``digits`` significant digits, and its criticality proved.
 
-    Raises Shortfall where the first Lyapunov coefficient is too close to zero for its sign, or these digits, to be had.
+    Raises AccuracyError where the first Lyapunov coefficient is too close to zero for its sign, or these digits, to
+    be had.
     """
     parameters.refuse_smooth("the Hopf point's normal form is")
     check_linearization(parameters.rational())
     with_balls = to_digits(lambda: hopf_balls(ball_constants(parameters)), digits)
     falling, sign = with_balls["transversality"], with_balls["first_lyapunov_coefficient"]
     if not negative(falling) or not (negative(sign) or positive(sign)):
-        raise Shortfall("the sign of the first Lyapunov coefficient could not be decided: ask for more digits")
+        raise AccuracyError("the sign of the first Lyapunov coefficient could not be decided: ask for more digits")
     kind: Criticality = "supercritical" if negative(sign) else "subcritical"
     numbers = {name: measured(value) for name, value in with_balls.items()}
     return ProvedHopf(**numbers, criticality=kind, statement=_hopf_statement(parameters, kind, numbers))
@@ -376,7 +377,7 @@ def _along(constants: Constants, omega: Any, direction: list[Any]) -> list[Any]:
 def to_digits(compute: Callable[[], Mapping[str, Any]], digits: int) -> Mapping[str, Any]:
     """The balls that ``compute`` returns, at a precision where each has ``digits`` significant digits.
 
-    A number that is exactly zero may have the radius 0. Raises Shortfall if eight times the digits do not suffice.
+    A number that is exactly zero may have the radius 0. Raises AccuracyError if eight times the digits do not suffice.
     """
     guard = 20
     while True:
@@ -388,7 +389,7 @@ def to_digits(compute: Callable[[], Mapping[str, Any]], digits: int) -> Mapping[
             return balls
         guard *= 2
         if guard > 8 * digits + 200:
-            raise Shortfall(f"{loose[0]} has no {digits} digits: it is too close to zero or to its neighbour")
+            raise AccuracyError(f"{loose[0]} has no {digits} digits: it is too close to zero or to its neighbour")
 
 
 def _fine(value: Any, digits: int) -> bool:

@@ -16,7 +16,7 @@ from tippedisk_verify.cycles.error_budget import cycle_numbers
 from tippedisk_verify.cycles.return_map import FixedPoint, ReturnMap
 from tippedisk_verify.cycles.section import LIBRATING, ROTATING
 from tippedisk_verify.cycles.shooting import limit_cycle, shoot
-from tippedisk_verify.errors import Shortfall
+from tippedisk_verify.errors import AccuracyError
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import Build, Engine, Request, Result, Status
 from tippedisk_verify.model.equations import friction_force, jacobian, shifted, terms
@@ -200,7 +200,7 @@ def orbit(
 ) -> Mapping[str, tuple[Any, Any]]:
     """An orbit's samples, its crossings of beta = pi/2, and when the disk lies flat, each with its half-width.
 
-    With ``shift`` angles are less pi/2. Raises Shortfall if it ends otherwise.
+    With ``shift`` angles are less pi/2. Raises AccuracyError if it ends otherwise.
     """
     duration = 2 if DRAWN_SET.fullmatch(case.item.set) else 10
     times = [Fraction(n, 2) for n in range(1, 2 * duration + 1)]
@@ -212,7 +212,7 @@ def orbit(
         t_eval=times, digits=digits, events="section", shifted=shift, engine=engine,
     )  # fmt: skip
     if run.status not in (Status.REACHED, Status.FLAT):
-        raise Shortfall(f"{case.item.id}: {run.message}")
+        raise AccuracyError(f"{case.item.id}: {run.message}")
     samples = zip(times, run.y.T, run.uncertainty.T, strict=False)
     numbers = {
         f"{name}@{float(time):g}": pair

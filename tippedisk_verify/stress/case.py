@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any
 
-from tippedisk_verify.errors import InputError, NoSuchCycleError, Shortfall
+from tippedisk_verify.errors import AccuracyError, InputError, NoSuchCycleError
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import Engine, Request, Result, Status
 from tippedisk_verify.model.exact import fraction
@@ -69,7 +69,7 @@ class Outcome:
         begin = time.perf_counter()
         try:
             answer = case.run()
-        except (InputError, NoSuchCycleError, Shortfall) as said:
+        except (InputError, NoSuchCycleError, AccuracyError) as said:
             answer = Found(type(said).__name__, note=str(said))
         except Exception as fault:  # the battery reports it; nothing is hidden
             answer = Found(f"unforeseen {type(fault).__name__}", honest=False, note=str(fault)[:200])

@@ -13,7 +13,7 @@ from tippedisk_verify.connection.heteroclinic import heteroclinic
 from tippedisk_verify.connection.near_connection import cycle_near
 from tippedisk_verify.cycles.section import LIBRATING
 from tippedisk_verify.cycles.shooting import limit_cycle
-from tippedisk_verify.errors import NoSuchCycleError, Shortfall
+from tippedisk_verify.errors import AccuracyError, NoSuchCycleError
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.parameters import PRINTED, Parameters
@@ -76,7 +76,7 @@ def _one_ulp_below() -> Found:
     speed = Fraction(float(omega_h))
     if speed >= omega_h.value:
         speed = Fraction(math.nextafter(float(speed), 0.0))
-    return refused(lambda: limit_cycle(PRINTED, speed, engine), NoSuchCycleError, Shortfall)
+    return refused(lambda: limit_cycle(PRINTED, speed, engine), NoSuchCycleError, AccuracyError)
 
 
 def _underflow() -> Found:
@@ -122,7 +122,7 @@ def _extremes(**changes: object) -> Callable[[], Found]:
 
 
 def _cases() -> list[Any]:
-    said = ("digits", "NoSuchCycleError", "Shortfall")
+    said = ("digits", "NoSuchCycleError", "AccuracyError")
     return [
         *(Case(f"Hopf - {text}", "the cycle this close below Omega_crit [rad/s]", _near_hopf(text), 11)
           for text in ("1e-3", "1e-6")),
@@ -134,7 +134,7 @@ def _cases() -> list[Any]:
         Case("an ulp above Omega_h", "the next double: its distance has no digits unless Omega_h has more",
              _one_ulp_above, 11, quick=False),
         Case("an ulp below Omega_h", "no cycle: it must be refused", _one_ulp_below, 0,
-             ("NoSuchCycleError", "Shortfall"), quick=False),
+             ("NoSuchCycleError", "AccuracyError"), quick=False),
         Case("multipliers that underflow", "epsilon = 1e-3: logarithms with all their digits", _underflow, 11,
              quick=False),
         Case("subcritical, below", "a disk whose cycles are born above Omega_crit: beyond their fold", _beyond_the_fold,

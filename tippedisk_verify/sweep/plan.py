@@ -17,7 +17,7 @@ from typing import Any, get_args
 
 from tippedisk_verify.atlas.cycles_at_speed import cycle_at
 from tippedisk_verify.connection.heteroclinic import heteroclinic
-from tippedisk_verify.errors import InputError, Shortfall
+from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.model.decimals import exact_text
 from tippedisk_verify.model.equations import checked_speed
@@ -64,7 +64,7 @@ def _trajectory(parameters: Parameters, point: Mapping[str, str], digits: int) -
     omega = _speed(parameters, point, digits)
     found = integrated(parameters, omega, state, duration, [duration], digits, (), default_engine())
     if not max(map(float, found.end.uncertainty)) < float("inf"):
-        raise Shortfall("rounding decides how this orbit ends: ask for more digits")
+        raise AccuracyError("rounding decides how this orbit ends: ask for more digits")
     ends = zip(_START, found.end.state, found.end.uncertainty, strict=True)
     numbers = {f"final_{name}": Measured.of(value, width) for name, value, width in ends}
     return {"ended": found.status.name, "time": Measured.of(found.end.time, found.end.time_uncertainty), **numbers}
@@ -161,7 +161,7 @@ def computed(analysis: str, parameters: Parameters, digits: int, point: Mapping[
     changes = {name: value for name, value in point.items() if name in SYMBOLS}
     try:
         numbers = _ANALYSES[analysis][0](parameters.changed(**changes) if changes else parameters, point, digits)
-    except (InputError, Shortfall, ArithmeticError) as fault:
+    except (InputError, AccuracyError, ArithmeticError) as fault:
         return row | {"status": " ".join(str(fault).split())[:200] or type(fault).__name__}
     row["status"] = "ok"
     for name, value in numbers.items():

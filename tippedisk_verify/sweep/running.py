@@ -15,7 +15,7 @@ from contextlib import AbstractContextManager
 from itertools import islice
 from pathlib import Path
 
-from tippedisk_verify.errors import InputError, Shortfall
+from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.files import alone, write_table
 from tippedisk_verify.interrupts import undoing
 from tippedisk_verify.provenance import code_version
@@ -39,7 +39,7 @@ def swept(
 
     ``workers`` makes the executor, anew if its processes died; None stands for this process. What an interrupted run of
     the same plan left in the journal is taken up. Raises InputError for a journal of another plan or
-    other code, Shortfall where the executor fails or has other code.
+    other code, AccuracyError where the executor fails or has other code.
     """
     journal = out.with_name(f".{out.name}.journal")
     with alone(journal, f"another run is sweeping into {out}: wait for it, or give another --out"):
@@ -78,10 +78,10 @@ def _kept_rows(plan: Plan, journal: Path, rows: dict[int, Row], workers: Workers
             try:
                 with workers() as executor:
                     yield from (keep(index, row) for index, row in _run(plan, missing, executor))
-            except (BrokenExecutor, Shortfall) as fault:
-                if isinstance(fault, Shortfall) or len(rows) == before:
+            except (BrokenExecutor, AccuracyError) as fault:
+                if isinstance(fault, AccuracyError) or len(rows) == before:
                     kept = f"{len(rows)} of {len(plan)} points are kept: run again to go on"
-                    raise Shortfall(f"{fault}; {kept}") from None
+                    raise AccuracyError(f"{fault}; {kept}") from None
 
 
 def _run(plan: Plan, missing: Iterator[tuple[int, Row]], executor: Executor | None) -> Iterator[tuple[int, Row]]:

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
-from tippedisk_verify.errors import InputError, Shortfall
+from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.model.exact import shown
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import SYMBOLS, Parameters
@@ -54,7 +54,7 @@ def bautin_points(parameters: Parameters, name: str, digits: int = 12) -> tuple[
 
     The numbers have ``digits`` significant digits. Empty where no value is admissible (`Parameters`; C is left out, as
     it enters no equation); all of them have e < r / 2. Raises InputError for a parameter that does not enter, for
-    digits as `checked_digits` does, and under the smooth law; Shortfall where cancellation leaves fewer digits.
+    digits as `checked_digits` does, and under the smooth law; AccuracyError where cancellation leaves fewer digits.
     """
     parameters.refuse_smooth("the Bautin point is")
     checked_digits(digits)
@@ -98,7 +98,9 @@ def _point(name: str, value: Measured, ends: list[tuple[Any, Fraction]], digits:
         numbers[quantity] = Measured(number.value, number.uncertainty + abs(high[quantity].value - number.value))
     for quantity, number in numbers.items():
         if number.uncertainty * 10**digits > abs(number.value):
-            raise Shortfall(f"{quantity} of a Bautin point in {name} loses more than {_GUARD} digits to cancellation")
+            raise AccuracyError(
+                f"{quantity} of a Bautin point in {name} loses more than {_GUARD} digits to cancellation"
+            )
     return BautinPoint(parameter=name, parameters=ends[0][0], **numbers)
 
 
@@ -106,7 +108,7 @@ def _numbers(disk: Parameters, slope: Fraction, digits: int) -> dict[str, Measur
     """The numbers of `BautinPoint` but for the value; ``slope`` is the condition's derivative."""
     quartic = amplitude_law(disk).quartic
     if not quartic:
-        raise Shortfall("the second Lyapunov coefficient vanishes too: this Bautin point is degenerate itself")
+        raise AccuracyError("the second Lyapunov coefficient vanishes too: this Bautin point is degenerate itself")
     steep = -slope / (16 * (disk.r + disk.e) * disk.r * disk.Bbar)  # c_1' / Omega_crit, as c_1 = 0
     numbers = normal_form(disk, digits, degenerate=True)
     speed = numbers["omega_crit"]

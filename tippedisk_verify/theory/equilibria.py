@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any, Literal, NamedTuple, get_args
 
-from tippedisk_verify.errors import InputError, Shortfall
+from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.model.equations import checked_speed
 from tippedisk_verify.model.exact import PI, Exact, shown
 from tippedisk_verify.model.measured import Measured
@@ -144,7 +144,8 @@ def stiff_eigenvalue_estimate(parameters: Parameters) -> Fraction:
 def equilibrium(parameters: Parameters, omega: object, name: EquilibriumName, digits: int = 15) -> Equilibrium:
     """State, eigenvalues to ``digits`` significant digits, and stability at the speed ``omega`` [rad/s].
 
-    Raises InputError for a speed or digits that are not offered, Shortfall where two eigenvalues cannot be told apart.
+    Raises InputError for a speed or digits that are not offered, AccuracyError where two eigenvalues cannot be told
+    apart.
     """
     speed = checked_speed(omega)
     checked_digits(digits)
@@ -157,7 +158,7 @@ def eigenvalues(matrix: Linearization, digits: int) -> tuple[Eigenvalue, Eigenva
     """The eigenvalues [1/s] in `Equilibrium`'s order, with half-widths below 10**-digits of each one's size.
 
     The characteristic polynomial changes its sign at the real ones. If that is one, the sum and the product of the
-    other two follow from it. Raises Shortfall where two coincide, or nearly so.
+    other two follow from it. Raises AccuracyError where two coincide, or nearly so.
     """
     zero, (lead, a2, a1, a0) = Measured.of(0, 0), map(Fraction, characteristic_polynomial(matrix))
     guard = _GUARD
@@ -174,7 +175,7 @@ def eigenvalues(matrix: Linearization, digits: int) -> tuple[Eigenvalue, Eigenva
             first, second, third = sorted(values, key=lambda value: (-value.re.value, -value.im.value))
             return first, second, third
         guard *= 2
-    raise Shortfall("no three different eigenvalues fit the matrix: if two coincide, move Omega away from there")
+    raise AccuracyError("no three different eigenvalues fit the matrix: if two coincide, move Omega away from there")
 
 
 def kind_changes(parameters: Parameters, name: EquilibriumName, digits: int = 12) -> tuple[Measured, ...]:

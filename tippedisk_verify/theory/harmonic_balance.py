@@ -12,7 +12,7 @@ import math
 from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
-from tippedisk_verify.errors import InputError, Shortfall
+from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.model.equations import checked_speed
 from tippedisk_verify.model.exact import shown
 from tippedisk_verify.model.measured import Measured
@@ -121,7 +121,7 @@ def section_start(constants: Any, omega: float) -> tuple[float, float, float] | 
 def one_harmonic(parameters: Parameters, omega: object, form: Form = "printed", digits: int = 12) -> OneHarmonic:
     """Amplitude, frequency and period by the closed law at the speed ``omega`` [rad/s].
 
-    Raises InputError for a speed, form or digits that are not offered, Shortfall where the formula has no real
+    Raises InputError for a speed, form or digits that are not offered, AccuracyError where the formula has no real
     amplitude or frequency.
     """
     parameters.refuse_smooth("harmonic balance is")
@@ -129,10 +129,10 @@ def one_harmonic(parameters: Parameters, omega: object, form: Form = "printed", 
     checked_digits(digits)
     constants = parameters.rational()
     if not _denominator(constants, omega**2, form):
-        raise Shortfall(f"the one-harmonic law has a pole at Omega = {float(omega):.12g} rad/s")
+        raise AccuracyError(f"the one-harmonic law has a pole at Omega = {float(omega):.12g} rad/s")
     square, frequency_squared = squares(constants, omega, form)
     if square < 0 or frequency_squared <= 0:
-        raise Shortfall(f"the one-harmonic law has no cycle at Omega = {float(omega):.12g} rad/s")
+        raise AccuracyError(f"the one-harmonic law has no cycle at Omega = {float(omega):.12g} rad/s")
     frequency = square_root(frequency_squared, digits + 5)
     amplitude = square_root(square, digits + 5) if square else Measured.of(0, 0)
     return OneHarmonic(amplitude, frequency, period_of(frequency, digits + 5))
@@ -141,14 +141,14 @@ def one_harmonic(parameters: Parameters, omega: object, form: Form = "printed", 
 def slopes(parameters: Parameters, form: Form = "consistent", digits: int = 12) -> tuple[Measured, Measured]:
     """The law's slopes at the Hopf point: C^2 and T - T_crit per unit of Omega_crit - Omega [rad s, s^2/rad].
 
-    Raises InputError for a form or digits that are not offered, and Shortfall where the amplitude law's denominator
+    Raises InputError for a form or digits that are not offered, and AccuracyError where the amplitude law's denominator
     vanishes at Omega_crit.
     """
     parameters.refuse_smooth("harmonic balance is")
     form, square, ratio = _checked_form(form), omega_crit_squared(parameters), frequency_ratio_squared(parameters)
     denominator = _denominator(parameters.rational(), square, form)
     if not denominator:
-        raise Shortfall("the amplitude law's denominator vanishes at Omega_crit")
+        raise AccuracyError("the amplitude law's denominator vanishes at Omega_crit")
     working = checked_digits(digits) + 17
     growth = 8 * ratio * parameters.Bbar * parameters.r / denominator  # d(C^2)/d(-Omega) / Omega_crit
     # T = 2 pi / omega with omega^2 = W Omega^2 + delta C^2.

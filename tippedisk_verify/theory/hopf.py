@@ -22,7 +22,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Literal, NamedTuple
 
-from tippedisk_verify.errors import InputError, Shortfall
+from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.model.equations import checked_speed
 from tippedisk_verify.model.exact import PI, exact
 from tippedisk_verify.model.measured import Measured
@@ -66,9 +66,9 @@ class HopfPoint(Printable):
     period_slope: Measured | None = None  #: limit of (T - T_crit) / (Omega_crit - Omega) [s^2/rad], if l_1 != 0
 
     def slopes(self) -> tuple[Measured, Measured]:
-        """`amplitude_squared_slope` and `period_slope`. Raises Shortfall where l_1 = 0."""
+        """`amplitude_squared_slope` and `period_slope`. Raises AccuracyError where l_1 = 0."""
         if self.amplitude_squared_slope is None or self.period_slope is None:
-            raise Shortfall("the first Lyapunov coefficient vanishes exactly: amplitude and period have no slopes")
+            raise AccuracyError("the first Lyapunov coefficient vanishes exactly: amplitude and period have no slopes")
         return self.amplitude_squared_slope, self.period_slope
 
 

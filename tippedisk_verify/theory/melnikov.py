@@ -17,7 +17,7 @@ from fractions import Fraction
 from types import SimpleNamespace
 from typing import Any
 
-from tippedisk_verify.errors import InputError, Shortfall
+from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.model.exact import exact, quotient, shown
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
@@ -33,7 +33,7 @@ def limit_speed(parameters: Parameters, gamma_bar_0: object = None, digits: int 
     """Omega [rad/s] of the limit cycle whose largest abs(gamma - pi/2) is ``gamma_bar_0`` [rad], as epsilon -> 0.
 
     Without ``gamma_bar_0`` the limit of Omega_h; towards 0 it is Omega_crit. Raises InputError outside (0, pi) or
-    beyond 200 digits, Shortfall if no speed makes the integral vanish.
+    beyond 200 digits, AccuracyError if no speed makes the integral vanish.
     """
     return _in_two_precisions(_Level.speed, parameters, gamma_bar_0, digits)
 
@@ -54,7 +54,7 @@ def _in_two_precisions(
     rough, sharp = (quantity(_Level(parameters, gamma_bar_0, bits(width).context)) for width in (working, working + 50))
     measured = Measured.compared(rough, sharp, Fraction(2) ** (1 - working))
     if measured.uncertainty > abs(measured.value) / 10**digits:
-        raise Shortfall("the quadrature of the Melnikov integral has not converged: ask for fewer digits")
+        raise AccuracyError("the quadrature of the Melnikov integral has not converged: ask for fewer digits")
     return measured
 
 
@@ -105,7 +105,7 @@ class _Level:
         total = self._integral(integrand)
         square = 1 - 3 * total.real / (total.imag - total.real)
         if not square > 0:
-            raise Shortfall("no speed makes the Melnikov integral vanish for these parameters")
+            raise AccuracyError("no speed makes the Melnikov integral vanish for these parameters")
         return ctx.sqrt(square)
 
     def period(self) -> Any:

@@ -23,7 +23,7 @@ from fractions import Fraction
 from functools import cached_property
 from typing import Any
 
-from tippedisk_verify.errors import NoConnectionError, Shortfall
+from tippedisk_verify.errors import AccuracyError, NoConnectionError
 from tippedisk_verify.model.equations import field, jacobian
 from tippedisk_verify.model.exact import quotient
 from tippedisk_verify.model.parameters import Constants, Parameters
@@ -198,7 +198,7 @@ class Saddle:
         """(u, s, t) of a point near the saddle: K(s) + t L(s) + u M(s).
 
         The point lies on the stable manifold if u = 0, up to terms of order t^2; small u and t grow and fall like
-        exp(lambda_u t) and exp(lambda_f t) along the flow. Raises Shortfall if it is too far.
+        exp(lambda_u t) and exp(lambda_f t) along the flow. Raises AccuracyError if it is too far.
         """
         ctx = self.context
         u = s = t = ctx.zero
@@ -217,7 +217,7 @@ class Saddle:
             u, s, t = u + step[0], s + step[1], t + step[2]
             if max(map(abs, step)) <= 16 * ctx.eps * size:
                 return u, s, t
-        raise Shortfall("the end of the unstable branch is too far from the saddle for its local series")
+        raise AccuracyError("the end of the unstable branch is too far from the saddle for its local series")
 
 
 def refuse_focus(parameters: Parameters, omega: Fraction) -> None:

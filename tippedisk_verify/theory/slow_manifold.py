@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any, NamedTuple
 
-from tippedisk_verify.errors import InputError, Shortfall
+from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.model.equations import Ops, checked_speed, terms
 from tippedisk_verify.model.exact import exact, quotient, shown
 from tippedisk_verify.model.measured import Measured
@@ -201,13 +201,13 @@ def reduced_equilibrium(
 def reduced_omega_crit(parameters: Parameters, order: int, digits: int = 15) -> Measured:
     """The Hopf speed of the reduced flow [rad/s]: where the trace at inverted spinning vanishes.
 
-    At order 1 this is Omega_crit exactly. Raises Shortfall at order 0, where the trace vanishes at every speed, and
+    At order 1 this is Omega_crit exactly. Raises AccuracyError at order 0, where the trace vanishes at every speed, and
     where no root lies within a tenth of Omega_crit.
     """
     parameters.refuse_smooth("the slow manifold's expansion is")
     _checked_order(order)
     if order == 0:
-        raise Shortfall(
+        raise AccuracyError(
             "order 0 has no Hopf point: on the critical manifold inverted spinning is a centre at every speed"
         )
     start = float(omega_crit(parameters))
@@ -227,7 +227,9 @@ def reduced_omega_crit(parameters: Parameters, order: int, digits: int = 15) -> 
     working = bits_for_digits(digits + 15)
     rough, sharp = map(root, (working, working + 66))
     if not max(abs(rough / start - 1), abs(sharp / start - 1)) < 0.1:
-        raise Shortfall(f"the reduced flow of order {order} has no Hopf point near Omega_crit: epsilon is too large")
+        raise AccuracyError(
+            f"the reduced flow of order {order} has no Hopf point near Omega_crit: epsilon is too large"
+        )
     return Measured.compared(rough, sharp, Fraction(1, 2 ** (working - 1)))
 
 
@@ -285,7 +287,7 @@ def analyse_slow_manifold(
     *residual, smallest_term = (Measured.of(size, size * 2.0**-50) for size in (*residuals, smallest))
     try:
         reduced = reduced_omega_crit(parameters, order, digits)
-    except Shortfall:
+    except AccuracyError:
         reduced = None
     return SlowManifold(
         order=order,

@@ -13,7 +13,7 @@ from fractions import Fraction
 from functools import cached_property
 from typing import Any
 
-from tippedisk_verify.errors import Shortfall
+from tippedisk_verify.errors import AccuracyError
 from tippedisk_verify.model.decimals import exact_text, rounded_down
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
@@ -107,9 +107,9 @@ class BranchProof:
         return claim
 
     def certificate(self) -> str:
-        """The text of a certificate. Raises Shortfall if none can be written."""
+        """The text of a certificate. Raises AccuracyError if none can be written."""
         if not self.hopf_closed:
-            raise Shortfall("no certificate: nothing is proved from the Hopf point on")
+            raise AccuracyError("no certificate: nothing is proved from the Hopf point on")
         bits = _CLAIM_BITS
         evidence: dict[str, Any] = {"arcs": [piece.evidence for piece in self.pieces]}
         if self.end is not None and self.end_closed:

@@ -19,7 +19,7 @@ from fractions import Fraction
 
 import numpy as np
 
-from tippedisk_verify.errors import InputError, Shortfall
+from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.proofs.closed_forms import hopf_balls
 from tippedisk_verify.proofs.kernel.balls import arb, ball_constants, working_precision
@@ -85,7 +85,7 @@ def prove_family(
         stage("the connection")
         speeds: list[Fraction] | None = None
         if (near_omega_h := connected_at(_CONNECTION_DIGITS + 5)) is not None:
-            with suppress(Shortfall):
+            with suppress(AccuracyError):
                 connection = prove_connection(parameters, near_omega_h, _CONNECTION_DIGITS)
         if connection is not None and connection.omega_h is not None:
             speeds = [round(speed, 12) for speed in _speeds(parameters, connection.omega_h.value)]
