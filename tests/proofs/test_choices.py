@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import random
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -12,7 +13,7 @@ from tests.proofs.cases import half_flight
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.proofs.kernel.balls import arb, ball, working_precision
 from tippedisk_verify.proofs.kernel.flow import Path, Status, short_float
-from tippedisk_verify.proofs.kernel.section import HALF, returned
+from tippedisk_verify.proofs.kernel.section import HALF, Return, returned
 from tippedisk_verify.proofs.kernel.sliding import model_of
 from tippedisk_verify.proofs.kernel.step import Step
 from tippedisk_verify.proofs.search.steps import Steps
@@ -68,3 +69,60 @@ def test_what_careless_choices_show_is_true(friction: str) -> None:
         ):
             assert mine.contains(true.mid())
     assert shown
+
+
+class Stale(Steps):
+    """Keeps a trial when the path has moved on."""
+
+    trial: Any = None
+
+    def step(self, path: Path, longest: float | None) -> Step | None:
+        self.trial = self.trial or path.trial((16, 8))
+        return self.trial.tested(2.0**-9)
+
+
+class Forging(Steps):
+    """Hands over another step than the one that was tested."""
+
+    def __init__(self, forged: Callable[[Step], Step]) -> None:
+        super().__init__()
+        self.forged = forged
+
+    def step(self, path: Path, longest: float | None) -> Step | None:
+        step = super().step(path, longest)
+        return None if step is None else self.forged(step)
+
+
+class Meddling(Steps):
+    """Writes into what it is shown."""
+
+    def axes(self, turned: Any, sizes: Any, stiffness: Any) -> Sequence[Sequence[Any]]:
+        chosen = [[*row] for row in super().axes([[*row] for row in turned], sizes, stiffness)]
+        for row in turned:
+            row[:] = [entry / 1024 for entry in row]
+        return chosen
+
+    def took(self, step: Any, axes: Any) -> None:
+        super().took(step, [[*row] for row in axes])
+        for row in axes:
+            row[:] = [entry / 1024 for entry in row]
+
+
+def flown(proposer: Steps) -> Return:
+    with working_precision(96):
+        box = [part + arb(0, 2.0**-13) for part in map(ball, ("0.4", "-2"))]
+        return returned(model_of(PRINTED, ball("30.4")), HALF, box, proposer, derivatives=True)
+
+
+def test_the_kernel_believes_its_own_steps_only() -> None:
+    honest = flown(Steps())
+    doubled = Forging(lambda step: replace(step, length=2 * step.length))
+    for proposer in (Stale(), doubled):
+        with pytest.raises(ValueError, match="a step from elsewhere"):
+            flown(proposer)
+    shifted = Forging(lambda step: replace(step, polynomials=[[1 + c[0], *c[1:]] for c in step.polynomials]))
+    for proposer in (shifted, Meddling()):
+        flight = flown(proposer)
+        assert flight.status is Status.RETURNED
+        for mine, its in zip((flight.time, *flight.image), (honest.time, *honest.image), strict=True):
+            assert (mine.mid(), mine.rad()) == (its.mid(), its.rad())

@@ -14,10 +14,12 @@ from tests.proofs.test_exact_flights import holds, oscillator
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.proofs.kernel import lane_middle
 from tippedisk_verify.proofs.kernel.balls import arb, ball, ball_constants, working_precision
+from tippedisk_verify.proofs.kernel.flow import Model
 from tippedisk_verify.proofs.kernel.lane_middle import SharpModel
 from tippedisk_verify.proofs.kernel.lanes import Lanes
 from tippedisk_verify.proofs.search import lane_flight
-from tippedisk_verify.proofs.search.lane_flight import half_flights
+from tippedisk_verify.proofs.search.lane_flight import LaneSteps, half_flights
+from tippedisk_verify.proofs.search.steps import Steps
 
 SIZES, SPEEDS = (2.0**-20, 2.0**-14, 2.0**-24), (2.0, 8.0, 1.0)
 
@@ -61,6 +63,23 @@ def short_series(monkeypatch) -> None:
 
 def test_middles_from_short_series_are_held(short_series) -> None:
     assert are_held(flown())
+
+
+def test_remainders_hold_for_speeds_that_are_no_doubles() -> None:
+    """A step of the middle at all speeds of a wide ball, from a series so short that its remainder is seen."""
+    length, start = 2.0**-18, (0.0, 0.0, -1.0)
+    with working_precision(96):
+        model = SharpModel(ball_constants(PRINTED), [arb(32, 0.5)])
+        path = model.path([Lanes([part]) for part in start], LaneSteps(1, sharp=True), derivatives=True)
+        path.frame.deviation = [*path.frame.deviation[:3], Lanes([0.0])]  # as a walk has it
+        path.box = path.frame.box()
+        step = path.trial((1, 4)).tested(Lanes([length]))
+        assert step.included.all()
+        shown = [image.rest.arb(0) + image.point.arb(0) for image in step.centre(Lanes([length]))]
+        for share in (-0.999, 0.5, 0.999):
+            alone = Model(ball_constants(PRINTED), arb(32) + arb(0.5) * share).path([*map(arb, start)], Steps())
+            truth = alone.trial((20, 12)).tested(length).at(arb(length))
+            assert all(mine.overlaps(true) for mine, true in zip(shown, truth, strict=True)), share
 
 
 FAULTS = {

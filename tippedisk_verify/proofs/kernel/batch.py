@@ -30,6 +30,7 @@ def mapped(function: Callable[..., Any], tree: Any, *others: Any) -> Any:
         return tree
     names = Frame.__slots__ if isinstance(tree, Frame) else [entry.name for entry in fields(tree)]
     image = copy(tree)
+    getattr(image, "__dict__", {}).pop("end", None)  # a step's, of all of the batch
     for name in names:
         object.__setattr__(image, name, mapped(function, *(getattr(part, name) for part in (tree, *others))))
     return image

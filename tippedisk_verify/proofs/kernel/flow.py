@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from copy import copy
+from dataclasses import replace
 from enum import Enum
 from typing import Any, ClassVar, Protocol, Self
 
@@ -136,6 +137,7 @@ class Path:
         self.time, self.divergence = (alike(part, 0) for part in (self.box[0], rough(self.box[0])))
         self.steps = 0 * negative(whole(self.time))  #: taken
         self.reversals = self.steps  #: of the sliding velocity's sign; counted under the smooth law only
+        self.tested: Step | None = None  #: by its latest trial
         self.status: Status | None = None  #: why it stopped, if it did
 
     @property
@@ -157,9 +159,13 @@ class Path:
         step = None if self.status else self.proposer.step(self, longest)
         if step is None:
             self.status = self.status or Status.NO_ENCLOSURE
-        elif step.frame is not self.frame:
+            return None
+        own = self.tested
+        if own is None or own.frame is not self.frame or own.length is not step.length:
             raise ValueError("a step from elsewhere was proposed")
-        elif not side_by_side(self.time):
+        # Of what was tested a proposer may want less, not more.
+        step = own if step is own else replace(own, included=own.included & step.included)
+        if not side_by_side(self.time):
             need(step.included, "the states and derivatives over it are not shown to stay in its enclosure")
         return step
 
@@ -180,7 +186,7 @@ class Path:
         """Go to the step's end, or to ``time`` (a number or ball) within it; of a batch, ``where`` this is true."""
         moment = alike(self.time, step.length) if time is None else time
         frame = self.carried(step, time)
-        self.proposer.took(step, frame.axes)
+        self.proposer.took(step, [[*row] for row in frame.axes])
         divergence = self.divergence + step.divergence_at(moment) if self.sharp else self.divergence
         after = frame, frame.box(), self.time + moment, divergence, self.steps + 1, self.reversals
         before = tuple(getattr(self, name) for name in Path.BATCHED)

@@ -87,7 +87,7 @@ class Frame:
         image.middle = [part.mid() for part in centre]
         image.lead = [[entry.mid() for entry in row] for row in lead]
         sizes = [upper(part) + sum(map(upper, row)) for part, row in zip(self.rest, self.spread, strict=True)]
-        image.axes = [[entry.mid() for entry in row] for row in axes(turned, sizes)]
+        image.axes = [[entry.mid() for entry in row] for row in axes([[*row] for row in turned], sizes)]
         inverse = _inverse(image.axes)
         left = _product(
             inverse, [[whole(a - b) for a, b in zip(*rows, strict=True)] for rows in zip(lead, image.lead, strict=True)]

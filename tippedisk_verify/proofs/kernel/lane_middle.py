@@ -33,7 +33,7 @@ class SharpModel:
     """One disk at a speed [rad/s] for each lane; constants and speeds are balls of Arb's. ``law`` as of a `Model`."""
 
     def __init__(self, constants: Any, speeds: Sequence[Any], law: Law = field) -> None:
-        self.lanes = Model(type(constants)(*(Lanes.of([value]) for value in constants)), Lanes.of(speeds), law)
+        self.lanes = _Lanes(type(constants)(*(Lanes.of([value]) for value in constants)), Lanes.of(speeds), law)
         self.orbits = np.empty(len(speeds), object)  #: the system of each lane
         for lane, speed in enumerate(speeds):
             graph = Graph()
@@ -52,6 +52,14 @@ class SharpModel:
         path = _Path(self.lanes, start, proposer, derivatives=derivatives)
         path.orbits = self.orbits
         return path
+
+
+class _Lanes(Model):
+    """Remainders hold for all speeds of the balls: a middle moves at the exact one, not at a double."""
+
+    def __init__(self, constants: Any, omega: Any, law: Law | None = None) -> None:
+        super().__init__(constants, omega, law)
+        self.orbit = self.orbit_at(self.omega)
 
 
 @dataclass(frozen=True)
@@ -121,10 +129,10 @@ class _Path(Path):
 class _Trial(Trial):
     """Adds the middles' series to the steps that are proved."""
 
-    def tested(self, length: Lanes) -> Step:
-        step = super().tested(length)
+    def _step(self, length: Lanes) -> Step:
+        step = super()._step(length)
         columns = np.empty(len(length), object)
-        starts = np.array([part.midpoints for part in self.path.frame.middle]).T
+        starts = np.array([part.midpoints for part in self.frame.middle]).T
         remainders = [series[-1] for series in step.polynomials]
         for lane in np.flatnonzero(step.included):
             # A middle is a point where it is finite, which it is where the step is proved.

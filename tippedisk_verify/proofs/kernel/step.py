@@ -132,6 +132,7 @@ class Trial:
 
     def __init__(self, path: Any, orders: tuple[int, int]) -> None:
         self.path, self.orders, model = path, orders, path.model
+        self.frame = path.frame  #: where the path stood
         self.thin = model.orbit.coefficients(path.middle or path.frame.middle, orders[0])
         box = [rough(part) for part in path.box]
         zero, one = (alike(box[0], k) for k in (0, 1))
@@ -147,14 +148,18 @@ class Trial:
         return system
 
     def tested(self, length: Any) -> Step:
-        """The step of that length, which is proved where it says so."""
+        """The step of that length, which is proved where it says so; the path knows it as its own."""
+        step = self.path.tested = self._step(length)
+        return step
+
+    def _step(self, length: Any) -> Step:
         with working_precision(_REMAINDER_BITS):
             enclosure, fine, wider, included = self._test(length)
         return Step(
             self.path.time,
             length,
             enclosure,
-            self.path.frame,
+            self.frame,
             self.orders,
             [[*c, alike(c[0], r)] for c, r in zip(self.thin, fine, strict=True)],
             [[*c, alike(c[0], r)] for c, r in zip(self.wide[3:], wider[3:], strict=True)],
