@@ -17,7 +17,17 @@ from tippedisk_verify.errors import InputError
 from tippedisk_verify.interrupts import unbroken, undoing
 
 __all__ = [
-    *("alone", "csv_text", "output_file", "output_folder", "printable", "read_bytes", "read_text", "remains_of"),
+    *(
+        "alone",
+        "csv_text",
+        "file_ending_in",
+        "output_file",
+        "output_folder",
+        "printable",
+        "read_bytes",
+        "read_text",
+        "remains_of",
+    ),
     *("sole_writer", "table_file", "write_bytes", "write_csv", "write_table", "write_text"),
 ]
 
@@ -92,11 +102,18 @@ def write_csv(path: Path, header: Sequence[str], rows: Iterable[Sequence[object]
     return write_text(path, csv_text(header, rows))
 
 
-def table_file(path: str, *others: str) -> Path:
-    """`output_file` for `write_table`, or of another kind; its name must end accordingly."""
-    file, kinds = output_file(path), (".csv", ".parquet", *others)
+def file_ending_in(path: str, *kinds: str) -> Path:
+    """`output_file` whose name ends in one of these. Raises InputError for another one."""
+    file = output_file(path)
     if file.suffix.lower() not in kinds:
-        raise InputError(f"'{_named(file)}' must end in {', '.join(kinds[:-1])} or {kinds[-1]}")
+        listed = " or ".join(filter(None, (", ".join(kinds[:-1]), kinds[-1])))
+        raise InputError(f"'{_named(file)}' must end in {listed}")
+    return file
+
+
+def table_file(path: str, *others: str) -> Path:
+    """`file_ending_in` for `write_table`, or for another kind."""
+    file = file_ending_in(path, ".csv", ".parquet", *others)
     if file.suffix.lower() == ".parquet" and find_spec("pyarrow") is None:
         raise InputError("Parquet needs pyarrow: pip install 'tippedisk-verify[cluster]', or write .csv")
     return file

@@ -198,7 +198,7 @@ def harmonic_balance(common: Common, omega: Fraction, harmonics: int | None) -> 
 @common_options
 def branch(common: Common, paper_sets: bool, omegas: str | None, rotating: bool, proved: bool, out: str | None) -> int:
     """Compute the family of limit cycles from Omega_crit towards Omega_h, through any folds, or the rotating ones."""
-    from tippedisk_verify.files import output_file
+    from tippedisk_verify.files import file_ending_in
     from tippedisk_verify.parallel import usable_cores
     from tippedisk_verify.report.tables import write_branch
 
@@ -208,7 +208,7 @@ def branch(common: Common, paper_sets: bool, omegas: str | None, rotating: bool,
         raise InputError("--paper-sets are speeds of their own, without rotating cycles: leave out the other option")
     if proved and (rotating or out is not None):
         raise InputError("--proved is for librating cycles, and for --json: leave out --rotating and --out")
-    target = None if out is None else output_file(out)
+    target = None if out is None else file_ending_in(out, ".csv")
     disk, speeds, watched = common.disk, None if omegas is None else omegas.split(","), not common.quiet
     cycles: Sequence[LimitCycle | RotatingCycle]
     if rotating:
@@ -304,9 +304,9 @@ def basin(
 @common_options
 def heteroclinic(common: Common, method: str, out: str | None) -> Any:
     """Compute Omega_h, where the saddles are connected, by one of several methods."""
-    from tippedisk_verify.files import output_file, write_csv
+    from tippedisk_verify.files import file_ending_in, write_csv
 
-    target = None if out is None else output_file(out)
+    target = None if out is None else file_ending_in(out, ".csv")
     connection = common.disk.heteroclinic(digits=common.digits, method=method)
     if target is not None:
         times, states = connection.orbit()

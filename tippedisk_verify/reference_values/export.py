@@ -18,7 +18,9 @@ __all__ = ["FORMATS", "export"]
 
 _INPUTS = (*SYMBOLS, "Omega", "beta", "gamma", "v", "t")
 _FIELDS = (*_INPUTS, "value", "tolerance")
-_SAYS = "Reference values of the tippedisk for inputs in doubles; an answer may be off by `tolerance`. 0 where none is."
+_SAYS = (
+    "Reference values of the tippedisk; a good answer in doubles is off by `tolerance` at most. 0 where no input is."
+)
 Row = tuple[str, list[float]]  #: the id, and a number for each of `_FIELDS`
 
 

@@ -116,15 +116,19 @@ def summary(findings: Findings) -> dict[str, Any]:
 def totals(counts: dict[str, Any]) -> str:
     """The summary as a sentence."""
 
-    def said(verdict: str, one: str, many: str) -> str:
-        return f"{counts[verdict]} {one if counts[verdict] == 1 else many}"
-
     faults = ", ".join(_counted_fault(fault) for fault in counts["not_following"])
-    return (
-        f"{counts['claims']} {'claim' if counts['claims'] == 1 else 'claims'}: {said('holds', 'holds', 'hold')},"
-        f" {said('holds-for', 'holds', 'hold')} for some parameter sets, {said('undecided', 'is', 'are')} undecided,"
-        f" {said('does-not-follow', 'does', 'do')} not follow{': ' * bool(faults)}{faults}"
-    )
+    verdicts = {
+        "holds": ("holds", "hold", ""),
+        "holds-for": ("holds", "hold", " for some parameter sets"),
+        "undecided": ("is", "are", " undecided"),
+        "does-not-follow": ("does", "do", f" not follow: {faults}"),
+    }
+    said = [
+        f"{counts[verdict]} {one if counts[verdict] == 1 else many}{rest}"
+        for verdict, (one, many, rest) in verdicts.items()
+        if counts[verdict]
+    ]
+    return f"{counts['claims']} {'claim' if counts['claims'] == 1 else 'claims'}: {', '.join(said)}"
 
 
 def _counted_fault(fault: dict[str, Any]) -> str:
