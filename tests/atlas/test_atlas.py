@@ -103,10 +103,10 @@ def test_folds_end_where_the_saddle_value_vanishes(by_eccentricity: Atlas) -> No
 
 
 def test_the_last_part_of_a_fold_curve_is_told_to_be_missing(by_eccentricity: Atlas) -> None:
-    (told,) = by_eccentricity.missing
-    assert (told.kind, told.reason) == ("fold", "the curve could not be followed further in double")
     last = max(point.value for point in curve(by_eccentricity, "fold").points)
-    assert abs(told.value - last) < Fraction("1e-12")
+    # Whether single folds before it are missing too is decided by last bits.
+    told = next(missing for missing in by_eccentricity.missing if abs(missing.value - last) < Fraction("1e-12"))
+    assert (told.kind, told.reason) == ("fold", "the curve could not be followed further in double")
 
 
 def test_a_connection_of_neutral_saddles_is_found(taylor: Taylor) -> None:

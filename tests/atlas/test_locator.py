@@ -16,7 +16,7 @@ FOLDING = PRINTED.changed(A="0.229e-3")  # cycles are born unstable, above Omega
 
 def test_families_are_kept_for_a_disk_and_its_law(taylor) -> None:
     known = locator(PRINTED, taylor)
-    assert locator(PRINTED.changed(name="printed"), taylor) is known
+    assert locator(PRINTED.changed(name="table1"), taylor) is known
     assert locator(PRINTED.with_friction("smooth"), taylor) is not known
     assert locator(FOLDING, taylor) is not known
     assert known.librating(Fraction(30)).starts == ()

@@ -75,11 +75,12 @@ def test_a_question_asks_for_what_its_condition_leaves(store: Store) -> None:
     """By the definition: the error that a relative change of all inputs by the allowance makes, in digits."""
     worst = store[f"printed/linear/{HET}/multiplier_slow"]
     slopes = sum(abs(float(slope)) for slope in worst.condition.values())
-    assert needed(worst) == pytest.approx(-math.log10(slopes * 1e-10 / float(worst)), abs=1e-6)
+    three_decimals = 5e-4 + 1e-6  # as the table has it
+    assert needed(worst) == pytest.approx(-math.log10(slopes * 1e-10 / float(worst)), abs=three_decimals)
     assert needed(worst) < 0.5  # next to nothing can be asked for
     period = store[f"printed/linear/{HET}/period"]
     slopes = sum(abs(float(slope)) for slope in period.condition.values())
-    assert needed(period) == pytest.approx(-math.log10(slopes * 1e-10 / float(period)))
+    assert needed(period) == pytest.approx(-math.log10(slopes * 1e-10 / float(period)), abs=three_decimals)
     # Programs that keep all digits are asked for the level's, and well-conditioned questions ask for no less.
     assert needed(store["printed/linear/near-heteroclinic/het+1e-30/multiplier_slow"]) == FAILS_BELOW[9]
     for quantity in store.values():

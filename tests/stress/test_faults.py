@@ -16,7 +16,18 @@ from pathlib import Path
 
 import pytest
 
-from tests.stress.runs import GENERATE, LONGEST, ORBIT, PROGRAM, SWEEP, environment, one_line, run, without_rights
+from tests.stress.runs import (
+    GENERATE,
+    LONGEST,
+    ORBIT,
+    PROGRAM,
+    SWEEP,
+    environment,
+    one_line,
+    program,
+    run,
+    without_rights,
+)
 from tests.stress.strikes import Struck, ended_by
 from tippedisk_verify.reference_values.manifest import faults_in_files
 
@@ -294,7 +305,7 @@ def test_two_at_once_into_one_place(command: list[str], tmp_path: Path) -> None:
     """One does it and the others say that it is being done, or that nothing was left to do; nothing is lost."""
     target = str(tmp_path / ("sweep.csv" if command is SWEEP else "data"))
     runs = [
-        subprocess.Popen([*PROGRAM, *command, target], env=environment(), stderr=subprocess.PIPE, text=True)
+        subprocess.Popen([*program(command), target], env=environment(), stderr=subprocess.PIPE, text=True)
         for _ in range(3)
     ]
     ends = [(run.communicate(timeout=LONGEST)[1], run.returncode) for run in runs]
