@@ -113,9 +113,9 @@ FAULTS = {
                                        "zip(away, [0 * x for x in away],"),
     "derivatives at the middle only": (Trial, "__init__", "for part in path.box]", "for part in path.frame.middle]"),
     "the speed's own column is missing": (Frame, "_mapped", "entries[column] + own", "entries[column]"),
-    "no remainder in time": (Trial, "tested", "alike(c[0], r)] for c, r in zip(self.thin",
+    "no remainder in time": (Trial, "_step", "alike(c[0], r)] for c, r in zip(self.thin",
                              "0 * c[0]] for c, r in zip(self.thin"),
-    "no remainder in the derivatives": (Trial, "tested", "alike(c[0], r)] for c, r in zip(self.wide",
+    "no remainder in the derivatives": (Trial, "_step", "alike(c[0], r)] for c, r in zip(self.wide",
                                         "0 * c[0]] for c, r in zip(self.wide"),
     "the derivatives' spread is lost": (Frame, "carried", "_sum(left, _product(turned, self.spread))", "self.spread"),
 }  # fmt: skip

@@ -89,7 +89,7 @@ def test_remainders_of_the_middle_are_held() -> None:
     ],
 )  # fmt: skip
 def test_a_remainder_that_is_dropped_is_noticed(old, new, monkeypatch) -> None:
-    plant(monkeypatch, Trial, "tested", old, new)
+    plant(monkeypatch, Trial, "_step", old, new)
     assert not oscillators_are_held()
 
 
@@ -150,7 +150,7 @@ def test_steps_are_as_long_as_proved() -> None:
     [
         (
             Trial,
-            "tested",
+            "_step",
             "self.path.time,\n        length,",
             "self.path.time,\n        type(length)(length.midpoints * 1.001),",
         ),

@@ -52,7 +52,7 @@ def entries_of(store: Store, prefix: str = "") -> list[Entry]:
     entries = []
     for id_, group in groupby(store.matching(prefix), key=lambda quantity: quantity.id.rsplit("/", 1)[0]):
         quantities = tuple(group)
-        entries.append(Entry(Item(id_, quantities[0].inputs, tuple(quantities[0].values)), quantities))
+        entries.append(Entry(Item(id_, dict(quantities[0].inputs), tuple(quantities[0].values)), quantities))
     return entries
 
 
