@@ -107,6 +107,7 @@ def test_the_last_part_of_a_fold_curve_is_told_to_be_missing(by_eccentricity: At
     # Whether single folds before it are missing too is decided by last bits.
     told = next(missing for missing in by_eccentricity.missing if abs(missing.value - last) < Fraction("1e-12"))
     assert (told.kind, told.reason) == ("fold", "the curve could not be followed further in double")
+    assert {missing.kind for missing in by_eccentricity.missing} == {"fold"}
 
 
 def test_a_connection_of_neutral_saddles_is_found(taylor: Taylor) -> None:
