@@ -10,10 +10,11 @@ import os
 import pytest
 from hypothesis import HealthCheck, settings
 
-from tests.shares import pytest_addoption, pytest_collection_modifyitems
+from tests.shares import pytest_addoption, pytest_collection_modifyitems, pytest_terminal_summary
 from tippedisk_verify.flow.taylor import Taylor
 
-__all__ = ["pytest_addoption", "pytest_collection_modifyitems", "taylor"]  # what pytest finds here
+# what pytest finds here
+__all__ = ["pytest_addoption", "pytest_collection_modifyitems", "pytest_terminal_summary", "taylor"]
 
 # What was kept from earlier runs must not stand in for what a test computes.
 os.environ["TIPPEDISK_VERIFY_CACHE"] = "code"

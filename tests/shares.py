@@ -3,11 +3,15 @@
 A study says with ``pytest.mark.slow(minutes=...)`` how long it keeps a core busy; one that says nothing counts as
 short. The longest are handed out first, each to the share that has least so far. So every study belongs to exactly one
 share, in whatever order studies are collected, and a new one has its share from the start.
+
+After a run of slow studies the summary holds what they declared against what they took. It is told, and fails nothing:
+a busy machine takes longer.
 """
 
 from __future__ import annotations
 
 import hashlib
+from collections import Counter
 from collections.abc import Mapping
 
 import pytest
@@ -23,15 +27,34 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 @pytest.hookimpl(tryfirst=True)  # before anything else is left out, on which the shares would depend
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    minutes = {}
+    for item in items:
+        if mark := item.get_closest_marker("slow"):
+            minutes[item.nodeid] = mark.kwargs.get("minutes", SHORT)
+            item.user_properties.append(("minutes", minutes[item.nodeid]))  # travels with the report
     asked = config.getoption("--slow-share")
     if asked is None:
         return
     wanted, count = parsed(asked)
-    marks = {item.nodeid: mark for item in items if (mark := item.get_closest_marker("slow"))}
-    share = shares({name: mark.kwargs.get("minutes", SHORT) for name, mark in marks.items()}, count)
+    share = shares(minutes, count)
     left_out = [item for item in items if share.get(item.nodeid, 0) not in wanted]
     items[:] = [item for item in items if share.get(item.nodeid, 0) in wanted]
     config.hook.pytest_deselected(items=left_out)
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """What slow studies declared against what they took, setup included."""
+    took, declared = Counter[str](), {}
+    for report in (report for reports in terminalreporter.stats.values() for report in reports):
+        if isinstance(report, pytest.TestReport) and "minutes" in (said := dict(report.user_properties)):
+            took[report.nodeid] += report.duration / 60
+            declared[report.nodeid] = said["minutes"]
+    if declared:
+        terminalreporter.section("slow studies")
+        sums = f"declare {sum(declared.values()):.1f} core-minutes and took {sum(took.values()):.1f}"
+        terminalreporter.line(f"{len(declared)} studies {sums}")
+    for name in sorted(name for name in declared if took[name] > 2 * declared[name] + SHORT):
+        terminalreporter.line(f"{name} declares {declared[name]:g} and took {took[name]:.1f}")
 
 
 def parsed(text: str) -> tuple[set[int], int]:
