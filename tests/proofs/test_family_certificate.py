@@ -16,10 +16,9 @@ from tests.proofs.test_branch import DISK, SUBCRITICAL, first, quick, second  # 
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
 from tippedisk_verify.proofs.kernel import claims
 from tippedisk_verify.proofs.kernel.balls import ball, working_precision
-from tippedisk_verify.proofs.kernel.claims import arcs as module
 from tippedisk_verify.proofs.kernel.claims import connection_cycles
-from tippedisk_verify.proofs.kernel.claims.arcs import Job, Piece, piece_shown
-from tippedisk_verify.proofs.kernel.claims.family import last_cycle, omega_crit, sentence, show
+from tippedisk_verify.proofs.kernel.claims import family as module
+from tippedisk_verify.proofs.kernel.claims.family import Job, Piece, last_cycle, omega_crit, piece_shown, sentence, show
 from tippedisk_verify.proofs.search.branch import BranchProof
 from tippedisk_verify.proofs.search.certificate import parameter_texts
 

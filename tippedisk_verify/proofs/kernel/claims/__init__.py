@@ -6,14 +6,15 @@ from typing import Any
 
 from tippedisk_verify.proofs.kernel.balls import Unproved, need, working_precision
 from tippedisk_verify.proofs.kernel.claims import connection, connection_cycles, cycle, family, fold, interval
-from tippedisk_verify.proofs.kernel.reading import Refused, content_of, digest, one_of, parsed, precision
+from tippedisk_verify.proofs.kernel.reading import DISK, Refused, content_of, digest, one_of, parsed, precision
 
 __all__ = ["FORMAT", "KINDS", "Refused", "Unproved", "check", "digest", "proved"]
 
 FORMAT = "tippedisk certificate 3"
-#: by what shows them
+#: The modules that show them. ``SHAPES`` says what a claim has besides `DISK`, and what its evidence; ``show`` raises
+#: Unproved if the evidence does not prove the claim; ``sentence`` says in words what is claimed.
 KINDS: dict[str, Any] = {
-    kind: module for module in (cycle, fold, interval, connection, connection_cycles, family) for kind in module.KINDS
+    kind: module for module in (cycle, fold, interval, connection, connection_cycles, family) for kind in module.SHAPES
 }
 
 
@@ -33,9 +34,9 @@ def proved(content: Any, mapped: family.Mapped = map) -> str:
         raise Refused(f"its format is not '{FORMAT}': write it again with this version")
     kind = parsed(content["claim"].get("kind"), one_of(*KINDS), "claim kind")
     bits = parsed(content.get("bits"), precision, "bits")
-    claim, evidence = KINDS[kind].shape(kind)
+    claim, evidence = KINDS[kind].SHAPES[kind]
     with working_precision(bits):
-        shape = {"format": str, "claim": claim, "bits": precision, "evidence": evidence, "sha256": str}
+        shape = {"format": str, "claim": DISK | claim, "bits": precision, "evidence": evidence, "sha256": str}
         file = parsed(content, shape, "the file")
         need(content["sha256"] == digest(content), "the content is not what its digest, sha256, was made of")
         shared = (mapped,) if KINDS[kind] is family else ()

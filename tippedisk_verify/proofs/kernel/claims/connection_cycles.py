@@ -6,7 +6,7 @@ saddle. All speeds lie in one closed interval J, which holds the interval of Ome
 **The map R.** D is the set of all z with z_s = -s, |z_f| <= t_0 and -eta <= z_u <= g. An orbit from D that starts below
 the graph g leaves N through z_u = -u, after T seconds, T >= `Passage.time`. Bounds of its |z_s| and |z_f| there give
 the *exit set*. S takes the exit to -z about the first saddle, and the flight from there reaches z_s = -s about the
-second one (`flights`): R(z) is where it does. Where an orbit starts nearer and nearer to the graph, T grows,
+second one (`passage`): R(z) is where it does. Where an orbit starts nearer and nearer to the graph, T grows,
 and its exit tends to that of the branch of the unstable manifold: an orbit that has always been in N lies on it. So R
 is continuous on D with R = p on the graph, p the branch's arrival. Elsewhere it is analytic. All R(z) have z_u > -eta
 and |z_f| < t_0.
@@ -78,16 +78,21 @@ from flint import arb
 from tippedisk_verify.proofs.kernel.balls import ball, need, positive
 from tippedisk_verify.proofs.kernel.claims import connection as connections
 from tippedisk_verify.proofs.kernel.claims.connection import Connection, Recorded, connection_shown
-from tippedisk_verify.proofs.kernel.claims.flights import arrivals
-from tippedisk_verify.proofs.kernel.claims.passage import Passage
+from tippedisk_verify.proofs.kernel.claims.passage import Passage, arrivals
 from tippedisk_verify.proofs.kernel.claims.saddle import FAST, SLOW, UNSTABLE, Saddle, ask, most, products
-from tippedisk_verify.proofs.kernel.claims.words import DISK, disk_words, number_words
 from tippedisk_verify.proofs.kernel.lanes import Lanes
-from tippedisk_verify.proofs.kernel.reading import MEASURED, count, decimal, dyadic, one_of, order
+from tippedisk_verify.proofs.kernel.reading import (
+    MEASURED,
+    count,
+    decimal,
+    disk_words,
+    dyadic,
+    number_words,
+    one_of,
+    order,
+)
 
-__all__ = ["CLAIM", "EVIDENCE", "KINDS", "LID", "End", "ReturnMap", "cycles_shown", "sentence", "shape", "show"]
-
-KINDS = ("cycles next to the connection",)
+__all__ = ["CLAIM", "EVIDENCE", "LID", "SHAPES", "End", "ReturnMap", "cycles_shown", "sentence", "show"]
 
 #: of a refusal, where a higher lid may help
 LID = "arrivals above the lid of D"
@@ -277,10 +282,12 @@ def _connected(n: Passage, connection: Connection) -> None:
         ask("gamma grows along the connection", beta.sin())
 
 
-def shape(kind: str) -> tuple[dict[str, Any], dict[str, Any]]:
-    """What a claim and its evidence have."""
-    claim = DISK | CLAIM | {"kind": str, "friction": one_of("linear"), "numbers": {"omega_h": MEASURED}}
-    return claim, EVIDENCE
+SHAPES = {
+    "cycles next to the connection": (
+        {"friction": one_of("linear"), "numbers": {"omega_h": MEASURED}, **CLAIM},
+        EVIDENCE,
+    )
+}
 
 
 def show(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> End:

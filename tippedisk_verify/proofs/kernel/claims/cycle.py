@@ -13,14 +13,35 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from tippedisk_verify.proofs.kernel.balls import arb, ball, need, negative, positive, working_precision
-from tippedisk_verify.proofs.kernel.choices import BOX, FLIGHT, ReplayedTest
-from tippedisk_verify.proofs.kernel.claims.words import DISK, MANNERS, disk_words, held, number_words
-from tippedisk_verify.proofs.kernel.krawczyk import FixedPoints, krawczyk_test
-from tippedisk_verify.proofs.kernel.reading import MEASURED, count, decimal, dyadic, one_of, precision
+from tippedisk_verify.proofs.kernel.krawczyk import BOX, FLIGHT, FixedPoints, replayed_test
+from tippedisk_verify.proofs.kernel.reading import (
+    MANNERS,
+    MEASURED,
+    count,
+    decimal,
+    disk_words,
+    dyadic,
+    held,
+    number_words,
+    one_of,
+    precision,
+)
 from tippedisk_verify.proofs.kernel.section import HALF, TURN, Return, Section
 
-__all__ = ["KINDS", "UNKNOWNS", "apart", "cycle_numbers", "main", "names", "place", "reversals", "sentence", "shape",
-           "show", "stability"]  # fmt: skip
+__all__ = [
+    "KINDS",
+    "SHAPES",
+    "UNKNOWNS",
+    "apart",
+    "cycle_numbers",
+    "main",
+    "names",
+    "place",
+    "reversals",
+    "sentence",
+    "show",
+    "stability",
+]  # fmt: skip
 
 KINDS = {"limit cycle": HALF, "rotating limit cycle": TURN}
 #: names of a section's coordinates
@@ -94,18 +115,19 @@ def reversals(section: Section, fixed: FixedPoints) -> int:
     return int(section.laps * fixed.box.reversals)
 
 
-def shape(kind: str) -> tuple[dict[str, Any], dict[str, Any]]:
-    """What a claim and its evidence have."""
-    section = KINDS[kind]
-    claim = DISK | {
-        "kind": str,
-        "omega": decimal,
-        "numbers": dict.fromkeys(names(section), MEASURED),
-        "stable": one_of(True, False, None),
-        "unique_within": dict.fromkeys(UNKNOWNS[section], decimal),
-        "reversals?": count,
-    }
-    return claim, {"middle": [dyadic, 2], "centre": FLIGHT, "box": BOX, "wide box?": BOX | {"bits": precision}}
+SHAPES = {
+    kind: (
+        {
+            "omega": decimal,
+            "numbers": dict.fromkeys(names(section), MEASURED),
+            "stable": one_of(True, False, None),
+            "unique_within": dict.fromkeys(UNKNOWNS[section], decimal),
+            "reversals?": count,
+        },
+        {"middle": [dyadic, 2], "centre": FLIGHT, "box": BOX, "wide box?": BOX | {"bits": precision}},
+    )
+    for kind, section in KINDS.items()
+}
 
 
 def show(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> None:
@@ -114,10 +136,8 @@ def show(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> None:
     middle, drift = place(claim, evidence["middle"])
 
     def test(name: str, centre: Return | None = None) -> FixedPoints:
-        box = evidence[name]
-        choices = ReplayedTest(evidence["centre"], box, name)
-        fixed = krawczyk_test(claim, section, middle, [*box["radii"], drift], (0, 1), choices, centre)
-        return choices.passed(fixed, first=centre is None)
+        box, log = evidence[name], evidence["centre"]
+        return replayed_test(claim, section, middle, [*box["radii"], drift], (0, 1), log, box, name, centre)
 
     fixed, widest = test("box"), evidence["box"]["radii"]
     numbers = cycle_numbers(section, fixed)

@@ -12,15 +12,23 @@ from fractions import Fraction
 from typing import Any, Literal
 
 from tippedisk_verify.proofs.kernel.balls import arb, ball, inside, need, negative, positive
-from tippedisk_verify.proofs.kernel.choices import BOX, FLIGHT, ReplayedTest
 from tippedisk_verify.proofs.kernel.claims.cycle import UNKNOWNS
-from tippedisk_verify.proofs.kernel.claims.words import DISK, disk_words, held, number_words
-from tippedisk_verify.proofs.kernel.krawczyk import FixedPoints, krawczyk_test
-from tippedisk_verify.proofs.kernel.reading import MEASURED, dyadic, one_of
+from tippedisk_verify.proofs.kernel.krawczyk import BOX, FLIGHT, FixedPoints, replayed_test
+from tippedisk_verify.proofs.kernel.reading import MEASURED, disk_words, dyadic, held, number_words, one_of
 from tippedisk_verify.proofs.kernel.section import HALF, TURN, Section
 
-__all__ = ["KINDS", "POINTS", "arc_balls", "extremum", "judge", "names", "sentence", "shape", "show",
-           "slope"]  # fmt: skip
+__all__ = [
+    "KINDS",
+    "POINTS",
+    "SHAPES",
+    "arc_balls",
+    "extremum",
+    "judge",
+    "names",
+    "sentence",
+    "show",
+    "slope",
+]  # fmt: skip
 
 KINDS = {"fold of limit cycles": HALF, "fold of rotating limit cycles": TURN}
 POINTS = ("arc", "lower end", "upper end")  #: where tests are made: the whole arc, and its ends
@@ -67,16 +75,18 @@ def judge(claim: Mapping[str, Any], section: Section, points: Sequence[FixedPoin
     held(numbers["period"], section.laps * whole.box.time, "period")
 
 
-def shape(kind: str) -> tuple[dict[str, Any], dict[str, Any]]:
-    """What a claim and its evidence have."""
-    claim = DISK | {
-        "kind": str,
-        "friction": one_of("linear"),  # the smooth law has no analytic curves of cycles
-        "numbers": dict.fromkeys(names(KINDS[kind]), MEASURED),
-        "extremum": one_of(*EXTREMA),
-    }
-    point = {"middle": [dyadic, 2], "centre": FLIGHT, "box": BOX}
-    return claim, dict.fromkeys(POINTS, point)
+_POINT = {"middle": [dyadic, 2], "centre": FLIGHT, "box": BOX}
+SHAPES = {
+    kind: (
+        {
+            "friction": one_of("linear"),  # the smooth law has no analytic curves of cycles
+            "numbers": dict.fromkeys(names(section), MEASURED),
+            "extremum": one_of(*EXTREMA),
+        },
+        dict.fromkeys(POINTS, _POINT),
+    )
+    for kind, section in KINDS.items()
+}
 
 
 def show(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> None:
@@ -88,9 +98,9 @@ def show(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> None:
     points = []
     for name, p in zip(POINTS, arc_balls(place, half), strict=True):
         point = evidence[name]
-        choices = ReplayedTest(point["centre"], point["box"], name)
         middle, deviations = [p.mid(), *point["middle"]], [p - p.mid(), *point["box"]["radii"]]
-        points.append(choices.passed(krawczyk_test(claim, section, middle, deviations, (1, 2), choices)))
+        log, box = point["centre"], point["box"]
+        points.append(replayed_test(claim, section, middle, deviations, (1, 2), log, box, name))
     judge(claim, section, points, evidence["arc"]["box"]["radii"])
 
 
