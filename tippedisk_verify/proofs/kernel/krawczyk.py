@@ -12,10 +12,10 @@ each p, and all matrices F_u are regular (Krawczyk 1969; Moore 1977; Rump 1983).
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from types import SimpleNamespace
-from typing import Any, Protocol
+from typing import Any
 
 from tippedisk_verify.proofs.kernel.balls import Unproved, arb, inside, need
 from tippedisk_verify.proofs.kernel.field import constants
@@ -31,22 +31,13 @@ __all__ = ["BOX", "FLIGHT", "Choices", "FixedPoints", "Replay", "fixed_points", 
 Pair = Sequence[Any]
 
 
-class Choices(Protocol):
+@dataclass(frozen=True)
+class Choices:
     """What a test asks for."""
 
-    @property
-    def centre(self) -> Proposer:
-        """For the flight from the middle."""
-        ...
-
-    @property
-    def box(self) -> Proposer:
-        """For the flight over the box."""
-        ...
-
-    def inverse(self, matrix: Sequence[Pair]) -> Sequence[Pair]:
-        """Y, four points, given F_u over the box."""
-        ...
+    centre: Proposer  #: for the flight from the middle
+    box: Proposer  #: for the flight over the box
+    inverse: Callable[[Sequence[Pair]], Sequence[Pair]]  #: Y, four points, given F_u over the box
 
 
 @dataclass(frozen=True)
@@ -188,18 +179,6 @@ class Replay:
         return f"{self.name}, step {self.number}"
 
 
-@dataclass(frozen=True)
-class _Replayed:
-    """The `Choices` of a certificate."""
-
-    centre: Replay
-    box: Replay
-    chosen: Sequence[Pair]
-
-    def inverse(self, matrix: Sequence[Pair]) -> Sequence[Pair]:
-        return self.chosen
-
-
 def replayed_test(
     claim: Mapping[str, Any],
     section: Section,
@@ -216,7 +195,7 @@ def replayed_test(
     Raises Unproved if the test is not passed, or not all of the logs is read.
     """
     flights = Replay(log, f"{name}, centre"), Replay(box["flight"], f"{name}, box")
-    choices = _Replayed(*flights, box["inverse"])
+    choices = Choices(*flights, lambda matrix: box["inverse"])
     outcome = krawczyk_test(claim, section, middle, deviations, unknown, choices, centre)
     if isinstance(outcome, Return):
         raise Unproved(f"{name}: at t = {float(outcome.reached):.4g} s: {outcome.status.value}")

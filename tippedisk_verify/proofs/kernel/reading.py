@@ -17,6 +17,7 @@ from tippedisk_verify.proofs.kernel.field import UNITS
 
 __all__ = [
     "DISK",
+    "LAWS",
     "MANNERS",
     "MEASURED",
     "Refused",
@@ -25,11 +26,9 @@ __all__ = [
     "count",
     "decimal",
     "digest",
-    "disk_words",
     "dyadic",
     "dyadic_text",
     "held",
-    "number_words",
     "one_of",
     "order",
     "parsed",
@@ -175,17 +174,6 @@ MANNERS = {
 
 #: what each claim says: of what kind it is, and of which disk
 DISK = {"kind": str, "parameters": dict.fromkeys(UNITS, decimal), "friction": one_of(*LAWS)}
-
-
-def disk_words(claim: Mapping[str, Any]) -> str:
-    """Which disk and which law a sentence is about."""
-    disk = ", ".join(f"{name} = {claim['parameters'][name]}{unit}" for name, unit in UNITS.items())
-    return f"for the tippedisk with {disk} under the {LAWS[claim['friction']]} friction law"
-
-
-def number_words(claim: Mapping[str, Any]) -> dict[str, str]:
-    """The numbers of a claim with their half-widths."""
-    return {name: f"{number['value']} ± {number['uncertainty']}" for name, number in claim["numbers"].items()}
 
 
 def held(number: Mapping[str, str], x: Any, name: str) -> None:

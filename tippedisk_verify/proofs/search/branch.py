@@ -18,10 +18,10 @@ from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.proofs.closed_forms import check_linearization, hopf_balls
 from tippedisk_verify.proofs.kernel.balls import ball_constants, working_precision
-from tippedisk_verify.proofs.kernel.claims import connection_cycles
+from tippedisk_verify.proofs.kernel.claims import connection_cycles, sentence
 from tippedisk_verify.proofs.kernel.claims.family import Piece, Status, curve_fault, last_cycle, unique_within
 from tippedisk_verify.proofs.numbers import measured
-from tippedisk_verify.proofs.search.certificate import Proof, claim_of, parameter_texts, sentence
+from tippedisk_verify.proofs.search.certificate import Proof, claim_of, parameter_texts
 from tippedisk_verify.proofs.search.connection_end import ProvedEnd
 from tippedisk_verify.proofs.search.curve_choices import piece_entry
 from tippedisk_verify.proofs.search.heteroclinic import ProvedConnection

@@ -13,11 +13,11 @@ from tippedisk_verify.model.decimals import exact_text
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import SYMBOLS, Parameters
 from tippedisk_verify.proofs.kernel.balls import Unproved, arb
-from tippedisk_verify.proofs.kernel.claims import FORMAT, KINDS
+from tippedisk_verify.proofs.kernel.claims import FORMAT, sentence
 from tippedisk_verify.proofs.kernel.reading import digest, dyadic_text
 from tippedisk_verify.proofs.search.steps import Steps
 
-__all__ = ["Proof", "Proposer", "Stopped", "claim_of", "parameter_texts", "sentence"]
+__all__ = ["Proof", "Proposer", "Stopped", "claim_of", "parameter_texts"]
 
 _PRINTED = {"reversals": "sliding_reversals"}  #: names that differ from those in the claim
 
@@ -82,11 +82,6 @@ class Proof:
             entries |= claim["numbers"] | {_PRINTED.get(name, name): claim[name] for name in self.told if name in claim}
         entries |= {"parameters": self.parameters.name, "bits": self.bits}
         return entries | ({"status": self.status.name} if self.status else {})
-
-
-def sentence(claim: Mapping[str, Any]) -> str:
-    """What is claimed."""
-    return str(KINDS[claim["kind"]].sentence(claim))
 
 
 def claim_of(kind: str, parameters: Parameters, numbers: Mapping[str, Measured], **more: Any) -> dict[str, Any]:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from tippedisk_verify.proofs.kernel.balls import arb, working_bits
 from tippedisk_verify.proofs.kernel.flow import Path, short_float
-from tippedisk_verify.proofs.kernel.krawczyk import FixedPoints, krawczyk_test
+from tippedisk_verify.proofs.kernel.krawczyk import Choices, FixedPoints, krawczyk_test
 from tippedisk_verify.proofs.kernel.reading import dyadic_text
 from tippedisk_verify.proofs.kernel.section import Return, Section
 from tippedisk_verify.proofs.kernel.sliding import Crossing
@@ -146,18 +146,6 @@ def _short(point: Any) -> Any:
     return arb((round(math.ldexp(mantissa, _AXIS_BITS)), exponent - _AXIS_BITS))
 
 
-class _SearchedTest:
-    """The choices of a Krawczyk test, searched for."""
-
-    def __init__(self) -> None:
-        self.centre, self.box = Steps(), Steps()
-        self.chosen: Matrix = ()
-
-    def inverse(self, matrix: Matrix) -> Matrix:
-        self.chosen = midpoint_inverse(matrix)
-        return self.chosen
-
-
 def searched_test(
     setting: Mapping[str, Any],
     section: Section,
@@ -172,14 +160,19 @@ def searched_test(
     ``sizes``, points, are the radii of the box of the two ``unknown`` numbers, and ``moved`` is what the third one
     deviates, a ball; ``centre`` is the flight of the middle, if it is known already.
     """
-    choices, flight = _SearchedTest(), None
-    if centre is not None:
-        choices.centre, flight = centre
+    way, flight = (Steps(), None) if centre is None else centre
+    chosen: list[Sequence[Any]] = []
+
+    def inverse(matrix: Matrix) -> Matrix:
+        chosen[:] = midpoint_inverse(matrix)
+        return chosen
+
+    choices = Choices(way, Steps(), inverse)
     deviations = [arb(0, size) for size in sizes]
     deviations.insert({0, 1, 2}.difference(unknown).pop(), moved)
     fixed = krawczyk_test(setting, section, middle, deviations, unknown, choices, flight)
-    box = {"radii": sizes, "inverse": choices.chosen, "flight": choices.box}
-    return fixed, {"middle": [middle[k] for k in unknown], "centre": choices.centre, "box": box}
+    box = {"radii": sizes, "inverse": chosen, "flight": choices.box}
+    return fixed, {"middle": [middle[k] for k in unknown], "centre": way, "box": box}
 
 
 def midpoint_inverse(matrix: Matrix) -> list[list[Any]]:

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 from tippedisk_verify.proofs.kernel.balls import Unproved, need, working_precision
 from tippedisk_verify.proofs.kernel.claims import connection, connection_cycles, cycle, family, fold, interval
-from tippedisk_verify.proofs.kernel.reading import DISK, Refused, content_of, digest, one_of, parsed, precision
+from tippedisk_verify.proofs.kernel.field import UNITS
+from tippedisk_verify.proofs.kernel.reading import DISK, LAWS, Refused, content_of, digest, one_of, parsed, precision
 
-__all__ = ["FORMAT", "KINDS", "Refused", "Unproved", "check", "digest", "proved"]
+__all__ = ["FORMAT", "KINDS", "Refused", "Unproved", "check", "digest", "proved", "sentence"]
 
 FORMAT = "tippedisk certificate 3"
 #: The modules that show them. ``SHAPES`` says what a claim has besides `DISK`, and what its evidence; ``show`` raises
-#: Unproved if the evidence does not prove the claim; ``sentence`` says in words what is claimed.
+#: Unproved if the evidence does not prove the claim; ``sentence`` says what is claimed of the disk, given the numbers
+#: with their half-widths.
 KINDS: dict[str, Any] = {
     kind: module for module in (cycle, fold, interval, connection, connection_cycles, family) for kind in module.SHAPES
 }
@@ -44,4 +47,12 @@ def proved(content: Any, mapped: family.Mapped = map) -> str:
             KINDS[kind].show(file["claim"], file["evidence"], *shared)
         except (ValueError, IndexError, OverflowError, ZeroDivisionError) as fault:
             raise Unproved(f"its choices cannot be computed with: {fault}") from None
-    return str(KINDS[kind].sentence(file["claim"]))
+    return sentence(file["claim"])
+
+
+def sentence(claim: Mapping[str, Any]) -> str:
+    """What is claimed, in one sentence or some."""
+    disk = ", ".join(f"{name} = {claim['parameters'][name]}{unit}" for name, unit in UNITS.items())
+    numbers = {name: f"{number['value']} ± {number['uncertainty']}" for name, number in claim["numbers"].items()}
+    words = KINDS[claim["kind"]].sentence(claim, numbers)
+    return f"for the tippedisk with {disk} under the {LAWS[claim['friction']]} friction law{words}"

@@ -38,7 +38,7 @@ from tippedisk_verify.proofs.kernel.claims.saddle import (
     most,
 )
 from tippedisk_verify.proofs.kernel.krawczyk import FLIGHT, Replay
-from tippedisk_verify.proofs.kernel.reading import MEASURED, decimal, disk_words, dyadic, number_words, one_of
+from tippedisk_verify.proofs.kernel.reading import MEASURED, decimal, dyadic, one_of
 from tippedisk_verify.proofs.kernel.step import Step
 
 __all__ = [
@@ -270,12 +270,11 @@ def show(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> None:
     need(shown.upright or not claim["upright"], "claim: that the disk never lies flat is not shown")
 
 
-def sentence(claim: Mapping[str, Any]) -> str:
-    """What is claimed, in one sentence."""
+def sentence(claim: Mapping[str, Any], numbers: Mapping[str, str]) -> str:
+    """What is said of the disk, in one sentence."""
     middle, half = (claim["numbers"]["omega_h"][name] for name in ("value", "uncertainty"))
-    numbers = number_words(claim)
     return (
-        f"{disk_words(claim)} there is "
+        f" there is "
         f"{'exactly one' if claim['unique'] else 'at least one'} Omega with |Omega - {middle} rad/s| <= {half} rad/s "
         "at which the branch of the unstable manifold of (beta, gamma, v) = (pi/2, -pi/2, 0) that leaves with growing "
         f"gamma, from the moment on at which it first has gamma = 3 pi/2 - {claim['gamma']}, stays in the box "

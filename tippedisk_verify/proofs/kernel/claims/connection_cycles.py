@@ -81,16 +81,7 @@ from tippedisk_verify.proofs.kernel.claims.connection import Connection, Recorde
 from tippedisk_verify.proofs.kernel.claims.passage import Passage, arrivals
 from tippedisk_verify.proofs.kernel.claims.saddle import FAST, SLOW, UNSTABLE, Saddle, ask, most, products
 from tippedisk_verify.proofs.kernel.lanes import Lanes
-from tippedisk_verify.proofs.kernel.reading import (
-    MEASURED,
-    count,
-    decimal,
-    disk_words,
-    dyadic,
-    number_words,
-    one_of,
-    order,
-)
+from tippedisk_verify.proofs.kernel.reading import MEASURED, count, decimal, dyadic, one_of, order
 
 __all__ = ["CLAIM", "EVIDENCE", "LID", "SHAPES", "End", "ReturnMap", "cycles_shown", "sentence", "show"]
 
@@ -304,17 +295,17 @@ def show(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> End:
     return cycles_shown(connection, Fraction(claim["low"]), Fraction(claim["high"]), lambda name, *shown: choices[name])
 
 
-def sentence(claim: Mapping[str, Any]) -> str:
-    """What is claimed, in one sentence or three."""
+def sentence(claim: Mapping[str, Any], numbers: Mapping[str, str]) -> str:
+    """What is said of the disk, in one sentence or three."""
     low, high, gamma, v = (claim[name] for name in CLAIM)
     return (
-        f"{disk_words(claim)} let gamma be a real number, not an angle; let P be the half map from the section beta = "
+        f" let gamma be a real number, not an angle; let P be the half map from the section beta = "
         "pi/2, v < 0 along the flow to the next crossing of beta = pi/2, there v > 0, with |beta - pi/2| < pi/2 "
         "between, and by S: (beta, gamma, v) -> (pi - beta, pi - gamma, -v) back; and let Q be the set of the "
         f"section's states with 3 pi/2 - {gamma} <= gamma < 3 pi/2 and -{v} rad/s <= v < 0. Of the speeds from {low} "
         f"to {high} rad/s exactly one, Omega_h, is one at which the branch of the unstable manifold of (beta, gamma, "
         "v) = (pi/2, -pi/2, 0) that leaves with growing gamma converges to (pi/2, 3 pi/2, 0) with gamma growing all "
-        f"the way, and Omega_h = {number_words(claim)['omega_h']} rad/s. For every Omega with Omega_h < Omega <= "
+        f"the way, and Omega_h = {numbers['omega_h']} rad/s. For every Omega with Omega_h < Omega <= "
         f"{high} rad/s P has exactly one fixed point in Q; the limit cycle through it is asymptotically stable, S maps "
         "it to itself, and it crosses beta = pi/2 exactly twice a period; as Omega grows, its period, its largest "
         "|beta - pi/2| and its gamma in Q fall strictly; as Omega falls to Omega_h, its period tends to infinity and "

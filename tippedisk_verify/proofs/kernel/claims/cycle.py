@@ -14,18 +14,7 @@ from typing import Any
 
 from tippedisk_verify.proofs.kernel.balls import arb, ball, need, negative, positive, working_precision
 from tippedisk_verify.proofs.kernel.krawczyk import BOX, FLIGHT, FixedPoints, replayed_test
-from tippedisk_verify.proofs.kernel.reading import (
-    MANNERS,
-    MEASURED,
-    count,
-    decimal,
-    disk_words,
-    dyadic,
-    held,
-    number_words,
-    one_of,
-    precision,
-)
+from tippedisk_verify.proofs.kernel.reading import MANNERS, MEASURED, count, decimal, dyadic, held, one_of, precision
 from tippedisk_verify.proofs.kernel.section import HALF, TURN, Return, Section
 
 __all__ = [
@@ -155,9 +144,9 @@ def show(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> None:
         need(bool(room >= least > 0), f"claim: no other {name} is so near, is not shown")
 
 
-def sentence(claim: Mapping[str, Any]) -> str:
-    """What is claimed, in one sentence."""
-    section, n, room = KINDS[claim["kind"]], number_words(claim), claim["unique_within"]
+def sentence(claim: Mapping[str, Any], numbers: Mapping[str, str]) -> str:
+    """What is said of the disk, in one sentence."""
+    section, n, room = KINDS[claim["kind"]], numbers, claim["unique_within"]
     first, second = UNKNOWNS[section]
     sliding = ""
     if claim["friction"] == "smooth":
@@ -166,7 +155,7 @@ def sentence(claim: Mapping[str, Any]) -> str:
     manner = MANNERS[claim["stable"]]
     if section == HALF:
         return (
-            f"{disk_words(claim)} at Omega = {claim['omega']} rad/s, the half-period map, along the flow from beta = "
+            f" at Omega = {claim['omega']} rad/s, the half-period map, along the flow from beta = "
             "pi/2, v < 0 to the next crossing of beta = pi/2 and then by S, (beta, gamma, v) -> (pi - beta, pi - "
             f"gamma, -v), has a fixed point (gamma - pi/2, v) = (gamma_bar_0, v_0) with gamma_bar_0 = {n[first]} rad "
             f"and v_0 = {n[second]} rad/s, and no other with gamma within {room[first]} rad and v within "
@@ -178,7 +167,7 @@ def sentence(claim: Mapping[str, Any]) -> str:
             f"{n['dgamma_bar_0_domega']} s and d(v_0)/dOmega = {n['dv_0_domega']}."
         )
     return (
-        f"{disk_words(claim)} at Omega = {claim['omega']} rad/s, the turn map, along the flow from gamma = pi/2 to "
+        f" at Omega = {claim['omega']} rad/s, the turn map, along the flow from gamma = pi/2 to "
         f"gamma = 5 pi/2, has a fixed point (beta - pi/2, v) = (beta_bar_top, v_top) with beta_bar_top = {n[first]} "
         f"rad and v_top = {n[second]} rad/s, and no other with beta within {room[first]} rad and v within "
         f"{room[second]} rad/s of it; through it runs {manner}, on which gamma grows all the time, by 2 pi a period, "

@@ -29,16 +29,7 @@ from tippedisk_verify.proofs.kernel.claims import connection_cycles
 from tippedisk_verify.proofs.kernel.curves import GAMMA_BAR, Arc, Curve, Replay, arc_test
 from tippedisk_verify.proofs.kernel.field import constants
 from tippedisk_verify.proofs.kernel.jets import Jet
-from tippedisk_verify.proofs.kernel.reading import (
-    MEASURED,
-    decimal,
-    disk_words,
-    held,
-    number_words,
-    one_of,
-    parsed,
-    precision,
-)
+from tippedisk_verify.proofs.kernel.reading import MEASURED, decimal, held, one_of, parsed, precision
 from tippedisk_verify.proofs.kernel.scaled import ScaledCurve
 
 __all__ = ["KINDS", "SHAPES", "STEPS", "Job", "Mapped", "Piece", "Status", "box_test", "curve_fault", "curve_test",
@@ -288,10 +279,9 @@ def show(claim: Mapping[str, Any], evidence: Mapping[str, Any], mapped: Mapped =
         need(meets, "the last arc is not shown to run into the cycles next to the connection")
 
 
-def sentence(claim: Mapping[str, Any]) -> str:
-    """What is claimed, in some sentences."""
+def sentence(claim: Mapping[str, Any], numbers: Mapping[str, str]) -> str:
+    """What is said of the disk, in some sentences."""
     last, room, whole = f"{claim['amplitude_end']} rad", claim["unique_within"], KINDS[claim["kind"]]
-    numbers = number_words(claim)
     if whole:
         amplitudes = "(0, pi)"
         speeds = (
@@ -314,7 +304,7 @@ def sentence(claim: Mapping[str, Any]) -> str:
             "without, Omega_crit"
         )
     return (
-        f"{disk_words(claim)}, gamma being a real number, not an angle, there are analytic functions v_0(a) < 0 and "
+        f", gamma being a real number, not an angle, there are analytic functions v_0(a) < 0 and "
         f"Omega(a) of a in {amplitudes} such that at the speed Omega(a) the orbit from beta = pi/2, gamma = pi/2 + a "
         "with beta' = v_0(a) is an asymptotically stable limit cycle, which S, (beta, gamma, v) -> (pi - beta, pi - "
         "gamma, -v), maps to itself, which crosses beta = pi/2 exactly twice a period, and on which |beta - pi/2| is "

@@ -14,7 +14,7 @@ from typing import Any, Literal
 from tippedisk_verify.proofs.kernel.balls import arb, ball, inside, need, negative, positive
 from tippedisk_verify.proofs.kernel.claims.cycle import UNKNOWNS
 from tippedisk_verify.proofs.kernel.krawczyk import BOX, FLIGHT, FixedPoints, replayed_test
-from tippedisk_verify.proofs.kernel.reading import MEASURED, disk_words, dyadic, held, number_words, one_of
+from tippedisk_verify.proofs.kernel.reading import MEASURED, dyadic, held, one_of
 from tippedisk_verify.proofs.kernel.section import HALF, TURN, Section
 
 __all__ = [
@@ -104,9 +104,9 @@ def show(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> None:
     judge(claim, section, points, evidence["arc"]["box"]["radii"])
 
 
-def sentence(claim: Mapping[str, Any]) -> str:
-    """What is claimed, in one sentence."""
-    section, n = KINDS[claim["kind"]], number_words(claim)
+def sentence(claim: Mapping[str, Any], numbers: Mapping[str, str]) -> str:
+    """What is said of the disk, in one sentence."""
+    section, n = KINDS[claim["kind"]], numbers
     first, second = UNKNOWNS[section]
     pair = f"there is exactly one pair of v within {n[second]} rad/s and Omega within {n['omega']} rad/s such that"
     if section == HALF:
@@ -123,7 +123,7 @@ def sentence(claim: Mapping[str, Any]) -> str:
         )
     signs = ("falls", "rises") if claim["extremum"] == "smallest" else ("rises", "falls")
     return (
-        f"{disk_words(claim)}, {cycles}, and these periodic orbits form an analytic curve, on which Omega {signs[0]} "
+        f", {cycles}, and these periodic orbits form an analytic curve, on which Omega {signs[0]} "
         f"at the lower end of the interval and {signs[1]} at the upper one: at an inner point Omega has its "
         f"{claim['extremum']} value on the curve, and the Floquet multipliers of the orbit there are 1, 1 and a number "
         f"between 0 and 1; the periods lie within {n['period']} s."

@@ -16,15 +16,7 @@ from typing import Any
 from tippedisk_verify.proofs.kernel.balls import need
 from tippedisk_verify.proofs.kernel.claims.family import STEPS, curve_test, upper_bound
 from tippedisk_verify.proofs.kernel.curves import OMEGA, Arc, Curve, Replay
-from tippedisk_verify.proofs.kernel.reading import (
-    MANNERS,
-    MEASURED,
-    decimal,
-    disk_words,
-    held,
-    number_words,
-    one_of,
-)
+from tippedisk_verify.proofs.kernel.reading import MANNERS, MEASURED, decimal, held, one_of
 
 __all__ = ["SHAPES", "UNKNOWNS", "beta_bound", "interval_numbers", "interval_test", "sentence", "show"]
 
@@ -94,13 +86,12 @@ def show(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> None:
     need(claim["stable"] in (None, arc.stable()), "claim: the stability is not shown")
 
 
-def sentence(claim: Mapping[str, Any]) -> str:
-    """What is claimed, in one sentence."""
-    numbers = number_words(claim)
+def sentence(claim: Mapping[str, Any], numbers: Mapping[str, str]) -> str:
+    """What is said of the disk, in one sentence."""
     (p, q), radius = (_text(claim["curve"][name]) for name in UNKNOWNS), claim["radius"]
     room, near = ([claim[which][name] for name in UNKNOWNS] for which in ("unique_within", "enclosed_within"))
     return (
-        f"{disk_words(claim)} and for every Omega from {claim['low']} to {claim['high']} rad/s, with s = (Omega - "
+        f" and for every Omega from {claim['low']} to {claim['high']} rad/s, with s = (Omega - "
         f"{claim['omega']} rad/s) / ({radius} rad/s), the half-period map, along the flow from beta = pi/2, v < 0 to "
         "the next crossing of beta = pi/2 and then by S, (beta, gamma, v) -> (pi - beta, pi - gamma, -v), has exactly "
         "one fixed point "

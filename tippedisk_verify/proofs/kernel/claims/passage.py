@@ -57,6 +57,7 @@ Yu. A. Kuznetsov, Elements of Applied Bifurcation Theory, Section 6.4.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import reduce
 from typing import Any
 
 import numpy as np
@@ -113,8 +114,8 @@ class Passage:
             stirred += mixed
             for shell in np.unique(shells[block]):
                 whole[shell].append([hull_of_lanes(x[shells[block] == shell]) for x in held])
-        self.stirred = [most(_joined(column)) for column in zip(*stirred, strict=True)]
-        self._means([[_joined(column) for column in zip(*parts, strict=True)] for parts in whole])
+        self.stirred = [most(reduce(arb.union, column)) for column in zip(*stirred, strict=True)]
+        self._means([[reduce(arb.union, column) for column in zip(*parts, strict=True)] for parts in whole])
 
     def _over(self, z: list[Any], central: NDArray[np.bool_]) -> tuple[list[Any], list[list[Any]]]:
         """DF, the sums of its diagonal entries and B over cells, and the products' hull over the ``central`` ones."""
@@ -238,13 +239,6 @@ class Passage:
         return most(faded + self.fed / (self.falls - self.slowest))
 
 
-def _joined(balls: Sequence[Any]) -> Any:
-    total = balls[0]
-    for x in balls[1:]:
-        total = total.union(x)
-    return total
-
-
 def arrivals(
     saddle: Saddle,
     extents: Sequence[Any],
@@ -278,9 +272,7 @@ def arrivals(
         rate, level = saddle.rates(z)[S], saddle.seen(path.frame)[S] + s
         _all("it is not shown to be on its way", (-level).positive(), rate.positive() | (-s - z[S]).positive())
     _all("beta_bar is not shown to have a largest value on the way", turned)
-    beta = tops[0]
-    for other in tops[1:]:
-        beta = [x.union(y) for x, y in zip(beta, other, strict=True)]
+    beta = [reduce(arb.union, column) for column in zip(*tops, strict=True)]
     time, *landed = _landed(saddle, path, step, s)
     begin = step.length * (count - 1)
     rows = [*landed, [begin + time[0], *time[1:]]]
