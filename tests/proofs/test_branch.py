@@ -504,7 +504,7 @@ def test_the_command_says_what_is_proved(capsys, monkeypatch, tmp_path) -> None:
     assert ("arcs: 2" in said, f"statement: {result['statement']}" in said) == (True, True)
     # If a certificate cannot be written nothing is said.
     asked = (*asked, "--certificate", str(tmp_path / "family.json"))
-    monkeypatch.setattr(BranchProof, "certificate", lambda *_: "written")
+    monkeypatch.setattr(BranchProof, "certificate", lambda self: "written")
     assert json.loads(_run(capsys, *asked, "--json", status=1)) == result
     with monkeypatch.context() as full:
         full.setattr("os.fsync", Mock(side_effect=OSError(errno.ENOSPC, "No space left on device")))

@@ -8,6 +8,10 @@ With F = P - 1, m the middle of all three, a box of u about it and any regular m
 holds every zero u of F(., p) in the box, for each p of the ball: F(u, p) = F(m) + F_p (p - m_p) + F_u (u - m_u) with
 derivatives in the balls over the box (mean value theorem). If K lies in the box's interior there is exactly one for
 each p, and all matrices F_u are regular (Krawczyk 1969; Moore 1977; Rump 1983).
+
+**The choices in a certificate.** A flight's log has an entry for each step taken. "steps": the length and the orders
+tested, and of a step in which the sliding velocity changes its sign those of the step behind the change too; "axes":
+those of the set that it ends with. A test has the logs of two flights, the radii of its box, and Y.
 """
 
 from __future__ import annotations
