@@ -26,14 +26,14 @@ if TYPE_CHECKING:
     from tippedisk_verify.disk import Disk
     from tippedisk_verify.model.parameters import Parameters
     from tippedisk_verify.proofs.closed_forms import ProvedEquilibrium, ProvedHopf, ProvedStability
-    from tippedisk_verify.proofs.kernel.claims.arcs import Piece, Status
+    from tippedisk_verify.proofs.kernel.claims.family import Piece, Status
     from tippedisk_verify.proofs.search.branch import BranchProof
     from tippedisk_verify.proofs.search.connection_end import ProvedEnd
     from tippedisk_verify.proofs.search.cycle import OrbitProof
     from tippedisk_verify.proofs.search.family import Interval
     from tippedisk_verify.proofs.search.fold import FoldProof
+    from tippedisk_verify.proofs.search.heteroclinic import ProvedConnection
     from tippedisk_verify.proofs.search.interval import IntervalProof
-    from tippedisk_verify.proofs.search.proved_connection import ProvedConnection
     from tippedisk_verify.theory.equilibria import EquilibriumName
 
 __all__ = ["Certifier"]
@@ -141,7 +141,7 @@ class Certifier:
         except (NoSuchCycleError, NoConnectionError, AccuracyError) as error:
             fault = str(error)
         if not folds:
-            return FoldProof(section, False, fault, self.disk, 0)
+            return FoldProof(section, fault, self.disk, 0)
         speeds = ", ".join(f"{fold.omega:.10g}" for fold in folds)
         if number is None and len(folds) > 1:
             raise InputError(f"this family has {len(folds)} folds, at {speeds} rad/s: choose one by its number")
@@ -178,8 +178,7 @@ class Certifier:
         The proof is about the speed ``near`` [rad/s], or about the Omega_h that `Disk` finds. Raises InputError for
         more digits than a proof is offered to.
         """
-        from tippedisk_verify.proofs.search.heteroclinic import MOST_DIGITS, prove_connection
-        from tippedisk_verify.proofs.search.proved_connection import Status, not_proved
+        from tippedisk_verify.proofs.search.heteroclinic import MOST_DIGITS, ProvedConnection, Status, prove_connection
 
         if digits > MOST_DIGITS:
             raise InputError(f"a proof of Omega_h is offered to {MOST_DIGITS} digits, not {digits}")
@@ -190,7 +189,7 @@ class Certifier:
                 advance("proof", 1)
                 return prove_connection(self.disk, guess, digits)
             except NoConnectionError as fault:
-                return not_proved(Status.NO_SADDLE, detail=str(fault))
+                return ProvedConnection(Status.NO_SADDLE, where=str(fault))
 
     def beside_omega_h(
         self, distance: object, near: object = None, *, digits: int = 12, progress: bool | None = None
@@ -224,7 +223,7 @@ class Certifier:
         Only up to the gamma_bar_0 ``until`` [rad], without the end at Omega_h, if that is given. ``workers`` makes an
         executor, for several jobs or for one at a time. Raises InputError under the smooth law.
         """
-        from tippedisk_verify.proofs.kernel.claims.arcs import Piece
+        from tippedisk_verify.proofs.kernel.claims.family import Piece
         from tippedisk_verify.proofs.search.family import prove_family
 
         self.disk.refuse_smooth("the family of limit cycles is proved as one curve")

@@ -19,17 +19,17 @@ from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.model.precision import Precision
 from tippedisk_verify.proofs.kernel import claims, curves
-from tippedisk_verify.proofs.kernel.arc import GAMMA_BAR, UNKNOWNS, Arc, arc_test
-from tippedisk_verify.proofs.kernel.arc import OMEGA as SPEED
 from tippedisk_verify.proofs.kernel.balls import arb, ball, ball_constants, working_precision
+from tippedisk_verify.proofs.kernel.curves import GAMMA_BAR, UNKNOWNS, Arc, arc_test
+from tippedisk_verify.proofs.kernel.curves import OMEGA as SPEED
 from tippedisk_verify.proofs.kernel.flow import Model
 from tippedisk_verify.proofs.kernel.frame import Frame
 from tippedisk_verify.proofs.kernel.jets import Jet
 from tippedisk_verify.proofs.kernel.step import Step, Trial
 from tippedisk_verify.proofs.numbers import measured
-from tippedisk_verify.proofs.search.axes import axes_of_balls
 from tippedisk_verify.proofs.search.curve_choices import StepSearch, family_polynomials
 from tippedisk_verify.proofs.search.cycle import OrbitProof, prove_cycle
+from tippedisk_verify.proofs.search.steps import axes_of_balls
 
 OMEGA = speed_below(PRINTED, "0.5")
 GUESS = ("1.7162868", "-1.7100021")

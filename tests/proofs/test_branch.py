@@ -33,12 +33,10 @@ from tippedisk_verify.model.parameters import CALIBRATED, PRINTED, Parameters
 from tippedisk_verify.proofs.angles import INVERTED, linearization
 from tippedisk_verify.proofs.closed_forms import hopf_balls
 from tippedisk_verify.proofs.kernel import field as equations
-from tippedisk_verify.proofs.kernel.arc import GAMMA_BAR, arc_test
 from tippedisk_verify.proofs.kernel.balls import Unproved, arb, ball, ball_constants, negative, working_precision
-from tippedisk_verify.proofs.kernel.claims import arcs as claims
-from tippedisk_verify.proofs.kernel.claims.arcs import Piece, Status
-from tippedisk_verify.proofs.kernel.claims.family import joined, unique_within
-from tippedisk_verify.proofs.kernel.curves import fly
+from tippedisk_verify.proofs.kernel.claims import family as claims
+from tippedisk_verify.proofs.kernel.claims.family import Piece, Status, joined, unique_within
+from tippedisk_verify.proofs.kernel.curves import GAMMA_BAR, arc_test, fly
 from tippedisk_verify.proofs.kernel.flow import Model
 from tippedisk_verify.proofs.kernel.jets import Jet, scaled_sine
 from tippedisk_verify.proofs.kernel.scaled import ScaledCurve, ScaledModel
@@ -49,9 +47,8 @@ from tippedisk_verify.proofs.search.certificate import parameter_texts
 from tippedisk_verify.proofs.search.connection_end import ProvedEnd
 from tippedisk_verify.proofs.search.connection_end import Status as EndStatus
 from tippedisk_verify.proofs.search.curve_choices import BITS, StepSearch, family_polynomials, piece_entry, prove_piece
-from tippedisk_verify.proofs.search.heteroclinic import prove_connection
+from tippedisk_verify.proofs.search.heteroclinic import ProvedConnection, prove_connection
 from tippedisk_verify.proofs.search.lane_cycles import prove_cycles
-from tippedisk_verify.proofs.search.proved_connection import ProvedConnection
 from tippedisk_verify.reference_values.lookup import reference
 
 DISK = parameter_texts(PRINTED)
@@ -507,7 +504,7 @@ def test_the_command_says_what_is_proved(capsys, monkeypatch, tmp_path) -> None:
     assert ("arcs: 2" in said, f"statement: {result['statement']}" in said) == (True, True)
     # If a certificate cannot be written nothing is said.
     asked = (*asked, "--certificate", str(tmp_path / "family.json"))
-    monkeypatch.setattr(BranchProof, "certificate", lambda *_: "written")
+    monkeypatch.setattr(BranchProof, "certificate", lambda self: "written")
     assert json.loads(_run(capsys, *asked, "--json", status=1)) == result
     with monkeypatch.context() as full:
         full.setattr("os.fsync", Mock(side_effect=OSError(errno.ENOSPC, "No space left on device")))

@@ -28,8 +28,7 @@ from tippedisk_verify.proofs.kernel import claims, flow, krawczyk, sliding
 from tippedisk_verify.proofs.kernel import field as equations
 from tippedisk_verify.proofs.kernel.balls import midpoint_and_radius, working_precision
 from tippedisk_verify.proofs.kernel.claims import FORMAT, proved
-from tippedisk_verify.proofs.kernel.claims.words import held
-from tippedisk_verify.proofs.kernel.reading import decimal, dyadic, dyadic_text
+from tippedisk_verify.proofs.kernel.reading import decimal, dyadic, dyadic_text, held
 from tippedisk_verify.proofs.kernel.series import System
 from tippedisk_verify.proofs.search.cycle import TURN, prove_cycle
 from tippedisk_verify.proofs.search.fold import prove_fold

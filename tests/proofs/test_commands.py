@@ -14,7 +14,7 @@ from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.proofs.search import connection_end
 from tippedisk_verify.proofs.search.connection_end import ProvedEnd
 from tippedisk_verify.proofs.search.connection_end import Status as EndStatus
-from tippedisk_verify.proofs.search.proved_connection import ProvedConnection
+from tippedisk_verify.proofs.search.heteroclinic import ProvedConnection
 
 
 def _json(capsys, *arguments: str, status: int = 0) -> dict:

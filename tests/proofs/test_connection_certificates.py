@@ -22,8 +22,7 @@ from tippedisk_verify.proofs.kernel.claims.saddle import Saddle
 from tippedisk_verify.proofs.kernel.reading import Refused, dyadic
 from tippedisk_verify.proofs.search.certificate import parameter_texts
 from tippedisk_verify.proofs.search.connection_end import prove_end
-from tippedisk_verify.proofs.search.heteroclinic import prove_connection
-from tippedisk_verify.proofs.search.proved_connection import ProvedConnection
+from tippedisk_verify.proofs.search.heteroclinic import ProvedConnection, prove_connection
 
 Change = Callable[[dict[str, Any]], None]
 DIGITS = 5

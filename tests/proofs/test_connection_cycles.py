@@ -18,10 +18,10 @@ from tests.proofs.test_passage import BITS, GIVEN, F, S, U, column, made_up
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.proofs.kernel.balls import Unproved, ball, working_precision
 from tippedisk_verify.proofs.kernel.claims import connection_cycles as module
-from tippedisk_verify.proofs.kernel.claims import flights as flights_module
+from tippedisk_verify.proofs.kernel.claims import passage as flights_module
 from tippedisk_verify.proofs.kernel.claims.connection_cycles import End, ReturnMap, cycles_shown
-from tippedisk_verify.proofs.kernel.claims.flights import arrivals as flown
 from tippedisk_verify.proofs.kernel.claims.passage import Passage
+from tippedisk_verify.proofs.kernel.claims.passage import arrivals as flown
 from tippedisk_verify.proofs.kernel.claims.saddle import Saddle
 from tippedisk_verify.proofs.kernel.lanes import Lanes
 

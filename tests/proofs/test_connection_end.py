@@ -17,9 +17,8 @@ from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import PRINTED, Parameters
 from tippedisk_verify.proofs.kernel.balls import ball, working_precision
 from tippedisk_verify.proofs.search.connection_end import ProvedEnd, Status, prove_end
-from tippedisk_verify.proofs.search.heteroclinic import prove_connection
-from tippedisk_verify.proofs.search.proved_connection import ProvedConnection, Room, not_proved
-from tippedisk_verify.proofs.search.proved_connection import Status as ConnectionStatus
+from tippedisk_verify.proofs.search.heteroclinic import ProvedConnection, Room, prove_connection
+from tippedisk_verify.proofs.search.heteroclinic import Status as ConnectionStatus
 from tippedisk_verify.reference_values.lookup import reference
 
 
@@ -43,8 +42,8 @@ def proof() -> ProvedConnection:
 
 
 def test_what_is_refused(proof: ProvedConnection) -> None:
-    assert prove_end(not_proved(ConnectionStatus.FLOW)).status is Status.NO_CONNECTION
-    assert prove_end(not_proved(ConnectionStatus.NO_SADDLE)).to_dict()["proved"] is False
+    assert prove_end(ProvedConnection(ConnectionStatus.FLOW)).status is Status.NO_CONNECTION
+    assert prove_end(ProvedConnection(ConnectionStatus.NO_SADDLE)).to_dict()["proved"] is False
     with pytest.raises(InputError, match="linear friction law"):
         prove_end(replace(proof, parameters=PRINTED.with_friction("smooth")))
     for reach in ("0", "-1", "pi", "2", "soon"):

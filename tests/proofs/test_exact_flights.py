@@ -22,9 +22,8 @@ from tippedisk_verify.proofs.kernel.frame import Frame
 from tippedisk_verify.proofs.kernel.lanes import Lanes
 from tippedisk_verify.proofs.kernel.step import Trial
 from tippedisk_verify.proofs.numbers import measured
-from tippedisk_verify.proofs.search.axes import axes_of_balls, axes_of_lanes
 from tippedisk_verify.proofs.search.lane_flight import LaneSteps, half_flights
-from tippedisk_verify.proofs.search.steps import Steps
+from tippedisk_verify.proofs.search.steps import Steps, axes_of_balls, axes_of_lanes
 
 COUNT = 3
 

@@ -16,10 +16,9 @@ from tests.proofs.test_branch import DISK, SUBCRITICAL, first, quick, second  # 
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
 from tippedisk_verify.proofs.kernel import claims
 from tippedisk_verify.proofs.kernel.balls import ball, working_precision
-from tippedisk_verify.proofs.kernel.claims import arcs as module
 from tippedisk_verify.proofs.kernel.claims import connection_cycles
-from tippedisk_verify.proofs.kernel.claims.arcs import Job, Piece, piece_shown
-from tippedisk_verify.proofs.kernel.claims.family import last_cycle, omega_crit, sentence, show
+from tippedisk_verify.proofs.kernel.claims import family as module
+from tippedisk_verify.proofs.kernel.claims.family import Job, Piece, last_cycle, omega_crit, piece_shown, show
 from tippedisk_verify.proofs.search.branch import BranchProof
 from tippedisk_verify.proofs.search.certificate import parameter_texts
 
@@ -136,7 +135,7 @@ def test_the_whole_family_runs_into_the_cycles_next_to_the_connection(meets, mon
         show(claim, {"arcs": entries, "end": "choices"}, lambda function, jobs: pieces(entries, within))
     assert asked[0] == (number, "30.1", "choices")
     assert all(a.overlaps(b) for a, b in zip(asked[1], last_cycle(pieces(entries, within)), strict=True))
-    said = sentence(claim)
+    said = claims.sentence(claim)
     for words in ("a in (0, pi)", "Omega_h = 30.05 ± 0.001 rad/s", "from 30 to 30.1 rad/s Omega_h is the only one"):
         assert words in said
 

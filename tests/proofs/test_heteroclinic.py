@@ -31,8 +31,7 @@ from tippedisk_verify.proofs.kernel.flow import Model, Path
 from tippedisk_verify.proofs.kernel.flow import Status as FlowStatus
 from tippedisk_verify.proofs.search import heteroclinic as certified
 from tippedisk_verify.proofs.search.certificate import parameter_texts
-from tippedisk_verify.proofs.search.heteroclinic import prove_connection, series_of_curve
-from tippedisk_verify.proofs.search.proved_connection import ProvedConnection, Status
+from tippedisk_verify.proofs.search.heteroclinic import ProvedConnection, Status, prove_connection, series_of_curve
 from tippedisk_verify.reference_values.lookup import reference
 
 TRUTH = {name: reference(f"{name}/linear/heteroclinic/point/omega_h").measured() for name in ("printed", "calibrated")}

@@ -23,8 +23,8 @@ from tippedisk_verify.proofs.kernel.lanes import Lanes
 from tippedisk_verify.proofs.kernel.section import Return, Status, Walk
 from tippedisk_verify.proofs.numbers import measured
 from tippedisk_verify.proofs.search import lane_flight
-from tippedisk_verify.proofs.search.axes import axes_of_lanes
 from tippedisk_verify.proofs.search.lane_flight import HalfFlights, half_flights, lane_of
+from tippedisk_verify.proofs.search.steps import axes_of_lanes
 
 CYCLE = (1.7162868, -1.7100022, 30.3865927)  # gamma_bar, v and Omega of a cycle half a rad/s below Omega_crit
 

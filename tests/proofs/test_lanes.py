@@ -11,7 +11,7 @@ import pytest
 
 from tests.proofs.lane_attacks import ATTACKS
 from tippedisk_verify.model.parameters import PRINTED, Constants
-from tippedisk_verify.proofs.kernel import lane_sine, lanes
+from tippedisk_verify.proofs.kernel import doubles, lanes
 from tippedisk_verify.proofs.kernel.balls import DisturbedError, arb, ball, ball_constants, working_precision
 from tippedisk_verify.proofs.kernel.flow import Model
 from tippedisk_verify.proofs.kernel.lane_series import LaneSeries
@@ -35,7 +35,7 @@ def test_other_draws(attack, seed) -> None:
 
 def test_the_reduction_of_angles_uses_these_constants() -> None:
     """What `sine_and_cosine` says of them, and of its coefficients, exactly."""
-    a, b, c = (Fraction(x) for x in (lane_sine._HALF_PI_A, lane_sine._HALF_PI_B, lane_sine._HALF_PI_C))
+    a, b, c = (Fraction(x) for x in (doubles._HALF_PI_A, doubles._HALF_PI_B, doubles._HALF_PI_C))
     for part, unit in ((a, 32), (b, 65)):
         assert (part * 2**unit).denominator == 1
         assert part * 2**unit < 2**33
@@ -43,12 +43,12 @@ def test_the_reduction_of_angles_uses_these_constants() -> None:
     assert c < Fraction(1, 2**67)
     with working_precision(300):
         assert abs(arb.pi() / 2 - ball(a + b + c)) < arb(2) ** -119
-    for coefficients, first in ((lane_sine._SINE, 3), (lane_sine._COSINE, 2)):
+    for coefficients, first in ((doubles._SINE, 3), (doubles._COSINE, 2)):
         for i, coefficient in enumerate(reversed(coefficients)):
             exact = Fraction((-1) ** (i + 1), math.factorial(first + 2 * i))
             assert abs(Fraction(coefficient) - exact) <= abs(exact) / 2**53
-    assert len(lane_sine._SINE) == 8
-    assert len(lane_sine._COSINE) == 9
+    assert len(doubles._SINE) == 8
+    assert len(doubles._COSINE) == 9
 
 
 def test_the_bounds_of_the_sine_follow_from_its_docstring() -> None:

@@ -15,11 +15,9 @@ import pytest
 
 from tests.proofs.cases import executed
 from tests.proofs.lane_attacks import ATTACKS
-from tippedisk_verify.proofs.kernel import lane_series, lane_sine, lanes, outward
+from tippedisk_verify.proofs.kernel import doubles, lane_series, lanes
 
-SOURCES = {
-    module: Path(module.__file__).read_text(encoding="utf-8") for module in (lanes, lane_sine, lane_series, outward)
-}
+SOURCES = {module: Path(module.__file__).read_text(encoding="utf-8") for module in (lanes, doubles, lane_series)}
 
 
 class Fault(NamedTuple):
@@ -124,8 +122,8 @@ def mutant(old: str, new: str) -> ModuleType:
     """A copy of `lanes`, with copies of what belongs to it; the fault is planted in the one that has its text."""
     assert sum(source.count(old) for source in SOURCES.values()) == 1, old
     copies = {original: executed(source.replace(old, new)) for original, source in SOURCES.items()}
-    copies[lanes].sine_and_cosine = copies[lane_sine].sine_and_cosine
-    copies[lanes].outward = copies[outward].outward
+    copies[lanes].sine_and_cosine = copies[doubles].sine_and_cosine
+    copies[lanes].outward = copies[doubles].outward
     for name in ("made", "rounded"):
         setattr(copies[lane_series], name, getattr(copies[lanes], name))
     copies[lanes].LaneSeries = copies[lane_series].LaneSeries

@@ -17,8 +17,7 @@ from tippedisk_verify.model.equations import field, shifted
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED, Parameters
 from tippedisk_verify.proofs.kernel.balls import BallOps, Unproved, ball, ball_constants, positive, working_precision
-from tippedisk_verify.proofs.kernel.claims.manifolds import Curve, block, leaving
-from tippedisk_verify.proofs.kernel.claims.saddle import FAST, SLOW, UNSTABLE, Saddle, cones
+from tippedisk_verify.proofs.kernel.claims.saddle import FAST, SLOW, UNSTABLE, Curve, Saddle, block, cones, leaving
 from tippedisk_verify.proofs.kernel.flow import Model, Status
 from tippedisk_verify.proofs.search.certificate import parameter_texts
 from tippedisk_verify.proofs.search.heteroclinic import eigenvectors, series_of_curve, smallest_weights

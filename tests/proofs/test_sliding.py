@@ -20,17 +20,20 @@ from tippedisk_verify.model.equations import field, jacobian, shifted
 from tippedisk_verify.model.parameters import GEOMETRY, PRINTED, Parameters
 from tippedisk_verify.proofs.kernel import sliding
 from tippedisk_verify.proofs.kernel.balls import Unproved, arb, ball, ball_constants, positive, working_precision
-from tippedisk_verify.proofs.kernel.claims.manifolds import Curve, block, leaving
-from tippedisk_verify.proofs.kernel.claims.saddle import SLOW, UNSTABLE, Saddle
+from tippedisk_verify.proofs.kernel.claims.saddle import SLOW, UNSTABLE, Curve, Saddle, block, leaving
 from tippedisk_verify.proofs.kernel.field import one_sided, sliding_motion
 from tippedisk_verify.proofs.kernel.flow import Status as FlowStatus
 from tippedisk_verify.proofs.kernel.section import Status as HalfStatus
 from tippedisk_verify.proofs.kernel.sliding import Crossing, SlidingPath, model_of
 from tippedisk_verify.proofs.search.certificate import parameter_texts
 from tippedisk_verify.proofs.search.cycle import TURN, Status, prove_cycle
-from tippedisk_verify.proofs.search.heteroclinic import eigenvectors, prove_connection, series_of_curve
-from tippedisk_verify.proofs.search.proved_connection import ProvedConnection
-from tippedisk_verify.proofs.search.proved_connection import Status as ConnectionStatus
+from tippedisk_verify.proofs.search.heteroclinic import (
+    ProvedConnection,
+    eigenvectors,
+    prove_connection,
+    series_of_curve,
+)
+from tippedisk_verify.proofs.search.heteroclinic import Status as ConnectionStatus
 from tippedisk_verify.proofs.search.steps import Steps
 from tippedisk_verify.reference_values.lookup import reference
 from tippedisk_verify.theory.saddle_manifolds import Saddle as Series

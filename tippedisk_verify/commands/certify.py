@@ -161,8 +161,7 @@ def branch(
         pass  # a cluster that is not there is told at once
     proof = common.disk.certify.branch(until, workers=workers, progress=not common.quiet)
     if certificate is not None and proof.hopf_closed:
-        with workers(len(proof.pieces) > 1) as pool:
-            write_text(certificate, proof.certificate(pool))
+        write_text(certificate, proof.certificate())
     if folder is not None and proof.hopf_closed:
         from tippedisk_verify.figures.proved_family import draw_proved_family
         from tippedisk_verify.figures.style import save

@@ -31,7 +31,8 @@ from flint import Ordering, acb, acb_series, arb, fmpq, fmpq_mpoly_ctx, fmpq_pol
 
 from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.model.decimals import exact_text
-from tippedisk_verify.model.exact import exact, shown
+from tippedisk_verify.model.equations import checked_speed
+from tippedisk_verify.model.exact import shown
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Constants, Parameters
 from tippedisk_verify.model.results import Printable
@@ -48,24 +49,10 @@ from tippedisk_verify.proofs.kernel.balls import (
 )
 from tippedisk_verify.proofs.numbers import measured
 
-__all__ = [
-    "Criticality",
-    "Eigenvalue",
-    "ProvedEquilibrium",
-    "ProvedHopf",
-    "ProvedStability",
-    "characteristic_polynomial",
-    "check_linearization",
-    "chi",
-    "critical_speed_squared",
-    "hopf_balls",
-    "proved_equilibrium",
-    "proved_hopf",
-    "proved_stability",
-    "real_root",
-    "refuse_past_birth",
-    "to_digits",
-]
+__all__ = ["Criticality", "Eigenvalue", "ProvedEquilibrium", "ProvedHopf", "ProvedStability",
+           "characteristic_polynomial", "check_linearization", "chi", "critical_speed_squared", "exact_polynomial",
+           "hopf_balls", "proved_equilibrium", "proved_hopf", "proved_stability", "real_root", "refuse_past_birth",
+           "to_digits"]  # fmt: skip
 
 Criticality = Literal["supercritical", "subcritical"]
 _BITS = 128  # to tell on which side of Omega_crit a speed lies
@@ -133,6 +120,12 @@ def characteristic_polynomial(constants: Constants, omega: Any, around: int) -> 
     return -matrix[2][2], -matrix[2][0], -(matrix[1][0] * matrix[2][1])
 
 
+def exact_polynomial(constants: Constants, omega: Fraction, around: int) -> Any:
+    """The same of rational numbers, as one of python-flint's polynomials."""
+    coefficients = (*reversed(characteristic_polynomial(constants, omega, around)), 1)
+    return fmpq_poly([fmpq(Fraction(part).numerator, Fraction(part).denominator) for part in coefficients])
+
+
 def proved_equilibrium(parameters: Parameters, omega: object, name: str, digits: int = 12) -> ProvedEquilibrium:
     """Eigenvalues enclosed to ``digits`` significant digits, and stability proved, at an exact speed ``omega`` [rad/s].
 
@@ -141,11 +134,9 @@ def proved_equilibrium(parameters: Parameters, omega: object, name: str, digits:
     """
     if name not in _AROUND:
         raise InputError(f"equilibrium '{shown(name)}' is not known: use inverted or noninverted")
-    speed = exact(omega)
-    if speed.pi_multiple or speed.rational <= 0:
-        raise InputError(f"Omega must be a positive decimal, not {str(omega)[:40]}")
-    a2, a1, a0 = map(Fraction, characteristic_polynomial(parameters.rational(), speed.rational, _AROUND[name]))
-    polynomial: Any = fmpq_poly([fmpq(part.numerator, part.denominator) for part in (a0, a1, a2, Fraction(1))])
+    speed = checked_speed(omega)
+    polynomial = exact_polynomial(parameters.rational(), speed, _AROUND[name])
+    a0, a1, a2, _ = polynomial.coeffs()
 
     def roots() -> dict[str, Any]:
         return {str(place): root for place, (root, _) in enumerate(polynomial.complex_roots())}
@@ -167,7 +158,7 @@ def proved_equilibrium(parameters: Parameters, omega: object, name: str, digits:
     eigenvalues.sort(key=lambda value: (-value.re.value, -value.im.value))
     sign, (first, second, third) = "-" if name == "noninverted" else "", eigenvalues
     statement = (
-        f"for the tippedisk with {parameters.definition()} at Omega = {exact_text(speed.rational)} rad/s, under the "
+        f"for the tippedisk with {parameters.definition()} at Omega = {exact_text(speed)} rad/s, under the "
         f"linear as under the smooth Coulomb friction law, {name} spinning, (beta, gamma, v) = (pi/2, {sign}pi/2, 0), "
         f"has exactly one eigenvalue [1/s] in each of the three disjoint rectangles {first}, {second} and {third}, "
         f"{unstable} of them with positive real part; it is {'asymptotically stable' if stable else 'unstable'}."

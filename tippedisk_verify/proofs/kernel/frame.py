@@ -3,7 +3,7 @@
 A set is  middle + lead d + axes q  for all d and q of two boxes. d is what the start and the speed deviate from their
 midpoints, the same at all times: what is linear in it is never wrapped into a box (R. J. Lohner's doubleton; Mrozek and
 Zgliczynski, Ann. Polon. Math. 74, 2000). q holds the rest, which is quadratic in d but for rounding. Its axes are
-chosen to follow the flow (Lohner's QR method; `search.axes`).
+chosen to follow the flow (Lohner's QR method; `search.steps`).
 
 ``middle``, ``lead`` and ``axes`` are points, so nothing is rounded in them. A map with enclosed derivatives M over the
 set takes it to

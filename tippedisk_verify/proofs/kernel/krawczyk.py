@@ -8,41 +8,40 @@ With F = P - 1, m the middle of all three, a box of u about it and any regular m
 holds every zero u of F(., p) in the box, for each p of the ball: F(u, p) = F(m) + F_p (p - m_p) + F_u (u - m_u) with
 derivatives in the balls over the box (mean value theorem). If K lies in the box's interior there is exactly one for
 each p, and all matrices F_u are regular (Krawczyk 1969; Moore 1977; Rump 1983).
+
+**The choices in a certificate.** A flight's log has an entry for each step taken. "steps": the length and the orders
+tested, and of a step in which the sliding velocity changes its sign those of the step behind the change too; "axes":
+those of the set that it ends with. A test has the logs of two flights, the radii of its box, and Y.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from types import SimpleNamespace
+from typing import Any
 
-from tippedisk_verify.proofs.kernel.balls import inside
+from tippedisk_verify.proofs.kernel.balls import Unproved, arb, inside, need
 from tippedisk_verify.proofs.kernel.field import constants
-from tippedisk_verify.proofs.kernel.flow import Proposer, Status
+from tippedisk_verify.proofs.kernel.flow import Path, Proposer, Status
+from tippedisk_verify.proofs.kernel.reading import dyadic, order, radius
 from tippedisk_verify.proofs.kernel.section import Return, Section, returned
 from tippedisk_verify.proofs.kernel.sliding import law_model
+from tippedisk_verify.proofs.kernel.step import Step
 
-__all__ = ["Choices", "FixedPoints", "fixed_points", "krawczyk_test", "product"]
+__all__ = ["BOX", "FLIGHT", "Choices", "FixedPoints", "Replay", "fixed_points", "krawczyk_test", "product",
+           "replayed_test"]  # fmt: skip
 
 Pair = Sequence[Any]
 
 
-class Choices(Protocol):
+@dataclass(frozen=True)
+class Choices:
     """What a test asks for."""
 
-    @property
-    def centre(self) -> Proposer:
-        """For the flight from the middle."""
-        ...
-
-    @property
-    def box(self) -> Proposer:
-        """For the flight over the box."""
-        ...
-
-    def inverse(self, matrix: Sequence[Pair]) -> Sequence[Pair]:
-        """Y, four points, given F_u over the box."""
-        ...
+    centre: Proposer  #: for the flight from the middle
+    box: Proposer  #: for the flight over the box
+    inverse: Callable[[Sequence[Pair]], Sequence[Pair]]  #: Y, four points, given F_u over the box
 
 
 @dataclass(frozen=True)
@@ -126,3 +125,85 @@ def _slopes(box: Return) -> tuple[Pair, Pair]:
 
 def product(matrix: Sequence[Pair], vector: Pair) -> list[Any]:
     return [row[0] * vector[0] + row[1] * vector[1] for row in matrix]
+
+
+def _tested(value: Any) -> tuple[float, tuple[int, int]]:
+    """A step's length [s], and its two orders."""
+    if not isinstance(value, list) or len(value) != 3:
+        raise ValueError("a length and two orders are needed")
+    point = dyadic(value[0])
+    length = float(point)
+    if not arb(length) == point:
+        raise ValueError("a length has at most 53 bits")
+    return length, (order(value[1]), order(value[2]))
+
+
+FLIGHT = [{"steps": [_tested, None], "axes": [[dyadic, 3], 3]}, None]
+BOX = {"radii": [radius, 2], "inverse": [[dyadic, 2], 2], "flight": FLIGHT}  #: of a Krawczyk test
+
+
+class Replay:
+    """The proposer of a flight that takes the steps of a log, and no others. What fails is said with the step."""
+
+    def __init__(self, log: Sequence[Mapping[str, Any]], name: str) -> None:
+        self.log, self.name = log, name
+        self.number = 0
+        self._open = False  #: whether the step proposed last has not been taken
+        self._parts: Iterator[Any] = iter(())
+
+    def step(self, path: Path, longest: float | None) -> Step | None:
+        need(not self._open, f"{self._place()}: its signs are not shown, or it may touch gamma_y = 0")
+        need(self.number < len(self.log), f"{self.name}: its steps end on the way")
+        self.number, self._open = self.number + 1, True
+        self._parts = iter(self.log[self.number - 1]["steps"])
+        return self.next_part(path)
+
+    def next_part(self, path: Path) -> Step | None:
+        """The next of the steps of the present entry, tested; None if there is no other."""
+        part = next(self._parts, None)
+        if part is None:
+            return None
+        length, orders = part
+        step = path.trial(orders).tested(length)
+        need(
+            step.included, f"{self._place()}: the states and derivatives over it are not shown to stay in its enclosure"
+        )
+        return step
+
+    def beyond(self) -> Any:
+        return SimpleNamespace(step=lambda path, longest: self.next_part(path))
+
+    def axes(self, turned: Any, sizes: Any, stiffness: Any) -> Any:
+        return self.log[self.number - 1]["axes"]
+
+    def took(self, step: Step, axes: Any) -> None:
+        self._open = False
+
+    def _place(self) -> str:
+        return f"{self.name}, step {self.number}"
+
+
+def replayed_test(
+    claim: Mapping[str, Any],
+    section: Section,
+    middle: Pair,
+    deviations: Pair,
+    unknown: tuple[int, int],
+    log: Sequence[Mapping[str, Any]],
+    box: Mapping[str, Any],
+    name: str,
+    centre: Return | None = None,
+) -> FixedPoints:
+    """`krawczyk_test` with the choices of a certificate: the ``log`` of the flight from the middle, and a `BOX`.
+
+    Raises Unproved if the test is not passed, or not all of the logs is read.
+    """
+    flights = Replay(log, f"{name}, centre"), Replay(box["flight"], f"{name}, box")
+    choices = Choices(*flights, lambda matrix: box["inverse"])
+    outcome = krawczyk_test(claim, section, middle, deviations, unknown, choices, centre)
+    if isinstance(outcome, Return):
+        raise Unproved(f"{name}: at t = {float(outcome.reached):.4g} s: {outcome.status.value}")
+    for flight in flights if centre is None else flights[1:]:
+        need(flight.number == len(flight.log), f"{flight.name}: it has steps that nothing asks for")
+    need(outcome.included, f"{name}: Krawczyk's image is not shown to lie inside the box")
+    return outcome

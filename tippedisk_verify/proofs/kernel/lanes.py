@@ -25,7 +25,7 @@ absolute errors t of (1) are only ever added or multiplied by numbers below 2; t
 expression, so `_TINY` = 2^-1000 pays for all, those of the midpoint included. Where one would be multiplied by
 something large, `_TINY` is added before, as the comments there say.
 
-Numpy's sine and cosine are not correctly rounded and differ between processors: `lane_sine` has its own.
+Numpy's sine and cosine are not correctly rounded and differ between processors: `doubles` has its own.
 """
 
 from __future__ import annotations
@@ -40,8 +40,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tippedisk_verify.proofs.kernel.balls import DisturbedError, arb
-from tippedisk_verify.proofs.kernel.lane_sine import sine_and_cosine
-from tippedisk_verify.proofs.kernel.outward import outward
+from tippedisk_verify.proofs.kernel.doubles import outward, sine_and_cosine
 
 if TYPE_CHECKING:
     from tippedisk_verify.proofs.kernel.lane_series import LaneSeries

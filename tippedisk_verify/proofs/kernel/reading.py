@@ -1,4 +1,4 @@
-"""What a certificate may look like: JSON objects of one shape, with exact numbers as texts."""
+"""What a certificate may look like: JSON objects of one shape, with exact numbers as texts; what all claims say."""
 
 from __future__ import annotations
 
@@ -6,15 +6,19 @@ import hashlib
 import json
 import os
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
 from typing import Any, NoReturn
 
 from flint import arb
 
-from tippedisk_verify.proofs.kernel.balls import Unproved
+from tippedisk_verify.proofs.kernel.balls import Unproved, ball, need, working_bits, working_precision
+from tippedisk_verify.proofs.kernel.field import UNITS
 
 __all__ = [
+    "DISK",
+    "LAWS",
+    "MANNERS",
     "MEASURED",
     "Refused",
     "as_float",
@@ -24,6 +28,7 @@ __all__ = [
     "digest",
     "dyadic",
     "dyadic_text",
+    "held",
     "one_of",
     "order",
     "parsed",
@@ -155,3 +160,24 @@ def digest(content: dict[str, Any]) -> str:
     """SHA-256 of all but the digest, as JSON with sorted keys and no spaces."""
     rest = {name: value for name, value in content.items() if name != "sha256"}
     return hashlib.sha256(json.dumps(rest, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
+
+
+# ------------------------------------------------------------------------------------------------ of all claims
+LAWS = {"linear": "linear", "smooth": "smooth Coulomb"}
+
+#: What is said of an orbit. One of undecided stability need not be isolated, as a limit cycle is.
+MANNERS = {
+    True: "a limit cycle, asymptotically stable",
+    False: "a limit cycle, unstable",
+    None: "a periodic orbit, of undecided stability",
+}
+
+#: what each claim says: of what kind it is, and of which disk
+DISK = {"kind": str, "parameters": dict.fromkeys(UNITS, decimal), "friction": one_of(*LAWS)}
+
+
+def held(number: Mapping[str, str], x: Any, name: str) -> None:
+    """Shown: all that the ball stands for lies within the claimed half-width."""
+    with working_precision(2 * working_bits()):  # a half-width of a few last bits leaves no room for their rounding
+        within = x.is_finite() and abs(x - ball(Fraction(number["value"]))) <= ball(Fraction(number["uncertainty"]))
+    need(bool(within), f"claim: {name} is not shown to lie within its uncertainty")

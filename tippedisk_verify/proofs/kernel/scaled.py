@@ -8,7 +8,7 @@ even one, or a quotient by an odd one, is refused. So the rates are seen to be o
 
 **The equations.** Let P(g, w; Omega, q) be the scaled half map from the section b = 0, w < 0, and F(w, Omega; q) =
 P(1, w; Omega, q) - (1, w). For q > 0 its zeros are the family's cycles with gamma_bar_0 = a and v_0 = a w. Krawczyk's
-test of `arc`, with q for the parameter, proves one for each q of [0, q_1], with regular dF/d(w, Omega): an analytic
+test of `curves`, with q for the parameter, proves one for each q of [0, q_1], with regular dF/d(w, Omega): an analytic
 curve. At q = 0 the flow is that of the linearisation, which then has a periodic orbit, so that Omega is Omega_crit: the
 curve begins at the Hopf point.
 
@@ -21,7 +21,7 @@ Along the curve c_w w' + c_Omega Omega' + c_q = 0, so det(c_q, c_w) = Omega'(q) 
 
     1 - tau - delta = det(P' - 1) = 2 q Omega'(q) det(c_w, c_Omega)
 
-with tau and delta as in `arc`: its sign for all q of (0, q_1] follows from those of two jets that are not zero at
+with tau and delta as in `curves`: its sign for all q of (0, q_1] follows from those of two jets that are not zero at
 q = 0. The trace is tau = 1 - w (c_w)_1 + 2 q (c_q)_1 + 1 + (c_w)_2. P' of the scaled map is similar to that of the map
 itself: the multipliers are the cycle's.
 

@@ -13,20 +13,18 @@ from fractions import Fraction
 from functools import cached_property
 from typing import Any
 
-from tippedisk_verify.errors import AccuracyError
 from tippedisk_verify.model.decimals import exact_text, rounded_down
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.proofs.closed_forms import check_linearization, hopf_balls
 from tippedisk_verify.proofs.kernel.balls import ball_constants, working_precision
-from tippedisk_verify.proofs.kernel.claims import connection_cycles
-from tippedisk_verify.proofs.kernel.claims.arcs import Piece, Status
-from tippedisk_verify.proofs.kernel.claims.family import curve_fault, last_cycle, sentence, unique_within
+from tippedisk_verify.proofs.kernel.claims import connection_cycles, sentence
+from tippedisk_verify.proofs.kernel.claims.family import Piece, Status, curve_fault, last_cycle, unique_within
 from tippedisk_verify.proofs.numbers import measured
-from tippedisk_verify.proofs.search.certificate import certificate_text, parameter_texts
+from tippedisk_verify.proofs.search.certificate import Proof, claim_of, parameter_texts
 from tippedisk_verify.proofs.search.connection_end import ProvedEnd
 from tippedisk_verify.proofs.search.curve_choices import piece_entry
-from tippedisk_verify.proofs.search.proved_connection import ProvedConnection
+from tippedisk_verify.proofs.search.heteroclinic import ProvedConnection
 
 __all__ = ["BranchProof", "omega_crit"]
 
@@ -35,7 +33,7 @@ _PLACES = 9  # of the share and of the speed at the end, rounded to the safe sid
 
 
 @dataclass(frozen=True)
-class BranchProof:
+class BranchProof(Proof):
     """What is proved of the family. ``pieces`` are one curve from the Hopf point on; there may be none."""
 
     parameters: Parameters
@@ -88,43 +86,42 @@ class BranchProof:
         unit = 10**_PLACES
         return Fraction(max(Fraction(0), (top - self.omega_end) / (top - bottom)) * unit // 1, unit)
 
+    @property
     def claim(self) -> dict[str, Any]:
         """What is proved, as a certificate claims it."""
         names = ("v_0_per_gamma_bar_0", "v_0", "omega")
-        claim: dict[str, Any] = {
-            "kind": "family of limit cycles",
-            "parameters": parameter_texts(self.parameters),
-            "friction": "linear",
-            "amplitude_first": exact_text(self.pieces[0].high),
-            "amplitude_end": exact_text(self.pieces[-1].high),
-            "omega_end": exact_text(self.omega_end or Fraction(0)),
-            "numbers": {"omega_crit": omega_crit(self.parameters).to_dict()},
-            "unique_within": dict(zip(names, map(rounded_down, unique_within(self.pieces)), strict=True)),
-        }
-        if self.end is not None and self.end_closed and self.end.connection.omega_h is not None:
-            claim["numbers"] |= (end := self.end.claim())["numbers"]
+        claim = claim_of(
+            "family of limit cycles",
+            self.parameters,
+            {"omega_crit": omega_crit(self.parameters)},
+            amplitude_first=self.pieces[0].high,
+            amplitude_end=self.pieces[-1].high,
+            omega_end=self.omega_end,
+            unique_within=dict(zip(names, map(rounded_down, unique_within(self.pieces)), strict=True)),
+        )
+        if self.end is not None and self.end_closed:
+            claim["numbers"] |= (end := self.end.claim)["numbers"]
             claim |= {name: end[name] for name in connection_cycles.CLAIM} | {"kind": "whole family of limit cycles"}
         return claim
 
-    def certificate(self) -> str:
-        """The text of a certificate. Raises AccuracyError if none can be written."""
+    @property
+    def bits(self) -> int:  # type: ignore[override]
+        return max(_CLAIM_BITS, self.end.bits) if self.end is not None and self.end_closed else _CLAIM_BITS
+
+    @property
+    def evidence(self) -> dict[str, Any]:
+        """The choices that the kernel has accepted; none if nothing is proved from the Hopf point on."""
         if not self.hopf_closed:
-            raise AccuracyError("no certificate: nothing is proved from the Hopf point on")
-        bits = _CLAIM_BITS
-        evidence: dict[str, Any] = {"arcs": [piece.evidence for piece in self.pieces]}
-        if self.end is not None and self.end_closed:
-            bits, evidence["end"] = max(bits, self.end.connection.bits), self.end.evidence()
-        return certificate_text(self.claim(), bits, evidence)
+            return {}
+        arcs = {"arcs": [piece.evidence for piece in self.pieces]}
+        return arcs | ({"end": self.end.evidence} if self.end is not None and self.end_closed else {})
 
     @property
     def statement(self) -> str:
-        """What is proved, in one sentence or some."""
-        if not self.hopf_closed:
-            return f"nothing is proved: {self._reason}."
-        return sentence(self.claim())
+        return sentence(self.claim) if self.hopf_closed else f"nothing is proved: {self.reason}."
 
     @property
-    def _reason(self) -> str:
+    def reason(self) -> str:
         """Why the curve ends where it does."""
         if self.stopped is None:
             return "no more was asked for" if self.pieces else "nothing was tried"
@@ -136,12 +133,12 @@ class BranchProof:
         hopf, share = self.hopf_closed, self.covered
         ends: dict[str, dict[str, object]] = {"hopf": {"closed": hopf}, "heteroclinic": {"closed": self.end_closed}}
         if not hopf:
-            ends["hopf"]["reason"] = self._reason
+            ends["hopf"]["reason"] = self.reason
         if not self.end_closed:
             reason = "no proof of the cycles next to the connection reaches the curve's end"
             if self.end is not None and not self.end.proved:
                 reason = self.end.statement
-            ends["heteroclinic"]["reason"] = f"{reason}; {self._reason}"
+            ends["heteroclinic"]["reason"] = f"{reason}; {self.reason}"
         elif self.end is not None:
             told = self.end.to_dict()
             ends["heteroclinic"] |= {name: told[name] for name in ("from", "to", "gamma", "v", "numbers")}
@@ -155,7 +152,7 @@ class BranchProof:
         if self.connection is not None and self.connection.omega_h is not None and self.connection.proved:
             entries["omega_h"] = self.connection.omega_h.to_dict()
         if hopf:
-            claim = self.claim()
+            claim = self.claim
             entries |= {name: claim[name] for name in ("amplitude_end", "omega_end", "unique_within")}
         arcs = [piece_entry(piece) for piece in self.pieces]
         return entries | {"arcs": arcs, "parameters": self.parameters.name}

@@ -4,23 +4,91 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from enum import Enum
 from fractions import Fraction
-from typing import Any
+from typing import Any, ClassVar
 
+from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.decimals import exact_text
+from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import SYMBOLS, Parameters
-from tippedisk_verify.proofs.kernel.balls import arb
-from tippedisk_verify.proofs.kernel.claims import FORMAT
+from tippedisk_verify.proofs.kernel.balls import Unproved, arb
+from tippedisk_verify.proofs.kernel.claims import FORMAT, sentence
 from tippedisk_verify.proofs.kernel.reading import digest, dyadic_text
 from tippedisk_verify.proofs.search.steps import Steps
 
-__all__ = ["Proposer", "as_text", "certificate_text", "parameter_texts"]
+__all__ = ["Proof", "Proposer", "Stopped", "claim_of", "parameter_texts"]
+
+_PRINTED = {"reversals": "sliding_reversals"}  #: names that differ from those in the claim
 
 
-def certificate_text(claim: Mapping[str, Any], bits: int, evidence: Mapping[str, Any]) -> str:
-    """The file's text."""
-    content: dict[str, Any] = {"format": FORMAT, "claim": claim, "bits": bits, "evidence": evidence}
-    return json.dumps(content | {"sha256": digest(content)}, indent=None, separators=(",", ":")) + "\n"
+class Stopped(Unproved):
+    """A search gives up; ``status`` says where and what to try next, the message more of it, or nothing."""
+
+    def __init__(self, status: Enum, detail: str = "") -> None:
+        super().__init__(detail)
+        self.status = status
+
+
+class Proof:
+    """What a search has proved: its statement, and its certificate.
+
+    Each kind has its ``status``, its ``claim`` as a certificate makes it, and the ``evidence``, the choices that the
+    kernel has accepted.
+    """
+
+    status: Any
+    where: Any  #: how far the proof came
+    parameters: Any
+    bits: int  #: working precision
+    claim: Any
+    evidence: Any
+
+    told: ClassVar[tuple[str, ...]] = ()  #: entries of the claim that are printed besides the numbers
+
+    @property
+    def proved(self) -> bool:
+        return bool(self.status.name == "PROVED")
+
+    @property
+    def reason(self) -> str:
+        """Why nothing is proved."""
+        reason = str(self.status.value)
+        return f"{reason} ({self.where})" if self.where else reason
+
+    @property
+    def asked(self) -> dict[str, object]:
+        """What is printed first: of which cycles."""
+        return {}
+
+    @property
+    def statement(self) -> str:
+        """What is proved, in one sentence or some."""
+        return sentence(self.claim) if self.proved else f"nothing is proved: {self.reason}."
+
+    def certificate(self) -> str:
+        """The text of a file that the kernel alone checks. Raises InputError if there is nothing to check."""
+        if not self.evidence:
+            raise InputError(f"no certificate: {self.statement}")
+        content: dict[str, Any] = {"format": FORMAT, "claim": self.claim, "bits": self.bits}
+        content["evidence"] = _as_text(self.evidence)
+        return json.dumps(content | {"sha256": digest(content)}, separators=(",", ":")) + "\n"
+
+    def to_dict(self) -> dict[str, Any]:
+        """For the command line: the statement and, if proved, the numbers."""
+        entries: dict[str, Any] = {"proved": self.proved, "statement": self.statement} | self.asked
+        if self.proved:
+            claim = self.claim
+            entries |= claim["numbers"] | {_PRINTED.get(name, name): claim[name] for name in self.told if name in claim}
+        entries |= {"parameters": self.parameters.name, "bits": self.bits}
+        return entries | ({"status": self.status.name} if self.status else {})
+
+
+def claim_of(kind: str, parameters: Parameters, numbers: Mapping[str, Measured], **more: Any) -> dict[str, Any]:
+    """A claim about a disk; ``more`` are its other entries, those that are rational numbers as exact texts."""
+    texts = {name: exact_text(entry) if isinstance(entry, Fraction) else entry for name, entry in more.items()}
+    about = {"kind": kind, "parameters": parameter_texts(parameters), "friction": parameters.friction}
+    return about | texts | {"numbers": {name: number.to_dict() for name, number in numbers.items()}}
 
 
 def parameter_texts(parameters: Parameters) -> dict[str, str]:
@@ -40,12 +108,12 @@ class Proposer:
         return self.log[name]
 
 
-def as_text(value: Any) -> Any:
+def _as_text(value: Any) -> Any:
     """Choices as a certificate has them: exact points and rational numbers as texts."""
-    if isinstance(value, dict):
-        return {name: as_text(part) for name, part in value.items()}
+    if isinstance(value, Mapping):
+        return {name: _as_text(part) for name, part in value.items()}
     if isinstance(value, list | tuple):
-        return [as_text(part) for part in value]
+        return [_as_text(part) for part in value]
     if isinstance(value, Steps):
         return value.log
     if isinstance(value, arb):

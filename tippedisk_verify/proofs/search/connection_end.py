@@ -27,13 +27,12 @@ from tippedisk_verify.model.exact import exact, shown
 from tippedisk_verify.model.parameters import Constants
 from tippedisk_verify.proofs.closed_forms import refuse_past_birth
 from tippedisk_verify.proofs.kernel.balls import Unproved, ball, working_precision
-from tippedisk_verify.proofs.kernel.claims.connection_cycles import LID, End, ReturnMap, cycles_shown, sentence
+from tippedisk_verify.proofs.kernel.claims.connection_cycles import CLAIM, LID, End, ReturnMap, cycles_shown
 from tippedisk_verify.proofs.kernel.claims.passage import Passage
 from tippedisk_verify.proofs.kernel.claims.saddle import most
 from tippedisk_verify.proofs.numbers import measured
-from tippedisk_verify.proofs.search.certificate import Proposer, as_text, certificate_text, parameter_texts
-from tippedisk_verify.proofs.search.heteroclinic import eigenvectors
-from tippedisk_verify.proofs.search.proved_connection import ProvedConnection
+from tippedisk_verify.proofs.search.certificate import Proof, Proposer, Stopped, claim_of
+from tippedisk_verify.proofs.search.heteroclinic import ProvedConnection, eigenvectors
 
 __all__ = ["ProvedEnd", "Status", "checked_distance", "prove_end"]
 
@@ -68,51 +67,37 @@ class Status(Enum):
 
 
 @dataclass(frozen=True)
-class ProvedEnd:
+class ProvedEnd(Proof):
     """What is proved of the cycles at speeds from ``low`` to ``high`` [rad/s]; nothing without status PROVED."""
 
     status: Status
     connection: ProvedConnection
-    low: Fraction
-    high: Fraction
+    low: Fraction = Fraction(0)
+    high: Fraction = Fraction(0)
     gamma: Fraction = Fraction(0)  #: c [rad]
     v: Fraction = Fraction(0)  #: d [rad/s]
     numbers: dict[str, str] = field(default_factory=dict)  #: kappa and other sizes in the proof
-    detail: str = ""
-    choices: dict[str, Any] | None = None  #: that the kernel has accepted
+    where: str = ""  #: what fails
+    choices: dict[str, Any] = field(default_factory=dict)  #: that the kernel has accepted
 
     @property
-    def proved(self) -> bool:
-        return self.status is Status.PROVED
+    def bits(self) -> int:  # type: ignore[override]
+        return self.connection.bits
 
     @property
-    def statement(self) -> str:
-        if not self.proved or self.connection.omega_h is None or self.connection.parameters is None:
-            return f"nothing is proved: {self.status.value}{f' ({self.detail})' if self.detail else ''}."
-        return sentence(self.claim())
-
     def claim(self) -> dict[str, Any]:
         """What is claimed, as a certificate says it. Only of what is proved."""
         assert self.connection.omega_h is not None
         assert self.connection.parameters is not None
-        names = ("low", "high", "gamma", "v")
-        return {
-            "kind": "cycles next to the connection",
-            "parameters": parameter_texts(self.connection.parameters),
-            "friction": self.connection.parameters.friction,
-            "numbers": {"omega_h": self.connection.omega_h.to_dict()},
-            **{name: exact_text(getattr(self, name)) for name in names},
-        }
+        numbers, texts = {"omega_h": self.connection.omega_h}, {name: getattr(self, name) for name in CLAIM}
+        return claim_of("cycles next to the connection", self.connection.parameters, numbers, **texts)
 
+    @property
     def evidence(self) -> dict[str, Any]:
-        """The choices that the kernel has accepted, with those of the connection, as a certificate has them."""
-        assert self.choices is not None
-        entry = {name: part for name, part in self.choices["entry"].items() if name not in ("gamma", "v")}
-        return {**as_text(self.choices | {"entry": entry}), "connection": self.connection.evidence()}
-
-    def certificate(self) -> str:
-        """The text of a certificate. Only of what is proved."""
-        return certificate_text(self.claim(), self.connection.bits, self.evidence())
+        """The choices that the kernel has accepted, with those of the connection and what it claims."""
+        eigenvalues = [(number.value, number.uncertainty) for number in self.connection.saddle_eigenvalues]
+        claimed = {"eigenvalues": eigenvalues, "room": self.connection.room}
+        return self.choices and self.choices | {"connection": {**self.connection.evidence, **claimed}}
 
     def meets(self, omega: Any, gamma_bar: Any, v: Any) -> bool:
         """Whether the fixed point of P that is in these balls of gamma_bar and v is the statement's, at all speeds of
@@ -124,15 +109,13 @@ class ProvedEnd:
         return End(self.low, self.high, above, self.gamma, self.v).meets(omega, gamma_bar, v)
 
     def to_dict(self) -> dict[str, object]:
+        omega_h, names = self.connection.omega_h, ("from", "to", "gamma", "v")
         return {
             "proved": self.proved,
             "status": self.status.name.lower(),
             "statement": self.statement,
-            "omega_h": None if self.connection.omega_h is None else self.connection.omega_h.to_dict(),
-            "from": exact_text(self.low),
-            "to": exact_text(self.high),
-            "gamma": exact_text(self.gamma),
-            "v": exact_text(self.v),
+            "omega_h": None if omega_h is None else omega_h.to_dict(),
+            **{name: exact_text(getattr(self, field)) for name, field in zip(names, CLAIM, strict=True)},
             "numbers": self.numbers,
         }
 
@@ -151,7 +134,7 @@ def prove_end(
     parameters, omega_h = connection.parameters, connection.omega_h
     above, under = checked_distance(reach), checked_distance(below)
     if not connection.proved or parameters is None or omega_h is None or connection.shown is None:
-        return ProvedEnd(Status.NO_CONNECTION, connection, Fraction(0), Fraction(0))
+        return ProvedEnd(Status.NO_CONNECTION, connection)
     parameters.refuse_smooth("the cycles next to the connection are proved")
     middle = round(omega_h.value, 4)
     low, high = middle - under, middle + above
@@ -164,15 +147,15 @@ def prove_end(
             with working_precision(connection.bits):
                 end = cycles_shown(connection.shown, low, high, search, watch)
         except Unproved as fault:
-            status = search.stopped(str(fault))
-            detail = "" if str(fault) == status.value else str(fault)
-            failed = ProvedEnd(status, connection, low, high, detail=detail)
-            if not str(fault).startswith(LID):
+            failed = ProvedEnd(search.stopped(fault), connection, low, high, where=str(fault))
+            if not failed.where.startswith(LID):
                 break
-            continue
-        numbers = {"kappa": end.kappa, "eta": search.log["entry"]["lid"], "T": end.time}
-        texts = {name: f"{float(x):.4g}" for name, x in numbers.items()}
-        return ProvedEnd(Status.PROVED, connection, low, high, end.gamma, end.v, texts, choices=search.log)
+        else:
+            numbers = {"kappa": end.kappa, "eta": search.log["entry"]["lid"], "T": end.time}
+            texts = {name: f"{float(x):.4g}" for name, x in numbers.items()}
+            entry = {name: part for name, part in search.log["entry"].items() if name not in CLAIM}
+            choices = search.log | {"entry": entry}
+            return ProvedEnd(Status.PROVED, connection, low, high, end.gamma, end.v, texts, choices=choices)
     return failed
 
 
@@ -184,23 +167,19 @@ def checked_distance(number: object) -> Fraction:
     return given.rational
 
 
-class _NoLidError(Unproved):
-    """The cycle passes the saddle too far away."""
-
-
 class _Search(Proposer):
     def __init__(self, connection: ProvedConnection, low: Fraction, high: Fraction, factor: float) -> None:
         """``factor``: by how much more the lid lies beyond what is expected."""
         super().__init__()
         self.connection, self.low, self.high, self.factor = connection, low, high, factor
 
-    def stopped(self, refusal: str) -> Status:
-        """Where the kernel refused."""
-        if refusal == Status.NO_LID.value:
-            return Status.NO_LID
-        if "connection" in refusal:
+    def stopped(self, fault: Unproved) -> Status:
+        """Where the kernel, or the search, gave up."""
+        if isinstance(fault, Stopped):
+            return Status(fault.status)
+        if "connection" in str(fault):
             return Status.APART
-        return Status.FLIGHT if refusal.startswith("flight") else Status.INEQUALITY
+        return Status.FLIGHT if str(fault).startswith("flight") else Status.INEQUALITY
 
     def box(self) -> dict[str, Any]:
         omega_h, parameters = self.connection.omega_h, self.connection.parameters
@@ -235,7 +214,7 @@ class _Search(Proposer):
 
     def _return_map(self, n: Passage, lid: float) -> ReturnMap:
         if lid > float(n.extents[0]) / 2:
-            raise _NoLidError(Status.NO_LID.value)
+            raise Stopped(Status.NO_LID)
         return ReturnMap(n, self._entry(n, lid))
 
     def _entry(self, n: Passage, lid: float) -> dict[str, Any]:

@@ -1,34 +1,33 @@
 """Arcs of the family of limit cycles: polynomials, boxes, steps and axes that the kernel is likely to accept.
 
-Where a ball becomes a point or a float: everywhere. What is proposed here `kernel.curves`, `kernel.arc` and
-`kernel.claims.arcs` test, and any choice that passes is right.
+Where a ball becomes a point or a float: everywhere. What is proposed here `kernel.curves` and
+`kernel.claims.family` test, and any choice that passes is right.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from fractions import Fraction
 from operator import sub
-from typing import Any
+from typing import Any, NamedTuple, cast
 
 from tippedisk_verify.model.decimals import exact_text, rounded_up
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.proofs.kernel.arc import GAMMA_BAR, UNKNOWNS, Arc, inverse
 from tippedisk_verify.proofs.kernel.balls import Unproved, arb, ball, need, working_precision
-from tippedisk_verify.proofs.kernel.claims.arcs import Piece, Status, box_test, signs, upper_bound
-from tippedisk_verify.proofs.kernel.curves import ORDERS, Curve, CurvePath, Matrix
+from tippedisk_verify.proofs.kernel.claims.family import Piece, Status, box_test, signs, upper_bound
+from tippedisk_verify.proofs.kernel.curves import GAMMA_BAR, ORDERS, UNKNOWNS, Arc, Curve, CurvePath, Matrix, inverse
 from tippedisk_verify.proofs.kernel.field import Constants, constants
-from tippedisk_verify.proofs.kernel.flow import Model
 from tippedisk_verify.proofs.kernel.jets import Jet
 from tippedisk_verify.proofs.kernel.scaled import ScaledCurve
 from tippedisk_verify.proofs.kernel.step import Step, polynomial
 from tippedisk_verify.proofs.numbers import WIDER, measured
-from tippedisk_verify.proofs.search.axes import axes_of_balls
-from tippedisk_verify.proofs.search.certificate import parameter_texts
+from tippedisk_verify.proofs.search.certificate import Stopped, parameter_texts
+from tippedisk_verify.proofs.search.steps import axes_of_balls
 
-__all__ = ["BITS", "Guess", "StepSearch", "decimal_above", "duration", "family_polynomials", "piece_entry",
-           "prove_piece", "rounded_jet", "two_digits"]  # fmt: skip
+__all__ = ["BITS", "Guess", "StepSearch", "boxed", "family_polynomials", "family_rows", "piece_entry", "prove_piece",
+           "two_digits"]  # fmt: skip
 
 BITS, _DEGREE = 64, 4
 _PLACES = 16  # decimals of the polynomials' coefficients
@@ -39,11 +38,10 @@ _MOST_ATTEMPTS = 3
 _WIDE_SHARES = Fraction(1, 64), Fraction(1, 256)
 
 Guess = tuple[Fraction, Fraction, Fraction]  #: v_0 (or v_0 / a) [rad/s], Omega [rad/s], half the period [s]
-Box = tuple[Arc, dict[str, Any]]  #: a test, and the evidence for it
+Test = Callable[[Sequence[Fraction], Any], Arc]  #: of a box of these radii, with these choices
 _TOLERANCE, _ROUGH_TOLERANCE = -56, -30  #: log2 of the last terms: of states, and of derivatives
 _FIRST_SHARE, _LONGEST_SHARE = 0.01, 0.03  #: of the time of flight, for a step
 _MOST_STEPS, _MOST_TRIALS = 2000, 15
-_LONGEST = 60  # s
 _NEWTON_STEPS = 8
 _TINY = 2.0**-20  # of a number's step, for a derivative of points
 _POLISHES = 3  # chord steps towards the cycle at s = 0
@@ -87,7 +85,7 @@ class StepSearch:
         """Nothing is noted."""
 
     def axes(self, turned: Matrix, sizes: Sequence[float], stiffness: float) -> Matrix:
-        """Those of `axes`, rounded."""
+        """Those of `axes_of_balls`, rounded."""
         axes = axes_of_balls(turned, sizes, stiffness)
         texts = [[f"{float(entry):.4g}".replace("e+", "e") for entry in row] for row in axes]
         self.log[-1]["axes"] = texts
@@ -118,24 +116,6 @@ def glide(constants: Constants, curve: Curve) -> tuple[Sequence[Jet], Jet]:
         state, time, done = [polynomial(part, length).mid() for part in series], time + length, done + reach
     tau = _moment(series, 0 * total)
     return [-polynomial(part, tau).mid() for part in series[1:]], (tau + time).mid()
-
-
-def duration(constants: Constants, omega: Any, gamma_bar: Any, v: Any) -> Any:
-    """About how long a half map takes from one point [s]; None if it does not return within a minute."""
-    orbit = Model(constants, omega).orbit
-    state, time = [Jet([arb(0)]), Jet([arb(gamma_bar).mid()]), Jet([arb(v).mid()])], arb(0)
-    for _ in range(_MOST_STEPS):
-        series = orbit.coefficients(state, ORDERS[0])
-        length = arb(_reach(series))
-        if not (length > 0 and time < _LONGEST):
-            return None
-        end = [polynomial(part, length).mid() for part in series]
-        if not all(part.c[0].is_finite() for part in end):
-            return None
-        if end[0].c[0] > 0 and end[2].c[0] > 0:
-            return (time + _moment(series, Jet([length / 2])).c[0]).mid()
-        state, time = end, (time + length).mid()
-    return None
 
 
 def _reach(series: Sequence[Sequence[Jet]]) -> float:
@@ -186,6 +166,25 @@ def family_polynomials(
     return [Jet(part) for part in polynomials], half
 
 
+class Rows(NamedTuple):
+    """Polynomials rounded to decimals: of the two unknown numbers, and their texts with those of half the period."""
+
+    numbers: list[tuple[Fraction, ...]]
+    texts: list[list[str]]
+
+
+def family_rows(
+    constants: Constants, start: Sequence[Any], radius: Any, total: Any, over: int, kind: type[Curve]
+) -> Rows:
+    """`family_polynomials` in decimals. Raises Stopped if there are none."""
+    polynomials, half = family_polynomials(constants, start, radius, _DEGREE, total, over, kind)
+    jets = [*(polynomials[k] for k in UNKNOWNS[over]), half]
+    if not all(entry.is_finite() for jet in jets for entry in jet.c):
+        raise Stopped(Status.NOT_FOLLOWED)
+    rows = [tuple(round(measured(part.mid()).value, _PLACES) for part in jet.c) for jet in jets]
+    return Rows(rows[:2], [[*map(exact_text, row)] for row in rows])
+
+
 def _slope(constants: Constants, kind: type[Curve], point: Sequence[Any], half: Any, moving: int) -> list[Any]:
     """Roughly dF by one of the three numbers."""
     zero = 0 * point[0]
@@ -194,68 +193,79 @@ def _slope(constants: Constants, kind: type[Curve], point: Sequence[Any], half: 
     return [(part.c[1] / _TINY).mid() - own[moving] for part, own in zip(image, kind.unit, strict=True)]
 
 
+class Boxed(NamedTuple):
+    """A test that a box has passed, with its evidence."""
+
+    arc: Arc
+    radii: list[Fraction]
+    within: list[Fraction]  #: of the polynomials lie the true values
+    steps: list[dict[str, Any]]
+
+    @property
+    def evidence(self) -> dict[str, Any]:
+        return {"radii": [*map(exact_text, self.radii)], "steps": self.steps}
+
+
+def boxed(test: Test, radii: Sequence[Fraction]) -> Boxed:
+    """A test on a box that is as wide as Krawczyk's image needs; at first it has these radii. Raises Stopped."""
+    for _ in range(_MOST_ATTEMPTS):
+        choices, sizes = StepSearch(), [two_digits(max(radius, _LEAST)) for radius in radii]
+        try:
+            arc = test(sizes, choices)
+        except Unproved:
+            raise Stopped(Status.NOT_FOLLOWED) from None
+        if not all(off.is_finite() for off in arc.within):
+            raise Stopped(Status.NOT_FOLLOWED)
+        within = [two_digits(max(upper_bound(off) * WIDER, Fraction(1, 10**30))) for off in arc.within]
+        if arc.included and all(a < b for a, b in zip(within, sizes, strict=True)):
+            return Boxed(arc, sizes, within, choices.log)
+        radii = [2 * part for part in within]
+    raise Stopped(Status.NOT_INCLUDED)
+
+
 def prove_piece(parameters: Parameters, low: Fraction, high: Fraction, guess: Guess) -> Piece | Status:
     """Prove the family from one amplitude to another [rad]; from 0 on by scaled states.
 
     ``guess`` belongs to the middle, of a or, from 0 on, of a^2.
     """
-    kind = Curve if low else ScaledCurve
     ends = (low, high) if low else (low, high**2)
     middle, length = (ends[0] + ends[1]) / 2, (ends[1] - ends[0]) / 2
     disk = parameter_texts(parameters)
     with working_precision(BITS):
-        start = [ball(number) for number in (middle, *guess[:2])]
-        polynomials, half = family_polynomials(
-            constants(disk), start, ball(length), _DEGREE, ball(guess[2]).mid(), GAMMA_BAR, kind
-        )
-        if not all(entry.is_finite() for jet in (*polynomials, half) for entry in jet.c):
-            return Status.NOT_FOLLOWED
-        rows = rounded_jet(polynomials[1]), rounded_jet(polynomials[2])
-        evidence: dict[str, Any] = {
-            "end": exact_text(high),
-            "curve": [list(map(exact_text, row)) for row in rows],
-            "half": list(map(exact_text, rounded_jet(half))),
-            "bits": BITS,
-        }
-
-        def test(radii: Sequence[Fraction]) -> Box | None:
-            choices = StepSearch()
-            try:
-                arc = box_test(disk, low, evidence, radii, choices)
-            except Unproved:
-                return None
-            return (arc, {"radii": list(map(exact_text, radii)), "steps": choices.log})
-
-        failed = Status.NOT_INCLUDED
-        radii = [two_digits(max(abs(row[1]) * share, _LEAST)) for row, share in zip(rows, _SHARES, strict=True)]
-        for _ in range(_MOST_ATTEMPTS):
-            tested = test(radii)
-            if tested is None or not all(off.is_finite() for off in tested[0].within):
-                return Status.NOT_FOLLOWED
-            arc, box = tested
-            within = [decimal_above(off) for off in arc.within]
-            if arc.included and all(a < b for a, b in zip(within, radii, strict=True)):
-                refusal = signs(arc)
-                if refusal is None:
-                    # The box of uniqueness may be wider than that which shows the signs.
-                    room = max(Fraction(22, 7) - high, _LEAST) if low else Fraction(1)
-                    slopes = [max(abs(row[1]) / length, _LEAST) for row in rows]
-                    unique, more = radii, {}
-                    for share in _WIDE_SHARES:
-                        wide = [two_digits(slope * room * share) for slope in slopes]
-                        if min(map(sub, wide, radii)) > 0 and (wider := test(wide)) is not None and wider[0].included:
-                            unique, more = wide, {"wide box": wider[1]}
-                            break
-                    evidence |= {"box": box} | more
-                    return Piece(low, high, rows, (unique[0], unique[1]), (within[0], within[1]), evidence)
-                # Derivatives over a smaller box may show what those over this one do not.
-                failed, smaller = refusal, [two_digits(part * 5 / 4) for part in within]
-                if 2 * smaller[0] > radii[0] or 2 * smaller[1] > radii[1]:
+        start, half = [ball(number) for number in (middle, *guess[:2])], ball(guess[2]).mid()
+        kind = Curve if low else ScaledCurve
+        try:
+            rows = family_rows(constants(disk), start, ball(length), half, GAMMA_BAR, kind)
+            arc: dict[str, Any] = {"end": exact_text(high), "curve": rows.texts[:2], "half": rows.texts[2]}
+            test: Test = lambda radii, choices: box_test(disk, low, arc, radii, choices)  # noqa: E731
+            radii = [abs(row[1]) * share for row, share in zip(rows.numbers, _SHARES, strict=True)]
+            for _ in range(_MOST_ATTEMPTS):
+                box = boxed(test, radii)
+                if (refusal := signs(box.arc)) is None:
                     break
-                radii = smaller
-            else:
-                failed, radii = Status.NOT_INCLUDED, [two_digits(2 * part) for part in within]
-        return failed
+                # Derivatives over a smaller box may show what those over this one do not.
+                radii = [part * 5 / 4 for part in box.within]
+                if any(2 * two_digits(new) > old for new, old in zip(radii, box.radii, strict=True)):
+                    break
+        except Stopped as fault:
+            return cast("Status", fault.status)
+        if refusal is not None:
+            return refusal
+        unique, evidence = box, arc | {"bits": BITS, "box": box.evidence}
+        # The box of uniqueness may be wider than that which shows the signs.
+        room = max(Fraction(22, 7) - high, _LEAST) if low else Fraction(1)
+        slopes = [max(abs(row[1]) / length, _LEAST) for row in rows.numbers]
+        for share in _WIDE_SHARES:
+            wide, choices = [two_digits(slope * room * share) for slope in slopes], StepSearch()
+            with suppress(Unproved):
+                if min(map(sub, wide, box.radii)) > 0 and (wider := test(wide, choices)).included:
+                    unique = Boxed(wider, wide, box.within, choices.log)
+                    evidence["wide box"] = unique.evidence
+                    break
+        first, second = rows.numbers
+        return Piece(
+            low, high, (first, second), (unique.radii[0], unique.radii[1]), (box.within[0], box.within[1]), evidence
+        )
 
 
 def piece_entry(piece: Piece) -> dict[str, object]:
@@ -270,16 +280,6 @@ def piece_entry(piece: Piece) -> dict[str, object]:
     }
 
 
-def rounded_jet(jet: Jet) -> tuple[Fraction, ...]:
-    """Decimals near the midpoints."""
-    return tuple(round(measured(part.mid()).value, _PLACES) for part in jet.c)
-
-
 def two_digits(value: Fraction) -> Fraction:
     """The least decimal of two digits that is not smaller."""
     return Fraction(rounded_up(value))
-
-
-def decimal_above(x: Any) -> Fraction:
-    """A decimal of two digits that the sizes in the finite ball stay below by some 2^-20 of it."""
-    return two_digits(max(upper_bound(x) * WIDER, Fraction(1, 10**30)))

@@ -12,10 +12,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from fractions import Fraction
-from typing import Any
+from typing import Any, ClassVar
 
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.model.decimals import exact_text, rounded_down
+from tippedisk_verify.model.decimals import rounded_down
+from tippedisk_verify.model.equations import checked_speed
 from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
@@ -24,14 +25,13 @@ from tippedisk_verify.proofs.kernel.balls import arb, ball, working_precision
 from tippedisk_verify.proofs.kernel.claims import cycle
 from tippedisk_verify.proofs.kernel.flow import Model
 from tippedisk_verify.proofs.kernel.flow import Status as FlowStatus
-from tippedisk_verify.proofs.kernel.krawczyk import FixedPoints, krawczyk_test, product
-from tippedisk_verify.proofs.kernel.reading import dyadic_text
+from tippedisk_verify.proofs.kernel.krawczyk import FixedPoints, product
 from tippedisk_verify.proofs.kernel.section import HALF, TURN, Return, Section, returned
 from tippedisk_verify.proofs.kernel.sliding import model_of
 from tippedisk_verify.proofs.kernel.step import magnitude
 from tippedisk_verify.proofs.numbers import measured, widened
-from tippedisk_verify.proofs.search.certificate import certificate_text, parameter_texts
-from tippedisk_verify.proofs.search.steps import SearchedTest, Steps, midpoint_inverse
+from tippedisk_verify.proofs.search.certificate import Proof, Stopped, claim_of
+from tippedisk_verify.proofs.search.steps import Steps, midpoint_inverse, searched_test
 
 __all__ = ["HALF", "TURN", "Attempt", "OrbitProof", "Status", "prove_cycle"]
 
@@ -60,11 +60,13 @@ class Status(Enum):
 
 
 @dataclass(frozen=True)
-class OrbitProof:
+class OrbitProof(Proof):
     """What is proved of one limit cycle, librating (`HALF`) or rotating (`TURN`). Without a proof: None.
 
     Names of numbers are those of `cycles.limit_cycle.LimitCycle` and `RotatingCycle`.
     """
+
+    told: ClassVar = ("stable", "reversals", "unique_within")
 
     section: Section
     status: Status
@@ -79,33 +81,19 @@ class OrbitProof:
     evidence: Mapping[str, Any] | None = field(default=None, repr=False)  #: the choices that the kernel accepted
 
     @property
-    def proved(self) -> bool:
-        return self.status is Status.PROVED
-
-    @property
-    def statement(self) -> str:
-        """What is proved, in one sentence."""
-        if not self.proved:
-            return f"nothing is proved: {self.status.value} ({self.where})."
-        return cycle.sentence(self.claim())
-
     def claim(self) -> dict[str, Any]:
         """What is proved, as certificates have it."""
+        kind = next(kind for kind, section in cycle.KINDS.items() if section == self.section)
         distances = zip(cycle.UNKNOWNS[self.section], self.unique_within, strict=True)
-        claim = {
-            "kind": next(kind for kind, section in cycle.KINDS.items() if section == self.section),
-            **orbit_setting(self.parameters, self.omega),
-            "numbers": {name: number.to_dict() for name, number in self.numbers().items()},
-            "stable": self.stable,
-            "unique_within": {name: _decimal_below(distance) for name, distance in distances},
-        }
-        return claim | ({"reversals": self.reversals} if self.parameters.friction == "smooth" else {})
+        room = {name: _decimal_below(distance) for name, distance in distances}
+        sliding = {"reversals": self.reversals} if self.parameters.friction == "smooth" else {}
+        return claim_of(
+            kind, self.parameters, self.numbers(), omega=self.omega, stable=self.stable, **sliding, unique_within=room
+        )
 
-    def certificate(self) -> str:
-        """The proof as a file that the kernel alone checks. Raises InputError if there is no proof."""
-        if self.evidence is None:
-            raise InputError(self.statement)
-        return certificate_text(self.claim(), self.bits, self.evidence)
+    @property
+    def asked(self) -> dict[str, object]:
+        return {"omega": Measured(self.omega, Fraction(0)).to_dict()}
 
     def lacking_bits(self, digits: int) -> int:
         """Bits by which the worst number misses ``digits`` significant digits, or decimals if it is no main result."""
@@ -126,27 +114,6 @@ class OrbitProof:
         if not self.proved:
             raise InputError(self.statement)
         return {name: widened(measured(self.values[name])) for name in cycle.names(self.section)}
-
-    def to_dict(self) -> dict[str, object]:
-        """For the command line: the statement and, if proved, the numbers."""
-        entries: dict[str, object] = {"proved": self.proved, "statement": self.statement}
-        entries["omega"] = Measured(self.omega, Fraction(0)).to_dict()
-        if self.proved:
-            claim = self.claim()
-            entries |= claim["numbers"] | {"stable": self.stable}
-            if self.parameters.friction == "smooth":
-                entries["sliding_reversals"] = self.reversals
-            entries["unique_within"] = claim["unique_within"]
-        return entries | {"parameters": self.parameters.name, "bits": self.bits, "status": self.status.name}
-
-
-def orbit_setting(parameters: Parameters, omega: Fraction) -> dict[str, Any]:
-    """What a claim says of the disk, the law and the speed."""
-    return {
-        "parameters": parameter_texts(parameters),
-        "friction": parameters.friction,
-        "omega": exact_text(omega),
-    }
 
 
 def _decimal_below(x: Any) -> str:
@@ -172,31 +139,25 @@ def prove_cycle(
     ``most_bits`` bounds the working precision. Raises InputError for input that makes no sense; whatever else prevents
     a proof is a status.
     """
-    speed = exact(omega)
-    if speed.pi_multiple or speed.rational <= 0:
-        raise InputError(f"Omega must be a positive decimal, not {str(omega)[:40]}")
+    attempt = Attempt(parameters, checked_speed(omega), digits, most_bits, section)
     if len(guess) != 2:
         raise InputError(f"a guess has two components: {'gamma_bar' if section == HALF else 'beta_bar'} and v")
-    attempt = Attempt(parameters, speed.rational, digits, most_bits, section)
-    return attempt.run([exact(part) for part in guess])
+    try:
+        return attempt.run([exact(part) for part in guess])
+    except Stopped as fault:
+        return OrbitProof(section, Status(fault.status), str(fault), parameters, attempt.omega, attempt.bits)
 
 
 class Attempt:
-    """A proof under way: the precision and box in use, and how to report an end."""
+    """A proof under way: the precision and box in use. What prevents it is raised as `Stopped`."""
 
     def __init__(
         self, parameters: Parameters, omega: Fraction, digits: int, most_bits: int, section: Section = HALF
     ) -> None:
         self.parameters, self.omega, self.digits, self.most_bits = parameters, omega, digits, most_bits
-        self.section, self.setting = section, orbit_setting(parameters, omega)
+        self.section, self.setting = section, claim_of("", parameters, {}, omega=omega)
         self.box_bits = bits_for_digits(digits + _GUARD_DIGITS)
         self.bits = min(most_bits, self.box_bits + _GUARD_BITS)
-
-    def ended(self, status: Status, where: str) -> OrbitProof:
-        return OrbitProof(self.section, status, where, self.parameters, self.omega, self.bits)
-
-    def not_followed(self, flight: Return) -> OrbitProof:
-        return self.ended(Status.NOT_FOLLOWED, f"at t = {float(flight.reached):.4g} s: {flight.status.value}")
 
     def model(self) -> Model:
         """At the working precision, which must be in force."""
@@ -204,63 +165,60 @@ class Attempt:
 
     def run(self, guess: Sequence[Any]) -> OrbitProof:
         middle = self.sharpened(guess)
-        if isinstance(middle, OrbitProof):
-            return middle
-        outcome: OrbitProof | None = None
         for _ in range(_MOST_ATTEMPTS):
             with working_precision(self.bits):
-                sizes = [(abs(part) * arb(2) ** -self.box_bits).mid() for part in middle]
-                radii = [arb(0, size) for size in sizes]
-                choices = SearchedTest()
                 at, drift = cycle.place(self.setting, middle)
-                fixed = krawczyk_test(self.setting, self.section, at, [*radii, drift], (0, 1), choices)
+                fixed, evidence = self.tested(at, drift, self.box_bits)
                 if isinstance(fixed, Return):
-                    outcome, wanted = self.not_followed(fixed), self.bits + 64
-                elif fixed.included:
-                    proof = self.concluded(fixed, radii)
+                    ended, more = _not_followed(fixed), 64
+                elif not fixed.included:
+                    ended, more = Stopped(Status.NOT_INCLUDED, f"in {self.bits} bits"), _shortage(fixed, evidence)
+                else:
+                    proof = self.concluded(fixed)
                     lacking = proof.lacking_bits(self.digits)
                     if not lacking:
-                        return self.neighbourhood(proof, fixed, sizes, drift, choices)
-                    outcome = self.ended(Status.TOO_FEW_DIGITS, f"{lacking} bits are lacking")
-                    self.box_bits += lacking + 4
-                    wanted = self.bits + lacking + 4
+                        return self.neighbourhood(proof, fixed, drift, evidence)
+                    ended, more = Stopped(Status.TOO_FEW_DIGITS, f"{lacking} bits are lacking"), lacking + 4
+                    self.box_bits += more
+                if isinstance(fixed, FixedPoints) and all(part.is_finite() for part in fixed.image):
                     middle = [part.mid() for part in fixed.image[:2]]
-                else:
-                    outcome = self.ended(Status.NOT_INCLUDED, f"in {self.bits} bits")
-                    wanted = self.bits + _shortage(fixed.residual, radii)
-                    if all(part.is_finite() for part in fixed.image):
-                        middle = [part.mid() for part in fixed.image[:2]]
-            if wanted > self.most_bits:
-                return outcome
-            self.bits = wanted
-        assert outcome is not None
-        return outcome
+            if self.bits + more > self.most_bits:
+                raise ended
+            self.bits += more
+        raise ended
 
-    def sharpened(self, guess: Sequence[Any]) -> list[Any] | OrbitProof:
-        """A point within the box's radius of the fixed point, by Newton's iteration on midpoints; or how that ended."""
+    def tested(
+        self, middle: Sequence[Any], drift: Any, size: int, centre: tuple[Steps, Return] | None = None
+    ) -> tuple[FixedPoints | Return, dict[str, Any]]:
+        """Krawczyk's test on a box whose radii are 2^-size of the state."""
+        sizes = [(abs(part) * arb(2) ** -size).mid() for part in middle[:2]]
+        return searched_test(self.setting, self.section, (0, 1), middle, sizes, drift, centre)
+
+    def sharpened(self, guess: Sequence[Any]) -> list[Any]:
+        """A point within the box's radius of the fixed point, by Newton's iteration on midpoints."""
         with working_precision(self.bits):
             state = [ball(part).mid() for part in guess]
         scale = float(abs(state[0])) + float(abs(state[1])) / 10
         if not scale > 0:
-            return self.ended(Status.TRIVIAL, "the guess is the equilibrium")
+            raise Stopped(Status.TRIVIAL, "the guess is the equilibrium")
         matrix: Any = None
         correct, gain = 0, 0  # -log2 of the last step's size relative to the state, and of the matrix's error
         for _ in range(_MOST_ITERATIONS):
             with working_precision(min(self.bits, max(_FIRST_BITS, 2 * correct + 64))):
                 flight = returned(self.model(), self.section, state, Steps(), derivatives=matrix is None)
                 if flight.status is not FlowStatus.RETURNED:
-                    return self.not_followed(flight)
+                    raise _not_followed(flight)
                 if matrix is None:
                     (a, b), (c, d) = flight.matrix
                     matrix = ((a - 1, b), (c, d - 1))
                 inverse = midpoint_inverse(matrix)
                 step = product(inverse, [new - old for new, old in zip(flight.image, state, strict=True)])
                 if not all(part.is_finite() for part in step):
-                    return self.ended(Status.NOT_CONVERGED, "the derivative of the map is singular")
+                    raise Stopped(Status.NOT_CONVERGED, "the derivative of the map is singular")
             with working_precision(self.bits):
                 state = [(old - part).mid() for old, part in zip(state, step, strict=True)]
             if float(abs(state[0])) + float(abs(state[1])) / 10 < scale / 5:
-                return self.ended(Status.TRIVIAL, "in Newton's iteration")
+                raise Stopped(Status.TRIVIAL, "in Newton's iteration")
             size = max(magnitude(part) for part in step) - max(magnitude(part) for part in state)
             previous, correct = correct, -size
             if correct < 20:  # far off: a fresh derivative for the next step
@@ -272,53 +230,44 @@ class Attempt:
                 return state
             if correct <= previous:  # a stale derivative
                 matrix, gain = None, 0
-        return self.ended(Status.NOT_CONVERGED, f"after {_MOST_ITERATIONS} steps of Newton's iteration")
+        raise Stopped(Status.NOT_CONVERGED, f"after {_MOST_ITERATIONS} steps of Newton's iteration")
 
-    def neighbourhood(
-        self, proof: OrbitProof, fixed: FixedPoints, sizes: Sequence[Any], drift: Any, choices: SearchedTest
-    ) -> OrbitProof:
+    def neighbourhood(self, proof: OrbitProof, fixed: FixedPoints, drift: Any, evidence: dict[str, Any]) -> OrbitProof:
         """The proof with the widest box that passes the test, and with its evidence."""
-        evidence = {
-            "middle": [dyadic_text(part) for part in fixed.middle[:2]],
-            "centre": choices.centre.log,
-            "box": choices.written(sizes),
-        }
-        radii = [arb(0, size) for size in sizes]
         with working_precision(_REMOTE_BITS):
             for size in _REMOTE_BOXES:
                 if size >= self.box_bits:
                     continue
-                sizes = [(abs(part) * arb(2) ** -size).mid() for part in fixed.middle[:2]]
-                wide, search = [arb(0, part) for part in sizes], SearchedTest()
-                deviations = [*wide, drift]
-                remote = krawczyk_test(
-                    self.setting, self.section, fixed.middle, deviations, (0, 1), search, fixed.centre
-                )
+                remote, wide = self.tested(fixed.middle, drift, size, (evidence["centre"], fixed.centre))
                 if isinstance(remote, FixedPoints) and remote.included:
-                    evidence["wide box"] = search.written(sizes) | {"bits": _REMOTE_BITS}
-                    radii = wide
+                    evidence["wide box"] = wide["box"] | {"bits": _REMOTE_BITS}
                     break
+        radii = [arb(0, size) for size in evidence.get("wide box", evidence["box"])["radii"]]
         return replace(proof, unique_within=cycle.apart(fixed, radii), evidence=evidence)
 
-    def concluded(self, fixed: FixedPoints, radii: Sequence[Any]) -> OrbitProof:
-        """The cycle's numbers from a test that was passed on a box of these radii, balls."""
-        numbers = cycle.cycle_numbers(self.section, fixed)
+    def concluded(self, fixed: FixedPoints) -> OrbitProof:
+        """The cycle's numbers from a test that was passed."""
+        values, where = cycle.cycle_numbers(self.section, fixed), f"{fixed.centre.steps} + {fixed.box.steps} steps"
         return OrbitProof(
             self.section,
             Status.PROVED,
-            f"in {self.bits} bits, {fixed.centre.steps} + {fixed.box.steps} steps",
+            f"in {self.bits} bits, {where}",
             self.parameters,
             self.omega,
             self.bits,
-            numbers,
-            cycle.apart(fixed, radii),
-            cycle.stability(numbers),
-            cycle.reversals(self.section, fixed),
+            values,
+            stable=cycle.stability(values),
+            reversals=cycle.reversals(self.section, fixed),
         )
 
 
-def _shortage(residual: Sequence[Any], radii: Sequence[Any]) -> int:
+def _not_followed(flight: Return) -> Stopped:
+    return Stopped(Status.NOT_FOLLOWED, f"at t = {float(flight.reached):.4g} s: {flight.status.value}")
+
+
+def _shortage(fixed: FixedPoints, evidence: Mapping[str, Any]) -> int:
     """Bits that would bring the rounding errors of Y F(m) well below the box's radius; at least 16."""
-    if not all(part.is_finite() for part in residual):
+    if not all(part.is_finite() for part in fixed.residual):
         return 64
-    return max(16, 8 + max(magnitude(part.rad()) - magnitude(r) for part, r in zip(residual, radii, strict=True)))
+    pairs = zip(fixed.residual, evidence["box"]["radii"], strict=True)
+    return max(16, 8 + max(magnitude(part.rad()) - magnitude(size) for part, size in pairs))

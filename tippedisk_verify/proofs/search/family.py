@@ -23,14 +23,12 @@ from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.proofs.closed_forms import hopf_balls
 from tippedisk_verify.proofs.kernel.balls import arb, ball_constants, working_precision
-from tippedisk_verify.proofs.kernel.claims.arcs import Piece, Status
-from tippedisk_verify.proofs.kernel.claims.family import joined
+from tippedisk_verify.proofs.kernel.claims.family import Piece, Status, joined
 from tippedisk_verify.proofs.numbers import measured
 from tippedisk_verify.proofs.search.branch import BranchProof, omega_crit
 from tippedisk_verify.proofs.search.connection_end import ProvedEnd
 from tippedisk_verify.proofs.search.curve_choices import Guess, prove_piece
-from tippedisk_verify.proofs.search.heteroclinic import prove_connection
-from tippedisk_verify.proofs.search.proved_connection import ProvedConnection
+from tippedisk_verify.proofs.search.heteroclinic import ProvedConnection, prove_connection
 
 __all__ = ["HOPF_END", "Interval", "Known", "chain", "guess_at", "hopf_guess", "open_intervals", "prove_family",
            "prove_intervals"]  # fmt: skip

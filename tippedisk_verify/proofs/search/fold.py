@@ -10,22 +10,19 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
-from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import bits_for_digits, checked_digits
-from tippedisk_verify.proofs.kernel.balls import Unproved, arb, ball, ball_constants, working_precision
+from tippedisk_verify.proofs.kernel.balls import Unproved, arb, ball, ball_constants, need, working_precision
 from tippedisk_verify.proofs.kernel.claims import fold
-from tippedisk_verify.proofs.kernel.claims.cycle import UNKNOWNS
 from tippedisk_verify.proofs.kernel.flow import Model, Status
-from tippedisk_verify.proofs.kernel.krawczyk import FixedPoints, krawczyk_test, product
-from tippedisk_verify.proofs.kernel.reading import dyadic_text
+from tippedisk_verify.proofs.kernel.krawczyk import FixedPoints, product
 from tippedisk_verify.proofs.kernel.section import HALF, TURN, Return, Section, returned
 from tippedisk_verify.proofs.numbers import measured, widened
-from tippedisk_verify.proofs.search.certificate import certificate_text, parameter_texts
-from tippedisk_verify.proofs.search.steps import SearchedTest, Steps, midpoint_inverse
+from tippedisk_verify.proofs.search.certificate import Proof, claim_of
+from tippedisk_verify.proofs.search.steps import Steps, midpoint_inverse, searched_test
 
 __all__ = ["HALF", "TURN", "FoldProof", "prove_fold"]
 
@@ -38,11 +35,12 @@ _CHORDS = 12
 
 
 @dataclass(frozen=True)
-class FoldProof:
+class FoldProof(Proof):
     """What is proved of a fold of librating (`HALF`) or rotating (`TURN`) cycles."""
 
+    told: ClassVar = ("extremum",)
+
     section: Section
-    proved: bool
     where: str  #: how far the proof came
     parameters: Parameters
     bits: int  #: working precision
@@ -52,33 +50,22 @@ class FoldProof:
     evidence: Mapping[str, Any] | None = field(default=None, repr=False)  #: the choices that the kernel accepted
 
     @property
-    def statement(self) -> str:
-        """What is proved, in one sentence."""
-        return fold.sentence(self.claim()) if self.proved else f"nothing is proved: {self.where}."
+    def status(self) -> None:
+        """What prevents a proof is said by ``where``."""
 
+    @property
+    def proved(self) -> bool:
+        return bool(self.values)
+
+    @property
+    def reason(self) -> str:
+        return self.where
+
+    @property
     def claim(self) -> dict[str, Any]:
         """What is proved, as certificates have it."""
-        return {
-            "kind": next(kind for kind, section in fold.KINDS.items() if section == self.section),
-            "parameters": parameter_texts(self.parameters),
-            "friction": self.parameters.friction,
-            "numbers": {name: number.to_dict() for name, number in self.values.items()},
-            "extremum": self.extremum,
-        }
-
-    def certificate(self) -> str:
-        """The proof as a file that the kernel alone checks. Raises InputError if there is no proof."""
-        if self.evidence is None:
-            raise InputError(self.statement)
-        return certificate_text(self.claim(), self.bits, self.evidence)
-
-    def to_dict(self) -> dict[str, object]:
-        """For the command line."""
-        entries: dict[str, object] = {"proved": self.proved, "statement": self.statement}
-        entries |= {name: value.to_dict() for name, value in self.values.items()}
-        if self.extremum is not None:
-            entries["extremum"] = self.extremum
-        return entries | {"parameters": self.parameters.name, "bits": self.bits}
+        kind = next(kind for kind, section in fold.KINDS.items() if section == self.section)
+        return claim_of(kind, self.parameters, self.values, extremum=self.extremum)
 
 
 def prove_fold(
@@ -95,122 +82,87 @@ def prove_fold(
     # On the arc the speed moves by its squared half-length.
     places = math.ceil(digits / 2) + _SHORTER
     # The arc is said as it is tested: its middle has the decimals that are printed beside its half-length.
-    p = Fraction(round(p * 10 ** (places + 2)), 10 ** (places + 2))
-    attempt = _Attempt(section, parameters, (p, v, omega), Fraction(1, 10**places), digits)
-    with working_precision(attempt.bits):
+    arc = Measured(round(p, places + 2), Fraction(1, 10**places))
+    bits = bits_for_digits(digits + 2 * _SHORTER + 4) + _GUARD_BITS  # the squared half-length, and some more
+    attempt = _Attempt(section, parameters, (v, omega), arc)
+    with working_precision(bits):
         try:
-            return attempt.run()
+            extremum, values = attempt.run()
+            faint = f"the speed is not enclosed to {digits} digits: ask for more"
+            need(values["omega"].uncertainty <= values["omega"].value / 10**digits, faint)
         except Unproved as fault:
-            return FoldProof(section, False, str(fault), parameters, attempt.bits)
+            return FoldProof(section, str(fault), parameters, bits)
+    return FoldProof(section, f"in {bits} bits", parameters, bits, values, extremum, attempt.evidence)
 
 
 class _Attempt:
-    """A proof under way: about which point, on which arc, in how many bits. What prevents it is raised as Unproved."""
+    """A proof under way: about which point, on which arc. What prevents it is raised as Unproved."""
 
     def __init__(
-        self,
-        section: Section,
-        parameters: Parameters,
-        near: tuple[Fraction, Fraction, Fraction],
-        half_length: Fraction,
-        digits: int,
+        self, section: Section, parameters: Parameters, near: tuple[Fraction, Fraction], arc: Measured
     ) -> None:
-        self.section, self.parameters, self.digits, self.half_length = section, parameters, digits, half_length
-        self.p, *self.near = near
-        self.bits = bits_for_digits(digits + 2 * _SHORTER + 4) + _GUARD_BITS  # the squared half-length, and some more
-        self.setting = {"parameters": parameter_texts(parameters), "friction": parameters.friction}
+        self.section, self.parameters, self.near, self.arc = section, parameters, near, arc
         self.evidence: dict[str, Any] = {}
 
-    def run(self) -> FoldProof:
-        """The proof, at the working precision ``bits``, which must be in force."""
-        length = ball(self.half_length)
-        arc, *ends = fold.arc_balls(self.p, self.half_length)
-        whole, room = self.whole(arc, length)
+    def run(self) -> tuple[Literal["smallest", "largest"], dict[str, Measured]]:
+        """Which extremum there is, and the numbers, at the working precision in force."""
+        p, *ends = fold.arc_balls(self.arc.value, self.arc.uncertainty)
+        length = ball(self.arc.uncertainty)
+        whole = self.whole(p, length)
         sizes = [(length / 2**20).mid(), (length**2 * 2**10).mid()]
         points = [self.at_end(name, end, whole, sizes) for name, end in zip(fold.POINTS[1:], ends, strict=True)]
         extremum = fold.extremum(*map(fold.slope, points))
         if extremum is None:
             raise Unproved("Omega is not proved to rise at one end of the arc and to fall at the other")
-        first, second = UNKNOWNS[self.section]
-        values = {
-            "omega": widened(measured(whole.image[2])),
-            first: Measured(self.p, self.half_length),
-            second: widened(measured(whole.image[1])),
-            "period": widened(measured(self.section.laps * whole.box.time)),
-        }
-        proof = FoldProof(
-            self.section,
-            True,
-            f"in {self.bits} bits",
-            self.parameters,
-            self.bits,
-            values,
-            extremum,
-            self.evidence,
-        )
-        fold.judge(proof.claim(), self.section, [whole, *points], [arb(0, size) for size in room])
-        if values["omega"].uncertainty > values["omega"].value / 10**self.digits:
-            raise Unproved(f"the speed is not enclosed to {self.digits} digits: ask for more")
-        return proof
+        v, omega, period = map(measured, (*whole.image[1:], self.section.laps * whole.box.time))
+        numbers = (widened(omega), self.arc, widened(v), widened(period))
+        values = dict(zip(fold.names(self.section), numbers, strict=True))
+        claim = claim_of("", self.parameters, values, extremum=extremum)
+        fold.judge(claim, self.section, [whole, *points], [arb(0, x) for x in self.evidence["arc"]["box"]["radii"]])
+        return extremum, values
 
-    def whole(self, arc: Any, length: Any) -> tuple[FixedPoints, list[Any]]:
-        """The cycles of all points of the arc, and the radii of their box, widened to what Krawczyk's image needs."""
+    def whole(self, arc: Any, length: Any) -> FixedPoints:
+        """The cycles of all points of the arc, in a box widened to what Krawczyk's image needs."""
         m, sizes = [ball(part).mid() for part in self.near], [(_SLOPE * length).mid(), (_EXCESS * length**2).mid()]
         for _ in range(1 + _INFLATIONS):
             fixed = self.test("arc", arc, m, sizes)
             if fixed.included:
-                return fixed, sizes
+                return fixed
             if not all(part.is_finite() for part in fixed.image):
                 break
-            m, sizes = ([getattr(part, name)() for part in fixed.image[1:]] for name in ("mid", "rad"))
-            sizes = [2 * size for size in sizes]
+            m, sizes = [part.mid() for part in fixed.image[1:]], [2 * part.rad() for part in fixed.image[1:]]
         raise Unproved("on the arc, Krawczyk's image does not lie inside the box")
 
     def at_end(self, name: str, end: Any, whole: FixedPoints, sizes: Sequence[Any]) -> FixedPoints:
-        """The cycle at an end of the arc."""
+        """The cycle at an end of the arc: the test well within the box of this point's cycle, after chord steps."""
         (f, *first), (g, *second) = whole.slopes
-        inverse = midpoint_inverse((first, second))
-        along = [-factor for factor in product(inverse, (f, g))]  # d(v, Omega)/dp
-        distance = end.mid() - whole.middle[0]
-        m = [(part + slope * distance).mid() for part, slope in zip(whole.image[1:], along, strict=True)]
-        fixed = self.test(name, end, *self.sharpened(end, m, sizes, inverse))
-        if not fixed.included:
-            raise Unproved("at an end of the arc, Krawczyk's image does not lie inside the box")
+        inverse, p = midpoint_inverse((first, second)), end.mid()
+        along, distance = product(inverse, (f, g)), p - whole.middle[0]  # -d(v, Omega)/dp
+        m = [(part - slope * distance).mid() for part, slope in zip(whole.image[1:], along, strict=True)]
+        for _ in range(_CHORDS):
+            search, start = Steps(), (p, m[0])
+            flight = returned(Model(ball_constants(self.parameters), m[1]), self.section, start, search)
+            if flight.status is not Status.RETURNED:
+                raise _not_followed(flight)
+            steps = product(inverse, [after - before for after, before in zip(flight.image, start, strict=True)])
+            if all(abs(step) < size / 4 for step, size in zip(steps, sizes, strict=True)):
+                break
+            m = [(part - step).mid() for part, step in zip(m, steps, strict=True)]
+        else:
+            raise Unproved("at an end of the arc, the iteration towards the cycle does not settle")
+        fixed = self.test(name, end, m, sizes, (search, flight))
+        need(fixed.included, "at an end of the arc, Krawczyk's image does not lie inside the box")
         return fixed
 
     def test(
         self, name: str, p: Any, m: Sequence[Any], sizes: Sequence[Any], centre: tuple[Steps, Return] | None = None
     ) -> FixedPoints:
         """Krawczyk's test about a point; its choices become the evidence."""
-        choices, flight = SearchedTest(), None
-        if centre is not None:
-            choices.centre, flight = centre
-        deviations = [p - p.mid(), *(arb(0, size) for size in sizes)]
-        fixed = krawczyk_test(self.setting, self.section, [p.mid(), *m], deviations, (1, 2), choices, flight)
+        setting, middle = claim_of("", self.parameters, {}), [p.mid(), *m]
+        fixed, self.evidence[name] = searched_test(setting, self.section, (1, 2), middle, sizes, p - p.mid(), centre)
         if isinstance(fixed, Return):
             raise _not_followed(fixed)
-        self.evidence[name] = {
-            "middle": [dyadic_text(part) for part in m],
-            "centre": choices.centre.log,
-            "box": choices.written(sizes),
-        }
         return fixed
-
-    def sharpened(
-        self, p: Any, m: Sequence[Any], sizes: Sequence[Any], inverse: Sequence[Any]
-    ) -> tuple[Sequence[Any], Sequence[Any], tuple[Steps, Return]]:
-        """A point well within the box of this p's cycle, by chord steps from near ``m``; the sizes; the flight."""
-        for _ in range(_CHORDS):
-            search = Steps()
-            flight = returned(Model(ball_constants(self.parameters), m[1]), self.section, (p.mid(), m[0]), search)
-            if flight.status is not Status.RETURNED:
-                raise _not_followed(flight)
-            value = [after - before for after, before in zip(flight.image, (p.mid(), m[0]), strict=True)]
-            steps = product(inverse, value)
-            if all(abs(step) < size / 4 for step, size in zip(steps, sizes, strict=True)):
-                return m, sizes, (search, flight)
-            m = [(part - step).mid() for part, step in zip(m, steps, strict=True)]
-        raise Unproved("at an end of the arc, the iteration towards the cycle does not settle")
 
 
 def _not_followed(flight: Return) -> Unproved:

@@ -10,37 +10,43 @@ Where a ball becomes a point or a float: everywhere, and any choice that the ker
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from enum import Enum
 from fractions import Fraction
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
-from flint import arb, arb_mat, fmpq, fmpq_poly
+from flint import arb, arb_mat
 
 from tippedisk_verify.errors import InputError, NoConnectionError
-from tippedisk_verify.model.decimals import decimal_magnitude, rounded_up
+from tippedisk_verify.model.decimals import decimal_magnitude, exact_text, rounded_up
 from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
+from tippedisk_verify.model.results import Printable
 from tippedisk_verify.proofs.angles import NONINVERTED
-from tippedisk_verify.proofs.closed_forms import characteristic_polynomial, real_root
+from tippedisk_verify.proofs.closed_forms import characteristic_polynomial, exact_polynomial, real_root
 from tippedisk_verify.proofs.kernel.balls import Unproved, ball, ball_constants, coefficient, working_precision
 from tippedisk_verify.proofs.kernel.claims.connection import (
+    CHOICES,
+    EIGENVALUES,
     SIDES,
     Connection,
     alone,
     connection_shown,
     holds,
 )
-from tippedisk_verify.proofs.kernel.claims.manifolds import Curve, leaving
-from tippedisk_verify.proofs.kernel.claims.saddle import FAST, SLOW, UNSTABLE, Saddle, most, others
+from tippedisk_verify.proofs.kernel.claims.saddle import FAST, SLOW, UNSTABLE, Curve, Saddle, leaving, most, others
 from tippedisk_verify.proofs.kernel.flow import Path
 from tippedisk_verify.proofs.numbers import measured, widened
-from tippedisk_verify.proofs.search.certificate import Proposer, parameter_texts
-from tippedisk_verify.proofs.search.proved_connection import ProvedConnection, Room, Status, not_proved
+from tippedisk_verify.proofs.search.certificate import Proof, Proposer, Stopped, claim_of, parameter_texts
 from tippedisk_verify.proofs.search.steps import Steps
 
 __all__ = [
     "MOST_DIGITS",
+    "ProvedConnection",
+    "Room",
+    "Status",
     "eigenvectors",
     "prove_connection",
     "series_of_curve",
@@ -56,6 +62,93 @@ _GUESSES = 12  # doublings of a guessed weight before it is given up
 #: rad; extents in gamma of the statement's box, if N lies in it. The larger it is, the more is unique.
 _ROOMS = tuple(map(Fraction, ("0.02", "0.01", "0.005", "0.002", "0.001")))
 _LEAST_DIGITS = 4  # an interval for fewer is too wide to be followed past a saddle; a shorter one does for them
+
+
+class Status(Enum):
+    """How the proof ended. The value says where it stopped and what to try next."""
+
+    PROVED = "proved"
+    NO_SADDLE = "there is no connection of saddles to look for"
+    UNSTABLE_BRANCH = "the unstable branch could not be enclosed at the first saddle: ask for more digits"
+    FLOW = "the flight between the saddles could not be enclosed: ask for more digits"
+    NOT_NEAR = "the branch does not come near the second saddle: try another speed"
+    BLOCK = "no isolating block at the second saddle holds the arrivals: ask for more digits"
+    SIDES = "the ends of the interval are not proved to pass on opposite sides: is there a connection in it?"
+    ROOM = "no box at the second saddle is proved to keep what arrives, and to let it converge: ask for more digits"
+    CONES = "the cone conditions at a saddle are not proved: ask for more digits"
+
+
+class Room(NamedTuple):
+    """The box |beta - pi/2| <= ``beta``, |gamma - 3 pi/2| <= ``gamma``, |v| <= ``v`` [rad, rad, rad/s]."""
+
+    beta: Fraction
+    gamma: Fraction
+    v: Fraction
+
+
+@dataclass(frozen=True, repr=False)
+class ProvedConnection(Printable, Proof):
+    """The interval of Omega_h, and what was proved of it; without status PROVED nothing was."""
+
+    listed = (
+        *("proved", "status", "statement", "limit_cycle", "omega_h", "unique"),
+        *("saddle_eigenvalues", "saddle_value", "upright", "room", "bits"),
+    )
+
+    status: Status
+    omega_h: Measured | None = None  #: [rad/s]; the interval I
+    unique: bool = False  #: no second speed of I has a connection of this kind
+    saddle_eigenvalues: tuple[Measured, ...] = ()  #: unstable, slow stable, fast stable [1/s], for every speed of I
+    room: Room | None = None  #: where the branch stays
+    upright: bool = False  #: |beta - pi/2| < pi/2 all along: the disk never lies flat
+    bits: int = 0  #: working precision of the last pass
+    where: str = ""  #: what fails
+    slowly: bool = False  #: the connection comes in along the slow stable direction
+    turns_back: str = ""  #: "above" or "below" Omega_h, in I: where the branch leaves N with falling gamma
+    parameters: Parameters | None = None  #: the disk of which this is proved
+    shown: Connection | None = None  #: by the kernel
+    evidence: Mapping[str, Any] = field(default_factory=dict)  #: the choices that the kernel has accepted
+
+    @property
+    def saddle_value(self) -> Measured | None:
+        """lambda_u + lambda_s [1/s]; where it is negative the cycle next to the connections attracts."""
+        if not self.saddle_eigenvalues:
+            return None
+        unstable, slow, _ = self.saddle_eigenvalues
+        return unstable + slow
+
+    @property
+    def claim(self) -> dict[str, Any]:
+        """What is claimed, as a certificate says it. Only of what is proved."""
+        assert self.parameters is not None
+        assert self.omega_h is not None
+        assert self.room is not None
+        numbers = dict(zip(("omega_h", *EIGENVALUES), (self.omega_h, *self.saddle_eigenvalues), strict=True))
+        room = self.room._asdict()
+        return claim_of(
+            "heteroclinic connection", self.parameters, numbers, unique=self.unique, upright=self.upright, **room
+        )
+
+    @property
+    def limit_cycle(self) -> str | None:
+        """What follows by Shilnikov's theorem; None if one of its hypotheses is not proved."""
+        value = self.saddle_value
+        if not (self.proved and self.unique and self.slowly and value and value.value + value.uncertainty < 0):
+            return None
+        if self.parameters is not None and self.parameters.friction == "smooth":
+            return None  # the theorem asks for a smoother field
+        other = "below" if self.turns_back == "above" else "above"
+        return (
+            "for the tippedisk, the friction law and the Omega_h of the statement, by Shilnikov's theorem: with gamma "
+            "in R (not modulo 2 pi) the two connections and the saddles have a neighbourhood in which, for all speeds "
+            f"close enough to Omega_h, there is exactly one periodic orbit {self.turns_back} Omega_h and none {other} "
+            "it or at it; the orbit is asymptotically stable, the point symmetry maps it to itself, and its period "
+            "tends to infinity as Omega tends to Omega_h."
+        )
+
+    def to_dict(self) -> dict[str, object]:
+        room = None if self.room is None else {name: exact_text(x) for name, x in self.room._asdict().items()}
+        return super().to_dict() | {"status": self.status.name.lower(), "room": room}
 
 
 def prove_connection(parameters: Parameters, near: object, digits: int = 12) -> ProvedConnection:
@@ -81,31 +174,26 @@ def prove_connection(parameters: Parameters, near: object, digits: int = 12) -> 
                 disk = parameter_texts(parameters)
                 shown = connection_shown(disk, parameters.friction, (middle, half_width), search)
         except Unproved as fault:
-            status = search.stopped(str(fault))
-            proof = not_proved(status, bits, "" if str(fault) == status.value else str(fault))
+            proof = ProvedConnection(search.stopped(fault), bits=bits, where=str(fault))
             if proof.status is Status.NOT_NEAR:
                 break
             bits += 48
         else:
-            return _proved(parameters, Measured(middle, half_width), shown, search)
+            return ProvedConnection(
+                status=Status.PROVED,
+                omega_h=Measured(middle, half_width),
+                unique=shown.unique,
+                saddle_eigenvalues=tuple(Measured(*pair) for pair in search.log["eigenvalues"]),
+                room=Room(*shown.room),
+                upright=shown.upright,
+                bits=bits,
+                slowly=shown.slowly,
+                turns_back="above" if shown.above else "below",
+                parameters=parameters,
+                shown=shown,
+                evidence={name: search.log[name] for name in CHOICES},
+            )
     return proof
-
-
-def _proved(parameters: Parameters, omega_h: Measured, shown: Connection, search: _Search) -> ProvedConnection:
-    return ProvedConnection(
-        status=Status.PROVED,
-        omega_h=omega_h,
-        unique=shown.unique,
-        saddle_eigenvalues=tuple(Measured(*pair) for pair in search.log["eigenvalues"]),
-        room=Room(*shown.room),
-        upright=shown.upright,
-        bits=search.bits,
-        slowly=shown.slowly,
-        turns_back="above" if shown.above else "below",
-        parameters=parameters,
-        shown=shown,
-        choices=search.log,
-    )
 
 
 def eigenvectors(parameters: Parameters, speed: Fraction) -> tuple[list[Any], Any]:
@@ -114,9 +202,8 @@ def eigenvectors(parameters: Parameters, speed: Fraction) -> tuple[list[Any], An
 
     Raises NoConnectionError where it is no saddle with one unstable and two real stable directions.
     """
-    a2, a1, a0 = map(Fraction, characteristic_polynomial(parameters.rational(), speed, NONINVERTED))
-    polynomial: Any = fmpq_poly([fmpq(part.numerator, part.denominator) for part in (a0, a1, a2, Fraction(1))])
-    roots = [root for root, count in polynomial.complex_roots() if count == 1 and root.imag.is_zero()]
+    found = exact_polynomial(parameters.rational(), speed, NONINVERTED).complex_roots()
+    roots = [root for root, count in found if count == 1 and root.imag.is_zero()]
     if len(roots) != 3:
         raise NoConnectionError(
             "noninverted spinning is a saddle-focus here: a connection of saddles is not looked for"
@@ -157,10 +244,6 @@ def series_of_curve(saddle: Saddle, along: int, order: int, values: Sequence[Any
     return curve
 
 
-class _NotNearError(Unproved):
-    """The branch does not come near the second saddle."""
-
-
 class _Search(Proposer):
     """One pass over an interval of speeds, with a working precision."""
 
@@ -178,13 +261,11 @@ class _Search(Proposer):
         #: the flight goes on until the fast coordinate is smaller
         self.small = half_width * share
 
-    def stopped(self, refusal: str) -> Status:
-        """Where the kernel refused."""
-        if refusal == SIDES:
-            return Status.SIDES
-        if refusal == Status.NOT_NEAR.value:
-            return Status.NOT_NEAR
-        return self._STAGES.get(self.asked, Status.FLOW)
+    def stopped(self, fault: Unproved) -> Status:
+        """Where the kernel, or the search, gave up."""
+        if isinstance(fault, Stopped):
+            return Status(fault.status)
+        return Status.SIDES if str(fault) == SIDES else self._STAGES.get(self.asked, Status.FLOW)
 
     def directions(self) -> list[list[Any]]:
         self.values, directions = eigenvectors(self.parameters, self.middle)
@@ -234,7 +315,7 @@ class _Search(Proposer):
     def arrived(self, path: Path, z: Sequence[Any], curve: Curve) -> bool:
         beta, gamma, _ = path.box
         if path.time > _LONGEST or beta < 0 or gamma > arb.pi():  # gamma falls, or has gone past the saddle
-            raise _NotNearError(Status.NOT_NEAR.value)
+            raise Stopped(Status.NOT_NEAR)
         return bool(abs(z[SLOW]) < self.reach and abs(curve.straightened(z)[1].mid()) < ball(self.small))
 
     def block(self, z: Sequence[Any], curve: Curve) -> list[Any]:

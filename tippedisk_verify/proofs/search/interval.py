@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from fractions import Fraction
-from typing import Any
+from typing import Any, ClassVar
 
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.decimals import exact_text
@@ -19,36 +19,26 @@ from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.proofs.closed_forms import refuse_past_birth
-from tippedisk_verify.proofs.kernel.arc import OMEGA, Arc
-from tippedisk_verify.proofs.kernel.balls import Unproved, ball, working_precision
+from tippedisk_verify.proofs.kernel.balls import ball, working_precision
 from tippedisk_verify.proofs.kernel.claims.interval import (
-    KINDS,
     UNKNOWNS,
     beta_bound,
     interval_numbers,
     interval_test,
-    sentence,
 )
-from tippedisk_verify.proofs.kernel.curves import Curve
+from tippedisk_verify.proofs.kernel.curves import OMEGA, Curve
 from tippedisk_verify.proofs.kernel.field import constants
+from tippedisk_verify.proofs.kernel.flow import Model
+from tippedisk_verify.proofs.kernel.flow import Status as FlowStatus
+from tippedisk_verify.proofs.kernel.section import HALF, returned
 from tippedisk_verify.proofs.numbers import WIDER, measured, widened
-from tippedisk_verify.proofs.search.certificate import certificate_text, parameter_texts
-from tippedisk_verify.proofs.search.curve_choices import (
-    BITS,
-    StepSearch,
-    decimal_above,
-    duration,
-    family_polynomials,
-    rounded_jet,
-    two_digits,
-)
+from tippedisk_verify.proofs.search.certificate import Proof, Stopped, claim_of
+from tippedisk_verify.proofs.search.curve_choices import BITS, boxed, family_rows, two_digits
+from tippedisk_verify.proofs.search.steps import Steps
 
 __all__ = ["IntervalProof", "Status", "failed_interval", "prove_interval"]
 
-_DEGREE = 4
 _SHARE = Fraction(1, 10_000)  # of the box's radius in how far the family moves: it widens the enclosures by little
-_LEAST = Fraction(1, 10**12)  # a box's radius [rad, rad/s]
-_MOST_ATTEMPTS = 3
 
 
 class Status(Enum):
@@ -62,8 +52,10 @@ class Status(Enum):
 
 
 @dataclass(frozen=True)
-class IntervalProof:
+class IntervalProof(Proof):
     """What is proved of the limit cycles of all speeds with |Omega - omega| <= radius."""
+
+    told: ClassVar = ("stable", "beta_below", "unique_within", "enclosed_within", "curve")
 
     status: Status
     parameters: Parameters
@@ -73,35 +65,21 @@ class IntervalProof:
     evidence: Mapping[str, Any] = field(default_factory=dict)
 
     @property
-    def proved(self) -> bool:
-        return self.status is Status.PROVED
+    def bits(self) -> int:  # type: ignore[override]
+        return BITS
+
+    @property
+    def where(self) -> str:
+        return f"Omega within {exact_text(self.radius)} rad/s of {exact_text(self.omega)} rad/s"
+
+    @property
+    def asked(self) -> dict[str, object]:
+        return {"omega": Measured(self.omega, Fraction(0)).to_dict(), "radius": exact_text(self.radius)}
 
     @property
     def numbers(self) -> dict[str, Measured]:
         """Half-widths about values that hold the true one at each of the speeds; names as of `cycle`."""
         return {name: Measured.of(**number) for name, number in self.claim.get("numbers", {}).items()}
-
-    @property
-    def statement(self) -> str:
-        """What is proved, in one sentence."""
-        if self.proved:
-            return sentence(self.claim)
-        middle, radius = exact_text(self.omega), exact_text(self.radius)
-        return f"nothing is proved of Omega within {radius} rad/s of {middle} rad/s: {self.status.value}."
-
-    def to_dict(self) -> dict[str, object]:
-        """For the command line: the statement and, if proved, the numbers."""
-        entries: dict[str, object] = {"proved": self.proved, "statement": self.statement}
-        entries["omega"] = Measured(self.omega, Fraction(0)).to_dict()
-        entries["radius"] = exact_text(self.radius)
-        if self.proved:
-            names = ("stable", "beta_below", "unique_within", "enclosed_within", "curve")
-            entries |= self.claim["numbers"] | {name: self.claim[name] for name in names}
-        return entries | {"parameters": self.parameters.name, "bits": BITS, "status": self.status.name}
-
-    def certificate(self) -> str:
-        """The text of a certificate of what is proved."""
-        return certificate_text(self.claim, BITS, self.evidence)
 
 
 def failed_interval(
@@ -125,56 +103,42 @@ def prove_interval(parameters: Parameters, omega: object, radius: object, guess:
     if len(guess) != 2:
         raise InputError("a guess has two components: gamma_bar and v")
     failed = failed_interval(parameters, omega, radius, Status.NO_RETURN)
-    disk = parameter_texts(parameters)
+    start = [exact(number).rational for number in guess]
     with working_precision(BITS):
-        equations, speed, width = constants(disk), ball(failed.omega), ball(failed.radius)
-        start = [ball(exact(number).rational) for number in guess]
-        total = duration(equations, speed.mid(), *start)
-        if total is None:
-            return failed
-        failed = replace(failed, status=Status.NOT_FOLLOWED)
-        polynomials, half = family_polynomials(equations, [*start, speed], width, _DEGREE, total, OMEGA, Curve)
-        if not all(entry.is_finite() for jet in (*polynomials, half) for entry in jet.c):
-            return failed
-        curve, times = [rounded_jet(jet) for jet in polynomials[:2]], list(map(exact_text, rounded_jet(half)))
-        claim: dict[str, Any] = {
-            "kind": KINDS[0],
-            "parameters": disk,
-            "friction": "linear",
-            "omega": exact_text(failed.omega),
-            "radius": exact_text(failed.radius),
-            "low": exact_text(failed.omega - failed.radius),
-            "high": exact_text(failed.omega + failed.radius),
-            "curve": {name: list(map(exact_text, row)) for name, row in zip(UNKNOWNS, curve, strict=True)},
-        }
-        radii = [two_digits(max(abs(row[1]) * _SHARE, _LEAST)) for row in curve]
-        for _ in range(_MOST_ATTEMPTS):
-            choices, box = StepSearch(), dict(zip(UNKNOWNS, map(exact_text, radii), strict=True))
-            try:
-                arc = interval_test(claim | {"unique_within": box}, times, choices)
-            except Unproved:
-                return failed
-            if not all(off.is_finite() for off in arc.within):
-                return failed
-            within = [decimal_above(off) for off in arc.within]
-            numbers = interval_numbers(arc)
-            if arc.included and all(a <= b for a, b in zip(within, radii, strict=True)):
-                if not all(number.is_finite() for number in numbers.values()):
-                    break
-                near = dict(zip(UNKNOWNS, map(exact_text, within), strict=True))
-                claim |= {"unique_within": box, "enclosed_within": near} | _claimed(arc, numbers)
-                return replace(
-                    failed, status=Status.PROVED, claim=claim, evidence={"half": times, "steps": choices.log}
-                )
-            radii = [two_digits(2 * part) for part in within]
-        return replace(failed, status=Status.NOT_INCLUDED)
+        try:
+            claim, evidence = _searched(failed, [*map(ball, start)])
+        except Stopped as fault:
+            return replace(failed, status=Status[fault.status.name])
+    return replace(failed, status=Status.PROVED, claim=claim, evidence=evidence)
 
 
-def _claimed(arc: Arc, numbers: Mapping[str, Any]) -> dict[str, Any]:
-    """What is claimed beside the box."""
-    below = two_digits(beta_bound(arc) * WIDER)
-    return {
-        "beta_below": exact_text(min(below, Fraction(15707, 10000))),
-        "stable": arc.stable(),
+def _searched(failed: IntervalProof, start: list[Any]) -> tuple[dict[str, Any], dict[str, Any]]:
+    """The claim and the evidence. Raises Stopped."""
+    omega, radius = failed.omega, failed.radius
+    ends = {"low": omega - radius, "high": omega + radius}
+    claim = claim_of("limit cycles of an interval of speeds", failed.parameters, {}, omega=omega, radius=radius, **ends)
+    equations, speed = constants(claim["parameters"]), ball(omega)
+    flight = returned(Model(equations, speed.mid()), HALF, [part.mid() for part in start], Steps())
+    if flight.status is not FlowStatus.RETURNED:
+        raise Stopped(Status.NO_RETURN)
+    rows = family_rows(equations, [*start, speed], ball(radius), flight.time.mid(), OMEGA, Curve)
+    claim["curve"] = dict(zip(UNKNOWNS, rows.texts, strict=False))
+
+    def named(radii: Sequence[Fraction]) -> dict[str, str]:
+        return dict(zip(UNKNOWNS, map(exact_text, radii), strict=True))
+
+    box = boxed(
+        lambda radii, choices: interval_test(claim | {"unique_within": named(radii)}, rows.texts[2], choices),
+        [abs(row[1]) * _SHARE for row in rows.numbers],
+    )
+    numbers = interval_numbers(box.arc)
+    if not all(number.is_finite() for number in numbers.values()):
+        raise Stopped(Status.NOT_INCLUDED)
+    claim |= {
+        "unique_within": named(box.radii),
+        "enclosed_within": named(box.within),
+        "beta_below": exact_text(min(two_digits(beta_bound(box.arc) * WIDER), Fraction(15707, 10000))),
+        "stable": box.arc.stable(),
         "numbers": {name: widened(measured(number)).to_dict() for name, number in numbers.items()},
     }
+    return claim, {"half": rows.texts[2], "steps": box.steps}

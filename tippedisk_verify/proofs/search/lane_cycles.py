@@ -192,7 +192,7 @@ def _concluded(
         if tests[0] is None or not tests[0].included:
             return None
         widest = radii[-1] if tests[-1] is not None and tests[-1].included else radii[0]
-        proof = replace(attempt.concluded(tests[0], radii[0]), unique_within=apart(tests[0], widest))
+        proof = replace(attempt.concluded(tests[0]), unique_within=apart(tests[0], widest))
         enough = all(_to_digits(proof.values[name], attempt.digits) for name in main(HALF))
         return proof if enough and proof.stable is not None else None
 

@@ -22,7 +22,7 @@ from tippedisk_verify.proofs.kernel.lanes import Lanes, quiet
 from tippedisk_verify.proofs.kernel.section import HALF, Return, Round, Status, Walk
 from tippedisk_verify.proofs.kernel.sliding import SlidingPath
 from tippedisk_verify.proofs.kernel.step import Step
-from tippedisk_verify.proofs.search.axes import axes_of_lanes
+from tippedisk_verify.proofs.search.steps import axes_of_lanes
 
 __all__ = ["HalfFlights", "LaneSteps", "half_flights", "lane_of"]
 

@@ -1,23 +1,34 @@
 """The search for steps: lengths, orders that the kernel's test is likely to pass, and axes; with their log.
 
 A `Steps` proposes for one flight. What the flight has taken stands in its ``log``, in the form in which
-`kernel.choices` reads it from a certificate.
+`kernel.krawczyk` reads it from a certificate.
+
+Axes for sets of states are nearly orthogonal, the first along what is largest (Lohner's QR method). Velocities are
+divided by the stiffness [1/s] of d(v')/dv before angles and lengths are measured. Any regular matrix of points would
+do: floats are exact.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from tippedisk_verify.proofs.kernel.balls import arb, working_bits
 from tippedisk_verify.proofs.kernel.flow import Path, short_float
+from tippedisk_verify.proofs.kernel.krawczyk import Choices, FixedPoints, krawczyk_test
 from tippedisk_verify.proofs.kernel.reading import dyadic_text
+from tippedisk_verify.proofs.kernel.section import Return, Section
 from tippedisk_verify.proofs.kernel.sliding import Crossing
 from tippedisk_verify.proofs.kernel.step import Step, magnitude
-from tippedisk_verify.proofs.search.axes import axes_of_balls
 
-__all__ = ["SearchedTest", "Steps", "midpoint_inverse"]
+__all__ = ["Steps", "axes_of_balls", "axes_of_lanes", "midpoint_inverse", "searched_test"]
+
+Matrix = Sequence[Sequence[Any]]
+Array = NDArray[np.float64]
 
 _LEAST_ORDER = 16  # of derivatives that only multiply radii
 #: Over a wide box, the order of the series and how often it decays along v in a step: balls add up what alternates, so
@@ -81,11 +92,11 @@ class Steps:
             share = min(0.97 * better, 0.9 * length / reach)
         return None
 
-    def axes(self, turned: Sequence[Sequence[Any]], sizes: Sequence[Any], stiffness: Any) -> Sequence[Sequence[Any]]:
+    def axes(self, turned: Matrix, sizes: Sequence[Any], stiffness: Any) -> Matrix:
         """Of few bits, which keeps the log short."""
         return [[_short(entry) for entry in row] for row in axes_of_balls(turned, sizes, stiffness)]
 
-    def took(self, step: Step, axes: Sequence[Sequence[Any]]) -> None:
+    def took(self, step: Step, axes: Matrix) -> None:
         parts = [step.first, step.second] if isinstance(step, Crossing) else [step]
         self.log.append({
             "steps": [[dyadic_text(part.length), *part.orders] for part in parts],
@@ -135,28 +146,83 @@ def _short(point: Any) -> Any:
     return arb((round(math.ldexp(mantissa, _AXIS_BITS)), exponent - _AXIS_BITS))
 
 
-class SearchedTest:
-    """The choices of a Krawczyk test, searched for."""
+def searched_test(
+    setting: Mapping[str, Any],
+    section: Section,
+    unknown: tuple[int, int],
+    middle: Sequence[Any],
+    sizes: Sequence[Any],
+    moved: Any,
+    centre: tuple[Steps, Return] | None = None,
+) -> tuple[FixedPoints | Return, dict[str, Any]]:
+    """Krawczyk's test about three points, and its evidence.
 
-    def __init__(self) -> None:
-        self.centre, self.box = Steps(), Steps()
-        self._inverse: Sequence[Sequence[Any]] = ()
+    ``sizes``, points, are the radii of the box of the two ``unknown`` numbers, and ``moved`` is what the third one
+    deviates, a ball; ``centre`` is the flight of the middle, if it is known already.
+    """
+    way, flight = (Steps(), None) if centre is None else centre
+    chosen: list[Sequence[Any]] = []
 
-    def inverse(self, matrix: Sequence[Sequence[Any]]) -> Sequence[Sequence[Any]]:
-        self._inverse = midpoint_inverse(matrix)
-        return self._inverse
+    def inverse(matrix: Matrix) -> Matrix:
+        chosen[:] = midpoint_inverse(matrix)
+        return chosen
 
-    def written(self, sizes: Sequence[Any]) -> dict[str, Any]:
-        """The box's part of the evidence; ``sizes`` are points, and arb(0, size) were the radii."""
-        return {
-            "radii": [dyadic_text(part) for part in sizes],
-            "inverse": [[dyadic_text(entry) for entry in row] for row in self._inverse],
-            "flight": self.box.log,
-        }
+    choices = Choices(way, Steps(), inverse)
+    deviations = [arb(0, size) for size in sizes]
+    deviations.insert({0, 1, 2}.difference(unknown).pop(), moved)
+    fixed = krawczyk_test(setting, section, middle, deviations, unknown, choices, flight)
+    box = {"radii": sizes, "inverse": chosen, "flight": choices.box}
+    return fixed, {"middle": [middle[k] for k in unknown], "centre": way, "box": box}
 
 
-def midpoint_inverse(matrix: Sequence[Sequence[Any]]) -> list[list[Any]]:
+def midpoint_inverse(matrix: Matrix) -> list[list[Any]]:
     """The inverse of the midpoints' matrix, as points."""
     (a, b), (c, d) = ((entry.mid() for entry in row) for row in matrix)
     determinant = a * d - b * c
     return [[(d / determinant).mid(), (-b / determinant).mid()], [(-c / determinant).mid(), (a / determinant).mid()]]
+
+
+def axes_of_balls(turned: Matrix, sizes: Sequence[float], stiffness: float) -> Matrix:
+    """Axes (columns), orthogonal once velocities are divided by the stiffness. Points; any regular ones would do."""
+    weights = (1.0, 1.0, 1 / stiffness)
+    columns = [[float(row[k].mid()) * weight for row, weight in zip(turned, weights, strict=True)] for k in range(3)]
+    order = sorted(range(3), key=lambda k: -math.hypot(*columns[k]) * sizes[k])
+    basis: list[list[float]] = []
+    for vector in (*(columns[k] for k in order), [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]):
+        length = math.hypot(*vector)
+        for _ in range(2):  # once is not enough where columns are nearly parallel
+            for axis in basis:
+                share = sum(a * b for a, b in zip(axis, vector, strict=True))
+                vector = [b - share * a for a, b in zip(axis, vector, strict=True)]
+        left = math.hypot(*vector)
+        if left > 1e-8 * length and len(basis) < 3:
+            basis.append([part / left for part in vector])
+    return [[arb(axis[row] / weights[row]) for axis in basis] for row in range(3)]
+
+
+def axes_of_lanes(turned: Matrix, sizes: Sequence[Array], stiffness: Array) -> Matrix:
+    """The same of every lane [1]."""
+    weights = np.array([np.ones_like(stiffness), np.ones_like(stiffness), 1 / stiffness])
+    with np.errstate(all="ignore"):
+        columns = np.array([[entry.midpoints for entry in row] for row in turned]).swapaxes(0, 1) * weights
+        lengths = np.sqrt((columns * columns).sum(1)) * np.array(sizes)
+        ranked = np.take_along_axis(columns, np.argsort(-lengths, axis=0)[:, None], axis=0)
+        first = _unit(ranked[0], np.array([1.0, 0.0, 0.0])[:, None])
+        across = np.eye(3)[:, np.argmin(np.abs(first), axis=0)]  # far from parallel to the first
+        second = _unit(_orthogonal(ranked[1], first), _unit(_orthogonal(across, first), across))
+        axes = np.array([first, second, np.cross(first, second, axis=0)]).swapaxes(0, 1) / weights[:, None]
+    return [[type(turned[0][0])(entry) for entry in row] for row in axes]
+
+
+def _orthogonal(vector: Array, axis: Array) -> Array:
+    """The unit vector's part across the unit axis; zero where they are nearly parallel."""
+    left = _unit(vector, 0 * vector)
+    for _ in range(2):
+        left = left - (left * axis).sum(0) * axis
+    return np.where(np.sqrt((left * left).sum(0)) > 1e-8, left, 0.0)
+
+
+def _unit(vector: Array, otherwise: Array) -> Array:
+    """The vector divided by its length; another where it has none."""
+    length = np.sqrt((vector * vector).sum(0))
+    return np.where(length > 0, vector / length, otherwise)

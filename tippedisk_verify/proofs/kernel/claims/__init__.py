@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 from tippedisk_verify.proofs.kernel.balls import Unproved, need, working_precision
 from tippedisk_verify.proofs.kernel.claims import connection, connection_cycles, cycle, family, fold, interval
-from tippedisk_verify.proofs.kernel.reading import Refused, content_of, digest, one_of, parsed, precision
+from tippedisk_verify.proofs.kernel.field import UNITS
+from tippedisk_verify.proofs.kernel.reading import DISK, LAWS, Refused, content_of, digest, one_of, parsed, precision
 
-__all__ = ["FORMAT", "KINDS", "Refused", "Unproved", "check", "digest", "proved"]
+__all__ = ["FORMAT", "KINDS", "Refused", "Unproved", "check", "digest", "proved", "sentence"]
 
 FORMAT = "tippedisk certificate 3"
-#: by what shows them
+#: The modules that show them. ``SHAPES`` says what a claim has besides `DISK`, and what its evidence; ``show`` raises
+#: Unproved if the evidence does not prove the claim; ``sentence`` says what is claimed of the disk, given the numbers
+#: with their half-widths.
 KINDS: dict[str, Any] = {
-    kind: module for module in (cycle, fold, interval, connection, connection_cycles, family) for kind in module.KINDS
+    kind: module for module in (cycle, fold, interval, connection, connection_cycles, family) for kind in module.SHAPES
 }
 
 
@@ -33,9 +37,9 @@ def proved(content: Any, mapped: family.Mapped = map) -> str:
         raise Refused(f"its format is not '{FORMAT}': write it again with this version")
     kind = parsed(content["claim"].get("kind"), one_of(*KINDS), "claim kind")
     bits = parsed(content.get("bits"), precision, "bits")
-    claim, evidence = KINDS[kind].shape(kind)
+    claim, evidence = KINDS[kind].SHAPES[kind]
     with working_precision(bits):
-        shape = {"format": str, "claim": claim, "bits": precision, "evidence": evidence, "sha256": str}
+        shape = {"format": str, "claim": DISK | claim, "bits": precision, "evidence": evidence, "sha256": str}
         file = parsed(content, shape, "the file")
         need(content["sha256"] == digest(content), "the content is not what its digest, sha256, was made of")
         shared = (mapped,) if KINDS[kind] is family else ()
@@ -43,4 +47,12 @@ def proved(content: Any, mapped: family.Mapped = map) -> str:
             KINDS[kind].show(file["claim"], file["evidence"], *shared)
         except (ValueError, IndexError, OverflowError, ZeroDivisionError) as fault:
             raise Unproved(f"its choices cannot be computed with: {fault}") from None
-    return str(KINDS[kind].sentence(file["claim"]))
+    return sentence(file["claim"])
+
+
+def sentence(claim: Mapping[str, Any]) -> str:
+    """What is claimed, in one sentence or some."""
+    disk = ", ".join(f"{name} = {claim['parameters'][name]}{unit}" for name, unit in UNITS.items())
+    numbers = {name: f"{number['value']} ± {number['uncertainty']}" for name, number in claim["numbers"].items()}
+    words = KINDS[claim["kind"]].sentence(claim, numbers)
+    return f"for the tippedisk with {disk} under the {LAWS[claim['friction']]} friction law{words}"

@@ -8,7 +8,7 @@ steps later is at p(Omega), near the saddle (0, pi, 0). Let I be the interval of
    difference of two of its points: p_0(Omega') - p_0(Omega) = (P e_s [-k_s, k_s] + P e_f [-k_f, k_f]) (Omega' - Omega).
 2. *Flight.* By the derivatives of the flow p(Omega') - p(Omega) = P G (Omega' - Omega) with an enclosed vector G; the
    set of states gives p at both ends of I by themselves.
-3. *Arrival.* p(I) lies in an isolating block N of the second saddle (`manifolds.block`). At one end of I w_u < -delta,
+3. *Arrival.* p(I) lies in an isolating block N of the second saddle (`saddle.block`). At one end of I w_u < -delta,
    at the other w_u > delta.
 4. *Uniqueness.* G lies in the unstable cone of a box about the saddle on which the cones hold.
 5. *The box of the statement*, |beta_bar| <= b, |gamma_bar - pi| <= c, |v| <= d, holds N, and the branch from its first
@@ -25,17 +25,35 @@ from typing import Any
 from flint import arb, arb_mat
 
 from tippedisk_verify.proofs.kernel.balls import Unproved, ball, need, positive
-from tippedisk_verify.proofs.kernel.choices import FLIGHT, Replay
-from tippedisk_verify.proofs.kernel.claims.manifolds import Curve, block, leaving
-from tippedisk_verify.proofs.kernel.claims.saddle import FAST, SLOW, UNSTABLE, Saddle, ask, cones, most
-from tippedisk_verify.proofs.kernel.claims.words import DISK, disk_words, number_words
+from tippedisk_verify.proofs.kernel.claims.saddle import (
+    FAST,
+    SLOW,
+    UNSTABLE,
+    Curve,
+    Saddle,
+    ask,
+    block,
+    cones,
+    leaving,
+    most,
+)
+from tippedisk_verify.proofs.kernel.krawczyk import FLIGHT, Replay
 from tippedisk_verify.proofs.kernel.reading import MEASURED, decimal, dyadic, one_of
 from tippedisk_verify.proofs.kernel.step import Step
 
-__all__ = ["CHOICES", "EIGENVALUES", "KINDS", "SIDES", "Connection", "Recorded", "alone", "connection_shown", "holds",
-           "sentence", "shape", "show"]  # fmt: skip
-
-KINDS = ("heteroclinic connection",)
+__all__ = [
+    "CHOICES",
+    "EIGENVALUES",
+    "SHAPES",
+    "SIDES",
+    "Connection",
+    "Recorded",
+    "alone",
+    "connection_shown",
+    "holds",
+    "sentence",
+    "show",
+]  # fmt: skip
 
 #: the names of the numbers, by descending value
 EIGENVALUES = ("lambda_u", "lambda_s", "lambda_ss")
@@ -227,13 +245,16 @@ class Recorded:
         return self._flight.number == len(self._flight.log) if name == "arrived" else self.entries[name]
 
 
-def shape(kind: str) -> tuple[dict[str, Any], dict[str, Any]]:
-    """What a claim and its evidence have."""
-    claim = DISK | {
-        "kind": str, "numbers": dict.fromkeys(("omega_h", *EIGENVALUES), MEASURED),
-        "unique": one_of(True, False), "upright": one_of(True, False), "beta": decimal, "gamma": decimal, "v": decimal,
-    }  # fmt: skip
-    return claim, CHOICES
+SHAPES = {
+    "heteroclinic connection": (
+        {
+            "numbers": dict.fromkeys(("omega_h", *EIGENVALUES), MEASURED),
+            **dict.fromkeys(("unique", "upright"), one_of(True, False)),
+            **dict.fromkeys(("beta", "gamma", "v"), decimal),
+        },
+        CHOICES,
+    )
+}
 
 
 def show(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> None:
@@ -249,12 +270,11 @@ def show(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> None:
     need(shown.upright or not claim["upright"], "claim: that the disk never lies flat is not shown")
 
 
-def sentence(claim: Mapping[str, Any]) -> str:
-    """What is claimed, in one sentence."""
+def sentence(claim: Mapping[str, Any], numbers: Mapping[str, str]) -> str:
+    """What is said of the disk, in one sentence."""
     middle, half = (claim["numbers"]["omega_h"][name] for name in ("value", "uncertainty"))
-    numbers = number_words(claim)
     return (
-        f"{disk_words(claim)} there is "
+        f" there is "
         f"{'exactly one' if claim['unique'] else 'at least one'} Omega with |Omega - {middle} rad/s| <= {half} rad/s "
         "at which the branch of the unstable manifold of (beta, gamma, v) = (pi/2, -pi/2, 0) that leaves with growing "
         f"gamma, from the moment on at which it first has gamma = 3 pi/2 - {claim['gamma']}, stays in the box "

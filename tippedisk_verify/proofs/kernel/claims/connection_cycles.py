@@ -6,7 +6,7 @@ saddle. All speeds lie in one closed interval J, which holds the interval of Ome
 **The map R.** D is the set of all z with z_s = -s, |z_f| <= t_0 and -eta <= z_u <= g. An orbit from D that starts below
 the graph g leaves N through z_u = -u, after T seconds, T >= `Passage.time`. Bounds of its |z_s| and |z_f| there give
 the *exit set*. S takes the exit to -z about the first saddle, and the flight from there reaches z_s = -s about the
-second one (`flights`): R(z) is where it does. Where an orbit starts nearer and nearer to the graph, T grows,
+second one (`passage`): R(z) is where it does. Where an orbit starts nearer and nearer to the graph, T grows,
 and its exit tends to that of the branch of the unstable manifold: an orbit that has always been in N lies on it. So R
 is continuous on D with R = p on the graph, p the branch's arrival. Elsewhere it is analytic. All R(z) have z_u > -eta
 and |z_f| < t_0.
@@ -78,16 +78,12 @@ from flint import arb
 from tippedisk_verify.proofs.kernel.balls import ball, need, positive
 from tippedisk_verify.proofs.kernel.claims import connection as connections
 from tippedisk_verify.proofs.kernel.claims.connection import Connection, Recorded, connection_shown
-from tippedisk_verify.proofs.kernel.claims.flights import arrivals
-from tippedisk_verify.proofs.kernel.claims.passage import Passage
+from tippedisk_verify.proofs.kernel.claims.passage import Passage, arrivals
 from tippedisk_verify.proofs.kernel.claims.saddle import FAST, SLOW, UNSTABLE, Saddle, ask, most, products
-from tippedisk_verify.proofs.kernel.claims.words import DISK, disk_words, number_words
 from tippedisk_verify.proofs.kernel.lanes import Lanes
 from tippedisk_verify.proofs.kernel.reading import MEASURED, count, decimal, dyadic, one_of, order
 
-__all__ = ["CLAIM", "EVIDENCE", "KINDS", "LID", "End", "ReturnMap", "cycles_shown", "sentence", "shape", "show"]
-
-KINDS = ("cycles next to the connection",)
+__all__ = ["CLAIM", "EVIDENCE", "LID", "SHAPES", "End", "ReturnMap", "cycles_shown", "sentence", "show"]
 
 #: of a refusal, where a higher lid may help
 LID = "arrivals above the lid of D"
@@ -277,10 +273,12 @@ def _connected(n: Passage, connection: Connection) -> None:
         ask("gamma grows along the connection", beta.sin())
 
 
-def shape(kind: str) -> tuple[dict[str, Any], dict[str, Any]]:
-    """What a claim and its evidence have."""
-    claim = DISK | CLAIM | {"kind": str, "friction": one_of("linear"), "numbers": {"omega_h": MEASURED}}
-    return claim, EVIDENCE
+SHAPES = {
+    "cycles next to the connection": (
+        {"friction": one_of("linear"), "numbers": {"omega_h": MEASURED}, **CLAIM},
+        EVIDENCE,
+    )
+}
 
 
 def show(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> End:
@@ -297,17 +295,17 @@ def show(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> End:
     return cycles_shown(connection, Fraction(claim["low"]), Fraction(claim["high"]), lambda name, *shown: choices[name])
 
 
-def sentence(claim: Mapping[str, Any]) -> str:
-    """What is claimed, in one sentence or three."""
+def sentence(claim: Mapping[str, Any], numbers: Mapping[str, str]) -> str:
+    """What is said of the disk, in one sentence or three."""
     low, high, gamma, v = (claim[name] for name in CLAIM)
     return (
-        f"{disk_words(claim)} let gamma be a real number, not an angle; let P be the half map from the section beta = "
+        f" let gamma be a real number, not an angle; let P be the half map from the section beta = "
         "pi/2, v < 0 along the flow to the next crossing of beta = pi/2, there v > 0, with |beta - pi/2| < pi/2 "
         "between, and by S: (beta, gamma, v) -> (pi - beta, pi - gamma, -v) back; and let Q be the set of the "
         f"section's states with 3 pi/2 - {gamma} <= gamma < 3 pi/2 and -{v} rad/s <= v < 0. Of the speeds from {low} "
         f"to {high} rad/s exactly one, Omega_h, is one at which the branch of the unstable manifold of (beta, gamma, "
         "v) = (pi/2, -pi/2, 0) that leaves with growing gamma converges to (pi/2, 3 pi/2, 0) with gamma growing all "
-        f"the way, and Omega_h = {number_words(claim)['omega_h']} rad/s. For every Omega with Omega_h < Omega <= "
+        f"the way, and Omega_h = {numbers['omega_h']} rad/s. For every Omega with Omega_h < Omega <= "
         f"{high} rad/s P has exactly one fixed point in Q; the limit cycle through it is asymptotically stable, S maps "
         "it to itself, and it crosses beta = pi/2 exactly twice a period; as Omega grows, its period, its largest "
         "|beta - pi/2| and its gamma in Q fall strictly; as Omega falls to Omega_h, its period tends to infinity and "

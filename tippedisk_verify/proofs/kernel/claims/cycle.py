@@ -13,14 +13,24 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from tippedisk_verify.proofs.kernel.balls import arb, ball, need, negative, positive, working_precision
-from tippedisk_verify.proofs.kernel.choices import BOX, FLIGHT, ReplayedTest
-from tippedisk_verify.proofs.kernel.claims.words import DISK, MANNERS, disk_words, held, number_words
-from tippedisk_verify.proofs.kernel.krawczyk import FixedPoints, krawczyk_test
-from tippedisk_verify.proofs.kernel.reading import MEASURED, count, decimal, dyadic, one_of, precision
+from tippedisk_verify.proofs.kernel.krawczyk import BOX, FLIGHT, FixedPoints, replayed_test
+from tippedisk_verify.proofs.kernel.reading import MANNERS, MEASURED, count, decimal, dyadic, held, one_of, precision
 from tippedisk_verify.proofs.kernel.section import HALF, TURN, Return, Section
 
-__all__ = ["KINDS", "UNKNOWNS", "apart", "cycle_numbers", "main", "names", "place", "reversals", "sentence", "shape",
-           "show", "stability"]  # fmt: skip
+__all__ = [
+    "KINDS",
+    "SHAPES",
+    "UNKNOWNS",
+    "apart",
+    "cycle_numbers",
+    "main",
+    "names",
+    "place",
+    "reversals",
+    "sentence",
+    "show",
+    "stability",
+]  # fmt: skip
 
 KINDS = {"limit cycle": HALF, "rotating limit cycle": TURN}
 #: names of a section's coordinates
@@ -94,18 +104,19 @@ def reversals(section: Section, fixed: FixedPoints) -> int:
     return int(section.laps * fixed.box.reversals)
 
 
-def shape(kind: str) -> tuple[dict[str, Any], dict[str, Any]]:
-    """What a claim and its evidence have."""
-    section = KINDS[kind]
-    claim = DISK | {
-        "kind": str,
-        "omega": decimal,
-        "numbers": dict.fromkeys(names(section), MEASURED),
-        "stable": one_of(True, False, None),
-        "unique_within": dict.fromkeys(UNKNOWNS[section], decimal),
-        "reversals?": count,
-    }
-    return claim, {"middle": [dyadic, 2], "centre": FLIGHT, "box": BOX, "wide box?": BOX | {"bits": precision}}
+SHAPES = {
+    kind: (
+        {
+            "omega": decimal,
+            "numbers": dict.fromkeys(names(section), MEASURED),
+            "stable": one_of(True, False, None),
+            "unique_within": dict.fromkeys(UNKNOWNS[section], decimal),
+            "reversals?": count,
+        },
+        {"middle": [dyadic, 2], "centre": FLIGHT, "box": BOX, "wide box?": BOX | {"bits": precision}},
+    )
+    for kind, section in KINDS.items()
+}
 
 
 def show(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> None:
@@ -114,10 +125,8 @@ def show(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> None:
     middle, drift = place(claim, evidence["middle"])
 
     def test(name: str, centre: Return | None = None) -> FixedPoints:
-        box = evidence[name]
-        choices = ReplayedTest(evidence["centre"], box, name)
-        fixed = krawczyk_test(claim, section, middle, [*box["radii"], drift], (0, 1), choices, centre)
-        return choices.passed(fixed, first=centre is None)
+        box, log = evidence[name], evidence["centre"]
+        return replayed_test(claim, section, middle, [*box["radii"], drift], (0, 1), log, box, name, centre)
 
     fixed, widest = test("box"), evidence["box"]["radii"]
     numbers = cycle_numbers(section, fixed)
@@ -135,9 +144,9 @@ def show(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> None:
         need(bool(room >= least > 0), f"claim: no other {name} is so near, is not shown")
 
 
-def sentence(claim: Mapping[str, Any]) -> str:
-    """What is claimed, in one sentence."""
-    section, n, room = KINDS[claim["kind"]], number_words(claim), claim["unique_within"]
+def sentence(claim: Mapping[str, Any], numbers: Mapping[str, str]) -> str:
+    """What is said of the disk, in one sentence."""
+    section, n, room = KINDS[claim["kind"]], numbers, claim["unique_within"]
     first, second = UNKNOWNS[section]
     sliding = ""
     if claim["friction"] == "smooth":
@@ -146,7 +155,7 @@ def sentence(claim: Mapping[str, Any]) -> str:
     manner = MANNERS[claim["stable"]]
     if section == HALF:
         return (
-            f"{disk_words(claim)} at Omega = {claim['omega']} rad/s, the half-period map, along the flow from beta = "
+            f" at Omega = {claim['omega']} rad/s, the half-period map, along the flow from beta = "
             "pi/2, v < 0 to the next crossing of beta = pi/2 and then by S, (beta, gamma, v) -> (pi - beta, pi - "
             f"gamma, -v), has a fixed point (gamma - pi/2, v) = (gamma_bar_0, v_0) with gamma_bar_0 = {n[first]} rad "
             f"and v_0 = {n[second]} rad/s, and no other with gamma within {room[first]} rad and v within "
@@ -158,7 +167,7 @@ def sentence(claim: Mapping[str, Any]) -> str:
             f"{n['dgamma_bar_0_domega']} s and d(v_0)/dOmega = {n['dv_0_domega']}."
         )
     return (
-        f"{disk_words(claim)} at Omega = {claim['omega']} rad/s, the turn map, along the flow from gamma = pi/2 to "
+        f" at Omega = {claim['omega']} rad/s, the turn map, along the flow from gamma = pi/2 to "
         f"gamma = 5 pi/2, has a fixed point (beta - pi/2, v) = (beta_bar_top, v_top) with beta_bar_top = {n[first]} "
         f"rad and v_top = {n[second]} rad/s, and no other with beta within {room[first]} rad and v within "
         f"{room[second]} rad/s of it; through it runs {manner}, on which gamma grows all the time, by 2 pi a period, "

@@ -1,5 +1,10 @@
 """The family of limit cycles from the Hopf point on: arcs that are one curve, and what is claimed of it.
 
+**An arc** covers an interval of amplitudes a = gamma_bar_0. It is one of `curves` over an interval of a or, at the Hopf
+point, one of `scaled` over an interval of a^2 that begins at 0. Over a first box about the polynomials the inclusion
+and all signs of Theorem 5b (docs/certified_cycles.md) are shown; over a wider one the inclusion alone, which says how
+far there is no other cycle. The numbers of a `Piece` are exact: balls are rounded outwards.
+
 The first arc begins at the Hopf point, gamma_bar_0 = 0; each next one begins where the last one ends. Theorem 5b of
 docs/certified.md says why arcs are one curve if the enclosure of one's cycle, where they meet, lies in the other one's
 box of uniqueness; the comparison is one of rational numbers (`joined`). So what falls or grows strictly on each arc
@@ -13,22 +18,170 @@ checked to hold the closed form's Omega_crit all the same.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from enum import Enum
 from fractions import Fraction
 from itertools import pairwise
 from typing import Any
 
-from tippedisk_verify.proofs.kernel.balls import arb, ball, need
+from tippedisk_verify.proofs.kernel.balls import Unproved, arb, ball, midpoint_and_radius, need, working_precision
 from tippedisk_verify.proofs.kernel.claims import connection_cycles
-from tippedisk_verify.proofs.kernel.claims.arcs import ARC, Job, Piece, piece_shown
-from tippedisk_verify.proofs.kernel.claims.words import DISK, disk_words, held, number_words
+from tippedisk_verify.proofs.kernel.curves import GAMMA_BAR, Arc, Curve, Replay, arc_test
 from tippedisk_verify.proofs.kernel.field import constants
-from tippedisk_verify.proofs.kernel.reading import MEASURED, decimal, one_of
+from tippedisk_verify.proofs.kernel.jets import Jet
+from tippedisk_verify.proofs.kernel.reading import MEASURED, decimal, held, one_of, parsed, precision
+from tippedisk_verify.proofs.kernel.scaled import ScaledCurve
 
-__all__ = ["KINDS", "curve_fault", "joined", "last_cycle", "omega_crit", "sentence", "shape", "show",
-           "unique_within"]  # fmt: skip
+__all__ = ["KINDS", "SHAPES", "STEPS", "Job", "Mapped", "Piece", "Status", "box_test", "curve_fault", "curve_test",
+           "joined", "last_cycle", "omega_crit", "piece_shown", "sentence", "show", "signs", "unique_within",
+           "upper_bound"]  # fmt: skip
 
 KINDS = {"family of limit cycles": False, "whole family of limit cycles": True}  #: whether up to the connection
 _ROOMS = ("v_0_per_gamma_bar_0", "v_0", "omega")
+
+STEPS = [{"share": decimal, "axes?": [[decimal, 3], 3]}, None]
+BOX = {"radii": [decimal, 2], "steps": STEPS}
+ARC = {
+    "end": decimal, "curve": [[decimal, None], 2], "half": [decimal, None], "bits": precision,
+    "box": BOX, "wide box?": BOX,
+}  # fmt: skip
+
+Pair = tuple[Fraction, Fraction]
+Rows = tuple[tuple[Fraction, ...], tuple[Fraction, ...]]  #: coefficients of two polynomials
+Job = tuple[Mapping[str, str], Fraction, int, Mapping[str, Any]]  #: the disk, where the arc begins, number, evidence
+
+
+class Status(Enum):
+    """Why an arc is not proved, or not joined to the others. The value says what failed."""
+
+    NOT_FOLLOWED = "the orbits of all these amplitudes could not be followed from section to section"
+    NOT_INCLUDED = "Krawczyk's image does not lie inside the box"
+    RISING = "Omega grows with the amplitude"
+    UNSTABLE = "the limit cycles are unstable"
+    NOT_JOINED = "it is not proved that two pieces of the family are one curve"
+    NOT_FALLING = "it is not proved that Omega falls as the amplitude grows"
+    NOT_STABLE = "it is not proved that the limit cycles are asymptotically stable"
+    NOT_SLOWING = "it is not proved that the period grows with the amplitude"
+    NOT_WIDENING = "it is not proved that beta_max grows with the amplitude"
+
+
+@dataclass(frozen=True)
+class Piece:
+    """What is proved of all amplitudes from ``low`` to ``high`` [rad].
+
+    ``curve`` holds two polynomials of s, their coefficients beginning with that of s^0. Of an ordinary piece they are
+    v_0 [rad/s] and Omega [rad/s], and s = (2 a - low - high) / (high - low). A ``scaled`` one begins at the Hopf point,
+    low = 0; its first polynomial is v_0 / a [1/s], and s = 2 a^2 / high^2 - 1.
+    """
+
+    low: Fraction
+    high: Fraction
+    curve: Rows
+    unique_within: Pair  #: of the polynomials
+    within: Pair  #: of the polynomials lie the true values
+    evidence: Mapping[str, Any] = field(default_factory=dict, compare=False, repr=False)  #: of the shape `ARC`
+
+    @property
+    def scaled(self) -> bool:
+        return not self.low
+
+    def at(self, amplitude: Fraction) -> Pair:
+        """The polynomials' v_0 [rad/s] and Omega [rad/s]."""
+        s = (2 * amplitude - self.low - self.high) / (self.high - self.low)
+        if self.scaled:
+            s = 2 * amplitude**2 / self.high**2 - 1
+        first, second = (sum((c * s**k for k, c in enumerate(row)), Fraction(0)) for row in self.curve)
+        return self.scaled_to(amplitude, (first, second))
+
+    def scaled_to(self, amplitude: Fraction, values: Pair) -> Pair:
+        """Values or distances of the polynomials as those of v_0 and Omega."""
+        return values[0] * (amplitude if self.scaled else 1), values[1]
+
+    def speeds(self, amplitude: Fraction) -> Pair:
+        """Numbers between which Omega lies [rad/s]."""
+        middle = self.at(amplitude)[1]
+        return middle - self.within[1], middle + self.within[1]
+
+
+def polynomial(texts: Sequence[str]) -> Jet:
+    """Decimals, as exact as balls hold them."""
+    return Jet([ball(Fraction(text)) for text in texts])
+
+
+def upper_bound(x: Any) -> Fraction:
+    """A number that no absolute value in the finite ball exceeds."""
+    middle, radius = midpoint_and_radius(x)
+    return abs(middle) + radius
+
+
+def curve_test(
+    disk: Mapping[str, str],
+    kind: Callable[..., Curve],
+    over: int,
+    parameter: Pair,
+    rows: Sequence[Sequence[str]],
+    radii: Sequence[Fraction],
+    choices: Any,
+) -> Arc:
+    """The test over a box about polynomials, decimals, at the working precision. Raises Unproved if the flight fails.
+
+    ``parameter`` is its middle and half the length of its interval, ``rows`` are the coefficients of the two unknown
+    numbers and of about half the period, ``radii`` the unknown numbers'.
+    """
+    first, second, half = map(polynomial, rows)
+    need(first.degree == second.degree == half.degree > 0, "its polynomials have unlike degrees")
+    need(min(radii) > 0, "a box is empty: a radius is not positive")
+    numbers, deviation = [first, second], [arb(0, ball(radius)) for radius in radii]
+    numbers.insert(over, Jet([*map(ball, parameter), *[arb(0)] * (half.degree - 1)]))
+    deviation.insert(over, arb(0))
+    return arc_test(constants(disk), kind(*numbers, deviation, half.mid()), over, choices)
+
+
+def box_test(
+    disk: Mapping[str, str], low: Fraction, arc: Mapping[str, Any], radii: Sequence[Fraction], choices: Any
+) -> Arc:
+    """The `curve_test` about an arc's polynomials, which begins at the amplitude ``low``."""
+    high = Fraction(arc["end"])
+    need(0 <= low < high, "it ends where it must not")
+    first, last = (low, high) if low else (low, high**2)
+    parameter, kind = ((first + last) / 2, (last - first) / 2), Curve if low else ScaledCurve
+    return curve_test(disk, kind, GAMMA_BAR, parameter, [*arc["curve"], arc["half"]], radii, choices)
+
+
+def signs(arc: Arc) -> Status | None:
+    """Which of the signs is not shown of an arc that has passed its test."""
+    falling, stable = arc.falling(), arc.stable()
+    if not falling:
+        return Status.NOT_FALLING if falling is None else Status.RISING
+    if not stable:
+        return Status.NOT_STABLE if stable is None else Status.UNSTABLE
+    if not arc.slowing():
+        return Status.NOT_SLOWING
+    return None if arc.widening() else Status.NOT_WIDENING
+
+
+def piece_shown(job: Job) -> Piece:
+    """What the evidence of one arc shows. Raises Unproved."""
+    disk, low, number, content = job
+    arc = parsed(content, ARC, f"arc {number}")
+    names = [name for name in ("box", "wide box") if name in arc]
+    tests: list[Arc] = []
+    with working_precision(arc["bits"]):
+        for name in names:
+            radii = [Fraction(text) for text in arc[name]["radii"]]
+            try:
+                tests.append(box_test(disk, low, arc, radii, Replay(arc[name]["steps"])))
+                need(tests[-1].included, Status.NOT_INCLUDED.value)
+                refusal = None if len(tests) > 1 else signs(tests[0])
+                need(refusal is None, refusal.value if refusal else "")
+            except Unproved as fault:
+                raise Unproved(f"arc {number}, {name}: {fault}") from None
+        within = [upper_bound(off) for off in tests[0].within]
+    boxes = [[Fraction(text) for text in arc[name]["radii"]] for name in (names[0], names[-1])]
+    need(all(a <= b for a, b in zip(*boxes, strict=True)), f"arc {number}: the wide box does not hold the other one")
+    v, omega = (tuple(map(Fraction, row)) for row in arc["curve"])
+    return Piece(low, Fraction(arc["end"]), (v, omega), (boxes[1][0], boxes[1][1]), (within[0], within[1]), content)
+
 
 Mapped = Callable[[Callable[[Job], Piece], Sequence[Job]], Iterable[Piece]]  #: `map`, or that of a pool of processes
 
@@ -89,18 +242,21 @@ def last_cycle(pieces: Sequence[Piece]) -> tuple[Any, Any, Any]:
     return omega, ball(last.high), v
 
 
-def shape(kind: str) -> tuple[dict[str, Any], dict[str, Any]]:
-    """What a claim and its evidence have."""
-    numbers = dict.fromkeys(("omega_crit", "omega_h") if KINDS[kind] else ("omega_crit",), MEASURED)
+def _shape(whole: bool) -> tuple[dict[str, Any], dict[str, Any]]:
+    """What a claim, up to the connection or not, and its evidence have."""
     claim = {
-        **DISK, "kind": str, "friction": one_of("linear"), "numbers": numbers,
+        "friction": one_of("linear"),
+        "numbers": dict.fromkeys(("omega_crit", "omega_h") if whole else ("omega_crit",), MEASURED),
         **dict.fromkeys(("amplitude_first", "amplitude_end", "omega_end"), decimal),
         "unique_within": dict.fromkeys(_ROOMS, decimal),
-    }  # fmt: skip
+    }
     evidence: dict[str, Any] = {"arcs": [ARC, None]}
-    if KINDS[kind]:
+    if whole:
         return claim | connection_cycles.CLAIM, evidence | {"end": connection_cycles.EVIDENCE}
     return claim, evidence
+
+
+SHAPES = {kind: _shape(whole) for kind, whole in KINDS.items()}
 
 
 def show(claim: Mapping[str, Any], evidence: Mapping[str, Any], mapped: Mapped = map) -> None:
@@ -123,10 +279,9 @@ def show(claim: Mapping[str, Any], evidence: Mapping[str, Any], mapped: Mapped =
         need(meets, "the last arc is not shown to run into the cycles next to the connection")
 
 
-def sentence(claim: Mapping[str, Any]) -> str:
-    """What is claimed, in some sentences."""
+def sentence(claim: Mapping[str, Any], numbers: Mapping[str, str]) -> str:
+    """What is said of the disk, in some sentences."""
     last, room, whole = f"{claim['amplitude_end']} rad", claim["unique_within"], KINDS[claim["kind"]]
-    numbers = number_words(claim)
     if whole:
         amplitudes = "(0, pi)"
         speeds = (
@@ -149,7 +304,7 @@ def sentence(claim: Mapping[str, Any]) -> str:
             "without, Omega_crit"
         )
     return (
-        f"{disk_words(claim)}, gamma being a real number, not an angle, there are analytic functions v_0(a) < 0 and "
+        f", gamma being a real number, not an angle, there are analytic functions v_0(a) < 0 and "
         f"Omega(a) of a in {amplitudes} such that at the speed Omega(a) the orbit from beta = pi/2, gamma = pi/2 + a "
         "with beta' = v_0(a) is an asymptotically stable limit cycle, which S, (beta, gamma, v) -> (pi - beta, pi - "
         "gamma, -v), maps to itself, which crosses beta = pi/2 exactly twice a period, and on which |beta - pi/2| is "

@@ -12,15 +12,23 @@ from fractions import Fraction
 from typing import Any, Literal
 
 from tippedisk_verify.proofs.kernel.balls import arb, ball, inside, need, negative, positive
-from tippedisk_verify.proofs.kernel.choices import BOX, FLIGHT, ReplayedTest
 from tippedisk_verify.proofs.kernel.claims.cycle import UNKNOWNS
-from tippedisk_verify.proofs.kernel.claims.words import DISK, disk_words, held, number_words
-from tippedisk_verify.proofs.kernel.krawczyk import FixedPoints, krawczyk_test
-from tippedisk_verify.proofs.kernel.reading import MEASURED, dyadic, one_of
+from tippedisk_verify.proofs.kernel.krawczyk import BOX, FLIGHT, FixedPoints, replayed_test
+from tippedisk_verify.proofs.kernel.reading import MEASURED, dyadic, held, one_of
 from tippedisk_verify.proofs.kernel.section import HALF, TURN, Section
 
-__all__ = ["KINDS", "POINTS", "arc_balls", "extremum", "judge", "names", "sentence", "shape", "show",
-           "slope"]  # fmt: skip
+__all__ = [
+    "KINDS",
+    "POINTS",
+    "SHAPES",
+    "arc_balls",
+    "extremum",
+    "judge",
+    "names",
+    "sentence",
+    "show",
+    "slope",
+]  # fmt: skip
 
 KINDS = {"fold of limit cycles": HALF, "fold of rotating limit cycles": TURN}
 POINTS = ("arc", "lower end", "upper end")  #: where tests are made: the whole arc, and its ends
@@ -67,16 +75,18 @@ def judge(claim: Mapping[str, Any], section: Section, points: Sequence[FixedPoin
     held(numbers["period"], section.laps * whole.box.time, "period")
 
 
-def shape(kind: str) -> tuple[dict[str, Any], dict[str, Any]]:
-    """What a claim and its evidence have."""
-    claim = DISK | {
-        "kind": str,
-        "friction": one_of("linear"),  # the smooth law has no analytic curves of cycles
-        "numbers": dict.fromkeys(names(KINDS[kind]), MEASURED),
-        "extremum": one_of(*EXTREMA),
-    }
-    point = {"middle": [dyadic, 2], "centre": FLIGHT, "box": BOX}
-    return claim, dict.fromkeys(POINTS, point)
+_POINT = {"middle": [dyadic, 2], "centre": FLIGHT, "box": BOX}
+SHAPES = {
+    kind: (
+        {
+            "friction": one_of("linear"),  # the smooth law has no analytic curves of cycles
+            "numbers": dict.fromkeys(names(section), MEASURED),
+            "extremum": one_of(*EXTREMA),
+        },
+        dict.fromkeys(POINTS, _POINT),
+    )
+    for kind, section in KINDS.items()
+}
 
 
 def show(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> None:
@@ -88,15 +98,15 @@ def show(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> None:
     points = []
     for name, p in zip(POINTS, arc_balls(place, half), strict=True):
         point = evidence[name]
-        choices = ReplayedTest(point["centre"], point["box"], name)
         middle, deviations = [p.mid(), *point["middle"]], [p - p.mid(), *point["box"]["radii"]]
-        points.append(choices.passed(krawczyk_test(claim, section, middle, deviations, (1, 2), choices)))
+        log, box = point["centre"], point["box"]
+        points.append(replayed_test(claim, section, middle, deviations, (1, 2), log, box, name))
     judge(claim, section, points, evidence["arc"]["box"]["radii"])
 
 
-def sentence(claim: Mapping[str, Any]) -> str:
-    """What is claimed, in one sentence."""
-    section, n = KINDS[claim["kind"]], number_words(claim)
+def sentence(claim: Mapping[str, Any], numbers: Mapping[str, str]) -> str:
+    """What is said of the disk, in one sentence."""
+    section, n = KINDS[claim["kind"]], numbers
     first, second = UNKNOWNS[section]
     pair = f"there is exactly one pair of v within {n[second]} rad/s and Omega within {n['omega']} rad/s such that"
     if section == HALF:
@@ -113,7 +123,7 @@ def sentence(claim: Mapping[str, Any]) -> str:
         )
     signs = ("falls", "rises") if claim["extremum"] == "smallest" else ("rises", "falls")
     return (
-        f"{disk_words(claim)}, {cycles}, and these periodic orbits form an analytic curve, on which Omega {signs[0]} "
+        f", {cycles}, and these periodic orbits form an analytic curve, on which Omega {signs[0]} "
         f"at the lower end of the interval and {signs[1]} at the upper one: at an inner point Omega has its "
         f"{claim['extremum']} value on the curve, and the Floquet multipliers of the orbit there are 1, 1 and a number "
         f"between 0 and 1; the periods lie within {n['period']} s."

@@ -13,18 +13,13 @@ from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from typing import Any
 
-from tippedisk_verify.proofs.kernel.arc import OMEGA, Arc, arc_test
-from tippedisk_verify.proofs.kernel.balls import arb, ball, need
-from tippedisk_verify.proofs.kernel.claims.arcs import STEPS, polynomial, upper_bound
-from tippedisk_verify.proofs.kernel.claims.words import DISK, MANNERS, disk_words, held, number_words
-from tippedisk_verify.proofs.kernel.curves import Curve, Replay
-from tippedisk_verify.proofs.kernel.field import constants
-from tippedisk_verify.proofs.kernel.jets import Jet
-from tippedisk_verify.proofs.kernel.reading import MEASURED, decimal, one_of
+from tippedisk_verify.proofs.kernel.balls import need
+from tippedisk_verify.proofs.kernel.claims.family import STEPS, curve_test, upper_bound
+from tippedisk_verify.proofs.kernel.curves import OMEGA, Arc, Curve, Replay
+from tippedisk_verify.proofs.kernel.reading import MANNERS, MEASURED, decimal, held, one_of
 
-__all__ = ["KINDS", "UNKNOWNS", "beta_bound", "interval_numbers", "interval_test", "sentence", "shape", "show"]
+__all__ = ["SHAPES", "UNKNOWNS", "beta_bound", "interval_numbers", "interval_test", "sentence", "show"]
 
-KINDS = ("limit cycles of an interval of speeds",)
 UNKNOWNS = ("gamma_bar_0", "v_0")
 _NUMBERS = ("period", *UNKNOWNS, "multiplier_slow", "log_multiplier_slow", "log_multiplier_fast", "dperiod_domega",
             "dgamma_bar_0_domega", "dv_0_domega")  # fmt: skip
@@ -39,16 +34,9 @@ def interval_test(claim: Mapping[str, Any], half: Sequence[str], choices: Any) -
     ends = (Fraction(claim["omega"]) + sign * Fraction(claim["radius"]) for sign in (-1, 1))
     need([*ends] == [Fraction(claim["low"]), Fraction(claim["high"])], "claim: the interval has other ends")
     need(0 < Fraction(claim["low"]) < Fraction(claim["high"]), "claim: the interval is empty, or not above zero")
-    middle, radius = ball(Fraction(claim["omega"])), ball(Fraction(claim["radius"]))
-    (gamma_bar, v), total = (polynomial(claim["curve"][name]) for name in UNKNOWNS), polynomial(half)
-    degree = total.degree
-    need(gamma_bar.degree == v.degree == degree > 0, "its polynomials have unlike degrees")
-    rooms = [Fraction(claim["unique_within"][name]) for name in UNKNOWNS]
-    need(min(rooms) > 0, "claim: a box is empty")
-    speeds = Jet([middle, radius, *[arb(0)] * (degree - 1)])
-    deviation = [*(arb(0, ball(room)) for room in rooms), arb(0)]
-    curve = Curve(gamma_bar, v, speeds, deviation, total.mid())
-    return arc_test(constants(claim["parameters"]), curve, OMEGA, choices)
+    parameter, rows = (Fraction(claim["omega"]), Fraction(claim["radius"])), [claim["curve"][name] for name in UNKNOWNS]
+    radii = [Fraction(claim["unique_within"][name]) for name in UNKNOWNS]
+    return curve_test(claim["parameters"], Curve, OMEGA, parameter, [*rows, half], radii, choices)
 
 
 def interval_numbers(arc: Arc) -> dict[str, Any]:
@@ -68,15 +56,19 @@ def beta_bound(arc: Arc) -> Fraction:
     return min(upper_bound(arc.flight.beta_least), _UPRIGHT)
 
 
-def shape(kind: str) -> tuple[dict[str, Any], dict[str, Any]]:
-    """What a claim and its evidence have."""
-    claim = {
-        **DISK, "kind": str, "friction": one_of("linear"), "numbers": dict.fromkeys(_NUMBERS, MEASURED),
-        **dict.fromkeys(("omega", "radius", "low", "high", "beta_below"), decimal),
-        **dict.fromkeys(("unique_within", "enclosed_within"), dict.fromkeys(UNKNOWNS, decimal)),
-        "curve": {name: [decimal, None] for name in UNKNOWNS}, "stable": one_of(True, False, None),
-    }  # fmt: skip
-    return claim, {"half": [decimal, None], "steps": STEPS}
+SHAPES = {
+    "limit cycles of an interval of speeds": (
+        {
+            "friction": one_of("linear"),
+            "numbers": dict.fromkeys(_NUMBERS, MEASURED),
+            **dict.fromkeys(("omega", "radius", "low", "high", "beta_below"), decimal),
+            **dict.fromkeys(("unique_within", "enclosed_within"), dict.fromkeys(UNKNOWNS, decimal)),
+            "curve": {name: [decimal, None] for name in UNKNOWNS},
+            "stable": one_of(True, False, None),
+        },
+        {"half": [decimal, None], "steps": STEPS},
+    )
+}
 
 
 def show(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> None:
@@ -94,13 +86,12 @@ def show(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> None:
     need(claim["stable"] in (None, arc.stable()), "claim: the stability is not shown")
 
 
-def sentence(claim: Mapping[str, Any]) -> str:
-    """What is claimed, in one sentence."""
-    numbers = number_words(claim)
+def sentence(claim: Mapping[str, Any], numbers: Mapping[str, str]) -> str:
+    """What is said of the disk, in one sentence."""
     (p, q), radius = (_text(claim["curve"][name]) for name in UNKNOWNS), claim["radius"]
     room, near = ([claim[which][name] for name in UNKNOWNS] for which in ("unique_within", "enclosed_within"))
     return (
-        f"{disk_words(claim)} and for every Omega from {claim['low']} to {claim['high']} rad/s, with s = (Omega - "
+        f" and for every Omega from {claim['low']} to {claim['high']} rad/s, with s = (Omega - "
         f"{claim['omega']} rad/s) / ({radius} rad/s), the half-period map, along the flow from beta = pi/2, v < 0 to "
         "the next crossing of beta = pi/2 and then by S, (beta, gamma, v) -> (pi - beta, pi - gamma, -v), has exactly "
         "one fixed point "

@@ -1,4 +1,7 @@
-"""Sine and cosine of doubles with proved bounds of their errors, from IEEE sums and products alone.
+"""What goes into lanes: numbers as doubles rounded outwards, and sine and cosine with proved bounds of their errors.
+
+Numbers and Arb's balls become midpoints and radii by exact rational arithmetic, sine and cosine are computed from IEEE
+sums and products alone.
 
 u = 2^-53 and t as in `lanes`, whose assumptions are these: sums, differences and products of float64 arrays are rounded
 to nearest, up to an absolute error t of at most 2^-1022 where they underflow.
@@ -7,15 +10,20 @@ to nearest, up to an absolute error t of at most 2^-1022 where they underflow.
 from __future__ import annotations
 
 import math
+from fractions import Fraction
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["sine_and_cosine"]
+from tippedisk_verify.proofs.kernel.balls import arb, midpoint_and_radius
+
+__all__ = ["outward", "sine_and_cosine"]
 
 Array = NDArray[np.float64]
 
 _U = 2.0**-53
+_NORMAL = 2.0**-1022  # the smallest number that is not subnormal
 # pi/2 = A + B + C + rest: A and B are multiples of 2^-32 and 2^-65 with at most 33 bits, B < 2^-33, C < 2^-67 and
 # |rest| < 2^-119. So n A and n B are exact for |n| < 2^19.
 _HALF_PI_A = float.fromhex("0x1.921fb544p+0")
@@ -63,3 +71,34 @@ def sine_and_cosine(x: Array) -> tuple[Array, Array, Array, Array, Array]:
         p *= z
         p += c
     return n, sine, np.abs(y) * (2 * _U) + turned, 1 + z * p, turned + 2.5 * _U
+
+
+def outward(value: Any) -> tuple[float, float]:
+    """A midpoint and a radius that hold a number or one of arb's balls.
+
+    The radius is infinite if the number is too large; neither is subnormal.
+    """
+    if isinstance(value, arb):
+        if not (value.is_finite() and abs(value) < arb(2) ** 1023):
+            return 0.0, np.inf
+        # Exponents may be beyond all reason; what is smaller than any normal number becomes a radius.
+        small = arb(2) ** -1022
+        centre = Fraction(0) if abs(value.mid()) < small else midpoint_and_radius(value.mid())[0]
+        rad = Fraction(_NORMAL) if value.rad() < small and not value.is_exact() else midpoint_and_radius(value.rad())[0]
+        spread = rad if centre or value.mid() == 0 else rad + Fraction(_NORMAL)
+    elif isinstance(value, float):
+        return value, 0.0
+    else:
+        centre, spread = Fraction(value), Fraction(0)
+    try:
+        mid = float(centre)  # correctly rounded by Python; any float would do
+        return mid, _upward(abs(centre - Fraction(mid)) + spread)
+    except OverflowError:
+        return 0.0, np.inf
+
+
+def _upward(value: Fraction) -> float:
+    if 0 < value < _NORMAL:
+        return _NORMAL
+    nearest = float(value)
+    return nearest if Fraction(nearest) >= value else float(np.nextafter(nearest, np.inf))
