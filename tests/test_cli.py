@@ -15,20 +15,6 @@ GOOD = (
 )
 
 
-def test_scene_reports_one_plain_integrator(capsys) -> None:
-    assert main(["scene", "d", "f", "--json"]) == 0
-    captured = capsys.readouterr()
-    result = json.loads(captured.out)
-    assert captured.err == ""
-    built = {json.dumps(build) for scene in result["scenes"].values() for build in scene["compiled"]}
-    assert len(built) == 1
-    only = json.loads(built.pop())
-    assert (only["precision"], only["variations"], only["events"]) == ("double", [], [])
-    assert [orbit["kind"] for orbit in result["scenes"]["f"]["attractor"]] == ["inverted spinning"] * 2
-    for scene in result["scenes"].values():
-        assert set(scene["omega"]) == {"value", "uncertainty"}
-
-
 def test_scene_writes_whole_files(tmp_path: Path, capsys) -> None:
     out = tmp_path / "new" / "folder"
     assert main(["scene", "a", "--out", str(out)]) == 0

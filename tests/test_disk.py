@@ -4,17 +4,14 @@ from __future__ import annotations
 
 import math
 import pickle
-from decimal import Decimal
 from fractions import Fraction
 from typing import ClassVar
 
-import mpmath
 import numpy
 import pytest
 from scipy.integrate import solve_ivp
 
 import tippedisk_verify as tv
-from tests.connection.passages import passage_times
 from tippedisk_verify.atlas.plane import plane_of
 from tippedisk_verify.audit import friction_claims
 from tippedisk_verify.errors import UnknownKeywordError
@@ -263,33 +260,6 @@ def test_an_orbit_closes_and_follows_the_equations(friction) -> None:
     assert abs(shifted[1]).max() <= float(cycle.gamma_bar_0)
 
 
-@pytest.mark.slow(minutes=0.5)
-def test_a_cycle_remembers_its_disk() -> None:
-    """The smooth law's cycle is flown with the smooth law, whoever is handed it."""
-    smooth = tv.Disk("printed", friction="smooth")
-    cycle = smooth.limit_cycle(above_het="1e-3")
-    assert cycle.parameters == smooth
-    assert (cycle.engine, cycle.precision) == ("taylor", "extended") or cycle.precision.startswith("real")
-    passage, flight = passage_times(cycle, tv.Taylor(), Fraction("0.1"))
-    assert abs(float(passage + flight) - float(cycle.period) / 2) < 1e-9
-    _, y = cycle.orbit(101)
-    assert abs(y[:, 0] - y[:, -1]).max() < 1e-9
-
-
-@pytest.mark.slow
-def test_the_way_between_the_saddles_is_flown_by_its_own_law() -> None:
-    """Where the orbit of one law is at its fastest, the other law's flow leaves it."""
-    smooth = tv.Disk("printed", friction="smooth")
-    connection = smooth.heteroclinic()
-    t, y = connection.orbit(201)
-    here = int(numpy.argmax(abs(y[2])))
-    step = float(t[here + 5] - t[here])
-    for disk, near in ((smooth, True), (smooth.with_friction("linear"), False)):
-        end = disk.integrate(connection.omega_h.value, y[:, here].tolist(), step).y[:, -1]
-        assert bool(abs(end - y[:, here + 5]).max() < 1e-9) is near
-    assert connection.parameters == smooth
-
-
 def test_a_speed_next_to_omega_h_goes_wherever_a_speed_goes() -> None:
     disk = tv.Disk("printed")
     sharp = disk.heteroclinic(digits=40).omega_h
@@ -335,16 +305,6 @@ def test_one_door_however_close_to_omega_h(friction) -> None:
     below = speed - Fraction(6, 10**13)
     with pytest.raises(tv.InputError, match="rad/s below Omega_h"):
         disk.limit_cycle(below)
-
-
-def test_a_reference_value_is_a_float_an_mpmath_number_or_a_text() -> None:
-    quantity = tv.reference("printed/linear/heteroclinic/point/omega_h")
-    value, uncertainty = quantity.values["decimals"]
-    assert str(quantity) == f"{value} ± {uncertainty}"
-    assert f"{quantity:.12g}" == f"{Decimal(value):.12g}"
-    assert float(quantity) == pytest.approx(float(value), rel=1e-15)  # a rounding
-    with mpmath.workdps(60):
-        assert abs(quantity.mpf() - mpmath.mpf(value)) < mpmath.mpf(10) ** -57
 
 
 SMOOTH = tv.PRINTED.with_friction("smooth")

@@ -102,13 +102,10 @@ class Disk(Parameters):
         below_het: object = None,
         digits: int = 12,
     ) -> Fraction:
-        """A speed [rad/s] as an exact rational: ``omega``, Omega_crit - ``below_crit``, or Omega_h +- a distance.
+        """A speed [rad/s] as an exact rational: ``omega``, or that far from Omega_crit or Omega_h.
 
         The distance from Omega_h has ``digits`` significant digits, so ``disk.speed(above_het="1e-20")`` goes wherever
-        a speed goes. Raises InputError unless one of the four is given, NoConnectionError as `heteroclinic` does.
-
-        >>> float(Disk("table1").speed(below_crit="0.5"))
-        30.386592688643567
+        a speed goes. Raises InputError unless one of the four is given, and as `heteroclinic` does.
         """
         from tippedisk_verify.theory.hopf import speed_below_crit
 
@@ -241,11 +238,10 @@ class Disk(Parameters):
         digits: int = 12,
         engine: Engine | None = None,
     ) -> LimitCycle:
-        """The limit cycle about inverted spinning at ``omega``, Omega_crit - ``below_crit`` or Omega_h + ``above_het``.
+        """The limit cycle about inverted spinning at a speed given as to `speed`.
 
         Where a speed has several it is the stable one, or the one that ``stable`` asks for. Raises InputError unless
-        one of the three is given, NoSuchCycleError where there is no such cycle, AccuracyError if the digits are not
-        reached.
+        one of the three is given, NoSuchCycleError where there is no such cycle, AccuracyError without the digits.
         """
         from tippedisk_verify.atlas.cycles_at_speed import cycle_above, cycle_at
 
@@ -290,9 +286,7 @@ class Disk(Parameters):
         digits: int = 12,
         engine: Engine | None = None,
     ) -> RotatingCycle:
-        """The rotating limit cycle at ``omega``, Omega_crit - ``below_crit`` or Omega_h - ``below_het``.
-
-        gamma grows by 2 pi a period.
+        """The rotating limit cycle, on which gamma grows by 2 pi a period, at a speed given as to `speed`.
 
         Stable ones lie between the family's fold and Omega_h, unstable ones (``stable=False``) from the fold upward.
         Raises as `limit_cycle` does.

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import json
 import random
-import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from reference_data.make import generation
-from reference_data.make.generation import generate, replace_files, write_manifest
+from reference_data.make.generation import generate, replace_files
 from tippedisk_verify.cli import main
 from tippedisk_verify.conformance.grading import compare
 from tippedisk_verify.conformance.sheet import questions, read_answers, sheet_csv, sheet_json
@@ -19,21 +18,10 @@ from tippedisk_verify.errors import InputError
 from tippedisk_verify.reference_values import store as reading
 from tippedisk_verify.reference_values.lookup import reference
 from tippedisk_verify.reference_values.manifest import faults_in_files
-from tippedisk_verify.reference_values.store import Store, data_folder
+from tippedisk_verify.reference_values.store import Store
 
 _ID = "printed/linear/hopf/point/omega_crit"
 pytest_plugins = ["pytester"]
-
-
-@pytest.fixture
-def folder(tmp_path: Path) -> Path:
-    """All files that the data have, with the values of the Hopf points and equilibria."""
-    shutil.copytree(data_folder(), tmp_path / "data", ignore=shutil.ignore_patterns("make"))
-    head, *rows = (tmp_path / "data" / "values.csv").read_text().splitlines(keepends=True)
-    kept = [row for row in rows if "/hopf/" in row or "/equilibrium/" in row]
-    (tmp_path / "data" / "values.csv").write_text("".join([head, *kept]))
-    write_manifest(tmp_path / "data")
-    return tmp_path / "data"
 
 
 @pytest.fixture

@@ -24,7 +24,7 @@ from tests.reference_values.places import PLACES
 from tests.stress.runs import LONGEST, MAKE
 from tests.stress.strikes import Struck, ended_by
 from tippedisk_verify.cache import read_checked
-from tippedisk_verify.errors import AccuracyError, InputError
+from tippedisk_verify.errors import AccuracyError
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.reference_values.checking import check, entries_of
 from tippedisk_verify.reference_values.entries import case_of
@@ -138,14 +138,6 @@ def test_damaged_answers_are_computed_again(left: str, tmp_path: Path, monkeypat
         path.write_text(left)
     generate(tmp_path / "other", HOPF)
     assert _bytes(tmp_path / "other") == _bytes(tmp_path / "whole")
-
-
-def test_a_second_run_into_the_same_folder_is_refused(tmp_path: Path) -> None:
-    fcntl = pytest.importorskip("fcntl")
-    with open(tmp_path / ".lock", "w") as handle:
-        fcntl.flock(handle, fcntl.LOCK_EX)
-        with pytest.raises(InputError, match="another run"):
-            generate(tmp_path, HOPF)
 
 
 @pytest.mark.parametrize(

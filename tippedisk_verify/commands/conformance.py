@@ -98,10 +98,10 @@ def grade(output: Output, file: str, from_: str | None = None, **grading: Any) -
 
 
 @command
-@click.argument("program", nargs=-1, required=True, metavar="-- PROGRAM [ARGUMENT]...")
+@click.argument("command", nargs=-1, required=True, metavar="-- PROGRAM [ARGUMENT]...")
 def run(
     output: Output,
-    program: tuple[str, ...],
+    command: tuple[str, ...],
     set_: tuple[str, ...] = (),
     friction: tuple[str, ...] = (),
     levels: tuple[int, ...] | None = None,
@@ -141,7 +141,7 @@ def run(
         with output.progress(len({id_.rsplit("/", 1)[0] for id_ in ids})) as advance:
             store = with_fresh(store, "\n".join(ids), advance)
         asked, first = [store[one.id] for one in asked], store[first.id]
-    with started(program, limit) as talk:
+    with started(command, limit) as talk:
         interview = Interview(talk, store, from_)
 
         def keep() -> None:
@@ -164,7 +164,7 @@ def run(
         "times": interview.times(),
         "noticed": interview.remarks(),
     }
-    source = printable(" ".join(Path(word).name for word in program))[:60]
+    source = printable(" ".join(Path(word).name for word in command))[:60]
     answers, broke_off = interview.answers(), interview.broke_off
     return wanted.report(output, store, asked, interview.grades, answers, source, broke_off, **told)
 
