@@ -54,7 +54,7 @@ EXAMPLES = {path: re.findall(r"^ +tippedisk-verify (.+)$", _help(path), re.MULTI
 LONG = (
     *("verify --out", "branch --paper-sets", "bench", "stress --quick", "atlas", "scene b d", "certify branch"),
     *("certify heteroclinic", "certify orbit", "certify check", "conformance run", "reference check --sample 50"),
-    *("sweep orbit", "basin", "heteroclinic --digits", "orbit --rotating", "harmonic-balance --omega"),
+    *("sweep", "basin", "heteroclinic --digits", "orbit --rotating", "harmonic-balance --omega", "branch"),
 )
 
 

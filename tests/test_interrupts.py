@@ -41,7 +41,7 @@ def struck(tmp_path: Path) -> Struck:
             # Imports by Python, by an extension module, and of one.
             *((_ORBIT, f"import {name} 1") for name in ("click", "numpy", "gmpy2.gmpy2", "heyoka")),
             # In the midst of starting processes, waiting for them, and with their work at hand.
-            *((f"{_SWEEP} --jobs 2", step) for step in ("call spawnv_passfds 1", "call wait 10")),
+            *((f"{_SWEEP} --jobs 2", step) for step in ("call spawnv_passfds 1", "call wait 1")),
         ]),
         *((*case, number) for number in _OTHERS for case in [
             ("--version", "call * 50"),

@@ -150,7 +150,9 @@ def test_right_hand_sides_and_a_cycle_from_the_columns_alone() -> None:
     assert end == pytest.approx(start, abs=1e-9)  # a hundredfold of the tolerance for a thousand steps
 
 
-@pytest.mark.parametrize(("language", "runs"), [("c", "gcc"), ("octave", "octave-cli")])
+@pytest.mark.parametrize(
+    ("language", "runs"), [("c", "gcc"), pytest.param("octave", "octave-cli", marks=pytest.mark.slow)]
+)
 def test_the_programs_of_the_readme(language: str, runs: str, tmp_path: Path) -> None:
     program = re.search(rf"```{language}\n(.*?)```", (DATA / "README.md").read_text(), re.DOTALL)
     assert program is not None

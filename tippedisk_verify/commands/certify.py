@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from tippedisk_verify.commands.common import Common, Output, alone_in, command, group, processes, workers_of
+from tippedisk_verify.commands.common import Common, Output, alone_in, command, group, processes
 from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.files import write_text
 from tippedisk_verify.model.results import result_lines
@@ -113,24 +113,20 @@ def branch(
     to: str | None = None,
     out: str | None = None,
     certificate: Path | None = None,
-    executor: str = "local",
     jobs: int | None = None,
 ) -> int:
     """Prove the family of limit cycles from the Hopf point to the heteroclinic cycle: one curve, stable, Omega falls.
 
-    It takes some 6 minutes of CPU. Every worker of a cluster needs this version of the package. `branch --proved`
-    proves the cycles at single speeds one by one.
+    It takes some 6 minutes of CPU. `branch --proved` proves the cycles at single speeds one by one.
 
     --to X  Only to this gamma_bar_0 [rad], without the end at Omega_h.
     --out DIR  Write a picture of what is proved there.
     """
 
     def workers(several: bool) -> Any:
-        return workers_of(executor, jobs, needed=several)
+        return processes(jobs, needed=several)
 
     folder = alone_in(out)
-    with workers(False):
-        pass  # a cluster that is not there is told at once
     proof = common.disk.certify.branch(to, workers=workers, progress=not common.quiet)
     if certificate is not None and proof.hopf_closed:
         with workers(len(proof.pieces) > 1) as pool:

@@ -287,16 +287,13 @@ def processes(jobs: int | None, *, needed: bool = True, beside: bool = False) ->
 
 
 @contextmanager
-def workers_of(executor: str, jobs: int | None, *, needed: bool = True) -> Iterator[Executor | None]:
-    """What --executor names, with a check that its processes have this code; None where this process does it.
-
-    Processes of this machine start if ``needed``.
-    """
+def workers_of(executor: str, jobs: int | None) -> Iterator[Executor | None]:
+    """What --executor names, with a check that its processes have this code; None where this process does it."""
     from tippedisk_verify.commands.workers import Checked, cluster
 
     if executor.startswith("dask://"):
         with cluster(executor) as workers:
             yield workers
     else:
-        with processes(jobs, needed=needed and executor == "local") as pool:
+        with processes(jobs, needed=executor == "local") as pool:
             yield pool and Checked(pool)

@@ -18,7 +18,7 @@ from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.model.decimals import at_place, decimal_magnitude, exact_decimals, rounded_up
 from tippedisk_verify.model.exact import Approximate, fraction, quotient, shown
 
-__all__ = ["DISTANCES", "Bounded", "Measured"]
+__all__ = ["DISTANCES", "Bounded", "HalfWidth", "Measured"]
 
 #: A half-width in units of the distance to a sharper run. It holds the truth if that run is at most half as wrong:
 #: |q - true| <= |q - sharp| + |sharp - true| <= |q - sharp| + |q - true| / 2.
