@@ -15,21 +15,6 @@ GOOD = (
 )
 
 
-def test_scene_reports_one_plain_integrator(capsys) -> None:
-    assert main(["scene", "b", "c", "d", "e", "f", "--json", "--omega-h", "30.0488682607225"]) == 0
-    captured = capsys.readouterr()
-    result = json.loads(captured.out)
-    assert captured.err == ""
-    assert result["compiled_for_omega_h"] == []
-    built = {json.dumps(build) for scene in result["scenes"].values() for build in scene["compiled"]}
-    assert len(built) == 1
-    only = json.loads(built.pop())
-    assert (only["precision"], only["variations"], only["events"]) == ("double", [], [])
-    assert [orbit["kind"] for orbit in result["scenes"]["f"]["attractor"]] == ["inverted spinning"] * 2
-    for scene in result["scenes"].values():
-        assert set(scene["omega"]) == {"value", "uncertainty"}
-
-
 def test_scene_writes_whole_files(tmp_path: Path, capsys) -> None:
     out = tmp_path / "new" / "folder"
     assert main(["scene", "a", "--out", str(out)]) == 0
@@ -95,16 +80,6 @@ def test_verify_table_names_sets_of_a_file(tmp_path: Path, capsys) -> None:
     printed = capsys.readouterr().out
     assert "[b]printed.toml" in printed
     assert "30.8865926886" in printed
-
-
-@pytest.mark.slow(minutes=0.6)
-def test_scene_animates_the_disk(tmp_path: Path) -> None:
-    from PIL import Image
-
-    assert main(["scene", "d", "--animate", "--quiet", "--out", str(tmp_path)]) == 0
-    assert (tmp_path / "scene_d.gif").stat().st_size < 1_500_000  # small enough for a README
-    with Image.open(tmp_path / "scene_d.gif") as gif:
-        assert (gif.n_frames, gif.size) == (261 + 110, (760, 290))  # the first 2.6 s and the last 1.1 s, each 10 ms
 
 
 def test_a_folder_in_the_way_is_bad_input(tmp_path: Path, capsys) -> None:

@@ -4,22 +4,17 @@ from __future__ import annotations
 
 import math
 import pickle
-from decimal import Decimal
 from fractions import Fraction
 from typing import ClassVar
 
-import mpmath
 import numpy
 import pytest
 from scipy.integrate import solve_ivp
 
 import tippedisk_verify as tv
-from tests.connection.passages import passage_times
-from tippedisk_verify.atlas.branch import Branch
 from tippedisk_verify.atlas.plane import plane_of
 from tippedisk_verify.audit import friction_claims
 from tippedisk_verify.errors import UnknownKeywordError
-from tippedisk_verify.flow.baseline import Baseline
 from tippedisk_verify.model.equations import field
 from tippedisk_verify.model.precision import DOUBLE
 from tippedisk_verify.proofs.closed_forms import proved_hopf
@@ -40,7 +35,7 @@ def test_a_disk_is_its_parameters_with_the_friction_law() -> None:
     assert smooth.changed(mu="0.4").friction == "smooth"
     assert pickle.loads(pickle.dumps(smooth)) == smooth
     mine = tv.Disk(r="0.045", e="0.0025", m="0.435", A="0.249e-3", B="0.227e-3", g="9.81", mu="0.3", epsilon="0.1")
-    assert mine.omega_crit == disk.omega_crit
+    assert (mine == disk, hash(mine) == hash(disk), mine.C, mine.name) == (True, True, None, "custom")
 
 
 def test_a_named_disk_with_another_number_is_no_longer_the_named_one() -> None:
@@ -65,14 +60,6 @@ def test_a_text_for_a_list_is_one_number_or_refused() -> None:
             ask()
 
 
-def test_a_disk_from_a_file(tmp_path) -> None:
-    lines = [f'{name} = "{value}"' for name, value in tv.CALIBRATED.decimals().items()]
-    (tmp_path / "mine.toml").write_text("\n".join(lines))
-    read = tv.Disk.read(tmp_path / "mine.toml", friction="smooth")
-    assert read.friction == "smooth"
-    assert read.omega_crit == tv.Disk("calibrated").omega_crit
-
-
 @pytest.mark.parametrize(
     ("make", "word"),
     [
@@ -84,7 +71,16 @@ def test_a_disk_from_a_file(tmp_path) -> None:
         (lambda: tv.Disk("printed", friction="sticky"), "linear or smooth"),
         (lambda: tv.Disk("printed", friction="smooth").hopf(), "linear friction law only"),
         (lambda: tv.Disk("printed").limit_cycle(), "one of omega, below_crit and above_het"),
-        (lambda: tv.Disk("printed").limit_cycle("30.4", below_crit="0.5"), "one of omega, below_crit and above_het"),
+        (
+            lambda: tv.Disk("printed").speed("30.4", below_het="0.5"),
+            "one of omega, below_crit, above_het and below_het",
+        ),
+        (lambda: tv.Disk("printed").speed(above_het="-1e-20"), "positive decimal"),
+        (lambda: tv.Disk("printed").rhs("30.4")(0, (1.5, 1.6)), "three entries"),
+        (lambda: tv.Disk("printed").certify.limit_cycle(tv.Disk("printed").heteroclinic().omega_h), "from Omega_h"),
+        (lambda: tv.Measured(1.5, "a"), "'a'"),
+        (lambda: tv.Measured(1, -1), "cannot be negative"),
+        (lambda: tv.Disk("printed").heteroclinic(engine="taylor"), r"Taylor\(\) or Baseline\(\)"),
         (lambda: tv.Disk("printed").limit_cycle(below_crit="pi"), "must be a decimal"),
         (lambda: tv.Disk("printed").branch([]), "1 to"),
         (lambda: tv.Disk("printed").integrate("30.4", ("1", "1", "0"), "1e400"), "within 1e300 s of 0"),
@@ -174,7 +170,7 @@ def test_a_motion_may_begin_at_any_time(friction) -> None:
     assert disk.integrate("30.4", START, ("10", "9.98")).t[:2].tolist() == [10.0, 9.9999]
 
 
-@pytest.mark.parametrize("span", [("1e6", "1e6 + 0.1"), ("1/3", "2"), ("pi", "pi + 1"), ("0", "0.1"), ("1/3", "0.3")])
+@pytest.mark.parametrize("span", [("1e6", "1e6 + 0.1"), ("1/3", "0.3"), ("pi", "pi + 0.1")])
 def test_times_are_exact(span) -> None:
     """States are those at the exact times, however far from zero they are and whatever doubles make of the ends."""
     disk, start, end = tv.Disk("printed"), *map(tv.exact, span)
@@ -187,14 +183,6 @@ def test_times_are_exact(span) -> None:
     assert late(float(start)).shape == late(late.end.time).shape == (3,)
     assert abs(float(end - late.end.time)) <= late.end.time_uncertainty
     assert len(disk.integrate("30.4", START, span).t) == 201
-
-
-def test_crossings_lie_within_their_half_widths() -> None:
-    disk = tv.Disk("printed")
-    mine, sharp = (disk.integrate("30.4", START, 3, events=("section", "turn"), digits=n) for n in (12, 30))
-    for record, true in zip(mine.events, sharp.events, strict=True):
-        assert abs(float(true.time - record.time)) <= record.time_uncertainty
-        assert (abs((true.state - record.state).astype(float)) <= record.uncertainty).all()
 
 
 @pytest.mark.parametrize("friction", LAWS)
@@ -242,16 +230,9 @@ def test_one_event_or_time_need_no_list_and_what_is_none_is_told() -> None:
             disk.integrate("30.4", START, 1, events=wrong)
 
 
-@pytest.mark.parametrize("name", ["rtol", "atol", "method", "max_step", "dense_output"])
-def test_the_words_of_solve_ivp_lead_to_ours(name) -> None:
-    with pytest.raises(UnknownKeywordError, match=f"no {name}: `digits`.*`engine`"):
-        tv.Disk("printed").integrate("30.4", START, 1, **{name: 1e-9})
-
-
-def test_another_engine_says_that_it_measures_no_error() -> None:
-    run = tv.Disk("printed").integrate("30.4", START, 1, engine=Baseline("DOP853"))
-    assert run.engine == "scipy-DOP853"
-    assert numpy.isinf(run.uncertainty).all()
+def test_the_words_of_solve_ivp_lead_to_ours() -> None:
+    with pytest.raises(UnknownKeywordError, match=r"no rtol: `digits`.*`engine`"):
+        tv.Disk("printed").integrate("30.4", START, 1, rtol=1e-9)
 
 
 # ---------------------------------------------------------------------------------------------- limit cycles
@@ -279,31 +260,17 @@ def test_an_orbit_closes_and_follows_the_equations(friction) -> None:
     assert abs(shifted[1]).max() <= float(cycle.gamma_bar_0)
 
 
-@pytest.mark.slow(minutes=0.5)
-def test_a_cycle_remembers_its_disk() -> None:
-    """The smooth law's cycle is flown with the smooth law, whoever is handed it."""
-    smooth = tv.Disk("printed", friction="smooth")
-    cycle = smooth.limit_cycle(above_het="1e-3")
-    assert cycle.parameters == smooth
-    assert (cycle.engine, cycle.precision) == ("taylor", "extended") or cycle.precision.startswith("real")
-    passage, flight = passage_times(cycle, tv.Taylor(), Fraction("0.1"))
-    assert abs(float(passage + flight) - float(cycle.period) / 2) < 1e-9
-    _, y = cycle.orbit(101)
-    assert abs(y[:, 0] - y[:, -1]).max() < 1e-9
+def test_a_speed_next_to_omega_h_goes_wherever_a_speed_goes() -> None:
+    disk = tv.Disk("printed")
+    sharp = disk.heteroclinic(digits=40).omega_h
+    for way, sign in (("above_het", 1), ("below_het", -1)):
+        distance = sign * (disk.speed(**{way: "1e-20"}) - sharp.value)  # type: ignore[arg-type]
+        assert abs(distance - Fraction("1e-20")) < Fraction("1e-32") + sharp.uncertainty  # twelve digits of it
 
 
-@pytest.mark.slow
-def test_the_way_between_the_saddles_is_flown_by_its_own_law() -> None:
-    """Where the orbit of one law is at its fastest, the other law's flow leaves it."""
-    smooth = tv.Disk("printed", friction="smooth")
-    connection = smooth.heteroclinic()
-    t, y = connection.orbit(201)
-    here = int(numpy.argmax(abs(y[2])))
-    step = float(t[here + 5] - t[here])
-    for disk, near in ((smooth, True), (smooth.with_friction("linear"), False)):
-        end = disk.integrate(connection.omega_h.value, y[:, here].tolist(), step).y[:, -1]
-        assert bool(abs(end - y[:, here + 5]).max() < 1e-9) is near
-    assert connection.parameters == smooth
+def test_a_half_width_is_formatted_so_that_it_holds() -> None:
+    assert f"{tv.Measured(1, '1.21e-400').uncertainty:.2g}" == "1.3e-400"
+    assert tv.Measured("1/3", 0.5) == tv.Measured.of(Fraction(1, 3), "0.5")
 
 
 def test_an_audit_flies_with_its_own_engine() -> None:
@@ -340,36 +307,6 @@ def test_one_door_however_close_to_omega_h(friction) -> None:
         disk.limit_cycle(below)
 
 
-def test_the_branch_as_arrays() -> None:
-    branch = tv.Disk("printed").branch(["30.3", "30.4", "30.5"])
-    assert branch.omega.tolist() == [30.3, 30.4, 30.5]
-    for cycle, period, width in zip(branch.cycles, branch.period, branch.uncertainty["period"], strict=True):
-        assert float(cycle.period) == period
-        assert 0 < width < 1e-12
-    assert (numpy.diff(branch.period) < 0).all()
-
-
-def test_a_cycle_is_drawn_on_the_axes_given() -> None:
-    from matplotlib.figure import Figure
-
-    axes = Figure().subplots()
-    cycle = tv.Disk("printed").limit_cycle("30.4")
-    assert cycle.plot(axes) is axes
-    (line,) = axes.get_lines()
-    drawn = abs(line.get_xdata()).max()
-    assert drawn == pytest.approx(float(cycle.gamma_bar_0), abs=1e-3)  # between the plot's samples
-
-
-def test_a_reference_value_is_a_float_an_mpmath_number_or_a_text() -> None:
-    quantity = tv.reference("printed/linear/heteroclinic/point/omega_h")
-    value, uncertainty = quantity.values["decimals"]
-    assert str(quantity) == f"{value} ± {uncertainty}"
-    assert f"{quantity:.12g}" == f"{Decimal(value):.12g}"
-    assert float(quantity) == pytest.approx(float(value), rel=1e-15)  # a rounding
-    with mpmath.workdps(60):
-        assert abs(quantity.mpf() - mpmath.mpf(value)) < mpmath.mpf(10) ** -57
-
-
 SMOOTH = tv.PRINTED.with_friction("smooth")
 
 
@@ -393,39 +330,6 @@ def test_what_is_for_the_linear_law_is_not_said_of_the_smooth_one(ask) -> None:
         ask()
 
 
-def test_a_wide_solution_is_wide_between_its_samples_too() -> None:
-    sharp = tv.Disk("printed").integrate("30.4", START, "0.1", digits=30)
-    assert abs(sharp(sharp.t[-1]) - sharp.y[:, -1]).max() < 1e-30
-    assert abs(sharp(sharp.t[7:9]) - sharp.y[:, 7:9]).max() < 1e-30
-
-
-@pytest.mark.slow
-def test_a_branch_takes_its_speeds_as_they_are_and_holds_its_rounding() -> None:
-    disk = tv.Disk("printed")
-    branch = disk.branch(["30.4"])
-    assert branch.cycles[0].omega.value == Fraction("30.4")
-    sharp = Branch.of([disk.limit_cycle("30.4", digits=20)])
-    for name, widths in sharp.uncertainty.items():
-        true = getattr(sharp.cycles[0], name)
-        assert abs(Fraction(getattr(sharp, name)[0]) - true.value) + true.uncertainty <= Fraction(widths[0])
-    assert (
-        0 < abs(branch.period[0] - sharp.period[0]) + sharp.uncertainty["period"][0] <= branch.uncertainty["period"][0]
-    )
-
-
-@pytest.mark.slow
-def test_a_branch_reaches_next_to_omega_h() -> None:
-    disk = tv.Disk("printed")
-    speed = disk.heteroclinic().omega_h.value + Fraction(1, 10**7)
-    branch = disk.branch(["30.4", speed])
-    assert branch.period[1] > 5 * branch.period[0]
-
-
-def test_an_engine_is_no_name() -> None:
-    with pytest.raises(tv.InputError, match=r"Taylor\(\) or Baseline\(\)"):
-        tv.Disk("printed").heteroclinic(engine="taylor")  # type: ignore[arg-type]
-
-
 def test_a_disk_offers_what_the_commands_print() -> None:
     disk = tv.Disk("table1")
     speed = disk.speed(below_crit="0.5")
@@ -435,7 +339,6 @@ def test_a_disk_offers_what_the_commands_print() -> None:
     assert disk.equilibrium("inverted", speed).to_dict()["kind_changes"]
     panel = disk.scene("d")
     assert panel.omega.holds(speed)
-    assert disk.scene("b", omega_h="30.05").omega.holds(Fraction("30.06"))
     assert disk.certify.equilibrium("noninverted", speed).stable is False
     with pytest.raises(tv.InputError, match="linear friction law only"):
         tv.Disk("table1", friction="smooth").certify.hopf()

@@ -13,14 +13,12 @@ import click
 import pytest
 
 import tippedisk_verify as tv
-from tippedisk_verify.cli import cli, main
+from tippedisk_verify.cli import cli
 
 ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 INDEX = (ROOT / "docs" / "index.md").read_text(encoding="utf-8")
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
-#: Of the README's table: longer than some seconds, with the minutes of a core.
-LONG = {"basin": 0.3, "atlas": 0.5, "bench": 6}
 
 
 def commands(page: str) -> list[str]:
@@ -36,17 +34,6 @@ ROWS = commands("\n".join(line for line in README.splitlines() if line.startswit
 def test_the_readme_is_short() -> None:
     assert len(README.splitlines()) <= 130
     assert len(ROWS) == 12
-
-
-@pytest.mark.parametrize(
-    "row", [pytest.param(row, marks=pytest.mark.slow(minutes=LONG.get(row.split()[0], 0.25))) for row in ROWS]
-)
-def test_a_row_of_the_readme_runs(row: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    arguments = shlex.split(row)
-    assert main(arguments) == 0
-    if "--out" in arguments:
-        assert Path(arguments[arguments.index("--out") + 1]).exists()
 
 
 def test_the_lines_of_python_print_what_stands_beside_them() -> None:

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 import tomllib
 from pathlib import Path
 
 import pytest
 
-from tests.dask_cluster import changed_package, surroundings
 from tippedisk_verify import provenance
-from tippedisk_verify.provenance import DRAWING, NUMERICAL, code_version, fingerprint
+from tippedisk_verify.provenance import DRAWING, fingerprint
 
 # Dependencies that no number and no picture comes from.
 PRESENTATION = {"click", "rich", "jinja2"}
@@ -57,37 +54,6 @@ def test_a_fingerprint_changes_with_all_that_a_result_depends_on(
     fresh()
     found.append(fingerprint({"digits": 12}))
     assert len(set(found)) == len(found)
-
-
-def test_a_code_version_is_that_of_the_code_that_runs(tmp_path: Path) -> None:
-    """Not of what is installed later while the process still has the old code; the processor is not in it."""
-    other = changed_package(tmp_path, "theory/hopf.py", "from __future__", "# other words\nfrom __future__")
-    program = (
-        "import sys\nfrom pathlib import Path\nfrom tippedisk_verify.provenance import code_version\n"
-        "before = code_version()\n"
-        "for path in sys.argv[1:]: Path(path).write_text('raise SystemExit(9)')\n"
-        "assert code_version() == before\n"
-        # Loaded before the change.
-        "import tippedisk_verify.connection.heteroclinic, tippedisk_verify.proofs.search.family\n"
-        "print(before)"
-    )
-
-    def told(*changed: Path) -> str:
-        run = [sys.executable, "-c", program, *map(str, changed)]
-        return subprocess.run(
-            run, capture_output=True, check=True, cwd=tmp_path, env=surroundings(other), text=True
-        ).stdout
-
-    package = other / "tippedisk_verify"
-    mine, first = code_version(), told()
-    second = told(
-        package / "theory" / "hopf.py",
-        package / "connection" / "heteroclinic.py",
-        package / "proofs" / "search" / "cover.py",
-    )
-    assert first == second != mine + "\n"
-    assert [part.partition(" ")[0] for part in mine.split(", ")] == ["tippedisk_verify", *NUMERICAL]
-    assert mine.split(", ")[1:] == first.strip().split(", ")[1:]
 
 
 def test_every_dependency_is_classified() -> None:

@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
-from pathlib import Path
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.shares import parsed, shares
 
+pytest_plugins = ["pytester"]
 _STUDIES = """
 import pytest
 
@@ -40,30 +36,15 @@ def test_every_study_has_one_share_in_any_order(minutes: dict[str, float], count
     assert max(loads) - min(loads) <= max(minutes.values(), default=0) * (1 + 1e-9)
 
 
-def _collected(folder: Path, *options: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", "--collect-only", "-q", *options],
-        capture_output=True,
-        text=True,
-        cwd=folder,
-        env={**os.environ, "PYTHONPATH": str(Path(__file__).parents[1])},
-        check=False,
-    )
-
-
-def test_the_option_runs_one_share(tmp_path: Path) -> None:
-    (tmp_path / "pytest.ini").write_text("[pytest]\nmarkers = slow\naddopts = -m 'not slow'\n")
-    (tmp_path / "conftest.py").write_text("from tests.shares import *\n")
-    (tmp_path / "test_studies.py").write_text(_STUDIES)
-    every = _collected(tmp_path, "-m", "slow").stdout.split()
-    studies = sorted(word for word in every if "::" in word)
-    assert len(studies) == 21
+def test_the_option_runs_one_share(pytester: pytest.Pytester) -> None:
+    pytester.makeini("[pytest]\nmarkers = slow\naddopts = -m 'not slow'\n")
+    pytester.makeconftest("from tests.shares import *\n")
+    pytester.makepyfile(_STUDIES)
     found = []
     for share in ("1/3", "2,3/3"):
-        done = _collected(tmp_path, "-m", "slow", "--slow-share", share)
-        assert done.returncode == 0
-        found += [word for word in done.stdout.split() if "::" in word]
-    assert sorted(found) == studies
+        done = pytester.runpytest_inprocess("-n", "0", "--collect-only", "-q", "-m", "slow", "--slow-share", share)
+        found += [line for line in done.outlines if "::" in line]
+    assert len(found) == len(set(found)) == 21
 
 
 @pytest.mark.parametrize("text", ["", "3", "0/3", "4/3", "1,4/3", "1/x", "1/0", "-1/3"])

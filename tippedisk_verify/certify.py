@@ -7,7 +7,7 @@ result too: its ``status`` says where it stopped.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import partial
@@ -40,6 +40,7 @@ __all__ = ["Certifier"]
 
 _UNITS = 1000  # of the bar, for each rad
 _FURTHEST = Fraction("3.1415")  # rad
+_NEAREST = Fraction(1, 10**7)  # rad/s from Omega_h; at 1e-5 a proof takes a minute, closer more with each decimal
 Workers = Callable[[bool], AbstractContextManager["Executor | None"]]
 
 
@@ -86,7 +87,7 @@ class Certifier:
         """One limit cycle: existence, uniqueness nearby, its numbers, its stability.
 
         The search starts from the cycle that `Disk` finds, or from the ``guess`` (gamma_bar_0, v_0), of a rotating
-        cycle (beta_bar_top, v_top).
+        cycle (beta_bar_top, v_top). Raises InputError for a speed next to Omega_h, where `beside_omega_h` proves them.
         """
         from tippedisk_verify.proofs.search.cycle import HALF, TURN, OrbitProof, Status, prove_cycle
 
@@ -117,7 +118,16 @@ class Certifier:
         return prove_interval(self.disk, speed, radius, start)
 
     def _start(self, speed: Fraction, rotating: bool, stable: bool | None) -> tuple[object, object]:
-        """Both coordinates of the cycle on its section."""
+        """Both coordinates of the cycle on its section. Raises InputError for a speed next to Omega_h."""
+        from tippedisk_verify.atlas.locator import locator
+        from tippedisk_verify.flow import default_engine
+
+        with suppress(NoConnectionError):
+            if (away := abs(speed - locator(self.disk, default_engine()).omega_h)) < _NEAREST:
+                raise InputError(
+                    f"{float(speed):.12g} rad/s lies {float(away):.2g} from Omega_h, and single cycles are proved from "
+                    f"{float(_NEAREST):g} on: `certify heteroclinic --cycles D` proves all up to a distance D above it"
+                )
         if rotating:
             rotation = self.disk.rotating_cycle(speed, stable=stable is not False)
             return rotation.beta_bar_top.value, rotation.v_top.value

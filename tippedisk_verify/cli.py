@@ -62,17 +62,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except (KeyboardInterrupt, click.Abort):
         return _told("interrupted", 130)
     except click.ClickException as fault:
-        return _refused(fault.format_message())
+        return _told(fault.format_message(), 2)
     except InputError as fault:
-        return _refused(str(fault))
+        return _told(str(fault), 2)
     except (AccuracyError, ArithmeticError) as shortfall:
         return _told(str(shortfall), 1)
     except MemoryError:
         return _told("the memory is used up: ask for less at a time, or fewer --jobs", 1)
-    except ModuleNotFoundError as fault:
-        return _told(f"a library is missing: {fault}", 1)
-    except (ImportError, SystemError) as fault:  # what is left of a MemoryError while libraries are loaded
-        return _told(f"a library cannot be loaded, perhaps for lack of memory: {fault}", 1)
+    except (
+        ImportError,
+        SystemError,
+    ) as fault:  # the latter is what is left of a MemoryError while libraries are loaded
+        return _told(f"a library is missing, or there is no memory for it: {fault}", 1)
     except RuntimeError as fault:
         from concurrent.futures import BrokenExecutor
 
@@ -86,7 +87,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 0 if stop.code == 1 else int(stop.code or 0)
     except OSError as fault:
         where = f"{str(fault.filename)[-200:]}: " if fault.filename else ""
-        return _refused(f"{where}{fault.strerror or fault}")
+        return _told(f"{where}{fault.strerror or fault}", 2)
     return status if isinstance(status, int) else 0
 
 
@@ -98,10 +99,6 @@ def entry() -> NoReturn:
         if isinstance(stream, TextIOWrapper):
             stream.reconfigure(errors="replace")  # a terminal or a locale that cannot show a character
     sys.exit(main())
-
-
-def _refused(message: str) -> int:
-    return _told(message, 2)
 
 
 def _told(message: str, status: int) -> int:

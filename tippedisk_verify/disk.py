@@ -14,8 +14,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tippedisk_verify.errors import AccuracyError, InputError, UnknownKeywordError
+from tippedisk_verify.model.decimals import decimal_magnitude
 from tippedisk_verify.model.equations import checked_speed, checked_speeds, field, jacobian
-from tippedisk_verify.model.exact import shown
+from tippedisk_verify.model.exact import fraction, shown
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Friction, Parameters
 from tippedisk_verify.progress import progress_of, watched
@@ -92,11 +93,30 @@ class Disk(Parameters):
 
         return omega_crit(self)
 
-    def speed(self, omega: object = None, *, below_crit: object = None, digits: int = 12) -> Fraction:
-        """A speed [rad/s] as an exact rational, Omega_crit - ``below_crit`` if that is given."""
+    def speed(
+        self,
+        omega: object = None,
+        *,
+        below_crit: object = None,
+        above_het: object = None,
+        below_het: object = None,
+        digits: int = 12,
+    ) -> Fraction:
+        """A speed [rad/s] as an exact rational: ``omega``, or that far from Omega_crit or Omega_h.
+
+        The distance from Omega_h has ``digits`` significant digits, so ``disk.speed(above_het="1e-20")`` goes wherever
+        a speed goes. Raises InputError unless one of the four is given, and as `heteroclinic` does.
+        """
         from tippedisk_verify.theory.hopf import speed_below_crit
 
-        return checked_speed(omega) if below_crit is None else speed_below_crit(self, below_crit, digits)
+        _one_of(omega=omega, below_crit=below_crit, above_het=above_het, below_het=below_het)
+        if above_het is None and below_het is None:
+            return checked_speed(omega) if below_crit is None else speed_below_crit(self, below_crit, digits)
+        distance = fraction(below_het if above_het is None else above_het)
+        if distance <= 0:
+            raise InputError(f"a distance from Omega_h is a positive decimal, not {shown(distance)}")
+        omega_h = self.heteroclinic(digits=digits + 2 + max(0, -decimal_magnitude(distance))).omega_h.value
+        return omega_h - distance if above_het is None else omega_h + distance
 
     def equilibrium(self, name: EquilibriumName, omega: object, *, digits: int = 15) -> Equilibrium:
         """``inverted`` or ``noninverted`` spinning: state, eigenvalues [1/s], stability."""
@@ -202,9 +222,10 @@ class Disk(Parameters):
 
         scene, engine = scene_named(name), self._engine(engine)
         if omega_h is not None:
-            return compute(scene, self, engine, omega_h=Measured(checked_speed(omega_h), Fraction(0)))
-        needed = scene.base == "Omega_h"
-        return compute(scene, self, engine, omega_h=self.heteroclinic(engine=engine).omega_h if needed else None)
+            omega_h = Measured(checked_speed(omega_h), getattr(omega_h, "uncertainty", Fraction(0)))
+        elif scene.base == "Omega_h":
+            omega_h = self.heteroclinic(engine=engine).omega_h
+        return compute(scene, self, engine, omega_h=omega_h)
 
     # ---------------------------------------------------------------------------------------- limit cycles
     def limit_cycle(
@@ -217,16 +238,14 @@ class Disk(Parameters):
         digits: int = 12,
         engine: Engine | None = None,
     ) -> LimitCycle:
-        """The limit cycle about inverted spinning at ``omega``, Omega_crit - ``below_crit`` or Omega_h + ``above_het``.
+        """The limit cycle about inverted spinning at a speed given as to `speed`.
 
         Where a speed has several it is the stable one, or the one that ``stable`` asks for. Raises InputError unless
-        one of the three is given, NoSuchCycleError where there is no such cycle, AccuracyError if the digits are not
-        reached.
+        one of the three is given, NoSuchCycleError where there is no such cycle, AccuracyError without the digits.
         """
         from tippedisk_verify.atlas.cycles_at_speed import cycle_above, cycle_at
 
-        if (omega is not None) + (below_crit is not None) + (above_het is not None) != 1:
-            raise InputError("give the speed with one of omega, below_crit and above_het")
+        _one_of(omega=omega, below_crit=below_crit, above_het=above_het)
         if above_het is not None:
             if stable is not None:
                 raise InputError("above_het leads to the cycles next to Omega_h: choose with stable at a speed omega")
@@ -267,17 +286,14 @@ class Disk(Parameters):
         digits: int = 12,
         engine: Engine | None = None,
     ) -> RotatingCycle:
-        """The rotating limit cycle at ``omega``, Omega_crit - ``below_crit`` or Omega_h - ``below_het``.
-
-        gamma grows by 2 pi a period.
+        """The rotating limit cycle, on which gamma grows by 2 pi a period, at a speed given as to `speed`.
 
         Stable ones lie between the family's fold and Omega_h, unstable ones (``stable=False``) from the fold upward.
         Raises as `limit_cycle` does.
         """
         from tippedisk_verify.atlas.cycles_at_speed import rotating_below, rotating_cycle
 
-        if (omega is not None) + (below_crit is not None) + (below_het is not None) != 1:
-            raise InputError("give the speed with one of omega, below_crit and below_het")
+        _one_of(omega=omega, below_crit=below_crit, below_het=below_het)
         if below_het is None:
             speed = self.speed(omega, below_crit=below_crit, digits=digits)
             return rotating_cycle(self, speed, self._engine(engine), stable=stable, digits=digits)
@@ -374,3 +390,10 @@ class Disk(Parameters):
         from tippedisk_verify.flow import default_engine
 
         return default_engine()
+
+
+def _one_of(**ways: object) -> None:
+    """Raise InputError unless the speed is given in one of these ways."""
+    if sum(way is not None for way in ways.values()) != 1:
+        *first, last = ways
+        raise InputError(f"give the speed with one of {', '.join(first)} and {last}")

@@ -28,7 +28,7 @@ __all__ = [
         "read_text",
         "remains_of",
     ),
-    *("sole_writer", "table_file", "write_bytes", "write_csv", "write_table", "write_text"),
+    *("sole_writer", "write_bytes", "write_csv", "write_table", "write_text"),
 ]
 
 
@@ -103,17 +103,11 @@ def write_csv(path: Path, header: Sequence[str], rows: Iterable[Sequence[object]
 
 
 def file_ending_in(path: str, *kinds: str) -> Path:
-    """`output_file` whose name ends in one of these. Raises InputError for another one."""
+    """`output_file` whose name ends in one of these. Raises InputError for another one, or without pyarrow."""
     file = output_file(path)
     if file.suffix.lower() not in kinds:
         listed = " or ".join(filter(None, (", ".join(kinds[:-1]), kinds[-1])))
         raise InputError(f"'{_named(file)}' must end in {listed}")
-    return file
-
-
-def table_file(path: str, *others: str) -> Path:
-    """`file_ending_in` for `write_table`, or for another kind."""
-    file = file_ending_in(path, ".csv", ".parquet", *others)
     if file.suffix.lower() == ".parquet" and find_spec("pyarrow") is None:
         raise InputError("Parquet needs pyarrow: pip install 'tippedisk-verify[cluster]', or write .csv")
     return file

@@ -1,4 +1,4 @@
-"""Progress of long work on standard error: a bar on a terminal and in a notebook, elsewhere a line now and then.
+"""Progress of long work on standard error: a live bar on a terminal and in a notebook, elsewhere nothing.
 
 What computes tells what it has done by calling an `Advance`; its caller decides here whether that is shown.
 """
@@ -9,7 +9,6 @@ import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from threading import Event, Thread
-from time import monotonic
 from typing import TypeVar
 
 __all__ = ["Advance", "progress_of", "watched"]
@@ -17,8 +16,7 @@ __all__ = ["Advance", "progress_of", "watched"]
 Advance = Callable[[str, int], None]  #: takes what is being done, and the steps that have been done since it last was
 Item = TypeVar("Item")
 
-_PATIENCE = 2.0  # s in which nothing is shown
-_BETWEEN_LINES, _BETWEEN_DRAWINGS = 10.0, 0.1  # s
+_PATIENCE, _BETWEEN_DRAWINGS = 2.0, 0.1  # s in which nothing is shown, and between two drawings
 
 
 @contextmanager
@@ -36,32 +34,23 @@ def progress_of(total: int = 0, progress: bool | None = None) -> Iterator[Advanc
         told[0] = label or told[0][0], told[0][1] + steps
 
     def show() -> None:
-        began = monotonic()
         if over.wait(_PATIENCE):
             return
-        from rich.console import Console
-        from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+        with suppress(OSError, ValueError, ImportError, MemoryError):  # what cannot be shown is given up
+            from rich.console import Console
+            from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-        # A notebook's standard error takes what a terminal's does; rich's own way there needs another package.
-        console = Console(stderr=True, force_jupyter=False)
-        if console.is_interactive:
+            # A notebook's standard error takes what a terminal's does; rich's own way there needs another package.
+            console = Console(stderr=True, force_jupyter=False)
             columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-            with Progress(*columns, console=console, transient=True, redirect_stdout=False) as bar:
+            hidden = not console.is_interactive
+            with Progress(*columns, console=console, transient=True, redirect_stdout=False, disable=hidden) as bar:
                 task = bar.add_task("", total=total or None)
                 bar.tasks[0].start_time = bar.get_time() - _PATIENCE
                 while not over.wait(_BETWEEN_DRAWINGS):
                     bar.update(task, description=told[0][0], completed=told[0][1])
-            return
-        known = f" of {total}" if total else ""
-        while not over.wait(_BETWEEN_LINES - (monotonic() - began) % _BETWEEN_LINES):
-            label, done = told[0]
-            print(f"{label}: {done}{known} done after {monotonic() - began:.0f} s", file=sys.stderr)
 
-    def shown() -> None:
-        with suppress(OSError, ValueError, ImportError, MemoryError):  # what cannot be shown is given up
-            show()
-
-    thread = Thread(target=shown, daemon=True)
+    thread = Thread(target=show, daemon=True)
     with suppress(RuntimeError):  # the process may have no more threads
         thread.start()
     try:

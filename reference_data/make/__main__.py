@@ -10,25 +10,24 @@ import click
 FOLDER = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(FOLDER.parent))  # for the processes that compute, too
 
-from tippedisk_verify.commands.common import Common, plain_options, print_result, processes, progress  # noqa: E402
+from tippedisk_verify.commands.common import Output, command, processes  # noqa: E402
 from tippedisk_verify.interrupts import answering  # noqa: E402
 
 
-@click.command()
+@command
 @click.argument("prefixes", nargs=-1, metavar="[PREFIX]...")
-@click.option("--out", default=str(FOLDER), show_default=True, metavar="DIR", help="Where the files go.")
-@click.option("--jobs", type=int, metavar="N", help="Processes; as many as there are cores if not given.")
-@plain_options
-def make(common: Common, prefixes: tuple[str, ...], out: str, jobs: int | None) -> int:
+def make(output: Output, prefixes: tuple[str, ...], out: str = str(FOLDER), jobs: int | None = None) -> int:
     """Make the reference values whose ids start with a PREFIX, such as printed/linear/hopf; all takes some CPU hours.
 
     What an interrupted run has computed is taken up again.
+
+    --out DIR  Where the files go.
     """
     from reference_data.make.generation import generate
 
-    with progress(common, 0) as advance, processes(jobs) as pool:
+    with output.progress() as advance, processes(jobs) as pool:
         count = generate(out, prefixes, pool, advance)
-    print_result(common, {"made": count}, [f"{count} entries made"])
+    output.show({"made": count}, [f"{count} entries made"])
     return 0
 
 

@@ -24,7 +24,7 @@ from tests.reference_values.places import PLACES
 from tests.stress.runs import LONGEST, MAKE
 from tests.stress.strikes import Struck, ended_by
 from tippedisk_verify.cache import read_checked
-from tippedisk_verify.errors import AccuracyError, InputError
+from tippedisk_verify.errors import AccuracyError
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.reference_values.checking import check, entries_of
 from tippedisk_verify.reference_values.entries import case_of
@@ -54,7 +54,6 @@ def test_each_kind_has_the_methods_of_the_table() -> None:
     "kind", [kind if kind not in INTEGRATED else pytest.param(kind, marks=pytest.mark.slow) for kind in PLACES]
 )
 def test_questions_are_where_the_rules_put_them(kind: str) -> None:
-    """The kinds whose places depend on Omega_h take some seconds."""
     for name in SETS:
         stored_items = [one.item for one in entries_of(stored(), f"{name}/") if one.item.kind == kind]
         assert [(one.id, dict(one.inputs), one.readings) for one in PLACES[kind](name)] == [
@@ -71,20 +70,8 @@ def test_the_further_methods_agree() -> None:
             assert any(answers.values()) or entry.item.friction == "both"
 
 
-@pytest.mark.slow(minutes=6)
-@pytest.mark.parametrize(
-    "id_",
-    [
-        *(
-            "printed/smooth/trajectory/d1",
-            "calibrated/linear/limit-cycle/crit-0.3",
-            "printed/smooth/limit-cycle/crit-0.5",
-        ),
-        *("calibrated/smooth/heteroclinic/point", "printed/linear/near-heteroclinic/het+1e-4"),
-        *("printed/linear/rotating-cycle/stable-het-0.03", "calibrated/smooth/rotating-cycle/unstable-crit-0.5"),
-        *("printed/linear/rotation-fold/point", "calibrated/smooth/rotation-fold/point"),
-    ],
-)
+@pytest.mark.slow(minutes=3)
+@pytest.mark.parametrize("id_", ["calibrated/linear/limit-cycle/crit-0.3", "printed/linear/rotation-fold/point"])
 def test_the_further_methods_agree_where_integrators_are_needed(id_: str) -> None:
     (entry,) = entries_of(stored(), f"{id_}/")
     answers = confirmed(case_of(entry.item, "decimals"), entry.values("decimals"))
@@ -122,18 +109,13 @@ def test_what_is_made_is_what_is_stored(tmp_path: Path) -> None:
     assert check(tmp_path, sample=0).faults == ()
 
 
-def test_threads_make_the_same_bytes(tmp_path: Path) -> None:
-    generate(tmp_path / "serial", QUICK)
+def test_threads_and_parts_make_the_same_bytes(tmp_path: Path) -> None:
+    prefixes = (*HOPF, "printed/both/equilibrium/inverted-30.4/")
     with ThreadPoolExecutor(8) as pool:
-        generate(tmp_path / "threads", QUICK, pool)
-    assert _bytes(tmp_path / "threads") == _bytes(tmp_path / "serial")
-
-
-def test_what_is_made_one_after_the_other_is_what_is_made_at_once(tmp_path: Path) -> None:
-    generate(tmp_path / "once", QUICK)
-    for prefix in (QUICK[3], *HOPF, *QUICK[2:]):
+        generate(tmp_path / "threads", prefixes, pool)
+    for prefix in reversed(prefixes):
         generate(tmp_path / "parts", (prefix,))
-    assert _bytes(tmp_path / "parts") == _bytes(tmp_path / "once")
+    assert _bytes(tmp_path / "parts") == _bytes(tmp_path / "threads")
 
 
 def test_a_process_with_other_code_computes_no_entry(tmp_path: Path) -> None:
@@ -143,7 +125,7 @@ def test_a_process_with_other_code_computes_no_entry(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("left", ['[{"id": "pri', "null", "5", "[5]", "[{}]", "[]", "[" * 100_000])
+@pytest.mark.parametrize("left", ['[{"id": "pri', "[5]", "[" * 100_000])
 def test_damaged_answers_are_computed_again(left: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     generate(tmp_path / "whole", HOPF)
     work = tmp_path / "other" / ".work"
@@ -159,31 +141,11 @@ def test_damaged_answers_are_computed_again(left: str, tmp_path: Path, monkeypat
     assert _bytes(tmp_path / "other") == _bytes(tmp_path / "whole")
 
 
-def test_a_second_run_into_the_same_folder_is_refused(tmp_path: Path) -> None:
-    fcntl = pytest.importorskip("fcntl")
-    with open(tmp_path / ".lock", "w") as handle:
-        fcntl.flock(handle, fcntl.LOCK_EX)
-        with pytest.raises(InputError, match="another run"):
-            generate(tmp_path, HOPF)
-
-
-def test_a_strangers_files_are_left_alone(tmp_path: Path) -> None:
-    strange = [tmp_path / ".pre-commit-config", tmp_path / "sub" / ".env-local", tmp_path / "mydoc.txt"]
-    (tmp_path / "sub").mkdir()
-    for path in strange:
-        path.write_text("mine")
-    generate(tmp_path, HOPF)
-    assert all(path.read_text() == "mine" for path in strange)
-    assert check(tmp_path, sample=0).faults == ()
-
-
 @pytest.mark.parametrize(
     ("arguments", "status", "says"),
     [
-        (["--help"], 0, "taken up again"),
         (["printed/linear/hopf", "--out", "{folder}", "--jobs", "1"], 0, "1 entries made"),
         (["nothing", "--out", "{folder}", "--jobs", "1"], 2, "no entry starts with 'nothing'"),
-        (["--out", "", "--jobs", "1"], 2, "name of a folder"),
         (["--jobs", "0", "--out", "{folder}"], 2, "--jobs"),
     ],
 )
@@ -195,14 +157,16 @@ def test_the_program(arguments: list[str], status: int, says: str, tmp_path: Pat
     assert not status or done.stderr.count("\n") == 1
 
 
-def _survives(tmp_path: Path, kills: int, seed: int) -> None:
+@pytest.mark.slow
+@pytest.mark.skipif(os.name == "nt", reason="no SIGKILL")
+def test_killed_runs_leave_no_broken_file_and_can_be_resumed(tmp_path: Path) -> None:
     """Each kill leaves whole files only, and runs that go on make what one run makes."""
     words = [*MAKE, *QUICK, "--quiet", "--jobs", "1", "--out"]
     struck = Struck(tmp_path / "hand")
     whole, broken = tmp_path / "whole", tmp_path / "broken"
     lasts = struck.lasts([*words, str(whole)])
     expected = _bytes(whole)
-    for status, _, _ in islice(struck.at_random([*words, str(broken)], signal.SIGKILL, lasts, seed), kills):
+    for status, _, _ in islice(struck.at_random([*words, str(broken)], signal.SIGKILL, lasts, 11), 8):
         assert status == -signal.SIGKILL
         for name, content in _bytes(broken).items():
             if not any(part.startswith(".") for part in Path(name).parts):
@@ -215,15 +179,8 @@ def _survives(tmp_path: Path, kills: int, seed: int) -> None:
     assert _bytes(broken) == expected
 
 
-@pytest.mark.slow
-@pytest.mark.skipif(os.name == "nt", reason="no SIGKILL")
-@pytest.mark.parametrize("kills", [4, 50])
-def test_killed_runs_leave_no_broken_file_and_can_be_resumed(kills: int, tmp_path: Path) -> None:
-    _survives(tmp_path, kills, 11)
-
-
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="needs /proc to see processes")
-@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGINT])
 def test_workers_end_with_their_parent(how: signal.Signals, tmp_path: Path) -> None:
     command = [sys.executable, *MAKE, "--quiet", "--jobs", "2", "--out", str(tmp_path)]
     run = subprocess.Popen(command, stderr=subprocess.DEVNULL, start_new_session=True)

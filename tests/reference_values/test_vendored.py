@@ -48,17 +48,6 @@ def test_values_change_with_their_version() -> None:
     assert (DATA_VERSION, digest(values)[:16]) == ("1.1.0", "cc4c134dac3c7d25")
 
 
-def test_what_a_deposit_asks_for() -> None:
-    deposit = json.loads((ROOT / ".zenodo.json").read_text())
-    assert {"title", "description", "upload_type", "creators", "license", "access_right"} <= deposit.keys()
-    assert (DATA / "LICENSE").read_bytes() == (ROOT / "LICENSE").read_bytes()
-    assert deposit["license"] == json.loads((DATA / "manifest.json").read_text())["license"] == "MIT"
-    for path in (ROOT / "CITATION.cff", DATA / "CITATION.cff"):
-        text = path.read_text()
-        for key in ("cff-version: 1.2.0", "message:", "title:", "authors:", "license: MIT", "type:"):
-            assert re.search(rf"^{key}", text, re.MULTILINE), (path, key)
-
-
 # ------------------------------------------------------------------------------------------ the table
 def test_the_schema_is_that_of_the_table() -> None:
     """A table schema in the form of the Frictionless standard: each column, with the pattern of its entries."""
@@ -161,7 +150,9 @@ def test_right_hand_sides_and_a_cycle_from_the_columns_alone() -> None:
     assert end == pytest.approx(start, abs=1e-9)  # a hundredfold of the tolerance for a thousand steps
 
 
-@pytest.mark.parametrize(("language", "runs"), [("c", "gcc"), ("octave", "octave-cli")])
+@pytest.mark.parametrize(
+    ("language", "runs"), [("c", "gcc"), pytest.param("octave", "octave-cli", marks=pytest.mark.slow)]
+)
 def test_the_programs_of_the_readme(language: str, runs: str, tmp_path: Path) -> None:
     program = re.search(rf"```{language}\n(.*?)```", (DATA / "README.md").read_text(), re.DOTALL)
     assert program is not None

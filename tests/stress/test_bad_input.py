@@ -99,7 +99,7 @@ RIGHT = {
     "sweep": "hopf --over mu=0.3 --out o.csv",
     "certify orbit": "--omega 30.4 | --omega 30.4 --radius 1e-3 | --below-crit 0.5 | --at-fold --fold 1",
     "certify heteroclinic": " | --cycles 1e-3 --certificate c.json",
-    "certify branch": "--certificate c.json | --to 3 --out out --executor serial",
+    "certify branch": "--certificate c.json | --to 3 --out out",
     "reference export": "printed/linear/hopf --out o.csv",
     "conformance questions": "q.csv --levels 3 | q.csv --states 2 --seed 7",
     "conformance grade": "answered.csv",

@@ -70,7 +70,7 @@ def rotating_cycle(
     speed = checked_speed(omega)
     checked_digits(digits)
     if stable:
-        with suppress(NoSuchCycleError, NoConnectionError):
+        with suppress(NoSuchCycleError, NoConnectionError, ZeroDivisionError):  # doubles see Omega_h itself
             # The saddle's unstable branch leads there where the cycle is not next to the fold.
             return_map = ReturnMap(ROTATING, parameters, speed, engine)
             cycle = cycle_to_digits(shoot(return_map, unstable_top(parameters, speed, engine)), digits)

@@ -17,7 +17,7 @@ from tippedisk_verify.audit import (
 from tippedisk_verify.audit.claims import Claim
 from tippedisk_verify.errors import InputError
 
-__all__ = ["CLAIMS", "GROUPS", "claims_drawn_in", "group_of", "selected"]
+__all__ = ["CLAIMS", "GROUPS", "claims_drawn_in", "equations_named", "group_of", "selected"]
 
 _GROUPS = {
     "Model, linear analysis and harmonic balance": (
@@ -45,19 +45,24 @@ def claims_drawn_in(figure: str) -> tuple[str, ...]:
     return tuple(claim.name for claim in CLAIMS if figure in claim.figures)
 
 
+def equations_named(names: Sequence[str]) -> list[str]:
+    """The numbers of the equations among these names, each as "eq. 30", "(30)" or "30"."""
+    return [found[1] for name in names if (found := re.fullmatch(r"(?:eq\.? ?)?\(?(\d{1,3})\)?", name.strip()))]
+
+
 def selected(names: Sequence[str]) -> tuple[Claim, ...]:
-    """The claims of those names or equations ("eq. 30"), in the table's order; all if none is named.
+    """The claims of those names or equations, in the table's order; all if none is named.
 
     Raises InputError for unknown names, and for an equation that no claim is about.
     """
     known, wanted = {claim.name for claim in CLAIMS}, set(names)
     for name in names:
-        if number := re.fullmatch(r"eq\.? ?\(?(\d{1,3})\)?", name.strip()):
-            about = {claim.name for claim in CLAIMS if f"({number[1]})" in claim.source}
+        for number in equations_named([name]):
+            about = {claim.name for claim in CLAIMS if f"({number})" in claim.source}
             if not about:
-                raise InputError(f"no claim is about eq. ({number[1]}): verify --list says what the claims are about")
+                raise InputError(f"no claim is about eq. ({number}): verify --list says what the claims are about")
             wanted = wanted - {name} | about
-        elif name not in known:
+        if name not in known and not equations_named([name]):
             near = get_close_matches(name, known, n=3, cutoff=0.6)
             hint = f"did you mean {' or '.join(near)}? " if near else ""
             raise InputError(f"claim '{name[:40]}' is not known: {hint}verify --list names all")

@@ -1,64 +1,108 @@
-"""What the commands share: options, progress, printing, and processes."""
+"""What the commands share: options, which are written in their docstrings, progress, printing, and processes."""
 
 from __future__ import annotations
 
+import inspect
 import json
 import os
+import re
 import shutil
 import sys
 import textwrap
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
+from fractions import Fraction
 from functools import wraps
 from itertools import zip_longest
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar, cast
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.files import output_file
+from tippedisk_verify.files import file_ending_in, output_file, sole_writer
 from tippedisk_verify.interrupts import undoing
 from tippedisk_verify.model.results import result_lines
+from tippedisk_verify.parallel import usable_cores
+from tippedisk_verify.progress import Advance, progress_of
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
-    from fractions import Fraction
 
-    from rich.console import Console
-
-    from tippedisk_verify.progress import Advance
-
-__all__ = [
-    *("Common", "alone_in", "at_a_speed", "certificate_option", "checked_jobs", "common_options", "console"),
-    *("executor_option", "jobs_option", "plain_options", "print_result", "processes", "progress", "speed_options"),
-    *("table", "workers_of"),
-]
+__all__ = ["Common", "Output", "alone_in", "checked_jobs", "command", "group", "processes", "table", "workers_of"]
 
 _FEWEST_OFFERED = 16  # processes, each with a memory of its own
 _BETWEEN_WORDS: dict[str, Any] = {"break_long_words": False, "break_on_hyphens": False}
-F = TypeVar("F", bound=Callable[..., Any])
+#: Options that several commands have; a command takes those that its parameters name.
+_SHARED = """
+--omega X  The spinning speed [rad/s].
+--below-crit D  Omega_crit - D [rad/s].
+--rotating  The rotating cycles, on which gamma grows by 2 pi a period.
+--unstable  The unstable one, where a stable one has the same speed.
+--executor serial|local|dask://HOST:PORT  One process, all cores of this machine, or a cluster.
+--jobs N  Processes; as many as there are cores if not given.
+--certificate FILE.json  Write what `certify check FILE.json` needs to prove it again.
+--parameters NAME|FILE.toml  table1, calibrated, geometry, or a TOML file of quoted decimals.
+--friction linear|smooth  The friction law.
+--digits N  Significant digits of each main result, at least.
+--json  One JSON object on standard output.
+--quiet  No progress and no table.
+--set NAME  table1 or calibrated; both if not given.
+--levels N-M  Levels of difficulty, such as 1-3 or 7; all ten if not given.
+--states N  Fresh questions instead: N drawn states, ten to a drawn disk.
+--seed S  What they are drawn from; 0 if not given.
+--from decimals|doubles  What answers that do not say so were computed from.
+--html FILE.html|.htm  Write a page with all grades there.
+--csv FILE.csv  Write the grades by quantity there.
+--badge FILE.svg  Write a picture there that says which levels agree.
+--require N-M  Exit with 1 if one of these levels has no answer or a wrong one.
+--expected-failures FILE  Ids that may fail, one to a line, * for any characters; exit with 1 if others do.
+"""
+_LINE = re.compile(r"^--([\w-]+)(?: (\S+(?: \S+)*))?  +(.+)$")
+_TYPES = {"int": int, "float": float}
 
 
+# ------------------------------------------------------------------------------------------ what a command is asked
 @dataclass(frozen=True)
-class Common:
-    """The options that every command takes, checked."""
+class Output:
+    """How a command shows what it does; for those that read or make files, whose contents say what they are for."""
 
-    disk: Any  #: a `Disk`; None for commands that read or make files, whose contents say what they are for
-    digits: int
     json: bool
     quiet: bool
 
-    @property
-    def parameters(self) -> Any:
-        """The disk, as a `Parameters`."""
-        return self.disk
+    def progress(self, total: int = 0) -> AbstractContextManager[Advance]:
+        """What the command has done is shown while this is entered, unless it is to be quiet; 0: nobody knows."""
+        return progress_of(total, not self.quiet)
 
-    @property
-    def friction(self) -> str:
-        """The friction law."""
-        return str(self.disk.friction)
+    def show(self, result: Any, lines: Iterable[object] | None = None) -> None:
+        """One JSON object, or these lines; its entries as lines, with units, if there are none of their own.
+
+        A terminal breaks lines anywhere, so that longer ones are broken here, between words.
+        """
+        if self.json:
+            click.echo(json.dumps(result, indent=1))
+        elif not self.quiet:
+            for line in map(str, result_lines(result) if lines is None else lines):
+                indent = " " * (len(line) - len(line.lstrip()) + 4)
+                parts = textwrap.wrap(line, _width(), subsequent_indent=indent, **_BETWEEN_WORDS)
+                click.echo("\n".join(parts) if len(line) > _width() else line)
+
+    def finish(self, result: Any) -> int:
+        """The exit status of what a command returns; a result or data are shown first. 1: it is not proved."""
+        if isinstance(result, int):
+            return result
+        entries = result if isinstance(result, dict) else result.to_dict()
+        self.show(entries)
+        return 0 if entries.get("proved", True) else 1
+
+
+@dataclass(frozen=True)
+class Common(Output):
+    """And which disk it is asked about, with how many digits."""
+
+    disk: Any
+    digits: int
 
     def speed(self, omega: str | None, below_crit: str | None) -> Fraction:
         """Omega as an exact rational [rad/s], from --omega or --below-crit."""
@@ -67,126 +111,135 @@ class Common:
         return self.disk.speed(omega, below_crit=below_crit, digits=self.digits)  # type: ignore[no-any-return]
 
 
-def common_options(command: F) -> F:
-    """Add the common options and hand them to the command as one `Common`; what it returns is printed.
+# ------------------------------------------------------------------------------------------ options
+def command(function: Callable[..., Any]) -> click.Command:
+    """The command that a function is: its first parameter is a `Common` or an `Output`, the others are options.
 
-    That is a result or data for JSON, or else the exit status of a command that prints by itself.
+    Those are described in its docstring, a line ``--name METAVAR  text`` each, or in `_SHARED`; type and default are
+    the parameter's, and `_check` makes of the text what it stands for. ``omega: Fraction`` is the speed, from --omega
+    or --below-crit; keywords without names are what may be asked for beside grades. What has no line is an argument,
+    which a decorator below this one declares. What the function returns is shown, unless it is an exit status.
     """
+    says, described = _described(inspect.cleandoc(function.__doc__ or ""))
+    (_, first), *others = inspect.signature(function).parameters.items()
+    by_speed = any(one.annotation == "Fraction" for _, one in others)
+    has_disk = first.annotation == "Common"
 
-    @wraps(command)
-    def checked(parameters: str, friction: Any, digits: int, as_json: bool, quiet: bool, **options: Any) -> int:
-        from tippedisk_verify.disk import Disk
-        from tippedisk_verify.model.precision import checked_digits
+    @wraps(function)
+    def checked(**options: Any) -> int:
+        output = Output(options.pop("json"), options.pop("quiet"))
+        if has_disk:
+            from tippedisk_verify.disk import Disk
+            from tippedisk_verify.model.precision import checked_digits
 
-        common = Common(Disk(parameters, friction=friction), checked_digits(digits), as_json, quiet)
-        return _printed(common, command(common, **options))
+            disk = Disk(options.pop("parameters"), friction=options.pop("friction"))
+            output = Common(output.json, output.quiet, disk, checked_digits(options.pop("digits")))
+            if by_speed:
+                options["omega"] = output.speed(options["omega"], options.pop("below_crit"))
+        return output.finish(function(output, **options))
 
-    return cast("F", _with_last(checked, *_QUESTION_OPTIONS, *_OUTPUT_OPTIONS))
-
-
-def plain_options(command: F) -> F:
-    """The common options of commands that read or make files; what the command returns is printed likewise."""
-
-    @wraps(command)
-    def wrapped(as_json: bool, quiet: bool, **options: Any) -> int:
-        common = Common(None, 12, as_json, quiet)
-        return _printed(common, command(common, **options))
-
-    return cast("F", _with_last(wrapped, *_OUTPUT_OPTIONS))
-
-
-def speed_options(command: F) -> F:
-    """Add the two ways to give the speed."""
-    return _OMEGA(_BELOW_CRIT(command))
-
-
-def at_a_speed(command: F) -> F:
-    """Add the two ways to give the speed, and hand it on as ``omega``, an exact rational [rad/s]."""
-
-    @wraps(command)
-    def resolved(common: Common, omega: str | None, below_crit: str | None, **options: Any) -> Any:
-        return command(common, common.speed(omega, below_crit), **options)
-
-    return speed_options(resolved)  # type: ignore[return-value]
+    known = _described(_SHARED)[1] | described
+    params = list(reversed(getattr(function, "__click_params__", [])))
+    for name, one in others:
+        if one.kind is one.VAR_KEYWORD or one.annotation == "Fraction":
+            names = _GRADING if one.kind is one.VAR_KEYWORD else ("omega", "below_crit")
+            params += [_option(name, *known[name], "str", None) for name in names]
+        elif name.rstrip("_") in known:
+            params.append(_option(name, *known[name.rstrip("_")], str(one.annotation), one.default))
+    params += [_option(name, *known[name], *told) for name, told in (_ABOUT if has_disk else _EVERY).items()]
+    return click.Command(function.__name__.rstrip("_").replace("_", "-"), params=params, callback=checked, help=says)
 
 
-def _printed(common: Common, result: Any) -> int:
-    """The exit status: 0, or 1 where a result says that it is not proved."""
-    if isinstance(result, int):
-        return result
-    entries = result if isinstance(result, dict) else result.to_dict()
-    print_result(common, entries)
-    return 0 if entries.get("proved", True) else 1
+_GRADING = ("html", "csv", "badge", "require", "expected_failures")
+#: Types and defaults of the options that all commands have, and those about a disk.
+_EVERY = {"json": ("bool", False), "quiet": ("bool", False)}
+_ABOUT = {"parameters": ("str", "table1"), "friction": ("str", "linear"), "digits": ("int", 12)} | _EVERY
 
 
-def _with_last(command: Any, *options: Callable[[Any], Any]) -> Any:
-    """Add options that the help lists after all others."""
-    own, command.__click_params__ = getattr(command, "__click_params__", []), []
-    for option in reversed(options):
-        option(command)
-    command.__click_params__ += own
-    return command
+def group(name: str, says: str, *commands: click.Command) -> click.Group:
+    """A group of commands, which prints its help when it is called by itself."""
+
+    def helped() -> None:
+        context = click.get_current_context()
+        if context.invoked_subcommand is None:
+            click.echo(context.get_help())
+
+    return click.Group(name, commands, callback=helped, invoke_without_command=True, help=says)
 
 
-_QUESTION_OPTIONS = (
-    click.option("--parameters", default="table1", show_default=True, metavar="NAME|FILE.toml",
-                 help="table1, calibrated, geometry, or a TOML file of quoted decimals."),
-    click.option("--friction", default="linear", show_default=True, metavar="linear|smooth",
-                 help="The friction law."),
-    click.option("--digits", type=int, default=12, show_default=True, metavar="N",
-                 help="Significant digits of each main result, at least."),
-)  # fmt: skip
-_OUTPUT_OPTIONS = (
-    click.option("--json", "as_json", is_flag=True, help="One JSON object on standard output."),
-    click.option("--quiet", is_flag=True, help="No progress and no table."),
-)
+def _described(docstring: str) -> tuple[str, dict[str, tuple[str, str | None, str]]]:
+    """A docstring without its lines of options, and these by parameter: name, metavar and text of each."""
+    lines = docstring.splitlines()
+    first = next((n for n, line in enumerate(lines) if line.startswith("--")), len(lines))
+    told = re.findall(r"^--.*(?:\n .*)*", "\n".join(lines[first:]), re.MULTILINE)
+    options = [_LINE.fullmatch(re.sub(r"\n +", " ", one)) for one in told]
+    by_name = {one[1].replace("-", "_"): (one[1], one[2], one[3]) for one in options if one}
+    return "\n".join(lines[:first]).strip(), by_name
 
 
-def _known_executor(context: click.Context, option: click.Parameter, executor: str) -> str:
+def _option(parameter: str, name: str, metavar: str | None, text: str, kind: str, default: Any) -> click.Option:
+    required = default is inspect.Parameter.empty
+    return click.Option(
+        [f"--{name}", parameter],
+        type=_TYPES.get(kind.removesuffix(" | None")),
+        default=None if required else default,
+        required=required,
+        show_default=not required and default not in (None, False, "", ()),
+        is_flag=metavar is None,
+        multiple=kind.startswith("tuple[str, ..."),
+        nargs=len(metavar.split()) if metavar else 1,
+        metavar=metavar,
+        help=text,
+        callback=_check(parameter, metavar or ""),
+    )
+
+
+def checked_jobs(jobs: int | None) -> int | None:
+    """A number of processes that this machine can be asked for. Raises InputError for any other."""
+    most = max(_FEWEST_OFFERED, 2 * (os.cpu_count() or 1))
+    if jobs is not None and not 1 <= jobs <= most:
+        raise InputError(f"--jobs must lie between 1 and {most} on this machine, not {str(jobs)[:40]}")
+    return jobs
+
+
+def _known_executor(executor: str) -> str:
     if executor not in ("serial", "local") and not executor.startswith("dask://"):
         raise InputError(f"executor '{executor[:60]}' is not known: use serial, local or dask://HOST:PORT")
     return executor
 
 
-executor_option = click.option(
-    "--executor",
-    callback=_known_executor,
-    default="local",
-    show_default=True,
-    metavar="serial|local|dask://HOST:PORT",
-    help="One process, all cores of this machine, or a cluster.",
-)
-jobs_option = click.option(
-    "--jobs",
-    callback=lambda context, option, jobs: checked_jobs(jobs),
-    type=int,
-    metavar="N",
-    help="Processes; as many as there are cores if not given.",
-)
-certificate_option = click.option(
-    "--certificate",
-    callback=lambda context, option, name: None if name is None else output_file(name),
-    metavar="FILE.json",
-    help="Write what `certify check FILE.json` needs to prove it again.",
-)
-_OMEGA = click.option("--omega", metavar="X", help="The spinning speed [rad/s].")
-_BELOW_CRIT = click.option("--below-crit", metavar="D", help="Omega_crit - D [rad/s].")
+def _levels(text: str) -> tuple[int, ...]:
+    found = re.fullmatch(r"(\d{1,2})(?:-(\d{1,2}))?", text, re.ASCII)
+    if found is None:
+        raise InputError(f"levels are a number or a range such as 1-3, not '{text[:40]}'")
+    from tippedisk_verify.conformance.grading import LEVEL_NAMES
+
+    first, last = int(found[1]), int(found[2] or found[1])
+    if not 1 <= first <= last <= len(LEVEL_NAMES):
+        raise InputError(f"levels go from 1 to {len(LEVEL_NAMES)}, not '{text[:40]}'")
+    return tuple(range(first, last + 1))
 
 
-def print_result(common: Common, result: dict[str, Any], lines: Iterable[object] | None = None) -> None:
-    """One JSON object, or these lines; its entries as lines, with units, if there are none of their own.
-
-    A terminal breaks lines anywhere, so that longer ones are broken here, between words.
-    """
-    if common.json:
-        click.echo(json.dumps(result, indent=1))
-    elif not common.quiet:
-        for line in map(str, result_lines(result) if lines is None else lines):
-            indent = " " * (len(line) - len(line.lstrip()) + 4)
-            parts = textwrap.wrap(line, _width(), subsequent_indent=indent, drop_whitespace=True, **_BETWEEN_WORDS)
-            click.echo("\n".join(parts) if len(line) > _width() else line)
+def _known_reading(reading: str) -> str:
+    if reading not in ("decimals", "doubles"):
+        raise InputError(f"--from says decimals or doubles, not '{reading!s:.40}'")
+    return reading
 
 
+_CHECKS: dict[str, Callable[[Any], Any]] = {
+    "jobs": checked_jobs, "executor": _known_executor, "certificate": output_file, "from_": _known_reading,
+    "levels": _levels, "require": _levels,
+}  # fmt: skip
+
+
+def _check(parameter: str, metavar: str) -> Callable[[click.Context, click.Parameter, Any], Any]:
+    """What makes an option's value of its text, or raises InputError; FILE.x|.y is where a file of that kind may go."""
+    endings = re.findall(r"\.\w+", metavar) if metavar.startswith("FILE.") else []
+    check = _CHECKS.get(parameter) or (lambda value: file_ending_in(value, *endings) if endings else value)
+    return lambda context, option, value: None if value is None else check(value)
+
+
+# ------------------------------------------------------------------------------------------ output
 def table(headings: Sequence[str], rows: Iterable[Sequence[object]]) -> Iterator[str]:
     """A table as lines: columns as wide as their cells; where a terminal is too narrow, cells are broken at words."""
     cells = [headings, *(list(map(str, row)) for row in rows)]
@@ -212,34 +265,10 @@ def alone_in(out: str | None) -> Path | None:
 
     Raises InputError if it cannot be used, or another run does so now.
     """
-    from tippedisk_verify.files import sole_writer
-
     return None if out is None else click.get_current_context().with_resource(sole_writer(out))
 
 
-def console() -> Console:
-    """Where tables are printed; a file has no width of its own, and gets one that keeps rows on one line."""
-    from rich.console import Console
-
-    terminal = Console()
-    return terminal if terminal.is_terminal else Console(width=160)
-
-
-def progress(common: Common, total: int) -> AbstractContextManager[Advance]:
-    """What the command has done is shown while this is entered, unless it is to be quiet; total 0: nobody knows."""
-    from tippedisk_verify.progress import progress_of
-
-    return progress_of(total, not common.quiet)
-
-
-def checked_jobs(jobs: int | None) -> int | None:
-    """A number of processes that this machine can be asked for. Raises InputError for any other."""
-    most = max(_FEWEST_OFFERED, 2 * (os.cpu_count() or 1))
-    if jobs is not None and not 1 <= jobs <= most:
-        raise InputError(f"--jobs must lie between 1 and {most} on this machine, not {str(jobs)[:40]}")
-    return jobs
-
-
+# ------------------------------------------------------------------------------------------ processes
 @contextmanager
 def processes(jobs: int | None, *, needed: bool = True, beside: bool = False) -> Iterator[Executor | None]:
     """A pool of fresh processes, or None where one process does (unless it is to work beside this) or none is needed.
@@ -247,8 +276,6 @@ def processes(jobs: int | None, *, needed: bool = True, beside: bool = False) ->
     Ctrl-C and HUP reach this process only, and the pool ends with it, however it ends. Raises InputError for a number
     of processes that makes no sense.
     """
-    from tippedisk_verify.parallel import usable_cores
-
     workers = checked_jobs(jobs) or usable_cores()
     if (workers == 1 and not beside) or not needed:
         yield None
@@ -260,20 +287,13 @@ def processes(jobs: int | None, *, needed: bool = True, beside: bool = False) ->
 
 
 @contextmanager
-def workers_of(executor: str, jobs: int | None, *, needed: bool = True) -> Iterator[Executor | None]:
-    """What `executor_option` names, with a check that its processes have this code; None where this process does it.
+def workers_of(executor: str, jobs: int | None) -> Iterator[Executor | None]:
+    """What --executor names, with a check that its processes have this code; None where this process does it."""
+    from tippedisk_verify.commands.workers import Checked, cluster
 
-    Processes of this machine start if ``needed``.
-    """
-    if executor == "serial":
-        yield None
-    elif executor == "local":
-        from tippedisk_verify.commands.workers import Checked
-
-        with processes(jobs, needed=needed) as pool:
-            yield pool and Checked(pool)
-    else:
-        from tippedisk_verify.commands.workers import cluster
-
+    if executor.startswith("dask://"):
         with cluster(executor) as workers:
             yield workers
+    else:
+        with processes(jobs, needed=executor == "local") as pool:
+            yield pool and Checked(pool)

@@ -3,80 +3,66 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from tippedisk_verify.commands.common import Common, plain_options, print_result, progress
-from tippedisk_verify.commands.conformance_run import run
+from tippedisk_verify.commands.common import Output, alone_in, command, group
 from tippedisk_verify.commands.conformance_sources import client, grader, guide
-from tippedisk_verify.commands.grading import (
-    Wanted,
-    blank_ones,
-    checked_reading,
-    from_option,
-    grading_options,
-    levels_named,
-    question_options,
-)
 from tippedisk_verify.errors import InputError
+from tippedisk_verify.files import file_ending_in, printable, read_text, write_text
+from tippedisk_verify.interrupts import undoing
 
 if TYPE_CHECKING:
+    from tippedisk_verify.conformance.grading import Grade
     from tippedisk_verify.conformance.sheet import Answers
-    from tippedisk_verify.reference_values.store import Store
+    from tippedisk_verify.progress import Advance
+    from tippedisk_verify.reference_values.store import Quantity, Store
 
 __all__ = ["COMMANDS"]
 
 _SHOWN = 40  # changes on a terminal
+_LONGEST = 86_400.0  # s
+_LARGEST = 64_000_000  # bytes of a file that --csv may replace
 
 
-@click.group(invoke_without_command=True)
-@click.pass_context
-def conformance(context: click.Context) -> None:
-    """Ask another implementation, and grade its answers in digits."""
-    if context.invoked_subcommand is None:
-        click.echo(context.get_help())
-
-
-@conformance.command()
+@command
 @click.argument("file", metavar="[FILE.csv|FILE.json]", required=False)
-@question_options
-@plain_options
 def questions(
-    common: Common,
+    output: Output,
     file: str | None,
-    sets: tuple[str, ...],
-    laws: tuple[str, ...],
-    levels: str | None,
-    states: int | None,
-    seed: int | None,
+    set_: tuple[str, ...] = (),
+    friction: tuple[str, ...] = (),
+    levels: tuple[int, ...] | None = None,
+    states: int | None = None,
+    seed: int | None = None,
 ) -> int:
     """Write an answer sheet, to FILE or to standard output: inputs only, easiest first.
 
     With --states the questions are drawn, on every machine the same ones from the same seed. Their ids hold the seed,
     and `grade` computes the truths anew, with half-widths that hold them.
+
+    --friction linear|smooth  One law only.
     """
     from tippedisk_verify.conformance.sheet import questions as asked
     from tippedisk_verify.conformance.sheet import sheet_csv, sheet_json
-    from tippedisk_verify.files import output_file, write_text
     from tippedisk_verify.reference_values.store import stored
 
-    target = None if file is None else output_file(file)
-    if target is not None and target.suffix.lower() not in (".csv", ".json"):
-        raise InputError(f"'{str(file)[:60]}' must end in .csv or .json: that decides the form of the sheet")
+    target = None if file is None else file_ending_in(file, ".csv", ".json")
     store = stored()
     if target is not None:
         _refuse_filled_in(target, store)
-    store = blank_ones(states, seed, sets) or store
-    chosen = asked(store, sets=sets, frictions=laws, levels=levels_named(levels))
+    store = _blank_ones(states, seed, set_) or store
+    chosen = asked(store, sets=set_, frictions=friction, levels=levels or ())
     if target is None:
-        print_result(common, json.loads(sheet_json(store, chosen)), sheet_csv(store, chosen).splitlines())
+        output.show(json.loads(sheet_json(store, chosen)), sheet_csv(store, chosen).splitlines())
         return 0
     write_text(target, (sheet_json if target.suffix.lower() == ".json" else sheet_csv)(store, chosen))
     line = f"{len(chosen)} questions: fill in the column answer in {target}, then grade it"
-    print_result(common, {"questions": len(chosen), "file": str(target)}, [line])
+    output.show({"questions": len(chosen), "file": str(target)}, [line])
     return 0
 
 
@@ -94,32 +80,99 @@ def _refuse_filled_in(target: Path, store: Store) -> None:
         raise InputError(f"{target} has {given} answers: give the questions another name, or remove it")
 
 
-@conformance.command()
+@command
 @click.argument("file", metavar="FILE")
-@grading_options
-@plain_options
-def grade(common: Common, file: str, reading: str | None, **more: str | None) -> int:
+def grade(output: Output, file: str, from_: str | None = None, **grading: Any) -> int:
     """Grade the answers of a sheet, by level, and name the likely mistake at the first level that fails.
 
     A sheet is what `conformance questions` wrote, or any CSV with the columns id and answer. The exit status is 0
     whatever the grades, a poor one being a result, unless --require or --expected-failures ask for more.
     """
     from tippedisk_verify.conformance.grading import graded
-    from tippedisk_verify.files import printable
 
-    with progress(common, 0) as advance:
-        answers, store = _read(file, reading, advance)
-    wanted = Wanted.checked(store, **more)
+    with output.progress() as advance:
+        answers, store = _read(file, from_, advance)
+    wanted = _Wanted.checked(store, **grading)
     asked = [quantity for quantity in store.values() if not answers.sets or quantity.set in answers.sets]
-    return wanted.report(common, store, asked, graded(answers, store), answers, printable(Path(file).name))
+    return wanted.report(output, store, asked, graded(answers, store), answers, printable(Path(file).name))
 
 
-@conformance.command()
+@command
+@click.argument("command", nargs=-1, required=True, metavar="-- PROGRAM [ARGUMENT]...")
+def run(
+    output: Output,
+    command: tuple[str, ...],
+    set_: tuple[str, ...] = (),
+    friction: tuple[str, ...] = (),
+    levels: tuple[int, ...] | None = None,
+    states: int | None = None,
+    seed: int | None = None,
+    limit: float = 100.0,
+    out: str | None = None,
+    from_: str | None = None,
+    **grading: Any,
+) -> int:
+    """Ask a program over its standard input and output, one JSON object a line, and grade and time it.
+
+    `docs/protocol.md` says what a line holds. A program that hangs or dies is graded on what it answered. The exit
+    status is 0 whatever the grades, unless --require or --expected-failures ask for more. With --states the questions
+    are drawn, and their truths computed first: in a few seconds, or in a quarter of a minute with all levels.
+
+    --friction linear|smooth  One law only.
+    --limit SECONDS  How long an answer may take; a limit cycle in plain Python with SciPy takes seven.
+    --out DIR  Write answers and grades there.
+    """
+    from tippedisk_verify.conformance.dialogue import started
+    from tippedisk_verify.conformance.interview import Interview
+    from tippedisk_verify.conformance.sheet import questions as chosen
+    from tippedisk_verify.reference_values.fresh import with_fresh
+    from tippedisk_verify.reference_values.store import stored
+
+    if not 0 < limit <= _LONGEST:
+        raise InputError(f"--limit must lie between 0 and {_LONGEST:g} seconds, not {limit:g}")
+    store = stored()
+    wanted = _Wanted.checked(store, **grading)
+    blank = _blank_ones(states, seed, set_)
+    asked = chosen(blank or store, sets=set_, frictions=friction, levels=levels or ())
+    first = chosen(blank or store, sets=set_, levels=(1,))[0]
+    folder = alone_in(out)
+    if blank is not None:
+        ids = [one.id for one in (first, *asked)]
+        with output.progress(len({id_.rsplit("/", 1)[0] for id_ in ids})) as advance:
+            store = with_fresh(store, "\n".join(ids), advance)
+        asked, first = [store[one.id] for one in asked], store[first.id]
+    with started(command, limit) as talk:
+        interview = Interview(talk, store, from_)
+
+        def keep() -> None:
+            if folder is not None and interview.rows:
+                write_text(folder / "answers.jsonl", interview.sheet())
+
+        with undoing(keep), output.progress(len(asked)) as advance:
+            try:
+                interview.conduct(asked, first, advance)
+            finally:
+                keep()
+        interview.finish()
+    if not output.quiet:
+        for line in talk.errors():
+            click.echo(f"{talk.name}: {line}", err=True)
+    if folder is not None:
+        wanted = replace(wanted, page=wanted.page or folder / "grades.html")
+    told: dict[str, Any] = {
+        "start_up": interview.start_up,
+        "times": interview.times(),
+        "noticed": interview.remarks(),
+    }
+    source = printable(" ".join(Path(word).name for word in command))[:60]
+    answers, broke_off = interview.answers(), interview.broke_off
+    return wanted.report(output, store, asked, interview.grades, answers, source, broke_off, **told)
+
+
+@command
 @click.argument("old", metavar="OLD")
 @click.argument("new", metavar="NEW")
-@from_option
-@plain_options
-def compare(common: Common, old: str, new: str, reading: str | None) -> int:
+def compare(output: Output, old: str, new: str, from_: str | None = None) -> int:
     """Say which answers lost or gained a digit or more between two sheets of one program.
 
     Digits of doubles beyond the fourteenth are rounding, and do not count. The exit status is 1 if an answer that
@@ -128,14 +181,14 @@ def compare(common: Common, old: str, new: str, reading: str | None) -> int:
     from tippedisk_verify.conformance.grading import graded
     from tippedisk_verify.conformance.regression import changes
 
-    with progress(common, 0) as advance:
-        found = changes(*(graded(*_read(file, reading, advance)) for file in (old, new)))
+    with output.progress() as advance:
+        found = changes(*(graded(*_read(file, from_, advance)) for file in (old, new)))
     counts = {kind: sum(change.kind == kind for change in found) for kind in ("broken", "gone", "lost", "gained")}
     lines = [f"{change.kind:8}{change.id}  {_digits(change.to_dict())}" for change in found[:_SHOWN]]
     if len(found) > _SHOWN:
         lines.append(f"{len(found) - _SHOWN} more are in what --json prints")
     lines.append(", ".join(f"{count} {kind}" for kind, count in counts.items()))
-    print_result(common, {**counts, "changes": [change.to_dict() for change in found]}, lines)
+    output.show({**counts, "changes": [change.to_dict() for change in found]}, lines)
     return 1 if counts["broken"] or counts["gone"] else 0
 
 
@@ -144,13 +197,11 @@ def _digits(change: dict[str, Any]) -> str:
     return f"{shown[0]} -> {shown[1]} digits"
 
 
-def _read(file: str, reading: str | None, advance: Callable[[str, int], None]) -> tuple[Answers, Store]:
+def _read(file: str, reading: str | None, advance: Advance) -> tuple[Answers, Store]:
     """The answers of a sheet, and the truths that they are graded by."""
     from tippedisk_verify.conformance.sheet import read_answers, store_for
-    from tippedisk_verify.files import printable
     from tippedisk_verify.reference_values.store import stored
 
-    checked_reading(reading)
     store = store_for(Path(file), stored(), advance)
     answers = read_answers(Path(file), store, reading)
     if answers.unknown and not answers.given:
@@ -161,6 +212,94 @@ def _read(file: str, reading: str | None, advance: Callable[[str, int], None]) -
     return answers, store
 
 
-for _command in (run, client, grader, guide):
-    conformance.add_command(_command)
-COMMANDS = (conformance,)
+# ------------------------------------------------------------------------------------------ what a report needs
+def _blank_ones(states: int | None, seed: int | None, sets: Sequence[str]) -> Store | None:
+    """The fresh questions that --states and --seed ask for, without truths. Raises InputError."""
+    from tippedisk_verify.reference_values.fresh import blank_questions
+
+    if states is None:
+        if seed is not None:
+            raise InputError("--seed is for fresh questions: say with --states how many")
+        return None
+    if sets:
+        raise InputError("--set is for the published questions: fresh ones are about disks of their own")
+    return blank_questions(states, seed or 0)
+
+
+@dataclass(frozen=True)
+class _Wanted:
+    """What is asked for beside the grades, checked: files, and what must pass."""
+
+    page: Path | None
+    table: Path | None
+    picture: Path | None
+    required: tuple[int, ...] | None
+    expectable: frozenset[str] | None  #: ids that may fail
+
+    @classmethod
+    def checked(
+        cls,
+        store: Store,
+        html: Path | None,
+        csv: Path | None,
+        badge: Path | None,
+        require: tuple[int, ...] | None,
+        expected_failures: str | None,
+    ) -> _Wanted:
+        """From the options. Raises InputError for what they cannot be."""
+        from tippedisk_verify.conformance.regression import expected_failures as named
+
+        if csv is not None:
+            _over_grades(csv)
+        expectable = None if expected_failures is None else named(Path(expected_failures), store)
+        return cls(html, csv, badge, require, expectable)
+
+    def report(
+        self,
+        output: Output,
+        store: Store,
+        asked: Sequence[Quantity],
+        grades: Sequence[Grade],
+        answers: Answers,
+        source: str,
+        broke_off: str = "",
+        **more: Any,
+    ) -> int:
+        """Diagnose, print and write; the exit status. ``more`` is for the `Report`."""
+        from rich.console import Console
+
+        from tippedisk_verify.conformance.diagnosis import diagnosed
+        from tippedisk_verify.conformance.grading import levels_of
+        from tippedisk_verify.conformance.pages import Report, html_page, print_report
+        from tippedisk_verify.conformance.regression import badge, shortcomings
+
+        levels = levels_of(grades, asked)
+        with output.progress() as advance:
+            diagnoses = diagnosed(grades, store, advance)
+        short, expectable = [], self.expectable or frozenset()
+        if self.required is not None or self.expectable is not None:
+            short = shortcomings(levels, grades, self.required, expectable) + [broke_off] * bool(broke_off)
+        mended = sorted(expectable & {one.id for one in grades if not one.failed})
+        report = Report(source, answers, grades, levels, diagnoses, short, mended, **more)
+        if self.page is not None:
+            write_text(self.page, html_page(report))
+        if self.table is not None:
+            write_text(self.table, report.csv())
+        if self.picture is not None:
+            write_text(self.picture, badge(levels))
+        if output.json:
+            output.show(report.to_dict())
+        elif not output.quiet:
+            terminal = Console()  # a file has no width of its own, and gets one that keeps rows on one line
+            print_report(report, terminal if terminal.is_terminal else Console(width=160))
+        return 1 if short else 0
+
+
+def _over_grades(path: Path) -> None:
+    """A table of grades goes over another one, and over nothing else, since answers are CSV as well."""
+    if path.exists() and not read_text(path, _LARGEST).startswith("level,quantity,"):
+        raise InputError(f"{path} is no table of grades: --csv would write over it; give another name")
+
+
+_SAYS = "Ask another implementation, and grade its answers in digits."
+COMMANDS = (group("conformance", _SAYS, questions, grade, run, compare, client, grader, guide),)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from textwrap import wrap
 
 import click
 
@@ -111,18 +112,11 @@ def _defined(path: str) -> list[str]:
     for module, *names in _PRINTED.get(path, ()):
         of_class = quantities(module, *names) if module else {name: COORDINATES[name] for name in names}
         known = known | {name: what for name, what in of_class.items() if name not in known}
-    told = [f"  {heading(name)}: {what.meaning}" for name, what in known.items()]
-    return ["Quantities (± is a half-width that holds the true value):", *_wrapped(told)] if told else []
+    told = [f"{heading(name)}: {what.meaning}" for name, what in known.items()]
+    lines = [line for one in told for line in wrap(one, 76, initial_indent="    ", subsequent_indent="        ")]
+    return ["Quantities (± is a half-width that holds the true value):", *lines] if told else []
 
 
 def _examples(path: str) -> list[str]:
     lines = [f"  tippedisk-verify {path} {words}".rstrip() for words in EXAMPLES.get(path, ())]
     return ["Examples:", *lines] if lines else []
-
-
-def _wrapped(lines: Sequence[str]) -> Iterator[str]:
-    """Lines of at most 78 characters, broken between words."""
-    from textwrap import wrap
-
-    for line in lines:
-        yield from wrap(line, 76, initial_indent="  ", subsequent_indent="      ")

@@ -7,20 +7,13 @@ from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import click
-
-from tippedisk_verify.commands.common import (
-    Common,
-    alone_in,
-    at_a_speed,
-    common_options,
-    jobs_option,
-    print_result,
-    processes,
-    table,
-)
+from tippedisk_verify.commands.common import Common, alone_in, command, processes, table
 from tippedisk_verify.errors import AccuracyError, InputError
+from tippedisk_verify.files import read_text, write_bytes, write_csv, write_table
+from tippedisk_verify.model.exact import exact
+from tippedisk_verify.model.precision import DOUBLE
 from tippedisk_verify.model.results import heading, result_lines
+from tippedisk_verify.parallel import usable_cores
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -33,55 +26,49 @@ __all__ = ["COMMANDS", "OMEGA_H"]
 _MOST_TIMES = 1_000_000
 _LARGEST_FILE = 2**25  # bytes
 _PROVED_DIGITS = 12  # what the cycles have that proofs start from
-_ROTATING = click.option("--rotating", is_flag=True, help="The rotating cycles, on which gamma grows by 2 pi a period.")
+_MOTION = ("t", "beta", "gamma", "v")
+_STATES = ("inverted", "noninverted")
 
 
-@click.command()
-@click.option("--state", required=True, metavar="BETA,GAMMA,V", help="The start, such as pi/2,pi/2+0.4,0.")
-@click.option("--time", "span", required=True, metavar="T|T0,T1", help="How long, or from when to when [s].")
-@click.option("--times", metavar="N|FILE", help="So many even times, or the first column of a file.")
-@click.option(
-    "--events",
-    default="",
-    metavar="NAME,...",
-    help="Crossings to report: section (beta = pi/2), turn (v = 0), surface (the sliding velocity is zero).",
-)
-@click.option("--out", metavar="FILE.csv|.parquet|.png", help="Write the motion with its events there, or draw it.")
-@common_options
-@at_a_speed
+@command
 def integrate(
-    common: Common, omega: Fraction, state: str, span: str, times: str | None, events: str, out: str | None
+    common: Common,
+    omega: Fraction,
+    *,
+    state: str,
+    time: str,
+    times: str | None = None,
+    events: str = "",
+    out: Path | None = None,
 ) -> int:
-    """Integrate one motion, with half-widths of its states and events; at 201 even times if none are given."""
-    from tippedisk_verify.files import table_file
+    """Integrate one motion, with half-widths of its states and events; at 201 even times if none are given.
 
-    target, ends = None if out is None else table_file(out, ".png"), span.split(",")
+    --state BETA,GAMMA,V  The start, such as pi/2,pi/2+0.4,0.
+    --time T|T0,T1  How long, or from when to when [s].
+    --times N|FILE  So many even times, or the first column of a file.
+    --events NAME,...  Crossings to report: section (beta = pi/2), turn (v = 0), surface (the sliding velocity is zero).
+    --out FILE.csv|.parquet|.png  Write the motion with its events there, or draw it.
+    """
+    ends = time.split(",")
     solution = common.disk.integrate(
         omega,
         state.split(","),
-        ends if len(ends) > 1 else span,
+        ends if len(ends) > 1 else time,
         t_eval=None if times is None else _times(times, ends),
         digits=common.digits,
         events=events.split(",") if events else (),
     )
     entries = solution.to_dict()
-    columns = (entries[name] for name in ("t", "beta", "gamma", "v"))
-    rows = [dict(zip(("t", "beta", "gamma", "v"), row, strict=True)) for row in zip(*columns, strict=True)]
-    if target is not None:
-        crossings = [
-            {"event" if name == "name" else name: entry for name, entry in e.items()} for e in entries["events"]
-        ]
-        _write_motion(solution, rows + crossings, target)
+    rows = [dict(zip(_MOTION, row, strict=True)) for row in zip(*(entries[name] for name in _MOTION), strict=True)]
+    if out is not None:
+        _write_motion(solution, rows + [{**one, "event": one["name"]} for one in entries["events"]], out)
     shown = {name: entries[name] for name in ("message", "end", "events")} | ({"samples": rows} if times else {})
-    print_result(common, entries, result_lines(shown))
+    common.show(entries, result_lines(shown))
     return 0
 
 
 def _times(text: str, ends: list[str]) -> list[Any]:
     """Even ones over the run, or those in the first column of a file, below ``t`` if that stands there."""
-    from tippedisk_verify.files import read_text
-    from tippedisk_verify.model.exact import exact
-
     if not text.isdecimal():
         lines = read_text(Path(text), _LARGEST_FILE).splitlines()
         column = [line.split(",")[0].strip() for line in lines if line.strip()]
@@ -94,8 +81,6 @@ def _times(text: str, ends: list[str]) -> list[Any]:
 
 def _write_motion(solution: Solution, rows: list[dict[str, Any]], target: Path) -> None:
     """The picture, or the table: the samples, and below them the events with their names."""
-    from tippedisk_verify.files import write_bytes, write_table
-
     if target.suffix.lower() == ".png":
         from tippedisk_verify.figures.motion import draw_motion
         from tippedisk_verify.figures.style import encoded
@@ -104,74 +89,73 @@ def _write_motion(solution: Solution, rows: list[dict[str, Any]], target: Path) 
         return
     lines = []
     for row in rows:
-        texts = {name: entry for name, entry in row.items() if isinstance(entry, str)}
+        texts = {name: entry for name, entry in row.items() if isinstance(entry, str) and name != "name"}
         numbers = {name: entry for name, entry in row.items() if isinstance(entry, dict)}
         widths = {f"{name}_uncertainty": entry["uncertainty"] for name, entry in numbers.items()}
         lines.append(texts | {name: entry["value"] for name, entry in numbers.items()} | widths)
     write_table(target, lines)
 
 
-@click.command()
-@common_options
-@at_a_speed
+@command
 def equilibria(common: Common, omega: Fraction) -> dict[str, Any]:
     """Compute states, eigenvalues and stability of inverted and noninverted spinning."""
-    names = ("inverted", "noninverted")
-    return {name: common.disk.equilibrium(name, omega, digits=common.digits).to_dict() for name in names}
+    return {name: common.disk.equilibrium(name, omega, digits=common.digits).to_dict() for name in _STATES}
 
 
-@click.command()
-@click.option(
-    "--bautin",
-    metavar="P",
-    help="Also the Bautin points, where the first Lyapunov coefficient vanishes, as P of A, B, m, r and e varies.",
-)
-@common_options
-def hopf(common: Common, bautin: str | None) -> dict[str, Any]:
-    """Compute the Hopf point: speed, period, first Lyapunov coefficient, laws of amplitude and period."""
+@command
+def hopf(common: Common, bautin: str | None = None) -> dict[str, Any]:
+    """Compute the Hopf point: speed, period, first Lyapunov coefficient, laws of amplitude and period.
+
+    --bautin P  Also the Bautin points, where the first Lyapunov coefficient vanishes, as P of A, B, m, r and e varies.
+    """
     entries: dict[str, Any] = common.disk.hopf(digits=common.digits).to_dict()
     if bautin is None:
         return entries
     return entries | {"bautin": [p.to_dict() for p in common.disk.bautin_points(bautin, digits=common.digits)]}
 
 
-@click.command("slow-manifold")
-@click.option(
-    "--order",
-    type=int,
-    required=True,
-    metavar="N",
-    help="Highest order in epsilon, 0 to 40. Above 5 it takes long: 8 some ten seconds, 12 half a minute.",
-)
-@click.option("--omega", metavar="X", help="The spinning speed [rad/s]; Omega_crit - 0.5 if not given.")
-@click.option("--beta", default="1.2", show_default=True, metavar="X", help="Where h is taken [rad].")
-@click.option("--gamma", default="0.3", show_default=True, metavar="X", help="Where h is taken [rad].")
-@common_options
-def slow_manifold(common: Common, order: int, omega: str | None, beta: str, gamma: str) -> Any:
-    """Compute the orders of the slow manifold, their residuals, and the reduced flow."""
+@command
+def slow_manifold(
+    common: Common, *, order: int, omega: str | None = None, beta: str = "1.2", gamma: str = "0.3"
+) -> Any:
+    """Compute the orders of the slow manifold, their residuals, and the reduced flow.
+
+    --order N  Highest order in epsilon, 0 to 40. Above 5 it takes long: 8 some ten seconds, 12 half a minute.
+    --omega X  The spinning speed [rad/s]; Omega_crit - 0.5 if not given.
+    --beta X  Where h is taken [rad].
+    --gamma X  Where h is taken [rad].
+    """
     return common.disk.slow_manifold(order, omega, at=(beta, gamma), digits=common.digits)
 
 
-@click.command()
-@click.option("--omega", metavar="X", help="The spinning speed [rad/s].")
-@click.option("--below-crit", metavar="D", help="Omega_crit - D [rad/s].")
-@click.option("--above-het", metavar="D", help="Omega_h + D [rad/s], with D as small as 1e-100.")
-@click.option("--below-het", metavar="D", help="The rotating cycle at Omega_h - D [rad/s].")
-@click.option("--at-fold", is_flag=True, help="Where two cycles of the family meet and end: each of its folds.")
-@_ROTATING
-@click.option("--unstable", is_flag=True, help="The unstable one, where a stable one has the same speed.")
-@common_options
-def orbit(common: Common, at_fold: bool, rotating: bool, unstable: bool, **speeds: str | None) -> Any:
-    """Compute one limit cycle by shooting: period, state, multipliers, sensitivities."""
+@command
+def orbit(
+    common: Common,
+    omega: str | None = None,
+    below_crit: str | None = None,
+    above_het: str | None = None,
+    below_het: str | None = None,
+    at_fold: bool = False,
+    rotating: bool = False,
+    unstable: bool = False,
+) -> Any:
+    """Compute one limit cycle by shooting: period, state, multipliers, sensitivities.
+
+    --above-het D  Omega_h + D [rad/s], with D as small as 1e-100.
+    --below-het D  The rotating cycle at Omega_h - D [rad/s].
+    --at-fold  Where two cycles of the family meet and end: each of its folds.
+    """
     disk, digits = common.disk, common.digits
-    if speeds.pop("above_het" if rotating else "below_het") is not None:
-        raise InputError(
-            "--above-het is for cycles that do not rotate" if rotating else "--below-het belongs to --rotating"
-        )
+    if rotating and above_het is not None:
+        raise InputError("--above-het is for cycles that do not rotate")
+    if not rotating and below_het is not None:
+        raise InputError("--below-het belongs to --rotating")
+    beside = {"below_het": below_het} if rotating else {"above_het": above_het}
+    speeds = {"omega": omega, "below_crit": below_crit, **beside}
     if at_fold + sum(speed is not None for speed in speeds.values()) != 1:
-        *first, last = (f"--{name.replace('_', '-')}" for name in (*speeds, "at_fold"))
-        raise InputError(f"give the speed of the cycle with one of {', '.join(first)} and {last}")
-    if unstable and speeds["omega"] is speeds["below_crit"] is None:
+        ways = ", ".join(f"--{name.replace('_', '-')}" for name in speeds)
+        raise InputError(f"give the speed of the cycle with one of {ways} and --at-fold")
+    if unstable and omega is below_crit is None:
         raise InputError("--unstable goes with --omega or --below-crit")
     if at_fold:
         return disk.rotation_fold(digits=digits) if rotating else disk.folds(digits=digits)
@@ -180,48 +164,52 @@ def orbit(common: Common, at_fold: bool, rotating: bool, unstable: bool, **speed
     return disk.limit_cycle(**speeds, stable=False if unstable else None, digits=digits)
 
 
-@click.command("harmonic-balance")
-@click.option("--harmonics", type=int, metavar="N", help="Number of odd harmonics; chosen for the digits if not given.")
-@common_options
-@at_a_speed
-def harmonic_balance(common: Common, omega: Fraction, harmonics: int | None) -> Any:
-    """Compute a limit cycle by harmonic balance of the full equations, without an integrator."""
+@command
+def harmonic_balance(common: Common, omega: Fraction, harmonics: int | None = None) -> Any:
+    """Compute a limit cycle by harmonic balance of the full equations, without an integrator.
+
+    --harmonics N  Number of odd harmonics; chosen for the digits if not given.
+    """
     return common.disk.harmonic_balance(omega, harmonics=harmonics, digits=common.digits)
 
 
-@click.command()
-@click.option("--paper-sets", is_flag=True, help="The paper's sets A^in and A^de: 801 speeds.")
-@click.option("--omegas", metavar="X,X,...", help="These speeds [rad/s], in this order.")
-@_ROTATING
-@click.option("--proved", is_flag=True, help="Replace the numbers by proved enclosures, where these exist.")
-@click.option("--out", metavar="FILE.csv", help="Write the family there as CSV.")
-@common_options
-def branch(common: Common, paper_sets: bool, omegas: str | None, rotating: bool, proved: bool, out: str | None) -> int:
-    """Compute the family of limit cycles from Omega_crit towards Omega_h, through any folds, or the rotating ones."""
-    from tippedisk_verify.files import file_ending_in
-    from tippedisk_verify.parallel import usable_cores
-    from tippedisk_verify.report.tables import write_branch
+@command
+def branch(
+    common: Common,
+    paper_sets: bool = False,
+    omegas: str | None = None,
+    rotating: bool = False,
+    proved: bool = False,
+    out: Path | None = None,
+) -> int:
+    """Compute the family of limit cycles from Omega_crit towards Omega_h, through any folds, or the rotating ones.
 
+    --paper-sets  The paper's sets A^in and A^de: 801 speeds.
+    --omegas X,X,...  These speeds [rad/s], in this order.
+    --proved  Replace the numbers by proved enclosures, where these exist.
+    --out FILE.csv  Write the family there as CSV.
+    """
     if common.digits > _PROVED_DIGITS:
         raise InputError(f"a branch holds at most 12 digits, not {common.digits}: ask orbit for more at single speeds")
     if paper_sets and (omegas is not None or rotating):
         raise InputError("--paper-sets are speeds of their own, without rotating cycles: leave out the other option")
     if proved and (rotating or out is not None):
         raise InputError("--proved is for librating cycles, and for --json: leave out --rotating and --out")
-    target = None if out is None else file_ending_in(out, ".csv")
-    disk, speeds, watched = common.disk, None if omegas is None else omegas.split(","), not common.quiet
+    disk, speeds, seen = common.disk, None if omegas is None else omegas.split(","), not common.quiet
     cycles: Sequence[LimitCycle | RotatingCycle]
     if rotating:
-        cycles = disk.rotating_branch(speeds, progress=watched)
+        cycles = disk.rotating_branch(speeds, progress=seen)
     else:
-        cycles = disk.branch(speeds, paper_sets=paper_sets, progress=watched).cycles
-    if target is not None:
-        write_branch(cycles, target)
+        cycles = disk.branch(speeds, paper_sets=paper_sets, progress=seen).cycles
+    if out is not None:
+        from tippedisk_verify.report.tables import write_branch
+
+        write_branch(cycles, out)
     result: dict[str, Any] = {"orbits": [cycle.to_dict() for cycle in cycles]}
     if proved:
         portions = max(1, min(usable_cores(), len(cycles) // 20))
         with processes(portions) as pool:
-            how = {"digits": common.digits, "executor": pool, "portions": portions, "progress": watched}
+            how = {"digits": common.digits, "executor": pool, "portions": portions, "progress": seen}
             proofs = disk.certify.each(cycles, **how)
         # What is not proved keeps its measured half-widths, and says so.
         result["orbits"] = [entries | proof for entries, proof in zip(result["orbits"], proofs, strict=True)]
@@ -231,7 +219,7 @@ def branch(common: Common, paper_sets: bool, omegas: str | None, rotating: bool,
     else:
         with suppress(InputError, AccuracyError):  # none where the family is known at single speeds only
             result |= disk.folds(digits=common.digits).to_dict()
-    print_result(common, result, _family_lines(result))
+    common.show(result, _family_lines(result))
     return 0
 
 
@@ -247,33 +235,30 @@ def _family_lines(result: dict[str, Any]) -> Iterator[str]:
     yield from result_lines({name: entry for name, entry in result.items() if name != "orbits"})
 
 
-@click.command()
-@click.option("--count", type=int, default=100_000, show_default=True, metavar="N", help="Number of initial states.")
-@click.option("--seconds", type=float, default=20.0, show_default=True, metavar="T", help="How long each runs [s].")
-@click.option("--velocity", type=float, default=0.0, show_default=True, metavar="V", help="d(beta)/dt at the start.")
-@click.option("--margin", metavar="BETA,GAMMA,V", help="Only how far this start is from the boundary, in beta [rad].")
-@click.option("--out", metavar="DIR", help="Write picture and CSV there.")
-@jobs_option
-@common_options
-@at_a_speed
+@command
 def basin(
     common: Common,
     omega: Fraction,
-    count: int,
-    seconds: float,
-    velocity: float,
-    margin: str | None,
-    out: str | None,
-    jobs: int | None,
+    count: int = 100_000,
+    seconds: float = 20.0,
+    velocity: float = 0.0,
+    margin: str | None = None,
+    out: str | None = None,
+    jobs: int | None = None,
 ) -> Any:
-    """Compute what each of many initial states ends on: fractions with their sampling error, and a picture."""
-    from tippedisk_verify.model.precision import DOUBLE
+    """Compute what each of many initial states ends on: fractions with their sampling error, and a picture.
 
+    --count N  Number of initial states.
+    --seconds T  How long each runs [s].
+    --velocity V  d(beta)/dt at the start.
+    --margin BETA,GAMMA,V  Only how far this start is from the boundary, in beta [rad].
+    --out DIR  Write picture and CSV there.
+    """
     disk = common.disk
     if margin is not None:
-        if len(start := [DOUBLE.number(part) for part in margin.split(",")]) != 3:
+        if len(start := margin.split(",")) != 3:
             raise InputError(f"a start is three numbers, beta,gamma,v, not '{margin[:60]}'")
-        distance = disk.basin_boundary(omega).margin(start)
+        distance = disk.basin_boundary(omega).margin([DOUBLE.number(part) for part in start])
         return {"margin": distance.to_dict(), "keeps_standing": distance > 0}
     folder = alone_in(out)
     with processes(jobs, needed=count >= 10_000) as pool:
@@ -292,26 +277,18 @@ def basin(
     return plane
 
 
-@click.command()
-@click.option(
-    "--method",
-    default="manifolds",
-    show_default=True,
-    metavar="NAME",
-    help="manifolds, limit-cycles, bisection or scipy.",
-)
-@click.option("--out", metavar="FILE.csv", help="Write samples of the connection there.")
-@common_options
-def heteroclinic(common: Common, method: str, out: str | None) -> Any:
-    """Compute Omega_h, where the saddles are connected, by one of several methods."""
-    from tippedisk_verify.files import file_ending_in, write_csv
+@command
+def heteroclinic(common: Common, method: str = "manifolds", out: Path | None = None) -> Any:
+    """Compute Omega_h, where the saddles are connected, by one of several methods.
 
-    target = None if out is None else file_ending_in(out, ".csv")
+    --method NAME  manifolds, limit-cycles, bisection or scipy.
+    --out FILE.csv  Write samples of the connection there.
+    """
     connection = common.disk.heteroclinic(digits=common.digits, method=method)
-    if target is not None:
+    if out is not None:
         times, states = connection.orbit()
         rows = [list(row) for row in zip(times.tolist(), *states.tolist(), strict=True)]
-        write_csv(target, [heading(name) for name in ("t", "beta", "gamma", "v")], rows)
+        write_csv(out, [heading(name) for name in _MOTION], rows)
     return connection
 
 

@@ -3,77 +3,59 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from dataclasses import asdict, replace
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import click
 
-from tippedisk_verify.commands.common import (
-    Common,
-    alone_in,
-    common_options,
-    executor_option,
-    jobs_option,
-    plain_options,
-    print_result,
-    processes,
-    progress,
-    table,
-    workers_of,
-)
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
-
-    from tippedisk_verify.bench.race import Score
-    from tippedisk_verify.stress.case import Outcome
+from tippedisk_verify.commands.common import Common, Output, alone_in, command, processes, table, workers_of
+from tippedisk_verify.files import write_csv, write_text
+from tippedisk_verify.parallel import as_done
+from tippedisk_verify.progress import watched
 
 __all__ = ["COMMANDS"]
 
 
 # ------------------------------------------------------------------------------------------------ atlas
-@click.command()
-@click.option("--plane", "axes", default="A,Omega", show_default=True, metavar="NAME,Omega", help="The two axes.")
-@click.option(
-    "--range",
-    "ends",
-    type=(str, str),
-    metavar="LOW HIGH",
-    help="Of the parameter; a tenth to both sides if not given.",
-)
-@click.option("--points", type=int, default=200, show_default=True, metavar="N", help="Points of each curve.")
-@click.option("--out", metavar="DIR", help="Write figure, CSV and JSON there.")
-@jobs_option
-@common_options
+@command
 def atlas(
-    common: Common, axes: str, ends: tuple[str, str] | None, points: int, out: str | None, jobs: int | None
+    common: Common,
+    plane: str = "A,Omega",
+    range_: tuple[str, str] | None = None,
+    points: int = 200,
+    out: str | None = None,
+    jobs: int | None = None,
 ) -> int:
     """Draw Hopf, fold and heteroclinic curves against one parameter, and their special points.
 
     Special points are bautin (where cycles are no longer born stable), neutral-saddle (on Omega_h, where the saddle
     value vanishes: curves of folds end there) and hopf-heteroclinic (where Omega_h = Omega_crit). A limit cycle is
     here one about inverted spinning, not a rotating one.
+
+    --plane NAME,Omega  The two axes.
+    --range LOW HIGH  Of the parameter; a tenth to both sides if not given.
+    --points N  Points of each curve.
+    --out DIR  Write figure, CSV and JSON there.
     """
     folder = alone_in(out)
     with processes(jobs) as pool:
-        how = {"ends": ends, "points": points, "digits": common.digits, "executor": pool}
-        plane = common.disk.atlas(axes, progress=not common.quiet, **how)
-    result = plane.to_dict()
+        how = {"ends": range_, "points": points, "digits": common.digits, "executor": pool}
+        drawn = common.disk.atlas(plane, progress=not common.quiet, **how)
+    result = drawn.to_dict()
     if folder is not None:
         from tippedisk_verify.figures.atlas import draw_atlas
         from tippedisk_verify.figures.style import save
 
         _write_atlas(result, folder)
-        save(draw_atlas(plane), folder, "atlas")
-    print_result(common, result, _atlas_lines(result))
+        save(draw_atlas(drawn), folder, "atlas")
+    common.show(result, _atlas_lines(result))
     return 0
 
 
 def _write_atlas(result: dict[str, Any], folder: Path) -> None:
     """``atlas.csv`` with all curves and points, and ``atlas.json``."""
-    from tippedisk_verify.files import write_csv, write_text
-
     names = [result["plane"][0], "omega"]
     listed: list[tuple[str, object, Any]] = [
         (curve["kind"], number, point) for number, curve in enumerate(result["curves"]) for point in curve["points"]
@@ -107,87 +89,73 @@ def _atlas_lines(result: dict[str, Any]) -> Iterator[str]:
 
 
 # ------------------------------------------------------------------------------------------------ sweep
-@click.command()
+@command
 @click.argument("analysis", metavar="orbit|equilibria|hopf|heteroclinic|trajectory")
-@click.option(
-    "--over",
-    multiple=True,
-    required=True,
-    metavar="NAME=FIRST:LAST:COUNT|NAME=X,X,...",
-    help="An axis: omega, below-crit, a parameter, or beta, gamma, v, duration of a trajectory.",
-)
-@click.option("--out", required=True, metavar="FILE.csv|FILE.parquet", help="Where the table goes.")
-@executor_option
-@jobs_option
-@common_options
-def sweep(common: Common, analysis: str, over: tuple[str, ...], out: str, executor: str, jobs: int | None) -> int:
+def sweep(
+    common: Common, analysis: str, *, over: tuple[str, ...], out: Path, executor: str = "local", jobs: int | None = None
+) -> int:
     """Compute an analysis at every combination of the axes' values; interrupted, it goes on where it stopped.
 
     The table has the axes as they were given, the status, and each result beside its half-width (NAME_uncertainty); a
     trajectory ends at final_beta, final_gamma, final_v. Every worker of a cluster needs this version of the package.
+
+    --over NAME=FIRST:LAST:COUNT|NAME=X,X,...  An axis: omega, below-crit, a parameter, or beta, gamma, v, duration of a
+        trajectory.
+    --out FILE.csv|.parquet  Where the table goes.
     """
-    from tippedisk_verify.files import table_file
     from tippedisk_verify.sweep.plan import Plan, axis
     from tippedisk_verify.sweep.running import swept
 
     plan = Plan(analysis, common.disk, tuple(axis(text) for text in over), common.digits)
-    target = table_file(out)
-    with progress(common, len(plan)) as advance:
-        points, without = swept(plan, target, lambda: workers_of(executor, jobs), advance)
-    line = f"{points} points, {without} of them without numbers (their status says why): {target}"
-    print_result(common, {"points": points, "without_numbers": without, "file": str(target)}, [line])
+    with common.progress(len(plan)) as advance:
+        points, without = swept(plan, out, lambda: workers_of(executor, jobs), advance)
+    line = f"{points} points, {without} of them without numbers (their status says why): {out}"
+    common.show({"points": points, "without_numbers": without, "file": str(out)}, [line])
     return 0
 
 
 # ------------------------------------------------------------------------------------------------ bench
-@click.command()
-@click.option("--peers", is_flag=True, help="Race the integrators of the extra `peers`, too.")
-@click.option("--only", multiple=True, metavar="PROBLEM", help="These only.")
-@click.option("--out", metavar="DIR", help="Write figure, CSV and JSON there.")
-@plain_options
-def bench(common: Common, peers: bool, only: tuple[str, ...], out: str | None) -> int:
-    """Measure run time against error: six initial-value problems."""
+@command
+def bench(output: Output, peers: bool = False, only: tuple[str, ...] = (), out: str | None = None) -> int:
+    """Measure run time against error: six initial-value problems.
+
+    --peers  Race the integrators of the extra `peers`, too.
+    --only PROBLEM  These only.
+    --out DIR  Write figure, CSV and JSON there.
+    """
     from tippedisk_verify.bench.methods import METHODS
+    from tippedisk_verify.bench.peers import peer_methods
     from tippedisk_verify.bench.problems import PROBLEMS, problem_named
     from tippedisk_verify.bench.race import machine, raced, ratios
 
-    names = list(dict.fromkeys(only)) or [problem.name for problem in PROBLEMS]
-    problems = [problem_named(name) for name in names]
-    methods = METHODS
-    if peers:
-        from tippedisk_verify.bench.peers import peer_methods
-
-        methods = (*METHODS, *peer_methods())
+    problems = [problem_named(name) for name in dict.fromkeys(only)] or PROBLEMS
+    methods = (*METHODS, *(peer_methods() if peers else ()))
     folder = alone_in(out)
     total = sum(method.fits(problem) for method in methods for problem in problems)
     # One process beside the one that is timed, for the truths.
-    with progress(common, total) as advance, processes(1, needed=len(problems) > 1, beside=True) as pool:
+    with output.progress(total) as advance, processes(1, needed=len(problems) > 1, beside=True) as pool:
         scores = raced(problems, methods, advance, map if pool is None else pool.map)
-    result: dict[str, Any] = {
-        "machine": machine(),
-        "runs": [score.to_dict() for score in scores],
-        "ratios": ratios(scores),
-    }
+    runs = [score.to_dict() for score in scores]
+    result: dict[str, Any] = {"machine": machine(), "runs": runs, "ratios": ratios(scores)}
     if folder is not None:
         from tippedisk_verify.report.tables import write_bench
 
         write_bench(folder, scores, result)
-    print_result(common, result, _bench_lines(scores, result["ratios"]))
+    output.show(result, _bench_lines(result))
     return 0
 
 
-def _bench_lines(scores: list[Score], compared: list[dict[str, Any]]) -> Iterator[str]:
-    rows = (
-        (
-            *(score.problem, score.method, score.setting),
-            "" if score.seconds is None else f"{score.seconds * 1e3:.4f}",
-            "" if score.error is None else f"{score.error:.1e}",
-            "" if score.status == "reached" else score.status,
-        )
-        for score in scores
+def _bench_lines(result: dict[str, Any]) -> Iterator[str]:
+    def shown(run: dict[str, Any]) -> Iterator[str]:
+        yield from (run["problem"], run["method"], run["setting"])
+        yield "" if run["seconds"] is None else f"{run['seconds'] * 1e3:.4f}"
+        yield "" if run["error"] is None else f"{run['error']:.1e}"
+        yield "" if run["status"] == "reached" else run["status"]
+
+    yield from table(
+        ("problem", "method", "setting", "time [ms]", "error", "status"), map(list, map(shown, result["runs"]))
     )
-    yield from table(("problem", "method", "setting", "time [ms]", "error", "status"), rows)
-    for one in compared:
+    for one in result["ratios"]:
         others = [
             f"{label} {one[name + '_over_heyoka']:.3g} times longer ({one[name]})"
             for name, label in (("scipy", "SciPy"), ("peer", "the best peer"))
@@ -198,40 +166,30 @@ def _bench_lines(scores: list[Score], compared: list[dict[str, Any]]) -> Iterato
 
 
 # ------------------------------------------------------------------------------------------------ stress
-@click.command()
-@click.option("--only", multiple=True, metavar="CASE", help="These cases only.")
-@click.option("--quick", is_flag=True, help="The cases that take some seconds at most.")
-@click.option("--list", "listed", is_flag=True, help="Name the cases and the outcome that each must have.")
-@jobs_option
-@plain_options
-def stress(common: Common, only: tuple[str, ...], quick: bool, listed: bool, jobs: int | None) -> int:
-    """Try extreme parameters, states, tolerances and speeds: each must give digits that hold, or say what it cannot."""
-    from tippedisk_verify.parallel import as_done
-    from tippedisk_verify.progress import watched
+@command
+def stress(
+    output: Output, only: tuple[str, ...] = (), quick: bool = False, list_: bool = False, jobs: int | None = None
+) -> int:
+    """Try extreme parameters, states, tolerances and speeds: each must give digits that hold, or say what it cannot.
+
+    --only CASE  These cases only.
+    --quick  The cases that take some seconds at most.
+    --list  Name the cases and the outcome that each must have.
+    """
     from tippedisk_verify.stress.battery import cases_named, outcome_of
 
     cases = cases_named(only, quick)
-    if listed:
+    if list_:
         listing = [{"name": case.name, "says": case.says, "expected": case.expected()} for case in cases]
-        lines = table(("case", "what it is", "expected"), ([one[key] for key in one] for one in listing))
-        print_result(replace(common, quiet=False), {"cases": listing}, lines)
+        lines = table(("case", "what it is", "expected"), (list(one.values()) for one in listing))
+        replace(output, quiet=False).show({"cases": listing}, lines)
         return 0
     # The long ones first, so that none of them is left alone at the end.
     order = [case.name for case in sorted(cases, key=lambda case: case.quick)]
     with processes(jobs, needed=len(cases) > 1) as pool:
-        by_name = dict(watched(as_done(outcome_of, order, pool), "cases", len(cases), not common.quiet))
+        by_name = dict(watched(as_done(outcome_of, order, pool), "cases", len(cases), not output.quiet))
     outcomes = [by_name[case.name] for case in cases]
     failed = [outcome.name for outcome in outcomes if not outcome.passed]
-    result = {
-        "cases": [asdict(outcome) for outcome in outcomes],
-        "summary": {"cases": len(outcomes), "passed": len(outcomes) - len(failed), "failed": failed},
-    }
-    print_result(common, result, _stress_lines(outcomes))
-    return 1 if failed else 0
-
-
-def _stress_lines(outcomes: list[Outcome]) -> Iterator[str]:
-    passed = sum(outcome.passed for outcome in outcomes)
     rows = (
         (
             *("ok" if one.passed else "FAIL", one.name, one.outcome, "" if one.digits is None else f"{one.digits:.1f}"),
@@ -239,8 +197,16 @@ def _stress_lines(outcomes: list[Outcome]) -> Iterator[str]:
         )
         for one in outcomes
     )
-    yield from table(("", "case", "outcome", "digits", ""), rows)
-    yield f"{passed} of {len(outcomes)} cases have the outcome they must have"
+    passed = len(outcomes) - len(failed)
+    last = f"{passed} of {len(outcomes)} cases have the outcome they must have"
+    output.show(
+        {
+            "cases": [asdict(outcome) for outcome in outcomes],
+            "summary": {"cases": len(outcomes), "passed": passed, "failed": failed},
+        },
+        [*table(("", "case", "outcome", "digits", ""), rows), last],
+    )
+    return 1 if failed else 0
 
 
 COMMANDS = (atlas, sweep, bench, stress)

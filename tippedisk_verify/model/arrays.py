@@ -8,6 +8,7 @@ from typing import Any
 import numpy
 from numpy.typing import NDArray
 
+from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.equations import checked_speed
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE
@@ -25,7 +26,11 @@ class OnArrays:
         self._function = made(numpy, parameters.at(DOUBLE), speed, parameters.friction)
 
     def __call__(self, t: object, y: Any) -> Array:
-        return numpy.array(self._function(*y))
+        try:
+            beta, gamma, v = y
+        except (TypeError, ValueError):
+            raise InputError("a state has three entries, beta, gamma and v, or three rows of them") from None
+        return numpy.array(self._function(beta, gamma, v))
 
     def __reduce__(self) -> tuple[Any, ...]:
         return OnArrays, self._of

@@ -9,7 +9,7 @@ import math
 import operator
 from collections.abc import Callable
 from dataclasses import dataclass
-from decimal import Decimal
+from decimal import ROUND_UP, Decimal, localcontext
 from fractions import Fraction
 from functools import partialmethod
 from typing import Any
@@ -18,7 +18,7 @@ from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.model.decimals import at_place, decimal_magnitude, exact_decimals, rounded_up
 from tippedisk_verify.model.exact import Approximate, fraction, quotient, shown
 
-__all__ = ["DISTANCES", "Bounded", "Measured"]
+__all__ = ["DISTANCES", "Bounded", "HalfWidth", "Measured"]
 
 #: A half-width in units of the distance to a sharper run. It holds the truth if that run is at most half as wrong:
 #: |q - true| <= |q - sharp| + |sharp - true| <= |q - sharp| + |q - true| / 2.
@@ -222,9 +222,22 @@ class Bounded(Approximate):
         return self.sin() / self.cos()
 
 
+class HalfWidth(Fraction):
+    """A half-width: a rational that is formatted like a number, rounded up so that it still holds."""
+
+    __slots__ = ()
+
+    def __format__(self, spec: str) -> str:
+        with localcontext(prec=50, rounding=ROUND_UP):
+            return format(Decimal(self.numerator) / Decimal(self.denominator), spec)
+
+
 @dataclass(frozen=True, slots=True, repr=False)
 class Measured(Bounded):
     """A value and its half-width, both exact rationals; what computations return.
+
+    Both may be given as numbers of any kind, or as decimals in texts. Raises InputError for what is none, and for a
+    negative half-width.
 
     `to_dict` and ``str`` print decimals. What they print still holds the truth: the rounding of the printed value is
     added to the printed half-width, which itself is rounded up. Equality is that of value and half-width.
@@ -233,13 +246,17 @@ class Measured(Bounded):
     value: Fraction
     uncertainty: Fraction
 
-    @classmethod
-    def of(cls, value: object, uncertainty: object) -> Measured:
-        """From numbers of any kind, or decimals as texts. Raises InputError if the half-width is negative."""
-        number, width = fraction(value), fraction(uncertainty)
+    def __post_init__(self) -> None:
+        width = HalfWidth(fraction(self.uncertainty))
         if width < 0:
             raise InputError("an uncertainty cannot be negative")
-        return cls(number, width)
+        object.__setattr__(self, "value", fraction(self.value))
+        object.__setattr__(self, "uncertainty", width)
+
+    @classmethod
+    def of(cls, value: object, uncertainty: object) -> Measured:
+        """As the constructor, with types for what is given."""
+        return cls(value, uncertainty)  # type: ignore[arg-type]
 
     @classmethod
     def compared(cls, value: object, sharper: object, epsilon: Fraction) -> Measured:

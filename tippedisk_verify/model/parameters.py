@@ -72,8 +72,9 @@ class Parameters(Printable):
     """One tippedisk and its friction law. All values are exact rationals; give strings, Fractions, Decimals, ints or
     floats.
 
-    Two are equal if all their fields are. Raises InputError with one line for each fault: not finite, not between
-    1e-30 and 1e30, e >= r, Bbar <= 0, B > A, A > C where there is a C, and an unknown friction law.
+    Two are equal if their equations are: their eight numbers and their law, whatever their names and C. Raises
+    InputError with one line for each fault: not finite, not between 1e-30 and 1e30, e >= r, Bbar <= 0, B > A, A > C
+    where there is a C, and an unknown friction law.
     """
 
     r: Fraction = _quantity("m", "Table tab:dim_mass, disk radius")
@@ -99,11 +100,14 @@ class Parameters(Printable):
     def __reduce__(self) -> tuple[Any, ...]:
         return partial(type(self), **self._given()), ()
 
+    def _equations(self) -> tuple[object, ...]:
+        return (*(getattr(self, name) for name in SYMBOLS), self.friction)
+
     def __eq__(self, other: object) -> bool:
-        return self._given() == other._given() if isinstance(other, Parameters) else NotImplemented
+        return self._equations() == other._equations() if isinstance(other, Parameters) else NotImplemented
 
     def __hash__(self) -> int:
-        return hash(tuple(self._given().values()))
+        return hash(self._equations())
 
     def __post_init__(self) -> None:
         faults = []
@@ -232,13 +236,11 @@ class Parameters(Printable):
         allowed = ", ".join(_QUANTITIES)
         faults = [f"unknown key '{key[:40]}' (allowed: {allowed})" for key in entries if key not in _QUANTITIES]
         faults += [f"key '{key}' is missing" for key in _QUANTITIES if key != "C" and key not in entries]
-        faults += [
-            f'{key} must be a quoted decimal such as "0.435", not a bare {type(value).__name__}'
-            for key, value in entries.items()
-            if key in _QUANTITIES and not isinstance(value, str)
-        ]
+        bare = [key for key, value in entries.items() if key in _QUANTITIES and not isinstance(value, str)]
+        if bare:
+            faults.append(f'not quoted decimals, such as m = "0.435": {", ".join(bare)}')
         if faults:
-            raise InputError(f"parameter file {path.name}: {fault}" for fault in faults)
+            raise InputError(f"parameter file {path.name}: {'; '.join(faults)}")
         try:
             return cls(**entries, name=_file_name(path))
         except InputError as fault:

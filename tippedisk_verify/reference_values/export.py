@@ -8,7 +8,7 @@ from decimal import Decimal
 from pathlib import Path
 
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.files import output_file, table_file, write_table, write_text
+from tippedisk_verify.files import file_ending_in, output_file, write_table, write_text
 from tippedisk_verify.model.parameters import SYMBOLS
 from tippedisk_verify.reference_values.draws import disk_of
 from tippedisk_verify.reference_values.questions import needed, scale_of, table_row
@@ -32,9 +32,7 @@ def export(quantities: Sequence[Quantity], form: str, path: str) -> Path:
     if form not in FORMATS:
         raise InputError(f"a form is one of {', '.join(FORMATS)}, not '{form[:40]}'")
     if form in ("csv", "parquet"):
-        if not path.endswith(f".{form}"):
-            raise InputError(f"the name of this file must end in .{form}")
-        return write_table(table_file(path), [_row(one) for one in quantities])
+        return write_table(file_ending_in(path, f".{form}"), [_row(one) for one in quantities])
     file = output_file(path)
     if form == "jsonl":
         return write_text(file, "".join(f"{json.dumps(one.to_dict(), ensure_ascii=False)}\n" for one in quantities))

@@ -51,7 +51,11 @@ def sound_files(folder: Path, names: Iterable[str]) -> dict[str, str]:
             return {name: content.decode() for name, content in contents.items()}
     except UnicodeDecodeError:
         faults = ["they are not all texts in UTF-8"]
-    raise InputError(f"the reference data in {folder} are damaged ({faults[0]}): install the package anew")
+    raise _damaged(folder, faults[0])
+
+
+def _damaged(folder: Path, fault: str) -> InputError:
+    return InputError(f"the reference data in {folder} are damaged ({fault}): install the package anew")
 
 
 def faults_in_files(folder: Path) -> list[str]:
@@ -81,7 +85,7 @@ def read_manifest(folder: Path) -> tuple[dict[str, Any], list[str]]:
         if not isinstance(content, dict) or not isinstance(content.get("files"), dict):
             raise ValueError
     except (ValueError, RecursionError):
-        raise InputError(f"{folder / MANIFEST} is damaged: it is no manifest of reference data") from None
+        raise _damaged(folder, f"{MANIFEST} is no manifest") from None
     told = {name: value for name, value in content.items() if name != "sha256"}
     changed = text != manifest_text(told).encode(errors="replace")
     return content, [f"{MANIFEST} has been changed"] * changed

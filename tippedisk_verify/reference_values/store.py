@@ -18,7 +18,7 @@ from types import MappingProxyType
 from typing import Any, Literal, NamedTuple
 
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.model.measured import Bounded, Measured
+from tippedisk_verify.model.measured import Bounded, HalfWidth, Measured
 from tippedisk_verify.model.results import Printable, as_json
 from tippedisk_verify.reference_values.draws import disk_of
 from tippedisk_verify.reference_values.manifest import data_folder, sound_files
@@ -104,7 +104,7 @@ class Quantity(Printable, Bounded):
 
     @property
     def uncertainty(self) -> Fraction:
-        return Fraction(self.values[self.reading][1])
+        return HalfWidth(self.values[self.reading][1])
 
     def measured(self, reading: Reading | None = None) -> Measured:
         """Value and half-width alone, from ``reading`` if one is given. Raises InputError as `read_from`."""
@@ -211,20 +211,13 @@ def quantity_of(row: Mapping[str, str], proofs: Mapping[str, Any]) -> Quantity:
     proof = proofs.get(entry, {"enclosures": {}})
     enclosure = proof["enclosures"].get(name)
     return Quantity(
-        id=row["id"],
+        **{column: row[column] for column in ("id", "kind", "set", "friction", "unit", "grade")},
+        **{column: MappingProxyType(_pairs(row[column])) for column in ("methods", "condition")},
         level=int(row["level"]),
-        kind=row["kind"],
-        set=row["set"],
-        friction=row["friction"],
         name=name,
-        unit=row["unit"],
-        inputs=MappingProxyType({name: row[name] for name in _INPUTS if row[name]}),
+        inputs=MappingProxyType({column: row[column] for column in _INPUTS if row[column]}),
         values=values,
-        grade=row["grade"],
-        methods=MappingProxyType(_pairs(row["methods"])),
-        condition=MappingProxyType(_pairs(row["condition"])),
-        proof=enclosure
-        and MappingProxyType({**enclosure, "statement": proof["statement"], "command": proof["command"]}),
+        proof=enclosure and MappingProxyType(enclosure | {part: proof[part] for part in ("statement", "command")}),
     )
 
 

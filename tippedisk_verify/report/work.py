@@ -89,8 +89,11 @@ def _exhibit(name: str) -> Any:
 
 
 @lru_cache(maxsize=1)
-def _audit(parameters: Parameters, digits: int) -> Audit:
-    """What this process's tasks share: connections, families and panels are computed once in it."""
+def _audit(parameters: Parameters, name: str, digits: int) -> Audit:
+    """What this process's tasks share: connections, families and panels are computed once in it.
+
+    Equal disks may differ by name.
+    """
     from tippedisk_verify.flow.taylor import Taylor
 
     # Loops: what is compiled here is run a few times only, and unrolled code takes longer to compile than these runs.
@@ -103,7 +106,7 @@ def compute(order: AuditJob, task: Task) -> Any:
         from tippedisk_verify.figures.formula import formulas_drawn
 
         return formulas_drawn(_formulas(order))
-    audit = _audit(order.parameters, order.digits)
+    audit = _audit(order.parameters, order.parameters.name, order.digits)
     if task.kind == "claim":
         (claim,) = selected([task.name])
         return examined(audit, claim).record()
