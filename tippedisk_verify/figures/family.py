@@ -10,7 +10,9 @@ from functools import partial
 from typing import Any
 
 from tippedisk_verify.atlas.branch import family, rotating_branch
+from tippedisk_verify.atlas.locator import locator
 from tippedisk_verify.audit.claims import Audit
+from tippedisk_verify.cycles.folds import fold_in_double
 from tippedisk_verify.cycles.limit_cycle import LimitCycle, RotatingCycle
 from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.figures.exhibit import Drawing, Exhibit, by_curve
@@ -160,12 +162,10 @@ def draw_scenario(families: Mapping[str, Rows], scenes: Mapping[str, float], ome
     cost=8,
 )
 def scenario(audit: Audit, examined: Sequence[str]) -> Drawing:
-    """Every family of limit cycles of the audited disk. Raises AccuracyError where no rotating cycles are found."""
+    """Every family of limit cycles of the audited disk. Raises NoSuchCycleError where no rotating ones are found."""
     parameters, name, engine = audit.parameters, audit.parameters.name, audit.engine
     omega_h, birth = audit.omega_h(name), _birth(parameters)
-    fold = audit.rotation_fold(name)
-    if fold is None:
-        raise AccuracyError("no rotating cycles found with a fold")
+    fold = fold_in_double(locator(parameters, engine).rotations)
     lowest = Fraction(fold["omega"])
     room = omega_h.value - lowest
     # Curves are steepest at the fold and on both sides of Omega_h: speeds lie closest together there.

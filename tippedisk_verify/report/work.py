@@ -168,7 +168,7 @@ def run(
 
 def _light(task: Task) -> bool:
     """Closed forms: done before a process has started."""
-    return task.kind == "claim" and group_of(task.name) == GROUPS[0]
+    return task.kind == "claim" and group_of(task.name) == next(iter(GROUPS))
 
 
 def _cost(task: Task) -> float:
