@@ -24,7 +24,6 @@ from tippedisk_verify.motion.scenes import (
     SCENES,
     compute,
     scene_named,
-    section_amplitudes,
 )
 
 GIVEN = Measured(Fraction("30.0488682607"), Fraction(0))
@@ -68,17 +67,6 @@ def test_amplitudes_hold(taylor, name) -> None:
     for orbit in panel.orbits:
         assert orbit.ending.amplitude.holds(float(settled))
         assert orbit.ending.amplitude.uncertainty < Fraction(1, 1000)
-
-
-def test_interpolated_crossings_against_located_ones(taylor) -> None:
-    crossing = Event("crossing", SECTION.function, terminal=False)
-    times = numpy.arange(0, 2001) / 100
-    sampled = taylor(Request(PRINTED, 30.1, INITIAL_STATES[1], 20.0, times=times, dense=True))
-    located = taylor(Request(PRINTED, 30.1, INITIAL_STATES[1], 20.0, events=(crossing,)))
-    _, mine = section_amplitudes(times, sampled)
-    theirs = [abs(record.state[1] - numpy.pi / 2) for record in located.events if record.time > 0]
-    assert len(mine) == len(theirs)
-    assert max(abs(mine - theirs)) < 1e-12  # rounding, over passages that cost two digits
 
 
 def test_the_smooth_law_has_the_same_outcomes(taylor) -> None:

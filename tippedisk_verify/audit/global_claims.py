@@ -36,7 +36,7 @@ def _said(ending: Ending) -> str:
     if ending.time is not None:
         return f"flat at {float(ending.time):.3f} s past {ending.wells_passed} noninverted states"
     if ending.amplitude is not None:
-        return f"{ending.kind}, gamma's amplitude {float(ending.amplitude):.4f} rad"
+        return f"{ending.kind}, {float(ending.amplitude):.4f} rad"
     return ending.kind
 
 
@@ -76,7 +76,7 @@ def _contact(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
             rate = equations.field(numpy, constants, omega, audit.parameters.friction)(beta, gamma, v)[2]
             forces = equations.normal_force_over_weight(numpy, constants, omega, state, rate)
             smallest = min(smallest, float(forces.min()))
-    return f"normal force along the six scenes' orbits at least {smallest:.3g} of the weight", smallest > 0
+    return f"at least {smallest:.3g} of the weight", smallest > 0
 
 
 def _engines(audit: Audit, name: str, printed: str) -> Answer:
@@ -155,6 +155,7 @@ GLOBAL_CLAIMS: tuple[Claim, ...] = (
             statement,
             ending,
             partial(_scene, name),
+            note="where each orbit ends; of a cycle, gamma's amplitude at beta = pi/2",
             methods=("trajectories",),
             formula=formula,
             figures=(*figures, "scenes_3d", "scenes_2d"),
@@ -173,6 +174,7 @@ GLOBAL_CLAIMS: tuple[Claim, ...] = (
         "the disk stays in contact with the support",
         "permanent contact",
         _contact,
+        note="the smallest normal force along the six scenes' orbits",
         methods=("trajectories",),
         formula=r"\frac{\lambda_N}{m g} > 0",
     ),
