@@ -204,9 +204,8 @@ def test_folders_and_files_without_rights(tmp_path: Path) -> None:
     [
         {"HOME": None, "XDG_CACHE_HOME": None},
         {"LC_ALL": "de_DE.UTF-8", "LANG": "de_DE.UTF-8"},
-        {"LC_ALL": "POSIX", "PYTHONIOENCODING": "ascii"},
-        {"TERM": None, "COLUMNS": "0", "TMPDIR": "/nonexistent"},
-        {"MPLCONFIGDIR": "/proc/nothing", "HOME": "/nonexistent"},
+        {"LC_ALL": "POSIX", "PYTHONIOENCODING": "ascii", "TERM": None, "COLUMNS": "0"},
+        {"MPLCONFIGDIR": "/proc/nothing", "HOME": "/nonexistent", "TMPDIR": "/nonexistent"},
     ],
     ids=lambda changes: " ".join(f"{name}={value}" for name, value in changes.items()),
 )
@@ -215,11 +214,7 @@ def test_surroundings_do_not_change_a_digit(
 ) -> None:
     done = run(ORBIT, **{"XDG_CACHE_HOME": str(filled_cache[0]), **changes})
     assert (done.returncode, done.stderr, done.stdout) == (0, "", filled_cache[1])
-    # In another character set the sign of an uncertainty is another byte: only digits are looked at.
-    done = run(["hopf"], errors="replace", **changes)
-    assert (done.returncode, done.stderr) == (0, "")
-    assert done.stdout.startswith("omega_crit [rad/s]: 30.8865926886435672782860900152")
-    # A file whose name is no text, and a figure for those who have no place for Matplotlib's settings.
+    # A file whose name is no text.
     done = run(["conformance", "questions", os.fsdecode(bytes(tmp_path) + b"/\xff.csv"), "--levels", "3"], **changes)
     assert (done.returncode, done.stderr) == (0, "")
 

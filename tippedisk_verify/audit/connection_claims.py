@@ -131,7 +131,6 @@ CONNECTION_CLAIMS: tuple[Claim, ...] = (
         note="T ~ -(2 / lambda_u) log(Omega - Omega_h), its slope at the end of double",
         methods=("shooting",),
         formula=r"T \to \infty \quad\text{as}\quad \Omega \downarrow \Omega_\text{h}",
-        figures=("near_omega_h",),
         proof=ProofOffer(
             FAMILY,
             "that the family from Omega_crit has one cycle for each speed down to Omega_h, where the period tends to "

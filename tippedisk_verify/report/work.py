@@ -52,7 +52,7 @@ def tasks_for(order: AuditJob, *, figures: bool) -> tuple[Task, ...]:
     if figures:
         from tippedisk_verify.figures.catalogue import exhibits_for
 
-        tasks += [Task("figure", exhibit.name) for exhibit in exhibits_for(order.claims, order.parameters.friction)]
+        tasks += [Task("figure", exhibit.name) for exhibit in exhibits_for(order.claims)]
         tasks.append(Task("formulas", "formulas"))
     return tuple(tasks)
 
