@@ -78,16 +78,13 @@ def test_the_connection_is_that_of_bisection(by_inertia: Atlas) -> None:
         assert point.omega.uncertainty < point.omega.value / 10**12
 
 
-def test_points_are_evenly_spread(by_inertia: Atlas) -> None:
+def test_points_are_evenly_spread_over_the_folds(by_inertia: Atlas) -> None:
     """To a quarter: even is the length along the curve, and what is measured are chords."""
-    everything = [point for one in by_inertia.curves for point in one.points]
-    height = max(point.omega.value for point in everything) - min(point.omega.value for point in everything)
-    for one in by_inertia.curves:
-        x = [by_inertia.plane.share(point.value) for point in one.points]
-        y = [float(point.omega.value / height) for point in one.points]
-        steps = numpy.hypot(numpy.diff(x), numpy.diff(y))
-        assert len(one.points) == 5
-        assert steps.max() < 1.25 * steps.min()
+    points = curve(by_inertia, "fold").points
+    x, y = [by_inertia.plane.share(point.value) for point in points], [float(point.omega) for point in points]
+    steps = numpy.hypot(numpy.diff(x), numpy.diff(y))
+    assert len(points) == 5
+    assert steps.max() < 1.25 * steps.min()
 
 
 @pytest.mark.slow

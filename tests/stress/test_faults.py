@@ -46,10 +46,6 @@ def _sheet(folder: Path) -> list[str]:
     return ["conformance", "questions", str(folder / "sheet.csv"), "--quiet"]
 
 
-def _branch(folder: Path) -> list[str]:
-    return ["branch", "--omegas", "30.4,30.5", "--quiet", "--out", str(folder / "branch.csv")]
-
-
 def _whole(folder: Path) -> int:
     """Every file that a user sees is there in full, old or new; returns how many there are."""
     found = [
@@ -77,7 +73,6 @@ def _strikes(tmp_path: Path, count: int, number: int) -> Iterator[int]:
         [*GENERATE, str(folder / "data")],
         [*SWEEP, str(folder / "sweep.csv")],
         _sheet(folder),
-        _branch(folder),
     ]
     ends = [struck.at_random(arguments, number, struck.lasts(arguments), count) for arguments in commands]
     files = _whole(folder)
@@ -159,7 +154,6 @@ def test_a_full_disk(small_disk: Path) -> None:
         [*GENERATE, str(small_disk / "data")],
         [*SWEEP, str(small_disk / "sweep.csv")],
         _sheet(small_disk),
-        ["scene", "f", "--quiet", "--out", str(small_disk / "scene")],
     ]
     for arguments in commands:
         with suppress(OSError), open(filler, "wb", buffering=0) as stream:
