@@ -156,18 +156,17 @@ def test_the_command_writes_what_it_prints(tmp_path: Path, capsys) -> None:
     assert len(rows) == 16
 
 
-@pytest.mark.slow(minutes=5)
+@pytest.mark.slow(minutes=3)
 @pytest.mark.parametrize(
     "plane",
     [
         Plane(PRINTED, "A", Fraction("0.2271e-3"), Fraction("0.26e-3")),
-        Plane(PRINTED, "B", Fraction("0.23e-3"), Fraction("0.2485e-3")),
         Plane(BALANCED, "e", Fraction("0.3e-3"), Fraction("0.9e-3")),
     ],
     ids=lambda plane: plane.name,
 )
 def test_every_point_holds_thirty_digits(taylor: Taylor, plane: Plane) -> None:
-    found = atlas(plane, points=25)
+    found = atlas(plane, points=8)
     violations = []
     for one in found.curves:
         for point in one.points:

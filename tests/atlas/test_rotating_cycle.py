@@ -167,14 +167,11 @@ def test_the_command(capsys) -> None:
     assert [entry["stable"] for entry in json.loads(capsys.readouterr().out)["orbits"]] == [True, False]
     for words, told in (
         (["--rotating"], "give the speed of the cycle with one of --omega, --below-crit, --below-het and --at-fold"),
-        (["--rotating", "--omega", "30.02", "--at-fold"], "give the speed of the cycle with one of"),
         (["--rotating", "--unstable", "--at-fold"], "--unstable goes with"),
         (["--rotating", "--above-het", "1e-3"], "do not rotate"),
         (["--below-het", "1e-3"], "belongs to --rotating"),
-        (["--rotating", "--omega", "30.07"], "below Omega_h"),
         (["--rotating", "--omega", "29"], "fold near"),
         (["--rotating", "--below-het", "0.05"], "rad/s below Omega_h"),
-        (["--rotating", "--below-het", "-1"], "positive decimal"),
     ):
         assert main(["orbit", *words]) == 2
         captured = capsys.readouterr()

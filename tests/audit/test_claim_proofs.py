@@ -183,20 +183,6 @@ def test_every_proof_is_proved_again(friction: Friction) -> None:
             _prove(claim, finding, proof)
 
 
-def test_the_report_names_the_set_and_how_far_the_proof_goes(capsys: pytest.CaptureFixture[str]) -> None:
-    """With another set than `printed`: no command may prove another disk's number."""
-    only = ("omega_h", "lambda_3", "noninverted_unstable", "sliding_velocity")
-    assert main(["verify", "--parameters", "geometry", "--json", "--jobs", "1", "--only", *only]) == 0
-    claims = {claim["name"]: claim for claim in json.loads(capsys.readouterr().out)["claims"]}
-    assert [claims[name]["grade"] for name in only] == ["proved", "proved in part", "proved", "computed"]
-    proof = claims["omega_h"]["proof"]
-    assert list(proof["commands"]) == ["geometry", "table1", "calibrated"]
-    for parameters, command in proof["commands"].items():
-        assert all(part.endswith(f"--parameters {parameters}") for part in command.split(" && "))
-    assert (proof["not_proved"], proof["friction"]) == ("", ["linear"])
-    assert claims["sliding_velocity"]["proof"] is None
-
-
 def test_theorems_and_commands_exist(capsys: pytest.CaptureFixture[str]) -> None:
     page = "\n".join(path.read_text(encoding="utf-8") for path in PAGES)
     finding = Finding(dict.fromkeys(NAMED_SETS, "-"), dict.fromkeys(NAMED_SETS, False))

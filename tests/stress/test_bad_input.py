@@ -20,7 +20,7 @@ from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
 import tippedisk_verify as tv
-from tests.stress.nonsense import assert_refused, ran
+from tests.stress.nonsense import assert_refused
 from tippedisk_verify.cli import cli
 
 Wrong = tuple[Any, ...]
@@ -196,16 +196,6 @@ def test_one_mistake_is_refused_and_nothing_is_written(room: Path, draws: int) -
 
     hold()
     assert _contents(room) == before
-
-
-@settings(max_examples=40, deadline=None)
-@given(st.lists(WORDS | st.sampled_from(("--json", "--omega", "sweep", "verify", "--", "--help")), max_size=6))
-def test_words_in_any_order_give_a_status_and_at_most_one_line(words: list[str]) -> None:
-    if words and words[0] == "verify" and not set(words) - {"verify", "--json", "--"}:
-        return  # that is the whole audit
-    done = ran(words)
-    assert done.status in (0, 2)
-    assert done.err.count("\n") == (1 if done.status else 0)
 
 
 @pytest.mark.parametrize(

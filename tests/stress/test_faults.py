@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import csv
 import json
-import os
-import resource
 import signal
 import subprocess
 import sys
@@ -18,7 +16,6 @@ import pytest
 from tests.stress.runs import (
     GENERATE,
     LONGEST,
-    ORBIT,
     PROGRAM,
     SWEEP,
     environment,
@@ -189,43 +186,6 @@ def test_folders_and_files_without_rights(tmp_path: Path) -> None:
     finally:
         shut.chmod(0o755)
     assert (shut / "kept.csv").read_text() == "mine\n"
-
-
-# ------------------------------------------------------------------------------------------ the surroundings
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "changes",
-    [
-        {"HOME": None, "XDG_CACHE_HOME": None},
-        {"LC_ALL": "de_DE.UTF-8", "LANG": "de_DE.UTF-8"},
-        {"LC_ALL": "POSIX", "PYTHONIOENCODING": "ascii", "TERM": None, "COLUMNS": "0"},
-        {"MPLCONFIGDIR": "/proc/nothing", "HOME": "/nonexistent", "TMPDIR": "/nonexistent"},
-    ],
-    ids=lambda changes: " ".join(f"{name}={value}" for name, value in changes.items()),
-)
-def test_surroundings_do_not_change_a_digit(
-    changes: dict[str, str | None], filled_cache: tuple[Path, str], tmp_path: Path
-) -> None:
-    done = run(ORBIT, **{"XDG_CACHE_HOME": str(filled_cache[0]), **changes})
-    assert (done.returncode, done.stderr, done.stdout) == (0, "", filled_cache[1])
-    # A file whose name is no text.
-    done = run(["conformance", "questions", os.fsdecode(bytes(tmp_path) + b"/\xff.csv"), "--levels", "3"], **changes)
-    assert (done.returncode, done.stderr) == (0, "")
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("megabytes", [120, 400])
-def test_little_memory_is_one_line(megabytes: int, filled_cache: tuple[Path, str]) -> None:
-    """At these limits on the address space: an answer, or a line that says why there is none; never another answer."""
-    limits = {resource.RLIMIT_AS: megabytes << 20}
-    done = run(ORBIT, limits=limits, XDG_CACHE_HOME=str(filled_cache[0]))
-    if done.returncode == 0:
-        assert done.stdout == filled_cache[1]
-    else:
-        # OpenBLAS and LLVM say so themselves, and end the process, where they cannot have their buffers.
-        assert "OpenBLAS" in done.stderr or "LLVM ERROR: out of memory" in done.stderr or one_line(done, 1)
-        assert done.stdout == ""
-    assert "Traceback" not in done.stderr
 
 
 # ------------------------------------------------------------------------------------------ two at once

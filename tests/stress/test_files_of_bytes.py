@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import ast
-import csv
 import gzip
 import json
 import random
 import shutil
 from collections.abc import Callable, Iterator
-from contextlib import nullcontext
 from pathlib import Path
 
 import pytest
@@ -18,11 +16,8 @@ import tippedisk_verify
 from reference_data.make.generation import generate
 from tests.stress.nonsense import Ran, assert_refused, ran
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.reference_values.manifest import LARGEST, faults_in_files
 from tippedisk_verify.reference_values.store import Store, data_folder
-from tippedisk_verify.sweep import running
-from tippedisk_verify.sweep.plan import Plan
 
 _TOML = (
     b'r = "0.045"\ne = "0.0025"\nm = "0.435"\nA = "0.249e-3"\nB = "0.227e-3"\ng = "9.81"\nmu = "0.3"\nepsilon = "0.1"\n'
@@ -102,36 +97,9 @@ def _sheets(folder: Path, draws: int) -> Iterator[Ran]:
         yield ran(["conformance", "grade", str(folder / name), "--json", "--html", str(folder / "page.html")])
 
 
-def _journals(folder: Path, draws: int) -> Iterator[Ran]:
-    """An interrupted sweep's journal: afterwards the table is right, whatever was in it, or the journal was refused."""
-    draw = random.Random(3)
-    plan = Plan("hopf", PRINTED, (("g", ("9.7", "9.8", "9.81", "9.82")),), digits=3)
-    out, journal = folder / "a.csv", folder / ".a.csv.journal"
-    running.swept(plan, out, lambda: nullcontext(None))
-    right = out.read_bytes()
-    rows = list(csv.DictReader(right.decode().splitlines()))
-    whole = running._head(plan) + b"".join(running._line(n, row) for n, row in enumerate(rows[:3]))
-    content = whole
-    journal.write_bytes(content)
-    arguments = ["sweep", "hopf", "--over", "g=9.7,9.8,9.81,9.82", "--digits", "3", "--executor", "serial", "--json"]
-    arguments += ["--out", str(out)]
-    for _ in range(draws):
-        done = ran(arguments)
-        yield done
-        if done.status == 0:
-            assert out.read_bytes() == right
-            assert not journal.exists()
-        else:
-            assert journal.read_bytes() == content  # somebody's, and left alone
-        out.unlink(missing_ok=True)
-        content = damaged(whole, draw) if draw.random() < 0.5 else whole[:80] + damaged(whole[80:], draw)
-        journal.write_bytes(content)
-
-
 _FUZZERS: dict[str, Callable[[Path, int], Iterator[Ran]]] = {
     "parameter files": _parameter_files,
     "answer sheets": _sheets,
-    "journals": _journals,
 }
 
 
