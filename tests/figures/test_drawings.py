@@ -12,11 +12,10 @@ from tippedisk_verify.audit.catalogue import claims_drawn_in
 from tippedisk_verify.audit.claims import Audit
 from tippedisk_verify.figures.catalogue import EXHIBITS
 from tippedisk_verify.figures.disk import points_of
-from tippedisk_verify.figures.exhibit import drawn
 from tippedisk_verify.figures.family import law_rows
-from tippedisk_verify.figures.local import draw_eigenvalues, eigenvalue_rows
+from tippedisk_verify.figures.local import eigenvalue_rows
 from tippedisk_verify.figures.state_space import last_turn
-from tippedisk_verify.figures.style import encoded, pyplot
+from tippedisk_verify.figures.style import pyplot
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.motion.scenes import compute, scene_named
@@ -58,17 +57,6 @@ def test_laws_end_where_the_family_is_born_and_have_no_cycle_above() -> None:
         assert near[2] == pytest.approx(far[2], rel=1e-3)
 
 
-def test_the_same_picture_gives_the_same_file() -> None:
-    rows = eigenvalue_rows(PRINTED)
-    for kind in ("png", "svg", "webp"):
-        files = []
-        for _ in range(2):
-            figure = draw_eigenvalues(rows, 30.0)
-            files.append(encoded(figure, kind))
-            pyplot().close(figure)
-        assert files[0] == files[1], kind
-
-
 @pytest.mark.slow
 def test_axes_carry_units(taylor) -> None:
     """Every axis that shows numbers of the model names a unit in brackets."""
@@ -88,12 +76,3 @@ def test_a_rotating_cycle_is_drawn_once_across_the_middle_well(taylor) -> None:
     assert -math.pi / 2 <= gamma.min() < gamma.max() <= 3 * math.pi / 2
     assert abs(gamma[-1] - gamma[0]) == pytest.approx(2 * math.pi, abs=0.3)  # a sample is missing at either end
     assert numpy.ptp(numpy.sign(numpy.diff(gamma))) == 0
-
-
-def test_records_are_plain_data(taylor) -> None:
-    import json
-
-    (exhibit,) = [exhibit for exhibit in EXHIBITS if exhibit.name == "eigenvalues"]
-    record = drawn(exhibit, Audit(PRINTED, taylor), claims_drawn_in(exhibit.name))
-    assert json.loads(json.dumps(record)) == record
-    assert set(record["embedded"]) == {"wide", "narrow"}

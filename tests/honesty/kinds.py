@@ -221,17 +221,6 @@ def motion(
     )  # fmt: skip
 
 
-def passage(draw: Draw) -> Question:
-    """Past the saddles, at a speed next to Omega_h and from next to a saddle."""
-    disk = draw.disk((*STRUCTURED, "far"), draw.choice(_LAWS), _STIFFEST)
-    lifted = draw.told(decimal(draw.choice((-1, 1)) * draw.log_uniform(1e-9, 1e-1), 4))
-    aside, duration = draw.choice((-1, 1)) * draw.log_uniform(1e-12, 1e-1), draw.told(decimal(draw.uniform(1, 10), 3))
-    omega = draw.told(_near(_rough_omega_h(disk) + Fraction(aside), 14))
-    start = (PI * Fraction(1, 2), exact(lifted) - PI * Fraction(1, 2), exact(0))
-    times = [duration * Fraction(n, 6) for n in range(1, 7)]
-    return _flown(Request(disk, omega, start, duration, times=times, error_estimate=True))
-
-
 def solution(draw: Draw) -> Question:
     """Through `Disk.integrate`, to more digits than doubles have."""
     disk = draw.disk(law=draw.choice(_LAWS))
@@ -412,7 +401,6 @@ KINDS = (
     Kind("flow at a tolerance", partial(motion, loose=True), 0, 50, 0.1),
     # Beyond doubles a half-width bounds what fewer nodes leave out, which is far more than more of them do.
     Kind("solution", solution, 2, 15, 0.1, widest=1000),
-    Kind("passage of the saddles", passage, 2, 10, 0.1),
     Kind("limit cycle", partial(cycle, law="linear"), 1, 8, 0.3),
     Kind("limit cycle, smooth", partial(cycle, law="smooth"), 0, 4, 0.3),
     Kind("limit cycle in double", partial(cycle_in_double, law="linear"), 2, 20, 0.35),

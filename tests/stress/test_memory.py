@@ -1,0 +1,59 @@
+"""Many high-precision orbits in one process: what they take is given back.
+
+heyoka does not free what the elements of its own arrays of MPFR numbers point to (its memory handler for numpy does
+nothing in version 7.13), nor all of their continuous output, so the flow makes neither. Measured is what the C
+library's allocator has handed out: the resident size hides some hundred bytes an orbit behind memory freed before.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import gc
+
+import pytest
+
+from tippedisk_verify.flow.contract import SECTION, Request, Status
+from tippedisk_verify.flow.taylor import Taylor
+from tippedisk_verify.model.parameters import PRINTED
+from tippedisk_verify.model.precision import bits
+
+_LIBRARY = ctypes.CDLL(None)
+pytestmark = pytest.mark.skipif(not hasattr(_LIBRARY, "mallinfo2"), reason="needs glibc to count its memory")
+
+_SAMPLES = tuple(f"0.{n:03d}" for n in range(2, 21, 2))
+_ASKED = {
+    "samples and derivatives": {"times": _SAMPLES, "variations": ("beta", "gamma", "v", "Omega"), "divergence": True},
+    "continuous output": {"dense": True},
+    "events and error": {"events": (SECTION,), "domain": "event", "error_estimate": True},
+}
+
+
+class _Mallinfo(ctypes.Structure):
+    _fields_ = [("of", ctypes.c_size_t * 10)]  # hblkhd is the fifth, of large blocks, and uordblks the eighth
+
+
+def _taken() -> int:
+    while gc.collect():  # what a finalizer lets go of, a figure's for instance, is found the next time only
+        pass
+    _LIBRARY.mallinfo2.restype = _Mallinfo
+    found = _LIBRARY.mallinfo2().of
+    return int(found[4] + found[7])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("asked", _ASKED)
+def test_orbits_take_no_more(asked: str) -> None:
+    engine = Taylor()
+    wanted = {"parameters": PRINTED, "omega": "30.4", "state": ("pi/2", "2.1", 0), "duration": "0.02"} | _ASKED[asked]
+    request = Request(**wanted, precision=bits(256))
+
+    def run() -> None:
+        assert engine(request).status is Status.REACHED
+
+    batches = []
+    for _ in range(4):  # what is lost in every run shows in each batch; pools settle in the first
+        before = _taken()
+        for _ in range(200):
+            run()
+        batches.append(_taken() - before)
+    assert min(batches) <= 4 * 200  # less than the smallest block there is, an orbit
