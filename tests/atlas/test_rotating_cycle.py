@@ -18,18 +18,16 @@ from tippedisk_verify.cycles.folds import rotation_fold
 from tippedisk_verify.cycles.spectral import spectral_fold, spectral_rotation
 from tippedisk_verify.flow.contract import Request, Status
 from tippedisk_verify.model.equations import field, normal_force_over_weight
-from tippedisk_verify.model.parameters import CALIBRATED, GEOMETRY, PRINTED
+from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.model.precision import DOUBLE, QUADRUPLE
 from tippedisk_verify.theory.equilibria import equilibrium
 
 LAWS = ("linear", "smooth")
-#: Stable and unstable ones on both sides of Omega_h, and above Omega_crit.
+#: Stable and unstable ones, and above Omega_crit.
 POINTS = (
-    ("30.0388", True),
     ("30.0388", False),
-    ("30.02", True),
-    ("30.386592688643567", False),
-    ("31.386592688643567", False),
+    pytest.param("30.02", True, marks=pytest.mark.slow),
+    pytest.param("31.386592688643567", False, marks=pytest.mark.slow),
 )
 FOLD = (
     ("omega", "omega"),
@@ -48,7 +46,7 @@ def agree(one: tv.Measured, other: tv.Measured, digits: int) -> bool:
     return apart <= width <= abs(one.value) / 10**digits
 
 
-@pytest.mark.parametrize(("omega", "stable"), POINTS[1:2])
+@pytest.mark.parametrize(("omega", "stable"), POINTS)
 def test_shooting_and_collocation_agree(taylor, omega, stable) -> None:
     shot = rotating_cycle(PRINTED, omega, taylor, stable=stable, digits=12)
     other = spectral_rotation(PRINTED, omega, stable=stable, digits=16)
@@ -59,28 +57,11 @@ def test_shooting_and_collocation_agree(taylor, omega, stable) -> None:
     assert shot.stable is stable
 
 
-@pytest.mark.slow(minutes=1)
-@pytest.mark.parametrize(("omega", "stable"), POINTS)
-def test_shooting_and_collocation_agree_to_30_digits(taylor, omega, stable) -> None:
-    shot = rotating_cycle(PRINTED, omega, taylor, stable=stable, digits=30)
-    other = spectral_rotation(PRINTED, omega, stable=stable, digits=40)
-    for name in SHARED:
-        assert agree(getattr(shot, name), getattr(other, name), 30), name
-
-
 @pytest.mark.slow
 def test_the_fold_by_two_roads(taylor) -> None:
     shot, other = rotation_fold(locator(PRINTED, taylor).rotations), spectral_fold(PRINTED, digits=16)
     for name, same in FOLD:
         assert agree(getattr(shot, name), getattr(other, same), 11), name
-
-
-@pytest.mark.slow(minutes=2)
-@pytest.mark.parametrize("disk", [PRINTED, CALIBRATED, GEOMETRY], ids=lambda disk: disk.name)
-def test_the_fold_to_30_digits(taylor, disk) -> None:
-    shot, other = rotation_fold(locator(disk, taylor).rotations, digits=30), spectral_fold(disk, digits=40)
-    for name, same in FOLD:
-        assert agree(getattr(shot, name), getattr(other, same), 30), name
 
 
 @pytest.mark.parametrize("friction", ["linear", pytest.param("smooth", marks=pytest.mark.slow(minutes=0.5))])
@@ -143,19 +124,6 @@ def test_the_period_grows_like_one_passage_of_the_saddle(taylor) -> None:
     assert abs(constants[2] - constants[1]) < abs(constants[1] - constants[0]) / 2
 
 
-@pytest.mark.slow(minutes=2)
-@pytest.mark.parametrize("friction", LAWS)
-def test_the_law_of_the_period_to_ten_digits(taylor, friction) -> None:
-    disk = PRINTED.with_friction(friction)
-    omega_h = tv.Disk("printed", friction=friction).heteroclinic(digits=30).omega_h.value
-    growth = equilibrium(disk, omega_h, "noninverted", digits=30).eigenvalues[0].re.value
-    cycle = rotating_below(disk, "1e-60", taylor)
-    assert abs(cycle.dperiod_domega.value / 10**60 * growth - 1) < Fraction(1, 10**10)
-    nearer = rotating_below(disk, "1e-61", taylor)
-    next_term = 1e-10  # of the law, (1e-60)^0.2, by a factor of 100 at most
-    assert float(nearer.period - cycle.period) * float(growth) == pytest.approx(math.log(10), abs=next_term)
-
-
 @pytest.mark.slow
 def test_the_branch_goes_through_the_fold(taylor) -> None:
     cycles = list(rotating_branch(PRINTED, taylor))
@@ -189,17 +157,6 @@ def test_the_unstable_cycles_stay_within_the_model(taylor, omega) -> None:
 
 
 @pytest.mark.slow
-def test_other_disks(taylor) -> None:
-    for changes in ({"e": "0.003", "mu": "0.4"}, {"epsilon": "0.05", "A": "0.26e-3"}):
-        numbers = {name: str(getattr(PRINTED, name)) for name in ("r", "e", "m", "A", "B", "g", "mu", "epsilon")}
-        disk = tv.Disk(**numbers | changes)
-        fold = disk.rotation_fold(engine=taylor)
-        assert fold.omega < disk.heteroclinic(engine=taylor).omega_h
-        other = spectral_fold(disk, digits=14)
-        assert agree(fold.omega, other.omega, 11)
-
-
-@pytest.mark.slow
 def test_the_command(capsys) -> None:
     assert main(["orbit", "--rotating", "--omega", "30.02", "--json"]) == 0
     shown = json.loads(capsys.readouterr().out)
@@ -210,19 +167,13 @@ def test_the_command(capsys) -> None:
     assert [entry["stable"] for entry in json.loads(capsys.readouterr().out)["orbits"]] == [True, False]
     for words, told in (
         (["--rotating"], "give the speed of the cycle with one of --omega, --below-crit, --below-het and --at-fold"),
-        (["--rotating", "--omega", "30.02", "--at-fold"], "give the speed of the cycle with one of"),
         (["--rotating", "--unstable", "--at-fold"], "--unstable goes with"),
         (["--rotating", "--above-het", "1e-3"], "do not rotate"),
         (["--below-het", "1e-3"], "belongs to --rotating"),
-        (["--rotating", "--omega", "30.07"], "below Omega_h"),
         (["--rotating", "--omega", "29"], "fold near"),
         (["--rotating", "--below-het", "0.05"], "rad/s below Omega_h"),
-        (["--rotating", "--below-het", "-1"], "positive decimal"),
     ):
         assert main(["orbit", *words]) == 2
         captured = capsys.readouterr()
         assert told in captured.err, words
         assert captured.err.count("\n") == 1
-
-
-# ----------------------------------------------------------------------------------------------- disks of every kind

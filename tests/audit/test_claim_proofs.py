@@ -17,7 +17,7 @@ from tests.test_cli import GOOD
 from tippedisk_verify.audit.catalogue import CLAIMS, selected
 from tippedisk_verify.audit.claim_proofs import ClaimProof, proof_of
 from tippedisk_verify.audit.claims import Audit, Claim, Finding, examined, rounds_to, sets_with
-from tippedisk_verify.audit.table_rounding import rounding_box
+from tippedisk_verify.audit.linear_claims import table_box
 from tippedisk_verify.cli import main
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.model.measured import Measured
@@ -61,7 +61,7 @@ def _omega_h(told: list[Any], claim: Claim) -> bool | None:
 def _of_table_1(told: list[Any], claim: Claim) -> bool | None:
     """Whether the disk that the statement names rounds to the table, and all four numbers to what is printed."""
     found = {name: Fraction(text) for name, text in re.findall(r"\b([remABg]) = ([\d.e/-]+)", told[0]["statement"])}
-    inside = all(low <= found[name] <= high for name, (low, high) in rounding_box().items())
+    inside = all(low <= found[name] <= high for name, (low, high) in table_box().items())
     names = ("omega_crit", "period", "lambda_3", "chi")
     pairs = zip(names, claim.printed.split(", "), strict=True)
     return inside and all(rounds_to(_measured(told[0][name]), text) for name, text in pairs)
@@ -170,37 +170,18 @@ def test_closed_forms_are_proved_again(tmp_path: Path, monkeypatch: pytest.Monke
 
 
 @pytest.mark.slow(minutes=15)
-@pytest.mark.parametrize("friction", ["linear", "smooth"])
-@pytest.mark.parametrize("name", NAMED_SETS)
-def test_every_proof_is_proved_again(name: str, friction: Friction) -> None:
+def test_every_proof_is_proved_again() -> None:
     """All claims, with the grades that they must have, and every command that they name."""
-    parameters = NAMED_SETS[name].with_friction(friction)
-    found = _proofs(parameters, {*DECIDED, "homoclinic_identified", "amplitude_law", "attraction"})
-    grades = {name: proof.grade if proof else "computed" for name, (_, _, proof) in found.items()}
-    assert {name for name, grade in grades.items() if grade == "proved"} == PROVED[parameters.friction]
-    assert {name for name, grade in grades.items() if grade == "proved in part"} == IN_PART[parameters.friction]
-    for claim, finding, proof in found.values():
-        if proof is not None:
-            assert set(proof.commands) == set(finding.holds)
-            _prove(claim, finding, proof)
-
-
-def test_the_report_names_the_set_and_how_far_the_proof_goes(capsys: pytest.CaptureFixture[str]) -> None:
-    """With another set than `printed`: no command may prove another disk's number."""
-    only = ("omega_h", "lambda_3", "noninverted_unstable", "sliding_velocity")
-    assert main(["verify", "--parameters", "geometry", "--json", "--jobs", "1", "--only", *only]) == 0
-    claims = {claim["name"]: claim for claim in json.loads(capsys.readouterr().out)["claims"]}
-    assert [claims[name]["grade"] for name in only] == ["proved", "proved in part", "proved", "computed"]
-    for name in only[:3]:
-        proof = claims[name]["proof"]
-        assert list(proof["commands"]) == ["geometry", "table1", "calibrated"]
-        for parameters, command in proof["commands"].items():
-            assert all(part.endswith(f"--parameters {parameters}") for part in command.split(" && "))
-        assert proof["proves"]
-    assert not claims["omega_h"]["proof"]["not_proved"]
-    assert "certify branch" in claims["omega_h"]["proof"]["commands"]["table1"]
-    assert claims["omega_h"]["proof"]["friction"] == ["linear"]
-    assert claims["sliding_velocity"]["proof"] is None
+    laws = {"linear": {*DECIDED, "homoclinic_identified", "amplitude_law"}, "smooth": {"both_connections"}}
+    for friction, wanted in laws.items():
+        found = _proofs(PRINTED.with_friction(friction), wanted)
+        grades = {name: proof.grade if proof else "computed" for name, (_, _, proof) in found.items()}
+        assert {name for name, grade in grades.items() if grade == "proved"} == PROVED[friction] & wanted
+        assert {name for name, grade in grades.items() if grade == "proved in part"} == IN_PART[friction] & wanted
+        for claim, finding, proof in found.values():
+            if proof is not None:
+                assert set(proof.commands) == set(finding.holds)
+                _prove(claim, finding, proof)
 
 
 def test_theorems_and_commands_exist(capsys: pytest.CaptureFixture[str]) -> None:

@@ -5,55 +5,30 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-import mpmath
 import pytest
 
-from tests.problems import paper_rates
 from tippedisk_verify.bench.methods import METHODS, Method, Outcome, Prepared
-from tippedisk_verify.bench.problems import PROBLEMS, problem_named, truth_of
+from tippedisk_verify.bench.problems import PROBLEMS, problem_named
 from tippedisk_verify.bench.race import Score, machine, raced, ratios
 from tippedisk_verify.cli import main
 from tippedisk_verify.figures.race import draw_bench
-from tippedisk_verify.model.exact import exact
 
 TRANSIENT = problem_named("transient")
+RACED = ("bare heyoka", "taylor", "taylor beyond double", "with half-widths, digits", "scipy DOP853", "scipy Radau")
 
 
 @pytest.fixture(scope="module")
 def scores() -> list[Score]:
-    return raced([TRANSIENT])
+    return raced([TRANSIENT], [method for method in METHODS if method.name in RACED])
 
 
-@pytest.mark.slow
-def test_the_truth_is_that_of_another_integrator_and_transcription() -> None:
-    """mpmath's Taylor series method on the tests' own equations, to the first sample."""
-    truth = truth_of(TRANSIENT)
-    with mpmath.workdps(45):
-        start = [mpmath.mpf(part) for part in TRANSIENT.start]
-        speed = exact(TRANSIENT.omega).rational
-
-        def rates(t: object, y: list[mpmath.mpf]) -> list[mpmath.mpf]:
-            return paper_rates(TRANSIENT.parameters, speed, tuple(y))
-
-        state = mpmath.odefun(rates, 0, start)(mpmath.mpf(TRANSIENT.times[0]))
-        for value, held in zip(state, truth.samples[0], strict=True):
-            assert abs(value - mpmath.mpf(held.value.numerator) / held.value.denominator) < mpmath.mpf(10) ** -38
-    assert truth.uncertainty < 1e-50
-
-
-@pytest.mark.slow
 def test_every_method_and_setting_has_a_score(scores: list[Score]) -> None:
-    expected = {(m.name, m.label(s)) for m in METHODS if m.fits(TRANSIENT) for s in m.settings}
+    expected = {(m.name, m.label(s)) for m in METHODS if m.name in RACED for s in m.settings}
     assert {(score.method, score.setting) for score in scores} == expected
-    for score in scores:
-        assert (score.error is None) == (score.status != "reached")
-        if score.error is not None:
-            assert score.error_over_samples is not None
-            assert score.seconds is not None
-            assert score.seconds > 0
+    assert all((score.error is None) == (score.status != "reached") for score in scores)
 
 
-@pytest.mark.parametrize("method", ["taylor", "scipy DOP853", "scipy RK45", "scipy LSODA", "scipy Radau", "scipy BDF"])
+@pytest.mark.parametrize("method", ["taylor", "scipy DOP853", "scipy Radau"])
 def test_errors_fall_with_the_tolerance(method: str, scores: list[Score]) -> None:
     mine = [(float(s.setting), s.error) for s in scores if s.method == method and s.error is not None]
     loosest, tightest = mine[0], mine[-1]

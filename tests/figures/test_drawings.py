@@ -12,11 +12,10 @@ from tippedisk_verify.audit.catalogue import claims_drawn_in
 from tippedisk_verify.audit.claims import Audit
 from tippedisk_verify.figures.catalogue import EXHIBITS
 from tippedisk_verify.figures.disk import points_of
-from tippedisk_verify.figures.exhibit import drawn, table
 from tippedisk_verify.figures.family import law_rows
-from tippedisk_verify.figures.local import draw_eigenvalues, eigenvalue_rows
+from tippedisk_verify.figures.local import eigenvalue_rows
 from tippedisk_verify.figures.state_space import last_turn
-from tippedisk_verify.figures.style import encoded, pyplot
+from tippedisk_verify.figures.style import pyplot
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.motion.scenes import compute, scene_named
@@ -39,7 +38,7 @@ def test_the_drawn_disk_touches_the_floor_and_carries_its_mass_where_the_model_h
     assert numpy.linalg.det(frame) == pytest.approx(1)
 
 
-def test_eigenvalues_sum_to_the_trace_and_close_up_where_the_pair_meets() -> None:
+def test_eigenvalues_sum_to_the_trace_and_the_imaginary_parts_to_zero() -> None:
     rows = eigenvalue_rows(PRINTED)
     speeds = [row[0] for row in rows]
     assert speeds == sorted(speeds)
@@ -47,9 +46,6 @@ def test_eigenvalues_sum_to_the_trace_and_close_up_where_the_pair_meets() -> Non
     for row in rows:
         assert row[1] + row[3] + row[5] == pytest.approx(trace, rel=1e-12)  # roundings of three eigenvalues
         assert row[2] + row[4] + row[6] == 0
-    (begin,) = [index for index, row in enumerate(rows) if row[2] != 0 and rows[index - 1][2] == 0]
-    # Beside a square-root point the imaginary part is small only if the speeds come close.
-    assert 0 < rows[begin][2] < 0.02
 
 
 def test_laws_end_where_the_family_is_born_and_have_no_cycle_above() -> None:
@@ -61,17 +57,6 @@ def test_laws_end_where_the_family_is_born_and_have_no_cycle_above() -> None:
         assert near[2] == pytest.approx(far[2], rel=1e-3)
 
 
-def test_the_same_picture_gives_the_same_file() -> None:
-    rows = eigenvalue_rows(PRINTED)
-    for kind in ("png", "svg", "webp"):
-        files = []
-        for _ in range(2):
-            figure = draw_eigenvalues(rows, 30.0)
-            files.append(encoded(figure, kind))
-            pyplot().close(figure)
-        assert files[0] == files[1], kind
-
-
 @pytest.mark.slow
 def test_axes_carry_units(taylor) -> None:
     """Every axis that shows numbers of the model names a unit in brackets."""
@@ -79,10 +64,8 @@ def test_axes_carry_units(taylor) -> None:
     for exhibit in EXHIBITS:
         if exhibit.name in ("eigenvalues", "branch", "scenario", "inversion", "scenes_2d"):
             figure = exhibit.draw(audit, claims_drawn_in(exhibit.name)).figure(2)
-            for axis in figure.axes:
-                if axis.axison and axis.name != "3d":
-                    assert axis.get_xlabel().endswith("]"), exhibit.name
-                    assert axis.get_ylabel().endswith("]"), exhibit.name
+            axes = [axis for axis in figure.axes if axis.axison and axis.name != "3d"]
+            assert all(label.endswith("]") for axis in axes for label in (axis.get_xlabel(), axis.get_ylabel()))
             pyplot().close(figure)
 
 
@@ -93,18 +76,3 @@ def test_a_rotating_cycle_is_drawn_once_across_the_middle_well(taylor) -> None:
     assert -math.pi / 2 <= gamma.min() < gamma.max() <= 3 * math.pi / 2
     assert abs(gamma[-1] - gamma[0]) == pytest.approx(2 * math.pi, abs=0.3)  # a sample is missing at either end
     assert numpy.ptp(numpy.sign(numpy.diff(gamma))) == 0
-
-
-def test_records_are_plain_data(taylor) -> None:
-    import json
-
-    (exhibit,) = [exhibit for exhibit in EXHIBITS if exhibit.name == "eigenvalues"]
-    record = drawn(exhibit, Audit(PRINTED, taylor), claims_drawn_in(exhibit.name))
-    assert json.loads(json.dumps(record)) == record
-    assert set(record["embedded"]) == {"wide", "narrow"}
-
-
-def test_tables_show_few_digits_and_keep_all() -> None:
-    shown = table("caption", ("a", "b"), [(1 / 3, None), ("text", 7)])
-    assert shown["shown"] == [["0.333", ""], ["text", "7"]]
-    assert shown["rows"][0][0] == 1 / 3

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
@@ -12,7 +11,6 @@ from typing import Any
 
 from reference_data.make.local import hopf_by_balance
 from tests.honesty.harness import STRUCTURED, Draw, Kind, Question, decay, decimal
-from tests.proofs.cases import fixed_in
 from tippedisk_verify.connection.bisection import bisect_omega_h
 from tippedisk_verify.cycles.family import in_batches
 from tippedisk_verify.cycles.interpolant import FamilyInterpolant
@@ -30,10 +28,6 @@ from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, QUADRUPLE, bits
 from tippedisk_verify.proofs.closed_forms import proved_equilibrium, proved_hopf
-from tippedisk_verify.proofs.kernel.balls import ball, ball_constants, working_precision
-from tippedisk_verify.proofs.kernel.flow import Model
-from tippedisk_verify.proofs.numbers import measured
-from tippedisk_verify.proofs.search.cycle import prove_cycle
 from tippedisk_verify.reference_values.entries import Case, Item
 from tippedisk_verify.reference_values.truths import compute, compute_again
 from tippedisk_verify.theory import slow_manifold
@@ -227,17 +221,6 @@ def motion(
     )  # fmt: skip
 
 
-def passage(draw: Draw) -> Question:
-    """Past the saddles, at a speed next to Omega_h and from next to a saddle."""
-    disk = draw.disk((*STRUCTURED, "far"), draw.choice(_LAWS), _STIFFEST)
-    lifted = draw.told(decimal(draw.choice((-1, 1)) * draw.log_uniform(1e-9, 1e-1), 4))
-    aside, duration = draw.choice((-1, 1)) * draw.log_uniform(1e-12, 1e-1), draw.told(decimal(draw.uniform(1, 10), 3))
-    omega = draw.told(_near(_rough_omega_h(disk) + Fraction(aside), 14))
-    start = (PI * Fraction(1, 2), exact(lifted) - PI * Fraction(1, 2), exact(0))
-    times = [duration * Fraction(n, 6) for n in range(1, 7)]
-    return _flown(Request(disk, omega, start, duration, times=times, error_estimate=True))
-
-
 def solution(draw: Draw) -> Question:
     """Through `Disk.integrate`, to more digits than doubles have."""
     disk = draw.disk(law=draw.choice(_LAWS))
@@ -360,26 +343,6 @@ def rotating(draw: Draw, law: str) -> Question:
     return _with_more(ask, draw.choice((9, 12)))
 
 
-def collocated_rotation(draw: Draw) -> Question:
-    disk, omega, stable = _rotating(draw, "linear")
-    return _with_more(partial(spectral_rotation, disk, omega, stable=stable), draw.choice((10, 14)), 6)
-
-
-def rotating_branch(draw: Draw) -> Question:
-    """A hundred speeds are solved together; the cycles at the first and the last of them are looked at."""
-    disk, omega, _ = _rotating(draw, "linear")
-    speeds = [omega + Fraction(n, 1000) for n in range(100)]
-
-    def ask() -> Any:
-        cycles = disk.rotating_branch(speeds)
-        return [one for one in cycles if float(one.omega) in (float(speeds[0]), float(speeds[-1]))]
-
-    def truth(found: Any) -> Any:
-        return [disk.rotating_cycle(one.omega.value, stable=one.stable, digits=20) for one in found]
-
-    return Question(ask, truth)
-
-
 def rotation_fold(draw: Draw) -> Question:
     disk = draw.disk(STRUCTURED, draw.choice(("linear", "linear", "smooth")), 500)
     return _with_more(disk.rotation_fold, draw.choice((9, 12)), 8)
@@ -420,90 +383,43 @@ def basin_boundary(draw: Draw) -> Question:
     return Question(lambda: disk.basin_boundary(omega).sheets(gamma, v)[1], truth)
 
 
-# ----------------------------------------------------------------------------------------------------------- proofs
-def _provable(draw: Draw) -> tuple[Disk, Fraction]:
-    disk = draw.disk(("named", "nearby"), stiffest=500, born="supercritical")
-    return disk, draw.told(_near(omega_crit(disk, 20).value - Fraction(draw.randint(20, 600), 1000)))
-
-
-def proved_cycle(draw: Draw) -> Question:
-    """Whatever is proved from a guess that is up to 1 % wrong holds the ordinary cycle with more digits."""
-    disk, omega = _provable(draw)
-    off, digits = Fraction(draw.log_uniform(1e-12, 1e-2)), draw.choice((8, 12))
-
-    def ask() -> Any:
-        known = limit_cycle(disk, omega, default_engine())
-        guess = [part.value * (1 + off) for part in (known.gamma_bar_0, known.v_0)]
-        proof = prove_cycle(disk, omega, guess, digits=digits)
-        return proof.numbers() | {"stable": proof.stable}
-
-    return Question(ask, lambda _: limit_cycle(disk, omega, default_engine(), digits=digits + 15))
-
-
-def krawczyk(draw: Draw) -> Question:
-    """A box that may or may not hold the cycle, in poor precision: what is said to be included is."""
-    disk, omega = _provable(draw)
-    off, factor = Fraction(draw.log_uniform(1e-12, 1e-4)), Fraction(draw.log_uniform(0.3, 1e3))
-    working = draw.randint(40, 64)
-
-    def ask() -> Any:
-        known = limit_cycle(disk, omega, default_engine())
-        with working_precision(working):
-            middle = [ball(part.value * (1 + off)).mid() for part in (known.gamma_bar_0, known.v_0)]
-            radii = [abs(part) * ball(off * factor) for part in middle]
-            found = fixed_in(Model(ball_constants(disk), ball(omega)), middle, radii)
-            if found is None or not found.included:
-                raise AccuracyError("nothing is included")
-            return {"gamma_bar_0": measured(found.image[0]), "v_0": measured(found.image[1])}
-
-    return Question(ask, lambda _: limit_cycle(disk, omega, default_engine(), digits=40))
-
-
 # -------------------------------------------------------------------------------------------------------- the table
-_EVERY = (*VARIATIONS, "r", "e", "a", "b", "g", "k")
 #: The kinds; draws in the default tests, those of the slow ones besides, and the minutes that these take.
 KINDS = (
-    Kind("right-hand side", right_hand_side, 12, 300, 0.1, flown=False),
-    Kind("equilibria", equilibria, 12, 300, 0.1, flown=False),
-    Kind("Hopf point", hopf, 8, 200, 0.1, flown=False),
-    Kind("Bautin points", bautin, 8, 200, 0.1, flown=False),
-    Kind("one-harmonic law", one_harmonic_law, 8, 200, 0.1, flown=False),
-    Kind("limit epsilon to 0", melnikov, 1, 8, 0.3, flown=False),
-    Kind("slow manifold", slow_manifold_series, 1, 6, 0.3, flown=False),
-    Kind("proved closed forms", proved_closed_forms, 4, 60, 0.1, flown=False),
-    Kind("flow", motion, 15, 500, 0.8),
-    Kind("events", partial(motion, events=(_PASSED, _RETURNS)), 12, 400, 0.4),
-    Kind("derivatives", partial(motion, variations=VARIATIONS), 0, 60, 0.5),
-    Kind("half periods", partial(motion, half=True, events=((), (RETURNS,)), variations=VARIATIONS), 4, 200, 0.5),
-    Kind("derivatives by parameters", partial(motion, laws=("linear",), variations=_EVERY), 0, 20, 0.3),
-    Kind("flow at a tolerance", partial(motion, loose=True), 6, 100, 0.2),
+    Kind("right-hand side", right_hand_side, 8, 150, 0.1, flown=False),
+    Kind("equilibria", equilibria, 6, 150, 0.1, flown=False),
+    Kind("Hopf point", hopf, 5, 100, 0.1, flown=False),
+    Kind("Bautin points", bautin, 5, 100, 0.1, flown=False),
+    Kind("one-harmonic law", one_harmonic_law, 5, 100, 0.1, flown=False),
+    Kind("limit epsilon to 0", melnikov, 1, 4, 0.15, flown=False),
+    Kind("slow manifold", slow_manifold_series, 1, 3, 0.15, flown=False),
+    Kind("proved closed forms", proved_closed_forms, 2, 30, 0.1, flown=False),
+    Kind("flow", motion, 8, 250, 0.4),
+    Kind("events", partial(motion, events=(_PASSED, _RETURNS)), 6, 200, 0.2),
+    Kind("derivatives", partial(motion, variations=VARIATIONS), 0, 30, 0.25),
+    Kind("half periods", partial(motion, half=True, events=((), (RETURNS,)), variations=VARIATIONS), 4, 100, 0.25),
+    Kind("flow at a tolerance", partial(motion, loose=True), 0, 50, 0.1),
     # Beyond doubles a half-width bounds what fewer nodes leave out, which is far more than more of them do.
-    Kind("solution", solution, 4, 30, 0.2, widest=1000),
-    Kind("passage of the saddles", passage, 3, 20, 0.1),
-    Kind("limit cycle", partial(cycle, law="linear"), 2, 16, 0.6),
-    Kind("limit cycle, smooth", partial(cycle, law="smooth"), 0, 8, 0.6),
-    Kind("limit cycle in double", partial(cycle_in_double, law="linear"), 3, 40, 0.7),
-    Kind("limit cycle in double, smooth", partial(cycle_in_double, law="smooth"), 0, 15, 0.4),
-    Kind("harmonic balance", balanced, 3, 20, 0.3, flown=False),
-    Kind("branch", branch, 1, 6, 0.6),
-    Kind("folds", folds, 0, 5, 0.4),
-    Kind("next to Omega_h", partial(next_to_omega_h, law="linear"), 1, 4, 0.6),
-    Kind("next to Omega_h, smooth", partial(next_to_omega_h, law="smooth"), 0, 2, 1.0),
-    Kind("Omega_h by manifolds", partial(connection, method="manifolds"), 1, 6, 0.2),
-    Kind("Omega_h by limit cycles", partial(connection, method="limit-cycles"), 1, 5, 0.2),
-    Kind("Omega_h by bisection", partial(connection, method="bisection"), 2, 8, 0.2),
-    Kind("Omega_h by SciPy", partial(connection, method="scipy"), 0, 2, 0.3),
-    Kind("Omega_h, smooth", partial(connection, method="manifolds", law="smooth"), 0, 3, 0.4),
-    Kind("Omega_h, smooth, by bisection", partial(connection, method="bisection", law="smooth"), 0, 4, 0.2),
-    Kind("rotating cycle", partial(rotating, law="linear"), 2, 10, 0.6),
-    Kind("rotating cycle, smooth", partial(rotating, law="smooth"), 0, 4, 0.5),
-    Kind("collocated rotating cycle", collocated_rotation, 0, 4, 0.5, flown=False),
-    Kind("rotating branch", rotating_branch, 1, 3, 0.4),
-    Kind("fold of rotating cycles", rotation_fold, 1, 4, 0.4),
-    Kind("rotating, next to Omega_h", below_omega_h, 0, 4, 0.8),
-    Kind("basin boundary", basin_boundary, 1, 4, 0.4, flown=False),
-    Kind("proved cycle", proved_cycle, 0, 4, 0.5, widest=1000),
-    Kind("Krawczyk's test", krawczyk, 0, 12, 0.6, widest=math.inf),
+    Kind("solution", solution, 2, 15, 0.1, widest=1000),
+    Kind("limit cycle", partial(cycle, law="linear"), 1, 8, 0.3),
+    Kind("limit cycle, smooth", partial(cycle, law="smooth"), 0, 4, 0.3),
+    Kind("limit cycle in double", partial(cycle_in_double, law="linear"), 2, 20, 0.35),
+    Kind("limit cycle in double, smooth", partial(cycle_in_double, law="smooth"), 0, 7, 0.2),
+    Kind("harmonic balance", balanced, 2, 10, 0.15, flown=False),
+    Kind("branch", branch, 1, 3, 0.3),
+    Kind("folds", folds, 0, 2, 0.2),
+    Kind("next to Omega_h", partial(next_to_omega_h, law="linear"), 1, 2, 0.3),
+    Kind("next to Omega_h, smooth", partial(next_to_omega_h, law="smooth"), 0, 2, 0.5),
+    Kind("Omega_h by manifolds", partial(connection, method="manifolds"), 1, 3, 0.1),
+    Kind("Omega_h by limit cycles", partial(connection, method="limit-cycles"), 1, 2, 0.1),
+    Kind("Omega_h by bisection", partial(connection, method="bisection"), 2, 4, 0.1),
+    Kind("Omega_h, smooth", partial(connection, method="manifolds", law="smooth"), 0, 2, 0.2),
+    Kind("Omega_h, smooth, by bisection", partial(connection, method="bisection", law="smooth"), 0, 2, 0.1),
+    Kind("rotating cycle", partial(rotating, law="linear"), 1, 5, 0.3),
+    Kind("rotating cycle, smooth", partial(rotating, law="smooth"), 0, 2, 0.25),
+    Kind("fold of rotating cycles", rotation_fold, 1, 2, 0.2),
+    Kind("rotating, next to Omega_h", below_omega_h, 0, 2, 0.4),
+    Kind("basin boundary", basin_boundary, 1, 2, 0.2, flown=False),
 )
 
 

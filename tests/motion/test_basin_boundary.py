@@ -21,7 +21,7 @@ ABOVE_CRIT = omega_crit(PRINTED, 20).value + Fraction(1, 2)
 
 
 @pytest.mark.parametrize("omega", ["30.04", ABOVE_CRIT], ids=["below", "above"])
-@pytest.mark.parametrize("count", [20, pytest.param(1000, marks=pytest.mark.slow(minutes=1))])
+@pytest.mark.parametrize("count", [20, pytest.param(300, marks=pytest.mark.slow)])
 def test_starts_on_either_side_end_where_it_says(taylor, omega, count) -> None:
     boundary = BasinBoundary(PRINTED, omega, taylor)
     random = numpy.random.default_rng(5)
@@ -36,18 +36,6 @@ def test_starts_on_either_side_end_where_it_says(taylor, omega, count) -> None:
     for starts, ending in ((inside, standing), (outside, "lies flat")):
         outcomes = classified_lanes(numpy.array(starts), PRINTED, Fraction(omega), 20.0, attractors)
         assert [OUTCOMES[outcome] for outcome in outcomes] == [ending] * count
-
-
-@pytest.mark.parametrize("omega", ["30.04", ABOVE_CRIT], ids=["below", "above"])
-@pytest.mark.parametrize("count", [50, pytest.param(1000, marks=pytest.mark.slow(minutes=2))])
-def test_nothing_is_undecided_away_from_the_boundary(taylor, omega, count) -> None:
-    plane = basins(PRINTED, omega, count=count)
-    boundary = BasinBoundary(PRINTED, omega, taylor)
-    for beta, gamma, outcome in zip(plane.beta.ravel(), plane.gamma.ravel(), plane.outcome.ravel(), strict=True):
-        margin = boundary.margin((beta, gamma, 0.0))
-        if abs(margin.value) > Fraction(1, 1000):
-            assert OUTCOMES[outcome] != "undecided"
-            assert (OUTCOMES[outcome] == "lies flat") == (margin < 0)
 
 
 @pytest.mark.slow

@@ -50,36 +50,16 @@ class Page(HTMLParser):
             self.text.append(data)
 
 
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A report on a part of the claims."""
-    folder = tmp_path_factory.mktemp("report")
-    assert main(["verify", "--quiet", "--out", str(folder), "--only", ONLY, "--jobs", "1"]) == 0
+@pytest.fixture(scope="module", params=["part", pytest.param("whole", marks=pytest.mark.slow(minutes=0.5))])
+def folder(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A report on a part of the claims, and the whole one."""
+    folder = tmp_path_factory.mktemp(request.param)
+    only = ["--only", ONLY, "--jobs", "1"] if request.param == "part" else []
+    assert main(["verify", "--quiet", "--out", str(folder), *only]) == 0
     return folder
 
 
-@pytest.fixture(scope="module")
-def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The whole report."""
-    folder = tmp_path_factory.mktemp("whole")
-    assert main(["verify", "--quiet", "--out", str(folder)]) == 0
-    return folder
-
-
-@pytest.mark.slow
 def test_every_number_on_the_page_is_in_the_results(folder: Path) -> None:
-    every_number_is_known(folder, 100)
-
-
-@pytest.mark.slow
-def test_the_whole_report_keeps_the_promises(whole: Path) -> None:
-    every_number_is_known(whole, 800)
-    the_page_stands_alone(whole)
-    it_is_made_for_every_reader(whole)
-    every_figure_has_its_files(whole, {exhibit.name for exhibit in EXHIBITS})
-
-
-def every_number_is_known(folder: Path, least: int) -> None:
     """As text, digit for digit; numbers with gaps in the page's markup are joined as a reader joins them."""
     known = set(NUMBER.findall((folder / "results.json").read_text(encoding="utf-8")))
     page = "".join(Page((folder / "report.html").read_text(encoding="utf-8")).text)
@@ -87,7 +67,7 @@ def every_number_is_known(folder: Path, least: int) -> None:
     whole = [number.partition("e") for number in known if len(number) > 20]
     for shown in (page, text):
         numbers = NUMBER.findall(shown)
-        assert len(numbers) > least
+        assert len(numbers) > 100
         missing = {number for number in numbers if number not in known}
         parts = {number: number.partition("…") for number in missing}
         cut = {
@@ -98,47 +78,27 @@ def every_number_is_known(folder: Path, least: int) -> None:
         assert missing - cut == set()
 
 
-def test_the_page_stands_alone(folder: Path) -> None:
-    the_page_stands_alone(folder)
-
-
-def the_page_stands_alone(folder: Path) -> None:
-    page = Page((folder / "report.html").read_text(encoding="utf-8"))
+def test_the_page_stands_alone_and_is_made_for_every_reader(folder: Path) -> None:
+    text = (folder / "report.html").read_text(encoding="utf-8")
+    page = Page(text)
     files = {path.name for path in folder.iterdir()}
-    ids = {attributes["id"] for _, attributes in page.elements if "id" in attributes}
+    ids = [attributes["id"] for _, attributes in page.elements if "id" in attributes]
     for tag, attributes in page.elements:
         assert tag != "script"
-        for name in ("src", "srcset", "href", "action"):
-            target = attributes.get(name)
-            if target is None:
-                continue
+        assert tag != "img" or attributes.get("alt")
+        for target in filter(None, map(attributes.get, ("src", "srcset", "href", "action"))):
             if target.startswith("#"):
                 assert target[1:] in ids, target
             else:
                 assert target.startswith("data:") or (tag == "a" and target in files), target[:80]
-    style = (folder / "report.html").read_text(encoding="utf-8")
-    assert "url(" not in style
-    assert "@import" not in style
-
-
-def test_the_page_is_made_for_every_reader(folder: Path) -> None:
-    it_is_made_for_every_reader(folder)
-
-
-def it_is_made_for_every_reader(folder: Path) -> None:
-    page = Page((folder / "report.html").read_text(encoding="utf-8"))
     assert page.open == []
     assert page.elements[0] == ("html", {"lang": "en"})
-    assert all(attributes.get("alt") for tag, attributes in page.elements if tag == "img")
-    ids = [attributes["id"] for _, attributes in page.elements if "id" in attributes]
     assert len(set(ids)) == len(ids)
     levels = [int(tag[1]) for tag, _ in page.elements if re.fullmatch("h[1-6]", tag)]
-    assert levels[0] == 1
-    assert levels.count(1) == 1
+    assert (levels[0], levels.count(1)) == (1, 1)
     assert all(after <= before + 1 for before, after in pairwise(levels))
-    text = (folder / "report.html").read_text(encoding="utf-8")
-    for wanted in ("prefers-color-scheme: dark", "@media print", 'name="viewport"'):
-        assert wanted in text
+    assert all(wanted in text for wanted in ("prefers-color-scheme: dark", "@media print", 'name="viewport"'))
+    assert not any(loaded in text for loaded in ("url(", "@import"))
     assert len(text) < 4e6
 
 
@@ -146,10 +106,8 @@ def test_each_claim_has_a_row_that_jumps_to_it(folder: Path) -> None:
     """What does not follow is open and says what is true instead; what holds is folded."""
     page = Page((folder / "report.html").read_text(encoding="utf-8"))
     results = json.loads((folder / "results.json").read_text(encoding="utf-8"))
-    targets = [attributes.get("href") for tag, attributes in page.elements if tag == "a"]
-    claims = [f"#claim-{claim['name']}" for claim in results["claims"]]
-    rows = [target for target in targets if target in claims]
-    assert [rows.count(claim) >= 1 for claim in claims] == [True] * len(claims)
+    targets = {attributes.get("href") for tag, attributes in page.elements if tag == "a"}
+    assert {f"#claim-{claim['name']}" for claim in results["claims"]} <= targets
     folds = [attributes for tag, attributes in page.elements if tag == "details" and "class" not in attributes]
     opened = ["open" in attributes for attributes in folds]
     assert opened == [claim["verdict"] in ("does-not-follow", "undecided") for claim in results["claims"]]
@@ -170,13 +128,9 @@ def test_symbols_are_drawn_and_text_is_escaped(text: str, shown: str) -> None:
 
 
 def test_every_figure_has_its_files(folder: Path) -> None:
-    every_figure_has_its_files(folder, {"eigenvalues", "branch", "scenes_3d", "scenes_2d"})
-
-
-def every_figure_has_its_files(folder: Path, wanted: set[str]) -> None:
     results = json.loads((folder / "results.json").read_text(encoding="utf-8"))
     names = {figure["name"] for figure in results["figures"]}
-    assert wanted == names
+    assert names in ({"eigenvalues", "branch", "scenes_3d", "scenes_2d"}, {exhibit.name for exhibit in EXHIBITS})
     for figure in results["figures"]:
         kinds = {name.rpartition(".")[2] for name in figure["files"]}
         assert kinds == {"png", "svg", "csv"}, figure["name"]
@@ -185,10 +139,8 @@ def every_figure_has_its_files(folder: Path, wanted: set[str]) -> None:
             assert (folder / name).stat().st_size > 50
             if name.endswith(".csv"):
                 columns_of_doubles_have_a_unit(folder / name)
-    pages = [(folder / name).read_text(encoding="utf-8") for name in ("report.html", "report.md")]
-    for claim in results["claims"]:
-        for text in pages:
-            assert claim["command"] in text
+    for text in ((folder / name).read_text(encoding="utf-8") for name in ("report.html", "report.md")):
+        assert all(claim["command"] in text for claim in results["claims"])
 
 
 def columns_of_doubles_have_a_unit(path: Path) -> None:

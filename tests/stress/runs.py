@@ -18,7 +18,6 @@ ROOT = Path(__file__).parents[2]
 MAKE = [str(ROOT / "reference_data" / "make")]
 GENERATE = [*MAKE, "printed/linear/hopf", "--jobs", "1", "--quiet", "--out"]
 SWEEP = ["sweep", "hopf", "--over", "g=9.7:9.9:300", "--executor", "serial", "--quiet", "--out"]
-ORBIT = ["orbit", "--below-crit", "0.5", "--json"]
 
 
 def program(arguments: Sequence[str]) -> list[str]:

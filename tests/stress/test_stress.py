@@ -17,7 +17,7 @@ from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.stress.battery import CASES, cases_named
-from tippedisk_verify.stress.case import Case, Found, Outcome, digits_between, flown, refused
+from tippedisk_verify.stress.case import Case, Found, Outcome, flown, refused
 
 
 @pytest.mark.slow
@@ -26,12 +26,6 @@ def test_the_whole_battery(capsys: pytest.CaptureFixture[str]) -> None:
     result = json.loads(capsys.readouterr().out)
     assert [case["name"] for case in result["cases"]] == [case.name for case in CASES]
     assert [case for case in result["cases"] if not case["passed"]] == []
-
-
-def test_cases_are_named_once_and_say_what_they_expect() -> None:
-    assert len({case.name for case in CASES}) == len(CASES)
-    assert all(case.says and case.may for case in CASES)
-    assert all(case.least > 0 for case in CASES if case.may == ("digits",))
 
 
 def test_a_wrong_claim_does_not_pass() -> None:
@@ -67,17 +61,10 @@ def test_what_is_unforeseen_never_passes() -> None:
     assert not refused(lambda: 1, InputError).honest
 
 
-def test_digits() -> None:
-    assert digits_between(1.001, 1.0) == pytest.approx(3, abs=1e-6)  # 1.001 is a double
-    assert digits_between(1.0, 1.0) == 16
-    assert digits_between(3.0, 1.0) == 0
-    assert digits_between(1e-3, 0.0, 1.0) == pytest.approx(3)
-
-
 def test_the_command_lists_runs_and_refuses(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["stress", "--list"]) == 0
     assert "expected" in capsys.readouterr().out.splitlines()[0]
-    assert main(["stress", "--only", "units mm, g, ms", "--json"]) == 0
+    assert main(["stress", "--only", "grazing, cut", "--json"]) == 0
     (case,) = json.loads(capsys.readouterr().out)["cases"]
     assert {"name", "outcome", "error", "expected", "passed"} <= set(case)
     assert main(["stress", "--only", "no such thing"]) == 2
@@ -97,7 +84,7 @@ def test_the_most_digits_are_had() -> None:
 _SIZES = st.sampled_from(["1e-29", "1e-20", "1e-10", "1e-3", "0.3", "1", "1e3", "1e10", "1e20", "9e29"])
 
 
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     st.fixed_dictionaries(dict.fromkeys(("r", "e", "m", "A", "B", "g", "mu", "epsilon"), _SIZES)),
     st.sampled_from(["hopf", "equilibria --omega 30.4"]),

@@ -77,6 +77,16 @@ class Branch(Printable):
     def __len__(self) -> int:
         return len(self.cycles)
 
+    def plot(self, axes: Any = None) -> Any:
+        """The period against the speed, on these matplotlib axes or on new ones; returns the axes."""
+        if axes is None:
+            from matplotlib import pyplot
+
+            _, axes = pyplot.subplots()
+        axes.plot(self.omega, self.period, ".-")
+        axes.set(xlabel="Ω [rad/s]", ylabel="period T [s]")
+        return axes
+
     def to_dict(self) -> dict[str, Any]:
         return {"orbits": as_json(self.cycles)}
 

@@ -1,14 +1,15 @@
 """The plane of one parameter and the speed: Hopf, fold and heteroclinic curves, and the points of codimension two.
 
 Some disks of the range tell what curves there are (`connection_curve`). Curves of folds are then followed by
-amplitude (`fold_curves`), Omega_h by the parameter. Points spread evenly over each curve are corrected to the digits
-asked for. What cannot be had is listed with its reason.
+amplitude (`fold_curves`), Omega_h by the parameter. Points of each curve, evenly spread over a curve of folds and even
+in the parameter elsewhere, are corrected to the digits asked for. What cannot be had is listed with its reason.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
+from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import partial
@@ -38,10 +39,10 @@ from tippedisk_verify.model.results import Printable, as_json
 from tippedisk_verify.theory.bautin import BAUTIN_PARAMETERS, bautin_points
 from tippedisk_verify.theory.hopf import omega_crit
 
-__all__ = ["Atlas", "Curve", "CurvePoint", "atlas", "checked_atlas", "plane_of"]
+__all__ = ["Atlas", "Curve", "CurvePoint", "atlas", "plane_of"]
 
 MOST_POINTS = 10_000
-_SAMPLES = 8  # of a curve for each of its points, to spread these
+_SAMPLES = 8  # of a trace for each of its points, to spread these
 _CHUNK = 8  # points that a process computes at a time
 
 Advance = Callable[[str, int], None]
@@ -128,22 +129,20 @@ def plane_of(parameters: Parameters, axes: str, ends: tuple[object, object] | No
     return Plane(parameters, name, low.rational, high.rational)
 
 
-def _around(parameters: Parameters, name: str) -> list[Fraction]:
+def _around(parameters: Parameters, name: str) -> tuple[Fraction, Fraction]:
     """The ends of the default range."""
     own: Fraction = getattr(parameters, name)
     unit = Fraction(10) ** (decimal_magnitude(own) - 3)
-    ends = []
-    for side in (-1, 1):
-        steps = [round(own * (1 + side * Fraction(k, 1000)) / unit) * unit for k in range(1, 101)]
-        ends.append([own, *(value for value in steps if _taken(parameters, name, value))][-1])
-    return ends
 
+    def end(side: int) -> Fraction:
+        for step in range(100, 0, -1):
+            value = round(own * (1 + side * Fraction(step, 1000)) / unit) * unit
+            with suppress(InputError):
+                Plane(parameters, name, value, value).at(value)
+                return value
+        return own
 
-def _taken(parameters: Parameters, name: str, value: Fraction) -> bool:
-    try:
-        return bool(Plane(parameters, name, value, value).at(value))
-    except InputError:
-        return False
+    return end(-1), end(1)
 
 
 def atlas(
@@ -159,7 +158,13 @@ def atlas(
     Raises InputError for a number of points or digits that is not offered, a range that is none or leaves the disks
     that `Parameters` takes, and the smooth law.
     """
-    checked_atlas(plane, points, digits)
+    plane.parameters.refuse_smooth("an atlas is")
+    checked_digits(digits)
+    if isinstance(points, bool) or not isinstance(points, int) or not 5 <= points <= MOST_POINTS:
+        raise InputError(f"a curve has 5 to {MOST_POINTS} points, not {shown(points)}")
+    if not 0 < plane.lowest < plane.highest:
+        raise InputError("a range must rise, from above zero: its lowest value is less than its highest")
+    plane.at(plane.lowest), plane.at(plane.highest)  # between two admissible values all are
     work = partial(_all_done, executor=executor, advance=advance)
     bautin = _bautin_points(plane, digits)
     samples = sampled(plane, work)
@@ -167,9 +172,8 @@ def atlas(
     traces = fold_traces(plane, seeds, [plane.share(point.value.value) for point in bautin], default_engine())
     answers: list[Any] = special_points(plane, samples, digits, work)
     curves = []
-    lines = _lines(plane, samples, traces, points, digits)
-    for line, chosen in zip(lines, _spread(lines, points), strict=True):
-        along = work(partial(_solved, plane, line), chosen, chunksize=_CHUNK)
+    for line in _lines(plane, samples, traces, points, digits):
+        along = work(line.point, line.at, chunksize=_CHUNK)
         curves.append(Curve(line.kind, tuple(point for point in along if isinstance(point, CurvePoint))))
         answers += along
     missing = [
@@ -193,17 +197,6 @@ def atlas(
         tuple(sorted(special, key=lambda point: point.value.value)),
         tuple(sorted(missing, key=lambda one: one.value)),
     )
-
-
-def checked_atlas(plane: Plane, points: int, digits: int) -> None:
-    """Raises InputError for what no atlas can be made of."""
-    plane.parameters.refuse_smooth("an atlas is")
-    checked_digits(digits)
-    if isinstance(points, bool) or not isinstance(points, int) or not 5 <= points <= MOST_POINTS:
-        raise InputError(f"a curve has 5 to {MOST_POINTS} points, not {shown(points)}")
-    if not 0 < plane.lowest < plane.highest:
-        raise InputError("a range must rise, from above zero: its lowest value is less than its highest")
-    plane.at(plane.lowest), plane.at(plane.highest)  # between two admissible values all are
 
 
 def _all_done(
@@ -239,56 +232,36 @@ class _Line(NamedTuple):
     """A curve in double, and how its points are found to the digits asked for."""
 
     kind: str
-    at: Any  #: (n,) abscissas close together: shares of the range, of folds the s of `fold_curves`
-    shares: Any  #: (n,) there
-    speeds: Any  #: (n,) there [rad/s]
-    point: Callable[[float], CurvePoint]  #: at an abscissa
+    at: list[float]  #: abscissas of its points: shares of the range, of folds the s of `fold_curves`
+    point: Callable[[float], CurvePoint | Missing]  #: at an abscissa
 
 
-def _lines(plane: Plane, samples: Sequence[Sample], traces: Sequence[Trace], points: int, digits: int) -> list[_Line]:
+def _lines(
+    plane: Plane, samples: Sequence[Sample], traces: Sequence[Trace], points: int, digits: int
+) -> Iterator[_Line]:
     """All curves."""
-    shares = numpy.linspace(0, 1, _SAMPLES * points)
-    crit = [float(omega_crit(plane.at(plane.value(share)))) for share in shares.tolist()]
-    lines = [_Line("hopf", shares, shares, numpy.array(crit), partial(_hopf_point, plane, digits))]
+    yield _Line("hopf", numpy.linspace(0, 1, points).tolist(), partial(_hopf_point, plane, digits))
     for run in connected_runs(samples):
-        along = numpy.linspace(run.at[0], run.at[-1], _SAMPLES * points)
-        omega = numpy.array([run(share)[0] for share in along])
-        lines.append(_Line("heteroclinic", along, along, omega, partial(_connection, plane, digits, run)))
+        shares = numpy.linspace(run.at[0], run.at[-1], points).tolist()
+        yield _Line("heteroclinic", shares, partial(_connection, plane, digits, run))
     for trace in traces:
-        first, last = _ends(trace)
-        s = numpy.linspace(first, last, _SAMPLES * points)
-        folds = numpy.array([trace(where) for where in s.tolist()])
-        lines.append(_Line("fold", s, folds[:, 2], folds[:, 1], partial(_fold, plane, digits, trace)))
-    return lines
+        yield _Line("fold", _spread(trace, points), partial(_fold, plane, digits, trace))
 
 
-def _ends(trace: Trace) -> list[float]:
-    """The abscissas between which a trace lies in the range: only the last node on each side may lie outside."""
+def _spread(trace: Trace, count: int) -> list[float]:
+    """Abscissas of evenly spread points on a trace, its ends in the range among them."""
     from scipy.optimize import brentq
 
-    ends = []
+    ends: list[float] = []
     for end, neighbour in ((trace.at[0], trace.at[1]), (trace.at[-1], trace.at[-2])):
-        border = min(max(0.0, trace(end)[2]), 1.0)
+        border = min(max(0.0, trace(end)[2]), 1.0)  # only the last node on each side may lie outside
         outside = trace(end)[2] != border
         ends.append(brentq(lambda s, border=border: trace(s)[2] - border, end, neighbour) if outside else end)
-    return ends
-
-
-def _spread(lines: Sequence[_Line], count: int) -> list[list[float]]:
-    """On each curve abscissas of evenly spread points, its ends among them; the plane is as high as it is wide."""
-    speeds = numpy.concatenate([line.speeds for line in lines])
-    height = max(float(speeds.max() - speeds.min()), 1e-9)
-    chosen = []
-    for line in lines:
-        steps = numpy.hypot(numpy.diff(line.shares), numpy.diff(line.speeds / height))
-        length = numpy.concatenate([[0.0], numpy.cumsum(steps)])
-        chosen.append(numpy.interp(numpy.linspace(0, length[-1], count), length, line.at).tolist())
+    s = numpy.linspace(ends[0], ends[1], _SAMPLES * count)
+    folds = numpy.array([trace(where) for where in s.tolist()])[:, 1:]
+    length = numpy.concatenate([[0.0], numpy.cumsum(numpy.hypot(*numpy.diff(folds, axis=0).T))])
+    chosen: list[float] = numpy.interp(numpy.linspace(0, length[-1], count), length, s).tolist()
     return chosen
-
-
-def _solved(plane: Plane, line: _Line, where: float) -> CurvePoint | Missing:
-    share = float(numpy.interp(where, line.at, line.shares))
-    return attempted(line.kind, plane.decimal(share), lambda: line.point(where))
 
 
 def _hopf_point(plane: Plane, digits: int, share: float) -> CurvePoint:
@@ -296,11 +269,15 @@ def _hopf_point(plane: Plane, digits: int, share: float) -> CurvePoint:
     return CurvePoint(value, omega_crit(plane.at(value), digits + 2))
 
 
-def _connection(plane: Plane, digits: int, run: Nodes, share: float) -> CurvePoint:
-    value = plane.decimal(share)
-    return CurvePoint(value, omega_h_near(plane.at(value), float(run(share)[0]), default_engine(), digits))
+def _connection(plane: Plane, digits: int, run: Nodes, share: float) -> CurvePoint | Missing:
+    value, guess = plane.decimal(share), float(run(share)[0])
+    found = attempted("heteroclinic", value, lambda: omega_h_near(plane.at(value), guess, default_engine(), digits))
+    return found if isinstance(found, Missing) else CurvePoint(value, found)
 
 
-def _fold(plane: Plane, digits: int, trace: Trace, s: float) -> CurvePoint:
-    fold = fold_at(plane, s, trace(s), default_engine(), digits)
+def _fold(plane: Plane, digits: int, trace: Trace, s: float) -> CurvePoint | Missing:
+    value = plane.decimal(float(trace(s)[2]))
+    fold = attempted("fold", value, lambda: fold_at(plane, s, trace(s), default_engine(), digits))
+    if isinstance(fold, Missing):
+        return fold
     return CurvePoint(getattr(fold.parameters, plane.name), fold.omega, fold.gamma_bar_0, fold.v_0, fold.period)

@@ -19,25 +19,20 @@ from tippedisk_verify.errors import InputError
 
 __all__ = ["CLAIMS", "GROUPS", "claims_drawn_in", "equations_named", "group_of", "selected"]
 
-_GROUPS = {
-    "Model, linear analysis and harmonic balance": (
-        *linear_claims.LINEAR_CLAIMS,
-        *balance_claims.BALANCE_CLAIMS,
-    ),
+#: What the claims are about, in the order of the paper.
+GROUPS: dict[str, tuple[Claim, ...]] = {
+    "Model, linear analysis and harmonic balance": (*linear_claims.LINEAR_CLAIMS, *balance_claims.BALANCE_CLAIMS),
     "Slow manifold": manifold_claims.MANIFOLD_CLAIMS,
     "Heteroclinic connection": connection_claims.CONNECTION_CLAIMS,
     "Limit cycles and trajectories": global_claims.GLOBAL_CLAIMS,
     "Friction laws and attraction": friction_claims.FRICTION_CLAIMS,
 }
-#: What the claims are about, in the order of the paper.
-GROUPS: tuple[str, ...] = tuple(_GROUPS)
-CLAIMS: tuple[Claim, ...] = tuple(claim for claims in _GROUPS.values() for claim in claims)
-_GROUP_OF = {claim.name: group for group, claims in _GROUPS.items() for claim in claims}
+CLAIMS: tuple[Claim, ...] = tuple(claim for claims in GROUPS.values() for claim in claims)
 
 
 def group_of(name: str) -> str:
     """What the claim is about."""
-    return _GROUP_OF[name]
+    return next(group for group, claims in GROUPS.items() if any(claim.name == name for claim in claims))
 
 
 def claims_drawn_in(figure: str) -> tuple[str, ...]:

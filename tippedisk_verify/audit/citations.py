@@ -59,12 +59,8 @@ def cited(labels: str) -> str:
     "eq:Csol+1" is the first numbered equation after eq:Csol, which has no label of its own; "below eq:Csol" the text
     there. Raises KeyError for a label that the paper does not have.
     """
-    said: dict[str, list[str]] = {}
+    said = []
     for label in labels.split(", "):
         kind, number = _NUMBERS[label.removeprefix("below ")]
-        said.setdefault("below " * label.startswith("below ") + kind, []).append(number)
-    return ", ".join(f"{_plural(kind) if numbers[1:] else kind} {', '.join(numbers)}" for kind, numbers in said.items())
-
-
-def _plural(kind: str) -> str:
-    return f"{kind[:-1]}s." if kind.endswith(".") else f"{kind}s"
+        said.append(f"{'below ' * label.startswith('below ')}{kind} {number}")
+    return ", ".join(said)

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from shlex import quote
 
-from tippedisk_verify.audit.claims import Claim, Finding, ProofOffer, rounds_to
+from tippedisk_verify.audit.claims import Claim, Finding, Theorem, rounds_to
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import NAMED_SETS, Parameters
 from tippedisk_verify.model.results import Printable
@@ -41,26 +41,30 @@ def proof_of(claim: Claim, finding: Finding, sets: Mapping[str, Parameters]) -> 
         return None
     commands = {}
     for name, answer in finding.holds.items():
-        if answer is None or not _covered(offer, sets[name]) or not _decides(finding.computed[name], claim.printed):
+        if (
+            answer is None
+            or not _covered(offer.theorem, sets[name])
+            or not _decides(finding.computed[name], claim.printed)
+        ):
             continue
         chosen = f"--parameters {quote(name)}" + " --friction smooth" * (sets[name].friction == "smooth")
-        commands[name] = " && ".join(f"tippedisk-verify {part} {chosen}" for part in offer.commands)
+        commands[name] = " && ".join(f"tippedisk-verify {part} {chosen}" for part in offer.theorem.commands)
     if not commands:
         return None
     rests = [offer.rest] if offer.rest else []
     if others := [name for name in finding.holds if name not in commands]:
         rests.append(f"anything for {', '.join(others)}")
-    laws = ("linear", "smooth") if offer.law is None else (offer.law,)
-    return ClaimProof(offer.theorem, laws, offer.proves, "; ".join(rests), commands)
+    laws = ("linear", "smooth") if offer.theorem.law is None else (offer.theorem.law,)
+    return ClaimProof(offer.theorem.name, laws, offer.proves, "; ".join(rests), commands)
 
 
-def _covered(offer: ProofOffer, parameters: Parameters) -> bool:
+def _covered(theorem: Theorem, parameters: Parameters) -> bool:
     """Whether the theorem speaks of the disk and its friction law, and a command can name it."""
-    if offer.law not in (None, parameters.friction):
+    if theorem.law not in (None, parameters.friction):
         return False
     if NAMED_SETS.get(parameters.name) == parameters.with_friction("linear"):
         return True
-    return offer.every_disk and ("." in parameters.name or "/" in parameters.name)
+    return theorem.every_disk and ("." in parameters.name or "/" in parameters.name)
 
 
 def _decides(computed: Measured | str, printed: str) -> bool:

@@ -7,22 +7,19 @@ result; only the suite's own cross-checks (``own_check``) can fail.
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import dataclass, field
 from decimal import Decimal
 from enum import Enum
 from fractions import Fraction
 from functools import cached_property
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, TypeVar
 
 from tippedisk_verify.atlas.branch import family
-from tippedisk_verify.atlas.locator import locator
 from tippedisk_verify.audit.citations import cited
 from tippedisk_verify.connection.heteroclinic import Heteroclinic, heteroclinic
-from tippedisk_verify.cycles.folds import fold_in_double
 from tippedisk_verify.cycles.period_continuation import PeriodContinuation
 from tippedisk_verify.cycles.shooting import LimitCycle
-from tippedisk_verify.errors import AccuracyError, InputError, NoConnectionError, NoSuchCycleError
+from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.exact import shown
 from tippedisk_verify.model.measured import Measured
@@ -31,20 +28,11 @@ from tippedisk_verify.model.results import Printable
 from tippedisk_verify.motion.scenes import Panel, compute, scene_named
 
 __all__ = [
-    "Answer",
-    "Audit",
-    "Claim",
-    "Examination",
-    "Fault",
-    "FaultKind",
-    "Finding",
-    "ProofOffer",
-    "Verdict",
-    "examined",
-    "number",
-    "rounds_to",
-    "sets_with",
+    *("Answer", "Audit", "Claim", "Examination", "Fault", "FaultKind", "Finding", "ProofOffer", "Theorem", "Verdict"),
+    *("examined", "number", "rounds_to", "sets_with", "word"),
 ]
+
+T = TypeVar("T")
 
 
 class Verdict(Enum):
@@ -88,24 +76,29 @@ class Finding:
 
     @classmethod
     def of_record(cls, record: dict[str, Any]) -> Finding:
-        """What `record` gave. Raises KeyError, TypeError, ValueError or ArithmeticError for anything else."""
-        computed, holds = {}, dict(record["holds"])
-        for name, value in record["computed"].items():
-            computed[str(name)] = value if isinstance(value, str) else Measured(*map(Fraction, value))
-        if any(answer not in (True, False, None) for answer in holds.values()):
-            raise ValueError("an answer is true, false or open")
-        return cls(computed, holds, str(record["note"]))
+        """What `record` gave."""
+        computed = {
+            name: value if isinstance(value, str) else Measured(*map(Fraction, value))
+            for name, value in record["computed"].items()
+        }
+        return cls(computed, record["holds"], record["note"])
+
+
+class Theorem(NamedTuple):
+    """A theorem of docs/certified.md, and the commands that prove what it says of one disk."""
+
+    name: str
+    commands: tuple[str, ...]
+    law: Friction | None = None  #: the only one that it covers; None: both
+    every_disk: bool = False
 
 
 class ProofOffer(NamedTuple):
-    """What a theorem of docs/certified.md has to say to a claim."""
+    """What a theorem has to say to a claim."""
 
-    theorem: str
-    commands: tuple[str, ...]
+    theorem: Theorem
     proves: str
     rest: str = ""  #: what of the claim it leaves unproved
-    law: Friction | None = None  #: the only one that it covers; None: both
-    every_disk: bool = False
 
 
 FaultKind = Literal["slip", "follows-from", "differs"]
@@ -132,7 +125,7 @@ class Claim:
     statement: str
     printed: str  #: what the paper prints
     examine: Examination  #: of one set of the audit, against what is printed
-    note: str | Callable[[str], str] = ""  #: as it stands, or made from what is printed
+    note: str = ""
     methods: tuple[str, ...] = ("exact arithmetic",)
     formula: str = ""  #: what the paper writes, in LaTeX: its formula, or the sentence's mathematical content
     unit: str = ""  #: of what is printed and computed, where that is a number
@@ -157,11 +150,14 @@ class Audit(Printable):
     parameters: Parameters
     engine: Engine
     digits: int = 12
-    _connections: dict[str, Heteroclinic] = field(default_factory=dict)
-    _approaches: dict[str, PeriodContinuation] = field(default_factory=dict)
-    _folds: dict[str, dict[str, float] | None] = field(default_factory=dict)
-    _panels: dict[tuple[str, str], Panel] = field(default_factory=dict)
-    _families: dict[str, tuple[LimitCycle, ...]] = field(default_factory=dict)
+    _kept: dict[tuple[str, ...], Any] = field(default_factory=dict)
+
+    def _once(self, what: tuple[str, ...], compute: Callable[[], T]) -> T:
+        """What is computed when it is first needed, and kept."""
+        if what not in self._kept:
+            self._kept[what] = compute()
+        kept: T = self._kept[what]
+        return kept
 
     @cached_property
     def sets(self) -> dict[str, Parameters]:
@@ -179,9 +175,7 @@ class Audit(Printable):
 
     def connection(self, name: str) -> Heteroclinic:
         """The heteroclinic connection of a set. Raises InputError for an unknown set, AccuracyError if it has none."""
-        if name not in self._connections:
-            self._connections[name] = heteroclinic(self._set(name), self.engine)
-        return self._connections[name]
+        return self._once(("connection", name), lambda: heteroclinic(self._set(name), self.engine))
 
     def omega_h(self, name: str) -> Measured:
         """Omega_h [rad/s] of a set. Raises AccuracyError if there is no connection."""
@@ -189,32 +183,17 @@ class Audit(Printable):
 
     def approach(self, name: str) -> PeriodContinuation:
         """A set's limit cycles followed towards Omega_h in double. Raises NoSuchCycleError or AccuracyError."""
-        if name not in self._approaches:
-            self._approaches[name] = PeriodContinuation(self._set(name), self.engine)
-        return self._approaches[name]
-
-    def rotation_fold(self, name: str) -> dict[str, float] | None:
-        """The fold of a set's rotating limit cycles, as `fold_in_double` has it; None if none is found."""
-        if name not in self._folds:
-            self._folds[name] = None
-            with suppress(NoSuchCycleError, NoConnectionError, AccuracyError):
-                self._folds[name] = fold_in_double(locator(self._set(name), self.engine).rotations)
-        return self._folds[name]
+        return self._once(("approach", name), lambda: PeriodContinuation(self._set(name), self.engine))
 
     def family(self, name: str) -> tuple[LimitCycle, ...]:
         """An overview of a set's limit cycles."""
-        if name not in self._families:
-            self._families[name] = tuple(family(self._set(name), self.engine))
-        return self._families[name]
+        return self._once(("family", name), lambda: tuple(family(self._set(name), self.engine)))
 
     def panel(self, scene: str, name: str) -> Panel:
         """One of the six scenes of a set."""
-        key = (scene, name)
-        if key not in self._panels:
-            panel = scene_named(scene)
-            omega_h = self.omega_h(name) if panel.base == "Omega_h" else None
-            self._panels[key] = compute(panel, self._set(name), self.engine, omega_h=omega_h)
-        return self._panels[key]
+        panel = scene_named(scene)
+        omega_h = self.omega_h(name) if panel.base == "Omega_h" else None
+        return self._once((scene, name), lambda: compute(panel, self._set(name), self.engine, omega_h=omega_h))
 
 
 def sets_with(parameters: Parameters) -> dict[str, Parameters]:
@@ -241,7 +220,7 @@ def examined(audit: Audit, claim: Claim) -> Finding:
     """
     computed: dict[str, Measured | str] = {}
     holds: dict[str, bool | None] = {}
-    notes = [claim.note if isinstance(claim.note, str) else claim.note(claim.printed)]
+    notes = [claim.note]
     for name in (audit.parameters.name,) if claim.own_check else audit.sets:
         try:
             computed[name], holds[name], *said = claim.examine(audit, name, claim.printed)
@@ -252,12 +231,20 @@ def examined(audit: Audit, claim: Claim) -> Finding:
     return Finding(computed, holds, "; ".join(filter(None, notes)))
 
 
+def word(compute: Callable[[Audit, str], str]) -> Examination:
+    """The examination of a printed word: whether what is computed comes to the same word."""
+    return _against(compute, str.__eq__)
+
+
 def number(compute: Callable[[Audit, str], Measured]) -> Examination:
     """The examination of a printed number: whether the computed one rounds to it."""
+    return _against(compute, rounds_to)
 
+
+def _against(compute: Callable[[Audit, str], Any], agrees: Callable[[Any, str], bool | None]) -> Examination:
     def examine(audit: Audit, name: str, printed: str) -> Answer:
-        value = compute(audit, name)
-        return value, rounds_to(value, printed)
+        answer = compute(audit, name)
+        return answer, agrees(answer, printed)
 
     return examine
 

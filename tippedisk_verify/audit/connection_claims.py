@@ -4,20 +4,23 @@ from __future__ import annotations
 
 from fractions import Fraction
 
-from tippedisk_verify.atlas.cycles_at_speed import rotating_cycle
-from tippedisk_verify.audit.claims import Answer, Audit, Claim, ProofOffer, number
+from tippedisk_verify.audit.claims import Answer, Audit, Claim, ProofOffer, Theorem, number
 from tippedisk_verify.connection.bisection import unstable_branch
 from tippedisk_verify.connection.heteroclinic import heteroclinic
-from tippedisk_verify.errors import AccuracyError, NoConnectionError, NoSuchCycleError
+from tippedisk_verify.errors import NoConnectionError, NoSuchCycleError
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.model.equations import field
 from tippedisk_verify.model.exact import Exact
-from tippedisk_verify.model.parameters import Constants, Friction
 from tippedisk_verify.model.precision import bits
 from tippedisk_verify.theory.equilibria import linearization, right_eigenvector
 
-__all__ = ["CONNECTION_CLAIMS"]
+__all__ = ["CONNECTION_CLAIMS", "FAMILY"]
+
+FAMILY = Theorem("Theorem 5b", ("certify branch",), "linear")
+_FAMILY_TO_ITS_END = Theorem("Theorems 5b and 6", ("certify heteroclinic", "certify branch"), "linear")
+_CONNECTION = Theorem("Theorem 6", ("certify heteroclinic",))
+_STABILITY = Theorem("Theorem 7", ("certify heteroclinic",), "linear")
 
 _SHARE = Fraction(1, 1000)  # of the branch, how far from Omega_h both sides are looked at
 _OFFSET = Fraction(1, 10**6)  # rad, from the saddle; no quadratic terms there, so a start is off by its cube
@@ -37,21 +40,7 @@ def _both_sides(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
         result = unstable_branch(audit.sets[name], omega_h * (1 + sign * _SHARE), audit.engine)
         ends.append(result.events[-1].name if result.events else result.status.name.lower())
     holds = ends[0] in ("passes", "flat") and ends[1] == "turns back"
-    return f"{ends[0]} below, {ends[1]} above; {_takes_over(audit, name)}", holds
-
-
-def _takes_over(audit: Audit, name: str) -> str:
-    """The rotating cycles below Omega_h: where they begin, and the one halfway."""
-    rotation = audit.rotation_fold(name)
-    if rotation is None:
-        return "no rotating cycles found with a fold"
-    omega_h, fold = audit.omega_h(name).value, rotation["omega"]
-    halfway = (omega_h + Fraction(fold)) / 2
-    try:
-        period = float(rotating_cycle(audit.sets[name], halfway, audit.engine).period)
-    except (NoSuchCycleError, AccuracyError) as reason:
-        return f"rotating cycles from a fold at {fold:.5f} rad/s, and none found halfway: {reason}"
-    return f"stable rotating cycles from a fold at {fold:.5f} rad/s to Omega_h, halfway with T = {period:.4f} s"
+    return f"{ends[0]} below, {ends[1]} above", holds
 
 
 def _attracting(audit: Audit, name: str, printed: str) -> tuple[str, bool | None]:
@@ -81,17 +70,14 @@ def _both_connections(audit: Audit, name: str, printed: str) -> tuple[str, bool]
 
 def _identified(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
     """The field at states a full turn of gamma apart, the two noninverted ones among them, in 400 bits."""
-    precision = bits(400)
-    ctx = precision.context
-    constants = Constants(*(precision.mpf(value) for value in audit.sets[name].at(precision)))
-    speed = ctx.mpf(float(audit.omega_h(name)))
-    rates = field(ctx, constants, speed, audit.parameters.friction)
-    states = ((ctx.pi / 2, -ctx.pi / 2, ctx.mpf(0)), (ctx.mpf("1.7"), ctx.mpf("-1.5"), ctx.mpf("0.3")))
-    pairs = [(rates(*state), rates(state[0], state[1] + 2 * ctx.pi, state[2])) for state in states]
-    apart = max(abs(a - b) for here, turned in pairs for a, b in zip(here, turned, strict=True))
-    moved = max(map(abs, (*pairs[0][0], *pairs[0][1])))
+    ctx = bits(400).context
+    rates = field(ctx, audit.sets[name].within(ctx), ctx.mpf("30.4"), audit.parameters.friction)
+    apart = ctx.mpf(0)
+    for beta, gamma, v in ((ctx.pi / 2, -ctx.pi / 2, ctx.mpf(0)), (ctx.mpf("1.7"), ctx.mpf("-1.5"), ctx.mpf("0.3"))):
+        pairs = zip(rates(beta, gamma, v), rates(beta, gamma + 2 * ctx.pi, v), strict=True)
+        apart = max(apart, *(abs(a - b) for a, b in pairs))
     # Rounding of the angles, times the field's derivatives, however large.
-    return f"the field differs by {float(apart):.0e}", max(apart, moved) < 2.0**-300
+    return f"the field differs by {float(apart):.0e}", apart < 2.0**-300
 
 
 def _two_methods(audit: Audit, name: str, printed: str) -> Answer:
@@ -115,17 +101,6 @@ def _two_methods(audit: Audit, name: str, printed: str) -> Answer:
     return one, apart <= one.uncertainty + two.uncertainty, note
 
 
-_WHERE = (
-    "where the saddles' unstable and stable manifolds meet: for gamma in R the periodic solution ends there; on the"
-    " cylinder, gamma modulo 2 pi, others may take over (claim only_above_omega_h)"
-)
-
-
-def _theorems_6_and_7(theorem: str, proves: str, law: Friction | None = "linear") -> ProofOffer:
-    """Theorem 7 is about the linear law only."""
-    return ProofOffer(theorem, ("certify heteroclinic",), proves, law=law)
-
-
 #: In the order of the paper.
 CONNECTION_CLAIMS: tuple[Claim, ...] = (
     Claim(
@@ -134,18 +109,18 @@ CONNECTION_CLAIMS: tuple[Claim, ...] = (
         "the periodic solution vanishes at Omega_h = 30.07 rad/s",
         "30.07",
         number(Audit.omega_h),
-        note=_WHERE,
+        note=(
+            "where the saddles' unstable and stable manifolds meet: for gamma in R the periodic solution ends there; on"
+            " the cylinder, gamma modulo 2 pi, others may take over (claim only_above_omega_h)"
+        ),
         methods=("manifolds",),
         unit="rad/s",
         formula=r"\Omega_\text{h}:\quad W^u(\pi/2,\,-\pi/2,\,0) \cap W^s(\pi/2,\,3\pi/2,\,0) \neq \emptyset",
         proof=ProofOffer(
-            "Theorems 5b and 6",
-            ("certify heteroclinic", "certify branch"),
+            _FAMILY_TO_ITS_END,
             "that one speed of a short interval, and no other there, has a connection, in which the family of limit "
             "cycles from Omega_crit ends; and whether that speed rounds to 30.07",
-            law="linear",
         ),
-        cost=2,
     ),
     Claim(
         "infinite_period",
@@ -156,13 +131,10 @@ CONNECTION_CLAIMS: tuple[Claim, ...] = (
         note="T ~ -(2 / lambda_u) log(Omega - Omega_h), its slope at the end of double",
         methods=("shooting",),
         formula=r"T \to \infty \quad\text{as}\quad \Omega \downarrow \Omega_\text{h}",
-        figures=("near_omega_h",),
         proof=ProofOffer(
-            "Theorem 5b",
-            ("certify branch",),
+            FAMILY,
             "that the family from Omega_crit has one cycle for each speed down to Omega_h, where the period tends to "
             "infinity",
-            law="linear",
         ),
     ),
     Claim(
@@ -179,14 +151,11 @@ CONNECTION_CLAIMS: tuple[Claim, ...] = (
         formula=r"\Omega_\text{h} < \Omega < \Omega_\text{crit}",
         figures=("scenario",),
         proof=ProofOffer(
-            "Theorem 5b",
-            ("certify branch",),
+            FAMILY,
             "that the family from Omega_crit has cycles at the speeds above Omega_h and at no others; and that from a "
             "thousandth of a rad/s below Omega_h up to it no cycle crosses beta = pi/2 next to the saddles as its do",
             "that there is no other cycle below Omega_h, and what the saddle's unstable branch does there",
-            law="linear",
         ),
-        cost=5,
     ),
     Claim(
         "both_connections",
@@ -197,7 +166,7 @@ CONNECTION_CLAIMS: tuple[Claim, ...] = (
         note="each noninverted state's unstable branch reaches the other; the point symmetry maps one to the other",
         methods=("trajectories",),
         formula=r"(\pi/2,\,-\pi/2,\,0) \rightleftarrows (\pi/2,\,3\pi/2,\,0)",
-        proof=_theorems_6_and_7("Theorem 6", "that both connections exist at one and the same speed", law=None),
+        proof=ProofOffer(_CONNECTION, "that both connections exist at one and the same speed"),
     ),
     Claim(
         "homoclinic_identified",
@@ -221,7 +190,7 @@ CONNECTION_CLAIMS: tuple[Claim, ...] = (
         note="saddle value lambda_u + lambda_s, negative: cycles next to the connection attract, rotating ones too",
         methods=("eigenvalues",),
         formula=r"\lambda_u + \lambda_s < 0",
-        proof=_theorems_6_and_7("Theorem 7", "that the limit cycle next to the connection is asymptotically stable"),
+        proof=ProofOffer(_STABILITY, "that the limit cycle next to the connection is asymptotically stable"),
     ),
     Claim(
         "omega_h_two_roads",
@@ -232,6 +201,5 @@ CONNECTION_CLAIMS: tuple[Claim, ...] = (
         methods=("manifolds", "limit-cycles"),
         own_check=True,
         unit="rad/s",
-        cost=2,
     ),
 )

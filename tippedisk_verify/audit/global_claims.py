@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from fractions import Fraction
 from functools import partial
@@ -9,40 +10,26 @@ from itertools import pairwise
 
 from tippedisk_verify.atlas.cycles_at_speed import cycle_at
 from tippedisk_verify.audit.claims import Answer, Audit, Claim, ProofOffer
+from tippedisk_verify.audit.connection_claims import FAMILY
 from tippedisk_verify.cycles.shooting import limit_cycle
 from tippedisk_verify.errors import NoSuchCycleError
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import Request
-from tippedisk_verify.motion.scenes import INITIAL_STATES, Ending, Panel
+from tippedisk_verify.model import equations
+from tippedisk_verify.model.precision import DOUBLE
+from tippedisk_verify.motion.scenes import INITIAL_STATES, Ending
 from tippedisk_verify.theory.hopf import omega_crit
 
 __all__ = ["GLOBAL_CLAIMS"]
 
 
 def _scene(scene: str, audit: Audit, name: str, printed: str) -> Answer:
-    return _ends(audit.panel(scene, name), printed)
-
-
-def _ends(panel: Panel, *expected: str) -> tuple[str, bool | None]:
-    """What a panel's orbits end on, and whether that is as expected."""
-    endings = [orbit.ending for orbit in panel.orbits]
+    """What a panel's orbits end on; what repels them from one well may end in turns for good."""
+    endings = [orbit.ending for orbit in audit.panel(scene, name).orbits]
+    expected = ("flat", "rotating limit cycle") if printed == "repelled" else (printed,)
     undecided = any(ending.kind == "undecided" for ending in endings)
     outcome = None if undecided else all(ending.kind in expected for ending in endings)
     return "; ".join(_said(ending) for ending in endings), outcome
-
-
-def _repelled(audit: Audit, name: str, printed: str) -> tuple[str, bool | None]:
-    """Panel a, and whether its speed lies below the fold of the rotating cycles: from there up they hold orbits up."""
-    panel, fold = audit.panel("a", name), audit.rotation_fold(name)
-    if fold is None:
-        place, held_up = "no fold of rotating cycles found", True
-    else:
-        above = float(panel.omega) - fold["omega"]
-        side = "above" if above > 0 else "below"
-        place = f"{abs(above):.4f} rad/s {side} the rotating cycles' fold at {fold['omega']:.5f} rad/s"
-        held_up = above > 0
-    said, outcome = _ends(panel, "flat", *["rotating limit cycle"] * held_up)
-    return f"{said}; {place}", outcome
 
 
 def _said(ending: Ending) -> str:
@@ -81,20 +68,15 @@ def _contact(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
     """The smallest lambda_N / (m g) along the sampled orbits; negative would mean that the contact opens."""
     import numpy
 
-    from tippedisk_verify.model.equations import field, normal_force_over_weight
-    from tippedisk_verify.model.precision import DOUBLE
-
-    constants = audit.sets[name].at(DOUBLE)
-    smallest = []
-    for scene in "abcdef":
-        panel = audit.panel(scene, name)
+    constants, smallest = audit.sets[name].at(DOUBLE), math.inf
+    for panel in (audit.panel(scene, name) for scene in "abcdef"):
         omega = float(panel.omega)
         for orbit in panel.orbits:
             beta, gamma, v = state = orbit.states.T
-            rate = field(numpy, constants, omega, audit.parameters.friction)(beta, gamma, v)[2]
-            smallest.append(float(normal_force_over_weight(numpy, constants, omega, state, rate).min()))
-    text = f"at least {min(smallest[:2]):.3g} of the weight in scene a, {min(smallest[2:]):.3g} in the others"
-    return text, min(smallest) > 0
+            rate = equations.field(numpy, constants, omega, audit.parameters.friction)(beta, gamma, v)[2]
+            forces = equations.normal_force_over_weight(numpy, constants, omega, state, rate)
+            smallest = min(smallest, float(forces.min()))
+    return f"at least {smallest:.3g} of the weight", smallest > 0
 
 
 def _engines(audit: Audit, name: str, printed: str) -> Answer:
@@ -124,6 +106,9 @@ def _engines(audit: Audit, name: str, printed: str) -> Answer:
     return f"within {float(worst):.1e} rad, rad/s", agreed, note
 
 
+_ON_THE_CYCLE = "the periodic solution attracts both orbits", "limit cycle"
+_INVERTED = "above Omega_crit inverted spinning attracts both orbits", "inverted spinning", "inversion"
+
 #: In the order of the paper.
 GLOBAL_CLAIMS: tuple[Claim, ...] = (
     Claim(
@@ -137,11 +122,9 @@ GLOBAL_CLAIMS: tuple[Claim, ...] = (
         formula=r"|\mu_\text{slow}| < 1,\quad \frac{d\bar{\beta}_\text{max}}{d\Omega} < 0,\quad \frac{dT}{d\Omega} < 0",
         figures=("branch", "scenario"),
         proof=ProofOffer(
-            "Theorem 5b",
-            ("certify branch",),
+            FAMILY,
             "that the cycles of all speeds between Omega_h and Omega_crit are one curve, each asymptotically stable, "
             "along which the amplitudes gamma_bar_0 and beta_max and the period fall strictly as Omega grows",
-            law="linear",
         ),
     ),
     Claim(
@@ -159,44 +142,31 @@ GLOBAL_CLAIMS: tuple[Claim, ...] = (
         "fig:sub_hom",
         "below Omega_h solutions are repelled by inverted spinning",
         "repelled",
-        _repelled,
-        note=(
-            "orbits go on past noninverted states; what can hold them up below Omega_h, a stable rotating cycle, exists"
-            " from the fold up only; the model ends where the disk lies flat"
-        ),
-        methods=("trajectories", "shooting"),
+        partial(_scene, "a"),
+        note="orbits go on past noninverted states; the model ends where the disk lies flat",
+        methods=("trajectories",),
         formula=r"\Omega = \Omega_\text{h} - 0.1",
         figures=("scenes_3d", "scenes_2d"),
-        cost=6,
     ),
     *(
         Claim(
             f"scene_{name}",
             f"fig:{label}",
-            "the periodic solution attracts both orbits",
-            "limit cycle",
+            statement,
+            ending,
             partial(_scene, name),
-            note="amplitude of gamma at beta = pi/2",
+            note="where each orbit ends; of a cycle, gamma's amplitude at beta = pi/2",
             methods=("trajectories",),
             formula=formula,
-            figures=("scenes_3d", "scenes_2d"),
+            figures=(*figures, "scenes_3d", "scenes_2d"),
         )
-        for name, label, formula in (
-            ("b", "hom", r"\Omega = \Omega_\text{h} + 0.01"),
-            ("c", "sup_hom", r"\Omega = \Omega_\text{h} + 0.1"),
-            ("d", "sup_hom_sub_crit", r"\Omega = \Omega_\text{crit} - 0.5"),
-            ("e", "sub_crit", r"\Omega = \Omega_\text{crit} - 0.2"),
+        for name, label, (statement, ending, *figures), formula in (
+            ("b", "hom", _ON_THE_CYCLE, r"\Omega = \Omega_\text{h} + 0.01"),
+            ("c", "sup_hom", _ON_THE_CYCLE, r"\Omega = \Omega_\text{h} + 0.1"),
+            ("d", "sup_hom_sub_crit", _ON_THE_CYCLE, r"\Omega = \Omega_\text{crit} - 0.5"),
+            ("e", "sub_crit", _ON_THE_CYCLE, r"\Omega = \Omega_\text{crit} - 0.2"),
+            ("f", "sup_crit", _INVERTED, r"\Omega = \Omega_\text{crit} + 0.5"),
         )
-    ),
-    Claim(
-        "scene_f",
-        "fig:sup_crit",
-        "above Omega_crit inverted spinning attracts both orbits",
-        "inverted spinning",
-        partial(_scene, "f"),
-        methods=("trajectories",),
-        formula=r"\Omega = \Omega_\text{crit} + 0.5",
-        figures=("inversion", "scenes_3d", "scenes_2d"),
     ),
     Claim(
         "permanent_contact",
@@ -204,10 +174,9 @@ GLOBAL_CLAIMS: tuple[Claim, ...] = (
         "the disk stays in contact with the support",
         "permanent contact",
         _contact,
-        note="smallest normal force over weight along the orbits of scenes a; b to f",
+        note="the smallest normal force along the six scenes' orbits",
         methods=("trajectories",),
         formula=r"\frac{\lambda_N}{m g} > 0",
-        cost=3,
     ),
     Claim(
         "engines_agree",
@@ -218,6 +187,5 @@ GLOBAL_CLAIMS: tuple[Claim, ...] = (
         methods=("taylor", "scipy-DOP853"),
         own_check=True,
         figures=("race",),
-        cost=2,
     ),
 )

@@ -3,25 +3,60 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from fractions import Fraction
 from functools import partial
 
-from tippedisk_verify.audit.claims import Answer, Audit, Claim, Fault, ProofOffer, number, rounds_to
-from tippedisk_verify.audit.table_rounding import CLOSED_FORMS, closed_form, inside_table, noted
+from tippedisk_verify.audit.claims import Audit, Claim, Fault, ProofOffer, Theorem, number, rounds_to, word
 from tippedisk_verify.model.equations import jacobian, terms
-from tippedisk_verify.model.parameters import Constants
+from tippedisk_verify.model.exact import quotient
+from tippedisk_verify.model.measured import Measured
+from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, bits
-from tippedisk_verify.theory.equilibria import EquilibriumName, equilibrium, is_stable, linearization, location
-from tippedisk_verify.theory.hopf import omega_crit, omega_crit_squared
+from tippedisk_verify.theory.equilibria import EquilibriumName, equilibrium, is_stable, linearization
+from tippedisk_verify.theory.harmonic_balance import chi
+from tippedisk_verify.theory.hopf import omega_crit, period_crit
 
-__all__ = ["LINEAR_CLAIMS"]
+__all__ = ["EVERY_SPEED", "LINEAR_CLAIMS", "NORMAL_FORM", "closed_form", "table_box"]
+
+EVERY_SPEED = Theorem("Theorem 1", ("certify equilibria --every-speed",), every_disk=True)
+NORMAL_FORM = Theorem("Theorem 3", ("certify hopf",), "linear")
+
+#: Table tab:dim_mass in SI units, with half a unit of its last digits; g is not printed, mu and epsilon are choices.
+_TABLE = {
+    "r": ("0.045", "0.5e-3"),
+    "e": ("2.5e-3", "0.05e-3"),
+    "m": ("0.435", "0.5e-3"),
+    "A": ("0.249e-3", "0.5e-6"),
+    "B": ("0.227e-3", "0.5e-6"),
+    "g": ("9.81", "0.01"),
+}
+
+#: The numbers that the paper prints of closed forms, by claim, to so many digits.
+_CLOSED_FORMS: dict[str, Callable[[Parameters, int], Measured]] = {
+    "omega_crit": omega_crit,
+    "period_crit": period_crit,
+    "lambda_3": lambda parameters, digits: Measured(linearization(parameters, Fraction(1)).A33, Fraction(0)),
+    "chi": lambda parameters, digits: Measured(chi(parameters.rational(), "printed"), Fraction(0)),
+}
+
+
+def closed_form(name: str) -> Callable[[Audit, str], Measured]:
+    """The number that a claim prints, of a set."""
+    return lambda audit, set_name: _CLOSED_FORMS[name](audit.sets[set_name], max(audit.digits, 12))
+
+
+def table_box() -> dict[str, tuple[Fraction, Fraction]]:
+    """The interval of r, e, m, A, B and g [SI units] of the disks that round to the table."""
+    numbers = {name: (Fraction(text), Fraction(half)) for name, (text, half) in _TABLE.items()}
+    return {name: (value - half, value + half) for name, (value, half) in numbers.items()}
 
 
 def _joint(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
     """Whether the set lies inside Table 1's rounding and reproduces all printed closed-form numbers at once."""
-    pairs = zip(printed.split(", "), CLOSED_FORMS, strict=True)
+    pairs = zip(printed.split(", "), _CLOSED_FORMS, strict=True)
     missed = [text for text, claim in pairs if not rounds_to(closed_form(claim)(audit, name), text)]
-    inside = inside_table(audit.sets[name])
+    inside = all(low <= getattr(audit.sets[name], part) <= high for part, (low, high) in table_box().items())
     where = "inside" if inside else "outside"
     return f"{where} the rounding, misses {', '.join(missed) or 'none'}", inside and not missed
 
@@ -29,20 +64,18 @@ def _joint(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
 _EIGHT_SPEEDS = "exact Routh-Hurwitz in rational arithmetic at eight speeds on each side, the nearest 0.4 % away"
 
 
-def _stability(which: EquilibriumName, sides: tuple[int, ...], audit: Audit, name: str, printed: str) -> Answer:
+def _stability(which: EquilibriumName, sides: tuple[int, ...], audit: Audit, name: str) -> str:
     """Stability at eight speeds on each of the given sides of Omega_crit (-1 below, 1 above), exactly."""
     # A rational within 1e-30 of Omega_crit; the shifts are far larger, so the side is certain.
     crit = omega_crit(audit.sets[name], 30).value
     speeds = [crit * (1 + side * Fraction(1, 2**power)) for side in sides for power in range(1, 9)]
     answers = {is_stable(linearization(audit.sets[name], speed, which)) for speed in speeds}
-    said = " and ".join("stable" if answer else "unstable" for answer in sorted(answers))
-    return said, said == printed
+    return " and ".join("stable" if answer else "unstable" for answer in sorted(answers))
 
 
-def _friction_free(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
+def _friction_free(audit: Audit, name: str) -> str:
     """With friction changed by large factors, the linearisation loses stability at the same speed."""
     parameters = audit.sets[name]
-    square = omega_crit_squared(parameters)
     speed = omega_crit(parameters, 40).value
     nearby = Fraction(1, 10**30)
     others = [
@@ -50,27 +83,23 @@ def _friction_free(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
         for factor, other in ((Fraction(1, 1000), 1), (10, 1), (1, Fraction(1, 1000)), (3, 7))
     ]
     free = all(
-        omega_crit_squared(changed) == square
-        and is_stable(linearization(changed, speed + nearby))
-        and not is_stable(linearization(changed, speed - nearby))
+        is_stable(linearization(changed, speed + nearby)) and not is_stable(linearization(changed, speed - nearby))
         for changed in others
     )
-    said = "independent" if free else "dependent"
-    return said, said == printed
+    return "independent" if free else "dependent"
 
 
-def _square_of_sine(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
+def _square_of_sine(audit: Audit, name: str) -> str:
     """Which reading of the printed square makes gamma_y the contact point's velocity."""
     c, omega, beta, gamma, v = audit.sets[name].at(DOUBLE), 30.4, 1.2, 0.3, 0.7
     rest = (c.r + c.e * math.sin(gamma)) * v * math.sin(beta)
     velocity = terms(math, c, omega, beta, gamma, v).sliding_velocity
     square = (rest - velocity) / (c.e * omega * math.cos(gamma))
     readings = {"(sin beta)^2": math.sin(beta) ** 2, "sin beta^2": math.sin(beta**2)}  # a tenth apart
-    said = next((text for text, value in readings.items() if math.isclose(value, square)), "neither")
-    return said, said == printed
+    return next((text for text, value in readings.items() if math.isclose(value, square)), "neither")
 
 
-def _critical_pair(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
+def _critical_pair(audit: Audit, name: str) -> str:
     """The kind of the two eigenvalues that change the sign of their real part at Omega_crit."""
     crit = omega_crit(audit.sets[name], 30).value
     below, above = (
@@ -79,23 +108,17 @@ def _critical_pair(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
     )
     crossing = [old for old, new in zip(below, above, strict=True) if old.re.value > 0 > new.re.value]
     conjugate = len(crossing) == 2 and crossing[0].im.value == -crossing[1].im.value != 0
-    said = "complex conjugate" if conjugate else f"{len(crossing)} real"
-    return said, said == printed
+    return "complex conjugate" if conjugate else f"{len(crossing)} real"
 
 
 def _jacobian_entries(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
     """A31, A32, A33 against the derivative of the full equations, in 200 bits."""
-    precision = bits(200)
-    parameters = audit.sets[name]
-    constants = Constants(*(precision.mpf(value) for value in parameters.at(precision)))
-    state = [precision.mpf(precision.number(part)) for part in location("inverted")]
-    speed = Fraction("30.4")
-    row = jacobian(precision.context, constants, precision.mpf(precision.number(speed)), "linear")(*state)[2]
+    ctx, parameters, speed = bits(200).context, audit.sets[name], Fraction("30.4")
+    state = ctx.pi / 2, ctx.pi / 2, ctx.mpf(0)
+    row = jacobian(ctx, parameters.within(ctx), quotient(ctx, speed), "linear")(*state)[2]
     entries = linearization(parameters, speed)[1:]
     # pi/2 carries an error of 2^-200, second derivatives are below 1e6 times the entries.
-    close = all(
-        abs(a - precision.mpf(precision.number(b))) <= abs(a) * 2.0**-150 for a, b in zip(row, entries, strict=True)
-    )
+    close = all(abs(a - quotient(ctx, b)) <= abs(a) * 2.0**-150 for a, b in zip(row, entries, strict=True))
     return "equal" if close else "different", close
 
 
@@ -110,10 +133,6 @@ def _stiff_order(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
     return f"order {slope:.4f}", abs(slope - 1) < 0.01
 
 
-def _theorem_1(proves: str, rest: str = "") -> ProofOffer:
-    return ProofOffer("Theorem 1", ("certify equilibria --every-speed",), proves, rest, every_disk=True)
-
-
 #: In the order of the paper.
 LINEAR_CLAIMS: tuple[Claim, ...] = (
     Claim(
@@ -125,10 +144,7 @@ LINEAR_CLAIMS: tuple[Claim, ...] = (
         note="yes: calibrated does, with Omega_h = 30.07 as well (claim omega_h)",
         formula=r"r,\; e,\; m,\; A,\; B \;\mapsto\; \Omega_\text{crit},\; T_\text{crit},\; A_{33},\; \chi",
         proof=ProofOffer(
-            "Theorem 3",
-            ("certify hopf",),
-            "enclosures of the four numbers; whether the disk rounds to Table 1 is seen from its decimals",
-            law="linear",
+            NORMAL_FORM, "enclosures of the four numbers; whether the disk rounds to Table 1 is seen from its decimals"
         ),
     ),
     Claim(
@@ -136,7 +152,7 @@ LINEAR_CLAIMS: tuple[Claim, ...] = (
         "eq:gamma_y_3DOF",
         "gamma_y = (r + e sin gamma) v sin beta - e Omega sin beta^2 cos gamma",
         "sin beta^2",
-        _square_of_sine,
+        word(_square_of_sine),
         methods=("reading", "closed form"),
         fault=Fault(
             "slip",
@@ -164,18 +180,18 @@ LINEAR_CLAIMS: tuple[Claim, ...] = (
         "Omega_crit = sqrt((r+e)^2/r * m g/Bbar) = 30.92 rad/s",
         "30.92",
         number(closed_form("omega_crit")),
-        note=noted("omega_crit", "Table 1 as rounded gives less", "a set inside its rounding gives it"),
+        note="Table 1 as rounded gives less; a set inside its rounding gives it",
         methods=("closed form",),
         unit="rad/s",
         formula=r"\Omega_\text{crit} = \sqrt{\frac{(r+e)^2}{r}\,\frac{m g}{\bar{B}}}",
-        proof=_theorem_1("the formula, and an enclosure of the number"),
+        proof=ProofOffer(EVERY_SPEED, "the formula, and an enclosure of the number"),
     ),
     Claim(
         "omega_crit_friction",
         "below eq:approx_omega_crit",
         "the critical speed does not depend on the friction parameters mu and epsilon",
         "independent",
-        _friction_free,
+        word(_friction_free),
         note=(
             "with mu and epsilon changed a thousandfold, stability changes within 1e-30 rad/s of the same speed (exact)"
         ),
@@ -183,7 +199,7 @@ LINEAR_CLAIMS: tuple[Claim, ...] = (
             r"\frac{\partial\Omega_\text{crit}}{\partial\mu}"
             r" = \frac{\partial\Omega_\text{crit}}{\partial\varepsilon} = 0"
         ),
-        proof=_theorem_1("that the formula is right whatever mu and epsilon are"),
+        proof=ProofOffer(EVERY_SPEED, "that the formula is right whatever mu and epsilon are"),
     ),
     Claim(
         "lambda_3",
@@ -191,12 +207,13 @@ LINEAR_CLAIMS: tuple[Claim, ...] = (
         "lambda_3 is about A_33 = -129.04 1/s",
         "-129.04",
         number(closed_form("lambda_3")),
-        note=noted("lambda_3", "the number is A_33, the leading term; the eigenvalue itself depends on Omega"),
+        note="the number is A_33, the leading term; the eigenvalue itself depends on Omega",
         methods=("closed form",),
         unit="1/s",
         formula=r"\lambda_3 \approx -\frac{\mu m g}{\varepsilon\bar{B}}(r+e)^2",
         figures=("eigenvalues",),
-        proof=_theorem_1(
+        proof=ProofOffer(
+            EVERY_SPEED,
             "an enclosure of A_33, which is lambda_3 at Omega_crit",
             "how near lambda_3 is to A_33 at other speeds",
         ),
@@ -216,11 +233,12 @@ LINEAR_CLAIMS: tuple[Claim, ...] = (
         "below eq:closed_la3",
         "a pair of convex conjugate eigenvalues crosses the imaginary axis",
         "convex conjugate",
-        _critical_pair,
+        word(_critical_pair),
         methods=("reading", "eigenvalues at 20 digits"),
         fault=Fault("slip", "'convex' stands for 'complex'", "the pair is complex conjugate"),
         formula=r"\lambda_{1,2} = \pm i\,\omega \quad\text{at}\quad \Omega = \Omega_\text{crit}",
-        proof=_theorem_1(
+        proof=ProofOffer(
+            EVERY_SPEED,
             "that a pair of complex conjugate eigenvalues crosses the imaginary axis, with nonzero speed",
             "that 'convex' is a slip of the pen (read)",
         ),
@@ -230,29 +248,29 @@ LINEAR_CLAIMS: tuple[Claim, ...] = (
         "sec:linear_stab3DOF",
         "inverted spinning is stable above Omega_crit",
         "stable",
-        partial(_stability, "inverted", (1,)),
+        word(partial(_stability, "inverted", (1,))),
         note=_EIGHT_SPEEDS,
         formula=r"\Re\lambda_i < 0 \quad\text{for}\quad \Omega > \Omega_\text{crit}",
-        proof=_theorem_1("asymptotic stability at every speed above Omega_crit"),
+        proof=ProofOffer(EVERY_SPEED, "asymptotic stability at every speed above Omega_crit"),
     ),
     Claim(
         "inverted_unstable_below",
         "sec:linear_stab3DOF",
         "inverted spinning is unstable below Omega_crit",
         "unstable",
-        partial(_stability, "inverted", (-1,)),
+        word(partial(_stability, "inverted", (-1,))),
         note=_EIGHT_SPEEDS,
         formula=r"\Re\lambda_{1,2} > 0 \quad\text{for}\quad \Omega < \Omega_\text{crit}",
-        proof=_theorem_1("instability at every speed below Omega_crit"),
+        proof=ProofOffer(EVERY_SPEED, "instability at every speed below Omega_crit"),
     ),
     Claim(
         "noninverted_unstable",
         "sec:linear_stab3DOF",
         "noninverted spinning is always unstable",
         "unstable",
-        partial(_stability, "noninverted", (-1, 1)),
+        word(partial(_stability, "noninverted", (-1, 1))),
         note=_EIGHT_SPEEDS,
         formula=r"\max_i \Re\lambda_i > 0 \quad\text{at}\quad (\pi/2,\,-\pi/2,\,0)",
-        proof=_theorem_1("instability at every speed"),
+        proof=ProofOffer(EVERY_SPEED, "instability at every speed"),
     ),
 )

@@ -13,9 +13,10 @@ from typing import Any
 
 from tippedisk_verify.bench.methods import METHODS, Method, Outcome, Prepared
 from tippedisk_verify.bench.problems import PROBLEMS, STOPS, Problem, Truth, truth_of
+from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.results import Printable
 from tippedisk_verify.parallel import usable_cores
-from tippedisk_verify.provenance import processor
+from tippedisk_verify.provenance import processor, versions
 
 __all__ = ["Score", "machine", "raced", "ratios"]
 
@@ -150,15 +151,9 @@ def _errors(outcome: Outcome, stopped: dict[int, Any], truth: Truth) -> tuple[fl
 
     def away(states: Iterable[Any], right: Iterable[Any]) -> float:
         pairs = (pair for row, true in zip(states, right, strict=True) for pair in zip(row, true, strict=True))
-        return max(abs(_distance(a, b)) for a, b in pairs)
+        return max(abs(float(fraction(value) - true.value)) for value, true in pairs)
 
     return away(stopped.values(), [truth.samples[stop] for stop in stopped]), away(outcome.samples, truth.samples)
-
-
-def _distance(value: Any, truth: Any) -> float:
-    from tippedisk_verify.model.exact import fraction
-
-    return float(fraction(value) - truth.value)
 
 
 def ratios(scores: Sequence[Score]) -> list[dict[str, Any]]:
@@ -194,21 +189,13 @@ def _row(best: dict[str, Score]) -> dict[str, Any]:
 
 def machine() -> dict[str, Any]:
     """What the figures were measured on."""
-    import numpy
-    import scipy
-
-    from tippedisk_verify import __version__
     from tippedisk_verify.model.precision import heyoka_module
 
-    hy = heyoka_module()
     return {
         "processor": processor(),
         "cores": os.cpu_count(),
         "usable_cores": usable_cores(),
-        "simd_lanes": int(hy.recommended_simd_size()),
+        "simd_lanes": int(heyoka_module().recommended_simd_size()),
         "python": platform.python_version(),
-        "heyoka": hy.__version__,
-        "numpy": numpy.__version__,
-        "scipy": scipy.__version__,
-        "tippedisk_verify": __version__,
+        **versions(("tippedisk-verify", "heyoka", "numpy", "scipy")),
     }

@@ -1,4 +1,4 @@
-"""An exhibit of the report: a figure with its tables, what it shows, and one line that reads it."""
+"""An exhibit of the report: a figure with its data, what it shows, and one line that reads it."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from tippedisk_verify.audit.claims import Audit
 from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.files import csv_text
 
-__all__ = ["CSV", "Drawing", "Exhibit", "by_curve", "drawn", "table"]
+__all__ = ["CSV", "Drawing", "Exhibit", "by_curve", "drawn"]
 
 CSV = tuple[Sequence[str], Sequence[Sequence[object]]]  #: header, with the unit of each number in brackets, and rows
 _MEDIA = {"svg": "image/svg+xml", "webp": "image/webp"}
@@ -26,7 +26,6 @@ class Drawing:
     columns: int  #: where there is room
     reading: str  #: what to see, in one line
     data: Mapping[str, CSV]  #: by file: all that is drawn
-    tables: tuple[dict[str, Any], ...] = ()
     facts: dict[str, Any] = field(default_factory=dict)  #: more for results.json
     embedded: str = "svg"  #: the form that the page holds: svg, or webp where an svg would be megabytes
 
@@ -40,7 +39,6 @@ class Exhibit:
     title: str
     alternative: str  #: what the picture shows, for those who cannot see it
     labels: str = ""  #: of the paper's figures that it redraws; empty for a study of our own
-    laws: tuple[str, ...] = ("linear", "smooth")  #: friction laws that it is for
     alone: bool = False  #: measures run times, so nothing else should run beside it
     packages: tuple[str, ...] = ()  #: that it uses beside those of all figures, if they are installed
     cost: float = 0.0  #: what drawing it takes alone on one core [s], where that is three or more
@@ -54,18 +52,6 @@ class Exhibit:
 def by_curve(header: Sequence[str], curves: Mapping[str, Sequence[Sequence[object]]]) -> CSV:
     """Several curves in one file: the first column names the curve."""
     return ("curve", *header), [(name, *row) for name, rows in curves.items() for row in rows]
-
-
-def table(caption: str, columns: Sequence[str], rows: Sequence[Sequence[Any]]) -> dict[str, Any]:
-    """Rows that the report prints, with all digits and as they are shown: floats with three, None as an empty cell."""
-
-    def cell(value: Any) -> str:
-        if value is None:
-            return ""
-        return f"{value:.3g}" if isinstance(value, float) else str(value)
-
-    shown = [list(map(cell, row)) for row in rows]
-    return {"caption": caption, "columns": list(columns), "rows": list(map(list, rows)), "shown": shown}
 
 
 def drawn(exhibit: Exhibit, audit: Audit, examined: Sequence[str]) -> dict[str, Any]:
@@ -97,6 +83,6 @@ def drawn(exhibit: Exhibit, audit: Audit, examined: Sequence[str]) -> dict[str, 
         }
         pyplot().close(figure)
     files |= {name: csv_text(header, rows).encode() for name, (header, rows) in drawing.data.items()}
-    entry |= {"reading": drawing.reading, "files": list(files), "tables": list(drawing.tables)}
+    entry |= {"reading": drawing.reading, "files": list(files)}
     texts = {name: b64encode(content).decode() for name, content in files.items()}
     return {"entry": entry, "facts": drawing.facts, "files": texts, "embedded": embedded}

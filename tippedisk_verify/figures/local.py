@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import partial
-from itertools import pairwise
 from typing import Any
 
 from tippedisk_verify.audit.claims import Audit
@@ -16,25 +15,15 @@ from tippedisk_verify.theory.hopf import omega_crit
 
 __all__ = ["draw_eigenvalues", "eigenvalue_rows", "eigenvalues"]
 
-_HALVINGS = 24
+_STEPS = 200  # up to Omega_crit; next to where the pair meets its parts change like a square root
 
 
 def eigenvalue_rows(parameters: Parameters) -> list[tuple[float, ...]]:
-    """Omega, then Re and Im of each eigenvalue of inverted spinning, up to twice Omega_crit.
-
-    The pair meets at a square-root point, whose corner 80 even speeds would cut: the step that holds it is halved again
-    and again.
-    """
-
-    def row(omega: float) -> tuple[float, ...]:
+    """Omega, then Re and Im of each eigenvalue of inverted spinning, up to twice Omega_crit."""
+    rows, crit = [], float(omega_crit(parameters))
+    for omega in (crit * step / _STEPS for step in range(1, 2 * _STEPS + 1)):
         eigenvalues = equilibrium(parameters, omega, "inverted", 12).eigenvalues
-        return (omega, *(float(part) for value in eigenvalues for part in (value.re, value.im)))
-
-    crit = float(omega_crit(parameters))
-    rows = [row(crit * step / 40) for step in range(1, 81)]
-    for _ in range(_HALVINGS):
-        middles = [(low[0] + high[0]) / 2 for low, high in pairwise(rows) if (low[2] == 0) != (high[2] == 0)]
-        rows = sorted([*rows, *map(row, middles)])
+        rows.append((omega, *(float(part) for value in eigenvalues for part in (value.re, value.im))))
     return rows
 
 

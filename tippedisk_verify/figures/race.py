@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
@@ -16,7 +15,7 @@ from tippedisk_verify.bench.peers import peer_methods
 from tippedisk_verify.bench.problems import problem_named
 from tippedisk_verify.bench.race import Score, machine, raced, ratios
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.figures.exhibit import CSV, Drawing, Exhibit, table
+from tippedisk_verify.figures.exhibit import CSV, Drawing, Exhibit
 from tippedisk_verify.figures.style import BLACK, BLUE, GREEN, ORANGE, PURPLE, RED, grid
 
 __all__ = ["draw_bench", "race", "race_csv"]
@@ -104,18 +103,8 @@ def race(audit: Audit, examined: Sequence[str]) -> Drawing:
     return Drawing(
         figure=lambda columns: draw_bench(scores, columns),
         columns=2,
-        reading=f"{_compared(scores)} {_load()}",
+        reading=_compared(scores),
         data={"race.csv": race_csv(scores)},
-        tables=(
-            table(
-                "Median of the warm runs, and the largest true error at the ends of runs of three lengths, of each "
-                "method at each setting: its tolerance, or its arithmetic. SciPy's right-hand side is plain Python in "
-                "its fastest form; numbalsoda's is machine code. "
-                + " ".join(f"The problem {name}: {problem_named(name).says}." for name in _PROBLEMS),
-                ("problem", "method", "setting", "run time [ms]", "error [rad or rad/s]", "status"),
-                [(s.problem, s.method, s.setting, s.seconds and s.seconds * 1e3, s.error, s.status) for s in scores],
-            ),
-        ),
         facts={"raced_on": machine()},
     )
 
@@ -143,10 +132,3 @@ def _compared(scores: Sequence[Score]) -> str:
         " No compiled peer is installed here; the extra `peers` brings numbalsoda."
     )  # fmt: skip
     return f"To an error of 1e-6, as a multiple of the Taylor engine's time, {'; '.join(said)}.{missing}"
-
-
-def _load() -> str:
-    """How busy the machine was, where the system tells: what shares a core with others takes longer."""
-    if not hasattr(os, "getloadavg"):
-        return ""
-    return f"The machine's load was {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores."

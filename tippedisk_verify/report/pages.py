@@ -80,10 +80,11 @@ def _reason(fault: dict[str, Any]) -> str:
 
 
 def _pieces(value: Any, printed: str, longest: int) -> list[tuple[str, str]]:
-    """A number's text in pieces by agreement, cut where it would not fit; a sentence in one piece."""
-    if isinstance(value, dict):
-        return shortened(value["value"], value["uncertainty"], printed, longest)
-    return [("text", value or "")]
+    """A number's text in pieces, what agrees with the printed one first; a sentence in one piece."""
+    if not isinstance(value, dict):
+        return [("text", value or "")]
+    pieces = zip(("agreed", "rest"), shortened(value["value"], printed, longest), strict=True)
+    return [(kind, text) for kind, text in pieces if text]
 
 
 def _alike(values: dict[str, Any]) -> bool:

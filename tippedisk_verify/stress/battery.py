@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.stress import cycle_cases, formulation_cases, motion_cases
+from tippedisk_verify.stress import cycle_cases, motion_cases
 from tippedisk_verify.stress.case import Case, Outcome
 
 __all__ = ["CASES", "cases_named", "outcome_of"]
 
-CASES: tuple[Case, ...] = (*motion_cases.CASES, *cycle_cases.CASES, *formulation_cases.CASES)
+CASES: tuple[Case, ...] = (*motion_cases.CASES, *cycle_cases.CASES)
 _BY_NAME = {case.name: case for case in CASES}
 
 

@@ -18,7 +18,7 @@ from tippedisk_verify.flow import default_engine
 from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.parameters import PRINTED, Parameters
 from tippedisk_verify.stress.case import Case, Found, cycle_digits, refused
-from tippedisk_verify.theory.hopf import hopf_point, omega_crit
+from tippedisk_verify.theory.hopf import omega_crit
 
 __all__ = ["CASES"]
 
@@ -110,17 +110,6 @@ def _subcritical_connection() -> Found:
     return Found(answer.outcome, answer.digits, answer.honest, f"Omega_h = {mine.omega_h}")
 
 
-def _extremes(**changes: object) -> Callable[[], Found]:
-    """Eigenvalues, Omega_crit and the normal form of an extreme disk, 12 digits against 40."""
-
-    def run() -> Found:
-        parameters = PRINTED.changed(**changes)
-        mine, sharp = (hopf_point(parameters, digits) for digits in (12, 40))
-        return cycle_digits(mine, sharp, ("omega_crit", "period", "first_lyapunov_coefficient"))
-
-    return run
-
-
 def _cases() -> list[Any]:
     said = ("digits", "NoSuchCycleError", "AccuracyError")
     return [
@@ -141,9 +130,6 @@ def _cases() -> list[Any]:
              11),
         Case("above Omega_crit", "no cycle of the printed disk", _no_cycle_above, 0, ("NoSuchCycleError",)),
         Case("connection of a subcritical disk", "there is one all the same", _subcritical_connection, 11, quick=False),
-        Case("Hopf point, epsilon 1e-6", "eigenvalues from 1e7 to 1", _extremes(epsilon="1e-6"), 11),
-        Case("Hopf point, mu 1e-6", "nearly no friction: three small eigenvalues", _extremes(mu="1e-6"), 11),
-        Case("Hopf point, e 1e-9 m", "nearly no eccentricity", _extremes(e="1e-9"), 11),
     ]  # fmt: skip
 
 
