@@ -60,6 +60,10 @@ def _cut(decimals: int, values: Any) -> Any:
     return np.trunc(values * 10.0**decimals) / 10.0**decimals
 
 
+def _up(decimals: int, values: Any) -> Any:
+    return np.ceil(values * 10.0**decimals) / 10.0**decimals
+
+
 def _slow(values: Values) -> Values:
     """v on the slow manifold's order 0."""
     r, e, gamma = values["r"], values["e"], values["gamma"]
@@ -137,6 +141,10 @@ INPUTS: tuple[Input, ...] = (
         for name in _STATE
         for n, rank in ((0, 0), (1, 2), (2, 2), (3, 2), (4, 2), (5, 2), (6, 2))
     ),
+    *(
+        Input(f"Omega-{n}-up", f"Omega rounded up to {n} decimals", _all(("Omega",), partial(_up, n)), 2)
+        for n in range(8)
+    ),
     Input("v-slow", "v of the slow manifold, h_0 = e Omega sin(beta) cos(gamma) / rho", _slow),
     Input("omega-crit", "Omega_crit in place of Omega", _critical),
     Input("omega-30.92", "Omega = 30.92 throughout", _all(("Omega",), lambda x: 30.92 + 0 * x), 1),
@@ -152,7 +160,7 @@ def changed(table: Table, change: Callable[[Values], Values]) -> Table:
     values: Values = {**dict(zip(SYMBOLS, table.p, strict=True)), **table.given}
     try:
         values |= change(values)
-    except (KeyError, IndexError):
+    except Exception:  # a change that these inputs do not bear
         return table
     return table.with_inputs([values[name] for name in SYMBOLS], {name: values[name] for name in table.given})
 

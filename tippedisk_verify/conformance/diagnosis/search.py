@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import ast
 import math
+import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
@@ -40,8 +41,7 @@ _STIRRED = (1e-3, 0.3)  # relative changes of a statement's values
 _MOVED = 3.0  # times what is allowed
 _MOSTLY = 0.3  # of the largest share of wrong answers that a quantity has
 _SOLVED = 1.0  # digits beyond what is asked that a number which was solved for must have
-_LARGEST = 1e6  # times, that a parameter may be off
-_TURNS, _CALLS = 100, 8  # of a loop and of functions, which take as long as the shortest formula
+_TURNS = 25  # of a loop, which take as long as the shortest formula
 _SHARE = 0.4  # of the work, that one way of writing the program may take
 _FEW = 4  # entries with wrong answers, and as many without, that each change is tried on first
 
@@ -138,8 +138,7 @@ class Search:
 
     def run(self, program: Program, sheet: Sheet) -> Array:
         for table in sheet.tables:
-            turns, calls = program.right.effort(table)
-            self.work += 1 + turns / _TURNS + calls / _CALLS
+            self.work += 1 + program.right.effort(table) / _TURNS
         return program.answers(sheet)
 
     def suspects(self, right: Specimen) -> list[Suspect]:
@@ -240,17 +239,16 @@ class Search:
 
     def number(self, answers: Callable[[float, Sheet], Array]) -> float | None:
         """The number with which all answers are given, better than asked; from a wrong one by the secant method."""
+        from scipy.optimize import newton
+
         tiny = self.tiny
-        with np.errstate(all="ignore"):
-            before, after = answers(1.0, tiny), answers(1.001, tiny)
-            cell = int(np.argmax(np.nan_to_num(np.abs(after - before) / tiny.allowed * tiny.wrong)))
-            x, last, y, y_last = 1.001, 1.0, after[cell], before[cell]
-            for _ in range(25):
-                if not np.isfinite(y) or y == y_last or x == last or abs(x) > _LARGEST:
-                    break
-                x, last, y_last = x + (tiny.answer[cell] - y) * (x - last) / (y - y_last), x, y
-                y = answers(x, tiny)[cell]
-        return x if all(sheet.fits(answers(x, sheet), _SOLVED) for sheet in (tiny, self.few, self.sheet)) else None
+        with np.errstate(all="ignore"), warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            slope = answers(1.001, tiny) - answers(1.0, tiny)
+            cell = int(np.argmax(np.nan_to_num(np.abs(slope) / tiny.allowed * tiny.wrong)))
+            off = lambda x: answers(x, tiny)[cell] - tiny.answer[cell]  # noqa: E731
+            x = float(newton(off, 1.0, x1=1.001, tol=1e-300, rtol=1e-15, maxiter=25, disp=False))
+            return x if all(sheet.fits(answers(x, sheet), _SOLVED) for sheet in (tiny, self.few, self.sheet)) else None
 
     def suspects_of(self, right: Specimen) -> list[Suspect]:
         """Those of a way; of a way that changes nothing in reach there are none but the specimen's."""

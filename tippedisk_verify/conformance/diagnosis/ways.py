@@ -136,27 +136,27 @@ def _replaced(text: str, *pairs: tuple[str, str]) -> str:
 
 @cache
 def ways() -> tuple[Specimen, ...]:
-    """The specimen as it is, and in other ways."""
+    """The specimen as it is, with other derivatives, and another right program."""
     plain = specimen()
     motion, hopf, law = (plain.text(name) for name in ("equations", "hopf", "one_harmonic_law"))
     terms = _written_out(motion, "inertia", "h_1", "h_2", "h_3", "h_4", "h_5", "normal_force", "force")
-    terms = _replaced(terms, ("rho * v * sin(beta)", "w_y * v"))
-    solver = _replaced(hopf, ("sqrt(e / (r + e)) * Omega", "pair_frequency(p, Omega)")) + _SOLVER
-    parts = _replaced(law, *_PARTS)
+    other = (
+        _replaced(terms, ("rho * v * sin(beta)", "w_y * v")),
+        _replaced(plain.text("derivatives"), _SLOPE),
+        _GENERAL_STATE,
+        _replaced(hopf, ("sqrt(e / (r + e)) * Omega", "pair_frequency(p, Omega)")),
+        _SOLVER,
+        _POLARISED,
+        _replaced(law, *_PARTS),
+        _ROOTS_OF_MODULI,
+        _written_out(plain.text("manifold_terms"), "w_y"),
+    )
     steps = plain.patched("complex steps", _COMPLEX_STEPS, abs=_analytic)
     return (
         plain,
         steps,
-        plain.patched("terms written out", terms),
-        steps.patched("terms written out, complex steps", terms),
-        plain.patched("general state", _GENERAL_STATE + plain.text("derivatives")),
-        steps.patched("general state, complex steps", _GENERAL_STATE + motion),
-        plain.patched("eigenvectors of a solver", solver),
-        plain.patched("polarised cubic terms", solver + _POLARISED),
-        plain.patched("amplitude law in parts", parts),
-        plain.patched("amplitude law in parts, roots of moduli", parts + _ROOTS_OF_MODULI),
+        plain.patched("another program", "\n".join(other)),
+        steps.patched("another program, complex steps", "\n".join((*other, _COMPLEX_STEPS))),
         plain.patched("period written out", _written_out(hopf, "omega")),
         plain.patched("residual of the equations", _replaced(plain.text("invariance_residual"), _RATE)),
-        plain.patched("drag written out", _written_out(plain.text("manifold_terms"), "w_y")),
-        plain.patched("slope of a quotient", _replaced(plain.text("derivatives"), _SLOPE)),
     )
