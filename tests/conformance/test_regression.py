@@ -34,7 +34,7 @@ def _grade(*arguments: str) -> int:
 
 
 def test_required_levels_decide_the_exit_status(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    right, wrong = _sheet(tmp_path / "a.csv"), _sheet(tmp_path / "b.csv", omega_crit=1.1)
+    right, wrong = _sheet(tmp_path / "a.csv"), _sheet(tmp_path / "b.csv", omega_crit=2)
     assert _grade(right) == _grade(wrong) == 0  # a poor grade is a result
     assert _grade(right, "--require", "1") == _grade(wrong, "--require", "1") == _grade(right, "--require", "3") == 0
     assert _grade(wrong, "--require", "3") == 1
@@ -49,7 +49,7 @@ def test_required_levels_decide_the_exit_status(tmp_path: Path, capsys: pytest.C
 
 
 def test_expected_failures_are_let_pass(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    wrong = _sheet(tmp_path / "b.csv", omega_crit=1.1, M=2)
+    wrong = _sheet(tmp_path / "b.csv", omega_crit=2, M=2)
     known = tmp_path / "known.txt"
     known.write_text(f"# what we know of\n{CRIT}  # see the tracker\n\n{RHS}/M\n")
     assert _grade(wrong, "--expected-failures", str(known)) == 0
@@ -69,7 +69,7 @@ def test_expected_failures_are_let_pass(tmp_path: Path, capsys: pytest.CaptureFi
 
 def test_two_sheets_are_compared(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     old = _sheet(tmp_path / "old.csv", h=1 + 1e-11, f_G=2)
-    new = _sheet(tmp_path / "new.csv", omega_crit=1.1, M=0, w_y=1 + 1e-12)  # 0 leaves an answer out
+    new = _sheet(tmp_path / "new.csv", omega_crit=2, M=0, w_y=1 + 1e-12)  # 0 leaves an answer out
     assert main(["conformance", "compare", old, new, "--json"]) == 1
     told = json.loads(capsys.readouterr().out)
     kinds = {change["id"].rsplit("/", 1)[1]: change["change"] for change in told["changes"]}

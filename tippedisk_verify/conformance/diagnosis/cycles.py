@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import chain
 from typing import Any
 
@@ -18,8 +18,8 @@ import numpy as np
 from tippedisk_verify.conformance.diagnosis.entries import Array, Results, Sheet, Table
 from tippedisk_verify.conformance.diagnosis.inputs import INPUTS
 from tippedisk_verify.conformance.diagnosis.search import Search, all_changes
-from tippedisk_verify.conformance.diagnosis.specimen import Specimen, specimen
-from tippedisk_verify.conformance.diagnosis.trees import Cause
+from tippedisk_verify.conformance.diagnosis.specimen import Specimen, of, specimen
+from tippedisk_verify.conformance.diagnosis.trees import Cause, Suspect, statements, values
 from tippedisk_verify.reference_values.store import stored
 
 __all__ = ["cycle_causes"]
@@ -96,21 +96,16 @@ class Flight:
         return np.asarray(of("fly_to")(of("variational_flow"), *self.inputs, start, lambda s: s[2])[1])
 
     def answers(self) -> dict[str, Array]:
-        """All that is asked of these orbits, as if they closed; the extremes are those after the start's image."""
-        parts, *names = of("SECTIONS")[self.index]
-        start = of("section_state")(self.Omega, self.index, *self.start)[:3]
-        image = np.pi * np.array([[[1], [1], [0]], [[0], [2], [0]]][self.index]) + (2 * self.index - 1) * start
-        found: dict[str, Array] = {"period": parts * self.time, **dict(zip(names, self.start, strict=True))}
-        found |= of("cycle_derivatives")(*self.inputs, self.index, self.end)
-        found |= of("cycle_extremes")(*self.inputs, self.index, image)
+        """All that is asked of these orbits, as if they closed."""
+        found: dict[str, Array] = of("cycle_answers")(*self.inputs, self.index, self.time, *self.start, self.end)
         return found
 
 
 def _flight(table: Table, values: Array) -> Flight:
     """From the states and periods among answers or truths."""
     parts, *names = of("SECTIONS")[_INDEX[table.kind]]
-    start = np.array([column(table, name, values) for name in names])
-    return Flight(table, table.given["Omega"], table.smooth, start, column(table, "period", values) / parts)
+    start = np.array([table.column(name, values) for name in names])
+    return Flight(table, table.given["Omega"], table.smooth, start, table.column("period", values) / parts)
 
 
 def _wrong(sheet: Sheet) -> set[str]:
@@ -153,14 +148,11 @@ def _instants(sheet: Sheet) -> Said:
     if _wrong(sheet) != {"beta_max"} or sheet.level == 10:
         return
     flights = [_flight(table, table.truth) for table in sheet.tables]
-    at = [
-        of("fly_to")(
-            of("flow"), *f.inputs, of("section_state")(f.Omega, 0, *f.start)[:3], lambda s: s[1] - np.pi / 2, -1
-        )
-        for f in flights
-    ]
+    starts = [of("section_state")(f.Omega, 0, *f.start)[:3] for f in flights]
+    fly = partial(of("fly_to"), of("flow"))
+    at = [fly(*f.inputs, s, lambda s: s[1] - np.pi / 2, -1) for f, s in zip(flights, starts, strict=True)]
     yield "beta_max is taken where gamma = pi/2, not where v = 0", [{"beta_max": np.pi / 2 - s[0]} for _, s in at]
-    given = [column(table, "beta_max", table.answer) for table in sheet.tables]
+    given = [table.column("beta_max", table.answer) for table in sheet.tables]
     turns = [f.turning_point()[:3] for f in flights]
     short = [np.pi / 2 - turn[0] - one for turn, one in zip(turns, given, strict=True)]
     # beta is a parabola there, whose second derivative is v'.
@@ -181,17 +173,11 @@ def _orbits(sheet: Sheet) -> Said:
         return
     missed = np.concatenate([f.missed for f in flights], axis=1)
     if np.abs(missed[0]).max() < _CLOSED:
-        off = f"they come back off by up to {np.abs(missed[1:]).max():.1g}"
-        yield (
-            f"{_EARLY}, or a guess was answered: the answered states are no cycles, {off}",
-            [f.answers() for f in flights],
-        )
+        off = f"the answered states are no cycles, they come back off by up to {np.abs(missed[1:]).max():.1g}"
+        yield f"{_EARLY}, or a guess was answered: {off}", [f.answers() for f in flights]
     elif np.abs(missed[1:]).max() < _CLOSED:
-        text = "gamma and v close, but beta = pi/2 is missed by up to"
-        yield (
-            f"the time of return is not located within the step: {text} {np.abs(missed[0]).max():.1g} rad",
-            [f.answers() for f in flights],
-        )
+        off = f"gamma and v close, but beta = pi/2 is missed by up to {np.abs(missed[0]).max():.1g} rad"
+        yield f"the time of return is not located within the step: {off}", [f.answers() for f in flights]
     swapped = [replace(f, smooth=not f.smooth) for f in flights]
     if all(np.abs(f.missed).max() < _CLOSED for f in swapped):
         law = "smooth" if swapped[0].smooth else "linear"
@@ -203,7 +189,7 @@ def _stopped(flights: Sequence[Flight]) -> Said:
     """The states are those after Newton's last step, all else of those before it, which period and beta_max tell."""
     results, steps, sizes = [], [], []
     for flight in flights:
-        deepest, f = column(flight.table, "beta_max", flight.table.answer), flight
+        deepest, f = flight.table.column("beta_max", flight.table.answer), flight
         if flight.index or not np.isfinite(deepest).all():
             return
         for _ in range(5):
@@ -232,7 +218,7 @@ def _speeds(flights: Sequence[Flight]) -> Said:
     found = []
     for flight in flights:
         table, name = flight.table, of("SECTIONS")[flight.index][1]
-        slope, right = (column(table, one, table.truth) for one in (f"d{name}_domega", name))
+        slope, right = (table.column(one, table.truth) for one in (f"d{name}_domega", name))
         f = replace(flight, Omega=flight.Omega + np.clip(np.nan_to_num((flight.start[0] - right) / slope), -0.3, 0.3))
         last = 2.0
         for _ in range(8):
@@ -317,9 +303,12 @@ def _variations(flown: Specimen, search: Search) -> list[Cause]:
     table = search.tiny.tables[0]
     first = Sheet((table.part([int(np.argmin(table.given["time"]))]),))
     step = of("FLIGHT_STEP")
-    for suspect, spot, change, program in all_changes(flown, "variational_flow", (0,)):
+    function: Any = flown.functions["variational_flow"]
+    found = (Suspect("variational_flow", *value, 0) for one in statements(function) for value in values(function, *one))
+    suspects = (one for one in found if one.label.startswith(("delta", "(dv_rate")))
+    for suspect, spot, change, program in all_changes(flown, suspects, (0,)):
         program.space["FLIGHT_STEP"] = 2 * step
-        if suspect.label.startswith(("delta", "(dv_rate")) and first.fits(program.answers(first), -1.0):
+        if first.fits(program.answers(first), -1.0):
             program.space["FLIGHT_STEP"] = step
             if search.fits(program):
                 return [suspect.cause(spot, change, program)]
@@ -344,19 +333,6 @@ _VALUES = ("lambda_u", "lambda_s", "lambda_ss")
 _PLACES = ("Omega_h of the other law", "Omega_crit", "30.07", "30.92", "the fold of the rotating cycles")
 
 
-def of(name: str) -> Any:
-    """A function of the client."""
-    return specimen().space[name]
-
-
-def column(table: Table, name: str, values: Array) -> Array:
-    """Of answers or truths those of a quantity, by entry."""
-    found = np.full(len(table.entries), np.nan)
-    here = np.array(table.names) == name
-    found[table.rows[here]] = values[here]
-    return found
-
-
 def known_speeds(table: Table, name: str) -> Array:
     """Speeds by name, by entry; NaN where they are not known."""
     if name[0] == "3":
@@ -378,7 +354,7 @@ def _eigenvalues(table: Table, Omega: Array, side: int = -1) -> dict[str, Array]
 def connections(sheet: Sheet) -> Said:
     """Omega_h, and the eigenvalues at it or elsewhere."""
     tables = sheet.tables
-    answers = [column(table, "omega_h", table.answer) for table in tables]
+    answers = [table.column("omega_h", table.answer) for table in tables]
     right = [known_speeds(table, "Omega_h") for table in tables]
     values = [_eigenvalues(table, one) for table, one in zip(tables, right, strict=True)]
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from tippedisk_verify.conformance.diagnosis.entries import Array, Sheet, Table
 from tippedisk_verify.conformance.diagnosis.inputs import INPUTS, all_changed
-from tippedisk_verify.conformance.diagnosis.specimen import Program, specimen
+from tippedisk_verify.conformance.diagnosis.specimen import Program, of, specimen
 from tippedisk_verify.conformance.diagnosis.trees import Cause
 from tippedisk_verify.conformance.sheet import placed
 from tippedisk_verify.model.parameters import SYMBOLS
@@ -76,13 +76,12 @@ class Flights:
 
 def _flown(variants: Sequence[Table], rows: Sequence[int], end: float) -> Array:
     """(beta, gamma, v) at a time, by tables of one law and rows."""
-    space = specimen().space
     p = tuple(np.array([one.p[n][rows] for one in variants], dtype=float).ravel() for n in range(len(SYMBOLS)))
     Omega, *start = (np.array([one.given[x][rows] for one in variants], float).ravel() for x in ("Omega", *STATE))
-    state, steps = np.array(start), max(1, math.ceil(end / space["FLIGHT_STEP"]))
+    state, steps = np.array(start), max(1, math.ceil(end / of("FLIGHT_STEP")))
     with np.errstate(all="ignore"):
         for _ in range(steps):
-            state = space["flight_step"](space["flow"], p, Omega, variants[0].smooth, state, end / steps)
+            state = of("flight_step")(of("flow"), p, Omega, variants[0].smooth, state, end / steps)
     return np.asarray(state.reshape(3, len(variants), len(rows)))
 
 

@@ -115,8 +115,9 @@ def lost(sheet: Sheet) -> tuple[str, Array] | None:
     """Derivatives that are differences, whose rounding tells the step; with the answers that this is said of."""
     stems = names_of(sheet)
     mine = sheet.wrong & (np.char.startswith(stems, "d") | np.isin(stems, _SLOPES))
-    # Whole numbers, zero among them, are multiples of too much.
-    if not mine.any() or (sheet.answer == np.round(sheet.answer))[mine].any():
+    answers = sheet.answer[mine]
+    # Whole numbers, zero among them, and those of single precision are multiples of too much.
+    if not mine.any() or (answers == np.round(answers)).any() or (answers == answers.astype("f4")).any():
         return None
     entries = [id_.rsplit("/", 1)[0] for id_ in sheet.ids]
     values = dict(zip(zip(entries, stems, strict=True), sheet.truth, strict=True))
@@ -128,7 +129,7 @@ def lost(sheet: Sheet) -> tuple[str, Array] | None:
     for text, step in sorted(_STEPS.items(), key=lambda one: one[1]):  # what holds for a step holds for its multiples
         ways = {"forward, or twice a central one's": step, "forward": x + step - x, "central": x + step - (x - step)}
         for how, taken in ways.items():  # the step as it is written, or as the rounded arguments have it
-            multiples = np.abs(sheet.answer[mine] / units[mine] * taken)
+            multiples = np.abs(answers / units[mine] * taken)
             multiples = multiples[(multiples > _MULTIPLES[0]) & (multiples < _MULTIPLES[1])]
             whole = np.abs(multiples - np.round(multiples)) < _WHOLE
             if len(whole) >= _ENOUGH and whole.mean() >= _SHARE[False]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import ast
 import math
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import Any
@@ -18,7 +18,7 @@ import numpy as np
 
 from tippedisk_verify.conformance.diagnosis.entries import Array, Sheet, Table
 from tippedisk_verify.conformance.diagnosis.inputs import INPUTS, all_changed
-from tippedisk_verify.conformance.diagnosis.operators import changes, throughout
+from tippedisk_verify.conformance.diagnosis.operators import changes
 from tippedisk_verify.conformance.diagnosis.specimen import HERE, Program, Specimen, specimen
 from tippedisk_verify.conformance.diagnosis.trees import (
     Cause,
@@ -68,27 +68,18 @@ class _Stir:
         return stirred + self.share * (np.abs(array) == 0) if array.ndim else stirred
 
 
-def _candidates(suspect: Suspect, ranks: Sequence[int]) -> Iterator[tuple[Place, Change]]:
-    """What may be changed in a statement, and how."""
-    place = suspect.place
-    names = scope(place.function)
-    for spot in (place, *places(place.function, place.node, place.path)):
-        for change in changes(spot, names, spot is place):
-            if change.rank in ranks:
-                fixed(change.node)
-                yield spot, change
-
-
-def all_changes(right: Specimen, name: str, ranks: Sequence[int]) -> Iterator[tuple[Suspect, Place, Change, Program]]:
-    """All changes of a function, each with a program that makes it until the next one is asked for."""
-    function = right.functions[name]
-    for statement, path in statements(function):
-        for place, label in values(function, statement, path):
-            suspect = Suspect(name, place, label, 0)
-            program = Program(right, {name: place.replaced(HERE)})
-            for spot, change in _candidates(suspect, ranks):
-                program.computes(spot.within(place, change.node))
-                yield suspect, spot, change, program
+def all_changes(
+    right: Specimen, suspects: Iterable[Suspect], ranks: Sequence[int]
+) -> Iterator[tuple[Suspect, Place, Change, Program]]:
+    """All changes of some statements, each with a program that makes it until the next one is asked for."""
+    for suspect in suspects:
+        place = suspect.place
+        program = Program(right, {suspect.function: place.replaced(HERE)})
+        for spot in (place, *places(place.function, place.node, place.path)):
+            for change in changes(spot, scope(place.function), spot is place):
+                if change.rank in ranks:
+                    program.computes(spot.within(place, fixed(change.node)))
+                    yield suspect, spot, change, program
 
 
 @dataclass
@@ -192,27 +183,13 @@ class Search:
             if found or self.work > end:
                 break
             self.limit = min(end, self.work + _SHARE * (end - begin))
-            suspects = self.suspects_of(right)
-            for suspect in suspects:
-                place = suspect.place
-                program = Program(right, {suspect.function: place.replaced(HERE)})
-                for spot, change in _candidates(suspect, ranks):
-                    if self.late():
-                        break
-                    program.computes(spot.within(place, change.node))
-                    if self.fits(program):
-                        whole = Program(right, {suspect.function: spot.replaced(change.node)})
-                        cause = suspect.cause(spot, change, whole)
-                        found.setdefault(cause.says, cause)
-            for name in dict.fromkeys(suspect.function for suspect in suspects) if 1 in ranks else ():
-                function = right.functions.get(name)
-                if function is None:
-                    continue
-                for phrase, tree in throughout(function, scope(function)):
-                    program = Program(right, {name: fixed(tree)})
-                    if not self.late() and self.fits(program):
-                        says = f"in {name}: {phrase}"
-                        found.setdefault(says, Cause(says, 1, "throughout", name, program=program))
+            for suspect, spot, change, program in all_changes(right, self.suspects_of(right), ranks):
+                if self.late():
+                    break
+                if self.fits(program):
+                    whole = Program(right, {suspect.function: spot.replaced(change.node)})
+                    cause = suspect.cause(spot, change, whole)
+                    found.setdefault(cause.says, cause)
         self.limit = end
         return list(found.values())
 
@@ -221,7 +198,7 @@ class Search:
         right = Program(specimen())
         stages = (self.tiny, self.few, self.sheet)
         return [
-            Cause(one.says, one.rank, one.name)
+            Cause(one.says, one.rank, "inputs")
             for one in INPUTS
             if one.rank in ranks and all(sheet.fits(right.answers(all_changed(sheet, one.change))) for sheet in stages)
         ]

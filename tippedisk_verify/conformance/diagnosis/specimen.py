@@ -21,7 +21,7 @@ import numpy as np
 from tippedisk_verify.conformance import client_text
 from tippedisk_verify.conformance.diagnosis.entries import Array, Results, Sheet, Table
 
-__all__ = ["HERE", "Program", "Specimen", "specimen"]
+__all__ = ["HERE", "Program", "Specimen", "of", "specimen"]
 
 _LONGER = 3.0  # times: so many more turns of loops are allowed to a changed program
 HERE = ast.parse("_here(locals())", mode="eval").body  #: stands for an expression that changes
@@ -155,3 +155,8 @@ def specimen() -> Specimen:
             if not names & functions.keys() and node.targets[0].id != "KINDS":
                 constants[node.targets[0].id] = node
     return Specimen("", functions, constants, space)
+
+
+def of(name: str) -> Any:
+    """A function or constant of the client."""
+    return specimen().space[name]

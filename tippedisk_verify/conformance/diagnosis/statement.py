@@ -118,7 +118,7 @@ def diagnosed(grades: Iterable[Grade], store: Store, advance: _Advance = lambda 
         parts = (table for table in tables if table.level == level and table.friction in laws | {"both"})
         sheet = Sheet(tuple(parts)).where(partial(_rows, list(sets)))
         about = partial(Diagnosis, level, tuple(sorted(sets)), tuple(sorted(laws)))
-        digits, causes = lost(sheet), list[Cause]()
+        digits, causes = lost(sheet) if sheet.wrong.any() else None, list[Cause]()
         if digits is not None:
             ids = set(sheet.ids[digits[1]].tolist())
             touched = tuple(grade for grade in mine if grade.id in ids)
@@ -129,7 +129,7 @@ def diagnosed(grades: Iterable[Grade], store: Store, advance: _Advance = lambda 
             continue
         if sheet.wrong.any():
             causes = causes_of(sheet, _proved(tables, level), advance)
-        place, numbers = "" if causes else where(sheet), set(sheet.ids[sheet.wrong].tolist())
+        place, numbers = "" if causes or not sheet.tables else where(sheet), set(sheet.ids[sheet.wrong].tolist())
         diagnoses.append(about(tuple(mine), tuple(causes), sum(grade.id in numbers for grade in mine), place))
     return diagnoses
 
