@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import ast
-import cmath
 import re
 import shutil
 import subprocess
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -62,27 +59,6 @@ def right(store: Store, row: dict[str, str]) -> list[float]:
     entry = row["id"].rsplit("/", 1)[0]
     common = entry.replace(f"/{row['friction']}/", "/both/")
     return [store[f"{common if name == 'gamma_rate' else entry}/{name}"].for_doubles for name in RATES]
-
-
-@pytest.mark.parametrize("law", ["linear", "smooth"])
-def test_the_equations_are_those_of_the_reference_values(law: str) -> None:
-    """Without a compiler: the assignments of `field` mean the same in Python, but for a few functions."""
-    body = re.sub(r" *&\n *", " ", TEXT[TEXT.index("pure function field") : TEXT.index("end function field")])
-    lines = [line.strip() for line in body.splitlines() if re.match(r" +(if \(smooth\) )?\w+ = ", line)]
-    lines = [re.sub(r"\bu\((\d)\)", r"u[\1]", re.sub(r"\bp\((\d)\)", r"p[\1]", line)) for line in lines]
-    lines = [re.sub(r"if \(smooth\) (.*)", r"lambda_ = \1 if smooth else lambda_", line) for line in lines]
-    lines = [re.sub(r"\blambda\b", "lambda_", line.replace("lambda_ = lambda =", "lambda_ =")) for line in lines]
-    program = "\n".join(lines).replace("real(slip)", "slip.real").replace("1.0_dp", "1.0")
-    assert {node.targets[0].id for node in ast.parse(program).body} >= {"h", "slip", "lambda_", "f"}  # type: ignore[attr-defined]
-    store, rows = states(law)
-    for row in rows:
-        space: dict[str, Any] = {
-            "p": [None, *(float(row[name]) for name in NAMES)],
-            "u": [None, *(float(row[name]) for name in ("beta", "gamma", "v"))],
-            "smooth": law == "smooth", "sin": cmath.sin, "cos": cmath.cos, "sign": lambda a, b: a if b >= 0 else -a,
-        }  # fmt: skip
-        exec(program, space)
-        np.testing.assert_allclose([z.real for z in space["f"][1:]], right(store, row)[:2], rtol=ROUNDING)
 
 
 @pytest.mark.skipif(FORTRAN is None, reason="no gfortran on this machine")

@@ -1,17 +1,13 @@
 """A program that answers a sheet of questions, levels 1 to 9, written from the paper's equations alone.
 
-    python blind_program.py SHEET.csv ANSWERS.csv [FIRST-LAST]
-
 The lines `# ---- name` cut its text into parts: `faults.py` runs changed texts, and a run is remembered as
 long as the head of the text and the parts that it names are as they were.
 """
 
 import cmath
-import csv
 import functools
 import itertools
 import math
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -378,19 +374,3 @@ GUESSES = {
     "printed/smooth/near-heteroclinic/het+1e-5": (3.139168827, -0.004351947),
     "printed/smooth/near-heteroclinic/het+1e-6": (3.140922559, -0.001203142),
 }
-
-
-# ---- main
-def main(sheet, answers, levels="1-9"):
-    with Path(sheet).open(newline="") as file:
-        rows = list(csv.DictReader(file))
-    low, high = levels.split("-")
-    given = answered(rows, range(int(low), int(high) + 1))
-    with Path(answers).open("w", newline="") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(["id", "answer", "from"])
-        writer.writerows([name, value, "doubles"] for name, value in given.items())
-
-
-if __name__ == "__main__":
-    main(*sys.argv[1:])

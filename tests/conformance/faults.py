@@ -1,12 +1,11 @@
-"""Eleven lists of faults planted in two independent programs, and what the diagnosis says of each.
+"""Ten lists of faults planted in an independent program, and what the diagnosis says of each.
 
     python -m tests.conformance.faults --lists 8-10 --levels 1-5 --names REGEX --processes 2 --cache DIR --out FILE
 
 A line of `faults.jsonl` has a fault: its list and name, what a true diagnosis `says`, what it `must` say at least
-(lists 5 to 11), the level that fails `first`, and the `patches` that plant it in `blind_program.py` and
-`blind_theory.py`, or in `third_program.py` (list 11). Where `first` is null no level fails: correct programs, and
-faults within the digits asked for. All were written without a look at the diagnosis: lists 5 to 7 by one author, 8 to
-10 by another one, 11 by a third one.
+(lists 5 to 10), the level that fails `first`, and the `patches` that plant it in `blind_program.py` and
+`blind_theory.py`. Where `first` is null no level fails: correct programs, and faults within the digits asked for. All
+were written without a look at the diagnosis: lists 5 to 7 by one author, 8 to 10 by another one.
 
 A fault is answered and graded up to the level that fails first. `judged.json` holds the statement that somebody has
 judged by list and name, and the verdict: "named", "less" (than the fault), or "false". Other statements are unjudged.
@@ -40,7 +39,6 @@ from tippedisk_verify.reference_values.store import Store, stored
 
 HERE = Path(__file__).parent
 TEXTS = [(HERE / name).read_text() for name in ("blind_theory.py", "blind_program.py")]
-THIRD = [(HERE / "third_program.py").read_text()]
 CLEAN = set(TEXTS[1].split("\n# ---- "))
 CASES: list[dict[str, Any]] = [json.loads(line) for line in (HERE / "faults.jsonl").read_text().splitlines()]
 JUDGED: dict[str, dict[str, str]] = json.loads((HERE / "judged.json").read_text())
@@ -51,7 +49,7 @@ STATUSES = ("passing", "named", "less", "false", "unexplained", "unjudged", "cra
 
 def planted(case: dict[str, Any]) -> list[str]:
     """The texts of theory and program with the patches in them; each has to fit, and in one place."""
-    texts = list(THIRD if case["list"] == 11 else TEXTS)
+    texts = list(TEXTS)
     for old, new in case["patches"]:
         counts = [text.count(old) for text in texts]
         assert max(counts) == 1, (case["name"], old)
@@ -91,14 +89,11 @@ class Graders:
         return grades, found["seconds"]
 
     def _answers(self, texts: list[str], level: int) -> dict[str, str]:
-        for name, text in zip(("blind_theory", "program")[-len(texts) :], texts, strict=True):
+        for name, text in zip(("blind_theory", "program"), texts, strict=True):
             sys.modules[name] = types.ModuleType(name)
             sys.modules[name].__dict__["TEXT"] = text
             exec(compile(text, name, "exec"), sys.modules[name].__dict__)
         program = sys.modules["program"].__dict__
-        if "KEPT" not in program:
-            found: dict[str, str] = program["answered"](self.rows, range(1, level + 1))
-            return found
         program["KEPT"].update(self.kept)
         answers: dict[str, str] = program["answered"](self.rows, range(1, level + 1))
         self.kept = {key: value for key, value in program["KEPT"].items() if CLEAN.issuperset(key[2:])}
@@ -162,7 +157,7 @@ def main() -> None:
         return range(int(low), int(high or low) + 1)
 
     parser = argparse.ArgumentParser(description="What the diagnosis says of planted faults.")
-    parser.add_argument("--lists", type=numbers, default="1-11", help="such as 8-10")
+    parser.add_argument("--lists", type=numbers, default="1-10", help="such as 8-10")
     parser.add_argument("--levels", type=numbers, help="that the faults fail first, such as 1-5")
     parser.add_argument("--names", type=re.compile, default="", help="a regular expression that is in the name")
     parser.add_argument("--processes", type=int, default=2)

@@ -61,7 +61,7 @@ def test_changes_differ_from_what_stands_there_and_leave_it_as_it_is() -> None:
 
 
 def test_names_of_inputs_are_different() -> None:
-    assert len({one.name for one in INPUTS}) == len(INPUTS)
+    assert len({one.says for one in INPUTS}) == len(INPUTS)
 
 
 #: function, what stands there, what is planted, and what the diagnosis has to say.
@@ -96,29 +96,33 @@ def test_a_planted_change_is_found_again(
         assert cause["after"] not in text
 
 
-def test_digits_of_differences_hide_no_other_mistake(tables: list[Table], store: Store) -> None:
-    """Derivatives by central differences, and a sign in h: both are said."""
+@pytest.mark.parametrize(
+    ("over", "step"),
+    [("2 * h", "2e-5 (forward, or twice a central one's)"), ("points[0][place] - points[1][place]", "1e-5 (central)")],
+    ids=["written", "rounded"],
+)
+def test_digits_of_differences_hide_no_other_mistake(over: str, step: str, tables: list[Table], store: Store) -> None:
+    """Derivatives by central differences, over the step as written or as rounded, and a sign in h: both are said."""
     change = specimen().text("equations").replace("-2 * (A - Bbar)", "2 * (A - Bbar)")
-    program = Program(specimen().patched("differences", _DIFFERENCES), {"equations": ast.parse(change).body[0]})
+    differences = specimen().patched("differences", _DIFFERENCES.replace("OVER", over))
+    program = Program(differences, {"equations": ast.parse(change).body[0]})
     given = {q.id: ("doubles", repr(q.for_doubles)) for q in store.matching("printed/") if q.level in _LEVELS}
     for table in tables:
         if table.level == 1:
             found = table.picked(program.results(table))
             given |= {id_: ("doubles", repr(float(x))) for id_, x in zip(table.ids, found, strict=True)}
     one, two = diagnosed(graded(Answers(given), store), store)
-    assert "difference quotient with a step of 2e-5" in one.says()
+    assert f"difference quotient with a step of {step}" in one.says()
     assert "in h_2: the minus sign of -2 is missing" in two.says()
 
 
 _DIFFERENCES = """
 def derivatives(p, Omega, smooth, beta, gamma, v):
     h, rates = 1e-5, []
-    for moves in ((0, h, 0, 0), (0, 0, h, 0), (0, 0, 0, h), (h, 0, 0, 0)):
-        ends = []
-        for sign in (1, -1):
-            speed, *state = [x + sign * move for x, move in zip((Omega, beta, gamma, v), moves)]
-            ends.append(equations(p, speed, smooth, *state)[7])
-        rates.append((ends[0] - ends[1]) / (2 * h))
+    for place in (1, 2, 3, 0):
+        points = [[x + sign * h * (n == place) for n, x in enumerate((Omega, beta, gamma, v))] for sign in (1, -1)]
+        ends = [equations(p, point[0], smooth, *point[1:])[7] for point in points]
+        rates.append((ends[0] - ends[1]) / (OVER))
     return (*rates, equations(p, Omega, smooth, beta, gamma, v)[7])
 """
 

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import math
-from decimal import Decimal
 from pathlib import Path
 
 import pytest
 
-from tippedisk_verify.cli import main
-from tippedisk_verify.conformance.grading import FAILS_BELOW, Grade, by_quantity, compare, graded, levels_of, needed
+from tippedisk_verify.conformance.diagnosis import diagnosed
+from tippedisk_verify.conformance.grading import FAILS_BELOW, Grade, compare, graded, levels_of, needed
 from tippedisk_verify.conformance.pages import Report
 from tippedisk_verify.conformance.sheet import Answers, looks_like, read_answers
 from tippedisk_verify.reference_values.store import Store, stored
@@ -42,23 +40,14 @@ def test_a_tight_tolerance_passes_where_the_condition_is_worst(method: str, tole
     assert _report(given, store).remarks() == []
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("method", ["DOP853", "LSODA"])
-@pytest.mark.parametrize("tolerance", [1e-12, 1e-13])
-def test_a_tight_tolerance_passes_everywhere(method: str, tolerance: float, store: Store) -> None:
-    """All orbits and librating cycles of both laws. About a quarter of a minute each."""
+@pytest.mark.slow(minutes=2)
+def test_a_tight_tolerance_passes_everywhere(store: Store) -> None:
+    """All orbits and librating cycles of both laws by LSODA at the loosest tolerance that is promised to pass."""
     kinds = ("trajectory", "limit-cycle", "near-heteroclinic")
     prefixes = [f"printed/{law}/{kind}" for law in ("linear", "smooth") for kind in kinds]
-    grades = _grades(answered(store, prefixes, method, tolerance), store)
+    grades = _grades(answered(store, prefixes, "LSODA", 1e-12), store)
     assert len(grades) == 2908
     assert not [grade.id for grade in grades if grade.failed]
-
-
-@pytest.mark.slow
-def test_an_implicit_method_at_a_tight_tolerance_passes(store: Store) -> None:
-    """Radau, which takes a hundred times as many steps. About a minute and a half."""
-    prefixes = ["printed/linear/trajectory/d1", "printed/smooth/trajectory/d2", f"printed/linear/{HET}"]
-    assert not [grade.id for grade in _grades(answered(store, prefixes, "Radau", 1e-12), store) if grade.failed]
 
 
 def test_a_loose_tolerance_is_told_and_where(store: Store) -> None:
@@ -82,9 +71,6 @@ def test_a_question_asks_for_what_its_condition_leaves(store: Store) -> None:
     assert needed(period) == round(-math.log10(slopes * 1e-10 / float(period)), 3)
     # Programs that keep all digits are asked for the level's, and well-conditioned questions ask for no less.
     assert needed(store["printed/linear/near-heteroclinic/het+1e-30/multiplier_slow"]) == FAILS_BELOW[9]
-    for quantity in store.values():
-        if quantity.level in (1, 2, 3, 6, 7, 8):
-            assert needed(quantity) == FAILS_BELOW[quantity.level], quantity.id
 
 
 def test_too_few_digits_are_not_wrong(store: Store) -> None:
@@ -95,7 +81,9 @@ def test_too_few_digits_are_not_wrong(store: Store) -> None:
     assert "too few digits: 1 of 1 answer" in report.headline()
     (level,) = [level for level in report.levels if level.answered]
     assert (level.verdict, level.failed, level.few) == ("too few digits", 1, 1)
-    assert report.to_dict()["grades"][0]["needs"] == 8
+    (diagnosis,) = diagnosed(report.grades, store)
+    assert "1 with too few digits only" in diagnosis.says()
+    assert "wrong" not in diagnosis.says()
 
 
 def test_a_level_agrees_only_if_all_of_it_was_answered(store: Store) -> None:
@@ -104,24 +92,6 @@ def test_a_level_agrees_only_if_all_of_it_was_answered(store: Store) -> None:
     for given, verdict in ((hopf, "agrees"), (some, "partial"), (some | {CRIT: "1"}, "fails"), ({}, "not answered")):
         (level,) = [level for level in _report(given, store).levels if level.level == 3]
         assert (level.verdict, level.answered, level.asked) == (verdict, len(given), len(hopf))
-
-
-def test_failures_are_counted_by_quantity(store: Store, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """All states right, all crossing times wrong."""
-    entry = store.matching("printed/linear/trajectory/d1/")
-    given = {q.id: repr(q.for_doubles + ("crossing_time" in q.name)) for q in entry}
-    rows = {row.quantity: row for row in by_quantity(_grades(given, store))}
-    assert set(rows) == {"beta", "gamma", "v", "crossing_time", "crossing_gamma", "crossing_v"}
-    assert [name for name, row in rows.items() if row.failed] == ["crossing_time"]
-    assert rows["crossing_time"].failed == rows["crossing_time"].answered > 5
-    sheet = tmp_path / "a.csv"
-    sheet.write_text("id,answer\n" + "".join(f"{id_},{answer}\n" for id_, answer in given.items()))
-    assert main(["conformance", "grade", str(sheet), "--html", str(tmp_path / "a.html")]) == 0
-    assert "by quantity" in capsys.readouterr().out
-    assert "<h2>By quantity</h2>" in (tmp_path / "a.html").read_text()
-    assert main(["conformance", "grade", str(sheet), "--json"]) == 0
-    told = {row["quantity"]: row["failed"] for row in json.loads(capsys.readouterr().out)["quantities"]}
-    assert told == {name: row.failed for name, row in rows.items()}
 
 
 # ------------------------------------------------------------------------------------------ forms of a sheet
@@ -170,12 +140,3 @@ def test_what_an_unreadable_answer_looks_like(text: str, says: str, store: Store
     (said,) = _report({CRIT: text}, store).remarks()
     assert says in said
     assert CRIT in said
-
-
-def test_what_looks_like_nothing_known_is_shown_only(store: Store) -> None:
-    assert looks_like("thirty") is None
-    (said,) = _report({CRIT: "thirty"}, store).remarks()
-    assert said.endswith(f"the first is 'thirty' at {CRIT}")
-    # One unreadable answer among many is that answer's matter.
-    many = {quantity.id: str(Decimal(quantity.for_doubles)) for quantity in store.matching("printed/both/rhs/00")}
-    assert _report(many | {CRIT: "thirty"}, store).remarks() == []

@@ -42,31 +42,14 @@ def test_a_draw_is_a_hash_and_a_line() -> None:
             assert getattr(disk, name) == Fraction(round(drawn, places))
 
 
-def test_more_states_begin_with_the_same_ones() -> None:
-    few, many = sheet(7, 3).splitlines(), sheet(23, 3).splitlines()
-    assert set(few) < set(many)
-    assert sheet(7, 3) == sheet(7, 3)
-    rows = list(csv.DictReader(io.StringIO(sheet(23, 3))))
-    states = {row["id"].split("/", 3)[0] + row["id"].split("/")[3] for row in rows if row["kind"] == "rhs"}
-    assert len(states) == 23
-    assert {row["set"] for row in rows} == {"fresh-3-1", "fresh-3-2", "fresh-3-3"}
-    assert {int(row["level"]) for row in rows} == set(range(1, 8))
-    assert [int(row["level"]) for row in rows] == sorted(int(row["level"]) for row in rows)
-    assert '"' not in sheet(23, 3)
-
-
-def test_seeds_and_disks_have_nothing_in_common() -> None:
-    rows = [row for seed in (1, 2) for row in csv.DictReader(io.StringIO(sheet(30, seed)))]
-    disks = {tuple(row[name] for name in ("r", "e", "m", "A", "B", "g", "mu", "epsilon")) for row in rows}
-    assert len(disks) == 6
-    speeds = {(row["set"], row["Omega"]) for row in rows if row["kind"] == "rhs"}
-    assert len({speed for _, speed in speeds}) == len(speeds) == 60
-
-
-@pytest.mark.parametrize("number", range(1, 41))
-def test_every_drawn_disk_is_like_the_papers(number: int) -> None:
+def test_drawn_disks_are_like_the_papers_and_more_states_begin_with_the_same_ones() -> None:
     """Cycles are born stable at Omega_crit, so that each question of a sheet has an answer."""
-    assert tv.hopf_point(disk_of(f"fresh-12-{number}")).criticality == "supercritical"
+    for number in range(1, 9):
+        assert tv.hopf_point(disk_of(f"fresh-12-{number}")).criticality == "supercritical"
+    many = sheet(23, 3).splitlines()
+    assert set(sheet(7, 3).splitlines()) < set(many)
+    speeds = {(row["set"], row["Omega"]) for row in csv.DictReader(many) if row["kind"] == "rhs"}
+    assert (len(speeds), len({name for name, _ in speeds})) == (23, 3)
 
 
 # ------------------------------------------------------------------------------------------ truths
@@ -121,15 +104,6 @@ def test_half_widths_of_cycles_hold_what_more_digits_say(law: str) -> None:
         assert quantity.measured().contains(getattr(cycle, name)), name
 
 
-@pytest.mark.slow(minutes=2)
-def test_every_sheet_has_all_its_cycles_and_orbits() -> None:
-    for seed in range(100, 120):
-        asked = [id_ for id_ in blank_questions(20, seed) if "/trajectory/" in id_ or "/limit-cycle/" in id_]
-        found = with_fresh(stored(), "\n".join(asked))
-        assert set(asked) <= set(found)
-        assert all(found[id_].value < 1 for id_ in asked if id_.endswith("/multiplier_slow"))
-
-
 # ------------------------------------------------------------------------------------------ grading
 def answered(text: str, **wrong: float) -> str:
     """The answers of a program with the right equations, in doubles, to the questions about states."""
@@ -165,14 +139,6 @@ def test_a_right_program_passes_and_a_number_of_its_own_is_named(
     (tmp_path / "expected").write_text("fresh-8-*/linear/rhs/*/v_rate\nfresh-8-*/smooth/rhs/*/v_rate\n")
     expected = ["--expected-failures", str(tmp_path / "expected"), "--quiet"]
     assert main(["conformance", "grade", str(tmp_path / "mu.csv"), *expected]) == 0
-
-
-def test_table_1_for_every_disk_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    table_1 = {name: float(value) for name, value in tv.PRINTED.decimals().items() if name != "C"}
-    (tmp_path / "a.csv").write_text(answered(sheet(12, 8, 1), **table_1))
-    assert main(["conformance", "grade", str(tmp_path / "a.csv"), "--json"]) == 0
-    (diagnosis,) = json.loads(capsys.readouterr().out)["diagnoses"]
-    assert [cause["cause"] for cause in diagnosis["causes"]] == ["Table 1's parameters where others are asked"]
 
 
 def test_a_copy_of_the_published_values_fails(tmp_path: Path) -> None:
@@ -228,22 +194,6 @@ def test_ids_that_no_draw_gives(tmp_path: Path, capsys: pytest.CaptureFixture[st
     assert "fresh questions for 5391 entries" in capsys.readouterr().err
 
 
-def test_from_python(truths: Store) -> None:
-    found = tv.references("fresh-5-1/linear/rhs/02")
-    assert [quantity.name for quantity in found] == [
-        "lambda_Ty",
-        "v_rate",
-        "dv_rate_dbeta",
-        "dv_rate_dgamma",
-        "dv_rate_dv",
-    ]
-    assert tv.reference(found[1].id) == truths[found[1].id] == found[1]
-    assert tv.grade({quantity.id: quantity.for_doubles for quantity in found}).passed
-    assert tv.compare(found[1].id, float(found[1]) * 1.001).failed
-    with pytest.raises(InputError, match="no reference value starts with"):
-        tv.references("fresh-5-1")  # which is also how fresh-5-10 starts
-
-
 def test_bad_numbers_of_states_and_seeds(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     target = str(tmp_path / "q.csv")
     for words, says in (
@@ -256,10 +206,3 @@ def test_bad_numbers_of_states_and_seeds(tmp_path: Path, capsys: pytest.CaptureF
         assert says in told
         assert told.count("\n") == 1
     assert not Path(target).exists()
-
-
-def test_without_a_file_the_sheet_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["conformance", "questions", "--states", "2", "--levels", "1"]) == 0
-    assert capsys.readouterr().out == sheet(2, 0, 1)
-    assert main(["conformance", "questions", "--states", "2", "--levels", "1", "--json"]) == 0
-    assert len(json.loads(capsys.readouterr().out)["questions"]) == 2 * 16

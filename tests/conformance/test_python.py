@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-import subprocess
-import sys
 from decimal import Decimal
 from fractions import Fraction
 
@@ -60,16 +58,6 @@ def test_a_value_is_of_one_reading_in_all_that_it_does(reading) -> None:
     assert quantity.for_doubles == float(tv.reference(NEAR, reading="doubles"))
 
 
-def test_arithmetic_keeps_half_widths() -> None:
-    quantity = tv.reference(OMEGA_CRIT)
-    difference = tv.Disk("printed").omega_crit - quantity
-    assert difference.holds(0)
-    assert difference.uncertainty > quantity.uncertainty
-    assert (quantity / quantity).holds(1)
-    assert quantity > 30
-    assert quantity != own_omega_crit()
-
-
 def test_numpy_and_pytest_compare_on_either_side() -> None:
     quantity, mine = tv.reference(OMEGA_CRIT), own_omega_crit()
     for left, right in ((mine, quantity), (quantity, mine), ([mine, mine], quantity), (np.array([mine]), [quantity])):
@@ -84,18 +72,6 @@ def test_numpy_and_pytest_compare_on_either_side() -> None:
     assert mine * (1 + 1e-12) != pytest.approx(quantity, rel=1e-13)
     assert quantity != pytest.approx(mine * (1 + 1e-12), rel=1e-13)
     assert np.array([mine, mine]) - quantity == pytest.approx([0, 0], abs=1e-12)
-
-
-def test_without_numpy_too() -> None:
-    """Where it is not imported yet, pytest asks for a number by another name."""
-    program = (
-        "import sys, pytest, tippedisk_verify as tv\n"
-        f"q = tv.reference('{OMEGA_CRIT}')\n"
-        f"assert {own_omega_crit()!r} == pytest.approx(q, rel={DOUBLES}) and q == pytest.approx(q.for_doubles)\n"
-        "assert repr(pytest.approx(q)).startswith('30.88') and 30.9 != pytest.approx(q)\n"
-        "assert 'numpy' not in sys.modules"
-    )
-    subprocess.run([sys.executable, "-c", program], check=True)
 
 
 # ------------------------------------------------------------------------------------------ many answers

@@ -126,7 +126,6 @@ def test_a_program_is_graded_and_timed(
         ("said('printed/both/rhs/002/M')\n" + WELL, "answers to what was not asked"),
         ("print('rubbish'); print('{\"id\": 3}'); print('\\x00\\x1b[2J\\xff'); print('[' * 5000)\n" + WELL,
          "lines that are no answer: 4, the first 'rubbish'"),
-        ("sys.stdout.write('x' * 3_000_000 + '\\n')\n" + WELL, "lines that are no answer: 1, the first 'xxx"),
         ("said(ASKED := asked(), **{'from': 'singles'}); said(ASKED)\n" + WELL, "lines that are no answer: 1"),
         ("for line in sys.stdin:\n"
          "    it = json.loads(line); it['answer'] = TRUTHS[it['id']]; print(json.dumps(it), flush=True)", None),
@@ -137,13 +136,15 @@ def test_a_program_is_graded_and_timed(
         ("for _ in range(6): said(asked())\nsys.exit(3)", "ended with status 3"),
         ("for _ in range(6): said(asked())\nos.kill(os.getpid(), signal.SIGSEGV)", "ended with SIGSEGV"),
     ],
-    ids=["out of order", "twice", "unknown", "too early", "rubbish", "megabytes", "odd reading", "echo", "half a line",
+    ids=["out of order", "twice", "unknown", "too early", "rubbish", "odd reading", "echo", "half a line",
          "closes its input", "murmurs", "status", "signal"],
 )  # fmt: skip
 def test_odd_programs_are_graded_in_full(
     body: str, remark: str | None, program: Callable[[str], list[str]], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    status, graded, _ = _ran(program(body), capsys)
+    status, graded, err = _ran(program(body), capsys)
+    assert err.count("\n") <= 1
+    assert len(err) < 400
     noted = [one for one in graded["remarks"] if "graded as from doubles" not in one]
     assert (status, _agree(graded)) == (0, 6)
     assert [remark is not None and remark in one for one in noted] == ([] if remark is None else [True])
@@ -151,16 +152,14 @@ def test_odd_programs_are_graded_in_full(
 
 BROKEN = [
     ("forever()", f"did not answer {ASKED[2]} within 7 s, and was ended"),
-    ("print('y\\n' * 100, flush=True); done()\nwhile True: print('y', flush=True)", "within 7 s, and was ended"),
     ("done()\nwhile True: sys.stdout.write('x' * 65536)", "within 7 s, and was ended"),
     ("done()\nwhile True: sys.stderr.write('x\\n' * 30000)", "within 7 s, and was ended"),
     ("os.close(1); forever()", f"closed its standard output before it answered {ASKED[2]}, and was ended"),
     ("os._exit(3)", f"ended with status 3 before it answered {ASKED[2]}"),
-    ("1 / 0", f"ended with status 1 before it answered {ASKED[2]}"),
     ("os.kill(os.getpid(), signal.SIGKILL)", f"ended with SIGKILL before it answered {ASKED[2]}"),
     ("sys.stdout.write('{\"id\":'); sys.stdout.flush(); os._exit(0)", "ended with status 0 before it answered"),
 ]
-_NAMES = ["hangs", "rubbish", "one line", "murmurs", "closed", "status", "exception", "signal", "half"]
+_NAMES = ["hangs", "one line", "murmurs", "closed", "status", "signal", "half"]
 
 
 @pytest.mark.usefixtures("clock")
@@ -285,30 +284,6 @@ def test_a_program_that_never_answers_is_bad_input(capsys: pytest.CaptureFixture
         assert main([*RUN, "--limit", limit, "--", "cat"]) == 2
 
 
-def test_the_end_of_standard_error_is_shown(
-    program: Callable[[str], list[str]], capsys: pytest.CaptureFixture[str]
-) -> None:
-    body = "for n in range(1000): print(f'\\x1b[2Jmurmur {n}' + 'x' * 5000, file=sys.stderr)\n" + WELL
-    _, graded, err = _ran(program(body), capsys)
-    assert _agree(graded) == 6
-    lines = err.splitlines()
-    assert lines[0].endswith(": (980 lines before)")
-    assert [line.partition("murmur ")[2][:3] for line in lines[1:]] == [str(n) for n in range(980, 1000)]
-    assert err.isascii()
-    assert "\x1b" not in err
-    assert max(map(len, lines)) < 400
-    assert main([*RUN, "--quiet", "--", *program(body)]) == 0
-    assert capsys.readouterr() == ("", "")
-
-
-def test_an_echo_answers_nothing(capsys: pytest.CaptureFixture[str]) -> None:
-    """What comes back without an answer is none."""
-    status, graded, _ = _ran(["cat"], capsys)
-    assert (status, graded["headline"], graded["seconds"]["kinds"]) == (0, "no question was answered", [])
-    assert main([*RUN, "--", "cat"]) == 0
-    assert "no question was answered" in capsys.readouterr().out
-
-
 def test_ctrl_c_loses_no_answer(program: Callable[[str], list[str]], tmp_path: Path) -> None:
     pid, out = tmp_path / "pid", tmp_path / "out"
     out.mkdir()
@@ -353,11 +328,3 @@ def test_the_minimal_answerers(command: list[str], capsys: pytest.CaptureFixture
     # Some ten operations, each off by half an ulp at most, relative to the largest of what cancels.
     assert min(grade["digits"] for grade in graded["grades"]) > 14
     assert Path(command[-1]).read_text().count("\n") <= 30
-
-
-def test_fresh_questions_are_asked(capsys: pytest.CaptureFixture[str]) -> None:
-    command = ["conformance", "run", "--states", "3", "--seed", "5", "--levels", "1", "--json", "--"]
-    assert main([*command, sys.executable, str(EXAMPLES / "answerer.py")]) == 0
-    grades = json.loads(capsys.readouterr().out)["grades"]
-    assert {re.match(r"fresh-5-1/\w+/rhs/0(\d)/", grade["id"])[1] for grade in grades} == set("123")
-    assert all(grade["verdict"] in ("agrees", "exact") for grade in grades)

@@ -28,23 +28,8 @@ def test_programs_are_printed(command: str, language: str, file: str, capsys: py
     assert json.loads(capsys.readouterr().out)["file"] == file
 
 
-def test_every_program_has_its_command() -> None:
-    files = {path.name for path in FOLDER.iterdir() if path.is_file()}
-    assert files == {*CLIENTS.values(), *GRADERS.values(), "client_orbits.py"}
-
-
-def test_graders_are_short() -> None:
-    for file in GRADERS.values():
-        assert len((FOLDER / file).read_text().splitlines()) <= 60
-
-
 def test_the_guide_is_printed_and_names_every_client(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["conformance", "guide"]) == 0
     assert capsys.readouterr().out == "\n".join(page.read_text() for page in sorted(DOCS.glob("grading*.md")))
     for language in CLIENTS:
         assert f"| `{language}` |" in GUIDE.read_text()
-
-
-def test_what_is_not_run_says_so() -> None:
-    assert "NOT RUN YET" in (FOLDER / CLIENTS["julia"]).read_text().partition("using")[0]
-    assert "untested" in next(line for line in GUIDE.read_text().splitlines() if line.startswith("| `julia`"))

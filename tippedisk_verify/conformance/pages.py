@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -201,73 +201,64 @@ def split_where_wrong(answer: str, truth: str) -> tuple[str, str]:
 
 def print_report(report: Report, console: Console) -> None:
     """The table by level, the worst answers coloured by agreeing digits, the diagnosis."""
-    from rich.markup import escape
     from rich.text import Text
 
     def digits(number: float, answered: int = 1) -> Text:
         return Text(shown_digits(number), style=_TERMINAL[shade(number)] if answered else "dim")
 
-    def counts(tally: Tally) -> tuple[str, str]:
-        return str(tally.failed - tally.few or ""), str(tally.few or "")
+    def row(one: Tally, *about: str) -> list[Any]:
+        least = digits(one.least, one.answered)
+        return [*about, least, str(one.failed - one.few or ""), str(one.few or "")]
 
-    title = escape(f"{report.source}: {report.headline()}")
-    headings = "level =answered =least_digits =median =needs =wrong =too_few verdict"
-    levels = (
-        (
-            f"{one.level} {one.name}",
-            f"{one.answered} of {one.asked}",
-            digits(one.least, one.answered),
+    rows = [
+        [
+            *row(one, f"{one.level} {one.name}", f"{one.answered}/{one.asked}"),
             digits(one.middle),
             str(FAILS_BELOW[one.level]),
-            *counts(one),
             Text(one.verdict, style=_VERDICTS[one.verdict]),
-        )
+        ]
         for one in report.levels
-    )
-    console.print(_table(title, headings, levels))
+    ]
+    title = f"{report.source}: {report.headline()} (digits: least, median, needs; few: answers with too few)"
+    console.print(_table(title, "level =answered =least =wrong =few =median =needs verdict", rows))
     if report.quantities:
-        headings = "level quantity law =answered =least_digits =wrong =too_few"
-        cells = (
-            (str(one.level), one.quantity, one.friction, str(one.answered), digits(one.least), *counts(one))
-            for one in report.quantities
-        )
-        console.print(_table("by quantity, at the levels that fail", headings, cells))
-    worst = []
+        rows = [row(one, str(one.level), one.quantity, one.friction, str(one.answered)) for one in report.quantities]
+        headings = "level quantity law =answered =least =wrong =few"
+        console.print(_table("by quantity, at the levels that fail", headings, rows))
+    if report.grades:
+        console.print(Text("\nleast digits", style="italic"))
     for grade in report.worst():
         right, wrong = split_where_wrong(grade.answer[:40], grade.truth)
-        answer = Text(right, style="green") + Text(wrong, style="red")
-        worst.append((grade.id, answer, grade.truth[:24], digits(grade.digits), grade.verdict))
-    if report.grades:
-        console.print(_table("least digits", "id answer truth digits verdict", worst, overflow="fold"))
+        console.print(Text(f"{grade.id}: {grade.verdict}").append(", ").append(digits(grade.digits)).append(" digits"))
+        console.print(Text("    ").append(right, "green").append(wrong, "red").append(f"  truth {grade.truth[:24]}"))
     if report.times:
-        title = f"run time: {report.start_up or 0:.3g} s to start up, then for each state, trajectory or cycle"
-        headings = "level =answers =entries =total_[s] =median_[s] =largest_[s] longest"
-        names = ("total", "median", "largest")
-        rows = (
-            (
+        title = f"run time [s]: {report.start_up or 0:.3g} to start up, then for each state, trajectory or cycle"
+        rows = [
+            [
                 f"{one['level']} {one['kind']}",
-                str(one["answered"]),
-                str(one["entries"]),
-                *(f"{one[name]:.3g}" for name in names),
-                one["longest"],
-            )
+                *(str(one[name]) for name in ("answered", "entries")),
+                *(f"{one[name]:.3g}" for name in ("total", "median", "largest")),
+                one["longest"].replace("/", " "),
+            ]
             for one in report.times
-        )
+        ]
+        headings = "level =answers =entries =total =median =largest longest"
         console.print(_table(title, headings, rows))
+    console.print()
     for remark in report.remarks():
         console.print(Text(f"note: {remark}"))
     for said in (*(diagnosis.says() for diagnosis in report.diagnoses), *report.shortcomings):
         console.print(Text(said, style="bold red" if said in report.shortcomings else "bold"))
 
 
-def _table(title: str, headings: str, rows: Iterable[Sequence[Any]], **column: Any) -> Table:
-    """A table for the terminal; a heading that starts with = is of numbers."""
+def _table(title: str, headings: str, rows: Sequence[Sequence[Any]]) -> Table:
+    """A table for a terminal of 80 columns, in which no word is broken; a heading that starts with = is of numbers."""
+    from rich.markup import escape
     from rich.table import Table
 
-    table = Table(title=title, title_justify="left")
+    table = Table(title=f"\n{escape(title)}", title_justify="left", box=None, padding=(0, 1, 0, 0))
     for heading in headings.split():
-        name = heading.removeprefix("=").replace("_", " ")
-        table.add_column(name, justify="right" if heading[0] == "=" else "left", **column)
+        table.add_column(heading.removeprefix("="), justify="right" if heading[0] == "=" else "left")
     for row in rows:
         table.add_row(*row)
     return table

@@ -170,6 +170,15 @@ def cycle_extremes(p, Omega, smooth, index, end):
     return {"beta_max": highest[0] - pi / 2, "beta_bar_0": low[0] - pi / 2, "v_0": low[2]}
 
 
+def cycle_answers(p, Omega, smooth, index, time, x, v, end):
+    """All that is asked of a cycle, from its start on the section and from where and when it returned."""
+    parts, x_name, v_name = SECTIONS[index]
+    answers = {"omega": Omega, "period": parts * time, x_name: x, v_name: v}
+    answers.update(cycle_derivatives(p, Omega, smooth, index, end))
+    answers.update(cycle_extremes(p, Omega, smooth, index, end))
+    return answers
+
+
 def cycle(p, Omega, smooth, index, stable, fold=False, h=FLIGHT_STEP):
     """A cycle with its multipliers and derivatives by Omega; for a fold the one where dOmega/dx is zero."""
     # Stable cycles lie where returns begin to lead inward, unstable ones where they end to; the first is to settle.
@@ -200,10 +209,7 @@ def cycle(p, Omega, smooth, index, stable, fold=False, h=FLIGHT_STEP):
         x, v, Omega = np.array([x, v, Omega]) + change
         if not (abs(change) > 2e-8).any():
             break
-    parts, x_name, v_name = SECTIONS[index]
-    answers = {"omega": Omega, "period": parts * time, x_name: x, v_name: v}
-    answers.update(cycle_derivatives(p, Omega, smooth, index, end))
-    answers.update(cycle_extremes(p, Omega, smooth, index, end))
+    answers = cycle_answers(p, Omega, smooth, index, time, x, v, end)
     # Newton's method also comes to rest at the equilibrium, within some 1e-8 of it: there is no cycle then.
     return {name: np.where(hypot(x, v) > 1e-6, values, np.nan) for name, values in answers.items()}
 

@@ -9,17 +9,18 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import chain
 from typing import Any
 
 import numpy as np
 
 from tippedisk_verify.conformance.diagnosis.entries import Array, Results, Sheet, Table
-from tippedisk_verify.conformance.diagnosis.saddles import column, connections, known_speeds, of
+from tippedisk_verify.conformance.diagnosis.inputs import INPUTS
 from tippedisk_verify.conformance.diagnosis.search import Search, all_changes
-from tippedisk_verify.conformance.diagnosis.specimen import Specimen, specimen
-from tippedisk_verify.conformance.diagnosis.trees import Cause
+from tippedisk_verify.conformance.diagnosis.specimen import Specimen, of, specimen
+from tippedisk_verify.conformance.diagnosis.trees import Cause, Suspect, statements, values
+from tippedisk_verify.reference_values.store import stored
 
 __all__ = ["cycle_causes"]
 
@@ -28,7 +29,6 @@ _INDEX = {"limit-cycle": 0, "near-heteroclinic": 0, "rotating-cycle": 1}  # of t
 _CLOSED = 1e-6
 _SAME = (2e-8, 1e-9)  # rad/s, of speeds: what digits leave, and next to Omega_h
 _LARGEST = 10.0  # s, rad or rad/s, of what may be the state and time of a return
-_CHANCE = 1e-3
 _LATE = 0.04  # s; what is missed by more is no turning point
 _EARLY = "Newton's iteration for the cycle stopped too early (too loose a tolerance, few steps)"
 _ORIGINS = ("Omega_h of the other law", "Omega_h", "Omega_crit", "30.07", "30.92")
@@ -96,21 +96,16 @@ class Flight:
         return np.asarray(of("fly_to")(of("variational_flow"), *self.inputs, start, lambda s: s[2])[1])
 
     def answers(self) -> dict[str, Array]:
-        """All that is asked of these orbits, as if they closed; the extremes are those after the start's image."""
-        parts, *names = of("SECTIONS")[self.index]
-        start = of("section_state")(self.Omega, self.index, *self.start)[:3]
-        image = np.pi * np.array([[[1], [1], [0]], [[0], [2], [0]]][self.index]) + (2 * self.index - 1) * start
-        found: dict[str, Array] = {"period": parts * self.time, **dict(zip(names, self.start, strict=True))}
-        found |= of("cycle_derivatives")(*self.inputs, self.index, self.end)
-        found |= of("cycle_extremes")(*self.inputs, self.index, image)
+        """All that is asked of these orbits, as if they closed."""
+        found: dict[str, Array] = of("cycle_answers")(*self.inputs, self.index, self.time, *self.start, self.end)
         return found
 
 
 def _flight(table: Table, values: Array) -> Flight:
     """From the states and periods among answers or truths."""
     parts, *names = of("SECTIONS")[_INDEX[table.kind]]
-    start = np.array([column(table, name, values) for name in names])
-    return Flight(table, table.given["Omega"], table.smooth, start, column(table, "period", values) / parts)
+    start = np.array([table.column(name, values) for name in names])
+    return Flight(table, table.given["Omega"], table.smooth, start, table.column("period", values) / parts)
 
 
 def _wrong(sheet: Sheet) -> set[str]:
@@ -129,9 +124,10 @@ def cycle_causes(search: Search) -> list[Cause]:
             return [Cause(also, 1, name="cycle")]
     with np.errstate(all="ignore"):
         for way in (connections,) if sheet.level == 8 else (_instants, _orbits) if plain else ():
+            some = sheet if way is not _orbits else sheet.where(lambda table: table.rows[table.wrong])
             with suppress(np.linalg.LinAlgError):  # where answers are no states of a disk
-                for says, results in way(sheet):
-                    if _fits(sheet, results):
+                for says, results in way(some):
+                    if _fits(some, results):
                         return [Cause(says + f"; {also}" * bool(also), 1, name="cycle")]
         return _slips(search, sheet) if plain and not also else []
 
@@ -152,14 +148,11 @@ def _instants(sheet: Sheet) -> Said:
     if _wrong(sheet) != {"beta_max"} or sheet.level == 10:
         return
     flights = [_flight(table, table.truth) for table in sheet.tables]
-    at = [
-        of("fly_to")(
-            of("flow"), *f.inputs, of("section_state")(f.Omega, 0, *f.start)[:3], lambda s: s[1] - np.pi / 2, -1
-        )
-        for f in flights
-    ]
+    starts = [of("section_state")(f.Omega, 0, *f.start)[:3] for f in flights]
+    fly = partial(of("fly_to"), of("flow"))
+    at = [fly(*f.inputs, s, lambda s: s[1] - np.pi / 2, -1) for f, s in zip(flights, starts, strict=True)]
     yield "beta_max is taken where gamma = pi/2, not where v = 0", [{"beta_max": np.pi / 2 - s[0]} for _, s in at]
-    given = [column(table, "beta_max", table.answer) for table in sheet.tables]
+    given = [table.column("beta_max", table.answer) for table in sheet.tables]
     turns = [f.turning_point()[:3] for f in flights]
     short = [np.pi / 2 - turn[0] - one for turn, one in zip(turns, given, strict=True)]
     # beta is a parabola there, whose second derivative is v'.
@@ -173,43 +166,30 @@ def _instants(sheet: Sheet) -> Said:
 # ------------------------------------------------------------------------------------------ states
 def _orbits(sheet: Sheet) -> Said:
     """Answered states that are no cycle at the asked speed, or one by other equations."""
-    asked = [np.unique(table.rows[table.wrong]) for table in sheet.tables]
-    flights = [_flight(one := t.part(rows), one.answer) for t, rows in zip(sheet.tables, asked, strict=True)]
+    flights = [_flight(table, table.answer) for table in sheet.tables]
     moved = {"period", "gamma_bar_0", "v_0", "beta_bar_top", "v_top"} & _wrong(sheet)
     states = np.concatenate([[*f.start, f.time] for f in flights], axis=1)
     if len(_wrong(sheet)) < 3 or not moved or not (np.abs(states) < _LARGEST).all():
         return
-
-    def spread(results: Sequence[Results]) -> list[Results]:
-        """Of some entries to all; NaN elsewhere."""
-        found: list[Results] = []
-        for table, rows, result in zip(sheet.tables, asked, results, strict=True):
-            found.append({name: np.full(len(table.entries), np.nan) for name in result})
-            for name, values in result.items():
-                found[-1][name][rows] = values
-        return found
-
     missed = np.concatenate([f.missed for f in flights], axis=1)
-    here = spread([f.answers() for f in flights])
     if np.abs(missed[0]).max() < _CLOSED:
-        off = f"they come back off by up to {np.abs(missed[1:]).max():.1g}"
-        yield f"{_EARLY}, or a guess was answered: the answered states are no cycles, {off}", here
+        off = f"the answered states are no cycles, they come back off by up to {np.abs(missed[1:]).max():.1g}"
+        yield f"{_EARLY}, or a guess was answered: {off}", [f.answers() for f in flights]
     elif np.abs(missed[1:]).max() < _CLOSED:
-        text = "gamma and v close, but beta = pi/2 is missed by up to"
-        yield f"the time of return is not located within the step: {text} {np.abs(missed[0]).max():.1g} rad", here
+        off = f"gamma and v close, but beta = pi/2 is missed by up to {np.abs(missed[0]).max():.1g} rad"
+        yield f"the time of return is not located within the step: {off}", [f.answers() for f in flights]
     swapped = [replace(f, smooth=not f.smooth) for f in flights]
     if all(np.abs(f.missed).max() < _CLOSED for f in swapped):
         law = "smooth" if swapped[0].smooth else "linear"
-        yield f"the cycles are those of the {law} friction law", spread([f.answers() for f in swapped])
-    for says, some in chain(_speeds(flights), _stopped(flights)):
-        yield says, spread(some)
+        yield f"the cycles are those of the {law} friction law", [f.answers() for f in swapped]
+    yield from chain(_speeds(flights), _stopped(flights))
 
 
 def _stopped(flights: Sequence[Flight]) -> Said:
     """The states are those after Newton's last step, all else of those before it, which period and beta_max tell."""
     results, steps, sizes = [], [], []
     for flight in flights:
-        deepest, f = column(flight.table, "beta_max", flight.table.answer), flight
+        deepest, f = flight.table.column("beta_max", flight.table.answer), flight
         if flight.index or not np.isfinite(deepest).all():
             return
         for _ in range(5):
@@ -238,7 +218,7 @@ def _speeds(flights: Sequence[Flight]) -> Said:
     found = []
     for flight in flights:
         table, name = flight.table, of("SECTIONS")[flight.index][1]
-        slope, right = (column(table, one, table.truth) for one in (f"d{name}_domega", name))
+        slope, right = (table.column(one, table.truth) for one in (f"d{name}_domega", name))
         f = replace(flight, Omega=flight.Omega + np.clip(np.nan_to_num((flight.start[0] - right) / slope), -0.3, 0.3))
         last = 2.0
         for _ in range(8):
@@ -257,36 +237,31 @@ def _speeds(flights: Sequence[Flight]) -> Said:
 
 
 def _rule(flights: Sequence[Flight]) -> str:
-    """What was done to the speeds."""
+    """What was done to the speeds, where a known change of inputs tells it."""
     tables = [f.table for f in flights]
     asked = np.concatenate([table.given["Omega"] for table in tables])
     speeds = np.concatenate([f.Omega for f in flights])
     shift, near = speeds - asked, tables[0].level > 8
     origin = "Omega_h" if near else "Omega_crit"
     base = np.concatenate([known_speeds(table, origin) for table in tables])
-    left = np.minimum(_SAME[near], 0.02 * np.abs(shift))
-    says = "the cycles are right ones at Omega"
-
-    def same(other: Any) -> bool:
-        return bool((np.abs(other - speeds) <= left).all())
-
-    for digits in range(9):
-        size = 10.0**digits
-        for text, done in (("rounded", np.round), ("cut off", np.floor), ("rounded up", np.ceil)):
-            chance = np.minimum(1, 2 * left * size)
-            if chance.prod() < _CHANCE and same(done(asked * size) / size):
-                return f"{says} {text} to {digits} decimals"
-            if chance.min() < _CHANCE and same(asked - base + done(base * size) / size):
-                return f"{says} counted from {origin} {text} to {digits} decimals"
-    if same(asked.astype(np.float32).astype(float)):
-        return f"{says} in single precision"
+    left, says = np.minimum(_SAME[near], 0.02 * np.abs(shift)), "the cycles are right ones at Omega"
+    rules: dict[str, Array] = {}
+    for one in INPUTS:
+        with suppress(KeyError):  # those of other inputs
+            rules[one.says.removeprefix("Omega")] = one.change({"Omega": asked})["Omega"]
+            moved = asked - base + one.change({"Omega": base})["Omega"]
+            rules[f" counted from {one.says.replace('Omega', origin)}"] = moved
     for text in _ORIGINS:
-        if text != origin and same(asked - base + np.concatenate([known_speeds(table, text) for table in tables])):
-            return f"{says} counted from {text} in place of {origin}"
-    if len(shift) > 2 and np.ptp(shift) < _SAME[near]:
-        about = (x for x in (30.92, 30.07) if np.abs(x - base - shift).max() < 0.002)
-        which = next((f", about as if counted from {x} in place of {origin}" for x in about), "")
-        return f"{says} {np.median(shift):+.6g} (as if counted from another {origin}{which})"
+        there = np.concatenate([known_speeds(table, text) for table in tables])
+        rules[f" counted from {text} in place of {origin}"] = asked - base + there
+    if len(shift) > 2:
+        for text, there in rules.items():
+            if (np.abs(there - speeds) <= left).all():
+                return says + text
+        if np.ptp(shift) < _SAME[near]:
+            about = (x for x in (30.92, 30.07) if np.abs(x - base - shift).max() < 0.002)
+            which = next((f", about as if counted from {x} in place of {origin}" for x in about), "")
+            return f"{says} {np.median(shift):+.6g} (as if counted from another {origin}{which})"
     some = ", ".join(f"{new:+.4g} from {old:.8g}" for new, old in list(zip(shift, asked, strict=True))[:3])
     some += " and so on" * (len(speeds) > 3)
     return f"the cycles are right ones at other speeds, {some}, or of parameters with which they are such"
@@ -328,9 +303,12 @@ def _variations(flown: Specimen, search: Search) -> list[Cause]:
     table = search.tiny.tables[0]
     first = Sheet((table.part([int(np.argmin(table.given["time"]))]),))
     step = of("FLIGHT_STEP")
-    for suspect, spot, change, program in all_changes(flown, "variational_flow", (0,)):
+    function: Any = flown.functions["variational_flow"]
+    found = (Suspect("variational_flow", *value, 0) for one in statements(function) for value in values(function, *one))
+    suspects = (one for one in found if one.label.startswith(("delta", "(dv_rate")))
+    for suspect, spot, change, program in all_changes(flown, suspects, (0,)):
         program.space["FLIGHT_STEP"] = 2 * step
-        if suspect.label.startswith(("delta", "(dv_rate")) and first.fits(program.answers(first), -1.0):
+        if first.fits(program.answers(first), -1.0):
             program.space["FLIGHT_STEP"] = step
             if search.fits(program):
                 return [suspect.cause(spot, change, program)]
@@ -348,3 +326,72 @@ def _lost(sheet: Sheet) -> str:
         text = f"{fast} is made of the matrix's smaller eigenvalue, which is lost to rounding"
         return f"{text}, not of the divergence's integral"
     return ""
+
+
+# ------------------------------------------------------------------------------------------ the connection
+_VALUES = ("lambda_u", "lambda_s", "lambda_ss")
+_PLACES = ("Omega_h of the other law", "Omega_crit", "30.07", "30.92", "the fold of the rotating cycles")
+
+
+def known_speeds(table: Table, name: str) -> Array:
+    """Speeds by name, by entry; NaN where they are not known."""
+    if name[0] == "3":
+        return np.full(len(table.entries), float(name))
+    laws = ("linear", "smooth")
+    law = laws[table.smooth != ("other law" in name)]
+    place = f"{law}/heteroclinic/point/omega_h" if "Omega_h" in name else "linear/hopf/point/omega_crit"
+    place = f"{law}/rotation-fold/point/omega" if "fold" in name else place
+    known = [stored().get(f"{one}/{place}") for one in table.sets]
+    return np.array([np.nan if one is None else one.for_doubles for one in known])
+
+
+def _eigenvalues(table: Table, Omega: Array, side: int = -1) -> dict[str, Array]:
+    known = np.isfinite(Omega)
+    values = of("sorted_eigenvalues")(of("linearisation")(table.p, np.where(known, Omega, 1.0), side)).real
+    return dict(zip(_VALUES, np.where(known[:, None], values, np.nan).T, strict=True))
+
+
+def connections(sheet: Sheet) -> Said:
+    """Omega_h, and the eigenvalues at it or elsewhere."""
+    tables = sheet.tables
+    answers = [table.column("omega_h", table.answer) for table in tables]
+    right = [known_speeds(table, "Omega_h") for table in tables]
+    values = [_eigenvalues(table, one) for table, one in zip(tables, right, strict=True)]
+
+    def at(speeds: Sequence[Array]) -> list[dict[str, Array]]:
+        """With the eigenvalues at these speeds."""
+        pairs = zip(tables, speeds, strict=True)
+        return [_eigenvalues(table, one) | {"omega_h": one} for table, one in pairs]
+
+    numbers = np.unique(np.round(np.concatenate(answers), 9))
+    if numbers.size == 1 and numbers[0] == np.round(numbers[0], 3):
+        paper = "the published value, or " * bool(numbers[0] == 30.07)
+        text = f"omega_h is {numbers[0]:g}, {paper}an end of the interval that is searched: that does not hold Omega_h,"
+        text += " or the orbits are judged wrongly (criterion, time, start)"
+        yield f"{text}, with the eigenvalues at that speed", at(answers)
+    named = {f"{name} in its place": [known_speeds(table, name) for table in tables] for name in _PLACES}
+    for k in range(1, 7):
+        named[f"rounded to {k} decimals, or by a scan with steps of 1e-{k}"] = [np.round(one, k) for one in right]
+    for text, speeds in named.items():
+        yield f"omega_h: {text}, with the eigenvalues at that speed", at(speeds)
+        yield f"omega_h: {text}, with the right eigenvalues", [{"omega_h": one} for one in speeds]
+        there = [_eigenvalues(table, one) for table, one in zip(tables, speeds, strict=True)]
+        yield f"the saddle's eigenvalues are not at Omega_h but at {text.removesuffix(' in its place')}", there
+    both = [_eigenvalues(table, one, 1) for table, one in zip(tables, right, strict=True)]
+    yield "the eigenvalues are those of the other equilibrium, inverted spinning (real parts)", both
+    trace = [{"lambda_ss": sum(one.values())} for one in values]
+    yield "lambda_ss is the trace, d(v')/dv at the saddle", trace
+    for name, less in (("e/(r - e)", 1), ("e/r", 0)):
+        r_e = [table.p[:2] for table in tables]
+        rolling = [one * np.sqrt(e / (r - less * e)) for (r, e), one in zip(r_e, right, strict=True)]
+        text = f"lambda_u and lambda_s are +-Omega sqrt({name}), of order zero"
+        yield text, [{"lambda_u": one, "lambda_s": -one} for one in rolling]
+    if all(np.isfinite(one).all() for one in answers):
+        off = np.concatenate(answers) - np.concatenate(right)
+        if len(off) > 1 and np.ptp(off) < 1e-7:
+            text = "another speed (the fold of the rotating cycles is some 0.04 below), or a shifted result"
+            yield f"omega_h is off by {off[0]:+.4g} under both laws: {text}, with the eigenvalues there", at(answers)
+        size = " and ".join(f"{one:+.2g} ({table.friction})" for one, table in zip(off, tables, strict=False))
+        text = "the eigenvalues are those at the answered speed, so the search for Omega_h is wrong"
+        how = "it ended too early, or its bracket, its start at the saddle or its criterion is coarse or wrong"
+        yield f"omega_h is off by {size}, and {text}: {how}", at(answers)

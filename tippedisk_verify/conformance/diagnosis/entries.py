@@ -84,6 +84,13 @@ class Table:
                 columns[name] = missing
         return np.array([columns[name][row] for name, row in zip(self.names, self.rows, strict=True)], dtype=float)
 
+    def column(self, name: str, values: Array) -> Array:
+        """Of answers or truths those of a quantity, by entry."""
+        found = np.full(len(self.entries), np.nan)
+        here = np.array(self.names) == name
+        found[self.rows[here]] = values[here]
+        return found
+
     def with_inputs(self, p: Sequence[Array], given: Mapping[str, Array]) -> Table:
         return replace(self, p=tuple(p), given=dict(given))
 

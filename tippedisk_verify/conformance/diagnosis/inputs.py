@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -24,7 +24,6 @@ _STATE = ("Omega", "beta", "gamma", "v")
 class Input:
     """A change of the inputs by name: parameters, Omega, beta, gamma and v."""
 
-    name: str
     says: str
     change: Callable[[Values], Values]
     rank: int = 0
@@ -40,24 +39,19 @@ def _from(names: dict[str, str]) -> Callable[[Values], Values]:
 
 
 def _pairs() -> Iterator[Input]:
-    for one, other in itertools.combinations((*SYMBOLS, *_STATE), 2):
+    for one, other in itertools.combinations(_EVERY, 2):
         alike = {one, other} <= set(SYMBOLS) or {one, other} <= set(_STATE)
-        both = _from({one: other, other: one})
-        yield Input(f"{one}-{other}-exchanged", f"{one} and {other} exchanged", both, 0 if alike else 1)
-        yield Input(f"{one}-is-{other}", f"{other} in place of {one}", _from({one: other}), 1)
-        yield Input(f"{other}-is-{one}", f"{one} in place of {other}", _from({other: one}), 1)
+        yield Input(f"{one} and {other} exchanged", _from({one: other, other: one}), 0 if alike else 1)
+        yield Input(f"{other} in place of {one}", _from({one: other}), 1)
+        yield Input(f"{one} in place of {other}", _from({other: one}), 1)
 
 
 def _printed(form: str, values: Any) -> Any:
     return np.array([float(format(value, form)) for value in values])
 
 
-def _to_single(values: Any) -> Any:
-    return values.astype(np.float32).astype(float)
-
-
-def _cut(decimals: int, values: Any) -> Any:
-    return np.trunc(values * 10.0**decimals) / 10.0**decimals
+def _whole(to: Callable[[Any], Any], decimals: int, values: Any) -> Any:
+    return to(values * 10.0**decimals) / 10.0**decimals
 
 
 def _slow(values: Values) -> Values:
@@ -71,80 +65,73 @@ def _critical(values: Values) -> Values:
 
 
 def _precisions() -> Iterator[Input]:
-    groups = {"the parameters": SYMBOLS, "speed and state": _STATE, "all inputs": (*SYMBOLS, *_STATE)}
-    groups["the state"] = _STATE[1:]
-    for text, names in (*groups.items(), *((name, (name,)) for name in (*SYMBOLS, *_STATE))):
-        slug = text.replace(" ", "-")
-        yield Input(f"{slug}-single", f"{text} in single precision", _all(names, _to_single), 2)
+    groups = {"the parameters": SYMBOLS, "speed and state": _STATE, "all inputs": _EVERY, "the state": _STATE[1:]}
+    for text, names in (*groups.items(), *((name, (name,)) for name in _EVERY)):
+        yield Input(f"{text} in single precision", _all(names, lambda x: x.astype(np.float32).astype(float)), 2)
         for n in range(1, 12):
-            rounded, cut = (_all(names, partial(_printed, f".{n}{form}")) for form in "gf")
-            yield Input(f"{slug}-{n}-digits", f"{text} rounded to {n} digits", rounded, 2)
-            yield Input(f"{slug}-{n}-decimals", f"{text} rounded to {n} decimals", cut, 2)
+            yield Input(f"{text} rounded to {n} digits", _all(names, partial(_printed, f".{n}g")), 2)
+            yield Input(f"{text} rounded to {n} decimals", _all(names, partial(_printed, f".{n}f")), 2)
 
 
 def _table_1(values: Values, names: Sequence[str]) -> Values:
     return {name: _TABLE_1[name] + 0 * values[name] for name in names}
 
 
+def _each(names: Sequence[str], by: Mapping[str, tuple[Callable[[Any], Any], int]]) -> Iterator[Input]:
+    """The same changes of several inputs: what is said, with {x} for the input, the change and its rank."""
+    for name, (says, (change, rank)) in itertools.product(names, by.items()):
+        yield Input(says.format(x=name), _all(tuple(name.split(" and ")), change), rank)
+
+
+_EVERY = (*SYMBOLS, *_STATE)
 _TABLE_1 = {name: float(value) for name, value in PRINTED.decimals().items()}
-_ANGLES = ("beta", "gamma")
 INPUTS: tuple[Input, ...] = (
-    Input("degrees", "the angles taken as degrees", _all(_ANGLES, np.radians)),
-    Input("beta-degrees", "beta taken as degrees", _all(("beta",), np.radians)),
-    Input("gamma-degrees", "gamma taken as degrees", _all(("gamma",), np.radians)),
-    Input("to-degrees", "the angles turned into degrees", _all(_ANGLES, np.degrees)),
-    Input("rpm", "Omega taken as revolutions per minute", _all(("Omega",), lambda x: x * np.pi / 30)),
-    Input("hertz", "Omega taken as revolutions per second", _all(("Omega",), lambda x: x * 2 * np.pi)),
-    *(
-        Input(f"{'-'.join(names)}-{slug}", f"{' and '.join(names)} {text}", _all(names, by))
-        for names in (("beta",), ("gamma",), _ANGLES)
-        for slug, text, by in (
-            ("shifted", "shifted by -pi/2", lambda x: x - np.pi / 2),
-            ("shifted-up", "shifted by pi/2", lambda x: x + np.pi / 2),
-            ("complement", "measured from pi/2 the other way", lambda x: np.pi / 2 - x),
-            ("supplement", "measured from pi the other way", lambda x: np.pi - x),
-            ("turned", "shifted by pi", lambda x: x + np.pi),
-        )
+    Input("the angles taken as degrees", _all(("beta", "gamma"), np.radians)),
+    Input("the angles turned into degrees", _all(("beta", "gamma"), np.degrees)),
+    *_each(("beta", "gamma"), {"{x} taken as degrees": (np.radians, 0)}),
+    Input("Omega taken as revolutions per minute", _all(("Omega",), lambda x: x * np.pi / 30)),
+    Input("Omega taken as revolutions per second", _all(("Omega",), lambda x: x * 2 * np.pi)),
+    *_each(
+        ("beta", "gamma", "beta and gamma"),
+        {
+            "{x} shifted by -pi/2": (lambda x: x - np.pi / 2, 0),
+            "{x} shifted by pi/2": (lambda x: x + np.pi / 2, 0),
+            "{x} measured from pi/2 the other way": (lambda x: np.pi / 2 - x, 0),
+            "{x} measured from pi the other way": (lambda x: np.pi - x, 0),
+            "{x} shifted by pi": (lambda x: x + np.pi, 0),
+        },
     ),
-    Input("table-1", "Table 1's parameters where others are asked", lambda values: _table_1(values, SYMBOLS)),
-    *(
-        Input(f"{name}-of-table-1", f"{name} = {_TABLE_1[name]:g} of Table 1", partial(_table_1, names=(name,)), 1)
-        for name in SYMBOLS
+    Input("Table 1's parameters where others are asked", lambda values: _table_1(values, SYMBOLS)),
+    *(Input(f"{name} = {_TABLE_1[name]:g} of Table 1", partial(_table_1, names=(name,)), 1) for name in SYMBOLS),
+    *_each(_STATE, {"the sign of {x}": (np.negative, 0), "the modulus of {x}": (np.abs, 1)}),
+    *_each(SYMBOLS, {"the sign of {x}": (np.negative, 2)}),
+    *_each(
+        _EVERY,
+        {
+            "{x} = 0": (lambda x: 0 * x, 1),
+            "{x} doubled": (partial(np.multiply, 2.0), 1),
+            "{x} halved": (partial(np.multiply, 0.5), 1),
+            **{f"{{x}} times {factor:g}": (partial(np.multiply, factor), 3) for factor in (1e3, 100.0, 10.0)},
+            **{f"{{x}} by {factor:g}": (partial(np.multiply, 1 / factor), 3) for factor in (1e3, 100.0, 10.0)},
+        },
     ),
-    *(Input(f"{name}-sign", f"the sign of {name}", _all((name,), np.negative)) for name in _STATE),
-    *(Input(f"{name}-sign", f"the sign of {name}", _all((name,), np.negative), 2) for name in SYMBOLS),
-    *(Input(f"{name}-modulus", f"the modulus of {name}", _all((name,), np.abs), 1) for name in _STATE),
-    *(Input(f"{name}-zero", f"{name} = 0", _all((name,), lambda x: 0 * x), 1) for name in (*SYMBOLS, *_STATE)),
-    *(
-        Input(f"{name}-{slug}", f"{name} of {text}", _all((name,), by), 1)
-        for name in _STATE
-        for slug, text, by in (
-            ("first", "the first entry throughout", lambda x: x[0] + 0 * x),
-            ("previous", "the entry before", lambda x: np.roll(x, 1)),
-            ("next", "the entry after", lambda x: np.roll(x, -1)),
-        )
+    *_each(
+        _STATE,
+        {
+            "{x} of the first entry throughout": (lambda x: x[0] + 0 * x, 1),
+            "{x} of the entry before": (lambda x: np.roll(x, 1), 1),
+            "{x} of the entry after": (lambda x: np.roll(x, -1), 1),
+            **{f"{{x}} cut off after {n} decimals": (partial(_whole, np.trunc, n), 2 * (n > 0)) for n in range(7)},
+        },
     ),
-    *(
-        Input(f"{name}-times-{factor:g}", f"{name} {text}", _all((name,), partial(np.multiply, factor)), rank)
-        for name in (*SYMBOLS, *_STATE)
-        for factor, text, rank in (
-            (2.0, "doubled", 1), (0.5, "halved", 1), (1e3, "times 1000", 3), (1e-3, "by 1000", 3),
-            (100.0, "times 100", 3), (0.01, "by 100", 3), (10.0, "times 10", 3), (0.1, "by 10", 3),
-        )
-    ),
-    *(
-        Input(f"{name}-{n}-decimals-cut", f"{name} cut off after {n} decimals", _all((name,), partial(_cut, n)), rank)
-        for name in _STATE
-        for n, rank in ((0, 0), (1, 2), (2, 2), (3, 2), (4, 2), (5, 2), (6, 2))
-    ),
-    Input("v-slow", "v of the slow manifold, h_0 = e Omega sin(beta) cos(gamma) / rho", _slow),
-    Input("omega-crit", "Omega_crit in place of Omega", _critical),
-    Input("omega-30.92", "Omega = 30.92 throughout", _all(("Omega",), lambda x: 30.92 + 0 * x), 1),
-    Input("g-9.8", "g = 9.8 for 9.81", lambda values: {"g": 9.8 + 0 * values["g"]}),
-    Input("g-9.80665", "g = 9.80665 for 9.81", lambda values: {"g": 9.80665 + 0 * values["g"]}),
+    *_each(("Omega",), {f"{{x}} rounded up to {n} decimals": (partial(_whole, np.ceil, n), 2) for n in range(8)}),
+    Input("v of the slow manifold, h_0 = e Omega sin(beta) cos(gamma) / rho", _slow),
+    Input("Omega_crit in place of Omega", _critical),
+    Input("Omega = 30.92 throughout", _all(("Omega",), lambda x: 30.92 + 0 * x), 1),
+    *(Input(f"g = {g} for 9.81", partial(lambda g, values: {"g": g + 0 * values["g"]}, g)) for g in (9.8, 9.80665)),
     *_pairs(),
     *_precisions(),
-)  # fmt: skip
+)
 
 
 def changed(table: Table, change: Callable[[Values], Values]) -> Table:
@@ -152,7 +139,7 @@ def changed(table: Table, change: Callable[[Values], Values]) -> Table:
     values: Values = {**dict(zip(SYMBOLS, table.p, strict=True)), **table.given}
     try:
         values |= change(values)
-    except (KeyError, IndexError):
+    except Exception:  # a change that these inputs do not bear
         return table
     return table.with_inputs([values[name] for name in SYMBOLS], {name: values[name] for name in table.given})
 

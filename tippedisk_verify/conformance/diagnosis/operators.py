@@ -7,7 +7,6 @@ one line in `RULES`; what no pattern says is a function in `OPERATORS`.
 from __future__ import annotations
 
 import ast
-import copy
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -20,13 +19,13 @@ from tippedisk_verify.conformance.diagnosis.trees import (
     Place,
     is_binary,
     kind,
-    renamed,
     same,
     shown,
     sort_of,
+    substituted,
 )
 
-__all__ = ["changes", "throughout"]
+__all__ = ["changes"]
 
 
 #: Names of one kind, which are mistaken for each other; so are names that differ in one part only, as A_31 and A_32.
@@ -60,7 +59,9 @@ RULES: tuple[tuple[str, str, str, int], ...] = (
     ("a / b", "a", "the divisor {b} is missing in {term}", 0), ("a / b", "1 / b", "", 1), ("a - b", "b", "", 1),
     ("f(a)", "a", "{a} for {old}", 1), ("f(a, b)", "f(b, a)", "", 1),
     ("f(a, b)", "a", "the factor {b} is missing in {old}", 0),
-    ("f(a, b)", "b", "the factor {a} is missing in {old}", 0), ("a[i - 1]", "a[0]", "", 1),
+    ("f(a, b)", "b", "the factor {a} is missing in {old}", 0),
+    ("f(a, b)", "f(a, f(a, b))", "the factor {a} twice in {old}", 1),
+    ("f(a, b)", "f(b, f(a, b))", "the factor {b} twice in {old}", 1), ("a[i - 1]", "a[0]", "", 1),
     ("sin(a)", "cos(a)", "cos for sin in {term}", 0), ("cos(a)", "sin(a)", "sin for cos in {term}", 0),
     ("sin(a)", "np.tan(a)", "", 0), ("cos(a)", "pi / 2 - a", "", 2), ("cos(a)", "1", "", 2),
     ("sin(a)", "sin(2 * a)", "", 1), ("cos(a)", "cos(2 * a)", "", 1), ("sin(a)", "sin(a - pi / 2)", "", 2),
@@ -139,21 +140,6 @@ def _bound(pattern: Node, node: Node, found: dict[str, Node]) -> bool:
     return True
 
 
-def _filled(pattern: Node, found: Mapping[str, Node]) -> Node:
-    """A pattern with what its variables are."""
-    if kind(pattern, ast.Name):
-        return found.get(pattern.id, pattern)
-    new = copy.copy(pattern)
-    for field, value in ast.iter_fields(pattern):
-        if kind(value, ast.AST):
-            setattr(new, field, _filled(value, found))
-        elif kind(value, list):
-            setattr(new, field, [_filled(part, found) for part in value])
-    for name in ("lineno", "end_lineno", "col_offset", "end_col_offset"):
-        new.__dict__.pop(name, None)
-    return new
-
-
 @cache
 def _rules() -> Mapping[Any, list[tuple[Node, Node, str, int]]]:
     by_sort: dict[Any, list[tuple[Node, Node, str, int]]] = {}
@@ -171,7 +157,7 @@ def _patterns(node: Node, names: Sequence[str]) -> Iterator[Change]:
     for pattern, filled, said, rank in (*rules.get(sort_of(node) or ast.Name, ()), *rules[None]):
         found: dict[str, Node] = {}
         if _bound(pattern, node, found):
-            new = _filled(filled, found)
+            new = substituted(filled, found)
             if not same(new, node):
                 text = re.sub(r"\{([a-dt])\}", lambda match: shown(found[match[1]]), said)  # noqa: B023
                 yield Change(new, text, rank)
@@ -212,34 +198,15 @@ def _numbers(node: Node, names: Sequence[str]) -> Iterator[Change]:
                 yield Change(ast.Constant(other), "", 1)
 
 
-def _arguments(node: Node, names: Sequence[str]) -> Iterator[Change]:
-    """A factor of a product of several lost or twice, two elements exchanged."""
-    if kind(node, ast.Call) and len(node.args) > 1 and kind(node.func, ast.Name):
-        for place, argument in enumerate(node.args):
-            fewer, more = node.args[:place] + node.args[place + 1 :], [*node.args[:place], *node.args[place:]]
-            if len(fewer) > 1:
-                text = f"the factor {shown(argument)} is missing in {{old}}"
-                yield Change(ast.Call(node.func, fewer, node.keywords), text)
-            yield Change(
-                ast.Call(node.func, [argument, *more], []), f"the factor {shown(argument)} twice in {{old}}", 1
-            )
-    if kind(node, ast.Tuple | ast.List) and 2 <= len(node.elts) <= 9:
-        for first, one in enumerate(node.elts):
-            for second, other in enumerate(node.elts[:first]):
-                if not same(one, other):
-                    elements = list(node.elts)
-                    elements[first], elements[second] = other, one
-                    text = f"{shown(other)} and {shown(one)} exchanged in {{old}}"
-                    yield Change(type(node)(elements, node.ctx), text, 1)
-
-
 def _swapped(node: Node, names: Sequence[str]) -> Iterator[Change]:
     if is_binary(node, ast.Add, ast.Sub, ast.Mult):
         used = {part.id for part in ast.walk(node) if isinstance(part, ast.Name)}
         for one in used:
             for other in used:
                 if one < other and akin(one, other):
-                    yield Change(renamed(node, {one: other, other: one}), f"{one} and {other} exchanged in {{old}}", 1)
+                    pair = {one: other, other: one}
+                    values = {old: ast.copy_location(ast.Name(new, ast.Load()), node) for old, new in pair.items()}
+                    yield Change(substituted(node, values), f"{one} and {other} exchanged in {{old}}", 1)
 
 
 def _extra(node: Node, names: Sequence[str]) -> Iterator[Change]:
@@ -256,7 +223,6 @@ OPERATORS: dict[str, Operator] = {
     "rule": _patterns,
     "names": _exchanged,
     "number": _numbers,
-    "arguments": _arguments,
     "swapped": _swapped,
     "extra": _extra,
 }
@@ -279,20 +245,8 @@ def changes(place: Place, names: Sequence[str], whole: bool = False) -> Iterator
         if not kind(place.node, ast.UnaryOp):
             yield Change(ast.UnaryOp(ast.USub(), place.node), "the wrong sign of {old}")
         for d in range(1, 7):
-            rounded = _filled(_parsed(f"np.round(a, {d})"), {"a": place.node})
+            rounded = substituted(_parsed(f"np.round(a, {d})"), {"a": place.node})
             yield Change(rounded, f"{{old}} rounded to {d} decimals", 2, "rounded")
     for name, operator in OPERATORS.items():
         for change in operator(place.node, names):
             yield replace(change, operator=name)
-
-
-def throughout(function: ast.FunctionDef, names: Sequence[str]) -> Iterator[tuple[str, ast.FunctionDef]]:
-    """One name for another in the whole function, after it has its value, or the two exchanged: (phrase, function)."""
-    used = [node.id for node in ast.walk(function) if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Load)]
-    for name in dict.fromkeys(used):
-        for other in names:
-            if akin(name, other):
-                if used.count(name) > 1:
-                    yield f"{other} for {name} throughout", renamed(function, {name: other})
-                if other in used and name < other:
-                    yield f"{name} and {other} exchanged throughout", renamed(function, {name: other, other: name})

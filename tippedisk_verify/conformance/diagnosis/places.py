@@ -115,19 +115,23 @@ def lost(sheet: Sheet) -> tuple[str, Array] | None:
     """Derivatives that are differences, whose rounding tells the step; with the answers that this is said of."""
     stems = names_of(sheet)
     mine = sheet.wrong & (np.char.startswith(stems, "d") | np.isin(stems, _SLOPES))
-    # Whole numbers, zero among them, are multiples of too much.
-    if not mine.any() or (sheet.answer == np.round(sheet.answer))[mine].any():
+    answers = sheet.answer[mine]
+    # Whole numbers, zero among them, and those of single precision are multiples of too much.
+    if not mine.any() or (answers == np.round(answers)).any() or (answers == answers.astype("f4")).any():
         return None
     entries = [id_.rsplit("/", 1)[0] for id_ in sheet.ids]
     values = dict(zip(zip(entries, stems, strict=True), sheet.truth, strict=True))
-    bases = [re.sub(r"^d(\w+?)_d\w+$", r"\1", stem) for stem in stems]
+    parts = [re.fullmatch(r"d(\w+?)_d(\w+)", stem) or ("", stem, "") for stem in stems]
     # The difference of two doubles is a whole multiple of their last unit, and the answer one of that over the step.
-    units = np.spacing(np.abs([values.get(key, np.nan) for key in zip(entries, bases, strict=True)]))[mine]
+    units = np.spacing(np.abs([values.get((entry, one[1]), np.nan) for entry, one in zip(entries, parts, strict=True)]))
+    given, columns = inputs(sheet), [one[2].replace("omega", "Omega") for one in parts]
+    x = np.array([given[name][n] if name in given else np.nan for n, name in enumerate(columns)])[mine]
     for text, step in sorted(_STEPS.items(), key=lambda one: one[1]):  # what holds for a step holds for its multiples
-        multiples = np.abs(sheet.answer[mine] / units * step)
-        multiples = multiples[(multiples > _MULTIPLES[0]) & (multiples < _MULTIPLES[1])]
-        whole = np.abs(multiples - np.round(multiples)) < _WHOLE
-        if len(whole) >= _ENOUGH and whole.mean() >= _SHARE[False]:
-            size = f"{text} (forward, or twice a central one's)"
-            return f"errors of a difference quotient with a step of {size}, in the derivatives only", mine
+        ways = {"forward, or twice a central one's": step, "forward": x + step - x, "central": x + step - (x - step)}
+        for how, taken in ways.items():  # the step as it is written, or as the rounded arguments have it
+            multiples = np.abs(answers / units[mine] * taken)
+            multiples = multiples[(multiples > _MULTIPLES[0]) & (multiples < _MULTIPLES[1])]
+            whole = np.abs(multiples - np.round(multiples)) < _WHOLE
+            if len(whole) >= _ENOUGH and whole.mean() >= _SHARE[False]:
+                return f"errors of a difference quotient with a step of {text} ({how}), in the derivatives only", mine
     return None

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import ast
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+import warnings
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import Any
@@ -17,7 +18,7 @@ import numpy as np
 
 from tippedisk_verify.conformance.diagnosis.entries import Array, Sheet, Table
 from tippedisk_verify.conformance.diagnosis.inputs import INPUTS, all_changed
-from tippedisk_verify.conformance.diagnosis.operators import changes, throughout
+from tippedisk_verify.conformance.diagnosis.operators import changes
 from tippedisk_verify.conformance.diagnosis.specimen import HERE, Program, Specimen, specimen
 from tippedisk_verify.conformance.diagnosis.trees import (
     Cause,
@@ -40,8 +41,7 @@ _STIRRED = (1e-3, 0.3)  # relative changes of a statement's values
 _MOVED = 3.0  # times what is allowed
 _MOSTLY = 0.3  # of the largest share of wrong answers that a quantity has
 _SOLVED = 1.0  # digits beyond what is asked that a number which was solved for must have
-_LARGEST = 1e6  # times, that a parameter may be off
-_TURNS, _CALLS = 100, 8  # of a loop and of functions, which take as long as the shortest formula
+_TURNS = 25  # of a loop, which take as long as the shortest formula
 _SHARE = 0.4  # of the work, that one way of writing the program may take
 _FEW = 4  # entries with wrong answers, and as many without, that each change is tried on first
 
@@ -68,27 +68,18 @@ class _Stir:
         return stirred + self.share * (np.abs(array) == 0) if array.ndim else stirred
 
 
-def _candidates(suspect: Suspect, ranks: Sequence[int]) -> Iterator[tuple[Place, Change]]:
-    """What may be changed in a statement, and how."""
-    place = suspect.place
-    names = scope(place.function)
-    for spot in (place, *places(place.function, place.node, place.path)):
-        for change in changes(spot, names, spot is place):
-            if change.rank in ranks:
-                fixed(change.node)
-                yield spot, change
-
-
-def all_changes(right: Specimen, name: str, ranks: Sequence[int]) -> Iterator[tuple[Suspect, Place, Change, Program]]:
-    """All changes of a function, each with a program that makes it until the next one is asked for."""
-    function = right.functions[name]
-    for statement, path in statements(function):
-        for place, label in values(function, statement, path):
-            suspect = Suspect(name, place, label, 0)
-            program = Program(right, {name: place.replaced(HERE)})
-            for spot, change in _candidates(suspect, ranks):
-                program.computes(spot.within(place, change.node))
-                yield suspect, spot, change, program
+def all_changes(
+    right: Specimen, suspects: Iterable[Suspect], ranks: Sequence[int]
+) -> Iterator[tuple[Suspect, Place, Change, Program]]:
+    """All changes of some statements, each with a program that makes it until the next one is asked for."""
+    for suspect in suspects:
+        place = suspect.place
+        program = Program(right, {suspect.function: place.replaced(HERE)})
+        for spot in (place, *places(place.function, place.node, place.path)):
+            for change in changes(spot, scope(place.function), spot is place):
+                if change.rank in ranks:
+                    program.computes(spot.within(place, fixed(change.node)))
+                    yield suspect, spot, change, program
 
 
 @dataclass
@@ -138,8 +129,7 @@ class Search:
 
     def run(self, program: Program, sheet: Sheet) -> Array:
         for table in sheet.tables:
-            turns, calls = program.right.effort(table)
-            self.work += 1 + turns / _TURNS + calls / _CALLS
+            self.work += 1 + program.right.effort(table) / _TURNS
         return program.answers(sheet)
 
     def suspects(self, right: Specimen) -> list[Suspect]:
@@ -193,27 +183,13 @@ class Search:
             if found or self.work > end:
                 break
             self.limit = min(end, self.work + _SHARE * (end - begin))
-            suspects = self.suspects_of(right)
-            for suspect in suspects:
-                place = suspect.place
-                program = Program(right, {suspect.function: place.replaced(HERE)})
-                for spot, change in _candidates(suspect, ranks):
-                    if self.late():
-                        break
-                    program.computes(spot.within(place, change.node))
-                    if self.fits(program):
-                        whole = Program(right, {suspect.function: spot.replaced(change.node)})
-                        cause = suspect.cause(spot, change, whole)
-                        found.setdefault(cause.says, cause)
-            for name in dict.fromkeys(suspect.function for suspect in suspects) if 1 in ranks else ():
-                function = right.functions.get(name)
-                if function is None:
-                    continue
-                for phrase, tree in throughout(function, scope(function)):
-                    program = Program(right, {name: fixed(tree)})
-                    if not self.late() and self.fits(program):
-                        says = f"in {name}: {phrase}"
-                        found.setdefault(says, Cause(says, 1, "throughout", name, program=program))
+            for suspect, spot, change, program in all_changes(right, self.suspects_of(right), ranks):
+                if self.late():
+                    break
+                if self.fits(program):
+                    whole = Program(right, {suspect.function: spot.replaced(change.node)})
+                    cause = suspect.cause(spot, change, whole)
+                    found.setdefault(cause.says, cause)
         self.limit = end
         return list(found.values())
 
@@ -222,7 +198,7 @@ class Search:
         right = Program(specimen())
         stages = (self.tiny, self.few, self.sheet)
         return [
-            Cause(one.says, one.rank, one.name)
+            Cause(one.says, one.rank, "inputs")
             for one in INPUTS
             if one.rank in ranks and all(sheet.fits(right.answers(all_changed(sheet, one.change))) for sheet in stages)
         ]
@@ -240,17 +216,16 @@ class Search:
 
     def number(self, answers: Callable[[float, Sheet], Array]) -> float | None:
         """The number with which all answers are given, better than asked; from a wrong one by the secant method."""
+        from scipy.optimize import newton
+
         tiny = self.tiny
-        with np.errstate(all="ignore"):
-            before, after = answers(1.0, tiny), answers(1.001, tiny)
-            cell = int(np.argmax(np.nan_to_num(np.abs(after - before) / tiny.allowed * tiny.wrong)))
-            x, last, y, y_last = 1.001, 1.0, after[cell], before[cell]
-            for _ in range(25):
-                if not np.isfinite(y) or y == y_last or x == last or abs(x) > _LARGEST:
-                    break
-                x, last, y_last = x + (tiny.answer[cell] - y) * (x - last) / (y - y_last), x, y
-                y = answers(x, tiny)[cell]
-        return x if all(sheet.fits(answers(x, sheet), _SOLVED) for sheet in (tiny, self.few, self.sheet)) else None
+        with np.errstate(all="ignore"), warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            slope = answers(1.001, tiny) - answers(1.0, tiny)
+            cell = int(np.argmax(np.nan_to_num(np.abs(slope) / tiny.allowed * tiny.wrong)))
+            off = lambda x: answers(x, tiny)[cell] - tiny.answer[cell]  # noqa: E731
+            x = float(newton(off, 1.0, x1=1.001, tol=1e-300, rtol=1e-15, maxiter=25, disp=False))
+            return x if all(sheet.fits(answers(x, sheet), _SOLVED) for sheet in (tiny, self.few, self.sheet)) else None
 
     def suspects_of(self, right: Specimen) -> list[Suspect]:
         """Those of a way; of a way that changes nothing in reach there are none but the specimen's."""

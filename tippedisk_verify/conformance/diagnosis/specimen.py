@@ -12,7 +12,7 @@ import types
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import cache, cached_property, partial
+from functools import cache, cached_property
 from types import MappingProxyType
 from typing import Any
 
@@ -21,7 +21,7 @@ import numpy as np
 from tippedisk_verify.conformance import client_text
 from tippedisk_verify.conformance.diagnosis.entries import Array, Results, Sheet, Table
 
-__all__ = ["HERE", "Program", "Specimen", "specimen"]
+__all__ = ["HERE", "Program", "Specimen", "of", "specimen"]
 
 _LONGER = 3.0  # times: so many more turns of loops are allowed to a changed program
 HERE = ast.parse("_here(locals())", mode="eval").body  #: stands for an expression that changes
@@ -36,7 +36,7 @@ class Specimen:
     functions: Mapping[str, ast.FunctionDef]
     constants: Mapping[str, ast.Assign]  #: of the module
     space: Mapping[str, Any]  #: the module as it ran
-    counts: dict[Any, tuple[int, int]] = field(default_factory=dict, compare=False)
+    counts: dict[Any, int] = field(default_factory=dict, compare=False)
 
     @cached_property
     def codes(self) -> dict[str, types.CodeType]:
@@ -45,26 +45,24 @@ class Specimen:
     @cached_property
     def calls(self) -> dict[str, frozenset[str]]:
         """Which functions and constants each function reaches, itself included."""
-        known = {*self.functions, *self.constants}
-        direct = {
-            name: {node.id for node in ast.walk(tree) if isinstance(node, ast.Name) and node.id in known}
-            for name, tree in (*self.functions.items(), *self.constants.items())
-        }
-        reached = {name: {name, *names} for name, names in direct.items()}
-        for _ in known:
-            for names in reached.values():
-                for name in tuple(names):
-                    names |= reached[name]
-        return {name: frozenset(names) for name, names in reached.items()}
+        known = {**self.functions, **self.constants}
 
-    def effort(self, table: Table) -> tuple[int, int]:
-        """How many turns of loops, and calls of functions, the answers to a table take."""
+        def reached(name: str, names: frozenset[str] = frozenset()) -> frozenset[str]:
+            used = {node.id for node in ast.walk(known[name]) if isinstance(node, ast.Name) and node.id in known}
+            names |= {name}
+            for other in used - names:
+                names = reached(other, names)
+            return names
+
+        return {name: reached(name) for name in known}
+
+    def effort(self, table: Table) -> int:
+        """How many turns of loops the answers to a table take."""
         key = table.kind, table.friction, len(table.entries), table.asked
         if key not in self.counts:
             program = Program(self)
-            program.count()
             program.results(table)
-            self.counts[key] = program.turns, program.calls
+            self.counts[key] = program.turns
         return self.counts[key]
 
     def text(self, name: str) -> str:
@@ -93,23 +91,19 @@ def compiled(tree: ast.FunctionDef) -> types.CodeType:
     return next(part for part in module.co_consts if isinstance(part, types.CodeType))
 
 
-def _defaults(right: Specimen, name: str) -> Any:
-    """The default values of a function's last arguments, which other ways of writing it leave as they are."""
-    return getattr(right.space.get(name), "__defaults__", None)
-
-
 class Program:
     """A specimen with the trees of ``changes`` in place of those of their names."""
 
     def __init__(self, right: Specimen, changes: Mapping[str, ast.stmt] = NOTHING, **space: Any) -> None:
         self.right, self.trees = right, changes
-        self.turns, self.calls, self.left = 0, 0, math.inf  # turns of loops so far, and still allowed
+        self.turns, self.left = 0, math.inf  # turns of loops so far, and still allowed
         self.space = {**right.space, **space, "range": self._range}
         for function, code in right.codes.items():
             tree = changes.get(function)
             if isinstance(tree, ast.FunctionDef):
                 code = compiled(tree)
-            self.space[function] = types.FunctionType(code, self.space, function, _defaults(right, function))
+            defaults = getattr(right.space.get(function), "__defaults__", None)  # which other ways leave as they are
+            self.space[function] = types.FunctionType(code, self.space, function, defaults)
         for name, assign in right.constants.items():
             if right.calls[name] & changes.keys():
                 assign = changes.get(name, assign)  # type: ignore[assignment]
@@ -125,7 +119,7 @@ class Program:
     def results(self, table: Table) -> Results:
         """The answers to a table's questions; nothing where the program fails."""
         function = self.space[self.right.starts(table.kind)]
-        self.left = _LONGER * self.right.effort(table)[0] if self.trees else math.inf
+        self.left = _LONGER * self.right.effort(table) if self.trees else math.inf
         with np.errstate(all="ignore"), warnings.catch_warnings():
             warnings.simplefilter("ignore")
             try:
@@ -134,24 +128,10 @@ class Program:
                 return {}
         return found if isinstance(found, Mapping) else {}
 
-    def count(self) -> None:
-        """Count turns of loops and calls of functions from now on."""
-
-        def turned(*bounds: int) -> range:
-            self.turns += len(range(*bounds))
-            return range(*bounds)
-
-        def called(function: Any, *given: Any, **named: Any) -> Any:
-            self.calls += 1
-            return function(*given, **named)
-
-        self.space["range"] = turned
-        for name in self.right.functions:
-            self.space[name] = partial(called, self.space[name])
-
     def _range(self, *bounds: int) -> range:
         """A range that ends a program whose loops a change has made too long."""
         turns = range(*bounds)
+        self.turns += len(turns)
         self.left -= len(turns)
         if self.left < 0:
             raise TimeoutError
@@ -175,3 +155,8 @@ def specimen() -> Specimen:
             if not names & functions.keys() and node.targets[0].id != "KINDS":
                 constants[node.targets[0].id] = node
     return Specimen("", functions, constants, space)
+
+
+def of(name: str) -> Any:
+    """A function or constant of the client."""
+    return specimen().space[name]

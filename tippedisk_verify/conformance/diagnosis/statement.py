@@ -11,8 +11,8 @@ import numpy as np
 
 from tippedisk_verify.conformance.diagnosis.cycles import cycle_causes
 from tippedisk_verify.conformance.diagnosis.entries import Array, Sheet, Table, tables_of
-from tippedisk_verify.conformance.diagnosis.integrators import Integrators
-from tippedisk_verify.conformance.diagnosis.orbits import Flights, OtherInputs
+from tippedisk_verify.conformance.diagnosis.integrators import integrator_errors
+from tippedisk_verify.conformance.diagnosis.orbits import Flights, other_inputs
 from tippedisk_verify.conformance.diagnosis.places import lost, where
 from tippedisk_verify.conformance.diagnosis.readings import Readings
 from tippedisk_verify.conformance.diagnosis.relations import related
@@ -40,10 +40,10 @@ class Diagnosis:
     level: int
     sets: tuple[str, ...]
     frictions: tuple[str, ...]
-    failed: frozenset[str]  #: ids
+    failed: tuple[Grade, ...]
     found: tuple[Cause, ...]  #: several if they cannot be told apart; () if none is known
     tried: int  #: how many of the failed ones the cause gives
-    where: str = ""  #: if no cause is known: a condition that the wrong answers satisfy and the right ones do not
+    where: str = ""  #: if no cause is known: a condition that the failed answers satisfy and the right ones do not
 
     @property
     def causes(self) -> tuple[tuple[str, str], ...]:
@@ -55,6 +55,11 @@ class Diagnosis:
         return len(self.failed) - self.tried
 
     @property
+    def few(self) -> int:
+        """How many of the failed ones have too few digits only."""
+        return sum(grade.verdict == "few-digits" for grade in self.failed)
+
+    @property
     def status(self) -> str:
         return "explained" if self.found else "unexplained" if self.tried else "no-numbers"
 
@@ -62,7 +67,8 @@ class Diagnosis:
         both = len(self.frictions) > 1 or self.frictions == ("both",)
         laws = "both laws" if both else f"{self.frictions[0]} friction"
         text = f"level {self.level}, {LEVEL_NAMES[self.level]} ({' and '.join(self.sets)}, {laws}): "
-        text += f"{len(self.failed)} wrong"
+        counts = (len(self.failed) - self.few, "wrong"), (self.few, "with too few digits only")
+        text += ", ".join(f"{count} {how}" for count, how in counts if count)
         if self.no_numbers:
             text += f", {self.no_numbers} of them no finite number"
         if self.status == "unexplained":
@@ -80,6 +86,7 @@ class Diagnosis:
             "sets": list(self.sets),
             "frictions": list(self.frictions),
             "failed": len(self.failed),
+            "too_few_digits": self.few,
             "no_numbers": self.no_numbers,
             "status": self.status,
             "causes": [{"cause": one.says, **{name: getattr(one, name) for name in names}} for one in self.found],
@@ -110,20 +117,20 @@ def diagnosed(grades: Iterable[Grade], store: Store, advance: _Advance = lambda 
             continue  # wrong equations of one law, seen in what is common to both
         parts = (table for table in tables if table.level == level and table.friction in laws | {"both"})
         sheet = Sheet(tuple(parts)).where(partial(_rows, list(sets)))
-        causes, digits = explained(sheet, _proved(tables, level), advance) if sheet.wrong.any() else ([], None)
         about = partial(Diagnosis, level, tuple(sorted(sets)), tuple(sorted(laws)))
+        digits, causes = lost(sheet) if sheet.wrong.any() else None, list[Cause]()
         if digits is not None:
-            ids = frozenset(sheet.ids[digits[1]].tolist())
-            diagnoses.append(about(ids, (Cause(digits[0], 0, "digits"),), len(ids)))
+            ids = set(sheet.ids[digits[1]].tolist())
+            touched = tuple(grade for grade in mine if grade.id in ids)
+            diagnoses.append(about(touched, (Cause(digits[0], 0, "digits"),), len(touched)))
             failed = [grade for grade in failed if grade.id not in ids]
             tables = [table.without(np.isin(table.ids, list(ids))) for table in tables]
-            mine = [grade for grade in mine if grade.id not in ids]
-        if digits is not None and not causes:
             undone |= {key for grade in failed for key in _places(grade, answered)} & here
-        elif mine:
-            ids, numbers = frozenset(grade.id for grade in mine), set(sheet.ids[sheet.wrong].tolist())
-            place = where(sheet) if sheet.wrong.any() and not causes else ""
-            diagnoses.append(about(ids, tuple(causes), len(ids & numbers), place))
+            continue
+        if sheet.wrong.any():
+            causes = causes_of(sheet, _proved(tables, level), advance)
+        place, numbers = "" if causes or not sheet.tables else where(sheet), set(sheet.ids[sheet.wrong].tolist())
+        diagnoses.append(about(tuple(mine), tuple(causes), sum(grade.id in numbers for grade in mine), place))
     return diagnoses
 
 
@@ -149,12 +156,6 @@ def _proved(tables: Sequence[Table], level: int) -> frozenset[str]:
     return frozenset[str]().union(*(plain.calls[plain.starts(kind)] for kind in kinds))
 
 
-def explained(sheet: Sheet, passed: frozenset[str], advance: _Advance) -> tuple[list[Cause], tuple[str, Array] | None]:
-    """The mistakes that give all answers and cannot be told apart, and what digits are lost, with the answers."""
-    digits = lost(sheet)
-    return ([], digits) if digits else (causes_of(sheet, passed, advance), None)
-
-
 def causes_of(sheet: Sheet, passed: frozenset[str], advance: _Advance) -> list[Cause]:
     """From what is simple to say to what is less so; ``passed`` are functions that are beyond doubt."""
     search = Search(sheet, advance, passed)
@@ -162,7 +163,7 @@ def causes_of(sheet: Sheet, passed: frozenset[str], advance: _Advance) -> list[C
     if sheet.level < _ORBITS and max(shares) < _SELDOM:
         return _named(related(sheet))
     if sheet.level >= _ORBITS:
-        return _named(related(sheet) or (_orbit_causes if sheet.level == _ORBITS else cycle_causes)(search))
+        return _named(related(sheet) or (_orbit_causes(sheet) if sheet.level == _ORBITS else cycle_causes(search)))
     outputs = related(sheet)
     search.allow(_WORK)
     found = search.inputs((0,)) or [one for one in outputs if one.rank <= 1]
@@ -175,10 +176,9 @@ def causes_of(sheet: Sheet, passed: frozenset[str], advance: _Advance) -> list[C
     return _named(found or ([] if passed else search.solved()))
 
 
-def _orbit_causes(search: Search) -> list[Cause]:
+def _orbit_causes(sheet: Sheet) -> list[Cause]:
     """Wrong readings of right orbits, right ones of other inputs, and the errors of integrators."""
-    flights = Flights(search.sheet.tables, [table.smooth for table in search.sheet.tables])
-    return next(filter(None, (way(search, flights).causes() for way in (Readings, OtherInputs, Integrators))), [])
+    return Readings(sheet).causes() or other_inputs(Flights(sheet)) or integrator_errors(Flights(sheet))
 
 
 def _named(found: list[Cause]) -> list[Cause]:

@@ -26,12 +26,12 @@ __all__ = [
     "is_binary",
     "kind",
     "places",
-    "renamed",
     "same",
     "scope",
     "shown",
     "sort_of",
     "statements",
+    "substituted",
     "terms",
     "values",
 ]
@@ -180,28 +180,17 @@ def same(one: Node, other: Node) -> bool:
     return one is other or (sort_of(one) == sort_of(other) and ast.dump(one) == ast.dump(other))
 
 
-def renamed(node: Node, names: Mapping[str, str]) -> Node:
-    """The same with other names; what has none of them is shared."""
-    if kind(node, ast.Name):
-        known = node.id in names and kind(node.ctx, ast.Load)
-        return ast.copy_location(ast.Name(names[node.id], ast.Load()), node) if known else node
-    changed: dict[str, Any] = {}
-    for field, value in ast.iter_fields(node):
-        if kind(value, ast.AST):
-            new: Any = renamed(value, names)
-        elif kind(value, list):
-            new = [renamed(part, names) if kind(part, ast.AST) else part for part in value]
-            new = value if all(one is other for one, other in zip(new, value, strict=True)) else new
-        else:
-            continue
-        if new is not value:
-            changed[field] = new
-    if not changed:
-        return node
-    upper = copy.copy(node)
-    for field, value in changed.items():
-        setattr(upper, field, value)
-    return upper
+class _Substitution(ast.NodeTransformer):
+    def __init__(self, values: Mapping[str, Node]) -> None:
+        self.values = values
+
+    def visit_Name(self, node: ast.Name) -> Node:
+        return self.values.get(node.id, node) if kind(node.ctx, ast.Load) else node
+
+
+def substituted(node: Node, values: Mapping[str, Node]) -> Node:
+    """The same with expressions in place of names."""
+    return _Substitution(values).visit(copy.deepcopy(node))
 
 
 def fixed(node: Any) -> Any:
@@ -265,12 +254,6 @@ def values(function: Any, statement: Any, path: Any) -> Iterator[tuple[Place, st
         label = shown(statement.target)
     else:
         label = ""
-    target = getattr(statement, "targets", [None])[0]
-    if isinstance(target, ast.Subscript) and isinstance(target.slice, ast.Tuple):
-        down = (*path, (statement, "targets", 0), (target, "slice", None))
-        for index, element in enumerate(target.slice.elts):
-            if isinstance(element, ast.Constant):
-                yield Place(function, statement, (*down, (target.slice, "elts", index))), f"the place of {label}"
     whole = Place(function, statement, (*path, (statement, "value", None)))
     if isinstance(statement, ast.Expr) and isinstance(value, ast.Call):
         for index in range(len(value.args)):

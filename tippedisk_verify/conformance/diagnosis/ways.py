@@ -6,13 +6,13 @@ Each is held against the specimen in the tests. It is no mistake itself, and not
 from __future__ import annotations
 
 import ast
-import copy
 from functools import cache
 from typing import Any
 
 import numpy as np
 
 from tippedisk_verify.conformance.diagnosis.specimen import Specimen, specimen
+from tippedisk_verify.conformance.diagnosis.trees import substituted
 
 __all__ = ["ways"]
 
@@ -27,20 +27,6 @@ def derivatives(p, Omega, smooth, beta, gamma, v):
     dv_rate_domega = equations(p, Omega + 1j * step, smooth, beta, gamma, v)[7].imag / step
     v_rate = equations(p, Omega, smooth, beta, gamma, v)[7]
     return dv_rate_dbeta, dv_rate_dgamma, dv_rate_dv, dv_rate_domega, v_rate
-"""
-_GENERAL_STATE = """
-def linearisation(p, Omega, side):
-    beta = pi / 2 + 0 * Omega
-    gamma = side * pi / 2 + 0 * Omega
-    v = 0 * Omega
-    A_31, A_32, A_33, dv_rate_domega, v_rate = derivatives(p, Omega, False, beta, gamma, v)
-    matrix = np.zeros((len(p[0]), 3, 3))
-    matrix[:, 0, 2] = 1
-    matrix[:, 1, 0] = Omega * sin(beta)
-    matrix[:, 2, 0] = A_31
-    matrix[:, 2, 1] = A_32
-    matrix[:, 2, 2] = A_33
-    return matrix
 """
 _SOLVER = """
 def hopf_eigenvectors(p, Omega, omega):
@@ -59,27 +45,6 @@ def pair_frequency(p, Omega):
     eigenvalues = np.linalg.eigvals(linearisation(p, Omega, 1))
     return np.max(eigenvalues.imag, axis=-1)
 """
-_POLARISED = """
-def third_derivative(p, Omega, u):
-    circle = 0.05 * np.exp(2j * pi * np.arange(16) / 16)
-    weight = 6 / (16 * circle**3)
-    gamma_rates, v_rates = 0, 0
-    for k in range(16):
-        beta = pi / 2 + circle[k] * u[0]
-        gamma = pi / 2 + circle[k] * u[1]
-        v = circle[k] * u[2]
-        rates = equations(p, Omega, False, beta, gamma, v)
-        gamma_rates = gamma_rates + weight[k] * rates[6]
-        v_rates = v_rates + weight[k] * rates[7]
-    return np.array([gamma_rates, v_rates])
-
-def cubic_terms(p, Omega, q):
-    plus = third_derivative(p, Omega, q + q.conj())
-    minus = third_derivative(p, Omega, q - q.conj())
-    conjugate = third_derivative(p, Omega, q.conj())
-    cubic = (plus - minus - 2 * conjugate) / 6
-    return cubic[0], cubic[1]
-"""
 _ROOTS_OF_MODULI = """
 def sqrt(x):
     return np.sqrt(abs(x))
@@ -94,10 +59,6 @@ _PARTS = (
     ("sqrt(e * Omega ** 2 / (r + e) + delta * C ** 2)", "Omega * sqrt(e / (r + e) - stiffness / (r + e) * C ** 2 / 8)"),
 )  # fmt: skip
 _RATE = "force / M", "equations(p, Omega, False, beta, gamma, v)[7]"
-_SLOPE = (
-    "epsilon / (abs(gamma_y) + epsilon) ** 2",
-    "(1 / (abs(gamma_y) + epsilon) - abs(gamma_y) / (abs(gamma_y) + epsilon) ** 2)",
-)
 
 
 def _analytic(x: object) -> object:
@@ -112,18 +73,13 @@ def _written_out(text: str, *names: str) -> str:
     """A function with the values of some of its names in place of these."""
     tree = ast.parse(text)
     values: dict[str, ast.expr] = {}
-
-    class Replaced(ast.NodeTransformer):
-        def visit_Name(self, node: ast.Name) -> ast.expr:
-            return copy.deepcopy(values[node.id]) if isinstance(node.ctx, ast.Load) and node.id in values else node
-
     function: Any = tree.body[0]
-    for statement in tuple(function.body):
-        Replaced().visit(statement)
+    for place, statement in enumerate(tuple(function.body)):
+        function.body[place] = substituted(statement, values)
         name = getattr(getattr(statement, "targets", [None])[0], "id", "")
         if name in names:
-            values[name] = statement.value
-            function.body.remove(statement)
+            values[name] = function.body[place].value
+    function.body = [one for one in function.body if getattr(getattr(one, "targets", [None])[0], "id", "") not in names]
     return ast.unparse(tree) + "\n"
 
 
@@ -136,27 +92,24 @@ def _replaced(text: str, *pairs: tuple[str, str]) -> str:
 
 @cache
 def ways() -> tuple[Specimen, ...]:
-    """The specimen as it is, and in other ways."""
+    """The specimen as it is, with other derivatives, and another right program."""
     plain = specimen()
     motion, hopf, law = (plain.text(name) for name in ("equations", "hopf", "one_harmonic_law"))
     terms = _written_out(motion, "inertia", "h_1", "h_2", "h_3", "h_4", "h_5", "normal_force", "force")
-    terms = _replaced(terms, ("rho * v * sin(beta)", "w_y * v"))
-    solver = _replaced(hopf, ("sqrt(e / (r + e)) * Omega", "pair_frequency(p, Omega)")) + _SOLVER
-    parts = _replaced(law, *_PARTS)
+    other = (
+        _replaced(terms, ("rho * v * sin(beta)", "w_y * v")),
+        _replaced(hopf, ("sqrt(e / (r + e)) * Omega", "pair_frequency(p, Omega)")),
+        _SOLVER,
+        _replaced(law, *_PARTS),
+        _ROOTS_OF_MODULI,
+        _written_out(plain.text("manifold_terms"), "w_y"),
+    )
     steps = plain.patched("complex steps", _COMPLEX_STEPS, abs=_analytic)
     return (
         plain,
         steps,
-        plain.patched("terms written out", terms),
-        steps.patched("terms written out, complex steps", terms),
-        plain.patched("general state", _GENERAL_STATE + plain.text("derivatives")),
-        steps.patched("general state, complex steps", _GENERAL_STATE + motion),
-        plain.patched("eigenvectors of a solver", solver),
-        plain.patched("polarised cubic terms", solver + _POLARISED),
-        plain.patched("amplitude law in parts", parts),
-        plain.patched("amplitude law in parts, roots of moduli", parts + _ROOTS_OF_MODULI),
+        plain.patched("another program", "\n".join(other)),
+        steps.patched("another program, complex steps", "\n".join((*other, _COMPLEX_STEPS))),
         plain.patched("period written out", _written_out(hopf, "omega")),
         plain.patched("residual of the equations", _replaced(plain.text("invariance_residual"), _RATE)),
-        plain.patched("drag written out", _written_out(plain.text("manifold_terms"), "w_y")),
-        plain.patched("slope of a quotient", _replaced(plain.text("derivatives"), _SLOPE)),
     )
