@@ -187,10 +187,6 @@ def test_command_with_bautin_points(capsys: Any) -> None:
     assert Measured.of(**point["value"]).holds(truth)
     assert Fraction(point["value"]["uncertainty"]) < truth / 10**50
     assert told(capsys, "--bautin", "m")["bautin"] == []
-    assert main(["hopf", "--bautin", "m"]) == 0
-    assert capsys.readouterr().out.endswith("bautin: none\n")
-    assert main(["hopf", "--bautin", "A"]) == 0
-    assert "bautin 1:\n  parameter: A\n  value: 0.00023239668996710526" in capsys.readouterr().out
 
 
 def test_command_at_a_bautin_point(capsys: Any, tmp_path: Path) -> None:
@@ -201,7 +197,3 @@ def test_command_at_a_bautin_point(capsys: Any, tmp_path: Path) -> None:
     assert result["first_lyapunov_coefficient"]["value"] == "0"
     assert float(result["second_lyapunov_coefficient"]["value"]) < 0
     assert result["amplitude_squared_slope"] is result["period_slope"] is None
-    assert main(["hopf", "--parameters", str(path)]) == 0
-    text = capsys.readouterr().out
-    assert "criticality: degenerate" in text
-    assert "slope" not in text
