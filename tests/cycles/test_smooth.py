@@ -8,7 +8,6 @@ from concurrent.futures import ThreadPoolExecutor
 from fractions import Fraction
 from pathlib import Path
 
-import numpy
 import pytest
 
 from tests.cycles.full_period import WHOLE_PERIOD
@@ -24,7 +23,7 @@ from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.model.precision import bits
-from tippedisk_verify.motion.basins import OUTCOMES, Attractors, basins, classified_lanes
+from tippedisk_verify.motion.basins import basins
 from tippedisk_verify.theory.hopf import omega_crit
 
 MAIN = ("period", "gamma_bar_0", "v_0", "beta_max", "multiplier_slow", "log_multiplier_fast")
@@ -62,12 +61,6 @@ def test_the_laws_cycles_part_faster_than_they_grow(taylor) -> None:
         )
         apart.append(float(abs(smooth.beta_max.value / linear.beta_max.value - 1)))
     assert 2.3 < math.log(apart[0] / apart[1], 4) < 2.7
-
-
-def test_cycles_near_the_smooth_laws_own_omega_h(taylor) -> None:
-    near = cycle_at(PRINTED.with_friction("smooth"), Fraction("30.0855"), taylor)
-    assert near.stable
-    assert float(near.period) > 3
 
 
 def test_below_omega_h_it_says_so(taylor) -> None:
@@ -108,13 +101,6 @@ def test_basins() -> None:
         assert abs(share - other[name][0]) <= 1.5 * (error + other[name][1])
     assert shares["undecided"][0] < 0.01
     assert shares["inverted spinning"][0] == 0
-
-
-def test_known_starts_end_where_they_must() -> None:
-    speed = omega_crit(PRINTED, 20).value + Fraction(1, 2)
-    states = numpy.array([[math.pi / 2, math.pi / 2 + 0.4, 0], [0.1, 1, -3], [-0.2, 1, 0]])
-    found = classified_lanes(states, PRINTED, speed, 20.0, Attractors.at(PRINTED, speed))
-    assert [OUTCOMES[k] for k in found] == ["inverted spinning", "lies flat", "lies flat"]
 
 
 @pytest.mark.slow(minutes=0.4)

@@ -93,6 +93,23 @@ def test_an_orbit_at_rest_crosses_nothing(make: Callable[[], Any], friction) -> 
             assert numpy.array_equal(result.state, [0.0, 0.0, 0.0])
 
 
+@pytest.mark.parametrize("friction", ["linear", "smooth"])
+def test_many_runs_at_once_start_there_too(friction) -> None:
+    """The same crossings as one run at a time; one of the starts is at rest, and one on no surface."""
+    turns = Event("turns", TURN.function, terminal=False)
+    states = numpy.array([(0.0, 0.0, 0.0), DROPPED, TURNING, (0.0, 0.3, -1.0), (0.1, 0.3, -1.0)])
+    constants = field_constants(PRINTED.with_friction(friction))
+    for duration in (0.3, -0.02):
+        wanted = {"shifted": True, "friction": friction, "events": (WATCHED, turns)}
+        many = lanes(constants, numpy.full(5, 30.5), states, numpy.full(5, duration), **wanted)
+        for run, state in enumerate(states.tolist()):
+            alone = shared(request(tuple(state), duration, WATCHED, turns, friction=friction))
+            mine = sorted((abs(when), name) for name, lane, when, _ in many.crossings if lane == run)
+            assert [name for _, name in mine] == [record.name for record in alone.events]
+            for (when, _), record in zip(mine, alone.events, strict=True):
+                assert abs(when - abs(record.time)) < 1e-12
+
+
 @pytest.mark.parametrize(
     "more", [{}, {"times": [5e-11, 0.05]}, {"dense": True}, {"parameters": PRINTED.with_friction("smooth")}]
 )

@@ -45,7 +45,8 @@ def test_convergence_order_is_that_of_the_linear_law() -> None:
 
 
 def test_a_start_on_the_surface(taylor) -> None:
-    """gamma_y = 0 at the start, in both directions of time; against 200 bits and against SciPy."""
+    """gamma_y = 0 at the start, in both directions of time; against 200 bits, lanes and SciPy."""
+    lanes, constants = BatchTaylor(), field_constants(PRINTED.with_friction("smooth"))
     c = PRINTED.at(DOUBLE)
     for gamma in (0.3, 2.0, 4.0):
         v = c.e * 30.4 * math.sin(1.4) * math.cos(gamma) / (c.r + c.e * math.sin(gamma))
@@ -53,6 +54,9 @@ def test_a_start_on_the_surface(taylor) -> None:
             request = smooth("30.4", (1.4, gamma, v), duration)
             mine, truth = taylor(request), taylor(smooth("30.4", (1.4, gamma, v), duration, precision=bits(200)))
             assert max(abs(float(a) - float(b)) for a, b in zip(mine.state, truth.state, strict=True)) < 1e-11
+            many = lanes(constants, [30.4], [(1.4, gamma, v)], [float(duration)], friction="smooth")
+            assert many.finished.all()
+            assert numpy.abs(many.states[0] - mine.state).max() < 1e-11
             other = Baseline("DOP853")(request)
             assert max(abs(float(a) - float(b)) for a, b in zip(mine.state, other.state, strict=True)) < 1e-8
 

@@ -68,13 +68,13 @@ def _requests(count: int) -> list[Request]:
     return found
 
 
-def test_one_engine_that_keeps_little_in_eight_threads(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_one_engine_that_keeps_little_in_four_threads(monkeypatch: pytest.MonkeyPatch) -> None:
     """What leaves while another thread runs it ends its run, and is compiled again for the next."""
     monkeypatch.setattr(compiled, "_MOST_KEPT", 2)
-    requests, shared = _requests(16), Taylor()
+    requests, shared = _requests(8), Taylor()
     serial = [_bytes(Taylor()(request)) for request in requests]
     jobs = [lambda request=request: _bytes(shared(request)) for request in requests]
-    for found in _in_threads(jobs):
+    for found in _in_threads(jobs, 4):
         assert found == serial
     assert len(shared.builds) <= 2
 
