@@ -120,7 +120,7 @@ def test_public_names_exist() -> None:
         _ = tv.nothing  # type: ignore[attr-defined]
 
 
-@pytest.mark.parametrize("name", ["", ".disk", ".model.measured", ".cycles.monodromy"])
+@pytest.mark.parametrize("name", ["", ".disk", ".model.measured", ".cycles.limit_cycle"])
 def test_the_examples_of_docstrings_run(name: str) -> None:
     failed, tried = doctest.testmod(import_module(f"tippedisk_verify{name}"))
     assert (failed, tried > 0) == (0, True)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from fractions import Fraction
 
 import numpy
@@ -13,12 +12,8 @@ from scipy import integrate, stats
 from tippedisk_verify.cycles import error_budget, interpolant
 from tippedisk_verify.cycles.error_budget import logarithms_bounded
 from tippedisk_verify.cycles.section import LIBRATING, ROTATING
-from tippedisk_verify.cycles.shooting import limit_cycle
 from tippedisk_verify.disk import Disk
-from tippedisk_verify.flow.contract import Request
-from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.model.precision import DOUBLE, EXTENDED, QUADRUPLE, companion
 
 
@@ -67,17 +62,6 @@ def test_the_risk_on_the_branch_is_what_its_budget_says() -> None:
     assert 13 < numpy.median(widths / numpy.abs(random.standard_normal(len(widths)))) < 14
 
 
-def test_truncation_is_a_small_part_of_a_rounding() -> None:
-    """Half a second of motion in quadruple at the tolerance of a double: all its error is truncation."""
-    taylor = Taylor()
-    request = Request(PRINTED, "30.4", (0, "1.68", "-1.71"), "0.5", shifted=True, precision=QUADRUPLE, domain="none")
-    truth = taylor(request).state
-    loose = taylor(replace(request, tolerance=float(DOUBLE.epsilon))).state
-    for mine, true in zip(loose, truth, strict=True):
-        # Twenty steps, each with a fiftieth of a rounding of the state, which is of order 1.
-        assert abs(float(mine - true)) < 20 / 50 * float(DOUBLE.epsilon) * 4
-
-
 def test_a_lost_multiplier_is_bounded_by_what_is_known() -> None:
     """exp(-104) beside a rounding of 1e-15: the logarithm is said to lie between half of the sum and that of 1e-15."""
     measured = {
@@ -95,9 +79,13 @@ def test_a_lost_multiplier_is_bounded_by_what_is_known() -> None:
 
 
 @pytest.mark.skipif(companion(DOUBLE) != EXTENDED, reason="this machine has no extended doubles")
-@pytest.mark.slow
-@pytest.mark.parametrize(("few", "many", "arithmetic"), [(15, 20, EXTENDED), (20, 40, QUADRUPLE)])
-@pytest.mark.parametrize(("kind", "omega"), [("librating", "30.4"), ("librating", "30.7"), ("rotating", "30.02")])
+@pytest.mark.parametrize(
+    ("kind", "omega", "few", "many", "arithmetic"),
+    [
+        ("librating", "30.4", 15, 20, EXTENDED),
+        pytest.param("rotating", "30.02", 20, 40, QUADRUPLE, marks=pytest.mark.slow(minutes=0.2)),
+    ],
+)
 def test_twins_in_double_measure_a_wider_arithmetic(kind, omega, few, many, arithmetic) -> None:
     """Every number holds that of many more digits, by half-widths that leave most of the arithmetic's digits."""
     disk = Disk("printed")
@@ -108,16 +96,3 @@ def test_twins_in_double_measure_a_wider_arithmetic(kind, omega, few, many, arit
         number = getattr(cycle, name)
         assert number.holds(getattr(sharp, name).value), name
         assert number.uncertainty < abs(number.value) / 10 ** (few - 1), name
-
-
-@pytest.mark.slow
-def test_a_cycle_without_a_slow_multiplier_is_honest() -> None:
-    """A disk with hardly any eccentricity: one period takes all that doubles see of a perturbation."""
-    disk = PRINTED.changed(
-        r="0.0184655", e="5.1322087425e-7", m="0.0387762", A="3.41246581555998e-6", B="2.76642977101357e-6",
-        g="15.5114", mu="0.3", epsilon="0.1",
-    )  # fmt: skip
-    rough = limit_cycle(disk, "62.880486993744", Taylor(), precision=DOUBLE)
-    sharp = limit_cycle(disk, "62.880486993744", Taylor(), digits=60)
-    for name in ("multiplier_slow", "log_multiplier_slow", "log_multiplier_fast", "period", "dperiod_domega"):
-        assert getattr(rough, name).holds(getattr(sharp, name).value), name

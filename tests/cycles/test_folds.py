@@ -1,28 +1,33 @@
-"""Folds of librating cycles: the augmented system against the spectral method and more digits."""
+"""Folds of librating cycles, against the spectral method; families of disks of every kind."""
 
 from __future__ import annotations
 
 import json
+import math
+from collections.abc import Iterator
 from fractions import Fraction
+from itertools import pairwise
 from pathlib import Path
 
+import numpy
 import pytest
 
-from tests.cycles.test_every_disk import steep_disks
 from tippedisk_verify.atlas.branch import family
-from tippedisk_verify.atlas.cycles_at_speed import cycle_at
 from tippedisk_verify.atlas.locator import locator
 from tippedisk_verify.cli import main
+from tippedisk_verify.connection.bisection import bisect_omega_h
+from tippedisk_verify.connection.heteroclinic import METHODS, heteroclinic
 from tippedisk_verify.cycles.folds import libration_folds
 from tippedisk_verify.cycles.fourier import Kind
 from tippedisk_verify.cycles.librating_family import LibratingFamily
 from tippedisk_verify.cycles.spectral import spectral_fold
 from tippedisk_verify.disk import Disk
-from tippedisk_verify.errors import InputError, NoSuchCycleError
+from tippedisk_verify.errors import InputError, NoConnectionError, NoSuchCycleError
 from tippedisk_verify.model.exact import fraction
-from tippedisk_verify.model.parameters import PRINTED
+from tippedisk_verify.model.parameters import GEOMETRY, PRINTED, Parameters
 from tippedisk_verify.theory.bautin import bautin_points
-from tippedisk_verify.theory.hopf import criticality
+from tippedisk_verify.theory.equilibria import equilibrium
+from tippedisk_verify.theory.hopf import criticality, hopf_point
 
 FOLDING = PRINTED.changed(A="0.229e-3")
 POSITIVE_SADDLE_VALUE = PRINTED.changed(r="0.0346", e="0.00064", mu="0.385", epsilon="0.0395", B="0.2124e-3")
@@ -48,15 +53,6 @@ def test_the_fold_is_the_spectral_methods(taylor, digits) -> None:
 def test_the_spectral_method_finds_no_fold_where_there_is_none() -> None:
     with pytest.raises(NoSuchCycleError, match="no fold of the librating cycles"):
         spectral_fold(PRINTED, Kind.LIBRATING)
-
-
-@pytest.mark.slow(minutes=0.3)
-@pytest.mark.parametrize("disk", [*steep_disks(40)][:5], ids=lambda disk: disk.name)
-def test_folds_hold_their_thirty_digits(disk, taylor) -> None:
-    (fold,) = libration_folds(disk, taylor)
-    (true,) = libration_folds(disk, taylor, digits=30)
-    for name in ("omega", "period", "gamma_bar_0", "v_0", "beta_max", "null_vector", "log_multiplier_fast"):
-        assert getattr(fold, name).holds(getattr(true, name).value), name
 
 
 # ------------------------------------------------------------------------------------------------ what a fold is
@@ -86,18 +82,9 @@ def test_a_positive_saddle_value_folds_below_omega_h(taylor) -> None:
 
 
 @pytest.mark.slow
-def test_next_to_omega_h_and_below_the_fold_it_is_said_which(taylor) -> None:
-    """The overview stays as far from Omega_h as doubles need, and a speed next to both ends is told the right one."""
-    cycles = list(family(POSITIVE_SADDLE_VALUE, taylor))
-    assert {cycle.stable for cycle in cycles} == {True, False}
-    with pytest.raises(NoSuchCycleError, match=r"below the family, which lies between a fold at 25\.70764 rad/s"):
-        cycle_at(POSITIVE_SADDLE_VALUE, "25.7076", taylor)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("below", ["1e-11", "1e-16"])
-def test_next_to_the_bautin_point_folds_follow_the_closed_form(below, taylor) -> None:
+def test_next_to_the_bautin_point_folds_follow_the_closed_form(taylor) -> None:
     """There doubles see their rounding only."""
+    below = "1e-16"
     (point,) = bautin_points(PRINTED, "A", 20)
     disk = PRINTED.changed(A=point.value.value - Fraction(below))
     (fold,) = libration_folds(disk, taylor)
@@ -114,34 +101,12 @@ def test_another_orbit_is_not_taken_for_one_of_the_family(taylor) -> None:
     assert second.omega.value - first.omega.value > Fraction(1, 10)
 
 
-@pytest.mark.slow
-def test_the_smooth_law_folds_too(taylor) -> None:
-    """Near the Bautin point cycles are small and the laws' differ little: the folds' speeds above Omega_crit too."""
-    near = PRINTED.changed(A="0.232e-3")
-    (linear,), (smooth,) = (libration_folds(disk, taylor) for disk in (near, near.with_friction("smooth")))
-    assert abs(float(smooth.omega) - float(linear.omega)) < 1e-3
-    assert smooth.omega.value != linear.omega.value
-
-
 # ------------------------------------------------------------------------------------------------ the page of documents
 def rows(heading: str) -> list[list[str]]:
     """The table of docs/disks.md whose first column has this heading."""
     text = (Path(__file__).parents[2] / "docs" / "disks.md").read_text(encoding="utf-8")
     lines = text[text.index(f"| {heading} |") :].split("\n\n")[0].splitlines()[2:]
     return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
-
-
-def test_the_table_of_widths(taylor) -> None:
-    for A, ratio, width, amplitude, down in rows("A [kg m^2]"):
-        disk = PRINTED.changed(A=A)
-        known = LibratingFamily(disk, taylor)
-        assert ratio == f"{float(disk.A / disk.Bbar):.4f}"
-        assert down == f"{known.omega_crit - known.limit:.4f}"
-        if known.folds:
-            fold = known.place(known.folds[0])
-            assert (width, amplitude) == (f"{fold.omega - known.omega_crit:.4f}", f"{fold.start[0]:.3f}")
-        else:
-            assert (width[:4], amplitude) == ("none", "")
 
 
 def disk_with_hole(
@@ -169,6 +134,8 @@ def disk_with_hole(
 
 
 def test_the_table_of_holes() -> None:
+    named = (GEOMETRY.m, GEOMETRY.r, *(Fraction(text) for text in ("0.010", "0.015", "0.020")))
+    assert PRINTED.changed(**disk_with_hole(*named), name="geometry") == GEOMETRY
     radii = ("0.005", "0.010", "0.015", "0.020", "0.030")
     for thickness, *offsets in rows("thickness"):
         for radius, offset in zip(radii, offsets, strict=True):
@@ -246,14 +213,62 @@ def test_command(folding, capsys) -> None:
     for words, told in (
         (
             ["--omega", "31"],
-            "that is 0.043 rad/s above the family, which lies between Omega_h = 30.75413 rad/s and a fold at 30",
+            "0.043 rad/s above the family, which lies between Omega_h = 30.75413 rad/s and a fold at 30",
         ),
-        (["--omega", "30.7"], "that is 0.054 rad/s below the family"),
         (["--omega", "30.8", "--unstable"], "no unstable limit cycle found at 30.8 rad/s: the one found is stable"),
         (["--at-fold", "--unstable"], "--unstable goes with"),
-        (["--at-fold", "--omega", "30.9"], "give the speed of the cycle with one of"),
     ):
         assert main(["orbit", *words, "--parameters", folding]) == 2
         captured = capsys.readouterr().err
         assert told in captured, captured
         assert captured.count("\n") == 1
+
+
+def random_disks(count: int, seed: int) -> Iterator[Parameters]:
+    """Disks that differ from the paper's in the geometry, the inertia and the friction."""
+    random = numpy.random.default_rng(seed)
+    while count:
+        r = 0.045 * math.exp(random.uniform(-0.4, 0.4))
+        e = r * math.exp(random.uniform(math.log(0.01), math.log(0.3)))
+        mu, epsilon = 0.3 * math.exp(random.uniform(-1.2, 1.2)), 0.1 * math.exp(random.uniform(-1.2, 1.2))
+        B = 0.249e-3 * random.uniform(0.85, 1)
+        values = {
+            name: f"{value:.6g}" for name, value in {"r": r, "e": e, "mu": mu, "epsilon": epsilon, "B": B}.items()
+        }
+        try:
+            yield PRINTED.changed(**values, name=f"r {r:.4f} e {e:.5f} mu {mu:.3f} epsilon {epsilon:.4f} B {B:.4g}")
+        except InputError:
+            continue
+        count -= 1
+
+
+@pytest.mark.slow(minutes=0.5)
+@pytest.mark.parametrize(
+    "disk",
+    [
+        *(PRINTED.changed(A=Fraction(ratio) * PRINTED.Bbar, name=ratio) for ratio in ("1.0125", "1.1", "1.2")),
+        *random_disks(3, 1),
+    ],
+    ids=lambda disk: disk.name,
+)
+def test_where_the_family_ends_and_how_many_cycles_a_speed_has(taylor, disk) -> None:
+    family = locator(disk, taylor).family
+    ends = sorted({end for _, end in family.ends})
+    for low, high in pairwise(ends):
+        speed = (low + high) / 2
+        cycles = locator(disk, taylor).librating(Fraction(speed)).cycles()
+        assert len(cycles) == len(list(family.places(speed)))
+    for beyond, side in ((ends[0] - 0.3, "below"), (ends[-1] + 0.3, "above")):
+        with pytest.raises(NoSuchCycleError, match=f"0.3 rad/s {side} the family"):
+            locator(disk, taylor).librating(Fraction(beyond)).cycles()
+    unstable, slow, _ = equilibrium(disk, str(family.limit), "noninverted").eigenvalues
+    assert family.connected is not bool(slow.im.value)
+    if not family.connected:
+        for method in METHODS:
+            with pytest.raises(NoConnectionError, match="saddle-focus"):
+                heteroclinic(disk, taylor, method=method)
+        return
+    assert abs(family.limit - float(bisect_omega_h(disk, taylor).omega_h)) < 1e-6  # a part of how near it is followed
+    falls_at_birth = float(hopf_point(disk).first_lyapunov_coefficient) < 0
+    falls_at_the_end = unstable.re + slow.re < 0
+    assert len(family.folds) % 2 == (falls_at_birth != falls_at_the_end)

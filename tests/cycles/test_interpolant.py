@@ -5,17 +5,14 @@ from __future__ import annotations
 from fractions import Fraction
 
 import numpy
-import pytest
 
-from tests.problems import SETS
 from tippedisk_verify.atlas.branch import family
 from tippedisk_verify.cycles.family import in_batches
 from tippedisk_verify.cycles.interpolant import FamilyInterpolant
 from tippedisk_verify.cycles.librating_family import LibratingFamily
 from tippedisk_verify.cycles.section import LIBRATING
-from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.lanes import BatchTaylor
-from tippedisk_verify.model.parameters import PRINTED, Parameters
+from tippedisk_verify.model.parameters import CALIBRATED, PRINTED, Parameters
 from tippedisk_verify.theory.hopf import hopf_point
 
 _LANES = BatchTaylor()
@@ -25,9 +22,8 @@ def followed(parameters: Parameters, taylor) -> LibratingFamily:
     return LibratingFamily(parameters, taylor, in_batches(LIBRATING, parameters, _LANES))
 
 
-@pytest.mark.parametrize("parameters", SETS, ids=lambda p: p.name)
-def test_the_papers_801_cycles(parameters, taylor) -> None:
-    cycles = list(family(parameters, taylor, paper_sets=True))
+def test_the_papers_801_cycles(taylor) -> None:
+    cycles = list(family(CALIBRATED, taylor, paper_sets=True))
     assert len(cycles) == 801
     assert all(cycle.stable and cycle.engine == "lanes" for cycle in cycles)
     for cycle in cycles:
@@ -58,9 +54,3 @@ def test_speeds_whose_cycles_doubles_do_not_hold_are_left_out(taylor) -> None:
     speeds = [fold + 0.1, fold, 30.9, branch.limit + 1e-9, branch.limit - 0.1]
     by_speed = FamilyInterpolant(branch, _LANES).results(speeds, 0)
     assert [some and [cycle.stable for cycle in some] for some in by_speed] == [None, None, [False, True], None, None]
-
-
-def test_batches_are_of_the_linear_law(taylor) -> None:
-    smooth = LibratingFamily(PRINTED.with_friction("smooth"), taylor)
-    with pytest.raises(InputError, match="linear friction law only"):
-        FamilyInterpolant(smooth, _LANES)

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from fractions import Fraction
 
-import mpmath
 import numpy
 import pytest
 
 import tippedisk_verify as tv
 from tippedisk_verify.cycles.limit_cycle import Cycle
-from tippedisk_verify.model.precision import bits
 
 _FIELDS = ("r", "e", "m", "A", "B", "g", "mu", "epsilon", "C", "friction")
 
@@ -23,11 +21,11 @@ def _cycle(kind: str, digits: int) -> Cycle:
 
 
 def _quotients(sharp: Cycle, since: Fraction) -> numpy.typing.NDArray[numpy.float64]:
-    """By motions of forty digits over a period from a point of the cycle, with each number of that moved by 1e-15."""
-    step, disk = Fraction(1, 10**15), tv.Disk(**{name: getattr(sharp.parameters, name) for name in _FIELDS})
+    """By motions of 25 digits over a period from a point of the cycle, with each number of that moved by 1e-10."""
+    step, disk = Fraction(1, 10**10), tv.Disk(**{name: getattr(sharp.parameters, name) for name in _FIELDS})
 
     def end(point: list[Fraction], time: Fraction) -> numpy.typing.NDArray[numpy.object_]:
-        found = disk.integrate(sharp.omega.value, point, time, t_eval=[time], digits=40, shifted=True)
+        found = disk.integrate(sharp.omega.value, point, time, t_eval=[time], digits=25, shifted=True)
         return numpy.array(found.end.state)
 
     point = [number.value for number in sharp._start]
@@ -39,7 +37,7 @@ def _quotients(sharp: Cycle, since: Fraction) -> numpy.typing.NDArray[numpy.floa
             end([value + sign * step * (n == place) for n, value in enumerate(point)], sharp.period.value)
             for sign in (1, -1)
         )
-        columns.append(((ahead - behind) / bits(160).number(2 * step)).astype(float))
+        columns.append((ahead - behind).astype(float) / float(2 * step))
     return numpy.column_stack(columns)
 
 
@@ -49,34 +47,17 @@ def _quotients(sharp: Cycle, since: Fraction) -> numpy.typing.NDArray[numpy.floa
         ("limit", Fraction(1, 3)),
         *(
             pytest.param(kind, since, marks=pytest.mark.slow(minutes=0.3))
-            for kind, since in [("limit", 0), ("rotating", 0), ("rotating", Fraction(1, 2)), ("smooth", Fraction(1, 5))]
+            for kind, since in [("rotating", Fraction(1, 2)), ("smooth", Fraction(1, 5))]
         ),
     ],
 )
 def test_it_is_what_difference_quotients_of_long_numbers_give(kind: str, since: Fraction) -> None:
-    mine, sharp = _cycle(kind, 12), _cycle(kind, 40)
+    mine, sharp = _cycle(kind, 12), _cycle(kind, 28)
     truth, found = _quotients(sharp, since), mine.monodromy(since)
     assert (abs(found.matrix - truth) <= found.uncertainty + numpy.spacing(abs(truth))).all()
     assert (found.uncertainty <= 1e-9 * abs(truth).max()).all()  # twelve digits, less three for second derivatives
     slow = sorted(abs(numpy.linalg.eigvals(found)))[-2]
     assert slow == pytest.approx(float(mine.multiplier_slow), abs=1e-8)  # ten times that, for the eigenvector's angle
-
-
-@pytest.mark.slow(minutes=0.5)
-def test_its_determinant_is_liouvilles() -> None:
-    """The product of the multipliers, e^-96, is a difference of numbers of order 1: it takes 90 digits to see it."""
-    cycle = tv.Disk("printed").limit_cycle("30.4", digits=90)
-    long = bits(600)
-    entries = [[long.mpf(entry) for entry in row] for row in cycle.monodromy.matrix]
-    determinant = long.context.det(long.context.matrix(entries))
-    logarithms = cycle.monodromy.log_multipliers
-    assert mpmath.almosteq(mpmath.log(determinant), (logarithms[1] + logarithms[2]).mpf(), rel_eps=1e-14)
-
-
-@pytest.mark.slow(minutes=0.2)
-def test_next_to_omega_h_the_logarithms_are_left() -> None:
-    found = tv.Disk("printed").limit_cycle(above_het="1e-3").monodromy
-    assert float(found.log_multipliers[2]) < -200
-    assert abs(numpy.linalg.det(found)) < found.uncertainty.max()
+    assert found.log_multipliers == (mine.multipliers[0].log(), mine.log_multiplier_slow, mine.log_multiplier_fast)
     with pytest.raises(tv.InputError, match="a time from 0 to"):
         found(100)

@@ -15,7 +15,7 @@ from tippedisk_verify.flow import defect, error_estimate
 from tippedisk_verify.flow.contract import SECTION, SLIDING_REVERSAL, Event, Request
 from tippedisk_verify.flow.defect import Defect
 from tippedisk_verify.flow.taylor import Taylor
-from tippedisk_verify.model.parameters import PRINTED, Friction, Parameters
+from tippedisk_verify.model.parameters import PRINTED, Friction
 from tippedisk_verify.model.precision import EXTENDED, QUADRUPLE, Precision, bits
 
 TRUTH = bits(200)
@@ -83,10 +83,10 @@ def test_a_second_sweep_takes_out_what_is_of_second_order(taylor: Taylor, monkey
 
 
 @pytest.mark.parametrize("digits", [12, 15, 20, 25])
-@pytest.mark.parametrize("friction", LAWS)
 @pytest.mark.parametrize("number", range(len(REQUESTS)))
-def test_half_widths_hold(taylor: Taylor, number: int, friction: Friction, digits: int) -> None:
-    request = replace(REQUESTS[number], parameters=REQUESTS[number].parameters.with_friction(friction))
+def test_half_widths_hold(taylor: Taylor, number: int, digits: int) -> None:
+    law = LAWS[(number + digits // 5) % 2]
+    request = replace(REQUESTS[number], parameters=REQUESTS[number].parameters.with_friction(law))
     times = [Fraction(request.duration) * Fraction(n, 7) for n in range(8)]
     mine = taylor(replace(request, times=times, error_estimate=True, digits=digits))
     truth = taylor(replace(request, times=times, precision=TRUTH))
@@ -105,7 +105,7 @@ def test_half_widths_hold_without_extended_arithmetic(taylor: Taylor, monkeypatc
     """As on processors that have no 80-bit registers."""
     monkeypatch.setattr(error_estimate, "_has", lambda wide: wide is not EXTENDED)
     for digits in (12, 15):
-        test_half_widths_hold(taylor, 0, "smooth", digits)
+        test_half_widths_hold(taylor, 1, digits)
 
 
 @pytest.mark.parametrize("law", LAWS)
@@ -149,23 +149,3 @@ def test_integrals_of_the_basis_are_exact(nodes: int) -> None:
     antiderivative = legendre.Legendre(numpy.arange(1, nodes + 1), domain=[0, 1]).integ(lbnd=0)
     found = defect._integrals(shares, basis) @ values
     assert found == pytest.approx(antiderivative(shares), abs=1e-12 * nodes)  # sums of values of size nodes^2
-
-
-def test_samples_cost_little_and_lie_at_the_times_asked_for() -> None:
-    disk = Disk("printed")
-    sol = disk.integrate("30.4", START, 1, t_eval=["0.25", "1/3", "0.5"], digits=20)
-    assert [float(time) for time in sol.t] == [0.25, 1 / 3, 0.5]
-    again = sol(sol.t)
-    assert (abs((again - sol.y).astype(float)) < 1e-15).all()
-    assert isinstance(disk.integrate("30.4", START, 1, digits=15).y, numpy.ndarray)
-    assert disk.integrate("30.4", START, 1, digits=15).y.dtype == numpy.longdouble
-
-
-def test_other_parameters_than_the_run_had_are_part_of_the_error(taylor: Taylor, monkeypatch) -> None:
-    """What rounding does to the inputs is in the defect: of a disk moved by a rounding, the estimate finds the move."""
-    request = Request(PRINTED, "30.4", START, 3)
-    series = series_of(taylor, request, monkeypatch)
-    moved: Parameters = PRINTED.changed(e=PRINTED.e * (1 + Fraction(1, 10**12)))
-    there = replace(request, parameters=moved)
-    truth = taylor(replace(there, precision=TRUTH))
-    assert abs(missed(Defect(there, series, QUADRUPLE, 8), QUADRUPLE, there, truth)).max() < 1e-4

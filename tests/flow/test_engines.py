@@ -1,17 +1,18 @@
-"""Engines against each other and against themselves in more bits."""
+"""Engines against each other and against themselves in more bits; what the baseline refuses, and its statuses."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 from fractions import Fraction
 
-import mpmath
 import numpy
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.problems import SETS, SPEEDS, STARTS, held, paper_rates
+from tests.problems import STARTS, held
+from tippedisk_verify.errors import InputError
+from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.baseline import METHODS, Baseline
 from tippedisk_verify.flow.contract import SECTION, TURN, Event, Request, Status
 from tippedisk_verify.flow.taylor import Taylor
@@ -24,41 +25,6 @@ ALL_VARIATIONS = ("beta", "gamma", "v", "Omega", "r", "e", "a", "b", "g", "k")
 
 def distance(left, right) -> Fraction:
     return max(abs(fraction(a) - fraction(b)) for a, b in zip(numpy.ravel(left), numpy.ravel(right), strict=True))
-
-
-@pytest.mark.parametrize("parameters", SETS, ids=lambda p: p.name)
-@pytest.mark.parametrize(
-    "omega", [SPEEDS[0], *(pytest.param(omega, marks=pytest.mark.slow) for omega in SPEEDS[1:-1]), SPEEDS[-1]]
-)
-@pytest.mark.parametrize("start", STARTS, ids=["x1", "x2"])
-def test_double_against_200_bits_and_scipy(taylor: Taylor, parameters, omega, start) -> None:
-    """The figures that the suite claims: 10 s, or until the disk lies flat."""
-    result = taylor(Request(parameters, omega, start, 10, error_estimate=True))
-    truth = taylor(Request(parameters, omega, start, 10, precision=bits(200)))
-    assert result.status is truth.status
-    assert held(result.state, truth.state, result.error.state)
-    assert held([result.time], [truth.time], [result.error.time])
-    # Away from Omega_h an orbit passes no saddle closely, and double loses a digit less.
-    assert result.error.largest <= (1e-12 if omega in ("30.8", "31.4") else 1e-11)
-
-    best = Baseline("DOP853")(Request(parameters, omega, start, 10))
-    assert best.status is truth.status
-    if truth.status is Status.FLAT:
-        # The two end at slightly different times; v changes by 1e2 rad/s^2 there.
-        assert abs(best.time - float(truth.time)) < 1e-10
-    assert distance(best.state, truth.state) < Fraction(1, 10**10)
-
-
-@pytest.mark.slow
-def test_mpmath_odefun_agrees_to_35_digits(taylor: Taylor) -> None:
-    """A third integrator, and the tests' own transcription of the equations: nothing is shared but the paper."""
-    p = PRINTED
-    result = taylor(Request(p, "30.4", STARTS[1], "0.05", precision=bits(200)))
-    with mpmath.workdps(40):
-        start = [mpmath.pi / 2, mpmath.pi / 2 + mpmath.mpf("0.4"), mpmath.mpf(0)]
-        solution = mpmath.odefun(lambda t, state: paper_rates(p, Fraction("30.4"), tuple(state)), 0, start)
-        for mine, other in zip(result.state, solution(mpmath.mpf("0.05")), strict=True):
-            assert abs(fraction(mine) - fraction(other)) < Fraction(1, 10**35)
 
 
 def test_a_run_that_settles(taylor: Taylor) -> None:
@@ -75,20 +41,11 @@ def test_a_run_that_settles(taylor: Taylor) -> None:
     assert held(mine_times, true_times, mine.error.events)
 
 
-_ENGINES: list[Taylor] = []
-
-
-def _shared() -> Taylor:
-    if not _ENGINES:
-        _ENGINES.append(Taylor())
-    return _ENGINES[0]
-
-
 def test_error_follows_the_tolerance(taylor: Taylor) -> None:
     """Convergence in the tolerance: over eight decades the error falls in proportion, for both engines."""
     truth = taylor(Request(PRINTED, "30.4", STARTS[1], 2, precision=bits(200))).state
     tolerances = [10.0**-k for k in range(4, 13)]
-    for engine in (taylor, Baseline("DOP853"), Baseline("RK45")):
+    for engine in (taylor, Baseline("DOP853")):
         errors = [
             float(distance(engine(Request(PRINTED, "30.4", STARTS[1], 2, tolerance=t)).state, truth))
             for t in tolerances
@@ -116,7 +73,6 @@ def test_baselines_agree_with_each_other(method: str, friction) -> None:
     assert distance(Baseline(method)(request).state, reference.state) < Fraction(1, 10**6) * 2
 
 
-@pytest.mark.slow
 def test_derivatives_agree_between_engines_and_with_differences(taylor: Taylor) -> None:
     request = Request(PRINTED, "30.4", STARTS[1], 2, variations=ALL_VARIATIONS)
     mine = taylor(request).derivatives
@@ -164,23 +120,44 @@ def test_samples_dense_output_and_events_tell_one_story(make) -> None:
         assert abs(record.state[0] - numpy.pi / 2) < 1e-9
 
 
-def test_engines_find_the_same_terminal_event(taylor: Taylor) -> None:
-    falling = Event("falling", SECTION.function, -1)
-    start = (1.2, 1.5, 0.0)
-    first = taylor(Request(PRINTED, "30.4", start, 5.0, events=(falling,)))
-    second = Baseline()(Request(PRINTED, "30.4", start, 5.0, events=(falling,)))
-    assert first.status is second.status is Status.EVENT
-    assert first.events[-1].name == second.events[-1].name == "falling"
-    assert first.time == pytest.approx(second.time, abs=1e-10)  # brentq's own tolerance in solve_ivp
-
-
+@settings(max_examples=20)
 @given(duration=st.floats(0.1, 3), share=st.floats(0.05, 0.9))
 def test_the_flow_is_a_flow(duration: float, share: float) -> None:
     """x(t + s) = x(t) after x(s): the cached integrator keeps nothing from one call to the next."""
-    engine = _shared()
+    engine = default_engine()
     first = duration * share
     whole = engine(Request(PRINTED, 30.4, STARTS[1], duration))
     half = engine(Request(PRINTED, 30.4, STARTS[1], first))
     rest = engine(Request(PRINTED, 30.4, half.state, duration - first))
     # The split time is rounded once (2^-53 of it, times speeds below 20 rad/s), and the flow loses a digit or two.
     assert distance(whole.state, rest.state) < Fraction(1, 10**12)
+
+
+@pytest.mark.parametrize("change", [{"precision": EXTENDED}, {"error_estimate": True}, {"domain": "edge"}])
+def test_refusals(change) -> None:
+    wanted = {"parameters": PRINTED, "omega": 30.4, "state": STARTS[1], "duration": 1.0} | change
+    with pytest.raises(InputError):
+        Baseline()(Request(**wanted))
+    with pytest.raises(InputError):
+        Baseline("Euler")
+
+
+@pytest.mark.parametrize("friction", ["linear", "smooth"])
+def test_flat_and_step_limit(friction) -> None:
+    assert Baseline()(Request(PRINTED.with_friction(friction), "29.9", STARTS[0], 10)).status is Status.FLAT
+    assert Baseline()(Request(PRINTED, 30.4, STARTS[1], 10.0, max_steps=2)).status is Status.STEP_LIMIT
+    assert Baseline()(Request(PRINTED.with_friction(friction), 30.4, (3.5, 0, 0), 10.0)).status is Status.FLAT
+
+
+@pytest.mark.parametrize("method", ["DOP853", "RK45", "Radau", "BDF"])
+def test_what_leaves_the_doubles_has_a_status_and_no_warning(method) -> None:
+    assert Baseline(method)(Request(PRINTED, 30.4, ("1.5", "0.2", "1e300"), 1e-3)).status is Status.NON_FINITE
+
+
+def test_parameter_derivatives_of_the_smooth_law() -> None:
+    request = Request(PRINTED.with_friction("smooth"), 30.4, STARTS[1], 1.0, variations=("Omega",))
+    ends = [Baseline()(replace(request, omega=30.4 + step, variations=())).state for step in (1e-5, -1e-5)]
+    # SciPy's error of 1e-11 over the step of the difference.
+    assert abs(Baseline()(request).derivatives[:, 0] - (ends[0] - ends[1]) / 2e-5).max() < 1e-5
+    with pytest.raises(InputError, match="no derivative with respect to 'k'"):
+        Baseline()(Request(PRINTED.with_friction("smooth"), 30.4, STARTS[1], 1.0, variations=("k",)))

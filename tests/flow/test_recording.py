@@ -8,7 +8,7 @@ import numpy
 import pytest
 
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.flow.contract import FLAT, SECTION, SLIDING_REVERSAL, Request, Status
+from tippedisk_verify.flow.contract import SECTION, SLIDING_REVERSAL, Request, Status
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.parameters import PRINTED, Friction
@@ -46,22 +46,11 @@ def test_samples_and_dense_output_are_those_of_single_runs(taylor, friction, tim
     assert (plain.state == both.state).all()
 
 
-@pytest.mark.parametrize("precision", [DOUBLE, EXTENDED, QUADRUPLE, R], ids=lambda p: p.name)
-@pytest.mark.parametrize("dense", [False, True])
-def test_samples_before_a_start_on_a_surface_is_left(taylor, precision, dense) -> None:
+@pytest.mark.parametrize("precision", [DOUBLE, EXTENDED, R], ids=lambda p: p.name)
+def test_samples_before_a_start_on_a_surface_is_left(taylor, precision) -> None:
     times = ("0", "1e-10", "9e-10", "0.1")
-    request = Request(
-        PRINTED,
-        "30.4",
-        ON_SECTION,
-        "0.1",
-        precision=precision,
-        times=times,
-        events=(SECTION,),
-        dense=dense,
-        error_estimate=True,
-    )
-    result = taylor(request)
+    wanted = {"precision": precision, "times": times, "events": (SECTION,), "error_estimate": True}
+    result = taylor(Request(PRINTED, "30.4", ON_SECTION, "0.1", **wanted))
     assert len(result.samples) == 4
     for state, widths, time in zip(result.samples, result.error.samples, times, strict=True):
         exact = truth(taylor, ON_SECTION, time)
@@ -84,7 +73,6 @@ def test_a_run_that_ends_early_has_the_samples_up_to_there(taylor) -> None:
         assert len(results[0].samples) == len(results[1].samples) < 9
         for mine, theirs in zip(results[1].samples, results[0].samples, strict=True):
             assert away(mine, [fraction(part) for part in theirs]) < 1e-29
-    assert FLAT  # the domain's own event, which the last run ends with
 
 
 def test_the_last_sample_may_be_a_rounding_of_a_double_later_than_the_end(taylor) -> None:
@@ -109,42 +97,14 @@ def test_a_run_of_no_length_stands_at_its_start(taylor, precision) -> None:
         assert [fraction(part) for part in state] == [fraction(precision.number(part)) for part in START]
 
 
-def test_dense_output_takes_times_of_any_kind(taylor) -> None:
-    dense = taylor(Request(PRINTED, "30.4", START, "0.2", precision=R, dense=True)).dense
-    rows = dense(["0.1", Fraction(1, 10), bits(300).number("0.1")])
-    assert rows.shape == (3, 3)
-    assert all((row == rows[0]).all() for row in rows)
-    assert {part.prec for part in rows.ravel()} == {160}
-    with pytest.raises(InputError):
-        dense([float("nan")])
-
-
-@pytest.mark.slow
-def test_a_budget_of_steps_ends_a_careful_run_too(taylor, monkeypatch) -> None:
-    from tippedisk_verify.flow import switching
-
-    monkeypatch.setattr(switching.FrictionSign, "lost", property(lambda sign: True))
-    for most in range(1, 40):
-        result = taylor(
-            Request(
-                PRINTED.with_friction("smooth"),
-                "30.4",
-                ON_SECTION,
-                "1.0",
-                precision=R,
-                times=("0", "1"),
-                max_steps=most,
-            )
-        )
-        assert result.status in (Status.STEP_LIMIT, Status.REACHED)
-        assert result.steps <= most
-
-
 @pytest.mark.parametrize("precision", [DOUBLE, EXTENDED, QUADRUPLE, R], ids=lambda p: p.name)
 def test_times_may_be_any_sequence_of_numbers(taylor, precision) -> None:
     times = [Fraction(1, 8), Fraction(1, 4)]
     kinds = [times, precision.array(times), numpy.array([0.125, 0.25]), ["0.125", "1/4"], (0.125, 0.25)]
     results = [taylor(Request(PRINTED, "30.4", START, "0.25", precision=precision, times=kind)) for kind in kinds]
     assert all((result.samples == results[0].samples).all() for result in results)
-    whole = taylor(Request(PRINTED, "30.4", START, 2, precision=precision, times=numpy.array([1, 2])))
-    assert len(whole.samples) == 2
+    dense = taylor(Request(PRINTED, "30.4", START, "0.25", precision=precision, dense=True)).dense
+    rows = dense(["0.125", Fraction(1, 8), bits(300).number("0.125")])
+    assert all((row == results[0].samples[0]).all() for row in rows)
+    with pytest.raises(InputError):
+        dense([float("nan")])

@@ -5,11 +5,9 @@ from __future__ import annotations
 import gc
 import math
 import weakref
-from dataclasses import replace
 from fractions import Fraction
 from typing import Any
 
-import heyoka
 import numpy
 import pytest
 
@@ -25,7 +23,6 @@ from tippedisk_verify.flow.contract import (
     Status,
     raise_unless_usable,
 )
-from tippedisk_verify.flow.lanes import BatchTaylor, field_constants
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED, Friction
 from tippedisk_verify.model.precision import DOUBLE, EXTENDED, QUADRUPLE, bits
@@ -37,35 +34,13 @@ def test_the_factored_form_is_small() -> None:
     assert engine.builds[0].u_variables <= 51
 
 
-def test_a_new_speed_changes_the_answer_and_back(taylor: Taylor) -> None:
-    ends = [taylor(Request(PRINTED, omega, STARTS[1], 1.0)).state for omega in (30.4, 31.0, 30.4)]
-    assert (ends[0] == ends[2]).all()
-    fresh = Taylor()(Request(PRINTED, 31.0, STARTS[1], 1.0)).state
-    assert (ends[1] == fresh).all()
-
-
-def test_fast_math_changes_round_off_only() -> None:
-    """The measured error of 5 s bounds the distance of both from the truth, and is of the same size for both."""
-    request = Request(PRINTED, 30.4, STARTS[1], 5.0, error_estimate=True)
-    plain, fast = Taylor()(request), Taylor(fast_math=True)(request)
-    assert (abs(plain.state - fast.state) <= plain.error.state + fast.error.state).all()
-    assert max(fast.error.state) < 100 * max(plain.error.state)
-    with pytest.raises(InputError, match="choose one"):
-        Taylor(fast_math=True, high_accuracy=True)
-
-
-def test_one_build_serves_all_parameters_and_speeds() -> None:
+@pytest.mark.parametrize("other", [(PRINTED, 31.0), (CALIBRATED, 30.4)])
+def test_one_build_serves_all_speeds_and_parameters(other) -> None:
     engine = Taylor()
-    for parameters in (PRINTED, CALIBRATED, PRINTED.changed(mu="0.2")):
-        for omega in (30.0, 31.0):
-            engine(Request(parameters, omega, STARTS[1], 0.1))
-    assert len(engine.builds) == 1
-
-
-def test_changing_parameters_changes_the_answer_and_back(taylor: Taylor) -> None:
-    ends = [taylor(Request(p, 30.4, STARTS[1], 1.0)).state for p in (PRINTED, CALIBRATED, PRINTED)]
+    ends = [engine(Request(*disk_and_speed, STARTS[1], 1.0)).state for disk_and_speed in ((PRINTED, 30.4), other) * 2]
     assert (ends[0] == ends[2]).all()
-    assert (ends[0] != ends[1]).any()
+    assert (ends[1] == Taylor()(Request(*other, STARTS[1], 1.0)).state).all()
+    assert len(engine.builds) == 1
 
 
 def test_only_what_is_needed_is_built() -> None:
@@ -87,26 +62,6 @@ def test_first_step_from_the_section_has_the_usual_size(precision) -> None:
     # The stiff rate of about 130 per second limits a step of any order to some hundredths of a second.
     assert result.status is Status.REACHED
     assert result.steps <= 25
-
-
-def test_paper_form_and_factored_form_integrate_alike() -> None:
-    """The paper's own terms, compiled: same trajectory, more operations."""
-    from tippedisk_verify.model import equations
-    from tippedisk_verify.model.parameters import Constants
-
-    c = PRINTED.at(DOUBLE)
-    state = heyoka.make_vars("beta", "gamma", "v")
-    numbers = Constants(*(heyoka.expression(float(value)) for value in c))
-    omega = heyoka.expression(30.4)
-    here = equations.terms(heyoka, numbers, omega, *state)
-    force = equations.friction_force(numbers, here.sliding_velocity, "linear")
-    rate = (here.gyroscopic + here.gravity + here.direction * force) / here.mass
-    system = list(zip(state, (state[2], -omega * heyoka.cos(state[0]), rate), strict=True))
-    stepper = heyoka.taylor_adaptive(system, [float(part) for part in STARTS[1]], compact_mode=True)
-    stepper.propagate_until(2.0)
-    factored = Taylor()(Request(PRINTED, 30.4, STARTS[1], 2.0))
-    # Two seconds near the inverted state: a few hundred roundings.
-    assert abs(stepper.state - factored.state).max() < 500 * 2.0**-52
 
 
 def test_a_disk_that_lies_flat_stops_the_run(taylor: Taylor) -> None:
@@ -136,16 +91,13 @@ def test_step_limit_and_its_message(taylor: Taylor) -> None:
     assert result.status is Status.STEP_LIMIT
     with pytest.raises(ArithmeticError, match="raise max_steps"):
         raise_unless_usable(result)
-
-
-def test_overflow_is_non_finite(taylor: Taylor) -> None:
-    result = taylor(Request(PRINTED, 30.4, (1.5, 0.0, 1e200), 1.0, domain="none"))
-    assert result.status is Status.NON_FINITE
+    overflown = taylor(Request(PRINTED, 30.4, (1.5, 0.0, 1e200), 1.0, domain="none"))
+    assert overflown.status is Status.NON_FINITE
 
 
 def test_error_estimate_admits_not_knowing(taylor: Taylor) -> None:
-    """Backward for a second: the stiff direction grows by e^129, and no digit is left."""
-    result = taylor(Request(PRINTED, 30.4, STARTS[1], -1.0, error_estimate=True, domain="none"))
+    """Backward for a third of a second: the stiff direction grows by e^45, and no digit is left."""
+    result = taylor(Request(PRINTED, 30.4, STARTS[1], -0.35, error_estimate=True, domain="none"))
     assert result.error.largest > 1 or result.status is Status.NON_FINITE
 
 
@@ -204,28 +156,6 @@ def test_compiled_code_that_leaves_is_given_back(friction: Friction) -> None:
     for request in _tolerances(6, friction=friction, events=events, times=[0.05]):
         engine(request)
         (newest,) = (one.runner for key, one in engine._integrators._slots.items() if key[2] == request.tolerance)
-        left += [weakref.ref(newest), weakref.ref(newest._stepper)]
-    del newest
-    gc.collect()
-    assert sum(one() is not None for one in left) == 2 * 3
-
-
-@pytest.mark.usefixtures("three_kept")
-@pytest.mark.parametrize("friction", ["linear", "smooth"])
-def test_compiled_batches_that_leave_are_given_back(friction: Friction) -> None:
-    lanes, left = BatchTaylor(2), []
-    for n in range(5):
-        events = (Event(f"section {n}", SECTION.function, terminal=False), FLAT, SLIDING_REVERSAL)
-        events = tuple(replace(event, terminal=False) for event in events)
-        lanes(
-            field_constants(PRINTED.with_friction(friction)),
-            [30.4],
-            [[1.2, 0.3, 0]],
-            [0.1],
-            friction=friction,
-            events=events,
-        )
-        newest = lanes._batches.kept()[-1]
         left += [weakref.ref(newest), weakref.ref(newest._stepper)]
     del newest
     gc.collect()

@@ -6,29 +6,19 @@ import random
 import sys
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import nullcontext
-from pathlib import Path
 from typing import Any
 
 import numpy
 import pytest
 
 from tests.problems import STARTS
-from tippedisk_verify.cycles.family import in_batches
-from tippedisk_verify.cycles.interpolant import FamilyInterpolant
-from tippedisk_verify.cycles.librating_family import LibratingFamily
-from tippedisk_verify.cycles.section import LIBRATING
 from tippedisk_verify.flow import compiled, default_engine, default_lanes
 from tippedisk_verify.flow.baseline import Baseline
 from tippedisk_verify.flow.contract import SECTION, SLIDING_REVERSAL, TURN, Event, Request, Result
 from tippedisk_verify.flow.lanes import BatchTaylor, field_constants
 from tippedisk_verify.flow.taylor import Taylor
-from tippedisk_verify.model.parameters import CALIBRATED, PRINTED, Friction
+from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
 from tippedisk_verify.model.precision import bits
-from tippedisk_verify.motion.basins import basins
-from tippedisk_verify.sweep.plan import Plan, axis
-from tippedisk_verify.sweep.running import swept
-from tippedisk_verify.theory.equilibria import equilibrium
 
 _THREADS = 8
 
@@ -78,24 +68,13 @@ def _requests(count: int) -> list[Request]:
     return found
 
 
-@pytest.mark.slow
-def test_one_engine_in_eight_threads() -> None:
-    """A thousand requests each, of seven kinds of integrators."""
-    requests, shared = _requests(1000), Taylor()
-    serial = [_bytes(default_engine()(request)) for request in requests]
-    jobs = [lambda request=request: _bytes(shared(request)) for request in requests]
-    for found in _in_threads(jobs):
-        assert sum(mine != theirs for mine, theirs in zip(serial, found, strict=True)) == 0
-    assert len(shared.builds) == 7
-
-
-def test_one_engine_that_keeps_little_in_eight_threads(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_one_engine_that_keeps_little_in_four_threads(monkeypatch: pytest.MonkeyPatch) -> None:
     """What leaves while another thread runs it ends its run, and is compiled again for the next."""
     monkeypatch.setattr(compiled, "_MOST_KEPT", 2)
-    requests, shared = _requests(24), Taylor()
+    requests, shared = _requests(8), Taylor()
     serial = [_bytes(Taylor()(request)) for request in requests]
     jobs = [lambda request=request: _bytes(shared(request)) for request in requests]
-    for found in _in_threads(jobs):
+    for found in _in_threads(jobs, 4):
         assert found == serial
     assert len(shared.builds) <= 2
 
@@ -108,34 +87,16 @@ def test_each_thread_has_an_engine() -> None:
     assert default_engine() is default_engine()
 
 
-def test_one_engine_above_double_in_threads() -> None:
-    """Samples and error estimates, in numbers whose arithmetic has a state of its own."""
-    shared = Taylor()
-    requests = [
-        Request(PRINTED, 30 + n / 10, STARTS[1], "0.02", precision=bits(100), times=["0.01"], error_estimate=True)
-        for n in range(8)
-    ]
-
-    def told(request: Request) -> list[str]:
-        result = shared(request)
-        return [str(part) for part in (*result.state, *result.samples[0], *result.error.state)]
-
-    serial = [told(request) for request in requests]
-    for found in _in_threads([lambda request=request: told(request) for request in requests], 4):
-        assert found == serial
-
-
-@pytest.mark.parametrize("friction", ["linear", "smooth"])
-def test_one_batch_engine_in_threads(friction: Friction) -> None:
-    shared, constants = BatchTaylor(2), field_constants(PRINTED.with_friction(friction))
+def test_one_batch_engine_in_threads() -> None:
+    shared, constants = BatchTaylor(2), field_constants(PRINTED.with_friction("smooth"))
     draw = numpy.random.default_rng(19)
     jobs = []
-    for _ in range(80):
+    for _ in range(40):
         states = draw.uniform((1.2, 1.0, -2.0), (1.9, 2.2, 2.0), size=(5, 3))
         arguments = (constants, draw.uniform(30, 31, 5), states, draw.uniform(0.2, 0.4, 5))
 
         def job(arguments: tuple[Any, ...] = arguments) -> tuple[object, ...]:
-            flights = shared(*arguments, friction=friction, events=(Event("turn", TURN.function, terminal=False),))
+            flights = shared(*arguments, friction="smooth", events=(Event("turn", TURN.function, terminal=False),))
             return flights.states.tobytes(), flights.crossings
 
         jobs.append(job)
@@ -144,11 +105,10 @@ def test_one_batch_engine_in_threads(friction: Friction) -> None:
         assert found == serial
 
 
-@pytest.mark.parametrize("friction", ["linear", "smooth"])
-def test_continuous_output_is_for_all_threads(friction: Friction) -> None:
+def test_continuous_output_is_for_all_threads() -> None:
     """Also while its integrator is on another run."""
     engine = default_engine()
-    request = Request(PRINTED.with_friction(friction), 30.4, STARTS[1], 2.0, dense=True)
+    request = Request(PRINTED, 30.4, STARTS[1], 2.0, dense=True)
     dense = engine(request).dense
     times = numpy.linspace(0, 2, 400).reshape(80, 5)
     serial = [dense(some).tobytes() for some in times]
@@ -160,11 +120,11 @@ def test_continuous_output_is_for_all_threads(friction: Friction) -> None:
         other.result()
 
 
-@pytest.mark.parametrize("method", ["DOP853", pytest.param("LSODA", marks=pytest.mark.slow)])
-def test_the_baseline_in_threads(method: str) -> None:
-    shared = Baseline(method)
-    requests = [request for request in _requests(60) if request.friction == "linear"]
-    jobs = [lambda request=request: _bytes(shared(request)) for request in requests[:40]]
+def test_the_baseline_in_threads() -> None:
+    """LSODA kept the state of its run in the library once."""
+    shared = Baseline("LSODA")
+    requests = [request for request in _requests(16) if request.friction == "linear" and not request.variations]
+    jobs = [lambda request=request: _bytes(shared(request)) for request in requests]
     serial = [job() for job in jobs]
     for found in _in_threads(jobs, 4):
         assert found == serial
@@ -172,11 +132,8 @@ def test_the_baseline_in_threads(method: str) -> None:
 
 def test_contexts_keep_their_precision() -> None:
     """Roots of polynomials raise their context's precision for a while."""
-    jobs = [lambda n=n: str(equilibrium(PRINTED, f"30.{n}", "noninverted", 50).eigenvalues) for n in range(16)]
-    jobs += [lambda: str(bits(150).context.polyroots([1, 2, 3, 4]))] * 8
-    serial = [job() for job in jobs]
-    for found in _in_threads(jobs):
-        assert found == serial
+    jobs = [lambda: str(bits(150).context.polyroots([1, 2, 3, 4]))] * 16
+    assert all(found == [jobs[0]()] * 16 for found in _in_threads(jobs))
     assert bits(150).context.prec == 150
 
 
@@ -200,51 +157,3 @@ def test_a_run_within_a_run_of_its_kind_is_refused() -> None:
         engine(outer)
     assert not asked
     assert _bytes(engine(outer)) == plain
-
-
-@pytest.mark.slow
-def test_a_branch_of_cycles_in_threads() -> None:
-    """One object whose errors are measured when they are first asked for, by whichever thread comes first."""
-    speeds = [[30.1 + n / 50, 30.4 + n / 50] for n in range(8)]
-
-    family = LibratingFamily(PRINTED, default_engine(), in_batches(LIBRATING, PRINTED, default_lanes()))
-    serial = [repr(FamilyInterpolant(family, default_lanes()).results(some, 0)) for some in speeds]
-    shared = FamilyInterpolant(family, default_lanes())
-    for parallel in _in_threads([lambda some=some: repr(shared.results(some, 0)) for some in speeds]):
-        assert parallel == serial
-
-
-# ------------------------------------------------------------------------------------------ what promises any executor
-@pytest.mark.parametrize(
-    ("friction", "count"),
-    [("linear", 5000), *(pytest.param(law, 20_000, marks=pytest.mark.slow) for law in ("linear", "smooth"))],
-)
-def test_basins_on_threads(friction: Friction, count: int) -> None:
-    options: dict[str, Any] = {"count": count, "duration": 5.0}
-    serial = basins(PRINTED.with_friction(friction), "30.4", **options)
-    with ThreadPoolExecutor(_THREADS) as pool:
-        found = basins(PRINTED.with_friction(friction), "30.4", executor=pool, **options)
-    assert found.outcome.tobytes() == serial.outcome.tobytes()
-
-
-@pytest.mark.parametrize(
-    ("analysis", "axes", "digits"),
-    [
-        ("trajectory", ("omega=30.2:30.6:8", "v=0,1,2,3", "duration=1"), 12),
-        ("hopf", ("g=9.7:9.9:40",), 30),
-        *(
-            pytest.param(*row, marks=pytest.mark.slow)
-            for row in (
-                ("trajectory", ("omega=30.2:30.6:20", "v=0,1,2,3,4,5,6,7,8,9"), 12),
-                ("trajectory", ("omega=30.2:30.6:8", "duration=1"), 30), ("orbit", ("below-crit=0.1:0.7:40",), 12),
-                ("heteroclinic", ("mu=0.25:0.35:6",), 12), ("heteroclinic", ("mu=0.25:0.35:6",), 30),
-                ("equilibria", ("omega=30.1:30.9:100",), 60),
-            )
-        ),
-    ],
-)  # fmt: skip
-def test_sweeps_on_threads(analysis: str, axes: tuple[str, ...], digits: int, tmp_path: Path) -> None:
-    plan = Plan(analysis, PRINTED, tuple(axis(text) for text in axes), digits)
-    swept(plan, tmp_path / "serial.csv", lambda: nullcontext(None))
-    swept(plan, tmp_path / "threads.csv", lambda: ThreadPoolExecutor(_THREADS))
-    assert (tmp_path / "threads.csv").read_bytes() == (tmp_path / "serial.csv").read_bytes()

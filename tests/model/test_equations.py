@@ -1,43 +1,77 @@
-"""The Jacobian against two differentiations that share nothing with it; observables; domain of definition."""
+"""The equations against a transcription of the published ones, and the Jacobian against differences of the field."""
 
 from __future__ import annotations
 
 import math
+from typing import Any
 
-import heyoka
+import mpmath
 import numpy
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from mpmath import mp
 
+from tests.model import transcription as paper
 from tests.problems import decimals, physical_parameters, states
-from tippedisk_verify.errors import InputError
 from tippedisk_verify.model import equations
-from tippedisk_verify.model.parameters import PRINTED, Constants, Parameters
+from tippedisk_verify.model.exact import quotient
+from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.model.precision import DOUBLE, bits
 
-PRECISE = bits(200)
+LAWS = ("linear", "smooth")
+CTX = bits(200).context
 
 
-def in_mpmath(parameters: Parameters) -> Constants:
-    return Constants(*(PRECISE.mpf(value) for value in parameters.at(PRECISE)))
-
-
-@pytest.mark.parametrize("friction", ["linear", "smooth"])
+@pytest.mark.parametrize("friction", LAWS)
 @given(parameters=physical_parameters(), state=states, omega=decimals("1", "60"), flip=st.booleans())
-def test_jacobian_by_hand_against_mpmath(friction, parameters, state, omega, flip) -> None:
+def test_equations_are_the_papers(friction: str, parameters, state, omega, flip) -> None:
+    """At 60 digits, of which cancelling sums may cost ten: nothing in the package may be a double."""
+    with mp.workdps(60):
+        c, speed = parameters.within(mp), quotient(mp, omega)
+        beta, gamma, v = (quotient(mp, part) for part in state)
+        beta = -beta if flip else beta
+        mass = paper.mass_matrix(c.A, c.Bbar, c.m, c.r, c.e, beta, gamma)
+        gyroscopic = paper.gyroscopic_forces(c.A, c.Bbar, c.m, c.r, c.e, speed, beta, gamma, v)
+        gravity = paper.gravitational_force(c.m, c.g, c.r, c.e, beta, gamma)
+        direction = paper.force_direction(c.r, c.e, beta, gamma)
+        sliding = paper.lateral_sliding_velocity(c.r, c.e, speed, beta, gamma, v)
+        law = {"linear": paper.linear_friction, "smooth": paper.smooth_friction}[friction]
+        M, h, gamma_y = sum(mass), sum(gyroscopic), sum(sliding)
+        force = law(c.mu, c.m, c.g, c.epsilon, gamma_y)
+        rates = paper.state_rates(M, h, gravity, direction, force, speed, beta, v)
+
+        grip = c.mu * c.m * c.g / c.epsilon * sum(map(abs, sliding))
+        pull = sum(map(abs, gyroscopic)) + 2 * c.m * c.e * c.r * abs(speed * v) + abs(gravity)  # 3 sin^2 - 2 cancels
+        terms = equations.terms(mp, c, speed, beta, gamma, v)
+        expected: list[tuple[Any, Any, Any]] = [
+            *zip(terms, (M, h, gravity, direction, gamma_y), (M, pull, gravity, direction, c.r * v), strict=True),
+            (equations.friction_force(c, terms.sliding_velocity, friction), force, grip),
+        ]
+        vector_field = equations.field(mp, c, speed, friction)
+        acceleration = (pull + c.r * grip) / M
+        expected += zip(vector_field(beta, gamma, v), rates, (v, speed, acceleration), strict=True)
+        # The point symmetry reverses all rates.
+        image = vector_field(mp.pi - beta, mp.pi - gamma, -v)
+        expected += zip(image, (-rate for rate in rates), (v, speed, acceleration), strict=True)
+        for value, truth, size in expected:
+            assert abs(value - truth) <= mp.mpf(10) ** -50 * (abs(size) + c.e * speed + abs(truth))
+
+
+@pytest.mark.parametrize("friction", LAWS)
+@given(parameters=physical_parameters(), state=states, omega=decimals("1", "60"), flip=st.booleans())
+def test_jacobian_against_differences(friction: str, parameters, state, omega, flip) -> None:
     """Central differences of the field at 200 bits; half of the states have sin(beta) < 0."""
-    ctx = PRECISE.context
-    constants, speed = in_mpmath(parameters), PRECISE.mpf(PRECISE.number(omega))
-    point = [PRECISE.mpf(PRECISE.number(part)) for part in state]
+    constants, speed = parameters.within(CTX), quotient(CTX, omega)
+    point = [quotient(CTX, part) for part in state]
     if flip:
         point[0] = -point[0]
-    sliding = equations.terms(ctx, constants, speed, *point).sliding_velocity
-    step = ctx.mpf(2) ** -60
+    sliding = equations.terms(CTX, constants, speed, *point).sliding_velocity
+    step = CTX.mpf(2) ** -60
     if abs(sliding) < step * 2**10:
         return  # a difference across gamma_y = 0 sees the jump of the smooth law's second derivative
-    function = equations.field(ctx, constants, speed, friction)
-    by_hand = equations.jacobian(ctx, constants, speed, friction)(*point)
+    function = equations.field(CTX, constants, speed, friction)
+    by_hand = equations.jacobian(CTX, constants, speed, friction)(*point)
     for column in range(3):
         up, down = list(point), list(point)
         up[column] += step
@@ -46,67 +80,26 @@ def test_jacobian_by_hand_against_mpmath(friction, parameters, state, omega, fli
             difference = (high - low) / (2 * step)
             # Truncation step^2 f'''/6 with third derivatives up to about 1e12 of a value here: 2^-120 * 1e12 < 1e-22.
             size = max(abs(by_hand[row][column]), 1, abs(high))
-            assert abs(by_hand[row][column] - difference) < ctx.mpf("1e-18") * size
-
-
-@given(parameters=physical_parameters(), state=states, omega=decimals("1", "60"))
-def test_jacobian_by_hand_against_heyoka(parameters, state, omega) -> None:
-    """heyoka differentiates its own expression tree; compared with round-off of the terms that are summed."""
-    point = numpy.array([float(part) for part in state])
-    rows = _compiled_derivatives()(point, pars=_pars(parameters, float(omega))).reshape(3, 3)
-    by_hand = numpy.array(equations.jacobian(math, parameters.at(DOUBLE), float(omega), "linear")(*point))
-    # Terms of up to 1e3 times the result cancel in the last row; each carries a few ulps.
-    assert numpy.allclose(rows, by_hand, rtol=0, atol=2.0**-52 * 1e4 * (1 + abs(by_hand).max()))
-
-
-def _pars(parameters: Parameters, omega: float) -> numpy.ndarray:
-    c = parameters.at(DOUBLE)
-    return numpy.array([omega, c.r, c.e, c.a, c.b, c.g, c.k])
-
-
-_CACHE: list[object] = []
-
-
-def _compiled_derivatives():
-    if not _CACHE:
-        state = heyoka.make_vars("beta", "gamma", "v")
-        omega, r, e, a, b, g, k = (heyoka.par[index] for index in range(7))
-        values = {"r": r, "e": e, "a": a, "b": b, "g": g, "k": k}
-        constants = Constants(**{name: values.get(name) for name in Constants._fields})
-        rates = equations.field(heyoka, constants, omega, "linear")(*state)
-        entries = [heyoka.diff(heyoka.expression(rate), variable) for rate in rates for variable in state]
-        _CACHE.append(heyoka.cfunc(entries, state))
-    return _CACHE[0]
+            assert abs(by_hand[row][column] - difference) < CTX.mpf("1e-18") * size
+    if friction == "smooth":  # the analytic branch of this side is the law itself, and the other one is not
+        side = 1 if sliding > 0 else -1
+        for made in (equations.field, equations.jacobian):
+            plain, mine, other = (made(CTX, constants, speed, friction, s)(*point)[2] for s in (None, side, -side))
+            assert plain == mine != other
 
 
 def test_smooth_law_has_the_linear_laws_slope_at_rest() -> None:
     state = (math.pi / 2, math.pi / 2, 0.0)
-    both = [
-        numpy.array(equations.jacobian(math, PRINTED.at(DOUBLE), 30.4, friction)(*state))
-        for friction in ("linear", "smooth")
-    ]
+    both = [numpy.array(equations.jacobian(math, PRINTED.at(DOUBLE), 30.4, friction)(*state)) for friction in LAWS]
     # Same formula up to the rounding of k = (mu g) / epsilon.
     assert numpy.allclose(*both, rtol=1e-15 * 8, atol=1e-13)  # cancelling terms of order 100
 
 
-def test_normal_force_is_the_weight_at_rest() -> None:
-    constants = PRINTED.at(DOUBLE)
-    for gamma in (math.pi / 2, -math.pi / 2):
-        state = (math.pi / 2, gamma, 0.0)
-        acceleration = equations.field(math, constants, 30.4, "linear")(*state)[2]
-        ratio = equations.normal_force_over_weight(math, constants, 30.4, state, acceleration)
-        # pi/2 is off by half an ulp, and its effect is multiplied by accelerations of up to 1e3.
-        assert ratio == pytest.approx(1, abs=1e3 * 2.0**-52)  # a thousand roundings
-
-
-def test_arrays_are_welcome() -> None:
+def test_arrays_and_shifted_angles_are_welcome() -> None:
     beta, gamma, v = numpy.meshgrid([1.0, 1.5], [0.1, 2.0], [-1.0, 3.0])
-    together = equations.field(numpy, PRINTED.at(DOUBLE), 30.4, "smooth")(beta, gamma, v)[2]
-    alone = equations.field(math, PRINTED.at(DOUBLE), 30.4, "smooth")(beta[1, 0, 1], gamma[1, 0, 1], v[1, 0, 1])[2]
-    # numpy's and the C library's sine may differ in the last bit.
-    assert together[1, 0, 1] == pytest.approx(alone, rel=64 * 2.0**-52)
-
-
-def test_unknown_friction_is_refused() -> None:
-    with pytest.raises(InputError, match="linear or smooth"):
-        PRINTED.with_friction("sticky")
+    together = equations.field(numpy, PRINTED.at(DOUBLE), 30.4, "smooth")(beta, gamma, v)
+    half = mpmath.mp.mpf(mpmath.pi) / 2
+    shifted = equations.field(equations.shifted(mpmath), PRINTED.at(DOUBLE), 30.4, "smooth")
+    alone = shifted(beta[1, 0, 1] - half, gamma[1, 0, 1] - half, v[1, 0, 1])
+    for rates, rate in zip(together, alone, strict=True):
+        assert rates[1, 0, 1] == pytest.approx(float(rate), rel=1e3 * 2.0**-52)  # terms of 1e2 times the result

@@ -32,7 +32,6 @@ ALPHA, BETA, GAMMA, V, ACCELERATION = sp.symbols("alpha beta gamma v vdot", real
 ALPHA_RATE, BETA_RATE, GAMMA_RATE = sp.symbols("alphadot betadot gammadot", real=True)
 OMEGA = Symbol("Omega", real=True)
 R, E, M, A, B, C, G, MU, EPSILON = sp.symbols("r e m A B C g mu epsilon", positive=True)
-FRICTION = Symbol("lambda_Ty", real=True)
 
 VERTICAL = Matrix([0, 0, 1])
 
@@ -122,31 +121,28 @@ class Motion(NamedTuple):
 
 
 @cache
-def motion(held: str = "S") -> Motion:
-    """The one-velocity motion when the horizontal position of `held` ("S", or "G" for contrast) is kept fixed.
+def motion() -> Motion:
+    """The one-velocity motion with the horizontal position of S kept fixed.
 
     gamma' is found by asking that C not slide along the line of nodes, and is not assumed.
     """
     k = kinematics()
     spin = k.spin.subs({ALPHA_RATE: OMEGA, BETA_RATE: V})
-    held_point = k.centre_of_gravity if held == "S" else sp.zeros(3, 1)
-    height = (held_point - k.contact)[2]
-    height_rate = rate(height, {BETA: V, GAMMA: GAMMA_RATE})
-    velocity_held = height_rate * VERTICAL
-    contact = reduced(velocity_held + spin.cross(k.contact - held_point))
+    height = (k.centre_of_gravity - k.contact)[2]
+    rising = rate(height, {BETA: V, GAMMA: GAMMA_RATE}) * VERTICAL
+    contact = reduced(rising + spin.cross(k.contact - k.centre_of_gravity))
     along_nodes = reduced(Matrix([contact.dot(k.nodes)]))[0]
     (gamma_rate,) = sp.solve(along_nodes, GAMMA_RATE)
     kept = {GAMMA_RATE: gamma_rate}
     spin = reduced(spin.subs(kept))
-    velocity = reduced(velocity_held.subs(kept) + spin.cross(k.centre_of_gravity - held_point))
     rates = {ALPHA: OMEGA, BETA: V, GAMMA: gamma_rate, V: ACCELERATION}
-    return Motion(spin, velocity, reduced(contact.subs(kept)), rates)
+    return Motion(spin, reduced(rising.subs(kept)), reduced(contact.subs(kept)), rates)
 
 
 @cache
-def momentum_rates(held: str = "S") -> tuple[Matrix, Matrix]:
+def momentum_rates() -> tuple[Matrix, Matrix]:
     """Time derivatives of momentum and of angular momentum about S, in inertial components."""
-    k, moving = kinematics(), motion(held)
+    k, moving = kinematics(), motion()
     arm = Matrix([E, 0, 0])
     about_s = sp.diag(A, B, C) - M * (arm.dot(arm) * sp.eye(3) - arm * arm.T)  # parallel axes, from G to S
     angular = reduced(k.body * about_s * (k.body.T * moving.spin))
@@ -164,10 +160,10 @@ class Projection(NamedTuple):
 
 
 @cache
-def projection(held: str = "S") -> Projection:
+def projection() -> Projection:
     """Virtual power, for a virtual change of v alone, of inertia, weight and friction."""
-    k, moving = kinematics(), motion(held)
-    momentum_rate, angular_rate = momentum_rates(held)
+    k, moving = kinematics(), motion()
+    momentum_rate, angular_rate = momentum_rates()
     inertia = momentum_rate.dot(moving.centre_of_gravity.diff(V)) + angular_rate.dot(moving.spin.diff(V))
     inertia = sp.expand(inertia)
     sliding = moving.contact.dot(k.lateral)
@@ -178,15 +174,6 @@ def projection(held: str = "S") -> Projection:
         k.lateral.dot(moving.contact.diff(V)),
         sliding,
     )
-
-
-def test_contact_point_is_the_lowest_of_the_rim() -> None:
-    """Every point of the rim is higher by r sin(beta) (1 + sin(place)), not negative while 0 < beta < pi."""
-    place = Symbol("place", real=True)
-    k = kinematics()
-    point = R * (sp.cos(place) * k.body[:, 0] + sp.sin(place) * k.body[:, 1])
-    above = (point - k.contact)[2] - R * sp.sin(BETA) * (1 + sp.sin(place + GAMMA))
-    assert sp.expand(sp.expand_trig(above)) == 0
 
 
 def test_no_sliding_along_the_nodes_removes_the_spin_about_the_normal() -> None:
@@ -213,37 +200,11 @@ def test_terms(name: str) -> None:
     assert same(getattr(package, name), getattr(projection(), name))
 
 
-@pytest.mark.parametrize("name", ["mass", "gyroscopic", "gravity", "direction", "sliding_velocity"])
-def test_holding_the_geometric_centre_is_another_model(name: str) -> None:
-    """The third idealisation matters: with G held instead of S every term but the weight's is a different one.
-
-    The height of S, and with it the weight's term, follows from the contact and not from what is held.
-    """
-    package = equations.terms(sp, CONSTANTS, OMEGA, BETA, GAMMA, V)
-    assert same(getattr(package, name), getattr(projection("G"), name)) == (name == "gravity")
-
-
 def test_normal_force() -> None:
     """The vertical momentum balance: weight and normal force are the only vertical forces."""
     normal = momentum_rates()[0].dot(VERTICAL) + M * G
     package = equations.normal_force_over_weight(sp, CONSTANTS, OMEGA, (BETA, GAMMA, V), ACCELERATION)
     assert same(package * M * G, normal)
-
-
-def test_moments_balance_with_the_normal_force() -> None:
-    """Newton and Euler instead of virtual power: moments about S along the line of nodes.
-
-    There the arm of the hold along the nodes and the vertical couple have no component, so the normal force and the
-    friction balance the angular momentum alone.  The rest of the equation is then the package's, for any friction.
-    """
-    k = kinematics()
-    normal = M * G * equations.normal_force_over_weight(sp, CONSTANTS, OMEGA, (BETA, GAMMA, V), ACCELERATION)
-    arm = k.contact - k.centre_of_gravity
-    moment = arm.cross(normal * VERTICAL + FRICTION * k.lateral)
-    assert same(arm.cross(k.nodes).dot(k.nodes), sp.Integer(0))
-    package = equations.terms(sp, CONSTANTS, OMEGA, BETA, GAMMA, V)
-    residual = package.mass * ACCELERATION - package.gyroscopic - package.gravity - package.direction * FRICTION
-    assert same((momentum_rates()[1] - moment).dot(k.nodes), residual)
 
 
 def test_state_rates() -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 from fractions import Fraction
 from itertools import pairwise
@@ -17,10 +16,10 @@ from tests.problems import decimals, physical_parameters
 from tests.theory.formal_cycles import formal_cycles
 from tippedisk_verify.cli import main
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.model.exact import fraction, quotient
+from tippedisk_verify.model.exact import quotient
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import PRINTED, Parameters
-from tippedisk_verify.theory.bautin import BAUTIN_PARAMETERS, BautinPoint, bautin_points
+from tippedisk_verify.theory.bautin import BAUTIN_PARAMETERS, bautin_points
 from tippedisk_verify.theory.equilibria import (
     EquilibriumName,
     Linearization,
@@ -37,25 +36,7 @@ DEGENERATE = PRINTED.changed(r="0.04", e="0.01", m="0.4", A="0.224e-3", B="0.2e-
 
 
 # ------------------------------------------------------------------------------------------------ the point itself
-@pytest.mark.parametrize(
-    ("name", "low", "high"), [("A", "0.23e-3", "0.235e-3"), ("B", "0.24e-3", "0.245e-3"), ("r", "0.02", "0.022"),
-                              ("e", "0.0185", "0.019")],
-)  # fmt: skip
-def test_fifty_digits_by_the_formal_series_of_the_full_equations(name: str, low: str, high: str) -> None:
-    (point,) = bautin_points(PRINTED, name, 50)
-    assert point.value.uncertainty <= point.value.value / 10**50
-    with mpmath.workdps(70):
-        unit = Fraction(1, 10**80)
-
-        def growth(value: Any) -> Any:
-            disk = PRINTED.changed(C=None, **{name: round(fraction(value) / unit) * unit})
-            return mpmath.re(formal_cycles(disk, normal_form=True).kappa[0])
-
-        truth = mpmath.findroot(growth, (mpmath.mpf(low), mpmath.mpf(high)), tol=1e-110)  # of a square
-        assert abs(point.value.mpf() / truth - 1) < mpmath.mpf(10) ** -50
-
-
-@settings(max_examples=25)
+@settings(max_examples=8)
 @given(parameters=physical_parameters(), e=decimals("0.001", "0.4"))
 def test_all_admissible_roots_and_no_others(parameters: Parameters, e: Fraction) -> None:
     parameters = parameters.changed(e=e * parameters.r, B=parameters.B + parameters.m * parameters.r**2, A=parameters.A
@@ -64,7 +45,7 @@ def test_all_admissible_roots_and_no_others(parameters: Parameters, e: Fraction)
         start = getattr(parameters, name)
         found = [point.value for point in bautin_points(parameters, name)]
         # Across each root, and nowhere else on a grid, the Hopf point changes its criticality.
-        grid = [start * Fraction(n, 40) for n in range(1, 200)]
+        grid = [start * Fraction(n, 20) for n in range(1, 100)]
         admissible = []
         for value in grid:
             try:
@@ -72,42 +53,21 @@ def test_all_admissible_roots_and_no_others(parameters: Parameters, e: Fraction)
             except InputError:
                 continue
         for (value, kind), (following, next_kind) in pairwise(admissible):
-            if following - value == start / 40:
+            if following - value == start / 20:
                 between = sum(value < root.value < following for root in found)
                 assert (kind != next_kind) == bool(between % 2)
 
 
-def test_a_double_root_is_found() -> None:
-    """In lengths of r and masses of m: 2 a (1 + x) (1 - 2 x) = (b - x^2) (2 - x) and its derivative by x = e / r."""
-    x = Fraction(1, 20)
-    # Both are linear in a and b; from the second b = 2 a (1 + 4 x) - 4 x + 3 x^2.
-    b_from_a, rest = 2 * (1 + 4 * x), 3 * x**2 - 4 * x
-    a = ((rest - x**2) * (2 - x)) / (2 * (1 + x) * (1 - 2 * x) - b_from_a * (2 - x))
-    b = b_from_a * a + rest
-    disk = PRINTED.changed(r=1, m=1, A=a, B=b, e=x / 2, C=None)
-    assert x in [point.value.value for point in bautin_points(disk, "e")]
-    assert all(criticality(disk.changed(e=x + side)) == "supercritical" for side in (x / 100, -x / 100)) or all(
-        criticality(disk.changed(e=x + side)) == "subcritical" for side in (x / 100, -x / 100)
-    )
-
-
-@pytest.mark.parametrize("name", ["g", "mu", "epsilon", "C", "nonsense"])
-def test_parameters_that_do_not_enter_are_refused(name: str) -> None:
-    with pytest.raises(InputError, match="the Bautin point is found in A, B, m, r, e"):
-        bautin_points(PRINTED, name)
-
-
-def test_the_smooth_law_has_none() -> None:
-    with pytest.raises(InputError, match="linear friction law only"):
-        bautin_points(PRINTED.with_friction("smooth"), "A")
+@pytest.mark.parametrize("arguments", [("--bautin", "g"), ("--bautin", "x"), ("--bautin", "A", "--friction", "smooth")])
+def test_command_refuses_in_one_line(capsys: Any, arguments: tuple[str, ...]) -> None:
+    assert main(["hopf", *arguments]) == 2
+    out, error = capsys.readouterr()
+    assert not out
+    assert len(error.splitlines()) == 1
 
 
 # ------------------------------------------------------------------------------------------------ its numbers
-def numbers(point: BautinPoint) -> dict[str, Measured]:
-    return {name: part for name, part in vars(point).items() if isinstance(part, Measured)}
-
-
-@settings(max_examples=15)
+@settings(max_examples=6)
 @given(parameters=physical_parameters())
 def test_its_numbers_follow_from_the_full_equations(parameters: Parameters) -> None:
     for name in ("A", "B", "r", "e"):
@@ -137,16 +97,7 @@ def test_its_numbers_follow_from_the_full_equations(parameters: Parameters) -> N
                 for quantity, truth in truths.items():
                     # 25 digits, and the central difference errs by 1e-30 times a moderate third derivative.
                     assert abs(getattr(point, quantity).mpf() - truth) < abs(truth) * mpmath.mpf(10) ** -22, quantity
-
-
-@settings(max_examples=25)
-@given(parameters=physical_parameters())
-def test_half_widths_hold_sharper_numbers(parameters: Parameters) -> None:
-    for name in BAUTIN_PARAMETERS:
-        for rough, sharp in zip(bautin_points(parameters, name), bautin_points(parameters, name, 60), strict=True):
-            for quantity, number in numbers(rough).items():
-                assert number.holds(numbers(sharp)[quantity].value), quantity
-                assert number.uncertainty <= abs(number.value) / 10**12
+                    assert getattr(point, quantity).uncertainty <= abs(getattr(point, quantity).value) / 10**25
 
 
 # ------------------------------------------------------------------------------------------------ the Hopf point there
@@ -236,18 +187,6 @@ def test_command_with_bautin_points(capsys: Any) -> None:
     assert Measured.of(**point["value"]).holds(truth)
     assert Fraction(point["value"]["uncertainty"]) < truth / 10**50
     assert told(capsys, "--bautin", "m")["bautin"] == []
-    assert main(["hopf", "--bautin", "m"]) == 0
-    assert capsys.readouterr().out.endswith("bautin: none\n")
-    assert main(["hopf", "--bautin", "A"]) == 0
-    assert "bautin 1:\n  parameter: A\n  value: 0.00023239668996710526" in capsys.readouterr().out
-
-
-@pytest.mark.parametrize("arguments", [("--bautin", "g"), ("--bautin", "x"), ("--bautin", "A", "--friction", "smooth")])
-def test_command_refuses_in_one_line(capsys: Any, arguments: tuple[str, ...]) -> None:
-    assert main(["hopf", *arguments]) == 2
-    out, error = capsys.readouterr()
-    assert not out
-    assert len(error.splitlines()) == 1
 
 
 def test_command_at_a_bautin_point(capsys: Any, tmp_path: Path) -> None:
@@ -258,18 +197,3 @@ def test_command_at_a_bautin_point(capsys: Any, tmp_path: Path) -> None:
     assert result["first_lyapunov_coefficient"]["value"] == "0"
     assert float(result["second_lyapunov_coefficient"]["value"]) < 0
     assert result["amplitude_squared_slope"] is result["period_slope"] is None
-    assert main(["hopf", "--parameters", str(path)]) == 0
-    text = capsys.readouterr().out
-    assert "criticality: degenerate" in text
-    assert "slope" not in text
-
-
-def test_a_sweep_has_no_slopes_there(capsys: Any, tmp_path: Path) -> None:
-    path, out = tmp_path / "degenerate.toml", tmp_path / "rows.csv"
-    path.write_text("\n".join(f'{name} = "{text}"' for name, text in DEGENERATE.decimals().items()), "utf-8")
-    axis = "A=0.224e-3,0.225e-3"
-    assert main(["sweep", "hopf", "--over", axis, "--parameters", str(path), "--out", str(out), "--jobs", "1"]) == 0
-    at, beside = csv.DictReader(out.read_text("utf-8").splitlines())
-    assert at["status"] == beside["status"] == "ok"
-    assert at["amplitude_squared_slope"] == beside["second_lyapunov_coefficient"] == ""
-    assert float(at["second_lyapunov_coefficient"]) < 0 < float(beside["amplitude_squared_slope"])

@@ -1,11 +1,10 @@
-"""The Hopf point: where it is, and its first Lyapunov coefficient and laws by derivations that share no formula."""
+"""The Hopf point: where it is, and its first Lyapunov coefficient and laws by formal series of the full equations."""
 
 from __future__ import annotations
 
 import json
 from fractions import Fraction
 
-import heyoka
 import mpmath
 import pytest
 from hypothesis import given, settings
@@ -13,14 +12,11 @@ from hypothesis import given, settings
 from tests.problems import SETS, decimals, physical_parameters
 from tests.theory.formal_cycles import formal_cycles
 from tippedisk_verify.cli import main
-from tippedisk_verify.errors import AccuracyError
-from tippedisk_verify.model import equations
-from tippedisk_verify.model.parameters import PRINTED, Constants, Parameters
+from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.theory.equilibria import characteristic_polynomial, equilibrium, linearization
 from tippedisk_verify.theory.harmonic_balance import slopes
 from tippedisk_verify.theory.hopf import (
     critical_frequency_squared,
-    criticality,
     hopf_point,
     omega_crit,
     omega_crit_squared,
@@ -53,90 +49,17 @@ def test_digits_hold(parameters) -> None:
         coarse, fine = function(parameters, 12), function(parameters, 60)
         assert coarse.holds(fine.value)
         assert coarse.uncertainty <= coarse.value / 10**12
+    square, crit = omega_crit_squared(parameters), omega_crit(parameters, 40)
+    assert (crit * crit - square).holds(0)
+    turned = period_crit(parameters, 40) * period_crit(parameters, 40) * critical_frequency_squared(parameters)
     with mpmath.workdps(60):
-        p = parameters
-        ratio = (p.r + p.e) ** 2 * p.m * p.g / (p.r * p.Bbar)
-        expected = mpmath.sqrt(mpmath.mpf(ratio.numerator) / ratio.denominator)
-        assert abs(mpmath.mpf(omega_crit(p, 50).decimals()[0]) - expected) < mpmath.mpf("1e-45")
+        assert abs(turned.mpf() / (2 * mpmath.pi) ** 2 - 1) < mpmath.mpf("1e-38")
 
 
-def derivative_tensors(parameters: Parameters) -> tuple[dict, dict, mpmath.mpf]:
-    """First to third derivatives of the full acceleration at inverted spinning by heyoka, in 200 bits."""
-    c = parameters.rational()
-    names = ("r", "e", "a", "b", "g", "k")
-    state = heyoka.make_vars("beta", "gamma", "v")
-    pars = {name: heyoka.par[index + 1] for index, name in enumerate(names)}
-    constants = Constants(**{name: pars.get(name) for name in Constants._fields})
-    rates = equations.field(heyoka, constants, heyoka.par[0], "linear")(*state)
-    tensors = heyoka.diff_tensors([heyoka.expression(rates[2])], list(state), diff_order=3)
-    wanted = {
-        (i, j, k): tensors[[0, i, j, k]] for i in range(4) for j in range(4) for k in range(4) if 1 <= i + j + k <= 3
-    }
-    function = heyoka.cfunc(list(wanted.values()), list(state), fp_type=heyoka.real, prec=200)
-    with mpmath.workprec(200):
-        square = omega_crit_squared(parameters)
-        speed = mpmath.sqrt(mpmath.mpf(square.numerator) / square.denominator)
-        numbers = [speed, *(mpmath.mpf(getattr(c, n).numerator) / getattr(c, n).denominator for n in names)]
-        half = mpmath.pi / 2
-        inputs = [heyoka.real(mpmath.nstr(x, 70), 200) for x in (half, half, mpmath.mpf(0))]
-        import numpy
-
-        values = function(
-            numpy.array(inputs), pars=numpy.array([heyoka.real(mpmath.nstr(x, 70), 200) for x in numbers])
-        )
-        found = {key: mpmath.mpf(str(value)) for key, value in zip(wanted, values, strict=True)}
-    return found, dict(zip(("Omega", *names), numbers, strict=True)), speed
-
-
-@pytest.mark.parametrize("parameters", SETS, ids=lambda p: p.name)
-def test_against_kuznetsovs_full_formula_with_heyokas_derivatives(parameters) -> None:
-    """Kuznetsov's Eq. (5.39) with the quadratic terms kept; heyoka differentiates the unexpanded field."""
-    d, numbers, speed = derivative_tensors(parameters)
-    with mpmath.workprec(200):
-        w = speed * mpmath.sqrt(numbers["e"] / (numbers["r"] + numbers["e"]))
-        # gamma' = -Omega cos(beta) at beta = pi/2: first derivative Omega, third derivative -Omega, no second.
-        matrix = mpmath.matrix([[0, 0, 1], [speed, 0, 0], [d[1, 0, 0], d[0, 1, 0], d[0, 0, 1]]])
-        q = mpmath.matrix([1j * w, speed, (1j * w) ** 2])
-        q /= mpmath.norm(q)
-        adjoint = mpmath.matrix([[mpmath.conj(matrix[j, i]) for j in range(3)] for i in range(3)])
-        # The adjoint eigenvector by inverse iteration, not by its closed form.
-        shifted = adjoint - (-1j * w + mpmath.mpf(10) ** -30) * mpmath.eye(3)
-        p = mpmath.matrix([1, 1, 1])
-        for _ in range(6):
-            p = mpmath.lu_solve(shifted, p)
-            p /= mpmath.norm(p)
-
-        def inner(a, b):
-            return sum(mpmath.conj(x) * y for x, y in zip(a, b, strict=True))
-
-        p /= mpmath.conj(inner(p, q))
-
-        def form(order, *vectors):
-            total = mpmath.mpc(0)
-            for n in range(3**order):
-                index = [(n // 3**k) % 3 for k in range(order)]
-                key = tuple(index.count(axis) for axis in range(3))
-                product = mpmath.mpc(1)
-                for vector, axis in zip(vectors, index, strict=True):
-                    product *= vector[axis]
-                total += d[key] * product
-            kinematic = -speed * vectors[0][0] * vectors[1][0] * vectors[2][0] if order == 3 else 0
-            return mpmath.matrix([0, kinematic, total])
-
-        qc = q.apply(mpmath.conj)
-        bilinear_1 = form(2, q, mpmath.lu_solve(matrix, form(2, q, qc)))
-        bilinear_2 = form(2, qc, mpmath.lu_solve(2j * w * mpmath.eye(3) - matrix, form(2, q, q)))
-        full = inner(p, form(3, q, q, qc)) - 2 * inner(p, bilinear_1) + inner(p, bilinear_2)
-        truth = mpmath.re(full) / (2 * w)
-        mine = hopf_point(parameters, 25).first_lyapunov_coefficient
-        # 200 bits hold 60 digits; the inverse iteration and the sums lose some twenty of them.
-        assert abs(mpmath.mpf(mine.decimals()[0]) - truth) < abs(truth) * mpmath.mpf(10) ** -25
-
-
-@settings(max_examples=25)
+@settings(max_examples=15)
 @given(parameters=physical_parameters())
 def test_the_laws_follow_from_the_full_equations(parameters) -> None:
-    """By formal series: l_1 from the normal form, the period's slope from the family of cycles."""
+    """By formal series: l_1 from the normal form, amplitude and period from the family of cycles."""
     point = hopf_point(parameters, 40)
     with mpmath.workdps(70):
         frequency = 2 * mpmath.pi / point.period.mpf()
@@ -148,6 +71,9 @@ def test_the_laws_follow_from_the_full_equations(parameters) -> None:
         # Large friction and small differences of inertias cost some twenty of the 70 digits.
         assert abs(point.first_lyapunov_coefficient.mpf() / coefficient - 1) < mpmath.mpf(10) ** -38
         assert abs(point.slopes()[1].mpf() / slope - 1) < mpmath.mpf(10) ** -38
+        coefficients = (point.quadratic_coefficient, point.quartic_coefficient)
+        for mine, derived in zip(coefficients, family.amplitude_law(), strict=True):
+            assert abs(derived - mine.mpf()) < mpmath.mpf(10) ** -38 * (abs(derived) + point.omega_crit.mpf())
     assert point.criticality == ("supercritical" if coefficient < 0 else "subcritical")
     if parameters.e < parameters.r / 2:
         p = parameters
@@ -157,6 +83,7 @@ def test_the_laws_follow_from_the_full_equations(parameters) -> None:
         assert point.criticality == "subcritical"
 
 
+@settings(max_examples=25)
 @given(parameters=physical_parameters())
 def test_slopes_of_two_theories_agree(parameters) -> None:
     """Normal form against the consistent one-harmonic law, for any disk, on either side."""
@@ -164,6 +91,7 @@ def test_slopes_of_two_theories_agree(parameters) -> None:
         assert (exact - balanced).holds(0)
 
 
+@settings(max_examples=25)
 @given(parameters=physical_parameters())
 def test_transversality_against_a_difference(parameters) -> None:
     """d(Re lambda)/d(Omega) from the cubic's roots on both sides of Omega_crit."""
@@ -176,16 +104,6 @@ def test_transversality_against_a_difference(parameters) -> None:
     slope = (ends[0] - ends[1]) / (2 * step)
     # Central difference: relative error of about step^2 / crit^2 times a moderate third derivative.
     assert abs(slope / hopf_point(parameters, 30).transversality.value - 1) < Fraction(1, 10**15)
-
-
-def test_a_degenerate_point_has_no_slopes() -> None:
-    """A chosen so that the first Lyapunov coefficient vanishes exactly."""
-    p = PRINTED
-    A = p.Bbar * p.r * (2 * p.r - p.e) / (2 * (p.r + p.e)) / (p.r - 2 * p.e)
-    odd = PRINTED.changed(A=A, C=None)
-    assert criticality(odd) == "degenerate"
-    with pytest.raises(AccuracyError, match="vanishes exactly"):
-        hopf_point(odd).slopes()
 
 
 def test_command(capsys, tmp_path) -> None:

@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 import numpy
 
 from tippedisk_verify.errors import AccuracyError
-from tippedisk_verify.flow.contract import Engine, Request, Result, Status, Variation
+from tippedisk_verify.flow.contract import Engine, Request, Result, Status
 from tippedisk_verify.model.exact import fraction, quotient
 from tippedisk_verify.model.measured import DISTANCES, Measured
 from tippedisk_verify.model.parameters import Parameters
@@ -110,7 +110,7 @@ class SplittingFunction:
         self.end = _short(
             float(saddle.reach(saddle.stable_curve, saddle.fast_direction, saddle.unstable_direction)) * share
         )
-        self.duration = self._flight_time(speed, saddle)
+        self.duration = self._flight_time(saddle)
         if coarser is not None:
             # The fast coordinate must fall until its square, which is neglected, is below what is resolved.
             too_large = math.log(abs(float(coarser.latest.t)) + 1e-300) + (digits + 2) / 2 * math.log(10)
@@ -121,30 +121,24 @@ class SplittingFunction:
         self.latest: Splitting = Splitting(speed, 0, 0, 0, 0)  #: at the speed asked for last, but for slopes
 
     def __call__(self, omega: Fraction) -> Splitting:
-        saddle = self.saddle_at(omega)
+        saddle = self._saddle
+        if saddle.omega != omega:
+            saddle = Saddle(self.parameters, omega, self.bits, self.order)
         ctx = saddle.context
-        beta, gamma, v = (quotient(ctx, value) for value in map(fraction, self.flight(saddle).state))
+        end = self._flown(saddle, self.precision, self.duration)
+        if end.status is not Status.REACHED:
+            raise AccuracyError(f"the unstable branch: {end.status.value}")
+        beta, gamma, v = (quotient(ctx, value) for value in map(fraction, end.state))
         u, s, t = saddle.stable_coordinates((beta, gamma - ctx.pi, v))
         unstable, slow, _ = saddle.eigenvalues
         self.latest = Splitting(omega, u, s, t, abs(s) ** (-unstable / slow))
         return self.latest
 
-    def flight(self, saddle: Saddle, variations: tuple[Variation, ...] = ()) -> Result:
-        """Along the saddle's unstable branch, from the chosen distance on and for the chosen time."""
-        request = Request(
-            self.parameters,
-            saddle.omega,
-            start_on_branch(saddle, self.start),
-            self.duration,
-            shifted=True,
-            precision=self.precision,
-            variations=variations,
-            domain="none",
-        )
-        result = self.engine(request)
-        if result.status is not Status.REACHED:
-            raise AccuracyError(f"the unstable branch: {result.status.value}")
-        return result
+    def _flown(self, saddle: Saddle, precision: Precision, duration: object, times: Any = None) -> Result:
+        """A flight along the saddle's unstable branch, from the chosen distance on."""
+        wanted: dict[str, Any] = {"times": times, "precision": precision, "shifted": True, "domain": "none"}
+        state = start_on_branch(saddle, self.start)
+        return self.engine(Request(self.parameters, saddle.omega, state, duration, **wanted))
 
     @property
     def step(self) -> Fraction:
@@ -158,25 +152,10 @@ class SplittingFunction:
         self.latest = latest
         return change / (2 * self.step)
 
-    def saddle_at(self, omega: Fraction) -> Saddle:
-        if self._saddle.omega == omega:
-            return self._saddle
-        return Saddle(self.parameters, omega, self.bits, self.order)
-
-    def _flight_time(self, speed: Fraction, saddle: Saddle) -> Fraction:
+    def _flight_time(self, saddle: Saddle) -> Fraction:
         """From the start until the slow stable coordinate is the end's, to a hundredth of a second."""
         times = numpy.arange(0, _LONGEST, 0.01)
-        request = Request(
-            self.parameters,
-            speed,
-            start_on_branch(saddle, self.start),
-            float(times[-1]),
-            shifted=True,
-            times=times,
-            precision=DOUBLE,
-            domain="none",
-        )
-        samples = self.engine(request).samples
+        samples = self._flown(saddle, DOUBLE, float(times[-1]), times).samples
         distances = numpy.abs(samples - numpy.array([0.0, math.pi, 0.0])).max(axis=1)
         reached = numpy.flatnonzero(distances < max(_FAR, float(self.end)))
         if not len(reached):

@@ -172,24 +172,16 @@ class Family:
         """(n, 7) rows of all nodes: s, second coordinate / first, flight time, Omega and their slopes by s."""
         return self._panels.reshape(-1, 7)
 
-    def between_nodes(self, s: Array, values: Array) -> Any:
-        """What has these ``values`` (m, n) at the nodes, (m, k) at the abscissas (k,)."""
-        ratios, panels = self.ratios(s)
-        by_panel = values.reshape(len(values), -1, self.nodes_per_panel)
-        middle = by_panel[:, :, self.nodes_per_panel // 2]  # without it the sum rounds what varies on the panel only
-        return middle[:, panels] + ((by_panel - middle[:, :, None])[:, panels] * ratios).sum(axis=-1)
-
-    def ratios(self, s: Array) -> tuple[Any, Any]:
-        """Barycentric weights (k, nodes of a panel), each row with the sum 1, and the panel of each."""
+    def at(self, s: Array) -> Any:
+        """(4, k): second coordinate / first, flight time, Omega and dOmega/ds at abscissas (k,)."""
         panels = numpy.searchsorted([self._edge(k) for k in range(1, len(self._panels))], s)
         offset = s[:, None] - self._panels[panels, :, 0]
         offset[offset == 0] = 2.0**-80  # at a node nothing else counts
         ratios = self._weights / offset
-        return ratios / ratios.sum(axis=1, keepdims=True), panels
-
-    def at(self, s: Array) -> Any:
-        """(4, k): second coordinate / first, flight time, Omega and dOmega/ds at abscissas (k,)."""
-        return self.between_nodes(s, self.nodes[:, [1, 2, 3, 6]].T)
+        ratios /= ratios.sum(axis=1, keepdims=True)
+        by_panel = self._panels[:, :, [1, 2, 3, 6]].transpose(2, 0, 1)
+        middle = by_panel[:, :, self.nodes_per_panel // 2]  # without it the sum rounds what varies on the panel only
+        return middle[:, panels] + ((by_panel - middle[:, :, None])[:, panels] * ratios).sum(axis=-1)
 
     @cached_property
     def folds(self) -> tuple[float, ...]:

@@ -123,7 +123,7 @@ class Request:
     error_estimate: bool = False  #: half-widths that hold the error of all numbers (`flow.error_estimate`)
     digits: int = 12  #: beyond 12, in doubles and with an error estimate: the error is taken out of the result
     domain: Literal["event", "samples", "none"] = "event"
-    rounding: int | None = None  #: a twin of the run: the pattern by which inputs' last bits move (`flow.rounding`)
+    rounding: int | None = None  #: a twin of the run: the pattern by which inputs' last bits move (`nudged`)
     max_steps: int = 100_000  #: an hour of ordinary motion; what needs more is stuck, or asks for it
 
     def __post_init__(self) -> None:
@@ -230,9 +230,7 @@ class Result(NamedTuple):
     error: ErrorEstimate | None = None
     evaluations: int | None = None  #: of the right-hand side, where the method counts them
     built: tuple[Build, ...] = ()  #: what the engine used for it
-    series: Any = (
-        None  #: the polynomials of the steps (`flow.step_polynomials.Series`), where something is taken from them
-    )
+    series: Any = None  #: the polynomials of the steps (`flow.integrator.Series`), where something is taken from them
     precision: Precision | None = None  #: the arithmetic of its numbers, if not the request's
 
 

@@ -21,7 +21,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.polynomial import legendre
 
 from tippedisk_verify.flow.contract import Request
-from tippedisk_verify.flow.step_polynomials import Series
+from tippedisk_verify.flow.integrator import Series
 from tippedisk_verify.model.equations import field, jacobian, shifted
 from tippedisk_verify.model.precision import DOUBLE, Precision
 
