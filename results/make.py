@@ -19,7 +19,7 @@ from functools import partial
 from pathlib import Path
 
 import tippedisk_verify as tv
-from tests.conformance.scipy_program import answered
+from results.scipy_program import answered
 from tippedisk_verify.commands.conformance_sources import CLIENTS
 from tippedisk_verify.commands.conformance_sources import FOLDER as SOURCES
 from tippedisk_verify.conformance.sheet import questions, sheet_csv

@@ -142,19 +142,6 @@ def test_the_python_client(asked: tuple[str, ...], store: Store, tmp_path: Path)
     assert _least(grades, 3) >= 12
 
 
-def test_the_python_client_needs_no_sample_to_find_an_event(store: Store, tmp_path: Path) -> None:
-    """Every row stands for itself; at a speed without a cycle, nothing is answered."""
-    names = ("printed/linear/trajectory/a1/flat_time", "printed/linear/trajectory/d1/crossing_v#2")
-    cycle = "printed/linear/limit-cycle/crit-0.01/period"
-    sheet = _asked(store, (*names, cycle)).replace(store[cycle].inputs["Omega"], "31.5")
-    (tmp_path / "client.py").write_text(client_text(CLIENTS["python"]))
-    command = [sys.executable, "client.py", "sheet.csv", "answers.csv"]
-    grades = _answered(command, sheet, store, tmp_path)
-    asked = {row["id"] for row in csv.DictReader(io.StringIO(sheet)) if "trajectory" in row["id"]}
-    assert {grade.id for grade in grades} == asked >= set(names)
-    assert not any(grade.failed for grade in grades)
-
-
 def _answers_nine_levels(grades: list[Grade], asked: str) -> None:
     """All questions up to level 9 that doubles can tell apart, and all of them right."""
     assert not any(grade.failed or grade.verdict == "no-truth" for grade in grades)

@@ -130,15 +130,13 @@ def status(row: dict[str, Any]) -> str:
 
 def table(rows: list[dict[str, Any]], by: str) -> Iterator[str]:
     """How many of each status, by list or by the level that fails first, and the seconds of the diagnosis."""
-    heads = (by, "faults", *STATUSES, "level wrong", "median s", "largest s")
-    yield "  ".join(f"{head:>{max(6, len(head))}}" for head in heads)
     for group in [*sorted({row[by] for row in rows}, key=lambda value: value or 0), "all"]:
         here = [row for row in rows if group in ("all", row[by])]
-        of_each = [sum(row["status"] == name for row in here) for name in STATUSES]
+        counts = ", ".join(f"{sum(row['status'] == name for row in here)} {name}" for name in STATUSES)
         wrong = sum(row["level"] != row["first"] and row["status"] != "crashed" for row in here)
         times = [row["grading"] for row in here if row["grading"] is not None] or [0.0]
-        cells = (group or "none", len(here), *of_each, wrong, f"{statistics.median(times):.2f}", f"{max(times):.2f}")
-        yield "  ".join(f"{cell:>{max(6, len(head))}}" for head, cell in zip(heads, cells, strict=True))
+        took = f"{statistics.median(times):.2f} s in the median, {max(times):.2f} s at most"
+        yield f"{by} {group}: {len(here)} faults, {counts}, level wrong of {wrong}; {took}"
 
 
 def _start(cache: Path) -> None:

@@ -31,7 +31,7 @@ def test_the_lists_are_whole() -> None:
 @pytest.mark.parametrize(
     ("name", "level"),
     [
-        ("inertia-swapped", 1), ("h1-swapped", 1), ("equilibrium-inverted-only", 2), ("jacobian-inverted-A_31", 2),
+        ("inertia-swapped", 1), ("h1-swapped", 1), ("equilibrium-inverted-only", 2), ("eigenvalues-ascending", 2),
         ("lyapunov-norm", 3), ("chi-e", 4), ("h_0-sine-gamma", 5),
     ],
 )  # fmt: skip

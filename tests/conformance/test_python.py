@@ -26,21 +26,6 @@ def own_omega_crit() -> float:
     return math.sqrt((r + e) ** 2 * m * g / (r * (B - m * e**2)))
 
 
-def test_references_start_with_a_prefix() -> None:
-    found = tv.references("printed/linear/limit-cycle/crit-0.5/")
-    assert [quantity.name for quantity in found][:3] == ["period", "gamma_bar_0", "v_0"]
-    assert len(tv.references()) > len(tv.references("printed/")) > 4000
-    # Closer to Omega_h than 1e-8 doubles cannot tell the speeds apart.
-    from_doubles = tv.references("printed/linear/near-heteroclinic/", reading="doubles")
-    assert {quantity.reading for quantity in from_doubles} == {"doubles"}
-    assert NEAR in {quantity.id for quantity in from_doubles}
-    assert not any("1e-10/" in quantity.id for quantity in from_doubles)
-    for wrong in ("printed/linear/limitcycle", "\0", 3, None):
-        with pytest.raises(InputError) as refused:
-            tv.references(wrong)  # type: ignore[arg-type]
-        assert "\n" not in str(refused.value)
-
-
 @pytest.mark.parametrize("reading", ["decimals", "doubles"])
 def test_a_value_is_of_one_reading_in_all_that_it_does(reading) -> None:
     """Eight zeros above Omega_h the two readings differ in the seventh digit, so a slip would show."""

@@ -63,38 +63,15 @@ def eigenvalues(key: Callable[[complex], float]) -> Change:
     return answer
 
 
-def divergence(quantity: Quantity) -> float:
-    if quantity.name != "log_multiplier_fast":
-        return right(quantity)
-    return right(quantity) + right(stored()[quantity.id.replace("_fast", "_slow")])
-
-
-def partial_sums(quantity: Quantity) -> float:
-    stem, _, n = quantity.id.rpartition("_")
-    return sum(0.1**k * stored()[f"{stem}_{k}"].for_doubles for k in range(int(n) + 1))
-
-
 OF = " have the values of the "
 RELATIONS: dict[str, tuple[int, Change, str]] = {
     "sign": (6, on(("beta",), lambda x: -x), "beta has the wrong sign"),
-    "two signs": (1, on(("h", "f_G"), lambda x: -x), "f_G and h have the wrong sign"),
     "modulus": (1, on(("gamma_y",), abs), "gamma_y is the modulus of the right value"),
     "unit": (1, on(("f_G",), lambda x: 1000 * x), "f_G has the factor 1000"),
-    "degrees": (6, on(("beta",), math.degrees), "beta has the factor 180/pi (degrees)"),
-    "single value": (3, on(("transversality",), lambda x: x / 2), "transversality has the factor 1/2"),
-    "root": (7, on(("multiplier_slow",), math.sqrt), "multiplier_slow is the square root of the right value"),
-    "exponential": (7, on(("log_multiplier_slow",), math.exp), "log_multiplier_slow has the values of multiplier_slow"),
     "offset": (7, on(("gamma_bar_0",), lambda x: x + math.pi / 2), "gamma_bar_0 is pi/2 too large"),
     "turns": (6, on(("gamma",), lambda x: x % (2 * math.pi)), "gamma is reduced to [0, 2 pi)"),
     "exchanged": (1, exchanged("/M", "/h"), "M and h are exchanged"),
-    "frequency": (4, exchanged("/period", "/frequency"), "frequency and period are 2 pi divided by the right value"),
-    "sum": (7, divergence, "log_multiplier_fast is the right value plus log_multiplier_slow"),
     "law": (6, exchanged("/linear/", "/smooth/"), "all answers" + OF + "other law"),
-    "linear law": (
-        1,
-        asked(lambda id_: id_.replace("/smooth/", "/linear/")),
-        "lambda_Ty and v_rate" + OF + "linear law under the smooth law",
-    ),
     "equilibrium": (2, exchanged("/inv", "/noninv"), "all answers" + OF + "other equilibrium"),
     "one equilibrium": (
         2,
@@ -106,10 +83,8 @@ RELATIONS: dict[str, tuple[int, Change, str]] = {
     "order of eigenvalues": (2, eigenvalues(lambda z: z.imag), "in another order: ascending imaginary parts"),
     "next crossing": (6, moved("#", 1), "crossing_gamma, crossing_time and crossing_v" + OF + "next crossing"),
     "next order": (5, moved("_", -1), "h_n and residual_n" + OF + "previous order"),
-    "partial sums": (5, partial_sums, "h_n and residual_n are the sum of epsilon^k times all orders so far"),
     "zero": (2, lambda q: right(q) * q.name.endswith("_re"), "lambda_1_im, lambda_2_im and lambda_3_im are zero"),
     "six digits": (1, lambda q: f"{right(q):.6g}", "all answers are rounded to 6 significant digits"),
-    "five decimals": (1, lambda q: f"{right(q):.5f}", "all answers are rounded to 5 decimals"),
     "cut": (6, on(("v",), lambda x: math.trunc(1e3 * x) / 1e3), "v is truncated to 3 decimals"),
     "single": (1, lambda q: float(np.float32(right(q))), "all answers are rounded to single precision"),
 }

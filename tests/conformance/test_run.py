@@ -9,7 +9,6 @@ from __future__ import annotations
 import json
 import os
 import re
-import shutil
 import sys
 import time
 from collections.abc import Callable
@@ -27,7 +26,8 @@ from tippedisk_verify.conformance.sheet import question_row
 from tippedisk_verify.reference_values.store import stored
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "answerers"
-NODE = shutil.which("node")
+
+
 #: What the programs below are asked: six quantities of one entry, after a first question of the right-hand side.
 ASKED = [quantity.id for quantity in stored().values() if quantity.level == 3 and quantity.set == "printed"]
 RUN = ["conformance", "run", "--set", "printed", "--levels", "3"]
@@ -303,28 +303,3 @@ def test_ctrl_c_loses_no_answer(program: Callable[[str], list[str]], tmp_path: P
         except OSError:
             break
         time.sleep(0.01)
-
-
-@pytest.mark.parametrize(
-    "command",
-    [
-        [sys.executable, str(EXAMPLES / "answerer.py")],
-        pytest.param(
-            [str(NODE), str(EXAMPLES / "answerer.mjs")],
-            marks=pytest.mark.skipif(NODE is None, reason="no Node.js on this machine"),
-        ),
-    ],
-    ids=["Python", "JavaScript"],
-)
-def test_the_minimal_answerers(command: list[str], capsys: pytest.CaptureFixture[str]) -> None:
-    """All but the derivatives, in doubles; null for what they do not know."""
-    arguments = ["conformance", "run", "--set", "printed", "--levels", "1-3", "--json", "--", *command]
-    assert main(arguments) == 0
-    graded = json.loads(capsys.readouterr().out)
-    assert len(graded["grades"]) == sum(
-        q.level == 1 and q.set == "printed" and "dv_" not in q.name for q in stored().values()
-    )
-    assert not any(grade["verdict"] in ("wrong", "few-digits") for grade in graded["grades"])
-    # Some ten operations, each off by half an ulp at most, relative to the largest of what cancels.
-    assert min(grade["digits"] for grade in graded["grades"]) > 14
-    assert Path(command[-1]).read_text().count("\n") <= 30

@@ -17,7 +17,7 @@ from scipy.integrate import solve_ivp
 
 import tippedisk_verify as tv
 from reference_data.make.generation import DATA_VERSION
-from tests.conformance.scipy_program import motion
+from results.scipy_program import motion
 from tippedisk_verify.cli import main
 from tippedisk_verify.provenance import digest
 from tippedisk_verify.reference_values.export import export

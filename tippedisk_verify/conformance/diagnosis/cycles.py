@@ -16,11 +16,10 @@ from typing import Any
 import numpy as np
 
 from tippedisk_verify.conformance.diagnosis.entries import Array, Results, Sheet, Table
-from tippedisk_verify.conformance.diagnosis.inputs import INPUTS
+from tippedisk_verify.conformance.diagnosis.inputs import INPUTS, known_speeds
 from tippedisk_verify.conformance.diagnosis.search import Search, all_changes
 from tippedisk_verify.conformance.diagnosis.specimen import Specimen, of, specimen
 from tippedisk_verify.conformance.diagnosis.trees import Cause, Suspect, statements, values
-from tippedisk_verify.reference_values.store import stored
 
 __all__ = ["cycle_causes"]
 
@@ -28,6 +27,7 @@ Said = Iterator[tuple[str, Sequence[Results]]]  #: what is said, and what it pre
 _INDEX = {"limit-cycle": 0, "near-heteroclinic": 0, "rotating-cycle": 1}  # of the section in the client
 _CLOSED = 1e-6
 _SAME = (2e-8, 1e-9)  # rad/s, of speeds: what digits leave, and next to Omega_h
+_CHANCE = 1e-3  # that speeds are by accident what a rule makes of them
 _LARGEST = 10.0  # s, rad or rad/s, of what may be the state and time of a return
 _LATE = 0.04  # s; what is missed by more is no turning point
 _EARLY = "Newton's iteration for the cycle stopped too early (too loose a tolerance, few steps)"
@@ -67,12 +67,17 @@ class Flight:
     def inputs(self) -> tuple[Any, ...]:
         return self.table.p, self.Omega, self.smooth
 
+    @property
+    def begin(self) -> Array:
+        """The state with its variations on the section."""
+        return np.asarray(of("section_state")(self.Omega, self.index, *self.start))
+
     @cached_property
     def end(self) -> Array:
         """The state with its variations after that time."""
         step = of("FLIGHT_STEP") / (2 if self.smooth and self.table.kind == "near-heteroclinic" else 1)
         count = int(np.ceil(np.max(self.time) / step))
-        state = of("section_state")(self.Omega, self.index, *self.start)
+        state = self.begin
         for _ in range(count):
             state = of("flight_step")(of("variational_flow"), *self.inputs, state, self.time / count)
         return np.asarray(state)
@@ -92,13 +97,14 @@ class Flight:
 
     def turning_point(self) -> Array:
         """The state with its variations where v first vanishes."""
-        start = of("section_state")(self.Omega, self.index, *self.start)
-        return np.asarray(of("fly_to")(of("variational_flow"), *self.inputs, start, lambda s: s[2])[1])
+        return np.asarray(of("fly_to")(of("variational_flow"), *self.inputs, self.begin, lambda s: s[2])[1])
 
     def answers(self) -> dict[str, Array]:
         """All that is asked of these orbits, as if they closed."""
-        found: dict[str, Array] = of("cycle_answers")(*self.inputs, self.index, self.time, *self.start, self.end)
-        return found
+        found = of("cycle_answers")(*self.inputs, self.index, self.time, *self.start, self.end)
+        # The extremes are those after the start's image, which the end is not where they do not close.
+        image = np.pi * np.array([[[1], [1], [0]], [[0], [2], [0]]][self.index]) + (2 * self.index - 1) * self.begin[:3]
+        return {**found, **of("cycle_extremes")(*self.inputs, self.index, image)}
 
 
 def _flight(table: Table, values: Array) -> Flight:
@@ -148,9 +154,8 @@ def _instants(sheet: Sheet) -> Said:
     if _wrong(sheet) != {"beta_max"} or sheet.level == 10:
         return
     flights = [_flight(table, table.truth) for table in sheet.tables]
-    starts = [of("section_state")(f.Omega, 0, *f.start)[:3] for f in flights]
     fly = partial(of("fly_to"), of("flow"))
-    at = [fly(*f.inputs, s, lambda s: s[1] - np.pi / 2, -1) for f, s in zip(flights, starts, strict=True)]
+    at = [fly(*f.inputs, f.begin[:3], lambda s: s[1] - np.pi / 2, -1) for f in flights]
     yield "beta_max is taken where gamma = pi/2, not where v = 0", [{"beta_max": np.pi / 2 - s[0]} for _, s in at]
     given = [table.column("beta_max", table.answer) for table in sheet.tables]
     turns = [f.turning_point()[:3] for f in flights]
@@ -247,21 +252,21 @@ def _rule(flights: Sequence[Flight]) -> str:
     left, says = np.minimum(_SAME[near], 0.02 * np.abs(shift)), "the cycles are right ones at Omega"
     rules: dict[str, Array] = {}
     for one in INPUTS:
-        with suppress(KeyError):  # those of other inputs
-            rules[one.says.removeprefix("Omega")] = one.change({"Omega": asked})["Omega"]
-            moved = asked - base + one.change({"Omega": base})["Omega"]
-            rules[f" counted from {one.says.replace('Omega', origin)}"] = moved
+        if one.says.startswith("Omega "):
+            with suppress(KeyError):  # those that take other inputs
+                rules[one.says.removeprefix("Omega")] = one.change({"Omega": asked})["Omega"]
+                moved = asked - base + one.change({"Omega": base})["Omega"]
+                rules[f" counted from {one.says.replace('Omega', origin)}"] = moved
     for text in _ORIGINS:
         there = np.concatenate([known_speeds(table, text) for table in tables])
         rules[f" counted from {text} in place of {origin}"] = asked - base + there
-    if len(shift) > 2:
-        for text, there in rules.items():
-            if (np.abs(there - speeds) <= left).all():
-                return says + text
-        if np.ptp(shift) < _SAME[near]:
-            about = (x for x in (30.92, 30.07) if np.abs(x - base - shift).max() < 0.002)
-            which = next((f", about as if counted from {x} in place of {origin}" for x in about), "")
-            return f"{says} {np.median(shift):+.6g} (as if counted from another {origin}{which})"
+    for text, there in rules.items():
+        if (left / np.abs(shift)).prod() < _CHANCE and (np.abs(there - speeds) <= left).all():
+            return says + text
+    if len(shift) > 2 and np.ptp(shift) < _SAME[near]:
+        about = (x for x in (30.92, 30.07) if np.abs(x - base - shift).max() < 0.002)
+        which = next((f", about as if counted from {x} in place of {origin}" for x in about), "")
+        return f"{says} {np.median(shift):+.6g} (as if counted from another {origin}{which})"
     some = ", ".join(f"{new:+.4g} from {old:.8g}" for new, old in list(zip(shift, asked, strict=True))[:3])
     some += " and so on" * (len(speeds) > 3)
     return f"the cycles are right ones at other speeds, {some}, or of parameters with which they are such"
@@ -331,18 +336,6 @@ def _lost(sheet: Sheet) -> str:
 # ------------------------------------------------------------------------------------------ the connection
 _VALUES = ("lambda_u", "lambda_s", "lambda_ss")
 _PLACES = ("Omega_h of the other law", "Omega_crit", "30.07", "30.92", "the fold of the rotating cycles")
-
-
-def known_speeds(table: Table, name: str) -> Array:
-    """Speeds by name, by entry; NaN where they are not known."""
-    if name[0] == "3":
-        return np.full(len(table.entries), float(name))
-    laws = ("linear", "smooth")
-    law = laws[table.smooth != ("other law" in name)]
-    place = f"{law}/heteroclinic/point/omega_h" if "Omega_h" in name else "linear/hopf/point/omega_crit"
-    place = f"{law}/rotation-fold/point/omega" if "fold" in name else place
-    known = [stored().get(f"{one}/{place}") for one in table.sets]
-    return np.array([np.nan if one is None else one.for_doubles for one in known])
 
 
 def _eigenvalues(table: Table, Omega: Array, side: int = -1) -> dict[str, Array]:

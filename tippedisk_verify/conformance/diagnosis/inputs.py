@@ -10,11 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from tippedisk_verify.conformance.diagnosis.entries import Sheet, Table
+from tippedisk_verify.conformance.diagnosis.entries import Array, Sheet, Table
 from tippedisk_verify.conformance.diagnosis.specimen import specimen
 from tippedisk_verify.model.parameters import PRINTED, SYMBOLS
+from tippedisk_verify.reference_values.store import stored
 
-__all__ = ["INPUTS", "Input", "changed"]
+__all__ = ["INPUTS", "Input", "all_changed", "changed", "known_speeds"]
 
 Values = dict[str, Any]
 _STATE = ("Omega", "beta", "gamma", "v")
@@ -124,13 +125,13 @@ INPUTS: tuple[Input, ...] = (
             **{f"{{x}} cut off after {n} decimals": (partial(_whole, np.trunc, n), 2 * (n > 0)) for n in range(7)},
         },
     ),
-    *_each(("Omega",), {f"{{x}} rounded up to {n} decimals": (partial(_whole, np.ceil, n), 2) for n in range(8)}),
     Input("v of the slow manifold, h_0 = e Omega sin(beta) cos(gamma) / rho", _slow),
     Input("Omega_crit in place of Omega", _critical),
     Input("Omega = 30.92 throughout", _all(("Omega",), lambda x: 30.92 + 0 * x), 1),
     *(Input(f"g = {g} for 9.81", partial(lambda g, values: {"g": g + 0 * values["g"]}, g)) for g in (9.8, 9.80665)),
     *_pairs(),
     *_precisions(),
+    *_each(("Omega",), {f"{{x}} rounded up to {n} decimals": (partial(_whole, np.ceil, n), 2) for n in range(8)}),
 )
 
 
@@ -146,3 +147,15 @@ def changed(table: Table, change: Callable[[Values], Values]) -> Table:
 
 def all_changed(sheet: Sheet, change: Callable[[Values], Values]) -> Sheet:
     return Sheet(tuple(changed(table, change) for table in sheet.tables))
+
+
+def known_speeds(table: Table, name: str) -> Array:
+    """Speeds by name, by entry; NaN where they are not known."""
+    if name[0] == "3":
+        return np.full(len(table.entries), float(name))
+    laws = ("linear", "smooth")
+    law = laws[table.smooth != ("other law" in name)]
+    place = f"{law}/heteroclinic/point/omega_h" if "Omega_h" in name else "linear/hopf/point/omega_crit"
+    place = f"{law}/rotation-fold/point/omega" if "fold" in name else place
+    known = [stored().get(f"{one}/{place}") for one in table.sets]
+    return np.array([np.nan if one is None else one.for_doubles for one in known])

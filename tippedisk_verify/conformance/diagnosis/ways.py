@@ -59,6 +59,10 @@ _PARTS = (
     ("sqrt(e * Omega ** 2 / (r + e) + delta * C ** 2)", "Omega * sqrt(e / (r + e) - stiffness / (r + e) * C ** 2 / 8)"),
 )  # fmt: skip
 _RATE = "force / M", "equations(p, Omega, False, beta, gamma, v)[7]"
+_SLOPE = (
+    "epsilon / (abs(gamma_y) + epsilon) ** 2",
+    "(1 / (abs(gamma_y) + epsilon) - abs(gamma_y) / (abs(gamma_y) + epsilon) ** 2)",
+)
 
 
 def _analytic(x: object) -> object:
@@ -98,6 +102,7 @@ def ways() -> tuple[Specimen, ...]:
     terms = _written_out(motion, "inertia", "h_1", "h_2", "h_3", "h_4", "h_5", "normal_force", "force")
     other = (
         _replaced(terms, ("rho * v * sin(beta)", "w_y * v")),
+        _replaced(plain.text("derivatives"), _SLOPE),
         _replaced(hopf, ("sqrt(e / (r + e)) * Omega", "pair_frequency(p, Omega)")),
         _SOLVER,
         _replaced(law, *_PARTS),
