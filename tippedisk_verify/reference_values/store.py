@@ -210,9 +210,10 @@ def quantity_of(row: Mapping[str, str], proofs: Mapping[str, Any]) -> Quantity:
         values["doubles"] = (row["value_from_doubles"], row["uncertainty_from_doubles"])
     proof = proofs.get(entry, {"enclosures": {}})
     enclosure = proof["enclosures"].get(name)
+    plain: dict[str, Any] = {column: row[column] for column in ("id", "kind", "set", "friction", "unit", "grade")}
+    plain |= {column: MappingProxyType(_pairs(row[column])) for column in ("methods", "condition")}
     return Quantity(
-        **{column: row[column] for column in ("id", "kind", "set", "friction", "unit", "grade")},
-        **{column: MappingProxyType(_pairs(row[column])) for column in ("methods", "condition")},
+        **plain,
         level=int(row["level"]),
         name=name,
         inputs=MappingProxyType({column: row[column] for column in _INPUTS if row[column]}),
