@@ -28,9 +28,10 @@ from tippedisk_verify.cycles.limit_cycle import Cycle
 from tippedisk_verify.cycles.return_map import FixedPoint, Image, NewtonIteration, ReturnMap, newton_step
 from tippedisk_verify.cycles.section import Section
 from tippedisk_verify.errors import AccuracyError
+from tippedisk_verify.flow.system import nudged
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.model.precision import DOUBLE, Precision, bits, bits_for_digits, companion, nudged
+from tippedisk_verify.model.precision import DOUBLE, Precision, bits, bits_for_digits, companion
 
 __all__ = ["cycle_in", "cycle_numbers", "cycle_of", "cycle_to_digits", "logarithms_bounded", "numbers_at"]
 
