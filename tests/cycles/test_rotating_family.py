@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from fractions import Fraction
 
 import numpy
@@ -10,12 +11,12 @@ import pytest
 from tippedisk_verify.atlas.branch import rotating_branch
 from tippedisk_verify.atlas.locator import locator
 from tippedisk_verify.cycles.rotating_family import RotatingFamily
-from tippedisk_verify.cycles.section import ROTATING
+from tippedisk_verify.cycles.section import BOTTOM, ROTATING
 from tippedisk_verify.errors import NoSuchCycleError
-from tippedisk_verify.flow.lanes import BatchTaylor
+from tippedisk_verify.flow.baseline import Baseline
+from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.model.parameters import PRINTED
 
-_LANES = BatchTaylor()
 _FAR = 1.6  # rad/s above the fold: beyond Omega_crit
 
 
@@ -59,7 +60,11 @@ def test_the_family_is_found_from_omega_h_on(taylor, changes) -> None:
     for omega, stable in (((fold.omega + float(family.omega_h)) / 2, True), (float(family.omega_h) + 0.5, False)):
         (cycle,) = known.rotating(Fraction(omega), stable=stable).cycles()
         (place,) = family.followed_places(omega, stable=stable)
-        assert numpy.abs(numpy.subtract(place.start, [float(cycle.beta_bar_top), float(cycle.v_top)])).max() < 1e-6
+        top = (float(cycle.beta_bar_top), float(cycle.v_top))
+        assert numpy.abs(numpy.subtract(place.start, top)).max() < 1e-6
+        run = Request(disk, omega, (top[0], 0, top[1]), 10, shifted=True, events=(replace(BOTTOM, terminal=True),))
+        beta, _, v = Baseline()(run).state
+        assert max(abs(beta - float(cycle.beta_bar_0)), abs(v - float(cycle.v_0))) < 1e-6  # SciPy's error, grown
 
 
 def test_speeds_below_the_fold_are_refused(taylor) -> None:

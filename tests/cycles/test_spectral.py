@@ -8,8 +8,7 @@ from fractions import Fraction
 import pytest
 
 from tippedisk_verify.cli import main
-from tippedisk_verify.cycles.fourier import Kind
-from tippedisk_verify.cycles.spectral import balanced_cycle, spectral_fold
+from tippedisk_verify.cycles.spectral import balanced_cycle
 from tippedisk_verify.errors import NoSuchCycleError
 from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.model.exact import Exact, fraction
@@ -17,9 +16,6 @@ from tippedisk_verify.model.parameters import CALIBRATED, PRINTED, Parameters
 from tippedisk_verify.model.precision import bits
 from tippedisk_verify.theory.harmonic_balance import one_harmonic
 from tippedisk_verify.theory.hopf import criticality, omega_crit, period_crit
-
-#: Its cycles' periods are 2.3 times the shortest at the fold, next to the connection.
-LATE_FOLD = PRINTED.changed(r="0.0346", e="0.00064", mu="0.385", epsilon="0.0395", B="0.2124e-3")
 
 
 def below(parameters: Parameters, distance: str | Fraction) -> Fraction:
@@ -80,17 +76,6 @@ def test_subcritical_disks_have_their_cycles_above() -> None:
     assert cycle.beta_max.value > Fraction(1, 20)
     below = omega_crit(thin, 40).value - Fraction(1, 100)
     assert balanced_cycle(thin, below).beta_max.value > Fraction(1, 5)  # beyond the fold
-    with pytest.raises(NoSuchCycleError, match=r"the branch ends near 30\.754"):
-        balanced_cycle(PRINTED.changed(A="0.229e-3"), "30.8", crossing=2)
-
-
-def test_the_branch_is_followed_through_folds_to_where_the_speed_rests() -> None:
-    """Two crossings next to Omega_h = 25.70894, one of them beyond the fold, and none a little above it."""
-    first, second = (balanced_cycle(LATE_FOLD, "25.7077", digits=8, crossing=crossing) for crossing in (1, 2))
-    assert first.period.value < second.period.value
-    with pytest.raises(NoSuchCycleError, match=r"the branch ends near 25\.709"):
-        balanced_cycle(LATE_FOLD, "25.70895", crossing=2)
-    assert spectral_fold(PRINTED.changed(mu="0.015"), Kind.LIBRATING, digits=8).omega.value < 30
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,6 @@ from tippedisk_verify.connection.splitting import MOST_DIGITS, splitting_zero
 from tippedisk_verify.cycles.error_budget import cycle_to_digits
 from tippedisk_verify.cycles.limit_cycle import Cycle, LimitCycle, RotatingCycle
 from tippedisk_verify.cycles.return_map import ReturnMap
-from tippedisk_verify.cycles.rotating_family import unstable_top
 from tippedisk_verify.cycles.section import LIBRATING, ROTATING, Section
 from tippedisk_verify.cycles.shooting import shoot, shoot_from_law
 from tippedisk_verify.errors import AccuracyError, InputError, NoConnectionError, NoSuchCycleError
@@ -73,7 +72,7 @@ def rotating_cycle(
         with suppress(NoSuchCycleError, NoConnectionError, ZeroDivisionError):  # doubles see Omega_h itself
             # The saddle's unstable branch leads there where the cycle is not next to the fold.
             return_map = ReturnMap(ROTATING, parameters, speed, engine)
-            cycle = cycle_to_digits(shoot(return_map, unstable_top(parameters, speed, engine)), digits)
+            cycle = cycle_to_digits(shoot(return_map, return_map.end_of_branch()), digits)
             if cycle.stable:
                 return cycle
     (cycle,) = locator(parameters, engine).rotating(speed, stable=stable).cycles(digits)

@@ -15,7 +15,7 @@ from typing import Any, Literal, get_args
 import numpy
 
 from tippedisk_verify.connection.bisection import bisect_omega_h
-from tippedisk_verify.connection.splitting import MOST_DIGITS, splitting_zero, start_on_branch
+from tippedisk_verify.connection.splitting import MOST_DIGITS, splitting_zero
 from tippedisk_verify.cycles.period_continuation import limit_of_cycles
 from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.flow import default_engine
@@ -62,7 +62,7 @@ class Heteroclinic(Printable):
             raise InputError(f"an orbit has at least its two ends, not {shown(count)} points")
         saddle = Saddle(self.parameters, self.omega_h.value, 80, 5)
         times = numpy.linspace(0, 12, 6001)
-        state = start_on_branch(saddle, Fraction(1, 10**6))
+        state = saddle.start_on_branch(Fraction(1, 10**6))
         request = Request(
             self.parameters, self.omega_h.value, state, 12.0, shifted=True, times=times, domain="none", dense=True
         )

@@ -13,20 +13,18 @@ from fractions import Fraction
 from functools import lru_cache
 from typing import Any, TypeVar
 
-from tippedisk_verify.connection.splitting import start_on_branch
 from tippedisk_verify.cycles.error_budget import cycle_in, numbers_at
 from tippedisk_verify.cycles.limit_cycle import Cycle
 from tippedisk_verify.cycles.period_continuation import PeriodContinuation, log10, predicted_state, resolving
 from tippedisk_verify.cycles.return_map import FixedPoint, NewtonIteration, ReturnMap, newton_step
 from tippedisk_verify.cycles.section import LIBRATING, Section
 from tippedisk_verify.errors import NoSuchCycleError
-from tippedisk_verify.flow.contract import Engine, Request, Status
+from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.measured import DISTANCES, Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, bits
 from tippedisk_verify.theory.equilibria import equilibrium
-from tippedisk_verify.theory.saddle_manifolds import Saddle
 
 __all__ = ["DOUBLE_SHOOTS", "cycle_near", "with_speed"]
 
@@ -37,7 +35,6 @@ _STRONG = -1.0  # decimal logarithm of a contraction that needs no derivative
 _MOST_STEPS = 25
 _NEAR = 1e-6  # relative; a step that no longer shrinks below it is rounding
 _WIDER = 24  # bits; that the wider run is more than half as wrong by chance has a probability of 2^-23
-_LONGEST_FLIGHT = 200.0  # s
 _MOVED = Fraction(1, 1000)  # of the distance from the nearer end of the branch
 _KEPT = 64  # cycles; each takes some seconds
 
@@ -69,41 +66,13 @@ def _cycle_near(
     return_map = ReturnMap(section, parameters, omega, engine, precision)
     unstable, slow, _ = (float(value.re) for value in equilibrium(parameters, omega_h, "noninverted").eigenvalues)
     if log10(distance) * (-slow / unstable - 1) < _STRONG:
-        point = _end_of_branch(return_map)
+        point = return_map.end_of_branch()
         zero = 0 * point[0]
         matrix: Any = ((zero, zero), (zero, zero))
     else:
-        point = _predicted(return_map, omega - omega_h) if section is LIBRATING else _end_of_branch(return_map)
+        point = _predicted(return_map, omega - omega_h) if section is LIBRATING else return_map.end_of_branch()
         matrix = return_map(point).matrix
     return cycle_in(_fixed_point(return_map, point, matrix, distance), precision, bits(precision.bits + _WIDER))
-
-
-def _end_of_branch(return_map: ReturnMap[C]) -> tuple[Any, Any]:
-    """Where a saddle's unstable branch meets the section, as the coordinates of a point.
-
-    The branch starts on its power series, so far out that its truncation is below rounding. Raises NoSuchCycleError if
-    it does not arrive.
-    """
-    section, precision = return_map.section, return_map.precision
-    saddle = Saddle(return_map.parameters, return_map.omega, precision.bits + 16, 7)
-    # A flight from the librating section starts next to the saddle at gamma_bar = pi: the other's image.
-    state = start_on_branch(saddle, Fraction(1, 1 << (precision.bits // 6)), section.image)
-    result = return_map.engine(
-        Request(
-            return_map.parameters,
-            return_map.omega,
-            state,
-            _LONGEST_FLIGHT,
-            shifted=True,
-            precision=precision,
-            divergence=True,  # for what the cycle's own flights are built for
-            events=(section.ends, *section.recorded),
-            domain="none",
-        )
-    )
-    if result.status is not Status.EVENT:
-        raise NoSuchCycleError(f"the saddle's unstable branch does not come to the section: {result.status.value}")
-    return return_map.residual(result.state, (0, 0))
 
 
 def _predicted(return_map: ReturnMap[C], above: Fraction) -> tuple[Any, Any]:
@@ -129,7 +98,7 @@ def _fixed_point(return_map: ReturnMap[C], point: tuple[Any, Any], matrix: Any, 
     iteration = NewtonIteration(_MOST_STEPS, lost, small=resolved, near=_NEAR)
     step: tuple[Any, Any] | None = None
     while True:
-        end = return_map.flight(point, divergence=True, events=section.recorded).state
+        end = return_map.flight(point).state
         residual = return_map.residual(end, point)
         if step is not None:
             # The residual's derivative is the map's less 1: what the step left over is the error of that.

@@ -43,7 +43,6 @@ __all__ = [
     "SplittingZero",
     "splitting_zero",
     "splitting_zero_in_double",
-    "start_on_branch",
 ]
 
 #: Digits of Omega_h that are offered; these take some hours, and the time grows like the power 2.5 of the digits.
@@ -55,16 +54,6 @@ _LONGEST = 30.0  # s
 _MOST_STEPS = 8  # of Newton's iteration in one arithmetic
 _BENDS = 10**8  # s/rad; how fast the slope changes with Omega, in units of itself, at most
 _KEPT = 256  # zeros; an atlas asks for some of them again
-
-
-def start_on_branch(saddle: Saddle, distance: Fraction, side: int = 1) -> list[Fraction]:
-    """(beta_bar, gamma_bar, v) so far along the power series of the unstable branch of the saddle at gamma_bar = -pi.
-
-    With ``side`` -1 that of its image under the point symmetry, the saddle at pi.
-    """
-    ctx = saddle.context
-    beta, gamma, v = (curve.at(quotient(ctx, distance)) for curve in saddle.unstable_curve)
-    return [side * fraction(component) for component in (beta, gamma - ctx.pi, v)]
 
 
 @dataclass(frozen=True)
@@ -137,7 +126,7 @@ class SplittingFunction:
     def _flown(self, saddle: Saddle, precision: Precision, duration: object, times: Any = None) -> Result:
         """A flight along the saddle's unstable branch, from the chosen distance on."""
         wanted: dict[str, Any] = {"times": times, "precision": precision, "shifted": True, "domain": "none"}
-        state = start_on_branch(saddle, self.start)
+        state = saddle.start_on_branch(self.start)
         return self.engine(Request(self.parameters, saddle.omega, state, duration, **wanted))
 
     @property

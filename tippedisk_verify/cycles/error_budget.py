@@ -28,9 +28,10 @@ from tippedisk_verify.cycles.limit_cycle import Cycle
 from tippedisk_verify.cycles.return_map import FixedPoint, Image, NewtonIteration, ReturnMap, newton_step
 from tippedisk_verify.cycles.section import Section
 from tippedisk_verify.errors import AccuracyError
+from tippedisk_verify.flow.system import nudged
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.model.precision import DOUBLE, Precision, bits, bits_for_digits, companion, nudged
+from tippedisk_verify.model.precision import DOUBLE, Precision, bits, bits_for_digits, companion
 
 __all__ = ["cycle_in", "cycle_numbers", "cycle_of", "cycle_to_digits", "logarithms_bounded", "numbers_at"]
 
@@ -148,7 +149,7 @@ def numbers_at(
 ) -> dict[str, Any]:
     """All numbers of the cycle through a fixed point of the map, from the map's derivatives there."""
     section, laps = return_map.section, return_map.section.per_period
-    flight = return_map.flight(point, divergence=True, events=section.recorded, rounding=rounding)
+    flight = return_map.flight(point, rounding)
     (a, b), (c, d) = image.matrix
     trace, determinant = a + d, a * d - b * c
     # The larger root of l^2 - trace l + determinant; mostly the determinant is some 1e-25 and only corrects it. Of a
@@ -281,9 +282,7 @@ def _chords(return_map: ReturnMap[C], fixed_point: FixedPoint[C]) -> tuple[tuple
     failure = AccuracyError(f"the chord iteration has not converged in {precision.name} precision")
     iteration = NewtonIteration(precision.bits // 8 + 8, failure, small=small, fewest=2)
     while True:
-        # As `numbers_at` flies: what that takes to build is more than what divergence and events take.
-        flight = return_map.flight(point, divergence=True, events=return_map.section.recorded)
-        residual = return_map.residual(flight.state, point)
+        residual = return_map.residual(return_map.flight(point).state, point)
         step = newton_step(matrix, residual)
         point = (point[0] + step[0], point[1] + step[1])
         sizes = fraction(abs(step[0])), fraction(abs(step[1]))

@@ -291,7 +291,7 @@ def _numbers(
             break
     return_map = ReturnMap(section, parameters, at[2], engine, precision)
     image = return_map(at[:2])
-    flight = return_map.flight(at[:2], divergence=True, events=section.recorded)
+    flight = return_map.flight(at[:2])
     (a, b), _ = image.matrix
     return {
         "omega": at[2],

@@ -97,34 +97,21 @@ def cycle_at_half_period(
             return PeriodPoint(duration, gamma_bar, v, omega, slopes, tuple(iteration.sizes))
 
 
-def lengthened(
-    parameters: Parameters,
-    first: PeriodPoint,
-    engine: Engine,
-    *,
-    longest: float,
-    precision: Precision = DOUBLE,
-    longest_step: float = math.inf,
-) -> Iterator[PeriodPoint]:
-    """Cycles of longer and longer period from ``first`` on, up to the period ``longest`` [s].
+def lengthened(parameters: Parameters, first: PeriodPoint, engine: Engine, *, longest: float) -> Iterator[PeriodPoint]:
+    """Cycles of longer and longer period, in double, from ``first`` on, up to the period ``longest`` [s].
 
-    The step in the half period adapts, up to ``longest_step`` [s]: it grows by half after a quick solution and is
-    halved after a failed one. Raises NoSuchCycleError when it has become less than half a millisecond, which in double
-    happens where Omega - Omega_h drowns in rounding.
+    The step in the half period adapts: it grows by half after a quick solution and is halved after a failed one. Raises
+    NoSuchCycleError when it has become less than half a millisecond, where Omega - Omega_h drowns in rounding.
     """
     point, before, step = first, first, _FIRST_STEP
-    while 2 * float(point.half_period) < longest:
+    while 2 * point.half_period < longest:
         if step < _SHORTEST_STEP:
-            raise NoSuchCycleError(
-                f"at the period {2 * float(point.half_period):.4g} s the family drowns in rounding:"
-                " compute in more bits"
-            )
-        step = min(step, longest_step)
-        half_period = precision.number(min(float(point.half_period) + step, longest / 2))
-        state = predicted_state(point, half_period, precision)
-        guess = (*state, _predicted_speed(point, before, half_period, precision))
+            period = f"{2 * point.half_period:.4g} s"
+            raise NoSuchCycleError(f"at the period {period} the family drowns in rounding: compute in more bits")
+        half_period = min(point.half_period + step, longest / 2)
+        guess = (*predicted_state(point, half_period, DOUBLE), _predicted_speed(point, before, half_period))
         try:
-            before, point = point, cycle_at_half_period(parameters, half_period, guess, engine, precision)
+            before, point = point, cycle_at_half_period(parameters, half_period, guess, engine)
         except NoSuchCycleError:
             step /= 2
             continue
@@ -141,14 +128,14 @@ def predicted_state(point: PeriodPoint, half_period: Any, precision: Precision) 
     return precision.pi - left * exp(-gamma_slope / left * ahead), v * exp(v_slope / v * ahead)
 
 
-def _predicted_speed(point: PeriodPoint, before: PeriodPoint, half_period: Any, precision: Precision) -> Any:
+def _predicted_speed(point: PeriodPoint, before: PeriodPoint, half_period: float) -> Any:
     """Along the tangent, in the logarithm of the distance from the limit that the last two slopes have in common."""
     ahead = half_period - point.half_period
     falls = point.slopes[2] / before.slopes[2]
     if not 0 < falls < 1:  # the first one, and where the speed is not on its way to a limit yet
         return point.omega + point.slopes[2] * ahead
-    rate = precision.ops.log(falls) / (point.half_period - before.half_period)
-    return point.omega + point.slopes[2] * (precision.ops.exp(rate * ahead) - 1) / rate
+    rate = math.log(falls) / (point.half_period - before.half_period)
+    return point.omega + point.slopes[2] * (math.exp(rate * ahead) - 1) / rate
 
 
 # ------------------------------------------------------------------------------------------------ the limit

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from fractions import Fraction
 from typing import Any, Generic, NamedTuple, TypeVar
 
 from tippedisk_verify.cycles.limit_cycle import Cycle
@@ -12,14 +13,17 @@ from tippedisk_verify.cycles.section import VARIATIONS, Section
 from tippedisk_verify.errors import NoSuchCycleError
 from tippedisk_verify.flow.contract import Engine, Event, Request, Result, Status
 from tippedisk_verify.model.equations import field, shifted
+from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, Precision
+from tippedisk_verify.theory.saddle_manifolds import Saddle
 
 __all__ = ["FixedPoint", "Image", "NewtonIteration", "ReturnMap", "newton_step"]
 
 C = TypeVar("C", bound=Cycle)
 
 _LONGEST_FLIGHT = 200.0  # s; half a period at Omega_h + 1e-280
+_BRANCH_ORDER = 7  # of the power series of a saddle's branch, 2^(-bits / 6) out
 _OFF = 1.0  # rad; the section's copies are at least a quarter of a turn apart
 
 
@@ -69,32 +73,19 @@ class ReturnMap(Generic[C]):
         # Past the section by far less than rounding: of a function that is zero to the last bit at the start, heyoka
         # sees no other crossing in its first step. (With the fourth power MPFR's numbers would lose memory.)
         self._edge = precision.number(section.passed * precision.epsilon**2)
-        self._varied: Request | None = None
-        self._requests: dict[tuple[bool, tuple[Event, ...]], Request] = {}
+        self._requests: dict[tuple[Event, ...], Request] = {}
 
     def within(self, precision: Precision) -> ReturnMap[C]:
         """The same map in another arithmetic."""
         return ReturnMap(self.section, self.parameters, self.omega, self.engine, precision)
 
-    def flight(
-        self,
-        point: Sequence[Any],
-        *,
-        divergence: bool = False,
-        events: tuple[Event, ...] = (),
-        rounding: int | None = None,
-    ) -> Result:
-        """From a point to the section's next crossing, without derivatives."""
-        key = (divergence, events)
-        if key not in self._requests:
-            self._requests[key] = self._request(point, divergence=divergence, events=(self.section.ends, *events))
-        return self._run(self._requests[key].starting_at(self._state(point), rounding))
+    def flight(self, point: Sequence[Any], rounding: int | None = None) -> Result:
+        """From a point to the section's next crossing, its `recorded` events and the integral of the divergence."""
+        return self._run(point, rounding, self.section.recorded, divergence=True)
 
     def __call__(self, point: Sequence[Any], rounding: int | None = None) -> Image:
         """The image of a point, by the variational equations."""
-        if self._varied is None:
-            self._varied = self._request(point, variations=VARIATIONS, events=(self.section.ends,))
-        result = self._run(self._varied.starting_at(self._state(point), rounding))
+        result = self._run(point, rounding, (), variations=VARIATIONS)
         rows, end = result.derivatives, result.state
         if self.precision == DOUBLE:  # Python's own floats: arithmetic on numpy's scalars takes longer
             rows, end = rows.tolist(), end.tolist()
@@ -139,17 +130,32 @@ class ReturnMap(Generic[C]):
         along = sum(a * b for a, b in zip(moved, rates, strict=True))
         return self.section.image * along / sum(rate * rate for rate in rates)
 
+    def end_of_branch(self) -> tuple[Any, Any]:
+        """Where a saddle's unstable branch meets the section, as the coordinates of a point.
+
+        The branch starts on its power series, so far out that its truncation is below rounding. Raises NoSuchCycleError
+        if it does not arrive.
+        """
+        saddle = Saddle(self.parameters, fraction(self.omega), self.precision.bits + 16, _BRANCH_ORDER)
+        # A flight from the librating section starts next to the saddle at gamma_bar = pi: the other's image.
+        state = saddle.start_on_branch(Fraction(1, 1 << (self.precision.bits // 6)), self.section.image)
+        # As the cycle's own flights are built.
+        result = self.engine(self._request(state, divergence=True, events=(self.section.ends, *self.section.recorded)))
+        if result.status is not Status.EVENT:
+            raise NoSuchCycleError(f"the saddle's unstable branch does not come to the section: {result.status.value}")
+        return self.residual(result.state, (0, 0))
+
     def _state(self, point: Any) -> list[Any]:
         """(beta_bar, gamma_bar, v) of a point on the section."""
         state = [*point]
         state.insert(self.section.fixed, self._edge)
         return state
 
-    def _request(self, point: Sequence[Any], **needs: Any) -> Request:
+    def _request(self, state: Sequence[Any], **needs: Any) -> Request:
         return Request(
             self.parameters,
             self._omega,
-            self._state(point),
+            state,
             _LONGEST_FLIGHT,
             shifted=True,
             precision=self.precision,
@@ -157,12 +163,13 @@ class ReturnMap(Generic[C]):
             **needs,
         )
 
-    def _run(self, request: Request) -> Result:
-        section = self.section
-        first, second = (float(request.state[axis]) for axis in section.free)  # type: ignore[arg-type]
-        if not section.possible(first, second):
+    def _run(self, point: Sequence[Any], rounding: int | None, events: tuple[Event, ...], **needs: Any) -> Result:
+        section, state = self.section, self._state(point)
+        if events not in self._requests:
+            self._requests[events] = self._request(state, events=(section.ends, *events), **needs)
+        if not section.possible(float(point[0]), float(point[1])):
             raise NoSuchCycleError(section.impossible)
-        result = self.engine(request)
+        result = self.engine(self._requests[events].starting_at(state, rounding))
         if result.status is not Status.EVENT:
             raise NoSuchCycleError(f"{section.no_return}: {result.status.value}")
         if abs(float(result.state[section.fixed] - self._growth)) > _OFF:

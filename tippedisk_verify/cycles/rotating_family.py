@@ -10,46 +10,22 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from fractions import Fraction
-from typing import Any
 
 import numpy
 
 from tippedisk_verify.cycles.family import Family, Place, Solver, one_at_a_time
-from tippedisk_verify.cycles.section import ROTATING, ROUND
+from tippedisk_verify.cycles.return_map import ReturnMap
+from tippedisk_verify.cycles.section import ROTATING
 from tippedisk_verify.errors import NoSuchCycleError
-from tippedisk_verify.flow.contract import Engine, Request, Status
-from tippedisk_verify.model.exact import Exact, fraction
+from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.model.precision import DOUBLE, Precision
-from tippedisk_verify.theory.saddle_manifolds import Saddle
 
-__all__ = ["RotatingFamily", "unstable_top"]
+__all__ = ["RotatingFamily"]
 
 _NODES = 20  # of a panel; the polynomials then err by rounding
 _GUESSING_NODES = 10  # where they only guess: by some 1e-8
 _FIRST = 1 - Fraction(12, 10**5)  # of Omega_h; closer, and doubles do not hold T to twelve digits
 _MOST_PANELS = 16  # beta_bar_top is then within 1e-5 of pi/2
-_LONGEST_FLIGHT = 200.0  # s
-
-
-def unstable_top(parameters: Parameters, omega: Fraction, engine: Engine, precision: Precision = DOUBLE) -> list[Any]:
-    """(beta_bar, v) where the unstable branch of noninverted spinning first passes gamma = pi/2.
-
-    Its start on the branch's power series is good to the precision. Raises NoSuchCycleError if it does not get there.
-    """
-    saddle = Saddle(parameters, omega, precision.bits + 16, 7)
-    distance = Fraction(1, 1 << (precision.bits // 6))
-    ctx = saddle.context
-    beta, gamma, v = (fraction(curve.at(ctx.mpf(distance.numerator) / distance.denominator))
-                      for curve in saddle.unstable_curve)  # fmt: skip
-    start = (beta, Exact(gamma, Fraction(-1)), v)
-    request = Request(
-        parameters, omega, start, _LONGEST_FLIGHT, shifted=True, precision=precision, events=(ROUND,), domain="none"
-    )
-    result = engine(request)
-    if result.status is not Status.EVENT:
-        raise NoSuchCycleError("the saddle's unstable branch does not pass gamma = pi/2")
-    return [result.state[0], result.state[2]]
 
 
 class RotatingFamily(Family):
@@ -64,8 +40,9 @@ class RotatingFamily(Family):
     def __init__(self, parameters: Parameters, engine: Engine, omega_h: Fraction, solve: Solver | None = None) -> None:
         self.omega_h = omega_h
         first, singly = omega_h * _FIRST, one_at_a_time(ROTATING, parameters, engine)
-        lowest, _ = map(float, unstable_top(parameters, omega_h, engine))
-        beta, v = map(float, unstable_top(parameters, first, engine))
+        (lowest, _), (beta, v) = (
+            map(float, ReturnMap(ROTATING, parameters, omega, engine).end_of_branch()) for omega in (omega_h, first)
+        )
         if not lowest < beta:
             raise NoSuchCycleError("no rotating cycle found below Omega_h: the unstable branch leans less there")
         # The flight time is no unknown where the engine meets the section.
@@ -109,8 +86,8 @@ class RotatingFamily(Family):
         """
         for side in (True, False) if stable is None else (stable,):
             if side and self.nodes[0, 3] < omega < self.omega_h:
-                beta, v = map(float, unstable_top(self.parameters, Fraction(omega), self.engine))
-                yield Place(-math.inf, (beta, v), math.nan, omega, 0)
+                beta, v = ReturnMap(ROTATING, self.parameters, Fraction(omega), self.engine).end_of_branch()
+                yield Place(-math.inf, (float(beta), float(v)), math.nan, omega, 0)
                 continue
             self.reach(0.0 if side else omega)
             yield from (place for place in self.places(omega) if self.falls[place.piece] is side)

@@ -66,21 +66,21 @@ class BalancedCycle(Printable):
 
 
 def balanced_cycle(
-    parameters: Parameters, omega: object, *, digits: int = 12, harmonics: int | None = None, crossing: int = 1
+    parameters: Parameters, omega: object, *, digits: int = 12, harmonics: int | None = None
 ) -> BalancedCycle:
     """The limit cycle of the linear law at the speed ``omega`` [rad/s], to ``digits`` significant digits of its period.
 
-    ``harmonics`` fixes the number of odd harmonics; otherwise it grows until the half-widths allow the digits.
-    A branch that turns round in folds has several cycles at a speed: ``crossing`` says which, counted from the Hopf
-    point. Raises InputError for a speed that is not positive or harmonics outside 1 ... 1024; NoSuchCycleError if there
-    is no cycle at this speed or the balance does not converge.
+    ``harmonics`` fixes the number of odd harmonics; otherwise it grows until the half-widths allow the digits. Of
+    several cycles at a speed it is the first one from the Hopf point on. Raises InputError for a speed that is not
+    positive or harmonics outside 1 ... 1024; NoSuchCycleError if there is no cycle at this speed or the balance does
+    not converge.
     """
     parameters.refuse_smooth("harmonic balance is")
     speed = checked_speed(omega)
     if harmonics is not None and not (isinstance(harmonics, int) and 1 <= harmonics <= _MOST_HARMONICS):
         raise InputError(f"the number of harmonics lies between 1 and {_MOST_HARMONICS}, not {shown(harmonics)}")
     checked_digits(digits)
-    start = branch_to(parameters, speed, crossing)
+    start = branch_to(parameters, speed)
 
     def numbers(a: Collocation) -> dict[str, Any]:
         cycle = _cycle(a, start, speed)

@@ -217,8 +217,8 @@ def _librating_branch(parameters: Parameters, target: float) -> Iterator[tuple[A
     return _walk(parameters, Kind.LIBRATING, birth, cycle, target)
 
 
-def branch_to(parameters: Parameters, target: Fraction, crossing: int = 1) -> Any:
-    """The librating cycle where the branch from the Hopf point crosses the speed, at that crossing.
+def branch_to(parameters: Parameters, target: Fraction) -> Any:
+    """The librating cycle where the branch from the Hopf point first crosses the speed.
 
     Raises NoSuchCycleError if it does not.
     """
@@ -232,9 +232,7 @@ def branch_to(parameters: Parameters, target: Fraction, crossing: int = 1) -> An
     before, turned = next(points)
     for point, turns in points:
         if (point[-1] - speed) * (before[-1] - speed) <= 0:
-            crossing -= 1
-            if not crossing:
-                break
+            break
         before, turned = point, turns
     else:
         lies_flat = abs(before[:-2]).max() > _FLAT

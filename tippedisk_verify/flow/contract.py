@@ -123,7 +123,7 @@ class Request:
     error_estimate: bool = False  #: half-widths that hold the error of all numbers (`flow.error_estimate`)
     digits: int = 12  #: beyond 12, in doubles and with an error estimate: the error is taken out of the result
     domain: Literal["event", "samples", "none"] = "event"
-    rounding: int | None = None  #: a twin of the run: the pattern by which inputs' last bits move (`nudged`)
+    rounding: int | None = None  #: a twin of the run: the pattern by which inputs' last bits move (`system.nudged`)
     max_steps: int = 100_000  #: an hour of ordinary motion; what needs more is stuck, or asks for it
 
     def __post_init__(self) -> None:

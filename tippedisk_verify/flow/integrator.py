@@ -11,10 +11,10 @@ import numpy
 from tippedisk_verify.flow.contract import FLAT, SLIDING_REVERSAL, Build, Event, EventRecord, Request, Result, Status
 from tippedisk_verify.flow.start import NO_SURFACES, START_WINDOW, Start, StartSurfaces, surfaces
 from tippedisk_verify.flow.switching import FrictionSign
-from tippedisk_verify.flow.system import SWITCH, TURN_OVER, direction_of, parameter_names, system_of
+from tippedisk_verify.flow.system import SWITCH, TURN_OVER, direction_of, nudged, parameter_names, system_of
 from tippedisk_verify.model.equations import shifted
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.model.precision import Precision, heyoka_module, nudged
+from tippedisk_verify.model.precision import Precision, heyoka_module
 
 __all__ = ["Integrator", "Series"]
 

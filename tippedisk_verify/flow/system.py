@@ -1,15 +1,17 @@
-"""What heyoka compiles for a request: the field's expressions, their variations, and the event functions."""
+"""What heyoka compiles for a request, the field's expressions, variations and event functions; twins of its inputs."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
+from random import Random
 from typing import Any
 
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.contract import FLAT, SLIDING_REVERSAL, STATE_VARIATIONS, Event, Variation
 from tippedisk_verify.model.equations import field, jacobian, shifted
 from tippedisk_verify.model.parameters import Constants, Friction
-from tippedisk_verify.model.precision import heyoka_module
+from tippedisk_verify.model.precision import Precision, heyoka_module
 
 __all__ = [
     "PARAMETERS",
@@ -18,6 +20,7 @@ __all__ = [
     "TURN_OVER",
     "constants_of",
     "direction_of",
+    "nudged",
     "parameter_names",
     "system_of",
 ]
@@ -29,6 +32,11 @@ SMOOTH_PARAMETERS = ("Omega", "r", "e", "a", "b", "g", "traction", "epsilon")
 #: The smooth law's own events, where its branch changes, under names that requests cannot have.
 SWITCH = Event("(switch)", SLIDING_REVERSAL.function)
 TURN_OVER = Event("(turns over)", FLAT.function)
+
+
+#: In so many patterns each number moves up once and down once: none stays where it is in all twins of a cycle, and on
+#: average they err by half a place, as rounding makes them.
+_ROUND = 5
 
 
 def parameter_names(friction: Friction) -> tuple[str, ...]:
@@ -74,3 +82,21 @@ def direction_of(event: Event) -> Any:
     """heyoka's name for the sign of its crossings."""
     directions = heyoka_module().event_direction
     return {-1: directions.negative, 0: directions.any, 1: directions.positive}[event.direction]
+
+
+def nudged(values: Sequence[Any], pattern: int, precision: Precision) -> list[Any]:
+    """A twin of some numbers: each moved by its last bit, up or down or not at all as the pattern 1, 2, ... says.
+
+    Zero stays. Twins are for what is solved by many runs, such as a limit cycle: its equations amplify rounding, and no
+    single run's error tells by how much. The spread of the results does.
+    """
+    return [value * factor for value, factor in zip(values, _factors(len(values), pattern, precision), strict=True)]
+
+
+@lru_cache(maxsize=256)
+def _factors(count: int, pattern: int, precision: Precision) -> tuple[Any, ...]:
+    one, ulp = precision.number(1), precision.number(precision.epsilon)
+    block, turn = divmod(pattern, _ROUND)
+    random = Random(block)  # another one for each round of patterns, and the same on every machine
+    moves = [random.sample(range(_ROUND), 2) for _ in range(count)]
+    return tuple(one + ulp if turn == up else one - ulp if turn == down else one for up, down in moves)

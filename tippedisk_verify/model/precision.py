@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from decimal import Decimal
 from fractions import Fraction
 from functools import cached_property, lru_cache, partial
-from random import Random
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -34,16 +33,12 @@ __all__ = [
     "checked_digits",
     "companion",
     "heyoka_module",
-    "nudged",
 ]
 
 # Python converts integers of up to 4300 decimal digits; what is computed beyond what is asked for stays below that.
 _MOST_DIGITS = 4_000
 _MOST_BITS = 4_000_000
 _LOADING = threading.Lock()
-#: In so many patterns each number moves up once and down once: none stays where it is in all twins of a cycle, and on
-#: average they err by half a place, as rounding makes them.
-_ROUND = 5
 
 
 @dataclass(frozen=True)
@@ -242,24 +237,6 @@ def companion(precision: Precision) -> Precision:
     if precision.kind in ("double", "extended"):
         return QUADRUPLE if hasattr(heyoka_module(), "real128") else bits(128)
     return bits(precision.bits + 64)
-
-
-def nudged(values: Sequence[Any], pattern: int, precision: Precision) -> list[Any]:
-    """A twin of some numbers: each moved by its last bit, up or down or not at all as the pattern 1, 2, ... says.
-
-    Zero stays. Twins are for what is solved by many runs, such as a limit cycle: its equations amplify rounding, and no
-    single run's error tells by how much. The spread of the results does.
-    """
-    return [value * factor for value, factor in zip(values, _factors(len(values), pattern, precision), strict=True)]
-
-
-@lru_cache(maxsize=256)
-def _factors(count: int, pattern: int, precision: Precision) -> tuple[Any, ...]:
-    one, ulp = precision.number(1), precision.number(precision.epsilon)
-    block, turn = divmod(pattern, _ROUND)
-    random = Random(block)  # another one for each round of patterns, and the same on every machine
-    moves = [random.sample(range(_ROUND), 2) for _ in range(count)]
-    return tuple(one + ulp if turn == up else one - ulp if turn == down else one for up, down in moves)
 
 
 @lru_cache(maxsize=1)

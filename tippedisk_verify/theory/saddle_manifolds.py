@@ -25,7 +25,7 @@ from typing import Any
 
 from tippedisk_verify.errors import AccuracyError, NoConnectionError
 from tippedisk_verify.model.equations import field, jacobian
-from tippedisk_verify.model.exact import quotient
+from tippedisk_verify.model.exact import fraction, quotient
 from tippedisk_verify.model.parameters import Constants, Parameters
 from tippedisk_verify.model.precision import bits
 from tippedisk_verify.theory.equilibria import eigenvalues, linearization, right_eigenvector
@@ -102,6 +102,14 @@ class Saddle:
     def stable_curve(self) -> list[PowerSeries]:
         """The slow stable manifold; the fast one is not needed."""
         return self._curve(1)
+
+    def start_on_branch(self, distance: Fraction, side: int = 1) -> list[Fraction]:
+        """(beta_bar, gamma_bar, v) so far along the unstable curve from the saddle at gamma_bar = -pi.
+
+        With ``side`` -1 that of its image under the point symmetry, from the saddle at pi.
+        """
+        beta, gamma, v = (component.at(quotient(self.context, distance)) for component in self.unstable_curve)
+        return [side * fraction(component) for component in (beta, gamma - self.context.pi, v)]
 
     def _curve(self, which: int) -> list[PowerSeries]:
         ctx, eigenvalue = self.context, self.eigenvalues[which]
