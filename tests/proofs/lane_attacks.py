@@ -14,6 +14,7 @@ from fractions import Fraction
 import numpy as np
 
 from tippedisk_verify.proofs.kernel.balls import arb, ball, working_precision
+from tippedisk_verify.proofs.kernel.lane_series import LaneSeries
 
 SMALLEST = 2.0**-1074
 NORMAL = 2.0**-1022
@@ -97,8 +98,6 @@ BINARY = {
 UNARY = {
     "negate": (lambda a: -a, lambda a: -a),
     "square": (lambda a: a.square(), lambda a: a * a),
-    "square as a product": (lambda a: a * a, lambda a: a * a),
-    "scale by 3": (lambda a: 3 * a, lambda a: 3 * a),
     "scale by -7": (lambda a: a * -7, lambda a: -7 * a),
     "scale by a large integer": (lambda a: a * (2**53 + 3), lambda a: a * (2**53 + 3)),
     "scale by a float": (lambda a: 0.1 * a, lambda a: Fraction(0.1) * a),
@@ -106,7 +105,6 @@ UNARY = {
     "scale by a fraction": (lambda a: Fraction(1, 3) * a, lambda a: a / 3),
     "scale by zero": (lambda a: 0 * a, lambda a: 0 * a),
     "divide by -3": (lambda a: a / -3, lambda a: a / -3),
-    "divide by a large integer": (lambda a: a / (2**53 + 3), lambda a: a / (2**53 + 3)),
     "subtract from 1": (lambda a: 1 - a, lambda a: 1 - a),
     "add a third": (lambda a: a + Fraction(1, 3), lambda a: a + Fraction(1, 3)),
     "add zero": (lambda a: 0 + a - 0, lambda a: a),
@@ -125,6 +123,10 @@ def binary(module, count: int, seed: int = 1, names=tuple(BINARY)) -> None:
                 scale = 2.0 ** rng.choice((-54, -53, -52, -1, 0))
                 second[i] = (rng.uniform(-1, 1) * scale, first[i][1] * rng.choice((0, 0, 1)))
                 first[i] = (rng.choice((-1.0, 1.0, 1 + 2.0**-52)), second[i][1])
+        if name == "divide":
+            for i in range(0, count, 4):  # next to a divisor that holds zero, or just one
+                mid = math.ldexp(rng.uniform(1, 2), rng.randint(-1000, 1000)) * rng.choice((-1, 1))
+                second[i] = (mid, abs(mid) * (1 - rng.choice((0, 2.0**-53, 2.0**-52, 2.0**-30, -(2.0**-52)))))
         found = operation(lanes_of(module, first), lanes_of(module, second))
         assert_sound(found)
         assert found.is_finite().sum() >= 0.4 * count
@@ -136,24 +138,6 @@ def binary(module, count: int, seed: int = 1, names=tuple(BINARY)) -> None:
             corners = [(x, y) for x in a[:2] for y in b[:2]] + [(a[2], b[2]), (a[3], b[3]), (a[3], b[0])]
             for x, y in corners:
                 assert_holds(found, i, operation(x, y), (name, first[i], second[i], x, y))
-
-
-def divide_by_what_nearly_holds_zero(module, count: int, seed: int = 2) -> None:
-    rng = random.Random(seed)
-    tops = boxes(rng, count)
-    bottoms = []
-    for _ in range(count):
-        mid = math.ldexp(rng.uniform(1, 2), rng.randint(-1000, 1000)) * rng.choice((-1, 1))
-        bottoms.append((mid, abs(mid) * (1 - rng.choice((0, 2.0**-53, 2.0**-52, 2.0**-30, -(2.0**-52))))))
-    found = lanes_of(module, tops) / lanes_of(module, bottoms)
-    assert_sound(found)
-    for i in range(count):
-        if abs(bottoms[i][0]) <= bottoms[i][1]:
-            assert not found.is_finite()[i]
-            continue
-        for x in points(rng, tops[i])[:2]:
-            for y in points(rng, bottoms[i])[:3]:
-                assert_holds(found, i, x / y, (tops[i], bottoms[i]))
 
 
 def unary(module, count: int, seed: int = 3, names=tuple(UNARY)) -> None:
@@ -197,20 +181,20 @@ def strange_operands(module, count: int = 0, seed: int = 4) -> None:
         assert not result.positive().any()
         assert not result.negative().any()
         assert all(not result.arb(i).is_finite() for i in range(3))
-    over = lanes_of(module, [(LARGEST, 0.0), (-LARGEST, 0.0), (LARGEST, LARGEST)])
+    over = lanes_of(module, [(LARGEST, 0.0), (-LARGEST, LARGEST)])
     for result in (over + over, over * over, 2 * over, over / 2.0**-300, over.square(), over / NORMAL):
         assert_sound(result)
         assert not result.is_finite().any()
 
 
 def convolutions(module, count: int, seed: int = 5, lengths=(1, 2, 3, 5, 9, 17, 26)) -> None:
-    """Against exact rationals: all at their upper ends, where nothing cancels; at random ends; and thin, cancelling."""
+    """Against exact rationals: at their upper ends, where nothing cancels; at random ends; thin, cancelling; small."""
     for length in lengths:
         rng = random.Random(seed + length)
         width = max(2, count // len(lengths))
         columns = []
         for _ in range(width):
-            kind = rng.randrange(5)
+            kind = rng.randrange(6)
             pair = []
             for side in range(2):
                 terms = []
@@ -222,12 +206,14 @@ def convolutions(module, count: int, seed: int = 5, lengths=(1, 2, 3, 5, 9, 17, 
                     if kind == 4:
                         # The sum is small and its terms are not: what is lost is seen against a small result.
                         mid, rad = (rng.uniform(0.9, 1), 0.0) if not side else ((-1) ** i * rng.uniform(0.9, 1), 0.0)
+                    if kind == 5:  # what a term's rounding loses in an underflow is multiplied by the other factor
+                        mid, rad = rng.choice((-1, 1)) * mid * 2.0 ** (-975 if side else 30 - 0.7 * i), 0.0
                     terms.append((mid, rad))
                 pair.append(terms)
             columns.append(pair)
         series = []
         for side in range(2):
-            made = module.LaneSeries(width)
+            made = getattr(module, "LaneSeries", LaneSeries)(width)
             for i in range(length):
                 made.append(lanes_of(module, [column[side][i] for column in columns]))
             series.append(made)
@@ -346,14 +332,7 @@ def conversions(module, count: int, seed: int = 8) -> None:
     """Rationals, integers, floats and Arb's balls in; Arb's balls out."""
     rng = random.Random(seed)
     numbers = [Fraction(rng.randint(-(10**30), 10**30), rng.randint(1, 10**25)) for _ in range(count)]
-    numbers += [
-        Fraction(1, 3 * 2**1060),
-        Fraction(1, 2**1200),
-        Fraction(2**1023),
-        2**53 + 1,
-        10**40,
-        Fraction(SMALLEST),
-    ]
+    numbers += [Fraction(1, 3 * 2**1060), Fraction(1, 2**1200), Fraction(2**1023), 2**53 + 1, 10**40]
     numbers += [Fraction(mid) for mid, _ in boxes(rng, count)]
     found = module.Lanes.of(numbers)
     assert_sound(found)
@@ -377,104 +356,7 @@ def conversions(module, count: int, seed: int = 8) -> None:
             assert found.arb(i).contains(given)
 
 
-def compositions(module, count: int, seed: int = 9) -> None:
-    """Random orders of operations on random boxes against Arb at 200 bits, at corners and points between."""
-    rng = random.Random(seed)
-    rounds, seen = max(1, count // 100), 0
-    with working_precision(200):
-        for _ in range(rounds):
-            width = 100
-            given = [
-                [
-                    (rng.uniform(-2, 2), rng.choice((0.0, 2.0 ** rng.uniform(-50, -2), 2.0 ** rng.uniform(-12, -6))))
-                    for _ in range(width)
-                ]
-                for _ in range(3)
-            ]
-            stack = [lanes_of(module, column) for column in given]
-            images = [
-                [[exact_ball(column[i], _share(rng)) for column in given] for _ in range(3)] for i in range(width)
-            ]
-            for _ in range(8):
-                kind = rng.choice(("add", "subtract", "multiply", "divide", "square", "scale", "sin", "cos", "union"))
-                p, q = rng.randrange(len(stack)), rng.randrange(len(stack))
-                factor = rng.choice((2, -3, 0.7, 5))
-                stack.append(_composed(kind, stack[p], stack[q], factor))
-                for lane in images:
-                    for values in lane:
-                        values.append(_composed(kind, values[p], values[q], factor))
-            for position, result in enumerate(stack):
-                assert_sound(result)
-                for i in range(width):
-                    for values in images[i]:
-                        image = values[position]
-                        if image.is_finite() and image.rad() < abs(image.mid()) * 1e-25:
-                            _assert_inside(result, i, image)
-                            seen += bool(result.is_finite()[i])
-    assert seen > 10 * count  # of 11 stages, 3 points each
-
-
-def chains(module, count: int, seed: int = 10) -> None:
-    """Random orders of the four operations on extreme operands, against exact rationals."""
-    rng, width, seen = random.Random(seed), 50, 0
-    for _ in range(max(1, count // width)):
-        given = [boxes(rng, width) for _ in range(3)]
-        stack = [lanes_of(module, column) for column in given]
-        images = [[rng.choice(points(rng, column[i])) for column in given] for i in range(width)]
-        for _ in range(4):
-            kind, p, q = (
-                rng.choice((*BINARY, "negate", "square", "scale")),
-                rng.randrange(len(stack)),
-                rng.choice((0, 1, -1)),
-            )
-            factor = rng.choice((2, -3, 0.1, Fraction(1, 7)))
-            stack.append(_chained(kind, stack[p], stack[q], factor))
-            assert_sound(stack[-1])
-            for i, values in enumerate(images):
-                if not stack[-1].is_finite()[i]:  # such as after a division by a ball that holds 0
-                    values.append(Fraction(0))
-                    continue
-                exact = Fraction(factor) if kind == "scale" else factor
-                values.append(_chained(kind, values[p], values[q], exact))
-                assert_holds(stack[-1], i, values[-1], (kind, i, factor))
-                seen += 1
-    assert seen > 2 * count  # of four
-
-
-def _chained(kind: str, a, b, factor):
-    if kind == "scale":
-        return a * factor
-    if kind == "negate":
-        return -a
-    if kind == "square":
-        return a * a if isinstance(a, Fraction) else a.square()
-    return BINARY[kind](a, b)
-
-
-def _share(rng: random.Random) -> float:
-    return rng.choice((-1.0, 1.0, rng.uniform(-1, 1)))
-
-
-def _assert_inside(found, lane: int, image) -> None:
-    radius = float(found.radii[lane])
-    if radius < math.inf:
-        assert not abs(image - arb(float(found.midpoints[lane]))) > arb(radius)
-
-
-def _composed(kind: str, a, b, factor):
-    if kind in BINARY:
-        return BINARY[kind](a, b)
-    if kind == "square":
-        return a.square() if hasattr(a, "square") else a * a
-    if kind == "scale":
-        return factor * a if not isinstance(factor, float) or not isinstance(a, arb) else a * arb(factor)
-    if kind == "union":
-        return a if isinstance(a, arb) else a.union(b)
-    return getattr(a, kind)()
-
-
 ATTACKS = {
     attack.__name__: attack
-    for attack in (binary, divide_by_what_nearly_holds_zero, unary, strange_operands, convolutions, sines,
-                   sines_are_sharp, predicates, conversions, compositions, chains)
-}  # fmt: skip
+    for attack in (binary, unary, strange_operands, convolutions, sines, sines_are_sharp, predicates, conversions)
+}

@@ -4,29 +4,42 @@ from __future__ import annotations
 
 import math
 import random
+import sys
+import threading
+from collections.abc import Callable, Iterator
 from fractions import Fraction
+from typing import Any
 
 import pytest
-from flint import ctx
+from flint import acb_series, arb_series, ctx
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.problems import physical_parameters
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.exact import exact
+from tippedisk_verify.model.measured import Measured
+from tippedisk_verify.model.parameters import PRINTED
+from tippedisk_verify.proofs.angles import rates
+from tippedisk_verify.proofs.closed_forms import hopf_balls, proved_hopf
 from tippedisk_verify.proofs.kernel.balls import (
+    DisturbedError,
     arb,
     ball,
     ball_constants,
+    coefficient,
     hull,
     inside,
     negative,
     positive,
+    series_length,
     shared,
     working_precision,
 )
+from tippedisk_verify.proofs.kernel.field import field
 from tippedisk_verify.proofs.kernel.lanes import Lanes
 from tippedisk_verify.proofs.numbers import measured
+from tippedisk_verify.proofs.search.heteroclinic import prove_connection
+from tippedisk_verify.reference_values.lookup import reference
 
 NOT_NUMBERS = (arb("nan"), arb("inf"), arb("-inf"), arb(0, "inf"), arb(1, "nan"), arb(1) / arb(0), arb(1) / arb(0, 1))
 
@@ -79,36 +92,25 @@ def test_a_hull_holds_both_ends_and_what_lies_between(first, second, bits) -> No
         assert found.holds(point)
 
 
-@given(physical_parameters())
-def test_constants_hold_the_exact_ones(parameters) -> None:
-    with working_precision(60):
-        found = ball_constants(parameters)
-    for name, value in parameters.rational()._asdict().items():
-        assert measured(getattr(found, name)).holds(value), name
-
-
 def test_what_a_ball_shares_with_an_interval_is_held() -> None:
     draw = random.Random(5)
     for _ in range(300):
         mid, rad, length = draw.uniform(-2, 3), draw.choice([0.0, 1e-17, 0.3, 2.0]), draw.uniform(0.1, 2)
-        low, high = (Fraction(mid) + sign * Fraction(rad) for sign in (-1, 1))
-        low, high = max(low, Fraction(0)), min(high, Fraction(length))
-        found = [
-            shared(arb(mid, rad), hull(0, length)),
-            shared(Lanes([mid], [rad]), Lanes([length / 2], [length / 2])).arb(0),
-        ]
-        for both in found:
+        low, high = (
+            max(Fraction(mid) - Fraction(rad), Fraction(0)),
+            min(Fraction(mid) + Fraction(rad), Fraction(length)),
+        )
+        for both in (shared(arb(mid, rad), hull(0, length)),
+                     shared(Lanes([mid], [rad]), Lanes([length / 2], [length / 2])).arb(0)):  # fmt: skip
             if low > high:
                 assert not both.is_finite() or both.contains(arb(0)) or both.contains(arb(length))
-            else:
-                assert all(both.contains(arb(float(end))) for end in (low, high) if Fraction(float(end)) == end)
-                number = measured(both)
-                # An intersection's radius has 16 bits or more in python-flint; and the rounding of sums of doubles.
-                assert number.uncertainty <= (high - low) / 2 * (1 + Fraction(1, 2**15)) + Fraction(1, 2**50)
+                continue
+            assert all(both.contains(arb(float(end))) for end in (low, high) if Fraction(float(end)) == end)
+            # An intersection's radius has 16 bits or more in python-flint; and the rounding of sums of doubles.
+            assert measured(both).uncertainty <= (high - low) / 2 * (1 + Fraction(1, 2**15)) + Fraction(1, 2**50)
     assert shared(arb.nan(), hull(0, 1)).contains(hull(0, 1))
     assert shared(Lanes([math.nan]), Lanes([0.5], [0.5])).arb(0).contains(hull(0, 1))
     assert not shared(Lanes([5.0]), Lanes([0.5], [0.5])).is_finite().any()
-    assert not shared(Lanes([0.5]), Lanes([0.5], [math.inf])).is_finite().any()
 
 
 def test_the_precision_is_restored() -> None:
@@ -122,3 +124,109 @@ def test_the_precision_is_restored() -> None:
     for bits in (1, 10**9):
         with pytest.raises(ValueError, match="bits"), working_precision(bits):
             pass
+
+
+# ----------------------------------------------------------------------------------------- the one context of a process
+L_1 = reference("printed/linear/hopf/point/first_lyapunov_coefficient").measured()
+
+
+@pytest.fixture(autouse=True)
+def _context() -> Iterator[None]:
+    """What a test leaves behind in the context is not the next one's."""
+    before = ctx.prec, ctx.cap, sys.getswitchinterval()
+    yield
+    ctx.prec, ctx.cap = before[:2]
+    sys.setswitchinterval(before[2])
+
+
+def meddle() -> None:
+    """What other code in the process may do with python-flint, without a thought for this package."""
+    before, ctx.cap = ctx.cap, 2
+    for _ in range(20):
+        arb_series([1, 1], prec=2).exp()
+    ctx.cap = before
+
+
+def first_lyapunov_coefficient() -> Measured:
+    with working_precision(64):
+        return measured(hopf_balls(ball_constants(PRINTED))["first_lyapunov_coefficient"])
+
+
+@pytest.mark.parametrize("calls", [200, pytest.param(20_000, marks=pytest.mark.slow)])
+def test_a_thread_that_cuts_series_short_falsifies_no_proof(calls: int) -> None:
+    """The coefficient that it cuts off would read as an exact zero, and l_1 come out at -0.0127 for -0.0088."""
+    proved, refused = 0, 0
+    done = threading.Event()
+    thread = threading.Thread(target=lambda: [meddle() for _ in iter(done.is_set, True)])
+    thread.start()
+    try:
+        for _ in range(calls):
+            try:
+                found = first_lyapunov_coefficient()
+            except DisturbedError:
+                refused += 1
+                continue
+            assert abs(found.value - L_1.value) <= found.uncertainty + L_1.uncertainty
+            proved += 1
+    finally:
+        done.set()
+        thread.join()
+    assert proved + refused == calls
+    assert proved or calls < 1000
+
+
+def test_one_thread_waits_for_the_other() -> None:
+    inside, seen = threading.Event(), []
+
+    def enter() -> None:
+        with working_precision(77), series_length(7):
+            inside.set()
+            seen.append((ctx.prec, ctx.cap))
+
+    thread = threading.Thread(target=enter)
+    with working_precision(222), series_length(3), working_precision(111):
+        thread.start()
+        assert not inside.wait(0.2)
+        assert (ctx.prec, ctx.cap) == (111, 3)
+    thread.join()
+    assert seen == [(77, 7)]
+
+
+# ------------------------------------------------------------------------- the same, at the worst moment, each time
+@pytest.fixture
+def meddled(monkeypatch: pytest.MonkeyPatch) -> Callable[[str, int], None]:
+    """Has the context changed whenever the equations are evaluated in a proof."""
+
+    def change(name: str, value: int) -> None:
+        for place, usual in (("closed_forms.rates", rates), ("kernel.claims.saddle.field", field)):
+
+            def spoilt(*arguments: Any, usual: Callable[..., Any] = usual) -> Any:
+                setattr(ctx, name, value)
+                return usual(*arguments)
+
+            monkeypatch.setattr(f"tippedisk_verify.proofs.{place}", spoilt)
+
+    return change
+
+
+@pytest.mark.parametrize("length", [1, 2, 3])
+def test_a_series_cut_short_in_a_proof_ends_it(meddled: Callable[[str, int], None], length: int) -> None:
+    meddled("cap", length)
+    for prove in (lambda: proved_hopf(PRINTED), lambda: prove_connection(PRINTED, "30.0488682607", 6)):
+        with pytest.raises(DisturbedError, match=r"ctx\.cap"):
+            prove()
+
+
+# ---------------------------------------------------------------------------------------------------- the parts
+def test_a_coefficient_beyond_the_series_is_refused() -> None:
+    for kind in (arb_series, acb_series):
+        series = kind([1, 2, 3], prec=3)
+        assert coefficient(series, 2) == 3
+        assert coefficient(kind([1], prec=3), 2) == 0  # known to be zero
+        for power in (3, 4, 100):
+            with pytest.raises(DisturbedError, match=f"coefficient {power}"):
+                coefficient(series, power)
+        with series_length(2), pytest.raises(DisturbedError):
+            coefficient(series * series, 2)
+    assert coefficient(arb(5), 0) == 5
+    assert coefficient(arb(5), 3) == 0

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import ast
+import inspect
 import json
-import random
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -23,12 +23,12 @@ from tests.proofs.test_sliding import GUESS as SMOOTH_GUESS
 from tests.proofs.test_sliding import SMOOTH
 from tippedisk_verify.cli import main
 from tippedisk_verify.model.decimals import exact_text
-from tippedisk_verify.model.parameters import CALIBRATED, GEOMETRY, PRINTED, SYMBOLS
+from tippedisk_verify.model.parameters import PRINTED, SYMBOLS
 from tippedisk_verify.proofs.kernel import claims, flow, krawczyk, sliding
 from tippedisk_verify.proofs.kernel import field as equations
 from tippedisk_verify.proofs.kernel.balls import midpoint_and_radius, working_precision
-from tippedisk_verify.proofs.kernel.claims import FORMAT, proved
-from tippedisk_verify.proofs.kernel.reading import decimal, dyadic, dyadic_text, held
+from tippedisk_verify.proofs.kernel.claims import proved
+from tippedisk_verify.proofs.kernel.reading import dyadic, dyadic_text, held
 from tippedisk_verify.proofs.kernel.series import System
 from tippedisk_verify.proofs.search.cycle import TURN, prove_cycle
 from tippedisk_verify.proofs.search.fold import prove_fold
@@ -40,6 +40,8 @@ PROOFS: dict[str, Callable[[], Any]] = {
     "rotation": lambda: prove_cycle(PRINTED, "30.0388", ("0.46984", "0.60389"), digits=2, section=TURN),
     "fold": lambda: prove_fold(SUBCRITICAL, SUBCRITICAL_FOLD, digits=5),
 }
+Names = tuple[Any, ...]
+Change = tuple[str, Callable[[Any], None]]
 
 
 @lru_cache(maxsize=4)
@@ -58,10 +60,7 @@ def sealed(content: Any) -> Any:
     return content
 
 
-Names = tuple[str, ...]
-
-
-def at(content: Any, names: tuple[Any, ...]) -> Any:
+def at(content: Any, names: Names) -> Any:
     for name in names:
         content = content[name]
     return content
@@ -77,33 +76,33 @@ def flights(content: Any) -> list[Names]:
     return found
 
 
-_KNOWN: dict[Any, Any] = {}
+KNOWN: dict[Any, Any] = {}
+LAW_MODEL, COEFFICIENTS = sliding.law_model, System.coefficients
 
 
 @pytest.fixture
-def remembered(monkeypatch) -> None:
+def remembered(monkeypatch) -> Iterator[None]:
     """Series that were computed once are not computed again: most of a tampered file is as it was."""
 
-    def exactly(x: Any) -> tuple[Any, ...]:
+    def exactly(x: Any) -> Names:
         return (*x.mid().man_exp(), *x.rad().man_exp()) if x.is_finite() else (str(x),)
 
     def model(friction: str, constants: Any, omega: Any) -> Any:
         key = ("model", ctx.prec, friction, *(part for x in (*constants, omega) for part in exactly(x)))
-        if key not in _KNOWN:
-            _KNOWN[key] = LAW_MODEL(friction, constants, omega)
-        return _KNOWN[key]
+        if key not in KNOWN:
+            KNOWN[key] = LAW_MODEL(friction, constants, omega)
+        return KNOWN[key]
 
     def coefficients(self: System, start: Any, order: int) -> Any:
         key = (id(self), ctx.prec, order, *(part for x in start for part in exactly(x)))
-        if key not in _KNOWN:
-            _KNOWN[key] = COEFFICIENTS(self, start, order)
-        return [list(column) for column in _KNOWN[key]]
+        if key not in KNOWN:
+            KNOWN[key] = COEFFICIENTS(self, start, order)
+        return [list(column) for column in KNOWN[key]]
 
     monkeypatch.setattr(krawczyk, "law_model", model)
     monkeypatch.setattr(System, "coefficients", coefficients)
-
-
-LAW_MODEL, COEFFICIENTS = sliding.law_model, System.coefficients
+    yield
+    KNOWN.clear()
 
 
 # ---------------------------------------------------------------------------------------------------------- accepted
@@ -123,35 +122,17 @@ def test_what_is_written_is_accepted_by_the_command_and_by_the_kernel_alone(tmp_
         "sys.exit(status)"
     )
     run = subprocess.run([sys.executable, "-c", script, str(path)], capture_output=True, text=True, check=False)
-    assert (run.returncode, run.stderr) == (0, "")
-    sentence, others = run.stdout.splitlines()
-    assert sentence == f"proved: {statement}"
-    assert others == "[]"
+    assert (run.returncode, run.stderr, run.stdout) == (0, "", f"proved: {statement}\n[]\n")
 
 
-@pytest.mark.slow(minutes=2)
-@pytest.mark.parametrize("kind", [kind for kind in PROOFS if kind != "cycle"])
-def test_certificates_of_every_kind_are_accepted(kind: str) -> None:
-    content, statement = written(kind)
-    assert proved(json.loads(content)) == statement
-
-
-@pytest.mark.slow(minutes=3)
-@pytest.mark.parametrize(
-    ("parameters", "omega", "digits"),
-    [(PRINTED, OMEGA, 30), (CALIBRATED, OMEGA, 12), (GEOMETRY, Fraction("30.2"), 12)],
-)
-def test_certificates_of_cycles_are_accepted(taylor, parameters, omega, digits) -> None:
-    from tippedisk_verify.atlas.cycles_at_speed import cycle_at
-
-    cycle = cycle_at(parameters, omega, taylor, digits=12)
-    proof = prove_cycle(parameters, omega, (cycle.gamma_bar_0.value, cycle.v_0.value), digits=digits)
-    assert proved(json.loads(proof.certificate())) == proof.statement
-
-
-def test_points_are_written_and_read_exactly() -> None:
-    for point in (0.1, -3.25, 0, 2.0**-300):
-        assert dyadic(dyadic_text(point)) == point
+def test_a_weaker_claim_is_another_true_claim(remembered) -> None:
+    """With a new digest it is accepted as what it says: the statement has the wider number."""
+    content = fresh()
+    content["claim"]["numbers"]["period"]["uncertainty"] = "0.5"
+    content["claim"]["stable"] = None
+    sentence = proved(sealed(content))
+    assert "± 0.5 s" in sentence
+    assert "a periodic orbit, of undecided stability" in sentence
 
 
 # ---------------------------------------------------------------------------------------------------------- tampered
@@ -165,15 +146,12 @@ def further(number: str) -> str:
         return dyadic_text(dyadic(number) + dyadic("1p-16"))
 
 
-def put(path: tuple[Any, ...], value: Any) -> Callable[[Any], None]:
+def put(path: Names, value: Any) -> Callable[[Any], None]:
     def act(content: Any) -> None:
         part = at(content, path[:-1])
         part[path[-1]] = value(part[path[-1]]) if callable(value) else value
 
     return act
-
-
-Change = tuple[str, Callable[[Any], None]]
 
 
 def false_claims(content: Any) -> Iterator[Change]:
@@ -186,29 +164,21 @@ def false_claims(content: Any) -> Iterator[Change]:
             continue
         number = ("claim", "numbers", name)
         beyond = lambda n: {**n, "value": exact_text(Fraction(n["value"]) + 3 * Fraction(n["uncertainty"]))}  # noqa: E731
-        sharper = lambda n: {**n, "uncertainty": exact_text(Fraction(n["uncertainty"]) / 10**9)}  # noqa: E731
         yield f"{name} elsewhere", put(number, beyond)
-        yield f"{name} too sharp", put(number, sharper)
+        yield f"{name} too sharp", put((*number, "uncertainty"), lambda w: exact_text(Fraction(w) / 10**9))
         yield f"{name} of negative width", put((*number, "uncertainty"), lambda w: f"-{w}")
-        yield f"{name} missing", lambda c, name=name: c["claim"]["numbers"].pop(name)
     for name in SYMBOLS:
-        # Twice the mass only rescales forces if the inertia does too; each alone moves the orbit.
-        another = put(("claim", "parameters", name), lambda v: exact_text(Fraction(v) * 1001 / 1000))
-        yield f"another {name}", another
-        yield f"negative {name}", put(("claim", "parameters", name), lambda v: f"-{v}")
+        yield f"another {name}", put(("claim", "parameters", name), lambda v: exact_text(Fraction(v) * 1001 / 1000))
+    yield "a negative mass", put(("claim", "parameters", "m"), "-0.435")
     yield "another law", put(("claim", "friction"), lambda law: "linear" if law == "smooth" else "smooth")
-    yield "unknown law", put(("claim", "friction"), "dry")
     other = {"limit cycle": "rotating limit cycle", "rotating limit cycle": "limit cycle"}
     yield "another kind", put(("claim", "kind"), other.get(claim["kind"], "fold of rotating limit cycles"))
-    yield "unknown kind", put(("claim", "kind"), "torus")
     if fold:
+        arc = ("claim", "numbers", first)
         yield "another extremum", put(("claim", "extremum"), lambda e: "smallest" if e == "largest" else "largest")
-        yield (
-            "an arc beside",
-            put(("claim", "numbers", first, "value"), lambda x: exact_text(Fraction(x) + Fraction(1, 10**4))),
-        )
-        yield "an empty arc", put(("claim", "numbers", first, "uncertainty"), "0")
-        yield "a longer arc", put(("claim", "numbers", first, "uncertainty"), lambda x: exact_text(10 * Fraction(x)))
+        yield "an arc beside", put((*arc, "value"), lambda x: exact_text(Fraction(x) + Fraction(1, 10**4)))
+        yield "an empty arc", put((*arc, "uncertainty"), "0")
+        yield "a longer arc", put((*arc, "uncertainty"), lambda x: exact_text(10 * Fraction(x)))
         return
     yield "another speed", put(("claim", "omega"), lambda x: exact_text(Fraction(x) + Fraction(1, 10**6)))
     yield "another stability", put(("claim", "stable"), lambda stable: not stable)
@@ -219,81 +189,63 @@ def false_claims(content: Any) -> Iterator[Change]:
         yield "no reversals", lambda c: c["claim"].pop("reversals")
 
 
-def other_boxes(content: Any) -> Iterator[Change]:
+def other_evidence(content: Any) -> Iterator[Change]:
+    """Each flight's box, and its steps in the middle and at the end."""
     for names in flights(content):
-        if names[-1] == "centre":
-            for index in (0, 1):
-                middle = (*names[:-1], "middle", index)
-                yield f"{middle} elsewhere", put(middle, further)
-            continue
         for index in (0, 1):
-            box = names[:-1]
-            yield f"{box} without {index}", put((*box, "radii", index), "0p0")
-            if "end" not in names[1]:  # there a larger box may do as well
-                yield f"{box} of another size", put((*box, "radii", index), lambda r: times(r, 14))
-            yield f"{box} negative", put((*box, "radii", index), lambda r: f"-{r}")
-        # Where 1 - Y F' becomes -3; an entry by itself may be as small as the fast contraction.
-        yield f"{box} inverse", put((*box, "inverse"), lambda y: [[times(x, 2) for x in row] for row in y])
-
-
-def other_steps(content: Any) -> Iterator[Change]:
-    for names in flights(content):
+            if names[-1] == "centre":
+                yield f"{names} elsewhere", put((*names[:-1], "middle", index), further)
+                continue
+            yield f"{names} without {index}", put((*names[:-1], "radii", index), "0p0")
+        if names[-1] != "centre":
+            # Where 1 - Y F' becomes -3; an entry by itself may be as small as the fast contraction.
+            inverse = (*names[:-1], "inverse")
+            yield f"{names} inverse", put(inverse, lambda y: [[times(x, 2) for x in row] for row in y])
         steps = at(content, names)
-        for index in (0, len(steps) // 3, len(steps) // 2, len(steps) - 1):
-            entry = (*names, index)
-            first = (*entry, "steps", 0)
-            yield f"{entry} much longer", put((*first, 0), lambda h: times(h, 3))
-            yield f"{entry} backwards", put((*first, 0), lambda h: f"-{h}")
-            yield f"{entry} of no length", put((*first, 0), "0p0")
-            yield f"{entry} of order 1", put(first, lambda s: [s[0], 1, 1])
-            yield f"{entry} flat axes", put((*entry, "axes"), lambda a: [a[0], a[0], a[2]])
-            yield f"{entry} untested", put((*entry, "steps"), [])
-        for index, step in enumerate(steps):
-            if len(step["steps"]) > 1:
-                entry = (*names, index)
-                yield f"{entry} nothing behind the change", put((*entry, "steps"), lambda s: s[:1])
-                yield f"{entry} too short behind it", put((*entry, "steps", 1, 0), lambda h: times(h, -6))
+        entry = (*names, len(steps) // 2)
+        first = (*entry, "steps", 0)
+        yield f"{entry} much longer", put((*first, 0), lambda h: times(h, 3))
+        yield f"{entry} backwards", put((*first, 0), lambda h: f"-{h}")
+        yield f"{entry} of order 1", put(first, lambda s: [s[0], 1, 1])
+        yield f"{entry} flat axes", put((*entry, "axes"), lambda a: [a[0], a[0], a[2]])
+        yield f"{entry} untested", put((*entry, "steps"), [])
+        for index in [index for index, step in enumerate(steps) if len(step["steps"]) > 1][:1]:
+            yield f"{names} nothing behind a change", put((*names, index, "steps"), lambda s: s[:1])
+            yield f"{names} too short behind a change", put((*names, index, "steps", 1, 0), lambda h: times(h, -6))
         here = lambda c, names=names: at(c, names)  # noqa: E731
-        yield "last step missing", lambda c, here=here: here(c).pop()
+        yield f"{names} last step missing", lambda c, here=here: here(c).pop()
         # A single short step may be made up for by the last one, which need not end at the section.
-        yield "a third of the steps missing", lambda c, here=here: here(c).__delitem__(slice(7, None, 3))
-        yield "another step at the end", lambda c, here=here: here(c).append(here(c)[3])
-        yield "no steps", lambda c, here=here: here(c).clear()
-        yield "unknown member", lambda c, here=here: here(c)[1].update(note="1p0")
-        yield "missing member", lambda c, here=here: here(c)[1].pop("axes")
+        yield f"{names} every third step missing", lambda c, here=here: here(c).__delitem__(slice(7, None, 3))
+        yield f"{names} another step at the end", lambda c, here=here: here(c).append(here(c)[3])
 
 
 def unreadable(content: Any) -> Iterator[Change]:
     """What is no number here, and other shapes."""
-    names = flights(content)[0]
-    point = (*names, 3, "axes", 0, 0)
-    for value in (1.5, 1, True, None, [], {}, "", "1", "0x1p0", "1p", "1p1e3", "nan", "inf", " 1p0", "1p0 ", "+1p0",
-                  "\u0661p0"):  # fmt: skip
-        yield f"{value!r} for a point", put(point, value)
-    for value in (30.3, 30, "nan", "inf", "1/0", "3 0", "1_0", "0x1e", "", "\u0661", "1e99999", "30.38 rad/s and more"):
+    step = (*flights(content)[0], 3)
+    for value in (1.5, 1, None, [], "", "0x1p0", "1p", "1p1e3", "nan", " 1p0", "1p0 ", "+1p0", "\u0661p0"):
+        yield f"{value!r} for a point", put((*step, "axes", 0, 0), value)
+    for value in (30.3, "nan", "inf", "1/0", "1/00", "1/", "3 0", "1_0", "0x1e", "", "\u0661", "1e99999"):
         yield f"{value!r} for a decimal", put(("claim", "parameters", "g"), value)
-    for value in (0, -1, 1.0, "64", True, 10**9, None, 23):
+    for value in (0, 1, -1, 1.0, "64", True, 10**9, None, 23):
         yield f"{value!r} bits", put(("bits",), value)
-        if "wide box" in content["evidence"]:
-            yield f"{value!r} bits of the wide box", put(("evidence", "wide box", "bits"), value)
     yield "too few bits", put(("bits",), 24)
     yield "unknown member", lambda c: c.update(comment="true")
-    yield "unknown format", put(("format",), "tippedisk certificate 1")
-    yield "no evidence", lambda c: c.pop("evidence")
-    yield "a length of 54 bits", put((*names, 3, "steps", 0, 0), "20000000000001p-63")
-    yield "a huge exponent", put((*names, 3, "steps", 0, 0), "1p999999")  # axes may be as long as they like
+    yield "unknown member of a step", put(step, lambda s: s | {"note": "1p0"})
+    yield "missing member", lambda c: at(c, step).pop("axes")
+    yield "no steps", lambda c: at(c, step[:-1]).clear()
+    yield "unknown law", put(("claim", "friction"), "dry")
+    yield "unknown kind", put(("claim", "kind"), "torus")
+    yield "a length of 54 bits", put((*step, "steps", 0, 0), "20000000000001p-63")
+    yield "a huge exponent", put((*step, "steps", 0, 0), "1p999999")
 
 
 def rejected(kind: str, name: str, act: Callable[[Any], None]) -> str:
     content = fresh(kind)
     act(content)
     assert content != fresh(kind), f"{name}: nothing was changed"
-    try:
+    with pytest.raises((claims.Unproved, claims.Refused)) as fault:
         proved(sealed(content))
-    except (claims.Unproved, claims.Refused) as fault:
-        line = str(fault)
-    else:
-        pytest.fail(f"accepted: {name}")
+    line = str(fault.value)
     assert line.isprintable(), name
     # What can be read and was changed by hand is found by a line of the proof, not by the digest.
     assert "sha256" not in line.split("members")[0], name
@@ -302,72 +254,56 @@ def rejected(kind: str, name: str, act: Callable[[Any], None]) -> str:
 
 def mutations(kind: str) -> list[Change]:
     content = fresh(kind)
-    return [*false_claims(content), *other_boxes(content), *other_steps(content), *unreadable(content)]
+    return [*false_claims(content), *other_evidence(content), *unreadable(content)]
 
 
 def test_some_tampered_certificates_are_rejected(remembered) -> None:
     changes = mutations("cycle")
-    assert len(changes) >= 150
-    for name, act in changes[3::12]:
+    for name, act in changes[3::7]:
         rejected("cycle", name, act)
+    assert len(changes) > 100
 
 
-@pytest.mark.slow(minutes=4)
+@pytest.mark.slow(minutes=2)
 @pytest.mark.parametrize("kind", PROOFS)
-def test_every_tampered_certificate_is_rejected(kind: str, remembered) -> None:
+def test_certificates_of_every_kind_are_accepted_and_all_tampered_ones_rejected(kind: str, remembered) -> None:
+    content, statement = written(kind)
+    assert proved(json.loads(content)) == statement
     lines = {name: rejected(kind, name, act) for name, act in mutations(kind)}
-    _KNOWN.clear()
     for said in ("stay in its enclosure", "its steps end on the way", "that nothing asks for",
                  "Krawczyk's image", "within its uncertainty", "no disk's", "as text", "whole number",
                  "exactly the members"):  # fmt: skip
         assert any(said in line for line in lines.values()), said
 
 
-# Each term of the equations, a thousandth larger.
-TERMS = (
-    ("rho = r +", "rho = r * LARGER +"), ("+ e * c", "+ e * c * LARGER"), ("mass = b +", "mass = b * LARGER +"),
-    ("unlike * (t * t)", "unlike * LARGER * (t * t)"), ("lever * lever", "lever * lever * LARGER"),
-    ("mixed = twice_unlike", "mixed = LARGER * twice_unlike"), ("+ e * rho -", "+ e * rho * LARGER -"),
-    ("- three_e", "- LARGER * three_e"), ("sweep * sweep", "LARGER * sweep * sweep"),
-    ("square * (", "square * LARGER * ("),
-    ("r * lifted", "r * LARGER * lifted"), ("omega * (t", "omega * LARGER * (t"), ("- g * rho", "- g * LARGER * rho"),
-    ("slip = sweep +", "slip = LARGER * sweep +"), ("drift * (C * t)", "drift * LARGER * (C * t)"),
-    ("return v, omega * s", "return v, LARGER * omega * s"), ("return v,", "return LARGER * v,"),
-    ("constants.k * grip", "constants.k * LARGER * grip"), ("- lifted) *", "- LARGER * lifted) *"),
-    ("traction * grip", "traction * LARGER * grip"), ("law * sliding", "LARGER * law * sliding"),
-    ("+ constants.epsilon", "+ LARGER * constants.epsilon"),
-)  # fmt: skip
+def fields() -> Iterator[Any]:
+    """The equations' function, each time with another operand a thousandth larger."""
+    source = inspect.getsource(equations.field)
+    for place in range(sum(isinstance(node, ast.BinOp) for node in ast.walk(ast.parse(source)))):
+        tree, names = ast.parse(source), dict(vars(equations)) | {"LARGER": arb(1.001)}
+        node = [node for node in ast.walk(tree) if isinstance(node, ast.BinOp)][place]
+        node.left = ast.BinOp(ast.Name("LARGER", ast.Load()), ast.Mult(), node.left)
+        exec(ast.unparse(ast.fix_missing_locations(tree)), names)
+        yield names["field"]
 
 
 @pytest.mark.slow(minutes=2)
-@pytest.mark.parametrize(("old", "new"), TERMS, ids=[new for _, new in TERMS])
-def test_a_term_that_is_a_thousandth_larger_is_noticed_by_a_certificate(old: str, new: str, monkeypatch) -> None:
+def test_each_term_that_is_a_thousandth_larger_is_noticed_by_a_certificate(monkeypatch) -> None:
     """In the equations of a kernel that checks certificates written with the right ones."""
-    contents = [fresh("cycle"), fresh("smooth")]
-    source = Path(equations.__file__).read_text(encoding="utf-8")
-    begin, end = source.index("def field("), source.index("def one_sided(")
-    body = source[begin:end]
-    assert body.count(old) == 1, old
-    names = dict(vars(equations)) | {"LARGER": _Larger()}
-    exec(body.replace(old, new), names)
-    for module in (equations, flow):
-        monkeypatch.setattr(module, "field", names["field"])
-    lines = []
-    for content in contents:
-        try:
-            proved(content)
-        except claims.Unproved as fault:
-            lines.append(str(fault))
-    assert lines
+    contents, count = [fresh("cycle"), fresh("smooth")], 0
+    for count, other in enumerate(fields(), 1):
+        for module in (equations, flow):
+            monkeypatch.setattr(module, "field", other)
+        assert not all(map(accepted, contents)), count
+    assert count > 30
 
 
-class _Larger:
-    """1.001 times whatever it meets."""
-
-    def __mul__(self, other: Any) -> Any:
-        return other * arb(1.001)
-
-    __rmul__ = __mul__
+def accepted(content: Any) -> bool:
+    try:
+        proved(content)
+    except claims.Unproved:
+        return False
+    return True
 
 
 def test_a_half_width_of_a_few_last_bits_is_held() -> None:
@@ -381,47 +317,24 @@ def test_a_half_width_of_a_few_last_bits_is_held() -> None:
                 held({"value": str(middle), "uncertainty": str(half / 2)}, x, "a number")
 
 
-def test_any_changed_character_is_noticed_by_the_digest() -> None:
-    draw = random.Random(5)
-    for _ in range(40):
-        content, _ = written()
-        place = draw.randrange(len(content) - 1)
-        other = draw.choice([character for character in "0123456789abcdef" if character != content[place]])
-        try:
-            changed = json.loads(content[:place] + other + content[place + 1 :])
-        except ValueError:
-            continue
-        with pytest.raises((claims.Unproved, claims.Refused)):
-            claims.proved(changed)
-
-
-def test_a_weaker_claim_is_another_true_claim() -> None:
-    """With a new digest it is accepted as what it says: the statement has the wider number."""
-    content = fresh()
-    content["claim"]["numbers"]["period"]["uncertainty"] = "0.5"
-    content["claim"]["stable"] = None
-    sentence = proved(sealed(content))
-    assert "± 0.5 s" in sentence
-    assert "a periodic orbit, of undecided stability" in sentence
-
-
+# ------------------------------------------------------------------------------------------------------ as a user meets
 @pytest.mark.parametrize(
-    ("content", "status"),
+    "content",
     [
-        (b"", 2), (b"\xff\xfe\x00", 2), (b"[" * 100_000, 2), (b'{"a":' * 50_000, 2), (b"nan", 2), (b"1", 2), (b"{}", 2),
-        (b'{"format": "tippedisk certificate 2", "claim": 1}', 2),
-        (b'{"format": "tippedisk certificate 2", "claim": {"kind": ["limit cycle"]}}', 2),
-        (b'{"format": 1, "format": "tippedisk certificate 2"}', 2), (b'{"bits": ' + b"9" * 5000 + b"}", 2),
-        (b'{"format": "tippedisk certificate 2", "claim": {"kind": "limit cycle"}, "bits": 1e400}', 2),
+        b"", b"\xff\xfe\x00", b'{"a":' * 50_000, b"nan", b"1", b"{}",
+        b'{"format": "tippedisk certificate 3", "claim": 1}',
+        b'{"format": "tippedisk certificate 3", "claim": {"kind": ["limit cycle"]}}',
+        b'{"format": "tippedisk certificate 2", "claim": {"kind": "limit cycle"}}',
+        b'{"format": 1, "format": "tippedisk certificate 3"}', b'{"bits": ' + b"9" * 5000 + b"}",
+        b'{"format": "tippedisk certificate 3", "claim": {"kind": "limit cycle"}, "bits": 1e400}',
     ],
 )  # fmt: skip
-def test_what_is_no_certificate_ends_in_one_line(tmp_path, capsys, content, status) -> None:
+def test_what_is_no_certificate_ends_in_one_line(tmp_path, capsys, content) -> None:
     path = tmp_path / "file.json"
     path.write_bytes(content)
-    assert main(["certify", "check", str(path)]) == status
+    assert main(["certify", "check", str(path)]) == 2
     captured = capsys.readouterr()
-    assert captured.out == ""
-    assert len(captured.err.splitlines()) == 1
+    assert (captured.out, len(captured.err.splitlines())) == ("", 1)
 
 
 def test_what_is_no_file_ends_in_one_line(tmp_path, capsys) -> None:
@@ -442,25 +355,18 @@ def test_a_claim_that_is_not_shown_has_status_one_and_its_line(tmp_path, capsys)
     assert capsys.readouterr().err == f"tippedisk-verify: not proved: {line}\n"
     assert main(["certify", "check", str(path), "--json"]) == 1
     assert json.loads(capsys.readouterr().out) == {"accepted": False, "fails": line}
+    path.write_text(json.dumps(fresh() | {"bits": 65}))
+    assert main(["certify", "check", str(path)]) == 1
+    assert "its digest, sha256" in capsys.readouterr().err
 
 
-def test_an_old_certificate_is_refused_in_one_clear_line() -> None:
-    with pytest.raises(claims.Refused, match=f"its format is not '{FORMAT}': write it again"):
-        proved({"format": "tippedisk certificate 1", "claim": {"kind": "limit cycle"}})
-
-
-def test_where_no_certificate_is_written(tmp_path, capsys) -> None:
+def test_without_a_proof_no_certificate_is_written(tmp_path) -> None:
     target = tmp_path / "c.json"
-    guess = ["certify", "orbit", "--omega", "30.4", "--guess", "1.57", "-1.6", "--digits", "2"]
-    assert main([*guess, "--certificate", str(tmp_path / "no" / "c.json")]) == 2
-    assert "cannot be written" in capsys.readouterr().err
-    # Without a proof there is no certificate.
     nowhere = ["certify", "orbit", "--omega", "30.4", "--guess", "1e-9", "1e-9", "--digits", "2", "--quiet"]
     assert main([*nowhere, "--certificate", str(target)]) == 1
     assert not target.exists()
 
 
-# ------------------------------------------------------------------------------------------------- the kernel itself
 def test_the_kernel_stands_alone() -> None:
     """It imports numpy, python-flint and the standard library."""
     for path in KERNEL.rglob("*.py"):
@@ -473,17 +379,3 @@ def test_the_kernel_stands_alone() -> None:
                 first = name.split(".")[0]
                 own = name.startswith("tippedisk_verify.proofs.kernel") or first in ("flint", "numpy")
                 assert own or first in sys.stdlib_module_names, (path.name, name)
-
-
-def test_one_bit_is_refused_in_one_line(tmp_path) -> None:
-    path = tmp_path / "c.json"
-    path.write_text(json.dumps({"format": FORMAT, "claim": {"kind": "limit cycle"}, "bits": 1}))
-    with pytest.raises(claims.Refused, match="bits"):
-        claims.check(str(path))
-
-
-def test_a_ratio_may_end_with_zero() -> None:
-    assert decimal("911/30") == "911/30"
-    for wrong in ("1/0", "1/00", "1/"):
-        with pytest.raises(ValueError, match="decimal"):
-            decimal(wrong)

@@ -3,18 +3,30 @@
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
 from fractions import Fraction
 
 import pytest
+from flint import arb
 
 from tippedisk_verify.cli import main
-from tippedisk_verify.model.parameters import PRINTED
-from tippedisk_verify.proofs.search import connection_end
-from tippedisk_verify.proofs.search.connection_end import ProvedEnd
-from tippedisk_verify.proofs.search.connection_end import Status as EndStatus
-from tippedisk_verify.proofs.search.heteroclinic import ProvedConnection
+from tippedisk_verify.errors import AccuracyError, InputError
+from tippedisk_verify.model.parameters import NAMED_SETS, PRINTED, Parameters
+from tippedisk_verify.proofs import angles
+from tippedisk_verify.proofs.closed_forms import (
+    characteristic_polynomial,
+    check_linearization,
+    proved_equilibrium,
+    proved_hopf,
+    real_root,
+)
+from tippedisk_verify.proofs.kernel.balls import working_precision
+from tippedisk_verify.reference_values.lookup import references
+from tippedisk_verify.reference_values.store import data_folder
+from tippedisk_verify.theory import hopf
+from tippedisk_verify.theory.equilibria import equilibrium
 
 
 def _json(capsys, *arguments: str, status: int = 0) -> dict:
@@ -31,21 +43,10 @@ def test_equilibria(capsys) -> None:
     for value in result["inverted"]["eigenvalues"]:
         assert Fraction(value["re"]["uncertainty"]) <= abs(Fraction(value["re"]["value"])) / 10**27
     always = _json(capsys, "certify", "equilibria", "--every-speed", "--friction", "smooth", "--digits", "20")
-    assert always["proved"] is True
     assert Fraction(always["omega_crit"]["uncertainty"]) < Fraction(1, 10**17)
-    assert "unstable at every Omega > 0" in always["statement"]
     # The sentence stands by itself: the disk, and the numbers as above.
-    assert PRINTED.definition() in always["statement"]
-    assert always["omega_crit"]["value"] in always["statement"]
-    below = _json(capsys, "certify", "equilibria", "--below-crit", "-0.5", "--friction", "smooth")
-    assert below["inverted"]["stable"] is True
-
-
-def test_hopf(capsys) -> None:
-    result = _json(capsys, "certify", "hopf", "--parameters", "calibrated", "--digits", "20")
-    assert (result["proved"], result["criticality"]) == (True, "supercritical")
-    assert abs(Fraction(result["omega_crit"]["value"]) - Fraction("30.92")) < Fraction("0.005")
-    assert "branch of stable limit cycles" in result["statement"]
+    for said in ("unstable at every Omega > 0", PRINTED.definition(), always["omega_crit"]["value"]):
+        assert said in always["statement"]
 
 
 def test_heteroclinic_about_a_given_speed(capsys) -> None:
@@ -54,72 +55,16 @@ def test_heteroclinic_about_a_given_speed(capsys) -> None:
     assert result["statement"].startswith("nothing is proved")
 
 
-@pytest.mark.slow
-def test_the_cycles_next_to_it(capsys, monkeypatch) -> None:
-    """The proof itself is tested elsewhere; what is not proved of the cycles is told beside what is of Omega_h."""
-    asked = []
-
-    def prove_end(connection: ProvedConnection, reach: str, *, watch: object) -> ProvedEnd:
-        asked.append(reach)
-        return ProvedEnd(EndStatus.NO_LID, connection, Fraction(30), Fraction(31))
-
-    monkeypatch.setattr(connection_end, "prove_end", prove_end)
-    arguments = ("certify", "heteroclinic", "--near", "30.0488682607225", "--digits", "9", "--cycles", "0.5", "--quiet")
-    result = _json(capsys, *arguments, status=1)
-    assert asked == ["0.5"]
-    assert (result["proved"], result["cycles"]["proved"], result["cycles"]["status"]) == (True, False, "no_lid")
-    assert (result["cycles"]["from"], result["cycles"]["to"]) == ("30", "31")
-
-
-@pytest.mark.slow
-def test_heteroclinic_by_the_ordinary_road(capsys) -> None:
-    result = _json(capsys, "certify", "heteroclinic", "--digits", "30", "--quiet")
-    assert (result["proved"], result["unique"]) == (True, True)
-    assert 2 * Fraction(result["omega_h"]["uncertainty"]) <= Fraction(1, 10**30)
-
-
-def test_without_a_saddle_nothing_is_proved(capsys, tmp_path) -> None:
-    disk = tmp_path / "slippery.toml"
-    disk.write_text(
-        'r = "0.045"\ne = "0.0025"\nm = "0.435"\nA = "0.249e-3"\nB = "0.227e-3"\n'
-        'g = "9.81"\nmu = "0.03"\nepsilon = "0.1"\n'
-    )
-    arguments = ("certify", "heteroclinic", "--near", "30", "--parameters", str(disk))
-    result = _json(capsys, *arguments, status=1)
-    assert result["status"] == "no_saddle"
-
-
-def test_at_omega_crit_itself_one_line_says_why(capsys, tmp_path) -> None:
-    """A disk whose Omega_crit is 1 exactly: eigenvalues on the imaginary axis, no verdict on stability."""
-    disk = tmp_path / "critical.toml"
-    disk.write_text(
-        'r = "0.04"\ne = "0.01"\nm = "1"\nA = "0.036"\nB = "0.0351"\ng = "0.56"\nmu = "0.3"\nepsilon = "0.1"\n'
-    )
-    assert main(["certify", "equilibria", "--omega", "1", "--parameters", str(disk)]) == 1
-    captured = capsys.readouterr()
-    assert captured.out == ""
-    assert "imaginary axis" in captured.err
-    assert len(captured.err.splitlines()) == 1
-
-
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["certify", "equilibria"], "--omega or --below-crit"),
-        (["certify", "equilibria", "--omega", "fast"], "not a finite decimal"),
         (["certify", "equilibria", "--omega", "30", "--every-speed"], "--every-speed takes the place"),
         (["certify", "hopf", "--friction", "smooth"], "smooth"),
         (["certify", "heteroclinic", "--digits", "301"], "300 digits"),
-        (["certify", "heteroclinic", "--digits", "0"], "digits"),
         (["certify", "heteroclinic", "--near", "-1"], "between 1e-6 and 1e6"),
-        (["certify", "heteroclinic", "--near", "pi"], "between 1e-6 and 1e6"),
-        (["certify", "heteroclinic", "--near", "soon"], "not a finite decimal"),
         (["certify", "heteroclinic", "--cycles", "1"], "between 0 and 1"),
-        (["certify", "heteroclinic", "--cycles", "soon"], "not a finite decimal"),
         (["certify", "heteroclinic", "--cycles", "0.001", "--friction", "smooth"], "linear friction law"),
         (["certify", "orbit", "--omega", "30.886", "--radius", "1e-3"], "born below Omega_crit = 30.8865926886 rad/s"),
-        (["certify", "hopf", "--parameters", "unheard"], "not known"),
-        (["certify", "proof"], "proof"),
     ],
 )
 def test_bad_input_gets_one_line(capsys, arguments: list[str], said: str) -> None:
@@ -149,3 +94,95 @@ def test_the_help_loads_no_flint(capsys) -> None:
     assert ran.returncode == 0
     for command in ("orbit", "hopf", "equilibria", "heteroclinic"):
         assert command in ran.stdout
+
+
+# ---------------------------------------------------------------------------------------------------- stored statements
+SYMBOLS = ("r", "e", "m", "A", "B", "g", "mu", "epsilon")
+#: References to what is printed elsewhere.
+OUTSIDE = re.compile(r"\bgiven\b|\bprinted beside\b|\blisted\b|\babove\b(?! Omega_crit)")
+
+
+def numbers_of(statement: str) -> dict[str, Fraction]:
+    """The eight numbers as the statement gives them."""
+    found = {name: re.search(rf"(?<!\w){name} = (-?[\d.]+(?:e-?\d+)?(?:/\d+)?)", statement) for name in SYMBOLS}
+    return {name: Fraction(match[1]) for name, match in found.items() if match}
+
+
+def is_about(statement: str, disk: Parameters) -> bool:
+    return numbers_of(statement) == {name: getattr(disk, name) for name in SYMBOLS} and not OUTSIDE.search(statement)
+
+
+def test_every_stored_statement_is_about_its_own_entry() -> None:
+    proofs = json.loads((data_folder() / "proofs.json").read_text(encoding="utf-8"))
+    for id_, proof in proofs.items():
+        statement, inputs = proof["statement"], references(f"{id_}/")[0].inputs
+        assert is_about(statement, Parameters.named(id_.partition("/")[0])), id_
+        assert "friction law" in statement, id_
+        if "Omega" in inputs:
+            assert f"Omega = {inputs['Omega']} rad/s" in statement, id_
+    assert len(proofs) >= 60
+
+
+# --------------------------------------------------------------------------------------------------------- closed forms
+# A and Bbar too close: criticality_margin is negative.
+SUBCRITICAL = PRINTED.changed(A="0.2305e-3", B="0.2290e-3")
+
+
+@pytest.mark.parametrize("parameters", [*NAMED_SETS.values(), SUBCRITICAL], ids=lambda p: p.name)
+def test_the_hopf_point_is_the_ordinary_roads(parameters: Parameters) -> None:
+    digits = 40
+    proved, ordinary = proved_hopf(parameters, digits), hopf.hopf_point(parameters, digits)
+    numbers = ("omega_crit", "period", "first_lyapunov_coefficient", "transversality")
+    for name in (*numbers, "amplitude_squared_slope", "period_slope"):
+        mine, theirs = getattr(proved, name), getattr(ordinary, name)
+        assert mine.uncertainty * 10**digits <= abs(mine.value), name
+        assert theirs.holds(mine.value), name
+    assert proved.criticality == ordinary.criticality == hopf.criticality(parameters)
+    assert proved.criticality in proved.statement
+
+
+@pytest.mark.parametrize("name", ["inverted", "noninverted"])
+@pytest.mark.parametrize("omega", ["5", "30.4", "31.5", "200"])
+def test_eigenvalues_are_the_ordinary_roads(name: str, omega: str) -> None:
+    proved = proved_equilibrium(PRINTED, omega, name, 30)
+    ordinary = equilibrium(PRINTED, omega, name, 30)  # type: ignore[arg-type]
+    assert proved.stable == ordinary.stable
+    assert proved.unstable_directions == {"inverted": 0 if ordinary.stable else 2, "noninverted": 1}[name]
+    for mine, theirs in zip(proved.eigenvalues, ordinary.eigenvalues, strict=True):
+        for part, other in ((mine.re, theirs.re), (mine.im, theirs.im)):
+            assert abs(part.value - other.value) <= other.uncertainty + part.uncertainty
+
+
+def test_theorem_1_is_refused_where_a_hypothesis_fails() -> None:
+    """With Bbar < 0 the coefficient a2 is negative: stable above Omega_crit would be false."""
+    constants = PRINTED.rational()
+    check_linearization(constants)
+    tipped = constants._replace(Bbar=-constants.Bbar, b=-constants.b)
+    assert characteristic_polynomial(tipped, Fraction(100), angles.INVERTED)[0] < 0
+    for changed in (
+        {"Bbar": -constants.Bbar, "b": -constants.b},
+        {"e": constants.r},
+        {"mu": -constants.mu},
+    ):
+        with pytest.raises(InputError, match="not"):
+            check_linearization(constants._replace(**changed))
+
+
+def test_at_a_rational_omega_crit_nothing_is_claimed() -> None:
+    """(r + e)^2 g / (r b) = 1 with b = B / m - e^2: the speed 1 is Omega_crit exactly."""
+    disk = PRINTED.changed(r="0.04", e="0.01", m=1, B="0.0351", A="0.036", C=None, g="0.56")
+    assert hopf.omega_crit_squared(disk) == 1
+    with pytest.raises(AccuracyError, match="imaginary axis"):
+        proved_equilibrium(disk, 1, "inverted")
+    assert proved_hopf(disk).omega_crit.holds(1)
+
+
+def test_a_root_is_enclosed_for_all_coefficients_in_their_balls() -> None:
+    """(x - 1) (x + 2) (x + 3) = x^3 + 4 x^2 + x - 6."""
+    with working_precision(100):
+        narrow = real_root((arb(4), arb(1), arb(-6)), arb(1.0001))
+        assert narrow.contains(1)
+        wide = real_root((arb(4, 1e-6), arb(1, 1e-6), arb(-6, 1e-6)), arb(1))
+        for shift in (-1e-6, 1e-6):
+            x = real_root((arb(4) + shift, arb(1) + shift, arb(-6) - shift), arb(1) - shift / 4)
+            assert wide.contains(x)

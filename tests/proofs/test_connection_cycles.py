@@ -57,55 +57,39 @@ def flights(
     return flown(saddle, [arb(x) for x in GIVEN["extents"]], Lanes.of(slow), fast, lengths, end)
 
 
-@pytest.mark.slow
+@pytest.mark.slow(minutes=0.5)
 def test_flights_arrive_where_they_should() -> None:
     """Against the Runge-Kutta method: interpolation over a step errs by STEP^2 z'' / 2, z'' < 66 s < 14, so 2e-6.
 
     Derivatives are held against central differences over 1e-3, in which the interpolation's 2e-6 is 4e-3.
     """
-    place = (float(OMEGA_H + Fraction(1, 250)), 0.01, 0.0)
-    time, z = arrival(*place)
-    landed = flights([arb(place[0])], [arb(place[1])], arb(0), [time])
+    omega, slow = float(OMEGA_H) + 0.004, 0.01
+    time, z = arrival(omega, slow, 0.0)
+    landed = flights([arb(omega)], [arb(slow)], arb(0), [time])
     for row, value in zip(landed, (z[0], z[2], time), strict=False):
         assert abs(float(row[0].mid()) - value) < 4e-6 + float(row[0].rad())
         assert float(row[0].rad()) < 1e-5
     for k, (by_slow, by_fast, by_omega) in enumerate(np.eye(3), 1):
-        ends = [arrival(place[0] + h * by_omega, place[1] + h * by_slow, h * by_fast) for h in (-5e-4, 5e-4)]
+        ends = [arrival(omega + h * by_omega, slow + h * by_slow, h * by_fast) for h in (-5e-4, 5e-4)]
         (before, low), (after, high) = ends
         changes = [*((high - low)[[0, 2]] / 1e-3), (after - before) / 1e-3]
         for row, slope in zip(landed, changes, strict=False):
             assert abs(float(row[k].mid()) - slope) < 8e-3 + float(row[k].rad())
 
 
-@pytest.mark.slow
-def test_cells_of_flights_hold_single_ones() -> None:
-    """Two cells side by side, and single flights from their corners."""
-    omega, slow, fast = float(OMEGA_H) + 0.003, (0.02, 0.05), 0.005
-    times = [arrival(omega, x, 0.0)[0] for x in slow]
-    cells = flights([arb(omega, 1e-3)] * 2, [arb(x, 2e-3) for x in slow], arb(0, fast), times)
-    corners = [(omega + a * 1e-3, slow[k] + b * 2e-3, c * fast)
-               for k, a, b, c in ((0, 1, 1, 1), (0, -1, 1, -1), (1, 1, -1, 0.5))]  # fmt: skip
-    for corner in corners:
-        time, z = arrival(*corner)
-        for row, value in zip(cells, (z[0], z[2], time), strict=False):
-            assert row[0].overlaps(arb(value, 4e-6))
-    single = flights(
-        [arb(c[0]) for c in corners], [arb(c[1]) for c in corners], arb(0), [arrival(*c)[0] for c in corners]
-    )
-    assert all(a.overlaps(b) for a, b in zip(cells[3], single[3], strict=True))
-
-
-@pytest.mark.slow
-def test_flights_of_other_lengths_are_refused() -> None:
-    """A last step before the arrival, or after it; steps backwards or too long; the lane at fault is told."""
-    speed, slow = [arb(float(OMEGA_H))] * 2, [arb(0.01)] * 2
+@pytest.mark.slow(minutes=1)
+@pytest.mark.parametrize(("end", "line"), [(199, "in its last step|passes"), (204, "on its way")])
+def test_flights_that_end_before_the_arrival_or_after_it_are_refused(end: int, line: str) -> None:
     time = arrival(float(OMEGA_H), 0.01, 0.0)[0]
-    for end, line in ((199, "in its last step|passes"), (204, "on its way")):
-        with pytest.raises(Unproved, match=line):
-            flights(speed, slow, arb(0), [time] * 2, end=end)
-    for times in ([time, -time], [time, 10 * time], [time, math.nan]):
-        with pytest.raises(Unproved, match="flight 2: the states and derivatives"):
-            flights(speed, slow, arb(0), times)
+    with pytest.raises(Unproved, match=line):
+        flights([arb(float(OMEGA_H))], [arb(0.01)], arb(0), [time], end=end)
+
+
+@pytest.mark.parametrize("share", [-1, 10, math.nan])
+def test_steps_backwards_or_too_long_are_refused_with_their_lane(share: float) -> None:
+    time = arrival(float(OMEGA_H), 0.01, 0.0)[0]
+    with pytest.raises(Unproved, match="flight 2: the states and derivatives"):
+        flights([arb(float(OMEGA_H))] * 2, [arb(0.01)] * 2, arb(0), [time, share * time])
 
 
 @pytest.mark.parametrize(

@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+import math
 import random
+from collections.abc import Callable
 from fractions import Fraction
+from typing import Any
 
 import pytest
 
 from tippedisk_verify.model.equations import field, jacobian, shifted, terms
 from tippedisk_verify.model.parameters import PRINTED, SYMBOLS, Parameters
-from tippedisk_verify.proofs.kernel.balls import BallOps, Unproved, arb, ball_constants, working_precision
-from tippedisk_verify.proofs.kernel.field import Constants, constants, one_sided, sliding_motion
+from tippedisk_verify.proofs.kernel import jets
+from tippedisk_verify.proofs.kernel.balls import BallOps, Unproved, arb, ball, ball_constants, inside, working_precision
+from tippedisk_verify.proofs.kernel.field import constants, one_sided, sliding_motion
 from tippedisk_verify.proofs.kernel.field import field as kernel_field
 from tippedisk_verify.proofs.kernel.flow import Model
+from tippedisk_verify.proofs.kernel.series import Graph, System
+from tippedisk_verify.proofs.numbers import measured
 
 LAWS = (("linear", "linear", None), ("smooth", "smooth", None), (1, "smooth", 1), (-1, "smooth", -1))
 DISK = {name: str(getattr(PRINTED, name)) for name in SYMBOLS}
@@ -42,10 +48,17 @@ def test_rates_and_derivatives_at_random_points_of_random_disks() -> None:
                     continue
                 unit = [arb(int(row == column)) for column in range(4) for row in range(3)]
                 model = Model(mine, speed, one_sided(law) if side else None)
-                columns = [part[1] for part in model.variational.coefficients([*state, *unit], 1)[3:12]]
+                columns = [part[1] for part in model.variational.coefficients([*state, *unit], 1)[3:]]
                 rows = jacobian(shifted(BallOps), theirs, speed, friction, side)(*state)
                 assert all(same(columns[3 * k + row], arb(rows[row][k])) for row in range(3) for k in range(3)), law
-            velocity, _ = sliding_motion(BallOps, mine, speed, state)
+                if law == "linear":  # a quadratic polynomial in Omega: central differences are exact
+                    ahead, behind = (kernel_field(BallOps, mine, speed + h, law)(*state) for h in (1, -1))
+                    assert all(a.overlaps((b - c) / 2) for a, b, c in zip(columns[9:], ahead, behind, strict=True))
+            rates, step = kernel_field(BallOps, mine, speed, 1)(*state), arb(2) ** -80
+            velocity, change = sliding_motion(BallOps, mine, speed, state, rates[2])
+            ahead = [part + step * rate for part, rate in zip(state, rates, strict=True)]
+            quotient = (sliding_motion(BallOps, mine, speed, ahead)[0] - velocity) / step
+            assert abs(quotient - change) < arb(2) ** -40  # step times a second derivative
             assert same(velocity, terms(shifted(BallOps), theirs, speed, *state).sliding_velocity)
 
 
@@ -67,7 +80,133 @@ def test_what_is_no_disk_is_refused(name: str, value: str) -> None:
         constants({**DISK, name: value})
 
 
-def test_constants_are_the_parameters_own() -> None:
-    with working_precision(100):
-        found, exact = constants(DISK), ball_constants(PRINTED)
-        assert all(same(getattr(found, name), getattr(exact, name)) for name in Constants._fields)
+# ---------------------------------------------------------------------------------------------------------- recurrences
+ORDER = 12
+
+
+def solve(rates, start):
+    """Coefficients for x' = rates(graph, *x), in the arithmetic of the start."""
+    graph = Graph()
+    variables = [graph.variable() for _ in start]
+    system = System(graph, variables, [graph.number(rate) for rate in rates(graph, *variables)])
+    return system.coefficients(start, ORDER)
+
+
+def factorial_inverse(n: int) -> Fraction:
+    return Fraction(1, math.factorial(n))
+
+
+# Exact rational coefficients: the recurrences run on Fractions as well as on balls.
+EXACT = {
+    "growth": (lambda g, x: [x], [1], lambda n: factorial_inverse(n)),
+    "pole": (lambda g, x: [x * x], [1], lambda n: Fraction(1)),
+    "pole of a cube": (lambda g, x: [x * (x * x)], [1], lambda n: Fraction(math.comb(2 * n, n), 2**n)),
+    "root": (lambda g, x: [1 / (2 * x)], [1], lambda n: _binomial(Fraction(1, 2), n)),
+    "quotient": (lambda g, x, t: [-x / (1 + t), 1 + 0 * t], [1, 0], lambda n: Fraction((-1) ** n)),
+    "difference": (lambda g, x: [3 - x - 1], [0], lambda n: -2 * (-1) ** n * factorial_inverse(n) if n else 0),
+    "falling": (lambda g, x: [-x], [1], lambda n: (-1) ** n * factorial_inverse(n)),
+    "straight": (lambda g, x: [g.number(Fraction(2))], [5], lambda n: [5, 2][n] if n < 2 else 0),
+}
+
+
+def _binomial(power: Fraction, n: int) -> Fraction:
+    result = Fraction(1)
+    for k in range(n):
+        result = result * (power - k) / (k + 1)
+    return result
+
+
+@pytest.mark.parametrize("name", EXACT)
+def test_closed_forms(name) -> None:
+    rates, start, coefficient = EXACT[name]
+    exact = [coefficient(n) for n in range(ORDER + 1)]
+    assert solve(rates, [Fraction(value) for value in start])[0] == exact
+    if name == "straight":
+        rates = lambda g, x: [g.number(ball(2))]  # noqa: E731
+    with working_precision(80):
+        found = solve(rates, [ball(value) for value in start])[0]
+    assert all(measured(value).holds(true) for value, true in zip(found, exact, strict=True))
+
+
+def test_sine_and_cosine() -> None:
+    """x' = 1: sin(x) is rated by y' = cos(x), so y = sin(t) from 0; and cos(2 t) through an inner function."""
+    with working_precision(90):
+        _, y, z = solve(lambda g, x, y, z: [g.number(1), g.cos(x), -2 * g.sin(2 * x)], [ball(0), ball(0), ball(1)])
+    for n in range(ORDER + 1):
+        sine = Fraction(0) if n % 2 == 0 else (-1) ** (n // 2) * factorial_inverse(n)
+        cosine = Fraction(0) if n % 2 else (-1) ** (n // 2) * 2**n * factorial_inverse(n)
+        assert measured(y[n]).holds(sine)
+        assert measured(z[n]).holds(cosine)
+
+
+def test_a_variable_without_a_rate_is_refused() -> None:
+    """Its coefficients would be those that another system left behind."""
+    graph = Graph()
+    x, y = graph.variable(), graph.variable()
+    with pytest.raises(ValueError, match="variable"):
+        System(graph, [x], [x * y])
+
+
+# ------------------------------------------------------------------------------------- polynomials with balls left over
+OPERATIONS: dict[str, Callable[[Any, Any], Any]] = {
+    "sum": lambda a, b: a + b,
+    "difference": lambda a, b: 1 - a - b,
+    "product": lambda a, b: a * b,
+    "square": lambda a, b: a * a,
+    "quotient": lambda a, b: a / b,
+    "reciprocal": lambda a, b: 1 / b,
+    "sine": lambda a, b: a.sin(),
+    "cosine": lambda a, b: a.cos(),
+    "several": lambda a, b: (a * b - 2 * a).sin() / b,
+}
+
+
+def convolved(a: Any, b: Any) -> Any:
+    """a b + 2 a a, as the third coefficient of a product of series."""
+    left, right = a.series(), b.series()
+    for part in (a, a, b):
+        left.append(part)
+    for part in (a, a, b):
+        right.append(part)
+    return left.convolution(right)
+
+
+def drawn(rng: random.Random, degree: int, middle: Fraction) -> tuple[list[tuple[Fraction, Fraction]], list[Fraction]]:
+    """Coefficients as midpoints and radii, and a choice of points from them, often the balls' ends."""
+    coefficients = []
+    for k in range(degree + 1):
+        mid = (middle if not k else 0) + Fraction(rng.randint(-300, 300), 1000 * 3**k)
+        coefficients.append((mid, Fraction(rng.choice([0, 0, 1, 20]), 1000 * 4**k)))
+    return coefficients, [mid + rng.choice([-1, 1, Fraction(1, 3)]) * rad for mid, rad in coefficients]
+
+
+def at(points: list[Fraction], s: Fraction) -> Any:
+    return ball(sum(part * s**k for k, part in enumerate(points)))
+
+
+def test_exact_results_lie_inside() -> None:
+    """Random jets and points of them: each operation's exact result lies in the jet's value at s, and in its range."""
+    rng = random.Random(7)
+    for _ in range(300):
+        degree, s = (
+            rng.choice([0, 1, 2, 2, 3, 5]),
+            rng.choice([Fraction(-1), Fraction(1), Fraction(rng.randint(-9, 9), 10)]),
+        )
+        (first, x), (second, y) = drawn(rng, degree, Fraction(1, 2)), drawn(rng, degree, Fraction(2))
+        with working_precision(64):
+            jet_a, jet_b = (jets.Jet([ball(mid) + arb(0, ball(rad)) for mid, rad in part]) for part in (first, second))
+            results = {name: operation(jet_a, jet_b) for name, operation in OPERATIONS.items()}
+            results["convolution"] = convolved(jet_a, jet_b)
+            results["cut"] = jet_a.cut(1) + jet_b
+        with working_precision(300):
+            a, b = at(x, s), at(y, s)
+            exact = {name: operation(a, b) for name, operation in OPERATIONS.items()}
+            exact["convolution"], exact["cut"] = 2 * a * b + a * a, a + b
+        for name, value in results.items():
+            with working_precision(64):
+                shown = [measured(held) for held in (value.at(ball(s)), value.range())]
+            for wide in shown:
+                with working_precision(300):
+                    # Its ends are rational: a ball that is a hair wider than what is claimed.
+                    claimed = ball(wide.value) + arb(0, ball(wide.uncertainty) + arb(2) ** -250)
+                    assert inside(exact[name], claimed), (name, degree, s)

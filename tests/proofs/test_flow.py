@@ -1,4 +1,4 @@
-"""The enclosed flow: exact solutions, the ordinary road, boxes and their points, and how it ends without a proof."""
+"""The enclosed flow: exact solutions, the integrator, boxes and their points, and how it ends without a proof."""
 
 from __future__ import annotations
 
@@ -7,14 +7,15 @@ from fractions import Fraction
 
 import pytest
 
+from tests.proofs import picard
 from tests.proofs.cases import carry
 from tippedisk_verify.flow.contract import Request
-from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
+from tippedisk_verify.model.parameters import PRINTED, SYMBOLS
 from tippedisk_verify.model.precision import bits
-from tippedisk_verify.proofs.kernel.balls import arb, ball, ball_constants, hull, positive, working_precision
+from tippedisk_verify.proofs.kernel.balls import arb, ball, ball_constants, hull, working_precision
 from tippedisk_verify.proofs.kernel.flow import Model, Status
 from tippedisk_verify.proofs.kernel.lanes import Lanes
-from tippedisk_verify.proofs.kernel.step import Step
+from tippedisk_verify.proofs.kernel.sliding import model_of
 from tippedisk_verify.proofs.numbers import measured
 from tippedisk_verify.proofs.search.steps import Steps
 
@@ -45,7 +46,7 @@ def test_a_rotation_and_its_derivatives() -> None:
     with working_precision(100):
         flight = carry(Model(ball_constants(PRINTED), ball("2"), rotation), [1, 0, 1], "1.3", derivatives=True)
         assert flight.status is Status.REACHED
-        time = flight.time
+        time = flight.path.time
     with working_precision(200):
         angle, exact_time = ball("2.6"), ball("1.3")
         sine, cosine, decay = angle.sin(), angle.cos(), (-3 * exact_time).exp()
@@ -66,17 +67,6 @@ def test_a_rotation_and_its_derivatives() -> None:
         assert flight.divergence.contains(-3 * exact_time)
 
 
-@pytest.mark.parametrize("precision", [30, 53, 120])
-def test_no_enclosure_beyond_a_singularity(precision) -> None:
-    with working_precision(precision):
-        law = Model(ball_constants(PRINTED), ball(1), blow_up)
-        before = carry(law, [2, 1, 1], "0.4")
-        assert before.status is Status.REACHED
-        assert before.state[0].contains(10)
-        for duration in ("0.5", "0.6", "5"):
-            assert carry(law, [2, 1, 1], duration).status is not Status.REACHED
-
-
 def test_a_step_beyond_the_singularity_fails_the_inclusion_itself() -> None:
     """x(0) = 2 is infinite at 1/2: no box E can pass there, whatever the step control would have said."""
     lengths, shown = [0.03, 0.5, 0.5625, -0.03], [True, False, False, False]
@@ -89,17 +79,14 @@ def test_a_step_beyond_the_singularity_fails_the_inclusion_itself() -> None:
         assert list(side_by_side.path(start, Steps()).trial((18, 16)).tested(Lanes(lengths)).included) == shown
 
 
-# -------------------------------------------------------------------------------------------------- the ordinary road
-@pytest.mark.parametrize(
-    "parameters", [PRINTED, pytest.param(CALIBRATED, marks=pytest.mark.slow)], ids=lambda p: p.name
-)
-def test_it_holds_the_ordinary_roads_end(taylor, parameters) -> None:
+# --------------------------------------------------------------------------------------------------- the integrator
+def test_it_holds_the_end_that_the_integrator_finds(taylor) -> None:
     """heyoka at 300 bits, whose own error is below 1e-80, against 150 bits of balls; with all derivatives."""
-    request = Request(parameters, OMEGA, START, "0.3", shifted=True, precision=bits(300), domain="none",
+    request = Request(PRINTED, OMEGA, START, "0.3", shifted=True, precision=bits(300), domain="none",
                       variations=("beta", "gamma", "v", "Omega"), divergence=True)  # fmt: skip
     ordinary = taylor(request)
     with working_precision(150):
-        flight = carry(model(parameters), start(), "0.3", derivatives=True)
+        flight = carry(model(), start(), "0.3", derivatives=True)
     assert flight.status is Status.REACHED
     assert flight.upright
     for mine, other in zip(flight.state, ordinary.state, strict=True):
@@ -135,36 +122,15 @@ def test_a_box_holds_its_points_and_its_derivative_their_differences() -> None:
 
 
 def test_the_enclosure_holds_the_orbit_throughout_each_step() -> None:
-    steps: list[Step] = []
     with working_precision(64):
-        flight = carry(model(), start(), "0.1", watch=steps.append)
-        assert sum(step.length for step in steps) >= 0.1
-        assert flight.steps == len(steps)
-        for step in steps:
+        path = model().path(start(), Steps())
+        while path.time < arb(0.1):
+            step = path.step()
+            assert step is not None
             for share in (0, 0.3, 0.7, 1):
                 state = step.at(ball(share * step.length))
                 assert all(whole.contains(part) for whole, part in zip(step.enclosure, state, strict=True))
-
-
-def test_symmetry_and_liouville() -> None:
-    with working_precision(90):
-        flight = carry(model(), start(), "0.2", derivatives=True)
-        mirrored = carry(model(), [-part for part in start()], "0.2")
-        for mine, other in zip(flight.state, mirrored.state, strict=True):
-            assert mine.overlaps(-other)
-        (a, b, c, _), (d, e, f, _), (g, h, i, _) = flight.matrix
-        determinant = a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
-        assert determinant.overlaps(flight.divergence.exp())
-        assert positive(determinant)
-
-
-def test_equilibria_stay_where_they_are() -> None:
-    with working_precision(70):
-        for gamma_bar in (arb(0), arb.pi(), -arb.pi()):
-            flight = carry(model(), [0, gamma_bar, 0], "0.05")
-            assert flight.status is Status.REACHED
-            assert flight.state[1].overlaps(gamma_bar)
-            assert all(part.contains(0) for part in (flight.state[0], flight.state[2]))
+            path.take(step)
 
 
 # ------------------------------------------------------------------------------------------------ ends without a proof
@@ -176,13 +142,39 @@ def test_wide_boxes_and_few_bits_end_with_a_status() -> None:
         for strange in (arb("nan"), arb("inf"), arb(0, "inf")):
             flight = carry(model(), [0, strange, -1], "0.1")
             assert flight.status is Status.NO_ENCLOSURE
-            assert flight.steps == 0
+            assert flight.path.steps == 0
         assert carry(Model(ball_constants(PRINTED), arb("nan")), start(), "0.1").status is Status.NO_ENCLOSURE
     with working_precision(24):
         short = carry(model(), start(), "0.5")
         assert short.status is not Status.REACHED or max(part.rad() for part in short.state) > 1e-6
 
 
-def test_refused_requests() -> None:
-    with working_precision(64), pytest.raises(ValueError, match="three components"):
-        model().path([0, 1], Steps())
+# --------------------------------------------------------------------------------------------------- Picard's iteration
+DISK = {name: getattr(PRINTED, name) for name in SYMBOLS}
+SPEED, H, STEPS, SIZE = "30.4", Fraction(1, 2000), 12, Fraction(1, 10**7)
+
+
+@pytest.mark.parametrize(
+    ("friction", "side"), [("linear", 0), *(pytest.param("smooth", k, marks=pytest.mark.slow) for k in (1, -1))]
+)
+def test_ends_and_derivatives_against_picards_iteration(friction: str, side: int) -> None:
+    """From a point where gamma_y > 0, or from its mirror image, for 6 ms; and from points beside it."""
+    with working_precision(128):
+        model = model_of(PRINTED.with_friction(friction), ball(SPEED))
+        start, reach = [(side or 1) * ball(x) for x in (0.1, 1.6, -1.5)], ball(SIZE)
+        thin = carry(model, start, H * STEPS)
+        wide = carry(model, [part + arb(0, reach.upper()) for part in start], H * STEPS, derivatives=True)
+        assert thin.status is wide.status is Status.REACHED
+        end = picard.flight(DISK, SPEED, start, STEPS, H, side)
+        for mine, true in zip(thin.state, end, strict=True):
+            assert true.rad() < 1e-18
+            assert true.contains(mine.mid())
+            assert mine.rad() < 1e-30
+        for k in range(3):
+            moved = [part + (reach / 2 if row == k else 0) for row, part in enumerate(start)]
+            other = picard.flight(DISK, SPEED, moved, STEPS, H, side)
+            for row in range(3):
+                assert wide.state[row].contains(other[row].mid())
+                slope = (other[row] - end[row]) / (reach / 2)
+                assert slope.rad() < 1e-10
+                assert wide.matrix[row][k].overlaps(slope)

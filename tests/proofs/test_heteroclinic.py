@@ -1,56 +1,44 @@
-"""Omega_h: proofs that must succeed, and those that must not."""
+"""Omega_h and the cycles next to it: proofs that must succeed, and those that must not."""
 
 from __future__ import annotations
 
 import json
-import math
-import pathlib
-import random
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from fractions import Fraction
 from typing import Any
 
-import numpy
 import pytest
 from flint import arb, arb_mat, ctx
 
-from tests.proofs.cases import carry
+from tests.proofs.cases import carry, proved_connection
+from tests.proofs.saddle_orbits import OMEGA_H
 from tippedisk_verify.connection.heteroclinic import heteroclinic
 from tippedisk_verify.errors import InputError, NoConnectionError
-from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
 from tippedisk_verify.proofs.kernel.balls import ball, ball_constants, positive, working_precision
-from tippedisk_verify.proofs.kernel.claims import saddle as saddle_module
 from tippedisk_verify.proofs.kernel.claims.connection import _slowly, connection_shown
 from tippedisk_verify.proofs.kernel.claims.saddle import UNSTABLE, Saddle
-from tippedisk_verify.proofs.kernel.field import field
 from tippedisk_verify.proofs.kernel.flow import Model, Path
 from tippedisk_verify.proofs.kernel.flow import Status as FlowStatus
 from tippedisk_verify.proofs.search import heteroclinic as certified
 from tippedisk_verify.proofs.search.certificate import parameter_texts
+from tippedisk_verify.proofs.search.connection_end import ProvedEnd, prove_end
+from tippedisk_verify.proofs.search.connection_end import Status as EndStatus
 from tippedisk_verify.proofs.search.heteroclinic import ProvedConnection, Status, prove_connection, series_of_curve
 from tippedisk_verify.reference_values.lookup import reference
 
 TRUTH = {name: reference(f"{name}/linear/heteroclinic/point/omega_h").measured() for name in ("printed", "calibrated")}
-DIGITS = 8
-WIDTH = Fraction(1, 10**DIGITS)
+DIGITS = 9  #: of `proved_connection`
 
 
-@pytest.fixture(scope="module")
-def proof() -> ProvedConnection:
-    return prove_connection(PRINTED, TRUTH["printed"].value, DIGITS)
-
-
-@pytest.mark.slow
-def test_the_proof_holds_the_ordinary_roads_value(proof: ProvedConnection) -> None:
-    assert proof.proved
-    assert proof.unique
-    assert proof.upright
+def test_the_proof_holds_the_reference_values() -> None:
+    proof = proved_connection()
+    assert (proof.proved, proof.unique, proof.upright) == (True, True, True)
     assert proof.omega_h is not None
-    assert 2 * proof.omega_h.uncertainty <= WIDTH
+    assert 2 * proof.omega_h.uncertainty <= Fraction(1, 10**DIGITS)
     assert proof.omega_h.holds(TRUTH["printed"].value)
     assert "there is exactly one Omega with" in proof.statement
     assert proof.saddle_value is not None
@@ -58,25 +46,20 @@ def test_the_proof_holds_the_ordinary_roads_value(proof: ProvedConnection) -> No
     for mine, theirs in zip(proof.saddle_eigenvalues, ("u", "s", "ss"), strict=True):
         entry = reference(f"printed/linear/heteroclinic/point/lambda_{theirs}").measured()
         assert abs(mine.value - entry.value) <= mine.uncertainty + entry.uncertainty
-
-
-def test_json_is_plain(proof: ProvedConnection) -> None:
-    result = json.loads(json.dumps(proof.to_dict()))
-    assert result["proved"] is True
     # The interval printed is the interval of the statement, to the last digit.
-    assert proof.omega_h is not None
+    result = json.loads(json.dumps(proof.to_dict()))
     assert Fraction(result["omega_h"]["value"]) == proof.omega_h.value
     assert Fraction(result["omega_h"]["uncertainty"]) == proof.omega_h.uncertainty
 
 
-def test_what_follows_of_limit_cycles_names_its_space(proof: ProvedConnection) -> None:
+def test_what_follows_of_limit_cycles_names_its_space() -> None:
     """With gamma a real number, and only with all hypotheses."""
+    proof = proved_connection()
     said = proof.limit_cycle
     assert said is not None
     assert said in proof.to_dict().values()
     assert "gamma in R (not modulo 2 pi)" in said
     assert "exactly one periodic orbit above Omega_h and none below it or at it" in said
-    assert "asymptotically stable" in said
     unstable, slow, fast = proof.saddle_eigenvalues
     repelling = (Measured(-slow.value, slow.uncertainty), slow, fast)  # lambda_u + lambda_s = 0, to within its width
     for changed in (
@@ -87,28 +70,6 @@ def test_what_follows_of_limit_cycles_names_its_space(proof: ProvedConnection) -
         {"status": Status.SIDES},
     ):
         assert replace(proof, **changed).limit_cycle is None
-    docs = pathlib.Path(__file__).parents[2] / "docs"
-    pages = [path.read_text(encoding="utf-8") for path in docs.glob("certified*.md")]
-    (theorem,) = (page[page.index("**Theorem 7") :] for page in pages if "**Theorem 7" in page)
-    for word in ("Let gamma be a real number", "figure of eight", "simple zero", "leading direction", "Shilnikov"):
-        assert word in theorem
-    # Nowhere is it said without its space.
-    assert "".join(pages).count("Shilnikov") == theorem.count("Shilnikov")
-
-
-@pytest.mark.parametrize("below", ["0.00007", "0.009"])
-def test_on_the_cylinder_there_is_another_limit_cycle(taylor: Taylor, below: str) -> None:
-    """Below Omega_h, where with gamma in R there is none near the connections: gamma grows by 2 pi a period."""
-    omega = round(TRUTH["printed"].value, 8) - Fraction(below)
-    times = numpy.linspace(0, 20, 20_001)
-    start = (Fraction("0.0376"), Fraction("-2.9713"), Fraction("0.2482"))  # on the unstable branch, next to the saddle
-    run = taylor(Request(PRINTED, omega, start, 20, shifted=True, times=times))
-    beta, gamma, _ = run.samples.T
-    turns = numpy.searchsorted(gamma, 2 * math.pi * numpy.arange(4, 8))
-    assert beta.min() > 0  # gamma only grows
-    crossed = beta[turns]
-    # Each is up to 1 ms late, in which beta changes by 5e-4; the orbit itself has converged to less after three turns.
-    assert abs(numpy.diff(crossed)).max() < 1e-3
 
 
 def test_an_orbit_that_comes_in_along_the_fast_direction_is_told() -> None:
@@ -157,57 +118,14 @@ def test_arrivals_move_with_the_speed_as_enclosed() -> None:
 
 
 @pytest.mark.parametrize("side", [-1, pytest.param(1, marks=pytest.mark.slow)])
-def test_an_interval_beside_the_truth_is_not_proved(monkeypatch, proof: ProvedConnection, side: int) -> None:
+def test_an_interval_beside_the_truth_is_not_proved(monkeypatch, side: int) -> None:
     """The interval ends a fiftieth of its length short of Omega_h: as near as that, and still no proof."""
     monkeypatch.setattr(certified, "_MOST_PASSES", 1)
-    assert proof.omega_h is not None
-    half = proof.omega_h.uncertainty
+    half = proved_connection().omega_h.uncertainty
     found = prove_connection(PRINTED, TRUTH["printed"].value + side * half * Fraction(104, 100), DIGITS)
     assert found.status is Status.SIDES
     assert "nothing is proved" in found.statement
-    assert found.omega_h is None
-    assert not found.proved
-
-
-@pytest.mark.slow
-def test_a_speed_without_a_connection_is_said_to_be_none() -> None:
-    for omega in ("29.9", "30.2"):
-        found = prove_connection(PRINTED, Fraction(omega), 4)
-        assert found.status is Status.NOT_NEAR
-        assert not found.unique
-
-
-def test_too_few_bits_end_without_a_proof(monkeypatch) -> None:
-    monkeypatch.setattr(certified, "_MOST_PASSES", 1)
-    monkeypatch.setattr(certified, "_GUARD_BITS", 4)
-    found = prove_connection(PRINTED, TRUTH["printed"].value, DIGITS)
-    assert found.status is not Status.PROVED
-
-
-@pytest.mark.slow
-def test_perturbed_equations_are_not_proved_about_the_true_speed(monkeypatch) -> None:
-    """The field of a disk whose friction is a millionth stronger, at the saddles and on the flight."""
-    changed = PRINTED.changed(mu=PRINTED.mu * (1 + Fraction(1, 10**6)))
-    monkeypatch.setattr(certified, "_MOST_PASSES", 1)
-    assert not prove_connection(changed, TRUTH["printed"].value, DIGITS).proved
-
-
-@pytest.mark.slow
-def test_other_equations_at_the_saddles_than_on_the_flight_are_not_proved(monkeypatch) -> None:
-    """The local manifolds of a system whose v' is a thousandth larger: their defects know nothing, the sides do."""
-
-    def stronger(*arguments: Any) -> Callable[..., tuple[Any, Any, Any]]:
-        usual = field(*arguments)
-
-        def rates(*state: Any) -> tuple[Any, Any, Any]:
-            beta, gamma, v = usual(*state)
-            return beta, gamma, v * 1.0009765625  # exact in binary
-
-        return rates
-
-    monkeypatch.setattr(saddle_module, "field", stronger)
-    monkeypatch.setattr(certified, "_MOST_PASSES", 1)
-    assert not prove_connection(PRINTED, TRUTH["printed"].value, DIGITS).proved
+    assert (found.omega_h, found.proved) == (None, False)
 
 
 def test_bad_input_and_no_saddle() -> None:
@@ -220,38 +138,41 @@ def test_bad_input_and_no_saddle() -> None:
     assert (ctx.prec, ctx.cap) == before
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("parameters", [PRINTED, CALIBRATED], ids=lambda p: p.name)
-@pytest.mark.parametrize("digits", [30, 50])
-def test_many_digits(parameters, digits: int) -> None:
-    truth = TRUTH[parameters.name]
-    found = prove_connection(parameters, truth.value, digits)
-    assert found.proved
-    assert found.unique
-    assert found.omega_h is not None
-    assert 2 * found.omega_h.uncertainty <= Fraction(1, 10**digits)
-    assert found.omega_h.holds(truth.value)
+# ------------------------------------------------------------------------------------------------ the cycles next to it
+def test_what_is_refused_of_the_cycles_next_to_it() -> None:
+    assert prove_end(ProvedConnection(Status.FLOW)).status is EndStatus.NO_CONNECTION
+    assert prove_end(ProvedConnection(Status.NO_SADDLE)).to_dict()["proved"] is False
+    with pytest.raises(InputError, match="linear friction law"):
+        prove_end(replace(proved_connection(), parameters=PRINTED.with_friction("smooth")))
+    for reach in ("0", "-1", "pi", "2", "soon"):
+        with pytest.raises(InputError):
+            prove_end(proved_connection(), reach)
+    with pytest.raises(InputError, match="between the ends"):
+        prove_end(proved_connection(), "1e-5", "1e-5")
+    with pytest.raises(InputError, match="born below"):
+        prove_end(proved_connection(), "0.9")
 
 
-@pytest.mark.slow
-def test_random_disks(taylor: Taylor) -> None:
-    """Random disks: proved about the ordinary road's Omega_h, and about no speed that is not it."""
-    rng, proved = random.Random(3), 0
-    for _ in range(10):
-        ratio = Fraction(round(rng.uniform(0.88, 0.95), 4)).limit_denominator(10**4)
-        values = {
-            name: getattr(PRINTED, name) * Fraction(round(rng.uniform(0.9, 1.1), 4)).limit_denominator(10**4)
-            for name in ("r", "e", "m", "A", "g", "mu", "epsilon")
-        }
-        disk = PRINTED.changed(**values, B=values["A"] * ratio, C=None)
-        try:
-            truth = heteroclinic(disk, taylor, digits=12).omega_h
-        except NoConnectionError:
-            continue
-        found = prove_connection(disk, truth.value, DIGITS)
-        assert found.status is Status.PROVED
-        proved += 1
-        half = found.omega_h.uncertainty
-        offset = half * Fraction(round(10 ** rng.uniform(0.01, 4), 3)).limit_denominator(1000) * rng.choice((-1, 1))
-        assert not prove_connection(disk, truth.value + offset, DIGITS).proved
-    assert proved >= 5
+def test_what_is_said_of_the_cycles_next_to_it() -> None:
+    """As if it were proved: the reference data's cycles are the statement's as far as Omega_h is known."""
+    lengths = map(Fraction, ("30.0479", "30.0569", "0.14", "0.268"))
+    end = ProvedEnd(EndStatus.PROVED, proved_connection(), *lengths)
+    for part in (PRINTED.definition(), "linear", "30.0569", "3 pi/2 - 0.14", "-0.268"):
+        assert part in end.statement
+    assert json.loads(json.dumps(end.to_dict()))["to"] == "30.0569"
+    for k in (3, 5, 8, 12):
+        name = f"printed/linear/near-heteroclinic/het+1e-{k}"
+        omega = OMEGA_H + Fraction(1, 10**k)
+        with working_precision(64):
+            speed, *cycle = map(
+                ball, (omega, *(reference(f"{name}/{x}").measured().value for x in ("gamma_bar_0", "v_0")))
+            )
+            assert end.meets(speed, *cycle) == (k < 9)  # Omega_h is known to 1e-9 here
+            assert not replace(end, status=EndStatus.FLIGHT).meets(speed, *cycle)
+
+
+@pytest.mark.slow(minutes=0.5)
+def test_the_end_of_another_disk_is_proved(taylor: Taylor) -> None:
+    omega_h = heteroclinic(CALIBRATED, taylor, digits=14).omega_h.value
+    end = prove_end(prove_connection(CALIBRATED, omega_h, 9))
+    assert end.proved, end.statement
