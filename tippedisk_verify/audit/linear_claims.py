@@ -57,7 +57,8 @@ def _joint(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
     pairs = zip(printed.split(", "), _CLOSED_FORMS, strict=True)
     missed = [text for text, claim in pairs if not rounds_to(closed_form(claim)(audit, name), text)]
     inside = all(low <= getattr(audit.sets[name], part) <= high for part, (low, high) in table_box().items())
-    return f"{'inside' if inside else 'outside'} the rounding, misses {', '.join(missed) or 'none'}", inside and not missed
+    where = "inside" if inside else "outside"
+    return f"{where} the rounding, misses {', '.join(missed) or 'none'}", inside and not missed
 
 
 _EIGHT_SPEEDS = "exact Routh-Hurwitz in rational arithmetic at eight speeds on each side, the nearest 0.4 % away"
