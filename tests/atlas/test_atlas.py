@@ -158,7 +158,7 @@ def test_the_command_writes_what_it_prints(tmp_path: Path, capsys) -> None:
     assert len(rows) == 16
 
 
-@pytest.mark.slow(minutes=2)
+@pytest.mark.slow(minutes=0.6)
 def test_every_point_holds_thirty_digits(taylor: Taylor) -> None:
     plane = Plane(PRINTED, "A", Fraction("0.2271e-3"), Fraction("0.26e-3"))
     found = atlas(plane, points=8)

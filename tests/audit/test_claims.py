@@ -55,7 +55,7 @@ WRONG = {
 }
 
 
-@pytest.mark.parametrize("groups", [slice(2), pytest.param(slice(2, None), marks=pytest.mark.slow(minutes=3))])
+@pytest.mark.parametrize("groups", [slice(2), pytest.param(slice(2, None), marks=pytest.mark.slow)])
 def test_all_claims_on_the_named_sets(taylor, groups) -> None:
     audit = Audit(PRINTED, taylor)
     chosen = [claim for claims in list(GROUPS.values())[groups] for claim in claims]

@@ -103,7 +103,7 @@ _FUZZERS: dict[str, Callable[[Path, int], Iterator[Ran]]] = {
 }
 
 
-@pytest.mark.parametrize("draws", [8, pytest.param(200, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("draws", [8, pytest.param(200, marks=pytest.mark.slow(minutes=0.5))])
 @pytest.mark.parametrize("what", _FUZZERS)
 def test_damaged_files(what: str, draws: int, tmp_path: Path) -> None:
     for done in _FUZZERS[what](tmp_path, draws):

@@ -21,6 +21,7 @@ _LIBRARY = ctypes.CDLL(None)
 pytestmark = pytest.mark.skipif(not hasattr(_LIBRARY, "mallinfo2"), reason="needs glibc to count its memory")
 
 _SAMPLES = tuple(f"0.{n:03d}" for n in range(2, 21, 2))
+_ORBITS = 50  # of a batch
 _ASKED = {
     "samples and derivatives": {"times": _SAMPLES, "variations": ("beta", "gamma", "v", "Omega"), "divergence": True},
     "continuous output": {"dense": True},
@@ -40,7 +41,7 @@ def _taken() -> int:
     return int(found[4] + found[7])
 
 
-@pytest.mark.slow
+@pytest.mark.slow(minutes=0.5)
 @pytest.mark.parametrize("asked", _ASKED)
 def test_orbits_take_no_more(asked: str) -> None:
     engine = Taylor()
@@ -53,7 +54,7 @@ def test_orbits_take_no_more(asked: str) -> None:
     batches = []
     for _ in range(4):  # what is lost in every run shows in each batch; pools settle in the first
         before = _taken()
-        for _ in range(200):
+        for _ in range(_ORBITS):
             run()
         batches.append(_taken() - before)
-    assert min(batches) <= 4 * 200  # less than the smallest block there is, an orbit
+    assert min(batches) <= 4 * _ORBITS  # less than the smallest block there is, an orbit

@@ -20,7 +20,7 @@ from tippedisk_verify.stress.battery import CASES, cases_named
 from tippedisk_verify.stress.case import Case, Found, Outcome, flown, refused
 
 
-@pytest.mark.slow
+@pytest.mark.slow(minutes=2.5)
 def test_the_whole_battery(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["stress", "--json"]) == 0
     result = json.loads(capsys.readouterr().out)
