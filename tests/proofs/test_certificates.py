@@ -264,7 +264,7 @@ def test_some_tampered_certificates_are_rejected(remembered) -> None:
     assert len(changes) > 100
 
 
-@pytest.mark.slow(minutes=2)
+@pytest.mark.slow(minutes=1)
 @pytest.mark.parametrize("kind", PROOFS)
 def test_certificates_of_every_kind_are_accepted_and_all_tampered_ones_rejected(kind: str, remembered) -> None:
     content, statement = written(kind)

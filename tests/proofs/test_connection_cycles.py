@@ -39,9 +39,13 @@ ENTRY: dict[str, Any] = {
 
 
 # --------------------------------------------------------------------------------------------------------- the flights
+EXTENTS = 1, 1, 0.3  #: larger than those of a proof, so that flights are short
+STEPS = 112
+
+
 def arrival(omega: float, slow: float, fast: float) -> tuple[float, np.ndarray]:
     """Time and z where z_s = -s about the second saddle, in floating point, from z about the first."""
-    u, s, _ = GIVEN["extents"]
+    u, s, _ = EXTENTS
     orbits = Orbits(PRINTED, DIRECTIONS, omega)
     away = orbits.to_z @ np.array([0, 2 * math.pi, 0])
     time, z, _ = orbits.fly(np.array([u, slow, fast]) - away, (0, 0, 0), lambda z: z[1] > -s)
@@ -50,35 +54,34 @@ def arrival(omega: float, slow: float, fast: float) -> tuple[float, np.ndarray]:
 
 
 def flights(
-    omega: Sequence[Any], slow: Sequence[Any], fast: Any, time: Any, count: int = 201, end: int = 201
+    omega: Sequence[Any], slow: Sequence[Any], fast: Any, time: Any, count: int = STEPS, end: int = STEPS
 ) -> list[list[Any]]:
     saddle = Saddle(DISK, "linear", Lanes.of(omega), DIRECTIONS)
     lengths = np.asarray(time) / (count - 0.5)
-    return flown(saddle, [arb(x) for x in GIVEN["extents"]], Lanes.of(slow), fast, lengths, end)
+    return flown(saddle, [arb(x) for x in EXTENTS], Lanes.of(slow), fast, lengths, end)
 
 
-@pytest.mark.slow(minutes=0.5)
 def test_flights_arrive_where_they_should() -> None:
-    """Against the Runge-Kutta method: interpolation over a step errs by STEP^2 z'' / 2, z'' < 66 s < 14, so 2e-6.
+    """Against the Runge-Kutta method: interpolation over a step errs by STEP^2 z'' / 2, z'' < 66 s, so 8e-6.
 
-    Derivatives are held against central differences over 1e-3, in which the interpolation's 2e-6 is 4e-3.
+    Derivatives are held against central differences over 1e-3, in which the interpolation's 8e-6 is 16e-3.
     """
     omega, slow = float(OMEGA_H) + 0.004, 0.01
     time, z = arrival(omega, slow, 0.0)
     landed = flights([arb(omega)], [arb(slow)], arb(0), [time])
     for row, value in zip(landed, (z[0], z[2], time), strict=False):
-        assert abs(float(row[0].mid()) - value) < 4e-6 + float(row[0].rad())
+        assert abs(float(row[0].mid()) - value) < 8e-6 + float(row[0].rad())
         assert float(row[0].rad()) < 1e-5
     for k, (by_slow, by_fast, by_omega) in enumerate(np.eye(3), 1):
         ends = [arrival(omega + h * by_omega, slow + h * by_slow, h * by_fast) for h in (-5e-4, 5e-4)]
         (before, low), (after, high) = ends
         changes = [*((high - low)[[0, 2]] / 1e-3), (after - before) / 1e-3]
         for row, slope in zip(landed, changes, strict=False):
-            assert abs(float(row[k].mid()) - slope) < 8e-3 + float(row[k].rad())
+            assert abs(float(row[k].mid()) - slope) < 16e-3 + float(row[k].rad())
 
 
-@pytest.mark.slow(minutes=1)
-@pytest.mark.parametrize(("end", "line"), [(199, "in its last step|passes"), (204, "on its way")])
+@pytest.mark.slow
+@pytest.mark.parametrize(("end", "line"), [(STEPS - 2, "in its last step|passes"), (STEPS + 3, "on its way")])
 def test_flights_that_end_before_the_arrival_or_after_it_are_refused(end: int, line: str) -> None:
     time = arrival(float(OMEGA_H), 0.01, 0.0)[0]
     with pytest.raises(Unproved, match=line):

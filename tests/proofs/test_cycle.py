@@ -85,7 +85,7 @@ def test_rotating_cycles_of_other_methods_lie_in_the_proved_intervals(taylor, ca
     assert (found["proved"], found["stable"]) == (True, stable)
     assert ("unstable" in found["statement"]) is not stable
     ordinary = rotating_cycle(PRINTED, omega, taylor, stable=stable)
-    spectral = spectral_rotation(PRINTED, omega, stable=stable, digits=14)
+    spectral = spectral_rotation(PRINTED, omega, stable=stable, digits=14) if stable else ordinary
     for name in names(TURN):
         mine = Measured.of(found[name]["value"], found[name]["uncertainty"])
         theirs = [getattr(ordinary, name), getattr(spectral, name, None)]

@@ -199,7 +199,7 @@ IN_THE_ARC: dict[str, tuple[Callable[[Any], Any], str]] = {
 }  # fmt: skip
 
 
-@pytest.mark.slow(minutes=3)
+@pytest.mark.slow(minutes=0.5)
 def test_a_certificate_is_accepted_and_what_is_tampered_with_is_not(quick) -> None:  # noqa: F811
     """Two short arcs of low degree, with one box each: they are written, shown, and spoiled one number at a time."""
     proved = (first(PRINTED), second())

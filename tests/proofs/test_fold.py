@@ -65,7 +65,7 @@ def test_a_largest_speed_is_proved() -> None:
     assert json.loads(json.dumps(found)) == found
 
 
-@pytest.mark.slow(minutes=0.5)
+@pytest.mark.slow(minutes=1)
 def test_librating_folds_are_proved(taylor, subcritical_fold) -> None:
     held(prove_fold(SUBCRITICAL, moved(subcritical_fold, Fraction(0)), digits=30), subcritical_fold, 30)
     fold = fold_to_digits(LibrationFold, POSITIVE, (2.88983290, -0.13685339, 34.44630470), taylor, 50)
