@@ -110,7 +110,7 @@ def test_what_is_made_is_what_is_stored(tmp_path: Path) -> None:
 
 
 def test_threads_and_parts_make_the_same_bytes(tmp_path: Path) -> None:
-    prefixes = (*HOPF, "printed/both/equilibrium/inverted-30.4/")
+    prefixes = (*HOPF, "printed/both/equilibrium/inverted-30.4")
     with ThreadPoolExecutor(8) as pool:
         generate(tmp_path / "threads", prefixes, pool)
     for prefix in reversed(prefixes):
