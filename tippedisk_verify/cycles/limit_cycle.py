@@ -14,6 +14,7 @@ import numpy
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import STATE_VARIATIONS, Engine, Request, Result, raise_unless_usable
+from tippedisk_verify.model.arrays import doubles
 from tippedisk_verify.model.exact import exact, fraction, shown
 from tippedisk_verify.model.measured import DISTANCES, Measured
 from tippedisk_verify.model.parameters import Parameters
@@ -93,7 +94,7 @@ class Cycle(Printable):
         flight = float(self.period) / laps
         lap = numpy.minimum(times // flight, laps - 1)
         dense = self._flown(self.period.value / laps, engine)
-        states = dense(numpy.minimum(times - lap * flight, flight * (1 - 2.0**-52))).astype(float).T
+        states = doubles(dense(numpy.minimum(times - lap * flight, flight * (1 - 2.0**-52)))).T
         if self.symmetric:
             states[:, lap == 1] *= -1
             states[:, -1] = states[:, 0]
@@ -237,8 +238,8 @@ def _monodromy(cycle: Cycle, time: object = 0) -> Monodromy:
         states = _each_moved([fraction(x) for x in origin], [fraction(float(width)) for width in error.state])
         others += [over_a_period(moved, values) for moved in states]
     assert whole.error is not None
-    by_moving = sum(abs(other.derivatives - whole.derivatives).astype(float) for other in others)
-    width = whole.error.variations.astype(float) * (1 + DISTANCES * len(others) / _MOVED)
+    by_moving = sum(doubles(abs(other.derivatives - whole.derivatives)) for other in others)
+    width = doubles(whole.error.variations) * (1 + DISTANCES * len(others) / _MOVED)
     return Monodromy(cycle, time, whole.derivatives, width + by_moving * DISTANCES / _MOVED)
 
 

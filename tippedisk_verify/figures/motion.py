@@ -7,6 +7,7 @@ from typing import Any
 import numpy
 
 from tippedisk_verify.figures.style import BLUE, ORANGE, pyplot
+from tippedisk_verify.model.arrays import doubles
 from tippedisk_verify.model.exact import exact
 from tippedisk_verify.motion.solution import Solution
 
@@ -16,7 +17,7 @@ __all__ = ["draw_motion"]
 def draw_motion(solution: Solution) -> Any:
     """beta, gamma and v against t, one below the other; events as dots."""
     times = numpy.linspace(float(solution.t[0]), float(solution.t[-1]), 4001)
-    states = solution(times).astype(float)
+    states = doubles(solution(times))
     figure, axes = pyplot().subplots(3, sharex=True, figsize=(7.5, 5.5), layout="constrained")
     for row, (axis, name) in enumerate(zip(axes, ("β [rad]", "γ [rad]", "dβ/dt [rad/s]"), strict=True)):
         axis.plot(times, states[row], color=BLUE)

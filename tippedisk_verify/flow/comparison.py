@@ -17,6 +17,7 @@ from typing import Any
 import numpy
 
 from tippedisk_verify.flow.contract import Engine, ErrorEstimate, Request, Result, Status
+from tippedisk_verify.model.arrays import doubles
 from tippedisk_verify.model.equations import field, shifted
 from tippedisk_verify.model.measured import DISTANCES
 from tippedisk_verify.model.precision import DOUBLE, Precision, companion
@@ -67,7 +68,7 @@ def _half_widths(precision: Precision, wider: Precision, result: Result, check: 
     def widths(values: Any, truths: Any) -> Any:
         exact = wider.array(values.ravel().tolist()).reshape(values.shape)
         bound = abs(exact - truths) * DISTANCES + abs(exact) * ulp
-        return bound.astype(float) if precision.kind == "double" else bound
+        return doubles(bound) if precision.kind == "double" else bound
 
     def time_width(mine: Any, theirs: Any) -> float:
         return float(widths(precision.array([mine]), wider.array([theirs]))[0])
@@ -107,8 +108,8 @@ def _parted(one: Result, other: Result) -> bool:
         return False
     for mine, theirs in ((one.state, other.state), (one.samples, other.samples)):
         if mine is not None and len(mine):
-            values = mine.astype(float)
-            distance, size = abs(theirs.astype(float) - values), 1 + abs(values)
+            values = doubles(mine)
+            distance, size = abs(doubles(theirs) - values), 1 + abs(values)
             if (distance[..., :2] > _IN_PROPORTION).any() or (distance[..., 2] > _IN_PROPORTION * size[..., 2]).any():
                 return True
     return False

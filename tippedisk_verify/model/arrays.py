@@ -13,9 +13,16 @@ from tippedisk_verify.model.equations import checked_speed
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE
 
-__all__ = ["Array", "OnArrays"]
+__all__ = ["Array", "OnArrays", "doubles"]
 
 Array = NDArray[numpy.float64]
+
+
+def doubles(values: Any) -> Array:
+    """An array's numbers rounded to doubles. (Of heyoka's MPFR numbers `astype` loses 128 bytes each.)"""
+    if values.dtype != object:
+        return values.astype(float, copy=False)  # type: ignore[no-any-return]
+    return numpy.array([float(value) for value in values.flat]).reshape(values.shape)
 
 
 class OnArrays:
