@@ -17,7 +17,7 @@ from typing import Any
 import numpy
 
 from tippedisk_verify.flow.contract import Engine, ErrorEstimate, Request, Result, Status
-from tippedisk_verify.model.arrays import doubles
+from tippedisk_verify.model.arrays import doubles, half_widths
 from tippedisk_verify.model.equations import field, shifted
 from tippedisk_verify.model.measured import DISTANCES
 from tippedisk_verify.model.precision import DOUBLE, Precision, companion
@@ -71,7 +71,7 @@ def _half_widths(precision: Precision, wider: Precision, result: Result, check: 
         return doubles(bound) if precision.kind == "double" else bound
 
     def time_width(mine: Any, theirs: Any) -> float:
-        return float(widths(precision.array([mine]), wider.array([theirs]))[0])
+        return float(half_widths(widths(precision.array([mine]), wider.array([theirs])))[0])
 
     def of_all(name: str) -> Any:
         values = getattr(result, name)

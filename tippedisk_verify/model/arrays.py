@@ -13,7 +13,7 @@ from tippedisk_verify.model.equations import checked_speed
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE
 
-__all__ = ["Array", "OnArrays", "doubles"]
+__all__ = ["Array", "OnArrays", "doubles", "half_widths"]
 
 Array = NDArray[numpy.float64]
 
@@ -23,6 +23,12 @@ def doubles(values: Any) -> Array:
     if values.dtype != object:
         return values.astype(float, copy=False)  # type: ignore[no-any-return]
     return numpy.array([float(value) for value in values.flat]).reshape(values.shape)
+
+
+def half_widths(values: Any) -> Array:
+    """Half-widths in doubles: the least double stands for what no double is small enough for."""
+    rounded = doubles(values)
+    return numpy.where((rounded == 0) & (values > 0), numpy.nextafter(0.0, 1.0), rounded)
 
 
 class OnArrays:

@@ -146,8 +146,10 @@ class Panel(Printable):
     compiled: tuple[Build, ...]  #: what was built or used for it
 
     def to_dict(self) -> dict[str, object]:
+        relative = self.scene.base == "Omega_h"
         return {
             "omega": self.omega.to_dict(),
+            **({"omega_h": (self.omega - self.scene.offset).to_dict()} if relative else {}),
             "attractor": [orbit.ending.to_dict() for orbit in self.orbits],
             "compiled": [build.to_dict() for build in self.compiled],
         }

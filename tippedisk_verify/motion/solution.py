@@ -26,7 +26,7 @@ from tippedisk_verify.flow.contract import (
     Variation,
 )
 from tippedisk_verify.flow.error_estimate import CORRECTED_DIGITS, PLAIN_DIGITS
-from tippedisk_verify.model.arrays import doubles
+from tippedisk_verify.model.arrays import half_widths
 from tippedisk_verify.model.exact import Exact, exact, shown
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, bits, bits_for_digits, checked_digits
@@ -230,7 +230,7 @@ def _solution(request: Request, result: Result, engine: Engine, start: Exact, en
     error = result.error or ErrorEstimate(state=numpy.full(3, numpy.inf), time=numpy.inf)
 
     def widths(estimated: Any, values: Any) -> Any:
-        return numpy.full(numpy.shape(values), numpy.inf) if estimated is None else doubles(estimated)
+        return numpy.full(numpy.shape(values), numpy.inf) if estimated is None else half_widths(estimated)
 
     def moment(record: EventRecord) -> EventRecord:
         """Its time is counted from the start of the run, and now from time 0."""
@@ -267,7 +267,7 @@ def _solution(request: Request, result: Result, engine: Engine, start: Exact, en
         omega=request.omega,
         t=times,
         y=samples.T,
-        uncertainty=doubles(uncertainty.T),
+        uncertainty=half_widths(uncertainty.T),
         status=result.status,
         end=last,
         events=tuple(map(moment, events)),
