@@ -24,6 +24,7 @@ from tippedisk_verify.model.parameters import CALIBRATED, PRINTED, Parameters
 from tippedisk_verify.proofs.angles import INVERTED, linearization
 from tippedisk_verify.proofs.kernel import field as equations
 from tippedisk_verify.proofs.kernel.balls import Unproved, arb, ball, negative, working_precision
+from tippedisk_verify.proofs.kernel.claims import check
 from tippedisk_verify.proofs.kernel.claims.family import Piece, Status, unique_within
 from tippedisk_verify.proofs.kernel.curves import fly
 from tippedisk_verify.proofs.kernel.flow import Model
@@ -275,9 +276,13 @@ def read_piece(entry: Mapping[str, Any]) -> Piece:
 
 
 @pytest.mark.slow(minutes=20)
-def test_the_whole_of_the_printed_disk(capsys) -> None:
-    """The command's own sentence; cycles of the reference data, and thirty that are proved one by one, are its."""
-    said = json.loads(_run(capsys, "--json", status=0))
+def test_the_whole_of_the_printed_disk(capsys, tmp_path) -> None:
+    """The command's own sentence, also by its certificate; cycles of the reference data, and thirty that are proved one
+    by one, are its.
+    """
+    certificate = tmp_path / "family.json"
+    said = json.loads(_run(capsys, "--json", "--certificate", str(certificate), status=0))
+    assert check(str(certificate)) == said["statement"]
     end = said["ends"]["heteroclinic"]
     assert (said["proved"], said["covered"], said["ends"]["hopf"], end["closed"]) == (True, "1", {"closed": True}, True)
     proved = [read_piece(entry) for entry in said["arcs"]]
