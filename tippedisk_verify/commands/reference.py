@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 import click
 
 from tippedisk_verify.commands.common import Output, command, group, processes
-from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.results import heading
 
 if TYPE_CHECKING:
@@ -111,16 +110,5 @@ def _lines(quantity: Quantity) -> Iterator[str]:
     yield f"  condition     {slopes or 'depends on nothing'}"
 
 
-def _moved(name: str) -> click.Command:
-    """What was a command once says where it is now."""
-
-    def moved(rest: tuple[str, ...]) -> None:
-        raise InputError(f"reference {name} is now 'python reference_data/make', in a checkout of the source")
-
-    rest = click.Argument(["rest"], nargs=-1, type=click.UNPROCESSED)
-    settings = {"ignore_unknown_options": True}
-    return click.Command(name, settings, moved, [rest], hidden=True, add_help_option=False)
-
-
 _SAYS = "Reference values: check them, read them, export them."
-COMMANDS = (group("reference", _SAYS, check, list_, show, export, _moved("generate"), _moved("prove")),)
+COMMANDS = (group("reference", _SAYS, check, list_, show, export),)
