@@ -107,3 +107,10 @@ def test_help_and_version(capsys) -> None:
     assert main(["--version"]) == 0
     assert capsys.readouterr().out.startswith("tippedisk-verify ")
     assert main([]) == 0
+
+
+@pytest.mark.parametrize("former", ["reference generate --out x", "certify branch --box 3e-6", "basin --proved"])
+def test_what_is_gone_says_what_takes_its_place(former: str, capsys) -> None:
+    assert main(former.split()) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert " is now '" in line or " any more: " in line

@@ -8,8 +8,9 @@ from itertools import pairwise
 from pathlib import Path
 
 import pytest
+from matplotlib.figure import Figure
 
-from tippedisk_verify.atlas.branch import family, paper_speeds
+from tippedisk_verify.atlas.branch import Branch, family, paper_speeds
 from tippedisk_verify.atlas.cycles_at_speed import cycle_at
 from tippedisk_verify.atlas.locator import locator
 from tippedisk_verify.cli import main
@@ -50,5 +51,7 @@ def test_cycles_are_those_of_single_speeds_where_the_family_is_lost(taylor, monk
     monkeypatch.setitem(locator(GEOMETRY, taylor).__dict__, "lost", "the family could not be followed")
     (cycle,) = family(GEOMETRY, taylor, omegas=["30.4"])
     assert cycle == cycle_at(GEOMETRY, "30.4", taylor)
+    (line,) = Branch.of([cycle]).plot(Figure().subplots()).lines
+    assert line.get_xydata().tolist() == [[30.4, float(cycle.period)]]
     with pytest.raises(NoSuchCycleError, match="could not be followed"):
         list(family(GEOMETRY, taylor, omegas=["31.5"]))
