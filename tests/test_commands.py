@@ -103,7 +103,9 @@ def test_help_is_sections_of_whole_sentences_in_80_columns() -> None:
 @pytest.mark.parametrize("name", ["eq.30", "30", "(30)"])
 def test_the_verdict_on_an_equation_comes_first(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["verify", "--only", name]) == 0
-    assert capsys.readouterr().out.startswith("eq. (30): does not follow (term), by the claim kappa_2\n")
+    assert capsys.readouterr().out.startswith(
+        "eq. (30) is used by eq. (39): does not follow (term), by the claim kappa_2\n"
+    )
 
 
 @pytest.mark.parametrize("command", ["stress --list", "integrate --omega 30.4 --state pi/2,2,0 --time 1 --times 3",

@@ -136,11 +136,14 @@ class Claim:
     cost: float = 0.0  #: what examining three sets takes alone on one core [s], where that is two or more
 
     @property
+    def cited(self) -> str:
+        """Published numbers: what the claim is about, and then what it uses."""
+        return "own cross-check" if self.own_check else cited(self.labels)
+
+    @property
     def source(self) -> str:
         """Published numbers, with the LaTeX labels behind."""
-        if self.own_check:
-            return "own cross-check"
-        return f"{cited(self.labels)}, {self.labels.replace('below ', '')}"
+        return self.cited if self.own_check else f"{self.cited}, {self.labels.replace('below ', '')}"
 
 
 @dataclass(repr=False)

@@ -17,7 +17,7 @@ EXAMPLES: dict[str, tuple[str, str]] = {
     "verify": ("--only omega_crit lambda_3", "--out report"),
     "scene": ("d", "b d --out figures"),
     "integrate": (
-        "--omega 30.4 --state 1,2,0 --time 9 --events turn",
+        "--omega 31 --state 1.5,2,0 --time 3 --events turn",
         "--omega 31 --state 1,2,0 --time 2 --out m.csv",
     ),
     "equilibria": ("--omega 30.4", "--below-crit 0.5 --digits 30"),

@@ -120,17 +120,23 @@ def _verdict_lines(
     for number in equations:
         for claim, finding in findings:
             if f"({number})" in claim.source:
-                yield f"eq. ({number}): {_verdict_words(claim_json(claim, finding, order))}, by the claim {claim.name}"
+                about, words = claim.cited.partition(", ")[0], _verdict_words(claim_json(claim, finding, order))
+                used = "" if f"({number})" in about else f" is used by {about}"
+                yield f"eq. ({number}){used}: {words}, by the claim {claim.name}"
     yield f"Claims ({order.parameters.name}, {order.parameters.friction} friction)"
     for claim, finding in findings:
         entry, value = claim_json(claim, finding, order), finding.computed[order.parameters.name]
         text = value.partition("; ")[0] if isinstance(value, str) else f"{shown(value)} {claim.unit}".rstrip()
         yield f"{claim.name:24}  {_verdict_words(entry):22}  {textwrap.shorten(text, 30, placeholder=' ...')}"
         if long or any(f"({number})" in claim.source for number in equations):
-            yield f"    {claim.statement} ({claim.source})"
+            yield f"    {claim.statement} ({claim.cited})"
             unit = f" {claim.unit}" if claim.unit else ""
-            values = [f"{name}: {shown(one)}" for name, one in finding.computed.items()]
-            yield f"    {'; '.join([f'paper: {claim.printed}'] * bool(claim.printed) + values)}{unit}"
+            values = {name: str(shown(one)) for name, one in finding.computed.items()}
+            if len(values) > 1 and len(set(values.values())) == 1:
+                values = {"every set": next(iter(values.values()))}
+            if claim.printed:
+                values = {"paper": claim.formula if claim.printed == "formula" else claim.printed, **values}
+            yield f"    {'; '.join(f'{name}: {text}' for name, text in values.items())}{unit}"
             yield from (f"    {part}: {entry[part]}" for part in ("cause", "instead", "note") if entry[part])
             if proof := entry["proof"]:
                 yield f"    {entry['grade']} by {proof['theorem']}: {proof['proves']}"

@@ -14,7 +14,7 @@ import numpy
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import STATE_VARIATIONS, Engine, Request, Result, raise_unless_usable
-from tippedisk_verify.model.arrays import doubles
+from tippedisk_verify.model.arrays import doubles, workable
 from tippedisk_verify.model.exact import exact, fraction, shown
 from tippedisk_verify.model.measured import DISTANCES, Measured
 from tippedisk_verify.model.parameters import Parameters
@@ -138,7 +138,7 @@ class LimitCycle(Cycle):
     """
 
     unknowns, fixed, symmetric = ("gamma_bar_0", "v_0"), 0, True
-    first = ("omega", "period", *unknowns)
+    first = ("omega", "period", *unknowns, "stable")
 
     gamma_bar_0: Measured  #: gamma - pi/2 where beta = pi/2 and v < 0, its largest value [rad]
     dgamma_bar_0_domega: Measured  #: d(gamma_bar_0)/dOmega along the family [s]
@@ -155,7 +155,7 @@ class RotatingCycle(Cycle):
 
     unknowns, fixed, symmetric = ("beta_bar_top", "v_top"), 1, False
     beside_the_saddle = ("beta_bar_0", "v_0")
-    first = ("omega", "period", *unknowns, *beside_the_saddle)
+    first = ("omega", "period", *unknowns, *beside_the_saddle, "stable")
 
     beta_bar_top: Measured  #: beta - pi/2 of a rotating cycle where gamma = pi/2 [rad]
     v_top: Measured  #: v there [rad/s]
@@ -240,7 +240,7 @@ def _monodromy(cycle: Cycle, time: object = 0) -> Monodromy:
     assert whole.error is not None
     by_moving = sum(doubles(abs(other.derivatives - whole.derivatives)) for other in others)
     width = doubles(whole.error.variations) * (1 + DISTANCES * len(others) / _MOVED)
-    return Monodromy(cycle, time, whole.derivatives, width + by_moving * DISTANCES / _MOVED)
+    return Monodromy(cycle, time, workable(whole.derivatives), width + by_moving * DISTANCES / _MOVED)
 
 
 def _each_moved(values: list[Fraction], moves: list[Fraction]) -> Iterator[list[Fraction]]:

@@ -13,7 +13,7 @@ from tippedisk_verify.model.equations import checked_speed
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE
 
-__all__ = ["Array", "OnArrays", "doubles", "half_widths"]
+__all__ = ["Array", "OnArrays", "doubles", "half_widths", "workable"]
 
 Array = NDArray[numpy.float64]
 
@@ -29,6 +29,14 @@ def half_widths(values: Any) -> Array:
     """Half-widths in doubles: the least double stands for what no double is small enough for."""
     rounded = doubles(values)
     return numpy.where((rounded == 0) & (values > 0), numpy.nextafter(0.0, 1.0), rounded)
+
+
+def workable(values: Any) -> Any:
+    """Doubles and extended numbers as they are, all others as objects.
+
+    NumPy refuses most of its functions to heyoka's own arrays of quadruple numbers, and `numpy.save` spoils them.
+    """
+    return values if values is None or values.dtype in (float, numpy.longdouble) else values.astype(object)
 
 
 class OnArrays:

@@ -42,10 +42,10 @@ def _of_two(act: Callable[[Bounded, Measured], Measured]) -> Callable[[Bounded, 
 class Bounded(Approximate):
     """Whatever has a value and the absolute half-width that is claimed to hold the true value: it behaves as a number.
 
-    Sums, differences, products, quotients, powers, `abs`, `round` to decimals and the functions sqrt, log, exp, sin,
-    cos and tan, as methods or as NumPy's, hold whatever the true values in the half-widths give; numbers without one
-    are exact. Each half-width counts as independent, so x - x is zero with twice the half-width. What has no room for a
-    half-width leaves it behind: float(), `mpf` and `numpy.asarray` take the value.
+    Sums, differences, products, quotients, powers, `abs`, `round` to decimals and the functions sqrt, log, log10, exp,
+    sin, cos and tan, as methods or as NumPy's, hold whatever the true values in the half-widths give; numbers without
+    one are exact. Each half-width counts as independent, so x - x is zero with twice the half-width. What has no room
+    for a half-width leaves it behind: float(), `mpf` and `numpy.asarray` take the value.
 
     A comparison that the half-widths leave open raises AccuracyError, and so does `int`, `round` to an integer,
     `math.floor`, `math.ceil` or `math.trunc` where they leave open which integer it is. Raises ZeroDivisionError where
@@ -105,7 +105,11 @@ class Bounded(Approximate):
             extended = getattr(operand, "dtype", None) == numpy.longdouble
             return numpy.frompyfunc(fraction, 1, 1)(operand) if extended else operand
 
-        return getattr(function, method)(*map(exactly, inputs), **options)
+        try:
+            return getattr(function, method)(*map(exactly, inputs), **options)
+        except (TypeError, AttributeError) as fault:
+            offered = f"sqrt, exp, log, log10, sin, cos and tan, not {function.__name__}"
+            raise TypeError(f"of numbers with half-widths NumPy has {offered}: float(x) has none") from fault
 
     def _ends(self) -> tuple[Fraction, Fraction]:
         """The least and the greatest that the true value may be."""
@@ -220,6 +224,9 @@ class Bounded(Approximate):
 
     def tan(self) -> Measured:
         return self.sin() / self.cos()
+
+    def log10(self) -> Measured:
+        return self.log() / Measured(Fraction(10), Fraction(0)).log()
 
 
 class HalfWidth(Fraction):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
@@ -26,7 +27,7 @@ from tippedisk_verify.flow.contract import (
     Variation,
 )
 from tippedisk_verify.flow.error_estimate import CORRECTED_DIGITS, PLAIN_DIGITS
-from tippedisk_verify.model.arrays import half_widths
+from tippedisk_verify.model.arrays import half_widths, workable
 from tippedisk_verify.model.exact import Exact, exact, shown
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, bits, bits_for_digits, checked_digits
@@ -51,7 +52,8 @@ class Solution(Printable):
 
     ``t`` (n,) [s] are the times asked for that were reached, rounded once, ``y`` (3, n) the states at the exact times,
     with rows beta, gamma [rad] and v [rad/s], and ``uncertainty`` (3, n) their half-widths, infinite where rounding
-    decides how the run ends.
+    decides how the run ends. Up to 12 digits they are doubles, up to 16 numpy.longdouble, and beyond that arrays of
+    objects, heyoka's numbers: ``y.astype(float)`` rounds them to doubles.
     ``end`` is where the run ended, which is before the final time if the disk lies flat or a terminal event ends it:
     ``status`` and ``message`` say so. It and the ``events`` have half-widths of their time and state.
 
@@ -96,12 +98,12 @@ class Solution(Printable):
     @property
     def t_events(self) -> list[Any]:
         """For each event asked for, the times (k,) [s] of its crossings."""
-        return [numpy.array([one.time for one in self._of(name)]) for name in self._watched]
+        return [workable(numpy.array([one.time for one in self._of(name)])) for name in self._watched]
 
     @property
     def y_events(self) -> list[Any]:
         """And the states (k, 3) there."""
-        return [numpy.array([one.state for one in self._of(name)]).reshape(-1, 3) for name in self._watched]
+        return [workable(numpy.array([one.state for one in self._of(name)]).reshape(-1, 3)) for name in self._watched]
 
     def _of(self, name: str) -> list[EventRecord]:
         return [record for record in self.events if record.name == name]
@@ -133,6 +135,7 @@ class Solution(Printable):
             states = self._engine(wanted).samples.T[:, places]
         else:
             states = self._dense(self._request.precision.array(times)).T
+        states = workable(states)
         return states if asked.ndim else states[:, 0]
 
     def to_dict(self) -> dict[str, Any]:
@@ -188,7 +191,11 @@ def integrated(
         error_estimate=engine.measures_error,
         digits=digits if corrected else PLAIN_DIGITS,
     )
-    return _solution(request, engine(request), engine, start, end, t_eval)
+    result = engine(request)
+    if result.status is Status.FLAT and not result.time:
+        angle = float(exact(state[0])) + math.pi / 2 * shifted
+        raise InputError(f"beta lies between 0 and pi, where the disk stands, not at {angle:g} as this start has it")
+    return _solution(request, result, engine, start, end, t_eval)
 
 
 def _span(time: object) -> tuple[Exact, Exact]:
@@ -234,6 +241,7 @@ def _solution(request: Request, result: Result, engine: Engine, start: Exact, en
 
     def moment(record: EventRecord) -> EventRecord:
         """Its time is counted from the start of the run, and now from time 0."""
+        record = replace(record, state=workable(record.state))
         if start == exact(0):
             return record
         time = precision.number(start + record.time)
@@ -265,15 +273,15 @@ def _solution(request: Request, result: Result, engine: Engine, start: Exact, en
     return Solution(
         disk=request.parameters,
         omega=request.omega,
-        t=times,
-        y=samples.T,
+        t=workable(times),
+        y=workable(samples.T),
         uncertainty=half_widths(uncertainty.T),
         status=result.status,
         end=last,
         events=tuple(map(moment, events)),
-        transition=transition,
+        transition=workable(transition),
         transition_uncertainty=transition_widths,
-        by_omega=by_omega,
+        by_omega=workable(by_omega),
         by_omega_uncertainty=by_omega_widths,
         engine=engine.name,
         precision=precision.name,

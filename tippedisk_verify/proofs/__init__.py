@@ -3,9 +3,15 @@
 Imports `model` and python-flint only. Raises InputError where python-flint is not installed.
 """
 
+import sys
+
 from tippedisk_verify.errors import InputError
 
 try:
     import flint  # noqa: F401
 except ImportError:
-    raise InputError("proofs need python-flint: install '.[certify]'") from None
+    _LACKING = "proofs need python-flint: install '.[certify]'"
+    if sys.argv[:1] == ["-m"]:  # what Python imports for `python -m tippedisk_verify.proofs.kernel`, before it runs it
+        print(_LACKING, file=sys.stderr)
+        sys.exit(2)
+    raise InputError(_LACKING) from None

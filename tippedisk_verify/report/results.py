@@ -10,7 +10,6 @@ from shlex import quote
 from typing import Any, get_args
 
 from tippedisk_verify.audit.catalogue import CLAIMS, group_of
-from tippedisk_verify.audit.citations import cited
 from tippedisk_verify.audit.claim_proofs import proof_of
 from tippedisk_verify.audit.claims import Claim, Fault, FaultKind, Finding, Verdict, sets_with
 from tippedisk_verify.model.measured import Measured
@@ -47,7 +46,7 @@ def claim_json(claim: Claim, finding: Finding, order: AuditJob) -> dict[str, Any
         "name": claim.name,
         "group": group_of(claim.name),
         "source": claim.source,
-        "cited": "" if claim.own_check else cited(claim.labels),
+        "cited": "" if claim.own_check else claim.cited,
         "statement": claim.statement,
         "formula": claim.formula,
         "unit": claim.unit,

@@ -315,8 +315,8 @@ def _point(at: tuple[object, object]) -> tuple[Fraction, Fraction]:
         raise InputError("beta and gamma of a point of the slow manifold must be numbers without pi, such as 1.2")
     if max(abs(beta.rational), abs(gamma.rational)) > _LARGEST_ANGLE:
         raise InputError(f"the angles of a point lie between -{_LARGEST_ANGLE} and {_LARGEST_ANGLE} rad")
-    if not beta.rational:
-        raise InputError("at beta = 0 the disk lies flat, and has no slow manifold: try 1.2")
+    if math.sin(beta.rational) <= 0:
+        raise InputError(f"beta lies between 0 and pi, where the disk stands, not at {float(beta.rational):g}")
     return beta.rational, gamma.rational
 
 

@@ -32,7 +32,7 @@ _BITS, _CLAIM_BITS = 128, 160  # of Omega_crit, and for what is claimed with as 
 _PLACES = 9  # of the share and of the speed at the end, rounded to the safe side
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class BranchProof(Proof):
     """What is proved of the family. ``pieces`` are one curve from the Hopf point on; there may be none."""
 

@@ -66,6 +66,9 @@ class Proof:
         """What is proved, in one sentence or some."""
         return sentence(self.claim) if self.proved else f"nothing is proved: {self.reason}."
 
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}: {self.statement}"
+
     def certificate(self) -> str:
         """The text of a file that the kernel alone checks. Raises InputError if there is nothing to check."""
         if not self.evidence:

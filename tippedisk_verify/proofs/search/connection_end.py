@@ -66,7 +66,7 @@ class Status(Enum):
     APART = "the connection could not be followed into the box of its own theorem: prove it to more digits"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class ProvedEnd(Proof):
     """What is proved of the cycles at speeds from ``low`` to ``high`` [rad/s]; nothing without status PROVED."""
 

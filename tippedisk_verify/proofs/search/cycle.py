@@ -59,7 +59,7 @@ class Status(Enum):
     )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class OrbitProof(Proof):
     """What is proved of one limit cycle, librating (`HALF`) or rotating (`TURN`). Without a proof: None.
 

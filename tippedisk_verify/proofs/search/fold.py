@@ -34,7 +34,7 @@ _INFLATIONS = 3
 _CHORDS = 12
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class FoldProof(Proof):
     """What is proved of a fold of librating (`HALF`) or rotating (`TURN`) cycles."""
 

@@ -51,7 +51,7 @@ class Status(Enum):
     NOT_INCLUDED = "Krawczyk's image does not lie inside the box: take a smaller radius, or start closer to a cycle"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class IntervalProof(Proof):
     """What is proved of the limit cycles of all speeds with |Omega - omega| <= radius."""
 
