@@ -80,6 +80,7 @@ def test_samples_run_from_saddle_to_saddle(taylor, tmp_path: Path) -> None:
     begin, end = rows[0, 1:], rows[-1, 1:]
     assert numpy.abs(begin - [math.pi / 2, -math.pi / 2, 0]).max() < 2e-6
     assert numpy.abs(end - [math.pi / 2, 3 * math.pi / 2, 0]).max() < 1e-4
+    assert abs(numpy.interp(0, times, states[1]) - math.pi / 2) < 1e-6  # time is counted from the middle
     growth = float(equilibrium(PRINTED, omega_h.value, "noninverted").eigenvalues[0].re)
     assert abs(math.log(rows[20, 3] / rows[0, 3]) / (rows[20, 0] - rows[0, 0]) / growth - 1) < 1e-6
     run = taylor(Request(PRINTED, omega_h.value, rows[100, 1:].tolist(), float(rows[200, 0] - rows[100, 0])))

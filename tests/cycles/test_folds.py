@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from fractions import Fraction
 from itertools import pairwise
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy
 import pytest
@@ -17,13 +18,16 @@ from tippedisk_verify.atlas.locator import locator
 from tippedisk_verify.cli import main
 from tippedisk_verify.connection.bisection import bisect_omega_h
 from tippedisk_verify.connection.heteroclinic import METHODS, heteroclinic
-from tippedisk_verify.cycles.folds import libration_folds
+from tippedisk_verify.cycles import folds
+from tippedisk_verify.cycles.folds import LibrationFold, libration_folds
 from tippedisk_verify.cycles.fourier import Kind
 from tippedisk_verify.cycles.librating_family import LibratingFamily
+from tippedisk_verify.cycles.section import LIBRATING
 from tippedisk_verify.cycles.spectral import spectral_fold
 from tippedisk_verify.disk import Disk
-from tippedisk_verify.errors import InputError, NoConnectionError, NoSuchCycleError
+from tippedisk_verify.errors import AccuracyError, InputError, NoConnectionError, NoSuchCycleError
 from tippedisk_verify.model.exact import fraction
+from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import GEOMETRY, PRINTED, Parameters
 from tippedisk_verify.theory.bautin import bautin_points
 from tippedisk_verify.theory.equilibria import equilibrium
@@ -36,7 +40,9 @@ POSITIVE_SADDLE_VALUE = PRINTED.changed(r="0.0346", e="0.00064", mu="0.385", eps
 # ------------------------------------------------------------------------------------------- two methods
 @pytest.mark.parametrize("digits", [12, pytest.param(30, marks=pytest.mark.slow)])
 def test_the_fold_is_the_spectral_methods(taylor, digits) -> None:
-    (shot,) = libration_folds(FOLDING, taylor, digits=digits)
+    found = libration_folds(FOLDING, taylor, digits=digits)
+    assert found.followed_to == "Omega_h"
+    (shot,) = found
     other = spectral_fold(FOLDING, Kind.LIBRATING, digits=digits + 5)
     for name, same in (
         ("omega", "omega"),
@@ -48,6 +54,14 @@ def test_the_fold_is_the_spectral_methods(taylor, digits) -> None:
         mine, its = getattr(shot, name), getattr(other, same)
         assert abs(mine.value - its.value) <= mine.uncertainty + its.uncertainty, name
     assert other.omega.uncertainty < Fraction(1, 10**digits)
+
+
+def test_a_fold_has_the_digits_asked_for_or_is_refused(monkeypatch, taylor) -> None:
+    numbers = {name: Measured(Fraction(2), Fraction(3, 10**12)) for name in ("omega", "period", *LIBRATING.names)}
+    monkeypatch.setattr(folds, "fold_in", lambda *_: SimpleNamespace(**numbers))
+    assert folds.fold_to_digits(LibrationFold, FOLDING, (1, 1, 1), taylor, 11).omega == numbers["omega"]
+    with pytest.raises(AccuracyError, match="fewer than 12 digits"):
+        folds.fold_to_digits(LibrationFold, FOLDING, (1, 1, 1), taylor, 12)
 
 
 def test_the_spectral_method_finds_no_fold_where_there_is_none() -> None:

@@ -233,7 +233,8 @@ def test_what_is_covered() -> None:
     # What is rounded is rounded to the safe side.
     highest = second().speeds(NEXT)[1]
     assert highest <= proof.omega_end < highest + Fraction(1, 10**9)
-    assert unique_within(proof.pieces)[2] == min(part.unique_within[1] - part.within[1] for part in proof.pieces)
+    rooms = [[room - near for room, near in zip(part.unique_within, part.within, strict=True)] for part in proof.pieces]
+    assert unique_within(proof.pieces) == (rooms[0][0], rooms[1][0], min(room[1] for room in rooms))
     assert PRINTED.definition() in entries["statement"]
     for word in ("asymptotically stable", "exactly one of these cycles", entries["omega_end"]):
         assert word in entries["statement"]

@@ -181,6 +181,15 @@ def test_the_field_in_these_coordinates_is_that_of_the_equations() -> None:
         assert slope.rel_accuracy_bits() > 20
 
 
+def test_each_side_of_the_smooth_law_has_its_field_and_without_a_side_both() -> None:
+    smooth, z = saddle_at(PRINTED.with_friction("smooth")), [arb("0.03"), arb("-0.02"), arb("0.01")]
+    ahead, behind = (smooth.rates(z, side) for side in (1, -1))
+    assert not all(a.overlaps(b) for a, b in zip(ahead, behind, strict=True))
+    for side, truth in ((1, ahead), (-1, behind)):
+        assert all(a.overlaps(b) for a, b in zip(smooth.field(z, side)[0], truth, strict=True))
+        assert all(a.contains(b) for a, b in zip(smooth.field(z)[0], truth, strict=True))
+
+
 def test_cones_need_a_saddle_and_weights_that_fit() -> None:
     diagonal = arb_mat([[2, 0.125, 0.125], [0.125, -3, 0.125], [0.125, 0.125, -9]])
     ones = [arb(1)] * 3
