@@ -9,12 +9,11 @@ import subprocess
 import sys
 import tomllib
 from contextlib import suppress
-from itertools import islice
 from pathlib import Path
 
 import pytest
 
-from tests.stress.runs import LONGEST, MAKE, PROGRAM
+from tests.stress.runs import LONGEST, PROGRAM
 from tests.stress.strikes import INTERRUPTED, Struck, ended_by
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals are POSIX here")
@@ -88,27 +87,6 @@ def test_a_file_is_written_whole_first(step: str, struck: Struck, tmp_path: Path
     assert (out / "sheet.csv").read_text(encoding="utf-8").endswith("\n")
 
 
-@pytest.mark.parametrize(
-    ("step", "number", "left"),
-    [
-        ("call _run 1", signal.SIGINT, []),
-        ("call keep 3", signal.SIGTERM, [".a.csv.journal"]),
-    ],
-)
-def test_a_sweep_keeps_a_journal_of_what_it_has(
-    step: str, number: signal.Signals, left: list[str], struck: Struck, tmp_path: Path
-) -> None:
-    """With a point in it the journal is taken up by the next run; without one it would only be in the way."""
-    out = tmp_path / "out"
-    out.mkdir()
-    arguments = f"{_SWEEP} --executor serial".format(folder=out).split()
-    assert struck.at(step, arguments, number)[::2] == ended_by(number)
-    assert [path.name for path in out.iterdir()] == left
-    assert struck.at("none none 0", arguments)[0] == 0
-    assert [path.name for path in out.iterdir()] == ["a.csv"]
-    assert len((out / "a.csv").read_text().splitlines()) == 41
-
-
 def test_a_terminal_gets_its_cursor_back(tmp_path: Path) -> None:
     """The live bar hides it, and its thread draws on until the end. The strike comes once it is hidden."""
     ours, theirs = os.openpty()
@@ -152,21 +130,3 @@ def test_the_package_leaves_signals_to_its_users() -> None:
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=LONGEST, check=False)
     assert (done.returncode, done.stderr) == (0, "")
-
-
-@pytest.mark.slow(minutes=1)
-@pytest.mark.parametrize(
-    "arguments",
-    [
-        "verify --only scene_a,scene_b,scene_c,scene_d,scene_e --out {folder}",
-        "sweep orbit --over below-crit=0.1:0.7:40 --jobs 2 --out {folder}/a.csv",
-        f"{MAKE[0]} printed/linear/hopf --jobs 2 --out {{folder}}",
-    ],
-)
-def test_five_moments(arguments: str, struck: Struck, tmp_path: Path) -> None:
-    out = tmp_path / "out"
-    out.mkdir()
-    words = arguments.format(folder=out).split()
-    for status, _, told in islice(struck.at_random(words, signal.SIGINT, struck.lasts(words)), 5):
-        assert (status, told) == ended_by(signal.SIGINT)
-        assert not list(out.glob(".*-????????"))  # nothing that is written beside its place

@@ -44,7 +44,7 @@ def test_a_run_that_settles(taylor: Taylor) -> None:
 def test_error_follows_the_tolerance(taylor: Taylor) -> None:
     """Convergence in the tolerance: over eight decades the error falls in proportion, for both engines."""
     truth = taylor(Request(PRINTED, "30.4", STARTS[1], 2, precision=bits(200))).state
-    tolerances = [10.0**-k for k in range(4, 13)]
+    tolerances = [10.0**-k for k in range(4, 13, 2)]
     for engine in (taylor, Baseline("DOP853")):
         errors = [
             float(distance(engine(Request(PRINTED, "30.4", STARTS[1], 2, tolerance=t)).state, truth))
