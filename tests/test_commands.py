@@ -52,7 +52,7 @@ EXAMPLES = {path: re.findall(r"^ +tippedisk-verify (.+)$", _help(path), re.MULTI
 #: What takes more than some seconds, by how the example begins; it is parsed.
 LONG = (
     *("verify --out", "branch --paper-sets", "bench", "stress --quick", "atlas", "scene b d", "certify branch"),
-    *("certify heteroclinic", "certify orbit", "certify check", "conformance run", "reference check --sample 50"),
+    *("certify heteroclinic", "certify orbit", "certify check", "conformance run", "reference check"),
     *("sweep", "basin", "heteroclinic --digits", "orbit --rotating", "harmonic-balance --omega", "branch"),
 )
 

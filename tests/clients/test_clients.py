@@ -95,7 +95,7 @@ def test_the_c_client_has_the_digits_of_its_arithmetic(c_client: Path, store: St
 
 @pytest.mark.parametrize(
     "fault",
-    [pytest.param(n, marks=[] if n in (4, 7, 9, 14) else pytest.mark.slow(minutes=0.1)) for n in range(1, 17)],
+    [pytest.param(n, marks=[] if n in (4, 14) else pytest.mark.slow(minutes=0.1)) for n in range(1, 17)],
 )
 def test_each_fault_of_the_c_client_is_named(fault: int, c_client: Path, store: Store, tmp_path: Path) -> None:
     grades = _answered([str(c_client), "sheet.csv", "answers.csv", str(fault)], _asked(store, RHS), store, tmp_path)

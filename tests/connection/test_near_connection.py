@@ -11,7 +11,7 @@ import pytest
 from tippedisk_verify.atlas.cycles_at_speed import cycle_above, cycle_at
 from tippedisk_verify.cli import main
 from tippedisk_verify.connection.heteroclinic import heteroclinic
-from tippedisk_verify.connection.near_connection import cycle_near, with_speed
+from tippedisk_verify.connection.near_connection import with_speed
 from tippedisk_verify.cycles.period_continuation import PeriodContinuation
 from tippedisk_verify.cycles.section import LIBRATING
 from tippedisk_verify.flow.contract import Request
@@ -59,14 +59,6 @@ def test_the_speeds_uncertainty_is_in_every_number(taylor, above) -> None:
             assert change <= number.uncertainty, name
             over.append(float(number.uncertainty / change))
     assert sorted(over)[len(over) // 2] < 20
-
-
-def test_a_cycle_is_kept_once_it_is_found(taylor) -> None:
-    omega_h = heteroclinic(PRINTED, taylor, digits=20).omega_h.value
-    first, again = (
-        cycle_near(LIBRATING, PRINTED, omega_h + Fraction(1, 10**7), omega_h, taylor, digits=9) for _ in range(2)
-    )
-    assert first is again
 
 
 @pytest.mark.slow

@@ -10,40 +10,17 @@ from pathlib import Path
 
 import pytest
 
-from tests.cycles.full_period import WHOLE_PERIOD
 from tippedisk_verify.atlas.cycles_at_speed import cycle_at
 from tippedisk_verify.cli import main
-from tippedisk_verify.cycles.return_map import ReturnMap
-from tippedisk_verify.cycles.section import LIBRATING
-from tippedisk_verify.cycles.shooting import limit_cycle, shoot
+from tippedisk_verify.cycles.shooting import limit_cycle
 from tippedisk_verify.errors import NoSuchCycleError
-from tippedisk_verify.flow.baseline import Baseline
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.motion.basins import basins
 from tippedisk_verify.theory.hopf import omega_crit
 
-MAIN = ("period", "gamma_bar_0", "v_0", "beta_max", "multiplier_slow", "log_multiplier_fast")
-
 
 def below(parameters, distance) -> Fraction:
     return omega_crit(parameters, 60).value - Fraction(distance)
-
-
-@pytest.mark.slow
-def test_cycle_to_30_digits_and_both_forms_of_shooting(taylor) -> None:
-    speed = below(PRINTED, "0.5")
-    smooth = PRINTED.with_friction("smooth")
-    rough = limit_cycle(smooth, speed, taylor)
-    sharp = limit_cycle(smooth, speed, taylor, digits=30)
-    for name in MAIN:
-        assert getattr(rough, name).holds(getattr(sharp, name).value), name
-    assert sharp.period.uncertainty < sharp.period.value / 10**30
-    guess = (float(sharp.gamma_bar_0), float(sharp.v_0))
-    whole = shoot(ReturnMap(WHOLE_PERIOD, smooth, speed, taylor), guess)
-    assert abs(whole.image.time - float(sharp.period)) < 1e-12
-    assert abs(whole.point[0] - float(sharp.gamma_bar_0)) < 1e-12
-    other = shoot(ReturnMap(LIBRATING, smooth, speed, Baseline("DOP853")), guess)
-    assert abs(2 * other.image.time - float(sharp.period)) < 1e-9
 
 
 @pytest.mark.slow

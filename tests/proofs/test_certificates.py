@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import inspect
 import json
 import subprocess
 import sys
@@ -23,7 +24,8 @@ from tests.proofs.test_sliding import SMOOTH
 from tippedisk_verify.cli import main
 from tippedisk_verify.model.decimals import exact_text
 from tippedisk_verify.model.parameters import PRINTED, SYMBOLS
-from tippedisk_verify.proofs.kernel import claims, krawczyk, sliding
+from tippedisk_verify.proofs.kernel import claims, flow, krawczyk, sliding
+from tippedisk_verify.proofs.kernel import field as equations
 from tippedisk_verify.proofs.kernel.balls import midpoint_and_radius, working_precision
 from tippedisk_verify.proofs.kernel.claims import proved
 from tippedisk_verify.proofs.kernel.reading import dyadic, dyadic_text, held
@@ -104,14 +106,11 @@ def remembered(monkeypatch) -> Iterator[None]:
 
 
 # ---------------------------------------------------------------------------------------------------------- accepted
-def test_what_is_written_is_accepted_by_the_command_and_by_the_kernel_alone(tmp_path, capsys) -> None:
+def test_what_is_written_is_accepted_by_the_kernel_alone(tmp_path) -> None:
+    """In a process of its own, with nothing of the search loaded; its sentence is the one that was proved."""
     path = tmp_path / "cycle.json"
     content, statement = written()
     path.write_text(content)
-    assert main(["certify", "check", str(path), "--json"]) == 0
-    # The sentence that the kernel makes of the claim is the one that was proved.
-    assert json.loads(capsys.readouterr().out) == {"accepted": True, "statement": statement}
-    # Alone: in a process of its own, with nothing of the search loaded.
     script = (
         "import sys; from tippedisk_verify.proofs.kernel.__main__ import main; status = main(sys.argv[1:]); "
         "mine = {name for name in sys.modules if name.startswith('tippedisk_verify.')}; "
@@ -272,6 +271,36 @@ def test_certificates_of_every_kind_are_accepted_and_all_tampered_ones_rejected(
                  "Krawczyk's image", "within its uncertainty", "no disk's", "as text", "whole number",
                  "exactly the members"):  # fmt: skip
         assert any(said in line for line in lines.values()), said
+
+
+def fields() -> Iterator[Any]:
+    """The equations' function, each time with another operand a thousandth larger."""
+    source = inspect.getsource(equations.field)
+    for place in range(sum(isinstance(node, ast.BinOp) for node in ast.walk(ast.parse(source)))):
+        tree, names = ast.parse(source), dict(vars(equations)) | {"LARGER": arb(1.001)}
+        node = [node for node in ast.walk(tree) if isinstance(node, ast.BinOp)][place]
+        node.left = ast.BinOp(ast.Name("LARGER", ast.Load()), ast.Mult(), node.left)
+        exec(ast.unparse(ast.fix_missing_locations(tree)), names)
+        yield names["field"]
+
+
+@pytest.mark.slow(minutes=2)
+def test_each_term_that_is_a_thousandth_larger_is_noticed_by_a_certificate(monkeypatch) -> None:
+    """In the equations of a kernel that checks certificates written with the right ones."""
+    contents, count = [fresh("cycle"), fresh("smooth")], 0
+    for count, other in enumerate(fields(), 1):
+        for module in (equations, flow):
+            monkeypatch.setattr(module, "field", other)
+        assert not all(map(accepted, contents)), count
+    assert count > 30
+
+
+def accepted(content: Any) -> bool:
+    try:
+        proved(content)
+    except claims.Unproved:
+        return False
+    return True
 
 
 def test_a_half_width_of_a_few_last_bits_is_held() -> None:

@@ -81,13 +81,13 @@ def some_point(rng: random.Random) -> tuple[Any, ...]:
 
 
 def test_the_lanes_hold_exact_half_maps_of_corners() -> None:
-    """Boxes of which each has another speed, and some reach far."""
-    mid = np.array([[part + 0.02 * k for k in range(3)] for part in CYCLE])
-    mid[2] = CYCLE[2] + 0.01 * np.array([0, 3, 1])
-    boxes = Boxes(mid, np.array([[1e-5, 1e-9, 3e-6]] * 3))
+    """Two boxes, at speeds of their own."""
+    mid = np.array([[part + 0.02 * k for k in range(2)] for part in CYCLE])
+    mid[2] = CYCLE[2] + 0.01 * np.array([0, 3])
+    boxes = Boxes(mid, np.array([[1e-5, 3e-6]] * 3))
     found = boxes.fly()
     assert found.returned.all()
-    for lane, shares in ((0, (-1, 1, 1)), (2, (-1, -1, 1))):
+    for lane, shares in ((0, (-1, 1, 1)), (1, (-1, -1, 1))):
         assert_holds(found, lane, exact(boxes, lane, shares))
 
 
