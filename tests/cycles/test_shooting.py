@@ -20,7 +20,7 @@ from tippedisk_verify.flow.baseline import Baseline
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
-from tippedisk_verify.model.precision import DOUBLE, bits
+from tippedisk_verify.model.precision import DOUBLE, QUADRUPLE
 from tippedisk_verify.theory.hopf import omega_crit
 
 MAIN = ("period", "gamma_bar_0", "v_0", "beta_max")
@@ -60,24 +60,24 @@ def test_half_period_full_period_and_balance_agree(share, which) -> None:
     ids=lambda value: getattr(value, "name", ""),
 )
 def test_derivatives_of_the_return_map_against_differences(taylor, section, point) -> None:
-    """By both coordinates and by Omega."""
-    origin, precision = (*map(Fraction, point), Fraction("30.4")), bits(200)
+    """By both coordinates and by Omega. Of 33 digits the flight loses four, and the step twelve of the quotient's."""
+    origin, precision = (*map(Fraction, point), Fraction("30.4")), QUADRUPLE
 
     def image(first: Fraction, second: Fraction, omega: Fraction) -> Image:
         return_map = ReturnMap(section, PRINTED, omega, taylor, precision)
         return return_map((precision.number(first), precision.number(second)))
 
-    center, step = image(*origin), Fraction(1, 10**20)
+    center, step = image(*origin), Fraction(1, 10**12)
     for column in range(3):
         ends = [image(*(x + sign * step * (k == column) for k, x in enumerate(origin))) for sign in (1, -1)]
         for row in range(2):
             ahead, behind = (fraction(end.residual[row]) for end in ends)
             slope = (ahead - behind) / (2 * step) + (1 if row == column else 0)
             derivative = (*center.matrix[row], center.by_omega[row])[column]
-            assert abs(slope - fraction(derivative)) < Fraction(1, 10**30)
+            assert abs(slope - fraction(derivative)) < Fraction(1, 10**15)
         slope = (fraction(ends[0].time) - fraction(ends[1].time)) / (2 * step)
         derivative = (*center.time_by_state, center.time_by_omega)[column]
-        assert abs(slope - fraction(derivative)) < Fraction(1, 10**30)
+        assert abs(slope - fraction(derivative)) < Fraction(1, 10**15)
 
 
 def test_table_2_converges_quadratically(taylor) -> None:

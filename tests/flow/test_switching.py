@@ -15,7 +15,7 @@ from tippedisk_verify.flow.contract import FLAT, SLIDING_REVERSAL, Event, Reques
 from tippedisk_verify.flow.lanes import BatchTaylor, field_constants
 from tippedisk_verify.model.exact import exact, fraction
 from tippedisk_verify.model.parameters import PRINTED
-from tippedisk_verify.model.precision import DOUBLE, QUADRUPLE, bits
+from tippedisk_verify.model.precision import DOUBLE, QUADRUPLE
 
 
 def smooth(omega, start, duration, **needs) -> Request:
@@ -33,14 +33,14 @@ def test_the_error_follows_the_tolerance(taylor) -> None:
 
 
 def test_a_start_on_the_surface(taylor) -> None:
-    """gamma_y = 0 at the start, in both directions of time; against 200 bits, lanes and SciPy."""
+    """gamma_y = 0 at the start, in both directions of time; against quadruple precision, lanes and SciPy."""
     lanes, constants = BatchTaylor(), field_constants(PRINTED.with_friction("smooth"))
     c = PRINTED.at(DOUBLE)
     for gamma in (0.3, 2.0, 4.0):
         v = c.e * 30.4 * math.sin(1.4) * math.cos(gamma) / (c.r + c.e * math.sin(gamma))
         for duration in ("0.5", "-0.02"):
             request = smooth("30.4", (1.4, gamma, v), duration)
-            mine, truth = taylor(request), taylor(smooth("30.4", (1.4, gamma, v), duration, precision=bits(200)))
+            mine, truth = taylor(request), taylor(smooth("30.4", (1.4, gamma, v), duration, precision=QUADRUPLE))
             assert max(abs(float(a) - float(b)) for a, b in zip(mine.state, truth.state, strict=True)) < 1e-11
             many = lanes(constants, [30.4], [(1.4, gamma, v)], [float(duration)], friction="smooth")
             assert many.finished.all()
@@ -71,9 +71,9 @@ def test_motions_that_touch_the_surface(taylor, beta: float, gamma: float) -> No
     c, omega = PRINTED.at(DOUBLE), 30.4
     touching = c.e * omega * math.sin(beta) * math.cos(gamma) / (c.r + c.e * math.sin(gamma))
     for offset in (0.0, 1e-16, -1e-14, 1e-12, -1e-12):
-        before = taylor(smooth("30.4", (beta, gamma, touching + offset), "-0.003", precision=bits(200))).state
+        before = taylor(smooth("30.4", (beta, gamma, touching + offset), "-0.003", precision=QUADRUPLE)).state
         request = smooth("30.4", [float(x) for x in before], "0.1")
-        mine, truth = taylor(request), taylor(replace(request, precision=bits(200)))
+        mine, truth = taylor(request), taylor(replace(request, precision=QUADRUPLE))
         # Some forty units in the last place, for ten steps.
         assert max(abs(float(a) - float(b)) for a, b in zip(mine.state, truth.state, strict=True)) < 1e-14
 

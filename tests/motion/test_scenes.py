@@ -16,7 +16,7 @@ from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
-from tippedisk_verify.model.precision import bits
+from tippedisk_verify.model.precision import QUADRUPLE
 from tippedisk_verify.motion.scenes import (
     INITIAL_STATES,
     SCENES,
@@ -49,7 +49,7 @@ def test_every_orbit_ends_as_the_paper_says(taylor) -> None:
 def test_flat_times_hold(taylor) -> None:
     panel = compute(scene_named("a"), PRINTED, taylor, omega_h=GIVEN)
     for orbit in panel.orbits:
-        truth = taylor(Request(PRINTED, panel.omega.value, orbit.start, 60, precision=bits(160)))
+        truth = taylor(Request(PRINTED, panel.omega.value, orbit.start, 60, precision=QUADRUPLE))
         assert orbit.ending.time.holds(fraction(truth.time))
         assert orbit.ending.time.uncertainty < Fraction(1, 10**11)
 
