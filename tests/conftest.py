@@ -6,18 +6,23 @@
 from __future__ import annotations
 
 import os
+from typing import TYPE_CHECKING
 
 import pytest
 from hypothesis import HealthCheck, settings
 
 from tests.shares import pytest_addoption, pytest_collection_modifyitems, pytest_terminal_summary
-from tippedisk_verify.flow.taylor import Taylor
+
+if TYPE_CHECKING:
+    from tippedisk_verify.flow.taylor import Taylor
 
 # what pytest finds here
 __all__ = ["pytest_addoption", "pytest_collection_modifyitems", "pytest_terminal_summary", "taylor"]
 
 # What was kept from earlier runs must not stand in for what a test computes.
 os.environ["TIPPEDISK_VERIFY_CACHE"] = "code"
+# Each worker has a core: threads for linear algebra would wait for those of the others. NumPy reads this as it loads.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 # The first call of a test compiles; that is not a slow example.
 settings.register_profile(
     "ci", max_examples=100, deadline=None, suppress_health_check=[HealthCheck.too_slow], derandomize=True
@@ -29,4 +34,6 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "ci"))
 @pytest.fixture(scope="session")
 def taylor() -> Taylor:
     """One engine for the whole run, so that each kind of integrator is compiled once."""
+    from tippedisk_verify.flow.taylor import Taylor
+
     return Taylor()

@@ -1,4 +1,4 @@
-"""A Dask scheduler and workers as processes of their own, with this package, a changed one, or none."""
+"""A Dask scheduler and workers as processes of their own, with this package or a changed one."""
 
 from __future__ import annotations
 
@@ -17,23 +17,6 @@ import tippedisk_verify
 
 PACKAGE = Path(tippedisk_verify.__file__).parent
 _LONGEST = 120  # s; a process that is not ready by then hangs
-_HIDDEN = """
-import sys
-
-class Hidden:
-    def find_spec(self, name, path=None, target=None):
-        if name.partition(".")[0] == "tippedisk_verify":
-            raise ModuleNotFoundError(f"No module named '{name}'", name=name)
-
-sys.meta_path.insert(0, Hidden())
-"""
-
-
-def without_package(folder: Path) -> Path:
-    """A folder for PYTHONPATH with which the package is not there."""
-    folder.mkdir()
-    (folder / "sitecustomize.py").write_text(_HIDDEN)
-    return folder
 
 
 def changed_package(folder: Path, module: str, old: str, new: str) -> Path:
@@ -51,11 +34,11 @@ def surroundings(path: Path | None) -> dict[str, str]:
 
 
 @contextmanager
-def scheduler(folder: Path, path: Path | None = None) -> Iterator[tuple[subprocess.Popen[bytes], str]]:
+def scheduler(folder: Path) -> Iterator[tuple[subprocess.Popen[bytes], str]]:
     """A scheduler on a free port of this machine: the process, and HOST:PORT."""
     file = folder / "scheduler.json"
     options = ["--port", "0", "--no-dashboard", "--scheduler-file", str(file)]
-    with _process("dask_scheduler", options, folder, path) as process:
+    with _process("dask_scheduler", options, folder) as process:
         _until(lambda: file.exists() and file.read_text())
         yield process, json.loads(file.read_text())["address"].removeprefix("tcp://")
 
@@ -82,7 +65,9 @@ def workers(host: str) -> list[str]:
 
 
 @contextmanager
-def _process(name: str, options: list[str], folder: Path, path: Path | None) -> Iterator[subprocess.Popen[bytes]]:
+def _process(
+    name: str, options: list[str], folder: Path, path: Path | None = None
+) -> Iterator[subprocess.Popen[bytes]]:
     command = [sys.executable, "-m", f"distributed.cli.{name}", "--host", "127.0.0.1", *options]
     with open(folder / f"{name}.log", "ab") as log:
         process = subprocess.Popen(command, stdout=log, stderr=log, env=surroundings(path), cwd=folder)

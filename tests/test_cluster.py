@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.dask_cluster import changed_package, scheduler, without_package, worker, workers
+from tests.dask_cluster import changed_package, scheduler, worker, workers
 from tests.stress.strikes import Struck, ended_by
 from tests.test_sweep import after_rows, asked
 from tippedisk_verify.cli import main
@@ -140,12 +140,6 @@ def test_no_row_comes_from_a_worker_of_other_code(
     assert f"{sweep.kept()} of 41 points are kept: run again" in said
     assert "old" not in sweep.journal.read_text()
     sweep.ends_well("serial")
-
-
-@pytest.mark.slow
-def test_a_worker_without_the_package_is_told(sweep: _Sweep, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    with scheduler(tmp_path) as (_, host), worker(host, tmp_path, without_package(tmp_path / "other")):
-        assert "No module named 'tippedisk_verify'" in _fails(sweep, host, 1, capfd)
 
 
 @pytest.mark.parametrize("who", ["silent", "worker"])

@@ -15,7 +15,6 @@ from tippedisk_verify.commands import common
 from tippedisk_verify.model import results
 from tippedisk_verify.reference_values.store import stored
 
-README = Path(__file__).parents[1] / "README.md"
 CONTEXT = click.Context(cli, info_name="tippedisk-verify", terminal_width=80)
 
 
@@ -36,16 +35,16 @@ def _help(path: str) -> str:
     return context.command.get_help(context)
 
 
-def _parsed(words: list[str]) -> None:
+def parsed(words: list[str]) -> None:
     """Raises click.ClickException, or InputError, for what is no command; nothing is computed."""
-    command, path, name = cli.get_command(CONTEXT, words[0]), CONTEXT, words[0]
-    assert command is not None, f"there is no command {name}"
-    words = words[1:]
-    while isinstance(command, click.Group) and words:
-        path = command.make_context(name, [], parent=path)
-        name, words, command = words[0], words[1:], command.get_command(path, words[0])
-        assert command is not None, f"there is no command {name}"
-    command.make_context(name, words, parent=path)
+    command, path, name = cli, CONTEXT, ""
+    while isinstance(command, click.Group) and words and not words[0].startswith("-"):
+        name, *words = words
+        below = command.get_command(path, name)
+        assert below is not None, f"there is no command {name}"
+        command, path = below, click.Context(below, parent=path, info_name=name)
+    if not isinstance(command, click.Group):
+        command.make_context(name, words, parent=path.parent)
 
 
 EXAMPLES = {path: re.findall(r"^ +tippedisk-verify (.+)$", _help(path), re.MULTILINE)
@@ -53,7 +52,7 @@ EXAMPLES = {path: re.findall(r"^ +tippedisk-verify (.+)$", _help(path), re.MULTI
 #: What takes more than some seconds, by how the example begins; it is parsed.
 LONG = (
     *("verify --out", "branch --paper-sets", "bench", "stress --quick", "atlas", "scene b d", "certify branch"),
-    *("certify heteroclinic", "certify orbit", "certify check", "conformance run", "reference check --sample 50"),
+    *("certify heteroclinic", "certify orbit", "certify check", "conformance run", "reference check"),
     *("sweep", "basin", "heteroclinic --digits", "orbit --rotating", "harmonic-balance --omega", "branch"),
 )
 
@@ -71,7 +70,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_an_example_of_the_help_runs(example: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(folder)
     if example.startswith(LONG):
-        _parsed(shlex.split(example))
+        parsed(shlex.split(example))
     else:
         assert main([*shlex.split(example), "--quiet"]) == 0
 
@@ -83,29 +82,21 @@ def test_each_command_has_two_examples_at_the_end_of_its_help() -> None:
         assert _help(path).rstrip().endswith(examples[1]), path
 
 
-def test_help_is_sections_of_whole_sentences_in_80_columns() -> None:
+def test_help_is_whole_sentences_in_80_columns() -> None:
     said = _help("")
-    sections = re.findall(r"^([A-Z].*):$", said, re.MULTILINE)
-    assert sections == [
-        *("Options", "The paper", "One disk's motion and cycles", "Omega_h", "Your implementation", "Proofs"),
-        "Studies",
-    ]
     listed = re.findall(r"^  ([a-z][\w-]+)  ", said, re.MULTILINE)
     assert sorted(listed) == sorted(cli.commands)
     assert "..." not in said.split("Options:")[1]
-    assert "largest abs(beta - pi/2) on the cycle" in " ".join(_help("orbit").split())
     for path in ("", *COMMANDS):
         assert max(map(len, _help(path).splitlines())) <= 80, path
         for command in getattr(COMMANDS.get(path, cli), "commands", {}).values():
             assert command.hidden or command.get_short_help_str().endswith("."), command.name
 
 
-@pytest.mark.parametrize("name", ["eq.30", "30", "(30)"])
-def test_the_verdict_on_an_equation_comes_first(name: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["verify", "--only", name]) == 0
-    assert capsys.readouterr().out.startswith(
-        "eq. (30) is used by eq. (39): does not follow (term), by the claim kappa_2\n"
-    )
+def test_the_verdict_on_an_equation_comes_first(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["verify", "--only", "eq.30"]) == 0
+    said = capsys.readouterr().out
+    assert said.startswith("eq. (30) is used by eq. (39): does not follow (term), by the claim kappa_2\n")
 
 
 @pytest.mark.parametrize("command", ["stress --list", "integrate --omega 30.4 --state pi/2,2,0 --time 1 --times 3",
@@ -120,13 +111,6 @@ def test_on_a_terminal_lines_end_between_words(
     narrow = capsys.readouterr().out
     assert narrow.split() == words or sorted(narrow.split()) == sorted(words)
     assert max(len(line) for line in narrow.splitlines() if len(line.split()) > 1) <= 80
-
-
-def test_a_table_is_as_wide_as_its_cells(monkeypatch: pytest.MonkeyPatch) -> None:
-    rows = [("a", "first"), ("long name", "one two three four")]
-    assert list(common.table(("x", "y"), rows)) == ["x          y", "a          first", "long name  one two three four"]
-    monkeypatch.setattr(common, "_width", lambda: 24)
-    assert list(common.table(("x", "y"), rows))[2:] == ["long name  one two three", "           four"]
 
 
 def test_units_are_those_of_the_reference_data() -> None:

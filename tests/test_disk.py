@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import pickle
 from fractions import Fraction
-from typing import ClassVar
 
 import numpy
 import pytest
@@ -13,7 +12,6 @@ from scipy.integrate import solve_ivp
 
 import tippedisk_verify as tv
 from tippedisk_verify.atlas.plane import plane_of
-from tippedisk_verify.audit import friction_claims
 from tippedisk_verify.errors import UnknownKeywordError
 from tippedisk_verify.model.equations import field
 from tippedisk_verify.model.precision import DOUBLE
@@ -63,27 +61,17 @@ def test_a_text_for_a_list_is_one_number_or_refused() -> None:
 @pytest.mark.parametrize(
     ("make", "word"),
     [
-        (lambda: tv.Disk("unknown"), "not known"),
-        (lambda: tv.Disk("printed", r="1e40"), "between 1e-30 and 1e30"),
         (lambda: tv.Disk("printed", nu="0.4"), "no 'nu'"),
-        (lambda: tv.Disk("printed", A="0.5e-3"), "A must not exceed C"),
         (lambda: tv.Disk(r="0.045"), "needs e"),
-        (lambda: tv.Disk("printed", friction="sticky"), "linear or smooth"),
-        (lambda: tv.Disk("printed", friction="smooth").hopf(), "linear friction law only"),
         (lambda: tv.Disk("printed").limit_cycle(), "one of omega, below_crit and above_het"),
         (
             lambda: tv.Disk("printed").speed("30.4", below_het="0.5"),
             "one of omega, below_crit, above_het and below_het",
         ),
-        (lambda: tv.Disk("printed").speed(above_het="-1e-20"), "positive decimal"),
         (lambda: tv.Disk("printed").rhs("30.4")(0, (1.5, 1.6)), "three entries"),
         (lambda: tv.Disk("printed").certify.limit_cycle(tv.Disk("printed").heteroclinic().omega_h), "from Omega_h"),
-        (lambda: tv.Measured(1.5, "a"), "'a'"),
-        (lambda: tv.Measured(1, -1), "cannot be negative"),
         (lambda: tv.Disk("printed").heteroclinic(engine="taylor"), r"Taylor\(\) or Baseline\(\)"),
-        (lambda: tv.Disk("printed").limit_cycle(below_crit="pi"), "must be a decimal"),
         (lambda: tv.Disk("printed").branch([]), "1 to"),
-        (lambda: tv.Disk("printed").integrate("30.4", ("1", "1", "0"), "1e400"), "within 1e300 s of 0"),
     ],
 )
 def test_what_makes_no_sense_is_one_line(make, word) -> None:
@@ -117,16 +105,6 @@ def test_a_solution_is_what_scipy_gives(friction) -> None:
     assert abs(mine(times[3]) - mine.y[:, 3]).max() < 1e-12
     assert mine(times[:4]).shape == (3, 4)
     assert mine.disk.friction == friction
-
-
-def test_half_widths_hold_the_motion_of_more_digits() -> None:
-    disk = tv.Disk("printed")
-    mine, sharp = disk.integrate("30.4", START, 3), disk.integrate("30.4", START, 3, digits=30)
-    assert sharp.precision != mine.precision == "double"
-    assert mine.t.shape == sharp.t.shape == (201,)
-    away = abs(mine.y - sharp.y.astype(float))
-    assert (away <= mine.uncertainty + numpy.spacing(abs(mine.y))).all()
-    assert sharp.uncertainty.max() < 1e-30
 
 
 def test_a_run_that_ends_early_ends_with_its_end() -> None:
@@ -187,8 +165,8 @@ def test_times_are_exact(span) -> None:
 
 @pytest.mark.parametrize("friction", LAWS)
 def test_derivatives_of_the_end_are_those_of_difference_quotients(friction) -> None:
-    """By motions to forty digits, moved by 1e-15: the quotients are right to some 28 digits."""
-    disk, step = tv.Disk("printed", friction=friction), Fraction(1, 10**15)
+    """By motions to thirty digits, moved by 1e-10: the quotients are right to some 18 digits."""
+    disk, step = tv.Disk("printed", friction=friction), Fraction(1, 10**10)
     start, omega = [Fraction("1.2"), Fraction("1.5"), Fraction("0.3")], Fraction("30.4")
     mine = disk.integrate(omega, start, "0.3", variations=("state", "omega"))
     columns = []
@@ -196,7 +174,7 @@ def test_derivatives_of_the_end_are_those_of_difference_quotients(friction) -> N
         ends = []
         for moved in (step, -step):
             values = [value + moved * (n == place) for n, value in enumerate((*start, omega))]
-            ends.append(disk.integrate(values[3], values[:3], "0.3", digits=40).end.state)
+            ends.append(disk.integrate(values[3], values[:3], "0.3", digits=30).end.state)
         columns.append(((ends[0] - ends[1]) / tv.bits(160).number(2 * step)).astype(float))
     away = abs(numpy.column_stack((mine.transition, mine.by_omega)) - numpy.column_stack(columns))
     widths = numpy.column_stack((mine.transition_uncertainty, mine.by_omega_uncertainty))
@@ -273,40 +251,6 @@ def test_a_half_width_is_formatted_so_that_it_holds() -> None:
     assert tv.Measured("1/3", 0.5) == tv.Measured.of(Fraction(1, 3), "0.5")
 
 
-def test_an_audit_flies_with_its_own_engine() -> None:
-    """Both laws' cycles of a claim about friction come from the engine that the audit was given."""
-
-    class Counting(tv.Taylor):
-        laws: ClassVar[list[str]] = []
-
-        def __call__(self, request: tv.Request) -> tv.Result:
-            self.laws.append(request.friction)
-            return super().__call__(request)
-
-    friction_claims._asymptotic(tv.Audit(tv.PRINTED, Counting()), "table1", None)
-    assert set(Counting.laws) == {"linear", "smooth"}
-    assert Counting.laws[-1] == "linear"  # the sliding velocity along the linear law's cycle
-
-
-@pytest.mark.slow(minutes=0.5)
-@pytest.mark.parametrize("friction", ["linear", "smooth"])
-def test_one_door_however_close_to_omega_h(friction) -> None:
-    """A speed that lies next to Omega_h by accident, and the same as a distance from it."""
-    disk = tv.Disk("printed", friction=friction)
-    omega_h = disk.heteroclinic(digits=30).omega_h
-    speed = Fraction(round(omega_h.value * 10**13) + 3, 10**13)
-    door = disk.limit_cycle(speed)
-    assert door.omega.value == speed
-    named = disk.limit_cycle(above_het=speed - omega_h.value)
-    for name in ("period", "gamma_bar_0", "v_0", "beta_max"):
-        one, other = getattr(door, name), getattr(named, name)
-        assert abs(one.value - other.value) <= one.uncertainty + other.uncertainty
-        assert one.uncertainty < abs(one.value) / 10**12
-    below = speed - Fraction(6, 10**13)
-    with pytest.raises(tv.InputError, match="rad/s below Omega_h"):
-        disk.limit_cycle(below)
-
-
 SMOOTH = tv.PRINTED.with_friction("smooth")
 
 
@@ -328,27 +272,3 @@ SMOOTH = tv.PRINTED.with_friction("smooth")
 def test_what_is_for_the_linear_law_is_not_said_of_the_smooth_one(ask) -> None:
     with pytest.raises(tv.InputError, match="linear friction law only"):
         ask()
-
-
-def test_a_disk_offers_what_the_commands_print() -> None:
-    disk = tv.Disk("table1")
-    speed = disk.speed(below_crit="0.5")
-    assert disk.slow_manifold(1).to_dict() == tv.analyse_slow_manifold(disk, speed, 1).to_dict()
-    balanced, shot = disk.harmonic_balance(speed), disk.limit_cycle(speed)
-    assert abs(balanced.period.value - shot.period.value) <= balanced.period.uncertainty + shot.period.uncertainty
-    assert disk.equilibrium("inverted", speed).to_dict()["kind_changes"]
-    panel = disk.scene("d")
-    assert panel.omega.holds(speed)
-    assert disk.certify.equilibrium("noninverted", speed).stable is False
-    with pytest.raises(tv.InputError, match="linear friction law only"):
-        tv.Disk("table1", friction="smooth").certify.hopf()
-
-
-def test_a_branch_is_a_table_of_its_length() -> None:
-    branch = tv.Disk("table1").branch(["30.3", "30.4", "30.5"])
-    assert len(branch) == 3
-    head, names, *rows = repr(branch).splitlines()
-    assert head == "Branch of table1 (linear): 3 limit cycles"
-    assert names.split()[0::2] == ["omega", "period", "gamma_bar_0", "beta_max", "multiplier_slow"]
-    assert [row.split()[0] for row in rows] == ["30.3", "30.4", "30.5"]
-    assert branch._repr_html_().count("<tr>") == 4

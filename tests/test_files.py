@@ -10,7 +10,7 @@ import pytest
 
 from tippedisk_verify.cli import main
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.files import alone, output_file, printable, remains_of, sole_writer, write_bytes, write_text
+from tippedisk_verify.files import alone, output_file, printable, remains_of, write_bytes, write_text
 
 
 def test_a_link_stays_and_its_target_is_replaced(tmp_path: Path) -> None:
@@ -81,19 +81,26 @@ def test_a_lock_that_is_held_and_one_that_cannot_be_had(tmp_path: Path, monkeypa
         pass
 
 
-@pytest.mark.parametrize("arguments", [["verify", "--only", "omega_crit"], ["bench", "--only", "cycle"]])
-def test_a_second_run_into_a_folder_is_refused_at_once(
-    arguments: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize(
+    ("arguments", "out", "lock"),
+    [
+        ("verify --only omega_crit", "out", "out/.lock"),
+        ("bench --only cycle", "out", "out/.lock"),
+        ("sweep hopf --over mu=0.3 --executor serial", "a.csv", ".a.csv.journal"),
+    ],
+)
+def test_a_second_run_into_one_place_is_refused_at_once(
+    arguments: str, out: str, lock: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     pytest.importorskip("fcntl")
-    out = tmp_path / "out"
-    with sole_writer(out):
-        assert main([*arguments, "--quiet", "--out", str(out)]) == 2
+    command = [*arguments.split(), "--quiet", "--out", str(tmp_path / out)]
+    (tmp_path / lock).parent.mkdir(exist_ok=True)
+    with alone(tmp_path / lock, "the first run"):
+        assert main(command) == 2
         told = capsys.readouterr().err
-        assert "another run is writing into" in told
+        assert "another run is" in told
         assert told.count("\n") == 1
-        assert [path.name for path in out.iterdir()] == [".lock"]
-    assert list(out.iterdir()) == []
-    if arguments[0] != "bench":  # races for minutes
-        assert main([*arguments, "--quiet", "--out", str(out)]) == 0
-        assert ".lock" not in [path.name for path in out.iterdir()]
+        assert [path.name for path in (tmp_path / lock).parent.iterdir()] == [(tmp_path / lock).name]
+    if not arguments.startswith("bench"):  # races for minutes
+        assert main(command) == 0
+        assert not (tmp_path / lock).exists()

@@ -67,14 +67,10 @@ def test_ranges_are_exact() -> None:
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        *((f"hopf --over {axis}", "an axis is NAME=") for axis in ("g", "g=", "=1")),
-        *((f"hopf --over g={values}", "a range ") for values in ("1:2", "1:2:x", "1:2:1", "1:pi:3", "1:2:٣")),
-        ("hopf --over g=b", "'b'"), ("nothing --over mu=0.3", "is not known"), ("orbit --over mu=0.3", "either omega"),
+        *((f"hopf --over g={values}", "a range ") for values in ("1:2", "1:2:x", "1:2:1", "1:pi:3")),
+        ("hopf --over g=b", "'b'"), ("orbit --over mu=0.3", "either omega"),
         ("hopf --over omega=30", "cannot be swept over"), ("orbit --over omega=30 --over below-crit=0.5", "either"),
-        ("hopf --over mu=1 --over mu=2", "given twice"), ("hopf --over mu=1:2:2000 --over g=9:10:2000", "4000000"),
-        ("hopf --over g=9.8 --executor nowhere", "executor 'nowhere' is not known"),
-        ("hopf --over g=9.8 --out a.txt", "must end in"), ("hopf --over g=9.8 --out nowhere/a.csv", "existing folder"),
-        ("hopf --over g=9.8 --jobs 0", "--jobs"),
+        ("hopf --over mu=1 --over mu=2", "given twice"),
     ],
 )  # fmt: skip
 def test_what_makes_no_sense_is_refused(

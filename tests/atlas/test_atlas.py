@@ -55,13 +55,13 @@ def test_folds_end_in_the_bautin_point(by_inertia: Atlas) -> None:
     assert by_inertia.missing == ()
 
 
-def test_folds_are_those_of_each_disks_own_family(taylor: Taylor, by_inertia: Atlas) -> None:
-    """That is followed in the amplitude at one disk, and the curve in the fold from disk to disk."""
-    for point in curve(by_inertia, "fold").points[2:]:
-        (fold,) = libration_folds(PRINTED.changed(A=point.value), taylor, digits=15)
-        assert point.omega.contains(fold.omega)
-        assert point.gamma_bar_0.contains(fold.gamma_bar_0)
-        assert point.omega.uncertainty < point.omega.value / 10**12
+def test_a_fold_is_that_of_its_disks_own_family(taylor: Taylor, by_inertia: Atlas) -> None:
+    """Which is followed in the amplitude at one disk, and the curve in the fold from disk to disk."""
+    point = curve(by_inertia, "fold").points[3]
+    (fold,) = libration_folds(PRINTED.changed(A=point.value), taylor)
+    assert (point.omega - fold.omega).holds(0)
+    assert (point.gamma_bar_0 - fold.gamma_bar_0).holds(0)
+    assert point.omega.uncertainty < point.omega.value / 10**12
 
 
 def by_bisection(disk: Parameters, point: CurvePoint | SpecialPoint) -> Measured:

@@ -22,7 +22,6 @@ from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.model.precision import DOUBLE, QUADRUPLE
 from tippedisk_verify.theory.equilibria import equilibrium
 
-LAWS = ("linear", "smooth")
 #: Stable and unstable ones, and above Omega_crit.
 POINTS = (
     ("30.0388", False),
@@ -85,7 +84,7 @@ def test_the_fold_is_the_end_of_both_families(taylor, friction) -> None:
         rotating_cycle(disk, fold.omega.value - Fraction(1, 10**3), taylor)
 
 
-@pytest.mark.parametrize("friction", LAWS)
+@pytest.mark.parametrize("friction", ["linear", pytest.param("smooth", marks=pytest.mark.slow)])
 def test_the_orbit_turns_once_and_its_image_turns_back(taylor, friction) -> None:
     disk = PRINTED.with_friction(friction)
     omega = {"linear": "30.03", "smooth": "30.06"}[friction]

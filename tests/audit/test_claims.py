@@ -6,16 +6,14 @@ from fractions import Fraction
 
 import pytest
 
-from tippedisk_verify.audit.catalogue import CLAIMS, GROUPS, selected
-from tippedisk_verify.audit.claims import Audit, Finding, Verdict, examined, rounds_to, sets_with
+from tippedisk_verify.audit.catalogue import GROUPS, selected
+from tippedisk_verify.audit.claims import Audit, Finding, Verdict, examined, rounds_to
 from tippedisk_verify.audit.linear_claims import table_box
-from tippedisk_verify.commands.verify import _verdict_lines
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.report.results import summary, totals
-from tippedisk_verify.report.work import AuditJob
 
 
 @pytest.mark.parametrize(
@@ -89,18 +87,6 @@ def test_claims_are_found_by_equation() -> None:
     for wrong, said in (("eq. 3", r"no claim is about eq\. \(3\)"), ("omega_krit", "omega_crit")):
         with pytest.raises(InputError, match=said):
             selected([wrong])
-
-
-@pytest.mark.parametrize("answers", [(True, True, True), (True, True, False), (False, False, False)])
-def test_a_verdict_is_one_line_of_eighty_characters(answers) -> None:
-    order = AuditJob(PRINTED, 12, tuple(claim.name for claim in CLAIMS))
-    names = tuple(sets_with(PRINTED))
-    said = "as many words as a sentence that says everything has; and then some more of them"
-    finding = Finding(dict.fromkeys(names, said), dict(zip(names, answers, strict=True)))
-    title, *lines, total = _verdict_lines(order, [(claim, finding) for claim in CLAIMS], long=False)
-    assert max(map(len, (title, *lines))) <= 80
-    assert total.startswith(f"{len(CLAIMS)} claims: ")
-    assert all(line.startswith(f"{claim.name} ") for claim, line in zip(CLAIMS, lines, strict=True))
 
 
 def test_a_disk_rounds_to_table_1_by_its_decimals() -> None:

@@ -9,7 +9,6 @@ import pytest
 
 from tippedisk_verify.conformance.diagnosis.cycles import cycle_causes
 from tippedisk_verify.conformance.diagnosis.entries import Sheet, Table, tables_of
-from tippedisk_verify.conformance.diagnosis.inputs import INPUTS
 from tippedisk_verify.conformance.diagnosis.operators import changes
 from tippedisk_verify.conformance.diagnosis.search import Search
 from tippedisk_verify.conformance.diagnosis.specimen import Program, Specimen, specimen
@@ -58,10 +57,6 @@ def test_changes_differ_from_what_stands_there_and_leave_it_as_it_is() -> None:
                     assert ast.dump(change.node) != ast.dump(spot.node)
                     compile(ast.unparse(spot.replaced(change.node)), "changed", "exec")
     assert ast.dump(function) == before
-
-
-def test_names_of_inputs_are_different() -> None:
-    assert len({one.says for one in INPUTS}) == len(INPUTS)
 
 
 #: function, what stands there, what is planted, and what the diagnosis has to say.

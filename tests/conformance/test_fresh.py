@@ -94,16 +94,6 @@ def test_half_widths_of_orbits_hold_what_more_digits_say(law: str, truths: Store
             assert samples[f"{name}@{time}"].measured().holds(value)
 
 
-@pytest.mark.slow(minutes=1)
-@pytest.mark.parametrize("law", ["linear", "smooth"])
-def test_half_widths_of_cycles_hold_what_more_digits_say(law: str) -> None:
-    numbers = {quantity.name: quantity for quantity in tv.references(f"fresh-5-1/{law}/limit-cycle/")}
-    disk = tv.Disk(**{name: getattr(drawn_disk(5, 1), name) for name in tv.PRINTED.decimals()}, friction=law)
-    cycle = disk.limit_cycle(numbers["period"].inputs["Omega"], digits=20)
-    for name, quantity in numbers.items():
-        assert quantity.measured().contains(getattr(cycle, name)), name
-
-
 # ------------------------------------------------------------------------------------------ grading
 def answered(text: str, **wrong: float) -> str:
     """The answers of a program with the right equations, in doubles, to the questions about states."""

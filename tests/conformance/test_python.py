@@ -121,7 +121,9 @@ def test_what_is_a_number_by_another_name() -> None:
         assert tv.compare(OMEGA_CRIT, answer).answer == str(Decimal(mine))
     assert tv.compare(OMEGA_CRIT, tv.reference(OMEGA_CRIT), reading="decimals").verdict == "exact"
     assert tv.compare(OMEGA_CRIT, tv.Disk("printed").omega_crit, reading="decimals").digits > 15
-    assert tv.compare(OMEGA_CRIT, np.array([np.nan])).verdict == "not-a-number"
+    for answer in (np.array([np.nan]), math.nan, "nan", "-inf", "1e999999999"):
+        grade = tv.compare(OMEGA_CRIT, answer)
+        assert (grade.verdict, grade.failed) == ("not-a-number", True)
 
 
 @pytest.mark.parametrize("answers", [{}, None, 3, [(OMEGA_CRIT, 3.0)], {"printed/linear/hopf": 3.0}, {7: 3.0}])

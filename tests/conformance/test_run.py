@@ -12,6 +12,7 @@ import re
 import sys
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from itertools import count
 from pathlib import Path
 from types import SimpleNamespace
@@ -240,19 +241,19 @@ def test_full_pipes_on_both_sides(before: str, tmp_path: Path) -> None:
     assert heard == []
 
 
+def wait_for_the_end(pid: str) -> None:
+    """Of an orphan: whoever has taken it over may take a moment to hear of its end, and may never ask."""
+    with suppress(OSError):
+        while Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z":
+            time.sleep(0.01)
+
+
 def test_children_of_a_program_end_with_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     pid = tmp_path / "pid"
     script = f"sleep 1000 & echo $! > {pid}; echo no more; exit 3"
     assert main([*RUN, "--", "sh", "-c", script]) == 2
     assert "sh ended with status 3 before it answered" in capsys.readouterr().err
-    while True:  # whoever is told of the end of an orphan may take a moment, and may never ask
-        try:
-            state = Path(f"/proc/{pid.read_text().strip()}/stat").read_text().rpartition(")")[2].split()[0]
-        except OSError:
-            break
-        if state == "Z":
-            break
-        time.sleep(0.01)
+    wait_for_the_end(pid.read_text().strip())
 
 
 @pytest.mark.parametrize("name", ["nowhere/program", "no such program", "", "folder", "./file", "./text", "a\0b"])
@@ -280,8 +281,6 @@ def test_a_program_that_never_answers_is_bad_input(capsys: pytest.CaptureFixture
     assert "nowhere.py" in err
     assert main([*RUN, "--limit", "0.01", "--", "sleep", "1000"]) == 2
     assert "did not answer printed/both/rhs/001/M within 0.01 s" in capsys.readouterr().err
-    for limit in ("0", "-1", "nan", "inf", "x"):
-        assert main([*RUN, "--limit", limit, "--", "cat"]) == 2
 
 
 def test_ctrl_c_loses_no_answer(program: Callable[[str], list[str]], tmp_path: Path) -> None:
@@ -296,10 +295,4 @@ def test_ctrl_c_loses_no_answer(program: Callable[[str], list[str]], tmp_path: P
     assert [path.name for path in out.iterdir()] == ["answers.jsonl"]
     assert [json.loads(line)["id"] for line in (out / "answers.jsonl").read_text().splitlines()] == ASKED[:3]
     assert main(["conformance", "grade", str(out / "answers.jsonl"), "--quiet", "--require", "3"]) == 0
-    while True:  # an orphan's end is for whoever has taken it over
-        try:
-            if Path(f"/proc/{pid.read_text()}/stat").read_text().rpartition(")")[2].split()[0] == "Z":
-                break
-        except OSError:
-            break
-        time.sleep(0.01)
+    wait_for_the_end(pid.read_text())

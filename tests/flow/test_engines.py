@@ -43,8 +43,8 @@ def test_a_run_that_settles(taylor: Taylor) -> None:
 
 def test_error_follows_the_tolerance(taylor: Taylor) -> None:
     """Convergence in the tolerance: over eight decades the error falls in proportion, for both engines."""
-    truth = taylor(Request(PRINTED, "30.4", STARTS[1], 2, precision=bits(200))).state
-    tolerances = [10.0**-k for k in range(4, 13)]
+    truth = taylor(Request(PRINTED, "30.4", STARTS[1], 2, precision=QUADRUPLE)).state
+    tolerances = [10.0**-k for k in range(4, 13, 2)]
     for engine in (taylor, Baseline("DOP853")):
         errors = [
             float(distance(engine(Request(PRINTED, "30.4", STARTS[1], 2, tolerance=t)).state, truth))
@@ -56,8 +56,8 @@ def test_error_follows_the_tolerance(taylor: Taylor) -> None:
 
 
 def test_more_bits_give_more_digits(taylor: Taylor) -> None:
-    truth = taylor(Request(PRINTED, "30.4", STARTS[1], 1, precision=bits(300))).state
-    for precision in (DOUBLE, EXTENDED, QUADRUPLE, bits(60), bits(150), bits(220)):
+    truth = taylor(Request(PRINTED, "30.4", STARTS[1], 1, precision=bits(200))).state
+    for precision in (DOUBLE, EXTENDED, QUADRUPLE, bits(60), bits(150)):
         result = taylor(Request(PRINTED, "30.4", STARTS[1], 1, precision=precision))
         # One second near the inverted state loses less than two digits.
         assert distance(result.state, truth) < 100 * precision.epsilon, precision.name
@@ -80,10 +80,10 @@ def test_derivatives_agree_between_engines_and_with_differences(taylor: Taylor) 
     scale = abs(mine).max(axis=0)
     # DOP853 at a local tolerance of 1e-13.
     assert (abs(mine - theirs).max(axis=0) < 1e-11 * scale).all()
-    # Third road: central differences of 200-bit runs in Omega.
-    step = Fraction(1, 10**20)
+    # Third road: central differences of runs in quadruple precision in Omega.
+    step = Fraction(1, 10**10)
     ends = [
-        taylor(Request(PRINTED, Fraction("30.4") + sign * step, STARTS[1], 2, precision=bits(200))).state
+        taylor(Request(PRINTED, Fraction("30.4") + sign * step, STARTS[1], 2, precision=QUADRUPLE)).state
         for sign in (1, -1)
     ]
     for row in range(3):

@@ -314,7 +314,7 @@ def next_to_omega_h(draw: Draw, law: str) -> Question:
     """A cycle a named distance above Omega_h."""
     disk = draw.disk(STRUCTURED, law, 500)
     above = draw.told(decimal(draw.choice((draw.log_uniform(1e-5, 1e-2), draw.log_uniform(1e-12, 1e-5))), 4))
-    return _with_more(partial(disk.limit_cycle, above_het=above), 12, 24)
+    return _with_more(partial(disk.limit_cycle, above_het=above), 12, 12)
 
 
 def connection(draw: Draw, method: str, law: str = "linear") -> Question:
@@ -395,7 +395,7 @@ KINDS = (
     Kind("slow manifold", slow_manifold_series, 1, 3, 0.15, flown=False),
     Kind("proved closed forms", proved_closed_forms, 2, 30, 0.1, flown=False),
     Kind("flow", motion, 8, 250, 0.4),
-    Kind("events", partial(motion, events=(_PASSED, _RETURNS)), 6, 200, 0.2),
+    Kind("events", partial(motion, events=(_PASSED, _RETURNS)), 4, 200, 0.2),
     Kind("derivatives", partial(motion, variations=VARIATIONS), 0, 30, 0.25),
     Kind("half periods", partial(motion, half=True, events=((), (RETURNS,)), variations=VARIATIONS), 4, 100, 0.25),
     Kind("flow at a tolerance", partial(motion, loose=True), 0, 50, 0.1),

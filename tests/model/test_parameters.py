@@ -121,9 +121,3 @@ def test_long_decimals_and_long_comments_are_read(tmp_path: Path) -> None:
     lines = [f'{name} = "{text}{"0" * 3900}"' for name, text in PRINTED.decimals().items()]
     path.write_text("\n".join(["#" * 2000, "# " + "." * 150, *lines]), encoding="utf-8")
     assert Parameters.from_toml(path) == PRINTED.changed(name="disk.toml")
-
-
-@pytest.mark.parametrize("name", ["nowhere.toml", ".", "prnted", "/", "a/b.toml"])
-def test_missing_sets_are_refused(name: str) -> None:
-    with pytest.raises(InputError):
-        Parameters.named(name)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 import subprocess
 import sys
 from fractions import Fraction
@@ -23,8 +22,6 @@ from tippedisk_verify.proofs.closed_forms import (
     real_root,
 )
 from tippedisk_verify.proofs.kernel.balls import working_precision
-from tippedisk_verify.reference_values.lookup import references
-from tippedisk_verify.reference_values.store import data_folder
 from tippedisk_verify.theory import hopf
 from tippedisk_verify.theory.equilibria import equilibrium
 
@@ -94,33 +91,6 @@ def test_the_help_loads_no_flint(capsys) -> None:
     assert ran.returncode == 0
     for command in ("orbit", "hopf", "equilibria", "heteroclinic"):
         assert command in ran.stdout
-
-
-# ---------------------------------------------------------------------------------------------------- stored statements
-SYMBOLS = ("r", "e", "m", "A", "B", "g", "mu", "epsilon")
-#: References to what is printed elsewhere.
-OUTSIDE = re.compile(r"\bgiven\b|\bprinted beside\b|\blisted\b|\babove\b(?! Omega_crit)")
-
-
-def numbers_of(statement: str) -> dict[str, Fraction]:
-    """The eight numbers as the statement gives them."""
-    found = {name: re.search(rf"(?<!\w){name} = (-?[\d.]+(?:e-?\d+)?(?:/\d+)?)", statement) for name in SYMBOLS}
-    return {name: Fraction(match[1]) for name, match in found.items() if match}
-
-
-def is_about(statement: str, disk: Parameters) -> bool:
-    return numbers_of(statement) == {name: getattr(disk, name) for name in SYMBOLS} and not OUTSIDE.search(statement)
-
-
-def test_every_stored_statement_is_about_its_own_entry() -> None:
-    proofs = json.loads((data_folder() / "proofs.json").read_text(encoding="utf-8"))
-    for id_, proof in proofs.items():
-        statement, inputs = proof["statement"], references(f"{id_}/")[0].inputs
-        assert is_about(statement, Parameters.named(id_.partition("/")[0])), id_
-        assert "friction law" in statement, id_
-        if "Omega" in inputs:
-            assert f"Omega = {inputs['Omega']} rad/s" in statement, id_
-    assert len(proofs) >= 60
 
 
 # --------------------------------------------------------------------------------------------------------- closed forms

@@ -7,7 +7,6 @@ from fractions import Fraction
 
 import pytest
 
-from tests.proofs.test_commands import is_about
 from tippedisk_verify.atlas.cycles_at_speed import rotating_cycle
 from tippedisk_verify.atlas.locator import locator
 from tippedisk_verify.cycles.folds import Fold, LibrationFold, fold_to_digits, rotation_fold
@@ -56,7 +55,7 @@ def test_a_largest_speed_is_proved() -> None:
     proof = prove_fold(SUBCRITICAL, SUBCRITICAL_FOLD, digits=5)
     assert proof.proved, proof.statement
     assert proof.values["omega"].holds(Fraction(SUBCRITICAL_FOLD[2]))
-    assert is_about(proof.statement, SUBCRITICAL)
+    assert SUBCRITICAL.definition() in proof.statement
     assert "Omega rises at the lower end of the interval and falls at the upper one" in proof.statement
     found = proof.to_dict()
     assert found["extremum"] == proof.extremum == "largest"
@@ -80,7 +79,7 @@ def test_rotating_folds_are_proved(taylor) -> None:
     proof = prove_fold(PRINTED, moved(fold, Fraction(0)), digits=12, section=TURN)
     held(proof, fold, 12)
     assert proof.extremum == "smallest"
-    assert is_about(proof.statement, PRINTED)
+    assert PRINTED.definition() in proof.statement
     assert {"omega", "beta_bar_top", "v_top", "period"} <= set(proof.to_dict())
 
 

@@ -2,18 +2,12 @@
 
 from __future__ import annotations
 
-import contextlib
-import os
 import random
 import re
-import shutil
-import signal
 import subprocess
 import sys
-import time
 from concurrent.futures import ThreadPoolExecutor
 from fractions import Fraction
-from itertools import islice
 from pathlib import Path
 
 import pytest
@@ -21,14 +15,11 @@ import pytest
 from reference_data.make.generation import _computed, generate, items_of
 from reference_data.make.recipes import CONFIRM, confirmed, methods_of
 from tests.reference_values.places import PLACES
-from tests.stress.runs import LONGEST, MAKE
-from tests.stress.strikes import Struck, ended_by
-from tippedisk_verify.cache import read_checked
+from tests.stress.runs import MAKE
 from tippedisk_verify.errors import AccuracyError
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.reference_values.checking import check, entries_of
 from tippedisk_verify.reference_values.entries import case_of
-from tippedisk_verify.reference_values.manifest import LARGEST
 from tippedisk_verify.reference_values.store import Store, codebook, stored
 
 SETS = ("printed", "calibrated")
@@ -155,52 +146,3 @@ def test_the_program(arguments: list[str], status: int, says: str, tmp_path: Pat
     assert done.returncode == status, done
     assert says in (done.stderr if status else done.stdout)
     assert not status or done.stderr.count("\n") == 1
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(os.name == "nt", reason="no SIGKILL")
-def test_killed_runs_leave_no_broken_file_and_can_be_resumed(tmp_path: Path) -> None:
-    """Each kill leaves whole files only, and runs that go on make what one run makes."""
-    words = [*MAKE, *QUICK, "--quiet", "--jobs", "1", "--out"]
-    struck = Struck(tmp_path / "hand")
-    whole, broken = tmp_path / "whole", tmp_path / "broken"
-    lasts = struck.lasts([*words, str(whole)])
-    expected = _bytes(whole)
-    for status, _, _ in islice(struck.at_random([*words, str(broken)], signal.SIGKILL, lasts, 11), 8):
-        assert status == -signal.SIGKILL
-        for name, content in _bytes(broken).items():
-            if not any(part.startswith(".") for part in Path(name).parts):
-                assert content == expected[name], name
-        for answer in broken.glob(".work/*.json"):
-            assert read_checked(answer, LARGEST) is not None
-        if (broken / "manifest.json").exists():
-            shutil.rmtree(broken)
-    generate(broken, QUICK)
-    assert _bytes(broken) == expected
-
-
-@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="needs /proc to see processes")
-@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGINT])
-def test_workers_end_with_their_parent(how: signal.Signals, tmp_path: Path) -> None:
-    command = [sys.executable, *MAKE, "--quiet", "--jobs", "2", "--out", str(tmp_path)]
-    run = subprocess.Popen(command, stderr=subprocess.DEVNULL, start_new_session=True)
-
-    def alive() -> list[str]:
-        found = []
-        for path in Path("/proc").glob("[0-9]*/stat"):
-            with contextlib.suppress(OSError):
-                fields = path.read_text().rsplit(")", 1)[1].split()
-                if int(fields[3]) == run.pid and fields[0] != "Z":  # the session that the run leads
-                    found.append(path.parent.name)
-        return found
-
-    until = time.monotonic() + LONGEST
-    while len(alive()) < 4:  # itself, Python's tracker of semaphores, two workers
-        assert time.monotonic() < until
-        time.sleep(0.1)
-    run.send_signal(how)
-    assert run.wait(timeout=LONGEST) == ended_by(how)[0]
-    until = time.monotonic() + LONGEST
-    while alive() and time.monotonic() < until:
-        time.sleep(0.2)
-    assert alive() == []

@@ -165,12 +165,16 @@ def test_names_from_outside_are_text(tmp_path: Path) -> None:
     assert "<script>" not in spans.sub("", text).replace("\\<script>", "")
 
 
-def test_a_figure_that_cannot_be_had_says_why(tmp_path: Path) -> None:
-    """So little gravity that Omega_crit - 0.5 is negative: there is no scene d."""
+def test_an_odd_but_possible_disk_gets_its_report(tmp_path: Path) -> None:
+    """So little gravity that Omega_crit - 0.5 is negative: there is no scene d, and the figure says why."""
     path = tmp_path / "low.toml"
     path.write_text(GOOD.replace("9.81", "1e-9"), encoding="utf-8")
     out = tmp_path / "out"
-    assert main(["verify", "--quiet", "--out", str(out), "--only", "scene_d", "--parameters", str(path)]) == 0
+    only = ["--only", "inverted_unstable_below", "scene_d"]
+    assert main(["verify", "--quiet", "--out", str(out), "--parameters", str(path), *only]) == 0
+    below, scene = json.loads((out / "results.json").read_text(encoding="utf-8"))["claims"]
+    assert (below["verdict"], scene["verdict"]) == ("holds", "holds-for")
+    assert "not positive" in scene["note"]
     assert "Not drawn: scene d: its speed" in (out / "report.html").read_text(encoding="utf-8")
     assert "Not drawn: scene d: its speed" in (out / "report.md").read_text(encoding="utf-8")
     assert not (out / "scenes_3d.png").exists()

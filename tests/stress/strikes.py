@@ -100,11 +100,9 @@ class Struck:
         self._path = os.pathsep.join([str(folder), *filter(None, [os.environ.get("PYTHONPATH")])])
         self._listens = folder / "listens"
 
-    def at(
-        self, step: str, arguments: Sequence[str], number: int = signal.SIGINT, **streams: Any
-    ) -> tuple[int | None, str, str]:
+    def at(self, step: str, arguments: Sequence[str], number: int = signal.SIGINT) -> tuple[int | None, str, str]:
         """Exit status, standard output and error of a run struck at a step: "event name count [within]"."""
-        return _end(self._started(arguments, step, number, **streams))
+        return _end(self._started(arguments, step, number))
 
     def lasts(self, arguments: Sequence[str]) -> float:
         """How long a whole run takes from when it listens [s]; for drawing moments, not for judging."""
@@ -145,15 +143,13 @@ class Struck:
             time.sleep(0.001)
         return run
 
-    def _started(
-        self, arguments: Sequence[str], step: str, number: int = signal.SIGINT, **streams: Any
-    ) -> subprocess.Popen[str]:
+    def _started(self, arguments: Sequence[str], step: str, number: int = signal.SIGINT) -> subprocess.Popen[str]:
         self._listens.unlink(missing_ok=True)
         pipes: dict[str, Any] = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
         own = environment(PYTHONPATH=self._path, LISTENS=str(self._listens), STRIKE=step, STRIKE_BY=str(int(number)))
         program = self._program[:1] if arguments[0] in MAKE else self._program
         # A group of its own, as a shell gives to a command.
-        options = {**pipes, **streams, "env": own, "start_new_session": True, "preexec_fn": _hearing}
+        options = {**pipes, "env": own, "start_new_session": True, "preexec_fn": _hearing}
         return subprocess.Popen([*program, *arguments], **options)
 
 

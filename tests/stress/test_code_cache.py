@@ -136,17 +136,3 @@ def test_a_killed_run_leaves_what_it_has_compiled(tmp_path: Path) -> None:
     assert subprocess.run([sys.executable, "-c", program], env=own, timeout=LONGEST, check=False).returncode == 9
     left, sound = _done(tmp_path / _FILE, "SELECT count(*) FROM cache", "SELECT count(*) FROM digests")
     assert left == sound > (0,)
-
-
-@pytest.mark.parametrize("chosen", ["off", "{folder}/named"])
-def test_where_code_is_kept(chosen: str, tmp_path: Path) -> None:
-    """`off` keeps nothing at all, another folder compiled code and results."""
-    own = {"XDG_CACHE_HOME": str(tmp_path / "own"), "HOME": str(tmp_path / "home")}
-    own[VARIABLE] = chosen.format(folder=tmp_path)
-    assert run(_SCENE, **own).returncode == 0
-    assert run(["verify", "--only", "omega_crit", "--quiet"], **own).returncode == 0
-    found = {path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*") if path.is_file()}
-    code = {name for name in found if "/cache.db" in name}
-    places = {name.partition("/")[0] for name in found}
-    assert (places, bool(code)) == ((set(), False) if chosen == "off" else ({"named"}, True))
-    assert (code == found) is (chosen == "off")

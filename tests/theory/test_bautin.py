@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from fractions import Fraction
 from itertools import pairwise
-from pathlib import Path
 from typing import Any
 
 import mpmath
@@ -56,14 +55,6 @@ def test_all_admissible_roots_and_no_others(parameters: Parameters, e: Fraction)
             if following - value == start / 20:
                 between = sum(value < root.value < following for root in found)
                 assert (kind != next_kind) == bool(between % 2)
-
-
-@pytest.mark.parametrize("arguments", [("--bautin", "g"), ("--bautin", "x"), ("--bautin", "A", "--friction", "smooth")])
-def test_command_refuses_in_one_line(capsys: Any, arguments: tuple[str, ...]) -> None:
-    assert main(["hopf", *arguments]) == 2
-    out, error = capsys.readouterr()
-    assert not out
-    assert len(error.splitlines()) == 1
 
 
 # ------------------------------------------------------------------------------------------------ its numbers
@@ -187,13 +178,3 @@ def test_command_with_bautin_points(capsys: Any) -> None:
     assert Measured.of(**point["value"]).holds(truth)
     assert Fraction(point["value"]["uncertainty"]) < truth / 10**50
     assert told(capsys, "--bautin", "m")["bautin"] == []
-
-
-def test_command_at_a_bautin_point(capsys: Any, tmp_path: Path) -> None:
-    path = tmp_path / "degenerate.toml"
-    path.write_text("\n".join(f'{name} = "{text}"' for name, text in DEGENERATE.decimals().items()), "utf-8")
-    result = told(capsys, "--parameters", str(path))
-    assert result["criticality"] == "degenerate"
-    assert result["first_lyapunov_coefficient"]["value"] == "0"
-    assert float(result["second_lyapunov_coefficient"]["value"]) < 0
-    assert result["amplitude_squared_slope"] is result["period_slope"] is None
