@@ -6,6 +6,8 @@ import csv
 import json
 from pathlib import Path
 
+import pytest
+
 from tippedisk_verify.cli import main
 
 GOOD = (

@@ -156,6 +156,7 @@ def test_times_are_exact(span) -> None:
     early = disk.integrate("30.4", START, end - start, t_eval=[share, end - start], digits=20)
     late = disk.integrate("30.4", START, span, t_eval=[start + share, span[1]], digits=20)
     known = late.uncertainty
+    assert (late.y * 2.0 - 1.0).dtype == object  # NumPy works with more digits than it has types for
     assert (abs((late.y - early.y).astype(float)) <= known + early.uncertainty).all()
     assert (abs((late([start + share, end]) - late.y).astype(float)) <= known).all()
     assert late(float(start)).shape == late(late.end.time).shape == (3,)

@@ -77,9 +77,11 @@ def test_without_python_flint_one_line_says_what_to_install() -> None:
         "import sys; sys.modules['flint'] = None\nfrom tippedisk_verify.cli import main\n"
         "sys.exit(main(['certify', 'hopf']))"
     )
-    ran = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
-    assert (ran.returncode, ran.stdout) == (2, "")
-    assert ran.stderr == "tippedisk-verify: proofs need python-flint: install '.[certify]'\n"
+    kernel = "import sys; sys.argv, sys.modules['flint'] = ['-m'], None\nimport tippedisk_verify.proofs.kernel.__main__"
+    for source, name in ((program, "tippedisk-verify: "), (kernel, "")):
+        ran = subprocess.run([sys.executable, "-c", source], capture_output=True, text=True, check=False)
+        assert (ran.returncode, ran.stdout) == (2, "")
+        assert ran.stderr == f"{name}proofs need python-flint: install '.[certify]'\n"
 
 
 def test_the_help_loads_no_flint(capsys) -> None:
