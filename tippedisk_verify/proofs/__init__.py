@@ -8,4 +8,4 @@ from tippedisk_verify.errors import InputError
 try:
     import flint  # noqa: F401
 except ImportError:
-    raise InputError("proofs need python-flint: install '.[certify]'") from None
+    raise InputError("proofs need python-flint: pip install '.[certify]'") from None
