@@ -83,7 +83,8 @@ def test_subcritical_disks_have_their_cycles_above() -> None:
     [
         (["--omega", "31"], "the branch ends near 30.049"),
         (["--below-crit", "0.5", "--harmonics", "0"], "number of harmonics"),
-        (["--omega", "nan"], "finite"),
+        (["--omega", "nan"], "--omega: 'nan' is not a finite"),
+        (["--omega", "31", "--below-crit", "0.5"], "not both"),
         ([], "either --omega or --below-crit"),
     ],
 )
