@@ -44,17 +44,20 @@ autodoc_typehints = "none"  # the docstrings give types, shapes and units
 
 # ------------------------------------------------------------------------------------------ formulas
 _GREEK = "Omega|beta|gamma|delta|epsilon|eta|theta|kappa|lambda|mu|nu|xi|pi|rho|tau|phi|chi|omega"
-#: Symbols as pages and docstrings write them for terminals (gamma_bar_0, Omega_crit, c_2, T_crit, pi), and powers.
+#: Symbols as pages and docstrings write them for terminals (gamma_bar_0, Omega_crit, c_2, T_crit, pi), powers, and
+#: numbers with an exponent, which no line breaks.
 _SYMBOL = re.compile(
     rf"(?<![\w.\\\"“])(d?)(?:({_GREEK})(_bar)?(?:_([A-Za-z]+|\d+))?|([A-Za-z])_(\d+|crit|end|G|y))('*)(?![\w(])"
-    r"|(?<=[\w)])\^(-?\w+|\([^()]*\))"
+    r"|(?<=[\w)])\^(-?\w+|\([^()]*\))|(?<![\w.])(\d[\d.]*e-\d+)"
 )
 _FUNCTION = re.compile(r"(<mi>(?:sin|cos|log|ln|exp)</mi>|<msup><mi>(?:sin|cos)</mi><mn>\d</mn></msup>)")
 _BAR = re.compile(r"<mo(?=[^>]*>&#x0007C;</mo>)")
 
 
 def _formula(symbol: re.Match[str]) -> nodes.Node:
-    differential, greek, bar, index, letter, letter_index, primes, power = symbol.groups()
+    differential, greek, bar, index, letter, letter_index, primes, power, number = symbol.groups()
+    if number:
+        return nodes.inline("", number, classes=["pre"])
     if power:
         return nodes.superscript("", power.strip("()").replace("-", "\N{MINUS SIGN}"))
     base = rf"\{greek}".replace(r"\epsilon", r"\varepsilon") if greek else letter
@@ -71,6 +74,10 @@ class Symbols(SphinxTransform):
     _VERBATIM = (nodes.literal, nodes.math, nodes.FixedTextElement, nodes.raw, nodes.comment, addnodes.desc_signature)
 
     def apply(self, **_: object) -> None:
+        for table in self.document.findall(lambda node: "names" in getattr(node, "attributes", {}).get("classes", ())):
+            for row in [row for body in table.findall(nodes.tbody) for row in body]:
+                for cell in row[1:3]:  # the kind and the quantity are strings of an id
+                    cell[0].children = [nodes.literal("", cell.astext())]
         for text in list(self.document.findall(nodes.Text)):
             ancestor = text.parent
             while ancestor is not None and not isinstance(ancestor, self._VERBATIM):

@@ -64,6 +64,23 @@ def test_integrate_prints_and_writes_a_motion(tmp_path: Path, capsys) -> None:
         assert capsys.readouterr().err.count("\n") == 1
 
 
+@pytest.mark.parametrize(
+    ("asked", "word"),
+    [
+        ("hopf --digits 0", "a whole number from 1 to 4000, not 0"),
+        ("orbit --omega 30.4 --below-crit 0.5", "--above-het and --at-fold, not with several"),
+        ("certify check nofile.json", "nofile.json"),
+        ("conformance grade names.csv", "it names name, value"),
+    ],
+)
+def test_a_refusal_names_what_was_given(asked: str, word: str, tmp_path: Path, monkeypatch, capsys) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("names.csv").write_text("name,value\n1,2\n")
+    assert main(asked.split()) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert word in line
+
+
 @pytest.mark.parametrize("former", ["reference generate --out x", "certify branch --box 3e-6", "basin --proved"])
 def test_what_is_gone_says_what_takes_its_place(former: str, capsys) -> None:
     assert main(former.split()) == 2

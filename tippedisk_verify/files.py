@@ -109,7 +109,7 @@ def file_ending_in(path: str, *kinds: str) -> Path:
         listed = " or ".join(filter(None, (", ".join(kinds[:-1]), kinds[-1])))
         raise InputError(f"'{_named(file)}' must end in {listed}")
     if file.suffix.lower() == ".parquet" and find_spec("pyarrow") is None:
-        raise InputError("Parquet needs pyarrow: pip install 'tippedisk-verify[cluster]', or write .csv")
+        raise InputError("Parquet needs pyarrow: pip install '.[cluster]', or write .csv")
     return file
 
 

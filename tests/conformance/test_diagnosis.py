@@ -108,7 +108,7 @@ def test_digits_of_differences_hide_no_other_mistake(over: str, step: str, table
             given |= {id_: ("doubles", repr(float(x))) for id_, x in zip(table.ids, found, strict=True)}
     one, two = diagnosed(graded(Answers(given), store), store)
     assert f"difference quotient with a step of {step}" in one.says()
-    assert "in h_2: the minus sign of -2 is missing" in two.says()
+    assert "in term h_2 of h: the minus sign of -2 is missing" in two.says()
 
 
 _DIFFERENCES = """

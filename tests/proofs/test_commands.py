@@ -81,7 +81,7 @@ def test_without_python_flint_one_line_says_what_to_install() -> None:
     for source, name in ((program, "tippedisk-verify: "), (kernel, "")):
         ran = subprocess.run([sys.executable, "-c", source], capture_output=True, text=True, check=False)
         assert (ran.returncode, ran.stdout) == (2, "")
-        assert ran.stderr == f"{name}proofs need python-flint: install '.[certify]'\n"
+        assert ran.stderr == f"{name}proofs need python-flint: pip install '.[certify]'\n"
 
 
 def test_the_help_loads_no_flint(capsys) -> None:

@@ -120,6 +120,9 @@ def test_a_julia_test_file_has_the_doubles(tmp_path: Path) -> None:
     export(tv.references("printed/linear/limit-cycle/crit-0.5"), "julia", str(tmp_path / "values.jl"))
     told = re.findall(r'id = "(\S+)".* value = (\S+), tolerance = (\S+)\)', (tmp_path / "values.jl").read_text())
     assert len(told) == 10
+    export(tv.references("printed/linear/slow-manifold/01/"), "julia", str(tmp_path / "values.jl"))
+    orders = re.findall(r'quantity = "h_(\d)".* order = (\d)\.0, ', (tmp_path / "values.jl").read_text())
+    assert orders == [(str(n), str(n)) for n in range(6)]
     for id_, value, tolerance in told:
         assert float(value) == tv.reference(id_).for_doubles
         # An answer that far off is the first that fails.
@@ -161,7 +164,7 @@ def test_the_programs_of_the_readme(language: str, runs: str, tmp_path: Path) ->
     (tmp_path / "read.c").write_text(program[1])
     command = [runs, "--quiet", str(tmp_path / "read.c"), str(DATA / "values.csv")]
     if language == "c":
-        subprocess.run(["gcc", "-o", "read", "read.c"], check=True, cwd=tmp_path)
+        subprocess.run(["gcc", "-std=c99", "-Wall", "-Werror", "-o", "read", "read.c"], check=True, cwd=tmp_path)
         command = [str(tmp_path / "read"), str(DATA / "values.csv")]
     done = subprocess.run(command, check=True, capture_output=True, text=True).stdout.split()
     if language == "c":

@@ -177,7 +177,7 @@ LINEAR_CLAIMS: tuple[Claim, ...] = (
     Claim(
         "omega_crit",
         "eq:approx_omega_crit",
-        "Omega_crit = sqrt((r+e)^2/r * m g/Bbar) = 30.92 rad/s",
+        "Omega_crit = sqrt((r + e)^2 m g/(r Bbar)) = 30.92 rad/s",
         "30.92",
         number(closed_form("omega_crit")),
         note="Table 1 as rounded gives less; a set inside its rounding gives it",

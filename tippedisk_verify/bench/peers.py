@@ -134,5 +134,5 @@ def peer_methods() -> tuple[Method, ...]:
     """The peers that are installed. Raises InputError if none is."""
     methods = tuple(method for module, method in _METHODS if find_spec(module) is not None)
     if not methods:
-        raise InputError("no peer is installed: pip install 'tippedisk-verify[peers]'")
+        raise InputError("no peer is installed: pip install '.[peers]'")
     return methods

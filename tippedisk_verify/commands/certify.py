@@ -12,7 +12,7 @@ import click
 
 from tippedisk_verify.commands.common import Common, Output, alone_in, command, group, processes
 from tippedisk_verify.errors import AccuracyError, InputError
-from tippedisk_verify.files import write_text
+from tippedisk_verify.files import printable, write_text
 from tippedisk_verify.model.results import result_lines
 from tippedisk_verify.progress import watched
 
@@ -164,7 +164,7 @@ def check(output: Output, file: str, jobs: int | None = None) -> int:
         output.show({"accepted": False, "fails": str(fault)})
         return 1
     except claims.Refused as fault:
-        raise InputError(f"no certificate: {fault}") from None
+        raise InputError(f"{printable(file)} is no certificate: {fault}") from None
 
 
 _SAYS = "Prove numbers: enclosures by ball arithmetic, each with the statement proved."

@@ -107,7 +107,7 @@ class Common(Output):
     def speed(self, omega: str | None, below_crit: str | None) -> Fraction:
         """Omega as an exact rational [rad/s], from --omega or --below-crit."""
         if (omega is None) == (below_crit is None):
-            raise InputError("give the speed with either --omega or --below-crit")
+            raise InputError(f"give the speed with either --omega or --below-crit{', not both' * (omega is not None)}")
         return self.disk.speed(omega, below_crit=below_crit, digits=self.digits)  # type: ignore[no-any-return]
 
 
@@ -226,6 +226,17 @@ def _known_reading(reading: str) -> str:
     return reading
 
 
+def _decimal(option: str, text: str) -> str:
+    """The text of a decimal, which stays one. Raises InputError, with the option's name, for what is none."""
+    from tippedisk_verify.model.exact import exact
+
+    try:
+        exact(text)
+    except InputError as fault:
+        raise InputError(f"{option}: {fault}") from None
+    return text
+
+
 _CHECKS: dict[str, Callable[[Any], Any]] = {
     "jobs": checked_jobs, "executor": _known_executor, "certificate": output_file, "from_": _known_reading,
     "levels": _levels, "require": _levels,
@@ -235,6 +246,8 @@ _CHECKS: dict[str, Callable[[Any], Any]] = {
 def _check(parameter: str, metavar: str) -> Callable[[click.Context, click.Parameter, Any], Any]:
     """What makes an option's value of its text, or raises InputError; FILE.x|.y is where a file of that kind may go."""
     endings = re.findall(r"\.\w+", metavar) if metavar.startswith("FILE.") else []
+    if metavar in ("X", "D", "R"):
+        return lambda context, option, value: None if value is None else _decimal(option.opts[0], value)
     check = _CHECKS.get(parameter) or (lambda value: file_ending_in(value, *endings) if endings else value)
     return lambda context, option, value: None if value is None else check(value)
 

@@ -26,6 +26,7 @@ __all__ = ["COMMANDS"]
 
 _SHOWN = 40  # changes on a terminal
 _LONGEST = 86_400.0  # s
+_UNWRAPPED = 100_000  # characters of a line in a file, more than any has
 _LARGEST = 64_000_000  # bytes of a file that --csv may replace
 
 
@@ -290,8 +291,8 @@ class _Wanted:
         if output.json:
             output.show(report.to_dict())
         elif not output.quiet:
-            terminal = Console()  # a file has no width of its own, and gets one that keeps rows on one line
-            print_report(report, terminal if terminal.is_terminal else Console(width=160))
+            terminal = Console()  # a file has no width of its own, and gets one at which nothing is wrapped
+            print_report(report, terminal if terminal.is_terminal else Console(width=_UNWRAPPED))
         return 1 if short else 0
 
 

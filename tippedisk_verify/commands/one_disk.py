@@ -152,9 +152,12 @@ def orbit(
         raise InputError("--below-het belongs to --rotating")
     beside = {"below_het": below_het} if rotating else {"above_het": above_het}
     speeds = {"omega": omega, "below_crit": below_crit, **beside}
-    if at_fold + sum(speed is not None for speed in speeds.values()) != 1:
+    number = at_fold + sum(speed is not None for speed in speeds.values())
+    if number != 1:
         ways = ", ".join(f"--{name.replace('_', '-')}" for name in speeds)
-        raise InputError(f"give the speed of the cycle with one of {ways} and --at-fold")
+        raise InputError(
+            f"give the speed of the cycle with one of {ways} and --at-fold{', not with several' * (number > 1)}"
+        )
     if unstable and omega is below_crit is None:
         raise InputError("--unstable goes with --omega or --below-crit")
     if at_fold:

@@ -108,7 +108,7 @@ def cluster(address: str) -> Iterator[Executor]:
     try:
         from distributed import Client, KilledWorker
     except ImportError:
-        raise InputError("a Dask cluster needs distributed: pip install 'tippedisk-verify[cluster]'") from None
+        raise InputError("a Dask cluster needs distributed: pip install '.[cluster]'") from None
     host, before = address.removeprefix("dask://"), logging.root.manager.disable
     logging.disable()  # what matters of Dask's own lines is said by the errors here
     try:

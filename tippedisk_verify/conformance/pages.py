@@ -15,7 +15,6 @@ from tippedisk_verify.model.results import Printable
 
 if TYPE_CHECKING:
     from rich.console import Console
-    from rich.table import Table
 
 __all__ = ["Report", "html_page", "print_report"]
 
@@ -200,7 +199,7 @@ def split_where_wrong(answer: str, truth: str) -> tuple[str, str]:
 
 
 def print_report(report: Report, console: Console) -> None:
-    """The table by level, the worst answers coloured by agreeing digits, the diagnosis."""
+    """The table by level, the diagnosis, the worst answers coloured by agreeing digits, and what was required."""
     from rich.text import Text
 
     def digits(number: float, answered: int = 1) -> Text:
@@ -220,11 +219,16 @@ def print_report(report: Report, console: Console) -> None:
         for one in report.levels
     ]
     title = f"{report.source}: {report.headline()} (digits: least, median, needs; few: answers with too few)"
-    console.print(_table(title, "level =answered =least =wrong =few =median =needs verdict", rows))
+    _print_table(console, title, "level =answered =least =wrong =few =median =needs verdict", rows)
     if report.quantities:
         rows = [row(one, str(one.level), one.quantity, one.friction, str(one.answered)) for one in report.quantities]
         headings = "level quantity law =answered =least =wrong =few"
-        console.print(_table("by quantity, at the levels that fail", headings, rows))
+        _print_table(console, "\nby quantity, at the levels that fail", headings, rows)
+    console.print()
+    for remark in report.remarks():
+        console.print(Text(f"note: {remark}"))
+    for diagnosis in report.diagnoses:
+        console.print(Text(diagnosis.says(), style="bold"))
     if report.grades:
         console.print(Text("\nleast digits", style="italic"))
     for grade in report.worst():
@@ -232,7 +236,7 @@ def print_report(report: Report, console: Console) -> None:
         console.print(Text(f"{grade.id}: {grade.verdict}").append(", ").append(digits(grade.digits)).append(" digits"))
         console.print(Text("    ").append(right, "green").append(wrong, "red").append(f"  truth {grade.truth[:24]}"))
     if report.times:
-        title = f"run time [s]: {report.start_up or 0:.3g} to start up, then for each state, trajectory or cycle"
+        title = f"\nrun time [s]: {report.start_up or 0:.3g} to start up, then for each state, trajectory or cycle"
         rows = [
             [
                 f"{one['level']} {one['kind']}",
@@ -243,25 +247,22 @@ def print_report(report: Report, console: Console) -> None:
             for one in report.times
         ]
         headings = "level =answers =entries =total =median =largest longest"
-        console.print(_table(title, headings, rows))
-    console.print()
-    for remark in report.remarks():
-        console.print(Text(f"note: {remark}"))
-    for said in (*(diagnosis.says() for diagnosis in report.diagnoses), *report.shortcomings):
-        console.print(Text(said, style="bold red" if said in report.shortcomings else "bold"))
+        _print_table(console, title, headings, rows)
+    for said in report.shortcomings:
+        console.print(Text(said, style="bold red"))
 
 
-def _table(title: str, headings: str, rows: Sequence[Sequence[Any]]) -> Table:
+def _print_table(console: Console, title: str, headings: str, rows: Sequence[Sequence[Any]]) -> None:
     """A table for a terminal of 80 columns, in which no word is broken; a heading that starts with = is of numbers."""
-    from rich.markup import escape
     from rich.table import Table
+    from rich.text import Text
 
-    table = Table(title=f"\n{escape(title)}", title_justify="left", box=None, padding=(0, 1, 0, 0))
+    table = Table(box=None, padding=(0, 1, 0, 0))
     for heading in headings.split():
         table.add_column(heading.removeprefix("="), justify="right" if heading[0] == "=" else "left")
     for row in rows:
         table.add_row(*row)
-    return table
+    console.print(Text(title, style="italic"), table, sep="\n")
 
 
 def html_page(report: Report) -> str:

@@ -224,7 +224,7 @@ def _csv_rows(text: str, answers: Answers) -> Iterable[Row]:
         if "id" not in header or "answer" not in header:
             raise InputError(
                 "neither a CSV nor a JSON sheet: the first line must name the columns id and answer, "
-                "separated by commas or tabs"
+                f"separated by commas or tabs; it names {printable(', '.join(header))[:100] or 'none'}"
             )
         id_at, answer_at = header.index("id"), header.index("answer")
         from_at = header.index("from") if "from" in header else None

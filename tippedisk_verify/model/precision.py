@@ -223,7 +223,8 @@ def bits_for_digits(digits: int) -> int:
 def checked_digits(digits: int) -> int:
     """The number of digits that somebody asks for. Raises InputError unless it is a whole number from 1 to 4000."""
     if isinstance(digits, bool) or not isinstance(digits, int) or not 1 <= digits <= _MOST_DIGITS:
-        raise InputError(f"digits are an int from 1 to {_MOST_DIGITS}, not {type(digits).__name__} {shown(digits)}")
+        text = "the text " * isinstance(digits, str)
+        raise InputError(f"digits are a whole number from 1 to {_MOST_DIGITS}, not {text}{shown(digits)}")
     return digits
 
 

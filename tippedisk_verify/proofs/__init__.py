@@ -10,7 +10,7 @@ from tippedisk_verify.errors import InputError
 try:
     import flint  # noqa: F401
 except ImportError:
-    _LACKING = "proofs need python-flint: install '.[certify]'"
+    _LACKING = "proofs need python-flint: pip install '.[certify]'"
     if sys.argv[:1] == ["-m"]:  # what Python imports for `python -m tippedisk_verify.proofs.kernel`, before it runs it
         print(_LACKING, file=sys.stderr)
         sys.exit(2)

@@ -16,12 +16,13 @@ from tippedisk_verify.reference_values.store import Quantity
 
 __all__ = ["FORMATS", "export"]
 
-_INPUTS = (*SYMBOLS, "Omega", "beta", "gamma", "v", "t")
+_TEXTS = ("id", "kind", "friction", "quantity", "equilibrium", "form")
+_INPUTS = (*SYMBOLS, "Omega", "beta", "gamma", "v", "t", "n", "order")
 _FIELDS = (*_INPUTS, "value", "tolerance")
 _SAYS = (
     "Reference values of the tippedisk; a good answer in doubles is off by `tolerance` at most. 0 where no input is."
 )
-Row = tuple[str, list[float]]  #: the id, and a number for each of `_FIELDS`
+Row = tuple[list[str], list[float]]  #: for each of `_TEXTS` and each of `_FIELDS`
 
 
 def export(quantities: Sequence[Quantity], form: str, path: str) -> Path:
@@ -36,7 +37,7 @@ def export(quantities: Sequence[Quantity], form: str, path: str) -> Path:
     file = output_file(path)
     if form == "jsonl":
         return write_text(file, "".join(f"{json.dumps(one.to_dict(), ensure_ascii=False)}\n" for one in quantities))
-    rows = [(one.id, _numbers(one)) for one in quantities if "doubles" in one.values]
+    rows = [_fields(one) for one in quantities if "doubles" in one.values]
     if not rows:
         raise InputError("doubles cannot tell the inputs of these apart: a test file would have no value")
     return write_text(file, "\n".join([*_LANGUAGES[form](rows), ""]))
@@ -46,27 +47,31 @@ def _row(quantity: Quantity) -> dict[str, str]:
     return table_row(disk_of(quantity.set).decimals(), quantity)
 
 
-def _numbers(quantity: Quantity) -> list[float]:
+def _fields(quantity: Quantity) -> Row:
     row = _row(quantity)
     scale = scale_of(quantity, Decimal(row["value_from_doubles"]))
     tolerance = max(float(scale) * 10 ** -needed(quantity), float(row["rounding"]))
-    return [*(float(row[name] or 0) for name in _INPUTS), quantity.for_doubles, tolerance]
+    numbers = [*(float(row[name] or 0) for name in _INPUTS), quantity.for_doubles, tolerance]
+    return [row[name] for name in _TEXTS], numbers
 
 
 def _c(rows: Sequence[Row]) -> Iterator[str]:
     yield f"/* {_SAYS} */"
-    yield f"struct tippedisk_value {{ const char *id; double {', '.join(_FIELDS)}; }};"
+    yield f"struct tippedisk_value {{ const char *{', *'.join(_TEXTS)}; double {', '.join(_FIELDS)}; }};"
     yield f"static const struct tippedisk_value tippedisk_values[{len(rows)}] = {{"
-    yield from (f'  {{"{id_}", {", ".join(number.hex() for number in numbers)}}},' for id_, numbers in rows)
+    for texts, numbers in rows:
+        told = [f'"{text}"' for text in texts] + [number.hex() for number in numbers]
+        yield f"  {{{', '.join(told)}}},"
     yield "};"
 
 
 def _julia(rows: Sequence[Row]) -> Iterator[str]:
     yield f"# {_SAYS}"
     yield "const tippedisk_values = ["
-    for id_, numbers in rows:
-        told = (f"{name} = {number!r}" for name, number in zip(_FIELDS, numbers, strict=True))
-        yield f'  (id = "{id_}", {", ".join(told)}),'
+    for texts, numbers in rows:
+        told = [f'{name} = "{text}"' for name, text in zip(_TEXTS, texts, strict=True)]
+        told += [f"{name} = {number!r}" for name, number in zip(_FIELDS, numbers, strict=True)]
+        yield f"  ({', '.join(told)}),"
     yield "]"
 
 
@@ -75,12 +80,14 @@ def _fortran(rows: Sequence[Row]) -> Iterator[str]:
     yield "module tippedisk_values"
     yield "  implicit none"
     yield "  type tippedisk_value"
-    yield f"    character(len={max(len(id_) for id_, _ in rows)}) :: id"
+    longest = max(len(text) for texts, _ in rows for text in texts)
+    yield f"    character(len={longest}) :: {', '.join(_TEXTS)}"
     yield f"    double precision :: {', '.join(_FIELDS)}"
     yield "  end type"
     yield f"  type(tippedisk_value) :: values({len(rows)})"
-    for n, (id_, numbers) in enumerate(rows, start=1):
-        yield f'  data values({n}) / tippedisk_value("{id_}" &'
+    for n, (texts, numbers) in enumerate(rows, start=1):
+        yield f'  data values({n}) / tippedisk_value("{texts[0]}" &'
+        yield from (f'    , "{text}" &' for text in texts[1:])
         yield from (f"    , {number:.16e} &".replace("e", "d") for number in numbers)
         yield "  ) /"
     yield "end module"

@@ -22,8 +22,8 @@ _GREEK = dict(zip(
     ("alpha", "beta", "gamma", "delta", "epsilon", "kappa", "lambda", "mu", "chi", "omega", "Omega", "pi"),
     "αβγδεκλμχωΩπ", strict=True,
 ))  # fmt: skip
-#: Symbols as running text has them: Omega_crit, gamma_bar_0, dOmega, A_33; the names of claims stand alone.
-_SYMBOL = re.compile(rf"(?<!claim )(?:\b|(?<=\bd))({'|'.join(_GREEK)}|[A-Za-z])(_bar)?(?:_(\w+))?(?!\w)")
+#: Symbols as running text has them: Omega_crit, gamma_bar_0, dOmega, A_33, Bbar; the names of claims stand alone.
+_SYMBOL = re.compile(rf"(?<!claim )(?:\b|(?<=\bd))({'|'.join(_GREEK)}|[A-Za-z])(_?bar)?(?:_(\w+))?(?!\w)")
 
 
 def html_page(results: dict[str, Any], pictures: dict[str, dict[str, Any]], formulas: dict[str, Any]) -> str:
@@ -94,7 +94,7 @@ def _alike(values: dict[str, Any]) -> bool:
 
 
 def _symbols(text: str) -> Markup:
-    """Text with its symbols as such: Greek letters, bars, indices and powers."""
+    """Text with its symbols as such: Greek letters, bars, indices, powers and roots."""
 
     def drawn(match: re.Match[str]) -> str:
         letter, bar, index = match.groups()
@@ -103,7 +103,7 @@ def _symbols(text: str) -> Markup:
         below = f"<sub>{_GREEK.get(index, index)}</sub>" if index else ""
         return _GREEK.get(letter, letter) + ("\N{COMBINING MACRON}" if bar else "") + below
 
-    marked = _SYMBOL.sub(drawn, str(escape(text)))
+    marked = _SYMBOL.sub(drawn, str(escape(text))).replace("sqrt(", "√(")
     return Markup(re.sub(r"\^(-?\w+|\([^()]*\))", r"<sup>\1</sup>", marked))
 
 

@@ -55,6 +55,7 @@ for (const [id, row] of asked) {
 for (const [level, { asked, n, failed, few, least }] of levels) {
   const passes = n < asked ? 'partial' : 'agrees', fails = failed === few ? 'too few digits' : 'fails';
   const says = !n ? 'not answered' : failed ? fails : passes;
-  console.log(`level ${level}: ${n} of ${asked} answered, ${failed} failed, least digits ${least.toFixed(1)}: ${says}`);
+  const digits = n ? `, least digits ${least.toFixed(1).replace(/^-0\.0$/, '0.0')}` : '';
+  console.log(`level ${level}: ${n} of ${asked} answered, ${failed} failed${digits}: ${says}`);
 }
 console.log(`${unknown} unknown ids, ${repeated} repeated`);

@@ -39,8 +39,8 @@ function tippedisk_grade(answers, truths)
     if ~any(here), says = 'not answered'; elseif bad == 0, says = 'agrees';
     elseif all(strcmp(verdict(failed & here), 'few-digits')), says = 'too few digits'; end
     if bad == 0 && any(here) && sum(here) < sum(level == n), says = 'partial'; end
-    fprintf('level %d: %d of %d answered, %d failed, least digits %.1f: %s\n', n, sum(here), sum(level == n), bad, ...
-            min([digits(here), 15]), says);
+    least = ''; if any(here), least = sprintf(', least digits %.1f', round(10 * min([digits(here), 15])) / 10 + 0); end
+    fprintf('level %d: %d of %d answered, %d failed%s: %s\n', n, sum(here), sum(level == n), bad, least, says);
   end
   fprintf('%d unknown ids, %d repeated\n', unknown, repeated);
 end

@@ -232,6 +232,8 @@ class Suspect:
     @property
     def where(self) -> str:
         known = self.function in ("equations", "derivatives") and self.label
+        if known and re.fullmatch(r"h_\d", self.label):  # of the right-hand side; the slow manifold has an h_5 as well
+            return f"term {self.label} of h"
         return self.label if known else f"{self.label or 'the result'} ({self.function})"
 
     def cause(self, spot: Place, change: Change, program: Program) -> Cause:
