@@ -394,9 +394,7 @@ class Disk(Parameters):
 
 def _one_of(**ways: object) -> None:
     """Raise InputError unless the speed is given in one of these ways."""
-    number = sum(way is not None for way in ways.values())
-    if number != 1:
+    if (number := sum(way is not None for way in ways.values())) != 1:
         *first, last = ways
-        raise InputError(
-            f"give the speed with one of {', '.join(first)} and {last}{', not with several' * (number > 1)}"
-        )
+        several = ", not with several" if number else ""
+        raise InputError(f"give the speed with one of {', '.join(first)} and {last}{several}")

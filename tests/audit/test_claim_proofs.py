@@ -169,7 +169,7 @@ def test_closed_forms_are_proved_again(tmp_path: Path, monkeypatch: pytest.Monke
     assert proved == (11 if friction == "linear" else 8)
 
 
-@pytest.mark.slow(minutes=15)
+@pytest.mark.slow(minutes=22)
 def test_every_proof_is_proved_again() -> None:
     """All claims, with the grades that they must have, and every command that they name."""
     laws = {"linear": {*DECIDED, "homoclinic_identified", "amplitude_law"}, "smooth": {"both_connections"}}

@@ -23,7 +23,7 @@ from tippedisk_verify.theory.hopf import omega_crit
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("distance", ["1e-10", "1e-60"])
+@pytest.mark.parametrize("distance", ["1e-10", pytest.param("1e-60", marks=pytest.mark.slow(minutes=1.1))])
 def test_cycles_close(taylor, distance: str) -> None:
     """Re-integrated at higher precision, half a period maps the state onto its image to what its half-width allows."""
     cycle = cycle_above(CALIBRATED, distance, taylor, digits=15)

@@ -50,7 +50,7 @@ class Page(HTMLParser):
             self.text.append(data)
 
 
-@pytest.fixture(scope="module", params=["part", pytest.param("whole", marks=pytest.mark.slow(minutes=0.2))])
+@pytest.fixture(scope="module", params=["part", pytest.param("whole", marks=pytest.mark.slow(minutes=0.7))])
 def folder(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A report on a part of the claims, and the whole one."""
     folder = tmp_path_factory.mktemp(request.param)
