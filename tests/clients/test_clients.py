@@ -29,11 +29,11 @@ OCTAVE = shutil.which("octave-cli") or shutil.which("octave")
 JULIA = shutil.which("julia")
 #: What is said of the mistakes that the C client can make on request, in the order of its fault numbers.
 FAULTS = (
-    "in h_2: the minus sign of -2 is missing", "in h: -h_3 for +h_3", "in h: -h_4 for +h_4",
-    "in h_5: the minus sign of -m is missing",
+    "in term h_2 of h: the minus sign of -2 is missing", "in h: -h_3 for +h_3", "in h: -h_4 for +h_4",
+    "in term h_5 of h: the minus sign of -m is missing",
     "in gamma_y: sin(beta) for sin(beta)^2", "in Bbar: the term -m e^2 is missing", "the angles taken as degrees",
     "beta and gamma shifted by pi/2", "the parameters in single precision", "A and B exchanged",
-    "gamma_rate has the wrong sign", "in h_4: cos(beta) for cos(beta)^3", "",  # the first and the fifth at once
+    "gamma_rate has the wrong sign", "in term h_4 of h: cos(beta) for cos(beta)^3", "",  # two at once
     "in M: m r^2 cos(beta)^2 for m rho^2", "in f_G: -m g r cos(beta) for -m g rho cos(beta)",
     "mu = 0.33 instead of 0.3",
 )  # fmt: skip

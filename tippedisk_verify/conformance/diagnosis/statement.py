@@ -76,7 +76,7 @@ class Diagnosis:
             text += f"; they are wrong {self.where}" * bool(self.where)
         elif self.found:
             causes = " or ".join(cause.says for cause in self.found)
-            text += f"; likely cause: {causes} (explains all {self.tried} wrong answers tried)"
+            text += f"; likely cause: {causes} (explains all {self.tried} answers tried)"
         return text
 
     def to_dict(self) -> dict[str, Any]:
