@@ -401,7 +401,7 @@ KINDS = (
     Kind("flow at a tolerance", partial(motion, loose=True), 0, 50, 0.1),
     # Beyond doubles a half-width bounds what fewer nodes leave out, which is far more than more of them do.
     Kind("solution", solution, 2, 15, 0.1, widest=1000),
-    Kind("limit cycle", partial(cycle, law="linear"), 1, 8, 0.3),
+    Kind("limit cycle", partial(cycle, law="linear"), 1, 8, 1.2),
     Kind("limit cycle, smooth", partial(cycle, law="smooth"), 0, 4, 0.3),
     Kind("limit cycle in double", partial(cycle_in_double, law="linear"), 2, 20, 0.35),
     Kind("limit cycle in double, smooth", partial(cycle_in_double, law="smooth"), 0, 7, 0.2),
