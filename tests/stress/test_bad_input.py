@@ -306,6 +306,7 @@ CALLS: list[tuple[Wrong, list[Call]]] = [
         lambda x: tv.Audit(tv.PRINTED, _ENGINE).panel(x, "printed"),
     ]),
     (([2.0], [0.5, 0.25], ["a"], "ab"), [lambda x: _integrated(t_eval=x)]),
+    ((0, -1, "1e-30", 4), [lambda x: _DISK.integrate("30.4", (x, 2, 0), 1)]),
     (([], [2.0], [0.5, 0.5], [-1.0], ["x"], [math.nan], [10**400], [[0.5]]), [lambda x: _asked(times=x)]),
     (((), (1, 2), (1, 2, 3, 4), "ab"), [lambda x: _asked(state=x)]),
     ((0.0, 1.0, -1.0, math.nan, math.inf), [lambda x: _asked(tolerance=x)]),

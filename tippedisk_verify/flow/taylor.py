@@ -72,7 +72,10 @@ class Taylor:
         return tuple(integrator.build for integrator in self._integrators.kept())
 
     def __call__(self, request: Request) -> Result:
-        """Integrate. Raises InputError for a start, duration or speed that is not a finite number."""
+        """Integrate. Raises InputError for a start, duration or speed that is not a finite number.
+
+        And for a start so close to the floor that the disk is seen to lie flat only when it is below.
+        """
         if request.events and at_rest(request):
             return self(replace(request, events=()))
         precision = request.precision
@@ -88,6 +91,8 @@ class Taylor:
         if request.domain == "samples" and _outside(request, result):
             # Rare: only now is the event worth building, and only it can say when the disk lay flat.
             return self(replace(request, domain="event"))
+        if request.domain == "event" and _outside(request, result):
+            raise InputError("this start is so close to the floor that rounding decides whether the disk leaves it")
         if request.error_estimate:
             return self._with_error(request, result)
         return result
