@@ -50,7 +50,7 @@ def test_the_commands_of_the_scenario_print_its_numbers(capsys: pytest.CaptureFi
     for speed, *told, command in ([cell.strip() for cell in cells[1:5]] for cells in rows):
         assert main(shlex.split(command.strip("`"))) == 0
         printed = capsys.readouterr().out
-        numbers = re.findall(r"[0-9]+\.[0-9]+(?= s| %| 1/s|$)", " ".join(told))
+        numbers = re.findall(r"[0-9]+\.[0-9]+(?= s| of all| 1/s|$)", " ".join(told))
         assert numbers, command
         for number in [*numbers, *re.findall(r"^[0-9.]{12,}$", speed)]:
             assert re.search(rf"(?<![0-9.]){re.escape(number)}", printed), (command, number)
