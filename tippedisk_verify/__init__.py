@@ -69,4 +69,5 @@ def __getattr__(name: str) -> object:
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *_homes} if _home_of("Disk") else globals())
+    _home_of("")  # reads the stub
+    return [*_homes, *(name for name in globals() if name.startswith("__"))]

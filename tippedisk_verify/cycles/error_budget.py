@@ -105,7 +105,7 @@ def _by_twins(fixed_point: FixedPoint[C], precision: Precision, doubles: Sequenc
 
 def _lacking(cycle: Cycle, digits: int, to_spare: int = 1) -> str | None:
     """The first main result that has fewer digits than asked for, with this factor to spare."""
-    for name in ("period", *cycle.unknowns, "beta_max"):
+    for name in ("period", *cycle.coordinates, "beta_max"):
         measured: Measured = getattr(cycle, name)
         if to_spare * measured.uncertainty > abs(measured.value) * Fraction(1, 10**digits):
             return name

@@ -74,7 +74,7 @@ class LibrationFold(Fold):
     """A fold of the cycles about inverted spinning; ``null_vector`` is d(v_0) / d(gamma_bar_0)."""
 
     section = LIBRATING
-    first = ("omega", "period", *LIBRATING.names)
+    _first = ("omega", "period", *LIBRATING.names)
 
     gamma_bar_0: Measured  #: gamma - pi/2 where beta = pi/2 and v < 0 [rad]; v_0 is v there
 
@@ -84,7 +84,7 @@ class RotationFold(Fold):
     """The fold of the rotating cycles, their lowest speed; ``null_vector`` is d(v_top) / d(beta_bar_top)."""
 
     section = ROTATING
-    first = ("omega", "period", *ROTATING.names)
+    _first = ("omega", "period", *ROTATING.names)
 
     beta_bar_top: Measured  #: beta - pi/2 at gamma = pi/2 [rad]
     v_top: Measured  #: v there [rad/s]

@@ -36,7 +36,7 @@ class Cycle(Printable):
     A subclass says where on the cycle its coordinates are taken.
     """
 
-    unknowns: ClassVar[tuple[str, str]]  #: names of the two coordinates on the section
+    coordinates: ClassVar[tuple[str, str]]  #: names of the two coordinates on the section
     fixed: ClassVar[int]  #: the component of the shifted state that is zero there
     symmetric: ClassVar[bool]  #: whether the cycle is its own image under the point symmetry
     beside_the_saddle: ClassVar[tuple[str, ...]] = ()  #: names of coordinates that a power of Omega - Omega_h rules
@@ -64,7 +64,7 @@ class Cycle(Printable):
     @property
     def _start(self) -> list[Measured]:
         """The shifted state (beta_bar, gamma_bar, v) at which `orbit` starts."""
-        start: list[Measured] = [getattr(self, name) for name in self.unknowns]
+        start: list[Measured] = [getattr(self, name) for name in self.coordinates]
         start.insert(self.fixed, Measured(Fraction(0), Fraction(0)))
         return start
 
@@ -137,8 +137,8 @@ class LimitCycle(Cycle):
     gamma oscillates about pi/2 (libration), and the cycle is its own image under the point symmetry.
     """
 
-    unknowns, fixed, symmetric = ("gamma_bar_0", "v_0"), 0, True
-    first = ("omega", "period", *unknowns, "stable")
+    coordinates, fixed, symmetric = ("gamma_bar_0", "v_0"), 0, True
+    _first = ("omega", "period", *coordinates, "stable")
 
     gamma_bar_0: Measured  #: gamma - pi/2 where beta = pi/2 and v < 0, its largest value [rad]
     dgamma_bar_0_domega: Measured  #: d(gamma_bar_0)/dOmega along the family [s]
@@ -153,9 +153,9 @@ class RotatingCycle(Cycle):
     that leans to the other side, with falling gamma.
     """
 
-    unknowns, fixed, symmetric = ("beta_bar_top", "v_top"), 1, False
+    coordinates, fixed, symmetric = ("beta_bar_top", "v_top"), 1, False
     beside_the_saddle = ("beta_bar_0", "v_0")
-    first = ("omega", "period", *unknowns, *beside_the_saddle, "stable")
+    _first = ("omega", "period", *coordinates, *beside_the_saddle, "stable")
 
     beta_bar_top: Measured  #: beta - pi/2 of a rotating cycle where gamma = pi/2 [rad]
     v_top: Measured  #: v there [rad/s]
@@ -179,7 +179,7 @@ class Monodromy(Printable):
     [1.0135 0.4084 0.0088] -96.12968
     """
 
-    listed = ("time", "matrix", "uncertainty", "log_multipliers")
+    _listed = ("time", "matrix", "uncertainty", "log_multipliers")
 
     cycle: Cycle  #: whose matrix it is
     time: Any  #: [s] since the start of ``cycle.orbit()``

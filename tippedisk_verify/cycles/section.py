@@ -73,7 +73,7 @@ class Section(Generic[C]):
     @property
     def names(self) -> tuple[str, str]:
         """Names of the two coordinates."""
-        return self.result.unknowns
+        return self.result.coordinates
 
     @property
     def recorded(self) -> tuple[Event, ...]:

@@ -71,15 +71,15 @@ class Printable:
     __slots__ = ()
 
     #: The entries, and which come first; if empty, all fields but those untold: whose it is, and how it was computed.
-    listed: ClassVar[tuple[str, ...]] = ()
-    first: ClassVar[tuple[str, ...]] = ()
-    untold: ClassVar[tuple[str, ...]] = ("parameters", "disk", "engine", "precision", "residuals")
+    _listed: ClassVar[tuple[str, ...]] = ()
+    _first: ClassVar[tuple[str, ...]] = ()
+    _untold: ClassVar[tuple[str, ...]] = ("parameters", "disk", "engine", "precision", "residuals")
 
     def to_dict(self) -> dict[str, Any]:
         """As plain data for JSON. A number with a half-width is a value and an uncertainty, both decimals as texts."""
-        names = self.listed or [item.name for item in fields(self) if item.name[0] != "_"]  # type: ignore[arg-type]
-        ordered = dict.fromkeys((*self.first, *names))
-        return {name: as_json(getattr(self, name)) for name in ordered if name not in self.untold}
+        names = self._listed or [item.name for item in fields(self) if item.name[0] != "_"]  # type: ignore[arg-type]
+        ordered = dict.fromkeys((*self._first, *names))
+        return {name: as_json(getattr(self, name)) for name in ordered if name not in self._untold}
 
     def _title(self) -> str:
         disk = getattr(self, "parameters", getattr(self, "disk", None))

@@ -44,7 +44,7 @@ class BasinBoundary(Printable):
     rotating cycle: below the rotating cycles' fold everything lies flat.
     """
 
-    listed = ("omega", "cycle")
+    _listed = ("omega", "cycle")
 
     def __init__(self, parameters: Parameters, omega: object, engine: Engine) -> None:
         self.parameters, self.engine, self.omega = parameters, engine, checked_speed(omega)

@@ -75,7 +75,7 @@ class Eigenvalue(Printable):
 class ProvedEquilibrium(Printable):
     """Eigenvalues and stability of stationary spinning at one speed."""
 
-    untold = ("name",)
+    _untold = ("name",)
 
     name: str
     eigenvalues: tuple[Eigenvalue, ...]  #: by descending real part, then descending imaginary part

@@ -44,7 +44,7 @@ class Proof:
     claim: Any
     evidence: Any
 
-    told: ClassVar[tuple[str, ...]] = ()  #: entries of the claim that are printed besides the numbers
+    _told: ClassVar[tuple[str, ...]] = ()  #: entries of the claim that are printed besides the numbers
 
     @property
     def proved(self) -> bool:
@@ -82,7 +82,8 @@ class Proof:
         entries: dict[str, Any] = {"proved": self.proved, "statement": self.statement} | self.asked
         if self.proved:
             claim = self.claim
-            entries |= claim["numbers"] | {_PRINTED.get(name, name): claim[name] for name in self.told if name in claim}
+            entries |= claim["numbers"]
+            entries |= {_PRINTED.get(name, name): claim[name] for name in self._told if name in claim}
         entries |= {"parameters": self.parameters.name, "bits": self.bits}
         return entries | ({"status": self.status.name} if self.status else {})
 

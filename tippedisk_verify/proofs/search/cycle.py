@@ -66,7 +66,7 @@ class OrbitProof(Proof):
     Names of numbers are those of `cycles.limit_cycle.LimitCycle` and `RotatingCycle`.
     """
 
-    told: ClassVar = ("stable", "reversals", "unique_within")
+    _told: ClassVar = ("stable", "reversals", "unique_within")
 
     section: Section
     status: Status

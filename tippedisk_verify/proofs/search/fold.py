@@ -38,7 +38,7 @@ _CHORDS = 12
 class FoldProof(Proof):
     """What is proved of a fold of librating (`HALF`) or rotating (`TURN`) cycles."""
 
-    told: ClassVar = ("extremum",)
+    _told: ClassVar = ("extremum",)
 
     section: Section
     where: str  #: how far the proof came

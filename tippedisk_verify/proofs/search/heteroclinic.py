@@ -90,7 +90,7 @@ class Room(NamedTuple):
 class ProvedConnection(Printable, Proof):
     """The interval of Omega_h, and what was proved of it; without status PROVED nothing was."""
 
-    listed = (
+    _listed = (
         *("proved", "status", "statement", "limit_cycle", "omega_h", "unique"),
         *("saddle_eigenvalues", "saddle_value", "upright", "room", "bits"),
     )

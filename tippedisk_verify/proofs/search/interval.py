@@ -55,7 +55,7 @@ class Status(Enum):
 class IntervalProof(Proof):
     """What is proved of the limit cycles of all speeds with |Omega - omega| <= radius."""
 
-    told: ClassVar = ("stable", "beta_below", "unique_within", "enclosed_within", "curve")
+    _told: ClassVar = ("stable", "beta_below", "unique_within", "enclosed_within", "curve")
 
     status: Status
     parameters: Parameters
