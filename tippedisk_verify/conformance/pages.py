@@ -199,7 +199,7 @@ def split_where_wrong(answer: str, truth: str) -> tuple[str, str]:
 
 
 def print_report(report: Report, console: Console) -> None:
-    """The table by level, the diagnosis, the worst answers coloured by agreeing digits, and what was required."""
+    """The diagnosis, the tables, the worst answers coloured by agreeing digits, and what was required."""
     from rich.text import Text
 
     def digits(number: float, answered: int = 1) -> Text:
@@ -218,8 +218,11 @@ def print_report(report: Report, console: Console) -> None:
         ]
         for one in report.levels
     ]
-    title = f"{report.source}: {report.headline()} (digits: least, median, needs; few: answers with too few)"
-    _print_table(console, title, "level =answered =least =wrong =few =median =needs verdict", rows)
+    console.print(Text(f"{report.source}: {report.headline()}", style="bold"))
+    for diagnosis in report.diagnoses:
+        console.print(Text(diagnosis.says(), style="bold"))
+    headings = "level =answered =least =wrong =few =median =needs verdict"
+    _print_table(console, "\nby level (least, median, needs: digits; few: answers with too few)", headings, rows)
     if report.quantities:
         rows = [row(one, str(one.level), one.quantity, one.friction, str(one.answered)) for one in report.quantities]
         headings = "level quantity law =answered =least =wrong =few"
@@ -227,8 +230,6 @@ def print_report(report: Report, console: Console) -> None:
     console.print()
     for remark in report.remarks():
         console.print(Text(f"note: {remark}"))
-    for diagnosis in report.diagnoses:
-        console.print(Text(diagnosis.says(), style="bold"))
     if report.grades:
         console.print(Text("\nleast digits", style="italic"))
     for grade in report.worst():
