@@ -80,7 +80,7 @@ class Disk(Parameters):
 
     @classmethod
     def read(cls, path: str | Path, friction: Friction = "linear") -> Disk:
-        """The disk in a TOML file of quoted decimals. Raises InputError as `Parameters.from_toml` does."""
+        """The disk in a TOML file of decimals. Raises InputError as `Parameters.from_toml` does."""
         known = Parameters.from_toml(Path(path))
         values = {item.name: getattr(known, item.name) for item in fields(known) if item.init}
         return cls(**values | {"friction": friction})

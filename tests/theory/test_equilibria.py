@@ -6,6 +6,7 @@ import json
 from fractions import Fraction
 from itertools import combinations
 
+import numpy
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -59,6 +60,8 @@ def test_half_widths_hold_and_stability_matches(parameters, omega) -> None:
             assert rough.im.holds(sharp.im.value)
         assert coarse.stable == all(value.re.value < 0 for value in fine.eigenvalues)
         assert sum(value.im.value for value in fine.eigenvalues) == 0
+        parts = [complex(value.real, value.imag) for value in fine.eigenvalues]
+        assert numpy.array(fine.eigenvalues, complex).tolist() == parts
 
 
 _POWERS = st.integers(-15, 15)
@@ -71,7 +74,7 @@ def test_eigenvalues_of_any_size_are_found(matrix) -> None:
     _, a2, a1, a0 = characteristic_polynomial(matrix)
     try:
         values = eigenvalues(matrix, 40)
-        discs = [(re.value, im.value, max(re.uncertainty, im.uncertainty)) for re, im in values]
+        discs = [(one.re.value, one.im.value, max(one.re.uncertainty, one.im.uncertainty)) for one in values]
     except AccuracyError:
         assert a2**2 * a1**2 - 4 * a1**3 - 4 * a2**3 * a0 + 18 * a2 * a1 * a0 - 27 * a0**2 == 0  # a double one
         return

@@ -39,7 +39,7 @@ def cycle_at(
     that is not positive, NoSuchCycleError where the search fails, AccuracyError if the digits are not reached.
     """
     speed = checked_speed(omega)
-    checked_digits(digits)
+    digits = checked_digits(digits)
     cycle: LimitCycle | None = None
     if stable is not False:  # mostly the law leads to a stable cycle, and nothing else is asked
         fixed_point = shoot_from_law(ReturnMap(LIBRATING, parameters, speed, engine))
@@ -67,7 +67,7 @@ def rotating_cycle(
     speed that is not positive, NoSuchCycleError where the search fails, AccuracyError if the digits are not reached.
     """
     speed = checked_speed(omega)
-    checked_digits(digits)
+    digits = checked_digits(digits)
     if stable:
         with suppress(NoSuchCycleError, NoConnectionError, ZeroDivisionError):  # doubles see Omega_h itself
             # The saddle's unstable branch leads there where the cycle is not next to the fold.
@@ -149,7 +149,7 @@ def _checked_distance(offset: object, side: str, digits: int) -> tuple[Fraction,
     distance = exact(offset)
     if distance.pi_multiple or distance.rational <= 0:
         raise InputError(f"the distance {side} Omega_h must be a positive decimal, not {shown(offset)}")
-    checked_digits(digits)
+    digits = checked_digits(digits)
     value = distance.rational
     zeros = max(0, math.ceil(math.log10(value.denominator) - math.log10(value.numerator)))  # of huge integers too
     if zeros > _SMALLEST:

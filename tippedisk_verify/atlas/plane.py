@@ -159,7 +159,7 @@ def atlas(
     that `Parameters` takes, and the smooth law.
     """
     plane.parameters.refuse_smooth("an atlas is")
-    checked_digits(digits)
+    digits = checked_digits(digits)
     if isinstance(points, bool) or not isinstance(points, int) or not 5 <= points <= MOST_POINTS:
         raise InputError(f"a curve has 5 to {MOST_POINTS} points, not {shown(points)}")
     if not 0 < plane.lowest < plane.highest:

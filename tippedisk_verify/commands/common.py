@@ -43,7 +43,7 @@ _SHARED = """
 --executor serial|local|dask://HOST:PORT  One process, all cores of this machine, or a cluster.
 --jobs N  Processes; as many as there are cores if not given.
 --certificate FILE.json  Write what `certify check FILE.json` needs to prove it again.
---parameters NAME|FILE.toml  table1, calibrated, geometry, or a TOML file of quoted decimals.
+--parameters NAME|FILE.toml  table1, calibrated, geometry, or a TOML file of decimals.
 --friction linear|smooth  The friction law.
 --digits N  Significant digits of each main result, at least.
 --json  One JSON object on standard output.

@@ -40,7 +40,7 @@ _DOUBLE_DIGITS = 12
 class Heteroclinic(Printable):
     """The connection from (pi/2, -pi/2, 0) to (pi/2, 3 pi/2, 0); by the point symmetry the way back exists too.
 
-    Only the method `saddle` has the splitting derivative and the budget.
+    Only the method `manifolds` has the splitting derivative and the budget.
     """
 
     omega_h: Measured  #: the speed at which the two noninverted saddles are connected [rad/s]
@@ -94,7 +94,7 @@ def heteroclinic(
     """
     if method not in METHODS:
         raise InputError(f"method '{shown(method)}' is not known: use {', '.join(METHODS)}")
-    checked_digits(digits)
+    digits = checked_digits(digits)
     if method in ("bisection", "scipy") and digits > _DOUBLE_DIGITS:
         raise InputError(f"{method} runs in double: at most {_DOUBLE_DIGITS} digits, not {digits}; use manifolds")
     if digits > MOST_DIGITS:

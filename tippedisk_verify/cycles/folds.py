@@ -105,7 +105,7 @@ def rotation_fold(family: RotatingFamily, *, digits: int = 12) -> RotationFold:
 
     Raises NoSuchCycleError where the family has none, AccuracyError if the digits are not reached.
     """
-    checked_digits(digits)
+    digits = checked_digits(digits)
     place = family.near_fold()
     fold: RotationFold = fold_to_digits(
         RotationFold, family.parameters, (*place.start, place.omega), family.engine, digits
@@ -121,7 +121,7 @@ def libration_folds(
     They are those that `LibratingFamily` passes. Raises AccuracyError where it cannot be
     followed, the digits are not reached, or doubles do not see a fold that the exact signs at the ends ask for.
     """
-    checked_digits(digits)
+    digits = checked_digits(digits)
     try:
         family = family or LibratingFamily(parameters, engine)
     except NoSuchCycleError as fault:

@@ -88,7 +88,7 @@ def limit_cycle(
     NoSuchCycleError where the search fails, AccuracyError if the digits are not reached.
     """
     return_map = ReturnMap(LIBRATING, parameters, checked_speed(omega), engine)
-    checked_digits(digits)
+    digits = checked_digits(digits)
     fixed_point = None if guess is not None else shoot_from_law(return_map)
     if fixed_point is None:
         start = approximate_cycle(parameters, return_map.omega) if guess is None else guess

@@ -28,7 +28,7 @@ from tippedisk_verify.cycles.spectral_branch import (
 )
 from tippedisk_verify.errors import InputError, NoSuchCycleError
 from tippedisk_verify.model.equations import checked_speed
-from tippedisk_verify.model.exact import fraction, shown
+from tippedisk_verify.model.exact import fraction, shown, whole
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import checked_digits
@@ -77,9 +77,9 @@ def balanced_cycle(
     """
     parameters.refuse_smooth("harmonic balance is")
     speed = checked_speed(omega)
-    if harmonics is not None and not (isinstance(harmonics, int) and 1 <= harmonics <= _MOST_HARMONICS):
+    if harmonics is not None and whole(harmonics, 1, _MOST_HARMONICS) is None:
         raise InputError(f"the number of harmonics lies between 1 and {_MOST_HARMONICS}, not {shown(harmonics)}")
-    checked_digits(digits)
+    digits = checked_digits(digits)
     start = branch_to(parameters, speed)
 
     def numbers(a: Collocation) -> dict[str, Any]:
@@ -155,7 +155,7 @@ def spectral_rotation(
     """
     parameters.refuse_smooth("spectral collocation is")
     speed = checked_speed(omega)
-    checked_digits(digits)
+    digits = checked_digits(digits)
     start = rotation_at(parameters, float(speed), stable)
 
     def numbers(a: Collocation) -> dict[str, Any]:
@@ -215,7 +215,7 @@ def spectral_fold(parameters: Parameters, kind: Kind = Kind.ROTATING, *, digits:
     null vector of the collocation's derivative is unknown too. Raises NoSuchCycleError where collocation finds none.
     """
     parameters.refuse_smooth("spectral collocation is")
-    checked_digits(digits)
+    digits = checked_digits(digits)
     start = first_fold(parameters, kind)
 
     def numbers(a: Collocation) -> dict[str, Any]:

@@ -67,6 +67,8 @@ def checked_speed(omega: object) -> Fraction:
 
     Raises InputError unless it is a decimal between 1e-300 and 1e6: slower or faster, doubles and the disk give out.
     """
+    if isinstance(omega, list | tuple) or getattr(omega, "ndim", False):
+        raise InputError("one speed is needed, not several: `Disk.branch` takes a list of them")
     speed = exact(omega)
     if speed.pi_multiple or not _SLOWEST <= speed.rational < _FASTEST:
         raise InputError(f"Omega must be a positive decimal below 1e6 rad/s, not {shown(omega)}")

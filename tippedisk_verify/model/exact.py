@@ -8,6 +8,7 @@ a power of two, so nothing is lost on the way in.
 from __future__ import annotations
 
 import math
+import operator
 import re
 from dataclasses import dataclass
 from decimal import Decimal
@@ -17,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 from tippedisk_verify.errors import InputError
 
-__all__ = ["PI", "Approximate", "Exact", "exact", "fraction", "mantissa_exponent", "quotient", "shown"]
+__all__ = ["PI", "Approximate", "Exact", "exact", "fraction", "mantissa_exponent", "quotient", "shown", "whole"]
 
 # A decimal exponent beyond this is a mistake, not a physical quantity, and would cost memory without bound.
 _LARGEST_DECIMAL_EXPONENT = 10_000
@@ -137,6 +138,14 @@ def fraction(value: object) -> Fraction:
 def quotient(ctx: Any, value: Fraction) -> Any:
     """A rational in an mpmath context, one division of integers."""
     return ctx.mpf(value.numerator) / value.denominator
+
+
+def whole(value: object, least: int, most: int) -> int | None:
+    """The integer that a number of Python's or NumPy's is, if it lies between these two; None for all else."""
+    if isinstance(value, bool) or not hasattr(value, "__index__"):
+        return None
+    number = operator.index(value)
+    return number if least <= number <= most else None
 
 
 def shown(value: object) -> str:

@@ -47,7 +47,8 @@ class Bounded(Approximate):
     one are exact. Each half-width counts as independent, so x - x is zero with twice the half-width. What has no room
     for a half-width leaves it behind: float(), `mpf` and `numpy.asarray` take the value.
 
-    A comparison that the half-widths leave open raises AccuracyError, and so does `int`, `round` to an integer,
+    Two numbers are equal if their values and half-widths are; one without a half-width equals any number of its value.
+    A comparison by size that the half-widths leave open raises AccuracyError, and so does `int`, `round` to an integer,
     `math.floor`, `math.ceil` or `math.trunc` where they leave open which integer it is. Raises ZeroDivisionError where
     the divisor may be zero, InputError where a function is not defined for all that the number may be.
 
@@ -128,6 +129,15 @@ class Bounded(Approximate):
                 " sorted(xs, key=float) does"
             )
         return low
+
+    def __eq__(self, other: object) -> bool:
+        theirs = None if isinstance(other, float | Decimal) and not math.isfinite(other) else _operand(other)
+        if theirs is None:
+            return NotImplemented
+        return (self.value, self.uncertainty) == (theirs.value, theirs.uncertainty)
+
+    def __hash__(self) -> int:
+        return hash((self.value, self.uncertainty) if self.uncertainty else self.value)
 
     __lt__ = partialmethod(_compared, operator.lt)
     __le__ = partialmethod(_compared, operator.le)
@@ -239,7 +249,7 @@ class HalfWidth(Fraction):
             return format(Decimal(self.numerator) / Decimal(self.denominator), spec)
 
 
-@dataclass(frozen=True, slots=True, repr=False)
+@dataclass(frozen=True, slots=True, repr=False, eq=False)
 class Measured(Bounded):
     """A value and its half-width, both exact rationals; what computations return.
 
@@ -247,7 +257,7 @@ class Measured(Bounded):
     negative half-width.
 
     `to_dict` and ``str`` print decimals. What they print still holds the truth: the rounding of the printed value is
-    added to the printed half-width, which itself is rounded up. Equality is that of value and half-width.
+    added to the printed half-width, which itself is rounded up.
     """
 
     value: Fraction

@@ -2,13 +2,14 @@
 
 Three named sets describe the paper's disk: ``table1`` (the paper's Table 1 as it stands; ``printed`` names it as well),
 ``calibrated`` (inside Table 1's rounding, and reproducing the paper's five printed results) and ``geometry`` (derived
-from a disk's dimensions). Others come from a TOML file of quoted decimals.
+from a disk's dimensions). Others come from a TOML file, each number the decimal that stands there.
 """
 
 from __future__ import annotations
 
 import tomllib
 from dataclasses import dataclass, field, fields, replace
+from decimal import Decimal
 from fractions import Fraction
 from functools import partial
 from pathlib import Path
@@ -227,8 +228,9 @@ class Parameters(Printable):
 
     @classmethod
     def from_toml(cls, path: Path) -> Parameters:
-        """Parameters from a file with the keys r, e, m, A, B, g, mu, epsilon and optionally C, as quoted decimals.
+        """Parameters from a file with the keys r, e, m, A, B, g, mu, epsilon and optionally C.
 
+        A number is exactly the decimal that stands there, quoted or not; a ratio such as "1/3" needs the quotes.
         Raises InputError if the file cannot be read, is not TOML, lacks a key or has an unknown one, or holds values
         that `Parameters` refuses.
         """
@@ -236,9 +238,6 @@ class Parameters(Printable):
         allowed = ", ".join(_QUANTITIES)
         faults = [f"unknown key '{key[:40]}' (allowed: {allowed})" for key in entries if key not in _QUANTITIES]
         faults += [f"key '{key}' is missing" for key in _QUANTITIES if key != "C" and key not in entries]
-        bare = [key for key, value in entries.items() if key in _QUANTITIES and not isinstance(value, str)]
-        if bare:
-            faults.append(f'not quoted decimals, such as m = "0.435": {", ".join(bare)}')
         if faults:
             raise InputError(f"parameter file {path.name}: {'; '.join(faults)}")
         try:
@@ -277,7 +276,7 @@ def _toml_entries(path: Path) -> dict[str, Any]:
     if any(line.count(b".") > _MOST_DOTS for line in content.split(b"\n")):
         raise InputError(f"parameter file {path} has a line with more than {_MOST_DOTS} dots: it is no such file")
     try:
-        entries = tomllib.loads(content.decode("utf-8-sig"))
+        entries = tomllib.loads(content.decode("utf-8-sig"), parse_float=Decimal)
     except (ValueError, RecursionError) as fault:
         reason = str(fault).splitlines()[0][:120]
         raise InputError(f"parameter file {path.name} is not a TOML text file: {reason}") from None

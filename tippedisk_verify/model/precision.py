@@ -17,7 +17,7 @@ from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, Literal
 
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.model.exact import PI, Approximate, Exact, exact, mantissa_exponent, shown
+from tippedisk_verify.model.exact import PI, Approximate, Exact, exact, mantissa_exponent, shown, whole
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -208,9 +208,10 @@ QUADRUPLE = Precision("quadruple", 113)
 
 def bits(count: int) -> Precision:
     """Arithmetic with ``count`` bits (MPFR). Raises InputError unless it is a whole number from 24 to 4,000,000."""
-    if isinstance(count, bool) or not isinstance(count, int) or not 24 <= count <= _MOST_BITS:
+    number = whole(count, 24, _MOST_BITS)
+    if number is None:
         raise InputError(f"a precision of {shown(count)} bits is not offered: use 24 to {_MOST_BITS}")
-    return Precision("real", count)
+    return Precision("real", number)
 
 
 def bits_for_digits(digits: int) -> int:
@@ -220,12 +221,13 @@ def bits_for_digits(digits: int) -> int:
     return max(24, math.ceil(digits * math.log2(10)) + 1)
 
 
-def checked_digits(digits: int) -> int:
+def checked_digits(digits: object) -> int:
     """The number of digits that somebody asks for. Raises InputError unless it is a whole number from 1 to 4000."""
-    if isinstance(digits, bool) or not isinstance(digits, int) or not 1 <= digits <= _MOST_DIGITS:
-        text = "the text " * isinstance(digits, str)
-        raise InputError(f"digits are a whole number from 1 to {_MOST_DIGITS}, not {text}{shown(digits)}")
-    return digits
+    number = whole(digits, 1, _MOST_DIGITS)
+    if number is None:
+        kind = "the text " if isinstance(digits, str) else "the float " if isinstance(digits, float) else ""
+        raise InputError(f"digits are a whole number from 1 to {_MOST_DIGITS}, not {kind}{shown(digits)}")
+    return number
 
 
 def companion(precision: Precision) -> Precision:

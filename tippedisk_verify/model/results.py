@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import fields
+from dataclasses import dataclass, fields
 from enum import Enum
 from fractions import Fraction
 from functools import cache
@@ -15,7 +15,8 @@ from typing import Any, ClassVar, NamedTuple
 
 from tippedisk_verify.model.measured import Measured
 
-__all__ = ["COORDINATES", "Printable", "Quantity", "as_json", "heading", "quantities", "result_lines", "with_widths"]
+__all__ = ["COORDINATES", "Eigenvalue", "Printable", "Quantity", "as_json", "heading", "quantities", "result_lines",
+           "with_widths"]  # fmt: skip
 
 _MOST_LINES, _WIDEST = 10, 100
 _LONGEST = 24  # of an exact number
@@ -88,10 +89,13 @@ class Printable:
         whose = "" if disk is None else f" of {disk.name} ({', '.join([disk.friction, *made])})"
         return type(self).__name__ + whose
 
+    def __str__(self) -> str:
+        return "\n".join([self._title(), *result_lines(_brief(self.to_dict()), "  ")])
+
     def __repr__(self) -> str:
-        lines = [self._title(), *result_lines(_brief(self.to_dict()), "  ")]
+        lines = str(self).splitlines()
         if len(lines) > _MOST_LINES:
-            lines[_MOST_LINES - 1 :] = [f"  and {len(lines) - _MOST_LINES + 1} more lines: to_dict() has everything"]
+            lines[_MOST_LINES - 1 :] = [f"  and {len(lines) - _MOST_LINES + 1} more lines: print shows them"]
         # A number of many digits keeps its half-width, which is at its end.
         return "\n".join(line if len(line) <= _WIDEST else f"{line[: _WIDEST - 20]}…{line[-19:]}" for line in lines)
 
@@ -100,6 +104,40 @@ class Printable:
         cells = ((heading(name), _said(entry)) for name, entry in _brief(self.to_dict()).items())
         rows = "".join(f"<tr><th>{escape(name)}</th><td>{escape(text)}</td></tr>" for name, text in cells)
         return f"<table><caption>{escape(self._title())}</caption>{rows}</table>"
+
+
+@dataclass(frozen=True, repr=False)
+class Eigenvalue(Printable):
+    """One eigenvalue [1/s], a complex number; each part with the half-width that holds it.
+
+    A real eigenvalue's imaginary part is 0 exactly. ``complex`` and `numpy.array` take the values.
+    """
+
+    re: Measured
+    im: Measured
+
+    @property
+    def real(self) -> Measured:
+        """The real part, `re`, under NumPy's name."""
+        return self.re
+
+    @property
+    def imag(self) -> Measured:
+        """The imaginary part, `im`."""
+        return self.im
+
+    def __complex__(self) -> complex:
+        return complex(self.re, self.im)
+
+    def __abs__(self) -> Measured:
+        return (self.re**2 + self.im**2).sqrt()
+
+    def __str__(self) -> str:
+        imaginary = self.im.value or self.im.uncertainty
+        return f"({self.re}) + ({self.im}) i" if imaginary else str(self.re)
+
+    def __repr__(self) -> str:
+        return f"Eigenvalue({self})"
 
 
 def as_json(value: Any) -> Any:

@@ -198,11 +198,11 @@ def integrated(
     return _solution(request, result, engine, start, end, t_eval)
 
 
-def _span(time: object) -> tuple[Exact, Exact]:
+def _span(time: Any) -> tuple[Exact, Exact]:
     """When the run starts and ends [s], of a duration or a pair."""
-    ends = time if isinstance(time, tuple | list) else (0, time)
+    ends = time if isinstance(time, tuple | list) or getattr(time, "ndim", False) else (0, time)
     if len(ends) != 2:
-        raise InputError(f"a time span is a duration or a pair (t0, t1), not {shown(time)}")
+        raise InputError(f"a time span is a duration or a pair (t0, t1), not {shown(time)}: `t_eval` takes more times")
     start, end = exact(ends[0]), exact(ends[1])
     if max(abs(start.rational), abs(end.rational)) > _LATEST:
         raise InputError(f"a run starts and ends within 1e300 s of 0, not at {shown(time)}")

@@ -35,7 +35,7 @@ from tippedisk_verify.model.equations import checked_speed
 from tippedisk_verify.model.exact import shown
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Constants, Parameters
-from tippedisk_verify.model.results import Printable
+from tippedisk_verify.model.results import Eigenvalue, Printable
 from tippedisk_verify.proofs.angles import INVERTED, NONINVERTED, linearization, rates
 from tippedisk_verify.proofs.kernel.balls import (
     ball,
@@ -49,7 +49,7 @@ from tippedisk_verify.proofs.kernel.balls import (
 )
 from tippedisk_verify.proofs.numbers import measured
 
-__all__ = ["Criticality", "Eigenvalue", "ProvedEquilibrium", "ProvedHopf", "ProvedStability",
+__all__ = ["Criticality", "ProvedEquilibrium", "ProvedHopf", "ProvedStability",
            "characteristic_polynomial", "check_linearization", "chi", "critical_speed_squared", "exact_polynomial",
            "hopf_balls", "proved_equilibrium", "proved_hopf", "proved_stability", "real_root", "refuse_past_birth",
            "to_digits"]  # fmt: skip
@@ -60,25 +60,13 @@ _AROUND = {"inverted": INVERTED, "noninverted": NONINVERTED}
 
 
 @dataclass(frozen=True, repr=False)
-class Eigenvalue(Printable):
-    """One eigenvalue [1/s]: exactly one lies in the rectangle; a real one has the imaginary part 0 exactly."""
-
-    re: Measured
-    im: Measured
-
-    def __str__(self) -> str:
-        imaginary = self.im.value or self.im.uncertainty
-        return f"({self.re}) + ({self.im}) i" if imaginary else str(self.re)
-
-
-@dataclass(frozen=True, repr=False)
 class ProvedEquilibrium(Printable):
     """Eigenvalues and stability of stationary spinning at one speed."""
 
     _untold = ("name",)
 
     name: str
-    eigenvalues: tuple[Eigenvalue, ...]  #: by descending real part, then descending imaginary part
+    eigenvalues: tuple[Eigenvalue, ...]  #: exactly one in each rectangle, by descending real, then imaginary part
     stable: bool
     unstable_directions: int  #: eigenvalues with positive real part
     statement: str

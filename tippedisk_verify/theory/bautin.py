@@ -57,7 +57,7 @@ def bautin_points(parameters: Parameters, name: str, digits: int = 12) -> tuple[
     digits as `checked_digits` does, and under the smooth law; AccuracyError where cancellation leaves fewer digits.
     """
     parameters.refuse_smooth("the Bautin point is")
-    checked_digits(digits)
+    digits = checked_digits(digits)
     if name not in BAUTIN_PARAMETERS:
         fault = "does not enter l_1 = 0" if name in SYMBOLS else "is not known"
         raise InputError(

@@ -19,11 +19,10 @@ from tippedisk_verify.model.exact import PI, Exact, shown
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import checked_digits
-from tippedisk_verify.model.results import Printable, as_json
+from tippedisk_verify.model.results import Eigenvalue, Printable, as_json
 from tippedisk_verify.theory.real_roots import real_roots, square_root
 
 __all__ = [
-    "Eigenvalue",
     "Equilibrium",
     "EquilibriumName",
     "Linearization",
@@ -54,13 +53,6 @@ class Linearization(NamedTuple):
     A33: Any  #: [1/s]
 
 
-class Eigenvalue(NamedTuple):
-    """One eigenvalue [1/s]; each part with the half-width that holds it."""
-
-    re: Measured
-    im: Measured
-
-
 @dataclass(frozen=True, repr=False)
 class Equilibrium(Printable):
     """One stationary state at one speed; `Disk.equilibrium` adds the speeds at which its eigenvalues change kind."""
@@ -74,8 +66,8 @@ class Equilibrium(Printable):
     def to_dict(self) -> dict[str, object]:
         told = {
             "state": {"beta": "pi/2", "gamma": "pi/2" if self.name == "inverted" else "-pi/2", "v": "0"},
-            "eigenvalues": as_json(self.eigenvalues),
             "stable": self.stable,
+            "eigenvalues": as_json(self.eigenvalues),
         }
         return told if self.kind_changes is None else told | {"kind_changes": as_json(self.kind_changes)}
 
@@ -148,7 +140,7 @@ def equilibrium(parameters: Parameters, omega: object, name: EquilibriumName, di
     apart.
     """
     speed = checked_speed(omega)
-    checked_digits(digits)
+    digits = checked_digits(digits)
     state = location(name)
     matrix = linearization(parameters, speed, name)
     return Equilibrium(name, state, eigenvalues(matrix, digits), is_stable(matrix))
@@ -170,7 +162,8 @@ def eigenvalues(matrix: Linearization, digits: int) -> tuple[Eigenvalue, Eigenva
             if square.value + square.uncertainty < 0:
                 imaginary = square_root(-square, digits + guard)
                 values += [Eigenvalue(half, imaginary), Eigenvalue(half, -imaginary)]
-        widths = [max(re.uncertainty, im.uncertainty) / max(abs(re.value), abs(im.value)) for re, im in values]
+        parts = [(value.re, value.im) for value in values]
+        widths = [max(re.uncertainty, im.uncertainty) / max(abs(re.value), abs(im.value)) for re, im in parts]
         if len(values) == 3 and max(widths) < Fraction(1, 10**digits):
             first, second, third = sorted(values, key=lambda value: (-value.re.value, -value.im.value))
             return first, second, third
@@ -185,7 +178,7 @@ def kind_changes(parameters: Parameters, name: EquilibriumName, digits: int = 12
     for digits as `checked_digits` does.
     """
     location(name)
-    checked_digits(digits)
+    digits = checked_digits(digits)
     unit = linearization(parameters, Fraction(1), name)
     a2, c, h = -unit.A33, unit.A31 + 1, -unit.A32  # a1 = Omega^2 - c and a0 = h Omega^2
     discriminant = (

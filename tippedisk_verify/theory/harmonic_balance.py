@@ -126,7 +126,7 @@ def one_harmonic(parameters: Parameters, omega: object, form: Form = "printed", 
     """
     parameters.refuse_smooth("harmonic balance is")
     form, omega = _checked_form(form), checked_speed(omega)
-    checked_digits(digits)
+    digits = checked_digits(digits)
     constants = parameters.rational()
     if not _denominator(constants, omega**2, form):
         raise AccuracyError(f"the one-harmonic law has a pole at Omega = {float(omega):.12g} rad/s")

@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 
 from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.model.equations import Ops, checked_speed, terms
-from tippedisk_verify.model.exact import exact, quotient, shown
+from tippedisk_verify.model.exact import exact, quotient, shown, whole
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Constants, Parameters
 from tippedisk_verify.model.precision import bits, bits_for_digits, checked_digits
@@ -158,20 +158,22 @@ def orders(ops: Ops, constants: Constants, omega: Any, beta: Any, gamma: Any, hi
 
     Raises InputError for an order below 0 or above 40.
     """
-    _checked_order(highest)
+    highest = _checked_order(highest)
     return Expansion(ops, constants, omega, beta, gamma, highest, slopes=False).orders
 
 
 def invariance_residuals(ops: Ops, constants: Constants, omega: Any, beta: Any, gamma: Any, highest: int) -> list[Any]:
     """`Expansion.residuals` at a point, up to an order. Raises as `orders` does."""
-    _checked_order(highest)
+    highest = _checked_order(highest)
     return Expansion(ops, constants, omega, beta, gamma, highest).residuals(constants.epsilon)
 
 
-def _checked_order(order: int) -> None:
+def _checked_order(order: int) -> int:
     """Raises InputError unless the order is a whole number from 0 to 40."""
-    if isinstance(order, bool) or not isinstance(order, int) or not 0 <= order <= _HIGHEST_ORDER:
+    number = whole(order, 0, _HIGHEST_ORDER)
+    if number is None:
         raise InputError(f"the order of the slow manifold lies between 0 and {_HIGHEST_ORDER}, not {shown(order)}")
+    return number
 
 
 # --------------------------------------------------------------------------------------------- the reduced flow
@@ -189,7 +191,7 @@ def reduced_equilibrium(
 
     Order 0 has trace 0: noninverted is a saddle and inverted a centre, whatever the speed.
     """
-    _checked_order(order)
+    order = _checked_order(order)
     ctx = bits(working_bits).context
     constants = parameters.within(ctx)
     speed = quotient(ctx, omega) if isinstance(omega, Fraction) else ctx.mpf(omega)
@@ -205,7 +207,7 @@ def reduced_omega_crit(parameters: Parameters, order: int, digits: int = 15) -> 
     where no root lies within a tenth of Omega_crit.
     """
     parameters.refuse_smooth("the slow manifold's expansion is")
-    _checked_order(order)
+    order = _checked_order(order)
     if order == 0:
         raise AccuracyError(
             "order 0 has no Hopf point: on the critical manifold inverted spinning is a centre at every speed"
@@ -264,9 +266,9 @@ def analyse_slow_manifold(
     not positive, or a point that is none or where the disk lies flat.
     """
     parameters.refuse_smooth("the slow manifold's expansion is")
-    _checked_order(order)
+    order = _checked_order(order)
     speed = checked_speed(omega)
-    checked_digits(digits)
+    digits = checked_digits(digits)
     point = _point(at)
     working = bits_for_digits(digits + 5)
     rough, sharp = (

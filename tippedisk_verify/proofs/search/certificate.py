@@ -69,6 +69,8 @@ class Proof:
     def __repr__(self) -> str:
         return f"{type(self).__name__}: {self.statement}"
 
+    __str__ = __repr__
+
     def certificate(self) -> str:
         """The text of a file that the kernel alone checks. Raises InputError if there is nothing to check."""
         if not self.evidence:

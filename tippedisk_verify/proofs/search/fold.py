@@ -77,7 +77,7 @@ def prove_fold(
     digits. What prevents a proof is said in the answer. Raises InputError under the smooth law.
     """
     parameters.refuse_smooth("the fold of limit cycles is proved")
-    checked_digits(digits)
+    digits = checked_digits(digits)
     p, v, omega = (Measured.of(part, 0).value for part in near)
     # On the arc the speed moves by its squared half-length.
     places = math.ceil(digits / 2) + _SHORTER
