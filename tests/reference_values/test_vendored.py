@@ -83,6 +83,7 @@ def test_exported_values_are_the_stored_ones(form: str, tmp_path: Path, capsys: 
 _USES = {
     "c": """#include <stdio.h>
 #include "values.h"
+#include "more.h"
 int main(void) { for (int n = 0; n < 5; n++) printf("%s %a %a\\n", tippedisk_values[n].id,
   tippedisk_values[n].Omega, tippedisk_values[n].value); return 0; }
 """,
@@ -102,7 +103,8 @@ end program
 def test_a_test_file_is_a_program_s(form: str, compiler: str, suffix: str, tmp_path: Path) -> None:
     if shutil.which(compiler) is None:
         pytest.skip(f"no {compiler} here")
-    export(tv.references("printed/linear/rhs/001"), form, str(tmp_path / "values.h"))
+    for name in ("values.h", "more.h"):
+        export(tv.references("printed/linear/rhs/001"), form, str(tmp_path / name))
     (tmp_path / f"use.{suffix}").write_text(_USES[form])
     subprocess.run([compiler, "-o", "use", f"use.{suffix}"], check=True, cwd=tmp_path)
     said = subprocess.run([tmp_path / "use"], check=True, capture_output=True, text=True).stdout
@@ -114,6 +116,16 @@ def test_a_test_file_is_a_program_s(form: str, compiler: str, suffix: str, tmp_p
             quantity.for_doubles,
             float(quantity.inputs["Omega"]),
         )
+
+
+def test_an_octave_test_file_has_the_doubles(tmp_path: Path) -> None:
+    if shutil.which("octave-cli") is None:
+        pytest.skip("no octave here")
+    (quantity,) = tv.references("printed/linear/limit-cycle/crit-0.5/period")
+    export([quantity], "octave", str(tmp_path / "cycle-1.m"))
+    program = "source('cycle-1.m'); printf('%.17g %s', tippedisk_cycle_1(1).value, tippedisk_cycle_1.unit)"
+    said = subprocess.run(["octave-cli", "--eval", program], cwd=tmp_path, capture_output=True, text=True).stdout
+    assert said == f"{quantity.for_doubles:.17g} s"
 
 
 def test_a_julia_test_file_has_the_doubles(tmp_path: Path) -> None:
