@@ -93,10 +93,14 @@ def test_help_is_whole_sentences_in_80_columns() -> None:
             assert command.hidden or command.get_short_help_str().endswith("."), command.name
 
 
-def test_the_verdict_on_an_equation_comes_first(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["verify", "--only", "eq.30"]) == 0
-    said = capsys.readouterr().out
-    assert said.startswith("eq. (30) is used by eq. (39): does not follow (term), by the claim kappa_2\n")
+def test_verify_says_what_an_equation_and_a_printed_number_come_to(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["verify", "--only", "eq.28,14"]) == 0
+    assert capsys.readouterr().out.startswith(
+        "eq. (28) has no verdict of its own; eq. (39), which is derived from it, does not follow (term), by the claim "
+        "kappa_2\neq. (14): holds, by the claim linearization\n"
+    )
+    assert main(["verify", "--only", "omega_crit"]) == 0
+    assert "omega_crit  fails for table1  30.8866 rad/s (paper: 30.92)\n" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("command", ["stress --list", "integrate --omega 30.4 --state pi/2,2,0 --time 1 --times 3",

@@ -152,3 +152,6 @@ def test_samples_of_another_time_are_named(store: Store) -> None:
     (found,) = diagnosed(graded(Answers(given), store), store)
     assert found.level == 6
     assert "next" in found.says()
+    given = {id_: (reading, f"{float(text) + len(id_) % 7:.6f}") for id_, (reading, text) in given.items()}
+    (none,) = diagnosed(graded(Answers(given), store), store)
+    assert none.says().endswith("; formulas are tried at levels 1 to 5 only: answer v_rate of level 1 too")

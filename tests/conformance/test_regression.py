@@ -38,7 +38,7 @@ def test_required_levels_decide_the_exit_status(tmp_path: Path, capsys: pytest.C
     assert _grade(right) == _grade(wrong) == 0  # a poor grade is a result
     assert _grade(right, "--require", "1") == _grade(wrong, "--require", "1") == _grade(right, "--require", "3") == 0
     assert _grade(wrong, "--require", "3") == 1
-    assert _grade(right, "--require", "1-3") == 1  # level 2 was not answered
+    assert [_grade(right, "--require", levels) for levels in ("1-3", "3,1-1")] == [1, 0]  # level 2 was not answered
     assert main(["conformance", "grade", wrong, "--require", "1-3", "--json"]) == 1
     short = json.loads(capsys.readouterr().out)["shortcomings"]
     assert [line.split(",")[0] for line in short] == ["level 2 is required", "level 3"]

@@ -83,6 +83,7 @@ def test_exported_values_are_the_stored_ones(form: str, tmp_path: Path, capsys: 
 _USES = {
     "c": """#include <stdio.h>
 #include "values.h"
+#include "more.h"
 int main(void) { for (int n = 0; n < 5; n++) printf("%s %a %a\\n", tippedisk_values[n].id,
   tippedisk_values[n].Omega, tippedisk_values[n].value); return 0; }
 """,
@@ -95,17 +96,27 @@ program main
   end do
 end program
 """,
+    "octave": """source values.h
+for n = 1:5, q = tippedisk_values(n); printf('%s %.17g %.17g\\n', q.id, q.Omega, q.value); end
+""",
 }
 
 
-@pytest.mark.parametrize(("form", "compiler", "suffix"), [("c", "gcc", "c"), ("fortran", "gfortran", "f90")])
+@pytest.mark.parametrize(
+    ("form", "compiler", "suffix"), [("c", "gcc", "c"), ("fortran", "gfortran", "f90"), ("octave", "octave-cli", "m")]
+)
 def test_a_test_file_is_a_program_s(form: str, compiler: str, suffix: str, tmp_path: Path) -> None:
     if shutil.which(compiler) is None:
         pytest.skip(f"no {compiler} here")
-    export(tv.references("printed/linear/rhs/001"), form, str(tmp_path / "values.h"))
+    for name in ("values.h", "more.h"):
+        export(tv.references("printed/linear/rhs/001"), form, str(tmp_path / name))
     (tmp_path / f"use.{suffix}").write_text(_USES[form])
-    subprocess.run([compiler, "-o", "use", f"use.{suffix}"], check=True, cwd=tmp_path)
-    said = subprocess.run([tmp_path / "use"], check=True, capture_output=True, text=True).stdout
+    if form == "octave":
+        program = [compiler, "use.m"]
+    else:
+        program = ["./use"]
+        subprocess.run([compiler, "-o", "use", f"use.{suffix}"], check=True, cwd=tmp_path)
+    said = subprocess.run(program, check=True, cwd=tmp_path, capture_output=True, text=True).stdout
     for line, quantity in zip(said.splitlines(), tv.references("printed/linear/rhs/001"), strict=True):
         id_, omega, value = line.split()
         number = float.fromhex if form == "c" else float

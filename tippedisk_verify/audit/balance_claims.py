@@ -125,11 +125,17 @@ BALANCE_CLAIMS: tuple[Claim, ...] = (
     ),
     Claim(
         "kappa_2",
-        "eq:kappa2, eq:kin_rel, eq:harmonic_ansatz, eq:harmonic_ansatz+1",
+        (
+            "eq:kappa2, from eq:kin_rel, from eq:kin_rel+1, from eq:kin_rel+2, from eq:harmonic_ansatz,"
+            " from eq:harmonic_ansatz+1"
+        ),
         "kappa_2 is the cubic part of the cosine balance",
         "formula",
         partial(_balance_constant, "kappa_2"),
-        note="the printed one belongs to the ansatz D = -C Omega/omega",
+        note=(
+            "eqs. (27) to (30) are an ansatz, a choice that cannot fail; its D = -C Omega/omega drops the cubic term of"
+            " eq. (26), and gives the printed kappa_2"
+        ),
         formula=(
             r"\kappa_2 = -e\,\frac{r+4e}{2}\,\frac{\Omega^4}{\omega^2} + \tfrac{3}{2} e(r+e)\Omega^2"
             r" + (r+e)^2\omega^2"

@@ -57,10 +57,11 @@ def cited(labels: str) -> str:
     """The published numbers: "eq. (48)" for ``eq:Csol``, "eq. (13), Figure 7b" for ``eq:3DOF_lin, fig:hom``.
 
     "eq:Csol+1" is the first numbered equation after eq:Csol, which has no label of its own; "below eq:Csol" the text
-    there. Raises KeyError for a label that the paper does not have.
+    there; "from eq:Csol" says that what stands before is derived from it. Raises KeyError for a label that the paper
+    does not have.
     """
     said = []
     for label in labels.split(", "):
-        kind, number = _NUMBERS[label.removeprefix("below ")]
-        said.append(f"{'below ' * label.startswith('below ')}{kind} {number}")
+        *how, name = label.split()
+        said.append(" ".join((*how, *_NUMBERS[name])))
     return ", ".join(said)

@@ -6,6 +6,7 @@ result; only the suite's own cross-checks (``own_check``) can fail.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from decimal import Decimal
@@ -143,7 +144,7 @@ class Claim:
     @property
     def source(self) -> str:
         """Published numbers, with the LaTeX labels behind."""
-        return self.cited if self.own_check else f"{self.cited}, {self.labels.replace('below ', '')}"
+        return self.cited if self.own_check else f"{self.cited}, {re.sub('below |from ', '', self.labels)}"
 
 
 @dataclass(repr=False)

@@ -49,7 +49,7 @@ _SHARED = """
 --json  One JSON object on standard output.
 --quiet  No progress and no table.
 --set NAME  table1 or calibrated; both if not given.
---levels N-M  Levels of difficulty, such as 1-3 or 7; all ten if not given.
+--levels N-M  Levels of difficulty, such as 1-3,7; all ten if not given.
 --states N  Fresh questions instead: N drawn states, ten to a drawn disk.
 --seed S  What they are drawn from; 0 if not given.
 --from decimals|doubles  What answers that do not say so were computed from.
@@ -209,15 +209,18 @@ def _known_executor(executor: str) -> str:
 
 
 def _levels(text: str) -> tuple[int, ...]:
-    found = re.fullmatch(r"(\d{1,2})(?:-(\d{1,2}))?", text, re.ASCII)
-    if found is None:
-        raise InputError(f"levels are a number or a range such as 1-3, not '{text[:40]}'")
     from tippedisk_verify.conformance.grading import LEVEL_NAMES
 
-    first, last = int(found[1]), int(found[2] or found[1])
-    if not 1 <= first <= last <= len(LEVEL_NAMES):
-        raise InputError(f"levels go from 1 to {len(LEVEL_NAMES)}, not '{text[:40]}'")
-    return tuple(range(first, last + 1))
+    levels: set[int] = set()
+    for part in text.split(","):
+        found = re.fullmatch(r"(\d{1,2})(?:-(\d{1,2}))?", part, re.ASCII)
+        if found is None:
+            raise InputError(f"levels are numbers and ranges such as 1-3,7, not '{text[:40]}'")
+        first, last = int(found[1]), int(found[2] or found[1])
+        if not 1 <= first <= last <= len(LEVEL_NAMES):
+            raise InputError(f"levels go from 1 to {len(LEVEL_NAMES)}, not '{text[:40]}'")
+        levels.update(range(first, last + 1))
+    return tuple(sorted(levels))
 
 
 def _known_reading(reading: str) -> str:

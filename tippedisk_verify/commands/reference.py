@@ -83,7 +83,7 @@ def show(output: Output, ids: tuple[str, ...]) -> int:
 def export(output: Output, prefix: str, *, format_: str = "csv", out: str) -> int:
     """Write the values whose ids start with PREFIX in another form.
 
-    --format csv|jsonl|parquet|c|fortran|julia  A table, one JSON object to a line, or a test file to include.
+    --format csv|jsonl|parquet|c|fortran|julia|octave  A table, one JSON object to a line, or a test file to include.
     --out FILE  Where the values go.
     """
     from tippedisk_verify.reference_values.export import export as exported

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import textwrap
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, nullcontext
@@ -11,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from tippedisk_verify.cache import Cache, default_folder
-from tippedisk_verify.commands.common import Common, alone_in, command, processes
+from tippedisk_verify.commands.common import Common, alone_in, command, processes, table
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.files import write_bytes, write_csv
 from tippedisk_verify.parallel import usable_cores
@@ -70,7 +69,8 @@ def verify(
     tasks = tasks_for(order, figures=folder is not None)
     cache = Cache(default_folder(), fresh=fresh)
     if (changed := cache.changes()) and not common.quiet:
-        click.echo(f"{', '.join(changed)}: computed anew", err=True)
+        reason = f"since these have changed: {', '.join(changed)}"
+        click.echo(f"results kept from earlier runs are not used, {reason}", err=True)
     with common.progress(len(tasks) + (folder is not None)) as advance:
         outcome = run(order, tasks, cache, lambda wanted: _pool(jobs, wanted), advance)
         records = {task.name: record for task, record in outcome.records.items() if task.kind == "claim"}
@@ -111,43 +111,62 @@ def _listed(common: Common) -> int:
 def _verdict_lines(
     order: AuditJob, findings: Sequence[tuple[Claim, Finding]], long: bool, equations: Sequence[str] = ()
 ) -> Iterator[str]:
-    """First the verdict on each equation that was named, with all there is to say.
+    """The verdict on each equation that was named, then a table of the claims.
 
-    Then a line of at most 80 characters for each claim: its name, its verdict and one number; or all there is to say.
+    All there is to say of each claim is in the table's place if equations are named, or if that is wanted.
     """
     from tippedisk_verify.report.results import claim_json, shown, summary, totals
 
+    told = [(claim, finding, claim_json(claim, finding, order)) for claim, finding in findings]
     for number in equations:
-        for claim, finding in findings:
-            if f"({number})" in claim.source:
-                about, words = claim.cited.partition(", ")[0], _verdict_words(claim_json(claim, finding, order))
-                used = "" if f"({number})" in about else f" is used by {about}"
-                yield f"eq. ({number}){used}: {words}, by the claim {claim.name}"
+        for claim, finding, entry in told:
+            if f"({number})" in claim.cited:
+                words = f": {_verdict_words(entry, finding)}"
+                if f"from eq. ({number})" in claim.cited:
+                    about = claim.cited.partition(", ")[0]
+                    words = f" has no verdict of its own; {about}, which is derived from it, {words[2:]}"
+                yield f"eq. ({number}){words}, by the claim {claim.name}"
     yield f"Claims ({order.parameters.name}, {order.parameters.friction} friction)"
-    for claim, finding in findings:
-        entry, value = claim_json(claim, finding, order), finding.computed[order.parameters.name]
-        text = value.partition("; ")[0] if isinstance(value, str) else f"{shown(value)} {claim.unit}".rstrip()
-        yield f"{claim.name:24}  {_verdict_words(entry):22}  {textwrap.shorten(text, 30, placeholder=' ...')}"
-        if long or any(f"({number})" in claim.source for number in equations):
-            yield f"    {claim.statement} ({claim.cited})"
-            unit = f" {claim.unit}" if claim.unit else ""
-            values = {name: str(shown(one)) for name, one in finding.computed.items()}
-            if len(values) > 1 and len(set(values.values())) == 1:
-                values = {"every set": next(iter(values.values()))}
-            if claim.printed:
-                values = {"paper": claim.formula if claim.printed == "formula" else claim.printed, **values}
-            yield f"    {'; '.join(f'{name}: {text}' for name, text in values.items())}{unit}"
-            yield from (f"    {part}: {entry[part]}" for part in ("cause", "instead", "note") if entry[part])
-            if proof := entry["proof"]:
-                yield f"    {entry['grade']} by {proof['theorem']}: {proof['proves']}"
+    if not (long or equations):
+        rows = [(claim.name, _verdict_words(entry, finding), _computed(entry)) for claim, finding, entry in told]
+        yield from table(("claim", "verdict", "computed"), rows)
+        if any("(proved)" in words for _, words, _ in rows):
+            yield "proved: by a theorem of docs/certified.md, whose proof is not repeated here"
+    for claim, finding, entry in told if long or equations else ():
+        yield f"{claim.name}: {_verdict_words(entry, finding)}"
+        yield f"    {claim.statement} ({claim.cited})"
+        unit = f" {claim.unit}" if claim.unit else ""
+        values = {name: str(shown(one)) for name, one in finding.computed.items()}
+        if len(values) > 1 and len(set(values.values())) == 1:
+            values = {"every set": next(iter(values.values()))}
+        if claim.printed:
+            values = {"paper": claim.formula if claim.printed == "formula" else claim.printed, **values}
+        yield f"    {'; '.join(f'{name}: {text}' for name, text in values.items())}{unit}"
+        yield from (f"    {part}: {entry[part]}" for part in ("cause", "instead", "note") if entry[part])
+        if proof := entry["proof"]:
+            yield f"    {entry['grade']} by {proof['theorem']}: {proof['proves']}"
     yield totals(summary(findings)) + "."
 
 
-def _verdict_words(entry: dict[str, Any]) -> str:
-    """The verdict in at most 22 characters."""
+def _computed(entry: dict[str, Any]) -> str:
+    """What is computed for the selected set, with the number that the paper prints behind it."""
+    value = entry["computed"]
+    if isinstance(value, str):
+        return value.partition("; ")[0]
+    paper = f" (paper: {entry['printed']})" if entry["printed_digits"] is not None else ""
+    return f"{float(value['value']):.6g} {entry['unit']}{paper}"
+
+
+def _verdict_words(entry: dict[str, Any], finding: Finding) -> str:
+    """The verdict; where sets differ, that on the user's own disk, or with the names that are the fewest."""
+    from tippedisk_verify.model.parameters import NAMED_SETS
+
     if entry["verdict"] == "holds-for":
-        named = f"holds for {', '.join(entry['sets'])}"
-        return named if len(named) <= 22 else f"holds for {len(entry['sets'])} of {len(entry['computed_by_set'])} sets"
+        selected, own = next(iter(finding.holds.items()))
+        holds = finding.holds if selected in NAMED_SETS else {selected: own}
+        words = {True: "holds", False: "fails", None: "undecided"}
+        named = {words[one]: ", ".join(name for name in holds if holds[name] is one) for one in holds.values()}
+        return min((f"{word} for {names}" for word, names in named.items()), key=len)
     why = {"slip": " (slip)", "follows-from": " (term)"}.get(entry["class"], "")
     proved = " (proved)" if entry["grade"] == "proved" else ""
     return str(entry["verdict"]).replace("-", " ") + (why or proved)

@@ -162,9 +162,8 @@ class Report(Printable):
         }
 
     def worst(self) -> list[Grade]:
-        """Failures of the first failing level first, then by digits."""
-        graded = [grade for grade in self.grades if grade.verdict != "no-truth"]
-        return sorted(graded, key=lambda grade: (not grade.failed, grade.failed and grade.level, grade.digits))[:_WORST]
+        """Failures, those of the first failing level first, then by digits."""
+        return sorted(self.failed, key=lambda grade: (grade.level, grade.digits))[:_WORST]
 
 
 def _remark(which: int | Sequence[str], one: str, many: str, said: str) -> list[str]:
@@ -230,7 +229,7 @@ def print_report(report: Report, console: Console) -> None:
     console.print()
     for remark in report.remarks():
         console.print(Text(f"note: {remark}"))
-    if report.grades:
+    if report.failed:
         console.print(Text("\nleast digits", style="italic"))
     for grade in report.worst():
         right, wrong = split_where_wrong(grade.answer[:40], grade.truth)

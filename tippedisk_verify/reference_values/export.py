@@ -1,8 +1,9 @@
-"""Reference values in other forms: tables, JSON, and test files in C, Fortran and Julia."""
+"""Reference values in other forms: tables, JSON, and test files in C, Fortran, Julia and Octave."""
 
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable, Iterator, Sequence
 from decimal import Decimal
 from pathlib import Path
@@ -16,18 +17,20 @@ from tippedisk_verify.reference_values.store import Quantity
 
 __all__ = ["FORMATS", "export"]
 
-_TEXTS = ("id", "kind", "friction", "quantity", "equilibrium", "form")
+_TEXTS = ("id", "set", "kind", "friction", "quantity", "unit", "equilibrium", "form")
 _INPUTS = (*SYMBOLS, "Omega", "beta", "gamma", "v", "t", "n", "order")
 _FIELDS = (*_INPUTS, "value", "tolerance")
 _SAYS = (
     "Reference values of the tippedisk; a good answer in doubles is off by `tolerance` at most. 0 where no input is."
 )
+_LONGEST = 63  # characters of a name, in Fortran and in MATLAB
 Row = tuple[list[str], list[float]]  #: for each of `_TEXTS` and each of `_FIELDS`
 
 
 def export(quantities: Sequence[Quantity], form: str, path: str) -> Path:
     """Write these values to a file. A test file has the values from doubles, and how far an answer may be off.
 
+    The array, in Fortran the module, is named after the file: tippedisk_hopf in hopf.h.
     Raises InputError if the file cannot be written, the form is not known, or a test file would have no value.
     """
     if form not in FORMATS:
@@ -40,7 +43,8 @@ def export(quantities: Sequence[Quantity], form: str, path: str) -> Path:
     rows = [_fields(one) for one in quantities if "doubles" in one.values]
     if not rows:
         raise InputError("doubles cannot tell the inputs of these apart: a test file would have no value")
-    return write_text(file, "\n".join([*_LANGUAGES[form](rows), ""]))
+    name = re.sub(r"\W", "_", f"tippedisk_{file.stem}", flags=re.ASCII)[:_LONGEST]
+    return write_text(file, "\n".join([*_LANGUAGES[form](rows, name), ""]))
 
 
 def _row(quantity: Quantity) -> dict[str, str]:
@@ -55,29 +59,44 @@ def _fields(quantity: Quantity) -> Row:
     return [row[name] for name in _TEXTS], numbers
 
 
-def _c(rows: Sequence[Row]) -> Iterator[str]:
+def _c(rows: Sequence[Row], name: str) -> Iterator[str]:
     yield f"/* {_SAYS} */"
+    yield "#ifndef TIPPEDISK_VALUE"
+    yield "#define TIPPEDISK_VALUE"
     yield f"struct tippedisk_value {{ const char *{', *'.join(_TEXTS)}; double {', '.join(_FIELDS)}; }};"
-    yield f"static const struct tippedisk_value tippedisk_values[{len(rows)}] = {{"
+    yield "#endif"
+    yield f"static const struct tippedisk_value {name}[{len(rows)}] = {{"
     for texts, numbers in rows:
         told = [f'"{text}"' for text in texts] + [number.hex() for number in numbers]
         yield f"  {{{', '.join(told)}}},"
     yield "};"
 
 
-def _julia(rows: Sequence[Row]) -> Iterator[str]:
+def _julia(rows: Sequence[Row], name: str) -> Iterator[str]:
     yield f"# {_SAYS}"
-    yield "const tippedisk_values = ["
-    for texts, numbers in rows:
-        told = [f'{name} = "{text}"' for name, text in zip(_TEXTS, texts, strict=True)]
-        told += [f"{name} = {number!r}" for name, number in zip(_FIELDS, numbers, strict=True)]
-        yield f"  ({', '.join(told)}),"
+    yield f"const {name} = ["
+    yield from (f"  ({', '.join(map(' = '.join, _told(row)))})," for row in rows)
     yield "]"
 
 
-def _fortran(rows: Sequence[Row]) -> Iterator[str]:
+def _octave(rows: Sequence[Row], name: str) -> Iterator[str]:
+    yield f"% {_SAYS}"
+    yield f"{name} = ["
+    for row in rows:
+        told = [f"'{field}', {value}" for field, value in _told(row)]
+        yield f"  struct({', '.join(told)})"
+    yield "];"
+
+
+def _told(row: Row) -> Iterator[tuple[str, str]]:
+    """Each field of a value, and what it is."""
+    texts, numbers = row
+    return zip((*_TEXTS, *_FIELDS), [*(f'"{text}"' for text in texts), *map(repr, numbers)], strict=True)
+
+
+def _fortran(rows: Sequence[Row], name: str) -> Iterator[str]:
     yield f"! {_SAYS}"
-    yield "module tippedisk_values"
+    yield f"module {name}"
     yield "  implicit none"
     yield "  type tippedisk_value"
     longest = max(len(text) for texts, _ in rows for text in texts)
@@ -93,5 +112,7 @@ def _fortran(rows: Sequence[Row]) -> Iterator[str]:
     yield "end module"
 
 
-_LANGUAGES: dict[str, Callable[[Sequence[Row]], Iterator[str]]] = {"c": _c, "fortran": _fortran, "julia": _julia}
+_LANGUAGES: dict[str, Callable[[Sequence[Row], str], Iterator[str]]] = {
+    "c": _c, "fortran": _fortran, "julia": _julia, "octave": _octave,
+}  # fmt: skip
 FORMATS = ("csv", "jsonl", "parquet", *_LANGUAGES)

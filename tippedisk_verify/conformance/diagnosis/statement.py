@@ -44,6 +44,7 @@ class Diagnosis:
     found: tuple[Cause, ...]  #: several if they cannot be told apart; () if none is known
     tried: int  #: how many of the failed ones the cause gives
     where: str = ""  #: if no cause is known: a condition that the failed answers satisfy and the right ones do not
+    formulas: bool = True  #: whether they are tried at this level, or v_rate of level 1 is answered
 
     @property
     def causes(self) -> tuple[tuple[str, str], ...]:
@@ -74,9 +75,14 @@ class Diagnosis:
         if self.status == "unexplained":
             text += "; unexplained: no single mistake that is tried gives these answers"
             text += f"; they are wrong {self.where}" * bool(self.where)
+            if self.formulas:
+                text += "; two at once are not tried: mend what you know to be wrong, and ask again"
+            else:
+                text += "; formulas are tried at levels 1 to 5 only: answer v_rate of level 1 too"
         elif self.found:
             causes = " or ".join(cause.says for cause in self.found)
-            text += f"; likely cause: {causes} (explains all {self.tried} answers tried)"
+            tried = "the one answer tried" if self.tried == 1 else f"all {self.tried} answers tried"
+            text += f"; likely cause: {causes} (explains {tried})"
         return text
 
     def to_dict(self) -> dict[str, Any]:
@@ -130,7 +136,9 @@ def diagnosed(grades: Iterable[Grade], store: Store, advance: _Advance = lambda 
         if sheet.wrong.any():
             causes = causes_of(sheet, _proved(tables, level), advance)
         place, numbers = "" if causes or not sheet.tables else where(sheet), set(sheet.ids[sheet.wrong].tolist())
-        diagnoses.append(about(tuple(mine), tuple(causes), sum(grade.id in numbers for grade in mine), place))
+        formulas = level < _ORBITS or any(g.id.endswith("/v_rate") and _places(g, answered) & here for g in grades)
+        count = sum(grade.id in numbers for grade in mine)
+        diagnoses.append(about(tuple(mine), tuple(causes), count, place, formulas))
     return diagnoses
 
 
