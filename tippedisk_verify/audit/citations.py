@@ -60,8 +60,9 @@ def cited(labels: str) -> str:
     there; "from eq:Csol" says that what stands before is derived from it. Raises KeyError for a label that the paper
     does not have.
     """
-    said = []
+    said, before = [], [""]
     for label in labels.split(", "):
         *how, name = label.split()
-        said.append(" ".join((*how, *_NUMBERS[name])))
+        said.append(" ".join((*(how if how != before else ()), *_NUMBERS[name])))
+        before = how
     return ", ".join(said)
