@@ -12,12 +12,13 @@ import numpy
 import pytest
 
 from tippedisk_verify.cli import main
+from tippedisk_verify.connection import bisection
 from tippedisk_verify.connection.bisection import bisect_omega_h, unstable_branch
 from tippedisk_verify.connection.heteroclinic import heteroclinic
 from tippedisk_verify.connection.splitting import splitting_zero
 from tippedisk_verify.errors import InputError, NoConnectionError
 from tippedisk_verify.flow.baseline import Baseline
-from tippedisk_verify.flow.contract import Request
+from tippedisk_verify.flow.contract import EventRecord, Request, Result, Status
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED, Parameters
 from tippedisk_verify.model.precision import bits
 from tippedisk_verify.theory.equilibria import equilibrium
@@ -107,6 +108,22 @@ def test_a_set_without_connection_is_told_so(taylor) -> None:
     """A disk eight times as inert about one axis: the branch turns back at every speed down to Omega_crit / 2."""
     with pytest.raises(NoConnectionError, match="connection"):
         bisect_omega_h(PRINTED.changed(A="2e-3", C=None), taylor)
+
+
+def test_an_engine_without_half_widths_is_asked_again_at_looser_tolerances() -> None:
+    """Each time the branch changes sides elsewhere, by some 1e-9 of the speed or a third of that."""
+    speeds = [30 * (1 + Fraction(k, 10**10)) for k in (0, 12, -3, 5, -9, 1)]
+    answers = dict(zip((None, *bisection._TOLERANCES), speeds, strict=True))
+
+    def engine(request: Request) -> Result:
+        below = Fraction(request.omega) < answers[request.tolerance]
+        return Result(Status.EVENT, 1.0, None, 1, events=(EventRecord("passes" if below else "turns back", 1.0, None),))
+
+    engine.measures_error = False
+    found = bisect_omega_h(PRINTED, engine).omega_h
+    spread = max(speeds) - min(speeds)
+    assert abs(found.value - speeds[0]) < Fraction(1, 10**13)
+    assert 4 * spread < found.uncertainty < Fraction(401, 100) * spread
 
 
 @pytest.mark.slow
