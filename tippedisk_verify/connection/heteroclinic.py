@@ -40,7 +40,7 @@ _DOUBLE_DIGITS = 12
 class Heteroclinic(Printable):
     """The connection from (pi/2, -pi/2, 0) to (pi/2, 3 pi/2, 0); by the point symmetry the way back exists too.
 
-    Only the method `saddle` has the splitting derivative and the budget.
+    Only the method `manifolds` has the splitting derivative and the budget.
     """
 
     omega_h: Measured  #: the speed at which the two noninverted saddles are connected [rad/s]
@@ -50,7 +50,7 @@ class Heteroclinic(Printable):
     parameters: Parameters  #: whose connection it is, with the friction law
     engine: str  #: what computed it
     splitting_derivative: Measured | None = None  #: of the distance between the manifolds by Omega, at s = 1 [s/rad]
-    budget: dict[str, float] = field(default_factory=dict)  #: parts of the half-width of Omega_h [rad/s]
+    budget: dict[str, float] = field(default_factory=dict)  #: of what the half-width of Omega_h is the sum [rad/s]
 
     def orbit(self, count: int = 401, *, engine: Engine | None = None) -> tuple[Any, Any]:
         """Times (count,) [s], zero where gamma = pi/2, and the states (3, count) along the connection, in double.
