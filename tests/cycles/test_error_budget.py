@@ -81,17 +81,17 @@ def test_a_lost_multiplier_is_bounded_by_what_is_known() -> None:
     assert not measured["log_multiplier_slow"].holds(-33)
 
 
-def test_an_arithmetic_answers_that_has_a_factor_of_two_to_spare(monkeypatch) -> None:
+@pytest.mark.parametrize(("share", "precision"), [("0.49", DOUBLE), ("0.51", companion(DOUBLE))])
+def test_an_arithmetic_answers_that_has_a_factor_of_two_to_spare(monkeypatch, share: str, precision) -> None:
     """Half-widths differ from draw to draw, and which arithmetic answers is to be no matter of that."""
 
-    def by_twins(fixed_point, precision, doubles):
-        number = Measured(Fraction(1), share * Fraction(1, 10**12) * precision.epsilon / DOUBLE.epsilon)
-        return SimpleNamespace(unknowns=(), period=number, beta_max=number, precision=precision)
+    def by_twins(_, arithmetic, doubles):
+        number = Measured(Fraction(1), Fraction(share) / 10**12 * arithmetic.epsilon / DOUBLE.epsilon)
+        return SimpleNamespace(unknowns=(), period=number, beta_max=number, precision=arithmetic)
 
     monkeypatch.setattr(error_budget, "_draws", lambda _: repeat({}))
     monkeypatch.setattr(error_budget, "_by_twins", by_twins)
-    for share, precision in ((Fraction("0.49"), DOUBLE), (Fraction("0.51"), companion(DOUBLE))):
-        assert error_budget.cycle_to_digits(None, 12).precision == precision
+    assert error_budget.cycle_to_digits(None, 12).precision == precision
 
 
 def test_chord_steps_end_when_both_coordinates_rest() -> None:

@@ -48,19 +48,6 @@ def test_linearization_is_the_jacobian_there(name, parameters, omega) -> None:
             assert abs(fraction(entry) - Fraction(value)) < size * Fraction(1, 2**170)
 
 
-@settings(max_examples=30)
-@given(parameters=physical_parameters(), omega=decimals("1", "60"))
-def test_half_widths_hold_and_stability_matches(parameters, omega) -> None:
-    for name in ("inverted", "noninverted"):
-        coarse = equilibrium(parameters, omega, name, 10)
-        fine = equilibrium(parameters, omega, name, 40)
-        for rough, sharp in zip(coarse.eigenvalues, fine.eigenvalues, strict=True):
-            assert rough.re.holds(sharp.re.value)
-            assert rough.im.holds(sharp.im.value)
-        assert coarse.stable == all(value.re.value < 0 for value in fine.eigenvalues)
-        assert sum(value.im.value for value in fine.eigenvalues) == 0
-
-
 _POWERS = st.integers(-15, 15)
 _ENTRIES = st.builds(lambda digits, power: digits * Fraction(10) ** power, st.integers(-99, 99).filter(bool), _POWERS)
 
