@@ -237,21 +237,6 @@ def test_command(folding, capsys) -> None:
     assert json.loads(capsys.readouterr().out) == {"folds": [], "followed_to": "Omega_h"}
     assert main(["orbit", "--at-fold"]) == 0
     assert capsys.readouterr().out == "folds: none\nfollowed_to: Omega_h\n"
-    for words, stable in ((["--unstable"], False), ([], True)):
-        assert main(["orbit", "--omega", "30.9", *words, "--json", "--parameters", folding]) == 0
-        assert json.loads(capsys.readouterr().out)["stable"] is stable
-    for words, told in (
-        (
-            ["--omega", "31"],
-            "0.043 rad/s above the family, which lies between Omega_h = 30.75413 rad/s and a fold at 30",
-        ),
-        (["--omega", "30.8", "--unstable"], "no unstable limit cycle found at 30.8 rad/s: the one found is stable"),
-        (["--at-fold", "--unstable"], "--unstable goes with"),
-    ):
-        assert main(["orbit", *words, "--parameters", folding]) == 2
-        captured = capsys.readouterr().err
-        assert told in captured, captured
-        assert captured.count("\n") == 1
 
 
 def random_disks(count: int, seed: int) -> Iterator[Parameters]:
