@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 from fractions import Fraction
+from itertools import repeat
+from types import SimpleNamespace
 
 import numpy
 import pytest
@@ -13,8 +15,9 @@ from tippedisk_verify.cycles import error_budget, interpolant
 from tippedisk_verify.cycles.error_budget import logarithms_bounded
 from tippedisk_verify.cycles.section import LIBRATING, ROTATING
 from tippedisk_verify.disk import Disk
+from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.model.precision import DOUBLE, EXTENDED, QUADRUPLE, companion
+from tippedisk_verify.model.precision import DOUBLE, EXTENDED, QUADRUPLE, bits, companion
 
 
 def beyond(twins: int, factor: float) -> float:
@@ -76,6 +79,34 @@ def test_a_lost_multiplier_is_bounded_by_what_is_known() -> None:
         assert measured["log_multiplier_slow"].holds(Fraction(truth))
         assert measured["log_multiplier_fast"].holds(Fraction(-300 - truth))
     assert not measured["log_multiplier_slow"].holds(-33)
+
+
+@pytest.mark.parametrize(("share", "precision"), [("0.49", DOUBLE), ("0.51", companion(DOUBLE))])
+def test_an_arithmetic_answers_that_has_a_factor_of_two_to_spare(monkeypatch, share: str, precision) -> None:
+    """Half-widths differ from draw to draw, and which arithmetic answers is to be no matter of that."""
+
+    def by_twins(_, arithmetic, doubles):
+        number = Measured(Fraction(1), Fraction(share) / 10**12 * arithmetic.epsilon / DOUBLE.epsilon)
+        return SimpleNamespace(unknowns=(), period=number, beta_max=number, precision=arithmetic)
+
+    monkeypatch.setattr(error_budget, "_draws", lambda _: repeat({}))
+    monkeypatch.setattr(error_budget, "_by_twins", by_twins)
+    assert error_budget.cycle_to_digits(None, 12).precision == precision
+
+
+def test_chord_steps_end_when_both_coordinates_rest() -> None:
+    """Of a linear map whose chord is right in the first one and leaves a thousandth of the second one's error."""
+    precision, truth, rows = bits(200), (Fraction(1, 3), Fraction(2, 7)), ((0.5, 0.0), (0.0, 0.5))
+    slopes = [precision.number(entry) - 1 for entry in ("0.5", "0.4995")]
+    return_map = SimpleNamespace(
+        precision=precision,
+        flight=lambda point: SimpleNamespace(state=point),
+        residual=lambda state, _: [a * (x - precision.number(t)) for a, x, t in zip(slopes, state, truth, strict=True)],
+    )
+    start = SimpleNamespace(point=tuple(map(float, truth)), image=SimpleNamespace(matrix=rows))
+    point, standing = error_budget._chords(return_map, start)
+    assert max(abs(fraction(x) - t) for x, t in zip(point, truth, strict=True)) < Fraction(1, 10**55)
+    assert standing == (0, 0)
 
 
 @pytest.mark.skipif(companion(DOUBLE) != EXTENDED, reason="this machine has no extended doubles")

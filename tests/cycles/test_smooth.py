@@ -10,10 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from tippedisk_verify.atlas.cycles_at_speed import cycle_at
 from tippedisk_verify.cli import main
 from tippedisk_verify.cycles.shooting import limit_cycle
-from tippedisk_verify.errors import NoSuchCycleError
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.motion.basins import basins
 from tippedisk_verify.theory.hopf import omega_crit
@@ -34,11 +32,6 @@ def test_the_laws_cycles_part_faster_than_they_grow(taylor) -> None:
         )
         apart.append(float(abs(smooth.beta_max.value / linear.beta_max.value - 1)))
     assert 2.3 < math.log(apart[0] / apart[1], 4) < 2.7
-
-
-def test_below_omega_h_it_says_so(taylor) -> None:
-    with pytest.raises(NoSuchCycleError, match=r"between Omega_h = 30\.0\d+ rad/s and Omega_crit"):
-        cycle_at(PRINTED.with_friction("smooth"), Fraction("30.03"), taylor)
 
 
 def test_basins() -> None:

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import json
+import math
 from fractions import Fraction
 
 import pytest
 
 from tippedisk_verify.cli import main
 from tippedisk_verify.cycles.spectral import balanced_cycle
+from tippedisk_verify.cycles.spectral_branch import _librating_branch
 from tippedisk_verify.errors import NoSuchCycleError
 from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.model.exact import Exact, fraction
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED, Parameters
 from tippedisk_verify.model.precision import QUADRUPLE
+from tippedisk_verify.reference_values.lookup import reference
 from tippedisk_verify.theory.harmonic_balance import one_harmonic
 from tippedisk_verify.theory.hopf import criticality, omega_crit, period_crit
 
@@ -75,6 +78,23 @@ def test_subcritical_disks_have_their_cycles_above() -> None:
     assert cycle.beta_max.value > Fraction(1, 20)
     below = omega_crit(thin, 40).value - Fraction(1, 100)
     assert balanced_cycle(thin, below).beta_max.value > Fraction(1, 5)  # beyond the fold
+
+
+@pytest.mark.parametrize("inertia", ["0.228e-3", "0.229e-3", "0.23e-3"])
+def test_the_branch_passes_its_fold_in_order(inertia: str) -> None:
+    """Of the points before and after a fold either may be the nearer one."""
+    points = [point for point, _ in _librating_branch(PRINTED.changed(A=inertia), math.inf)]
+    amplitudes = [abs(point[:-2]).max() for point in points]
+    assert amplitudes == sorted(amplitudes)
+    speeds = [point[-1] for point in points]
+    top = speeds.index(max(speeds))
+    assert speeds == sorted(speeds[:top]) + sorted(speeds[top:], reverse=True)
+
+
+def test_the_branch_goes_on_where_periods_are_long() -> None:
+    """As far as the speed at which they are five times the shortest, 1e-5 rad/s above Omega_h."""
+    speed = float(reference("printed/linear/near-heteroclinic/het+1e-5/period").inputs["Omega"])
+    assert any(point[-1] < speed for point, _ in _librating_branch(PRINTED, speed))
 
 
 def test_command(capsys) -> None:

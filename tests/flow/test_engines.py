@@ -7,12 +7,9 @@ from fractions import Fraction
 
 import numpy
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from tests.problems import STARTS, held
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.baseline import METHODS, Baseline
 from tippedisk_verify.flow.contract import SECTION, TURN, Event, Request, Status
 from tippedisk_verify.flow.taylor import Taylor
@@ -118,19 +115,6 @@ def test_samples_dense_output_and_events_tell_one_story(make) -> None:
     for record in events.events:
         assert record.name == "crossing"
         assert abs(record.state[0] - numpy.pi / 2) < 1e-9
-
-
-@settings(max_examples=20)
-@given(duration=st.floats(0.1, 3), share=st.floats(0.05, 0.9))
-def test_the_flow_is_a_flow(duration: float, share: float) -> None:
-    """x(t + s) = x(t) after x(s): the cached integrator keeps nothing from one call to the next."""
-    engine = default_engine()
-    first = duration * share
-    whole = engine(Request(PRINTED, 30.4, STARTS[1], duration))
-    half = engine(Request(PRINTED, 30.4, STARTS[1], first))
-    rest = engine(Request(PRINTED, 30.4, half.state, duration - first))
-    # The split time is rounded once (2^-53 of it, times speeds below 20 rad/s), and the flow loses a digit or two.
-    assert distance(whole.state, rest.state) < Fraction(1, 10**12)
 
 
 @pytest.mark.parametrize("change", [{"precision": EXTENDED}, {"error_estimate": True}, {"domain": "edge"}])

@@ -18,7 +18,7 @@ from tippedisk_verify.flow.lanes import BatchTaylor, field_constants
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.parameters import PRINTED, Friction
-from tippedisk_verify.model.precision import DOUBLE, bits
+from tippedisk_verify.model.precision import DOUBLE, EXTENDED, bits
 
 WATCHED = Event("passing", SECTION.function, terminal=False)
 FALLING = Event("falling", SECTION.function, direction=-1)
@@ -95,9 +95,9 @@ def test_an_orbit_at_rest_crosses_nothing(make: Callable[[], Any], friction) -> 
 
 @pytest.mark.parametrize("friction", ["linear", "smooth"])
 def test_many_runs_at_once_start_there_too(friction) -> None:
-    """The same crossings as one run at a time; one of the starts is at rest, and one on no surface."""
+    """The same crossings as one run at a time. One start is at rest, one a rounding away, one on no surface."""
     turns = Event("turns", TURN.function, terminal=False)
-    states = numpy.array([(0.0, 0.0, 0.0), DROPPED, TURNING, (0.0, 0.3, -1.0), (0.1, 0.3, -1.0)])
+    states = numpy.array([(0.0, 0.0, 0.0), DROPPED, TURNING, (1e-15, 0.3, -1.0), (0.1, 0.3, -1.0)])
     constants = field_constants(PRINTED.with_friction(friction))
     for duration in (0.3, -0.02):
         wanted = {"shifted": True, "friction": friction, "events": (WATCHED, turns)}
@@ -143,6 +143,20 @@ def test_another_event_next_to_the_start_is_no_start(taylor: Taylor, more) -> No
     assert result.status is Status.EVENT
     assert [record.name for record in result.events] == ["turn"]
     assert abs(result.time - 1.656437567775737e-10) < 1e-18
+
+
+def test_a_crossing_soon_after_the_start_is_one(taylor: Taylor) -> None:
+    """The orbit leaves the section with v = 3e-4 rad/s, and by v' of the test above is back after 2 v / v'."""
+    result = taylor(request((0.0, 0.3, 3e-4), 0.1, SECTION))
+    assert result.status is Status.EVENT
+    assert result.time == pytest.approx(2 * 3e-4 * 1.656e-10 / 1e-8, rel=1e-2)  # sliding decays with 100 1/s
+
+
+def test_what_rounding_does_to_an_equilibrium_is_no_event(taylor: Taylor) -> None:
+    """No arithmetic holds pi/2: two of them let the disk turn at the same time, and the exact start never does."""
+    wanted = {"events": (_event(True, 0, False),), "domain": "none", "precision": EXTENDED, "error_estimate": True}
+    result = taylor(Request(PRINTED, "30.5", (exact("pi/2"), exact("-pi/2"), 0), "0.4", **wanted))
+    assert numpy.isinf(result.error.state).all()
 
 
 @pytest.mark.parametrize("distance", ["0.1", "0.00001"])

@@ -95,12 +95,6 @@ def test_step_limit_and_its_message(taylor: Taylor) -> None:
     assert overflown.status is Status.NON_FINITE
 
 
-def test_error_estimate_admits_not_knowing(taylor: Taylor) -> None:
-    """Backward for a third of a second: the stiff direction grows until the disk tumbles, and ten digits are lost."""
-    result = taylor(Request(PRINTED, 30.4, STARTS[1], -0.35, error_estimate=True, domain="none"))
-    assert result.error.largest > 1e-4
-
-
 @pytest.mark.parametrize(
     ("change", "word"),
     [

@@ -37,6 +37,8 @@ OMEGA = speed_below(PRINTED, "0.5")
 GUESS = ("1.7162868", "-1.7100021")
 HALF = "0.546422"  # s, half the period there
 RADIUS = "1e-3"  # rad/s
+#: A disk, and a start from which beta_bar falls to -0.66, with its speed.
+WIDE, SWING = PRINTED.changed(e="0.008", C=None), ("2.2", "-5.71", "35.57")
 
 
 @lru_cache(maxsize=4)
@@ -44,12 +46,12 @@ def cycle(s: Fraction) -> OrbitProof:
     return prove_cycle(PRINTED, OMEGA + s * Fraction(RADIUS), GUESS, digits=40)
 
 
-def curve(radius: str, spread: str, degree: int) -> curves.Curve:
-    """A line through the cycle's start, not the family's, with deviations in all three numbers."""
-    middle = [ball(part).mid() for part in (*GUESS, OMEGA)]
+def curve(radius: str, spread: str, degree: int, start: Any = (*GUESS, OMEGA), half: str = HALF) -> curves.Curve:
+    """A line through a start, by default the cycle's, with deviations in all three numbers."""
+    middle = [ball(part).mid() for part in start]
     slopes = [ball(radius) * factor for factor in (-3, 2, 1)]
     jets = [Jet([part, slope.mid(), *[arb(0)] * (degree - 1)]) for part, slope in zip(middle, slopes, strict=True)]
-    total = Jet([ball(HALF).mid(), ball(radius).mid(), *[arb(0)] * (degree - 1)])
+    total = Jet([ball(half).mid(), ball(radius).mid(), *[arb(0)] * (degree - 1)])
     return curves.Curve(jets[0], jets[1], jets[2], [arb(0, ball(spread))] * 3, total)
 
 
@@ -108,8 +110,8 @@ def test_orbits_and_their_derivatives_lie_inside(case) -> None:
 def flown() -> tuple[curves.Curve, curves.CurveFlight, list[dict[str, Any]]]:
     """A curve with deviations in all three numbers, its flight and the flight's log."""
     with working_precision(64):
-        line, choices = curve("1e-3", "1e-5", 2), StepSearch()
-        return line, curves.fly(ball_constants(PRINTED), line, choices), choices.log
+        line, choices = curve("3e-4", "1e-5", 2, SWING, "0.3086"), StepSearch()
+        return line, curves.fly(ball_constants(WIDE), line, choices), choices.log
 
 
 def test_points_of_the_box_return_as_the_integrator_finds() -> None:
@@ -133,7 +135,7 @@ def test_points_of_the_box_return_as_the_integrator_finds() -> None:
 def integrated(gamma_bar: Fraction, v: Fraction, omega: Fraction) -> list[Any]:
     """S of the first return (gamma_bar, v), its time and the divergence's integral, by the integrator in 200 bits."""
     request = Request(
-        PRINTED, omega, (0, gamma_bar, v), 2, shifted=True, precision=Precision("real", 200), domain="none",
+        WIDE, omega, (0, gamma_bar, v), 2, shifted=True, precision=Precision("real", 200), domain="none",
         divergence=True, events=(RETURNS,),
     )  # fmt: skip
     result = default_engine()(request)
@@ -159,13 +161,18 @@ SPOILED: dict[str, tuple[Callable[[list[Any]], Any], str]] = {
 def test_a_log_gives_the_flight_again_and_a_spoiled_one_gives_none() -> None:
     line, flight, log = flown()
     with working_precision(64):
-        again = curves.fly(ball_constants(PRINTED), line, curves.Replay(log))
+        again = curves.fly(ball_constants(WIDE), line, curves.Replay(log))
         assert all(a.overlaps(b) and a.contains(b) for a, b in zip(again.own_time.c, flight.own_time.c, strict=True))
         for spoil, said in SPOILED.values():
             spoiled = json.loads(json.dumps(log))
             spoil(spoiled)
             with pytest.raises(claims.Unproved, match=said):
-                curves.fly(ball_constants(PRINTED), line, curves.Replay(spoiled))
+                curves.fly(ball_constants(WIDE), line, curves.Replay(spoiled))
+
+
+def test_a_flight_ends_where_the_disk_lies_flat() -> None:
+    with working_precision(64), pytest.raises(claims.Unproved, match="upright"):
+        curves.fly(ball_constants(PRINTED), curve("1e-9", "0", 1, ("0.5", "-400", OMEGA)), StepSearch())
 
 
 # ----------------------------------------------------------------------------------------------------------- the cycles

@@ -149,6 +149,7 @@ FAULTS = [
           "strange_operands"),
     Fault("what touches zero is positive", "(self._mid > self._rad)", "(self._mid >= self._rad)", "predicates"),
     Fault("the convolution's sum is not rounded", "(self._length + 0.5) * _U", "0", "convolutions"),
+    Fault("the convolution's radius is rounded to nearest", "1 + (4 * k + 32) * _U", "1.0", "convolutions"),
     Fault("the convolution's radius misses its cross terms", "        np.add(size, rad, out=upper)\n",
           "        upper[:] = size\n", "convolutions"),
     Fault("what comes in is rounded to nearest", "if Fraction(nearest) >= value else", "if True else", "conversions"),

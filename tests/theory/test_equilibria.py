@@ -49,21 +49,6 @@ def test_linearization_is_the_jacobian_there(name, parameters, omega) -> None:
             assert abs(fraction(entry) - Fraction(value)) < size * Fraction(1, 2**170)
 
 
-@settings(max_examples=30)
-@given(parameters=physical_parameters(), omega=decimals("1", "60"))
-def test_half_widths_hold_and_stability_matches(parameters, omega) -> None:
-    for name in ("inverted", "noninverted"):
-        coarse = equilibrium(parameters, omega, name, 10)
-        fine = equilibrium(parameters, omega, name, 40)
-        for rough, sharp in zip(coarse.eigenvalues, fine.eigenvalues, strict=True):
-            assert rough.re.holds(sharp.re.value)
-            assert rough.im.holds(sharp.im.value)
-        assert coarse.stable == all(value.re.value < 0 for value in fine.eigenvalues)
-        assert sum(value.im.value for value in fine.eigenvalues) == 0
-        parts = [complex(value.real, value.imag) for value in fine.eigenvalues]
-        assert numpy.array(fine.eigenvalues, complex).tolist() == parts
-
-
 _POWERS = st.integers(-15, 15)
 _ENTRIES = st.builds(lambda digits, power: digits * Fraction(10) ** power, st.integers(-99, 99).filter(bool), _POWERS)
 
@@ -80,6 +65,7 @@ def test_eigenvalues_of_any_size_are_found(matrix) -> None:
         return
     assert discs == sorted(discs, key=lambda disc: (-disc[0], -disc[1]))
     assert sum(im for _, im, radius in discs if abs(im) > radius) == 0
+    assert numpy.array(values, complex).tolist() == [complex(re, im) for re, im, _ in discs]
     assert abs(sum(re for re, *_ in discs) + a2) <= sum(radius for *_, radius in discs)
     product = (Fraction(1), Fraction(0))
     for re, im, _ in discs:

@@ -77,6 +77,10 @@ class Branch(Printable):
     def __len__(self) -> int:
         return len(self.cycles)
 
+    def __getitem__(self, index: Any) -> Any:
+        """A cycle, or the cycles of a slice."""
+        return self.cycles[index]
+
     def plot(self, axes: Any = None) -> Any:
         """The period against the speed, on these matplotlib axes or on new ones; returns the axes."""
         if axes is None:

@@ -50,7 +50,7 @@ class Heteroclinic(Printable):
     parameters: Parameters  #: whose connection it is, with the friction law
     engine: str  #: what computed it
     splitting_derivative: Measured | None = None  #: of the distance between the manifolds by Omega, at s = 1 [s/rad]
-    budget: dict[str, float] = field(default_factory=dict)  #: parts of the half-width of Omega_h [rad/s]
+    budget: dict[str, float] = field(default_factory=dict)  #: of what the half-width of Omega_h is the sum [rad/s]
 
     def orbit(self, count: int = 401, *, engine: Engine | None = None) -> tuple[Any, Any]:
         """Times (count,) [s], zero where gamma = pi/2, and the states (3, count) along the connection, in double.

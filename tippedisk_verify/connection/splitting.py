@@ -105,8 +105,6 @@ class SplittingFunction:
             too_large = math.log(abs(float(coarser.latest.t)) + 1e-300) + (digits + 2) / 2 * math.log(10)
             longer = Fraction(max(0, math.ceil(-100 * too_large / float(saddle.eigenvalues[2]))), 100)
             self.duration = max(self.duration, coarser.duration + longer)
-        #: What the neglected terms are, relative to the reach: one power beyond the last, and the next few.
-        self.truncation = 2 * share ** (self.order + 1 + (parameters.friction == "linear"))
         self.latest: Splitting = Splitting(speed, 0, 0, 0, 0)  #: at the speed asked for last, but for slopes
 
     def __call__(self, omega: Fraction) -> Splitting:
@@ -159,7 +157,7 @@ class SplittingZero:
     """Omega_h, how the splitting depends on Omega there, and what the error consists of."""
 
     omega_h: Measured  #: [rad/s]
-    budget: dict[str, float]  #: contributions to the half-width of omega_h [rad/s], by name
+    budget: dict[str, float]  #: of what the half-width of omega_h is the sum [rad/s], by name
     splitting_at: SplittingFunction  #: in the arithmetic of omega_h
     finer: SplittingFunction  #: in the wider arithmetic that measured its error
 
@@ -224,17 +222,15 @@ def _zero(parameters: Parameters, guess: Fraction, engine: Engine, stages: Seque
     wider = companion(precision)
     finer = SplittingFunction(parameters, omega, engine, wider, closer=0.5, coarser=splitting_at)
     check = finer(omega)
-    shift = abs(check.carried) / steepness
-    # What L(s) leaves out: the square of the fast coordinate, with a curvature of order 1.
-    fast = 10 * fraction(check.t) ** 2 * fraction(check.growth) / steepness
+    budget = {
+        "series, flow and rounding, by a wider run": abs(check.carried) / steepness * DISTANCES,
+        # What L(s) leaves out: the square of the fast coordinate, with a curvature of order 1.
+        "fast direction beyond first order": 10 * fraction(check.t) ** 2 * fraction(check.growth) / steepness,
+        "last rounding": omega * precision.epsilon,
+    }
     return SplittingZero(
-        omega_h=Measured(omega, shift * DISTANCES + fast + omega * precision.epsilon),
-        budget={
-            "series, flow and rounding, by a wider run": float(shift),
-            "fast direction beyond first order": float(fast),
-            "truncation of the series": splitting_at.truncation * float(splitting_at.latest.growth) / float(steepness),
-            "last rounding": float(omega * precision.epsilon),
-        },
+        omega_h=Measured(omega, sum(budget.values(), Fraction(0))),
+        budget={name: float(width) for name, width in budget.items()},
         splitting_at=splitting_at,
         finer=finer,
     )
