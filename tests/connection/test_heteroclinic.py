@@ -25,14 +25,14 @@ from tippedisk_verify.theory.equilibria import equilibrium
 
 def test_two_roads_agree(taylor) -> None:
     manifolds, cycles = (
-        heteroclinic(PRINTED, taylor, digits=24, method=method).omega_h for method in ("manifolds", "limit-cycles")
+        heteroclinic(PRINTED, taylor, digits=18, method=method).omega_h for method in ("manifolds", "limit-cycles")
     )
     assert abs(manifolds.value - cycles.value) <= manifolds.uncertainty + cycles.uncertainty
 
 
 def test_the_unstable_branch_on_both_sides(taylor) -> None:
     """Above it turns back, later by the law the closer it is; below it passes to the next well."""
-    connection = heteroclinic(PRINTED, taylor, digits=30)
+    connection = heteroclinic(PRINTED, taylor)
     growth = float(connection.saddle_eigenvalues[0])
     times = []
     for power in (20, 22):

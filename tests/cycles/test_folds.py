@@ -107,8 +107,8 @@ def test_a_small_fold_that_doubles_see_as_well_is_one(monkeypatch, taylor) -> No
 
     monkeypatch.setattr(folds, "fold_to_digits", at_start)
     (fold,) = libration_folds(disk, taylor, family=family)
-    # The next terms are in proportion to the distance: a tenth at 1e-7 kg m^2.
-    assert abs(fold.gamma_bar_0**2 / (-float(point.fold_amplitude_slope) * 3e-9) - 1) < 0.005
+    square = -float(point.fold_amplitude_slope) * 3e-9  # the next term is a tenth at 1e-7 kg m^2
+    assert abs(fold.gamma_bar_0**2 / square - 1) < 0.005
 
 
 @pytest.mark.slow

@@ -40,7 +40,7 @@ ENTRY: dict[str, Any] = {
 
 # --------------------------------------------------------------------------------------------------------- the flights
 EXTENTS = 1, 1, 0.3  #: larger than those of a proof, so that flights are short
-STEPS = 112
+STEPS = 84
 
 
 def arrival(omega: float, slow: float, fast: float) -> tuple[float, np.ndarray]:

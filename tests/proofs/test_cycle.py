@@ -171,7 +171,7 @@ def test_boxes_beside_the_cycle_are_not_included() -> None:
 
         return rates
 
-    with working_precision(64):
+    with working_precision(48):
         middle, radii = box("3e-8")
         assert included(model(), middle, radii)
         assert not included(model(law=wrong), middle, radii)
