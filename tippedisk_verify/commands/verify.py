@@ -122,7 +122,7 @@ def _verdict_lines(
         for claim, finding, entry in told:
             if f"({number})" in claim.cited:
                 words = f": {_verdict_words(entry, finding)}"
-                if f"from eq. ({number})" in claim.cited:
+                if f"eq. ({number})" in claim.cited.partition("from ")[2]:
                     about = claim.cited.partition(", ")[0]
                     words = f" has no verdict of its own; {about}, which is derived from it, {words[2:]}"
                 yield f"eq. ({number}){words}, by the claim {claim.name}"

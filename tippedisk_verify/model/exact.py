@@ -142,10 +142,11 @@ def quotient(ctx: Any, value: Fraction) -> Any:
 
 def whole(value: object, least: int, most: int) -> int | None:
     """The integer that a number of Python's or NumPy's is, if it lies between these two; None for all else."""
-    if isinstance(value, bool) or not hasattr(value, "__index__"):
+    try:
+        number = operator.index(value)  # type: ignore[arg-type]
+    except TypeError:
         return None
-    number = operator.index(value)
-    return number if least <= number <= most else None
+    return number if least <= number <= most and not isinstance(value, bool) else None
 
 
 def shown(value: object) -> str:
