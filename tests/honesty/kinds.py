@@ -396,7 +396,7 @@ KINDS = (
     Kind("proved closed forms", proved_closed_forms, 2, 30, 0.1, flown=False),
     Kind("flow", motion, 8, 250, 0.4),
     Kind("events", partial(motion, events=(_PASSED, _RETURNS)), 4, 200, 0.2),
-    Kind("derivatives", partial(motion, variations=VARIATIONS), 0, 30, 0.25),
+    Kind("derivatives", partial(motion, variations=VARIATIONS), 0, 30, 0.8),
     Kind("half periods", partial(motion, half=True, events=((), (RETURNS,)), variations=VARIATIONS), 4, 100, 0.25),
     Kind("flow at a tolerance", partial(motion, loose=True), 0, 50, 0.1),
     # Beyond doubles a half-width bounds what fewer nodes leave out, which is far more than more of them do.

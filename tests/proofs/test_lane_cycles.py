@@ -48,7 +48,7 @@ def test_twelve_digits_hold_the_reference_values_and_what_leads_to_no_cycle_is_n
             assert proof.numbers()[name].uncertainty <= last / 2, name
 
 
-@pytest.mark.slow
+@pytest.mark.slow(minutes=2.9)
 def test_cycles_of_the_smooth_law_against_single_proofs(monkeypatch) -> None:
     """One of which doubles show enough, one so close to the Hopf point that they do not."""
     speeds = [OMEGA, Fraction("30.877617412006046")]
