@@ -87,7 +87,7 @@ def test_an_arithmetic_answers_that_has_a_factor_of_two_to_spare(monkeypatch, sh
 
     def by_twins(_, arithmetic, doubles):
         number = Measured(Fraction(1), Fraction(share) / 10**12 * arithmetic.epsilon / DOUBLE.epsilon)
-        return SimpleNamespace(unknowns=(), period=number, beta_max=number, precision=arithmetic)
+        return SimpleNamespace(coordinates=(), period=number, beta_max=number, precision=arithmetic)
 
     monkeypatch.setattr(error_budget, "_draws", lambda _: repeat({}))
     monkeypatch.setattr(error_budget, "_by_twins", by_twins)
