@@ -114,7 +114,7 @@ def test_it_goes_wherever_a_number_goes() -> None:
     assert math.isclose(number, 4 / 3)
     assert len({number, Measured(Fraction(4, 3), Fraction(1, 100))}) == 1
     assert len({Measured.of("30.5", 0), 30.5, Fraction(61, 2)}) == 1
-    assert number not in (Fraction(4, 3), math.nan, "4/3")
+    assert number not in (Fraction(4, 3), math.nan, Decimal("sNaN"), "4/3")
     assert (numpy.sqrt(number), numpy.add(1, number)) == (number.sqrt(), number + 1)
     assert (bool(numpy.isnan(number)), bool(numpy.isfinite(number))) == (False, True)
     for objects in (numpy.array([1.0, 2.0]) * number, number * numpy.array([1.0, 2.0], numpy.longdouble)):

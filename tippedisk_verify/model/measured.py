@@ -131,7 +131,10 @@ class Bounded(Approximate):
         return low
 
     def __eq__(self, other: object) -> bool:
-        theirs = None if isinstance(other, float | Decimal) and not math.isfinite(other) else _operand(other)
+        try:
+            theirs = _operand(other)
+        except InputError:  # infinite, or not a number
+            return False
         if theirs is None:
             return NotImplemented
         return (self.value, self.uncertainty) == (theirs.value, theirs.uncertainty)
