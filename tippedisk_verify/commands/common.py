@@ -289,7 +289,7 @@ def alone_in(out: str | None) -> Path | None:
 def processes(jobs: int | None, *, needed: bool = True, beside: bool = False) -> Iterator[Executor | None]:
     """A pool of fresh processes, or None where one process does (unless it is to work beside this) or none is needed.
 
-    Ctrl-C and HUP reach this process only, and the pool ends with it, however it ends. Raises InputError for a number
+    Ctrl-C reaches this process only, and the pool ends with it, however it ends. Raises InputError for a number
     of processes that makes no sense.
     """
     workers = checked_jobs(jobs) or usable_cores()

@@ -67,12 +67,8 @@ def verify(
     folder = alone_in(out)
     order = AuditJob(common.disk, common.digits, tuple(claim.name for claim in claims))
     tasks = tasks_for(order, figures=folder is not None)
-    cache = Cache(default_folder(), fresh=fresh)
-    if (changed := cache.changes()) and not common.quiet:
-        reason = f"since these have changed: {', '.join(changed)}"
-        click.echo(f"results kept from earlier runs are not used, {reason}", err=True)
     with common.progress(len(tasks) + (folder is not None)) as advance:
-        outcome = run(order, tasks, cache, lambda wanted: _pool(jobs, wanted), advance)
+        outcome = run(order, tasks, Cache(default_folder(), fresh=fresh), lambda wanted: _pool(jobs, wanted), advance)
         records = {task.name: record for task, record in outcome.records.items() if task.kind == "claim"}
         findings = [(claim, Finding.of_record(records[claim.name])) for claim in claims]
         figures = [outcome.records[task] for task in tasks if task.kind == "figure"]
