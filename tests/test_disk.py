@@ -9,6 +9,7 @@ from fractions import Fraction
 import numpy
 import pytest
 from scipy.integrate import solve_ivp
+from tippedisk_verify.proofs.search.interval import prove_interval
 
 import tippedisk_verify as tv
 from tippedisk_verify.atlas.plane import plane_of
@@ -16,7 +17,6 @@ from tippedisk_verify.errors import UnknownKeywordError
 from tippedisk_verify.model.equations import field
 from tippedisk_verify.model.precision import DOUBLE
 from tippedisk_verify.proofs.closed_forms import proved_hopf
-from tippedisk_verify.proofs.search.interval import prove_interval
 from tippedisk_verify.theory import harmonic_balance, slow_manifold
 
 START = ("pi/2", "pi/2 + 0.4", 0)

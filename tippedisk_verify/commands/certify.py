@@ -54,7 +54,6 @@ def orbit(
     unstable: bool = False,
     at_fold: bool = False,
     fold: int | None = None,
-    radius: str | None = None,
     certificate: Path | None = None,
     omega: str | None = None,
     below_crit: str | None = None,
@@ -66,11 +65,8 @@ def orbit(
     --rotating  The cycle on which gamma grows by 2 pi a period.
     --at-fold  Prove a fold of the family: two of its cycles meet there and end.
     --fold N  Its number, if there are several.
-    --radius R  Prove the cycles of all speeds within R [rad/s] at once; numbers become ranges.
     """
     prover, digits = common.disk.certify, common.digits
-    if radius is not None and (rotating or at_fold):
-        raise InputError("--radius belongs to librating cycles, and not to a fold: leave out --rotating and --at-fold")
     if fold is not None and not at_fold:
         raise InputError("--fold belongs to --at-fold")
     if at_fold:
@@ -78,8 +74,6 @@ def orbit(
             raise InputError("--at-fold finds the speed itself: leave out the other options")
         return _written(prover.fold(fold, rotating=rotating, digits=digits), certificate)
     speed, how = common.speed(omega, below_crit), {"stable": False if unstable else None, "guess": guess}
-    if radius is not None:
-        return _written(prover.limit_cycles(speed, radius, **how), certificate)
     return _written(prover.limit_cycle(speed, rotating=rotating, digits=digits, **how), certificate)
 
 
@@ -117,7 +111,7 @@ def branch(
 ) -> int:
     """Prove the family of limit cycles from the Hopf point to the heteroclinic cycle: one curve, stable, Omega falls.
 
-    It takes some 6 minutes of CPU. `branch --proved` proves the cycles at single speeds one by one.
+    It takes some 6 minutes of CPU.
 
     --to X  Only to this gamma_bar_0 [rad], without the end at Omega_h.
     --out DIR  Write a picture of what is proved there.

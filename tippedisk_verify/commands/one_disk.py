@@ -13,7 +13,6 @@ from tippedisk_verify.files import read_text, write_bytes, write_csv, write_tabl
 from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.precision import DOUBLE
 from tippedisk_verify.model.results import heading, result_lines
-from tippedisk_verify.parallel import usable_cores
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -25,7 +24,7 @@ __all__ = ["COMMANDS", "OMEGA_H"]
 
 _MOST_TIMES = 1_000_000
 _LARGEST_FILE = 2**25  # bytes
-_PROVED_DIGITS = 12  # what the cycles have that proofs start from
+_BRANCH_DIGITS = 12  # of the cycles of a family
 _MOTION = ("t", "beta", "gamma", "v")
 _STATES = ("inverted", "noninverted")
 
@@ -182,22 +181,18 @@ def branch(
     paper_sets: bool = False,
     omegas: str | None = None,
     rotating: bool = False,
-    proved: bool = False,
     out: Path | None = None,
 ) -> int:
     """Compute the family of limit cycles from Omega_crit towards Omega_h, through any folds, or the rotating ones.
 
     --paper-sets  The paper's sets A^in and A^de: 801 speeds.
     --omegas X,X,...  These speeds [rad/s], in this order.
-    --proved  Replace the numbers by proved enclosures, where these exist.
     --out FILE.csv  Write the family there as CSV.
     """
-    if common.digits > _PROVED_DIGITS:
+    if common.digits > _BRANCH_DIGITS:
         raise InputError(f"a branch holds at most 12 digits, not {common.digits}: ask orbit for more at single speeds")
     if paper_sets and (omegas is not None or rotating):
         raise InputError("--paper-sets are speeds of their own, without rotating cycles: leave out the other option")
-    if proved and (rotating or out is not None):
-        raise InputError("--proved is for librating cycles, and for --json: leave out --rotating and --out")
     disk, speeds, seen = common.disk, None if omegas is None else omegas.split(","), not common.quiet
     cycles: Sequence[LimitCycle | RotatingCycle]
     if rotating:
@@ -209,14 +204,6 @@ def branch(
 
         write_branch(cycles, out)
     result: dict[str, Any] = {"orbits": [cycle.to_dict() for cycle in cycles]}
-    if proved:
-        portions = max(1, min(usable_cores(), len(cycles) // 20))
-        with processes(portions) as pool:
-            how = {"digits": common.digits, "executor": pool, "portions": portions, "progress": seen}
-            proofs = disk.certify.each(cycles, **how)
-        # What is not proved keeps its measured half-widths, and says so.
-        result["orbits"] = [entries | proof for entries, proof in zip(result["orbits"], proofs, strict=True)]
-        result["share_proved"] = sum(bool(proof["proved"]) for proof in proofs) / len(proofs)
     if rotating:
         result["fold"] = disk.rotation_fold(digits=common.digits).to_dict()
     else:
@@ -228,13 +215,8 @@ def branch(
 
 def _family_lines(result: dict[str, Any]) -> Iterator[str]:
     shown = ("omega", "period", "beta_max", "multiplier_slow")
-    headings = [heading(name) for name in shown] + ["half-widths"] * ("share_proved" in result)
-    rows = (
-        [f"{float(entries[name]['value']):.12g}" for name in shown]
-        + [{True: "proved", False: "measured"}[entries["proved"]] for _ in headings[len(shown) :]]
-        for entries in result["orbits"]
-    )
-    yield from table(headings, rows)
+    rows = ([f"{float(entries[name]['value']):.12g}" for name in shown] for entries in result["orbits"])
+    yield from table([heading(name) for name in shown], rows)
     yield from result_lines({name: entry for name, entry in result.items() if name != "orbits"})
 
 

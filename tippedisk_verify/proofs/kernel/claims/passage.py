@@ -64,6 +64,7 @@ import numpy as np
 from flint import arb, arb_mat
 from numpy.typing import NDArray
 
+from tippedisk_verify.proofs.kernel.ball_array import BallArray
 from tippedisk_verify.proofs.kernel.balls import Unproved, ball, need
 from tippedisk_verify.proofs.kernel.claims.saddle import (
     FAST,
@@ -72,13 +73,12 @@ from tippedisk_verify.proofs.kernel.claims.saddle import (
     Saddle,
     ask,
     cones,
-    hull_of_lanes,
+    hull_of_array,
     most,
     others,
     products,
 )
 from tippedisk_verify.proofs.kernel.flow import Model, Path
-from tippedisk_verify.proofs.kernel.lanes import Lanes
 from tippedisk_verify.proofs.kernel.section import UPRIGHT
 from tippedisk_verify.proofs.kernel.step import Step
 
@@ -107,13 +107,13 @@ class Passage:
         for begin in range(0, len(i), _AT_ONCE):
             block = slice(begin, begin + _AT_ONCE)
             z = [
-                x * Lanes((2 * place[block] + 1 - 2 * count) / 2, 0.5) * (1 / arb(count))
+                x * BallArray((2 * place[block] + 1 - 2 * count) / 2, 0.5) * (1 / arb(count))
                 for x, place, count in zip(self.extents, (i, j, k), (n, n, m), strict=True)
             ]
             held, mixed = self._over(z, (k[block] == m) | (k[block] == m - 1))
             stirred += mixed
             for shell in np.unique(shells[block]):
-                whole[shell].append([hull_of_lanes(x[shells[block] == shell]) for x in held])
+                whole[shell].append([hull_of_array(x[shells[block] == shell]) for x in held])
         self.stirred = [most(reduce(arb.union, column)) for column in zip(*stirred, strict=True)]
         self._means([[reduce(arb.union, column) for column in zip(*parts, strict=True)] for parts in whole])
 
@@ -127,7 +127,7 @@ class Passage:
             middle = [x.mid() for x in z]
             changes = [[slope[central] * (x - y) for slope, x, y in zip(row, z, middle, strict=True)] for row in slopes]
             rates = [sum(row, point) for point, row in zip(self.saddle.field(middle)[0], changes, strict=True)]
-            mixed = [[hull_of_lanes(x) for x in products(rates, [x[central] for x in by_speed])]]
+            mixed = [[hull_of_array(x) for x in products(rates, [x[central] for x in by_speed])]]
         return [*d, d[0] + d[4], d[0] + d[8], d[4] + d[8], *by_speed], mixed
 
     def _means(self, shells: Sequence[Sequence[Any]]) -> None:
@@ -242,7 +242,7 @@ class Passage:
 def arrivals(
     saddle: Saddle,
     extents: Sequence[Any],
-    slow: Lanes,
+    slow: BallArray,
     fast: Any,
     lengths: NDArray[np.float64],
     count: int,
@@ -262,7 +262,7 @@ def arrivals(
         if turning.any():
             half = step.length / 2
             by = step.derivatives_at(half + half.around_zero())[0][1:]
-            tops.append([hull_of_lanes(x[turning]) for x in (step.enclosure[0], *by)])
+            tops.append([hull_of_array(x[turning]) for x in (step.enclosure[0], *by)])
         turned |= turning
         watch(number / count)
         if number == count:
@@ -276,7 +276,7 @@ def arrivals(
     time, *landed = _landed(saddle, path, step, s)
     begin = step.length * (count - 1)
     rows = [*landed, [begin + time[0], *time[1:]]]
-    return [*([hull_of_lanes(x) for x in row] for row in rows), beta]
+    return [*([hull_of_array(x) for x in row] for row in rows), beta]
 
 
 class _Axes:
@@ -297,7 +297,7 @@ def _all(what: str, *shown: NDArray[np.bool_]) -> None:
 
 
 def _step(path: Path, lengths: NDArray[np.float64]) -> Step:
-    step = path.trial((_ORDER, _ORDER)).tested(Lanes(lengths))
+    step = path.trial((_ORDER, _ORDER)).tested(BallArray(lengths))
     _all("the states and derivatives over a step are not shown to stay in its enclosure", step.included)
     return step
 

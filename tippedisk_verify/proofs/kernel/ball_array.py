@@ -1,9 +1,9 @@
-"""Many balls side by side in double precision: `Lanes`, a second arithmetic for proofs whose boxes are independent.
+"""Arrays of balls in double precision: `BallArray`, a second arithmetic for proofs whose boxes are independent.
 
-Lane i of a `Lanes` is the ball of all real numbers x with |x - mid[i]| <= rad[i]. Each operation returns lanes that
-hold its result for every choice of points in its operands' balls, like those of `arb`; a thousand balls at once cost a
-twentieth as much each. A radius of infinity says "nothing is known"; whatever overflows, is no
-number, or divides by a ball that holds 0 ends there, and no predicate is ever true of it.
+Entry i of a `BallArray` is the ball of all real numbers x with |x - mid[i]| <= rad[i]. Each operation returns balls
+that hold its result for every choice of points in its operands' balls, like those of `arb`. A thousand balls at once
+cost a twentieth as much each. A radius of infinity says "nothing is known": whatever overflows, is not a number, or
+divides by a ball that holds 0 ends there, and no predicate is ever true of it.
 
 **What the proofs assume.** numpy's sums, differences, products and quotients of float64 arrays are those of IEEE 754,
 rounded to nearest; another rounding mode is noticed and refused. With u = 2^-53 the computed result c of
@@ -12,9 +12,9 @@ one of them is, unless it overflows,
     c = exact (1 + d) + t,  |d| <= u,  |t| <= 2^-1022;     also  |c - exact| <= u |c| + 2^-1022.            (1)
 
 t is there for underflow. It is so large that (1) also holds on a processor set to flush subnormal results to zero. One
-that reads subnormal operands as zero is covered as well, because radii are 0 or at least 2^-1022 and each midpoint that
-is subnormal belongs to a radius that holds both readings: what comes in is cleaned by `Lanes`, and what an operation
-returns has 2^-1000 added to its radius. Absolute values, negation, comparisons, choices and scaling by 1 and -1 are
+that reads subnormal operands as zero is covered as well, because radii are 0 or at least 2^-1022 and each midpoint
+that is subnormal belongs to a radius that holds both readings: `BallArray` cleans what comes in, and an operation adds
+2^-1000 to the radius of what it returns. Absolute values, negation, comparisons, choices and scaling by 1 and -1 are
 exact. Fused multiply-adds leave out a rounding, which (1) allows too.
 
 **Radii.** Each is computed as an expression of sums, products and quotients of numbers that are not negative, in at
@@ -43,9 +43,9 @@ from tippedisk_verify.proofs.kernel.balls import DisturbedError, arb
 from tippedisk_verify.proofs.kernel.doubles import outward, sine_and_cosine
 
 if TYPE_CHECKING:
-    from tippedisk_verify.proofs.kernel.lane_series import LaneSeries
+    from tippedisk_verify.proofs.kernel.ball_array_series import BallArraySeries
 
-__all__ = ["Lanes", "made", "quieted", "rounded"]
+__all__ = ["BallArray", "made", "quieted", "rounded"]
 
 Array = NDArray[np.float64]
 
@@ -95,7 +95,7 @@ def quieted(function: _F) -> _F:
     return cast(_F, wrapped)
 
 
-class Lanes:
+class BallArray:
     """n balls, from midpoints and radii [shape (n,) or (1,)], which are taken exactly; lanes of shape (1,) go with any.
 
     A midpoint that is not finite, or a radius that is negative or no number, makes an infinite ball. Operands may be
@@ -123,7 +123,7 @@ class Lanes:
         self._mid, self._rad = m, r
 
     @classmethod
-    def of(cls, values: Iterable[Any]) -> Lanes:
+    def of(cls, values: Iterable[Any]) -> BallArray:
         """A lane for each number: arb's balls, Fractions, integers, floats; each ball holds its number or ball."""
         pairs = [outward(value) for value in values]
         return cls([mid for mid, _ in pairs], [rad for _, rad in pairs])
@@ -138,13 +138,13 @@ class Lanes:
         """The radii: never negative, never NaN, infinite where nothing is known."""
         return self._rad
 
-    def mid(self) -> Lanes:
+    def mid(self) -> BallArray:
         """The midpoints as exact balls (infinite where the ball is)."""
-        return Lanes(np.where(self._rad < np.inf, self._mid, np.nan))
+        return BallArray(np.where(self._rad < np.inf, self._mid, np.nan))
 
-    def rad(self) -> Lanes:
+    def rad(self) -> BallArray:
         """The radii as exact balls (infinite where the ball is)."""
-        return Lanes(self._rad)
+        return BallArray(self._rad)
 
     def is_finite(self) -> NDArray[np.bool_]:
         """Of each lane, whether its ball is finite."""
@@ -158,22 +158,22 @@ class Lanes:
     def __len__(self) -> int:
         return len(self._mid)
 
-    def __getitem__(self, lanes: Any) -> Lanes:
+    def __getitem__(self, lanes: Any) -> BallArray:
         """The lanes of a slice, a mask or a list of indices."""
         return made(self._mid[lanes], self._rad[lanes])
 
-    def series(self, old: object = None) -> LaneSeries:
+    def series(self, old: object = None) -> BallArraySeries:
         """An empty sequence for as many lanes, in the memory of the ``old`` one where that fits."""
-        from tippedisk_verify.proofs.kernel.lane_series import LaneSeries  # it is made of lanes
+        from tippedisk_verify.proofs.kernel.ball_array_series import BallArraySeries  # it is made of lanes
 
-        if isinstance(old, LaneSeries) and old.width == len(self):
+        if isinstance(old, BallArraySeries) and old.width == len(self):
             old.clear()
             return old
-        return LaneSeries(len(self))
+        return BallArraySeries(len(self))
 
     # The triangle inequality and (1) for the midpoint: |x + y - c| <= ra + rb + u |c| + t.
     @quieted
-    def __add__(self, other: Any) -> Lanes:
+    def __add__(self, other: Any) -> BallArray:
         if isinstance(other, int) and other == 0:
             return self
         b = _operand(other)
@@ -182,21 +182,21 @@ class Lanes:
     __radd__ = __add__
 
     @quieted
-    def __sub__(self, other: Any) -> Lanes:
+    def __sub__(self, other: Any) -> BallArray:
         if isinstance(other, int) and other == 0:
             return self
         b = _operand(other)
         return rounded(self._mid - b._mid, self._rad + b._rad)
 
-    def __rsub__(self, other: Any) -> Lanes:
+    def __rsub__(self, other: Any) -> BallArray:
         return (-self).__add__(other)
 
-    def __neg__(self) -> Lanes:
+    def __neg__(self) -> BallArray:
         return made(-self._mid, self._rad)
 
     # (a + s)(b + t) - a b = a t + s (b + t), so with |s| <= ra, |t| <= rb at most |a| rb + ra (|b| + rb).
     @quieted
-    def __mul__(self, other: Any) -> Lanes:
+    def __mul__(self, other: Any) -> BallArray:
         factor = _exact_float(other)
         if factor is not None:
             return self._scaled(factor)
@@ -209,14 +209,14 @@ class Lanes:
 
     __rmul__ = __mul__
 
-    def _scaled(self, factor: float) -> Lanes:
+    def _scaled(self, factor: float) -> BallArray:
         """Times an exact float that is 0 or not subnormal."""
         if factor in (1.0, -1.0):
             return self if factor > 0 else -self
         return rounded(self._mid * factor, self._rad * abs(factor))
 
     @quieted
-    def square(self) -> Lanes:
+    def square(self) -> BallArray:
         """(a + s)^2 - a^2 = s (2 a + s): no wider than the product with itself, and fewer operations."""
         radius = np.abs(self._mid)
         radius += radius
@@ -225,7 +225,7 @@ class Lanes:
         return rounded(self._mid * self._mid, radius)
 
     @quieted
-    def __truediv__(self, other: Any) -> Lanes:
+    def __truediv__(self, other: Any) -> BallArray:
         """The quotient; infinite where the divisor's ball holds 0.
 
         (a + s) / (b + t) - a / b = (s - (a / b) t) / (b + t), at most (ra + |a / b| rb) / (|b| - rb) if |b| > rb.
@@ -245,19 +245,19 @@ class Lanes:
         radius += self._rad / distance
         return rounded(quotient, radius)
 
-    def __rtruediv__(self, other: Any) -> Lanes:
+    def __rtruediv__(self, other: Any) -> BallArray:
         return _operand(other) / self
 
-    def sin(self) -> Lanes:
+    def sin(self) -> BallArray:
         """The sine; infinite for midpoints beyond 2^18."""
         return self._turned(0)
 
-    def cos(self) -> Lanes:
+    def cos(self) -> BallArray:
         """The cosine; infinite for midpoints beyond 2^18."""
         return self._turned(1)
 
     @quieted
-    def _turned(self, quarters: int) -> Lanes:
+    def _turned(self, quarters: int) -> BallArray:
         """sin(x + quarters pi/2) = sin(y + j pi/2), where x = y + n pi/2 and j = n + quarters.
 
         With S and C for the sine and cosine of the midpoint plus the quarters, |sin(x + s) - S| <= min(r, |C| r +
@@ -275,7 +275,7 @@ class Lanes:
         radius = np.minimum(r, slope * r + 0.5 * r * r) + error
         return rounded(np.where(j >= 2, -value, value), radius)
 
-    def __pow__(self, power: int) -> Lanes:
+    def __pow__(self, power: int) -> BallArray:
         """A positive integer power, by repeated squaring."""
         half = self ** (power // 2) if power > 1 else self
         if power < 2:
@@ -283,40 +283,27 @@ class Lanes:
         return half.square() * self if power % 2 else half.square()
 
     @quieted
-    def abs_upper(self) -> Lanes:
+    def abs_upper(self) -> BallArray:
         """A number that no absolute value in the ball exceeds, as an exact ball (infinite where the ball is)."""
-        return Lanes((np.abs(self._mid) + self._rad) * _UP + _TINY)
+        return BallArray((np.abs(self._mid) + self._rad) * _UP + _TINY)
 
-    def around_zero(self) -> Lanes:
+    def around_zero(self) -> BallArray:
         """The ball about 0 that reaches `abs_upper`."""
-        return Lanes(np.zeros(len(self)), self.abs_upper()._mid)
+        return BallArray(np.zeros(len(self)), self.abs_upper()._mid)
 
-    def constant(self, value: Any) -> Lanes:
+    def constant(self, value: Any) -> BallArray:
         """As many balls that hold one number; lanes pass unchanged."""
-        return value if isinstance(value, Lanes) else Lanes.of([value])[np.zeros(len(self), int)]
+        return value if isinstance(value, BallArray) else BallArray.of([value])[np.zeros(len(self), int)]
 
     alike = constant
 
-    def where(self, mask: NDArray[np.bool_], other: Lanes) -> Lanes:
-        """These lanes where the mask is true, those of the other where it is not."""
-        return made(np.where(mask, self._mid, other._mid), np.where(mask, self._rad, other._rad))
-
     @quieted
-    def union(self, other: Any) -> Lanes:
+    def union(self, other: Any) -> BallArray:
         """A ball around both balls. Its midpoint may be any number: the radius is measured from it."""
         b = _operand(other)
         middle = 0.5 * self._mid + 0.5 * b._mid
         reach = np.abs(self._mid - middle) + self._rad
         return rounded(middle, np.maximum(reach, np.abs(b._mid - middle) + b._rad))
-
-    @quieted
-    def shared(self, other: Lanes) -> Lanes:
-        """Balls that hold what two balls share; infinite where nothing is. The other is finite, or nothing is known."""
-        # A sum to nearest is less than one double away from the exact one.
-        low = np.maximum(*(np.nextafter(x._mid - x._rad, -np.inf) for x in (self, other)))
-        high = np.minimum(*(np.nextafter(x._mid + x._rad, np.inf) for x in (self, other)))
-        low, high = (Lanes(np.where((low <= high) & other.is_finite(), end, np.nan)) for end in (low, high))
-        return low.union(high).where(self.is_finite(), other)
 
     def positive(self) -> NDArray[np.bool_]:
         """Of each lane, whether every number of the ball is greater than zero: a comparison of two floats."""
@@ -341,18 +328,18 @@ def _doubles(values: Any) -> Array:
     """As an array. No other kind of number becomes a double here, because that may round it."""
     many = values if isinstance(values, Sequence) else [values]
     if not (values.dtype == np.float64 if isinstance(values, np.ndarray) else all(isinstance(x, float) for x in many)):
-        raise TypeError("midpoints and radii are doubles: Lanes.of takes other numbers")
+        raise TypeError("midpoints and radii are doubles: BallArray.of takes other numbers")
     return np.asarray(values, dtype=np.float64)
 
 
-def made(mid: Array, rad: Array) -> Lanes:
-    """Lanes of arrays that keep the module's rules already."""
-    ball = Lanes.__new__(Lanes)
+def made(mid: Array, rad: Array) -> BallArray:
+    """BallArray of arrays that keep the module's rules already."""
+    ball = BallArray.__new__(BallArray)
     ball._mid, ball._rad = mid, rad
     return ball
 
 
-def rounded(middle: Array, radius: Array, up: float = _UP) -> Lanes:
+def rounded(middle: Array, radius: Array, up: float = _UP) -> BallArray:
     """The ball of an operation: ``radius``, a new array, from its operands' radii; the midpoint's rounding is added.
 
     ``up`` makes good for the radius's roundings. If the midpoint is not finite, the radius is not; fmin makes infinity
@@ -373,5 +360,5 @@ def _exact_float(value: Any) -> float | None:
     return float(value) if isinstance(value, float) and _NORMAL <= abs(value) < np.inf else None
 
 
-def _operand(value: Any) -> Lanes:
-    return value if isinstance(value, Lanes) else Lanes.of([value])
+def _operand(value: Any) -> BallArray:
+    return value if isinstance(value, BallArray) else BallArray.of([value])
