@@ -51,7 +51,7 @@ EXAMPLES = {path: re.findall(r"^ +tippedisk-verify (.+)$", _help(path), re.MULTI
             for path, command in COMMANDS.items() if not command.hidden}  # fmt: skip
 #: What takes more than some seconds, by how the example begins; it is parsed.
 LONG = (
-    *("verify --out", "branch --paper-sets", "bench", "stress --quick", "atlas", "scene b d", "certify branch"),
+    *("verify --out", "branch --paper-sets", "bench", "stress --quick", "scene b d", "certify branch"),
     *("certify heteroclinic", "certify orbit", "certify check", "conformance run", "reference check"),
     *("sweep", "basin", "heteroclinic --digits", "orbit --rotating", "harmonic-balance --omega", "branch"),
 )

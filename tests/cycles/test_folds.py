@@ -58,7 +58,7 @@ def test_the_fold_is_the_spectral_methods(taylor, digits) -> None:
 
 def test_a_fold_has_the_digits_asked_for_or_is_refused(monkeypatch, taylor) -> None:
     numbers = {name: Measured(Fraction(2), Fraction(3, 10**12)) for name in ("omega", "period", *LIBRATING.names)}
-    monkeypatch.setattr(folds, "fold_in", lambda *_: SimpleNamespace(**numbers))
+    monkeypatch.setattr(folds, "_fold_in", lambda *_: SimpleNamespace(**numbers))
     assert folds.fold_to_digits(LibrationFold, FOLDING, (1, 1, 1), taylor, 11).omega == numbers["omega"]
     with pytest.raises(AccuracyError, match="fewer than 12 digits"):
         folds.fold_to_digits(LibrationFold, FOLDING, (1, 1, 1), taylor, 12)

@@ -30,7 +30,7 @@ PLANTS = {
     "connection.splitting:splitting_zero": "Omega_h by manifolds",
     "cycles.period_continuation:limit_of_cycles": "Omega_h by limit cycles",
     "connection.bisection:bisect_omega_h": "Omega_h by bisection",
-    "cycles.folds:fold_in": "fold of rotating cycles",
+    "cycles.folds:_fold_in": "fold of rotating cycles",
     "motion.basin_boundary:BasinBoundary._upper": "basin boundary",
     "theory.equilibria:equilibrium": "equilibria",
     "theory.hopf:hopf_point": "Hopf point",

@@ -48,7 +48,6 @@ EXAMPLES: dict[str, tuple[str, str]] = {
     "certify heteroclinic": ("--digits 10", "--certificate omega_h.json"),
     "certify branch": ("--to 0.5", "--certificate family.json"),
     "certify check": ("cycle.json", "omega_h.json --jobs 1"),
-    "atlas": ("--points 20", "--plane A,Omega --out atlas"),
     "sweep": (
         "hopf --over mu=0.2,0.3,0.4 --out hopf.csv",
         "orbit --over below-crit=0.1:0.7:7 --out cycles.csv",
@@ -79,7 +78,6 @@ _PRINTED: dict[str, tuple[tuple[str, ...], ...]] = {
     "branch": (_CYCLES,),
     "basin": (("", "margin"),),
     "heteroclinic": (("connection.heteroclinic", "Heteroclinic"),),
-    "atlas": (("atlas.plane", "CurvePoint"),),
 }
 
 
