@@ -34,7 +34,6 @@ if TYPE_CHECKING:
     from tippedisk_verify.motion.basins import Basins
     from tippedisk_verify.motion.scenes import Panel
     from tippedisk_verify.motion.solution import Solution
-    from tippedisk_verify.theory.bautin import BautinPoint
     from tippedisk_verify.theory.equilibria import Equilibrium, EquilibriumName
     from tippedisk_verify.theory.hopf import HopfPoint
     from tippedisk_verify.theory.slow_manifold import SlowManifold
@@ -126,12 +125,6 @@ class Disk(Parameters):
         from tippedisk_verify.theory.hopf import hopf_point
 
         return hopf_point(self, digits)
-
-    def bautin_points(self, parameter: str, *, digits: int = 12) -> tuple[BautinPoint, ...]:
-        """The disks with l_1 = 0 as A, B, m, r or e varies, the others held; mostly one. Raises as `hopf`."""
-        from tippedisk_verify.theory.bautin import bautin_points
-
-        return bautin_points(self, parameter, digits)
 
     def slow_manifold(
         self, order: int, omega: object = None, *, at: tuple[object, object] = ("1.2", "0.3"), digits: int = 12

@@ -79,11 +79,6 @@ def hopf(draw: Draw) -> Question:
     return Question(lambda: disk.hopf(digits=digits), lambda _: hopf_by_balance(case, {}))
 
 
-def bautin(draw: Draw) -> Question:
-    ask = partial(draw.disk().bautin_points, draw.choice(("A", "B", "m", "r", "e")))
-    return _with_more(ask, draw.choice((6, 12)))
-
-
 def one_harmonic_law(draw: Draw) -> Question:
     disk, form = draw.disk(), draw.choice(("printed", "consistent"))
     side = 1 if criticality(disk) == "subcritical" else -1
@@ -389,7 +384,6 @@ KINDS = (
     Kind("right-hand side", right_hand_side, 8, 150, 0.1, flown=False),
     Kind("equilibria", equilibria, 6, 150, 0.1, flown=False),
     Kind("Hopf point", hopf, 5, 100, 0.1, flown=False),
-    Kind("Bautin points", bautin, 5, 100, 0.1, flown=False),
     Kind("one-harmonic law", one_harmonic_law, 5, 100, 0.1, flown=False),
     Kind("limit epsilon to 0", melnikov, 1, 4, 0.15, flown=False),
     Kind("slow manifold", slow_manifold_series, 1, 3, 0.15, flown=False),

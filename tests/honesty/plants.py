@@ -34,7 +34,6 @@ PLANTS = {
     "motion.basin_boundary:BasinBoundary._upper": "basin boundary",
     "theory.equilibria:equilibrium": "equilibria",
     "theory.hopf:hopf_point": "Hopf point",
-    "theory.bautin:bautin_points": "Bautin points",
     "theory.harmonic_balance:one_harmonic": "one-harmonic law",
     "theory.melnikov:limit_speed": "limit epsilon to 0",
     "theory.slow_manifold:analyse_slow_manifold": "slow manifold",

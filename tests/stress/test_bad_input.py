@@ -74,7 +74,7 @@ WRONG: list[tuple[Wrong, str]] = [
     (_but(NUMBER, "9" * 400), "--sample, reference check --seed"),
     (COUNT, "--digits, --jobs, --harmonics, --count, --fold, --levels, --states, --require"),
     (_but(COUNT, "0", "1000000007"), "--order, --seed"),
-    (NAME, "--friction, --only, --format, --plane, --bautin, --method, --set, --from"),
+    (NAME, "--friction, --only, --format, --method, --set, --from"),
     (NAME, "names, ids, prefixes, language, analysis"),
     (_but(NAME, ""), "more, prefix"),
     ((*NAME, "dask://\0", "dask://"), "--executor"),

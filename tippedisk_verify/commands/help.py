@@ -21,7 +21,7 @@ EXAMPLES: dict[str, tuple[str, str]] = {
         "--omega 31 --state 1,2,0 --time 2 --out m.csv",
     ),
     "equilibria": ("--omega 30.4", "--below-crit 0.5 --digits 30"),
-    "hopf": ("--digits 50", "--bautin A"),
+    "hopf": ("--digits 50", "--parameters calibrated"),
     "slow-manifold": ("--order 3", "--order 2 --omega 30.4 --beta 1.2 --gamma 0.3"),
     "orbit": ("--below-crit 0.5", "--rotating --omega 30.0388"),
     "harmonic-balance": ("--below-crit 0.5", "--omega 30.8 --digits 30"),
@@ -71,7 +71,7 @@ _CYCLES = ("cycles.limit_cycle", "Cycle", "LimitCycle", "RotatingCycle")
 _PRINTED: dict[str, tuple[tuple[str, ...], ...]] = {
     "integrate": (("", "beta", "gamma", "v"),),
     "equilibria": (("", "beta", "gamma", "v"), ("theory.equilibria", "Equilibrium")),
-    "hopf": (("theory.hopf", "HopfPoint"), ("theory.bautin", "BautinPoint")),
+    "hopf": (("theory.hopf", "HopfPoint"),),
     "slow-manifold": (("", "beta", "gamma"), ("theory.slow_manifold", "SlowManifold")),
     "orbit": (_CYCLES, ("cycles.folds", "Fold")),
     "harmonic-balance": (("cycles.spectral", "BalancedCycle"),),

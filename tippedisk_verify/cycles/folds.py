@@ -147,7 +147,7 @@ def _asked_for(parameters: Parameters, omega_h: float) -> int:
 
 
 def _small_fold(parameters: Parameters) -> tuple[float, float, float] | None:
-    """Near which point of the section and speed a fold next to a Bautin point lies, by the law of fourth order."""
+    """The point of the section and the speed near which a small fold lies, by the law of fourth order."""
     quadratic, quartic = map(float, amplitude_law(parameters))
     square = -quadratic / (2 * quartic) if quartic else 0.0
     if not 0 < square < _SMALL_FOLD**2:
