@@ -262,8 +262,6 @@ SMOOTH = tv.PRINTED.with_friction("smooth")
         lambda: tv.balanced_cycle(SMOOTH, "30.4"),
         lambda: tv.analyse_slow_manifold(SMOOTH, "30.4", 1),
         lambda: slow_manifold.reduced_omega_crit(SMOOTH, 1),
-        lambda: tv.limit_speed(SMOOTH),
-        lambda: tv.limit_period(SMOOTH, 1),
         lambda: proved_hopf(SMOOTH),
         lambda: prove_interval(SMOOTH, "30.4", "1e-3", ("1.68", "-1.71")),
     ],

@@ -35,7 +35,6 @@ PLANTS = {
     "theory.equilibria:equilibrium": "equilibria",
     "theory.hopf:hopf_point": "Hopf point",
     "theory.harmonic_balance:one_harmonic": "one-harmonic law",
-    "theory.melnikov:limit_speed": "limit epsilon to 0",
     "theory.slow_manifold:analyse_slow_manifold": "slow manifold",
     "cycles.spectral:balanced_cycle": "harmonic balance",
     "proofs.numbers:measured": "proved closed forms",

@@ -277,7 +277,6 @@ CALLS: list[tuple[Wrong, list[Call]]] = [
         lambda n: _DISK.limit_cycle("30.4", digits=n), lambda n: _DISK.limit_cycle(above_het="0.1", digits=n),
     ]),
     ((*COUNTS, 23, 4_000_001), [lambda n: tv.bits(n)]),
-    ((*COUNTS, 201), [lambda n: tv.limit_speed(tv.PRINTED, digits=n), lambda n: tv.limit_period(tv.PRINTED, 1, n)]),
     ((*COUNTS, 1001), [lambda n: _DISK.heteroclinic(digits=n)]),
     ((*OBJECTS, -1, 41, 10**400, 0.5, math.nan), [lambda n: _DISK.slow_manifold(n)]),
     ((0, -1, 1025, 10**400), [lambda n: _DISK.harmonic_balance("30.4", harmonics=n)]),
@@ -291,7 +290,6 @@ CALLS: list[tuple[Wrong, list[Call]]] = [
     (tuple(x for x in (*NUMBERS, 0, -1, 10, "1e-900", "pi") if x is not None), [
         lambda x: _DISK.limit_cycle(above_het=x),
     ]),
-    (tuple(x for x in (*NUMBERS, 0, -1, 4, "pi") if x is not None), [lambda x: tv.limit_speed(tv.PRINTED, x)]),
     (((), (1.0,), (1.0, -1.0, 2.0), *((x, x) for x in (math.nan, math.inf, 0, 10**400))), [
         lambda x: tv.limit_cycle(tv.PRINTED, "30.4", _ENGINE, guess=x),
     ]),
