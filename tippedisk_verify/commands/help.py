@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from textwrap import wrap
 
@@ -10,7 +9,7 @@ import click
 
 from tippedisk_verify.model.results import COORDINATES, Quantity, heading, quantities
 
-__all__ = ["EXAMPLES", "Cli", "complaint"]
+__all__ = ["EXAMPLES", "Cli"]
 
 #: Of each command two examples, cheap ones first; what they write is named so that it can be written anywhere.
 EXAMPLES: dict[str, tuple[str, str]] = {
@@ -54,17 +53,6 @@ EXAMPLES: dict[str, tuple[str, str]] = {
     ),
     "bench": ("--only cycle", "--out bench"),
     "stress": ("--list", "--quick"),
-}
-_MAKE = "'python reference_data/make', in a checkout of the source"
-#: Commands and options that there were, and what takes their place.
-_GONE = {
-    "reference generate": f"reference generate is now {_MAKE}",
-    "reference prove": f"reference prove is now {_MAKE}",
-    "certify table": "certify table is now 'certify hopf'",
-    "certify branch --executor": "certify branch has no --executor any more: it takes minutes on one machine",
-    "certify branch --box": "certify branch has no --box any more: it proves the family of one disk",
-    "certify heteroclinic --none-between": "certify heteroclinic has no --none-between any more",
-    "basin --proved": "basin has no --proved any more: 'basin --margin' says how far a start is from the boundary",
 }
 _CYCLES = ("cycles.limit_cycle", "Cycle", "LimitCycle", "RotatingCycle")
 #: The classes of what a command prints, each as its module and names there, or names of coordinates.
@@ -130,14 +118,3 @@ def _defined(path: str) -> list[str]:
 def _examples(path: str) -> list[str]:
     lines = [f"  tippedisk-verify {path} {words}".rstrip() for words in EXAMPLES.get(path, ())]
     return ["Examples:", *lines] if lines else []
-
-
-def complaint(fault: click.ClickException) -> str:
-    """What is wrong with a command line, in a sentence; of what there was once, what takes its place."""
-    said = fault.format_message()
-    if not isinstance(fault, click.UsageError) or fault.ctx is None:
-        return said
-    names, context = re.findall(r"^No such (?:option|command)[: ]+'?([\w-]+)", said), fault.ctx
-    while context.parent is not None:
-        names, context = [str(context.info_name), *names], context.parent
-    return _GONE.get(" ".join(names), said)
