@@ -70,7 +70,7 @@ def _require_rounding_to_nearest() -> None:
 def quiet() -> Iterator[None]:
     """Without numpy's warnings: what overflows or is no number ends in an infinite radius.
 
-    Every operation on lanes enters this by itself; entering it once around many saves time. Raises DisturbedError if
+    Every operation on these arrays enters this by itself; entering it once around many saves time. Raises DisturbedError if
     this process does not round to nearest.
     """
     _require_rounding_to_nearest()
@@ -83,7 +83,7 @@ def quiet() -> Iterator[None]:
 
 
 def quieted(function: _F) -> _F:
-    """An operation on lanes, which enters `quiet` by itself."""
+    """Have an operation on these arrays enter `quiet` by itself."""
 
     @wraps(function)
     def wrapped(*arguments: Any) -> Any:
@@ -96,10 +96,10 @@ def quieted(function: _F) -> _F:
 
 
 class BallArray:
-    """n balls, from midpoints and radii [shape (n,) or (1,)], which are taken exactly; lanes of shape (1,) go with any.
+    """n balls, from midpoints and radii [shape (n,) or (1,)], which are taken exactly; one ball goes with any number.
 
     A midpoint that is not finite, or a radius that is negative or no number, makes an infinite ball. Operands may be
-    lanes, integers, floats, Fractions and arb's balls. Raises TypeError for midpoints or radii that are not doubles.
+    arrays of balls, integers, floats, Fractions and arb's balls. Raises TypeError for midpoints or radii that are not doubles.
     """
 
     __slots__ = ("_mid", "_rad")
@@ -110,7 +110,7 @@ class BallArray:
     def __init__(self, mid: ArrayLike, rad: ArrayLike = 0.0) -> None:
         given_mid, given_rad = np.broadcast_arrays(np.atleast_1d(_doubles(mid)), _doubles(rad))
         if given_mid.ndim != 1:
-            raise ValueError("lanes are one-dimensional")
+            raise ValueError("arrays of balls are one-dimensional")
         m, r = given_mid.copy(), given_rad.copy()
         # Read as bits, because a processor may be set to see zeros instead of subnormals.
         bits, r_bits = (part.view(np.uint64) & np.uint64(2**63 - 1) for part in (m, r))
@@ -124,7 +124,7 @@ class BallArray:
 
     @classmethod
     def of(cls, values: Iterable[Any]) -> BallArray:
-        """A lane for each number: arb's balls, Fractions, integers, floats; each ball holds its number or ball."""
+        """A ball for each number: arb's balls, Fractions, integers, floats; each ball holds its number or ball."""
         pairs = [outward(value) for value in values]
         return cls([mid for mid, _ in pairs], [rad for _, rad in pairs])
 
@@ -147,24 +147,24 @@ class BallArray:
         return BallArray(self._rad)
 
     def is_finite(self) -> NDArray[np.bool_]:
-        """Of each lane, whether its ball is finite."""
+        """Of each ball, whether it is finite."""
         return self._rad < np.inf
 
-    def arb(self, lane: int) -> Any:
-        """One lane as arb's ball: the midpoint exactly, the radius rounded up to arb's 30 bits."""
-        radius = float(self._rad[lane])
-        return arb(float(self._mid[lane]), radius) if radius < np.inf else arb(0, "inf")
+    def arb(self, place: int) -> Any:
+        """One of the balls as arb's: the midpoint exactly, the radius rounded up to arb's 30 bits."""
+        radius = float(self._rad[place])
+        return arb(float(self._mid[place]), radius) if radius < np.inf else arb(0, "inf")
 
     def __len__(self) -> int:
         return len(self._mid)
 
-    def __getitem__(self, lanes: Any) -> BallArray:
-        """The lanes of a slice, a mask or a list of indices."""
-        return made(self._mid[lanes], self._rad[lanes])
+    def __getitem__(self, places: Any) -> BallArray:
+        """The balls of a slice, a mask or a list of indices."""
+        return made(self._mid[places], self._rad[places])
 
     def series(self, old: object = None) -> BallArraySeries:
-        """An empty sequence for as many lanes, in the memory of the ``old`` one where that fits."""
-        from tippedisk_verify.proofs.kernel.ball_array_series import BallArraySeries  # it is made of lanes
+        """An empty sequence for as many balls, in the memory of the ``old`` one where that fits."""
+        from tippedisk_verify.proofs.kernel.ball_array_series import BallArraySeries  # it is made of these arrays
 
         if isinstance(old, BallArraySeries) and old.width == len(self):
             old.clear()
@@ -292,7 +292,7 @@ class BallArray:
         return BallArray(np.zeros(len(self)), self.abs_upper()._mid)
 
     def constant(self, value: Any) -> BallArray:
-        """As many balls that hold one number; lanes pass unchanged."""
+        """As many balls that hold one number; an array of balls passes unchanged."""
         return value if isinstance(value, BallArray) else BallArray.of([value])[np.zeros(len(self), int)]
 
     alike = constant
@@ -306,16 +306,16 @@ class BallArray:
         return rounded(middle, np.maximum(reach, np.abs(b._mid - middle) + b._rad))
 
     def positive(self) -> NDArray[np.bool_]:
-        """Of each lane, whether every number of the ball is greater than zero: a comparison of two floats."""
+        """Of each ball, whether every number of it is greater than zero: a comparison of two floats."""
         return (self._mid > self._rad) & self.is_finite()
 
     def negative(self) -> NDArray[np.bool_]:
-        """Of each lane, whether every number of the ball is less than zero."""
+        """Of each ball, whether every number of it is less than zero."""
         return (-self._mid > self._rad) & self.is_finite()
 
     @quieted
     def inside(self, other: Any) -> NDArray[np.bool_]:
-        """Of each lane, whether the ball lies in the interior of the other; False if either is not finite."""
+        """Of each ball, whether it lies in the interior of the other; False if either is not finite."""
         b = _operand(other)
         reach = np.abs(self._mid - b._mid)
         reach += self._rad

@@ -21,7 +21,7 @@ _CAPACITY = 24  # coefficients that a series has room for at first
 
 
 class BallArraySeries(Sequence[BallArray]):
-    """Coefficients of a power series in n lanes, stored so that `convolution` passes through memory once.
+    """Coefficients of a power series that are arrays of n balls, stored so that `convolution` passes through memory once.
 
     For coefficient k there are five rows: the midpoints m, |m|, s = r + (k + 1/2) u |m|, |m| + r and the radii r, where
     the two sums are rounded.
@@ -35,7 +35,7 @@ class BallArraySeries(Sequence[BallArray]):
 
     @property
     def width(self) -> int:
-        """Number of lanes."""
+        """Number of balls in an array."""
         return int(self._rows.shape[2])
 
     @quieted

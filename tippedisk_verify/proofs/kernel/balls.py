@@ -180,7 +180,7 @@ def inside(x: Any, y: Any) -> Any:
 
 
 def upper(x: Any) -> Any:
-    """A float, of lanes an array of them, near the largest absolute value in the ball: for choices, not for proofs."""
+    """A float, of an array of balls an array of them, near the largest absolute value in the ball: for choices, not for proofs."""
     return x.abs_upper().midpoints if side_by_side(x) else float(x.abs_upper())
 
 
@@ -214,7 +214,7 @@ def shared(x: Any, y: Any) -> Any:
 
 
 def side_by_side(x: object) -> bool:
-    """Whether these are `ball_array.BallArray`, of which everything here is answered lane by lane."""
+    """Whether these are `ball_array.BallArray`, of which everything here is answered ball by ball."""
     return hasattr(x, "midpoints")
 
 

@@ -64,7 +64,7 @@ class Step:
     """One accepted step: what is proved over [0, length] from where the path stood."""
 
     begin: Any  #: time at its start [s]
-    length: Any  #: [s], exact: a float, or lanes
+    length: Any  #: [s], exact: a float, or an array of balls
     enclosure: tuple[Any, ...]  #: holds the state throughout, for every orbit from the box
     frame: Frame  #: of the states at its start
     orders: tuple[int, int]  #: of the midpoint's series, and of that over the box

@@ -41,8 +41,8 @@ In it beta_bar = 0 means that z_s is about |lambda_u / lambda_s| z_u, and y_g, v
 beta_bar > 0 where z_s < 0.
 
 **The flights** go from one saddle to the next, many side by side: from z_u = u about the first to z_s = -s about the
-second. Each lane is a cell of starts (z_s, z_f) and of speeds, and all lanes take the
-same number of steps, each lane with its own length of step. A step is that of `kernel.flow`, in doubles.
+second. Each flight begins in a cell of starts (z_s, z_f) and of speeds. All take the
+same number of steps, each with its own length of step. A step is that of `kernel.flow`, in doubles.
 
 Of each step before the last z_s < -s is shown: over all of it, or at its end where F_s > 0 over all of it. The last
 step begins before the section and ends after it, with F_s > 0. So the arrival is the first moment at which z_s = -s. On
@@ -250,8 +250,8 @@ def arrivals(
 ) -> list[list[Any]]:
     """What holds for all the flights: z_u, z_f and the time on arrival, and the largest beta_bar, as balls of Arb's.
 
-    Each has its derivatives by z_s, z_f and the speed at the start besides. The saddle's speeds are lanes. Raises
-    Unproved with the first lane of which it is not shown.
+    Each has its derivatives by z_s, z_f and the speed at the start besides. The saddle's speeds are an array of balls. Raises
+    Unproved with the first flight of which it is not shown.
     """
     path, s = saddle.path([slow.constant(extents[U]), slow, slow.constant(fast)], _Axes()), extents[S]
     tops: list[list[Any]] = []
@@ -290,10 +290,10 @@ class _Axes:
 
 
 def _all(what: str, *shown: NDArray[np.bool_]) -> None:
-    """Raises Unproved unless all is shown of all lanes."""
-    lanes = np.logical_and.reduce(shown)
-    if not lanes.all():
-        raise Unproved(f"flight {int(np.argmin(lanes)) + 1}: {what}")
+    """Raise Unproved unless all is shown of all flights."""
+    flights = np.logical_and.reduce(shown)
+    if not flights.all():
+        raise Unproved(f"flight {int(np.argmin(flights)) + 1}: {what}")
 
 
 def _step(path: Path, lengths: NDArray[np.float64]) -> Step:
@@ -303,7 +303,7 @@ def _step(path: Path, lengths: NDArray[np.float64]) -> Step:
 
 
 def _climbs(model: Model, step: Step) -> NDArray[np.bool_]:
-    """Shown: gamma grows throughout and v has at most one zero. In which lanes it may have one."""
+    """Shown: gamma grows throughout and v has at most one zero. Return in which flights it may have one."""
     beta, _, v = step.enclosure
     _all("0 < beta_bar < 1.5707 is not shown", beta.positive(), (ball(UPRIGHT) - beta).positive())
     turning: NDArray[np.bool_] = ~(v.positive() | v.negative())
