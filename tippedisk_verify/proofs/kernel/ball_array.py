@@ -70,8 +70,8 @@ def _require_rounding_to_nearest() -> None:
 def quiet() -> Iterator[None]:
     """Without numpy's warnings: what overflows or is no number ends in an infinite radius.
 
-    Every operation on these arrays enters this by itself; entering it once around many saves time. Raises DisturbedError if
-    this process does not round to nearest.
+    Every operation on these arrays enters this by itself; entering it once around many saves time. Raises
+    DisturbedError if this process does not round to nearest.
     """
     _require_rounding_to_nearest()
     with np.errstate(all="ignore"):
@@ -99,7 +99,8 @@ class BallArray:
     """n balls, from midpoints and radii [shape (n,) or (1,)], which are taken exactly; one ball goes with any number.
 
     A midpoint that is not finite, or a radius that is negative or no number, makes an infinite ball. Operands may be
-    arrays of balls, integers, floats, Fractions and arb's balls. Raises TypeError for midpoints or radii that are not doubles.
+    arrays of balls, integers, floats, Fractions and arb's balls. Raises TypeError for midpoints or radii that are not
+    doubles.
     """
 
     __slots__ = ("_mid", "_rad")

@@ -21,7 +21,7 @@ _CAPACITY = 24  # coefficients that a series has room for at first
 
 
 class BallArraySeries(Sequence[BallArray]):
-    """Coefficients of a power series that are arrays of n balls, stored so that `convolution` passes through memory once.
+    """Coefficients of a power series, arrays of n balls, stored so that `convolution` passes through memory once.
 
     For coefficient k there are five rows: the midpoints m, |m|, s = r + (k + 1/2) u |m|, |m| + r and the radii r, where
     the two sums are rounded.

@@ -180,7 +180,7 @@ def inside(x: Any, y: Any) -> Any:
 
 
 def upper(x: Any) -> Any:
-    """A float, of an array of balls an array of them, near the largest absolute value in the ball: for choices, not for proofs."""
+    """Return a float near the largest absolute value in the ball, or an array of them: for choices, not for proofs."""
     return x.abs_upper().midpoints if side_by_side(x) else float(x.abs_upper())
 
 

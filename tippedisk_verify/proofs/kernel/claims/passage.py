@@ -250,8 +250,8 @@ def arrivals(
 ) -> list[list[Any]]:
     """What holds for all the flights: z_u, z_f and the time on arrival, and the largest beta_bar, as balls of Arb's.
 
-    Each has its derivatives by z_s, z_f and the speed at the start besides. The saddle's speeds are an array of balls. Raises
-    Unproved with the first flight of which it is not shown.
+    Each has its derivatives by z_s, z_f and the speed at the start besides. The saddle's speeds are an array of balls.
+    Raises Unproved with the first flight of which it is not shown.
     """
     path, s = saddle.path([slow.constant(extents[U]), slow, slow.constant(fast)], _Axes()), extents[S]
     tops: list[list[Any]] = []
