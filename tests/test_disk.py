@@ -9,7 +9,6 @@ from fractions import Fraction
 import numpy
 import pytest
 from scipy.integrate import solve_ivp
-from tippedisk_verify.proofs.search.interval import prove_interval
 
 import tippedisk_verify as tv
 from tippedisk_verify.errors import UnknownKeywordError
@@ -263,7 +262,6 @@ SMOOTH = tv.PRINTED.with_friction("smooth")
         lambda: tv.analyse_slow_manifold(SMOOTH, "30.4", 1),
         lambda: slow_manifold.reduced_omega_crit(SMOOTH, 1),
         lambda: proved_hopf(SMOOTH),
-        lambda: prove_interval(SMOOTH, "30.4", "1e-3", ("1.68", "-1.71")),
     ],
 )
 def test_what_is_for_the_linear_law_is_not_said_of_the_smooth_one(ask) -> None:

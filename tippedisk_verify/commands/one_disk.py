@@ -11,6 +11,7 @@ from tippedisk_verify.commands.common import Common, alone_in, command, processe
 from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.files import read_text, write_bytes, write_csv, write_table
 from tippedisk_verify.model.exact import exact
+from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.precision import DOUBLE
 from tippedisk_verify.model.results import heading, result_lines
 
@@ -194,9 +195,7 @@ def branch(
     else:
         cycles = disk.branch(speeds, paper_sets=paper_sets, progress=seen).cycles
     if out is not None:
-        from tippedisk_verify.report.tables import write_branch
-
-        write_branch(cycles, out)
+        write_csv(out, *_family_table(cycles))
     result: dict[str, Any] = {"orbits": [cycle.to_dict() for cycle in cycles]}
     if rotating:
         result["fold"] = disk.rotation_fold(digits=common.digits).to_dict()
@@ -205,6 +204,14 @@ def branch(
             result |= disk.folds(digits=common.digits).to_dict()
     common.show(result, _family_lines(result))
     return 0
+
+
+def _family_table(cycles: Sequence[LimitCycle | RotatingCycle]) -> tuple[list[str], list[list[object]]]:
+    """Return a header and a row for each cycle: each number with its half-width, and the stability."""
+    names = [name for name, value in vars(cycles[0]).items() if isinstance(value, Measured)]
+    header = [part for name in names for part in (name, f"{name} uncertainty")]
+    rows = [[*(part for name in names for part in getattr(cycle, name).decimals()), cycle.stable] for cycle in cycles]
+    return [*header, "stable"], rows
 
 
 def _family_lines(result: dict[str, Any]) -> Iterator[str]:
@@ -246,13 +253,12 @@ def basin(
     if folder is not None:
         from tippedisk_verify.figures.basins import draw_basins
         from tippedisk_verify.figures.style import save
-        from tippedisk_verify.report.tables import write_basins
 
         boundary = None
         with suppress(InputError, AccuracyError):  # below the rotating cycles' fold everything lies flat
             boundary = disk.basin_boundary(omega)
         save(draw_basins(plane, boundary), folder, "basins")
-        write_basins(plane, folder)
+        write_csv(folder / "basins.csv", ("beta [rad]", "gamma [rad]", "v [rad/s]", "ends on"), plane.rows())
     return plane
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -10,6 +11,7 @@ from typing import Any
 import click
 
 from tippedisk_verify.commands.common import Common, Output, alone_in, command, processes, table, workers_of
+from tippedisk_verify.files import write_csv, write_text
 from tippedisk_verify.parallel import as_done
 from tippedisk_verify.progress import watched
 
@@ -66,9 +68,13 @@ def bench(output: Output, peers: bool = False, only: tuple[str, ...] = (), out: 
     runs = [score.to_dict() for score in scores]
     result: dict[str, Any] = {"machine": machine(), "runs": runs, "ratios": ratios(scores)}
     if folder is not None:
-        from tippedisk_verify.report.tables import write_bench
+        from tippedisk_verify.figures.race import draw_bench, race_csv
+        from tippedisk_verify.figures.style import save
 
-        write_bench(folder, scores, result)
+        write_text(folder / "bench.json", json.dumps(result, indent=1) + "\n")
+        if scores:
+            write_csv(folder / "bench.csv", *race_csv(scores))
+            save(draw_bench(scores), folder, "bench")
     output.show(result, _bench_lines(result))
     return 0
 

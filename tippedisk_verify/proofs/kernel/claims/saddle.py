@@ -95,7 +95,7 @@ def cones(matrix: Any, weights: Sequence[Any], by_speed: Sequence[Any] = (0, 0, 
 
 
 def hull_of_array(x: BallArray) -> Any:
-    """A ball of Arb's that holds all balls of an array. A difference, rounded to nearest, is moved outwards by a step."""
+    """A ball of Arb's that holds all of an array. A difference, rounded to nearest, is moved outwards by a step."""
     if not x.is_finite().all():
         return arb.nan()
     low, high = np.nextafter(x.midpoints - x.radii, -np.inf).min(), np.nextafter(x.midpoints + x.radii, np.inf).max()
