@@ -150,7 +150,9 @@ class Disk(Parameters):
         events: Event | str | Sequence[Event | str] = (),
         variations: str | Sequence[str] = (),
         shifted: bool = False,
+        max_steps: int = 100_000,
         engine: Engine | None = None,
+        progress: bool | None = None,
         **unknown: object,
     ) -> Solution:
         """The motion from ``state`` (beta, gamma, v) for a ``time`` [s], or from t0 to t1 of a pair; backward if less.
@@ -160,7 +162,9 @@ class Disk(Parameters):
         (beta = pi/2), "turn" (v = 0) and "surface" (the sliding velocity gamma_y is zero), whose crossings are
         recorded. ``variations`` of "state" and "omega" add the derivatives of the end by them. Texts such as
         "pi/2 + 0.4" are exact. Angles are beta_bar and gamma_bar, from pi/2, if ``shifted``.
-        Raises InputError for what makes no sense; a run that ends early does not raise.
+        A run takes at most ``max_steps`` steps, some 2800 s of motion if left out; one that ends early does not raise,
+        and its ``status`` says why. Long ones show progress, unless ``progress`` is False. Raises InputError for what
+        makes no sense.
 
         >>> sol = Disk("table1").integrate("30.4", ("pi/2", 2, 0), (0, 10), t_eval=[1, 2], events="section")
         >>> sol.y.shape, sol.end.time, len(sol.events)
@@ -173,7 +177,8 @@ class Disk(Parameters):
                 f"integrate has no {', '.join(unknown)}: `digits` says how exact the motion is to be, `engine` what "
                 "computes it, such as Baseline('DOP853'), and the solution itself, sol(t), is its dense output"
             )
-        return integrated(self, omega, state, time, t_eval, digits, events, self._engine(engine), variations, shifted)
+        how = (self._engine(engine), variations, shifted, max_steps, progress)
+        return integrated(self, omega, state, time, t_eval, digits, events, *how)
 
     def rhs(self, omega: object) -> Callable[[object, Any], Array]:
         """The equations of motion as ``f(t, y)`` in doubles, for `solve_ivp` and its like (Eq. 3DOF).

@@ -72,7 +72,7 @@ WRONG: list[tuple[Wrong, str]] = [
     (("x", "flat", "section,", "section,section"), "--events"),
     ((*NUMBER, "-1", "0", "1e9"), "--seconds, --limit"),
     (_but(NUMBER, "9" * 400), "--sample, reference check --seed"),
-    (COUNT, "--digits, --jobs, --harmonics, --count, --fold, --levels, --states, --require"),
+    (COUNT, "--digits, --jobs, --harmonics, --count, --fold, --levels, --states, --require, --max-steps"),
     (_but(COUNT, "0", "1000000007"), "--order, --seed"),
     (NAME, "--friction, --only, --format, --method, --set, --from"),
     (NAME, "names, ids, prefixes, language, analysis"),

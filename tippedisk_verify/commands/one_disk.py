@@ -7,6 +7,8 @@ from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import click
+
 from tippedisk_verify.commands.common import Common, alone_in, command, processes, table
 from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.files import read_text, write_bytes, write_csv, write_table
@@ -39,6 +41,7 @@ def integrate(
     time: str,
     times: str | None = None,
     events: str = "",
+    max_steps: int = 100_000,
     out: Path | None = None,
 ) -> int:
     """Integrate one motion, with half-widths of its states and events; at 201 even times if none are given.
@@ -47,6 +50,7 @@ def integrate(
     --time T|T0,T1  How long, or from when to when [s].
     --times N|FILE  So many even times, or the first column of a file.
     --events NAME,...  Crossings to report: section (beta = pi/2), turn (v = 0), surface (the sliding velocity is zero).
+    --max-steps N  Steps that the run may take; a run that needs more ends with exit status 1.
     --out FILE.csv|.parquet|.png  Write the motion with its events there, or draw it.
     """
     ends = time.split(",")
@@ -57,18 +61,24 @@ def integrate(
         t_eval=None if times is None else _times(times, ends),
         digits=common.digits,
         events=events.split(",") if events else (),
+        max_steps=max_steps,
+        progress=not common.quiet,
     )
+    if solution.note:
+        click.echo(f"note: {solution.note}", err=True)
     entries = solution.to_dict()
     rows = [dict(zip(_MOTION, row, strict=True)) for row in zip(*(entries[name] for name in _MOTION), strict=True)]
     if out is not None:
         _write_motion(solution, rows + [{**one, "event": one["name"]} for one in entries["events"]], out)
     shown = {name: entries[name] for name in ("message", "end", "events")} | ({"samples": rows} if times else {})
     common.show(entries, result_lines(shown))
-    return 0
+    return 0 if solution.success else 1
 
 
 def _times(text: str, ends: list[str]) -> list[Any]:
-    """Even ones over the run, or those in the first column of a file, below ``t`` if that stands there."""
+    """Return even times over the run, exactly, or those in the first column of a file, with or without a heading t."""
+    from tippedisk_verify.motion.solution import even_times
+
     if not text.isdecimal():
         lines = read_text(Path(text), _LARGEST_FILE).splitlines()
         column = [line.split(",")[0].strip() for line in lines if line.strip()]
@@ -76,7 +86,7 @@ def _times(text: str, ends: list[str]) -> list[Any]:
     if not 2 <= (count := int(text[:20])) <= _MOST_TIMES:
         raise InputError(f"--times is a number from 2 to {_MOST_TIMES}, or a file, not '{text[:40]}'")
     first, last = exact(ends[0] if len(ends) > 1 else 0), exact(ends[-1])
-    return [float(first + (last - first) * Fraction(n, count - 1)) for n in range(count)]
+    return even_times(first, last, count)
 
 
 def _write_motion(solution: Solution, rows: list[dict[str, Any]], target: Path) -> None:

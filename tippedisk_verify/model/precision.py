@@ -153,6 +153,8 @@ class Precision:
 
     def sequence(self, values: Any) -> Any:
         """The same of any sequence. An array of this arithmetic stays as it is, one of doubles is exact in it."""
+        if self.kind == "double" and getattr(getattr(values, "dtype", None), "kind", "") == "f":
+            return values.astype(float, copy=False)
         if self.kind != "real" and getattr(values, "dtype", None) in (self.type, float):
             return values.astype(self.type, copy=False)
         return self.array(values)
