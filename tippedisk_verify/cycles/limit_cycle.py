@@ -15,7 +15,7 @@ from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import STATE_VARIATIONS, Engine, Request, Result, raise_unless_usable
 from tippedisk_verify.model.arrays import doubles, workable
-from tippedisk_verify.model.exact import exact, fraction, shown
+from tippedisk_verify.model.exact import exact, fraction, shown, whole
 from tippedisk_verify.model.measured import DISTANCES, Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, bits
@@ -26,6 +26,7 @@ __all__ = ["Cycle", "LimitCycle", "Monodromy", "RotatingCycle"]
 _NEXT_TO_A_SADDLE = 20  # bits below 1 of what tells the orbit from the saddle's manifolds; a double start misses that
 _DOUBLE_BITS = 60  # below 1, down to which what a cycle's numbers may be off lies beside a double's rounding
 _MORE_BITS = 16
+_MOST_POINTS = 10_000_000  # of an orbit
 _MOVED = 2**12  #: half-widths by which a number is moved, so that rounding does not hide what that does
 
 
@@ -77,11 +78,11 @@ class Cycle(Printable):
         """Times (count,) [s] over one period, both ends included, and the states (3, count) there, in double.
 
         The states are (beta, gamma, v), or (beta_bar, gamma_bar, v) with ``shifted``. Next to Omega_h the flight is in
-        as many bits as its start needs. Raises InputError for a count below 2, ArithmeticError where the engine gives
-        up.
+        as many bits as its start needs. Raises InputError unless there are 2 to 10,000,000 points, ArithmeticError
+        where the engine gives up.
         """
-        if count < 2:
-            raise InputError(f"an orbit has at least its two ends, not {shown(count)} points")
+        if whole(count, 2, _MOST_POINTS) is None:
+            raise InputError(f"an orbit has 2 to {_MOST_POINTS} points, not {shown(count)}")
         times = numpy.linspace(0.0, float(self.period), count)
         states = self._states(times, engine or default_engine())
         if not shifted:

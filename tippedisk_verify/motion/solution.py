@@ -28,7 +28,7 @@ from tippedisk_verify.flow.contract import (
 )
 from tippedisk_verify.flow.error_estimate import CORRECTED_DIGITS, PLAIN_DIGITS
 from tippedisk_verify.model.arrays import half_widths, workable
-from tippedisk_verify.model.exact import Exact, exact, shown
+from tippedisk_verify.model.exact import Exact, entries, exact, shown
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, bits, bits_for_digits, checked_digits
 from tippedisk_verify.model.results import Printable, with_widths
@@ -120,11 +120,9 @@ class Solution(Printable):
 
         The run is repeated with continuous output when this is first asked. Raises InputError outside the run.
         """
-        asked = numpy.asarray(t, dtype=object)
-        if asked.ndim > 1:
-            raise InputError("a solution is asked for at a time, or at a list of times")
+        asked = entries(t)
         end = exact(self._request.duration) + self._start if self.status is Status.REACHED else exact(self.end.time)
-        _, times = _since(self._start, end, numpy.atleast_1d(asked).tolist())
+        _, times = _since(self._start, end, asked)
         since, length = DOUBLE.array(times), float(end - self._start)
         if (since * length < 0).any() or (abs(since) > abs(length)).any():
             first, last = sorted((float(self._start), float(end)))
@@ -136,7 +134,7 @@ class Solution(Printable):
         else:
             states = self._dense(self._request.precision.array(times)).T
         states = workable(states)
-        return states if asked.ndim else states[:, 0]
+        return states if numpy.ndim(t) else states[:, 0]
 
     def to_dict(self) -> dict[str, Any]:
         """What the command prints: times and states with half-widths, the end, the events, the derivatives."""
@@ -169,7 +167,7 @@ def integrated(
 ) -> Solution:
     """`Disk.integrate`, which defines the arguments."""
     start, end = _span(time)
-    t_eval = t_eval if t_eval is None or numpy.ndim(t_eval) else [t_eval]
+    t_eval = t_eval if t_eval is None or (type(t_eval) is numpy.ndarray and t_eval.ndim) else entries(t_eval)
     if t_eval is None and float(end - start):
         t_eval = numpy.linspace(float(start), float(end), _SAMPLES)
         if (numpy.diff(t_eval) == 0).any():  # doubles do not tell the times of so short a run apart
