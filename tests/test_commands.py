@@ -51,7 +51,7 @@ EXAMPLES = {path: re.findall(r"^ +tippedisk-verify (.+)$", _help(path), re.MULTI
             for path, command in COMMANDS.items() if not command.hidden}  # fmt: skip
 #: What takes more than some seconds, by how the example begins; it is parsed.
 LONG = (
-    *("verify --out", "branch --paper-sets", "bench", "stress --quick", "atlas", "scene b d", "certify branch"),
+    *("verify --out", "branch --paper-sets", "bench", "stress --quick", "scene b d", "certify branch"),
     *("certify heteroclinic", "certify orbit", "certify check", "conformance run", "reference check"),
     *("sweep", "basin", "heteroclinic --digits", "orbit --rotating", "harmonic-balance --omega", "branch"),
 )
@@ -104,7 +104,7 @@ def test_verify_says_what_an_equation_and_a_printed_number_come_to(capsys: pytes
 
 
 @pytest.mark.parametrize("command", ["stress --list", "integrate --omega 30.4 --state pi/2,2,0 --time 1 --times 3",
-                                     "certify equilibria --omega 30.4", "hopf --bautin A --digits 50"])  # fmt: skip
+                                     "certify equilibria --omega 30.4", "hopf --digits 50"])  # fmt: skip
 def test_on_a_terminal_lines_end_between_words(
     command: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -11,7 +11,6 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import tippedisk_verify as tv
-from tippedisk_verify.atlas.plane import plane_of
 from tippedisk_verify.errors import UnknownKeywordError
 from tippedisk_verify.model.equations import field
 from tippedisk_verify.model.precision import DOUBLE
@@ -52,7 +51,6 @@ def test_a_text_for_a_list_is_one_number_or_refused() -> None:
         lambda: disk.integrate("30.4", "123", 1),
         lambda: disk.integrate("30.4", START, 3, times="12"),
         lambda: disk.basin_boundary("30.5").margin("123"),
-        lambda: plane_of(disk, "A,Omega", "12"),
     ):
         with pytest.raises(tv.InputError):
             ask()
@@ -264,8 +262,6 @@ SMOOTH = tv.PRINTED.with_friction("smooth")
         lambda: tv.balanced_cycle(SMOOTH, "30.4"),
         lambda: tv.analyse_slow_manifold(SMOOTH, "30.4", 1),
         lambda: slow_manifold.reduced_omega_crit(SMOOTH, 1),
-        lambda: tv.limit_speed(SMOOTH),
-        lambda: tv.limit_period(SMOOTH, 1),
         lambda: proved_hopf(SMOOTH),
         lambda: prove_interval(SMOOTH, "30.4", "1e-3", ("1.68", "-1.71")),
     ],

@@ -42,8 +42,6 @@ from tippedisk_verify.theory.harmonic_balance import one_harmonic as one_harmoni
 from tippedisk_verify.theory.hopf import hopf_point as hopf_point
 from tippedisk_verify.theory.hopf import omega_crit as omega_crit
 from tippedisk_verify.theory.hopf import period_crit as period_crit
-from tippedisk_verify.theory.melnikov import limit_period as limit_period
-from tippedisk_verify.theory.melnikov import limit_speed as limit_speed
 from tippedisk_verify.theory.slow_manifold import analyse_slow_manifold as analyse_slow_manifold
 
 __version__: str

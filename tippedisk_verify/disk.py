@@ -22,10 +22,7 @@ from tippedisk_verify.model.parameters import Friction, Parameters
 from tippedisk_verify.progress import progress_of, watched
 
 if TYPE_CHECKING:
-    from concurrent.futures import Executor
-
     from tippedisk_verify.atlas.branch import Branch
-    from tippedisk_verify.atlas.plane import Atlas
     from tippedisk_verify.certify import Certifier
     from tippedisk_verify.connection.heteroclinic import Heteroclinic
     from tippedisk_verify.cycles.folds import Folds, RotationFold
@@ -37,7 +34,6 @@ if TYPE_CHECKING:
     from tippedisk_verify.motion.basins import Basins
     from tippedisk_verify.motion.scenes import Panel
     from tippedisk_verify.motion.solution import Solution
-    from tippedisk_verify.theory.bautin import BautinPoint
     from tippedisk_verify.theory.equilibria import Equilibrium, EquilibriumName
     from tippedisk_verify.theory.hopf import HopfPoint
     from tippedisk_verify.theory.slow_manifold import SlowManifold
@@ -129,12 +125,6 @@ class Disk(Parameters):
         from tippedisk_verify.theory.hopf import hopf_point
 
         return hopf_point(self, digits)
-
-    def bautin_points(self, parameter: str, *, digits: int = 12) -> tuple[BautinPoint, ...]:
-        """The disks with l_1 = 0 as A, B, m, r or e varies, the others held; mostly one. Raises as `hopf`."""
-        from tippedisk_verify.theory.bautin import bautin_points
-
-        return bautin_points(self, parameter, digits)
 
     def slow_manifold(
         self, order: int, omega: object = None, *, at: tuple[object, object] = ("1.2", "0.3"), digits: int = 12
@@ -343,27 +333,6 @@ class Disk(Parameters):
         cycles = family(self, self._engine(engine), paper_sets=paper_sets, omegas=speeds)
         total = PAPER_COUNT if paper_sets else len(speeds or ()) or DEFAULT_COUNT
         return Branch.of(watched(cycles, "limit cycles", total, progress))
-
-    def atlas(
-        self,
-        plane: str = "A,Omega",
-        *,
-        ends: tuple[object, object] | None = None,
-        points: int = 200,
-        digits: int = 12,
-        executor: Executor | None = None,
-        progress: bool | None = None,
-    ) -> Atlas:
-        """Hopf, fold and heteroclinic curves in the plane of one parameter and the speed, with their special points.
-
-        The parameter runs between the ``ends``, a tenth to both sides if left out; each curve has so many ``points``.
-        With an ``executor`` they are computed on it. Raises InputError under the smooth law.
-        """
-        from tippedisk_verify.atlas.plane import atlas, plane_of
-
-        with progress_of(0, progress) as advance:
-            where = plane_of(self, plane, ends)
-            return atlas(where, points=points, digits=digits, executor=executor, advance=advance)
 
     def heteroclinic(
         self, *, digits: int = 12, method: str = "manifolds", engine: Engine | None = None

@@ -33,7 +33,6 @@ from tippedisk_verify.reference_values.truths import compute, compute_again
 from tippedisk_verify.theory import slow_manifold
 from tippedisk_verify.theory.harmonic_balance import one_harmonic, slopes
 from tippedisk_verify.theory.hopf import criticality, omega_crit
-from tippedisk_verify.theory.melnikov import limit_period, limit_speed
 from tippedisk_verify.theory.slow_manifold import analyse_slow_manifold
 
 __all__ = ["KINDS", "kind_named"]
@@ -79,11 +78,6 @@ def hopf(draw: Draw) -> Question:
     return Question(lambda: disk.hopf(digits=digits), lambda _: hopf_by_balance(case, {}))
 
 
-def bautin(draw: Draw) -> Question:
-    ask = partial(draw.disk().bautin_points, draw.choice(("A", "B", "m", "r", "e")))
-    return _with_more(ask, draw.choice((6, 12)))
-
-
 def one_harmonic_law(draw: Draw) -> Question:
     disk, form = draw.disk(), draw.choice(("printed", "consistent"))
     side = 1 if criticality(disk) == "subcritical" else -1
@@ -93,15 +87,6 @@ def one_harmonic_law(draw: Draw) -> Question:
         return one_harmonic(disk, omega, form, digits), slopes(disk, form, digits)
 
     return _with_more(ask, draw.choice((6, 12, 15)), 30)
-
-
-def melnikov(draw: Draw) -> Question:
-    disk, size = draw.disk(), decimal(draw.choice((draw.uniform(0.1, 3.1), draw.log_uniform(1e-4, 1))))
-
-    def ask(digits: int) -> Any:
-        return limit_speed(disk, None, digits), limit_speed(disk, size, digits), limit_period(disk, size, digits)
-
-    return _with_more(ask, draw.choice((6, 12)), 24)
 
 
 def slow_manifold_series(draw: Draw) -> Question:
@@ -389,9 +374,7 @@ KINDS = (
     Kind("right-hand side", right_hand_side, 8, 150, 0.1, flown=False),
     Kind("equilibria", equilibria, 6, 150, 0.1, flown=False),
     Kind("Hopf point", hopf, 5, 100, 0.1, flown=False),
-    Kind("Bautin points", bautin, 5, 100, 0.1, flown=False),
     Kind("one-harmonic law", one_harmonic_law, 5, 100, 0.1, flown=False),
-    Kind("limit epsilon to 0", melnikov, 1, 4, 0.15, flown=False),
     Kind("slow manifold", slow_manifold_series, 1, 3, 0.15, flown=False),
     Kind("proved closed forms", proved_closed_forms, 2, 30, 0.1, flown=False),
     Kind("flow", motion, 8, 250, 0.4),

@@ -16,18 +16,22 @@ from tippedisk_verify.cli import main
 from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.model import equations
 from tippedisk_verify.model.exact import fraction
-from tippedisk_verify.model.parameters import PRINTED
+from tippedisk_verify.model.parameters import PRINTED, Parameters
 from tippedisk_verify.model.precision import bits
 from tippedisk_verify.theory.equilibria import (
+    EquilibriumName,
     Linearization,
     characteristic_polynomial,
     eigenvalues,
     equilibrium,
+    kind_changes,
     linearization,
     location,
     right_eigenvector,
+    saddle_value_sign,
 )
-from tippedisk_verify.theory.real_roots import real_roots, square_root, value_at
+from tippedisk_verify.theory.hopf import omega_crit
+from tippedisk_verify.theory.real_roots import real_roots, square_root
 
 
 @pytest.mark.parametrize("name", ["inverted", "noninverted"])
@@ -105,6 +109,48 @@ def test_equilibria_command(capsys) -> None:
     assert set(result["inverted"]["eigenvalues"][0]) == {"re", "im"}
 
 
+def discriminant(matrix: Linearization) -> Fraction:
+    """Of the characteristic polynomial: positive where all eigenvalues are real, negative where two are not."""
+    _, a2, a1, a0 = characteristic_polynomial(matrix)
+    return Fraction(18 * a2 * a1 * a0 - 4 * a2**3 * a0 + a2**2 * a1**2 - 4 * a1**3 - 27 * a0**2)
+
+
+@given(parameters=physical_parameters(), share=decimals("0.1", "2"))
+def test_saddle_value_and_kind_against_eigenvalues(parameters: Parameters, share: Fraction) -> None:
+    speed = round(omega_crit(parameters).value * share, 6)
+    unstable, slow, _ = equilibrium(parameters, speed, "noninverted").eigenvalues
+    value = unstable.re + slow.re
+    assert saddle_value_sign(parameters, speed) == (1 if value > 0 else -1)
+    for name in ("inverted", "noninverted"):
+        kinds = [part.im.value for part in equilibrium(parameters, speed, name).eigenvalues]  # type: ignore[arg-type]
+        assert (discriminant(linearization(parameters, speed, name)) < 0) == any(kinds)  # type: ignore[arg-type]
+
+
+def test_the_saddle_value_vanishes_where_it_should() -> None:
+    """lambda^2 = -a1 solves the cubic if a2 a1 = a0: then lambda_u = -lambda_s. Omega is rational for this disk."""
+    disk = PRINTED.changed(r="0.04", e="0.01", m=1, B="1.6e-3", A="2e-3", g="10", C=None)  # Bbar = 1.5e-3
+    square = disk.m * disk.g * (disk.r - disk.e) ** 2 / (disk.r * disk.Bbar)
+    disk = disk.changed(g=disk.g * 100 / square)
+    beside = (Fraction(10) + Fraction(side, 10**20) for side in (-1, 0, 1))
+    assert [saddle_value_sign(disk, speed) for speed in beside] == [1, 0, -1]
+
+
+@pytest.mark.parametrize("name", ["inverted", "noninverted"])
+@settings(max_examples=25)
+@given(parameters=physical_parameters())
+def test_eigenvalues_change_kind_at_these_speeds(name: EquilibriumName, parameters: Parameters) -> None:
+    speeds = kind_changes(parameters, name, 20)
+    kinds = [discriminant(linearization(parameters, Fraction(1, 10**9), name)) > 0]
+    for speed in speeds:
+        assert speed.uncertainty <= speed.value / 10**20
+        low, high = (speed.value * (1 + side * Fraction(1, 10**15)) for side in (-1, 1))
+        before, after = (discriminant(linearization(parameters, end, name)) > 0 for end in (low, high))
+        assert before is kinds[-1]
+        assert after is not before
+        kinds.append(after)
+    assert (discriminant(linearization(parameters, Fraction(10**6), name)) > 0) is kinds[-1]
+
+
 _DECIMALS = st.builds(
     lambda digits, power: Fraction(digits) * Fraction(10) ** power, st.integers(-999, 999), st.integers(-6, 6)
 )
@@ -135,8 +181,6 @@ def test_decimals_are_exact_and_double_ones_found(roots: list[Fraction]) -> None
 @given(root=_RATIONALS, square=st.fractions("1e-9", 10**9))
 def test_what_has_no_other_root(root: Fraction, square: Fraction) -> None:
     """(x - root) (x^2 + square) has one, and x^2 = square the root that squares to it."""
-    cubic = [-root * square, square, -root, Fraction(1)]
-    assert not value_at(cubic, root)
-    (only,) = real_roots(cubic, 20)
+    (only,) = real_roots([-root * square, square, -root, Fraction(1)], 20)
     assert only.holds(root)
     assert (square_root(square, 20) ** 2 - square).holds(0)

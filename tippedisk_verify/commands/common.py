@@ -59,7 +59,7 @@ _SHARED = """
 --require N-M  Exit with 1 if one of these levels has no answer or a wrong one.
 --expected-failures FILE  Ids that may fail, one to a line, * for any characters; exit with 1 if others do.
 """
-_LINE = re.compile(r"^--([\w-]+)(?: (\S+(?: \S+)*))?  +(.+)$")
+_LINE = re.compile(r"^--([\w-]+)(?: (\S+))?  +(.+)$")
 _TYPES = {"int": int, "float": float}
 
 
@@ -187,7 +187,6 @@ def _option(parameter: str, name: str, metavar: str | None, text: str, kind: str
         show_default=not required and default not in (None, False, "", ()),
         is_flag=metavar is None,
         multiple=kind.startswith("tuple[str, ..."),
-        nargs=len(metavar.split()) if metavar else 1,
         metavar=metavar,
         help=text,
         callback=_check(parameter, metavar or ""),

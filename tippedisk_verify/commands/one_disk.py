@@ -103,15 +103,9 @@ def equilibria(common: Common, omega: Fraction) -> dict[str, Any]:
 
 
 @command
-def hopf(common: Common, bautin: str | None = None) -> dict[str, Any]:
-    """Compute the Hopf point: speed, period, first Lyapunov coefficient, laws of amplitude and period.
-
-    --bautin P  Also the Bautin points, where the first Lyapunov coefficient vanishes, as P of A, B, m, r and e varies.
-    """
-    entries: dict[str, Any] = common.disk.hopf(digits=common.digits).to_dict()
-    if bautin is None:
-        return entries
-    return entries | {"bautin": [p.to_dict() for p in common.disk.bautin_points(bautin, digits=common.digits)]}
+def hopf(common: Common) -> Any:
+    """Compute the Hopf point: speed, period, first Lyapunov coefficient, laws of amplitude and period."""
+    return common.disk.hopf(digits=common.digits)
 
 
 @command

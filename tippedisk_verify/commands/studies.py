@@ -1,8 +1,7 @@
-"""The studies: the plane of one parameter and the speed, sweeps, run time against error, hard cases."""
+"""The studies: sweeps, run time against error, hard cases."""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -11,81 +10,10 @@ from typing import Any
 import click
 
 from tippedisk_verify.commands.common import Common, Output, alone_in, command, processes, table, workers_of
-from tippedisk_verify.files import write_csv, write_text
 from tippedisk_verify.parallel import as_done
 from tippedisk_verify.progress import watched
 
 __all__ = ["COMMANDS"]
-
-
-# ------------------------------------------------------------------------------------------------ atlas
-@command
-def atlas(
-    common: Common,
-    plane: str = "A,Omega",
-    range_: tuple[str, str] | None = None,
-    points: int = 200,
-    out: str | None = None,
-    jobs: int | None = None,
-) -> int:
-    """Draw Hopf, fold and heteroclinic curves against one parameter, and their special points.
-
-    Special points are bautin (where cycles are no longer born stable), neutral-saddle (on Omega_h, where the saddle
-    value vanishes: curves of folds end there) and hopf-heteroclinic (where Omega_h = Omega_crit). A limit cycle is
-    here one about inverted spinning, not a rotating one.
-
-    --plane NAME,Omega  The two axes.
-    --range LOW HIGH  Of the parameter; a tenth to both sides if not given.
-    --points N  Points of each curve.
-    --out DIR  Write figure, CSV and JSON there.
-    """
-    folder = alone_in(out)
-    with processes(jobs) as pool:
-        how = {"ends": range_, "points": points, "digits": common.digits, "executor": pool}
-        drawn = common.disk.atlas(plane, progress=not common.quiet, **how)
-    result = drawn.to_dict()
-    if folder is not None:
-        from tippedisk_verify.figures.atlas import draw_atlas
-        from tippedisk_verify.figures.style import save
-
-        _write_atlas(result, folder)
-        save(draw_atlas(drawn), folder, "atlas")
-    common.show(result, _atlas_lines(result))
-    return 0
-
-
-def _write_atlas(result: dict[str, Any], folder: Path) -> None:
-    """``atlas.csv`` with all curves and points, and ``atlas.json``."""
-    names = [result["plane"][0], "omega"]
-    listed: list[tuple[str, object, Any]] = [
-        (curve["kind"], number, point) for number, curve in enumerate(result["curves"]) for point in curve["points"]
-    ]
-    listed += [(point["kind"], "", point) for point in result["points"]]
-    rows = [
-        (kind, number, *(part for name in names for part in (point[name]["value"], point[name]["uncertainty"])))
-        for kind, number, point in listed
-    ]
-    header = ["kind", "curve", *(part for name in names for part in (name, f"{name} uncertainty"))]
-    write_csv(folder / "atlas.csv", header, rows)
-    write_text(folder / "atlas.json", json.dumps(result, indent=1) + "\n")
-
-
-def _atlas_lines(result: dict[str, Any]) -> Iterator[str]:
-    name = result["plane"][0]
-
-    def shown(point: dict[str, Any]) -> list[str]:
-        return [f"{float(point[name]['value']):.9g}", f"{float(point['omega']['value']):.12g}"]
-
-    rows = [
-        [f"{curve['kind']} curve, {len(curve['points'])} points, {word}", *shown(point)]
-        for curve in result["curves"]
-        for word, point in zip(("from", "to"), curve["points"][:: max(1, len(curve["points"]) - 1)], strict=False)
-    ]
-    yield from table(("", name, "Omega [rad/s]"), [*rows, *([p["kind"], *shown(p)] for p in result["points"])])
-    for one in result["missing"]:
-        first, last = (f"{float(value):.9g}" for value in one["range"])
-        where = f"{name} = {first}" if one["count"] == 1 else f"{one['count']} values of {name} from {first} to {last}"
-        yield f"{one['kind']} missing at {where}: {one['reason']}"
 
 
 # ------------------------------------------------------------------------------------------------ sweep
@@ -209,4 +137,4 @@ def stress(
     return 1 if failed else 0
 
 
-COMMANDS = (atlas, sweep, bench, stress)
+COMMANDS = (sweep, bench, stress)

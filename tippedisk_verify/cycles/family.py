@@ -58,7 +58,6 @@ Solver = Callable[[Array, Array, Array, Array], Solved]
 class Place:
     """A cycle of a family, in double, as far as the polynomials tell."""
 
-    s: float
     start: tuple[float, float]  #: both coordinates on the section
     flight: float  #: flight time of the section's map [s]
     omega: float  #: [rad/s]
@@ -252,7 +251,7 @@ class Family:
         """The cycle at an abscissa."""
         ratio, flight, omega, _ = (float(value) for value in self.at(numpy.array([s]))[:, 0])
         first = float(self.coordinate(s))
-        return Place(s, (first, ratio * first), flight, omega, piece)
+        return Place((first, ratio * first), flight, omega, piece)
 
 
 def _powers_and_rates(x: Array, degree: int) -> tuple[Array, Array]:

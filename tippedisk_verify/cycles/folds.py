@@ -1,10 +1,9 @@
 """Folds of limit cycles: where two cycles of a family, rotating or librating, meet and end.
 
-Of the two coordinates on the section, Omega and a parameter of the disk three are unknown: a fixed point of the
-section's map P is wanted at which det(1 - P') = 0. With a fixed parameter that is a fold of one family, with a
-fixed first coordinate a point on a curve of folds (`atlas.fold_curves`). The determinant's gradient is taken by
-differences, in double mostly. It serves in chord steps of any precision, each of which gains some seven digits, so that
-second derivatives of the flow are never needed to more digits than doubles give.
+The two coordinates on the section and Omega are unknown: a fixed point of the section's map P is wanted at which
+det(1 - P') = 0. The determinant's gradient is taken by differences, in double mostly. It serves in chord steps of any
+precision, each of which gains some seven digits, so that second derivatives of the flow are never needed to more digits
+than doubles give.
 """
 
 from __future__ import annotations
@@ -36,10 +35,8 @@ __all__ = [
     "Folds",
     "LibrationFold",
     "RotationFold",
-    "fold_in",
     "fold_in_double",
     "fold_near",
-    "fold_system",
     "fold_to_digits",
     "libration_folds",
     "rotation_fold",
@@ -150,7 +147,7 @@ def _asked_for(parameters: Parameters, omega_h: float) -> int:
 
 
 def _small_fold(parameters: Parameters) -> tuple[float, float, float] | None:
-    """Near which point of the section and speed a fold next to a Bautin point lies, by the law of fourth order."""
+    """The point of the section and the speed near which a small fold lies, by the law of fourth order."""
     quadratic, quartic = map(float, amplitude_law(parameters))
     square = -quadratic / (2 * quartic) if quartic else 0.0
     if not 0 < square < _SMALL_FOLD**2:
@@ -178,7 +175,7 @@ def fold_to_digits(
 
     Raises AccuracyError if it is not found, or the digits are not reached.
     """
-    fold = fold_in(kind, parameters, guess, engine, bits(bits_for_digits(digits + _GUARD)))
+    fold = _fold_in(kind, parameters, guess, engine, bits(bits_for_digits(digits + _GUARD)))
     for name in ("omega", "period", *kind.section.names):
         number = getattr(fold, name)
         if number.uncertainty > abs(number.value) / 10**digits:
@@ -186,7 +183,7 @@ def fold_to_digits(
     return fold
 
 
-def fold_in(
+def _fold_in(
     kind: type[Fold], parameters: Parameters, guess: tuple[float, float, float], engine: Engine, precision: Precision
 ) -> Any:
     """The fold of that kind next to a point, computed in ``precision`` and compared with the next wider arithmetic.
@@ -213,27 +210,22 @@ def _conditions(image: Image) -> tuple[Any, Any, Any]:
     return (*image.residual, (1 - a) * (1 - d) - b * c)
 
 
-def fold_system(
+def _fold_system(
     mapped: Callable[[Sequence[Any]], Image], at: Sequence[Any], shifts: Sequence[Any]
-) -> tuple[tuple[Any, Any, Any], list[Any]]:
-    """The conditions of a fold, the map's residual and det(1 - P'), and their derivatives as rows.
+) -> tuple[tuple[Any, Any, Any], list[list[Any]]]:
+    """Return the conditions of a fold and the matrix (3, 3) of their derivatives.
 
-    The derivatives are by both coordinates, Omega and any further unknowns.
-
-    ``mapped`` gives the image for such unknowns. Those of the residual by the first three come with the image, the
-    others by differences, each over its shift to either side; an unknown without shift (None) is fixed: it has no
-    column.
+    ``mapped`` gives the image at both coordinates and Omega. The residual's derivatives come with the image. Those of
+    the determinant are central differences, each over the unknown's entry of ``shifts``.
     """
-    image, columns = mapped(at), []
+    image, by_determinant = mapped(at), []
     (a, b), (c, d) = image.matrix
-    by_map = ((a - 1, c), (b, d - 1), image.by_omega)
     for axis, shift in enumerate(shifts):
-        if shift is not None:
-            beside = [[x + sign * shift * (k == axis) for k, x in enumerate(at)] for sign in (1, -1)]
-            above, below = (_conditions(mapped(unknowns)) for unknowns in beside)
-            column = [(high - low) / (2 * shift) for high, low in zip(above, below, strict=True)]
-            columns.append([*by_map[axis], column[2]] if axis < len(by_map) else column)
-    return _conditions(image), [list(row) for row in zip(*columns, strict=True)]
+        beside = [[x + sign * shift * (k == axis) for k, x in enumerate(at)] for sign in (1, -1)]
+        above, below = (_conditions(mapped(unknowns))[2] for unknowns in beside)
+        by_determinant.append((above - below) / (2 * shift))
+    by_first, by_second = image.by_omega
+    return _conditions(image), [[a - 1, b, by_first], [c, d - 1, by_second], by_determinant]
 
 
 def _mapped(
@@ -262,7 +254,7 @@ def fold_near(
         near_saddle = section.saddle_scale([float(x) for x in at])
         rooms = (min(1.0, abs(float(x)), near_saddle**power) for x, power in zip(at, (1, 1, 2), strict=True))
         shifts = [precision.number(share * room) for room in rooms]
-        conditions, rows = fold_system(mapped, at, shifts)
+        conditions, rows = _fold_system(mapped, at, shifts)
         jacobian = numpy.array([[float(x) for x in row] for row in rows])
         step = numpy.linalg.solve(jacobian, [float(x) for x in conditions])
         at = [x - precision.number(float(change)) for x, change in zip(at, step, strict=True)]

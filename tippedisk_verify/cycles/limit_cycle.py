@@ -40,7 +40,6 @@ class Cycle(Printable):
     coordinates: ClassVar[tuple[str, str]]  #: names of the two coordinates on the section
     fixed: ClassVar[int]  #: the component of the shifted state that is zero there
     symmetric: ClassVar[bool]  #: whether the cycle is its own image under the point symmetry
-    beside_the_saddle: ClassVar[tuple[str, ...]] = ()  #: names of coordinates that a power of Omega - Omega_h rules
 
     omega: Measured  #: the spinning speed [rad/s]
     period: Measured  #: T, the period [s]
@@ -155,8 +154,7 @@ class RotatingCycle(Cycle):
     """
 
     coordinates, fixed, symmetric = ("beta_bar_top", "v_top"), 1, False
-    beside_the_saddle = ("beta_bar_0", "v_0")
-    _first = ("omega", "period", *coordinates, *beside_the_saddle, "stable")
+    _first = ("omega", "period", *coordinates, "beta_bar_0", "v_0", "stable")
 
     beta_bar_top: Measured  #: beta - pi/2 of a rotating cycle where gamma = pi/2 [rad]
     v_top: Measured  #: v there [rad/s]

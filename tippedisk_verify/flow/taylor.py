@@ -34,7 +34,6 @@ class Taylor:
     because the rounding of the inputs dominates. ``fast_math`` lets the compiler reorder sums: in double a fifth less
     run time, and last digits that depend on the processor. ``compact`` overrides the measured choice between unrolled
     code (double: half the run time) and loops (above double, where compiling unrolled code would take minutes).
-    ``optimisation`` is the compiler's level, 0 to 3; 3 if left out.
     Raises InputError if sums are to be reordered and compensated at once.
     """
 
@@ -44,13 +43,10 @@ class Taylor:
         high_accuracy: bool = False,
         fast_math: bool = False,
         compact: bool | None = None,
-        optimisation: int | None = None,
     ) -> None:
         if high_accuracy and fast_math:
             raise InputError("fast_math would reorder the sums that high_accuracy compensates: choose one")
         self._options: dict[str, Any] = {"high_accuracy": high_accuracy, "fast_math": fast_math}
-        if optimisation is not None:
-            self._options["opt_level"] = optimisation
         self._compact = compact
         self._integrators = CompiledRunners()
 

@@ -43,10 +43,10 @@ _FIELD = re.compile(r"^    (\w+): .*\b(?:Measured|Eigenvalue|int)\b.*  #: (.+)$"
 _UNIT = re.compile(r" \[([^]]+)\]")
 #: Where the results are whose numbers are printed; a name has one unit in all of them.
 _RESULTS = (
-    *("theory.equilibria", "theory.hopf", "theory.bautin", "theory.slow_manifold", "cycles.limit_cycle"),
+    *("theory.equilibria", "theory.hopf", "theory.slow_manifold", "cycles.limit_cycle"),
     *("cycles.folds", "cycles.spectral", "connection.heteroclinic", "proofs.closed_forms"),
 )
-_UNITLESS = ("1", "SI")  # what has none, and what depends on a normalisation or on which parameter varies
+_UNITLESS = ("1", "SI")  # what has none, and what depends on a normalisation
 
 
 @cache

@@ -168,8 +168,8 @@ def period_of(frequency: Measured, digits: int) -> Measured:
 def hopf_point(parameters: Parameters, digits: int = 12) -> HopfPoint:
     """The Hopf point to ``digits`` significant digits.
 
-    Where l_1 = 0, the Bautin point, there is l_2 instead of the two slopes. Raises InputError as `checked_digits` does,
-    and under the smooth law.
+    Where l_1 = 0, at a generalized Hopf point, there is l_2 instead of the two slopes. Raises InputError as
+    `checked_digits` does, and under the smooth law.
     """
     parameters.refuse_smooth("the Hopf point's normal form is")
     law = amplitude_law(parameters)

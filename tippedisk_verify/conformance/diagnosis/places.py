@@ -15,7 +15,6 @@ from tippedisk_verify.model.parameters import SYMBOLS
 
 __all__ = ["conditions", "inputs", "labels", "lost", "names_of", "parameters", "where"]
 
-_AT_STATES = 5  # the last level whose inputs are those of the formula; an orbit leaves its start's side
 _FEW = 4  # answers on either side of a surface, so that the side is no accident
 _SHARE = {True: 0.5, False: 0.9}  # of those that a name, or a surface, picks out are wrong; some may be so by chance
 _NAMED = 3  # names that are listed
