@@ -26,6 +26,7 @@ from tippedisk_verify.model.measured import DISTANCES, Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import checked_digits
 from tippedisk_verify.model.results import Printable
+from tippedisk_verify.model.surroundings import undisturbed
 from tippedisk_verify.theory.equilibria import equilibrium
 from tippedisk_verify.theory.saddle_manifolds import Saddle
 
@@ -80,6 +81,7 @@ class Heteroclinic(Printable):
         return chosen - middle, states
 
 
+@undisturbed
 def heteroclinic(
     parameters: Parameters,
     engine: Engine,

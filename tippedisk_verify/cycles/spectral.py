@@ -33,6 +33,7 @@ from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import checked_digits
 from tippedisk_verify.model.results import Printable
+from tippedisk_verify.model.surroundings import undisturbed
 
 __all__ = [
     "BalancedCycle",
@@ -65,6 +66,7 @@ class BalancedCycle(Printable):
     beta_max: Measured  #: largest abs(beta - pi/2) on the cycle [rad]
 
 
+@undisturbed
 def balanced_cycle(
     parameters: Parameters, omega: object, *, digits: int = 12, harmonics: int | None = None
 ) -> BalancedCycle:

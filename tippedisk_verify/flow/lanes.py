@@ -32,6 +32,7 @@ from tippedisk_verify.model.exact import shown
 from tippedisk_verify.model.parameters import Friction, Parameters, checked_friction
 from tippedisk_verify.model.precision import DOUBLE, heyoka_module
 from tippedisk_verify.model.results import Printable
+from tippedisk_verify.model.surroundings import undisturbed_methods
 
 __all__ = ["BatchResult", "BatchTaylor", "field_constants"]
 
@@ -63,6 +64,7 @@ def field_constants(parameters: Parameters) -> Array:
 _MOST_LANES = 64  # eight times what the widest registers hold; compiling takes longer with each
 
 
+@undisturbed_methods
 class BatchTaylor:
     """The engine for many runs. What a call needs is compiled once per instance and kept.
 

@@ -21,10 +21,12 @@ from tippedisk_verify.flow.error_estimate import PLAIN_DIGITS, from_defect
 from tippedisk_verify.flow.integrator import Integrator
 from tippedisk_verify.flow.start import at_rest
 from tippedisk_verify.model.precision import DOUBLE, bits, bits_for_digits
+from tippedisk_verify.model.surroundings import undisturbed_methods
 
 __all__ = ["Taylor"]
 
 
+@undisturbed_methods
 class Taylor:
     """The engine: adaptive Taylor series of the order that the tolerance asks for, in any precision.
 

@@ -13,6 +13,7 @@ from tippedisk_verify.model.equations import checked_speed
 from tippedisk_verify.model.exact import refuse_qualified
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE
+from tippedisk_verify.model.surroundings import undisturbed_methods
 
 __all__ = ["Array", "OnArrays", "doubles", "half_widths", "numbers", "workable"]
 
@@ -56,6 +57,7 @@ def workable(values: Any) -> Any:
     return values if values is None or values.dtype in (float, numpy.longdouble) else values.astype(object)
 
 
+@undisturbed_methods
 class OnArrays:
     """`field` or `jacobian` as ``f(t, y)`` of a state (3,) or of states (3, k) in doubles. It can be pickled."""
 

@@ -162,7 +162,7 @@ def plain_number(value: object) -> Exact | Binary | Decimal | float | str:
 
 def refuse_qualified(value: Any) -> None:
     """Raise InputError for a quantity with a unit, for what is masked, and for an array that has such elements."""
-    if not _can_be_qualified(type(value)):
+    if not _can_be_qualified(type(value)):  # type: ignore[arg-type]
         return
     if any(hasattr(value, name) for name in _UNIT_ATTRIBUTES):
         raise InputError(_HAS_UNIT.format(shown(value)))

@@ -13,7 +13,10 @@ from html import escape
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple
 
+from tippedisk_verify.model.decimals import exact_decimals
+from tippedisk_verify.model.exact import fraction, plain_number
 from tippedisk_verify.model.measured import Measured
+from tippedisk_verify.model.surroundings import undisturbed_methods
 
 __all__ = ["COORDINATES", "Eigenvalue", "Printable", "Quantity", "as_json", "heading", "quantities", "result_lines",
            "with_widths"]  # fmt: skip
@@ -75,6 +78,10 @@ class Printable:
     _listed: ClassVar[tuple[str, ...]] = ()
     _first: ClassVar[tuple[str, ...]] = ()
     _untold: ClassVar[tuple[str, ...]] = ("parameters", "disk", "engine", "precision", "residuals")
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        super().__init_subclass__(**options)
+        undisturbed_methods(cls)
 
     def to_dict(self) -> dict[str, Any]:
         """As plain data for JSON. A number with a half-width is a value and an uncertainty, both decimals as texts."""
@@ -164,8 +171,10 @@ def with_widths(values: Any, widths: Any) -> Any:
     """Numbers and their half-widths as JSON, in lists as the arrays have them."""
     if hasattr(values, "__len__"):
         return [with_widths(*pair) for pair in zip(values, widths, strict=True)]
-    if not math.isfinite(widths):
-        return {"value": str(values), "uncertainty": "infinite"}
+    if not math.isfinite(widths):  # str() of NumPy's numbers is as the caller's print options have it
+        number = plain_number(values)
+        text = repr(number) if isinstance(number, float) else exact_decimals(fraction(number))[0]
+        return {"value": text, "uncertainty": "infinite"}
     return Measured.of(values, float(widths)).to_dict()
 
 

@@ -31,6 +31,7 @@ from tippedisk_verify.model.exact import shown, whole
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE
 from tippedisk_verify.model.results import Printable
+from tippedisk_verify.model.surroundings import undisturbed
 from tippedisk_verify.motion.scenes import from_inverted
 from tippedisk_verify.theory.equilibria import is_stable, linearization
 
@@ -86,6 +87,7 @@ class Basins(Printable):
         }
 
 
+@undisturbed
 def basins(
     parameters: Parameters,
     omega: object,

@@ -20,6 +20,7 @@ from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import checked_digits
 from tippedisk_verify.model.results import Eigenvalue, Printable, as_json
+from tippedisk_verify.model.surroundings import undisturbed
 from tippedisk_verify.theory.real_roots import real_roots, square_root
 
 __all__ = [
@@ -133,6 +134,7 @@ def stiff_eigenvalue_estimate(parameters: Parameters) -> Fraction:
     return Fraction(linearization(parameters, Fraction(1)).A33)
 
 
+@undisturbed
 def equilibrium(parameters: Parameters, omega: object, name: EquilibriumName, digits: int = 15) -> Equilibrium:
     """State, eigenvalues to ``digits`` significant digits, and stability at the speed ``omega`` [rad/s].
 

@@ -29,6 +29,7 @@ from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import bits_for_digits, checked_digits
 from tippedisk_verify.model.results import Printable
+from tippedisk_verify.model.surroundings import undisturbed
 from tippedisk_verify.theory.real_roots import square_root
 
 __all__ = [
@@ -132,6 +133,7 @@ def criticality(parameters: Parameters) -> Criticality:
     return "supercritical" if quadratic < 0 else "subcritical"
 
 
+@undisturbed
 def omega_crit(parameters: Parameters, digits: int = 15) -> Measured:
     """The critical spinning speed [rad/s] to ``digits`` significant digits. Raises InputError as `checked_digits`."""
     return square_root(omega_crit_squared(parameters), checked_digits(digits) + 5)
@@ -150,6 +152,7 @@ def speed_below_crit(parameters: Parameters, distance: object, digits: int) -> F
     return checked_speed(Fraction(crit.decimals()[0]) - below.rational)
 
 
+@undisturbed
 def period_crit(parameters: Parameters, digits: int = 15) -> Measured:
     """The period 2 pi / omega [s] of the cycle at its birth, to ``digits`` significant digits.
 
@@ -165,6 +168,7 @@ def period_of(frequency: Measured, digits: int) -> Measured:
     return Measured(low + high, high - low) / frequency
 
 
+@undisturbed
 def hopf_point(parameters: Parameters, digits: int = 12) -> HopfPoint:
     """The Hopf point to ``digits`` significant digits.
 

@@ -24,6 +24,7 @@ from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Constants, Parameters
 from tippedisk_verify.model.precision import bits, bits_for_digits, checked_digits
 from tippedisk_verify.model.results import Printable
+from tippedisk_verify.model.surroundings import undisturbed
 from tippedisk_verify.theory.equilibria import EquilibriumName, location
 from tippedisk_verify.theory.hopf import omega_crit
 from tippedisk_verify.theory.series import Angle, PowerSeries
@@ -257,6 +258,7 @@ class SlowManifold(Printable):
     warning: str | None
 
 
+@undisturbed
 def analyse_slow_manifold(
     parameters: Parameters, omega: object, order: int, digits: int = 12, *, at: tuple[object, object] = ("1.2", "0.3")
 ) -> SlowManifold:
