@@ -69,7 +69,7 @@ def _quantity(unit: str, source: str) -> Any:
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Parameters(Printable):
+class Parameters(Printable, rational=True):
     """One tippedisk and its friction law. All values are exact rationals; give strings, Fractions, Decimals, ints or
     floats.
 

@@ -79,9 +79,10 @@ class Printable:
     _first: ClassVar[tuple[str, ...]] = ()
     _untold: ClassVar[tuple[str, ...]] = ("parameters", "disk", "engine", "precision", "residuals")
 
-    def __init_subclass__(cls, **options: Any) -> None:
-        super().__init_subclass__(**options)
-        undisturbed_methods(cls)
+    def __init_subclass__(cls, *, rational: bool = False) -> None:
+        """Make the methods `undisturbed`, unless they compute with ``rational`` numbers alone, without NumPy."""
+        if not rational:
+            undisturbed_methods(cls)
 
     def to_dict(self) -> dict[str, Any]:
         """As plain data for JSON. A number with a half-width is a value and an uncertainty, both decimals as texts."""
