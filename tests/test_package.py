@@ -58,9 +58,8 @@ def test_the_examples_of_docstrings_run(name: str) -> None:
     module = import_module(f"tippedisk_verify{name}")
     finder, runner = doctest.DocTestFinder(), doctest.DocTestRunner()
     classes = (item for item in vars(module).values() if isinstance(item, type) and item.__module__ == module.__name__)
-    methods = (
-        inspect.unwrap(member) for kind in classes for member in vars(kind).values()
-    )  # none is found in wrappers
+    # None is found in a wrapper.
+    methods = (inspect.unwrap(member) for kind in classes for member in vars(kind).values())
     for item in (module, *filter(inspect.isfunction, methods)):
         for test in finder.find(item, getattr(item, "__qualname__", None), module, vars(module)):
             runner.run(test)

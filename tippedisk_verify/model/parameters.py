@@ -69,7 +69,7 @@ def _quantity(unit: str, source: str) -> Any:
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Parameters(Printable, rational=True):
+class Parameters(Printable):
     """One tippedisk and its friction law. All values are exact rationals; give strings, Fractions, Decimals, ints or
     floats.
 
@@ -77,6 +77,8 @@ class Parameters(Printable, rational=True):
     InputError with one line for each fault: not finite, not between 1e-30 and 1e30, e >= r, Bbar <= 0, B > A, A > C
     where there is a C, and an unknown friction law.
     """
+
+    _without_numpy = True
 
     r: Fraction = _quantity("m", "Table tab:dim_mass, disk radius")
     e: Fraction = _quantity("m", "Table tab:dim_mass, eccentricity")

@@ -79,9 +79,11 @@ class Printable:
     _first: ClassVar[tuple[str, ...]] = ()
     _untold: ClassVar[tuple[str, ...]] = ("parameters", "disk", "engine", "precision", "residuals")
 
-    def __init_subclass__(cls, *, rational: bool = False) -> None:
-        """Make the methods `undisturbed`, unless they compute with ``rational`` numbers alone, without NumPy."""
-        if not rational:
+    #: Of a class whose own methods compute without NumPy, which is not loaded for them.
+    _without_numpy: ClassVar[bool] = False
+
+    def __init_subclass__(cls) -> None:
+        if not vars(cls).get("_without_numpy"):
             undisturbed_methods(cls)
 
     def to_dict(self) -> dict[str, Any]:
