@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import contextlib
+import json
+import os
+import subprocess
+import sys
 
 import pytest
 
@@ -42,3 +46,12 @@ def test_nor_do_all_states_together(name: str) -> None:
         found = computed(name)
         assert snapshot() == before
     assert found == computed(name)
+
+
+def test_nor_do_the_settings_of_the_interpreter(plain: dict[str, str]) -> None:
+    """Without docstrings and assertions, in a narrow window, with warnings as errors and other threads and hashes."""
+    settings = {"COLUMNS": "20", "LC_ALL": "C", "PYTHONHASHSEED": "7", "OMP_NUM_THREADS": "3", "PYTHONOPTIMIZE": "2"}
+    run = [sys.executable, "-bb", "-W", "error", "-m", "tests.surroundings"]
+    done = subprocess.run(run, env=os.environ | settings, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr[-2000:]
+    assert json.loads(done.stdout) == plain
