@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from tippedisk_verify.commands.help import load_quantities
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.files import file_ending_in, output_file, sole_writer
 from tippedisk_verify.interrupts import undoing
@@ -80,6 +81,8 @@ class Output:
         if self.json:
             click.echo(json.dumps(result, indent=1))
         elif not self.quiet:
+            if lines is None:
+                load_quantities()
             for line in map(str, result_lines(result) if lines is None else lines):
                 indent = " " * (len(line) - len(line.lstrip()) + 4)
                 parts = textwrap.wrap(line, _width(), subsequent_indent=indent, **_BETWEEN_WORDS)

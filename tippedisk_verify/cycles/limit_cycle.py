@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import cached_property
 from typing import Any, ClassVar
@@ -19,7 +19,7 @@ from tippedisk_verify.model.exact import exact, fraction, shown, whole
 from tippedisk_verify.model.measured import DISTANCES, Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, bits
-from tippedisk_verify.model.results import Printable
+from tippedisk_verify.model.results import Printable, quantity
 
 __all__ = ["Cycle", "LimitCycle", "Monodromy", "RotatingCycle"]
 
@@ -41,15 +41,21 @@ class Cycle(Printable):
     fixed: ClassVar[int]  #: the component of the shifted state that is zero there
     symmetric: ClassVar[bool]  #: whether the cycle is its own image under the point symmetry
 
-    omega: Measured  #: the spinning speed [rad/s]
-    period: Measured  #: T, the period [s]
-    v_0: Measured  #: v = beta' where gamma_bar_0 or beta_bar_0 is taken [rad/s]
-    beta_max: Measured  #: largest abs(beta - pi/2) on the cycle [rad]
-    multiplier_slow: Measured  #: the larger nontrivial Floquet multiplier, of a complex pair the modulus [1]
-    log_multiplier_slow: Measured  #: natural logarithm of its absolute value [1]
-    log_multiplier_fast: Measured  #: the same of the smaller one, which may lie below any double [1]
-    trivial_multiplier_defect: Measured  #: distance from 1 of the computed multiplier along the flow, a check [1]
-    dperiod_domega: Measured  #: dT/dOmega along the family of cycles [s^2/rad]
+    omega: Measured = field(metadata=quantity("the spinning speed", "rad/s"))
+    period: Measured = field(metadata=quantity("T, the period", "s"))
+    v_0: Measured = field(metadata=quantity("v = beta' where gamma_bar_0 or beta_bar_0 is taken", "rad/s"))
+    beta_max: Measured = field(metadata=quantity("largest abs(beta - pi/2) on the cycle", "rad"))
+    multiplier_slow: Measured = field(
+        metadata=quantity("the larger nontrivial Floquet multiplier, of a complex pair the modulus", "1")
+    )
+    log_multiplier_slow: Measured = field(metadata=quantity("natural logarithm of its absolute value", "1"))
+    log_multiplier_fast: Measured = field(
+        metadata=quantity("the same of the smaller one, which may lie below any double", "1")
+    )
+    trivial_multiplier_defect: Measured = field(
+        metadata=quantity("distance from 1 of the computed multiplier along the flow, a check", "1")
+    )
+    dperiod_domega: Measured = field(metadata=quantity("dT/dOmega along the family of cycles", "s^2/rad"))
     stable: bool | None  #: None if the multiplier's half-width holds 1
     residuals: tuple[float, ...]  #: of the Newton iteration
     parameters: Parameters  #: whose cycle it is, with the friction law
@@ -140,9 +146,11 @@ class LimitCycle(Cycle):
     coordinates, fixed, symmetric = ("gamma_bar_0", "v_0"), 0, True
     _first = ("omega", "period", *coordinates, "stable")
 
-    gamma_bar_0: Measured  #: gamma - pi/2 where beta = pi/2 and v < 0, its largest value [rad]
-    dgamma_bar_0_domega: Measured  #: d(gamma_bar_0)/dOmega along the family [s]
-    dv_0_domega: Measured  #: d(v_0)/dOmega along the family [1]
+    gamma_bar_0: Measured = field(
+        metadata=quantity("gamma - pi/2 where beta = pi/2 and v < 0, its largest value", "rad")
+    )
+    dgamma_bar_0_domega: Measured = field(metadata=quantity("d(gamma_bar_0)/dOmega along the family", "s"))
+    dv_0_domega: Measured = field(metadata=quantity("d(v_0)/dOmega along the family", "1"))
 
 
 @dataclass(frozen=True, repr=False)
@@ -156,11 +164,13 @@ class RotatingCycle(Cycle):
     coordinates, fixed, symmetric = ("beta_bar_top", "v_top"), 1, False
     _first = ("omega", "period", *coordinates, "beta_bar_0", "v_0", "stable")
 
-    beta_bar_top: Measured  #: beta - pi/2 of a rotating cycle where gamma = pi/2 [rad]
-    v_top: Measured  #: v there [rad/s]
-    beta_bar_0: Measured  #: beta - pi/2 of a rotating cycle where gamma = -pi/2, next to the saddle [rad]
-    dbeta_bar_top_domega: Measured  #: d(beta_bar_top)/dOmega along the family [s]
-    dv_top_domega: Measured  #: d(v_top)/dOmega along the family [1]
+    beta_bar_top: Measured = field(metadata=quantity("beta - pi/2 of a rotating cycle where gamma = pi/2", "rad"))
+    v_top: Measured = field(metadata=quantity("v there", "rad/s"))
+    beta_bar_0: Measured = field(
+        metadata=quantity("beta - pi/2 of a rotating cycle where gamma = -pi/2, next to the saddle", "rad")
+    )
+    dbeta_bar_top_domega: Measured = field(metadata=quantity("d(beta_bar_top)/dOmega along the family", "s"))
+    dv_top_domega: Measured = field(metadata=quantity("d(v_top)/dOmega along the family", "1"))
 
 
 # ------------------------------------------------------------------------------------------------ the monodromy matrix

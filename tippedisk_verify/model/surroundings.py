@@ -43,5 +43,5 @@ def undisturbed_methods(kind: C) -> C:
         elif isinstance(member, cached_property):
             member.func = undisturbed(member.func)
         elif isinstance(member, property) and member.fget is not None:
-            setattr(kind, name, property(undisturbed(member.fget), doc=member.__doc__))
+            setattr(kind, name, property(undisturbed(member.fget)))
     return kind
