@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import array
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from decimal import Decimal
 from fractions import Fraction
 from types import SimpleNamespace
@@ -26,6 +26,7 @@ import tippedisk_verify as tv
 
 ID = "printed/linear/hopf/point/period"
 DISK = tv.Disk("table1")
+_BATCH = tv.BatchTaylor(1)
 NEAR = 0.88671875  # a float of few bits, which narrower kinds of number hold as well
 TENTH = Fraction(0.1)
 
@@ -159,7 +160,7 @@ NOT_FINITE = {
 def _batch(place: int, wrong: Any) -> object:
     given: list[Any] = [[0.045, 0.0025, 5e-4, 5e-4, 9.81, 29.0], [30.4], [[1.5, 1.6, 0.0]], [1.0]]
     given[place] = [[1.5, wrong, 0.0]] if place == 2 else [wrong]
-    return tv.BatchTaylor(1)(*given)
+    return _BATCH(*given)
 
 
 #: Where numbers go in. Each refuses what is none before it computes anything.
@@ -223,22 +224,28 @@ def test_there_is_no_other_way_in(door: str) -> None:
             DOORS[door](value)
 
 
-@pytest.mark.parametrize(
-    "values",
-    [
-        np.ma.masked_array([1.5, 1.6, 3.0], [False, False, True]),
-        [1.5, 1.6, np.ma.masked],
-        np.array([1.5, 1.6, 3.0], complex),
-        np.array([1, 1, 1], bool),
-        np.array([1.5, 1.6, WithUnit(1.7)], object),
-        [WithUnit(1.5), WithUnit(1.6), WithUnit(1.7)],
-        type("unyt_array", (np.ndarray,), {"units": "rpm"})((3,)),
-        np.array([1, 2, 3], "m8[s]"),
-        pyarrow.array([1.5, 1.6, None]),
-    ],
-    ids=repr,
-)
-def test_a_list_of_what_are_no_numbers_is_refused(values: Sequence[Any]) -> None:
+class ArrayWithUnit(np.ndarray):
+    """An array of a package for units: its elements are plain doubles, and it has a unit."""
+
+    units = "rpm"
+
+
+LISTS = {
+    "masked array": np.ma.masked_array([1.5, 1.6, 3.0], [False, False, True]),
+    "a masked one": [1.5, 1.6, np.ma.masked],
+    "complex": np.array([1.5, 1.6, 3.0], complex),
+    "truths": np.array([1, 1, 1], bool),
+    "objects with units": np.array([1.5, 1.6, WithUnit(1.7)], object),
+    "floats with units": [WithUnit(1.5), WithUnit(1.6), WithUnit(1.7)],
+    "array with a unit": np.ones(3).view(ArrayWithUnit),
+    "time spans": np.array([1, 2, 3], "m8[s]"),
+    "a null": pyarrow.array([1.5, 1.6, None]),
+}
+
+
+@pytest.mark.parametrize("kind", LISTS)
+def test_a_list_of_what_are_no_numbers_is_refused(kind: str) -> None:
+    values: Any = LISTS[kind]
     motion = DISK.integrate("30.4", (1.5, 1.6, 0), 4)
     for enter in (
         lambda: DISK.integrate("30.4", values, "0.01"),
@@ -255,7 +262,7 @@ def test_a_list_of_what_are_no_numbers_is_refused(values: Sequence[Any]) -> None
 
 
 def test_the_equations_in_doubles_take_no_masked_states_and_no_units() -> None:
-    for values in (np.ma.masked_array([1.5, 1.6, 3.0], [0, 0, 1]), type("Q", (np.ndarray,), {"units": "rad"})((3,))):
+    for values in (LISTS["masked array"], LISTS["array with a unit"]):
         with pytest.raises(tv.InputError):
             DISK.rhs("30.4")(0, values)
 
@@ -264,6 +271,3 @@ def test_arithmetic_with_an_array_goes_by_its_elements() -> None:
     product = DISK.omega_crit * np.array([2.0])
     assert isinstance(product, np.ndarray)
     assert product.shape == (1,)
-
-
-_BATCH = tv.BatchTaylor(1)
