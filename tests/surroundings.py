@@ -162,13 +162,11 @@ CALLS: dict[str, Callable[[], Any]] = {
     "Disk.speed": lambda: DISK.speed(above_het="1e-3"),
     "Certifier.beside_omega_h": lambda: DISK.certify.beside_omega_h("1e-9", near="30.2", digits=4),
     "Certifier.branch": lambda: _certified(DISK.certify.branch("0.05")),
-    "Certifier.each": lambda: DISK.certify.each([DISK.limit_cycle("30.8")]),
     "Certifier.equilibrium": lambda: DISK.certify.equilibrium("inverted", "30.4"),
     "Certifier.fold": lambda: DISK.certify.fold(),
     "Certifier.heteroclinic": lambda: _certified(DISK.certify.heteroclinic(digits=3)),
     "Certifier.hopf": lambda: DISK.certify.hopf(),
     "Certifier.limit_cycle": lambda: _certified(DISK.certify.limit_cycle("30.8")),
-    "Certifier.limit_cycles": lambda: _certified(DISK.certify.limit_cycles("30.8", "1e-4")),
     "Certifier.stability": lambda: DISK.certify.stability(),
     "Solution.__call__": lambda: DISK.integrate("30.4", START, 2)([0.1, 1.3]),
     "Solution.message": lambda: DISK.integrate("30.4", START, 1).message,
@@ -206,8 +204,8 @@ CALLS: dict[str, Callable[[], Any]] = {
 
 #: What takes longer than two seconds, and longer than a fifth of one.
 SLOW = (
-    *("Certifier.beside_omega_h", "Certifier.branch", "Certifier.each", "Certifier.limit_cycle"),
-    *("Certifier.limit_cycles", "Disk.rotation_fold", "analyse_slow_manifold"),
+    *("Certifier.beside_omega_h", "Certifier.branch", "Certifier.limit_cycle"),
+    *("Disk.rotation_fold", "analyse_slow_manifold"),
 )
 LONG = (
     *SLOW,

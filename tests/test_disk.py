@@ -15,7 +15,6 @@ from tippedisk_verify.errors import UnknownKeywordError
 from tippedisk_verify.model.equations import field
 from tippedisk_verify.model.precision import DOUBLE
 from tippedisk_verify.proofs.closed_forms import proved_hopf
-from tippedisk_verify.proofs.search.interval import prove_interval
 from tippedisk_verify.theory import harmonic_balance, slow_manifold
 
 START = ("pi/2", "pi/2 + 0.4", 0)
@@ -263,7 +262,6 @@ SMOOTH = tv.PRINTED.with_friction("smooth")
         lambda: tv.analyse_slow_manifold(SMOOTH, "30.4", 1),
         lambda: slow_manifold.reduced_omega_crit(SMOOTH, 1),
         lambda: proved_hopf(SMOOTH),
-        lambda: prove_interval(SMOOTH, "30.4", "1e-3", ("1.68", "-1.71")),
     ],
 )
 def test_what_is_for_the_linear_law_is_not_said_of_the_smooth_one(ask) -> None:

@@ -36,7 +36,8 @@ def test_a_state_of_the_caller_neither_changes_a_result_nor_is_changed(state: st
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=[pytest.mark.slow] * (name in SLOW)) for name in CALLS if name in LONG]
+    "name",
+    [pytest.param(name, marks=[pytest.mark.slow(minutes=0.5)] * (name in SLOW)) for name in CALLS if name in LONG],
 )
 def test_nor_do_all_states_together(name: str) -> None:
     with contextlib.ExitStack() as stack:

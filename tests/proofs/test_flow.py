@@ -12,9 +12,9 @@ from tests.proofs.cases import carry
 from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.model.parameters import PRINTED, SYMBOLS
 from tippedisk_verify.model.precision import bits
+from tippedisk_verify.proofs.kernel.ball_array import BallArray
 from tippedisk_verify.proofs.kernel.balls import arb, ball, ball_constants, hull, working_precision
 from tippedisk_verify.proofs.kernel.flow import Model, Status
-from tippedisk_verify.proofs.kernel.lanes import Lanes
 from tippedisk_verify.proofs.kernel.sliding import model_of
 from tippedisk_verify.proofs.numbers import measured
 from tippedisk_verify.proofs.search.steps import Steps
@@ -74,9 +74,9 @@ def test_a_step_beyond_the_singularity_fails_the_inclusion_itself() -> None:
         constants = ball_constants(PRINTED)
         trial = Model(constants, ball(1), blow_up).path([2, 1, 1], Steps()).trial((18, 16))
         assert [trial.tested(length).included for length in lengths] == shown
-        side_by_side = Model(type(constants)(*(Lanes.of([x]) for x in constants)), Lanes([1.0] * 4), blow_up)
-        start = [Lanes([part] * 4) for part in (2.0, 1.0, 1.0)]
-        assert list(side_by_side.path(start, Steps()).trial((18, 16)).tested(Lanes(lengths)).included) == shown
+        side_by_side = Model(type(constants)(*(BallArray.of([x]) for x in constants)), BallArray([1.0] * 4), blow_up)
+        start = [BallArray([part] * 4) for part in (2.0, 1.0, 1.0)]
+        assert list(side_by_side.path(start, Steps()).trial((18, 16)).tested(BallArray(lengths)).included) == shown
 
 
 # --------------------------------------------------------------------------------------------------- the integrator

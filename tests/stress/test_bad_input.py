@@ -61,7 +61,7 @@ def _but(wrong: Wrong, *right: str) -> Wrong:
 WRONG: list[tuple[Wrong, str]] = [
     (SPEED, "--omega, --omegas, --above-het, --below-het, --omega-h, --near"),
     ((*NUMBER, "31", "pi", "-1e6", "-1e9999"), "--below-crit"),
-    (DISTANCE, "--radius, --cycles"),
+    (DISTANCE, "--cycles"),
     ((*NUMBER, "pi/2", "1e999"), "--beta, --gamma"),
     ((*NUMBER, "-1", "0", "3.1416"), "--to"),
     (("nan", "", "x", "inf", "1/0"), "--guess, --velocity"),
@@ -96,7 +96,7 @@ RIGHT = {
     "slow-manifold": "--order 1 --omega 30.4 --beta 1.2 --gamma 0.3",
     "basin": "--omega 30.4 --count 4 --seconds 5 | --omega 31.4 --margin 1.5,1,0 | --below-crit 0.5 --count 4",
     "sweep": "hopf --over mu=0.3 --out o.csv",
-    "certify orbit": "--omega 30.4 | --omega 30.4 --radius 1e-3 | --below-crit 0.5 | --at-fold --fold 1",
+    "certify orbit": "--omega 30.4 | --below-crit 0.5 | --at-fold --fold 1",
     "certify heteroclinic": " | --cycles 1e-3 --certificate c.json",
     "certify branch": "--certificate c.json | --to 3 --out out",
     "reference export": "printed/linear/hopf --out o.csv",

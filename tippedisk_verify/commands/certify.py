@@ -67,12 +67,6 @@ def hopf(common: Common) -> dict[str, Any]:
 @unstable_option
 @click.option("--at-fold", is_flag=True, help="Prove a fold of the family: two of its cycles meet there and end.")
 @click.option("--fold", type=int, metavar="N", help="Its number, if there are several.")
-@click.option(
-    "--radius",
-    callback=decimal,
-    metavar="R",
-    help="Prove the cycles of all speeds within R [rad/s] at once; numbers become ranges.",
-)
 @certificate_option
 @omega_option
 @below_crit_option
@@ -83,14 +77,11 @@ def orbit(
     unstable: bool,
     at_fold: bool,
     fold: int | None,
-    radius: str | None,
     certificate: Path | None,
     omega: str | None,
     below_crit: str | None,
 ) -> Any:
     prover, digits = common.disk.certify, common.digits
-    if radius is not None and (rotating or at_fold):
-        raise InputError("--radius belongs to librating cycles, and not to a fold: leave out --rotating and --at-fold")
     if fold is not None and not at_fold:
         raise InputError("--fold belongs to --at-fold")
     if at_fold:
@@ -98,8 +89,6 @@ def orbit(
             raise InputError("--at-fold finds the speed itself: leave out the other options")
         return _written(prover.fold(fold, rotating=rotating, digits=digits), certificate)
     speed, how = common.speed(omega, below_crit), {"stable": False if unstable else None, "guess": guess}
-    if radius is not None:
-        return _written(prover.limit_cycles(speed, radius, **how), certificate)
     return _written(prover.limit_cycle(speed, rotating=rotating, digits=digits, **how), certificate)
 
 
@@ -136,7 +125,7 @@ def _written(proof: Any, certificate: Path | None) -> Any:
 @disk_command(
     """Prove the family of limit cycles from the Hopf point to the heteroclinic cycle: one curve, stable, Omega falls.
 
-    It takes some 6 minutes of CPU. `branch --proved` proves the cycles at single speeds one by one.
+    It takes some 6 minutes of CPU.
     """
 )
 @click.option("--to", callback=decimal, metavar="X", help="Only to this gamma_bar_0 [rad], without the end at Omega_h.")

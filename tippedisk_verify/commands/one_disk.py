@@ -27,9 +27,9 @@ from tippedisk_verify.commands.common import (
 from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.files import read_text, write_bytes, write_csv, write_table
 from tippedisk_verify.model.exact import exact
+from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.precision import DOUBLE
 from tippedisk_verify.model.results import heading, result_lines
-from tippedisk_verify.parallel import usable_cores
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -41,7 +41,7 @@ __all__ = ["COMMANDS", "OMEGA_H"]
 
 _MOST_TIMES = 1_000_000
 _LARGEST_FILE = 2**25  # bytes
-_PROVED_DIGITS = 12  # what the cycles have that proofs start from
+_BRANCH_DIGITS = 12  # of the cycles of a family
 _MOTION = ("t", "beta", "gamma", "v")
 _STATES = ("inverted", "noninverted")
 
@@ -196,15 +196,12 @@ def harmonic_balance(common: Common, omega: Fraction, harmonics: int | None) -> 
 @click.option("--paper-sets", is_flag=True, help="The paper's sets A^in and A^de: 801 speeds.")
 @click.option("--omegas", metavar="X,X,...", help="These speeds [rad/s], in this order.")
 @rotating_option
-@click.option("--proved", is_flag=True, help="Replace the numbers by proved enclosures, where these exist.")
 @click.option("--out", callback=file_for(".csv"), metavar="FILE.csv", help="Write the family there as CSV.")
-def branch(common: Common, paper_sets: bool, omegas: str | None, rotating: bool, proved: bool, out: Path | None) -> int:
-    if common.digits > _PROVED_DIGITS:
+def branch(common: Common, paper_sets: bool, omegas: str | None, rotating: bool, out: Path | None) -> int:
+    if common.digits > _BRANCH_DIGITS:
         raise InputError(f"a branch holds at most 12 digits, not {common.digits}: ask orbit for more at single speeds")
     if paper_sets and (omegas is not None or rotating):
         raise InputError("--paper-sets are speeds of their own, without rotating cycles: leave out the other option")
-    if proved and (rotating or out is not None):
-        raise InputError("--proved is for librating cycles, and for --json: leave out --rotating and --out")
     disk, speeds, seen = common.disk, None if omegas is None else omegas.split(","), not common.quiet
     cycles: Sequence[LimitCycle | RotatingCycle]
     if rotating:
@@ -212,18 +209,8 @@ def branch(common: Common, paper_sets: bool, omegas: str | None, rotating: bool,
     else:
         cycles = disk.branch(speeds, paper_sets=paper_sets, progress=seen).cycles
     if out is not None:
-        from tippedisk_verify.report.tables import write_branch
-
-        write_branch(cycles, out)
+        write_csv(out, *_family_table(cycles))
     result: dict[str, Any] = {"orbits": [cycle.to_dict() for cycle in cycles]}
-    if proved:
-        portions = max(1, min(usable_cores(), len(cycles) // 20))
-        with processes(portions) as pool:
-            how = {"digits": common.digits, "executor": pool, "portions": portions, "progress": seen}
-            proofs = disk.certify.each(cycles, **how)
-        # What is not proved keeps its measured half-widths, and says so.
-        result["orbits"] = [entries | proof for entries, proof in zip(result["orbits"], proofs, strict=True)]
-        result["share_proved"] = sum(bool(proof["proved"]) for proof in proofs) / len(proofs)
     if rotating:
         result["fold"] = disk.rotation_fold(digits=common.digits).to_dict()
     else:
@@ -233,15 +220,18 @@ def branch(common: Common, paper_sets: bool, omegas: str | None, rotating: bool,
     return 0
 
 
+def _family_table(cycles: Sequence[LimitCycle | RotatingCycle]) -> tuple[list[str], list[list[object]]]:
+    """Return a header and a row for each cycle: each number with its half-width, and the stability."""
+    names = [name for name, value in vars(cycles[0]).items() if isinstance(value, Measured)]
+    header = [part for name in names for part in (name, f"{name} uncertainty")]
+    rows = [[*(part for name in names for part in getattr(cycle, name).decimals()), cycle.stable] for cycle in cycles]
+    return [*header, "stable"], rows
+
+
 def _family_lines(result: dict[str, Any]) -> Iterator[str]:
     shown = ("omega", "period", "beta_max", "multiplier_slow")
-    headings = [heading(name) for name in shown] + ["half-widths"] * ("share_proved" in result)
-    rows = (
-        [f"{float(entries[name]['value']):.12g}" for name in shown]
-        + [{True: "proved", False: "measured"}[entries["proved"]] for _ in headings[len(shown) :]]
-        for entries in result["orbits"]
-    )
-    yield from table(headings, rows)
+    rows = ([f"{float(entries[name]['value']):.12g}" for name in shown] for entries in result["orbits"])
+    yield from table([heading(name) for name in shown], rows)
     yield from result_lines({name: entry for name, entry in result.items() if name != "orbits"})
 
 
@@ -276,13 +266,12 @@ def basin(
     if folder is not None:
         from tippedisk_verify.figures.basins import draw_basins
         from tippedisk_verify.figures.style import save
-        from tippedisk_verify.report.tables import write_basins
 
         boundary = None
         with suppress(InputError, AccuracyError):  # below the rotating cycles' fold everything lies flat
             boundary = disk.basin_boundary(omega)
         save(draw_basins(plane, boundary), folder, "basins")
-        write_basins(plane, folder)
+        write_csv(folder / "basins.csv", ("beta [rad]", "gamma [rad]", "v [rad/s]", "ends on"), plane.rows())
     return plane
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -23,6 +24,7 @@ from tippedisk_verify.commands.common import (
     table,
     workers_of,
 )
+from tippedisk_verify.files import write_csv, write_text
 from tippedisk_verify.parallel import as_done
 from tippedisk_verify.progress import watched
 
@@ -94,9 +96,13 @@ def bench(output: Output, peers: bool, only: tuple[str, ...], out: str | None) -
     runs = [score.to_dict() for score in scores]
     result: dict[str, Any] = {"machine": machine(), "runs": runs, "ratios": ratios(scores)}
     if folder is not None:
-        from tippedisk_verify.report.tables import write_bench
+        from tippedisk_verify.figures.race import draw_bench, race_csv
+        from tippedisk_verify.figures.style import save
 
-        write_bench(folder, scores, result)
+        write_text(folder / "bench.json", json.dumps(result, indent=1) + "\n")
+        if scores:
+            write_csv(folder / "bench.csv", *race_csv(scores))
+            save(draw_bench(scores), folder, "bench")
     output.show(result, _bench_lines(result))
     return 0
 

@@ -242,7 +242,7 @@ def exact(value: object) -> Exact:
     Texts are decimals (``"0.435"``, ``"1e-30"``), ratios (``"1/3"``) and sums with multiples of pi
     (``"pi/2 + 0.4"``, ``"-3*pi/2"``). A float means its exact binary value. A computed number means the rational at
     its middle, ``value``: the same one at every precision, and not the rounded decimals that are printed. Its
-    half-width does not go in with it. What holds for a whole interval of speeds is for `certify orbit --radius` to say.
+    half-width does not go in with it.
 
     Raises InputError for anything else, for infinities and NaN.
     """

@@ -75,6 +75,11 @@ class Basins(Printable):
             shares[name] = share, max(2 * math.sqrt(share * (1 - share) / count), 3 / count)
         return shares
 
+    def rows(self) -> list[tuple[float, float, float, str]]:
+        """Return of each initial state beta, gamma [rad], v [rad/s], and what it ended on."""
+        states = zip(*(part.ravel().tolist() for part in (self.beta, self.gamma, self.outcome)), strict=True)
+        return [(beta, gamma, self.v, OUTCOMES[outcome]) for beta, gamma, outcome in states]
+
     def to_dict(self) -> dict[str, object]:
         shares = self.fractions()
         return {

@@ -26,7 +26,7 @@ from typing import Any
 
 from tippedisk_verify.proofs.kernel.balls import Unproved, arb, ball, midpoint_and_radius, need, working_precision
 from tippedisk_verify.proofs.kernel.claims import connection_cycles
-from tippedisk_verify.proofs.kernel.curves import GAMMA_BAR, Arc, Curve, Replay, arc_test
+from tippedisk_verify.proofs.kernel.curves import Arc, Curve, Replay, arc_test
 from tippedisk_verify.proofs.kernel.field import constants
 from tippedisk_verify.proofs.kernel.jets import Jet
 from tippedisk_verify.proofs.kernel.reading import MEASURED, decimal, held, one_of, parsed, precision
@@ -117,7 +117,6 @@ def upper_bound(x: Any) -> Fraction:
 def curve_test(
     disk: Mapping[str, str],
     kind: Callable[..., Curve],
-    over: int,
     parameter: Pair,
     rows: Sequence[Sequence[str]],
     radii: Sequence[Fraction],
@@ -131,10 +130,9 @@ def curve_test(
     first, second, half = map(polynomial, rows)
     need(first.degree == second.degree == half.degree > 0, "its polynomials have unlike degrees")
     need(min(radii) > 0, "a box is empty: a radius is not positive")
-    numbers, deviation = [first, second], [arb(0, ball(radius)) for radius in radii]
-    numbers.insert(over, Jet([*map(ball, parameter), *[arb(0)] * (half.degree - 1)]))
-    deviation.insert(over, arb(0))
-    return arc_test(constants(disk), kind(*numbers, deviation, half.mid()), over, choices)
+    amplitude = Jet([*map(ball, parameter), *[arb(0)] * (half.degree - 1)])
+    deviation = [arb(0), *(arb(0, ball(radius)) for radius in radii)]
+    return arc_test(constants(disk), kind(amplitude, first, second, deviation, half.mid()), choices)
 
 
 def box_test(
@@ -145,7 +143,7 @@ def box_test(
     need(0 <= low < high, "it ends where it must not")
     first, last = (low, high) if low else (low, high**2)
     parameter, kind = ((first + last) / 2, (last - first) / 2), Curve if low else ScaledCurve
-    return curve_test(disk, kind, GAMMA_BAR, parameter, [*arc["curve"], arc["half"]], radii, choices)
+    return curve_test(disk, kind, parameter, [*arc["curve"], arc["half"]], radii, choices)
 
 
 def signs(arc: Arc) -> Status | None:
