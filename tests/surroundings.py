@@ -36,7 +36,7 @@ from tippedisk_verify.connection.heteroclinic import Heteroclinic
 from tippedisk_verify.cycles.limit_cycle import Cycle
 from tippedisk_verify.motion.basin_boundary import BasinBoundary
 
-import_module("rich.style")  # it draws from Python's generator once, as it is loaded
+import_module("rich.style")  # it draws from Python's generator as it is loaded, for a call that takes long
 ID, START = "printed/linear/hopf/point/period", ("pi/2", "pi/2 + 0.4", 0)
 #: The classes whose public methods and properties are called, beside the package's functions.
 CLASSES = (
