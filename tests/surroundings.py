@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import contextlib
 import decimal
-import gc
 import inspect
 import io
 import json
@@ -205,14 +204,14 @@ CALLS: dict[str, Callable[[], Any]] = {
 #: What takes longer than two seconds, and longer than a fifth of one.
 SLOW = (
     *("Certifier.beside_omega_h", "Certifier.branch", "Certifier.limit_cycle"),
-    *("Disk.rotation_fold", "analyse_slow_manifold"),
+    *("Disk.rotation_fold", "Disk.slow_manifold", "analyse_slow_manifold"),
 )
 LONG = (
     *SLOW,
     *("balanced_cycle", "bisect_omega_h", "cycle_above", "grade", "heteroclinic", "limit_cycle", "Taylor.__call__"),
     *("Disk.basin_boundary", "Disk.branch", "Disk.folds", "Disk.harmonic_balance", "Disk.heteroclinic"),
     *("Disk.integrate", "Disk.limit_cycle", "Disk.rotating_branch", "Disk.rotating_cycle", "Disk.scene"),
-    *("Disk.slow_manifold", "Disk.speed", "Certifier.fold", "Certifier.heteroclinic", "Solution.to_dict"),
+    *("Disk.speed", "Certifier.fold", "Certifier.heteroclinic", "Solution.to_dict"),
     *("Cycle.monodromy", "Cycle.multipliers", "Cycle.orbit", "Cycle.plot", "Branch.of", "Branch.plot"),
     *("Branch.to_dict", "Heteroclinic.orbit", "BasinBoundary.margin", "BasinBoundary.sheets"),
 )
@@ -223,9 +222,11 @@ COMPUTING = tuple(f"tippedisk_verify.{name}." for name in ("model", "theory", "f
 
 def computed(name: str) -> str:
     """The result of a call as text, with nothing kept from calls before but compiled code."""
-    for kept in gc.get_objects():
-        if isinstance(kept, _lru_cache_wrapper) and getattr(kept, "__module__", "").startswith(COMPUTING):
-            kept.cache_clear()
+    for module in [module for path, module in sys.modules.items() if path.startswith(COMPUTING)]:
+        for item in vars(module).values():
+            for kept in (item, getattr(item, "__wrapped__", None)):
+                if isinstance(kept, _lru_cache_wrapper):
+                    kept.cache_clear()
     locator._OWN.locators.clear()
     return as_text(CALLS[name]())
 
