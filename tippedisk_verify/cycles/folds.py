@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import Any, ClassVar
 
@@ -26,7 +26,7 @@ from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, Precision, bits, bits_for_digits, checked_digits, companion
-from tippedisk_verify.model.results import Printable, as_json
+from tippedisk_verify.model.results import Printable, as_json, quantity
 from tippedisk_verify.theory.equilibria import saddle_value_sign
 from tippedisk_verify.theory.hopf import amplitude_law, critical_frequency_squared, criticality, omega_crit
 
@@ -55,12 +55,14 @@ class Fold(Printable):
 
     section: ClassVar[Section[Any]]  #: whose map has the fold's cycle as a fixed point
 
-    omega: Measured  #: the speed, extreme on the family [rad/s]
-    period: Measured  #: T, the period of the cycle there [s]
-    v_0: Measured  #: v next to the saddle [rad/s]
-    beta_max: Measured  #: largest abs(beta - pi/2) [rad]
-    null_vector: Measured  #: d(v_0)/d(gamma_bar_0), or d(v_top)/d(beta_bar_top), along the family [1/s]
-    log_multiplier_fast: Measured  #: natural logarithm of the multiplier that is not 1 [1]
+    omega: Measured = field(metadata=quantity("the speed, extreme on the family", "rad/s"))
+    period: Measured = field(metadata=quantity("T, the period of the cycle there", "s"))
+    v_0: Measured = field(metadata=quantity("v next to the saddle", "rad/s"))
+    beta_max: Measured = field(metadata=quantity("largest abs(beta - pi/2)", "rad"))
+    null_vector: Measured = field(
+        metadata=quantity("d(v_0)/d(gamma_bar_0), or d(v_top)/d(beta_bar_top), along the family", "1/s")
+    )
+    log_multiplier_fast: Measured = field(metadata=quantity("natural logarithm of the multiplier that is not 1", "1"))
     parameters: Parameters  #: whose fold it is, with the friction law
     engine: str  #: what computed it
     precision: str  #: the arithmetic of its numbers
@@ -73,7 +75,7 @@ class LibrationFold(Fold):
     section = LIBRATING
     _first = ("omega", "period", *LIBRATING.names)
 
-    gamma_bar_0: Measured  #: gamma - pi/2 where beta = pi/2 and v < 0 [rad]; v_0 is v there
+    gamma_bar_0: Measured = field(metadata=quantity("gamma - pi/2 where beta = pi/2 and v < 0; v_0 is v there", "rad"))
 
 
 @dataclass(frozen=True, repr=False)
@@ -83,9 +85,9 @@ class RotationFold(Fold):
     section = ROTATING
     _first = ("omega", "period", *ROTATING.names)
 
-    beta_bar_top: Measured  #: beta - pi/2 at gamma = pi/2 [rad]
-    v_top: Measured  #: v there [rad/s]
-    beta_bar_0: Measured  #: beta - pi/2 at gamma = -pi/2 [rad]; v_0 is v there
+    beta_bar_top: Measured = field(metadata=quantity("beta - pi/2 at gamma = pi/2", "rad"))
+    v_top: Measured = field(metadata=quantity("v there", "rad/s"))
+    beta_bar_0: Measured = field(metadata=quantity("beta - pi/2 at gamma = -pi/2; v_0 is v there", "rad"))
 
 
 class Folds(tuple[LibrationFold, ...]):

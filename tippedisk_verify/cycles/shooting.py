@@ -21,6 +21,7 @@ from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.equations import checked_speed
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, Precision, checked_digits
+from tippedisk_verify.model.surroundings import undisturbed
 from tippedisk_verify.theory.harmonic_balance import section_start
 
 __all__ = ["LimitCycle", "limit_cycle", "shoot", "shoot_from_law"]
@@ -70,6 +71,7 @@ def _size(vector: Sequence[Any]) -> float:
     return abs(float(vector[0])) + abs(float(vector[1])) / 10
 
 
+@undisturbed
 def limit_cycle(
     parameters: Parameters,
     omega: object,
