@@ -166,9 +166,9 @@ class Precision:
         import numpy
 
         # Of other classes, such as masked arrays, each element is asked what it is.
-        if type(values) is numpy.ndarray and self.kind != "real":
-            if values.dtype in (self.type, float) or (self.kind == "double" and values.dtype.kind == "f"):
-                return values.astype(self.type, copy=False)
+        plain = type(values) is numpy.ndarray and self.kind != "real"
+        if plain and (values.dtype in (self.type, float) or (self.kind == "double" and values.dtype.kind == "f")):
+            return values.astype(self.type, copy=False)
         return self.array(values)
 
     def owned(self, view: Any) -> Any:
