@@ -19,7 +19,8 @@ from scipy.interpolate import krogh_interpolate
 
 from tippedisk_verify.cycles.folds import LibrationFold, fold_in, fold_system, fold_to_digits
 from tippedisk_verify.cycles.librating_family import amplitude
-from tippedisk_verify.cycles.return_map import Image, NewtonIteration, ReturnMap
+from tippedisk_verify.cycles.newton import Stop
+from tippedisk_verify.cycles.return_map import Image, ReturnMap
 from tippedisk_verify.cycles.section import LIBRATING
 from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.flow.contract import Engine
@@ -195,7 +196,7 @@ def _fold_at(plane: Plane, engine: Engine, s: float, guess: Any) -> Any:
     def mapped(at: Sequence[float]) -> Image:
         return ReturnMap(LIBRATING, plane.at(plane.value(at[3])), at[2], engine)(at[:2])
 
-    iteration = NewtonIteration(8, AccuracyError("the iteration for a fold of given amplitude does not settle"),
+    iteration = Stop(8, AccuracyError("the iteration for a fold of given amplitude does not settle"),
                                 small=_SETTLED * slope)  # fmt: skip
     unknowns = numpy.array(guess, dtype=float)
     while True:
