@@ -17,7 +17,8 @@ from typing import Any, ClassVar
 import numpy
 
 from tippedisk_verify.cycles.librating_family import LibratingFamily
-from tippedisk_verify.cycles.return_map import Image, NewtonIteration, ReturnMap
+from tippedisk_verify.cycles.newton import Stop
+from tippedisk_verify.cycles.return_map import Image, ReturnMap
 from tippedisk_verify.cycles.rotating_family import RotatingFamily
 from tippedisk_verify.cycles.section import LIBRATING, ROTATING, Section
 from tippedisk_verify.errors import AccuracyError, NoSuchCycleError
@@ -248,7 +249,7 @@ def fold_near(
     They are computed in ``precision``. Raises AccuracyError if the iteration does not settle.
     """
     lost = AccuracyError("the iteration for the fold of the limit cycles does not settle")
-    iteration = NewtonIteration(20, lost, small=1e-13 * min(1.0, abs(float(at[0]))), near=1e-9)
+    stop = Stop(20, lost, small=1e-13 * min(1.0, abs(float(at[0]))), near=1e-9)
     at, mapped = [precision.number(float(x)) for x in at], _mapped(section, parameters, engine, precision)
     share = _DIFFERENCE if precision == DOUBLE else float(precision.epsilon) ** (1 / 3)
     while True:
@@ -260,7 +261,7 @@ def fold_near(
         jacobian = numpy.array([[float(x) for x in row] for row in rows])
         step = numpy.linalg.solve(jacobian, [float(x) for x in conditions])
         at = [x - precision.number(float(change)) for x, change in zip(at, step, strict=True)]
-        if iteration.converged(float(numpy.abs(step).max())):
+        if stop.converged(float(numpy.abs(step).max())):
             return (float(at[0]), float(at[1]), float(at[2])), jacobian
 
 
@@ -276,12 +277,12 @@ def _numbers(
     inverse = [[precision.number(float(entry)) for entry in row] for row in numpy.linalg.inv(jacobian)]
     at, mapped = [precision.number(float(x)) for x in start], _mapped(section, parameters, engine, precision)
     lost = AccuracyError(f"the iteration for the fold has not converged in {precision.name} precision")
-    iteration = NewtonIteration(precision.bits // 8 + 8, lost, small=1000 * precision.epsilon, fewest=2)
+    stop = Stop(precision.bits // 8 + 8, lost, small=1000 * precision.epsilon, fewest=2)
     while True:
         conditions = _conditions(mapped(at))
         steps = [sum(a * b for a, b in zip(row, conditions, strict=True)) for row in inverse]
         at = [x - step for x, step in zip(at, steps, strict=True)]
-        if iteration.converged(sum((fraction(abs(step)) for step in steps), Fraction(0))):
+        if stop.converged(sum((fraction(abs(step)) for step in steps), Fraction(0))):
             break
     return_map = ReturnMap(section, parameters, at[2], engine, precision)
     image = return_map(at[:2])
