@@ -21,7 +21,7 @@ from tippedisk_verify.commands.common import (
     table,
 )
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.files import write_bytes, write_csv
+from tippedisk_verify.files import write_csv
 from tippedisk_verify.parallel import usable_cores
 
 if TYPE_CHECKING:
@@ -186,13 +186,10 @@ def _verdict_words(entry: dict[str, Any], finding: Finding) -> str:
 @disk_command("The panels a to f of the paper's figures 3D and proj_3D.")
 @click.argument("names", nargs=-1, required=True, metavar="NAME...|all")
 @click.option("--out", metavar="DIR", help="Write figure and CSV data there.")
-@click.option("--animate", is_flag=True, help="Show the disk itself in motion, too: a GIF for each scene, in --out.")
 @click.option("--omega-h", callback=decimal, metavar="X", help="Use this Omega_h [rad/s] instead of finding it.")
-def scene(common: Common, names: Sequence[str], out: str | None, animate: bool, omega_h: str | None) -> int:
+def scene(common: Common, names: Sequence[str], out: str | None, omega_h: str | None) -> int:
     if common.digits > 12:
         raise InputError(f"scenes hold at most 12 digits, not {common.digits}: their orbits run in double precision")
-    if animate and out is None:
-        raise InputError("--animate needs a folder to write the GIF to: give one with --out")
     from tippedisk_verify.motion.scenes import SCENES, scene_named
 
     every = [one.name for one in SCENES]
@@ -205,7 +202,7 @@ def scene(common: Common, names: Sequence[str], out: str | None, animate: bool, 
             panels[name] = disk.scene(name, omega_h=omega_h)
             advance(f"scene {name}", 1)
         if folder is not None:
-            _write_scenes(list(panels.values()), folder, animate)
+            _write_scenes(list(panels.values()), folder)
     result = {
         "scenes": {name: panel.to_dict() for name, panel in panels.items()},
         "parameters": disk.name,
@@ -215,8 +212,7 @@ def scene(common: Common, names: Sequence[str], out: str | None, animate: bool, 
     return 0
 
 
-def _write_scenes(panels: Sequence[Panel], folder: Path, animate: bool) -> None:
-    from tippedisk_verify.figures.disk import animated
+def _write_scenes(panels: Sequence[Panel], folder: Path) -> None:
     from tippedisk_verify.figures.state_space import draw_scenes_2d, draw_scenes_3d, scene_tables
     from tippedisk_verify.figures.style import save
 
@@ -225,8 +221,6 @@ def _write_scenes(panels: Sequence[Panel], folder: Path, animate: bool) -> None:
     for panel in panels:
         for name, (header, rows) in scene_tables(panel).items():
             write_csv(folder / name, header, rows)
-        if animate:
-            write_bytes(folder / f"scene_{panel.scene.name}.gif", animated(panel))
 
 
 def _endings(panel: Panel) -> list[str]:
