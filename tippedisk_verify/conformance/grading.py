@@ -6,11 +6,12 @@ import math
 import re
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from decimal import Decimal, InvalidOperation
+from dataclasses import dataclass, replace
+from decimal import Decimal
 from statistics import median
 from typing import Any
 
+from tippedisk_verify.conformance.answer_number import as_decimal
 from tippedisk_verify.conformance.sheet import Answers
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.files import printable
@@ -52,6 +53,7 @@ LEVEL_NAMES = {
     10: "rotating cycles",
 }  # fmt: skip
 _SOME = 1.0  # digits that even rounded inputs must leave
+_LARGEST_EXPONENT = 100_000  # of an answer, in powers of ten; arithmetic with larger ones takes long
 _FEW = 0.5  # share of the digits needed that makes an answer imprecise rather than wrong
 
 
@@ -63,7 +65,9 @@ class Grade(Printable):
     level: int
     reading: str
     answer: str
-    digits: float  #: -log10 of the error relative to `scale_of`; at most what the reference itself has
+    #: -log10 of the error relative to `scale_of`; at most what the reference itself has. Without a truth for the
+    #: reading, of the error from the decimals' truth.
+    digits: float
     verdict: str  #: exact, agrees, rounding, few-digits, wrong, not-a-number, unreadable, no-truth
     truth: str = ""
     note: str = ""
@@ -151,18 +155,6 @@ def digits_between(answer: Decimal, truth: Decimal, scale: Decimal, most: float 
     return min(max(0.0 - near, -99.0), most)
 
 
-_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eEdD][+-]?\d{1,9})?|[+-]?(nan|inf(inity)?)", re.ASCII | re.IGNORECASE)
-
-
-def as_decimal(text: str) -> Decimal:
-    """The number that an answer says; Fortran's exponents too. Raises decimal.InvalidOperation."""
-    if not _NUMBER.fullmatch(text):
-        raise InvalidOperation
-    if text.lstrip("+-")[:1] in "nNiI":
-        return Decimal(text)
-    return Decimal(text.replace("d", "e").replace("D", "e"))
-
-
 def graded(answers: Answers, store: Mapping[str, Quantity]) -> list[Grade]:
     """A grade for each answer, in the order of the questions."""
     with arithmetic():
@@ -171,21 +163,24 @@ def graded(answers: Answers, store: Mapping[str, Quantity]) -> list[Grade]:
 
 def _grade(quantity: Quantity, reading: str, text: str) -> Grade:
     def failed(verdict: str, note: str) -> Grade:
-        return Grade(quantity.id, quantity.level, reading, text, -math.inf, verdict, note=note, needs=needs)
+        return Grade(quantity.id, quantity.level, reading, shown, -math.inf, verdict, note=note, needs=needs)
 
-    needs = needed(quantity)
+    needs, shown = needed(quantity), printable(text)
     try:
         answer = as_decimal(text)
-    except InvalidOperation:
-        return failed("unreadable", "not a decimal number")
-    if not answer.is_finite() or (answer and abs(answer.adjusted()) > 100_000):
-        return failed("not-a-number", "not a finite number")
+    except InputError as fault:
+        return failed("unreadable", str(fault))
+    if not answer.is_finite():
+        return failed("not-a-number", "it says that there is no number" if answer.is_nan() else "it is infinite")
+    if answer and abs(answer.adjusted()) > _LARGEST_EXPONENT:
+        return failed("not-a-number", f"its exponent is beyond {_LARGEST_EXPONENT}")
     told = quantity.values.get(reading)  # type: ignore[call-overload]
     if told is None:
-        return Grade(
-            quantity.id, quantity.level, reading, text, math.nan, "no-truth",
-            note="doubles cannot tell the inputs apart: compute from the decimals", needs=needs,
-        )  # fmt: skip
+        note = (
+            "doubles cannot tell the inputs apart: compute from the decimals, by whose truth these digits are counted"
+        )
+        from_decimals = _grade(quantity, "decimals", text)
+        return replace(from_decimals, reading=reading, verdict="no-truth", note=note, off=math.nan)
     truth, uncertainty = Decimal(told[0]), Decimal(told[1])
     scale = scale_of(quantity, truth)
     most = digits_between(truth + uncertainty, truth, scale, 120.0)
@@ -208,7 +203,7 @@ def _grade(quantity: Quantity, reading: str, text: str) -> Grade:
         if abs(answer - other) <= width + half_unit:
             note = "the exact answer from doubles: the inputs were rounded"
     off = float(away / slopes) if slopes else math.nan
-    return Grade(quantity.id, quantity.level, reading, text, digits, verdict, told[0], note, needs, off)
+    return Grade(quantity.id, quantity.level, reading, shown, digits, verdict, told[0], note, needs, off)
 
 
 def _nearest_double(answer: Decimal, truth: Decimal) -> bool:
@@ -258,9 +253,13 @@ def answer_text(answer: object) -> str:
     """An answer as the decimal that it stands for. Raises InputError for what is not one real number."""
     number = plain_number(answer)
     if isinstance(number, str):
-        text = number.strip()[:2_001]
-        if len(text) > 2_000 or not _NUMBER.fullmatch(text):
-            raise InputError(f"an answer is a number or a decimal string, not '{printable(text)[:40]}'")
+        text = number.strip()
+        try:
+            as_decimal(text)
+        except InputError as fault:
+            raise InputError(
+                f"an answer is a number or a decimal string, not '{printable(text[:40])}': {fault}"
+            ) from None
         return text
     if isinstance(number, float):
         return repr(number)
