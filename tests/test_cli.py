@@ -64,7 +64,7 @@ def test_integrate_prints_and_writes_a_motion(tmp_path: Path, capsys) -> None:
         ("hopf --digits 0", "a whole number from 1 to 4000, not 0"),
         ("orbit --omega 30.4 --below-crit 0.5", "--above-het and --at-fold, not with several"),
         ("certify check nofile.json", "nofile.json"),
-        ("conformance grade names.csv", "it names name, value"),
+        ("conformance grade names.csv", "it has 'name', 'value'"),
     ],
 )
 def test_a_refusal_names_what_is_wrong(asked: str, word: str, tmp_path: Path, monkeypatch, capsys) -> None:

@@ -259,7 +259,7 @@ def _family_lines(result: dict[str, Any]) -> Iterator[str]:
 @at_a_speed
 @click.option("--count", type=int, default=100_000, show_default=True, metavar="N", help="Number of initial states.")
 @click.option("--seconds", type=float, default=20.0, show_default=True, metavar="T", help="How long each runs [s].")
-@click.option("--velocity", type=float, metavar="V", help="d(beta)/dt at the start.")
+@click.option("--velocity", type=float, default=0.0, show_default=True, metavar="V", help="d(beta)/dt at the start.")
 @click.option("--margin", metavar="BETA,GAMMA,V", help="Only how far this start is from the boundary, in beta [rad].")
 @click.option("--out", metavar="DIR", help="Write picture and CSV there.")
 @jobs_option
