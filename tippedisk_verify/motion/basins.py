@@ -116,7 +116,7 @@ def basins(
     if known_count is None:
         raise InputError(f"1 to {_MOST_STATES} states can be run, not {shown(count)}")
     if not _LAST < duration <= 10_000:
-        raise InputError(f"the duration must lie between {_LAST:g} and 10000 s, not {duration:g}")
+        raise InputError(f"the duration must be more than {_LAST:g} s and at most 10000 s, not {duration:g}")
     if not abs(v) <= SPEEDS_OF_STATES:
         raise InputError(f"v must lie between -{SPEEDS_OF_STATES:g} and {SPEEDS_OF_STATES:g} rad/s, not {v:g}")
     if not isinstance(seed, int) or seed < 0:
