@@ -194,6 +194,7 @@ class Certifier:
         Only up to the gamma_bar_0 ``until`` [rad], without the end at Omega_h, if that is given. ``workers`` makes an
         executor, for several jobs or for one at a time. Raises InputError under the smooth law.
         """
+        from tippedisk_verify.atlas.branch import found
         from tippedisk_verify.proofs.kernel.claims.family import Piece
         from tippedisk_verify.proofs.search.family import prove_family
 
@@ -216,10 +217,13 @@ class Certifier:
 
             def cycles_at(speeds: list[Fraction] | None) -> list[Any]:
                 try:
-                    cycles = self.disk.branch(speeds, progress=False).cycles
+                    branch = self.disk.branch(speeds, progress=False)
                 except NoSuchCycleError as fault:
                     raise AccuracyError(str(fault)) from None
-                return [(c.gamma_bar_0.value, c.v_0.value, c.omega.value, c.period.value / 2) for c in cycles]
+                if branch.missing:
+                    raise AccuracyError(branch.missing[0].status)
+                numbers = [(c.gamma_bar_0, c.v_0, c.omega, c.period / 2) for c in found(branch.cycles)]
+                return [tuple(number.value for number in cycle) for cycle in numbers]
 
             advance("arcs", 0)
             proved = partial(prove_family, self.disk, connected_at, cycles_at, until=wanted, pool=workers, watch=watch)

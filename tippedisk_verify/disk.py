@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from tippedisk_verify.certify import Certifier
     from tippedisk_verify.connection.heteroclinic import Heteroclinic
     from tippedisk_verify.cycles.folds import Folds, RotationFold
-    from tippedisk_verify.cycles.limit_cycle import LimitCycle, RotatingCycle
+    from tippedisk_verify.cycles.limit_cycle import LimitCycle, MissingCycle, RotatingCycle
     from tippedisk_verify.cycles.spectral import BalancedCycle
     from tippedisk_verify.flow.contract import Engine, Event
     from tippedisk_verify.model.arrays import Array
@@ -101,13 +101,14 @@ class Disk(Parameters):
         """A speed [rad/s] as an exact rational: ``omega``, or that far from Omega_crit or Omega_h.
 
         The distance from Omega_h has ``digits`` significant digits, so ``disk.speed(above_het="1e-20")`` goes wherever
-        a speed goes. Raises InputError unless one of the four is given, and as `heteroclinic` does.
+        a speed goes; that from Omega_crit has 35 more. The speed itself is a decimal. Raises InputError unless one of
+        the four is given, and as `heteroclinic` does.
         """
         from tippedisk_verify.theory.hopf import speed_below_crit
 
         _one_of(omega=omega, below_crit=below_crit, above_het=above_het, below_het=below_het)
         if above_het is None and below_het is None:
-            return checked_speed(omega) if below_crit is None else speed_below_crit(self, below_crit, digits)
+            return checked_speed(omega) if below_crit is None else speed_below_crit(self, below_crit, digits).value
         distance = fraction(below_het if above_het is None else above_het)
         if distance <= 0:
             raise InputError(f"a distance from Omega_h is a positive decimal, not {shown(distance)}")
@@ -131,7 +132,7 @@ class Disk(Parameters):
     ) -> SlowManifold:
         """The orders h_0 ... h_N of the slow manifold at a point (beta, gamma), and how well the truncated series does.
 
-        The speed is Omega_crit - 0.5 if left out. Raises InputError under the smooth law.
+        The speed is Omega_crit - 0.5 if left out, as the decimal of `speed`. Raises InputError under the smooth law.
         """
         from tippedisk_verify.theory.slow_manifold import analyse_slow_manifold
 
@@ -245,8 +246,9 @@ class Disk(Parameters):
             if stable is not None:
                 raise InputError("above_het leads to the cycles next to Omega_h: choose with stable at a speed omega")
             return cycle_above(self, above_het, self._engine(engine), digits=digits)
-        speed = self.speed(omega, below_crit=below_crit, digits=digits)
-        return cycle_at(self, speed, self._engine(engine), digits=digits, stable=stable)
+        speed = self._speed(omega, below_crit, digits)
+        cycle = cycle_at(self, speed.value, self._engine(engine), digits=digits, stable=stable)
+        return replace(cycle, omega=speed)
 
     def harmonic_balance(self, omega: object, *, harmonics: int | None = None, digits: int = 12) -> BalancedCycle:
         """The limit cycle at ``omega`` by harmonic balance of the full equations, without an integrator.
@@ -290,25 +292,27 @@ class Disk(Parameters):
 
         _one_of(omega=omega, below_crit=below_crit, below_het=below_het)
         if below_het is None:
-            speed = self.speed(omega, below_crit=below_crit, digits=digits)
-            return rotating_cycle(self, speed, self._engine(engine), stable=stable, digits=digits)
+            speed = self._speed(omega, below_crit, digits)
+            cycle = rotating_cycle(self, speed.value, self._engine(engine), stable=stable, digits=digits)
+            return replace(cycle, omega=speed)
         if not stable:
             raise InputError("below_het leads to stable rotating cycles: give the unstable one's speed with omega")
         return rotating_below(self, below_het, self._engine(engine), digits=digits)
 
     def rotating_branch(
         self, omegas: Sequence[object] | None = None, *, engine: Engine | None = None, progress: bool | None = None
-    ) -> list[RotatingCycle]:
+    ) -> list[RotatingCycle | MissingCycle]:
         """The family of rotating cycles: at each of these speeds the stable one, if any, and then the unstable one.
 
-        Without speeds an overview, from just below Omega_h through the fold to half a rad/s above Omega_crit. Speeds
-        and progress as those of `branch`.
+        Without speeds an overview, from just below Omega_h through the fold to half a rad/s above Omega_crit. Speeds,
+        those without a cycle, and progress as those of `branch`.
         """
-        from tippedisk_verify.atlas.branch import DEFAULT_ROTATIONS, rotating_branch
+        from tippedisk_verify.atlas.branch import DEFAULT_ROTATIONS, not_all_missing, rotating_branch
 
         speeds = omegas if omegas is None else checked_speeds(omegas)
         cycles = rotating_branch(self, self._engine(engine), speeds)
-        return list(watched(cycles, "limit cycles", 2 * len(speeds or ()) or DEFAULT_ROTATIONS, progress))
+        total = 2 * len(speeds or ()) or DEFAULT_ROTATIONS
+        return not_all_missing(watched(cycles, "limit cycles", total, progress))
 
     def rotation_fold(self, *, digits: int = 12, engine: Engine | None = None) -> RotationFold:
         """Where the stable and the unstable rotating cycles meet and end. Raises as `rotating_cycle` does."""
@@ -330,14 +334,15 @@ class Disk(Parameters):
         ``paper_sets`` are the paper's speeds A^in and A^de. A speed with several cycles gives all of them; a text or a
         number by itself is one speed. A hundred speeds and more are rounded to doubles, and the linear law's cycles
         are computed together, in lanes of the Taylor engine. What takes longer than two seconds shows its progress on
-        standard error, unless ``progress`` is False. Raises NoSuchCycleError where there is no cycle.
+        standard error, unless ``progress`` is False. A speed without a cycle has a row that says so; where all have
+        none, the first one's error is raised.
         """
-        from tippedisk_verify.atlas.branch import DEFAULT_COUNT, PAPER_COUNT, Branch, family
+        from tippedisk_verify.atlas.branch import DEFAULT_COUNT, PAPER_COUNT, Branch, family, not_all_missing
 
         speeds = omegas if omegas is None else checked_speeds(omegas)
         cycles = family(self, self._engine(engine), paper_sets=paper_sets, omegas=speeds)
         total = PAPER_COUNT if paper_sets else len(speeds or ()) or DEFAULT_COUNT
-        return Branch.of(watched(cycles, "limit cycles", total, progress))
+        return Branch.of(not_all_missing(watched(cycles, "limit cycles", total, progress)))
 
     def heteroclinic(
         self, *, digits: int = 12, method: str = "manifolds", engine: Engine | None = None
@@ -353,6 +358,14 @@ class Disk(Parameters):
         from tippedisk_verify.certify import Certifier
 
         return Certifier(self)
+
+    def _speed(self, omega: object, below_crit: object, digits: int) -> Measured:
+        """A speed with its half-width, which that of Omega_crit is."""
+        from tippedisk_verify.theory.hopf import speed_below_crit
+
+        if below_crit is None:
+            return Measured(checked_speed(omega), Fraction(0))
+        return speed_below_crit(self, below_crit, digits)
 
     @staticmethod
     def _engine(engine: Engine | None) -> Engine:

@@ -6,6 +6,7 @@ import math
 from fractions import Fraction
 from itertools import repeat
 from types import SimpleNamespace
+from typing import Any
 
 import numpy
 import pytest
@@ -95,21 +96,56 @@ def test_an_arithmetic_answers_that_has_a_factor_of_two_to_spare(monkeypatch, sh
     assert error_budget.cycle_to_digits(None, 12).precision == precision
 
 
-def test_chord_steps_end_when_both_coordinates_rest() -> None:
-    """Of a linear map whose chord is right in the first one and leaves a thousandth of the second one's error."""
-    precision, truth, rows = bits(200), (Fraction(1, 3), Fraction(2, 7)), ((0.5, 0.0), (0.0, 0.5))
-    slopes = [precision.number(entry) - 1 for entry in ("0.5", "0.4995")]
-    return_map = SimpleNamespace(
-        precision=precision,
-        omega=1,
-        flight=lambda point: SimpleNamespace(state=point),
-        residual=lambda state, _: [a * (x - precision.number(t)) for a, x, t in zip(slopes, state, truth, strict=True)],
+class LinearMap:
+    """A return map with the fixed point (1/3, 2/7), the residual of which is linear; it counts its derivatives."""
+
+    truth = (Fraction(1, 3), Fraction(2, 7))
+
+    def __init__(self, *slopes: str) -> None:
+        self.precision, self.omega, self.images = bits(200), 1, 0
+        self._slopes = [self.precision.number(slope) for slope in slopes]
+
+    def flight(self, point: Any) -> Any:
+        return SimpleNamespace(state=point)
+
+    def residual(self, state: Any, _: Any) -> Any:
+        number = self.precision.number
+        return [a * (x - number(t)) for a, x, t in zip(self._slopes, state, self.truth, strict=True)]
+
+    def __call__(self, point: Any) -> Any:
+        self.images += 1
+        zero, (a, b) = self.precision.number(0), self._slopes
+        return derivatives(((1 + a, zero), (zero, 1 + b)), self.residual(point, point))
+
+
+def derivatives(matrix: Any, residual: Any = (0, 0)) -> Image:
+    """Return an image that has only a residual and its derivatives by the state."""
+    return Image(
+        time=0, residual=residual, matrix=matrix, by_omega=(0, 0), time_by_state=(0, 0), time_by_omega=0, flow=()
     )
-    image = Image(time=0, residual=(0, 0), matrix=rows, by_omega=(0, 0), time_by_state=(0, 0), time_by_omega=0, flow=())
-    start = SimpleNamespace(point=tuple(map(float, truth)), image=image)
-    point, standing = error_budget._chords(return_map, start)
+
+
+@pytest.mark.parametrize(
+    ("second", "newton"),
+    [
+        ("-0.5005", False),  # a chord step leaves a thousandth of the second coordinate's error
+        ("-0.3", False),  # two fifths
+        ("-0.05", True),  # nine tenths: a step says little of what is left
+        ("-1e-6", True),  # nearly all, as next to a bifurcation
+        ("-1.2", True),  # more than there was
+        ("-5", True),
+    ],
+)
+@pytest.mark.parametrize("off", [1e-16, 1e-3])
+def test_steps_end_when_both_coordinates_rest(second: str, newton: bool, off: float) -> None:
+    """Of a linear map whose chord is right in the first one, and however wrong in the second one."""
+    return_map, truth = LinearMap("-0.5", second), LinearMap.truth
+    rows = ((0.5, 0.0), (0.0, 0.5))
+    start = SimpleNamespace(point=tuple(float(t) + off for t in truth), image=derivatives(rows))
+    point, standing = error_budget._settled(return_map, start)
     assert max(abs(fraction(x) - t) for x, t in zip(point, truth, strict=True)) < Fraction(1, 10**55)
     assert standing == (0, 0)
+    assert bool(return_map.images) is newton
 
 
 @pytest.mark.skipif(companion(DOUBLE) != EXTENDED, reason="this machine has no extended doubles")

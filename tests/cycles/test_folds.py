@@ -224,8 +224,8 @@ def test_many_speeds_where_lanes_do_not_hold_them_all(taylor, monkeypatch) -> No
     focus = PRINTED.changed(r="0.0415", e="0.00246", mu="0.197", epsilon="0.332", B="0.2231e-3")
     cycles = list(family(focus, taylor, omegas=["29"] * 3))
     assert {cycle.period.value for cycle in cycles} == {cycles[0].period.value}
-    with pytest.raises(NoSuchCycleError, match=r"is followed to .* rad/s only, where gamma's amplitude is pi"):
-        list(family(focus, taylor, omegas=["28"]))
+    (missing,) = family(focus, taylor, omegas=["28"])
+    assert "rad/s only, where gamma's amplitude is pi" in missing.status
 
 
 @pytest.mark.slow

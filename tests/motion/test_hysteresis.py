@@ -66,7 +66,7 @@ def test_cycles_of_a_disk_at_a_generalized_hopf_point_and_next_to_it(taylor: Tay
     """r = 4 e and A = 7 Bbar / 5: Omega = Omega_crit + c_2 a^4, by shooting as by the balance of harmonics."""
     disk = PRINTED.changed(r="0.04", e="0.01", m="0.4", B="0.2e-3", A=Fraction("0.224e-3") + Fraction(beside), C=None)
     distance = Fraction(1, 10**7)
-    speed = speed_below_crit(disk, distance, 12)
+    speed = speed_below_crit(disk, distance, 12).value
     cycle = limit_cycle(disk, speed, taylor)
     fourth = float(distance) / -float(hopf_point(disk).quartic_coefficient)
     # The next term of the law is smaller by about a^2, a thousandth.

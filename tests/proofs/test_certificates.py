@@ -181,7 +181,9 @@ def false_claims(content: Any) -> Iterator[Change]:
     yield "another stability", put(("claim", "stable"), lambda stable: not stable)
     for name in claim["unique_within"]:
         yield f"alone too far in {name}", put(("claim", "unique_within", name), "1")
-    if "reversals" in claim:
+    if claim["friction"] == "linear":
+        yield "reversals, which this law does not have", lambda c: c["claim"].update(reversals=4)
+    else:
         yield "other reversals", put(("claim", "reversals"), lambda n: n + 2)
         yield "no reversals", lambda c: c["claim"].pop("reversals")
 
@@ -250,6 +252,20 @@ def rejected(kind: str, name: str, act: Callable[[Any], None]) -> str:
     # What can be read and was changed by hand is found by a line of the proof, not by the digest.
     assert "sha256" not in line.split("members")[0], name
     return line
+
+
+@pytest.mark.parametrize("kind", ["cycle", "rotation", "fold"])
+def test_the_kernel_refuses_a_member_that_nothing_tests(kind: str, remembered, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whatever a shape allows: what the kernel has not looked at is not in a sentence that is proved."""
+    content = fresh(kind)
+    name = content["claim"]["kind"]
+    shapes = claims.KINDS[name].SHAPES
+    claim, evidence = shapes[name]
+    monkeypatch.setitem(shapes, name, (claim | {"note?": str}, evidence))
+    proved(sealed(content))
+    content["claim"]["note"] = "and the disk is blue"
+    with pytest.raises(claims.Unproved, match="nothing tests note"):
+        proved(sealed(content))
 
 
 def mutations(kind: str) -> list[Change]:

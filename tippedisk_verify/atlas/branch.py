@@ -7,20 +7,21 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, fields
 from fractions import Fraction
+from functools import partial
 from html import escape
 from itertools import pairwise
 from typing import Any, TypeVar
 
 import numpy
 
-from tippedisk_verify.atlas.cycles_at_speed import cycle_at
+from tippedisk_verify.atlas.cycles_at_speed import cycles_at
 from tippedisk_verify.atlas.locator import Locator, locator
 from tippedisk_verify.connection.near_connection import DOUBLE_SHOOTS
 from tippedisk_verify.cycles.family import Family, in_batches
 from tippedisk_verify.cycles.folds import rotation_fold
 from tippedisk_verify.cycles.interpolant import FamilyInterpolant
 from tippedisk_verify.cycles.librating_family import LibratingFamily
-from tippedisk_verify.cycles.limit_cycle import Cycle, LimitCycle, RotatingCycle
+from tippedisk_verify.cycles.limit_cycle import Cycle, LimitCycle, MissingCycle, RotatingCycle
 from tippedisk_verify.cycles.rotating_family import RotatingFamily
 from tippedisk_verify.cycles.section import LIBRATING, ROTATING, Section
 from tippedisk_verify.errors import AccuracyError, InputError, NoConnectionError, NoSuchCycleError
@@ -33,7 +34,17 @@ from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.results import Printable, as_json, heading
 from tippedisk_verify.theory.hopf import omega_crit
 
-__all__ = ["DEFAULT_COUNT", "DEFAULT_ROTATIONS", "PAPER_COUNT", "Branch", "family", "paper_speeds", "rotating_branch"]
+__all__ = [
+    "DEFAULT_COUNT",
+    "DEFAULT_ROTATIONS",
+    "PAPER_COUNT",
+    "Branch",
+    "family",
+    "found",
+    "not_all_missing",
+    "paper_speeds",
+    "rotating_branch",
+]
 
 C = TypeVar("C", bound=Cycle)
 _SHOWN = ("omega", "period", "gamma_bar_0", "beta_max", "multiplier_slow")
@@ -51,9 +62,12 @@ _MANY = 100  # speeds from which on it pays to compile for all lanes of the SIMD
 
 @dataclass(frozen=True, repr=False)
 class Branch(Printable):
-    """A family of limit cycles as arrays (n,) in the order of its speeds; ``cycles`` has each with all its numbers."""
+    """A family of limit cycles as arrays (n,) in the order of its speeds; ``cycles`` has each with all its numbers.
 
-    cycles: tuple[LimitCycle, ...]
+    A speed at which none was found has a `MissingCycle` there, whose ``status`` says why, and NaN in the arrays.
+    """
+
+    cycles: tuple[LimitCycle | MissingCycle, ...]
     omega: Array  #: [rad/s]
     period: Array  #: T [s]
     gamma_bar_0: Array  #: [rad]
@@ -65,20 +79,25 @@ class Branch(Printable):
     uncertainty: Mapping[str, Any]  #: the half-widths (n,), under the same names
 
     @classmethod
-    def of(cls, cycles: Iterable[LimitCycle]) -> Branch:
+    def of(cls, cycles: Iterable[LimitCycle | MissingCycle]) -> Branch:
         """The arrays of these cycles."""
         kept = tuple(cycles)
         names = [item.name for item in fields(cls) if item.name not in ("cycles", "uncertainty")]
-        numbers = {name: [getattr(cycle, name) for cycle in kept] for name in names}
+        numbers = {name: [getattr(cycle, name, math.nan) for cycle in kept] for name in names}
         columns = {name: numpy.array(column, float) for name, column in numbers.items()}
         widths = {name: numpy.array([_in_double(number) for number in column]) for name, column in numbers.items()}
         return cls(kept, uncertainty=widths, **columns)
+
+    @property
+    def missing(self) -> tuple[MissingCycle, ...]:
+        """The speeds at which no cycle was found."""
+        return tuple(row for row in self.cycles if isinstance(row, MissingCycle))
 
     def __len__(self) -> int:
         return len(self.cycles)
 
     def __getitem__(self, index: Any) -> Any:
-        """A cycle, or the cycles of a slice."""
+        """A cycle, or the cycles of a slice; a missing one as in ``cycles``."""
         return self.cycles[index]
 
     def plot(self, axes: Any = None) -> Any:
@@ -102,9 +121,11 @@ class Branch(Printable):
         return [[*map(heading, _SHOWN)], *rows]
 
     def __repr__(self) -> str:
-        whose = f" of {self.cycles[0].parameters.name} ({self.cycles[0].parameters.friction})" if self.cycles else ""
+        cycles, missing = found(self.cycles), len(self.missing)
+        whose = f" of {cycles[0].parameters.name} ({cycles[0].parameters.friction})" if cycles else ""
         lines = ["".join(f"{cell:>18}" for cell in row) for row in self._rows()]
-        return "\n".join([f"Branch{whose}: {len(self)} limit cycles", *lines])
+        without = f", at {missing} more speeds none" if missing else ""
+        return "\n".join([f"Branch{whose}: {len(cycles)} limit cycles{without}", *lines])
 
     def _repr_html_(self) -> str:
         """A table, for notebooks."""
@@ -112,8 +133,23 @@ class Branch(Printable):
         return f"<table><tr>{'</tr><tr>'.join(rows)}</tr></table>"
 
 
-def _in_double(number: Measured) -> float:
+def found(rows: Iterable[C | MissingCycle]) -> list[C]:
+    """Return the cycles, without the speeds that have none."""
+    return [row for row in rows if not isinstance(row, MissingCycle)]
+
+
+def not_all_missing(rows: Iterable[C | MissingCycle]) -> list[C | MissingCycle]:
+    """Return the rows. Raises the error of the first one if none of them has a cycle."""
+    kept = list(rows)
+    if kept and isinstance(kept[0], MissingCycle) and not found(kept):
+        raise kept[0].fault
+    return kept
+
+
+def _in_double(number: Measured | float) -> float:
     """A half-width for the value as a double: its rounding is added, and the sum is rounded up."""
+    if isinstance(number, float):  # not a number, where a cycle is missing
+        return number
     width = number.uncertainty + abs(number.value - Fraction(float(number)))
     return math.nextafter(float(width), math.inf) if width else 0.0
 
@@ -143,11 +179,11 @@ def family(
     *,
     paper_sets: bool = False,
     omegas: Sequence[object] | None = None,
-) -> Iterator[LimitCycle]:
+) -> Iterator[LimitCycle | MissingCycle]:
     """The paper's 801 cycles, those at these speeds [rad/s], or an overview from the Hopf point to the connection.
 
-    A speed at which several cycles coexist gives all of them, from the smallest amplitude on. Raises InputError for
-    speeds that are no positive decimals, NoSuchCycleError where the family has no cycle.
+    A speed at which several cycles coexist gives all of them, from the smallest amplitude on; one at which none is
+    found gives a `MissingCycle`. Raises InputError for speeds that are no positive decimals.
     """
     disk_locator = locator(parameters, engine)
     if paper_sets:
@@ -158,21 +194,16 @@ def family(
         speeds = checked_speeds(omegas)
         if not 0 < len(speeds) <= _MOST:
             raise InputError(f"a family has 1 to {_MOST} speeds, not {len(speeds)}")
-
-    def singly(speed: Fraction) -> list[LimitCycle]:
-        location = disk_locator.librating(speed)
-        # The one-harmonic law may lead to a cycle where the family is not followed, or ends too close to the speed.
-        return location.cycles() if location.starts else [cycle_at(parameters, speed, engine)]
-
-    return _at(disk_locator, LIBRATING, singly, speeds)
+    return _at(disk_locator, LIBRATING, partial(cycles_at, parameters, engine=engine), speeds)
 
 
 def _at(
     disk_locator: Locator, section: Section[C], singly: Callable[[Fraction], list[C]], speeds: Sequence[Fraction]
-) -> Iterator[C]:
+) -> Iterator[C | MissingCycle]:
     """All cycles of a kind at these speeds; many, of the linear law, as doubles in lanes of the Taylor engine.
 
-    A speed whose cycles lanes do not hold, rotating ones to twelve digits, is solved by itself.
+    A speed whose cycles lanes do not hold, rotating ones to twelve digits, is solved by itself. One at which none is
+    found gives a `MissingCycle`, and the others go on.
     """
     parameters, engine = disk_locator.parameters, disk_locator.engine
     by_speed: list[list[C] | None] = [None] * len(speeds)
@@ -189,7 +220,12 @@ def _at(
                 followed.reach(max(doubles))
             by_speed = FamilyInterpolant(followed, lanes).results(doubles, _DIGITS_IN_LANES[section.name])
     for speed, cycles in zip(speeds, by_speed, strict=True):
-        yield from singly(speed) if cycles is None else cycles
+        rows: Sequence[C | MissingCycle]
+        try:
+            rows = singly(speed) if cycles is None else cycles
+        except (InputError, AccuracyError, ArithmeticError) as fault:
+            rows = [MissingCycle(Measured(speed, Fraction(0)), fault)]
+        yield from rows
 
 
 def _overview(disk_locator: Locator) -> Iterator[LimitCycle]:
@@ -220,12 +256,12 @@ def _overview(disk_locator: Locator) -> Iterator[LimitCycle]:
 # ------------------------------------------------------------------------------------------------ rotating
 def rotating_branch(
     parameters: Parameters, engine: Engine, omegas: Sequence[object] | None = None
-) -> Iterator[RotatingCycle]:
+) -> Iterator[RotatingCycle | MissingCycle]:
     """The family in double: at each of these speeds [rad/s] the stable cycle, then the unstable one; or an overview.
 
     The overview goes from just below Omega_h through the fold to half a rad/s above Omega_crit. A hundred speeds and
-    more, of the linear law, count as doubles and are solved together. Raises InputError for speeds that are no positive
-    decimals, NoSuchCycleError where the family has no cycle at a speed.
+    more, of the linear law, count as doubles and are solved together. A speed at which none is found gives a
+    `MissingCycle`. Raises InputError for speeds that are no positive decimals.
     """
     disk_locator = locator(parameters, engine)
     if omegas is None:

@@ -7,7 +7,7 @@ from contextlib import suppress
 from fractions import Fraction
 from typing import Any, TypeVar
 
-from tippedisk_verify.atlas.locator import Location, Locator, Start, locator
+from tippedisk_verify.atlas.locator import NEWBORN, Location, Locator, Start, locator
 from tippedisk_verify.connection.near_connection import DOUBLE_SHOOTS, with_speed
 from tippedisk_verify.connection.splitting import MOST_DIGITS, splitting_zero
 from tippedisk_verify.cycles.error_budget import cycle_to_digits
@@ -22,9 +22,9 @@ from tippedisk_verify.model.exact import exact, shown
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import checked_digits
 from tippedisk_verify.model.surroundings import undisturbed
-from tippedisk_verify.theory.hopf import criticality, omega_crit
+from tippedisk_verify.theory.hopf import criticality, distance_below_crit, omega_crit
 
-__all__ = ["cycle_above", "cycle_at", "rotating_below", "rotating_cycle"]
+__all__ = ["cycle_above", "cycle_at", "cycles_at", "rotating_below", "rotating_cycle"]
 
 C = TypeVar("C", bound=Cycle)
 
@@ -42,7 +42,8 @@ def cycle_at(
     speed = checked_speed(omega)
     digits = checked_digits(digits)
     cycle: LimitCycle | None = None
-    if stable is not False:  # mostly the law leads to a stable cycle, and nothing else is asked
+    newborn = abs(distance_below_crit(parameters, speed)) < NEWBORN and not locator(parameters, engine).lost
+    if stable is not False and not newborn:  # mostly the law leads to a stable cycle, and nothing else is asked
         fixed_point = shoot_from_law(ReturnMap(LIBRATING, parameters, speed, engine))
         if fixed_point is not None:
             cycle = cycle_to_digits(fixed_point, digits)
@@ -57,6 +58,15 @@ def cycle_at(
         kind, other = ("stable", "unstable") if stable else ("unstable", "stable")
         raise NoSuchCycleError(f"no {kind} limit cycle found at {float(speed):.10g} rad/s: the one found is {other}")
     return (wanted or cycles)[0]
+
+
+def cycles_at(parameters: Parameters, omega: Fraction, *, engine: Engine) -> list[LimitCycle]:
+    """Return all limit cycles at a speed [rad/s] to 12 digits, from the smallest amplitude on.
+
+    Where the family has none there may be one that `cycle_at` finds by itself. Raises as that does.
+    """
+    location = locator(parameters, engine).librating(omega)
+    return location.cycles() if location.starts else [cycle_at(parameters, omega, engine)]
 
 
 def rotating_cycle(

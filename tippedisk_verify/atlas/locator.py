@@ -17,25 +17,33 @@ from typing import Generic, TypeVar
 from tippedisk_verify.connection.bisection import bisect_omega_h
 from tippedisk_verify.connection.near_connection import DOUBLE_SHOOTS, cycle_near
 from tippedisk_verify.connection.splitting import splitting_zero
-from tippedisk_verify.cycles.error_budget import cycle_to_digits
+from tippedisk_verify.cycles.error_budget import MORE_DIGITS, cycle_to_digits, wider_cycle
 from tippedisk_verify.cycles.family import Family, Place
 from tippedisk_verify.cycles.librating_family import LibratingFamily
 from tippedisk_verify.cycles.limit_cycle import Cycle, LimitCycle, RotatingCycle
+from tippedisk_verify.cycles.newton import FixedPoint
 from tippedisk_verify.cycles.return_map import ReturnMap
 from tippedisk_verify.cycles.rotating_family import RotatingFamily
 from tippedisk_verify.cycles.section import LIBRATING, ROTATING, Section
 from tippedisk_verify.cycles.shooting import shoot
 from tippedisk_verify.errors import AccuracyError, NoConnectionError, NoSuchCycleError
 from tippedisk_verify.flow.contract import Engine
+from tippedisk_verify.model.decimals import decimal_magnitude
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.theory.equilibria import saddle_value_sign
+from tippedisk_verify.theory.hopf import distance_below_crit
 
-__all__ = ["Location", "Locator", "Start", "locator"]
+__all__ = ["NEWBORN", "Location", "Locator", "Start", "locator"]
 
 C = TypeVar("C", bound=Cycle)
 
 _UNFOLLOWED = Fraction(1, 100)  # rad/s; so close to Omega_h its law leads to cycles of a family that was not followed
 _ABOUT_TO_MEET = 1e-4  # of the first coordinate; two cycles so close together are next to a fold
+#: rad/s from the Hopf point. There the slow multiplier is some 1e-12 short of 1, and the rounding of half a period,
+#: some 1e-14, moves the amplitude by a percent in double. Closer, the law is nearer to the cycle than shooting.
+NEWBORN = Fraction(1, 10**12)
+_NEWEST = 100  # zeros after the point that a distance from the Hopf point may have; a cycle there takes half a minute
+_TWICE = 2  # as far as the first node, where the family's own doubles begin
 _MOST_DISKS = 16  # whose families are kept
 
 
@@ -46,6 +54,7 @@ class Start:
     guess: tuple[float, float] | None  #: of the section's coordinates; None next to Omega_h, where doubles have none
     piece: int = 0  #: of the family, counted from its beginning; one more after each fold
     falls: bool = True  #: whether Omega falls along that piece, with a rising first coordinate
+    zeros: int = 0  #: after the point, of the distance from the Hopf point, where that is too small for doubles
 
 
 @dataclass(frozen=True)
@@ -77,7 +86,11 @@ class Location(Generic[C]):
             return cycle_near(self.section, self.parameters, self.omega, self.omega_h, self.engine, digits=digits)
         return_map = ReturnMap(self.section, self.parameters, self.omega, self.engine)
         try:
-            cycle = cycle_to_digits(shoot(return_map, start.guess), digits)
+            if start.zeros:
+                newborn = FixedPoint(return_map, start.guess, return_map(start.guess), ())
+                cycle = wider_cycle(newborn, digits, MORE_DIGITS + start.zeros)
+            else:
+                cycle = cycle_to_digits(shoot(return_map, start.guess), digits)
         except AccuracyError as fault:
             others = [other.guess[0] for other in self.starts if other.guess and other is not start]
             if not any(abs(other - start.guess[0]) < _ABOUT_TO_MEET for other in others):
@@ -136,7 +149,10 @@ class Locator:
             return location
         family = self.family
         refusal, places = _no_libration(family, float(omega)), family.places(float(omega))
-        location = replace(location, refusal=refusal, starts=tuple(_start(family, place) for place in places))
+        starts = [_start(family, place) for place in places]
+        if not any(start.piece == 0 for start in starts):
+            starts[:0] = _newborn(family, distance_below_crit(self.parameters, omega))
+        location = replace(location, refusal=refusal, starts=tuple(starts))
         if family.connected and abs(omega - Fraction(family.limit)) < 2 * DOUBLE_SHOOTS:
             with suppress(NoConnectionError, AccuracyError):
                 return self._beside_omega_h(location, len(family.folds), above=self.attracts)
@@ -186,6 +202,24 @@ class Locator:
 
 def _start(family: Family, place: Place) -> Start:
     return Start(place.start, place.piece, family.falls[place.piece])
+
+
+def _newborn(family: LibratingFamily, below_crit: Fraction) -> list[Start]:
+    """Return where to shoot for the cycle between the Hopf point and the family's first node, if it is there.
+
+    Raises AccuracyError at a distance that is not offered.
+    """
+    away = Fraction(family.omega_crit - float(family.nodes[0, 3]))
+    if not 0 < below_crit / away < _TWICE:
+        return []
+    distance = abs(below_crit)
+    zeros = max(0, -decimal_magnitude(distance))
+    if zeros > _NEWEST:
+        raise AccuracyError(
+            f"limit cycles are offered down to 1e-{_NEWEST} rad/s from Omega_crit: ask for one farther away"
+        )
+    start = _start(family, family.newborn(float(distance)))
+    return [replace(start, zeros=zeros if distance < NEWBORN else 0)]
 
 
 def _no_libration(family: LibratingFamily, omega: float) -> str:

@@ -15,7 +15,7 @@ from fractions import Fraction
 from functools import cached_property
 from typing import Any, Literal, NamedTuple, TypeVar
 
-from tippedisk_verify.atlas.branch import family
+from tippedisk_verify.atlas.branch import family, found
 from tippedisk_verify.audit.citations import cited
 from tippedisk_verify.connection.heteroclinic import Heteroclinic, heteroclinic
 from tippedisk_verify.cycles.period_continuation import PeriodContinuation
@@ -191,7 +191,7 @@ class Audit(Printable):
 
     def family(self, name: str) -> tuple[LimitCycle, ...]:
         """An overview of a set's limit cycles."""
-        return self._once(("family", name), lambda: tuple(family(self._set(name), self.engine)))
+        return self._once(("family", name), lambda: tuple(found(family(self._set(name), self.engine))))
 
     def panel(self, scene: str, name: str) -> Panel:
         """One of the six scenes of a set."""

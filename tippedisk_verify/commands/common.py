@@ -192,7 +192,9 @@ _ABOUT_A_DISK = (
 )
 
 omega_option = click.option("--omega", callback=decimal, metavar="X", help="The spinning speed [rad/s].")
-below_crit_option = click.option("--below-crit", callback=decimal, metavar="D", help="Omega_crit - D [rad/s].")
+below_crit_option = click.option(
+    "--below-crit", callback=decimal, metavar="D", help="Omega_crit - D [rad/s], as a decimal of 35 digits more."
+)
 rotating_option = click.option(
     "--rotating", is_flag=True, help="The rotating cycles, on which gamma grows by 2 pi a period."
 )

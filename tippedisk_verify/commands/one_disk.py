@@ -34,7 +34,7 @@ from tippedisk_verify.model.results import heading, result_lines
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from tippedisk_verify.cycles.limit_cycle import LimitCycle, RotatingCycle
+    from tippedisk_verify.cycles.limit_cycle import LimitCycle, MissingCycle, RotatingCycle
     from tippedisk_verify.motion.solution import Solution
 
 __all__ = ["COMMANDS", "OMEGA_H"]
@@ -223,7 +223,7 @@ def branch(common: Common, paper_sets: bool, omegas: str | None, rotating: bool,
     if paper_sets and (omegas is not None or rotating):
         raise InputError("--paper-sets are speeds of their own, without rotating cycles: leave out the other option")
     disk, speeds, seen = common.disk, None if omegas is None else omegas.split(","), not common.quiet
-    cycles: Sequence[LimitCycle | RotatingCycle]
+    cycles: Sequence[LimitCycle | RotatingCycle | MissingCycle]
     if rotating:
         cycles = disk.rotating_branch(speeds, progress=seen)
     else:
@@ -240,18 +240,30 @@ def branch(common: Common, paper_sets: bool, omegas: str | None, rotating: bool,
     return 0
 
 
-def _family_table(cycles: Sequence[LimitCycle | RotatingCycle]) -> tuple[list[str], list[list[object]]]:
-    """Return a header and a row for each cycle: each number with its half-width, and the stability."""
-    names = [name for name, value in vars(cycles[0]).items() if isinstance(value, Measured)]
+def _family_table(rows: Sequence[LimitCycle | RotatingCycle | MissingCycle]) -> tuple[list[str], list[list[object]]]:
+    """Return a header and a row for each cycle: each number with its half-width, the stability, and the status.
+
+    A speed without a cycle has empty cells, and its status says why.
+    """
+    (first, *_) = (row for row in rows if hasattr(row, "stable"))
+    names = [name for name, value in vars(first).items() if isinstance(value, Measured)]
     header = [part for name in names for part in (name, f"{name} uncertainty")]
-    rows = [[*(part for name in names for part in getattr(cycle, name).decimals()), cycle.stable] for cycle in cycles]
-    return [*header, "stable"], rows
+    lines = []
+    for row in rows:
+        numbers = [getattr(row, name, None) for name in names]
+        cells = [part for number in numbers for part in (number.decimals() if number else ("", ""))]
+        lines.append([*cells, getattr(row, "stable", ""), getattr(row, "status", "ok")])
+    return [*header, "stable", "status"], lines
 
 
 def _family_lines(result: dict[str, Any]) -> Iterator[str]:
     shown = ("omega", "period", "beta_max", "multiplier_slow")
-    rows = ([f"{float(entries[name]['value']):.12g}" for name in shown] for entries in result["orbits"])
+    rows = (
+        [f"{float(entries[name]['value']):.12g}" if name in entries else "none" for name in shown]
+        for entries in result["orbits"]
+    )
     yield from table([heading(name) for name in shown], rows)
+    yield from dict.fromkeys(entries["status"] for entries in result["orbits"] if "status" in entries)
     yield from result_lines({name: entry for name, entry in result.items() if name != "orbits"})
 
 

@@ -12,13 +12,14 @@ rest to rounding. Where the equations amplify rounding the cycle is solved in th
 the same one, smaller by the ratio of the roundings: the twins in double measure that too.
 
 With many more bits the same numbers are computed twice, in an arithmetic and in one with 64 bits more. The distance is
-the error, and what the wider run itself may be off is what its chord iteration leaves.
+the error, and what the wider run itself may be off is what its iteration leaves.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from fractions import Fraction
 from itertools import count, islice
@@ -28,13 +29,22 @@ from tippedisk_verify.cycles.limit_cycle import Cycle
 from tippedisk_verify.cycles.newton import FixedPoint, Iterate, Stop, newton
 from tippedisk_verify.cycles.return_map import Image, ReturnMap
 from tippedisk_verify.cycles.section import Section
-from tippedisk_verify.errors import AccuracyError
+from tippedisk_verify.errors import AccuracyError, NoSuchCycleError
 from tippedisk_verify.flow.system import nudged
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.precision import DOUBLE, Precision, bits, bits_for_digits, companion
 
-__all__ = ["cycle_in", "cycle_numbers", "cycle_of", "cycle_to_digits", "logarithms_bounded", "numbers_at"]
+__all__ = [
+    "MORE_DIGITS",
+    "cycle_in",
+    "cycle_numbers",
+    "cycle_of",
+    "cycle_to_digits",
+    "logarithms_bounded",
+    "numbers_at",
+    "wider_cycle",
+]
 
 C = TypeVar("C", bound=Cycle)
 
@@ -52,8 +62,14 @@ TWINS_OF_WIDER = 8
 #: Half-widths of the same cycle differ by up to 1.6 from draw to draw. With this factor to spare it is no matter of
 #: last bits which arithmetic answers.
 _TO_SPARE = 2
-#: What a chord iteration that stands still leaves undecided, in units of its step: the steps' ratio is at least 1/2.
+#: What an iteration that stands still leaves undecided, in units of its step: the steps' ratio is at least 1/2.
 _STANDING = 4
+#: More than asked for, in which a cycle is solved that doubles do not hold.
+MORE_DIGITS = 20
+_MOST_WIDENINGS = 4  # of that arithmetic, each time by twice as many digits; the last one takes a minute
+_FAR = Fraction(1, 10)  # of the cycle's size, for a chord step: then its derivative is too far off
+_MOST_NEWTON_STEPS = 20  # each doubles the digits
+_LEFT = 5  # times smaller than it began, an iteration falls onto the equilibrium, which is the trivial solution
 
 
 def cycle_to_digits(fixed_point: FixedPoint[C], digits: int) -> C:
@@ -69,17 +85,27 @@ def cycle_to_digits(fixed_point: FixedPoint[C], digits: int) -> C:
             cycle = _by_twins(fixed_point, precision, doubles)
             if cycle is not None and _lacking(cycle, wanted, _TO_SPARE) is None:
                 return cycle
-    # Twenty digits more than asked for: slow convergence next to the Hopf point and the passages cost some of them.
-    cycle = cycle_in(fixed_point, bits(bits_for_digits(digits + 20)))
-    if name := _lacking(cycle, digits):
-        raise AccuracyError(f"{name} has fewer than {digits} digits so close to a bifurcation: ask for {digits + 20}")
-    return cycle
+    return wider_cycle(fixed_point, digits)
+
+
+def wider_cycle(fixed_point: FixedPoint[C], digits: int, more: int = MORE_DIGITS) -> C:
+    """Return the cycle in an arithmetic beyond doubles, of ``more`` digits than asked for or as many as it takes.
+
+    Slow convergence next to the Hopf point and the passages of the saddles cost digits. Raises AccuracyError if
+    ``_MOST_WIDENINGS`` times twice as many more are not enough.
+    """
+    name: str | None = None
+    for extra in (more * 2**widening for widening in range(_MOST_WIDENINGS)):
+        cycle = cycle_in(fixed_point, bits(bits_for_digits(digits + extra)))
+        if (name := _lacking(cycle, digits)) is None:
+            return cycle
+    raise AccuracyError(f"{name} has fewer than {digits} digits so close to a bifurcation: ask for {digits + extra}")
 
 
 def cycle_in(fixed_point: FixedPoint[C], precision: Precision, wider: Precision | None = None) -> C:
     """The cycle in one arithmetic, its half-widths from twins in double, or else from a wider arithmetic.
 
-    Raises AccuracyError if the chord iteration does not settle.
+    Raises AccuracyError if the iteration does not settle.
     """
     if precision == DOUBLE:
         doubles = list(islice(_draws(fixed_point), 1 + TWINS))
@@ -92,12 +118,15 @@ def cycle_in(fixed_point: FixedPoint[C], precision: Precision, wider: Precision 
 def _by_twins(fixed_point: FixedPoint[C], precision: Precision, doubles: Sequence[dict[str, Any]]) -> C | None:
     """The cycle in double, or in an arithmetic a little wider, its half-widths from as many draws in double.
 
-    None if the wider iteration stands still above what rounding explains.
+    None if the wider iteration does not settle, or stands still above what rounding explains.
     """
     if precision == DOUBLE:
         numbers, doubt = doubles[0], dict[str, Fraction]()
     else:
-        numbers, doubt, _ = _sharpened(fixed_point, precision)
+        try:
+            numbers, doubt, _ = _sharpened(fixed_point, precision)
+        except AccuracyError:
+            return None
     measured = half_widths_by_twins(numbers, doubles, precision)
     if any(measured[name].uncertainty < left for name, left in doubt.items()):
         return None
@@ -236,15 +265,15 @@ def logarithms_bounded(measured: dict[str, Measured]) -> None:
 def _sharpened(
     fixed_point: FixedPoint[C], precision: Precision
 ) -> tuple[dict[str, Any], dict[str, Fraction], FixedPoint[C]]:
-    """All numbers of the cycle, what the chord iteration leaves undecided of its point and period, and where it ended.
+    """All numbers of the cycle, what the iteration leaves undecided of its point and period, and where it ended.
 
-    Raises AccuracyError if the chord iteration does not settle.
+    Raises AccuracyError if the iteration does not settle.
     """
     return_map = fixed_point.return_map
     if precision == return_map.precision:
         return numbers_at(return_map, fixed_point.point, fixed_point.image), {}, fixed_point
     return_map = return_map.within(precision)
-    point, standing = _chords(return_map, fixed_point)
+    point, standing = _settled(return_map, fixed_point)
     image = return_map(point)
     undecided = [_STANDING * step for step in standing]
     times = (fraction(abs(a)) * b for a, b in zip(image.time_by_state, undecided, strict=True))
@@ -254,20 +283,51 @@ def _sharpened(
     return numbers_at(return_map, point, image), doubt, sharper
 
 
-def _chords(return_map: ReturnMap[C], fixed_point: FixedPoint[C]) -> tuple[tuple[Any, Any], tuple[Fraction, Fraction]]:
-    """Chord steps with the fixed point's derivative, until they are below rounding; and the step where they stood."""
+def _settled(return_map: ReturnMap[C], fixed_point: FixedPoint[C]) -> tuple[tuple[Any, Any], tuple[Fraction, Fraction]]:
+    """Iterate for the fixed point in the map's arithmetic, until a step is below rounding or stands still at it.
+
+    Chord steps with the fixed point's own derivative come first: each takes a flight without variational equations.
+    That derivative is too far off where a step is not half of the one before, as next to a bifurcation, where a step is
+    long, or where there are many. Newton's steps then follow. Where one of these is not half of the one before, only
+    rounding is left. Returns the point and the step where it stood.
+
+    Raises AccuracyError if neither happens, or if the iteration shrinks towards the equilibrium.
+    """
     precision = return_map.precision
-    point = [precision.number(coordinate) for coordinate in fixed_point.point]
-    (a, b), (c, d) = ([precision.number(entry) for entry in row] for row in fixed_point.image.matrix)
+    point = tuple(precision.number(coordinate) for coordinate in fixed_point.point)
+    scale = min(Fraction(1), _length(point))
     # Below a thousand ulps only rounding is left; a step that has stopped shrinking says the same.
-    small = 1000 * precision.epsilon
-    failure = AccuracyError(f"the chord iteration has not converged in {precision.name} precision")
-    stop = Stop(precision.bits // 8 + 8, failure, small=small, fewest=2)
+    small = 1000 * precision.epsilon * scale
+    failure = AccuracyError(f"the iteration for the cycle has not converged in {precision.name} precision")
 
     def size(iterate: Iterate[C]) -> Fraction:
-        return sum((fraction(abs(step)) for step in iterate.step[:2]), Fraction(0))
+        if not all(map(math.isfinite, map(float, iterate.step))) or _length(iterate.ahead[:2]) < scale / _LEFT:
+            raise failure
+        return _length(iterate.step[:2])
 
-    chord = fixed_point.image._replace(matrix=((a, b), (c, d)), by_omega=(0, 0))
-    found = newton(return_map, point, stop, size, chord=chord)
-    first, second = (Fraction(0) if size(found) < small else fraction(abs(step)) for step in found.step[:2])
-    return found.ahead[:2], (first, second)
+    def size_of_chord(iterate: Iterate[C]) -> Fraction:
+        length = size(iterate)
+        if length > _FAR * scale:
+            raise failure
+        return length
+
+    with suppress(AccuracyError, NoSuchCycleError):
+        rows: Any = tuple(tuple(precision.number(entry) for entry in row) for row in fixed_point.image.matrix)
+        chord = fixed_point.image._replace(matrix=rows, by_omega=(0, 0))
+        stop = Stop(precision.bits // 8 + 8, failure, small=small, fewest=2)
+        found = newton(return_map, point, stop, size_of_chord, chord=chord)
+        if size(found) < small:
+            return found.ahead[:2], (Fraction(0), Fraction(0))
+        point = found.point
+    try:
+        found = newton(return_map, point, Stop(_MOST_NEWTON_STEPS, failure, small=small, fewest=2), size)
+    except NoSuchCycleError:
+        raise failure from None
+    if size(found) < small:
+        return found.ahead[:2], (Fraction(0), Fraction(0))
+    return found.ahead[:2], (fraction(abs(found.step[0])), fraction(abs(found.step[1])))
+
+
+def _length(vector: Sequence[Any]) -> Fraction:
+    """Return the sum of the coordinates' absolute values."""
+    return sum((fraction(abs(coordinate)) for coordinate in vector), Fraction(0))

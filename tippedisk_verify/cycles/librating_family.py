@@ -14,7 +14,7 @@ from functools import cached_property
 
 import numpy
 
-from tippedisk_verify.cycles.family import Family, Solver, one_at_a_time
+from tippedisk_verify.cycles.family import Family, Place, Solver, one_at_a_time
 from tippedisk_verify.cycles.section import LIBRATING
 from tippedisk_verify.errors import NoSuchCycleError
 from tippedisk_verify.flow.contract import Engine
@@ -69,6 +69,16 @@ class LibratingFamily(Family):
     def limit(self) -> float:
         """Where Omega tends to at the end [rad/s], to a fraction of its distance from there."""
         return float(self.nodes[-1, 3] + math.copysign(self._left, self.nodes[-1, 6]))
+
+    def newborn(self, distance: float) -> Place:
+        """Return the cycle so far [rad/s] from the Hopf point, nearer to it than the first node, as far as a law tells.
+
+        Next to the Hopf point the distance goes like a power of the amplitude, in general the second, under the smooth
+        law the first. The first node has that power and its factor.
+        """
+        s, _, _, omega, _, _, slope = self.nodes[0].tolist()
+        away = self.omega_crit - omega
+        return self.place(s * (distance / abs(away)) ** (-away / (s * slope)))
 
     @cached_property
     def connected(self) -> bool:

@@ -21,7 +21,7 @@ from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, bits
 from tippedisk_verify.model.results import Printable, quantity
 
-__all__ = ["Cycle", "LimitCycle", "Monodromy", "RotatingCycle"]
+__all__ = ["Cycle", "LimitCycle", "MissingCycle", "Monodromy", "RotatingCycle"]
 
 _NEXT_TO_A_SADDLE = 20  # bits below 1 of what tells the orbit from the saddle's manifolds; a double start misses that
 _DOUBLE_BITS = 60  # below 1, down to which what a cycle's numbers may be off lies beside a double's rounding
@@ -171,6 +171,22 @@ class RotatingCycle(Cycle):
     )
     dbeta_bar_top_domega: Measured = field(metadata=quantity("d(beta_bar_top)/dOmega along the family", "s"))
     dv_top_domega: Measured = field(metadata=quantity("d(v_top)/dOmega along the family", "1"))
+
+
+@dataclass(frozen=True, repr=False)
+class MissingCycle(Printable):
+    """A speed of a list at which no limit cycle was found, in the place of the cycle."""
+
+    omega: Measured = field(metadata=quantity("the spinning speed", "rad/s"))
+    fault: Exception  #: what was raised there
+
+    @property
+    def status(self) -> str:
+        """Why there is no cycle."""
+        return str(self.fault)
+
+    def to_dict(self) -> dict[str, Any]:
+        return {"omega": self.omega.to_dict(), "status": self.status}
 
 
 # ------------------------------------------------------------------------------------------------ the monodromy matrix

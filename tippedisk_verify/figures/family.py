@@ -9,7 +9,7 @@ from fractions import Fraction
 from functools import partial
 from typing import Any
 
-from tippedisk_verify.atlas.branch import family, rotating_branch
+from tippedisk_verify.atlas.branch import family, found, rotating_branch
 from tippedisk_verify.atlas.locator import locator
 from tippedisk_verify.audit.claims import Audit
 from tippedisk_verify.cycles.folds import fold_in_double
@@ -158,10 +158,10 @@ def scenario(audit: Audit, examined: Sequence[str]) -> Drawing:
     room = omega_h.value - lowest
     # Curves are steepest at the fold and on both sides of Omega_h: speeds lie closest together there.
     steps = [room * Fraction((1 - math.cos(math.pi * n / _SPEEDS)) / 2) for n in range(1, _SPEEDS)]
-    librating = [*audit.family(name), *family(parameters, engine, omegas=[omega_h.value + s for s in steps])]
+    librating = [*audit.family(name), *found(family(parameters, engine, omegas=[omega_h.value + s for s in steps]))]
     reach = Fraction(birth[0]) + Fraction(1, 2) - omega_h.value
     beyond = [omega_h.value + reach * Fraction(n, _SPEEDS) for n in range(1, _SPEEDS + 1)]
-    rotating = list(rotating_branch(parameters, engine, [*(lowest + s for s in steps), *beyond]))
+    rotating = found(rotating_branch(parameters, engine, [*(lowest + s for s in steps), *beyond]))
     end = (fold["omega"], fold["beta_max"], fold["period"], 1.0)
     families = {
         _LIBRATING: _rows(librating, birth),

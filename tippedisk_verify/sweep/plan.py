@@ -11,7 +11,7 @@ import itertools
 import math
 import re
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any, get_args
 
@@ -38,7 +38,8 @@ _START = {"beta": "pi/2", "gamma": "pi/2 + 0.4", "v": "0"}
 
 # ------------------------------------------------------------------------------------------ what can be swept
 def _orbit(parameters: Parameters, point: Mapping[str, str], digits: int) -> dict[str, Any]:
-    cycle = cycle_at(parameters, _speed(parameters, point, digits), default_engine(), digits=digits)
+    speed = _speed(parameters, point, digits)
+    cycle = replace(cycle_at(parameters, speed.value, default_engine(), digits=digits), omega=speed)
     names = ("omega", "period", "gamma_bar_0", "v_0", "beta_max", "multiplier_slow", "log_multiplier_slow")
     numbers = {name: getattr(cycle, name) for name in (*names, "log_multiplier_fast", "dperiod_domega")}
     return {**numbers, "stable": str(cycle.stable)}
@@ -47,7 +48,7 @@ def _orbit(parameters: Parameters, point: Mapping[str, str], digits: int) -> dic
 def _equilibria(parameters: Parameters, point: Mapping[str, str], digits: int) -> dict[str, Any]:
     numbers: dict[str, Any] = {}
     for name in get_args(EquilibriumName):
-        found = equilibrium(parameters, _speed(parameters, point, digits), name, digits)
+        found = equilibrium(parameters, _speed(parameters, point, digits).value, name, digits)
         for n, value in enumerate(found.eigenvalues, start=1):
             numbers |= {f"{name}_{n}_re": value.re, f"{name}_{n}_im": value.im}
         numbers[f"{name}_stable"] = found.stable
@@ -61,8 +62,10 @@ def _heteroclinic(parameters: Parameters, point: Mapping[str, str], digits: int)
 
 def _trajectory(parameters: Parameters, point: Mapping[str, str], digits: int) -> dict[str, Any]:
     state, duration = [point.get(name, start) for name, start in _START.items()], point.get("duration", "10")
-    omega = _speed(parameters, point, digits)
+    omega = _speed(parameters, point, digits).value
     found = integrated(parameters, omega, state, duration, [duration], digits, (), default_engine())
+    if not found.success:
+        raise AccuracyError(found.status.value)
     if not max(map(float, found.end.uncertainty)) < float("inf"):
         raise AccuracyError("rounding decides how this orbit ends: ask for more digits")
     ends = zip(_START, found.end.state, found.end.uncertainty, strict=True)
@@ -70,9 +73,9 @@ def _trajectory(parameters: Parameters, point: Mapping[str, str], digits: int) -
     return {"ended": found.status.name, "time": Measured.of(found.end.time, found.end.time_uncertainty), **numbers}
 
 
-def _speed(parameters: Parameters, point: Mapping[str, str], digits: int) -> Fraction:
+def _speed(parameters: Parameters, point: Mapping[str, str], digits: int) -> Measured:
     if "omega" in point:
-        return checked_speed(point["omega"])
+        return Measured(checked_speed(point["omega"]), Fraction(0))
     return speed_below_crit(parameters, point["below-crit"], digits)
 
 

@@ -23,6 +23,7 @@ from fractions import Fraction
 from typing import Literal, NamedTuple
 
 from tippedisk_verify.errors import AccuracyError, InputError
+from tippedisk_verify.model.decimals import decimal_magnitude
 from tippedisk_verify.model.equations import checked_speed
 from tippedisk_verify.model.exact import PI, exact
 from tippedisk_verify.model.measured import Measured
@@ -38,6 +39,7 @@ __all__ = [
     "amplitude_law",
     "critical_frequency_squared",
     "criticality",
+    "distance_below_crit",
     "frequency_ratio_squared",
     "hopf_point",
     "normal_form",
@@ -151,17 +153,27 @@ def omega_crit(parameters: Parameters, digits: int = 15) -> Measured:
     return square_root(omega_crit_squared(parameters), checked_digits(digits) + 5)
 
 
-def speed_below_crit(parameters: Parameters, distance: object, digits: int) -> Fraction:
-    """The decimal speed [rad/s] that lies ``distance`` [rad/s] below Omega_crit.
+def distance_below_crit(parameters: Parameters, omega: Fraction) -> Fraction:
+    """Return Omega_crit - ``omega`` [rad/s] to 15 digits, however small it is."""
+    crit = square_root(square := omega_crit_squared(parameters), 20).value
+    return (square - omega**2) / (crit + omega)
+
+
+def speed_below_crit(parameters: Parameters, distance: object, digits: int) -> Measured:
+    """Return Omega_crit - ``distance`` [rad/s], an irrational speed, as a decimal with its half-width.
 
     Raises InputError for a distance that is no decimal, or leaves no speed.
     """
     below = exact(distance)
     if below.pi_multiple:
         raise InputError("the distance below Omega_crit must be a decimal")
-    # With 30 digits more the rounding of Omega_crit stays far below every half-width.
-    crit = square_root(omega_crit_squared(parameters), checked_digits(digits) + 35)
-    return checked_speed(Fraction(crit.decimals()[0]) - below.rational)
+    # The distance has 35 digits more than asked for, and so has what its last decimal leaves of the distance from
+    # Omega_h or a fold: the half-width is far below what rounding does to any number.
+    places = decimal_magnitude(Fraction(below.rational.denominator))
+    crit = square_root(omega_crit_squared(parameters), checked_digits(digits) + 35 + 2 * places)
+    speed = Measured.of(*crit.decimals()) - below.rational
+    checked_speed(speed.value)
+    return speed
 
 
 @undisturbed

@@ -20,6 +20,7 @@ __all__ = [
     "LAWS",
     "MANNERS",
     "MEASURED",
+    "Claim",
     "Refused",
     "as_float",
     "content_of",
@@ -125,6 +126,23 @@ def parsed(value: Any, shape: Any, path: str) -> Any:
         return shape(value)
     except ValueError as fault:
         raise Refused(f"{path}: {fault}") from None
+
+
+class Claim(dict[str, Any]):
+    """A claim that remembers which of its members have been looked at: what nothing looks at, nothing tests."""
+
+    def __init__(self, members: Mapping[str, Any]) -> None:
+        super().__init__(members)
+        self.read: set[str] = set()
+
+    def __getitem__(self, name: str) -> Any:
+        self.read.add(name)
+        return super().__getitem__(name)
+
+    def get(self, name: str, default: Any = None) -> Any:
+        """The member, if there is one."""
+        self.read.add(name)
+        return super().get(name, default)
 
 
 MEASURED = {"value": decimal, "uncertainty": decimal}

@@ -8,7 +8,17 @@ from typing import Any
 from tippedisk_verify.proofs.kernel.balls import Unproved, need, working_precision
 from tippedisk_verify.proofs.kernel.claims import connection, connection_cycles, cycle, family, fold
 from tippedisk_verify.proofs.kernel.field import UNITS
-from tippedisk_verify.proofs.kernel.reading import DISK, LAWS, Refused, content_of, digest, one_of, parsed, precision
+from tippedisk_verify.proofs.kernel.reading import (
+    DISK,
+    LAWS,
+    Claim,
+    Refused,
+    content_of,
+    digest,
+    one_of,
+    parsed,
+    precision,
+)
 
 __all__ = ["FORMAT", "KINDS", "Refused", "Unproved", "check", "digest", "proved", "sentence"]
 
@@ -42,11 +52,14 @@ def proved(content: Any, mapped: family.Mapped = map) -> str:
         shape = {"format": str, "claim": DISK | claim, "bits": precision, "evidence": evidence, "sha256": str}
         file = parsed(content, shape, "the file")
         need(content["sha256"] == digest(content), "the content is not what its digest, sha256, was made of")
-        shared = (mapped,) if KINDS[kind] is family else ()
+        shared, said = (mapped,) if KINDS[kind] is family else (), Claim(file["claim"])
         try:
-            KINDS[kind].show(file["claim"], file["evidence"], *shared)
+            KINDS[kind].show(said, file["evidence"], *shared)
         except (ValueError, IndexError, OverflowError, ZeroDivisionError) as fault:
             raise Unproved(f"its choices cannot be computed with: {fault}") from None
+    # The kind chose the test; of what a kind narrows in `DISK`, reading the file was the test.
+    untested = said.keys() - said.read - {"kind"} - (claim.keys() & DISK.keys())
+    need(not untested, f"claim: nothing tests {', '.join(sorted(untested))}")
     return sentence(file["claim"])
 
 
