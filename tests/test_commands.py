@@ -93,6 +93,16 @@ def test_help_is_whole_sentences_in_80_columns() -> None:
             assert command.hidden or command.get_short_help_str().endswith("."), command.name
 
 
+def test_the_main_job_takes_the_same_time_wherever_that_is_said() -> None:
+    root = Path(__file__).parents[1]
+    texts = [
+        *((root / name).read_text(encoding="utf-8") for name in ("README.md", "docs/commands.md")),
+        _help("verify"),
+    ]
+    durations = r"(?:half )?a minute(?: and a half| to a minute)?(?= on two cores)"
+    assert [re.findall(durations, " ".join(text.split())) for text in texts] == [["a minute"]] * 3
+
+
 def test_verify_says_what_an_equation_and_a_printed_number_come_to(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["verify", "--only", "eq.28,14"]) == 0
     assert capsys.readouterr().out.startswith(
