@@ -5,15 +5,18 @@ from __future__ import annotations
 import re
 import shlex
 from collections.abc import Iterator
+from dataclasses import is_dataclass
 from pathlib import Path
 
 import click
 import pytest
 
+from tippedisk_verify.bench.problems import PROBLEMS
 from tippedisk_verify.cli import cli, main
 from tippedisk_verify.commands import common
 from tippedisk_verify.model import results
 from tippedisk_verify.reference_values.store import stored
+from tippedisk_verify.theory.hopf import HopfPoint
 
 CONTEXT = click.Context(cli, info_name="tippedisk-verify", terminal_width=80)
 
@@ -93,6 +96,11 @@ def test_help_is_whole_sentences_in_80_columns() -> None:
             assert command.hidden or command.get_short_help_str().endswith("."), command.name
 
 
+def test_the_help_of_bench_names_its_problems() -> None:
+    (listed,) = re.findall(r"--only PROBLEM (.*?)\.", " ".join(_help("bench").split()))
+    assert re.findall(r"[\w-]+", listed.partition(":")[2].replace(" or ", " ")) == [one.name for one in PROBLEMS]
+
+
 def test_the_main_job_takes_the_same_time_wherever_that_is_said() -> None:
     root = Path(__file__).parents[1]
     texts = [
@@ -140,12 +148,18 @@ def test_units_are_those_of_the_reference_data() -> None:
 
 
 def test_a_quantity_has_one_unit() -> None:
-    """Whatever class it stands in; and a meaning that the comment beside the field says."""
+    """Whatever class it stands in; and a meaning."""
     units: dict[str, set[str]] = {name: {what.unit} for name, what in results.COORDINATES.items()}
-    for module in results._RESULTS:
-        for name, what in results.quantities(module).items():
+    for kind in _results(results.Printable):
+        for name, what in results.quantities(kind).items() if is_dataclass(kind) else ():
             units.setdefault(name, set()).add(what.unit)
             assert what.meaning
     assert {name: said for name, said in units.items() if len(said) > 1} == {}
-    assert results.quantities("theory.hopf", "HopfPoint")["period"].unit == "s"
-    assert "harmonics" not in results.quantities("cycles.spectral", "SpectralFold")
+    assert results.quantities(HopfPoint)["period"].unit == "s"
+    assert len(units) > 40
+
+
+def _results(kind: type) -> Iterator[type]:
+    for below in kind.__subclasses__():
+        yield below
+        yield from _results(below)

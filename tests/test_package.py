@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import doctest
+import inspect
 import subprocess
 import sys
 from importlib import import_module
@@ -54,5 +55,12 @@ def test_public_names_exist() -> None:
 
 @pytest.mark.parametrize("name", ["", ".disk", ".model.measured", ".cycles.limit_cycle"])
 def test_the_examples_of_docstrings_run(name: str) -> None:
-    failed, tried = doctest.testmod(import_module(f"tippedisk_verify{name}"))
-    assert (failed, tried > 0) == (0, True)
+    module = import_module(f"tippedisk_verify{name}")
+    finder, runner = doctest.DocTestFinder(), doctest.DocTestRunner()
+    classes = (item for item in vars(module).values() if isinstance(item, type) and item.__module__ == module.__name__)
+    # None is found in a wrapper.
+    methods = (inspect.unwrap(member) for kind in classes for member in vars(kind).values())
+    for item in (module, *filter(inspect.isfunction, methods)):
+        for test in finder.find(item, getattr(item, "__qualname__", None), module, vars(module)):
+            runner.run(test)
+    assert (runner.failures, runner.tries > 0) == (0, True)

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 from tippedisk_verify.errors import AccuracyError, InputError, NoConnectionError, NoSuchCycleError
 from tippedisk_verify.model.exact import exact, shown
+from tippedisk_verify.model.surroundings import undisturbed_methods
 from tippedisk_verify.progress import progress_of
 
 if TYPE_CHECKING:
@@ -40,6 +41,7 @@ _NEAREST = Fraction(1, 10**7)  # rad/s from Omega_h; at 1e-5 a proof takes a min
 Workers = Callable[[bool], AbstractContextManager["Executor | None"]]
 
 
+@undisturbed_methods
 @dataclass(frozen=True)
 class Certifier:
     """The proofs of one disk: numbers as enclosures, each with the statement that is proved.

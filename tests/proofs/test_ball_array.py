@@ -4,7 +4,7 @@ A fault is a piece of the module's text, which must occur exactly once, what rep
 notice. A mutant that fails in another way than by a false ball counts as noticed as well: it cannot prove anything.
 
 The balls hold their images as well on a processor that flushes subnormal numbers, results and operands, to zero. The
-mode is set for the operations on lanes only, so what they are held against is computed without it.
+mode is set for the operations on them only, so what they are held against is computed without it.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ def test_no_attack_breaks_the_balls(attack, count) -> None:
     ATTACKS[attack](ball_array, count)
 
 
-def test_what_has_no_lanes_is_refused() -> None:
+def test_what_is_no_array_of_doubles_is_refused() -> None:
     with pytest.raises(ValueError, match="one-dimensional"):
         BallArray(np.zeros((2, 2)))
     for other in ([2**60 + 1], 3, [0.5, 2**60 + 1], np.array([1]), np.zeros(1, dtype=np.longdouble), ["1"]):
@@ -75,7 +75,7 @@ def test_a_series_is_a_sequence() -> None:
 
 
 def test_the_variational_coefficients_hold_those_of_arb() -> None:
-    """To order 20: those of points of each lane's box, of widths from none to far more than proofs use."""
+    """To order 20: those of points of each box, of widths from none to far more than proofs use."""
     rng, count, finite = random.Random(11), 40, []
     columns = [
         [(middle + rng.uniform(-size, size), rng.choice(widths)) for _ in range(count)]
@@ -87,11 +87,11 @@ def test_the_variational_coefficients_hold_those_of_arb() -> None:
     found = model.variational.coefficients([*state, *(BallArray(np.full(count, float(x))) for x in tangents)], ORDER)
     thin = model.orbit.coefficients([part.mid() for part in state], ORDER)
     with working_precision(200):
-        for lane in range(count):
+        for place in range(count):
             for turn in range(3):
                 shares = [rng.choice((-1.0, 1.0, rng.uniform(-1, 1))) if turn else 0.0 for _ in range(4)]
                 *point, omega = (
-                    arb(column[lane][0]) + arb(column[lane][1]) * arb(share)
+                    arb(column[place][0]) + arb(column[place][1]) * arb(share)
                     for column, share in zip(columns, shares, strict=True)
                 )
                 exact = Model(ball_constants(PRINTED), omega)
@@ -99,16 +99,16 @@ def test_the_variational_coefficients_hold_those_of_arb() -> None:
                 pairs = [*zip(found, images, strict=True), *(() if turn else zip(thin, images[:3], strict=True))]
                 for series, image in pairs:
                     for mine, true in zip(series, image, strict=True):
-                        _assert_within(mine, lane, true)
-                        finite.append(mine.is_finite()[lane])
+                        _assert_within(mine, place, true)
+                        finite.append(mine.is_finite()[place])
     assert sum(finite) > 0.9 * len(finite)
 
 
-def _assert_within(found: BallArray, lane: int, image: object) -> None:
-    radius = float(found.radii[lane])
+def _assert_within(found: BallArray, place: int, image: object) -> None:
+    radius = float(found.radii[place])
     if radius < math.inf:
         assert image.rad() < 1e-30 * (1 + abs(image.mid()))
-        assert not abs(image - arb(float(found.midpoints[lane]))) > arb(radius)
+        assert not abs(image - arb(float(found.midpoints[place]))) > arb(radius)
 
 
 def test_an_earlier_result_is_not_overwritten() -> None:

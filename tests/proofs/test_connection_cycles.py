@@ -89,7 +89,7 @@ def test_flights_that_end_before_the_arrival_or_after_it_are_refused(end: int, l
 
 
 @pytest.mark.parametrize("share", [-1, 10, math.nan])
-def test_steps_backwards_or_too_long_are_refused_with_their_lane(share: float) -> None:
+def test_steps_backwards_or_too_long_are_refused_with_their_flight(share: float) -> None:
     time = arrival(float(OMEGA_H), 0.01, 0.0)[0]
     with pytest.raises(Unproved, match="flight 2: the states and derivatives"):
         flights([arb(float(OMEGA_H))] * 2, [arb(0.01)] * 2, arb(0), [time, share * time])
@@ -117,8 +117,8 @@ def test_what_is_asked_of_a_step(beta: Any, v: Any, slows: float, line: Any) -> 
             flights_module._climbs(model, step)
 
 
-def test_a_lane_in_which_beta_bar_has_no_largest_value_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    """After one step no v has changed its sign; were it shown of one lane, the other one would be missed."""
+def test_a_flight_in_which_beta_bar_has_no_largest_value_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    """After one step no v has changed its sign; were it shown of one flight, the other one would be missed."""
     for shown in ([False, False], [True, False]):
         monkeypatch.setattr(flights_module, "_climbs", lambda model, step, shown=shown: np.array(shown))
         with pytest.raises(Unproved, match=f"flight {1 + shown.count(True)}: beta_bar is not shown to have a largest"):
@@ -136,7 +136,10 @@ def test_the_flights_cover_all_exits_and_speeds(monkeypatch: pytest.MonkeyPatch)
     cells: list[tuple[Any, Any]] = []
 
     def told(saddle: Any, extents: Any, slow: Any, fast: Any, lengths: Any, count: int, watch: Any) -> None:
-        cells.extend((saddle.omega.arb(k), slow.arb(k)) for k in range(len(lengths)))
+        balls = (
+            [arb(*map(float, entry)) for entry in zip(x.midpoints, x.radii, strict=True)] for x in (saddle.omega, slow)
+        )
+        cells.extend(zip(*balls, strict=True))
 
     monkeypatch.setattr(module, "arrivals", told)
     n = SimpleNamespace(saddle=Saddle(DISK, "linear", arb(30), DIRECTIONS), extents=[arb(x) for x in GIVEN["extents"]])

@@ -17,10 +17,11 @@ import numpy as np
 import pytest
 from flint import arb, arb_mat
 
+from tests.proofs.cases import hull
 from tests.proofs.saddle_orbits import DIRECTIONS, DISK, OMEGA_H, Orbits
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.proofs.kernel.ball_array import BallArray
-from tippedisk_verify.proofs.kernel.balls import Unproved, ball, hull, working_precision
+from tippedisk_verify.proofs.kernel.balls import Unproved, ball, working_precision
 from tippedisk_verify.proofs.kernel.claims.passage import Passage
 from tippedisk_verify.proofs.kernel.claims.saddle import FAST, SLOW, UNSTABLE, Saddle, products
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from importlib import import_module
 from textwrap import wrap
 
 import click
 
 from tippedisk_verify.model.results import COORDINATES, Quantity, heading, quantities
 
-__all__ = ["EXAMPLES", "Cli"]
+__all__ = ["EXAMPLES", "Cli", "load_quantities"]
 
 #: Of each command two examples, cheap ones first; what they write is named so that it can be written anywhere.
 EXAMPLES: dict[str, tuple[str, str]] = {
@@ -108,11 +109,21 @@ def _sentence(command: click.Command) -> str:
 def _defined(path: str) -> list[str]:
     known: dict[str, Quantity] = {}
     for module, *names in _PRINTED.get(path, ()):
-        of_class = quantities(module, *names) if module else {name: COORDINATES[name] for name in names}
-        known = known | {name: what for name, what in of_class.items() if name not in known}
+        for name in names:
+            if module:
+                found = quantities(getattr(import_module(f"tippedisk_verify.{module}"), name))
+            else:
+                found = {name: COORDINATES[name]}
+            known |= {each: what for each, what in found.items() if each not in known}
     told = [f"{heading(name)}: {what.meaning}" for name, what in known.items()]
     lines = [line for one in told for line in wrap(one, 76, initial_indent="    ", subsequent_indent="        ")]
     return ["Quantities (± is a half-width that holds the true value):", *lines] if told else []
+
+
+def load_quantities() -> None:
+    """Load all classes whose numbers are printed, so that each name has its unit whatever was computed."""
+    for module in {module for printed in _PRINTED.values() for module, *_ in printed if module}:
+        import_module(f"tippedisk_verify.{module}")
 
 
 def _examples(path: str) -> list[str]:

@@ -9,7 +9,21 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from tippedisk_verify.commands.common import Common, alone_in, command, processes, table
+from tippedisk_verify.commands.common import (
+    Common,
+    alone_in,
+    at_a_speed,
+    below_crit_option,
+    decimal,
+    disk_command,
+    file_for,
+    jobs_option,
+    omega_option,
+    processes,
+    rotating_option,
+    table,
+    unstable_option,
+)
 from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.files import read_text, write_bytes, write_csv, write_table
 from tippedisk_verify.model.exact import exact
@@ -32,27 +46,40 @@ _MOTION = ("t", "beta", "gamma", "v")
 _STATES = ("inverted", "noninverted")
 
 
-@command
+@disk_command("Integrate one motion, with half-widths of its states and events; at 201 even times if none are given.")
+@at_a_speed
+@click.option("--state", required=True, metavar="BETA,GAMMA,V", help="The start, such as pi/2,pi/2+0.4,0.")
+@click.option("--time", required=True, metavar="T|T0,T1", help="How long, or from when to when [s].")
+@click.option("--times", metavar="N|FILE", help="So many even times, or the first column of a file.")
+@click.option(
+    "--events",
+    default="",
+    metavar="NAME,...",
+    help="Crossings to report: section (beta = pi/2), turn (v = 0), surface (the sliding velocity is zero).",
+)
+@click.option(
+    "--max-steps",
+    default=100_000,
+    show_default=True,
+    metavar="N",
+    help="Steps that the run may take; a run that needs more ends with exit status 1.",
+)
+@click.option(
+    "--out",
+    callback=file_for(".csv", ".parquet", ".png"),
+    metavar="FILE.csv|.parquet|.png",
+    help="Write the motion with its events there, or draw it.",
+)
 def integrate(
     common: Common,
     omega: Fraction,
-    *,
     state: str,
     time: str,
-    times: str | None = None,
-    events: str = "",
-    max_steps: int = 100_000,
-    out: Path | None = None,
+    times: str | None,
+    events: str,
+    max_steps: int,
+    out: Path | None,
 ) -> int:
-    """Integrate one motion, with half-widths of its states and events; at 201 even times if none are given.
-
-    --state BETA,GAMMA,V  The start, such as pi/2,pi/2+0.4,0.
-    --time T|T0,T1  How long, or from when to when [s].
-    --times N|FILE  So many even times, or the first column of a file.
-    --events NAME,...  Crossings to report: section (beta = pi/2), turn (v = 0), surface (the sliding velocity is zero).
-    --max-steps N  Steps that the run may take; a run that needs more ends with exit status 1.
-    --out FILE.csv|.parquet|.png  Write the motion with its events there, or draw it.
-    """
     ends = time.split(",")
     solution = common.disk.integrate(
         omega,
@@ -106,49 +133,54 @@ def _write_motion(solution: Solution, rows: list[dict[str, Any]], target: Path) 
     write_table(target, lines)
 
 
-@command
+@disk_command("Compute states, eigenvalues and stability of inverted and noninverted spinning.")
+@at_a_speed
 def equilibria(common: Common, omega: Fraction) -> dict[str, Any]:
-    """Compute states, eigenvalues and stability of inverted and noninverted spinning."""
     return {name: common.disk.equilibrium(name, omega, digits=common.digits).to_dict() for name in _STATES}
 
 
-@command
+@disk_command("Compute the Hopf point: speed, period, first Lyapunov coefficient, laws of amplitude and period.")
 def hopf(common: Common) -> Any:
-    """Compute the Hopf point: speed, period, first Lyapunov coefficient, laws of amplitude and period."""
     return common.disk.hopf(digits=common.digits)
 
 
-@command
-def slow_manifold(
-    common: Common, *, order: int, omega: str | None = None, beta: str = "1.2", gamma: str = "0.3"
-) -> Any:
-    """Compute the orders of the slow manifold, their residuals, and the reduced flow.
-
-    --order N  Highest order in epsilon, 0 to 40. Above 5 it takes long: 8 some ten seconds, 12 half a minute.
-    --omega X  The spinning speed [rad/s]; Omega_crit - 0.5 if not given.
-    --beta X  Where h is taken [rad].
-    --gamma X  Where h is taken [rad].
-    """
+@disk_command("Compute the orders of the slow manifold, their residuals, and the reduced flow.")
+@click.option(
+    "--order",
+    type=int,
+    required=True,
+    metavar="N",
+    help="Highest order in epsilon, 0 to 40. Above 5 it takes long: 8 some ten seconds, 12 half a minute.",
+)
+@click.option(
+    "--omega", callback=decimal, metavar="X", help="The spinning speed [rad/s]; Omega_crit - 0.5 if not given."
+)
+@click.option("--beta", callback=decimal, default="1.2", show_default=True, metavar="X", help="Where h is taken [rad].")
+@click.option(
+    "--gamma", callback=decimal, default="0.3", show_default=True, metavar="X", help="Where h is taken [rad]."
+)
+def slow_manifold(common: Common, order: int, omega: str | None, beta: str, gamma: str) -> Any:
     return common.disk.slow_manifold(order, omega, at=(beta, gamma), digits=common.digits)
 
 
-@command
+@disk_command("Compute one limit cycle by shooting: period, state, multipliers, sensitivities.")
+@omega_option
+@below_crit_option
+@click.option("--above-het", callback=decimal, metavar="D", help="Omega_h + D [rad/s], with D as small as 1e-100.")
+@click.option("--below-het", callback=decimal, metavar="D", help="The rotating cycle at Omega_h - D [rad/s].")
+@click.option("--at-fold", is_flag=True, help="Where two cycles of the family meet and end: each of its folds.")
+@rotating_option
+@unstable_option
 def orbit(
     common: Common,
-    omega: str | None = None,
-    below_crit: str | None = None,
-    above_het: str | None = None,
-    below_het: str | None = None,
-    at_fold: bool = False,
-    rotating: bool = False,
-    unstable: bool = False,
+    omega: str | None,
+    below_crit: str | None,
+    above_het: str | None,
+    below_het: str | None,
+    at_fold: bool,
+    rotating: bool,
+    unstable: bool,
 ) -> Any:
-    """Compute one limit cycle by shooting: period, state, multipliers, sensitivities.
-
-    --above-het D  Omega_h + D [rad/s], with D as small as 1e-100.
-    --below-het D  The rotating cycle at Omega_h - D [rad/s].
-    --at-fold  Where two cycles of the family meet and end: each of its folds.
-    """
     disk, digits = common.disk, common.digits
     if rotating and above_het is not None:
         raise InputError("--above-het is for cycles that do not rotate")
@@ -171,29 +203,21 @@ def orbit(
     return disk.limit_cycle(**speeds, stable=False if unstable else None, digits=digits)
 
 
-@command
-def harmonic_balance(common: Common, omega: Fraction, harmonics: int | None = None) -> Any:
-    """Compute a limit cycle by harmonic balance of the full equations, without an integrator.
-
-    --harmonics N  Number of odd harmonics; chosen for the digits if not given.
-    """
+@disk_command("Compute a limit cycle by harmonic balance of the full equations, without an integrator.")
+@at_a_speed
+@click.option("--harmonics", type=int, metavar="N", help="Number of odd harmonics; chosen for the digits if not given.")
+def harmonic_balance(common: Common, omega: Fraction, harmonics: int | None) -> Any:
     return common.disk.harmonic_balance(omega, harmonics=harmonics, digits=common.digits)
 
 
-@command
-def branch(
-    common: Common,
-    paper_sets: bool = False,
-    omegas: str | None = None,
-    rotating: bool = False,
-    out: Path | None = None,
-) -> int:
-    """Compute the family of limit cycles from Omega_crit towards Omega_h, through any folds, or the rotating ones.
-
-    --paper-sets  The paper's sets A^in and A^de: 801 speeds.
-    --omegas X,X,...  These speeds [rad/s], in this order.
-    --out FILE.csv  Write the family there as CSV.
-    """
+@disk_command(
+    "Compute the family of limit cycles from Omega_crit towards Omega_h, through any folds, or the rotating ones."
+)
+@click.option("--paper-sets", is_flag=True, help="The paper's sets A^in and A^de: 801 speeds.")
+@click.option("--omegas", metavar="X,X,...", help="These speeds [rad/s], in this order.")
+@rotating_option
+@click.option("--out", callback=file_for(".csv"), metavar="FILE.csv", help="Write the family there as CSV.")
+def branch(common: Common, paper_sets: bool, omegas: str | None, rotating: bool, out: Path | None) -> int:
     if common.digits > _BRANCH_DIGITS:
         raise InputError(f"a branch holds at most 12 digits, not {common.digits}: ask orbit for more at single speeds")
     if paper_sets and (omegas is not None or rotating):
@@ -231,25 +255,24 @@ def _family_lines(result: dict[str, Any]) -> Iterator[str]:
     yield from result_lines({name: entry for name, entry in result.items() if name != "orbits"})
 
 
-@command
+@disk_command("Compute what each of many initial states ends on: fractions with their sampling error, and a picture.")
+@at_a_speed
+@click.option("--count", type=int, default=100_000, show_default=True, metavar="N", help="Number of initial states.")
+@click.option("--seconds", type=float, default=20.0, show_default=True, metavar="T", help="How long each runs [s].")
+@click.option("--velocity", type=float, metavar="V", help="d(beta)/dt at the start.")
+@click.option("--margin", metavar="BETA,GAMMA,V", help="Only how far this start is from the boundary, in beta [rad].")
+@click.option("--out", metavar="DIR", help="Write picture and CSV there.")
+@jobs_option
 def basin(
     common: Common,
     omega: Fraction,
-    count: int = 100_000,
-    seconds: float = 20.0,
-    velocity: float = 0.0,
-    margin: str | None = None,
-    out: str | None = None,
-    jobs: int | None = None,
+    count: int,
+    seconds: float,
+    velocity: float,
+    margin: str | None,
+    out: str | None,
+    jobs: int | None,
 ) -> Any:
-    """Compute what each of many initial states ends on: fractions with their sampling error, and a picture.
-
-    --count N  Number of initial states.
-    --seconds T  How long each runs [s].
-    --velocity V  d(beta)/dt at the start.
-    --margin BETA,GAMMA,V  Only how far this start is from the boundary, in beta [rad].
-    --out DIR  Write picture and CSV there.
-    """
     disk = common.disk
     if margin is not None:
         if len(start := margin.split(",")) != 3:
@@ -272,13 +295,16 @@ def basin(
     return plane
 
 
-@command
-def heteroclinic(common: Common, method: str = "manifolds", out: Path | None = None) -> Any:
-    """Compute Omega_h, where the saddles are connected, by one of several methods.
-
-    --method NAME  manifolds, limit-cycles, bisection or scipy.
-    --out FILE.csv  Write samples of the connection there.
-    """
+@disk_command("Compute Omega_h, where the saddles are connected, by one of several methods.")
+@click.option(
+    "--method",
+    default="manifolds",
+    show_default=True,
+    metavar="NAME",
+    help="manifolds, limit-cycles, bisection or scipy.",
+)
+@click.option("--out", callback=file_for(".csv"), metavar="FILE.csv", help="Write samples of the connection there.")
+def heteroclinic(common: Common, method: str, out: Path | None) -> Any:
     connection = common.disk.heteroclinic(digits=common.digits, method=method)
     if out is not None:
         times, states = connection.orbit()

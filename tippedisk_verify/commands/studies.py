@@ -10,7 +10,20 @@ from typing import Any
 
 import click
 
-from tippedisk_verify.commands.common import Common, Output, alone_in, command, processes, table, workers_of
+from tippedisk_verify.commands.common import (
+    Common,
+    Output,
+    alone_in,
+    checked,
+    command,
+    disk_command,
+    file_for,
+    jobs_option,
+    known_executor,
+    processes,
+    table,
+    workers_of,
+)
 from tippedisk_verify.files import write_csv, write_text
 from tippedisk_verify.parallel import as_done
 from tippedisk_verify.progress import watched
@@ -19,20 +32,38 @@ __all__ = ["COMMANDS"]
 
 
 # ------------------------------------------------------------------------------------------------ sweep
-@command
-@click.argument("analysis", metavar="orbit|equilibria|hopf|heteroclinic|trajectory")
-def sweep(
-    common: Common, analysis: str, *, over: tuple[str, ...], out: Path, executor: str = "local", jobs: int | None = None
-) -> int:
+@disk_command(
     """Compute an analysis at every combination of the axes' values; interrupted, it goes on where it stopped.
 
     The table has the axes as they were given, the status, and each result beside its half-width (NAME_uncertainty); a
     trajectory ends at final_beta, final_gamma, final_v. Every worker of a cluster needs this version of the package.
-
-    --over NAME=FIRST:LAST:COUNT|NAME=X,X,...  An axis: omega, below-crit, a parameter, or beta, gamma, v, duration of a
-        trajectory.
-    --out FILE.csv|.parquet  Where the table goes.
     """
+)
+@click.argument("analysis", metavar="orbit|equilibria|hopf|heteroclinic|trajectory")
+@click.option(
+    "--over",
+    multiple=True,
+    required=True,
+    metavar="NAME=FIRST:LAST:COUNT|NAME=X,X,...",
+    help="An axis: omega, below-crit, a parameter, or beta, gamma, v, duration of a trajectory.",
+)
+@click.option(
+    "--out",
+    callback=file_for(".csv", ".parquet"),
+    required=True,
+    metavar="FILE.csv|.parquet",
+    help="Where the table goes.",
+)
+@click.option(
+    "--executor",
+    callback=checked(known_executor),
+    default="local",
+    show_default=True,
+    metavar="serial|local|dask://HOST:PORT",
+    help="One process, all cores of this machine, or a cluster.",
+)
+@jobs_option
+def sweep(common: Common, analysis: str, over: tuple[str, ...], out: Path, executor: str, jobs: int | None) -> int:
     from tippedisk_verify.sweep.plan import Plan, axis
     from tippedisk_verify.sweep.running import swept
 
@@ -45,14 +76,16 @@ def sweep(
 
 
 # ------------------------------------------------------------------------------------------------ bench
-@command
-def bench(output: Output, peers: bool = False, only: tuple[str, ...] = (), out: str | None = None) -> int:
-    """Measure run time against error: six initial-value problems.
-
-    --peers  Race the integrators of the extra `peers`, too.
-    --only PROBLEM  These only.
-    --out DIR  Write figure, CSV and JSON there.
-    """
+@command("Measure run time against error: six initial-value problems.")
+@click.option("--peers", is_flag=True, help="Race the integrators of the extra `peers`, too.")
+@click.option(
+    "--only",
+    multiple=True,
+    metavar="PROBLEM",
+    help="These only: cycle, transient, passage, smooth, epsilon-1e-3 or epsilon-1e-4.",
+)
+@click.option("--out", metavar="DIR", help="Write figure, CSV and JSON there.")
+def bench(output: Output, peers: bool, only: tuple[str, ...], out: str | None) -> int:
     from tippedisk_verify.bench.methods import METHODS
     from tippedisk_verify.bench.peers import peer_methods
     from tippedisk_verify.bench.problems import PROBLEMS, problem_named
@@ -100,16 +133,14 @@ def _bench_lines(result: dict[str, Any]) -> Iterator[str]:
 
 
 # ------------------------------------------------------------------------------------------------ stress
-@command
-def stress(
-    output: Output, only: tuple[str, ...] = (), quick: bool = False, list_: bool = False, jobs: int | None = None
-) -> int:
-    """Try extreme parameters, states, tolerances and speeds: each must give digits that hold, or say what it cannot.
-
-    --only CASE  These cases only.
-    --quick  The cases that take some seconds at most.
-    --list  Name the cases and the outcome that each must have.
-    """
+@command(
+    "Try extreme parameters, states, tolerances and speeds: each must give digits that hold, or say what it cannot."
+)
+@click.option("--only", multiple=True, metavar="CASE", help="These cases only.")
+@click.option("--quick", is_flag=True, help="The cases that take some seconds at most.")
+@click.option("--list", "list_", is_flag=True, help="Name the cases and the outcome that each must have.")
+@jobs_option
+def stress(output: Output, only: tuple[str, ...], quick: bool, list_: bool, jobs: int | None) -> int:
     from tippedisk_verify.stress.battery import cases_named, outcome_of
 
     cases = cases_named(only, quick)

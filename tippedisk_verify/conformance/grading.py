@@ -7,8 +7,7 @@ import re
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from decimal import Decimal, localcontext
-from fractions import Fraction
+from decimal import Decimal
 from statistics import median
 from typing import Any
 
@@ -16,7 +15,8 @@ from tippedisk_verify.conformance.answer_number import as_decimal
 from tippedisk_verify.conformance.sheet import Answers
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.files import printable
-from tippedisk_verify.model.measured import Bounded
+from tippedisk_verify.model.decimals import arithmetic
+from tippedisk_verify.model.exact import fraction, plain_number
 from tippedisk_verify.model.results import Printable
 from tippedisk_verify.reference_values.lookup import reference
 from tippedisk_verify.reference_values.questions import (
@@ -52,7 +52,6 @@ LEVEL_NAMES = {
     6: "trajectories", 7: "limit cycles", 8: "heteroclinic connection", 9: "near the connection",
     10: "rotating cycles",
 }  # fmt: skip
-_PRECISION = 140  # digits of the arithmetic; Omega_h has 102
 _SOME = 1.0  # digits that even rounded inputs must leave
 _LARGEST_EXPONENT = 100_000  # of an answer, in powers of ten; arithmetic with larger ones takes long
 _FEW = 0.5  # share of the digits needed that makes an answer imprecise rather than wrong
@@ -160,9 +159,7 @@ def digits_between(answer: Decimal, truth: Decimal, scale: Decimal, most: float 
 
 def graded(answers: Answers, store: Mapping[str, Quantity]) -> list[Grade]:
     """A grade for each answer, in the order of the questions."""
-    with localcontext() as context:
-        context.prec = _PRECISION
-        context.Emax, context.Emin = 10**9, -(10**9)
+    with arithmetic():
         return [_grade(quantity, *answers.given[id_]) for id_, quantity in store.items() if id_ in answers.given]
 
 
@@ -249,15 +246,16 @@ def compare(id_: str, answer: object, *, reading: Reading = "doubles") -> Grade:
     if reading not in ("decimals", "doubles"):
         raise InputError(f"an answer is computed from decimals or doubles, not from '{reading!s:.40}'")
     text = answer_text(answer)
-    with localcontext() as context:
-        context.prec = _PRECISION
+    with arithmetic():
         return _grade(quantity, reading, text)
 
 
-def answer_text(answer: Any) -> str:
+@arithmetic()
+def answer_text(answer: object) -> str:
     """An answer as the decimal that it stands for. Raises InputError for what is not one real number."""
-    if isinstance(answer, str):
-        text = answer.strip()
+    number = plain_number(answer)
+    if isinstance(number, str):
+        text = number.strip()
         try:
             as_decimal(text)
         except InputError as fault:
@@ -265,23 +263,9 @@ def answer_text(answer: Any) -> str:
                 f"an answer is a number or a decimal string, not '{printable(text[:40])}': {fault}"
             ) from None
         return text
-    if hasattr(answer, "flat"):  # NumPy takes an array of one element as a number in most places
-        if answer.size != 1:
-            raise InputError(f"an answer is one number, not an array of {answer.size}")
-        answer = answer.flat[0]
-    if isinstance(answer, Bounded):
-        answer = answer.value
-    if answer is None or isinstance(answer, bool | complex):
-        raise InputError(f"an answer is a real number, not {answer}")
-    if isinstance(answer, float):
-        return repr(float(answer))
-    if isinstance(answer, int | Decimal):
-        return str(Decimal(answer))
-    from tippedisk_verify.model.exact import fraction, mantissa_exponent
-
-    if not isinstance(answer, Fraction) and mantissa_exponent(answer) is None:
-        return "nan"  # an infinity or NaN of another kind of number
-    value = fraction(answer)
-    with localcontext() as context:
-        context.prec = _PRECISION
-        return str(Decimal(value.numerator) / value.denominator)
+    if isinstance(number, float):
+        return repr(number)
+    if isinstance(number, Decimal):
+        return str(number)
+    value = fraction(number)
+    return str(Decimal(value.numerator) / value.denominator)

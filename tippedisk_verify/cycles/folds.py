@@ -10,14 +10,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import Any, ClassVar
 
 import numpy
 
 from tippedisk_verify.cycles.librating_family import LibratingFamily
-from tippedisk_verify.cycles.return_map import Image, NewtonIteration, ReturnMap
+from tippedisk_verify.cycles.newton import Stop
+from tippedisk_verify.cycles.return_map import Image, ReturnMap
 from tippedisk_verify.cycles.rotating_family import RotatingFamily
 from tippedisk_verify.cycles.section import LIBRATING, ROTATING, Section
 from tippedisk_verify.errors import AccuracyError, NoSuchCycleError
@@ -26,7 +27,7 @@ from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, Precision, bits, bits_for_digits, checked_digits, companion
-from tippedisk_verify.model.results import Printable, as_json
+from tippedisk_verify.model.results import Printable, as_json, quantity
 from tippedisk_verify.theory.equilibria import saddle_value_sign
 from tippedisk_verify.theory.hopf import amplitude_law, critical_frequency_squared, criticality, omega_crit
 
@@ -55,12 +56,14 @@ class Fold(Printable):
 
     section: ClassVar[Section[Any]]  #: whose map has the fold's cycle as a fixed point
 
-    omega: Measured  #: the speed, extreme on the family [rad/s]
-    period: Measured  #: T, the period of the cycle there [s]
-    v_0: Measured  #: v next to the saddle [rad/s]
-    beta_max: Measured  #: largest abs(beta - pi/2) [rad]
-    null_vector: Measured  #: d(v_0)/d(gamma_bar_0), or d(v_top)/d(beta_bar_top), along the family [1/s]
-    log_multiplier_fast: Measured  #: natural logarithm of the multiplier that is not 1 [1]
+    omega: Measured = field(metadata=quantity("the speed, extreme on the family", "rad/s"))
+    period: Measured = field(metadata=quantity("T, the period of the cycle there", "s"))
+    v_0: Measured = field(metadata=quantity("v next to the saddle", "rad/s"))
+    beta_max: Measured = field(metadata=quantity("largest abs(beta - pi/2)", "rad"))
+    null_vector: Measured = field(
+        metadata=quantity("d(v_0)/d(gamma_bar_0), or d(v_top)/d(beta_bar_top), along the family", "1/s")
+    )
+    log_multiplier_fast: Measured = field(metadata=quantity("natural logarithm of the multiplier that is not 1", "1"))
     parameters: Parameters  #: whose fold it is, with the friction law
     engine: str  #: what computed it
     precision: str  #: the arithmetic of its numbers
@@ -73,7 +76,7 @@ class LibrationFold(Fold):
     section = LIBRATING
     _first = ("omega", "period", *LIBRATING.names)
 
-    gamma_bar_0: Measured  #: gamma - pi/2 where beta = pi/2 and v < 0 [rad]; v_0 is v there
+    gamma_bar_0: Measured = field(metadata=quantity("gamma - pi/2 where beta = pi/2 and v < 0; v_0 is v there", "rad"))
 
 
 @dataclass(frozen=True, repr=False)
@@ -83,9 +86,9 @@ class RotationFold(Fold):
     section = ROTATING
     _first = ("omega", "period", *ROTATING.names)
 
-    beta_bar_top: Measured  #: beta - pi/2 at gamma = pi/2 [rad]
-    v_top: Measured  #: v there [rad/s]
-    beta_bar_0: Measured  #: beta - pi/2 at gamma = -pi/2 [rad]; v_0 is v there
+    beta_bar_top: Measured = field(metadata=quantity("beta - pi/2 at gamma = pi/2", "rad"))
+    v_top: Measured = field(metadata=quantity("v there", "rad/s"))
+    beta_bar_0: Measured = field(metadata=quantity("beta - pi/2 at gamma = -pi/2; v_0 is v there", "rad"))
 
 
 class Folds(tuple[LibrationFold, ...]):
@@ -246,7 +249,7 @@ def fold_near(
     They are computed in ``precision``. Raises AccuracyError if the iteration does not settle.
     """
     lost = AccuracyError("the iteration for the fold of the limit cycles does not settle")
-    iteration = NewtonIteration(20, lost, small=1e-13 * min(1.0, abs(float(at[0]))), near=1e-9)
+    stop = Stop(20, lost, small=1e-13 * min(1.0, abs(float(at[0]))), near=1e-9)
     at, mapped = [precision.number(float(x)) for x in at], _mapped(section, parameters, engine, precision)
     share = _DIFFERENCE if precision == DOUBLE else float(precision.epsilon) ** (1 / 3)
     while True:
@@ -258,7 +261,7 @@ def fold_near(
         jacobian = numpy.array([[float(x) for x in row] for row in rows])
         step = numpy.linalg.solve(jacobian, [float(x) for x in conditions])
         at = [x - precision.number(float(change)) for x, change in zip(at, step, strict=True)]
-        if iteration.converged(float(numpy.abs(step).max())):
+        if stop.converged(float(numpy.abs(step).max())):
             return (float(at[0]), float(at[1]), float(at[2])), jacobian
 
 
@@ -274,12 +277,12 @@ def _numbers(
     inverse = [[precision.number(float(entry)) for entry in row] for row in numpy.linalg.inv(jacobian)]
     at, mapped = [precision.number(float(x)) for x in start], _mapped(section, parameters, engine, precision)
     lost = AccuracyError(f"the iteration for the fold has not converged in {precision.name} precision")
-    iteration = NewtonIteration(precision.bits // 8 + 8, lost, small=1000 * precision.epsilon, fewest=2)
+    stop = Stop(precision.bits // 8 + 8, lost, small=1000 * precision.epsilon, fewest=2)
     while True:
         conditions = _conditions(mapped(at))
         steps = [sum(a * b for a, b in zip(row, conditions, strict=True)) for row in inverse]
         at = [x - step for x, step in zip(at, steps, strict=True)]
-        if iteration.converged(sum((fraction(abs(step)) for step in steps), Fraction(0))):
+        if stop.converged(sum((fraction(abs(step)) for step in steps), Fraction(0))):
             break
     return_map = ReturnMap(section, parameters, at[2], engine, precision)
     image = return_map(at[:2])

@@ -14,7 +14,7 @@ from fractions import Fraction
 from typing import Any, Literal, NamedTuple, Protocol
 
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.model.exact import shown
+from tippedisk_verify.model.exact import refuse_qualified, shown
 from tippedisk_verify.model.parameters import Constants, Friction, Parameters
 from tippedisk_verify.model.precision import DOUBLE, Precision
 from tippedisk_verify.model.results import Printable, with_widths
@@ -295,7 +295,12 @@ def raise_unless_usable(result: Result) -> Result:
 
 
 def _check_state(state: Sequence[object]) -> None:
-    if len(state) != 3:
+    refuse_qualified(state)
+    try:
+        count = len(state)
+    except TypeError:  # a number by itself
+        count = 1
+    if count != 3:
         raise InputError("a state has three components: beta, gamma, v")
 
 
@@ -303,10 +308,9 @@ def _check_times(times: Any, precision: Precision, duration: float) -> None:
     """Sample times must be strictly monotonic and lie between 0 and the duration."""
     if not len(times):
         raise InputError("the list of sample times is empty: leave it out instead")
-    native = hasattr(times, "dtype") and times.dtype.kind == "f"
     try:
         # Above double, times that a double cannot tell apart may well be meant.
-        values = times if native else precision.array(times)
+        values = precision.sequence(times)
     except (TypeError, ValueError) as fault:
         raise InputError(f"sample times must be numbers: {fault}") from None
     if values.ndim != 1:

@@ -22,12 +22,14 @@ from tippedisk_verify.flow.error_estimate import PLAIN_DIGITS, from_defect
 from tippedisk_verify.flow.integrator import Integrator
 from tippedisk_verify.flow.start import at_rest, starts_on_a_surface
 from tippedisk_verify.model.precision import DOUBLE, bits, bits_for_digits
+from tippedisk_verify.model.surroundings import undisturbed_methods
 
 __all__ = ["Taylor"]
 
 _SURFACE_DIGITS = 20  # to which a run is corrected whose start doubles cannot tell from an event's surface
 
 
+@undisturbed_methods
 class Taylor:
     """The engine: adaptive Taylor series of the order that the tolerance asks for, in any precision.
 

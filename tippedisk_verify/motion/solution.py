@@ -30,7 +30,7 @@ from tippedisk_verify.flow.contract import (
 from tippedisk_verify.flow.error_estimate import CORRECTED_DIGITS, EXTENDED_DIGITS, PLAIN_DIGITS
 from tippedisk_verify.model.arrays import half_widths, workable
 from tippedisk_verify.model.decimals import at_place, decimal_magnitude, exact_decimals
-from tippedisk_verify.model.exact import Exact, exact, shown
+from tippedisk_verify.model.exact import Exact, entries, exact, shown
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, EXTENDED, bits, bits_for_digits, checked_digits, companion
 from tippedisk_verify.model.results import Printable, with_widths
@@ -129,11 +129,9 @@ class Solution(Printable):
 
         The run is repeated with continuous output when this is first asked. Raises InputError outside the run.
         """
-        asked = numpy.asarray(t, dtype=object)
-        if asked.ndim > 1:
-            raise InputError("a solution is asked for at a time, or at a list of times")
+        asked = entries(t)
         end = exact(self._request.duration) + self._start if self.status is Status.REACHED else exact(self.end.time)
-        _, times = _since(self._start, end, numpy.atleast_1d(asked).tolist())
+        _, times = _since(self._start, end, asked)
         since, length = DOUBLE.array(times), float(end - self._start)
         if (since * length < 0).any() or (abs(since) > abs(length)).any():
             first, last = sorted((float(self._start), float(end)))
@@ -145,7 +143,7 @@ class Solution(Printable):
         else:
             states = self._dense(self._request.precision.array(times)).T
         states = workable(states)
-        return states if asked.ndim else states[:, 0]
+        return states if numpy.ndim(t) else states[:, 0]
 
     def to_dict(self) -> dict[str, Any]:
         """What the command prints: times and states with half-widths, the end, the events, the derivatives."""
@@ -190,7 +188,7 @@ def integrated(
     corrected = engine.measures_error and checked_digits(digits) <= CORRECTED_DIGITS
     asked, times = None, None
     if t_eval is not None:
-        asked, times = _since(start, end, t_eval if numpy.ndim(t_eval) else [t_eval])
+        asked, times = _since(start, end, entries(t_eval))
     elif length := float(end - start):
         asked = even_times(start, end, _SAMPLES)
         extended = companion(DOUBLE) == EXTENDED and digits <= EXTENDED_DIGITS

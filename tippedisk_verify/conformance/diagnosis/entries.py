@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from decimal import Decimal, localcontext
+from decimal import Decimal
 from functools import cached_property
 from typing import Any
 
@@ -12,6 +12,7 @@ import numpy as np
 
 from tippedisk_verify.conformance.grading import Grade, as_decimal, scale_of
 from tippedisk_verify.conformance.sheet import placed
+from tippedisk_verify.model.decimals import arithmetic
 from tippedisk_verify.model.parameters import SYMBOLS
 from tippedisk_verify.reference_values.store import Quantity, Store
 
@@ -198,8 +199,7 @@ def _table(kind: str, friction: str, entries: Sequence[Entry], store: Store) -> 
         given[name] = np.array([entry.inputs.get(name, "") for entry in entries])
     names: list[str] = []
     cells: list[tuple[float, ...]] = []
-    with localcontext() as context:
-        context.Emax, context.Emin = 10**9, -(10**9)
+    with arithmetic():
         for row, entry in enumerate(entries):
             for quantity, grade in zip(entry.quantities, entry.grades, strict=True):
                 if grade.verdict in ("no-truth", "not-a-number", "unreadable"):

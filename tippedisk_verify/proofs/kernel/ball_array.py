@@ -39,7 +39,7 @@ from typing import TYPE_CHECKING, Any, TypeVar, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tippedisk_verify.proofs.kernel.balls import DisturbedError, arb
+from tippedisk_verify.proofs.kernel.balls import DisturbedError
 from tippedisk_verify.proofs.kernel.doubles import outward, sine_and_cosine
 
 if TYPE_CHECKING:
@@ -150,11 +150,6 @@ class BallArray:
     def is_finite(self) -> NDArray[np.bool_]:
         """Of each ball, whether it is finite."""
         return self._rad < np.inf
-
-    def arb(self, place: int) -> Any:
-        """One of the balls as arb's: the midpoint exactly, the radius rounded up to arb's 30 bits."""
-        radius = float(self._rad[place])
-        return arb(float(self._mid[place]), radius) if radius < np.inf else arb(0, "inf")
 
     def __len__(self) -> int:
         return len(self._mid)

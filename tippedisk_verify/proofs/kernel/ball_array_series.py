@@ -88,9 +88,8 @@ class BallArraySeries(Sequence[BallArray]):
 
         *Radius.* The sum of |a_i| rb_j + ra_i (|b_j| + rb_j) as in the product, and k u W. As k = i + j + 1, the sum of
         |a_i| s_j + s_i (|b_j| + rb_j) is at least both. Any term of it meets at most 2 k + 15 roundings: two in s, one
-        in |b| + rb, one as a product, 2 k - 1 as one of 2 k terms, and the few behind. As in the
-        docstring of `ball_array`, 1 + (4 k + 32) u outweighs them: (1 - m u) (1 + 2 (m + 1) u) > 1 for m = 2 k + 15
-        and k <= 2^16.
+        in |b| + rb, one as a product, 2 k - 1 as one of 2 k terms, and the few behind. As in the docstring of
+        `ball_array`, 1 + (4 k + 32) u outweighs them: (1 - m u) (1 + 2 (m + 1) u) > 1 for m = 2 k + 15 and k <= 2^16.
         """
         k = self._length
         if other._length != k:

@@ -35,7 +35,6 @@ __all__ = [
     "ball",
     "ball_constants",
     "coefficient",
-    "hull",
     "inside",
     "midpoint_and_radius",
     "need",
@@ -149,11 +148,6 @@ def ball(value: Any) -> Any:
 
 def _rational(value: Fraction) -> Any:
     return arb(fmpq(value.numerator, value.denominator))
-
-
-def hull(low: object, high: object) -> Any:
-    """The smallest ball found that holds both numbers (or balls) and what lies between them."""
-    return ball(low).union(ball(high))
 
 
 def ball_constants(parameters: Any) -> Any:

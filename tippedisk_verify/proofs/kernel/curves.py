@@ -18,7 +18,7 @@ the return is at tau(s) - beta_bar(tau(s)) / w by the mean value theorem; w is E
 times so found. On the section time moves with the start by -d(beta)/v, and gamma' = 0.
 
 **An arc of the family of limit cycles**: for each value of a parameter exactly one cycle, by one Krawczyk test. Three
-numbers describe a cycle that S maps to itself: gamma_bar and v on the section, and Omega. One of them is the
+numbers describe a cycle that S maps to itself: gamma_bar and v on the section, and Omega. The first one is the
 arc's parameter p = p_0 + R s, |s| <= 1; the other two, u, are unknown, with the two equations F_p(u) = P - (gamma_bar,
 v) = 0 for the half map P (`section`). Let m(s) be polynomials near the family, r > 0 two numbers, X(s) the box of all u
 with |u - m(s)| <= r, and Y(s) regular matrices. *For each s by itself* `krawczyk` says: if
@@ -30,7 +30,7 @@ deviations |d| <= r about it gives F(m(s)) and F'(X(s)) as jets, functions enclo
 compares their ranges, for all s at once. u(s) is an analytic curve by the implicit function theorem, and u' =
 -(dF/du)^-1 dF/dp.
 
-With gamma_bar as the parameter the columns of P' - 1 and dP/dOmega are c_g, c_v and c_Omega, and differentiating the
+The columns of P' - 1 and dP/dOmega are c_g, c_v and c_Omega, and differentiating the
 equations along the curve gives c_g + c_v v' + c_Omega Omega' = 0. The determinants of both sides with c_v say that
 det(P' - 1) = Omega' det(c_v, c_Omega), which keeps its relative accuracy where Omega' is small. Let beta_max be the
 largest |beta_bar| of a cycle. Where it is taken v = 0, and the derivative of beta_bar by gamma_bar_0 *at a fixed time*

@@ -31,7 +31,6 @@ _MOST_STEPS = 20_000
 class Status(Enum):
     """How a proof that follows the flow ended. The value says what happened and what to try next."""
 
-    REACHED = "the end was reached"
     RETURNED = "the first return to the section is enclosed"
     NO_START = "v < 0 at the start is not proved: start on the other side of the section, or in a narrower box"
     NO_ENCLOSURE = "no step could be enclosed: work in more bits, or start from a narrower box"

@@ -32,7 +32,7 @@ from tippedisk_verify.proofs.kernel.flow import Model, Proposer, Status
 from tippedisk_verify.proofs.kernel.sliding import Crossing
 from tippedisk_verify.proofs.kernel.step import Step, enclosed_moment
 
-__all__ = ["HALF", "TURN", "UPRIGHT", "Return", "Round", "Section", "Status", "Walk", "returned"]
+__all__ = ["HALF", "TURN", "UPRIGHT", "Return", "Section", "returned"]
 
 UPRIGHT = 1.5706999  #: rad; as a radius, rounded up to 30 bits, still below 1.5707 and pi/2: sin(beta) > 0 within
 _MOST_CUTS = 40

@@ -143,14 +143,10 @@ class Trial:
         return system
 
     def tested(self, length: Any) -> Step:
-        """The step of that length, which is proved where it says so; the path knows it as its own."""
-        step = self.path.tested = self._step(length)
-        return step
-
-    def _step(self, length: Any) -> Step:
+        """Return the step of that length, which says whether it is proved; the path knows it as its own."""
         with working_precision(_REMAINDER_BITS):
             enclosure, fine, wider, included = self._test(length)
-        return Step(
+        step = self.path.tested = Step(
             self.path.time,
             length,
             enclosure,
@@ -160,6 +156,7 @@ class Trial:
             [[*c, alike(c[0], r)] for c, r in zip(self.wide[3:], wider[3:], strict=True)],
             included,
         )
+        return step
 
     def _test(self, length: Any) -> tuple[tuple[Any, ...], list[Any], list[Any], Any]:
         """The padded box E over [0, length], the remainders' coefficients over it, and whether the step is proved."""

@@ -41,8 +41,8 @@ In it beta_bar = 0 means that z_s is about |lambda_u / lambda_s| z_u, and y_g, v
 beta_bar > 0 where z_s < 0.
 
 **The flights** go from one saddle to the next, many side by side: from z_u = u about the first to z_s = -s about the
-second. Each flight begins in a cell of starts (z_s, z_f) and of speeds. All take the
-same number of steps, each with its own length of step. A step is that of `kernel.flow`, in doubles.
+second. Each flight begins in a cell of starts (z_s, z_f) and of speeds. All take the same number of steps, each with
+its own length of step. A step is that of `kernel.flow`, in doubles.
 
 Of each step before the last z_s < -s is shown: over all of it, or at its end where F_s > 0 over all of it. The last
 step begins before the section and ends after it, with F_s > 0. So the arrival is the first moment at which z_s = -s. On
