@@ -11,6 +11,7 @@ from pathlib import Path
 import click
 import pytest
 
+from tippedisk_verify.bench.problems import PROBLEMS
 from tippedisk_verify.cli import cli, main
 from tippedisk_verify.commands import common
 from tippedisk_verify.model import results
@@ -93,6 +94,21 @@ def test_help_is_whole_sentences_in_80_columns() -> None:
         assert max(map(len, _help(path).splitlines())) <= 80, path
         for command in getattr(COMMANDS.get(path, cli), "commands", {}).values():
             assert command.hidden or command.get_short_help_str().endswith("."), command.name
+
+
+def test_the_help_of_bench_names_its_problems() -> None:
+    (listed,) = re.findall(r"--only PROBLEM (.*?)\.", " ".join(_help("bench").split()))
+    assert re.findall(r"[\w-]+", listed.partition(":")[2].replace(" or ", " ")) == [one.name for one in PROBLEMS]
+
+
+def test_the_main_job_takes_the_same_time_wherever_that_is_said() -> None:
+    root = Path(__file__).parents[1]
+    texts = [
+        *((root / name).read_text(encoding="utf-8") for name in ("README.md", "docs/commands.md")),
+        _help("verify"),
+    ]
+    durations = r"(?:half )?a minute(?: and a half| to a minute)?(?= on two cores)"
+    assert [re.findall(durations, " ".join(text.split())) for text in texts] == [["a minute"]] * 3
 
 
 def test_verify_says_what_an_equation_and_a_printed_number_come_to(capsys: pytest.CaptureFixture[str]) -> None:

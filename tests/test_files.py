@@ -22,6 +22,66 @@ def test_a_link_stays_and_its_target_is_replaced(tmp_path: Path) -> None:
     assert target.read_text() == "new"
 
 
+@pytest.mark.parametrize(
+    ("out", "says"),
+    [
+        ("/dev/full", "No space left on device"),
+        ("/dev/null", "it is not a regular file"),
+        ("folder", "it is a folder"),
+        ("nowhere/a.csv", "there is no folder nowhere"),
+        ("file/a.csv", "there is no folder file"),
+        ("", "that is no name of a file"),
+    ],
+)
+@pytest.mark.parametrize(
+    "command",
+    [
+        "integrate --omega 30.4 --state pi/2,2,0 --time 1 --out",
+        "branch --omegas 30.5 --out",
+        "sweep hopf --over mu=0.3 --out",
+        "reference export printed/linear/hopf --out",
+        "heteroclinic --out",
+        "conformance questions",
+    ],
+)
+def test_a_file_that_cannot_be_written_is_refused_with_the_reason(
+    command: str,
+    out: str,
+    says: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("folder").mkdir()
+    Path("file").touch()
+    assert main([*command.split(), out]) == 2
+    told = capsys.readouterr().err
+    assert told.endswith(f"cannot be written: {says}\n") or (f"cannot be written: {says} but" in told)
+    assert not Path(out).is_file()
+
+
+@pytest.mark.parametrize(
+    ("out", "says"),
+    [("/dev/full", "No space left on device"), ("/dev/null", "it is not a regular file"), ("file", "it is a file")],
+)
+@pytest.mark.parametrize(
+    "command", ["verify --only chi", "bench --only cycle", "scene a", "basin --omega 30.4 --count 3"]
+)
+def test_a_folder_that_cannot_be_written_is_refused_with_the_reason(
+    command: str,
+    out: str,
+    says: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("file").touch()
+    assert main([*command.split(), "--out", out]) == 2
+    assert f"cannot be written: {says}" in capsys.readouterr().err
+
+
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no named pipes")
 def test_special_files_are_refused(tmp_path: Path) -> None:
     pipe = tmp_path / "pipe"

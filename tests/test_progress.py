@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import inspect
 import io
+import re
 import sys
+import time
 from threading import Thread
+from types import SimpleNamespace
 
 import pytest
 
@@ -37,7 +41,7 @@ def test_work_is_watched_unless_that_is_turned_off(call, monkeypatch) -> None:
 
 
 @pytest.mark.parametrize("terminal", [False, True])
-def test_what_takes_long_is_shown_on_a_terminal(terminal, monkeypatch, capsys) -> None:
+def test_what_takes_long_is_shown_on_a_terminal_with_its_end(terminal, monkeypatch, capsys) -> None:
     told = io.StringIO()
     told.isatty = lambda: terminal  # type: ignore[method-assign]
     monkeypatch.setattr(sys, "stderr", told)
@@ -45,7 +49,70 @@ def test_what_takes_long_is_shown_on_a_terminal(terminal, monkeypatch, capsys) -
     monkeypatch.setattr(progress, "_PATIENCE", 0.0)
     with progress.progress_of(5) as advance:
         advance("cycles", 2)
-        while terminal and "2/5" not in told.getvalue():
-            pass
+        while terminal and not re.search(r"2/5.* left .*\d:\d\d:\d\d", told.getvalue()):
+            time.sleep(0.01)
+            advance("", 0)
     assert terminal or told.getvalue() == ""
     assert capsys.readouterr().out == ""
+
+
+class Shell:
+    """What a notebook's process has in place of a terminal."""
+
+    kernel = "any"
+
+    def __init__(self) -> None:
+        self.outputs: list[str] = []  #: as a notebook that is run to a file stores them
+        self.drawn: list[str] = []
+
+    def display(self, data: dict[str, str], *, raw: bool, display_id: bool) -> SimpleNamespace:
+        assert raw
+        assert display_id
+        self.outputs.append(data["text/plain"])
+        place = len(self.outputs) - 1
+
+        def update(data: dict[str, str], *, raw: bool) -> None:
+            self.outputs[place] = data["text/plain"]
+            self.drawn.append(data["text/plain"])
+
+        return SimpleNamespace(update=update)
+
+
+@pytest.mark.parametrize("total", [5, 0])
+def test_a_notebook_has_one_output_that_is_replaced(total, monkeypatch) -> None:
+    shell = Shell()
+    monkeypatch.setitem(sys.modules, "IPython", SimpleNamespace(get_ipython=lambda: shell))  # type: ignore[arg-type]
+    monkeypatch.setitem(sys.modules, "IPython.display", shell)  # type: ignore[arg-type]
+    monkeypatch.setattr(progress, "_PATIENCE", 0.0)
+    monkeypatch.setattr(progress, "_BETWEEN_DRAWINGS", 0.0)
+    with progress.progress_of(total) as advance:
+        advance("cycles", 2)
+        while len(shell.drawn) < 100:
+            time.sleep(0.01)
+    (stored,) = shell.outputs
+    assert stored == shell.drawn[-1]
+    form = r"cycles 2/5, \d:\d\d:\d\d, \d:\d\d:\d\d left" if total else r"cycles 2/\?, \d:\d\d:\d\d"
+    assert re.fullmatch(form, stored)
+
+
+def test_a_notebook_that_is_run_to_a_file_stores_one_output() -> None:
+    nbformat, client = pytest.importorskip("nbformat"), pytest.importorskip("nbclient")
+    pytest.importorskip("ipykernel")
+    cell = """
+        import threading, IPython.display
+        from tippedisk_verify import progress
+        drawn, display = threading.Event(), IPython.display.display
+        def watched(*told, **how):
+            drawn.set()
+            return display(*told, **how)
+        IPython.display.display = watched
+        progress._PATIENCE = progress._BETWEEN_DRAWINGS = 0.0
+        with progress.progress_of(100) as advance:
+            for n in range(100):
+                drawn.wait()
+                advance("cycles", 1)
+    """
+    notebook = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(inspect.cleandoc(cell))])
+    client.NotebookClient(notebook, timeout=60).execute()
+    (output,) = notebook.cells[0].outputs
+    assert re.fullmatch(r"cycles 100/100, \d:\d\d:\d\d", output["data"]["text/plain"])

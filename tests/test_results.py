@@ -13,10 +13,23 @@ import cloudpickle
 import pytest
 
 import tippedisk_verify as tv
+from tippedisk_verify.model.results import Printable
 
 START = ("pi/2", "pi/2 + 0.4", 0)
 LEVEL = tv.Event("level", lambda ops, constants, omega, beta, gamma, v: gamma - 2, terminal=False)
 DISK, CRIT = tv.Disk("printed"), "printed/linear/hopf/point/omega_crit"
+
+
+class Lines(Printable):
+    """A result of so many lines."""
+
+    def __init__(self, count: int) -> None:
+        self.count = count
+
+    def __str__(self) -> str:
+        return "\n".join(f"line {n}" for n in range(self.count))
+
+
 RESULTS = {
     "disk": lambda: DISK,
     "omega_crit": lambda: DISK.omega_crit,
@@ -42,6 +55,23 @@ RESULTS = {
 }
 
 
+@pytest.mark.parametrize("count", [1, 9, 10, 11, 12, 13, 40])
+def test_a_repr_is_cut_only_where_that_saves_more_than_a_line(count: int) -> None:
+    lines = repr(Lines(count)).splitlines()
+    if count <= 11:
+        assert lines == str(Lines(count)).splitlines()
+    else:
+        assert (len(lines), lines[-1]) == (10, f"  and {count - 9} more lines: print shows them")
+
+
+@pytest.mark.parametrize("disk", [DISK, tv.Disk("geometry", friction="smooth"), tv.Disk("printed", mu="0.4", C=None)])
+def test_the_repr_of_a_disk_is_whole(disk: tv.Disk) -> None:
+    assert repr(disk) == str(disk)
+    assert disk.name in repr(disk)
+    assert disk.friction in repr(disk)
+    assert all(f"  {name}: {text}" in repr(disk) for name, text in disk.decimals().items())
+
+
 @pytest.fixture(scope="module")
 def worker() -> Iterator[Executor]:
     with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:
@@ -65,6 +95,6 @@ def test_a_result_travels_and_says_itself(kind: str, worker: Executor) -> None:
     assert worker.submit(repr, result).result() == repr(result)
     assert result._repr_html_().count("<tr>") >= len(result.to_dict()) > 0
     lines = repr(result).splitlines()
-    assert len(lines) <= 10
+    assert len(lines) <= 11
     assert max(map(len, lines)) <= 100
     assert "more lines" not in str(result)

@@ -7,8 +7,10 @@ atomic files do the same, but replace the old file by half of the new one when w
 from __future__ import annotations
 
 import csv
+import errno
 import io
 import os
+import stat
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
@@ -42,6 +44,8 @@ def output_folder(path: str | Path) -> Path:
     with _refused(f"output folder {_named(folder)} cannot be written"):
         if not str(path) or "\0" in str(path):
             raise OSError("that is no name of a folder")
+        if folder.exists() and not folder.is_dir():
+            raise OSError(_obstacle(folder))
         folder.mkdir(parents=True, exist_ok=True)
         with unbroken(), tempfile.TemporaryFile(dir=folder):
             pass
@@ -52,9 +56,23 @@ def output_file(path: str) -> Path:
     """The file to write to. Raises InputError if it cannot be one."""
     file = Path(path)
     with _refused(f"'{_named(file)}' cannot be written"):
-        if not path or "\0" in path or not file.parent.is_dir() or (file.exists() and not file.is_file()):
-            raise OSError("it needs an existing folder and a file name")
+        if not path or "\0" in path:
+            raise OSError("that is no name of a file")
+        if not file.parent.is_dir():
+            raise OSError(f"there is no folder {_named(file.parent)}")
+        if file.exists() and not file.is_file():
+            raise OSError(_obstacle(file))
     return file
+
+
+def _obstacle(path: Path) -> str:
+    """Say what is at a path, where a file or a folder is to be written and cannot be."""
+    status = path.stat()
+    if stat.S_ISCHR(status.st_mode) and status.st_rdev == os.makedev(1, 7):  # /dev/full stands for a full disk
+        return os.strerror(errno.ENOSPC)
+    if path.is_dir():
+        return "it is a folder"
+    return "it is a file" if path.is_file() else "it is not a regular file but a device, a pipe or a socket"
 
 
 def write_bytes(path: Path, content: bytes) -> Path:
@@ -65,7 +83,7 @@ def write_bytes(path: Path, content: bytes) -> Path:
     path = path.resolve() if path.is_symlink() else path
     with _refused(f"{_named(path)} cannot be written"), unbroken():
         if path.exists() and not path.is_file():
-            raise OSError("it is not a regular file")
+            raise OSError(_obstacle(path))
         descriptor, beside = tempfile.mkstemp(prefix=f".{path.name}-", dir=path.parent)
         try:
             with os.fdopen(descriptor, "wb") as stream:

@@ -204,6 +204,32 @@ def test_a_page_shows_what_failed_and_folds_what_is_right(store: Store) -> None:
     assert "&lt;script&gt;" in text
 
 
+@pytest.mark.parametrize(
+    ("name", "error", "colour"),
+    [
+        ("linear/near-heteroclinic/het+1e-8/multiplier_slow", 0.1, "enough"),  # less than one digit is asked for
+        ("linear/trajectory/d1/beta@0.5", 1e-5, "enough"),
+        ("linear/limit-cycle/crit-0.5/period", 1e-9, "enough"),
+        ("linear/limit-cycle/crit-0.5/period", 1e-5, "few"),
+        ("linear/hopf/point/period", 1e-7, "few"),
+        ("both/rhs/001/M", 1e-4, "wrong"),
+        ("both/rhs/001/M", math.nan, "wrong"),
+        ("linear/near-heteroclinic/het+1e-20/period", 1e-12, ""),
+    ],
+)
+def test_the_colour_follows_what_the_question_needs(name: str, error: float, colour: str, store: Store) -> None:
+    quantity = store[f"printed/{name}"]
+    answers = _answers({quantity.id: repr(quantity.for_doubles * (1 + error))})
+    grades = graded(answers, store)
+    text = html_page(Report("a.csv", answers, grades, levels_of(grades, [quantity]), []))
+    shades = {"enough", "few", "wrong"}
+    cells = [attributes for tag, attributes in Page(text).elements if tag == "td" and attributes.get("class")]
+    found = [set(str(attributes["class"]).split()) & shades for attributes in cells]
+    assert {one for shade in found for one in shade} == {colour} - {""}
+    legend = [attributes["class"] for tag, attributes in Page(text).elements if "key" in str(attributes.get("class"))]
+    assert {word for text in legend for word in str(text).split()} == {*shades, "key"}
+
+
 @pytest.mark.slow
 def test_the_documented_example_runs(tmp_path: Path) -> None:
     page = (Path(__file__).parents[2] / "docs" / "grading_tests.md").read_text(encoding="utf-8")

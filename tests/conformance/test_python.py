@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import tippedisk_verify as tv
+from tippedisk_verify.conformance.regression import changes
 from tippedisk_verify.errors import InputError
 
 OMEGA_CRIT = "printed/linear/hopf/point/omega_crit"
@@ -41,6 +42,36 @@ def test_a_value_is_of_one_reading_in_all_that_it_does(reading) -> None:
     assert quantity.mpf() == quantity.measured().mpf()
     assert (quantity - value).value == 0
     assert quantity.for_doubles == float(tv.reference(NEAR, reading="doubles"))
+
+
+@pytest.mark.parametrize("place", ["printed/both/rhs/001", "calibrated/both/rhs/002", "fresh-7-1/both/rhs/01"])
+def test_a_value_says_all_that_it_depends_on(place: str) -> None:
+    """A formula in the published names, on the decimals of the value alone, gives the value."""
+    quantity = tv.reference(f"{place}/gamma_y")
+    r, e, omega, beta, gamma, v = (
+        mpmath.mpf((quantity.parameters | quantity.inputs)[name]) for name in ("r", "e", "Omega", "beta", "gamma", "v")
+    )
+    sine = mpmath.sin(beta)
+    mine = (r + e * mpmath.sin(gamma)) * v * sine - e * omega * sine**2 * mpmath.cos(gamma)
+    assert tv.compare(quantity.id, float(mine), reading="decimals").digits > 14
+    assert tv.Disk(**quantity.parameters) == tv.Disk(**quantity.to_dict()["parameters"])
+    with pytest.raises(TypeError):
+        quantity.parameters["r"] = "1"  # type: ignore[index]
+
+
+@pytest.mark.parametrize("distance", ["1e-16", "1e-20", "1e-30"])
+@pytest.mark.parametrize("name", ["period", "multiplier_slow", "dperiod_domega"])
+def test_where_doubles_have_no_truth_the_digits_are_those_of_the_decimals(distance: str, name: str) -> None:
+    id_ = f"printed/linear/near-heteroclinic/het+{distance}/{name}"
+    truth = tv.reference(id_)
+    answer = truth.for_doubles * (1 + 1e-3)
+    grade, from_decimals = (tv.compare(id_, answer, reading=reading) for reading in ("doubles", "decimals"))
+    assert (grade.verdict, grade.failed) == ("no-truth", False)
+    assert (grade.digits, grade.truth) == (from_decimals.digits, from_decimals.truth)
+    assert grade.digits == pytest.approx(3, abs=1e-9)  # the error typed above, to the rounding of a double
+    assert "compute from the decimals" in grade.note
+    assert not tv.grade({id_: answer}).passed
+    assert changes([grade], [tv.compare(id_, 1.0)]) == []
 
 
 def test_numpy_and_pytest_compare_on_either_side() -> None:

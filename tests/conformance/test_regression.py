@@ -85,7 +85,7 @@ def test_two_sheets_are_compared(tmp_path: Path, capsys: pytest.CaptureFixture[s
 
 
 def _level(number: int, answered: int = 5, failed: int = 0) -> Tally:
-    return Tally(number, 5, answered, failed, 0, 0, 12.0, 13.0)
+    return Tally(number, 5, answered, failed, 0, 0, 0, 12.0, 13.0)
 
 
 @pytest.mark.parametrize(

@@ -154,6 +154,38 @@ def columns_of_doubles_have_a_unit(path: Path) -> None:
                 assert all(cell == repr(float(cell)) for cell in filled), f"{path.name}: {name}"
 
 
+@pytest.mark.parametrize("disk", ["table1", "geometry", "own.toml"])
+def test_a_verdict_has_the_same_words_on_the_terminal_and_in_the_report(
+    disk: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Among these are claims that differ between sets, that are proved, and that do not follow, in each way."""
+    monkeypatch.chdir(tmp_path)
+    Path("own.toml").write_text(GOOD, encoding="utf-8")
+    only = "omega_crit,lambda_3,chi,kappa_1,kappa_2,linearization,inverted_unstable_below,convergent_series"
+    assert main(["verify", "--only", only, "--out", "out", "--parameters", disk, "--jobs", "1"]) == 0
+    terminal = dict(re.findall(r"^(\w+)  +(\S.*?)(?:  .*|)$", capsys.readouterr().out, re.MULTILINE))
+    page = Page(Path("out/report.html").read_text(encoding="utf-8"))
+    text = Path("out/report.md").read_text(encoding="utf-8")
+    cells = " ".join("".join(page.text).split())
+    for name in only.split(","):
+        words = terminal[name]
+        assert f"### {name}: {words}\n" in text
+        assert re.search(rf"\| {name} \| .* \| {re.escape(words)} \|\n", text)
+        assert len(re.findall(rf"\b{name} .{{0,400}}?[✓◐✗?] {re.escape(words)} ", cells)) >= 2  # its row, and its claim
+
+
+def test_results_of_earlier_runs_are_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("TIPPEDISK_VERIFY_CACHE", str(tmp_path))
+    command = ["verify", "--only", "omega_crit,lambda_3"]
+    says = []
+    for more in ([], [], ["--fresh"], ["--json"]):
+        assert main([*command, *more]) == 0
+        says.append("2 of 2 results were kept from earlier runs: --fresh computes anew\n" in capsys.readouterr().out)
+    assert says == [False, True, False, False]
+
+
 def test_names_from_outside_are_text(tmp_path: Path) -> None:
     path = tmp_path / "<script>alert(1)</script>&`x`[a](b)|.toml".replace("/", "∕")
     path.write_text(GOOD, encoding="utf-8")

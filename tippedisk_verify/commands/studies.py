@@ -78,7 +78,12 @@ def sweep(common: Common, analysis: str, over: tuple[str, ...], out: Path, execu
 # ------------------------------------------------------------------------------------------------ bench
 @command("Measure run time against error: six initial-value problems.")
 @click.option("--peers", is_flag=True, help="Race the integrators of the extra `peers`, too.")
-@click.option("--only", multiple=True, metavar="PROBLEM", help="These only.")
+@click.option(
+    "--only",
+    multiple=True,
+    metavar="PROBLEM",
+    help="These only: cycle, transient, passage, smooth, epsilon-1e-3 or epsilon-1e-4.",
+)
 @click.option("--out", metavar="DIR", help="Write figure, CSV and JSON there.")
 def bench(output: Output, peers: bool, only: tuple[str, ...], out: str | None) -> int:
     from tippedisk_verify.bench.methods import METHODS

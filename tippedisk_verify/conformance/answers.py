@@ -22,7 +22,7 @@ __all__ = ["grade"]
 def grade(answers: Mapping[str, object], *, reading: Reading = "doubles", progress: bool | None = None) -> Report:
     """The grades of many answers by id, with a diagnosis; ``reading`` is what they were computed from.
 
-    What takes longer than two seconds shows its progress on standard error, unless ``progress`` is False.
+    What takes longer than two seconds shows its progress, unless ``progress`` is False.
 
     An answer is what `compare` takes. Anything else (None, a complex number, an array of several) is a failure with a
     note. The result's ``passed`` and ``failed`` are for a test, and str() of it is the reason.

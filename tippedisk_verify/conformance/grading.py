@@ -107,7 +107,8 @@ class Tally(Printable):
     failed: int
     few: int  #: of the failed ones, those with too few digits only
     rounded: int  #: answers as far off as rounding the inputs explains
-    least: float  #: digits; NaN where no answer is a number
+    unread: int  #: of the failed ones, those that are no numbers
+    least: float  #: digits of the numbers; NaN where no answer is one
     middle: float  #: median of the digits
     quantity: str = ""  #: without its place: beta stands for beta@0.5 as well
     friction: str = ""
@@ -118,7 +119,8 @@ class Tally(Printable):
         failed, few = sum(grade.failed for grade in grades), sum(grade.verdict == "few-digits" for grade in grades)
         rounded, middle = sum(grade.verdict == "rounding" for grade in grades), median(digits or [math.nan])
         least = min(digits, default=math.nan)
-        return cls(level, asked, len(grades), failed, few, rounded, least, middle, quantity, friction)
+        unread = sum(grade.digits == -math.inf for grade in grades)
+        return cls(level, asked, len(grades), failed, few, rounded, unread, least, middle, quantity, friction)
 
     @property
     def name(self) -> str:

@@ -200,6 +200,11 @@ def shown_digits(digits: float) -> str:
     return f"{round(digits, 1) + 0.0:.1f}" if math.isfinite(digits) else ""
 
 
+def shown_least(tally: Tally) -> str:
+    """The least digits of a level or a quantity; "none" where one of its answers is no number."""
+    return "none" if tally.unread else shown_digits(tally.least)
+
+
 def split_where_wrong(answer: str, truth: str) -> tuple[str, str]:
     """The answer's characters up to where it leaves the truth, and the rest; the whole if it never does."""
     same = 0
@@ -218,7 +223,7 @@ def print_report(report: Report, console: Console) -> None:
         return Text(text, style=_TERMINAL[shade(verdict)])
 
     def row(one: Tally, *about: str) -> list[Any]:
-        least = coloured(shown_digits(one.least), one.verdict)
+        least = coloured(shown_least(one), one.verdict)
         return [*about, least, str(one.failed - one.few or ""), str(one.few or "")]
 
     rows = [
@@ -288,6 +293,7 @@ def html_page(report: Report) -> str:
         "tippedisk_verify.conformance",
         "grades.html",
         digits=shown_digits,
+        least=shown_least,
         report=report,
         levels=[_level_section(level, report.grades) for level in report.levels],
         quantities=report.quantities,

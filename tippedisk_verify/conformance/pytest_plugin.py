@@ -23,7 +23,7 @@ __all__ = ["tippedisk_agrees", "tippedisk_reference"]
 
 @pytest.fixture(scope="session")
 def tippedisk_reference() -> Callable[[str], Quantity]:
-    """The function (id, reading="decimals") -> reference value, a number; its ``.inputs`` are what was asked."""
+    """The function (id, reading="decimals") -> reference value, a number that has ``.parameters`` and ``.inputs``."""
     from tippedisk_verify.reference_values.lookup import reference
 
     return _in_one_line(reference)

@@ -82,7 +82,7 @@ class Change:
 
 
 def _counted(grade: Grade) -> float:
-    digits = grade.digits if math.isfinite(grade.digits) else 0.0
+    digits = grade.digits if math.isfinite(grade.digits) and grade.verdict != "no-truth" else 0.0
     return min(digits, _ROUNDING) if grade.reading == "doubles" else digits
 
 

@@ -20,7 +20,7 @@ from tippedisk_verify.model.decimals import exact_text
 from tippedisk_verify.model.exact import fraction, quotient, shown
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.precision import Precision
-from tippedisk_verify.model.results import Printable
+from tippedisk_verify.model.results import Printable, result_lines
 
 __all__ = [
     "CALIBRATED",
@@ -199,6 +199,10 @@ class Parameters(Printable):
 
     def _title(self) -> str:
         return f"{type(self).__name__} {self.name} ({self.friction})"
+
+    def __str__(self) -> str:
+        """The title, which has name and law, and a line for each number."""
+        return "\n".join([self._title(), *result_lines(self.decimals(), "  ")])
 
     @property
     def law(self) -> str:

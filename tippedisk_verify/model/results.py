@@ -28,7 +28,7 @@ __all__ = [
     "with_widths",
 ]
 
-_MOST_LINES, _WIDEST = 10, 100
+_MOST_LINES, _WIDEST = 10, 100  # of a repr
 _LONGEST = 24  # of an exact number
 _MOST_BESIDE = 5  # numbers of an entry of a list on one line
 _MOST_ENTRIES = 4  # of a list, before it is shown by its first and its last
@@ -104,7 +104,7 @@ class Printable:
 
     def __repr__(self) -> str:
         lines = str(self).splitlines()
-        if len(lines) > _MOST_LINES:
+        if len(lines) > _MOST_LINES + 1:  # one line more is shown: a cut would save no more than that
             lines[_MOST_LINES - 1 :] = [f"  and {len(lines) - _MOST_LINES + 1} more lines: print shows them"]
         # A number of many digits keeps its half-width, which is at its end.
         return "\n".join(line if len(line) <= _WIDEST else f"{line[: _WIDEST - 20]}…{line[-19:]}" for line in lines)

@@ -19,6 +19,7 @@ from typing import Any, Literal, NamedTuple
 
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.measured import Bounded, HalfWidth, Measured
+from tippedisk_verify.model.parameters import SYMBOLS
 from tippedisk_verify.model.results import Printable, as_json
 from tippedisk_verify.reference_values.draws import disk_of
 from tippedisk_verify.reference_values.manifest import data_folder, sound_files
@@ -74,7 +75,7 @@ class Quantity(Printable, Bounded):
     friction: str
     name: str
     unit: str
-    inputs: Mapping[str, str]  #: beside the parameters; decimals
+    inputs: Mapping[str, str]  #: decimals; with `parameters` all that the value depends on
     values: Mapping[Reading, tuple[str, str]]  #: (value, uncertainty) as decimals, for each reading
     grade: str  #: proved, two-method, agreed, or single
     methods: Mapping[str, str]  #: how far each method's value lies from the one given, in the worse reading
@@ -97,6 +98,12 @@ class Quantity(Printable, Bounded):
     def definition(self) -> str:
         """What it is, in a sentence."""
         return definition_of(self.kind, self.name).meaning
+
+    @property
+    def parameters(self) -> Mapping[str, str]:
+        """The parameters r, e, m, A, B, g, mu and epsilon of its disk, as decimals [SI]."""
+        decimals = disk_of(self.set).decimals()
+        return MappingProxyType({symbol: decimals[symbol] for symbol in SYMBOLS})
 
     @property
     def value(self) -> Fraction:
@@ -130,6 +137,9 @@ class Quantity(Printable, Bounded):
         values = (getattr(self, item.name) for item in fields(self))
         return Quantity, tuple(dict(value) if isinstance(value, Mapping) else value for value in values)
 
+    def _title(self) -> str:
+        return type(self).__name__
+
     def __str__(self) -> str:
         """The value with its half-width."""
         return " ± ".join(self.values[self.reading])
@@ -140,7 +150,7 @@ class Quantity(Printable, Bounded):
         entry |= {"value": value, "uncertainty": uncertainty}
         if "doubles" in self.values:
             entry["from_doubles"] = dict(zip(("value", "uncertainty"), self.values["doubles"], strict=True))
-        names = ("grade", "methods", "condition", "inputs", *["proof"] * (self.proof is not None))
+        names = ("grade", "methods", "condition", "parameters", "inputs", *["proof"] * (self.proof is not None))
         return entry | {name: as_json(getattr(self, name)) for name in names}
 
 

@@ -12,7 +12,7 @@ from typing import Any
 from markupsafe import Markup, escape
 
 from tippedisk_verify.report.digits import shortened
-from tippedisk_verify.report.results import totals
+from tippedisk_verify.report.results import totals, verdict_words
 from tippedisk_verify.web import rendered
 
 __all__ = ["html_page", "markdown_page"]
@@ -52,22 +52,12 @@ def _page(template: str, results: dict[str, Any], **more: Any) -> str:
         "reason": _reason,
         "sign": _SIGNS.__getitem__,
         "symbols": _symbols,
-        "words": _words,
+        "words": verdict_words,
     }
     return rendered(
         "tippedisk_verify.report", template, filters,
         results=results, groups=groups, figures=results["figures"], totals=totals(results["summary"]), **more,
     )  # fmt: skip
-
-
-def _words(claim: dict[str, Any]) -> str:
-    """The verdict as words."""
-    if claim["verdict"] == "holds-for":
-        return f"holds for {', '.join(claim['sets'])}"
-    if claim["verdict"] != "does-not-follow":
-        return str(claim["verdict"])
-    kind = {"slip": "slip of the pen", "follows-from": "one dropped term", "differs": "differs"}[claim["class"]]
-    return f"does not follow: {kind}"
 
 
 def _reason(fault: dict[str, Any]) -> str:

@@ -13,13 +13,13 @@ from tippedisk_verify.audit.catalogue import CLAIMS, group_of
 from tippedisk_verify.audit.claim_proofs import proof_of
 from tippedisk_verify.audit.claims import Claim, Fault, FaultKind, Finding, Verdict, sets_with
 from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.model.parameters import Parameters
+from tippedisk_verify.model.parameters import NAMED_SETS, Parameters
 from tippedisk_verify.model.results import as_json
 from tippedisk_verify.provenance import DRAWING, processor, versions
 from tippedisk_verify.report.digits import agreed_digits
 from tippedisk_verify.report.work import AuditJob
 
-__all__ = ["claim_json", "results_json", "run_facts", "shown", "summary", "totals"]
+__all__ = ["claim_json", "results_json", "run_facts", "shown", "summary", "totals", "verdict_words"]
 
 Findings = Sequence[tuple[Claim, Finding]]
 _NAMES = {claim.name for claim in CLAIMS}
@@ -58,6 +58,7 @@ def claim_json(claim: Claim, finding: Finding, order: AuditJob) -> dict[str, Any
         "verdict": finding.verdict.value,
         **_fault_json(claim, finding),
         "sets": list(finding.sets),
+        "holds": finding.holds,
         "note": finding.note,
         "methods": list(claim.methods),
         "grade": "computed" if proof is None else proof.grade,
@@ -65,6 +66,22 @@ def claim_json(claim: Claim, finding: Finding, order: AuditJob) -> dict[str, Any
         "own_check": claim.own_check,
         "command": f"{_command(order)} --only {claim.name}",
     }
+
+
+def verdict_words(entry: dict[str, Any]) -> str:
+    """Say the verdict of an entry of ``claims``; the terminal and the report have no other words for it.
+
+    Where sets differ, it is the verdict on the user's own disk, or it names the sets that are the fewest.
+    """
+    if entry["verdict"] == "holds-for":
+        selected, own = next(iter(entry["holds"].items()))
+        holds = entry["holds"] if selected in NAMED_SETS else {selected: own}
+        words = {True: "holds", False: "fails", None: "undecided"}
+        named = {words[one]: ", ".join(name for name in holds if holds[name] is one) for one in holds.values()}
+        return min((f"{word} for {names}" for word, names in named.items()), key=len)
+    why = {"slip": " (slip)", "follows-from": " (term)"}.get(entry["class"], "")
+    proved = " (proved)" if entry["grade"] == "proved" else ""
+    return str(entry["verdict"]).replace("-", " ") + (why or proved)
 
 
 def _fault(claim: Claim, finding: Finding) -> Fault | None:
