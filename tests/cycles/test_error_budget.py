@@ -129,7 +129,7 @@ def derivatives(matrix: Any, residual: Any = (0, 0)) -> Image:
     ("second", "newton"),
     [
         ("-0.5005", False),  # a chord step leaves a thousandth of the second coordinate's error
-        ("-0.3", False),  # two fifths
+        ("-0.3", True),  # two fifths: too many steps
         ("-0.05", True),  # nine tenths: a step says little of what is left
         ("-1e-6", True),  # nearly all, as next to a bifurcation
         ("-1.2", True),  # more than there was
