@@ -177,10 +177,12 @@ CALLS: dict[str, Callable[[], Any]] = {
     "Cycle.multipliers": lambda: DISK.limit_cycle("30.4").multipliers,
     "Cycle.orbit": lambda: DISK.limit_cycle("30.4").orbit(20),
     "Cycle.plot": lambda: DISK.limit_cycle("30.4").plot(),
+    "Branch.missing": lambda: DISK.branch(["30.4", "31"]).missing,
     "Branch.of": lambda: DISK.branch(["30.4"]).of([DISK.limit_cycle("30.5")]),
     "Branch.plot": lambda: DISK.branch(["30.4", "30.5"]).plot(),
     "Branch.to_dict": lambda: DISK.branch(["30.4"]).to_dict(),
     "Heteroclinic.orbit": lambda: DISK.heteroclinic().orbit(20),
+    "Heteroclinic.samples": lambda: DISK.heteroclinic().samples(20),
     "BasinBoundary.margin": lambda: DISK.basin_boundary("31.4").margin((1.5, 1, 0)),
     "BasinBoundary.sheets": lambda: DISK.basin_boundary("31.4").sheets(1.0, 0.0),
     "Measured.compared": lambda: tv.Measured.compared("0.1", "0.100001", tv.DOUBLE.epsilon),
@@ -212,8 +214,9 @@ LONG = (
     *("Disk.basin_boundary", "Disk.branch", "Disk.folds", "Disk.harmonic_balance", "Disk.heteroclinic"),
     *("Disk.integrate", "Disk.limit_cycle", "Disk.rotating_branch", "Disk.rotating_cycle", "Disk.scene"),
     *("Disk.speed", "Certifier.fold", "Certifier.heteroclinic", "Solution.to_dict"),
-    *("Cycle.monodromy", "Cycle.multipliers", "Cycle.orbit", "Cycle.plot", "Branch.of", "Branch.plot"),
-    *("Branch.to_dict", "Heteroclinic.orbit", "BasinBoundary.margin", "BasinBoundary.sheets"),
+    *("Cycle.monodromy", "Cycle.multipliers", "Cycle.orbit", "Cycle.plot", "Branch.missing", "Branch.of"),
+    *("Branch.plot", "Branch.to_dict", "Heteroclinic.orbit", "Heteroclinic.samples"),
+    *("BasinBoundary.margin", "BasinBoundary.sheets"),
 )
 
 

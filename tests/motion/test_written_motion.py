@@ -120,7 +120,8 @@ def test_an_event_has_the_name_it_was_asked_by(name: str) -> None:
     [
         ({"direction": 2}, "direction is -1, 0 or 1, not 2"),
         ({"direction": "up"}, "not up"),
-        ({"function": lambda t, y: y[0]}, "ops, constants, omega, beta, gamma, v"),
+        ({"function": lambda t, y: y[0] - t}, "(t, y) made of arithmetic on y"),
+        ({"function": lambda t, y: __import__("numpy").cos(y[0])}, "ops, constants, omega, beta, gamma, v"),
         ({"function": lambda ops, c, omega, beta, gamma, v: __import__("math").cos(beta)}, "ops.sin and ops.cos"),
         ({"function": lambda ops, c, omega, beta, gamma, v: __import__("numpy").cos(beta)}, "ops.sin and ops.cos"),
         ({"function": lambda ops, c, omega, beta, gamma, v: ops.exp(beta)}, "ops.sin and ops.cos"),
@@ -135,6 +136,15 @@ def test_an_event_that_cannot_be_one_says_what_is_needed(arguments: dict[str, ob
         tv.Event("x", **(right | arguments))  # type: ignore[arg-type]
     assert said in str(refused.value)
     assert "\n" not in str(refused.value)
+
+
+def test_an_event_of_scipys_form_is_found_where_ours_is() -> None:
+    disk, start = tv.Disk("table1"), ("pi/2", 2, 0)
+    scipys = tv.Event("crossing", lambda t, y: 2 * y[0] - 3.2 + y[2] ** 2, terminal=False)
+    ours = tv.Event("crossing", lambda ops, c, omega, beta, gamma, v: 2 * beta - 3.2 + v**2, terminal=False)
+    found, expected = (disk.integrate("30.4", start, 2, events=event).t_events[0] for event in (scipys, ours))
+    assert len(found) > 2
+    assert (found == expected).all()
 
 
 @pytest.mark.parametrize("decimals", [12, 25, 30, 40])

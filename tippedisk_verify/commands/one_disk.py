@@ -26,10 +26,11 @@ from tippedisk_verify.commands.common import (
 )
 from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.files import read_text, write_bytes, write_csv, write_table
+from tippedisk_verify.model.decimals import exact_text
 from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.precision import DOUBLE
-from tippedisk_verify.model.results import heading, result_lines
+from tippedisk_verify.model.results import heading, result_lines, with_widths
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -39,10 +40,10 @@ if TYPE_CHECKING:
 
 __all__ = ["COMMANDS", "OMEGA_H"]
 
+_MOTION = ("t", "beta", "gamma", "v")
 _MOST_TIMES = 1_000_000
 _LARGEST_FILE = 2**25  # bytes
 _BRANCH_DIGITS = 12  # of the cycles of a family
-_MOTION = ("t", "beta", "gamma", "v")
 _STATES = ("inverted", "noninverted")
 
 
@@ -94,7 +95,7 @@ def integrate(
     if solution.note:
         click.echo(f"note: {solution.note}", err=True)
     entries = solution.to_dict()
-    rows = [dict(zip(_MOTION, row, strict=True)) for row in zip(*(entries[name] for name in _MOTION), strict=True)]
+    rows = _motion_rows(*(entries[name] for name in _MOTION))
     if out is not None:
         _write_motion(solution, rows + [{**one, "event": one["name"]} for one in entries["events"]], out)
     shown = {name: entries[name] for name in ("message", "end", "events")} | ({"samples": rows} if times else {})
@@ -124,13 +125,23 @@ def _write_motion(solution: Solution, rows: list[dict[str, Any]], target: Path) 
 
         write_bytes(target, encoded(draw_motion(solution), "png"))
         return
+    write_table(target, _with_width_columns(rows))
+
+
+def _motion_rows(*columns: Sequence[Any]) -> list[dict[str, Any]]:
+    """Return a row for each time of a motion, from its columns as JSON has them."""
+    return [dict(zip(_MOTION, row, strict=True)) for row in zip(*columns, strict=True)]
+
+
+def _with_width_columns(rows: Sequence[dict[str, Any]]) -> list[dict[str, str]]:
+    """Return rows of a table, in which each half-width has a column of its own; an event has no second name."""
     lines = []
     for row in rows:
         texts = {name: entry for name, entry in row.items() if isinstance(entry, str) and name != "name"}
         numbers = {name: entry for name, entry in row.items() if isinstance(entry, dict)}
         widths = {f"{name}_uncertainty": entry["uncertainty"] for name, entry in numbers.items()}
         lines.append(texts | {name: entry["value"] for name, entry in numbers.items()} | widths)
-    write_table(target, lines)
+    return lines
 
 
 @disk_command("Compute states, eigenvalues and stability of inverted and noninverted spinning.")
@@ -319,9 +330,9 @@ def basin(
 def heteroclinic(common: Common, method: str, out: Path | None) -> Any:
     connection = common.disk.heteroclinic(digits=common.digits, method=method)
     if out is not None:
-        times, states = connection.orbit()
-        rows = [list(row) for row in zip(times.tolist(), *states.tolist(), strict=True)]
-        write_csv(out, [heading(name) for name in _MOTION], rows)
+        times, states, widths = connection.samples()
+        exact_times = [exact_text(Fraction(time)) for time in times]
+        write_table(out, _with_width_columns(_motion_rows(exact_times, *with_widths(states, widths))))
     return connection
 
 

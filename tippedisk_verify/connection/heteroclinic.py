@@ -20,7 +20,10 @@ from tippedisk_verify.cycles.period_continuation import limit_of_cycles
 from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.baseline import Baseline
-from tippedisk_verify.flow.contract import Engine, Request, Status
+from tippedisk_verify.flow.contract import Engine, Event, Request, Result, Status
+from tippedisk_verify.flow.error_estimate import PLAIN_DIGITS
+from tippedisk_verify.model.arrays import OnArrays, doubles
+from tippedisk_verify.model.equations import field as equations_of_motion
 from tippedisk_verify.model.exact import shown
 from tippedisk_verify.model.measured import DISTANCES, Measured
 from tippedisk_verify.model.parameters import Parameters
@@ -35,6 +38,12 @@ __all__ = ["METHODS", "Heteroclinic", "Method", "heteroclinic"]
 Method = Literal["manifolds", "limit-cycles", "bisection", "scipy"]
 METHODS: tuple[Method, ...] = get_args(Method)
 _DOUBLE_DIGITS = 12
+_BEGINNING = Fraction(1, 10**6)  # from the first saddle; there the series of its branch is exact to 30 digits
+_SADDLE_BITS, _SADDLE_ORDER = 120, 6
+_FOLLOWED = 12.0  # s; after it doubles have long left the connection
+_LOOKS = 6001  # at the overview, 0.002 s apart
+_ORBIT_DIGITS = 20  # so that the samples are right to a double's last place
+_UPRIGHT = Event("upright", lambda ops, c, omega, beta, gamma, v: ops.cos(gamma), direction=-1, terminal=False)
 
 
 @dataclass(frozen=True, repr=False)
@@ -62,31 +71,63 @@ class Heteroclinic(Printable):
     budget: dict[str, float] = field(default_factory=dict)  #: of what the half-width of Omega_h is the sum [rad/s]
 
     def orbit(self, count: int = 401, *, engine: Engine | None = None) -> tuple[Any, Any]:
-        """Times (count,) [s], zero where gamma = pi/2, and the states (3, count) along the connection, in double.
+        """Return times (count,) [s], zero where gamma = pi/2, and the states (3, count) along the connection.
 
-        It runs from a distance of 1e-6 to the first saddle to where double leaves the connection, some 1e-4 before the
+        It runs from a distance of 1e-6 to the first saddle to where doubles leave the connection, some 1e-4 before the
         second one. Raises InputError for a count below 2, AccuracyError if the branch cannot be followed.
+        """
+        times, states, _ = self.samples(count, engine=engine)
+        return times, states
+
+    def samples(self, count: int = 401, *, engine: Engine | None = None) -> tuple[Any, Any, Any]:
+        """Return times and states as `orbit` does, and the states' half-widths (3, count) at exactly these times.
+
+        They hold what the half-width of Omega_h does to a state, which grows towards the second saddle. With an engine
+        that does not measure its error they are infinite. Raises as `orbit` does.
         """
         if count < 2:
             raise InputError(f"an orbit has at least its two ends, not {shown(count)} points")
-        saddle = Saddle(self.parameters, self.omega_h.value, 80, 5)
-        times = numpy.linspace(0, 12, 6001)
-        state = saddle.start_on_branch(Fraction(1, 10**6))
-        request = Request(
-            self.parameters, self.omega_h.value, state, 12.0, shifted=True, times=times, domain="none", dense=True
-        )
-        result = (engine or default_engine())(request)
-        if result.status is not Status.REACHED or result.dense is None:
-            raise AccuracyError(f"the unstable branch: {result.status.value}")
-        distances = numpy.abs(result.samples - numpy.array([0, math.pi, 0])).max(axis=1)
-        last = times[int(numpy.argmin(distances))]
-        crossing = int(numpy.flatnonzero(result.samples[:, 1] > 0)[0])
-        before, after = result.samples[crossing - 1 : crossing + 1, 1]
-        middle = times[crossing - 1] - before / (after - before) * (times[1] - times[0])
-        chosen = numpy.linspace(0, last, count)
-        states = result.dense(chosen).T
+        engine, omega_h = engine or default_engine(), self.omega_h
+        overview = numpy.linspace(0, _FOLLOWED, _LOOKS)
+        run = self._branch(omega_h.value, overview, engine, measured=False)
+        distances = numpy.abs(run.samples - numpy.array([0, math.pi, 0])).max(axis=1)
+        since = numpy.linspace(0, overview[int(numpy.argmin(distances))], count)
+        run = self._branch(omega_h.value, since, engine)
+        times = doubles(since - run.events[0].time)
+        states = doubles(run.samples).T
         states[:2] += math.pi / 2
-        return chosen - middle, states
+        if run.error is None:
+            return times, states, numpy.full(states.shape, numpy.inf)
+        moved = self._branch(omega_h.value + omega_h.uncertainty, since, engine)
+        earlier = abs(float(moved.events[0].time - run.events[0].time))
+        late = numpy.spacing(numpy.abs(times)) + run.error.events[0] + DISTANCES * earlier
+        rates = numpy.abs(OnArrays(equations_of_motion, self.parameters, omega_h.value)(0, states))
+        widths = doubles(run.error.samples + DISTANCES * numpy.abs(moved.samples - run.samples)).T
+        # Two roundings, of the flight's number to a double and of the sum with pi/2.
+        return times, states, widths + DISTANCES * rates * late + numpy.spacing(2 * numpy.abs(states))
+
+    def _branch(self, omega: Fraction, times: Any, engine: Engine, *, measured: bool = True) -> Result:
+        """Fly from the first saddle along its unstable branch, in shifted angles, with the event gamma = pi/2.
+
+        Raises AccuracyError if the flight does not get to the last time.
+        """
+        start = Saddle(self.parameters, omega, _SADDLE_BITS, _SADDLE_ORDER).start_on_branch(_BEGINNING)
+        request = Request(
+            self.parameters,
+            omega,
+            start,
+            times[-1],
+            shifted=True,
+            times=times,
+            events=(_UPRIGHT,),
+            domain="none",
+            error_estimate=measured and engine.measures_error,
+            digits=_ORBIT_DIGITS if measured and engine.measures_error else PLAIN_DIGITS,
+        )
+        result = engine(request)
+        if result.status is not Status.REACHED or not result.events:
+            raise AccuracyError(f"the unstable branch: {result.status.value}")
+        return result
 
 
 @undisturbed

@@ -20,6 +20,7 @@ __all__ = ["inversion", "points_of"]
 
 _HOLE_RADIUS, _HOLE_OFFSET = 0.33, 0.44  # of the disk's radius, as in the set `geometry`
 _FRONT, _BACK = "#bcd7ea", "#f4d9a0"  # of the faces
+_CSV_DECIMALS = 10  # what doubles are off by is smaller
 _SHOWN_SECONDS = 12.0
 _ELEVATION, _AZIMUTH = 14, -62  # of the eye [degrees]
 
@@ -114,7 +115,7 @@ def inversion(audit: Audit, examined: Sequence[str]) -> Drawing:
     kept = orbit.times <= _SHOWN_SECONDS
     times, states = orbit.times[kept], orbit.states[kept]
     height = 1e3 * (r + e * numpy.sin(states[:, 1])) * numpy.sin(states[:, 0])
-    table = numpy.column_stack((times, states, height)).tolist()
+    table = numpy.column_stack((times, numpy.column_stack((states, height)).round(_CSV_DECIMALS))).tolist()
     return Drawing(
         figure=lambda columns: _drawn(audit.parameters, times, states, height, 4 if columns > 2 else 2),
         columns=4,

@@ -34,6 +34,7 @@ _UNSTABLE = _STABLE | {"color": BLACK, "mfc": "white"}
 _MESH = "#606060"
 _DRAWN_SECONDS = 30.0
 _CSV_SECONDS = 60.0
+_CSV_DECIMALS = 10  # what doubles are off by after a minute is smaller
 _CSV_EVERY = 2  # of the 100 samples a second
 
 
@@ -178,21 +179,26 @@ def _surfaces(panel: Panel, reach: float, low: float, high: float) -> tuple[Any,
 
 
 def scene_tables(panel: Panel) -> dict[str, CSV]:
-    """Header and rows of ``scene_X_orbit_N.csv`` for each orbit and ``scene_X_slow_manifold.csv`` for the surface."""
+    """Return header and rows of ``scene_X_orbit_N.csv`` for each orbit and of ``scene_X_slow_manifold.csv``.
+
+    States and heights are rounded to `_CSV_DECIMALS`: a picture's data have no half-widths, and `integrate` has them.
+    """
     import numpy
 
     tables: dict[str, CSV] = {}
     for index, orbit in enumerate(panel.orbits, start=1):
         kept = (orbit.times <= _CSV_SECONDS).nonzero()[0][::_CSV_EVERY]
-        rows = numpy.column_stack((orbit.times[kept], orbit.states[kept])).tolist()
+        states = orbit.states[kept].round(_CSV_DECIMALS)
+        rows = numpy.column_stack((orbit.times[kept], states)).tolist()
         tables[f"scene_{panel.scene.name}_orbit_{index}.csv"] = (
             ("t [s]", "beta [rad]", "gamma [rad]", "v [rad/s]"),
             rows,
         )
-    surfaces = [column.ravel() for column in _surfaces(panel, 1.0, -math.pi / 2, 3 * math.pi / 2)]
+    beta, gamma, *heights = (part.ravel() for part in _surfaces(panel, 1.0, -math.pi / 2, 3 * math.pi / 2))
+    rounded = [height.round(_CSV_DECIMALS) for height in heights]
     tables[f"scene_{panel.scene.name}_slow_manifold.csv"] = (
         ("beta [rad]", "gamma [rad]", "v at order 0 [rad/s]", "v at order 1 [rad/s]"),
-        numpy.column_stack(surfaces).tolist(),
+        numpy.column_stack((beta, gamma, *rounded)).tolist(),
     )
     return tables
 

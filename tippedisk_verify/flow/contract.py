@@ -8,9 +8,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from enum import Enum
 from fractions import Fraction
+from functools import partial
+from inspect import signature
 from typing import Any, Literal, NamedTuple, Protocol
 
 from tippedisk_verify.errors import InputError
@@ -61,10 +64,15 @@ class Status(Enum):
         return self in (Status.REACHED, Status.EVENT, Status.FLAT)
 
 
+_SCIPY_ARGUMENTS = 2  # of an event function: t and y
+
+
 class _Symbol:
     """A number without a value: it takes part in arithmetic, so that an event's function can be tried out."""
 
-    def _combined(self, other: object = None) -> _Symbol:
+    def _combined(self, other: object = 0) -> _Symbol:
+        if other is None:
+            raise TypeError("the motion does not depend on the time, and neither may an event")
         return self
 
     __add__ = __radd__ = __sub__ = __rsub__ = __mul__ = __rmul__ = __truediv__ = __rtruediv__ = _combined
@@ -77,10 +85,16 @@ class _Symbols:
     sin = cos = staticmethod(_Symbol._combined)
 
 
+def _of_state(function: Callable[..., Any], ops: Any, constants: Any, omega: Any, *state: Any) -> Any:
+    """Return SciPy's event function at a state; the motion is autonomous, and so are its events."""
+    return function(None, state)
+
+
 @dataclass(frozen=True)
 class Event:
     """A zero crossing of ``function(ops, constants, omega, beta, gamma, v)`` along the flow, with ops.sin and ops.cos.
 
+    A function of two arguments is SciPy's ``function(t, y)``, without t and of arithmetic on y = (beta, gamma, v).
     ``direction`` is +1 (rising with time, in backward runs too), -1 (falling) or 0 (both). A terminal event ends the
     run on the crossing; others are recorded. A start on the surface, up to rounding, is no crossing for as long as the
     function stays below 64 roundings, at most 2^-15 s (but for sin(beta) = 0 as the edge of the domain), and an orbit
@@ -96,12 +110,16 @@ class Event:
     def __post_init__(self) -> None:
         if self.direction not in (-1, 0, 1):
             raise InputError(f"an event's direction is -1, 0 or 1, not {shown(self.direction)}")
+        with suppress(TypeError, ValueError):
+            if len(signature(self.function).parameters) == _SCIPY_ARGUMENTS:
+                object.__setattr__(self, "function", partial(_of_state, self.function))
         try:
             self.function(_Symbols, Constants(*[_Symbol()] * len(Constants._fields)), *[_Symbol() for _ in range(4)])
         except (TypeError, AttributeError, ValueError) as fault:
             raise InputError(
                 f"the event '{shown(self.name)}' needs a function of (ops, constants, omega, beta, gamma, v) made of "
-                f"arithmetic, ops.sin and ops.cos, such as lambda ops, c, omega, beta, gamma, v: ops.cos(beta): {fault}"
+                f"arithmetic, ops.sin and ops.cos, such as lambda ops, c, omega, beta, gamma, v: ops.cos(beta), "
+                f"or one of (t, y) made of arithmetic on y: {fault}"
             ) from None
 
     def __hash__(self) -> int:  # looked up in every run

@@ -26,6 +26,7 @@ from tippedisk_verify.flow import default_engine, default_lanes
 from tippedisk_verify.flow.contract import FLAT, SECTION, Event, Request, Status
 from tippedisk_verify.flow.lanes import field_constants
 from tippedisk_verify.model.arrays import Array
+from tippedisk_verify.model.decimals import exact_text
 from tippedisk_verify.model.equations import checked_speed
 from tippedisk_verify.model.exact import shown, whole
 from tippedisk_verify.model.parameters import Parameters
@@ -83,7 +84,7 @@ class Basins(Printable):
     def to_dict(self) -> dict[str, object]:
         shares = self.fractions()
         return {
-            "omega": str(float(self.omega)),
+            "omega": exact_text(self.omega),
             "friction": self.parameters.friction,
             "states": int(self.outcome.size),
             "seconds": self.duration,

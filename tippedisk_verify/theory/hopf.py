@@ -171,9 +171,8 @@ def speed_below_crit(parameters: Parameters, distance: object, digits: int) -> M
     # Omega_h or a fold: the half-width is far below what rounding does to any number.
     places = decimal_magnitude(Fraction(below.rational.denominator))
     crit = square_root(omega_crit_squared(parameters), checked_digits(digits) + 35 + 2 * places)
-    speed = Measured.of(*crit.decimals()) - below.rational
-    checked_speed(speed.value)
-    return speed
+    value, width = map(Fraction, crit.decimals())
+    return Measured(checked_speed(value - below.rational), width)
 
 
 @undisturbed

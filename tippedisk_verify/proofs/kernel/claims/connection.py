@@ -266,8 +266,8 @@ def show(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> None:
     }
     choices = Recorded({**evidence, **claimed})
     shown = connection_shown(claim["parameters"], claim["friction"], numbers["omega_h"], choices)
-    need(shown.unique or not claim["unique"], "claim: that there is no other speed is not shown")
-    need(shown.upright or not claim["upright"], "claim: that the disk never lies flat is not shown")
+    need(not claim["unique"] or shown.unique, "claim: that there is no other speed is not shown")
+    need(not claim["upright"] or shown.upright, "claim: that the disk never lies flat is not shown")
 
 
 def sentence(claim: Mapping[str, Any], numbers: Mapping[str, str]) -> str:
