@@ -27,11 +27,11 @@ import mpmath
 import numpy as np
 
 import tippedisk_verify as tv
-from tippedisk_verify.atlas import locator
-from tippedisk_verify.atlas.branch import Branch
 from tippedisk_verify.certify import Certifier
 from tippedisk_verify.cli import main
 from tippedisk_verify.connection.heteroclinic import Heteroclinic
+from tippedisk_verify.cycles import locator
+from tippedisk_verify.cycles.branch import Branch
 from tippedisk_verify.cycles.limit_cycle import Cycle
 from tippedisk_verify.motion.basin_boundary import BasinBoundary
 

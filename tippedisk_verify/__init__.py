@@ -6,9 +6,9 @@ only from those before it:
 - `tippedisk_verify.model`: numbers, parameters, equations of motion;
 - `tippedisk_verify.theory`: what follows in closed form, and
   `tippedisk_verify.flow`: how states move (neither knows the other: that they agree is evidence);
-- `tippedisk_verify.cycles`: limit cycles, their families and folds, and
-  `tippedisk_verify.connection`: the heteroclinic connection and its speed Omega_h;
-- `tippedisk_verify.atlas`: which cycles there are, and `tippedisk_verify.motion`: solutions, scenes, basins;
+- `tippedisk_verify.connection`: the heteroclinic connection;
+- `tippedisk_verify.cycles`: limit cycles, which there are at a speed, their families and folds, and Omega_h;
+- `tippedisk_verify.motion`: solutions, scenes, basins;
 - `tippedisk_verify.proofs`: enclosures with proofs, in ball arithmetic; it knows `model` only, and
   `tippedisk_verify.certify` gives it the numbers to start from;
 - `tippedisk_verify.audit`: the paper's claims, and how each is examined;

@@ -98,7 +98,7 @@ class Certifier:
 
     def _start(self, speed: Fraction, rotating: bool, stable: bool | None) -> tuple[object, object]:
         """Both coordinates of the cycle on its section. Raises InputError for a speed next to Omega_h."""
-        from tippedisk_verify.atlas.locator import locator
+        from tippedisk_verify.cycles.locator import locator
         from tippedisk_verify.flow import default_engine
 
         with suppress(NoConnectionError):
@@ -194,7 +194,7 @@ class Certifier:
         Only up to the gamma_bar_0 ``until`` [rad], without the end at Omega_h, if that is given. ``workers`` makes an
         executor, for several jobs or for one at a time. Raises InputError under the smooth law.
         """
-        from tippedisk_verify.atlas.branch import found
+        from tippedisk_verify.cycles.branch import found
         from tippedisk_verify.proofs.kernel.claims.family import Piece
         from tippedisk_verify.proofs.search.family import prove_family
 

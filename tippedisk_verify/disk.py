@@ -22,9 +22,9 @@ from tippedisk_verify.model.parameters import Friction, Parameters
 from tippedisk_verify.progress import progress_of, watched
 
 if TYPE_CHECKING:
-    from tippedisk_verify.atlas.branch import Branch
     from tippedisk_verify.certify import Certifier
     from tippedisk_verify.connection.heteroclinic import Heteroclinic
+    from tippedisk_verify.cycles.branch import Branch
     from tippedisk_verify.cycles.folds import Folds, RotationFold
     from tippedisk_verify.cycles.limit_cycle import LimitCycle, MissingCycle, RotatingCycle
     from tippedisk_verify.cycles.spectral import BalancedCycle
@@ -239,7 +239,7 @@ class Disk(Parameters):
         Where a speed has several it is the stable one, or the one that ``stable`` asks for. Raises InputError unless
         one of the three is given, NoSuchCycleError where there is no such cycle, AccuracyError without the digits.
         """
-        from tippedisk_verify.atlas.cycles_at_speed import cycle_above, cycle_at
+        from tippedisk_verify.cycles.at_speed import cycle_above, cycle_at
 
         _one_of(omega=omega, below_crit=below_crit, above_het=above_het)
         if above_het is not None:
@@ -265,8 +265,8 @@ class Disk(Parameters):
 
         Raises AccuracyError where the family cannot be followed, or the digits are not reached.
         """
-        from tippedisk_verify.atlas.locator import locator
         from tippedisk_verify.cycles.folds import libration_folds
+        from tippedisk_verify.cycles.locator import locator
 
         found = locator(self, self._engine(engine))
         if found.lost:
@@ -288,7 +288,7 @@ class Disk(Parameters):
         Stable ones lie between the family's fold and Omega_h, unstable ones (``stable=False``) from the fold upward.
         Raises as `limit_cycle` does.
         """
-        from tippedisk_verify.atlas.cycles_at_speed import rotating_below, rotating_cycle
+        from tippedisk_verify.cycles.at_speed import rotating_below, rotating_cycle
 
         _one_of(omega=omega, below_crit=below_crit, below_het=below_het)
         if below_het is None:
@@ -307,7 +307,7 @@ class Disk(Parameters):
         Without speeds an overview, from just below Omega_h through the fold to half a rad/s above Omega_crit. Speeds,
         those without a cycle, and progress as those of `branch`.
         """
-        from tippedisk_verify.atlas.branch import DEFAULT_ROTATIONS, not_all_missing, rotating_branch
+        from tippedisk_verify.cycles.branch import DEFAULT_ROTATIONS, not_all_missing, rotating_branch
 
         speeds = omegas if omegas is None else checked_speeds(omegas)
         cycles = rotating_branch(self, self._engine(engine), speeds)
@@ -316,8 +316,8 @@ class Disk(Parameters):
 
     def rotation_fold(self, *, digits: int = 12, engine: Engine | None = None) -> RotationFold:
         """Where the stable and the unstable rotating cycles meet and end. Raises as `rotating_cycle` does."""
-        from tippedisk_verify.atlas.locator import locator
         from tippedisk_verify.cycles.folds import rotation_fold
+        from tippedisk_verify.cycles.locator import locator
 
         return rotation_fold(locator(self, self._engine(engine)).rotations, digits=digits)
 
@@ -337,7 +337,7 @@ class Disk(Parameters):
         standard error, unless ``progress`` is False. A speed without a cycle has a row that says so; where all have
         none, the first one's error is raised.
         """
-        from tippedisk_verify.atlas.branch import DEFAULT_COUNT, PAPER_COUNT, Branch, family, not_all_missing
+        from tippedisk_verify.cycles.branch import DEFAULT_COUNT, PAPER_COUNT, Branch, family, not_all_missing
 
         speeds = omegas if omegas is None else checked_speeds(omegas)
         cycles = family(self, self._engine(engine), paper_sets=paper_sets, omegas=speeds)
@@ -348,7 +348,7 @@ class Disk(Parameters):
         self, *, digits: int = 12, method: str = "manifolds", engine: Engine | None = None
     ) -> Heteroclinic:
         """Omega_h, where the saddles are connected. Raises NoConnectionError where there is no connection."""
-        from tippedisk_verify.connection.heteroclinic import heteroclinic
+        from tippedisk_verify.cycles.omega_h import heteroclinic
 
         return heteroclinic(self, self._engine(engine), digits=digits, method=method)
 

@@ -15,7 +15,7 @@ __all__ = ["DRAWING", "NUMERICAL", "code_version", "digest", "fingerprint", "ori
 
 _ROOT = Path(__file__).parent
 _COMPUTING = (
-    *("model", "theory", "flow", "cycles", "connection", "atlas", "motion", "proofs"),
+    *("model", "theory", "flow", "connection", "cycles", "motion", "proofs"),
     *("reference_values", "sweep"),
 )
 #: The packages that numbers come from.

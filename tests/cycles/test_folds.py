@@ -13,15 +13,15 @@ from types import SimpleNamespace
 import numpy
 import pytest
 
-from tippedisk_verify.atlas.branch import family
-from tippedisk_verify.atlas.locator import locator
 from tippedisk_verify.cli import main
 from tippedisk_verify.connection.bisection import bisect_omega_h
-from tippedisk_verify.connection.heteroclinic import METHODS, heteroclinic
 from tippedisk_verify.cycles import folds
+from tippedisk_verify.cycles.branch import family
 from tippedisk_verify.cycles.folds import LibrationFold, libration_folds
 from tippedisk_verify.cycles.fourier import Kind
 from tippedisk_verify.cycles.librating_family import LibratingFamily
+from tippedisk_verify.cycles.locator import locator
+from tippedisk_verify.cycles.omega_h import METHODS, heteroclinic
 from tippedisk_verify.cycles.section import LIBRATING
 from tippedisk_verify.cycles.spectral import spectral_fold
 from tippedisk_verify.disk import Disk
@@ -215,7 +215,7 @@ def test_branch_has_both_cycles_at_a_speed(taylor) -> None:
 
 def test_many_speeds_where_lanes_do_not_hold_them_all(taylor, monkeypatch) -> None:
     """Next to Omega_h, which lies inside the family's speeds, and of a disk whose saddles are foci."""
-    monkeypatch.setattr("tippedisk_verify.atlas.branch._MANY", 3)
+    monkeypatch.setattr("tippedisk_verify.cycles.branch._MANY", 3)
     known = LibratingFamily(POSITIVE_SADDLE_VALUE, taylor)
     close = float(known.limit) + 1e-4
     cycles = list(family(POSITIVE_SADDLE_VALUE, taylor, omegas=[str(known.omega_crit - 0.01)] * 2 + [str(close)]))

@@ -6,7 +6,7 @@ from fractions import Fraction
 
 import numpy
 
-from tippedisk_verify.atlas.branch import family
+from tippedisk_verify.cycles.branch import family
 from tippedisk_verify.cycles.family import in_batches
 from tippedisk_verify.cycles.interpolant import FamilyInterpolant
 from tippedisk_verify.cycles.librating_family import LibratingFamily

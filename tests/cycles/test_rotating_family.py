@@ -8,8 +8,8 @@ from fractions import Fraction
 import numpy
 import pytest
 
-from tippedisk_verify.atlas.branch import found, rotating_branch
-from tippedisk_verify.atlas.locator import locator
+from tippedisk_verify.cycles.branch import found, rotating_branch
+from tippedisk_verify.cycles.locator import locator
 from tippedisk_verify.cycles.rotating_family import RotatingFamily
 from tippedisk_verify.cycles.section import BOTTOM, ROTATING
 from tippedisk_verify.flow.baseline import Baseline

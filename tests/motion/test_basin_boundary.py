@@ -9,8 +9,8 @@ import numpy
 import pytest
 
 import tippedisk_verify as tv
-from tippedisk_verify.atlas.cycles_at_speed import rotating_cycle
 from tippedisk_verify.cli import main
+from tippedisk_verify.cycles.at_speed import rotating_cycle
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.motion.basin_boundary import BasinBoundary
 from tippedisk_verify.motion.basins import OUTCOMES, Attractors, basins, classified_lanes

@@ -7,10 +7,10 @@ from fractions import Fraction
 import numpy
 import pytest
 
-from tippedisk_verify.atlas.cycles_at_speed import rotating_cycle
-from tippedisk_verify.atlas.locator import locator
 from tippedisk_verify.connection.bisection import bisect_omega_h
+from tippedisk_verify.cycles.at_speed import rotating_cycle
 from tippedisk_verify.cycles.folds import rotation_fold
+from tippedisk_verify.cycles.locator import locator
 from tippedisk_verify.flow.contract import SECTION, Event, Request
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.exact import fraction

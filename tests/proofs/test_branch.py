@@ -14,9 +14,9 @@ import mpmath
 import pytest
 
 from tests.proofs.cases import half_flight, proved_connection, speed_below
-from tippedisk_verify.atlas.branch import family
-from tippedisk_verify.atlas.cycles_at_speed import cycle_at
 from tippedisk_verify.cli import main
+from tippedisk_verify.cycles.at_speed import cycle_at
+from tippedisk_verify.cycles.branch import family
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.model.equations import field, shifted
 from tippedisk_verify.model.measured import Measured

@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 
 from tests.proofs.cases import NUMBERS, half_flight, hull, included, speed_below, turn_flight
-from tippedisk_verify.atlas.cycles_at_speed import rotating_cycle
 from tippedisk_verify.cli import main
+from tippedisk_verify.cycles.at_speed import rotating_cycle
 from tippedisk_verify.cycles.return_map import ReturnMap
 from tippedisk_verify.cycles.section import LIBRATING, ROTATING
 from tippedisk_verify.cycles.shooting import limit_cycle

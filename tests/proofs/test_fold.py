@@ -7,9 +7,9 @@ from fractions import Fraction
 
 import pytest
 
-from tippedisk_verify.atlas.cycles_at_speed import rotating_cycle
-from tippedisk_verify.atlas.locator import locator
+from tippedisk_verify.cycles.at_speed import rotating_cycle
 from tippedisk_verify.cycles.folds import Fold, LibrationFold, fold_to_digits, rotation_fold
+from tippedisk_verify.cycles.locator import locator
 from tippedisk_verify.cycles.shooting import limit_cycle
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.measured import Measured

@@ -13,7 +13,7 @@ from flint import arb, arb_mat, ctx
 
 from tests.proofs.cases import carry, proved_connection
 from tests.proofs.saddle_orbits import OMEGA_H
-from tippedisk_verify.connection.heteroclinic import heteroclinic
+from tippedisk_verify.cycles.omega_h import heteroclinic
 from tippedisk_verify.errors import InputError, NoConnectionError
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.measured import Measured

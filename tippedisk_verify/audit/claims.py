@@ -15,9 +15,10 @@ from fractions import Fraction
 from functools import cached_property
 from typing import Any, Literal, NamedTuple, TypeVar
 
-from tippedisk_verify.atlas.branch import family, found
 from tippedisk_verify.audit.citations import cited
-from tippedisk_verify.connection.heteroclinic import Heteroclinic, heteroclinic
+from tippedisk_verify.connection.heteroclinic import Heteroclinic
+from tippedisk_verify.cycles.branch import family, found
+from tippedisk_verify.cycles.omega_h import heteroclinic
 from tippedisk_verify.cycles.period_continuation import PeriodContinuation
 from tippedisk_verify.cycles.shooting import LimitCycle
 from tippedisk_verify.errors import AccuracyError, InputError

@@ -1,25 +1,17 @@
-"""The heteroclinic connection between noninverted spinning and its copy: Omega_h by several methods, its orbit.
-
-*manifolds* finds the zero of the splitting between the unstable and the stable manifold, to any number of digits.
-*limit-cycles* follows the limit cycles to infinite period. They share the integrator and nothing else. *bisection* only
-looks at which side the unstable branch takes, in double; *scipy* does the same with another integrator.
-"""
+"""The heteroclinic connection between noninverted spinning and its copy, at its speed Omega_h, and its orbit."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
 from fractions import Fraction
-from typing import Any, Literal, get_args
+from typing import Any, Literal
 
 import numpy
 
-from tippedisk_verify.connection.bisection import bisect_omega_h
-from tippedisk_verify.connection.splitting import MOST_DIGITS, splitting_zero
-from tippedisk_verify.cycles.period_continuation import limit_of_cycles
+from tippedisk_verify.connection.splitting import SplittingZero
 from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.flow import default_engine
-from tippedisk_verify.flow.baseline import Baseline
 from tippedisk_verify.flow.contract import Engine, Event, Request, Result, Status
 from tippedisk_verify.flow.error_estimate import PLAIN_DIGITS
 from tippedisk_verify.model.arrays import OnArrays, doubles
@@ -27,17 +19,13 @@ from tippedisk_verify.model.equations import field as equations_of_motion
 from tippedisk_verify.model.exact import shown
 from tippedisk_verify.model.measured import DISTANCES, Measured
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.model.precision import checked_digits
 from tippedisk_verify.model.results import Printable, quantity
-from tippedisk_verify.model.surroundings import undisturbed
 from tippedisk_verify.theory.equilibria import equilibrium
 from tippedisk_verify.theory.saddle_manifolds import Saddle
 
-__all__ = ["METHODS", "Heteroclinic", "Method", "heteroclinic"]
+__all__ = ["Heteroclinic", "Method", "connection_at"]
 
 Method = Literal["manifolds", "limit-cycles", "bisection", "scipy"]
-METHODS: tuple[Method, ...] = get_args(Method)
-_DOUBLE_DIGITS = 12
 _BEGINNING = Fraction(1, 10**6)  # from the first saddle; there the series of its branch is exact to 30 digits
 _SADDLE_BITS, _SADDLE_ORDER = 120, 6
 _FOLLOWED = 12.0  # s; after it doubles have long left the connection
@@ -130,35 +118,16 @@ class Heteroclinic(Printable):
         return result
 
 
-@undisturbed
-def heteroclinic(
+def connection_at(
     parameters: Parameters,
-    engine: Engine,
+    omega_h: Measured,
+    digits: int,
     *,
-    digits: int = 12,
-    method: str = "manifolds",
+    method: Method,
+    engine: Engine,
+    zero: SplittingZero | None = None,
 ) -> Heteroclinic:
-    """Omega_h to ``digits`` significant digits by one of `METHODS`.
-
-    Raises InputError for an unknown method or more digits than it can have, NoConnectionError where there is no
-    connection, AccuracyError if the digits are not reached.
-    """
-    if method not in METHODS:
-        raise InputError(f"method '{shown(method)}' is not known: use {', '.join(METHODS)}")
-    digits = checked_digits(digits)
-    if method in ("bisection", "scipy") and digits > _DOUBLE_DIGITS:
-        raise InputError(f"{method} runs in double: at most {_DOUBLE_DIGITS} digits, not {digits}; use manifolds")
-    if digits > MOST_DIGITS:
-        raise InputError(f"Omega_h is offered to {MOST_DIGITS} digits, not {digits}: more would take days")
-    derivative, budget = None, {}
-    if method == "manifolds":
-        guess = bisect_omega_h(parameters, engine, confirm=False).omega_h.value
-        zero = splitting_zero(parameters, guess, engine, digits)
-        omega_h, derivative, budget = zero.omega_h, zero.derivative, zero.budget
-    elif method == "limit-cycles":
-        omega_h = limit_of_cycles(parameters, engine, digits)
-    else:
-        omega_h = bisect_omega_h(parameters, Baseline("DOP853") if method == "scipy" else engine).omega_h
+    """Return the connection at a known Omega_h with its eigenvalues to ``digits`` significant digits."""
     eigenvalues = _eigenvalues(parameters, omega_h, digits)
     unstable, slow, _ = eigenvalues
     return Heteroclinic(
@@ -168,8 +137,8 @@ def heteroclinic(
         method=method,
         parameters=parameters,
         engine=engine.name,
-        splitting_derivative=derivative,
-        budget=budget,
+        splitting_derivative=None if zero is None else zero.derivative,
+        budget={} if zero is None else zero.budget,
     )
 
 

@@ -9,11 +9,11 @@ from fractions import Fraction
 from functools import partial
 from typing import Any
 
-from tippedisk_verify.atlas.branch import family, found, rotating_branch
-from tippedisk_verify.atlas.locator import locator
 from tippedisk_verify.audit.claims import Audit
+from tippedisk_verify.cycles.branch import family, found, rotating_branch
 from tippedisk_verify.cycles.folds import fold_in_double
 from tippedisk_verify.cycles.limit_cycle import LimitCycle, RotatingCycle
+from tippedisk_verify.cycles.locator import locator
 from tippedisk_verify.errors import AccuracyError
 from tippedisk_verify.figures.exhibit import Drawing, Exhibit, by_curve
 from tippedisk_verify.figures.style import BLACK, BLUE, GREEN, ORANGE, PURPLE, RED, grid

@@ -12,7 +12,7 @@ import math
 from collections.abc import Sequence
 from fractions import Fraction
 
-from tippedisk_verify.atlas.cycles_at_speed import rotating_cycle
+from tippedisk_verify.cycles.at_speed import rotating_cycle
 from tippedisk_verify.cycles.return_map import ReturnMap
 from tippedisk_verify.cycles.section import ROTATING, ROUND
 from tippedisk_verify.errors import InputError

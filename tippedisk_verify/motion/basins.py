@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy
 
-from tippedisk_verify.atlas.cycles_at_speed import cycle_at, rotating_cycle
+from tippedisk_verify.cycles.at_speed import cycle_at, rotating_cycle
 from tippedisk_verify.cycles.section import ROUND
 from tippedisk_verify.errors import AccuracyError, InputError, NoConnectionError, NoSuchCycleError
 from tippedisk_verify.flow import default_engine, default_lanes

@@ -7,10 +7,10 @@ from collections.abc import Callable
 from fractions import Fraction
 from typing import Any
 
-from tippedisk_verify.atlas.cycles_at_speed import cycle_above
 from tippedisk_verify.connection.bisection import bisect_omega_h
-from tippedisk_verify.connection.heteroclinic import heteroclinic
-from tippedisk_verify.connection.near_connection import cycle_near
+from tippedisk_verify.cycles.at_speed import cycle_above
+from tippedisk_verify.cycles.near_connection import cycle_near
+from tippedisk_verify.cycles.omega_h import heteroclinic
 from tippedisk_verify.cycles.section import LIBRATING
 from tippedisk_verify.cycles.shooting import limit_cycle
 from tippedisk_verify.errors import AccuracyError, NoSuchCycleError

@@ -15,8 +15,8 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any, get_args
 
-from tippedisk_verify.atlas.cycles_at_speed import cycle_at
-from tippedisk_verify.connection.heteroclinic import heteroclinic
+from tippedisk_verify.cycles.at_speed import cycle_at
+from tippedisk_verify.cycles.omega_h import heteroclinic
 from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.model.decimals import exact_text

@@ -10,11 +10,11 @@ import numpy
 import pytest
 
 import tippedisk_verify as tv
-from tippedisk_verify.atlas.branch import rotating_branch
-from tippedisk_verify.atlas.cycles_at_speed import rotating_below, rotating_cycle
-from tippedisk_verify.atlas.locator import locator
 from tippedisk_verify.cli import main
+from tippedisk_verify.cycles.at_speed import rotating_below, rotating_cycle
+from tippedisk_verify.cycles.branch import rotating_branch
 from tippedisk_verify.cycles.folds import rotation_fold
+from tippedisk_verify.cycles.locator import locator
 from tippedisk_verify.cycles.spectral import spectral_fold, spectral_rotation
 from tippedisk_verify.flow.contract import Request, Status
 from tippedisk_verify.model.equations import field, normal_force_over_weight

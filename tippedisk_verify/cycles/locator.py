@@ -15,12 +15,12 @@ from functools import cached_property
 from typing import Generic, TypeVar
 
 from tippedisk_verify.connection.bisection import bisect_omega_h
-from tippedisk_verify.connection.near_connection import DOUBLE_SHOOTS, cycle_near
 from tippedisk_verify.connection.splitting import splitting_zero
 from tippedisk_verify.cycles.error_budget import MORE_DIGITS, cycle_to_digits, wider_cycle
 from tippedisk_verify.cycles.family import Family, Place
 from tippedisk_verify.cycles.librating_family import LibratingFamily
 from tippedisk_verify.cycles.limit_cycle import Cycle, LimitCycle, RotatingCycle
+from tippedisk_verify.cycles.near_connection import DOUBLE_SHOOTS, cycle_near
 from tippedisk_verify.cycles.newton import FixedPoint
 from tippedisk_verify.cycles.return_map import ReturnMap
 from tippedisk_verify.cycles.rotating_family import RotatingFamily

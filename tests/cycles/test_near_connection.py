@@ -8,10 +8,10 @@ from fractions import Fraction
 
 import pytest
 
-from tippedisk_verify.atlas.cycles_at_speed import cycle_above, cycle_at
 from tippedisk_verify.cli import main
-from tippedisk_verify.connection.heteroclinic import heteroclinic
-from tippedisk_verify.connection.near_connection import with_speed
+from tippedisk_verify.cycles.at_speed import cycle_above, cycle_at
+from tippedisk_verify.cycles.near_connection import with_speed
+from tippedisk_verify.cycles.omega_h import heteroclinic
 from tippedisk_verify.cycles.period_continuation import PeriodContinuation
 from tippedisk_verify.cycles.section import LIBRATING
 from tippedisk_verify.flow.contract import Request

@@ -14,14 +14,14 @@ from typing import Any, TypeVar
 
 import numpy
 
-from tippedisk_verify.atlas.cycles_at_speed import cycles_at
-from tippedisk_verify.atlas.locator import Locator, locator
-from tippedisk_verify.connection.near_connection import DOUBLE_SHOOTS
+from tippedisk_verify.cycles.at_speed import cycles_at
 from tippedisk_verify.cycles.family import Family, in_batches
 from tippedisk_verify.cycles.folds import rotation_fold
 from tippedisk_verify.cycles.interpolant import FamilyInterpolant
 from tippedisk_verify.cycles.librating_family import LibratingFamily
 from tippedisk_verify.cycles.limit_cycle import Cycle, LimitCycle, MissingCycle, RotatingCycle
+from tippedisk_verify.cycles.locator import Locator, locator
+from tippedisk_verify.cycles.near_connection import DOUBLE_SHOOTS
 from tippedisk_verify.cycles.rotating_family import RotatingFamily
 from tippedisk_verify.cycles.section import LIBRATING, ROTATING, Section
 from tippedisk_verify.errors import AccuracyError, InputError, NoConnectionError, NoSuchCycleError

@@ -6,8 +6,8 @@ from fractions import Fraction
 
 import pytest
 
-from tippedisk_verify.atlas.cycles_at_speed import cycle_at
-from tippedisk_verify.atlas.locator import locator
+from tippedisk_verify.cycles.at_speed import cycle_at
+from tippedisk_verify.cycles.locator import locator
 from tippedisk_verify.errors import NoSuchCycleError
 from tippedisk_verify.model.parameters import PRINTED
 
@@ -34,7 +34,7 @@ def test_a_refused_speed_is_told_where_the_family_lies(taylor, monkeypatch, omeg
     """By the family alone: nothing is shot for, and Omega_h is not searched."""
     known = locator(PRINTED, taylor)
     assert known.family.connected
-    for name in ("atlas.locator.shoot", "atlas.locator.bisect_omega_h", "atlas.locator.splitting_zero"):
+    for name in ("cycles.locator.shoot", "cycles.locator.bisect_omega_h", "cycles.locator.splitting_zero"):
         monkeypatch.setattr(f"tippedisk_verify.{name}", None)
     with pytest.raises(NoSuchCycleError, match=told):
         cycle_at(PRINTED, omega, taylor)

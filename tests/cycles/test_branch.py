@@ -10,11 +10,11 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from tippedisk_verify.atlas.branch import Branch, family, paper_speeds
-from tippedisk_verify.atlas.cycles_at_speed import cycle_at
-from tippedisk_verify.atlas.locator import locator
 from tippedisk_verify.cli import main
 from tippedisk_verify.connection.bisection import bisect_omega_h
+from tippedisk_verify.cycles.at_speed import cycle_at
+from tippedisk_verify.cycles.branch import Branch, family, paper_speeds
+from tippedisk_verify.cycles.locator import locator
 from tippedisk_verify.model.parameters import GEOMETRY, PRINTED
 from tippedisk_verify.theory.hopf import omega_crit
 

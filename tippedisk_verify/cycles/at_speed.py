@@ -7,11 +7,11 @@ from contextlib import suppress
 from fractions import Fraction
 from typing import Any, TypeVar
 
-from tippedisk_verify.atlas.locator import NEWBORN, Location, Locator, Start, locator
-from tippedisk_verify.connection.near_connection import DOUBLE_SHOOTS, with_speed
 from tippedisk_verify.connection.splitting import MOST_DIGITS, splitting_zero
 from tippedisk_verify.cycles.error_budget import cycle_to_digits
 from tippedisk_verify.cycles.limit_cycle import Cycle, LimitCycle, RotatingCycle
+from tippedisk_verify.cycles.locator import NEWBORN, Location, Locator, Start, locator
+from tippedisk_verify.cycles.near_connection import DOUBLE_SHOOTS, with_speed
 from tippedisk_verify.cycles.return_map import ReturnMap
 from tippedisk_verify.cycles.section import LIBRATING, ROTATING, Section
 from tippedisk_verify.cycles.shooting import shoot, shoot_from_law

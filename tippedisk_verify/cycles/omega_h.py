@@ -1,0 +1,59 @@
+"""Omega_h, the speed of the heteroclinic connection, by four methods.
+
+*manifolds* finds the zero of the splitting between the unstable and the stable manifold, to any number of digits.
+*limit-cycles* follows the limit cycles to infinite period. They share the integrator and nothing else. *bisection* only
+looks at which side the unstable branch takes, in double; *scipy* does the same with another integrator.
+"""
+
+from __future__ import annotations
+
+from typing import cast, get_args
+
+from tippedisk_verify.connection.bisection import bisect_omega_h
+from tippedisk_verify.connection.heteroclinic import Heteroclinic, Method, connection_at
+from tippedisk_verify.connection.splitting import MOST_DIGITS, splitting_zero
+from tippedisk_verify.cycles.period_continuation import limit_of_cycles
+from tippedisk_verify.errors import InputError
+from tippedisk_verify.flow.baseline import Baseline
+from tippedisk_verify.flow.contract import Engine
+from tippedisk_verify.model.exact import shown
+from tippedisk_verify.model.parameters import Parameters
+from tippedisk_verify.model.precision import checked_digits
+from tippedisk_verify.model.surroundings import undisturbed
+
+__all__ = ["METHODS", "heteroclinic"]
+
+METHODS: tuple[Method, ...] = get_args(Method)
+_DOUBLE_DIGITS = 12
+
+
+@undisturbed
+def heteroclinic(
+    parameters: Parameters,
+    engine: Engine,
+    *,
+    digits: int = 12,
+    method: str = "manifolds",
+) -> Heteroclinic:
+    """Return the connection with Omega_h to ``digits`` significant digits, by one of `METHODS`.
+
+    Raises InputError for an unknown method or more digits than it can have, NoConnectionError where there is no
+    connection, AccuracyError if the digits are not reached.
+    """
+    if method not in METHODS:
+        raise InputError(f"method '{shown(method)}' is not known: use {', '.join(METHODS)}")
+    digits, zero = checked_digits(digits), None
+    if method in ("bisection", "scipy") and digits > _DOUBLE_DIGITS:
+        raise InputError(f"{method} runs in double: at most {_DOUBLE_DIGITS} digits, not {digits}; use manifolds")
+    if digits > MOST_DIGITS:
+        raise InputError(f"Omega_h is offered to {MOST_DIGITS} digits, not {digits}: more would take days")
+    if method == "manifolds":
+        zero = splitting_zero(
+            parameters, bisect_omega_h(parameters, engine, confirm=False).omega_h.value, engine, digits
+        )
+        omega_h = zero.omega_h
+    elif method == "limit-cycles":
+        omega_h = limit_of_cycles(parameters, engine, digits)
+    else:
+        omega_h = bisect_omega_h(parameters, Baseline("DOP853") if method == "scipy" else engine).omega_h
+    return connection_at(parameters, omega_h, digits, method=cast(Method, method), engine=engine, zero=zero)
