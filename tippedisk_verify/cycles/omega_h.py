@@ -7,7 +7,7 @@ looks at which side the unstable branch takes, in double; *scipy* does the same 
 
 from __future__ import annotations
 
-from typing import cast, get_args
+from typing import get_args
 
 from tippedisk_verify.connection.bisection import bisect_omega_h
 from tippedisk_verify.connection.heteroclinic import Heteroclinic, Method, connection_at
@@ -48,12 +48,11 @@ def heteroclinic(
     if digits > MOST_DIGITS:
         raise InputError(f"Omega_h is offered to {MOST_DIGITS} digits, not {digits}: more would take days")
     if method == "manifolds":
-        zero = splitting_zero(
-            parameters, bisect_omega_h(parameters, engine, confirm=False).omega_h.value, engine, digits
-        )
+        guess = bisect_omega_h(parameters, engine, confirm=False).omega_h.value
+        zero = splitting_zero(parameters, guess, engine, digits)
         omega_h = zero.omega_h
     elif method == "limit-cycles":
         omega_h = limit_of_cycles(parameters, engine, digits)
     else:
         omega_h = bisect_omega_h(parameters, Baseline("DOP853") if method == "scipy" else engine).omega_h
-    return connection_at(parameters, omega_h, digits, method=cast(Method, method), engine=engine, zero=zero)
+    return connection_at(parameters, omega_h, digits, method=method, engine=engine, zero=zero)
