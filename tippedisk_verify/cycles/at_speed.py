@@ -9,8 +9,9 @@ from typing import Any, TypeVar
 
 from tippedisk_verify.connection.splitting import MOST_DIGITS, splitting_zero
 from tippedisk_verify.cycles.error_budget import cycle_to_digits
+from tippedisk_verify.cycles.family import Place
 from tippedisk_verify.cycles.limit_cycle import Cycle, LimitCycle, RotatingCycle
-from tippedisk_verify.cycles.locator import NEWBORN, Location, Locator, Start, locator
+from tippedisk_verify.cycles.locator import NEWBORN, Location, Locator, locator
 from tippedisk_verify.cycles.near_connection import DOUBLE_SHOOTS, with_speed
 from tippedisk_verify.cycles.return_map import ReturnMap
 from tippedisk_verify.cycles.section import LIBRATING, ROTATING, Section
@@ -122,7 +123,8 @@ def _beside_omega_h(section: Section[C], parameters: Parameters, offset: object,
     omega = omega_h.value + (distance if above else -distance)
     location: Location[Any]
     if distance < DOUBLE_SHOOTS:  # the branch leads there: the family is not needed
-        location = Location(section, parameters, engine, omega, (Start(None),), omega_h=omega_h.value)
+        place = Place.next_to_omega_h(omega)
+        location = Location(section, parameters, engine, omega, (place,), omega_h=omega_h.value)
     elif above:
         location = disk_locator.librating(omega, omega_h.value)
     else:

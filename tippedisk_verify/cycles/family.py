@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from fractions import Fraction
 from functools import cached_property, partial
 from itertools import pairwise
 from typing import Any, ClassVar, NamedTuple
@@ -56,12 +57,24 @@ Solver = Callable[[Array, Array, Array, Array], Solved]
 
 @dataclass(frozen=True)
 class Place:
-    """A cycle of a family, in double, as far as the polynomials tell."""
+    """A cycle of a family as doubles have it: where to shoot for the cycle itself."""
 
-    start: tuple[float, float]  #: both coordinates on the section
-    flight: float  #: flight time of the section's map [s]
+    start: tuple[float, float]  #: both coordinates on the section; NaN next to Omega_h, where doubles have none
     omega: float  #: [rad/s]
     piece: int  #: counted from where the family begins, one more after each fold
+    falls: bool  #: whether Omega falls along that piece, with a rising first coordinate
+    flight: float = math.nan  #: flight time of the section's map [s]
+    zeros: int = 0  #: after the point, of the distance from the Hopf point, where that is too small for doubles
+
+    @classmethod
+    def next_to_omega_h(cls, omega: Fraction, piece: int = 0) -> Place:
+        """Return the place of the cycle that doubles cannot tell from the connection."""
+        return cls((math.nan, math.nan), float(omega), piece, falls=True)
+
+    @property
+    def is_in_double(self) -> bool:
+        """Whether doubles tell the cycle from the connection."""
+        return not math.isnan(self.start[0])
 
 
 class Family:
@@ -251,7 +264,7 @@ class Family:
         """The cycle at an abscissa."""
         ratio, flight, omega, _ = (float(value) for value in self.at(numpy.array([s]))[:, 0])
         first = float(self.coordinate(s))
-        return Place((first, ratio * first), flight, omega, piece)
+        return Place((first, ratio * first), omega, piece, self.falls[piece], flight)
 
 
 def _powers_and_rates(x: Array, degree: int) -> tuple[Array, Array]:

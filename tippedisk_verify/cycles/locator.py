@@ -17,7 +17,7 @@ from typing import Generic, TypeVar
 from tippedisk_verify.connection.bisection import bisect_omega_h
 from tippedisk_verify.connection.splitting import splitting_zero
 from tippedisk_verify.cycles.error_budget import MORE_DIGITS, cycle_to_digits, wider_cycle
-from tippedisk_verify.cycles.family import Family, Place
+from tippedisk_verify.cycles.family import Place
 from tippedisk_verify.cycles.librating_family import LibratingFamily
 from tippedisk_verify.cycles.limit_cycle import Cycle, LimitCycle, RotatingCycle
 from tippedisk_verify.cycles.near_connection import DOUBLE_SHOOTS, cycle_near
@@ -33,7 +33,7 @@ from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.theory.equilibria import saddle_value_sign
 from tippedisk_verify.theory.hopf import distance_below_crit
 
-__all__ = ["NEWBORN", "Location", "Locator", "Start", "locator"]
+__all__ = ["NEWBORN", "Location", "Locator", "locator"]
 
 C = TypeVar("C", bound=Cycle)
 
@@ -48,16 +48,6 @@ _MOST_DISKS = 16  # whose families are kept
 
 
 @dataclass(frozen=True)
-class Start:
-    """Where to shoot for one cycle of a family."""
-
-    guess: tuple[float, float] | None  #: of the section's coordinates; None next to Omega_h, where doubles have none
-    piece: int = 0  #: of the family, counted from its beginning; one more after each fold
-    falls: bool = True  #: whether Omega falls along that piece, with a rising first coordinate
-    zeros: int = 0  #: after the point, of the distance from the Hopf point, where that is too small for doubles
-
-
-@dataclass(frozen=True)
 class Location(Generic[C]):
     """The cycles of one kind at one speed: where to shoot for them, or why there are none."""
 
@@ -65,7 +55,7 @@ class Location(Generic[C]):
     parameters: Parameters
     engine: Engine
     omega: Fraction  #: [rad/s]
-    starts: tuple[Start, ...]  #: in the order of their pieces
+    starts: tuple[Place, ...]  #: in the order of their pieces
     refusal: str = ""  #: what is said if there are none
     omega_h: Fraction | None = None  #: [rad/s], to digits that tell the side, where a start has no guess
 
@@ -75,25 +65,25 @@ class Location(Generic[C]):
             raise NoSuchCycleError(self.refusal)
         return [self.cycle(start, digits) for start in self.starts]
 
-    def cycle(self, start: Start, digits: int = 12) -> C:
+    def cycle(self, start: Place, digits: int = 12) -> C:
         """The cycle of one start, to ``digits`` digits.
 
         Raises NoSuchCycleError if the search fails, AccuracyError if doubles do not tell it from its neighbour at a
         fold, or the digits are not reached.
         """
-        if start.guess is None:
+        if not start.is_in_double:
             assert self.omega_h is not None
             return cycle_near(self.section, self.parameters, self.omega, self.omega_h, self.engine, digits=digits)
         return_map = ReturnMap(self.section, self.parameters, self.omega, self.engine)
         try:
             if start.zeros:
-                newborn = FixedPoint(return_map, start.guess, return_map(start.guess), ())
+                newborn = FixedPoint(return_map, start.start, return_map(start.start), ())
                 cycle = wider_cycle(newborn, digits, MORE_DIGITS + start.zeros)
             else:
-                cycle = cycle_to_digits(shoot(return_map, start.guess), digits)
+                cycle = cycle_to_digits(shoot(return_map, start.start), digits)
         except AccuracyError as fault:
-            others = [other.guess[0] for other in self.starts if other.guess and other is not start]
-            if not any(abs(other - start.guess[0]) < _ABOUT_TO_MEET for other in others):
+            others = [other.start[0] for other in self.starts if other.is_in_double and other is not start]
+            if not any(abs(other - start.start[0]) < _ABOUT_TO_MEET for other in others):
                 raise
             raise AccuracyError(f"{fault}; the speed is next to a fold, where two cycles meet") from None
         rate = getattr(cycle, f"d{self.section.names[0]}_domega")
@@ -149,7 +139,7 @@ class Locator:
             return location
         family = self.family
         refusal, places = _no_libration(family, float(omega)), family.places(float(omega))
-        starts = [_start(family, place) for place in places]
+        starts = list(places)
         if not any(start.piece == 0 for start in starts):
             starts[:0] = _newborn(family, distance_below_crit(self.parameters, omega))
         location = replace(location, refusal=refusal, starts=tuple(starts))
@@ -167,11 +157,10 @@ class Locator:
         """
         family, speed = self.rotations, float(omega)
         beside = stable is not False and abs(omega - family.omega_h) < DOUBLE_SHOOTS
-        starts, refusal = list[Start](), ""
+        starts, refusal = list[Place](), ""
         if not beside or stable is None:
             try:
-                for place in family.followed_places(speed, stable=False if beside else stable):
-                    starts.append(_start(family, place))
+                starts.extend(family.followed_places(speed, stable=False if beside else stable))
                 refusal = _no_rotation(family, omega, stable)
             except NoSuchCycleError as fault:
                 refusal = str(fault)
@@ -192,7 +181,7 @@ class Locator:
         starts = [start for start in location.starts if start.piece != piece]
         refusal = location.refusal
         if (omega > omega_h) is above:
-            starts.insert(piece, Start(None, piece))
+            starts.insert(piece, Place.next_to_omega_h(omega, piece))
         else:
             kind = "limit cycle" if location.section is LIBRATING else "stable rotating cycle"
             distance, side = float(abs(omega - omega_h)), "below" if above else "above"
@@ -200,11 +189,7 @@ class Locator:
         return replace(location, starts=tuple(starts), refusal=refusal, omega_h=omega_h)
 
 
-def _start(family: Family, place: Place) -> Start:
-    return Start(place.start, place.piece, family.falls[place.piece])
-
-
-def _newborn(family: LibratingFamily, below_crit: Fraction) -> list[Start]:
+def _newborn(family: LibratingFamily, below_crit: Fraction) -> list[Place]:
     """Return where to shoot for the cycle between the Hopf point and the family's first node, if it is there.
 
     Raises AccuracyError at a distance that is not offered.
@@ -218,8 +203,7 @@ def _newborn(family: LibratingFamily, below_crit: Fraction) -> list[Start]:
         raise AccuracyError(
             f"limit cycles are offered down to 1e-{_NEWEST} rad/s from Omega_crit: ask for one farther away"
         )
-    start = _start(family, family.newborn(float(distance)))
-    return [replace(start, zeros=zeros if distance < NEWBORN else 0)]
+    return [replace(family.newborn(float(distance)), zeros=zeros if distance < NEWBORN else 0)]
 
 
 def _no_libration(family: LibratingFamily, omega: float) -> str:
