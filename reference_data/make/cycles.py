@@ -17,7 +17,7 @@ from tippedisk_verify.model.equations import field
 from tippedisk_verify.model.exact import PI, Exact, fraction
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.precision import Precision, bits
-from tippedisk_verify.reference_values.entries import Case, Values
+from tippedisk_verify.reference_values.entries import ExactItem, Values
 from tippedisk_verify.reference_values.truths import shot
 
 __all__ = [
@@ -34,14 +34,14 @@ _QUARTER = PI * Fraction(1, 2)
 _TOP = Event("top", ROUND.function, direction=ROUND.direction, terminal=False)
 
 
-def omega_h_for(case: Case) -> Fraction:
+def omega_h_for(case: ExactItem) -> Fraction:
     """To enough digits to know how far from it a speed written with so many decimals lies."""
     digits = max(14, min(len(str(case.inputs["Omega"].denominator)), 90))
     return case.disk.heteroclinic(digits=digits).omega_h.value
 
 
 # ------------------------------------------------------------------------------------------ whole periods
-def _rotates(case: Case) -> bool:
+def _rotates(case: ExactItem) -> bool:
     return case.item.kind in ("rotating-cycle", "rotation-fold")
 
 
@@ -52,7 +52,9 @@ class _Period:
     never starts them; ``free`` are the other angle less pi/2, and v. Raises AccuracyError if the flight ends early.
     """
 
-    def __init__(self, case: Case, precision: Precision, omega: Fraction, free: Sequence[Fraction], time: Any) -> None:
+    def __init__(
+        self, case: ExactItem, precision: Precision, omega: Fraction, free: Sequence[Fraction], time: Any
+    ) -> None:
         self.case, self.precision, self.omega, self.free = case, precision, omega, free
         angle, rotating = Exact(free[0], Fraction(1, 2)), _rotates(case)
         start = [angle, -_QUARTER, free[1]] if rotating else [_QUARTER, angle, free[1]]
@@ -119,7 +121,7 @@ def _claimed(numbers: dict[str, Fraction], values: Values) -> Values:
     return {name: Measured(value, abs(value) / 10**35 + values[name].uncertainty) for name, value in numbers.items()}
 
 
-def whole_period(case: Case, values: Values) -> Values:
+def whole_period(case: ExactItem, values: Values) -> Values:
     """A librating cycle from beta = pi/2, a rotating one from gamma = -pi/2: Newton steps of the bordered system.
 
     The first leads on from ``values``; where the second starts, the derivatives are those on the cycle.
@@ -145,7 +147,7 @@ def whole_period(case: Case, values: Values) -> Values:
     return _claimed(found, values)
 
 
-def fold_from_the_bottom(case: Case, values: Values) -> Values:
+def fold_from_the_bottom(case: ExactItem, values: Values) -> Values:
     """From gamma = -pi/2, Omega free: 1 is a double eigenvalue of the monodromy matrix.
 
     Its trace is then 2 and the fast multiplier, which Liouville's integral gives. Newton steps with differences in a
@@ -186,7 +188,7 @@ def _attributes(result: Any, *names: str) -> Values:
     return {name: getattr(result, name) for name in names}
 
 
-def balance(case: Case, values: Values) -> Values:
+def balance(case: ExactItem, values: Values) -> Values:
     omega = case.inputs["Omega"]
     if case.disk.friction != "linear" or omega - omega_h_for(case) < _BALANCE_ABOVE:
         return {}
@@ -194,7 +196,7 @@ def balance(case: Case, values: Values) -> Values:
     return _attributes(cycle, "period", "gamma_bar_0", "v_0", "beta_max")
 
 
-def collocation(case: Case, values: Values) -> Values:
+def collocation(case: ExactItem, values: Values) -> Values:
     if case.disk.friction != "linear":
         return {}
     stable = case.inputs["form"] == "stable"
@@ -204,14 +206,14 @@ def collocation(case: Case, values: Values) -> Values:
     return numbers | {"log_multiplier_slow": slow, "log_multiplier_fast": cycle.log_multipliers - slow}
 
 
-def fold_by_collocation(case: Case, values: Values) -> Values:
+def fold_by_collocation(case: ExactItem, values: Values) -> Values:
     if case.disk.friction != "linear":
         return {}
     fold = spectral_fold(case.disk, digits=_COLLOCATED_FOLD)
     return _attributes(fold, "omega", "period", "null_vector") | {"beta_bar_top": fold.angle, "v_top": fold.v}
 
 
-def scipy(case: Case, values: Values) -> Values:
+def scipy(case: ExactItem, values: Values) -> Values:
     """Shooting with another integrator, in double; its nine digits are a claim, the distance is on record."""
     point = shot(case, values, Baseline())
     if case.item.kind == "rotating-cycle":
@@ -229,7 +231,7 @@ def scipy(case: Case, values: Values) -> Values:
     return {name: Measured.of(value, abs(value) * 1e-9 + 1e-12) for name, value in numbers.items()}
 
 
-def fold_by_scipy(case: Case, values: Values) -> Values:
+def fold_by_scipy(case: ExactItem, values: Values) -> Values:
     """In double; its seven digits are a claim, the distance is on record."""
     names = ("beta_bar_top", "v_top", "omega")
     beta_bar, v, omega = (float(values[name]) for name in names)

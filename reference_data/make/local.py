@@ -14,7 +14,7 @@ from tippedisk_verify.model.exact import fraction, quotient
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Constants
 from tippedisk_verify.model.precision import bits, heyoka_module
-from tippedisk_verify.reference_values.entries import Case, Values
+from tippedisk_verify.reference_values.entries import ExactItem, Values
 from tippedisk_verify.reference_values.truths import BITS, DIGITS, ORDERS, WIDER, PlainEngine, in_two, orbit
 from tippedisk_verify.theory import harmonic_balance, hopf, slow_manifold
 from tippedisk_verify.theory.equilibria import linearization
@@ -38,11 +38,11 @@ def _compiled(law: Any, working: int) -> Any:
     return hy.cfunc(outputs, list(state), fp_type=hy.real, prec=working, compact_mode=True), names
 
 
-def symbolic(case: Case, values: Values) -> Values:
+def symbolic(case: ExactItem, values: Values) -> Values:
     return {} if case.item.friction == "both" else in_two(partial(_symbolic, case), WIDER, WIDER)
 
 
-def _symbolic(case: Case, ctx: Any) -> dict[str, Any]:
+def _symbolic(case: ExactItem, ctx: Any) -> dict[str, Any]:
     precision = bits(ctx.prec)
     function, names = _compiled(case.disk.friction, ctx.prec)
     constants, number = case.disk.at(precision), precision.number
@@ -58,11 +58,11 @@ def _symbolic(case: Case, ctx: Any) -> dict[str, Any]:
 
 
 # ------------------------------------------------------------------------------------------ Hopf point
-def hopf_by_balance(case: Case, values: Values) -> Values:
+def hopf_by_balance(case: ExactItem, values: Values) -> Values:
     return in_two(partial(_hopf_by_balance, case), kept=BITS - 20)
 
 
-def _hopf_by_balance(case: Case, ctx: Any) -> dict[str, Any]:
+def _hopf_by_balance(case: ExactItem, ctx: Any) -> dict[str, Any]:
     """Without a normal form: Routh-Hurwitz, the polynomial's derivative, the consistent one-harmonic law's slopes."""
     speed = ctx.sqrt(quotient(ctx, hopf.omega_crit_squared(case.disk)))
     matrix = linearization(case.disk, fraction(speed))
@@ -86,7 +86,7 @@ def _hopf_by_balance(case: Case, ctx: Any) -> dict[str, Any]:
 
 
 # ------------------------------------------------------------------------------------------ slow manifold
-def differences(case: Case, values: Values) -> Values:
+def differences(case: ExactItem, values: Values) -> Values:
     """Each order from the lower ones and their difference quotients, with the paper's terms written out.
 
     The invariance condition at order n needs h_0 ... h_(n-1) and their slopes; here these are central differences at a
@@ -127,7 +127,7 @@ def differences(case: Case, values: Values) -> Values:
 
 
 # ------------------------------------------------------------------------------------------ orbits
-def orbit_by_scipy(case: Case, values: Values) -> Values:
+def orbit_by_scipy(case: ExactItem, values: Values) -> Values:
     """What a hundredfold looser tolerance changes bounds the error."""
     tight, loose = (orbit(case, 12, engine=PlainEngine(Baseline("DOP853"), tolerance)) for tolerance in (1e-13, 1e-11))
     return {

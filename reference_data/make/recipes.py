@@ -15,7 +15,7 @@ from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.reference_values import truths
 from tippedisk_verify.reference_values.entries import (
     KEPT,
-    Case,
+    ExactItem,
     Item,
     Reading,
     Values,
@@ -34,17 +34,17 @@ _USUAL_DIGITS = 36
 _CONFIRMED = Fraction(1, 10**30)
 
 
-def _again(case: Case, values: Values) -> Values:
+def _again(case: ExactItem, values: Values) -> Values:
     return truths.compute_again(case, _USUAL_DIGITS)
 
 
-def _shifted(case: Case, values: Values) -> Values:
+def _shifted(case: ExactItem, values: Values) -> Values:
     """Its own error, of ten digits more, is far below the half-widths that it is held against."""
     return truths.motion(case, _DIGITS["trajectory"] + 10, shift=True)
 
 
 #: The methods beside the first, by their names in methods.csv.
-CONFIRM: dict[str, dict[str, Callable[[Case, Values], Values]]] = {
+CONFIRM: dict[str, dict[str, Callable[[ExactItem, Values], Values]]] = {
     "rhs": {"shifted": _again, "symbolic": local.symbolic},
     "equilibrium": {"eigensolver": _again},
     "hopf": {"balance": local.hopf_by_balance},
@@ -73,7 +73,7 @@ def methods_of(kind: str) -> dict[str, bool]:
     return {row["method"]: row["independent"] == "yes" for row in rows if row["kind"] == kind}
 
 
-def confirmed(case: Case, values: Values) -> dict[str, Values]:
+def confirmed(case: ExactItem, values: Values) -> dict[str, Values]:
     """The values by each further method. Raises AccuracyError if one excludes them."""
     answers = {}
     for name, method in CONFIRM[case.item.kind].items():
@@ -118,7 +118,7 @@ def answered(item: Item) -> dict[str, Any]:
     return {"rows": rows, "proof": proof}
 
 
-def _slopes(case: Case, values: Values) -> truths.Slopes:
+def _slopes(case: ExactItem, values: Values) -> truths.Slopes:
     """Condition numbers; next to Omega_h by steps that are small beside the distance from it."""
     if case.item.kind not in ("near-heteroclinic", "heteroclinic", "rotation-fold"):
         return truths.condition(case, values)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tippedisk_verify.bench.methods import METHODS, Method, Outcome, Prepared
+from tippedisk_verify.bench.methods import METHODS, Method, MethodRun, Prepared
 from tippedisk_verify.bench.problems import PROBLEMS, problem_named
 from tippedisk_verify.bench.race import Score, machine, raced, ratios
 from tippedisk_verify.cli import main
@@ -49,7 +49,7 @@ def test_what_breaks_off_or_fails_is_told_and_drawn(tmp_path: Path) -> None:
     def broken(problem: object, setting: object) -> Prepared:
         if setting == "raises":
             raise ArithmeticError("no such luck")
-        return Prepared(lambda duration: None, lambda: Outcome("gave up", []))
+        return Prepared(lambda duration: None, lambda: MethodRun("gave up", []))
 
     found = raced([TRANSIENT], [Method("broken", "none", ("stops", "raises"), broken)])
     assert [score.status for score in found] == ["gave up", "failed: no such luck"]

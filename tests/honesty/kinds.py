@@ -28,7 +28,7 @@ from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, QUADRUPLE, bits
 from tippedisk_verify.proofs.closed_forms import proved_equilibrium, proved_hopf
-from tippedisk_verify.reference_values.entries import Case, Item
+from tippedisk_verify.reference_values.entries import ExactItem, Item
 from tippedisk_verify.reference_values.truths import compute, compute_again
 from tippedisk_verify.theory import slow_manifold
 from tippedisk_verify.theory.hopf import criticality, omega_crit
@@ -60,14 +60,14 @@ def right_hand_side(draw: Draw) -> Question:
     disk = draw.disk(law=draw.choice(_LAWS))
     angles = (decimal(float(DOUBLE.number(part)), 12) for part in draw.state())  # rational: pi has no place there
     place = dict(zip(("Omega", "beta", "gamma", "v"), (draw.speed(disk), *angles), strict=True))
-    case = Case(Item(f"drawn/{draw.choice(('both', disk.friction))}/rhs/1", {}), disk, place)
+    case = ExactItem(Item(f"drawn/{draw.choice(('both', disk.friction))}/rhs/1", {}), disk, place)
     return Question(lambda: compute(case, 0), lambda known: compute_again(case, 0))
 
 
 def hopf(draw: Draw) -> Question:
     """Against implicit differentiation and the consistent one-harmonic law."""
     disk, digits = draw.disk(), draw.choice((6, 12, 15, 30))
-    case = Case(Item("drawn/linear/hopf/point", {}), disk, {})
+    case = ExactItem(Item("drawn/linear/hopf/point", {}), disk, {})
     return Question(lambda: disk.hopf(digits=digits), lambda _: hopf_by_balance(case, {}))
 
 

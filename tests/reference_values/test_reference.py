@@ -20,7 +20,7 @@ from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.baseline import Baseline
 from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.parameters import SYMBOLS, Parameters
-from tippedisk_verify.reference_values.checking import Entry, check, entries_of, recomputed
+from tippedisk_verify.reference_values.checking import StoredItem, check, entries_of, recomputed
 from tippedisk_verify.reference_values.entries import as_doubles, case_of
 from tippedisk_verify.reference_values.lookup import reference
 from tippedisk_verify.reference_values.manifest import faults_in_files
@@ -154,7 +154,7 @@ def test_a_false_digit_is_found(store: Store) -> None:
         if quantity.name == "period_slope":
             value = value[:30] + str((int(value[30]) + 5) % 10) + value[31:]
         changed.append(replace(quantity, values={**quantity.values, "decimals": (value, uncertainty)}))
-    _, faults = recomputed(Entry(entry.item, tuple(changed)))
+    _, faults = recomputed(StoredItem(entry.item, tuple(changed)))
     assert len(faults) == 1
     assert "period_slope" in faults[0]
 

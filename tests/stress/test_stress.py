@@ -17,7 +17,7 @@ from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.stress.battery import CASES, cases_named
-from tippedisk_verify.stress.case import Case, Found, Outcome, flown, refused
+from tippedisk_verify.stress.case import Found, StressCase, StressResult, flown, refused
 
 
 @pytest.mark.slow(minutes=2.5)
@@ -52,12 +52,12 @@ def test_what_is_unforeseen_never_passes() -> None:
     def short() -> Found:
         raise AccuracyError("not this close")
 
-    outcome = Outcome.of(Case("x", "x", broken, may=("digits", "unforeseen ZeroDivisionError")))
+    outcome = StressResult.of(StressCase("x", "x", broken, may=("digits", "unforeseen ZeroDivisionError")))
     assert not outcome.passed
     assert "by accident" in outcome.note
-    assert Outcome.of(Case("x", "x", short, may=("AccuracyError",))).passed
-    assert not Outcome.of(Case("x", "x", short, 3)).passed
-    assert not Outcome.of(Case("x", "x", lambda: Found("digits", 2.9), 3)).passed
+    assert StressResult.of(StressCase("x", "x", short, may=("AccuracyError",))).passed
+    assert not StressResult.of(StressCase("x", "x", short, 3)).passed
+    assert not StressResult.of(StressCase("x", "x", lambda: Found("digits", 2.9), 3)).passed
     assert not refused(lambda: 1, InputError).honest
 
 

@@ -15,7 +15,7 @@ from tippedisk_verify.model.equations import jacobian
 from tippedisk_verify.model.parameters import Constants
 from tippedisk_verify.model.precision import DOUBLE, EXTENDED, QUADRUPLE, bits, heyoka_module
 
-__all__ = ["METHODS", "Method", "Outcome", "Prepared", "compiled_rates"]
+__all__ = ["METHODS", "Method", "MethodRun", "Prepared", "compiled_rates"]
 
 _TAYLOR_TOLERANCES = (1e-3, 1e-5, 1e-6, 1e-7, 1e-9, 1e-11, 1e-12, 1e-13, 1e-15)
 _TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12)
@@ -23,7 +23,7 @@ _FINE_TOLERANCES = (1e-4, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 3e-11, 1e-11, 1e-12, 1e
 
 
 @dataclass(frozen=True)
-class Outcome:
+class MethodRun:
     """What a run gave: samples as far as it came, and what it cost beside time."""
 
     status: str  #: reached, or why not
@@ -37,7 +37,7 @@ class Prepared:
     """A method set up for a problem: ``run`` goes to a time and returns the state there, ``sampled`` gives samples."""
 
     run: Callable[[float], Any]
-    sampled: Callable[[], Outcome]
+    sampled: Callable[[], MethodRun]
 
 
 @dataclass(frozen=True)
@@ -60,11 +60,11 @@ def _by_engine(engine: Engine, problem: Problem, **options: Any) -> Prepared:
     times = precision.array(problem.times)
     sampling = problem.request(times=times, **options)
 
-    def sampled() -> Outcome:
+    def sampled() -> MethodRun:
         result = engine(sampling)
         status = "reached" if result.status is Status.REACHED else result.status.value
         samples = [] if result.samples is None else result.samples
-        return Outcome(status, samples, result.steps or engine(plain).steps, result.evaluations)
+        return MethodRun(status, samples, result.steps or engine(plain).steps, result.evaluations)
 
     def run(duration: float) -> Any:
         return engine(plain if duration == problem.duration else replace(plain, duration=duration)).state
@@ -114,7 +114,7 @@ def _bare(problem: Problem, name: str) -> Prepared:
             ends.append(precision.owned(stepper.state))
         return ends
 
-    return Prepared(run, lambda: Outcome("reached", _flown(problem.times)))
+    return Prepared(run, lambda: MethodRun("reached", _flown(problem.times)))
 
 
 def _in_symbols(problem: Problem, formula: Callable[..., Any]) -> tuple[Any, list[Any], Any]:
@@ -156,10 +156,10 @@ def _scipy_compiled(method: str) -> Callable[[Problem, float], Prepared]:
                 rates, span, problem.start, method=method, rtol=tolerance, atol=tolerance, t_eval=times, **options
             )
 
-        def sampled() -> Outcome:
+        def sampled() -> MethodRun:
             solution = solve(problem.times)
             status = "reached" if solution.status == 0 else str(solution.message)
-            return Outcome(status, solution.y.T, None, int(solution.nfev))
+            return MethodRun(status, solution.y.T, None, int(solution.nfev))
 
         return Prepared(lambda duration: solve(duration=duration).y[:, -1], sampled)
 

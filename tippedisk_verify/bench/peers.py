@@ -12,7 +12,7 @@ from collections.abc import Callable
 from importlib.util import find_spec
 from typing import Any
 
-from tippedisk_verify.bench.methods import Method, Outcome, Prepared
+from tippedisk_verify.bench.methods import Method, MethodRun, Prepared
 from tippedisk_verify.bench.problems import Problem
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.equations import field, jacobian
@@ -43,10 +43,10 @@ def _cvode(kind: str) -> Callable[[Problem, float], Prepared]:
         start = numpy.array(problem.start)
         times = numpy.array([0.0, *problem.times])
 
-        def sampled() -> Outcome:
+        def sampled() -> MethodRun:
             solution = solver.solve(times, start)
             status = "reached" if solution.success else str(solution.message)
-            return Outcome(status, solution.y[1:], None, int(solution.nfev))
+            return MethodRun(status, solution.y[1:], None, int(solution.nfev))
 
         # Three times or more: otherwise every step is kept.
         return Prepared(lambda end: solver.solve(numpy.array([0.0, end / 2, end]), start).y[-1], sampled)
@@ -82,10 +82,10 @@ def _diffrax(name: str) -> Callable[[Problem, float], Prepared]:
         start = jnp.array(problem.start)
         to_end(start, problem.duration)[0].block_until_ready()
 
-        def sampled() -> Outcome:
+        def sampled() -> MethodRun:
             samples, reached, steps = at_times(start, problem.duration)
             status = "reached" if bool(reached) else "gave up before the end"
-            return Outcome(status, samples.tolist(), int(steps))
+            return MethodRun(status, samples.tolist(), int(steps))
 
         return Prepared(lambda end: to_end(start, end)[0].block_until_ready()[0].tolist(), sampled)
 
@@ -111,9 +111,9 @@ def _numbalsoda(name: str) -> Callable[[Problem, float], Prepared]:
                 right.address, start, numpy.array([0.0, *times]), rtol=tolerance, atol=tolerance, mxstep=_MOST_STEPS
             )
 
-        def sampled() -> Outcome:
+        def sampled() -> MethodRun:
             states, reached = flown(*problem.times)
-            return Outcome("reached" if reached else "gave up before the end", states[1:])
+            return MethodRun("reached" if reached else "gave up before the end", states[1:])
 
         # The machine code that it calls lives as long as `right` does.
         return Prepared(lambda end: flown(end)[0][-1], sampled)

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
-from tippedisk_verify.bench.methods import METHODS, Method, Outcome, Prepared
+from tippedisk_verify.bench.methods import METHODS, Method, MethodRun, Prepared
 from tippedisk_verify.bench.problems import PROBLEMS, STOPS, Problem, Truth, truth_of
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.results import Printable
@@ -53,7 +53,7 @@ class _Entry:
     setting: Any
     status: str = ""
     prepared: Prepared | None = None
-    outcome: Outcome | None = None
+    outcome: MethodRun | None = None
     ends: dict[int, Any] = field(default_factory=dict)  # by sample: the state where a run of its own stops
     preparation: float | None = None
     seconds: list[float] = field(default_factory=list)
@@ -144,7 +144,7 @@ def _score(entry: _Entry, truth: Truth) -> Score:
     )
 
 
-def _errors(outcome: Outcome, stopped: dict[int, Any], truth: Truth) -> tuple[float | None, float | None]:
+def _errors(outcome: MethodRun, stopped: dict[int, Any], truth: Truth) -> tuple[float | None, float | None]:
     """(ends, samples) against the truth, which is exact: differences above double are taken exactly."""
     if len(outcome.samples) != len(truth.samples):
         return None, None

@@ -8,7 +8,7 @@ from textwrap import wrap
 
 import click
 
-from tippedisk_verify.model.results import COORDINATES, Quantity, heading, quantities
+from tippedisk_verify.model.results import COORDINATES, QuantityMeaning, heading, quantities
 
 __all__ = ["EXAMPLES", "Cli", "load_quantities"]
 
@@ -107,7 +107,7 @@ def _sentence(command: click.Command) -> str:
 
 
 def _defined(path: str) -> list[str]:
-    known: dict[str, Quantity] = {}
+    known: dict[str, QuantityMeaning] = {}
     for module, *names in _PRINTED.get(path, ()):
         for name in names:
             if module:

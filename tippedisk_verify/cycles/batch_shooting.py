@@ -92,7 +92,7 @@ def shoot_batch(
     unknowns = numpy.stack((*guess, omegas), axis=1).astype(float)
     count = len(unknowns)
     constants = numpy.broadcast_to(constants, (count, len(PARAMETERS) - 1))
-    batch = _Batch(section, constants, lanes, _FIRST if free_omega else _OMEGA)
+    batch = _SectionBatch(section, constants, lanes, _FIRST if free_omega else _OMEGA)
     converged, last = batch.solve(unknowns, numpy.broadcast_to(tolerance, count))
     flown = {name: numpy.full(count, numpy.nan) for name in (*(m.name for m in section.measures), "divergence")}
     if whole and converged.any():
@@ -115,7 +115,7 @@ class _Step(NamedTuple):
     trivial: Array  #: (n,) the multiplier along the flow
 
 
-class _Batch:
+class _SectionBatch:
     """Runs of one section with constants (n, 6), of whose unknowns (n, 4) the one numbered ``held`` is fixed."""
 
     def __init__(self, section: Section[Any], constants: Array, lanes: BatchTaylor, held: int) -> None:

@@ -233,14 +233,14 @@ def _no_rotation(family: RotatingFamily, omega: Fraction, stable: bool | None) -
     return f"the rotating cycles turn round in a fold near {fold:.6g} rad/s, above {float(omega):.10g} rad/s"
 
 
-class _Own(threading.local):
+class _ThreadLocators(threading.local):
     """A thread's locators: engines are a thread's own."""
 
     def __init__(self) -> None:
         self.locators: dict[tuple[type, Parameters, str], Locator] = {}
 
 
-_OWN = _Own()
+_OWN = _ThreadLocators()
 
 
 def locator(parameters: Parameters, engine: Engine) -> Locator:

@@ -110,7 +110,12 @@ class BatchTaylor:
         constants = numpy.broadcast_to(constants, (count, len(names) - 1))
         key = (variations, divergence, events, shifted, friction)
         result: BatchResult = self._batches.run(
-            key, lambda: _Batch(self.width, *key), numpy.vstack((omegas, constants.T)), states, durations, max_steps
+            key,
+            lambda: _CompiledBatch(self.width, *key),
+            numpy.vstack((omegas, constants.T)),
+            states,
+            durations,
+            max_steps,
         )
         if not result.crossings:
             return result
@@ -130,7 +135,7 @@ class BatchTaylor:
         return replace(result, crossings=tuple(one for one in result.crossings if not is_start(*one)))
 
 
-class _Batch:
+class _CompiledBatch:
     """A batch of heyoka's, with what it was compiled for."""
 
     def __init__(

@@ -19,7 +19,7 @@ __all__ = [
     "COORDINATES",
     "Eigenvalue",
     "Printable",
-    "Quantity",
+    "QuantityMeaning",
     "as_json",
     "heading",
     "quantities",
@@ -34,35 +34,37 @@ _MOST_BESIDE = 5  # numbers of an entry of a list on one line
 _MOST_ENTRIES = 4  # of a list, before it is shown by its first and its last
 
 
-class Quantity(NamedTuple):
+class QuantityMeaning(NamedTuple):
     unit: str  #: "1" for what has none, "SI" for what depends on a normalisation
     meaning: str
 
 
 #: What results list without a field of that name: the speed, coordinates and time, and what depends on them alone.
 COORDINATES = {
-    "omega": Quantity("rad/s", "Omega, the spinning speed"),
-    "Omega": Quantity("rad/s", "the spinning speed"),
-    "t": Quantity("s", "the time"),
-    "beta": Quantity("rad", "the disk's inclination"),
-    "gamma": Quantity("rad", "the angle of the centre of mass in the disk's plane"),
-    "v": Quantity("rad/s", "beta'"),
-    "margin": Quantity("rad", "distance in beta from the boundary of the basins; above 0 the disk keeps standing"),
+    "omega": QuantityMeaning("rad/s", "Omega, the spinning speed"),
+    "Omega": QuantityMeaning("rad/s", "the spinning speed"),
+    "t": QuantityMeaning("s", "the time"),
+    "beta": QuantityMeaning("rad", "the disk's inclination"),
+    "gamma": QuantityMeaning("rad", "the angle of the centre of mass in the disk's plane"),
+    "v": QuantityMeaning("rad/s", "beta'"),
+    "margin": QuantityMeaning(
+        "rad", "distance in beta from the boundary of the basins; above 0 the disk keeps standing"
+    ),
 }
 _UNITLESS = ("1", "SI")  # not printed
 #: The unit of each name; one name has one unit in all results.
 _UNITS = {name: coordinate.unit for name, coordinate in COORDINATES.items()}
 
 
-def quantity(meaning: str, unit: str) -> dict[str, Quantity]:
+def quantity(meaning: str, unit: str) -> dict[str, QuantityMeaning]:
     """Return the metadata of a number's dataclass field: its meaning and unit, "1" for none.
 
     Help, printed tables and the site read them there.
     """
-    return {"quantity": Quantity(unit, meaning)}
+    return {"quantity": QuantityMeaning(unit, meaning)}
 
 
-def quantities(kind: type) -> dict[str, Quantity]:
+def quantities(kind: type) -> dict[str, QuantityMeaning]:
     """The numbers of a class of results, by name."""
     return {item.name: item.metadata["quantity"] for item in fields(kind) if "quantity" in item.metadata}
 

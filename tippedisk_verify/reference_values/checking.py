@@ -19,7 +19,7 @@ from tippedisk_verify.reference_values.questions import table_row
 from tippedisk_verify.reference_values.store import Quantity, Store, table_rows
 from tippedisk_verify.reference_values.truths import compute_again
 
-__all__ = ["CheckReport", "Entry", "check", "entries_of", "recomputed"]
+__all__ = ["CheckReport", "StoredItem", "check", "entries_of", "recomputed"]
 
 # Above this level an entry costs seconds: at most a twentieth of a sample.
 _CHEAP_LEVEL = 5
@@ -37,7 +37,7 @@ class CheckReport(Printable):
 
 
 @dataclass(frozen=True)
-class Entry:
+class StoredItem:
     """A question, and the stored numbers that answer it."""
 
     item: Item
@@ -47,12 +47,12 @@ class Entry:
         return {quantity.name: quantity.measured(reading) for quantity in self.quantities}
 
 
-def entries_of(store: Store, prefix: str = "") -> list[Entry]:
+def entries_of(store: Store, prefix: str = "") -> list[StoredItem]:
     """The store's values by question, in order of difficulty."""
     entries = []
     for id_, group in groupby(store.matching(prefix), key=lambda quantity: quantity.id.rsplit("/", 1)[0]):
         quantities = tuple(group)
-        entries.append(Entry(Item(id_, dict(quantities[0].inputs), tuple(quantities[0].values)), quantities))
+        entries.append(StoredItem(Item(id_, dict(quantities[0].inputs), tuple(quantities[0].values)), quantities))
     return entries
 
 
@@ -102,7 +102,7 @@ def _faults_in_rows(folder: Path, store: Store) -> list[str]:
     return faults
 
 
-def _chosen(entries: list[Entry], sample: int | None, seed: int) -> list[Entry]:
+def _chosen(entries: list[StoredItem], sample: int | None, seed: int) -> list[StoredItem]:
     if sample is None:
         return entries
     draw = random.Random(seed)
@@ -112,7 +112,7 @@ def _chosen(entries: list[Entry], sample: int | None, seed: int) -> list[Entry]:
     return draw.sample(cheap, min(len(cheap), sample - few)) + draw.sample(costly, few)
 
 
-def recomputed(entry: Entry) -> tuple[int, list[str]]:
+def recomputed(entry: StoredItem) -> tuple[int, list[str]]:
     """The entry once more, in each reading: how many numbers, and which of them exclude those stored."""
     count, faults = 0, []
     for reading in entry.item.readings:

@@ -18,7 +18,18 @@ from tippedisk_verify.model.parameters import SYMBOLS
 from tippedisk_verify.reference_values.draws import disk_of
 from tippedisk_verify.reference_values.store import Reading
 
-__all__ = ["KEPT", "READINGS", "Case", "Item", "Reading", "Values", "as_doubles", "case_of", "disagreements", "trimmed"]
+__all__ = [
+    "KEPT",
+    "READINGS",
+    "ExactItem",
+    "Item",
+    "Reading",
+    "Values",
+    "as_doubles",
+    "case_of",
+    "disagreements",
+    "trimmed",
+]
 
 READINGS: tuple[Reading, ...] = ("decimals", "doubles")
 Values = dict[str, Measured]
@@ -48,7 +59,7 @@ class Item:
 
 
 @dataclass(frozen=True)
-class Case:
+class ExactItem:
     """An item in one reading: the disk and the inputs, exact."""
 
     item: Item
@@ -62,7 +73,7 @@ def as_doubles(disk: Disk) -> Disk:
     return Disk(**rounded, name=disk.name, friction=disk.friction)
 
 
-def case_of(item: Item, reading: Reading) -> Case:
+def case_of(item: Item, reading: Reading) -> ExactItem:
     """The item's disk and inputs as that reading takes them."""
     disk = replace(disk_of(item.set), friction="smooth" if item.friction == "smooth" else "linear")
     inputs: dict[str, Any] = {}
@@ -73,7 +84,7 @@ def case_of(item: Item, reading: Reading) -> Case:
             inputs[name] = text
             continue
         inputs[name] = Fraction(float(number)) if reading == "doubles" else number
-    return Case(item, as_doubles(disk) if reading == "doubles" else disk, inputs)
+    return ExactItem(item, as_doubles(disk) if reading == "doubles" else disk, inputs)
 
 
 def trimmed(measured: Measured, digits: int) -> Measured:

@@ -26,7 +26,7 @@ from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import SYMBOLS
 from tippedisk_verify.model.precision import DOUBLE, bits
 from tippedisk_verify.reference_values.draws import DRAWN_SET
-from tippedisk_verify.reference_values.entries import Case, Item, Reading, Values
+from tippedisk_verify.reference_values.entries import ExactItem, Item, Reading, Values
 from tippedisk_verify.reference_values.store import Quantity, codebook, definition_of
 from tippedisk_verify.theory import harmonic_balance, hopf, slow_manifold
 
@@ -47,23 +47,23 @@ _QUARTER = PI * Fraction(1, 2)
 Slopes = dict[str, dict[str, Any]]  #: of each quantity, by parameter or input
 
 
-def compute(case: Case, digits: int) -> Values:
+def compute(case: ExactItem, digits: int) -> Values:
     """The numbers of a question: closed forms to `DIGITS`, what takes an integrator to ``digits``."""
     return _COMPUTE[case.item.kind](case, digits)
 
 
-def compute_again(case: Case, digits: int) -> Values:
+def compute_again(case: ExactItem, digits: int) -> Values:
     """The same, in another formulation where there is one."""
     return {**_COMPUTE, **_COMPUTE_AGAIN}[case.item.kind](case, digits)
 
 
-def condition(case: Case, values: Values) -> Slopes:
+def condition(case: ExactItem, values: Values) -> Slopes:
     """The change of each number per relative change of each parameter and input, next to ``values``."""
     plain, step = _PLAIN[case.item.kind]
     return by_differences(case, lambda moved: plain(moved, values), step)
 
 
-def by_differences(case: Case, plain: Callable[[Case], Mapping[str, Any]], step: Fraction = _STEP) -> Slopes:
+def by_differences(case: ExactItem, plain: Callable[[ExactItem], Mapping[str, Any]], step: Fraction = _STEP) -> Slopes:
     """dq / (dp / p) by central differences of a function that is cheap to evaluate."""
     slopes: Slopes = {}
     moving = [name for name, value in case.inputs.items() if isinstance(value, Fraction) and value]
@@ -75,7 +75,7 @@ def by_differences(case: Case, plain: Callable[[Case], Mapping[str, Any]], step:
     return slopes
 
 
-def _moved(case: Case, name: str, factor: Fraction) -> Case:
+def _moved(case: ExactItem, name: str, factor: Fraction) -> ExactItem:
     if name in case.inputs:
         return replace(case, inputs={**case.inputs, name: case.inputs[name] * factor})
     value: Any = getattr(case.disk, name) * factor
@@ -88,7 +88,7 @@ def in_two(evaluate: Callable[[Any], Mapping[str, Any]], narrow: int = BITS, kep
     return {name: Measured.compared(value, sharp[name], Fraction(2, 1 << kept)) for name, value in rough.items()}
 
 
-def _in(ctx: Any, case: Case, *names: str) -> tuple[Any, ...]:
+def _in(ctx: Any, case: ExactItem, *names: str) -> tuple[Any, ...]:
     """The disk's constants and these inputs in a context."""
     return (case.disk.within(ctx), *(quotient(ctx, case.inputs[name]) for name in names))
 
@@ -111,7 +111,7 @@ def as_quantity(
 
 
 # ------------------------------------------------------------------------------------------ closed forms
-def _right_hand_side(case: Case, ctx: Any, shift: bool = False) -> dict[str, Any]:
+def _right_hand_side(case: ExactItem, ctx: Any, shift: bool = False) -> dict[str, Any]:
     """The paper's terms as they stand and the Jacobian by hand; with ``shift`` in angles less pi/2."""
     c, omega, beta, gamma, v = _in(ctx, case, "Omega", *_STATE)
     ops, quarter = (shifted(ctx), ctx.pi / 2) if shift else (ctx, 0)
@@ -135,12 +135,12 @@ def _right_hand_side(case: Case, ctx: Any, shift: bool = False) -> dict[str, Any
     }
 
 
-def _equilibrium(case: Case, digits: int) -> Values:
+def _equilibrium(case: ExactItem, digits: int) -> Values:
     state = case.disk.equilibrium(case.inputs["equilibrium"], case.inputs["Omega"], digits=DIGITS)
     return _of_places((value.re, value.im) for value in state.eigenvalues)
 
 
-def _eigenvalues(case: Case, ctx: Any) -> dict[str, Any]:
+def _eigenvalues(case: ExactItem, ctx: Any) -> dict[str, Any]:
     """Eigenvalues of the Jacobian of the full equations, by the QR algorithm."""
     c, omega = _in(ctx, case, "Omega")
     gamma = ctx.pi / 2 if case.inputs["equilibrium"] == "inverted" else -ctx.pi / 2
@@ -160,7 +160,7 @@ def _of_places(pairs: Iterable[tuple[Any, Any]]) -> dict[str, Any]:
     }
 
 
-def _law(case: Case, ctx: Any) -> dict[str, Any]:
+def _law(case: ExactItem, ctx: Any) -> dict[str, Any]:
     """The one-harmonic law in floating point."""
     c, omega = _in(ctx, case, "Omega")
     square, frequency_squared = harmonic_balance.squares(c, omega, case.inputs["form"])
@@ -168,7 +168,7 @@ def _law(case: Case, ctx: Any) -> dict[str, Any]:
     return {"amplitude": ctx.sqrt(square), "frequency": frequency, "period": 2 * ctx.pi / frequency}
 
 
-def _manifold(case: Case, ctx: Any) -> dict[str, Any]:
+def _manifold(case: ExactItem, ctx: Any) -> dict[str, Any]:
     """The slow manifold's orders and residuals, by the recursion on truncated power series."""
     arguments = (ctx, *_in(ctx, case, "Omega", "beta", "gamma"), ORDERS)
     orders, residuals = slow_manifold.orders(*arguments), slow_manifold.invariance_residuals(*arguments)
@@ -197,7 +197,7 @@ class PlainEngine:
 
 
 def orbit(
-    case: Case, digits: int, *, shift: bool = False, engine: Engine | None = None
+    case: ExactItem, digits: int, *, shift: bool = False, engine: Engine | None = None
 ) -> Mapping[str, tuple[Any, Any]]:
     """An orbit's samples, its crossings of beta = pi/2, and when the disk lies flat, each with its half-width.
 
@@ -227,7 +227,7 @@ def orbit(
     return numbers | ({"flat_time": (run.end.time, run.end.time_uncertainty)} if run.status is Status.FLAT else {})
 
 
-def motion(case: Case, digits: int, *, shift: bool = False) -> Values:
+def motion(case: ExactItem, digits: int, *, shift: bool = False) -> Values:
     """The orbit's numbers; with ``shift`` they come from angles less pi/2."""
     quarter = sum(_QUARTER.enclosed(WIDER)) / 2 if shift else Fraction(0)
     return {
@@ -238,35 +238,35 @@ def motion(case: Case, digits: int, *, shift: bool = False) -> Values:
     }
 
 
-def _moved_orbit(case: Case, values: Values) -> dict[str, Any]:
+def _moved_orbit(case: ExactItem, values: Values) -> dict[str, Any]:
     return {name: value for name, (value, _) in orbit(case, 12, engine=PlainEngine(default_engine())).items()}
 
 
 # ------------------------------------------------------------------------------------------ cycles and Omega_h
-def _named(case: Case, result: Any) -> Values:
+def _named(case: ExactItem, result: Any) -> Values:
     """The numbers of a result that its kind is asked for."""
     return {name: getattr(result, name) for name in codebook()[case.item.kind]}
 
 
-def shot(case: Case, values: Mapping[str, Any], engine: Engine) -> FixedPoint[Any]:
+def shot(case: ExactItem, values: Mapping[str, Any], engine: Engine) -> FixedPoint[Any]:
     """The cycle's point on its section, by shooting in double from its numbers."""
     section = ROTATING if case.item.kind == "rotating-cycle" else LIBRATING
     names = ("beta_bar_top", "v_top") if section is ROTATING else ("gamma_bar_0", "v_0")
     return shoot(ReturnMap(section, case.disk, case.inputs["Omega"], engine), [float(values[name]) for name in names])
 
 
-def _cycle_in_double(case: Case, values: Values) -> dict[str, Any]:
+def _cycle_in_double(case: ExactItem, values: Values) -> dict[str, Any]:
     numbers = cycle_numbers(shot(case, values, default_engine()), DOUBLE)
     return {name: float(numbers[name]) for name in codebook()[case.item.kind]}
 
 
-def connection(case: Case, digits: int, method: str = "manifolds") -> Values:
+def connection(case: ExactItem, digits: int, method: str = "manifolds") -> Values:
     """Omega_h and the saddle's eigenvalues there."""
     point = case.disk.heteroclinic(digits=digits, method=method)
     return dict(zip(codebook()["heteroclinic"], (point.omega_h, *point.saddle_eigenvalues), strict=True))
 
 
-_COMPUTE: dict[str, Callable[[Case, int], Values]] = {
+_COMPUTE: dict[str, Callable[[ExactItem, int], Values]] = {
     "rhs": lambda case, digits: in_two(partial(_right_hand_side, case)),
     "equilibrium": _equilibrium,
     "hopf": lambda case, digits: _named(case, case.disk.hopf(digits=DIGITS)),
@@ -289,14 +289,14 @@ _COMPUTE: dict[str, Callable[[Case, int], Values]] = {
     ),
     "rotation-fold": lambda case, digits: _named(case, case.disk.rotation_fold(digits=digits)),
 }
-_COMPUTE_AGAIN: dict[str, Callable[[Case, int], Values]] = {
+_COMPUTE_AGAIN: dict[str, Callable[[ExactItem, int], Values]] = {
     "rhs": lambda case, digits: in_two(partial(_right_hand_side, case, shift=True), WIDER, WIDER),
     # A pair that nearly coincides costs the algorithm half its digits; just below Omega_crit a numerator cancels.
     "equilibrium": lambda case, digits: in_two(partial(_eigenvalues, case), kept=BITS // 2),
     "harmonic-balance": lambda case, digits: in_two(partial(_law, case), kept=BITS - 40),
     "trajectory": partial(motion, shift=True),
 }
-Plain = Callable[[Case, Values], Mapping[str, Any]]
+Plain = Callable[[ExactItem, Values], Mapping[str, Any]]
 #: What is cheap to evaluate, and the step of its differences. 1e-7 of a parameter moves an orbit of ten seconds by some
 #: 1e-4 after the passages, and rounding by 1e-9 of that change; 1e-8 moves Omega_crit by 1e-7 and the fold by 1e-6.
 _PLAIN: dict[str, tuple[Plain, Fraction]] = {

@@ -15,7 +15,7 @@ from tippedisk_verify.cache import Cache
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.provenance import DRAWING, fingerprint
 
-__all__ = ["AuditJob", "Outcome", "Task", "compute", "key", "run", "tasks_for"]
+__all__ = ["AuditJob", "AuditRecords", "Task", "compute", "key", "run", "tasks_for"]
 
 _FEW = 4  # tasks up to which starting processes costs more than it saves
 _TICK = 0.2  # s between two looks at what is at hand
@@ -39,7 +39,7 @@ class Task:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class AuditRecords:
     """What came of the tasks: plain data each, and which of them were kept from before."""
 
     records: dict[Task, Any]
@@ -121,7 +121,7 @@ def run(
     cache: Cache,
     pool: Callable[[int], AbstractContextManager[Executor | None]],
     advance: Callable[[str, int], None],
-) -> Outcome:
+) -> AuditRecords:
     """Every task's result. ``pool`` makes an executor for so many tasks at once, or None for this process alone."""
     records: dict[Task, Any] = {}
     keys = {task: key(order, task) for task in tasks}
@@ -153,7 +153,7 @@ def run(
                 _there(order, alone, [], executor, keep, advance)
     if ahead:
         cache.tidy()
-    return Outcome(records, kept)
+    return AuditRecords(records, kept)
 
 
 def _light(task: Task) -> bool:

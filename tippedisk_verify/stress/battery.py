@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.stress import cycle_cases, motion_cases
-from tippedisk_verify.stress.case import Case, Outcome
+from tippedisk_verify.stress.case import StressCase, StressResult
 
 __all__ = ["CASES", "cases_named", "outcome_of"]
 
-CASES: tuple[Case, ...] = (*motion_cases.CASES, *cycle_cases.CASES)
+CASES: tuple[StressCase, ...] = (*motion_cases.CASES, *cycle_cases.CASES)
 _BY_NAME = {case.name: case for case in CASES}
 
 
-def cases_named(names: tuple[str, ...], quick: bool = False) -> list[Case]:
+def cases_named(names: tuple[str, ...], quick: bool = False) -> list[StressCase]:
     """Those cases, or all (the quick ones only). Raises InputError for a name that no case has."""
     for name in names:
         if name not in _BY_NAME:
@@ -21,6 +21,6 @@ def cases_named(names: tuple[str, ...], quick: bool = False) -> list[Case]:
     return [case for case in chosen if case.quick or not quick]
 
 
-def outcome_of(name: str) -> Outcome:
+def outcome_of(name: str) -> StressResult:
     """Run one case; by name, so that another process can do it."""
-    return Outcome.of(_BY_NAME[name])
+    return StressResult.of(_BY_NAME[name])

@@ -15,7 +15,7 @@ from tippedisk_verify.flow.contract import Engine, Request, Result, Status
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.precision import Precision, bits
 
-__all__ = ["Case", "Found", "Outcome", "against", "cycle_digits", "digits_between", "flown", "refused"]
+__all__ = ["Found", "StressCase", "StressResult", "against", "cycle_digits", "digits_between", "flown", "refused"]
 
 _TRUTH = bits(200)
 _MOST_DIGITS = 16.0  # what is closer than this is not told apart in doubles
@@ -32,7 +32,7 @@ class Found:
 
 
 @dataclass(frozen=True)
-class Case:
+class StressCase:
     """One of the battery. The outcome must be one of ``may``; where it is digits, at least ``least`` of them."""
 
     name: str
@@ -48,7 +48,7 @@ class Case:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class StressResult:
     """A case with what was found."""
 
     name: str
@@ -63,7 +63,7 @@ class Outcome:
     seconds: float
 
     @classmethod
-    def of(cls, case: Case) -> Outcome:
+    def of(cls, case: StressCase) -> StressResult:
         """Run it. What no case may do, raise something unforeseen, is an outcome too: it never passes."""
         begin = time.perf_counter()
         try:

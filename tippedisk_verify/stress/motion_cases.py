@@ -14,7 +14,7 @@ from tippedisk_verify.flow.contract import FLAT, Event, Request
 from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.parameters import PRINTED, Parameters
 from tippedisk_verify.model.precision import QUADRUPLE, bits
-from tippedisk_verify.stress.case import Case, Found, digits_between, flown
+from tippedisk_verify.stress.case import Found, StressCase, digits_between, flown
 
 __all__ = ["CASES"]
 
@@ -51,7 +51,7 @@ def _thin(share: str) -> Callable[[], Parameters]:
     return make
 
 
-def _friction_cases() -> list[Case]:
+def _friction_cases() -> list[StressCase]:
     cases = []
     # A tenth of a second is 13 times the decay time at epsilon = 0.1; at 1e-6 some 1e4 decay times are 0.001 s.
     for text, duration in (("1e-6", "0.001"), ("1e-5", "0.01"), ("1e-4", "0.1"), ("1e-3", "0.5"), ("0.01", "1"),
@@ -60,15 +60,17 @@ def _friction_cases() -> list[Case]:
         for friction in ("linear", "smooth"):
             run = _later(duration, _parameters(epsilon=text, friction=friction), domain="none", **sharp)
             cases.append(
-                Case(f"epsilon {text}, {friction}", f"{duration} s with epsilon = {text} m/s", run, 9, quick=not sharp)
+                StressCase(
+                    f"epsilon {text}, {friction}", f"{duration} s with epsilon = {text} m/s", run, 9, quick=not sharp
+                )
             )
     for text in ("1e-6", "10"):
         run = _later("0.5", _parameters(mu=text), domain="none")
-        cases.append(Case(f"mu {text}", f"0.5 s with mu = {text}", run, 10))
+        cases.append(StressCase(f"mu {text}", f"0.5 s with mu = {text}", run, 10))
     return cases
 
 
-def _shape_cases() -> list[Case]:
+def _shape_cases() -> list[StressCase]:
     near = PRINTED.Bbar * (1 + Fraction(1, 10**12))
     sets: tuple[tuple[str, str, Callable[[], Parameters]], ...] = (
         ("e 1e-6 m", "hardly eccentric", _parameters(e="1e-6")),
@@ -76,38 +78,40 @@ def _shape_cases() -> list[Case]:
         ("e near r", "e = r (1 - 1e-6)", _thin("1e-6")),
         ("A next to Bbar", "A = Bbar (1 + 1e-12)", lambda: PRINTED.changed(A=near + PRINTED.m * PRINTED.e**2)),
     )
-    return [Case(name, says, _later("1", make, domain="none"), 10) for name, says, make in sets]
+    return [StressCase(name, says, _later("1", make, domain="none"), 10) for name, says, make in sets]
 
 
-def _speed_cases() -> list[Case]:
+def _speed_cases() -> list[StressCase]:
     cases = [
-        Case(f"Omega {omega}", f"{duration} s at Omega = {omega} rad/s", _run(duration, omega=omega, domain="none"), 8)
+        StressCase(
+            f"Omega {omega}", f"{duration} s at Omega = {omega} rad/s", _run(duration, omega=omega, domain="none"), 8
+        )
         for omega, duration in (("1e-3", "0.5"), ("1", "0.5"), ("300", "0.5"), ("1e4", "0.02"))
     ]
     for v, duration in (("1e3", "0.01"), ("1e6", "1e-5"), ("-1e6", "1e-5")):
         run = _run(duration, start=("1.4", "1.9", v), domain="none")
-        cases.append(Case(f"v {v}", f"{duration} s from v = {v} rad/s", run, 9))
+        cases.append(StressCase(f"v {v}", f"{duration} s from v = {v} rad/s", run, 9))
     return cases
 
 
-def _start_cases() -> list[Case]:
+def _start_cases() -> list[StressCase]:
     half = exact("pi/2")
     tiny = Fraction(1, 10**12)
     shift: dict[str, Any] = {"shifted": True, "domain": "none"}
     return [
-        Case("next to inverted spinning", "1e-12 from the equilibrium, in shifted angles, where it has digits",
+        StressCase("next to inverted spinning", "1e-12 from the equilibrium, in shifted angles, where it has digits",
              _run("2", start=(tiny, -tiny, 0), **shift), 10),
-        Case("on inverted spinning", "starts on it in plain angles: pi/2 is not a double",
+        StressCase("on inverted spinning", "starts on it in plain angles: pi/2 is not a double",
              _run("1", start=(half, half, 0), domain="none"), 10),
-        Case("next to noninverted spinning", "1e-12 from the saddle: expands by e^6.6t",
+        StressCase("next to noninverted spinning", "1e-12 from the saddle: expands by e^6.6t",
              _run("1", start=(half + exact(tiny), exact("-pi/2"), 0), domain="none"), 8),
-        Case("next to lying flat", "sin(beta) = 1e-12 and v away from it",
+        StressCase("next to lying flat", "sin(beta) = 1e-12 and v away from it",
              _run("0.2", start=(tiny, "1.9", "5"), domain="event"), 8),
-        Case("next to lying flat, falling", "sin(beta) = 1e-12 and v towards it: ends within 1e-12 s",
+        StressCase("next to lying flat, falling", "sin(beta) = 1e-12 and v towards it: ends within 1e-12 s",
              _run("0.2", start=(tiny, "1.9", "-5"), domain="event"), 3, _GONE),
-        Case("flat", "starts at sin(beta) = 0: the model has no such state", _run("0.2", start=(0, "1.9", "5")), 0,
+        StressCase("flat", "starts at sin(beta) = 0: the model has no such state", _run("0.2", start=(0, "1.9", "5")), 0,
              ("FLAT", *_GONE)),
-        Case("on the stable manifold", "passes the saddle within rounding, which then decides the side",
+        StressCase("on the stable manifold", "passes the saddle within rounding, which then decides the side",
              _stable_manifold, 0, _GONE),
     ]  # fmt: skip
 
@@ -119,7 +123,7 @@ def _stable_manifold() -> Found:
     return flown(Request(PRINTED, omega, start, "12", domain="none"), bits(400))
 
 
-def _backward_cases() -> list[Case]:
+def _backward_cases() -> list[StressCase]:
     """From the limit cycle errors grow by some e^100t backward: after 0.5 s hardly a digit is left, as must be said.
 
     Whether one is depends on the start's last bits: how far they are from the cycle, beside the rounding on the way.
@@ -134,7 +138,7 @@ def _backward_cases() -> list[Case]:
     for duration, least in (("-0.05", 12.0), ("-0.1", 8.0), ("-0.2", 5.0), ("-0.3", 2.0), ("-0.5", 0.0)):
         outcomes = ("digits",) if least else ("digits", "no digits left", "rounding decides", *_BROKEN)
         cases.append(
-            Case(f"backward {duration} s", "backward from the cycle", partial(back, duration), least, outcomes)
+            StressCase(f"backward {duration} s", "backward from the cycle", partial(back, duration), least, outcomes)
         )
     return cases
 
@@ -143,7 +147,7 @@ def _crossing(level: float) -> Event:
     return Event(f"beta at {level!r}", lambda ops, c, omega, beta, gamma, v: beta - level, terminal=False)
 
 
-def _event_cases() -> list[Case]:
+def _event_cases() -> list[StressCase]:
     engine = default_engine()
     # A turning point of beta on a run of half a second, to graze and to cut a little below.
     turn = Event("turn", lambda ops, c, omega, beta, gamma, v: 1 * v, direction=-1)
@@ -162,24 +166,26 @@ def _event_cases() -> list[Case]:
         return flown(Request(PRINTED, _OMEGA, _START, "0.5", events=(first, second), domain="none"))
 
     return [
-        Case("events a rounding apart", "two surfaces an ulp apart, crossed one after the other", pair, 10, _GONE),
-        Case("grazing, missed", "a surface 100 ulps above the highest point", partial(below, -100), 10),
-        Case("grazing, touched", "a surface at the highest point, to rounding", partial(below, 0), 10, _GONE),
-        Case("grazing, cut", "crossed twice within some 1e-6 s, 1000 ulps below the top", partial(below, 1000), 10,
+        StressCase("events a rounding apart", "two surfaces an ulp apart, crossed one after the other", pair, 10, _GONE),
+        StressCase("grazing, missed", "a surface 100 ulps above the highest point", partial(below, -100), 10),
+        StressCase("grazing, touched", "a surface at the highest point, to rounding", partial(below, 0), 10, _GONE),
+        StressCase("grazing, cut", "crossed twice within some 1e-6 s, 1000 ulps below the top", partial(below, 1000), 10,
              _GONE),
-        Case("flat twice", "the run ends at the first crossing of sin(beta) = 0",
+        StressCase("flat twice", "the run ends at the first crossing of sin(beta) = 0",
              _run("60", start=(exact("pi/2"), exact("-pi/2"), 2), omega="29.9", events=(FLAT,)), 6),
     ]  # fmt: skip
 
 
-def _tolerance_cases() -> list[Case]:
+def _tolerance_cases() -> list[StressCase]:
     """The estimate must hold at every tolerance: it compares with a run at round-off."""
     cases = []
     for tolerance, least in ((0.1, 0.5), (1e-3, 2.0), (1e-6, 5.0), (1e-9, 8.0), (1e-13, 12.0), (2.0**-53, 12.0)):
         run = _run("1", tolerance=tolerance, domain="none")
-        cases.append(Case(f"tolerance {tolerance:.1e}", "1 s at this tolerance", run, least))
+        cases.append(StressCase(f"tolerance {tolerance:.1e}", "1 s at this tolerance", run, least))
     below = _run("1", tolerance=1e-30, domain="none")
-    cases.append(Case("tolerance below round-off", "1e-30 in double: no better than 1e-16, and no worse", below, 12))
+    cases.append(
+        StressCase("tolerance below round-off", "1e-30 in double: no better than 1e-16, and no worse", below, 12)
+    )
     return cases
 
 
@@ -211,7 +217,7 @@ def _long_run() -> Found:
     return Found("digits", digits_between(far + 1.0, 1.0), slope < 1.15, note)
 
 
-CASES: tuple[Case, ...] = (
+CASES: tuple[StressCase, ...] = (
     *_friction_cases(),
     *_shape_cases(),
     *_speed_cases(),
@@ -219,5 +225,5 @@ CASES: tuple[Case, ...] = (
     *_backward_cases(),
     *_event_cases(),
     *_tolerance_cases(),
-    Case("100,000 s", "on the limit cycle: the phase error grows linearly, not worse", _long_run, 7, quick=False),
+    StressCase("100,000 s", "on the limit cycle: the phase error grows linearly, not worse", _long_run, 7, quick=False),
 )

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-__all__ = ["Expansion", "derived", "printed"]
+__all__ = ["LocalExpansion", "derived", "printed"]
 
 #: Coefficient of beta_bar^i gamma_bar^j v^k by (i, j, k).
 Coefficients = dict[tuple[int, int, int], Any]
 
 
-class Expansion(NamedTuple):
+class LocalExpansion(NamedTuple):
     """The four parts of the local equation M v' - h = f_G + w_y lambda_Ty (Eq. eqm_quartic), linear friction law."""
 
     mass: Coefficients  #: M-tilde [kg m^2]
@@ -23,12 +23,12 @@ class Expansion(NamedTuple):
     friction: Coefficients  #: w_y lambda_Ty [N m]
 
 
-def derived(constants: Any, omega: Any) -> Expansion:
+def derived(constants: Any, omega: Any) -> LocalExpansion:
     """The expansion that follows from Eqs. MassMatrix_3DOF to lin_lambda_y_3DOF."""
     r, e, m, g, A, Bbar = constants.r, constants.e, constants.m, constants.g, constants.A, constants.Bbar
     reach = r + e
     strength = -constants.mu * m * g / constants.epsilon
-    return Expansion(
+    return LocalExpansion(
         mass={(0, 0, 0): Bbar, (0, 2, 0): A - Bbar, (2, 0, 0): m * reach**2},
         gyroscopic={
             (1, 0, 0): -Bbar * omega**2,
@@ -49,7 +49,7 @@ def derived(constants: Any, omega: Any) -> Expansion:
     )
 
 
-def printed(constants: Any, omega: Any) -> Expansion:
+def printed(constants: Any, omega: Any) -> LocalExpansion:
     """The expansion as the paper prints it (Eqs. MassMatrix_3DOF_approx to genForce_3DOF_approx).
 
     Two entries differ from `derived`: h-tilde's mixed term has 2 m e (r + e) instead of m e (r + e), and f_G has
@@ -65,7 +65,7 @@ def printed(constants: Any, omega: Any) -> Expansion:
         (0, 1, 0): e * reach * omega,
         (0, 2, 1): -e * reach,
     }
-    return Expansion(
+    return LocalExpansion(
         mass={(0, 2, 0): c.A - c.Bbar, (0, 0, 0): c.Bbar, (2, 0, 0): c.m * reach**2},
         gyroscopic={
             (1, 0, 0): -c.Bbar * omega**2,

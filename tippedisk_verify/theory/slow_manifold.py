@@ -31,9 +31,9 @@ from tippedisk_verify.theory.series import Angle, PowerSeries
 
 __all__ = [
     "POINTS",
-    "Expansion",
     "ReducedEquilibrium",
     "SlowManifold",
+    "SlowManifoldSeries",
     "analyse_slow_manifold",
     "attraction_rate",
     "critical_manifold",
@@ -90,7 +90,7 @@ def attraction_rate(ops: Ops, constants: Constants, beta: Any, gamma: Any) -> An
     return -constants.mu * constants.m * constants.g * parts.direction**2 / parts.mass / constants.epsilon
 
 
-class Expansion:
+class SlowManifoldSeries:
     """h_0 ... h_highest about a point as power series in (beta, gamma), in the arithmetic of the arguments.
 
     They come from v' = q_0 + q_1 v + q_2 v^2 - rate (v - h_c) / epsilon (Eqs. per_g0, per_g1). Each order costs one
@@ -160,13 +160,13 @@ def orders(ops: Ops, constants: Constants, omega: Any, beta: Any, gamma: Any, hi
     Raises InputError for an order below 0 or above 40.
     """
     highest = _checked_order(highest)
-    return Expansion(ops, constants, omega, beta, gamma, highest, slopes=False).orders
+    return SlowManifoldSeries(ops, constants, omega, beta, gamma, highest, slopes=False).orders
 
 
 def invariance_residuals(ops: Ops, constants: Constants, omega: Any, beta: Any, gamma: Any, highest: int) -> list[Any]:
-    """`Expansion.residuals` at a point, up to an order. Raises as `orders` does."""
+    """`SlowManifoldSeries.residuals` at a point, up to an order. Raises as `orders` does."""
     highest = _checked_order(highest)
-    return Expansion(ops, constants, omega, beta, gamma, highest).residuals(constants.epsilon)
+    return SlowManifoldSeries(ops, constants, omega, beta, gamma, highest).residuals(constants.epsilon)
 
 
 def _checked_order(order: int) -> int:
@@ -197,7 +197,9 @@ def reduced_equilibrium(
     constants = parameters.within(ctx)
     speed = quotient(ctx, omega) if isinstance(omega, Fraction) else ctx.mpf(omega)
     beta, gamma, _ = (quotient(ctx, angle.pi_multiple) * ctx.pi for angle in location(name))
-    *_, (_, by_beta, by_gamma) = Expansion(ctx, constants, speed, beta, gamma, order).truncations(constants.epsilon)
+    *_, (_, by_beta, by_gamma) = SlowManifoldSeries(ctx, constants, speed, beta, gamma, order).truncations(
+        constants.epsilon
+    )
     return ReducedEquilibrium(by_beta, -speed * by_gamma)
 
 
@@ -336,10 +338,10 @@ def _point(at: tuple[object, object]) -> tuple[Fraction, Fraction]:
 
 def _expansion(
     parameters: Parameters, omega: Fraction, point: tuple[Fraction, Fraction], order: int, working: int, slopes: bool
-) -> Expansion:
+) -> SlowManifoldSeries:
     ctx = bits(working).context
     speed, beta, gamma = (quotient(ctx, number) for number in (omega, *point))
-    return Expansion(ctx, parameters.within(ctx), speed, beta, gamma, order, slopes=slopes)
+    return SlowManifoldSeries(ctx, parameters.within(ctx), speed, beta, gamma, order, slopes=slopes)
 
 
 def _largest_residuals(
