@@ -50,13 +50,30 @@ def parsed(words: list[str]) -> None:
         command.make_context(name, words, parent=path.parent)
 
 
-EXAMPLES = {path: re.findall(r"^ +tippedisk-verify (.+)$", _help(path), re.MULTILINE)
-            for path, command in COMMANDS.items() if not command.hidden}  # fmt: skip
+EXAMPLES = {
+    path: re.findall(r"^ +tippedisk-verify (.+)$", _help(path), re.MULTILINE)
+    for path, command in COMMANDS.items()
+    if not command.hidden
+}
 #: What takes more than some seconds, by how the example begins; it is parsed.
 LONG = (
-    *("verify --out", "branch --paper-sets", "bench", "stress --quick", "scene b d", "certify branch"),
-    *("certify heteroclinic", "certify orbit", "certify check", "conformance run", "reference check"),
-    *("sweep", "basin", "heteroclinic --digits", "orbit --rotating", "harmonic-balance --omega", "branch"),
+    "verify --out",
+    "branch --paper-sets",
+    "bench",
+    "stress --quick",
+    "scene b d",
+    "certify branch",
+    "certify heteroclinic",
+    "certify orbit",
+    "certify check",
+    "conformance run",
+    "reference check",
+    "sweep",
+    "basin",
+    "heteroclinic --digits",
+    "orbit --rotating",
+    "harmonic-balance --omega",
+    "branch",
 )
 
 
@@ -121,8 +138,15 @@ def test_verify_says_what_an_equation_and_a_printed_number_come_to(capsys: pytes
     assert "omega_crit  fails for table1  30.8866 rad/s (paper: 30.92)\n" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("command", ["stress --list", "integrate --omega 30.4 --state pi/2,2,0 --time 1 --times 3",
-                                     "certify equilibria --omega 30.4", "hopf --digits 50"])  # fmt: skip
+@pytest.mark.parametrize(
+    "command",
+    [
+        "stress --list",
+        "integrate --omega 30.4 --state pi/2,2,0 --time 1 --times 3",
+        "certify equilibria --omega 30.4",
+        "hopf --digits 50",
+    ],
+)
 def test_on_a_terminal_lines_end_between_words(
     command: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

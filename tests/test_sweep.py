@@ -66,11 +66,13 @@ def test_ranges_are_exact() -> None:
     ("arguments", "says"),
     [
         *((f"hopf --over g={values}", "a range ") for values in ("1:2", "1:2:x", "1:2:1", "1:pi:3")),
-        ("hopf --over g=b", "'b'"), ("orbit --over mu=0.3", "either omega"),
-        ("hopf --over omega=30", "cannot be swept over"), ("orbit --over omega=30 --over below-crit=0.5", "either"),
+        ("hopf --over g=b", "'b'"),
+        ("orbit --over mu=0.3", "either omega"),
+        ("hopf --over omega=30", "cannot be swept over"),
+        ("orbit --over omega=30 --over below-crit=0.5", "either"),
         ("hopf --over mu=1 --over mu=2", "given twice"),
     ],
-)  # fmt: skip
+)
 def test_what_makes_no_sense_is_refused(
     arguments: str, says: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -92,13 +94,14 @@ def test_a_point_without_numbers_says_why(analysis: str, name: str, value: str) 
 @pytest.mark.parametrize(
     ("analysis", "point", "found"),
     [
-        ("orbit", {"omega": "91/3"}, {"stable": "true"}), ("orbit", {"below-crit": "0.5"}, {"stable": "true"}),
+        ("orbit", {"omega": "91/3"}, {"stable": "true"}),
+        ("orbit", {"below-crit": "0.5"}, {"stable": "true"}),
         ("equilibria", {"omega": "91/3", "mu": "0.2"}, {"inverted_stable": "false", "noninverted_stable": "false"}),
         ("hopf", {"e": "1/400", "m": "0.4", "g": "9.8"}, {"criticality": "supercritical"}),
         ("heteroclinic", {"epsilon": "0.1"}, {}),
         ("trajectory", {"omega": "91/3", "beta": "pi/2", "v": "2", "duration": "1/3"}, {"ended": "reached"}),
     ],
-)  # fmt: skip
+)
 def test_what_was_given_stays_beside_what_was_found(
     analysis: str, point: dict[str, str], found: dict[str, str]
 ) -> None:
@@ -153,9 +156,16 @@ def test_a_journal_is_taken_up_as_far_as_it_is_whole(interrupted: tuple[Path, by
     lines = content.splitlines(keepends=True)
     assert len(lines) == 5
     kept = {
-        content: 4, content[:-1]: 3, content[:-20]: 3, content + b'{"point": 4, "row": {"g": "9': 4, lines[0]: 0,
-        lines[0][:30]: 0, b"": 0, content.replace(b'"ok"', b'"no"', 1): 0, lines[0] + b"".join(lines[2:]): 3,
-    }  # fmt: skip
+        content: 4,
+        content[:-1]: 3,
+        content[:-20]: 3,
+        content + b'{"point": 4, "row": {"g": "9': 4,
+        lines[0]: 0,
+        lines[0][:30]: 0,
+        b"": 0,
+        content.replace(b'"ok"', b'"no"', 1): 0,
+        lines[0] + b"".join(lines[2:]): 3,
+    }
     for left, count in kept.items():
         out.with_name(".a.csv.journal").write_bytes(left)
         assert len(_swept(out)) == 10 - count

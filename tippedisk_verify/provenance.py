@@ -15,8 +15,15 @@ __all__ = ["DRAWING", "NUMERICAL", "code_version", "digest", "fingerprint", "ori
 
 _ROOT = Path(__file__).parent
 _COMPUTING = (
-    *("model", "theory", "flow", "connection", "cycles", "motion", "proofs"),
-    *("reference_values", "sweep"),
+    "model",
+    "theory",
+    "flow",
+    "connection",
+    "cycles",
+    "motion",
+    "proofs",
+    "reference_values",
+    "sweep",
 )
 #: The packages that numbers come from.
 NUMERICAL = ("heyoka", "numpy", "mpmath", "gmpy2", "scipy", "python-flint")

@@ -21,8 +21,14 @@ from tippedisk_verify.reference_values.entries import ExactItem, Values
 from tippedisk_verify.reference_values.truths import shot
 
 __all__ = [
-    *("balance", "collocation", "fold_by_collocation", "fold_by_scipy", "fold_from_the_bottom", "omega_h_for"),
-    *("scipy", "whole_period"),
+    "balance",
+    "collocation",
+    "fold_by_collocation",
+    "fold_by_scipy",
+    "fold_from_the_bottom",
+    "omega_h_for",
+    "scipy",
+    "whole_period",
 ]
 
 _BALANCE_ABOVE = Fraction(1, 20)  # rad/s above Omega_h: closer, harmonic balance needs hundreds of harmonics
@@ -59,9 +65,16 @@ class _Period:
         angle, rotating = Exact(free[0], Fraction(1, 2)), _rotates(case)
         start = [angle, -_QUARTER, free[1]] if rotating else [_QUARTER, angle, free[1]]
         request = Request(
-            case.disk, omega, start, time, precision=precision, divergence=True, domain="none",
-            variations=("beta", "gamma", "v", "Omega"), events=(EXTREME, _TOP) if rotating else (EXTREME,),
-        )  # fmt: skip
+            case.disk,
+            omega,
+            start,
+            time,
+            precision=precision,
+            divergence=True,
+            domain="none",
+            variations=("beta", "gamma", "v", "Omega"),
+            events=(EXTREME, _TOP) if rotating else (EXTREME,),
+        )
         self.result = default_engine()(request)
         if self.result.status is not Status.REACHED:
             raise AccuracyError(f"{case.item.id}: {self.result.status.value}")

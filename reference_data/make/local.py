@@ -28,9 +28,11 @@ def _compiled(law: Any, working: int) -> Any:
     """The factored field and its symbolic derivatives as heyoka's own code on heyoka's numbers."""
     hy = heyoka_module()
     state = hy.make_vars("beta", "gamma", "v")
-    names = ("omega", "r", "e", "a", "b", "g", "k") if law == "linear" else (
-        "omega", "r", "e", "a", "b", "g", "traction", "epsilon", "side"
-    )  # fmt: skip
+    names = (
+        ("omega", "r", "e", "a", "b", "g", "k")
+        if law == "linear"
+        else ("omega", "r", "e", "a", "b", "g", "traction", "epsilon", "side")
+    )
     par = dict(zip(names, (hy.par[n] for n in range(len(names))), strict=True))
     constants = Constants(**{name: par.get(name) for name in Constants._fields})
     rate = field(hy, constants, par["omega"], law, *((par["side"],) if law == "smooth" else ()))(*state)[2]

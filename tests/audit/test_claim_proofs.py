@@ -26,14 +26,23 @@ from tippedisk_verify.model.parameters import GEOMETRY, NAMED_SETS, PRINTED, Fri
 PAGES = sorted((Path(__file__).parents[2] / "docs").glob("certified*.md"))
 PROVED: dict[Friction, set[str]] = {
     "smooth": {
-        *("omega_crit", "omega_crit_friction", "period_crit"),
-        *("inverted_stable_above", "inverted_unstable_below", "noninverted_unstable"),
+        "omega_crit",
+        "omega_crit_friction",
+        "period_crit",
+        "inverted_stable_above",
+        "inverted_unstable_below",
+        "noninverted_unstable",
         "both_connections",
     }
 }
 PROVED["linear"] = PROVED["smooth"] | {
-    *("table_1", "chi", "supercritical", "attracting_cycle"),
-    *("stable_branch", "omega_h", "infinite_period"),
+    "table_1",
+    "chi",
+    "supercritical",
+    "attracting_cycle",
+    "stable_branch",
+    "omega_h",
+    "infinite_period",
 }
 IN_PART: dict[Friction, set[str]] = {"smooth": {"lambda_3", "critical_pair"}}
 IN_PART["linear"] = IN_PART["smooth"] | {"only_above_omega_h"}

@@ -47,9 +47,21 @@ def test_verdicts(answers, verdict) -> None:
 
 #: Misprints and overstatements, each found by an independent derivation (see the tests of theory/).
 WRONG = {
-    *("sliding_velocity", "critical_pair", "expansion_gyroscopic", "expansion_gravity", "kappa_1", "kappa_2"),
-    *("delta", "amplitude_law", "period_law", "reduced_dimension", "second_noninverted_state"),
-    *("order_0_noninverted", "globally_attractive", "smooth_same_asymptotics", "almost_all_trajectories"),
+    "sliding_velocity",
+    "critical_pair",
+    "expansion_gyroscopic",
+    "expansion_gravity",
+    "kappa_1",
+    "kappa_2",
+    "delta",
+    "amplitude_law",
+    "period_law",
+    "reduced_dimension",
+    "second_noninverted_state",
+    "order_0_noninverted",
+    "globally_attractive",
+    "smooth_same_asymptotics",
+    "almost_all_trajectories",
 }
 
 

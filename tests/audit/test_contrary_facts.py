@@ -259,8 +259,12 @@ def test_each_fault_has_its_class() -> None:
     faults = {claim.name: claim.fault for claim in CLAIMS if claim.fault}
     kinds = {kind: {name for name, fault in faults.items() if fault.kind == kind} for kind in get_args(FaultKind)}
     assert kinds["slip"] == {
-        *("sliding_velocity", "critical_pair", "reduced_dimension"),
-        *("expansion_gyroscopic", "expansion_gravity", "kappa_1"),
+        "sliding_velocity",
+        "critical_pair",
+        "reduced_dimension",
+        "expansion_gyroscopic",
+        "expansion_gravity",
+        "kappa_1",
     }
     assert kinds["follows-from"] == {"kappa_2", "delta", "amplitude_law", "period_law"}
     assert len({faults[name].cause for name in kinds["follows-from"]}) == 1

@@ -29,14 +29,23 @@ OCTAVE = shutil.which("octave-cli") or shutil.which("octave")
 JULIA = shutil.which("julia")
 #: What is said of the mistakes that the C client can make on request, in the order of its fault numbers.
 FAULTS = (
-    "in term h_2 of h: the minus sign of -2 is missing", "in h: -h_3 for +h_3", "in h: -h_4 for +h_4",
+    "in term h_2 of h: the minus sign of -2 is missing",
+    "in h: -h_3 for +h_3",
+    "in h: -h_4 for +h_4",
     "in term h_5 of h: the minus sign of -m is missing",
-    "in gamma_y: sin(beta) for sin(beta)^2", "in Bbar: the term -m e^2 is missing", "the angles taken as degrees",
-    "beta and gamma shifted by pi/2", "the parameters in single precision", "A and B exchanged",
-    "gamma_rate has the wrong sign", "in term h_4 of h: cos(beta) for cos(beta)^3", "",  # two at once
-    "in M: m r^2 cos(beta)^2 for m rho^2", "in f_G: -m g r cos(beta) for -m g rho cos(beta)",
+    "in gamma_y: sin(beta) for sin(beta)^2",
+    "in Bbar: the term -m e^2 is missing",
+    "the angles taken as degrees",
+    "beta and gamma shifted by pi/2",
+    "the parameters in single precision",
+    "A and B exchanged",
+    "gamma_rate has the wrong sign",
+    "in term h_4 of h: cos(beta) for cos(beta)^3",
+    "",  # two at once
+    "in M: m r^2 cos(beta)^2 for m rho^2",
+    "in f_G: -m g r cos(beta) for -m g rho cos(beta)",
     "mu = 0.33 instead of 0.3",
-)  # fmt: skip
+)
 
 
 @pytest.fixture(scope="module")
@@ -108,12 +117,20 @@ def test_each_fault_of_the_c_client_is_named(fault: int, c_client: Path, store: 
 @pytest.mark.parametrize(
     "asked",
     [
-        ("printed/both/", "printed/linear/rhs", "printed/smooth/rhs", "printed/linear/hopf", "printed/linear/harmonic",
-         "printed/linear/slow-manifold", "printed/smooth/trajectory/d1", "printed/linear/limit-cycle/crit-0.5"),
+        (
+            "printed/both/",
+            "printed/linear/rhs",
+            "printed/smooth/rhs",
+            "printed/linear/hopf",
+            "printed/linear/harmonic",
+            "printed/linear/slow-manifold",
+            "printed/smooth/trajectory/d1",
+            "printed/linear/limit-cycle/crit-0.5",
+        ),
         pytest.param(("printed/",), marks=pytest.mark.slow(minutes=3)),
     ],
     ids=["pieces", "printed"],
-)  # fmt: skip
+)
 def test_the_python_client(asked: tuple[str, ...], store: Store, tmp_path: Path) -> None:
     """All levels but the cycles nearer than 1e-6 to Omega_h, whose flights doubles do not resolve."""
     sheet = _asked(store, asked)
@@ -148,7 +165,9 @@ STARTERS = {
 #: Of levels 1 and 6, and one question that a starter leaves open.
 FOR_STARTERS = (
     *(f"printed/{law}/rhs/00" for law in ("both", "linear", "smooth")),
-    *("printed/linear/trajectory/d1", "printed/smooth/trajectory/d1", "printed/linear/hopf/point/period"),
+    "printed/linear/trajectory/d1",
+    "printed/smooth/trajectory/d1",
+    "printed/linear/hopf/point/period",
 )
 
 

@@ -23,14 +23,39 @@ NODE = shutil.which("node")
 OCTAVE = shutil.which("octave-cli") or shutil.which("octave")
 ASKED = (
     *(f"printed/{law}/rhs/00" for law in ("both", "linear", "smooth")),
-    *("printed/both/equilibrium", "printed/linear/hopf", "printed/linear/harmonic-balance"),
-    *("printed/linear/slow-manifold/0", "printed/linear/trajectory/d1/crossing", "printed/smooth/limit-cycle/crit-0.3"),
-    *("printed/linear/heteroclinic", "printed/smooth/near-heteroclinic", "printed/linear/rotating-cycle"),
+    "printed/both/equilibrium",
+    "printed/linear/hopf",
+    "printed/linear/harmonic-balance",
+    "printed/linear/slow-manifold/0",
+    "printed/linear/trajectory/d1/crossing",
+    "printed/smooth/limit-cycle/crit-0.3",
+    "printed/linear/heteroclinic",
+    "printed/smooth/near-heteroclinic",
+    "printed/linear/rotating-cycle",
 )
 #: Texts that say that there is no number, or are none that is read.
 NO_NUMBERS = (
-    *("-nan(ind)", "1.#QNAN", "1.#INF", "-1.#IND00", "Inf32", "NA", "null", "nothing", "-Infinity", ".nan", "1.#J"),
-    *("30,88", "1.5-3", "30.88`5x", "*****", "1.5+3000", "15+003", "30.88(12)", "\u22125", "0x1p3", "1/3"),
+    "-nan(ind)",
+    "1.#QNAN",
+    "1.#INF",
+    "-1.#IND00",
+    "Inf32",
+    "NA",
+    "null",
+    "nothing",
+    "-Infinity",
+    ".nan",
+    "1.#J",
+    "30,88",
+    "1.5-3",
+    "30.88`5x",
+    "*****",
+    "1.5+3000",
+    "15+003",
+    "30.88(12)",
+    "\u22125",
+    "0x1p3",
+    "1/3",
 )
 #: What a program says: id -> (from, answer).
 Sheet = dict[str, tuple[str, str]]

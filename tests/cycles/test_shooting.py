@@ -23,8 +23,15 @@ from tippedisk_verify.model.precision import DOUBLE, QUADRUPLE
 from tippedisk_verify.theory.hopf import omega_crit
 
 MAIN = ("period", "gamma_bar_0", "v_0", "beta_max")
-ALL = (*MAIN, "multiplier_slow", "log_multiplier_slow", "log_multiplier_fast", "dperiod_domega",
-       "dgamma_bar_0_domega", "dv_0_domega")  # fmt: skip
+ALL = (
+    *MAIN,
+    "multiplier_slow",
+    "log_multiplier_slow",
+    "log_multiplier_fast",
+    "dperiod_domega",
+    "dgamma_bar_0_domega",
+    "dv_0_domega",
+)
 _ENGINE = Taylor()
 
 

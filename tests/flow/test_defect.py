@@ -32,7 +32,7 @@ REQUESTS = [
     Request(PRINTED, "31.4", ("1.2", "pi/2", "2"), 1),
     Request(PRINTED, "30.7", ("2.1", "3.0", "0.7"), "-0.05"),
     Request(PRINTED.changed(e="0.02", mu="1.1"), "23", ("1.4", "0.1", "-3"), "0.7", events=PASSED),
-]  # fmt: skip
+]
 
 
 def series_of(taylor: Taylor, request: Request, monkeypatch: pytest.MonkeyPatch) -> Any:

@@ -27,9 +27,15 @@ def distance(left, right) -> Fraction:
 def test_a_run_that_settles(taylor: Taylor) -> None:
     """gamma no longer changes while the rest still decays: all runs from about the same start round alike there."""
     disk = Parameters(
-        r="0.0108827", e="0.0048537712616", m="1.81408", A="0.0002765383633122957452398963574308864",
-        B="0.0002407260328563258597383426048", g="10.7732", mu="0.235551", epsilon="0.0328552",
-    )  # fmt: skip
+        r="0.0108827",
+        e="0.0048537712616",
+        m="1.81408",
+        A="0.0002765383633122957452398963574308864",
+        B="0.0002407260328563258597383426048",
+        g="10.7732",
+        mu="0.235551",
+        epsilon="0.0328552",
+    )
     passing = tuple(replace(event, name=f"each {event.name}", terminal=False) for event in (SECTION, TURN))
     request = Request(disk, "293.6", (exact("pi/2"), "-5.10015", "-1.45367"), "0.387824", events=passing)
     mine, truth = taylor(replace(request, error_estimate=True)), taylor(replace(request, precision=QUADRUPLE))

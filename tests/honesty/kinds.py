@@ -182,10 +182,20 @@ def motion(
     draw.told(duration)
     return _flown(
         Request(
-            disk, omega, place, duration, shifted=shift, times=times, tolerance=tolerance, error_estimate=True,
-            digits=digits, events=events[shift], domain="none" if half else "event", **options,
+            disk,
+            omega,
+            place,
+            duration,
+            shifted=shift,
+            times=times,
+            tolerance=tolerance,
+            error_estimate=True,
+            digits=digits,
+            events=events[shift],
+            domain="none" if half else "event",
+            **options,
         )
-    )  # fmt: skip
+    )
 
 
 def solution(draw: Draw) -> Question:

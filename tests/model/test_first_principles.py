@@ -36,9 +36,20 @@ R, E, M, A, B, C, G, MU, EPSILON = sp.symbols("r e m A B C g mu epsilon", positi
 VERTICAL = Matrix([0, 0, 1])
 
 CONSTANTS = SimpleNamespace(
-    r=R, e=E, m=M, A=A, B=B, g=G, mu=MU, epsilon=EPSILON,
-    Bbar=B - M * E**2, a=A / M, b=(B - M * E**2) / M, k=MU * G / EPSILON, traction=MU * G,
-)  # fmt: skip
+    r=R,
+    e=E,
+    m=M,
+    A=A,
+    B=B,
+    g=G,
+    mu=MU,
+    epsilon=EPSILON,
+    Bbar=B - M * E**2,
+    a=A / M,
+    b=(B - M * E**2) / M,
+    k=MU * G / EPSILON,
+    traction=MU * G,
+)
 
 
 def canonical(expression: Expr) -> Expr:
@@ -62,8 +73,11 @@ def same(left: Expr, right: Expr) -> bool:
 
 def reduced(vector: Matrix) -> Matrix:
     """A vector or matrix with sin^2 + cos^2 = 1 used up, the angles put back."""
-    back = {Symbol(f"{name[0]}_{angle}"): function(angle)
-            for angle in (ALPHA, BETA, GAMMA) for name, function in (("sin", sp.sin), ("cos", sp.cos))}  # fmt: skip
+    back = {
+        Symbol(f"{name[0]}_{angle}"): function(angle)
+        for angle in (ALPHA, BETA, GAMMA)
+        for name, function in (("sin", sp.sin), ("cos", sp.cos))
+    }
     return vector.applyfunc(lambda entry: canonical(entry).subs(back))
 
 
@@ -106,9 +120,7 @@ def kinematics() -> Kinematics:
     turning = rate(body, {ALPHA: ALPHA_RATE, BETA: BETA_RATE, GAMMA: GAMMA_RATE}) * body.T
     spin = reduced(Matrix([turning[2, 1], turning[0, 2], turning[1, 0]]))
     # At the rim's lowest point the radius lies in the disk, square to the line of nodes, pointing down.
-    return Kinematics(
-        body, level[:, 0], level[:, 1], grinding[:, 2], E * body[:, 0], -R * grinding[:, 1], spin
-    )  # fmt: skip
+    return Kinematics(body, level[:, 0], level[:, 1], grinding[:, 2], E * body[:, 0], -R * grinding[:, 1], spin)
 
 
 class Motion(NamedTuple):

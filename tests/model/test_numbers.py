@@ -138,7 +138,7 @@ NO_NUMBERS: dict[str, tuple[Any, str]] = {
     "irrational": (sympy.sqrt(2), "type Pow"),
     "function": (math.sqrt, "type builtin_function_or_method"),
     "object": (object(), "type object"),
-}  # fmt: skip
+}
 
 #: Infinite, or not a number: no input, and graded as an answer.
 NOT_FINITE = {

@@ -28,7 +28,7 @@ def test_starts_on_either_side_end_where_it_says(taylor, omega, count) -> None:
     inside, outside = [], []
     for gamma, v in zip(random.uniform(-1.5, 4.7, count), random.uniform(-4, 4, count), strict=True):
         lower, upper = map(float, boundary.sheets(gamma, v))
-        sheet, outward = ((upper, 1) if random.random() < 0.5 else (lower, -1))  # fmt: skip
+        sheet, outward = (upper, 1) if random.random() < 0.5 else (lower, -1)
         inside.append((sheet - outward * 1e-6, gamma, v))
         outside.append((sheet + outward * 1e-6, gamma, v))
     attractors = Attractors.at(PRINTED, Fraction(omega))

@@ -25,8 +25,14 @@ from tippedisk_verify.motion.scenes import (
 )
 
 GIVEN = Measured(Fraction("30.0488682607"), Fraction(0))
-EXPECTED = {"a": "flat", "b": "limit cycle", "c": "limit cycle", "d": "limit cycle", "e": "limit cycle",
-            "f": "inverted spinning"}  # fmt: skip
+EXPECTED = {
+    "a": "flat",
+    "b": "limit cycle",
+    "c": "limit cycle",
+    "d": "limit cycle",
+    "e": "limit cycle",
+    "f": "inverted spinning",
+}
 
 
 def test_panels_b_to_f_build_one_plain_integrator() -> None:

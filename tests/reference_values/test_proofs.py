@@ -37,11 +37,14 @@ def test_what_can_be_proved_is_proved_in_the_data() -> None:
 @pytest.mark.parametrize(
     "id_",
     [
-        *("printed/linear/hopf/point", "calibrated/both/equilibrium/noninverted-30.4"),
-        *(pytest.param(id_, marks=pytest.mark.slow(minutes=2.5)) for id_ in (
-            "printed/linear/limit-cycle/crit-0.5", "printed/linear/heteroclinic/point")),
+        "printed/linear/hopf/point",
+        "calibrated/both/equilibrium/noninverted-30.4",
+        *(
+            pytest.param(id_, marks=pytest.mark.slow(minutes=2.5))
+            for id_ in ("printed/linear/limit-cycle/crit-0.5", "printed/linear/heteroclinic/point")
+        ),
     ],
-)  # fmt: skip
+)
 def test_a_proof_is_found_again(id_: str) -> None:
     """With the same sentence but for the decimals: doubles choose the steps, which may differ on another processor."""
     (entry,) = entries_of(stored(), f"{id_}/")

@@ -36,8 +36,9 @@ def test_the_version_of_the_data_is_the_same_everywhere(capsys: pytest.CaptureFi
     assert f"\nversion: {DATA_VERSION}\n" in (DATA / "CITATION.cff").read_text()
     assert main(["reference", "list", "printed/linear/hopf"]) == 0
     assert capsys.readouterr().out.splitlines()[:2] == [
-        f"# reference data {DATA_VERSION}", "printed/linear/hopf/point/omega_crit"
-    ]  # fmt: skip
+        f"# reference data {DATA_VERSION}",
+        "printed/linear/hopf/point/omega_crit",
+    ]
     assert main(["reference", "list", "printed/linear/hopf", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["data_version"] == DATA_VERSION
 

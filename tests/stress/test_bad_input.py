@@ -33,7 +33,19 @@ WORDS = st.text(st.characters(exclude_categories=("Nd", "Cs"), exclude_character
 _HUGE, _TEXT = "1" * 5000, "x" * 5000
 #: Far too long, outside any range, not finite, of other scripts, with what a shell or a terminal would act on.
 NUMBER = (
-    *("nan", "", " ", "inf", "-inf", "1e400", "1e9999", "1e99999999", "1/0", "0x10", "1e", "e5", "--"),
+    "nan",
+    "",
+    " ",
+    "inf",
+    "-inf",
+    "1e400",
+    "1e9999",
+    "1e99999999",
+    "1/0",
+    "0x10",
+    "1e",
+    "e5",
+    "--",
     *("9" * 400, _HUGE, "30.4.1", "30 .4", "\ud800", "3\x00", "\x1b[31m1\x1b[0m", "1\n2", "½", "30.4f", "1e+"),
     *("+-1", "1**2", "__import__", WORDS),
 )
@@ -45,10 +57,24 @@ FOLDER = ("/dev/null/x", "", "/proc/nothing", "a\0b", _TEXT, "file", "file/below
 TARGET = ("nowhere/x.csv", "", ".", "/dev/null", "a\0.csv", _TEXT + ".csv", "folder", "folder/", "file/x.csv", "pipe")
 SOURCE = (
     *("nowhere.toml", "", ".", "/dev/null", "/dev/zero", "a\0.toml", _TEXT + ".toml", "folder", "pipe", "loop"),
-    *("./file", "../../../../../../etc/passwd", "/proc/self/mem", "~/.toml", "\ud800.toml", "huge.toml", "link.toml"),
+    "./file",
+    "../../../../../../etc/passwd",
+    "/proc/self/mem",
+    "~/.toml",
+    "\ud800.toml",
+    "huge.toml",
+    "link.toml",
 )
 AXIS = (
-    *("mu=", "mu=,", "g=1:2", "x=1", "g=nan", "mu=1:2:1e3", "mu=0:1:999999999", "mu=0:1:1000001", "mu=1:2:٣"),
+    "mu=",
+    "mu=,",
+    "g=1:2",
+    "x=1",
+    "g=nan",
+    "mu=1:2:1e3",
+    "mu=0:1:999999999",
+    "mu=0:1:1000001",
+    "mu=1:2:٣",
     *("mu=1e-9999:1:1000000", "omega=30", "mu=pi:1:3", "mu=1:2:3:4", "epsilon=1/0", "mu=" + "1," * 3000, *NAME),
 )
 
@@ -201,16 +227,31 @@ def test_one_mistake_is_refused_and_nothing_is_written(room: Path, draws: int) -
     "words",
     [
         # Bounds: one beyond what is had, or too much in all.
-        *("hopf --digits 4001", "heteroclinic --digits 1001", "scene d --digits 13", "slow-manifold --order 41"),
-        *("orbit --above-het 1e-30 --digits 1000", "orbit --above-het 1e-801"),
-        *("harmonic-balance --omega 30.4 --harmonics 1025", "basin --omega 30 --seconds 4", "scene a --omega-h 0.05"),
-        *("basin --omega 30.4 --count 10000001", "sweep hopf --over mu=0.3 --out o.csv --jobs 1000000"),
-        *("sweep hopf --over mu=0:1:1001 --over g=9:10:1000 --out o.csv", "branch --omegas 30.4,1e300"),
+        "hopf --digits 4001",
+        "heteroclinic --digits 1001",
+        "scene d --digits 13",
+        "slow-manifold --order 41",
+        "orbit --above-het 1e-30 --digits 1000",
+        "orbit --above-het 1e-801",
+        "harmonic-balance --omega 30.4 --harmonics 1025",
+        "basin --omega 30 --seconds 4",
+        "scene a --omega-h 0.05",
+        "basin --omega 30.4 --count 10000001",
+        "sweep hopf --over mu=0.3 --out o.csv --jobs 1000000",
+        "sweep hopf --over mu=0:1:1001 --over g=9:10:1000 --out o.csv",
+        "branch --omegas 30.4,1e300",
         # No cycle is there.
-        *("branch --omegas 31,31.5", "branch --omegas 29", "harmonic-balance --omega 4", "orbit --omega 29"),
+        "branch --omegas 31,31.5",
+        "branch --omegas 29",
+        "harmonic-balance --omega 4",
+        "orbit --omega 29",
         # Words that do not go together, or are missing, or are nobody's.
-        *("equilibria --omega 30.4 --below-crit 0.5", "verify --only ,", "verify omega_crit"),
-        *("scene", "scene d --wrong", "launch"),
+        "equilibria --omega 30.4 --below-crit 0.5",
+        "verify --only ,",
+        "verify omega_crit",
+        "scene",
+        "scene d --wrong",
+        "launch",
     ],
 )
 def test_what_a_command_cannot_do_it_says(words: str, room: Path) -> None:
@@ -256,52 +297,87 @@ def _integrated(omega: Any = "30.4", gamma: Any = 2, duration: Any = 1, **more: 
 
 #: Values that each of these calls must refuse.
 CALLS: list[tuple[Wrong, list[Call]]] = [
-    (NUMBERS, [
-        lambda x: tv.exact(x), lambda x: tv.exact("pi") - x, lambda x: tv.bits(100).number(x),
-        lambda x: tv.PRINTED.with_friction(x), lambda x: _DISK.equilibrium(x, "30.4"),
-        lambda x: tv.Disk(**dict.fromkeys(("r", "e", "m", "A", "B", "g", "mu", "epsilon"), x)),
-        lambda x: _integrated(omega=x), lambda x: _integrated(gamma=x), lambda x: _integrated(duration=x),
-        lambda x: _asked(omega=x), lambda x: _asked(duration=x), lambda x: _asked(state=(x, 2, 0)),
-        lambda x: tv.compare(_ID, 1.0, reading=x),
-    ]),
+    (
+        NUMBERS,
+        [
+            lambda x: tv.exact(x),
+            lambda x: tv.exact("pi") - x,
+            lambda x: tv.bits(100).number(x),
+            lambda x: tv.PRINTED.with_friction(x),
+            lambda x: _DISK.equilibrium(x, "30.4"),
+            lambda x: tv.Disk(**dict.fromkeys(("r", "e", "m", "A", "B", "g", "mu", "epsilon"), x)),
+            lambda x: _integrated(omega=x),
+            lambda x: _integrated(gamma=x),
+            lambda x: _integrated(duration=x),
+            lambda x: _asked(omega=x),
+            lambda x: _asked(duration=x),
+            lambda x: _asked(state=(x, 2, 0)),
+            lambda x: tv.compare(_ID, 1.0, reading=x),
+        ],
+    ),
     ((*NUMBERS, 0, -1, "1e40", "1e-40", "pi", 10**5000), [lambda x: tv.PRINTED.changed(mu=x)]),
     (("0.045", "1", "nan", -1), [lambda x: tv.CALIBRATED.changed(e=x)]),
     (("1", "1e-9", "inf"), [lambda x: tv.GEOMETRY.changed(B=x)]),
     ((*NUMBERS, "1e5000", 10**5000), [lambda x: tv.DOUBLE.number(x), lambda x: tv.QUADRUPLE.number(x)]),
     ((-1, math.nan, -1e-300, math.inf), [lambda x: tv.Measured.of(0, x)]),
     ((*TEXTS, "a\0.toml", "/", ".", _TEXT, "\ud800.toml"), [lambda x: tv.Parameters.named(x)]),
-    (COUNTS, [
-        lambda n: _DISK.hopf(digits=n), lambda n: _DISK.equilibrium("inverted", "30.4", digits=n),
-        lambda n: tv.one_harmonic(tv.PRINTED, "30.4", digits=n), lambda n: _DISK.slow_manifold(1, digits=n),
-        lambda n: _DISK.harmonic_balance("30.4", digits=n), lambda n: _integrated(digits=n),
-        lambda n: _DISK.limit_cycle("30.4", digits=n), lambda n: _DISK.limit_cycle(above_het="0.1", digits=n),
-    ]),
+    (
+        COUNTS,
+        [
+            lambda n: _DISK.hopf(digits=n),
+            lambda n: _DISK.equilibrium("inverted", "30.4", digits=n),
+            lambda n: tv.one_harmonic(tv.PRINTED, "30.4", digits=n),
+            lambda n: _DISK.slow_manifold(1, digits=n),
+            lambda n: _DISK.harmonic_balance("30.4", digits=n),
+            lambda n: _integrated(digits=n),
+            lambda n: _DISK.limit_cycle("30.4", digits=n),
+            lambda n: _DISK.limit_cycle(above_het="0.1", digits=n),
+        ],
+    ),
     ((*COUNTS, 23, 4_000_001), [lambda n: tv.bits(n)]),
     ((*COUNTS, 1001), [lambda n: _DISK.heteroclinic(digits=n)]),
     ((*OBJECTS, -1, 41, 10**400, 0.5, math.nan), [lambda n: _DISK.slow_manifold(n)]),
     ((0, -1, 1025, 10**400), [lambda n: _DISK.harmonic_balance("30.4", harmonics=n)]),
-    (SPEEDS, [
-        lambda x: _DISK.equilibrium("inverted", x), lambda x: tv.one_harmonic(tv.PRINTED, x),
-        lambda x: _DISK.harmonic_balance(x), lambda x: _DISK.limit_cycle(x), lambda x: _DISK.rhs(x),
-        lambda x: _DISK.branch(["30.4", x]), lambda x: _DISK.basins(x, count=4, duration=5.0),
-    ]),
+    (
+        SPEEDS,
+        [
+            lambda x: _DISK.equilibrium("inverted", x),
+            lambda x: tv.one_harmonic(tv.PRINTED, x),
+            lambda x: _DISK.harmonic_balance(x),
+            lambda x: _DISK.limit_cycle(x),
+            lambda x: _DISK.rhs(x),
+            lambda x: _DISK.branch(["30.4", x]),
+            lambda x: _DISK.basins(x, count=4, duration=5.0),
+        ],
+    ),
     ((*NUMBERS, 40), [lambda x: _DISK.limit_cycle(below_crit=x)]),
     # None stands for another way to give the speed.
-    (tuple(x for x in (*NUMBERS, 0, -1, 10, "1e-900", "pi") if x is not None), [
-        lambda x: _DISK.limit_cycle(above_het=x),
-    ]),
-    (((), (1.0,), (1.0, -1.0, 2.0), *((x, x) for x in (math.nan, math.inf, 0, 10**400))), [
-        lambda x: tv.limit_cycle(tv.PRINTED, "30.4", _ENGINE, guess=x),
-    ]),
+    (
+        tuple(x for x in (*NUMBERS, 0, -1, 10, "1e-900", "pi") if x is not None),
+        [
+            lambda x: _DISK.limit_cycle(above_het=x),
+        ],
+    ),
+    (
+        ((), (1.0,), (1.0, -1.0, 2.0), *((x, x) for x in (math.nan, math.inf, 0, 10**400))),
+        [
+            lambda x: tv.limit_cycle(tv.PRINTED, "30.4", _ENGINE, guess=x),
+        ],
+    ),
     ((*TEXTS, *OBJECTS), [lambda x: _DISK.heteroclinic(method=x)]),
     ((*TEXTS, *OBJECTS[1:]), [lambda x: tv.Disk(x)]),
     ((*TEXTS[1:], _ID + "\0", *OBJECTS), [lambda x: tv.references(x)]),
     ((*TEXTS, None, 1), [lambda x: tv.references(_ID, reading=x), lambda x: tv.grade({_ID: 1.0}, reading=x)]),
-    (TEXTS, [
-        lambda x: tv.Disk("printed", friction=x), lambda x: _asked(x), lambda x: _asked(domain=x),
-        lambda x: tv.Audit(tv.PRINTED, _ENGINE).panel("d", x),
-        lambda x: tv.Audit(tv.PRINTED, _ENGINE).panel(x, "printed"),
-    ]),
+    (
+        TEXTS,
+        [
+            lambda x: tv.Disk("printed", friction=x),
+            lambda x: _asked(x),
+            lambda x: _asked(domain=x),
+            lambda x: tv.Audit(tv.PRINTED, _ENGINE).panel("d", x),
+            lambda x: tv.Audit(tv.PRINTED, _ENGINE).panel(x, "printed"),
+        ],
+    ),
     (([2.0], [0.5, 0.25], ["a"], "ab"), [lambda x: _integrated(t_eval=x)]),
     ((0, -1, "1e-30", 4), [lambda x: _DISK.integrate("30.4", (x, 2, 0), 1)]),
     (([], [2.0], [0.5, 0.5], [-1.0], ["x"], [math.nan], [10**400], [[0.5]]), [lambda x: _asked(times=x)]),
@@ -316,15 +392,21 @@ CALLS: list[tuple[Wrong, list[Call]]] = [
     ((math.nan, math.inf, 1e4), [lambda x: _DISK.basins("30.4", count=4, duration=5.0, v=x)]),
     ((-1, 1.5), [lambda n: _DISK.basins("30.4", count=4, duration=5.0, seed=n)]),
     ((0.5, -1, 10**9, 65), [lambda n: tv.BatchTaylor(n)]),
-    ((None, "", "abc", [], [[]], ["x"], [1.0, 2.0], [[1.0]], 1j, [10**400], {}), [
-        lambda x: _flown(0, x), lambda x: _flown(1, x), lambda x: _flown(2, x), lambda x: _flown(3, x),
-    ]),
+    (
+        (None, "", "abc", [], [[]], ["x"], [1.0, 2.0], [[1.0]], 1j, [10**400], {}),
+        [
+            lambda x: _flown(0, x),
+            lambda x: _flown(1, x),
+            lambda x: _flown(2, x),
+            lambda x: _flown(3, x),
+        ],
+    ),
     ((*NUMBERS, "../../etc/passwd", "printed"), [lambda x: tv.reference(x), lambda x: tv.compare(x, 1.0)]),
     (OBJECTS, [lambda x: tv.compare(_ID, x)]),
     (({}, {"abc": 1.0}, {1: 1.0}, {"fresh-1-1/both/rhs/01/Q": 1.0}, *OBJECTS), [lambda x: tv.grade(x)]),
     ((*TEXTS, "g", "A", "aa", _TEXT, *OBJECTS), [lambda x: tv.scene_named(x)]),
     ((*TEXTS, "RK23", _TEXT, *OBJECTS), [lambda x: tv.Baseline(x)]),
-]  # fmt: skip
+]
 
 
 @pytest.mark.parametrize(

@@ -30,8 +30,21 @@ from tippedisk_verify.model.results import Printable
 from tippedisk_verify.motion.scenes import Panel, compute, scene_named
 
 __all__ = [
-    *("Answer", "Audit", "Claim", "Examination", "Fault", "FaultKind", "Finding", "ProofOffer", "Theorem", "Verdict"),
-    *("examined", "number", "rounds_to", "sets_with", "word"),
+    "Answer",
+    "Audit",
+    "Claim",
+    "Examination",
+    "Fault",
+    "FaultKind",
+    "Finding",
+    "ProofOffer",
+    "Theorem",
+    "Verdict",
+    "examined",
+    "number",
+    "rounds_to",
+    "sets_with",
+    "word",
 ]
 
 T = TypeVar("T")

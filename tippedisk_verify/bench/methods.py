@@ -98,9 +98,12 @@ def _bare(problem: Problem, name: str) -> Prepared:
     start = precision.array(problem.start)
     options = {"prec": precision.bits} if precision.kind == "real" else {}
     stepper = hy.taylor_adaptive(
-        list(zip(state, rates, strict=True)), start.tolist(), fp_type=precision.type,
-        compact_mode=precision != DOUBLE, **options,
-    )  # fmt: skip
+        list(zip(state, rates, strict=True)),
+        start.tolist(),
+        fp_type=precision.type,
+        compact_mode=precision != DOUBLE,
+        **options,
+    )
 
     def run(duration: float) -> Any:
         return _flown([duration])[0]

@@ -70,9 +70,17 @@ def _diffrax(name: str) -> Callable[[Problem, float], Prepared]:
         def compiled(save: Any) -> Any:
             def solve(start: Any, duration: Any) -> Any:
                 solution = diffrax.diffeqsolve(
-                    term, solver, 0.0, duration, None, start, saveat=save, max_steps=_MOST_STEPS,
-                    stepsize_controller=controller, throw=False,
-                )  # fmt: skip
+                    term,
+                    solver,
+                    0.0,
+                    duration,
+                    None,
+                    start,
+                    saveat=save,
+                    max_steps=_MOST_STEPS,
+                    stepsize_controller=controller,
+                    throw=False,
+                )
                 return solution.ys, solution.result == diffrax.RESULTS.successful, solution.stats["num_steps"]
 
             return jax.jit(solve)

@@ -69,15 +69,39 @@ _BELOW = float(omega_crit(PRINTED, 20).value - Fraction(1, 2))
 PROBLEMS: tuple[Problem, ...] = (
     Problem("cycle", "10 s near the limit cycle at 30.4 rad/s", PRINTED, 30.4, (_HALF_PI, 3.27, -1.71), 10.0),
     Problem("transient", "0.3 s from far off the slow manifold onto it", PRINTED, _BELOW, (1.3, 2.2, 6.0), 0.3),
-    Problem("passage", "the passage by both saddles, 1e-8 above Omega_h", PRINTED, 30.0488682707225,
-            (_HALF_PI, _HALF_PI + 3.1415462925806426, -8.312208533583e-05), 6.661564053801862),
-    Problem("smooth", "10 s near the limit cycle, smooth friction", PRINTED.with_friction("smooth"), 30.4,
-            (_HALF_PI, 3.27, -1.71), 10.0),
-    Problem("epsilon-1e-3", "2 s with epsilon = 1e-3: rates of 1.3e4 per second", _with_epsilon("0.001"), _BELOW,
-            (_HALF_PI, 2.0, 0.0), 2.0),
-    Problem("epsilon-1e-4", "0.2 s with epsilon = 1e-4: rates of 1.3e5 per second", _with_epsilon("0.0001"), _BELOW,
-            (_HALF_PI, 2.0, 0.0), 0.2),
-)  # fmt: skip
+    Problem(
+        "passage",
+        "the passage by both saddles, 1e-8 above Omega_h",
+        PRINTED,
+        30.0488682707225,
+        (_HALF_PI, _HALF_PI + 3.1415462925806426, -8.312208533583e-05),
+        6.661564053801862,
+    ),
+    Problem(
+        "smooth",
+        "10 s near the limit cycle, smooth friction",
+        PRINTED.with_friction("smooth"),
+        30.4,
+        (_HALF_PI, 3.27, -1.71),
+        10.0,
+    ),
+    Problem(
+        "epsilon-1e-3",
+        "2 s with epsilon = 1e-3: rates of 1.3e4 per second",
+        _with_epsilon("0.001"),
+        _BELOW,
+        (_HALF_PI, 2.0, 0.0),
+        2.0,
+    ),
+    Problem(
+        "epsilon-1e-4",
+        "0.2 s with epsilon = 1e-4: rates of 1.3e5 per second",
+        _with_epsilon("0.0001"),
+        _BELOW,
+        (_HALF_PI, 2.0, 0.0),
+        0.2,
+    ),
+)
 
 
 def problem_named(name: str) -> Problem:

@@ -48,10 +48,17 @@ __all__ = [
 ]
 
 LEVEL_NAMES = {
-    1: "right-hand side", 2: "equilibria", 3: "Hopf point", 4: "harmonic balance", 5: "slow manifold",
-    6: "trajectories", 7: "limit cycles", 8: "heteroclinic connection", 9: "near the connection",
+    1: "right-hand side",
+    2: "equilibria",
+    3: "Hopf point",
+    4: "harmonic balance",
+    5: "slow manifold",
+    6: "trajectories",
+    7: "limit cycles",
+    8: "heteroclinic connection",
+    9: "near the connection",
     10: "rotating cycles",
-}  # fmt: skip
+}
 _SOME = 1.0  # digits that even rounded inputs must leave
 _LARGEST_EXPONENT = 100_000  # of an answer, in powers of ten; arithmetic with larger ones takes long
 _FEW = 0.5  # share of the digits needed that makes an answer imprecise rather than wrong

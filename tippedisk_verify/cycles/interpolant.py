@@ -101,8 +101,9 @@ class FamilyInterpolant:
         lost = numpy.zeros(len(speeds), dtype=bool)
         for gap in self.family.gaps:
             lost |= (min(gap) <= speeds) & (speeds <= max(gap))
-        return [None if missing or None in some or not some else some
-                for some, missing in zip(by_speed, lost, strict=True)]  # fmt: skip
+        return [
+            None if missing or None in some or not some else some for some, missing in zip(by_speed, lost, strict=True)
+        ]
 
     def _cycles(self, cycles: BatchCycles, widths: dict[str, Any]) -> Iterator[Any]:
         """The result objects that single speeds give, with these half-widths."""

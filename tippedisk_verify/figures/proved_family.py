@@ -50,9 +50,13 @@ def _family(axis: Any, proof: BranchProof, crit: float, omega_h: float) -> None:
         if not math.isnan(speed):
             axis.axvline(speed, color=GREY, lw=0.9)
             axis.annotate(
-                name, (speed, 0.12), xycoords=("data", "axes fraction"), xytext=(4 * side, 0),
-                textcoords="offset points", ha="left" if side > 0 else "right",
-            )  # fmt: skip
+                name,
+                (speed, 0.12),
+                xycoords=("data", "axes fraction"),
+                xytext=(4 * side, 0),
+                textcoords="offset points",
+                ha="left" if side > 0 else "right",
+            )
     axis.axhline(math.pi, color=GREY, lw=0.9, ls=":")
     axis.annotate("π", (1, math.pi), xycoords=("axes fraction", "data"), xytext=(4, -3), textcoords="offset points")
     axis.set(xlabel=_SPEED, ylabel=_AMPLITUDE, title=f"The family, {len(proof.pieces)} arcs")
@@ -94,9 +98,14 @@ def _connection_end(axis: Any, proof: BranchProof, crit: float, omega_h: float) 
     if proof.end_closed and proof.end is not None:
         reach = float(proof.end.high) - omega_h
         axis.fill_between(
-            [_LEAST, float(proof.end.gamma)], _LEAST / 10, reach,
-            color=GREEN, alpha=0.4, lw=0, label="Q: exactly one cycle",
-        )  # fmt: skip
+            [_LEAST, float(proof.end.gamma)],
+            _LEAST / 10,
+            reach,
+            color=GREEN,
+            alpha=0.4,
+            lw=0,
+            label="Q: exactly one cycle",
+        )
         axis.legend(loc="upper left")
     for _, colour, a, omega in near:
         axis.plot(math.pi - a, omega - omega_h, color=colour, lw=2.2)

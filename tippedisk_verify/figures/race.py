@@ -128,7 +128,9 @@ def _compared(scores: Sequence[Score]) -> str:
         ]
         if times:
             said.append(f"{named} takes " + " and ".join(times))
-    missing = "" if any(score.family == "numbalsoda" for score in scores) else (
-        " No compiled peer is installed here; the extra `peers` brings numbalsoda."
-    )  # fmt: skip
+    missing = (
+        ""
+        if any(score.family == "numbalsoda" for score in scores)
+        else (" No compiled peer is installed here; the extra `peers` brings numbalsoda.")
+    )
     return f"To an error of 1e-6, as a multiple of the Taylor engine's time, {'; '.join(said)}.{missing}"

@@ -23,9 +23,13 @@ __all__ = ["DRAWN_SET", "Draw", "decimal_text", "disk_of", "drawn_disk"]
 DRAWN_SET = re.compile(r"fresh-(0|[1-9][0-9]{0,8})-([1-9][0-9]{0,2})")
 # Least and greatest value, and decimals. The inertias follow from their ratio below.
 _RANGES = {
-    "r": ("0.038", "0.052", 4), "m": ("0.3", "0.6", 3), "B": ("0.00019", "0.00027", 6), "g": ("9.78", "9.83", 3),
-    "mu": ("0.2", "0.45", 3), "epsilon": ("0.06", "0.16", 3),
-}  # fmt: skip
+    "r": ("0.038", "0.052", 4),
+    "m": ("0.3", "0.6", 3),
+    "B": ("0.00019", "0.00027", 6),
+    "g": ("9.78", "9.83", 3),
+    "mu": ("0.2", "0.45", 3),
+    "epsilon": ("0.06", "0.16", 3),
+}
 _ECCENTRICITY = ("0.04", "0.07")  # of the radius
 #: A / Bbar in units of the least ratio for which cycles are born stable. Close to 1 they turn round in a fold.
 _RATIO = ("1.05", "1.12")

@@ -113,6 +113,9 @@ def _fortran(rows: Sequence[Row], name: str) -> Iterator[str]:
 
 
 _LANGUAGES: dict[str, Callable[[Sequence[Row], str], Iterator[str]]] = {
-    "c": _c, "fortran": _fortran, "julia": _julia, "octave": _octave,
-}  # fmt: skip
+    "c": _c,
+    "fortran": _fortran,
+    "julia": _julia,
+    "octave": _octave,
+}
 FORMATS = ("csv", "jsonl", "parquet", *_LANGUAGES)

@@ -70,9 +70,7 @@ def _drawn_items(set_name: str) -> Iterator[Item]:
     speed = near("harmonic balance", "-0.02", "-0.0001", 6)
     for form in ("printed", "consistent"):
         yield item("linear", "harmonic-balance", form, Omega=speed, form=form)
-    angles = {
-        "beta": draw.between("slow beta", "0.8", "2.3", 4), "gamma": draw.between("slow gamma", "-1.5", "4.5", 4)
-    }  # fmt: skip
+    angles = {"beta": draw.between("slow beta", "0.8", "2.3", 4), "gamma": draw.between("slow gamma", "-1.5", "4.5", 4)}
     yield item("linear", "slow-manifold", "1", Omega=near("slow speed", "-0.03", "0.03", 4), **angles)
     # About inverted spinning: no such orbit lies flat within two seconds.
     start = {

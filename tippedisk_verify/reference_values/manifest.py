@@ -18,8 +18,16 @@ from tippedisk_verify.files import read_bytes
 from tippedisk_verify.provenance import digest
 
 __all__ = [
-    *("FILES", "LARGEST", "MANIFEST", "STATIC", "VALUES"),
-    *("data_folder", "faults_in_files", "manifest_text", "read_manifest", "sound_files"),
+    "FILES",
+    "LARGEST",
+    "MANIFEST",
+    "STATIC",
+    "VALUES",
+    "data_folder",
+    "faults_in_files",
+    "manifest_text",
+    "read_manifest",
+    "sound_files",
 ]
 
 #: What the manifest vouches for: the values, what is known of them, and what was written by hand.

@@ -15,16 +15,37 @@ from tippedisk_verify.model.parameters import SYMBOLS
 from tippedisk_verify.reference_values.store import Quantity
 
 __all__ = [
-    *("COLUMNS", "FAILS_BELOW", "ROUNDING", "TABLE", "TOLERANCES"),
-    *("needed", "placed", "question_fields", "scale_of", "slopes_of", "table_row"),
+    "COLUMNS",
+    "FAILS_BELOW",
+    "ROUNDING",
+    "TABLE",
+    "TOLERANCES",
+    "needed",
+    "placed",
+    "question_fields",
+    "scale_of",
+    "slopes_of",
+    "table_row",
 ]
 
 _INPUTS = ("Omega", "beta", "gamma", "v")
 COLUMNS = (
-    *("id", "level", "kind", "set", "friction", "quantity", "unit"),
+    "id",
+    "level",
+    "kind",
+    "set",
+    "friction",
+    "quantity",
+    "unit",
     *SYMBOLS,
     *_INPUTS,
-    *("t", "n", "order", "equilibrium", "form", "from", "answer"),
+    "t",
+    "n",
+    "order",
+    "equilibrium",
+    "form",
+    "from",
+    "answer",
 )
 #: Digits that an answer must have at each level: what a careful implementation in doubles passes easily and a wrong
 #: equation does not reach by chance.
@@ -41,8 +62,16 @@ ROUNDING = 2.0**-52  #: twice the relative change that rounding to a double make
 TABLE = (
     *COLUMNS,
     *(f"{name}_hex" for name in (*SYMBOLS, *_INPUTS, "t")),
-    *("value_from_decimals", "uncertainty_from_decimals", "value_from_doubles", "uncertainty_from_doubles"),
-    *("scale", "digits_needed", "rounding", "grade", "methods", "condition"),
+    "value_from_decimals",
+    "uncertainty_from_decimals",
+    "value_from_doubles",
+    "uncertainty_from_doubles",
+    "scale",
+    "digits_needed",
+    "rounding",
+    "grade",
+    "methods",
+    "condition",
 )
 
 

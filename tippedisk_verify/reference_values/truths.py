@@ -31,8 +31,22 @@ from tippedisk_verify.reference_values.store import Quantity, codebook, definiti
 from tippedisk_verify.theory import harmonic_balance, hopf, slow_manifold
 
 __all__ = [
-    *("BITS", "DIGITS", "ORDERS", "WIDER", "PlainEngine", "Slopes", "as_quantity", "by_differences", "compute"),
-    *("compute_again", "condition", "connection", "in_two", "motion", "orbit", "shot"),
+    "BITS",
+    "DIGITS",
+    "ORDERS",
+    "WIDER",
+    "PlainEngine",
+    "Slopes",
+    "as_quantity",
+    "by_differences",
+    "compute",
+    "compute_again",
+    "condition",
+    "connection",
+    "in_two",
+    "motion",
+    "orbit",
+    "shot",
 ]
 
 DIGITS = 56  #: of closed forms, for 50 that are kept
@@ -104,10 +118,19 @@ def as_quantity(
     """A computed number as a reference value; the slopes to three digits, without those that are 0."""
     level, unit, _ = definition_of(item.kind, name)
     return Quantity(
-        id=f"{item.id}/{name}", level=level, kind=item.kind, set=item.set, friction=item.friction, name=name, unit=unit,
-        inputs=item.inputs, values=values, grade=grade, methods=methods or {},
+        id=f"{item.id}/{name}",
+        level=level,
+        kind=item.kind,
+        set=item.set,
+        friction=item.friction,
+        name=name,
+        unit=unit,
+        inputs=item.inputs,
+        values=values,
+        grade=grade,
+        methods=methods or {},
         condition={symbol: f"{float(slope):.3g}" for symbol, slope in slopes.items() if slope},
-    )  # fmt: skip
+    )
 
 
 # ------------------------------------------------------------------------------------------ closed forms
@@ -209,9 +232,15 @@ def orbit(
     if shift:
         start[:2] = [angle - _QUARTER for angle in start[:2]]
     run = case.disk.integrate(
-        case.inputs["Omega"], start, duration,
-        t_eval=times, digits=digits, events="section", shifted=shift, engine=engine,
-    )  # fmt: skip
+        case.inputs["Omega"],
+        start,
+        duration,
+        t_eval=times,
+        digits=digits,
+        events="section",
+        shifted=shift,
+        engine=engine,
+    )
     if run.status not in (Status.REACHED, Status.FLAT):
         raise AccuracyError(f"{case.item.id}: {run.message}")
     samples = zip(times, run.y.T, run.uncertainty.T, strict=False)

@@ -18,10 +18,13 @@ from tippedisk_verify.web import rendered
 __all__ = ["html_page", "markdown_page"]
 
 _SIGNS = {"holds": "✓", "holds-for": "◐", "does-not-follow": "✗", "undecided": "?"}
-_GREEK = dict(zip(
-    ("alpha", "beta", "gamma", "delta", "epsilon", "kappa", "lambda", "mu", "chi", "omega", "Omega", "pi"),
-    "αβγδεκλμχωΩπ", strict=True,
-))  # fmt: skip
+_GREEK = dict(
+    zip(
+        ("alpha", "beta", "gamma", "delta", "epsilon", "kappa", "lambda", "mu", "chi", "omega", "Omega", "pi"),
+        "αβγδεκλμχωΩπ",
+        strict=True,
+    )
+)
 #: Symbols as running text has them: Omega_crit, gamma_bar_0, dOmega, A_33, Bbar; the names of claims stand alone.
 _SYMBOL = re.compile(rf"(?<!claim )(?:\b|(?<=\bd))({'|'.join(_GREEK)}|[A-Za-z])(_?bar)?(?:_(\w+))?(?!\w)")
 
@@ -55,9 +58,15 @@ def _page(template: str, results: dict[str, Any], **more: Any) -> str:
         "words": verdict_words,
     }
     return rendered(
-        "tippedisk_verify.report", template, filters,
-        results=results, groups=groups, figures=results["figures"], totals=totals(results["summary"]), **more,
-    )  # fmt: skip
+        "tippedisk_verify.report",
+        template,
+        filters,
+        results=results,
+        groups=groups,
+        figures=results["figures"],
+        totals=totals(results["summary"]),
+        **more,
+    )
 
 
 def _reason(fault: dict[str, Any]) -> str:

@@ -113,24 +113,65 @@ def _subcritical_connection() -> Found:
 def _cases() -> list[Any]:
     said = ("digits", "NoSuchCycleError", "AccuracyError")
     return [
-        *(StressCase(f"Hopf - {text}", "the cycle this close below Omega_crit [rad/s]", _near_hopf(text), 11)
-          for text in ("1e-3", "1e-6")),
-        *(StressCase(f"Hopf - {text}", "amplitude about its square root; Newton's matrix nearly singular", _near_hopf(text),
-               11, said, quick=False) for text in ("1e-10", "1e-14")),
-        *(StressCase(f"Omega_h + {text}", "the cycle this close above Omega_h [rad/s]", _near_omega_h(text), 11,
-               quick=text == "1e-6") for text in ("1e-6", "1e-12", "1e-30")),
+        *(
+            StressCase(f"Hopf - {text}", "the cycle this close below Omega_crit [rad/s]", _near_hopf(text), 11)
+            for text in ("1e-3", "1e-6")
+        ),
+        *(
+            StressCase(
+                f"Hopf - {text}",
+                "amplitude about its square root; Newton's matrix nearly singular",
+                _near_hopf(text),
+                11,
+                said,
+                quick=False,
+            )
+            for text in ("1e-10", "1e-14")
+        ),
+        *(
+            StressCase(
+                f"Omega_h + {text}",
+                "the cycle this close above Omega_h [rad/s]",
+                _near_omega_h(text),
+                11,
+                quick=text == "1e-6",
+            )
+            for text in ("1e-6", "1e-12", "1e-30")
+        ),
         StressCase("Omega_h in double", "bisection in double against 40 digits", _omega_h_by_two_roads, 14),
-        StressCase("an ulp above Omega_h", "the next double: its distance has no digits unless Omega_h has more",
-             _one_ulp_above, 11, quick=False),
-        StressCase("an ulp below Omega_h", "no cycle: it must be refused", _one_ulp_below, 0,
-             ("NoSuchCycleError", "AccuracyError"), quick=False),
-        StressCase("multipliers that underflow", "epsilon = 1e-3: logarithms with all their digits", _underflow, 11,
-             quick=False),
-        StressCase("subcritical, below", "a disk whose cycles are born above Omega_crit: beyond their fold", _beyond_the_fold,
-             11),
+        StressCase(
+            "an ulp above Omega_h",
+            "the next double: its distance has no digits unless Omega_h has more",
+            _one_ulp_above,
+            11,
+            quick=False,
+        ),
+        StressCase(
+            "an ulp below Omega_h",
+            "no cycle: it must be refused",
+            _one_ulp_below,
+            0,
+            ("NoSuchCycleError", "AccuracyError"),
+            quick=False,
+        ),
+        StressCase(
+            "multipliers that underflow",
+            "epsilon = 1e-3: logarithms with all their digits",
+            _underflow,
+            11,
+            quick=False,
+        ),
+        StressCase(
+            "subcritical, below",
+            "a disk whose cycles are born above Omega_crit: beyond their fold",
+            _beyond_the_fold,
+            11,
+        ),
         StressCase("above Omega_crit", "no cycle of the printed disk", _no_cycle_above, 0, ("NoSuchCycleError",)),
-        StressCase("connection of a subcritical disk", "there is one all the same", _subcritical_connection, 11, quick=False),
-    ]  # fmt: skip
+        StressCase(
+            "connection of a subcritical disk", "there is one all the same", _subcritical_connection, 11, quick=False
+        ),
+    ]
 
 
 CASES: tuple[StressCase, ...] = tuple(_cases())

@@ -54,8 +54,15 @@ def _thin(share: str) -> Callable[[], Parameters]:
 def _friction_cases() -> list[StressCase]:
     cases = []
     # A tenth of a second is 13 times the decay time at epsilon = 0.1; at 1e-6 some 1e4 decay times are 0.001 s.
-    for text, duration in (("1e-6", "0.001"), ("1e-5", "0.01"), ("1e-4", "0.1"), ("1e-3", "0.5"), ("0.01", "1"),
-                           ("1", "1"), ("10", "1")):  # fmt: skip
+    for text, duration in (
+        ("1e-6", "0.001"),
+        ("1e-5", "0.01"),
+        ("1e-4", "0.1"),
+        ("1e-3", "0.5"),
+        ("0.01", "1"),
+        ("1", "1"),
+        ("10", "1"),
+    ):
         sharp = {"truth": QUADRUPLE} if text in ("1e-6", "1e-5", "1e-4") else {}
         for friction in ("linear", "smooth"):
             run = _later(duration, _parameters(epsilon=text, friction=friction), domain="none", **sharp)
@@ -99,21 +106,52 @@ def _start_cases() -> list[StressCase]:
     tiny = Fraction(1, 10**12)
     shift: dict[str, Any] = {"shifted": True, "domain": "none"}
     return [
-        StressCase("next to inverted spinning", "1e-12 from the equilibrium, in shifted angles, where it has digits",
-             _run("2", start=(tiny, -tiny, 0), **shift), 10),
-        StressCase("on inverted spinning", "starts on it in plain angles: pi/2 is not a double",
-             _run("1", start=(half, half, 0), domain="none"), 10),
-        StressCase("next to noninverted spinning", "1e-12 from the saddle: expands by e^6.6t",
-             _run("1", start=(half + exact(tiny), exact("-pi/2"), 0), domain="none"), 8),
-        StressCase("next to lying flat", "sin(beta) = 1e-12 and v away from it",
-             _run("0.2", start=(tiny, "1.9", "5"), domain="event"), 8),
-        StressCase("next to lying flat, falling", "sin(beta) = 1e-12 and v towards it: ends within 1e-12 s",
-             _run("0.2", start=(tiny, "1.9", "-5"), domain="event"), 3, _GONE),
-        StressCase("flat", "starts at sin(beta) = 0: the model has no such state", _run("0.2", start=(0, "1.9", "5")), 0,
-             ("FLAT", *_GONE)),
-        StressCase("on the stable manifold", "passes the saddle within rounding, which then decides the side",
-             _stable_manifold, 0, _GONE),
-    ]  # fmt: skip
+        StressCase(
+            "next to inverted spinning",
+            "1e-12 from the equilibrium, in shifted angles, where it has digits",
+            _run("2", start=(tiny, -tiny, 0), **shift),
+            10,
+        ),
+        StressCase(
+            "on inverted spinning",
+            "starts on it in plain angles: pi/2 is not a double",
+            _run("1", start=(half, half, 0), domain="none"),
+            10,
+        ),
+        StressCase(
+            "next to noninverted spinning",
+            "1e-12 from the saddle: expands by e^6.6t",
+            _run("1", start=(half + exact(tiny), exact("-pi/2"), 0), domain="none"),
+            8,
+        ),
+        StressCase(
+            "next to lying flat",
+            "sin(beta) = 1e-12 and v away from it",
+            _run("0.2", start=(tiny, "1.9", "5"), domain="event"),
+            8,
+        ),
+        StressCase(
+            "next to lying flat, falling",
+            "sin(beta) = 1e-12 and v towards it: ends within 1e-12 s",
+            _run("0.2", start=(tiny, "1.9", "-5"), domain="event"),
+            3,
+            _GONE,
+        ),
+        StressCase(
+            "flat",
+            "starts at sin(beta) = 0: the model has no such state",
+            _run("0.2", start=(0, "1.9", "5")),
+            0,
+            ("FLAT", *_GONE),
+        ),
+        StressCase(
+            "on the stable manifold",
+            "passes the saddle within rounding, which then decides the side",
+            _stable_manifold,
+            0,
+            _GONE,
+        ),
+    ]
 
 
 def _stable_manifold() -> Found:
@@ -166,14 +204,21 @@ def _event_cases() -> list[StressCase]:
         return flown(Request(PRINTED, _OMEGA, _START, "0.5", events=(first, second), domain="none"))
 
     return [
-        StressCase("events a rounding apart", "two surfaces an ulp apart, crossed one after the other", pair, 10, _GONE),
+        StressCase(
+            "events a rounding apart", "two surfaces an ulp apart, crossed one after the other", pair, 10, _GONE
+        ),
         StressCase("grazing, missed", "a surface 100 ulps above the highest point", partial(below, -100), 10),
         StressCase("grazing, touched", "a surface at the highest point, to rounding", partial(below, 0), 10, _GONE),
-        StressCase("grazing, cut", "crossed twice within some 1e-6 s, 1000 ulps below the top", partial(below, 1000), 10,
-             _GONE),
-        StressCase("flat twice", "the run ends at the first crossing of sin(beta) = 0",
-             _run("60", start=(exact("pi/2"), exact("-pi/2"), 2), omega="29.9", events=(FLAT,)), 6),
-    ]  # fmt: skip
+        StressCase(
+            "grazing, cut", "crossed twice within some 1e-6 s, 1000 ulps below the top", partial(below, 1000), 10, _GONE
+        ),
+        StressCase(
+            "flat twice",
+            "the run ends at the first crossing of sin(beta) = 0",
+            _run("60", start=(exact("pi/2"), exact("-pi/2"), 2), omega="29.9", events=(FLAT,)),
+            6,
+        ),
+    ]
 
 
 def _tolerance_cases() -> list[StressCase]:
