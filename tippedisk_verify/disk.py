@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from tippedisk_verify.errors import AccuracyError, InputError, UnknownKeywordError
 from tippedisk_verify.model.decimals import decimal_magnitude
-from tippedisk_verify.model.equations import checked_speed, checked_speeds, field, jacobian
+from tippedisk_verify.model.equations import checked_speed, checked_speeds, field, jacobian, one_speed
 from tippedisk_verify.model.exact import fraction, shown
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Friction, Parameters
@@ -106,7 +106,7 @@ class Disk(Parameters):
         """
         from tippedisk_verify.theory.hopf import speed_below_crit
 
-        _one_of(omega=omega, below_crit=below_crit, above_het=above_het, below_het=below_het)
+        one_speed(omega=omega, below_crit=below_crit, above_het=above_het, below_het=below_het)
         if above_het is None and below_het is None:
             return checked_speed(omega) if below_crit is None else speed_below_crit(self, below_crit, digits).value
         distance = fraction(below_het if above_het is None else above_het)
@@ -241,7 +241,7 @@ class Disk(Parameters):
         """
         from tippedisk_verify.cycles.at_speed import cycle_above, cycle_at
 
-        _one_of(omega=omega, below_crit=below_crit, above_het=above_het)
+        one_speed(omega=omega, below_crit=below_crit, above_het=above_het)
         if above_het is not None:
             if stable is not None:
                 raise InputError("above_het leads to the cycles next to Omega_h: choose with stable at a speed omega")
@@ -290,7 +290,7 @@ class Disk(Parameters):
         """
         from tippedisk_verify.cycles.at_speed import rotating_below, rotating_cycle
 
-        _one_of(omega=omega, below_crit=below_crit, below_het=below_het)
+        one_speed(omega=omega, below_crit=below_crit, below_het=below_het)
         if below_het is None:
             speed = self._speed(omega, below_crit, digits)
             cycle = rotating_cycle(self, speed.value, self._engine(engine), stable=stable, digits=digits)
@@ -377,11 +377,3 @@ class Disk(Parameters):
         from tippedisk_verify.flow import default_engine
 
         return default_engine()
-
-
-def _one_of(**ways: object) -> None:
-    """Raise InputError unless the speed is given in one of these ways."""
-    if (number := sum(way is not None for way in ways.values())) != 1:
-        *first, last = ways
-        several = ", not with several" if number else ""
-        raise InputError(f"give the speed with one of {', '.join(first)} and {last}{several}")

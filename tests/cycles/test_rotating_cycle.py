@@ -165,7 +165,7 @@ def test_the_command(capsys) -> None:
     assert main(["branch", "--rotating", "--omegas", "30.02", "--json"]) == 0
     assert [entry["stable"] for entry in json.loads(capsys.readouterr().out)["orbits"]] == [True, False]
     for words, told in (
-        (["--rotating"], "give the speed of the cycle with one of --omega, --below-crit, --below-het and --at-fold"),
+        (["--rotating"], "give the speed with one of --omega, --below-crit, --below-het and --at-fold"),
         (["--rotating", "--unstable", "--at-fold"], "--unstable goes with"),
         (["--rotating", "--above-het", "1e-3"], "do not rotate"),
         (["--below-het", "1e-3"], "belongs to --rotating"),

@@ -23,6 +23,7 @@ from tippedisk_verify.commands.help import load_quantities
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.files import file_ending_in, output_file, sole_writer
 from tippedisk_verify.interrupts import undoing
+from tippedisk_verify.model.equations import one_speed
 from tippedisk_verify.model.results import result_lines
 from tippedisk_verify.model.surroundings import undisturbed
 from tippedisk_verify.parallel import usable_cores
@@ -106,8 +107,7 @@ class Common(Output):
 
     def speed(self, omega: str | None, below_crit: str | None) -> Fraction:
         """Omega as an exact rational [rad/s], from --omega or --below-crit."""
-        if (omega is None) == (below_crit is None):
-            raise InputError(f"give the speed with either --omega or --below-crit{', not both' * (omega is not None)}")
+        one_speed(**{"--omega": omega, "--below-crit": below_crit})
         return self.disk.speed(omega, below_crit=below_crit, digits=self.digits)  # type: ignore[no-any-return]
 
 

@@ -27,6 +27,7 @@ from tippedisk_verify.commands.common import (
 from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.files import read_text, write_bytes, write_csv, write_table
 from tippedisk_verify.model.decimals import exact_text
+from tippedisk_verify.model.equations import one_speed
 from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.precision import DOUBLE
@@ -199,13 +200,8 @@ def orbit(
         raise InputError("--below-het belongs to --rotating")
     beside = {"below_het": below_het} if rotating else {"above_het": above_het}
     speeds = {"omega": omega, "below_crit": below_crit, **beside}
-    number = at_fold + sum(speed is not None for speed in speeds.values())
-    if number != 1:
-        ways = ", ".join(f"--{name.replace('_', '-')}" for name in speeds)
-        raise InputError(
-            f"give the speed of the cycle with one of {ways} and --at-fold{', not with several' * (number > 1)}"
-        )
-    if unstable and omega is below_crit is None:
+    one_speed(**{f"--{name.replace('_', '-')}": speed for name, speed in speeds.items()}, **{"--at-fold": at_fold})
+    if unstable and omega is None and below_crit is None:
         raise InputError("--unstable goes with --omega or --below-crit")
     if at_fold:
         return disk.rotation_fold(digits=digits) if rotating else disk.folds(digits=digits)

@@ -37,7 +37,7 @@ def check(output: Output, data: str | None, all_: bool, sample: int, seed: int, 
         report = checked(folder, sample=None if all_ else sample, seed=seed, executor=pool, advance=advance)
     total = (
         f"{report.files} files, {report.numbers} numbers, {report.recomputed} computed again: "
-        f"{len(report.faults) or 'no'} fault{'s' * (len(report.faults) != 1)}"
+        f"{len(report.faults) or 'no'} {'fault' if len(report.faults) == 1 else 'faults'}"
     )
     output.show(report.to_dict(), [*report.faults, total])
     return 1 if report.faults else 0

@@ -157,7 +157,10 @@ def stress(output: Output, only: tuple[str, ...], quick: bool, list_: bool, jobs
     failed = [outcome.name for outcome in outcomes if not outcome.passed]
     rows = (
         (
-            *("ok" if one.passed else "FAIL", one.name, one.outcome, "" if one.digits is None else f"{one.digits:.1f}"),
+            "ok" if one.passed else "FAIL",
+            one.name,
+            one.outcome,
+            "" if one.digits is None else f"{one.digits:.1f}",
             f"expected: {one.expected}" + (f" ({one.note})" if one.note else ""),
         )
         for one in outcomes

@@ -29,6 +29,7 @@ __all__ = [
     "friction_force",
     "jacobian",
     "normal_force_over_weight",
+    "one_speed",
     "shifted",
     "terms",
 ]
@@ -73,6 +74,14 @@ def checked_speed(omega: object) -> Fraction:
     if speed.pi_multiple or not _SLOWEST <= speed.rational < _FASTEST:
         raise InputError(f"Omega must be a positive decimal below 1e6 rad/s, not {shown(omega)}")
     return speed.rational
+
+
+def one_speed(**ways: object) -> None:
+    """Raise InputError unless exactly one of the ways to give a speed is used; an option is named as on the line."""
+    if (number := sum(way is not None and way is not False for way in ways.values())) != 1:
+        *first, last = ways
+        several = ", not with several" if number else ""
+        raise InputError(f"give the speed with one of {', '.join(first)} and {last}{several}")
 
 
 def checked_speeds(omegas: object) -> list[Fraction]:

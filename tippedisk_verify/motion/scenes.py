@@ -304,5 +304,6 @@ def _flat(request: Request, engine: Engine, omega: Measured) -> tuple[Ending, Re
         raise AccuracyError("rounding decides whether the disk lies flat in this scene: no time can be given in double")
     time = Measured.of(timed.time, timed.error.time + 2 * abs(float(moved.time) - float(timed.time)) + 1e-15)
     wells = math.floor(abs(float(timed.state[1]) - math.pi / 2) / (2 * math.pi) + 0.5)
-    reason = f"passed {wells} noninverted state{'s' * (wells != 1)}, then sin(beta) = 0"
+    states = "noninverted state" if wells == 1 else "noninverted states"
+    reason = f"passed {wells} {states}, then sin(beta) = 0"
     return Ending("flat", reason, time=time, wells_passed=wells), timed
