@@ -30,7 +30,7 @@ class _Method(NamedTuple):
     digits: int
     wide: Precision
     nodes: int
-    fewer: int  #: nodes of the second time, for what the number of nodes leaves out; 0: `_THREE_NODES` says that
+    fewer: int  #: nodes of the second time, for what the number of nodes leaves out; 0: `_Limits.three_nodes` says that
 
 
 _METHODS = (
@@ -44,31 +44,57 @@ _METHODS = (
 CORRECTED_DIGITS = _METHODS[-1].digits
 #: Digits up to which extended numbers carry the estimate, where the machine has them; else doubles take their place.
 EXTENDED_DIGITS = max(method.digits for method in _METHODS if method.wide is EXTENDED)
-#: A quarter more than the error that is left in a result, for whatever the estimate has in common with it.
-_QUARTER_MORE = 1.25
-#: What three nodes leave out, in carried roundings, where they are enough: each rate times the step is below this, what
-#: grows does so by less than this, and the last terms of the polynomials are below this, in parts of the state.
-_THREE_NODES = 1 / 16
-_SHORT, _STEADY, _LAST_TERM = 7.0, 1.0, 2.0**-55
-#: Rates times steps up to which two numbers of nodes differ by what they are off, where errors decay. Where they grow
-#: it is the smaller number of nodes: five of them follow growth by e^5 to a thirtieth.
-_LONG = 64.0
-#: What the evaluation of the defect leaves, in carried roundings of the wider arithmetic.
-_EVALUATION = 16
-#: Errors [rad, rad/s] from which on their squares may be more than a hundredth of a rounding, for second derivatives of
-#: the field of up to 1e5.
-_SQUARES = 1e-11
-_MOST_SWEEPS = 4
-_DOUBLES = 2.0**-48  #: of an error, and at least of a carried rounding: what errors in doubles leave
-_MOST_BYTES = 2**29  #: of the collocation's matrices
-_NEWTON_STEPS = 8  #: for a crossing: two do as a rule, because each has the gradient to nine digits
-_DIFFERENCE = 2.0**-20  #: of the state, for an event's gradient
-_AHEAD = 1e-6  #: s, for how an event's rate changes
-_NEARLY, _TOUCHED = 1 / 8, 1 / 64  #: of an event's function nearby: what may be a touch, and what is one
-_FINER = 65  #: places between three nodes
-_BESIDE = 1.25  #: of the distance to a neighbour: a parabola is a little off
-_SMALL = 2.0**-10  #: of a carried rounding, or of an error: what is of the next order
-_LARGE = 2.0**-6  #: [rad, rad/s] an error for which no sweep is tried
+
+
+class _Limits(NamedTuple):
+    """The constants of the estimate, each with its reason."""
+
+    #: A half-width is this many times the error that is left in a result. A quarter more covers what the estimate has
+    #: in common with that error.
+    margin: float = 1.25
+    #: The error that three nodes may leave, in carried roundings. It is so small where the next three limits hold.
+    three_nodes: float = 1 / 16
+    #: For three nodes: each rate of decay times the step is below this.
+    short_step: float = 7.0
+    #: For three nodes: each rate of growth times the step is below this.
+    steady_step: float = 1.0
+    #: For three nodes: the last terms of the step's polynomials are below this, in parts of the state.
+    last_term: float = 2.0**-55
+    #: Rates of decay times steps up to which two numbers of nodes differ by their errors. Where errors grow, the
+    #: smaller number of nodes decides: five nodes follow growth by e^5 to a thirtieth.
+    long_step: float = 64.0
+    #: The error of evaluating the defect, in carried roundings of the wider arithmetic.
+    evaluation: int = 16
+    #: Errors [rad, rad/s] from which on their squares may exceed a hundredth of a rounding. The field's second
+    #: derivatives are at most 1e5.
+    squares: float = 1e-11
+    #: Sweeps for the second order of an error: each gains as many digits as the error has below 1.
+    most_sweeps: int = 4
+    #: What errors kept in doubles leave, in parts of an error; at least so much of a carried rounding is left.
+    in_doubles: float = 2.0**-48
+    #: The largest size of the collocation's matrices. Longer runs go to a wider arithmetic.
+    most_bytes: int = 2**29
+    #: Newton steps for a crossing. Two do as a rule, because the gradient has nine digits.
+    newton_steps: int = 8
+    #: The change of the state that an event's gradient is differenced with, near the square root of rounding.
+    difference: float = 2.0**-20
+    #: The time [s] after which an event's rate is looked at again, to see how it changes.
+    ahead: float = 1e-6
+    #: An extremum of an event's function below this part of its size nearby may be a touch.
+    near_touch: float = 1 / 8
+    #: An extremum below this part is a touch: whether it is a crossing is then left to wider runs.
+    touch: float = 1 / 64
+    #: Places between three nodes at which an event's function is looked at.
+    finer_places: int = 65
+    #: In parts of the distance to a neighbour: how far an extremum may lie from a place, as a parabola is a little off.
+    neighbour: float = 1.25
+    #: In parts of a carried rounding or an error: a quantity below this is of the next order.
+    next_order: float = 2.0**-10
+    #: An error [rad, rad/s] for which no sweep is tried, because the first order is no guess.
+    too_large: float = 2.0**-6
+
+
+_LIMITS = _Limits()
 
 
 class Unresolved(ArithmeticError):
@@ -161,38 +187,42 @@ class _Run:
         self._request = request
         self._ops = shifted(numpy) if request.shifted else numpy
         self._constants, self._omega = request.parameters.at(self.wide), self.wide.number(request.omega)
-        if result.steps * (3 * method.nodes) ** 2 * 8 > _MOST_BYTES:
+        if result.steps * (3 * method.nodes) ** 2 * 8 > _LIMITS.most_bytes:
             raise Unresolved
         self._defect = Defect(request, result.series, self.wide, method.nodes)
         if not self._resolved(method.fewer):
             raise Unresolved
         #: What the errors may be off, in carried roundings.
-        self._share = _EVALUATION * 2.0 ** (DOUBLE.bits - self.wide.bits) + self._swept()
+        self._share = _LIMITS.evaluation * 2.0 ** (DOUBLE.bits - self.wide.bits) + self._swept()
         if method.fewer:
             self._defect.compare(Defect(request, result.series, self.wide, method.fewer))
         else:
-            self._share += _THREE_NODES
+            self._share += _LIMITS.three_nodes
 
     def _resolved(self, fewer: int) -> bool:
         """Whether the steps are short enough for the nodes, and for what is said of their number to hold."""
         defect = self._defect
         if fewer:
-            return defect.fastest < _LONG and defect.growing < fewer
-        return defect.fastest < _SHORT and defect.growing < _STEADY and defect.last_term < _LAST_TERM
+            return defect.fastest < _LIMITS.long_step and defect.growing < fewer
+        return (
+            defect.fastest < _LIMITS.short_step
+            and defect.growing < _LIMITS.steady_step
+            and defect.last_term < _LIMITS.last_term
+        )
 
     def _swept(self) -> float:
         """Correct the errors by what is of second order, and say what may be left, in carried roundings."""
         largest = float(abs(self._defect.errors).max())
-        if not largest < _LARGE:
+        if not largest < _LIMITS.too_large:
             raise NotInProportion
-        if self.wide is EXTENDED and largest < _SQUARES:
+        if self.wide is EXTENDED and largest < _LIMITS.squares:
             return 0.0
-        for _ in range(_MOST_SWEEPS):
+        for _ in range(_LIMITS.most_sweeps):
             # Each sweep leaves as much of its correction as the first one was of the error.
             change = self._defect.sweep()
-            if change < _SMALL:
+            if change < _LIMITS.next_order:
                 largest = float((abs(self._defect.errors[1:]) / self._defect.roundings[1:]).max())
-                return DISTANCES * max(change * _SMALL, _DOUBLES, _DOUBLES * largest)
+                return DISTANCES * max(change * _LIMITS.next_order, _LIMITS.in_doubles, _LIMITS.in_doubles * largest)
         raise NotInProportion
 
     def numbers(self, times: Any, at_end: Any) -> tuple[Any, Any]:
@@ -208,7 +238,7 @@ class _Run:
     def _half_widths(self, values: Any, off: Any, left: Any) -> Any:
         """Of values that are ``off`` by so much and a rest that is ``left``; beyond twelve digits only by that."""
         if self.uncorrected:
-            return _QUARTER_MORE * abs(off) + left
+            return _LIMITS.margin * abs(off) + left
         return left + abs(values).astype(float) * float(self.wide.epsilon)
 
     def _at(self, times: Any) -> tuple[Any, Any, Any]:
@@ -223,26 +253,26 @@ class _Run:
         """A recorded crossing of the true motion. Raises NotInProportion for what is nearly a mere touch."""
         event = next(event for event in (*self._request.events, FLAT) if event.name == record.name)
         first = time = self.wide.array([record.time])
-        for _ in range(_NEWTON_STEPS):
+        for _ in range(_LIMITS.newton_steps):
             places, errors, left = self._at(time)
             states = places + errors
             gradient, speed = self._rates(event, states)
             change = self._value(event, states) / self.wide.number(speed)
             unknown = float(abs(gradient) @ left[:, 0]) / abs(speed) + abs(record.time) * float(self.wide.epsilon)
             time = time - change
-            if abs(float(change)) <= _SMALL * unknown:
+            if abs(float(change)) <= _LIMITS.next_order * unknown:
                 break
         else:
             raise NotInProportion
         moved = abs(float((time - first)[0]))
         rates = self._defect.rates(states)
-        ahead = self._rates(event, states + rates * self.wide.array([_AHEAD]))[1]
-        if not (moved + unknown) * abs(ahead - speed) / _AHEAD < _SMALL * abs(speed):
+        ahead = self._rates(event, states + rates * self.wide.array([_LIMITS.ahead]))[1]
+        if not (moved + unknown) * abs(ahead - speed) / _LIMITS.ahead < _LIMITS.next_order * abs(speed):
             raise NotInProportion
         around = [self._value(event, states + rates * self.wide.array([w])) for w in (-unknown, unknown)]
         if not float(around[0]) * float(around[1]) < 0 and all(map(float, around)):
             raise NotInProportion
-        width = _QUARTER_MORE * moved + unknown if self.uncorrected else unknown
+        width = _LIMITS.margin * moved + unknown if self.uncorrected else unknown
         moves = abs(rates[:, 0].astype(float)) * unknown
         off = (states - self.wide.array(record.state)[:, None]).astype(float)
         widths = self._half_widths(states, off, left)[:, 0] + moves
@@ -262,9 +292,9 @@ class _Run:
 
     def _gradient(self, event: Event, states: Any) -> Any:
         """(3, k), by central differences."""
-        moves = _DIFFERENCE * numpy.eye(3)[:, :, None]
+        moves = _LIMITS.difference * numpy.eye(3)[:, :, None]
         rows = [self._in_doubles(event, states + move) - self._in_doubles(event, states - move) for move in moves]
-        return numpy.stack(rows) / (2 * _DIFFERENCE)
+        return numpy.stack(rows) / (2 * _LIMITS.difference)
 
     def _in_doubles(self, event: Event, states: Any) -> Any:
         """(k,) an event's function in doubles."""
@@ -299,10 +329,10 @@ class _Run:
             named = sum(record.name == event.name for record in result.events) - (event.name == ending)
             if lost[1:end].any() or turned != named:
                 raise NotInProportion
-            for k in _touching(times, values, _NEARLY):
-                inside = numpy.linspace(times[k - 1], times[k + 1], _FINER)
+            for k in _touching(times, values, _LIMITS.near_touch):
+                inside = numpy.linspace(times[k - 1], times[k + 1], _LIMITS.finer_places)
                 finer = self._in_doubles(event, self._defect.at(inside.astype(self.wide.type))[0].astype(float))
-                if len(_touching(inside, finer, _TOUCHED)):
+                if len(_touching(inside, finer, _LIMITS.touch)):
                     raise NotInProportion
 
 
@@ -316,6 +346,6 @@ def _touching(times: Any, values: Any, share: float) -> Any:
     with numpy.errstate(divide="ignore", invalid="ignore"):
         to_turn = -slope / (2 * bend)
         turn = middle + to_turn * slope / 2
-    among = (to_turn / left >= -_BESIDE) & (to_turn / right <= _BESIDE)
+    among = (to_turn / left >= -_LIMITS.neighbour) & (to_turn / right <= _LIMITS.neighbour)
     near_zero = turn * numpy.sign(middle) < share * numpy.maximum(abs(before), abs(after))
     return numpy.flatnonzero((before * middle > 0) & (middle * after > 0) & among & near_zero) + 1
