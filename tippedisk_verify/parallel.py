@@ -5,9 +5,9 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Executor, as_completed
-from typing import TypeVar
+from typing import Any, TypeVar
 
-__all__ = ["as_done", "usable_cores"]
+__all__ = ["as_done", "map_of", "usable_cores"]
 
 Job = TypeVar("Job")
 Answer = TypeVar("Answer")
@@ -25,6 +25,11 @@ def as_done(
         return
     waiting = {executor.submit(function, job): job for job in jobs}
     yield from ((waiting[future], future.result()) for future in as_completed(waiting))
+
+
+def map_of(executor: Executor | None) -> Callable[..., Iterable[Any]]:
+    """Return the executor's map, or this process's own if there is no executor."""
+    return map if executor is None else executor.map
 
 
 def usable_cores() -> int:

@@ -28,6 +28,7 @@ from tippedisk_verify.commands.common import (
 from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.files import printable, write_text
 from tippedisk_verify.model.results import result_lines
+from tippedisk_verify.parallel import map_of
 from tippedisk_verify.progress import watched
 
 if TYPE_CHECKING:
@@ -165,7 +166,7 @@ def check(output: Output, file: str, jobs: int | None) -> int:
 
     def mapped(shown: Callable[[Any], Any], arcs: Sequence[Any]) -> Iterator[Any]:
         with processes(jobs, needed=len(arcs) > 1) as pool:
-            answers = (map if pool is None else pool.map)(shown, arcs)
+            answers = map_of(pool)(shown, arcs)
             yield from watched(answers, "arcs", len(arcs), not output.quiet)
 
     try:

@@ -25,7 +25,7 @@ from tippedisk_verify.commands.common import (
     workers_of,
 )
 from tippedisk_verify.files import write_csv, write_text
-from tippedisk_verify.parallel import as_done
+from tippedisk_verify.parallel import as_done, map_of
 from tippedisk_verify.progress import watched
 
 __all__ = ["COMMANDS"]
@@ -97,7 +97,7 @@ def bench(output: Output, peers: bool, only: tuple[str, ...], out: str | None) -
     total = sum(method.fits(problem) for method in methods for problem in problems)
     # One process beside the one that is timed, for the truths.
     with output.progress(total) as advance, processes(1, needed=len(problems) > 1, beside=True) as pool:
-        scores = raced(problems, methods, advance, map if pool is None else pool.map)
+        scores = raced(problems, methods, advance, map_of(pool))
     runs = [score.to_dict() for score in scores]
     result: dict[str, Any] = {"machine": machine(), "runs": runs, "ratios": ratios(scores)}
     if folder is not None:

@@ -34,6 +34,7 @@ from tippedisk_verify.model.precision import DOUBLE
 from tippedisk_verify.model.results import Printable
 from tippedisk_verify.model.surroundings import undisturbed
 from tippedisk_verify.motion.scenes import from_inverted
+from tippedisk_verify.parallel import map_of
 from tippedisk_verify.theory.equilibria import is_stable, linearization
 
 __all__ = ["OUTCOMES", "SPEEDS_OF_STATES", "Basins", "basins", "classified_lanes"]
@@ -138,7 +139,7 @@ def basins(
     )
     portions = [states[first : first + _PORTION] for first in range(0, len(states), _PORTION)]
     outcomes = []
-    for portion in (map if executor is None else executor.map)(classify, portions):
+    for portion in map_of(executor)(classify, portions):
         outcomes.append(portion)
         advance("states", len(portion))
     return Basins(parameters, speed, duration, v, beta, gamma, numpy.concatenate(outcomes).reshape(beta.shape))
