@@ -104,9 +104,9 @@ def integrate(
     return 0 if solution.success else 1
 
 
-def _times(text: str, ends: list[str]) -> list[Any]:
+def _times(text: str, ends: list[str]) -> Sequence[Any]:
     """Return even times over the run, exactly, or those in the first column of a file, with or without a heading t."""
-    from tippedisk_verify.motion.solution import even_times
+    from tippedisk_verify.motion.solution import EvenTimes
 
     if not text.isdecimal():
         lines = read_text(Path(text), _LARGEST_FILE).splitlines()
@@ -115,7 +115,7 @@ def _times(text: str, ends: list[str]) -> list[Any]:
     if not 2 <= (count := int(text[:20])) <= _MOST_TIMES:
         raise InputError(f"--times is a number from 2 to {_MOST_TIMES}, or a file, not '{text[:40]}'")
     first, last = exact(ends[0] if len(ends) > 1 else 0), exact(ends[-1])
-    return even_times(first, last, count)
+    return EvenTimes(first, last, count)
 
 
 def _write_motion(solution: Solution, rows: list[dict[str, Any]], target: Path) -> None:

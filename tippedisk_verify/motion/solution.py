@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
-from typing import Any
+from typing import Any, overload
 
 import numpy
 
@@ -32,11 +32,19 @@ from tippedisk_verify.model.arrays import half_widths, workable
 from tippedisk_verify.model.decimals import at_place, decimal_magnitude, exact_decimals
 from tippedisk_verify.model.exact import Exact, entries, exact, shown
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.model.precision import DOUBLE, EXTENDED, bits, bits_for_digits, checked_digits, companion
+from tippedisk_verify.model.precision import (
+    DOUBLE,
+    EXTENDED,
+    Precision,
+    bits,
+    bits_for_digits,
+    checked_digits,
+    companion,
+)
 from tippedisk_verify.model.results import Printable, with_widths
 from tippedisk_verify.progress import progress_of
 
-__all__ = ["EVENTS", "Solution", "even_times", "integrated"]
+__all__ = ["EVENTS", "EvenTimes", "Solution", "integrated"]
 
 _STATE = ("beta", "gamma", "v")
 _SAMPLES = 201  # if no times are named
@@ -82,7 +90,7 @@ class Solution(Printable):
     by_omega_uncertainty: Any
     engine: str
     precision: str
-    times: tuple[Exact, ...]  #: the exact times that ``t`` rounds [s]
+    times: Sequence[Exact]  #: the exact times that ``t`` rounds [s]
     note: str  #: what to look at before the numbers are used; empty if nothing
     _watched: tuple[str, ...]  #: names of the events asked for
     _start: Exact
@@ -186,14 +194,15 @@ def integrated(
     """`Disk.integrate`, which defines the arguments."""
     start, end = _span(time)
     corrected = engine.measures_error and checked_digits(digits) <= CORRECTED_DIGITS
-    asked, times = None, None
+    asked: Sequence[Exact] | None = None
+    times: Any = None
     if t_eval is not None:
         asked, times = _since(start, end, entries(t_eval))
     elif length := float(end - start):
-        asked = even_times(start, end, _SAMPLES)
+        asked = EvenTimes(start, end, _SAMPLES)
         extended = companion(DOUBLE) == EXTENDED and digits <= EXTENDED_DIGITS
         quick = corrected and extended and abs(length) > _SHORTEST
-        times = _rounded_even_times(end - start) if quick else even_times(exact(0), end - start, _SAMPLES)
+        times = _rounded_even_times(end - start) if quick else EvenTimes(exact(0), end - start, _SAMPLES)
     request = Request(
         parameters,
         omega,
@@ -217,10 +226,33 @@ def integrated(
     return _solution(request, result, engine, start, end, asked)
 
 
-def even_times(start: Exact, end: Exact, count: int) -> list[Exact]:
-    """Return so many even times from the start to the end, both included, exactly."""
-    length = end - start
-    return [start + length * Fraction(n, count - 1) for n in range(count)]
+class EvenTimes(Sequence[Exact]):
+    """Even times [s] from a start to an end, both included. Each exact time is made when it is asked for."""
+
+    def __init__(self, start: Exact, end: Exact, count: int) -> None:
+        self._start, self._step, self._count = start, (end - start) * Fraction(1, count - 1), count
+
+    def __len__(self) -> int:
+        return self._count
+
+    @overload
+    def __getitem__(self, index: int) -> Exact: ...
+    @overload
+    def __getitem__(self, index: slice) -> tuple[Exact, ...]: ...
+    def __getitem__(self, index: int | slice) -> Exact | tuple[Exact, ...]:
+        numbers = range(self._count)[index]
+        if isinstance(numbers, range):
+            return tuple(self._start + self._step * number for number in numbers)
+        return self._start + self._step * numbers
+
+    def rounded(self, precision: Precision) -> Any:
+        """Return the times (n,), each rounded once."""
+        if precision != DOUBLE or self._start.pi_multiple or self._step.pi_multiple:
+            return precision.sequence(tuple(self))
+        start, step = self._start.rational, self._step.rational
+        denominator = math.lcm(start.denominator, step.denominator)
+        first, more = (int(number * denominator) for number in (start, step))
+        return numpy.array([(first + more * number) / denominator for number in range(self._count)])
 
 
 def _rounded_even_times(length: Exact) -> Any:
@@ -316,8 +348,9 @@ def _solution(request: Request, result: Result, engine: Engine, start: Exact, en
         asked = [end if result.status is Status.REACHED else exact(last.time)]
     else:
         samples, uncertainty = result.samples, widths(error.samples, result.samples)
-        asked = asked[: len(samples)]
-        times = precision.sequence(asked)
+        if len(samples) < len(asked):
+            asked = asked[: len(samples)]
+        times = asked.rounded(precision) if isinstance(asked, EvenTimes) else precision.sequence(asked)
     transition, transition_widths = derivative(STATE_VARIATIONS)
     by_omega, by_omega_widths = derivative(("Omega",))
     return Solution(
@@ -335,7 +368,7 @@ def _solution(request: Request, result: Result, engine: Engine, start: Exact, en
         by_omega_uncertainty=by_omega_widths,
         engine=engine.name,
         precision=precision.name,
-        times=tuple(asked),
+        times=asked,
         note=_note(request.state, request.shifted),
         _watched=tuple(event.name for event in request.events),
         _start=start,
