@@ -152,6 +152,7 @@ class Disk(Parameters):
         variations: str | Sequence[str] = (),
         shifted: bool = False,
         max_steps: int = 100_000,
+        half_widths: bool = True,
         engine: Engine | None = None,
         progress: bool | None = None,
         **unknown: object,
@@ -164,8 +165,9 @@ class Disk(Parameters):
         recorded. ``variations`` of "state" and "omega" add the derivatives of the end by them. Texts such as
         "pi/2 + 0.4" are exact. Angles are beta_bar and gamma_bar, from pi/2, if ``shifted``.
         A run takes at most ``max_steps`` steps, some 2800 s of motion if left out; one that ends early does not raise,
-        and its ``status`` says why. Long ones show progress, unless ``progress`` is False. Raises InputError for what
-        makes no sense.
+        and its ``status`` says why. Without ``half_widths`` the run is made once and its error is not measured: it
+        takes a fraction of the time, and all half-widths are infinite. Long ones show progress, unless ``progress`` is
+        False. Raises InputError for what makes no sense.
 
         >>> sol = Disk("table1").integrate("30.4", ("pi/2", 2, 0), (0, 10), t_eval=[1, 2], events="section")
         >>> sol.y.shape, sol.end.time, len(sol.events)
@@ -178,7 +180,7 @@ class Disk(Parameters):
                 f"integrate has no {', '.join(unknown)}: `digits` says how exact the motion is to be, `engine` what "
                 "computes it, such as Baseline('DOP853'), and the solution itself, sol(t), is its dense output"
             )
-        how = (self._engine(engine), variations, shifted, max_steps, progress)
+        how = (self._engine(engine), variations, shifted, max_steps, progress, half_widths)
         return integrated(self, omega, state, time, t_eval, digits, events, *how)
 
     def rhs(self, omega: object) -> Callable[[object, Any], Array]:

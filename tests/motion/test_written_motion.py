@@ -73,6 +73,25 @@ def test_even_times_are_exact_and_doubles_are_written_in_full() -> None:
     assert abs(Fraction(third) - Fraction(1, 3)) < Fraction(1, 10**49)
 
 
+@pytest.mark.parametrize(("digits", "friction"), [(12, "linear"), (12, "smooth"), (20, "linear")])
+def test_without_half_widths_the_numbers_say_so(
+    digits: int, friction: tv.Friction, capsys: pytest.CaptureFixture[str]
+) -> None:
+    disk, start = tv.Disk("table1", friction=friction), ("1.2", 2, 0)
+    bare = disk.integrate("30.4", start, "0.7", digits=digits, events="section", half_widths=False)
+    measured = disk.integrate("30.4", start, "0.7", digits=digits, events="section")
+    assert bare.message.endswith("without half-widths")
+    assert {float(width) for width in bare.uncertainty.ravel()} == {float("inf")}
+    assert [time.rational for time in bare.times] == [time.rational for time in measured.times]
+    for mine, true in zip(bare.y.ravel(), measured.y.ravel(), strict=True):
+        assert abs(float(tv.exact(mine).rational - tv.exact(true).rational)) < 10.0 ** -(digits - 1)
+    entries = bare.to_dict()
+    assert {one["uncertainty"] for one in entries["beta"]} == {entries["events"][0]["t"]["uncertainty"]} == {"infinite"}
+    words = f"integrate --omega 30.4 --state 1.2,2,0 --time 0.7 --no-half-widths --friction {friction} --json"
+    assert main(words.split()) == 0
+    assert "without half-widths" in capsys.readouterr().err
+
+
 # ------------------------------------------------------------------------------------------ what a run says of itself
 def test_a_run_that_needs_more_steps_says_so_at_once(capsys: pytest.CaptureFixture[str]) -> None:
     disk, state = tv.Disk("table1"), ("pi/2", "pi/2 + 0.4", 0)

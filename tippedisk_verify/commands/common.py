@@ -46,6 +46,7 @@ __all__ = [
     "disk_command",
     "file_for",
     "group",
+    "half_widths_option",
     "jobs_option",
     "known_executor",
     "levels",
@@ -194,6 +195,11 @@ _ABOUT_A_DISK = (
 omega_option = click.option("--omega", callback=decimal, metavar="X", help="The spinning speed [rad/s].")
 below_crit_option = click.option(
     "--below-crit", callback=decimal, metavar="D", help="Omega_crit - D [rad/s], as a decimal of 35 digits more."
+)
+half_widths_option = click.option(
+    "--half-widths/--no-half-widths",
+    default=True,
+    help="Whether errors are measured; without, numbers come in a fraction of the time and have no half-widths.",
 )
 rotating_option = click.option(
     "--rotating", is_flag=True, help="The rotating cycles, on which gamma grows by 2 pi a period."

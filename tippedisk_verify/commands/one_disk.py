@@ -17,6 +17,7 @@ from tippedisk_verify.commands.common import (
     decimal,
     disk_command,
     file_for,
+    half_widths_option,
     jobs_option,
     omega_option,
     processes,
@@ -66,6 +67,7 @@ _STATES = ("inverted", "noninverted")
     metavar="N",
     help="Steps that the run may take; a run that needs more ends with exit status 1.",
 )
+@half_widths_option
 @click.option(
     "--out",
     callback=file_for(".csv", ".parquet", ".png"),
@@ -80,6 +82,7 @@ def integrate(
     times: str | None,
     events: str,
     max_steps: int,
+    half_widths: bool,
     out: Path | None,
 ) -> int:
     ends = time.split(",")
@@ -91,6 +94,7 @@ def integrate(
         digits=common.digits,
         events=events.split(",") if events else (),
         max_steps=max_steps,
+        half_widths=half_widths,
         progress=not common.quiet,
     )
     if solution.note:

@@ -190,10 +190,13 @@ def integrated(
     shifted: bool = False,
     max_steps: int = MOST_STEPS,
     progress: bool | None = None,
+    half_widths: bool = True,
 ) -> Solution:
     """`Disk.integrate`, which defines the arguments."""
     start, end = _span(time)
-    corrected = engine.measures_error and checked_digits(digits) <= CORRECTED_DIGITS
+    measured = half_widths and engine.measures_error
+    corrected = checked_digits(digits) <= CORRECTED_DIGITS if measured else False
+    precision = DOUBLE if corrected or digits <= PLAIN_DIGITS else bits(bits_for_digits(digits + 8))
     asked: Sequence[Exact] | None = None
     times: Any = None
     if t_eval is not None:
@@ -202,18 +205,22 @@ def integrated(
         asked = EvenTimes(start, end, _SAMPLES)
         extended = companion(DOUBLE) == EXTENDED and digits <= EXTENDED_DIGITS
         quick = corrected and extended and abs(length) > _SHORTEST
-        times = _rounded_even_times(end - start) if quick else EvenTimes(exact(0), end - start, _SAMPLES)
+        times = EvenTimes(exact(0), end - start, _SAMPLES)
+        if quick:
+            times = _rounded_even_times(end - start)
+        elif precision == DOUBLE and not measured:
+            times = times.rounded(DOUBLE)
     request = Request(
         parameters,
         omega,
         state,
         end - start,
         shifted=shifted,
-        precision=DOUBLE if corrected or digits <= PLAIN_DIGITS else bits(bits_for_digits(digits + 8)),
+        precision=precision,
         times=times,
         variations=tuple(one for name in _several(variations) for one in _named(name, _VARIATIONS)),
         events=tuple(event if isinstance(event, Event) else _named(event, EVENTS) for event in _several(events)),
-        error_estimate=engine.measures_error,
+        error_estimate=measured,
         digits=digits if corrected else PLAIN_DIGITS,
         max_steps=max_steps,
     )
@@ -260,13 +267,16 @@ def _rounded_even_times(length: Exact) -> Any:
     return numpy.arange(_SAMPLES).astype(EXTENDED.type) * EXTENDED.number(length) / (_SAMPLES - 1)
 
 
-def _note(state: Sequence[object], shifted: bool) -> str:
-    """Return what is unusual about angles that may be degrees; nothing if they look like radians."""
+def _note(request: Request) -> str:
+    """Return what to know of the numbers: that they have no half-widths, that angles may be degrees; or nothing."""
+    unmeasured = "" if request.error_estimate else "without half-widths"
+    state, shifted = request.state, request.shifted
     beta, gamma = (abs(float(exact(angle))) for angle in state[:2])
     if beta <= math.tau and gamma <= _LARGEST_ANGLE:
-        return ""
+        return unmeasured
     name, value = ("beta", state[0]) if beta > math.tau else ("gamma", state[1])
-    return f"angles are in radians, and {name}{'_bar' if shifted else ''} = {shown(value)} is many turns"
+    degrees = f"angles are in radians, and {name}{'_bar' if shifted else ''} = {shown(value)} is many turns"
+    return f"{degrees}; {unmeasured}" if unmeasured else degrees
 
 
 def _decimal(time: Exact) -> str:
@@ -369,7 +379,7 @@ def _solution(request: Request, result: Result, engine: Engine, start: Exact, en
         engine=engine.name,
         precision=precision.name,
         times=asked,
-        note=_note(request.state, request.shifted),
+        note=_note(request),
         _watched=tuple(event.name for event in request.events),
         _start=start,
         _request=request,
