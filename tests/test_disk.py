@@ -267,3 +267,26 @@ SMOOTH = tv.PRINTED.with_friction("smooth")
 def test_what_is_for_the_linear_law_is_not_said_of_the_smooth_one(ask) -> None:
     with pytest.raises(tv.InputError, match="linear friction law only"):
         ask()
+
+
+def test_results_without_half_widths_say_so_and_are_those_with_them() -> None:
+    disk = tv.Disk("table1")
+    for digits in (12, 20):
+        for ask in (
+            lambda disk, **how: disk.limit_cycle("30.4", **how).period,
+            lambda disk, **how: disk.rotating_cycle("30.02", **how).v_top,
+            lambda disk, **how: disk.heteroclinic(**how).omega_h,
+        ):
+            bare, measured = ask(disk, digits=digits, half_widths=False), ask(disk, digits=digits)
+            assert abs(bare.value - measured.value) < abs(measured.value) / 10 ** (digits - 1)
+            assert (bare.is_measured, measured.is_measured) == (False, True)
+            assert str(bare).endswith(" (no half-width)")
+            assert bare.to_dict()["uncertainty"] == (2 * bare + 1).to_dict()["uncertainty"] == "infinite"
+            with pytest.raises(tv.AccuracyError):
+                assert bare > 0
+    cycle = disk.limit_cycle("30.4", half_widths=False)
+    assert cycle.stable is True
+    assert "(no half-width)" in repr(cycle)
+    branch = disk.branch(["30.4", "30.5"], half_widths=False)
+    assert set(branch.uncertainty["period"]) == {math.inf}
+    assert "(no half-width)" in str(branch)

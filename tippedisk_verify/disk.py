@@ -234,12 +234,15 @@ class Disk(Parameters):
         above_het: object = None,
         stable: bool | None = None,
         digits: int = 12,
+        half_widths: bool = True,
         engine: Engine | None = None,
     ) -> LimitCycle:
         """The limit cycle about inverted spinning at a speed given as to `speed`.
 
-        Where a speed has several it is the stable one, or the one that ``stable`` asks for. Raises InputError unless
-        one of the three is given, NoSuchCycleError where there is no such cycle, AccuracyError without the digits.
+        Where a speed has several it is the stable one, or the one that ``stable`` asks for. Without ``half_widths`` the
+        numbers are those of the first arithmetic that holds the digits, and their errors are not measured. Next to
+        Omega_h half-widths cost nothing, and come all the same. Raises InputError unless one of the three is given,
+        NoSuchCycleError where there is no such cycle, AccuracyError without the digits.
         """
         from tippedisk_verify.cycles.at_speed import cycle_above, cycle_at
 
@@ -249,7 +252,7 @@ class Disk(Parameters):
                 raise InputError("above_het leads to the cycles next to Omega_h: choose with stable at a speed omega")
             return cycle_above(self, above_het, self._engine(engine), digits=digits)
         speed = self._speed(omega, below_crit, digits)
-        cycle = cycle_at(self, speed.value, self._engine(engine), digits=digits, stable=stable)
+        cycle = cycle_at(self, speed.value, self._engine(engine), digits=digits, stable=stable, half_widths=half_widths)
         return replace(cycle, omega=speed)
 
     def harmonic_balance(self, omega: object, *, harmonics: int | None = None, digits: int = 12) -> BalancedCycle:
@@ -283,19 +286,21 @@ class Disk(Parameters):
         below_het: object = None,
         stable: bool = True,
         digits: int = 12,
+        half_widths: bool = True,
         engine: Engine | None = None,
     ) -> RotatingCycle:
         """The rotating limit cycle, on which gamma grows by 2 pi a period, at a speed given as to `speed`.
 
         Stable ones lie between the family's fold and Omega_h, unstable ones (``stable=False``) from the fold upward.
-        Raises as `limit_cycle` does.
+        ``half_widths`` is that of `limit_cycle`, and it raises as that does.
         """
         from tippedisk_verify.cycles.at_speed import rotating_below, rotating_cycle
 
         one_speed(omega=omega, below_crit=below_crit, below_het=below_het)
         if below_het is None:
             speed = self._speed(omega, below_crit, digits)
-            cycle = rotating_cycle(self, speed.value, self._engine(engine), stable=stable, digits=digits)
+            how: dict[str, Any] = {"stable": stable, "digits": digits, "half_widths": half_widths}
+            cycle = rotating_cycle(self, speed.value, self._engine(engine), **how)
             return replace(cycle, omega=speed)
         if not stable:
             raise InputError("below_het leads to stable rotating cycles: give the unstable one's speed with omega")
@@ -328,6 +333,7 @@ class Disk(Parameters):
         omegas: Sequence[object] | None = None,
         *,
         paper_sets: bool = False,
+        half_widths: bool = True,
         engine: Engine | None = None,
         progress: bool | None = None,
     ) -> Branch:
@@ -335,24 +341,33 @@ class Disk(Parameters):
 
         ``paper_sets`` are the paper's speeds A^in and A^de. A speed with several cycles gives all of them; a text or a
         number by itself is one speed. A hundred speeds and more are rounded to doubles, and the linear law's cycles
-        are computed together, in lanes of the Taylor engine. What takes longer than two seconds shows its progress on
+        are computed together, in lanes of the Taylor engine; at fewer speeds half-widths may be left out as those of
+        `limit_cycle`. What takes longer than two seconds shows its progress on
         standard error, unless ``progress`` is False. A speed without a cycle has a row that says so; where all have
         none, the first one's error is raised.
         """
         from tippedisk_verify.cycles.branch import DEFAULT_COUNT, PAPER_COUNT, Branch, family, not_all_missing
 
         speeds = omegas if omegas is None else checked_speeds(omegas)
-        cycles = family(self, self._engine(engine), paper_sets=paper_sets, omegas=speeds)
+        cycles = family(self, self._engine(engine), paper_sets=paper_sets, omegas=speeds, half_widths=half_widths)
         total = PAPER_COUNT if paper_sets else len(speeds or ()) or DEFAULT_COUNT
         return Branch.of(not_all_missing(watched(cycles, "limit cycles", total, progress)))
 
     def heteroclinic(
-        self, *, digits: int = 12, method: str = "manifolds", engine: Engine | None = None
+        self,
+        *,
+        digits: int = 12,
+        method: str = "manifolds",
+        half_widths: bool = True,
+        engine: Engine | None = None,
     ) -> Heteroclinic:
-        """Omega_h, where the saddles are connected. Raises NoConnectionError where there is no connection."""
+        """Omega_h, where the saddles are connected, with or without its error by a wider run.
+
+        Raises NoConnectionError where there is no connection.
+        """
         from tippedisk_verify.cycles.omega_h import heteroclinic
 
-        return heteroclinic(self, self._engine(engine), digits=digits, method=method)
+        return heteroclinic(self, self._engine(engine), digits=digits, method=method, half_widths=half_widths)
 
     @property
     def certify(self) -> Certifier:

@@ -187,6 +187,7 @@ def slow_manifold(common: Common, order: int, omega: str | None, beta: str, gamm
 @click.option("--at-fold", is_flag=True, help="Where two cycles of the family meet and end: each of its folds.")
 @rotating_option
 @unstable_option
+@half_widths_option
 def orbit(
     common: Common,
     omega: str | None,
@@ -196,6 +197,7 @@ def orbit(
     at_fold: bool,
     rotating: bool,
     unstable: bool,
+    half_widths: bool,
 ) -> Any:
     disk, digits = common.disk, common.digits
     if rotating and above_het is not None:
@@ -210,8 +212,8 @@ def orbit(
     if at_fold:
         return disk.rotation_fold(digits=digits) if rotating else disk.folds(digits=digits)
     if rotating:
-        return disk.rotating_cycle(**speeds, stable=not unstable, digits=digits)
-    return disk.limit_cycle(**speeds, stable=False if unstable else None, digits=digits)
+        return disk.rotating_cycle(**speeds, stable=not unstable, digits=digits, half_widths=half_widths)
+    return disk.limit_cycle(**speeds, stable=False if unstable else None, digits=digits, half_widths=half_widths)
 
 
 @disk_command("Compute a limit cycle by harmonic balance of the full equations, without an integrator.")
@@ -228,7 +230,10 @@ def harmonic_balance(common: Common, omega: Fraction, harmonics: int | None) -> 
 @click.option("--omegas", metavar="X,X,...", help="These speeds [rad/s], in this order.")
 @rotating_option
 @click.option("--out", callback=file_for(".csv"), metavar="FILE.csv", help="Write the family there as CSV.")
-def branch(common: Common, paper_sets: bool, omegas: str | None, rotating: bool, out: Path | None) -> int:
+@half_widths_option
+def branch(
+    common: Common, paper_sets: bool, omegas: str | None, rotating: bool, out: Path | None, half_widths: bool
+) -> int:
     if common.digits > _BRANCH_DIGITS:
         raise InputError(f"a branch holds at most 12 digits, not {common.digits}: ask orbit for more at single speeds")
     if paper_sets and (omegas is not None or rotating):
@@ -238,7 +243,7 @@ def branch(common: Common, paper_sets: bool, omegas: str | None, rotating: bool,
     if rotating:
         cycles = disk.rotating_branch(speeds, progress=seen)
     else:
-        cycles = disk.branch(speeds, paper_sets=paper_sets, progress=seen).cycles
+        cycles = disk.branch(speeds, paper_sets=paper_sets, half_widths=half_widths, progress=seen).cycles
     if out is not None:
         write_csv(out, *_family_table(cycles))
     result: dict[str, Any] = {"orbits": [cycle.to_dict() for cycle in cycles]}
@@ -327,8 +332,9 @@ def basin(
     help="manifolds, limit-cycles, bisection or scipy.",
 )
 @click.option("--out", callback=file_for(".csv"), metavar="FILE.csv", help="Write samples of the connection there.")
-def heteroclinic(common: Common, method: str, out: Path | None) -> Any:
-    connection = common.disk.heteroclinic(digits=common.digits, method=method)
+@half_widths_option
+def heteroclinic(common: Common, method: str, out: Path | None, half_widths: bool) -> Any:
+    connection = common.disk.heteroclinic(digits=common.digits, method=method, half_widths=half_widths)
     if out is not None:
         times, states, widths = connection.samples()
         exact_times = [exact_text(Fraction(time)) for time in times]

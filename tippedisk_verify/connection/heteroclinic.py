@@ -144,6 +144,10 @@ def connection_at(
 
 def _eigenvalues(parameters: Parameters, omega_h: Measured, digits: int) -> tuple[Measured, Measured, Measured]:
     """With what the uncertainty of Omega_h does to them: they are smooth in it, so their change is linear."""
+    if not omega_h.is_measured:
+        there = equilibrium(parameters, omega_h.value, "noninverted", digits + 6).eigenvalues
+        first, second, third = (Measured.without_half_width(one.re.value, digits) for one in there)
+        return first, second, third
     there, moved = (
         equilibrium(parameters, omega, "noninverted", digits + 6).eigenvalues
         for omega in (omega_h.value, omega_h.value + omega_h.uncertainty)

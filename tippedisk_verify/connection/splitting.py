@@ -200,7 +200,19 @@ def _stages(wanted: int) -> list[Precision]:
     return [QUADRUPLE, *stages[::-1]]
 
 
-def _zero(parameters: Parameters, guess: Fraction, engine: Engine, stages: Sequence[Precision]) -> SplittingZero:
+def unmeasured_zero(parameters: Parameters, guess: Fraction, engine: Engine, digits: int) -> Measured:
+    """Return Omega_h [rad/s] to ``digits`` significant digits as `splitting_zero` finds it, without a half-width.
+
+    Raises as that does, but for digits that are not reached.
+    """
+    _, omega, _ = _root(parameters, guess, engine, _stages(digits + _GUARD))
+    return Measured.without_half_width(omega, digits)
+
+
+def _root(
+    parameters: Parameters, guess: Fraction, engine: Engine, stages: Sequence[Precision]
+) -> tuple[SplittingFunction, Fraction, _Slope]:
+    """Return the splitting in the last arithmetic, its zero [rad/s] there and its slope."""
     omega = _cut(guess, stages[0])
     splitting_at: SplittingFunction | None = None
     slope: _Slope | None = None
@@ -209,7 +221,12 @@ def _zero(parameters: Parameters, guess: Fraction, engine: Engine, stages: Seque
         omega, slope = _newton(splitting_at, omega, slope)
     assert splitting_at
     assert slope
-    steepness = abs(slope.value)
+    return splitting_at, omega, slope
+
+
+def _zero(parameters: Parameters, guess: Fraction, engine: Engine, stages: Sequence[Precision]) -> SplittingZero:
+    splitting_at, omega, slope = _root(parameters, guess, engine, stages)
+    steepness, precision = abs(slope.value), splitting_at.precision
     wider = companion(precision)
     finer = SplittingFunction(parameters, omega, engine, wider, closer=0.5, coarser=splitting_at)
     check = finer(omega)

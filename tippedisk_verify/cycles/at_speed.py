@@ -33,9 +33,15 @@ _SMALLEST = 800  # zeros after the point that a distance from Omega_h may have
 
 
 def cycle_at(
-    parameters: Parameters, omega: object, engine: Engine, *, digits: int = 12, stable: bool | None = None
+    parameters: Parameters,
+    omega: object,
+    engine: Engine,
+    *,
+    digits: int = 12,
+    stable: bool | None = None,
+    half_widths: bool = True,
 ) -> LimitCycle:
-    """The limit cycle at ``omega`` [rad/s], to ``digits`` significant digits, however close to Omega_h that is.
+    """Return the limit cycle at ``omega`` [rad/s], to ``digits`` significant digits, however close to Omega_h that is.
 
     Where a speed has several it is the stable one, or the one that ``stable`` asks for. Raises InputError for a speed
     that is not positive, NoSuchCycleError where the search fails, AccuracyError if the digits are not reached.
@@ -47,13 +53,13 @@ def cycle_at(
     if stable is not False and not newborn:  # mostly the law leads to a stable cycle, and nothing else is asked
         fixed_point = shoot_from_law(ReturnMap(LIBRATING, parameters, speed, engine))
         if fixed_point is not None:
-            cycle = cycle_to_digits(fixed_point, digits)
+            cycle = cycle_to_digits(fixed_point, digits, half_widths=half_widths)
             if cycle.stable:
                 return cycle
     location = locator(parameters, engine).librating(speed)
     if cycle and stable is None and not location.starts:
         return cycle
-    cycles = location.cycles(digits)
+    cycles = location.cycles(digits, half_widths=half_widths)
     wanted = [cycle for cycle in cycles if cycle.stable is (stable is not False)]
     if not wanted and stable is not None:
         kind, other = ("stable", "unstable") if stable else ("unstable", "stable")
@@ -61,19 +67,27 @@ def cycle_at(
     return (wanted or cycles)[0]
 
 
-def cycles_at(parameters: Parameters, omega: Fraction, *, engine: Engine) -> list[LimitCycle]:
+def cycles_at(parameters: Parameters, omega: Fraction, *, engine: Engine, half_widths: bool = True) -> list[LimitCycle]:
     """Return all limit cycles at a speed [rad/s] to 12 digits, from the smallest amplitude on.
 
     Where the family has none there may be one that `cycle_at` finds by itself. Raises as that does.
     """
     location = locator(parameters, engine).librating(omega)
-    return location.cycles() if location.starts else [cycle_at(parameters, omega, engine)]
+    if location.starts:
+        return location.cycles(half_widths=half_widths)
+    return [cycle_at(parameters, omega, engine, half_widths=half_widths)]
 
 
 def rotating_cycle(
-    parameters: Parameters, omega: object, engine: Engine, *, stable: bool = True, digits: int = 12
+    parameters: Parameters,
+    omega: object,
+    engine: Engine,
+    *,
+    stable: bool = True,
+    digits: int = 12,
+    half_widths: bool = True,
 ) -> RotatingCycle:
-    """The rotating limit cycle at ``omega`` [rad/s], to ``digits`` significant digits.
+    """Return the rotating limit cycle at ``omega`` [rad/s], to ``digits`` significant digits.
 
     Stable ones lie between the family's fold and Omega_h, unstable ones from the fold upward. Raises InputError for a
     speed that is not positive, NoSuchCycleError where the search fails, AccuracyError if the digits are not reached.
@@ -84,10 +98,12 @@ def rotating_cycle(
         with suppress(NoSuchCycleError, NoConnectionError, ZeroDivisionError):  # doubles see Omega_h itself
             # The saddle's unstable branch leads there where the cycle is not next to the fold.
             return_map = ReturnMap(ROTATING, parameters, speed, engine)
-            cycle = cycle_to_digits(shoot(return_map, return_map.end_of_branch()), digits)
+            fixed_point = shoot(return_map, return_map.end_of_branch())
+            cycle = cycle_to_digits(fixed_point, digits, half_widths=half_widths)
             if cycle.stable:
                 return cycle
-    (cycle,) = locator(parameters, engine).rotating(speed, stable=stable).cycles(digits)
+    location = locator(parameters, engine).rotating(speed, stable=stable)
+    (cycle,) = location.cycles(digits, half_widths=half_widths)
     return cycle
 
 

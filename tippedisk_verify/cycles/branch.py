@@ -150,6 +150,8 @@ def _in_double(number: Measured | float) -> float:
     """A half-width for the value as a double: its rounding is added, and the sum is rounded up."""
     if isinstance(number, float):  # not a number, where a cycle is missing
         return number
+    if not number.is_measured:
+        return math.inf
     width = number.uncertainty + abs(number.value - Fraction(float(number)))
     return math.nextafter(float(width), math.inf) if width else 0.0
 
@@ -179,6 +181,7 @@ def family(
     *,
     paper_sets: bool = False,
     omegas: Sequence[object] | None = None,
+    half_widths: bool = True,
 ) -> Iterator[LimitCycle | MissingCycle]:
     """The paper's 801 cycles, those at these speeds [rad/s], or an overview from the Hopf point to the connection.
 
@@ -194,7 +197,7 @@ def family(
         speeds = checked_speeds(omegas)
         if not 0 < len(speeds) <= _MOST:
             raise InputError(f"a family has 1 to {_MOST} speeds, not {len(speeds)}")
-    return _at(disk_locator, LIBRATING, partial(cycles_at, parameters, engine=engine), speeds)
+    return _at(disk_locator, LIBRATING, partial(cycles_at, parameters, engine=engine, half_widths=half_widths), speeds)
 
 
 def _at(

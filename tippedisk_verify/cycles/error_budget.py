@@ -72,11 +72,17 @@ _MOST_NEWTON_STEPS = 20  # each doubles the digits
 _LEFT = 5  # times smaller than it began, an iteration falls onto the equilibrium, which is the trivial solution
 
 
-def cycle_to_digits(fixed_point: FixedPoint[C], digits: int) -> C:
-    """The cycle that Newton's iteration in double has led to, to so many significant digits.
+def cycle_to_digits(fixed_point: FixedPoint[C], digits: int, *, half_widths: bool = True) -> C:
+    """Return the cycle that Newton's iteration in double has led to, to ``digits`` significant digits.
 
-    Raises AccuracyError if the digits are not reached.
+    Without ``half_widths`` its numbers are those of the first arithmetic that holds the digits, and have none. Raises
+    AccuracyError if the digits are not reached.
     """
+    if not half_widths:
+        precision = DOUBLE if digits <= _DOUBLE_DIGITS else bits(bits_for_digits(digits + MORE_DIGITS))
+        numbers = cycle_numbers(fixed_point, precision)
+        unmeasured = {name: Measured.without_half_width(number, digits) for name, number in numbers.items()}
+        return _as_cycle(fixed_point, unmeasured, precision)
     draws, doubles = _draws(fixed_point), list[dict[str, Any]]()
     wanted, wider = max(digits, _DOUBLE_DIGITS), companion(DOUBLE)
     for precision, twins in (DOUBLE, TWINS), (wider, TWINS_OF_WIDER), (companion(wider), TWINS_OF_WIDER):
@@ -163,7 +169,7 @@ def cycle_of(section: Section[C], omega: Fraction, measured: dict[str, Measured]
     defect = measured["trivial_multiplier_defect"]
     measured["trivial_multiplier_defect"] = Measured(defect.value, max(defect.uncertainty, defect.value))
     slow = measured["multiplier_slow"]
-    certain = abs(abs(slow.value) - 1) > slow.uncertainty
+    certain = abs(abs(slow.value) - 1) > slow.uncertainty or not slow.is_measured
     stable = bool(abs(slow.value) < 1) if certain else None
     return section.result(omega=Measured(omega, Fraction(0)), stable=stable, **(others | measured))
 
@@ -252,7 +258,7 @@ def logarithms_bounded(measured: dict[str, Measured]) -> None:
     The slow one is at most what rounding leaves of it, and the fast one is no larger; their sum has its own half-width.
     """
     slow, both = measured["multiplier_slow"], measured.pop("log_multipliers")
-    if 2 * slow.uncertainty < abs(slow.value):
+    if 2 * slow.uncertainty < abs(slow.value) or not slow.is_measured:
         return
     highest = Fraction(math.log(abs(slow.value) + slow.uncertainty))
     lowest = min(both.value / 2, highest)

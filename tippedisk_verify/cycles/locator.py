@@ -59,13 +59,13 @@ class Location(Generic[C]):
     refusal: str = ""  #: what is said if there are none
     omega_h: Fraction | None = None  #: [rad/s], to digits that tell the side, where a start has no guess
 
-    def cycles(self, digits: int = 12) -> list[C]:
+    def cycles(self, digits: int = 12, *, half_widths: bool = True) -> list[C]:
         """All of them, to ``digits`` digits. Raises NoSuchCycleError if there are none, and as `cycle` does."""
         if not self.starts:
             raise NoSuchCycleError(self.refusal)
-        return [self.cycle(start, digits) for start in self.starts]
+        return [self.cycle(start, digits, half_widths=half_widths) for start in self.starts]
 
-    def cycle(self, start: Place, digits: int = 12) -> C:
+    def cycle(self, start: Place, digits: int = 12, *, half_widths: bool = True) -> C:
         """The cycle of one start, to ``digits`` digits.
 
         Raises NoSuchCycleError if the search fails, AccuracyError if doubles do not tell it from its neighbour at a
@@ -80,14 +80,14 @@ class Location(Generic[C]):
                 newborn = FixedPoint(return_map, start.start, return_map(start.start), ())
                 cycle = wider_cycle(newborn, digits, MORE_DIGITS + start.zeros)
             else:
-                cycle = cycle_to_digits(shoot(return_map, start.start), digits)
+                cycle = cycle_to_digits(shoot(return_map, start.start), digits, half_widths=half_widths)
         except AccuracyError as fault:
             others = [other.start[0] for other in self.starts if other.is_in_double and other is not start]
             if not any(abs(other - start.start[0]) < _ABOUT_TO_MEET for other in others):
                 raise
             raise AccuracyError(f"{fault}; the speed is next to a fold, where two cycles meet") from None
         rate = getattr(cycle, f"d{self.section.names[0]}_domega")
-        if not (-rate.value if start.falls else rate.value) > rate.uncertainty:
+        if rate.is_measured and not (-rate.value if start.falls else rate.value) > rate.uncertainty:
             raise AccuracyError(
                 f"{float(self.omega):.17g} rad/s is so close to a fold that doubles cannot tell its two cycles apart"
             )

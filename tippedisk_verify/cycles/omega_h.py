@@ -11,7 +11,7 @@ from typing import get_args
 
 from tippedisk_verify.connection.bisection import bisect_omega_h
 from tippedisk_verify.connection.heteroclinic import Heteroclinic, Method, connection_at
-from tippedisk_verify.connection.splitting import MOST_DIGITS, splitting_zero
+from tippedisk_verify.connection.splitting import MOST_DIGITS, splitting_zero, unmeasured_zero
 from tippedisk_verify.cycles.period_continuation import limit_of_cycles
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.baseline import Baseline
@@ -34,8 +34,11 @@ def heteroclinic(
     *,
     digits: int = 12,
     method: str = "manifolds",
+    half_widths: bool = True,
 ) -> Heteroclinic:
     """Return the connection with Omega_h to ``digits`` significant digits, by one of `METHODS`.
+
+    Without ``half_widths`` the method manifolds does not measure its error by a wider run.
 
     Raises InputError for an unknown method or more digits than it can have, NoConnectionError where there is no
     connection, AccuracyError if the digits are not reached.
@@ -49,8 +52,9 @@ def heteroclinic(
         raise InputError(f"Omega_h is offered to {MOST_DIGITS} digits, not {digits}: more would take days")
     if method == "manifolds":
         guess = bisect_omega_h(parameters, engine, confirm=False).omega_h.value
-        zero = splitting_zero(parameters, guess, engine, digits)
-        omega_h = zero.omega_h
+        if half_widths:
+            zero = splitting_zero(parameters, guess, engine, digits)
+        omega_h = zero.omega_h if zero else unmeasured_zero(parameters, guess, engine, digits)
     elif method == "limit-cycles":
         omega_h = limit_of_cycles(parameters, engine, digits)
     else:

@@ -26,6 +26,10 @@ DISTANCES = 2
 
 _LARGEST_POWER = 1000  # that is taken by multiplication
 _LARGEST_EXPONENT = 100_000  # beyond it an exponential is a mistake, and would cost memory without bound
+_DOUBLE_DIGITS = 12  # up to which doubles hold what is asked for
+#: A half-width that stands for none, and the bound beyond which sums and products with such a number stay. Exponentials
+#: end at 1e43000, far below it.
+_INFINITE, _UNMEASURED = Fraction(1 << 1_500_000), Fraction(1 << 1_000_000)
 _SPARE_BITS = 8  # that mpmath's last place, which is right to one or two units, is not relied upon
 
 
@@ -244,11 +248,16 @@ class Bounded(Approximate):
 
 
 class HalfWidth(Fraction):
-    """A half-width: a rational that is formatted like a number, rounded up so that it still holds."""
+    """A half-width: a rational that is formatted like a number, rounded up so that it still holds.
+
+    A number whose error was not measured has one beyond `_UNMEASURED`, which is shown as infinite.
+    """
 
     __slots__ = ()
 
     def __format__(self, spec: str) -> str:
+        if self >= _UNMEASURED:
+            return "infinite"
         with arithmetic(50, ROUND_UP):
             return format(Decimal(self.numerator) / Decimal(self.denominator), spec)
 
@@ -280,6 +289,17 @@ class Measured(Bounded):
         return cls(value, uncertainty)  # type: ignore[arg-type]
 
     @classmethod
+    def without_half_width(cls, value: object, digits: int = _DOUBLE_DIGITS) -> Measured:
+        """Return a number whose error was not measured; beyond doubles, rounded to three digits more than ``digits``.
+
+        It is shown without a half-width, or with an infinite one, and no comparison by size is decided by it.
+        """
+        exact_value = fraction(value)
+        if exact_value and digits > _DOUBLE_DIGITS:
+            exact_value = Fraction(at_place(exact_value, decimal_magnitude(exact_value) - digits - 2)[0])
+        return cls(exact_value, _INFINITE)
+
+    @classmethod
     def compared(cls, value: object, sharper: object, epsilon: Fraction) -> Measured:
         """A value with the half-width that its distance to a run with more digits gives.
 
@@ -288,6 +308,11 @@ class Measured(Bounded):
         """
         mine = fraction(value)
         return cls(mine, abs(mine - fraction(sharper)) * DISTANCES + abs(mine) * epsilon)
+
+    @property
+    def is_measured(self) -> bool:
+        """Whether the number has a half-width, because its error was measured."""
+        return self.uncertainty < _UNMEASURED
 
     def holds(self, truth: object) -> bool:
         """Whether ``truth`` lies within the half-width."""
@@ -301,6 +326,9 @@ class Measured(Bounded):
         """``(value, uncertainty)`` as decimal strings."""
         if not self.uncertainty:
             return exact_decimals(self.value)
+        if not self.is_measured:
+            double = float(self.value)
+            return repr(double) if double == self.value else exact_decimals(self.value)[0], "infinite"
         # Two digits beyond the leading digit of the half-width: the rounding adds at most 5 % to it.
         text, change = at_place(self.value, decimal_magnitude(self.uncertainty) - 2)
         return text, rounded_up(self.uncertainty + change)
@@ -316,7 +344,8 @@ class Measured(Bounded):
         return f"<table>{''.join(rows)}</table>"
 
     def __str__(self) -> str:
-        return " ± ".join(self.decimals())
+        value, width = self.decimals()
+        return f"{value} ± {width}" if self.is_measured else f"{value} (no half-width)"
 
     def __repr__(self) -> str:
         return f"Measured({self})"

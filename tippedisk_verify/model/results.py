@@ -214,6 +214,8 @@ def _measured(value: Any) -> bool:
 def _said(value: Any) -> str:
     if _measured(value):
         text, width = str(value["value"]), str(value["uncertainty"])
+        if width == "infinite":
+            return f"{text} (no half-width)"
         return text if width == "0" else f"{text} ± {width}"
     if isinstance(value, dict):
         return ", ".join(f"{name} {_said(entry)}" for name, entry in value.items())

@@ -20,6 +20,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from fractions import Fraction
+from functools import lru_cache
 from typing import Literal, NamedTuple
 
 from tippedisk_verify.errors import AccuracyError, InputError
@@ -155,8 +156,15 @@ def omega_crit(parameters: Parameters, digits: int = 15) -> Measured:
 
 def distance_below_crit(parameters: Parameters, omega: Fraction) -> Fraction:
     """Return Omega_crit - ``omega`` [rad/s] to 15 digits, however small it is."""
-    crit = square_root(square := omega_crit_squared(parameters), 20).value
+    square, crit = _critical_speed(parameters)
     return (square - omega**2) / (crit + omega)
+
+
+@lru_cache(maxsize=64)
+def _critical_speed(parameters: Parameters) -> tuple[Fraction, Fraction]:
+    """Return Omega_crit^2 and Omega_crit [rad/s] to 20 digits, which searches for cycles ask for at every speed."""
+    square = omega_crit_squared(parameters)
+    return square, square_root(square, 20).value
 
 
 def speed_below_crit(parameters: Parameters, distance: object, digits: int) -> Measured:
