@@ -27,9 +27,6 @@ DISTANCES = 2
 _LARGEST_POWER = 1000  # that is taken by multiplication
 _LARGEST_EXPONENT = 100_000  # beyond it an exponential is a mistake, and would cost memory without bound
 _DOUBLE_DIGITS = 12  # up to which doubles hold what is asked for
-#: A half-width that stands for none, and the bound beyond which sums and products with such a number stay. Exponentials
-#: end at 1e43000, far below it.
-_INFINITE, _UNMEASURED = Fraction(1 << 1_500_000), Fraction(1 << 1_000_000)
 _SPARE_BITS = 8  # that mpmath's last place, which is right to one or two units, is not relied upon
 
 
@@ -262,6 +259,11 @@ class HalfWidth(Fraction):
             return format(Decimal(self.numerator) / Decimal(self.denominator), spec)
 
 
+#: A half-width that stands for none, and the bound beyond which sums and products with such a number stay. Exponentials
+#: end at 1e43000, far below it.
+_INFINITE, _UNMEASURED = HalfWidth(1 << 400_000), HalfWidth(1 << 330_000)
+
+
 @dataclass(frozen=True, slots=True, repr=False, eq=False)
 class Measured(Bounded):
     """A value and its half-width, both exact rationals; what computations return.
@@ -277,9 +279,11 @@ class Measured(Bounded):
     uncertainty: Fraction
 
     def __post_init__(self) -> None:
-        width = HalfWidth(fraction(self.uncertainty))
-        if width < 0:
-            raise InputError("an uncertainty cannot be negative")
+        width = self.uncertainty
+        if width is not _INFINITE:
+            width = HalfWidth(fraction(width))
+            if width < 0:
+                raise InputError("an uncertainty cannot be negative")
         object.__setattr__(self, "value", fraction(self.value))
         object.__setattr__(self, "uncertainty", width)
 
