@@ -182,6 +182,9 @@ CALLS: dict[str, Callable[[], Any]] = {
     "Branch.plot": lambda: DISK.branch(["30.4", "30.5"]).plot(),
     "Branch.to_dict": lambda: DISK.branch(["30.4"]).to_dict(),
     "Heteroclinic.orbit": lambda: DISK.heteroclinic().orbit(20),
+    "race": lambda: [
+        one.error for one in tv.race({}, problems=["transient"], against=["taylor"], progress=False).scores
+    ],
     "Heteroclinic.samples": lambda: DISK.heteroclinic().samples(20),
     "BasinBoundary.margin": lambda: DISK.basin_boundary("31.4").margin((1.5, 1, 0)),
     "BasinBoundary.sheets": lambda: DISK.basin_boundary("31.4").sheets(1.0, 0.0),
@@ -220,6 +223,7 @@ LONG = (
     "grade",
     "heteroclinic",
     "limit_cycle",
+    "race",
     "Taylor.__call__",
     "Disk.basin_boundary",
     "Disk.branch",

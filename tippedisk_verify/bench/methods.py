@@ -38,6 +38,7 @@ class Prepared:
 
     run: Callable[[float], Any]
     sampled: Callable[[], MethodRun]
+    clock: Callable[[], float | None] | None = None  #: seconds of the last run by the method's own clock
 
 
 @dataclass(frozen=True)

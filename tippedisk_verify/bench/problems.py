@@ -6,17 +6,20 @@ inputs that doubles are: a method in doubles is not blamed for what rounding the
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import lru_cache
-from typing import Any
+from functools import lru_cache, partialmethod
+from typing import Any, Literal
 
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import Request, Result, raise_unless_usable
+from tippedisk_verify.model.arrays import OnArrays
+from tippedisk_verify.model.equations import field
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import PRINTED, Friction, Parameters
-from tippedisk_verify.model.precision import QUADRUPLE, Precision, bits
+from tippedisk_verify.model.precision import DOUBLE, QUADRUPLE, Precision, bits
 from tippedisk_verify.theory.hopf import omega_crit
 
 __all__ = ["PROBLEMS", "STOPS", "Problem", "Truth", "problem_named", "truth_of"]
@@ -47,8 +50,84 @@ class Problem:
         """Sample times, the end included."""
         return (*(self.duration * n / _SAMPLES for n in range(1, _SAMPLES)), self.duration)
 
+    @property
+    def rhs(self) -> Callable[[object, Any], Any]:
+        """The equations of motion as ``f(t, y)`` in NumPy, for `solve_ivp` and its like (Eq. 3DOF)."""
+        return OnArrays(field, self.parameters, self.omega)
+
+    def source(self, language: Language) -> str:
+        """Return the equations of motion as a function ``rhs`` with all constants as numbers, to be compiled.
+
+        Args:
+            language: ``"python"`` for ``rhs(t, y)`` with ``math``'s functions, which numba compiles as it is;
+                ``"c"`` for ``void rhs(double t, const double *y, double *rates)`` with ``math.h``.
+        """
+        rates = field(_Written, self.parameters.at(DOUBLE), self.omega, self.friction)
+        rows = rates(*(_Written(name) for name in ("beta", "gamma", "v")))
+        return _SOURCES[language].format(*rows)
+
     def request(self, **options: Any) -> Request:
         return Request(self.parameters, self.omega, self.start, self.duration, domain="none", **options)
+
+
+class _Written:
+    """An expression as text, in the notation that Python and C share; it takes part in arithmetic."""
+
+    def __init__(self, text: str) -> None:
+        self.text = text
+
+    def __str__(self) -> str:
+        return self.text
+
+    def _joined(self, sign: str, other: object) -> _Written:
+        return _Written(f"({self} {sign} {_number(other)})")
+
+    def _joined_after(self, sign: str, other: object) -> _Written:
+        return _Written(f"({_number(other)} {sign} {self})")
+
+    __add__, __radd__ = partialmethod(_joined, "+"), partialmethod(_joined_after, "+")
+    __sub__, __rsub__ = partialmethod(_joined, "-"), partialmethod(_joined_after, "-")
+    __mul__, __rmul__ = partialmethod(_joined, "*"), partialmethod(_joined_after, "*")
+    __truediv__, __rtruediv__ = partialmethod(_joined, "/"), partialmethod(_joined_after, "/")
+
+    def __neg__(self) -> _Written:
+        return _Written(f"(-{self})")
+
+    def __abs__(self) -> _Written:
+        return _Written(f"fabs({self})")
+
+    @staticmethod
+    def sin(angle: object) -> _Written:
+        return _Written(f"sin({angle})")
+
+    @staticmethod
+    def cos(angle: object) -> _Written:
+        return _Written(f"cos({angle})")
+
+
+def _number(operand: object) -> str:
+    return operand.text if isinstance(operand, _Written) else repr(float(operand))  # type: ignore[arg-type]
+
+
+Language = Literal["python", "c"]
+_SOURCES: dict[Language, str] = {
+    "python": """from math import cos, fabs, sin
+
+
+def rhs(t, y):
+    beta, gamma, v = y
+    return {}, {}, {}
+""",
+    "c": """#include <math.h>
+
+void rhs(double t, const double *y, double *rates) {{
+    double beta = y[0], gamma = y[1], v = y[2];
+    rates[0] = {};
+    rates[1] = {};
+    rates[2] = {};
+}}
+""",
+}
 
 
 @dataclass(frozen=True)

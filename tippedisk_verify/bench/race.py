@@ -82,10 +82,9 @@ def raced(
         for repeat in range(_REPEATS - 1):
             for entry in entries:
                 if entry.prepared and entry.seconds and entry.seconds[0] <= (_BRIEF if repeat else _LONG):
-                    job = partial(entry.prepared.run, problem.duration)
                     if entry.seconds[0] <= _BRIEF:
-                        job()  # what ran before has emptied the processor's caches
-                    entry.seconds.append(_timed(job)[0])
+                        entry.prepared.run(problem.duration)  # what ran before has emptied the processor's caches
+                    entry.seconds.append(_timed_run(entry.prepared, problem.duration)[0])
         truth = next(truths)
         scores += [_score(entry, truth) for entry in entries]
     return scores
@@ -95,6 +94,13 @@ def _timed(action: Callable[[], Any]) -> tuple[float, Any]:
     begin = time.perf_counter()
     result = action()
     return time.perf_counter() - begin, result
+
+
+def _timed_run(prepared: Prepared, duration: float) -> tuple[float, Any]:
+    """Return the seconds of a run, by the method's own clock if it has one, and the state at its end."""
+    seconds, state = _timed(partial(prepared.run, duration))
+    own = prepared.clock() if prepared.clock else None
+    return seconds if own is None else own, state
 
 
 def _first_runs(problem: Problem, method: Method) -> list[_Entry]:
@@ -114,7 +120,7 @@ def _first_runs(problem: Problem, method: Method) -> list[_Entry]:
             entry.status = entry.outcome.status
             if entry.status == "reached":
                 for stop in STOPS:
-                    warm, entry.ends[stop] = _timed(partial(entry.prepared.run, problem.times[stop]))
+                    warm, entry.ends[stop] = _timed_run(entry.prepared, problem.times[stop])
                 entry.seconds = [warm]
                 longest = max(longest, warm)
         except (ArithmeticError, ValueError, RuntimeError) as fault:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from contextlib import ExitStack
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -84,20 +85,29 @@ def sweep(common: Common, analysis: str, over: tuple[str, ...], out: Path, execu
     metavar="PROBLEM",
     help="These only: cycle, transient, passage, smooth, epsilon-1e-3 or epsilon-1e-4.",
 )
+@click.option("--program", metavar="COMMAND", help="Race a program that answers over pipes, too.")
+@click.option("--answers", multiple=True, metavar="FILE.csv", help="Show runs made elsewhere, too.")
 @click.option("--out", metavar="DIR", help="Write figure, CSV and JSON there.")
-def bench(output: Output, peers: bool, only: tuple[str, ...], out: str | None) -> int:
+def bench(
+    output: Output, peers: bool, only: tuple[str, ...], program: str | None, answers: tuple[str, ...], out: str | None
+) -> int:
     from tippedisk_verify.bench.methods import METHODS
     from tippedisk_verify.bench.peers import peer_methods
     from tippedisk_verify.bench.problems import PROBLEMS, problem_named
     from tippedisk_verify.bench.race import machine, raced, ratios
+    from tippedisk_verify.figures.own_race import answered_elsewhere, program_method
 
     problems = [problem_named(name) for name in dict.fromkeys(only)] or PROBLEMS
-    methods = (*METHODS, *(peer_methods() if peers else ()))
+    elsewhere = [score for file in answers for score in answered_elsewhere(Path(file))]
     folder = alone_in(out)
-    total = sum(method.fits(problem) for method in methods for problem in problems)
-    # One process beside the one that is timed, for the truths.
-    with output.progress(total) as advance, processes(1, needed=len(problems) > 1, beside=True) as pool:
-        scores = raced(problems, methods, advance, map_of(pool))
+    with ExitStack() as running:
+        own = (running.enter_context(program_method(program)),) if program else ()
+        methods = (*METHODS, *(peer_methods() if peers else ()), *own)
+        total = sum(method.fits(problem) for method in methods for problem in problems)
+        advance = running.enter_context(output.progress(total))
+        # One process beside the one that is timed, for the truths.
+        pool = running.enter_context(processes(1, needed=len(problems) > 1, beside=True))
+        scores = [*raced(problems, methods, advance, map_of(pool)), *elsewhere]
     runs = [score.to_dict() for score in scores]
     result: dict[str, Any] = {"machine": machine(), "runs": runs, "ratios": ratios(scores)}
     if folder is not None:

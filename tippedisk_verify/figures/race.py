@@ -11,6 +11,7 @@ from typing import Any
 
 from tippedisk_verify.audit.claims import Audit
 from tippedisk_verify.bench.methods import METHODS, Method
+from tippedisk_verify.bench.own import OWN
 from tippedisk_verify.bench.peers import peer_methods
 from tippedisk_verify.bench.problems import problem_named
 from tippedisk_verify.bench.race import Score, machine, raced, ratios
@@ -30,6 +31,7 @@ _FAMILIES = {
     "diffrax": (PURPLE, ":"),
     "scipy": (ORANGE, "--"),
 }
+_OWN_COLOURS = (GREEN, PURPLE, RED, ORANGE)  # of a user's integrators
 _MARKS = "os^Dv<>PXphd*8H12+"
 _UNITS = dict.fromkeys(("error", "error_over_samples", "truth_uncertainty"), "rad or rad/s") | {
     "seconds": "s",
@@ -59,12 +61,13 @@ def draw_bench(scores: Sequence[Score], most_columns: int = 4) -> Any:
     below = 0.25 * -(-len(methods) // legend_columns)
     figure, axes = grid(len(names), columns, (4.6, 4.0) if columns < 3 else (3.4, 3.6), below)
     shown: dict[str, Any] = {}
+    own = dict(zip([method for method, family in methods if family == OWN], cycle(_OWN_COLOURS), strict=False))
     for place, (axis, name) in enumerate(zip(axes, names, strict=True)):
         highest = 10 * (max(score.error or 0.0 for score in scores if score.problem == name) or 1.0)
         for (method, family), mark in zip(methods, cycle(_MARKS), strict=False):
             mine = [score for score in scores if (score.problem, score.method) == (name, method)]
             points = [(s.seconds, max(s.error, _LEAST)) for s in mine if s.error is not None and s.seconds]
-            colour, line = _FAMILIES.get(family, (BLACK, "-"))
+            colour, line = _FAMILIES.get(family, (own.get(method, BLACK), "-"))
             (shown[method],) = axis.plot(
                 [x for x, _ in points], [y for _, y in points], color=colour, marker=mark, ls=line, lw=1.0, label=method
             )

@@ -1,0 +1,127 @@
+"""Integrators of one's own in the race: functions, programs over pipes, and results measured elsewhere."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy
+
+from tippedisk_verify.bench.methods import Method, MethodRun, Prepared
+from tippedisk_verify.bench.problems import Problem, problem_named, truth_of
+from tippedisk_verify.bench.race import Score
+from tippedisk_verify.errors import InputError
+from tippedisk_verify.model.exact import fraction, shown
+
+__all__ = ["OWN", "TOLERANCES", "Solver", "method_of", "question", "scores_of", "states_of"]
+
+#: A user's integrator: the states (n, 3) at ``problem.times`` to a relative tolerance.
+Solver = Callable[[Problem, float], Any]
+#: The family of methods that users bring.
+OWN = "own"
+#: The tolerances at which an integrator runs if none are named, loosest first.
+TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12)
+_COLUMNS = ("problem", "setting", "seconds")
+_STATE = ("beta", "gamma", "v")
+
+
+def method_of(
+    name: str,
+    solver: Solver,
+    tolerances: Sequence[float] = TOLERANCES,
+    clock: Callable[[], float | None] | None = None,
+) -> Method:
+    """Return a user's integrator as a competitor.
+
+    Args:
+        name: what the legend calls it.
+        solver: a function of a problem and a tolerance that returns the states (n, 3) at ``problem.times``.
+        tolerances: relative ones, loosest first.
+        clock: the time [s] that the last call took by the solver's own clock, or None for the wall clock.
+    """
+
+    def states(problem: Problem, tolerance: float) -> Any:
+        return states_of(solver(problem, tolerance), problem)
+
+    def prepare(problem: Problem, tolerance: float) -> Prepared:
+        def run(duration: float) -> Any:
+            return states(replace(problem, duration=duration), tolerance)[-1]
+
+        return Prepared(run, lambda: MethodRun("reached", states(problem, tolerance)), clock)
+
+    return Method(name, OWN, tuple(tolerances), prepare)
+
+
+def states_of(answer: Any, problem: Problem) -> Any:
+    """Return an integrator's answer as an array. Raises ValueError unless it has a finite state for each time."""
+    states = numpy.asarray(answer, float)
+    wanted = (len(problem.times), 3)
+    if states.shape != wanted:
+        raise ValueError(f"the states at problem.times are an array {wanted}, not {states.shape}")
+    if not numpy.isfinite(states).all():
+        raise ValueError("a state is not finite")
+    return states
+
+
+def question(problem: Problem, tolerance: float) -> dict[str, Any]:
+    """Return what a program over pipes is asked, as data for one line of JSON; all numbers are doubles."""
+    return {
+        "problem": problem.name,
+        "friction": problem.friction,
+        "parameters": {name: float(value) for name, value in problem.parameters.rational()._asdict().items()},
+        "Omega": problem.omega,
+        "state": list(problem.start),
+        "times": list(problem.times),
+        "tolerance": tolerance,
+    }
+
+
+def scores_of(name: str, text: str) -> list[Score]:
+    """Return the scores of runs that were made elsewhere.
+
+    Args:
+        name: what the legend calls the integrator.
+        text: CSV with the columns problem, setting, seconds, and error or beta, gamma, v (the state at the end).
+
+    Raises:
+        InputError: for a file without these columns, an unknown problem or something that is no number.
+    """
+    rows = list(csv.DictReader(text.splitlines()))
+    columns = set(rows[0]) if rows else set()
+    if not {*_COLUMNS} <= columns or not ("error" in columns or {*_STATE} <= columns):
+        raise InputError(f"answers need the columns {', '.join(_COLUMNS)}, and error or {', '.join(_STATE)}")
+    return [_score_of(name, row) for row in rows]
+
+
+def _score_of(name: str, row: Mapping[str, str]) -> Score:
+    problem = problem_named(row["problem"])
+    truth = truth_of(problem, False)
+    try:
+        seconds = float(row["seconds"])
+        if "error" in row:
+            error = float(row["error"])
+        else:
+            state = [fraction(row[component]) for component in _STATE]
+            error = max(abs(float(a - b.value)) for a, b in zip(state, truth.samples[-1], strict=True))
+        if not (0 < seconds < math.inf and 0 <= error < math.inf):
+            raise InputError("negative or not finite")
+    except (TypeError, ValueError, InputError) as fault:
+        raise InputError(f"the answer {shown(row)} has no time and error: {fault}") from None
+    return Score(
+        problem=problem.name,
+        method=name,
+        family=OWN,
+        setting=row["setting"],
+        status="reached",
+        error=error,
+        error_over_samples=None,
+        seconds=seconds,
+        spread=None,
+        preparation=None,
+        steps=None,
+        evaluations=None,
+        truth_uncertainty=truth.uncertainty,
+    )

@@ -1,0 +1,138 @@
+"""A race with integrators of one's own: their run time against their error, beside the suite's."""
+
+from __future__ import annotations
+
+import json
+import shlex
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from tippedisk_verify.bench.methods import METHODS, Method
+from tippedisk_verify.bench.own import TOLERANCES, Solver, method_of, question, scores_of
+from tippedisk_verify.bench.problems import Problem, problem_named
+from tippedisk_verify.bench.race import Score, raced
+from tippedisk_verify.conformance.dialogue import Program, started
+from tippedisk_verify.errors import InputError
+from tippedisk_verify.figures.race import draw_bench
+from tippedisk_verify.files import read_text
+from tippedisk_verify.model.exact import shown
+from tippedisk_verify.model.results import Printable
+from tippedisk_verify.progress import progress_of
+
+__all__ = ["Race", "answered_elsewhere", "program_method", "race"]
+
+_AGAINST = ("taylor", "with half-widths, digits", "scipy DOP853", "scipy LSODA", "scipy Radau")
+_LARGEST = 2**24  # bytes of a file of answers
+_PATIENCE = 60.0  # s that a program may take for a run
+
+
+@dataclass(frozen=True, repr=False)
+class Race(Printable):
+    """The scores of a race: every method on every problem at every setting."""
+
+    scores: tuple[Score, ...]
+
+    def __str__(self) -> str:
+        head = f"{'problem':<14}{'method':<26}{'setting':<12}{'time [ms]':>10}{'error':>10}"
+        return "\n".join([head, *map(_line, self.scores)])
+
+    def plot(self, columns: int = 2) -> Any:
+        """Return the work-precision diagram as a matplotlib figure of so many columns of panels."""
+        return draw_bench(self.scores, columns)
+
+
+def _line(score: Score) -> str:
+    time = "" if score.seconds is None else f"{1000 * score.seconds:.4f}"
+    error = score.status if score.error is None else f"{score.error:.1e}"
+    return f"{score.problem:<14}{score.method:<26}{score.setting:<12}{time:>10}{error:>10}"
+
+
+def race(
+    solvers: Mapping[str, Solver],
+    *,
+    problems: Sequence[str | Problem] = ("cycle",),
+    tolerances: Sequence[float] = TOLERANCES,
+    against: Sequence[str] = _AGAINST,
+    answers: Sequence[str | Path] = (),
+    progress: bool | None = None,
+) -> Race:
+    """Race integrators of one's own against the suite's and SciPy's, interleaved, warm.
+
+    Args:
+        solvers: by name, functions of a problem and a relative tolerance that return the states (n, 3) at
+            ``problem.times`` [s]: beta, gamma [rad] and v [rad/s]. ``problem.rhs(t, y)`` has the equations of
+            motion, ``problem.source("python")`` and ``problem.source("c")`` their text, to be compiled.
+        problems: names from `bench --help`, or problems.
+        tolerances: those that the solvers run at, loosest first.
+        against: names of the suite's methods that run as well.
+        answers: CSV files of runs made elsewhere, with the columns problem, setting, seconds, and error or beta,
+            gamma, v (the state at the end).
+        progress: whether progress is shown.
+
+    Returns:
+        The scores, which draw themselves; a solver that fails has a score that says why.
+
+    Raises:
+        InputError: for an unknown problem or method, or a file of answers that cannot be read.
+    """
+    chosen = [one if isinstance(one, Problem) else problem_named(one) for one in problems]
+    known = {method.name: method for method in METHODS}
+    for name in against:
+        if name not in known:
+            raise InputError(f"method '{shown(name)}' is not known: use {', '.join(known)}")
+    methods = [known[name] for name in against]
+    methods += [method_of(name, solver, tolerances) for name, solver in solvers.items()]
+    elsewhere = [score for file in answers for score in answered_elsewhere(Path(file))]
+    with progress_of(len(methods) * len(chosen), progress) as advance:
+        scores = raced(chosen, methods, advance)
+    return Race((*scores, *elsewhere))
+
+
+def answered_elsewhere(file: Path) -> list[Score]:
+    """Return the scores of runs that a file holds, under the file's name."""
+    return scores_of(file.stem, read_text(file, _LARGEST))
+
+
+@contextmanager
+def program_method(command: str, tolerances: Sequence[float] = TOLERANCES) -> Iterator[Method]:
+    """Start a program that integrates, and give it as a competitor.
+
+    It reads a line of JSON with the keys of `bench.own.question` for each run, and writes one with the ``states``
+    (n, 3) at the ``times``, and with ``seconds`` if its own clock counts. Raises InputError if it cannot be started.
+    """
+    words = shlex.split(command)
+    if not words:
+        raise InputError("a program needs a command")
+    with started(words, _PATIENCE) as program:
+        dialogue = _Dialogue(program)
+        yield method_of(Path(words[-1]).stem, dialogue.solve, tolerances, lambda: dialogue.seconds)
+
+
+class _Dialogue:
+    """A running program and what it said last."""
+
+    def __init__(self, program: Program) -> None:
+        self._program = program
+        self.seconds: float | None = None
+
+    def solve(self, problem: Problem, tolerance: float) -> Any:
+        """Return the program's states. Raises ArithmeticError if it gives none."""
+        waiting, lines = {problem.name}, list[str]()
+
+        def take(line: str) -> None:
+            if line.strip():
+                lines.append(line)
+                waiting.clear()
+
+        broken = self._program.ask(json.dumps(question(problem, tolerance)) + "\n", waiting, take)
+        if broken:
+            raise ArithmeticError(broken)
+        try:
+            answer = json.loads(lines[0])
+            self.seconds = float(answer["seconds"]) if "seconds" in answer else None
+            return answer["states"]
+        except (ValueError, KeyError, TypeError) as fault:
+            raise ArithmeticError(f"its line of JSON has no states: {type(fault).__name__}") from None
