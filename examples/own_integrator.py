@@ -10,7 +10,7 @@ from tippedisk_verify.bench.problems import Problem
 def vode(problem: Problem, tolerance: float) -> np.ndarray:
     options = {"method": "BDF", "rtol": tolerance, "atol": tolerance}
     span = (0, problem.duration)
-    return solve_ivp(problem.rhs, span, problem.start, t_eval=problem.times, **options).y.T
+    return np.array(solve_ivp(problem.rhs, span, problem.start, t_eval=problem.times, **options).y.T)
 
 
 def runge_kutta(problem: Problem, tolerance: float) -> np.ndarray:
