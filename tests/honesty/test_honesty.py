@@ -24,7 +24,7 @@ SEED = int(os.environ.get("DRAWS_SEED", "1"))
 #: Draws that take some seconds each: what is planted there is noticed in the slow tests, by the draws of every run.
 LONG = (
     *("slow manifold", "limit cycle", "limit cycle in double", "branch", "next to Omega_h"),
-    *("Omega_h by manifolds", "Omega_h by limit cycles", "fold of rotating cycles", "basin boundary"),
+    *("by passages", "Omega_h by manifolds", "Omega_h by limit cycles", "fold of rotating cycles", "basin boundary"),
 )
 
 

@@ -16,6 +16,7 @@ from typing import Generic, TypeVar
 
 from tippedisk_verify.connection.bisection import bisect_omega_h
 from tippedisk_verify.connection.near_connection import DOUBLE_SHOOTS, cycle_near
+from tippedisk_verify.connection.passage_cycles import FIRST_DIGITS, cycle_by_passages
 from tippedisk_verify.connection.splitting import splitting_zero
 from tippedisk_verify.cycles.error_budget import cycle_to_digits
 from tippedisk_verify.cycles.family import Family, Place
@@ -73,6 +74,9 @@ class Location(Generic[C]):
         fold, or the digits are not reached.
         """
         if start.guess is None:
+            passing = cycle_by_passages(self.section, self.parameters, self.omega, self.engine, digits)
+            if passing is not None:
+                return passing
             assert self.omega_h is not None
             return cycle_near(self.section, self.parameters, self.omega, self.omega_h, self.engine, digits=digits)
         return_map = ReturnMap(self.section, self.parameters, self.omega, self.engine)
@@ -167,7 +171,7 @@ class Locator:
 
         That piece lies ``above`` Omega_h, or below. Raises AccuracyError where Omega_h has too few digits.
         """
-        omega, omega_h, digits = location.omega, location.omega_h, 20
+        omega, omega_h, digits = location.omega, location.omega_h, FIRST_DIGITS
         while omega_h is None:  # to six digits of its distance
             zero = splitting_zero(self.parameters, self.omega_h, self.engine, digits).omega_h
             if abs(omega - zero.value) > zero.uncertainty * 10**6:

@@ -1,0 +1,198 @@
+"""Limit cycles next to Omega_h by passages, in milliseconds, with half-widths.
+
+`passages` has the maps. The numbers of a cycle are computed with one choice of sections, series and flights in 64 bits,
+and with others that round some four times as much. Where the digits do not come, or the maps do not exist,
+`near_connection` follows the flow itself.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from fractions import Fraction
+from functools import lru_cache
+from typing import Any, TypeVar
+
+import numpy
+
+from tippedisk_verify.connection.bisection import bisect_omega_h
+from tippedisk_verify.connection.passages import (
+    Choice,
+    GlobalMap,
+    HalfMap,
+    integral_of_divergence,
+    section_state,
+)
+from tippedisk_verify.connection.splitting import MOST_DIGITS, splitting_zero
+from tippedisk_verify.cycles.error_budget import cycle_of
+from tippedisk_verify.cycles.limit_cycle import Cycle
+from tippedisk_verify.cycles.section import LIBRATING, Section
+from tippedisk_verify.errors import AccuracyError, NoConnectionError
+from tippedisk_verify.flow.contract import Engine
+from tippedisk_verify.model.decimals import decimal_magnitude
+from tippedisk_verify.model.exact import fraction
+from tippedisk_verify.model.measured import Measured
+from tippedisk_verify.model.parameters import Parameters
+from tippedisk_verify.model.precision import DOUBLE, EXTENDED, bits, companion
+from tippedisk_verify.model.surroundings import undisturbed
+from tippedisk_verify.theory.equilibria import saddle_value_sign
+
+__all__ = ["FIRST_DIGITS", "cycle_by_passages"]
+
+C = TypeVar("C", bound=Cycle)
+
+_CHOICE = Choice(order=20, bands=5, share=0.10, reach=0.25, speeds=9, sigma=0.004, beside=1e-5)
+#: What these leave out is more, and the lower reach makes rounding weigh some four times as much in the derivative of u
+#: by the speed, which matters most.
+_OTHER = Choice(order=17, bands=4, share=0.08, reach=0.07, speeds=7, sigma=0.008, beside=4e-5)
+_OTHERS = tuple(
+    _OTHER._replace(share=share, reach=reach, rounding=k)
+    for k, (share, reach) in enumerate(((0.09, 0.06), (0.08, 0.07), (0.075, 0.065), (0.07, 0.075)), start=1)
+)
+#: An error beyond so many times the largest distance to the others has a probability of some 1e-6 for normal errors, of
+#: which theirs are four times as large.
+_DISTANCES = 8
+_ULPS = 2.0**-60  # relative; the maps' constants and logarithms are rounded alike in all choices
+_LARGEST_POWER = 20  # of the distance from Omega_h, in any number of a cycle
+_IMAGINARY = 2.0**-100  # of the distance; its square is far below rounding
+_CUT = 2**72  # 1 / [rad/s]; where the maps are made does not depend on the digits of Omega_h beyond
+_KEPT = 64  # disks
+_MOST_DIGITS = 15  # that 64 bits give with some certainty
+_PI_BITS = 96  # beyond those of the half-width
+#: Digits of Omega_h: so many, or a multiple more.
+FIRST_DIGITS, _MORE_DIGITS = 27, 10
+_GUARD_DIGITS = 4
+_DISTANCE_DIGITS = 18  # of the distance from Omega_h; then no number shows what is not known of it
+
+
+@undisturbed
+def cycle_by_passages(
+    section: Section[C],
+    parameters: Parameters,
+    place: Fraction,
+    engine: Engine,
+    digits: int,
+    *,
+    from_omega_h: bool = False,
+) -> C | None:
+    """The cycle of the section's kind next to Omega_h, to ``digits`` significant digits.
+
+    Args:
+        section: librating cycles lie above Omega_h, stable rotating ones below.
+        parameters: the disk and its friction law.
+        place: the exact speed [rad/s].
+        engine: the engine of the flights.
+        digits: of the period, the coordinates and beta_max.
+        from_omega_h: the place is a distance from Omega_h, and the speed as uncertain as that.
+
+    Returns:
+        The cycle; None where another method may know more. That is where the digits do not come, the machine has no
+        numbers of 64 bits, the saddle value is not negative, or a series or an iteration fails.
+    """
+    if digits > _MOST_DIGITS or companion(DOUBLE) != EXTENDED or not engine.measures_error:
+        return None
+    try:
+        zero = _omega_h(parameters, place, engine, from_omega_h)
+        off = place if from_omega_h else place - zero.value
+        if (off > 0) != (section is LIBRATING) or saddle_value_sign(parameters, zero.value) >= 0:
+            return None
+        origin = Fraction(round(zero.value * _CUT), _CUT)
+        first, *others = (_numbers(section, flights, off) for flights in _maps(parameters, origin, engine))
+    except (AccuracyError, NoConnectionError, ArithmeticError, StopIteration):
+        return None
+    numbers, sizes = first
+    if not all(numpy.isfinite(number) for row, _ in (first, *others) for number in row.values()):
+        return None
+    measured = _measured(numbers, [row for row, _ in others], zero.uncertainty / abs(off))
+    if section is LIBRATING:
+        gap = measured["gamma_bar_0"]
+        pi = fraction(bits(_PI_BITS + gap.uncertainty.denominator.bit_length()).pi)
+        measured["gamma_bar_0"] = Measured(pi + gap.value, gap.uncertainty)
+    cycle = cycle_of(
+        section,
+        zero.value + off,
+        measured,
+        residuals=tuple(sizes),
+        parameters=parameters,
+        engine=engine.name,
+        precision=EXTENDED.name,
+    )
+    main = [measured[name] for name in ("period", *section.names, "beta_max")]
+    if any(number.uncertainty > abs(number.value) / 10**digits for number in main) or not cycle.stable:
+        return None
+    return replace(cycle, omega=Measured(cycle.omega.value, zero.uncertainty)) if from_omega_h else cycle
+
+
+def _omega_h(parameters: Parameters, place: Fraction, engine: Engine, from_omega_h: bool) -> Measured:
+    """Omega_h [rad/s] to what the distance needs."""
+    guess = bisect_omega_h(parameters, engine, confirm=False).omega_h.value
+    wanted = _digits_for(place) if from_omega_h else FIRST_DIGITS
+    while True:
+        zero = splitting_zero(parameters, guess, engine, wanted).omega_h
+        off = place if from_omega_h else place - zero.value
+        if zero.uncertainty * 10**_DISTANCE_DIGITS < abs(off):
+            return zero
+        # A speed may be Omega_h itself to many digits.
+        wanted = max(wanted + _MORE_DIGITS, _digits_for(off)) if abs(off) > zero.uncertainty else 2 * wanted
+        if wanted > MOST_DIGITS:
+            raise AccuracyError("the distance from Omega_h needs more digits than Omega_h is offered to")
+
+
+def _digits_for(distance: Fraction) -> int:
+    """Digits of Omega_h for a distance from it [rad/s], on a grid that most distances share.
+
+    Guard digits make Omega_h better than asked for, mostly by those that are missing here.
+    """
+    lacking = _DISTANCE_DIGITS - _GUARD_DIGITS - decimal_magnitude(distance) - FIRST_DIGITS
+    return FIRST_DIGITS + _MORE_DIGITS * max(0, math.ceil(lacking / _MORE_DIGITS))
+
+
+def _measured(numbers: dict[str, Any], others: list[dict[str, Any]], share: Fraction) -> dict[str, Measured]:
+    """The numbers with half-widths; ``share`` is what is not known of the distance from Omega_h, relative."""
+    measured = {}
+    for name, number in numbers.items():
+        apart = max(abs(number - row[name]) for row in others)
+        width = fraction(_DISTANCES * apart + _ULPS * abs(number))
+        # A logarithm of the distance changes by more than itself where it is small.
+        size = max(abs(number), 1) if name.startswith(("period", "log")) else abs(number)
+        measured[name] = Measured(fraction(number), width + _LARGEST_POWER * fraction(size) * share)
+    return measured
+
+
+@lru_cache(maxsize=_KEPT)
+def _maps(parameters: Parameters, omega_h: Fraction, engine: Engine) -> tuple[GlobalMap, ...]:
+    return tuple(GlobalMap(parameters, omega_h, engine, choice) for choice in (_CHOICE, *_OTHERS))
+
+
+def _numbers(section: Section[Any], flights: GlobalMap, distance: Fraction) -> tuple[dict[str, Any], list[float]]:
+    """The numbers of a cycle, gamma_bar_0 less pi, and the sizes of the iteration's steps.
+
+    The speed has an imaginary part far below rounding, and the imaginary parts are derivatives by it.
+    """
+    image = section.image
+    at = EXTENDED.number(distance)
+    sigma, multiplier, sizes = HalfMap(flights, at, image).fixed_point()
+    imaginary = abs(at) * _IMAGINARY
+    moved = HalfMap(flights, at + 1j * imaginary, image)
+    sigma = sigma + (moved(sigma).sigma - sigma) / (1 - multiplier)
+    passage = moved(sigma)
+    arrival, pieces = passage.arrival, passage.pieces
+    beside = section_state(pieces, section.fixed)
+    point = (beside[1], beside[2]) if section is LIBRATING else (arrival[5], arrival[6])
+    time = EXTENDED.number(flights.duration) + passage.time
+    along = numpy.prod([moved.along_the_flow(piece) for piece in pieces])
+    measures = {
+        "beta_max": arrival[4].real,
+        "beta_bar_0": beside[0].real,
+        "v_0": beside[2].real,
+        "divergence": (arrival[3] + integral_of_divergence(pieces)).real,
+    }
+    return section.table(
+        [coordinate.real for coordinate in point],
+        time.real,
+        ((multiplier, 0), (0, 0)),
+        [number.imag / imaginary for number in (*point, time)],
+        along.real,
+        measures,
+        numpy,
+    ), sizes
