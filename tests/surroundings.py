@@ -150,6 +150,7 @@ CALLS: dict[str, Callable[[], Any]] = {
         LAW.limit_cycle("30.4"),
         DISK.limit_cycle(below_crit="1e-9"),
     ],
+    "Disk.near_heteroclinic": lambda: DISK.near_heteroclinic(["1e-3", "1e-7"]),
     "Disk.omega_crit": lambda: f"{DISK.omega_crit:.30g} {DISK.omega_crit} {DISK.omega_crit.uncertainty:.3g}",
     "Disk.read": lambda: _written(DISK).to_dict(),
     "Disk.rhs": lambda: DISK.rhs("30.4")(0, [1e-310, 1.6, 1e-310]),
@@ -204,7 +205,7 @@ CALLS: dict[str, Callable[[], Any]] = {
 #: What takes longer than two seconds, and longer than a fifth of one.
 SLOW = (
     *("Certifier.beside_omega_h", "Certifier.branch", "Certifier.limit_cycle"),
-    *("Disk.rotation_fold", "Disk.slow_manifold", "analyse_slow_manifold"),
+    *("Disk.near_heteroclinic", "Disk.rotation_fold", "Disk.slow_manifold", "analyse_slow_manifold"),
 )
 LONG = (
     *SLOW,

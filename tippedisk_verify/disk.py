@@ -23,6 +23,7 @@ from tippedisk_verify.progress import progress_of, watched
 
 if TYPE_CHECKING:
     from tippedisk_verify.atlas.branch import Branch
+    from tippedisk_verify.atlas.near_heteroclinic import NearHeteroclinic
     from tippedisk_verify.certify import Certifier
     from tippedisk_verify.connection.heteroclinic import Heteroclinic
     from tippedisk_verify.cycles.folds import Folds, RotationFold
@@ -346,6 +347,23 @@ class Disk(Parameters):
         from tippedisk_verify.connection.heteroclinic import heteroclinic
 
         return heteroclinic(self, self._engine(engine), digits=digits, method=method)
+
+    def near_heteroclinic(
+        self,
+        distances: object,
+        *,
+        answers: Sequence[Sequence[object]] | None = None,
+        engine: Engine | None = None,
+    ) -> NearHeteroclinic:
+        """The accuracy study next to Omega_h: T, its law with corrections, multipliers, and errors of ``answers``.
+
+        The distances [rad/s] are above Omega_h. An answer is a pair of a speed [rad/s] and the period [s] found there;
+        each counts as the exact decimal or double that it is. Raises InputError for what is neither, and as
+        `limit_cycle` and `heteroclinic` do.
+        """
+        from tippedisk_verify.atlas.near_heteroclinic import near_heteroclinic
+
+        return near_heteroclinic(self, distances, self._engine(engine), answers=answers)
 
     @property
     def certify(self) -> Certifier:

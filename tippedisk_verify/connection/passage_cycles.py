@@ -11,7 +11,7 @@ import math
 from dataclasses import replace
 from fractions import Fraction
 from functools import lru_cache
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy
 
@@ -27,7 +27,7 @@ from tippedisk_verify.connection.splitting import MOST_DIGITS, splitting_zero
 from tippedisk_verify.cycles.error_budget import cycle_of
 from tippedisk_verify.cycles.limit_cycle import Cycle
 from tippedisk_verify.cycles.section import LIBRATING, Section
-from tippedisk_verify.errors import AccuracyError, NoConnectionError
+from tippedisk_verify.errors import AccuracyError, NoConnectionError, NoSuchCycleError
 from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.decimals import decimal_magnitude
 from tippedisk_verify.model.exact import fraction
@@ -37,7 +37,7 @@ from tippedisk_verify.model.precision import DOUBLE, EXTENDED, bits, companion
 from tippedisk_verify.model.surroundings import undisturbed
 from tippedisk_verify.theory.equilibria import saddle_value_sign
 
-__all__ = ["FIRST_DIGITS", "cycle_by_passages"]
+__all__ = ["FIRST_DIGITS", "PeriodLaw", "cycle_by_passages", "period_law"]
 
 C = TypeVar("C", bound=Cycle)
 
@@ -89,12 +89,12 @@ def cycle_by_passages(
         The cycle; None where another method may know more. That is where the digits do not come, the machine has no
         numbers of 64 bits, the saddle value is not negative, or a series or an iteration fails.
     """
-    if digits > _MOST_DIGITS or companion(DOUBLE) != EXTENDED or not engine.measures_error:
+    if digits > _MOST_DIGITS or not engine.measures_error:
         return None
     try:
         zero = _omega_h(parameters, place, engine, from_omega_h)
         off = place if from_omega_h else place - zero.value
-        if (off > 0) != (section is LIBRATING) or saddle_value_sign(parameters, zero.value) >= 0:
+        if (off > 0) != (section is LIBRATING) or not _offered(parameters, engine, zero.value):
             return None
         origin = Fraction(round(zero.value * _CUT), _CUT)
         first, *others = (_numbers(section, flights, off) for flights in _maps(parameters, origin, engine))
@@ -157,6 +157,49 @@ def _measured(numbers: dict[str, Any], others: list[dict[str, Any]], share: Frac
         size = max(abs(number), 1) if name.startswith(("period", "log")) else abs(number)
         measured[name] = Measured(fraction(number), width + _LARGEST_POWER * fraction(size) * share)
     return measured
+
+
+class PeriodLaw(NamedTuple):
+    """T = slope log(D) + constant + coefficient D^exponent + ..., of librating cycles a distance D above Omega_h."""
+
+    slope: Measured  #: -2 / lambda_u [s]
+    constant: Measured  #: [s], with D in rad/s
+    coefficient: Measured  #: [s], with D in rad/s
+    exponent: Measured  #: -lambda_s / lambda_u - 1; the powers that are left out begin with its double
+
+    def at(self, distance: Fraction) -> tuple[Measured, Measured, Measured]:
+        """T [s] by one, two and three terms."""
+        size = Measured(distance, Fraction(0))
+        one = self.slope * size.log()
+        return one, one + self.constant, one + self.constant + self.coefficient * size**self.exponent
+
+
+@undisturbed
+def period_law(parameters: Parameters, engine: Engine) -> PeriodLaw:
+    """The law from the maps: sigma = -s (u / u_1)^nu, with u and s where the unstable manifold arrives.
+
+    With u = a D + b sigma the third term is the first power of sigma in -log(u). Raises NoSuchCycleError where passages
+    are not offered, NoConnectionError where there is no connection, AccuracyError where the flights fail.
+    """
+    guess = bisect_omega_h(parameters, engine, confirm=False).omega_h.value
+    zero = splitting_zero(parameters, guess, engine, FIRST_DIGITS).omega_h.value
+    if not _offered(parameters, engine, zero):
+        raise NoSuchCycleError("the law of the period with its corrections needs a negative saddle value and 64 bits")
+    rows = []
+    for flights in _maps(parameters, Fraction(round(zero * _CUT), _CUT), engine):
+        unstable, slow, _ = flights.arriving.at(EXTENDED.number(0)).eigenvalues
+        (by_omega, by_sigma), s = flights.slopes
+        nu, scale = -slow / unstable, flights.u_1 / -by_omega
+        constant = 2 * (EXTENDED.number(flights.duration) + numpy.log(scale) / unstable)
+        coefficient = 2 * by_sigma * s / (unstable * by_omega * scale**nu)
+        rows.append({"slope": -2 / unstable, "constant": constant, "coefficient": coefficient, "exponent": nu - 1})
+    return PeriodLaw(**_measured(rows[0], rows[1:], Fraction(0)))
+
+
+def _offered(parameters: Parameters, engine: Engine, omega_h: Fraction) -> bool:
+    """Return True if the machine and the engine fly in 64 bits, and cycles attract next to Omega_h."""
+    extended = companion(DOUBLE) == EXTENDED and engine.measures_error
+    return extended and saddle_value_sign(parameters, omega_h) < 0
 
 
 @lru_cache(maxsize=_KEPT)

@@ -112,6 +112,11 @@ class GlobalMap:
         """The polynomials in sigma (5, 7) at a distance from Omega_h [rad/s]."""
         return polynomial(self._polynomials, distance)
 
+    @property
+    def slopes(self) -> tuple[tuple[Any, Any], Any]:
+        """The derivatives of the arriving u by the speed and by sigma, at Omega_h and sigma = 0; and the s there."""
+        return (self._polynomials[1, 0, 0], self._polynomials[0, 1, 0]), self._polynomials[0, 0, 1]
+
     def _request(self, chart: SaddleChart, omega: Fraction, sigma: float, **needs: Any) -> Request:
         beta, gamma, v = chart.at(numpy.array([self.u_1, sigma, 0]))
         state = beta, gamma - EXTENDED.pi, v
