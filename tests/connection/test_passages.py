@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from fractions import Fraction
 
 import pytest
@@ -61,3 +62,16 @@ def test_where_passages_do_not_answer(taylor) -> None:
     for place, engine, digits in ((above, taylor, 16), (-above, taylor, 12), (above, Baseline("DOP853"), 12)):
         assert cycle_by_passages(LIBRATING, PRINTED, place, engine, digits, from_omega_h=True) is None
     assert cycle_above(PRINTED, above, taylor, digits=16).precision != "extended"
+
+
+@pytest.mark.slow(minutes=1.5)
+@pytest.mark.parametrize("law", ["linear", "smooth"])
+def test_monodromy_matrix(taylor, law) -> None:
+    """Against the variational equations along a whole period, from a start of more digits."""
+    parameters = PRINTED.changed(friction=law)
+    quick = cycle_above(parameters, "1e-6", taylor).monodromy
+    flown = replace(cycle_above(parameters, "1e-6", taylor, digits=20), _start_matrix=None).monodromy
+    truth = EXTENDED.array(flown.matrix.ravel().tolist()).reshape(3, 3)
+    assert (abs(quick.matrix - truth) <= quick.uncertainty + flown.uncertainty).all()
+    assert (quick.uncertainty < 1e-12).all()
+    assert (flown.uncertainty < quick.uncertainty).all()

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from fractions import Fraction
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any, NamedTuple, TypeVar
 
 import numpy
@@ -20,14 +20,16 @@ from tippedisk_verify.connection.passages import (
     Choice,
     GlobalMap,
     HalfMap,
+    half_period_matrix,
     integral_of_divergence,
-    section_state,
+    to_section,
 )
 from tippedisk_verify.connection.splitting import MOST_DIGITS, splitting_zero
 from tippedisk_verify.cycles.error_budget import cycle_of
 from tippedisk_verify.cycles.limit_cycle import Cycle
 from tippedisk_verify.cycles.section import LIBRATING, Section
 from tippedisk_verify.errors import AccuracyError, NoConnectionError, NoSuchCycleError
+from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.decimals import decimal_magnitude
 from tippedisk_verify.model.exact import fraction
@@ -116,6 +118,7 @@ def cycle_by_passages(
         parameters=parameters,
         engine=engine.name,
         precision=EXTENDED.name,
+        _start_matrix=partial(monodromy_by_passages, parameters, origin, off) if section is LIBRATING else None,
     )
     main = [measured[name] for name in ("period", *section.names, "beta_max")]
     if any(number.uncertainty > abs(number.value) / 10**digits for number in main) or not cycle.stable:
@@ -207,6 +210,29 @@ def _maps(parameters: Parameters, omega_h: Fraction, engine: Engine) -> tuple[Gl
     return tuple(GlobalMap(parameters, omega_h, engine, choice) for choice in (_CHOICE, *_OTHERS))
 
 
+@undisturbed
+def monodromy_by_passages(parameters: Parameters, origin: Fraction, distance: Fraction) -> tuple[Any, Any]:
+    """The monodromy matrix (3, 3) of a librating cycle at its section, and its half-widths.
+
+    ``origin`` is where the maps are made, and the distance that from Omega_h [rad/s].
+    """
+    first, *others = (_period_matrix(flights, distance) for flights in _maps(parameters, origin, default_engine()))
+    apart = numpy.max([abs(first - other) for other in others], axis=0)
+    share = _ULPS + _LARGEST_POWER / 10**_DISTANCE_DIGITS
+    return first, (_DISTANCES * apart + share * abs(first)).astype(float)
+
+
+def _period_matrix(flights: GlobalMap, distance: Fraction) -> Any:
+    at = EXTENDED.number(distance)
+    half = HalfMap(flights, at, LIBRATING.image)
+    sigma, multiplier, _ = half.fixed_point()
+    imaginary = abs(at) * _IMAGINARY
+    time_by_sigma = half(sigma + 1j * imaginary).time.imag / imaginary
+    _, rest = to_section(half(sigma).pieces, LIBRATING.fixed)
+    matrix = half_period_matrix(rest, multiplier, time_by_sigma)
+    return matrix @ matrix
+
+
 def _numbers(section: Section[Any], flights: GlobalMap, distance: Fraction) -> tuple[dict[str, Any], list[float]]:
     """The numbers of a cycle, gamma_bar_0 less pi, and the sizes of the iteration's steps.
 
@@ -220,7 +246,8 @@ def _numbers(section: Section[Any], flights: GlobalMap, distance: Fraction) -> t
     sigma = sigma + (moved(sigma).sigma - sigma) / (1 - multiplier)
     passage = moved(sigma)
     arrival, pieces = passage.arrival, passage.pieces
-    beside = section_state(pieces, section.fixed)
+    part, _ = to_section(pieces, section.fixed)
+    beside = part.image * part.chart.at(part.end)
     point = (beside[1], beside[2]) if section is LIBRATING else (arrival[5], arrival[6])
     time = EXTENDED.number(flights.duration) + passage.time
     along = numpy.prod([moved.along_the_flow(piece) for piece in pieces])

@@ -240,14 +240,44 @@ class HalfMap:
         return along[1] / along[0]
 
 
-def section_state(pieces: Sequence[Piece], component: int) -> Any:
-    """y (3,) where one of its components vanishes on a passage, about the saddle that the orbit has come to."""
+def to_section(pieces: Sequence[Piece], component: int) -> tuple[Piece, Sequence[Piece]]:
+    """Split a passage where a component of y vanishes.
+
+    Returns:
+        The part up to there of the piece in which that is, and what is left of the passage.
+    """
     gradient = numpy.eye(3)[component]
-    for piece in pieces:
-        crossing = _until(piece.chart, piece.start, lambda y: y[component], gradient)
-        if crossing.time.real <= piece.time.real:
+    for place, piece in enumerate(pieces):
+        part = _until(piece.chart, piece.start, lambda y: y[component], gradient)
+        if part.time.real <= piece.time.real or place == len(pieces) - 1:
             break
-    return piece.image * crossing.chart.at(crossing.end)
+    rest = piece._replace(start=part.end, time=piece.time - part.time)
+    return part._replace(image=piece.image), (rest, *pieces[place + 1 :])
+
+
+def half_period_matrix(rest: Sequence[Piece], multiplier: Any, time_by_sigma: Any) -> Any:
+    """The derivative (3, 3) of the flow over half a period, and the point symmetry, of a librating cycle in y.
+
+    It is taken where the rest of a passage begins. There F along the flow, w in the chart's direction of s, and the
+    fast direction L are a basis. L is the one that contracts most in all that follows, so it is that of the last chart,
+    carried back. What L becomes is far below rounding. At the exit w = kappa x_sigma + rho F, and the cycle's half maps
+    x_sigma to multiplier * x_sigma - time_by_sigma * F.
+    """
+    first, last = rest[0], rest[-1]
+    slow, fast = numpy.eye(3)[1:].astype(EXTENDED.type)
+    ahead = first.chart.flow(slow, first.time)
+    if first is not last:
+        turned = first.image * last.image * first.chart.slopes(first.end)
+        over = solved(last.chart.slopes(last.start), turned)
+        fast = first.chart.flow(solved(over, fast[:, None])[:, 0], -first.time)
+        ahead = last.chart.flow(over @ ahead, last.time)
+    exit_rates, rates = last.chart.eigenvalues * last.end, first.chart.eigenvalues * first.start
+    rho = ahead[0] / exit_rates[0]
+    kappa = ahead[1] - rho * exit_rates[1]
+    basis = first.chart.slopes(first.start) @ numpy.stack((rates, slow, fast / abs(fast).max()), axis=1)
+    along = rho * (1 - multiplier) - kappa * time_by_sigma
+    images = basis @ numpy.array([[1, along, 0], [0, multiplier, 0], [0, 0, 0]], EXTENDED.type)
+    return solved(basis.T, images.T).T
 
 
 def _until(chart: SaddleChart, start: Any, function: Callable[[Any], Any], gradient: Any) -> Piece:
