@@ -43,13 +43,14 @@ __all__ = ["FIRST_DIGITS", "PeriodLaw", "cycle_by_passages", "period_law"]
 
 C = TypeVar("C", bound=Cycle)
 
-_CHOICE = Choice(order=20, bands=5, share=0.10, reach=0.25, speeds=9, sigma=0.004, beside=1e-5)
-#: What these leave out is more, and the lower reach makes rounding weigh some four times as much in the derivative of u
-#: by the speed, which matters most.
-_OTHER = Choice(order=17, bands=4, share=0.08, reach=0.07, speeds=7, sigma=0.008, beside=4e-5)
+_CHOICE = Choice(order=20, bands=5, share=0.10, reach=0.25, speeds=9, sigma=0.016, beside=1e-5)
+#: What these leave out is more. Their flights lie closer together, so that rounding weighs some four times as much in
+#: the derivatives of u by the speed and by sigma, which matter most.
 _OTHERS = tuple(
-    _OTHER._replace(share=share, reach=reach, rounding=k)
-    for k, (share, reach) in enumerate(((0.09, 0.06), (0.08, 0.07), (0.075, 0.065), (0.07, 0.075)), start=1)
+    Choice(order=17, bands=4, share=share, reach=reach, speeds=7, sigma=0.004, beside=beside, rounding=k)
+    for k, (share, reach, beside) in enumerate(
+        ((0.09, 0.06, 3e-5), (0.08, 0.07, 5e-5), (0.075, 0.065, 4e-5), (0.07, 0.075, 6e-5)), start=1
+    )
 )
 #: An error beyond so many times the largest distance to the others has a probability of some 1e-6 for normal errors, of
 #: which theirs are four times as large.
