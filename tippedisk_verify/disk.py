@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from tippedisk_verify.cycles.branch import Branch
     from tippedisk_verify.cycles.folds import Folds, RotationFold
     from tippedisk_verify.cycles.limit_cycle import LimitCycle, MissingCycle, RotatingCycle
+    from tippedisk_verify.cycles.near_heteroclinic import NearHeteroclinic
     from tippedisk_verify.cycles.spectral import BalancedCycle
     from tippedisk_verify.flow.contract import Engine, Event
     from tippedisk_verify.model.arrays import Array
@@ -368,6 +369,23 @@ class Disk(Parameters):
         from tippedisk_verify.cycles.omega_h import heteroclinic
 
         return heteroclinic(self, self._engine(engine), digits=digits, method=method, half_widths=half_widths)
+
+    def near_heteroclinic(
+        self,
+        distances: object,
+        *,
+        answers: Sequence[Sequence[object]] | None = None,
+        engine: Engine | None = None,
+    ) -> NearHeteroclinic:
+        """The accuracy study next to Omega_h: T, its law with corrections, multipliers, and errors of ``answers``.
+
+        The distances [rad/s] are above Omega_h. An answer is a pair of a speed [rad/s] and the period [s] found there;
+        each counts as the exact decimal or double that it is. Raises InputError for what is neither, and as
+        `limit_cycle` and `heteroclinic` do.
+        """
+        from tippedisk_verify.cycles.near_heteroclinic import near_heteroclinic
+
+        return near_heteroclinic(self, distances, self._engine(engine), answers=answers)
 
     @property
     def certify(self) -> Certifier:

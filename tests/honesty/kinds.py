@@ -288,10 +288,19 @@ def folds(draw: Draw) -> Question:
 
 
 def next_to_omega_h(draw: Draw, law: str) -> Question:
-    """A cycle a named distance above Omega_h."""
+    """A cycle a named distance above Omega_h, to more digits than passages have."""
     disk = draw.disk(STRUCTURED, law, 500)
     above = draw.told(decimal(draw.choice((draw.log_uniform(1e-5, 1e-2), draw.log_uniform(1e-12, 1e-5))), 4))
-    return _with_more(partial(disk.limit_cycle, above_het=above), 12, 12)
+    return _with_more(partial(disk.limit_cycle, above_het=above), 16, 12)
+
+
+def by_passages(draw: Draw) -> Question:
+    """A librating cycle above Omega_h or a rotating one below it, against flights over the whole cycle."""
+    disk = draw.disk(STRUCTURED, draw.choice(_LAWS), 500)
+    distance = draw.told(decimal(draw.log_uniform(1e-60, 1e-5), 4))
+    if draw.random() < 0.5:
+        return _with_more(partial(disk.limit_cycle, above_het=distance), 12, 12)
+    return _with_more(partial(disk.rotating_cycle, below_het=distance), 12, 12)
 
 
 def connection(draw: Draw, method: str, law: str = "linear") -> Question:
@@ -328,7 +337,7 @@ def rotation_fold(draw: Draw) -> Question:
 def below_omega_h(draw: Draw) -> Question:
     disk = draw.disk(STRUCTURED, draw.choice(_LAWS), 500)
     below = draw.told(decimal(draw.log_uniform(1e-20, 1e-2), 4))
-    return _with_more(partial(disk.rotating_cycle, below_het=below), 10, 14)
+    return _with_more(partial(disk.rotating_cycle, below_het=below), 16, 8)
 
 
 def basin_boundary(draw: Draw) -> Question:
@@ -383,6 +392,8 @@ KINDS = (
     Kind("folds", folds, 0, 2, 0.2),
     Kind("next to Omega_h", partial(next_to_omega_h, law="linear"), 1, 2, 0.3),
     Kind("next to Omega_h, smooth", partial(next_to_omega_h, law="smooth"), 0, 2, 0.5),
+    # Eight times the largest of four errors that are four times as large.
+    Kind("by passages", by_passages, 1, 60, 30, widest=300),
     Kind("Omega_h by manifolds", partial(connection, method="manifolds"), 1, 3, 0.1),
     Kind("Omega_h by limit cycles", partial(connection, method="limit-cycles"), 1, 2, 0.1),
     Kind("Omega_h by bisection", partial(connection, method="bisection"), 2, 4, 0.1),

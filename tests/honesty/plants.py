@@ -26,6 +26,7 @@ PLANTS = {
     "cycles.error_budget:half_widths_by_wider_run": "limit cycle",
     "cycles.interpolant:FamilyInterpolant.half_widths": "branch",
     "connection.near_connection:with_speed": "next to Omega_h",
+    "cycles.passage_cycles:_measured": "by passages",
     "connection.splitting:splitting_zero": "Omega_h by manifolds",
     "cycles.period_continuation:limit_of_cycles": "Omega_h by limit cycles",
     "connection.bisection:bisect_omega_h": "Omega_h by bisection",

@@ -28,6 +28,7 @@ LONG = (
     "limit cycle in double",
     "branch",
     "next to Omega_h",
+    "by passages",
     "Omega_h by manifolds",
     "Omega_h by limit cycles",
     "fold of rotating cycles",

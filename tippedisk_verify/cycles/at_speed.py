@@ -9,10 +9,10 @@ from typing import Any, TypeVar
 
 from tippedisk_verify.connection.splitting import MOST_DIGITS, splitting_zero
 from tippedisk_verify.cycles.error_budget import cycle_to_digits
-from tippedisk_verify.cycles.family import Place
 from tippedisk_verify.cycles.limit_cycle import Cycle, LimitCycle, RotatingCycle
 from tippedisk_verify.cycles.locator import NEWBORN, Location, Locator, locator
-from tippedisk_verify.cycles.near_connection import DOUBLE_SHOOTS, with_speed
+from tippedisk_verify.cycles.near_connection import DOUBLE_SHOOTS, cycle_near, with_speed
+from tippedisk_verify.cycles.passage_cycles import cycle_by_passages
 from tippedisk_verify.cycles.return_map import ReturnMap
 from tippedisk_verify.cycles.section import LIBRATING, ROTATING, Section
 from tippedisk_verify.cycles.shooting import shoot, shoot_from_law
@@ -131,23 +131,29 @@ def _beside_omega_h(section: Section[C], parameters: Parameters, offset: object,
     above = section is LIBRATING
     side, cycles = ("above", "limit cycles") if above else ("below", "stable rotating cycles")
     distance, omega_h_digits = _checked_distance(offset, side, digits)
+    if distance < DOUBLE_SHOOTS:
+        place = distance if above else -distance
+        passing = cycle_by_passages(section, parameters, place, engine, digits, from_omega_h=True)
+        if passing is not None:
+            return passing
     disk_locator = locator(parameters, engine)
     room = _room(section, disk_locator)
     if distance >= room:
         raise NoSuchCycleError(f"{cycles} lie less than {float(room):.6g} rad/s {side} Omega_h, not {shown(offset)}")
     omega_h = splitting_zero(parameters, disk_locator.omega_h, engine, omega_h_digits).omega_h
     omega = omega_h.value + (distance if above else -distance)
-    location: Location[Any]
+    at_speed: Any
     if distance < DOUBLE_SHOOTS:  # the branch leads there: the family is not needed
-        place = Place.next_to_omega_h(omega)
-        location = Location(section, parameters, engine, omega, (place,), omega_h=omega_h.value)
-    elif above:
-        location = disk_locator.librating(omega, omega_h.value)
+        at_speed = cycle_near(section, parameters, omega, omega_h.value, engine, digits=digits)
     else:
-        location = disk_locator.rotating(omega, stable=True, omega_h=omega_h.value)
-    if not location.starts:
-        raise NoSuchCycleError(location.refusal)
-    at_speed: Any = location.cycle(location.starts[-1], digits)
+        location: Location[Any] = (
+            disk_locator.librating(omega, omega_h.value)
+            if above
+            else disk_locator.rotating(omega, stable=True, omega_h=omega_h.value)
+        )
+        if not location.starts:
+            raise NoSuchCycleError(location.refusal)
+        at_speed = location.cycle(location.starts[-1], digits)
     cycle: C = with_speed(at_speed, section, omega_h, distance, room, engine)
     if cycle.period.uncertainty > cycle.period.value / 10**digits:
         raise AccuracyError(f"T has fewer than {digits} digits this close to Omega_h: ask for {digits + 10}")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import cached_property
@@ -61,6 +61,8 @@ class Cycle(Printable):
     parameters: Parameters  #: whose cycle it is, with the friction law
     engine: str  #: what computed it
     precision: str  #: the arithmetic of its numbers
+    #: the monodromy matrix at the start of the orbit and its half-widths, where a method has them without a flight
+    _start_matrix: Callable[[], tuple[Any, Any]] | None = field(default=None, kw_only=True, compare=False)
 
     @property
     def multipliers(self) -> tuple[Measured, Measured, Measured]:
@@ -231,11 +233,13 @@ def _monodromy(cycle: Cycle, time: object = 0) -> Monodromy:
     """The matrix at a ``time`` [s] within a period, by the variational equations over a whole period from there.
 
     Its half-widths are the flight's, by wider arithmetic, and what those of the cycle's numbers make of it, by flights
-    with each number moved.
+    with each number moved. Next to Omega_h the matrix at the start comes without a flight.
     """
     since, period = exact(time), cycle.period
     if not 0 <= float(since) <= float(period):
         raise InputError(f"a point of the cycle has a time from 0 to {float(period):.10g} s")
+    if cycle._start_matrix is not None and not float(since):
+        return Monodromy(cycle, time, *cycle._start_matrix())
     numbers = [*cycle._start, period, cycle.omega]
     values = [number.value for number in numbers]
     moves = [number.uncertainty for number in numbers]

@@ -22,6 +22,7 @@ from tippedisk_verify.cycles.librating_family import LibratingFamily
 from tippedisk_verify.cycles.limit_cycle import Cycle, LimitCycle, RotatingCycle
 from tippedisk_verify.cycles.near_connection import DOUBLE_SHOOTS, cycle_near
 from tippedisk_verify.cycles.newton import FixedPoint
+from tippedisk_verify.cycles.passage_cycles import FIRST_DIGITS, cycle_by_passages
 from tippedisk_verify.cycles.return_map import ReturnMap
 from tippedisk_verify.cycles.rotating_family import RotatingFamily
 from tippedisk_verify.cycles.section import LIBRATING, ROTATING, Section
@@ -72,6 +73,9 @@ class Location(Generic[C]):
         fold, or the digits are not reached.
         """
         if not start.is_in_double:
+            passing = cycle_by_passages(self.section, self.parameters, self.omega, self.engine, digits)
+            if passing is not None:
+                return passing
             assert self.omega_h is not None
             return cycle_near(self.section, self.parameters, self.omega, self.omega_h, self.engine, digits=digits)
         return_map = ReturnMap(self.section, self.parameters, self.omega, self.engine)
@@ -172,7 +176,7 @@ class Locator:
 
         That piece lies ``above`` Omega_h, or below. Raises AccuracyError where Omega_h has too few digits.
         """
-        omega, omega_h, digits = location.omega, location.omega_h, 20
+        omega, omega_h, digits = location.omega, location.omega_h, FIRST_DIGITS
         while omega_h is None:  # to six digits of its distance
             zero = splitting_zero(self.parameters, self.omega_h, self.engine, digits).omega_h
             if abs(omega - zero.value) > zero.uncertainty * 10**6:

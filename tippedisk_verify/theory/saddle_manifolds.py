@@ -115,7 +115,7 @@ class Saddle:
         ctx, eigenvalue = self.context, self.eigenvalues[which]
         curve = [[ctx.zero, self.directions[row, which]] for row in range(3)]
         step = self._power_step
-        rates_of = field(SeriesOps, self.constants, self.speed, self.parameters.friction, self._side(which))
+        rates_of = field(SeriesOps, self.constants, self.speed, self.parameters.friction, self.side(which))
         for power in range(1 + step, self.order + 1, step):
             for component in curve:
                 component.extend([ctx.zero] * step)
@@ -138,7 +138,7 @@ class Saddle:
         """The linear law's field is odd about the saddle: every other power vanishes."""
         return 2 if self.parameters.friction == "linear" else 1
 
-    def _side(self, which: int) -> int | None:
+    def side(self, which: int) -> int | None:
         """The sign of gamma_y along a curve, on the half of it that is used."""
         if self.parameters.friction == "linear":
             return None
@@ -190,7 +190,7 @@ class Saddle:
     @cached_property
     def _jacobian_on_stable_curve(self) -> Any:
         curve = [component.c for component in self.stable_curve]
-        law = (self.parameters.friction, self._side(1))
+        law = (self.parameters.friction, self.side(1))
         return jacobian(SeriesOps, self.constants, self.speed, *law)(*self._state(curve))
 
     def reach(self, *curves: Sequence[PowerSeries]) -> Any:

@@ -1,0 +1,52 @@
+"""The study next to Omega_h: its law against periods, and its errors against their definition."""
+
+from __future__ import annotations
+
+import math
+from fractions import Fraction
+
+import pytest
+
+from tippedisk_verify.disk import Disk
+from tippedisk_verify.errors import InputError
+
+DISTANCES = ["1e-9", "1e-11", "1e-13"]
+
+
+@pytest.mark.parametrize("law", ["linear", "smooth"])
+def test_what_the_law_leaves_falls_with_its_next_powers(law) -> None:
+    """One term leaves the constant, two the power nu - 1, and three twice that power, a hundredth short of the next."""
+    study = Disk("table1", friction=law).near_heteroclinic(DISTANCES)
+    terms = study.period_law
+    for row in study.rows:
+        assert abs(float(row.period - row.law[0] - terms.constant)) < 0.01
+    for number, power in ((1, float(terms.exponent)), (2, 2 * float(terms.exponent))):
+        left = [abs(float(row.period - row.law[number])) for row in study.rows]
+        assert abs(math.log(left[1] / left[2]) / math.log(100) / power - 1) < 0.01
+    *_, last = study.rows
+    factor = float(terms.coefficient) * 1e-13 ** float(terms.exponent)
+    assert abs(float(last.period - last.law[1]) / factor - 1) < 2e-3
+
+
+def test_what_a_double_resolves_and_answers_at_their_own_speeds(taylor) -> None:
+    disk, distance = Disk("table1"), Fraction(1, 10**9)
+    omega = float(disk.heteroclinic(digits=27).omega_h.value + distance)
+    further = math.nextafter(omega, math.inf)
+    answers = [(omega, 7), (further, "7.5")]
+    study = disk.near_heteroclinic(str(Fraction(distance)), answers=answers)
+    one, other = study.answers
+    assert (one.omega.value, one.answer.value, other.answer.value) == (Fraction(omega), 7, Fraction("7.5"))
+    for row in study.answers:
+        assert row.error.value == row.answer.value - row.period.value
+    # A unit in the last place is twice half a unit; the period's second derivative adds its share of the distance.
+    (row,) = study.rows
+    moved = float(one.period - other.period)
+    assert abs(moved / (2 * row.double_resolves) - 1) < 2 * (further - omega) / float(distance) + 1e-6
+
+
+def test_the_figure_and_bad_input() -> None:
+    study = Disk("table1").near_heteroclinic(["1e-3", "1e-7"])
+    assert [line.get_label() for line in study.plot().lines][3] == "half an ulp of a double Ω"
+    for distances, answers in (("0", None), ("pi", None), (["x"], None), ("1e-3", [("30.05",)]), ("1e-3", ["30"])):
+        with pytest.raises(InputError):
+            Disk("table1").near_heteroclinic(distances, answers=answers)

@@ -1,0 +1,77 @@
+"""Cycles by passages against flights over the whole cycle."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from fractions import Fraction
+
+import pytest
+
+from tippedisk_verify.connection.bisection import bisect_omega_h
+from tippedisk_verify.connection.splitting import splitting_zero
+from tippedisk_verify.cycles.at_speed import cycle_above
+from tippedisk_verify.cycles.near_connection import cycle_near
+from tippedisk_verify.cycles.passage_cycles import cycle_by_passages
+from tippedisk_verify.cycles.section import LIBRATING, ROTATING, Section
+from tippedisk_verify.flow.baseline import Baseline
+from tippedisk_verify.model.parameters import NAMED_SETS, PRINTED
+from tippedisk_verify.model.precision import DOUBLE, EXTENDED, companion
+
+pytestmark = pytest.mark.skipif(companion(DOUBLE) != EXTENDED, reason="needs numbers of 64 bits")
+
+
+def compare(taylor, parameters, section: Section, distance: str) -> None:
+    """Each number's half-width holds the same number to ten more digits, and is not 10,000 times too wide."""
+    guess = bisect_omega_h(parameters, taylor, confirm=False).omega_h.value
+    omega_h = splitting_zero(parameters, guess, taylor, 37).omega_h.value
+    omega = omega_h + (1 if section is LIBRATING else -1) * Fraction(distance)
+    quick = cycle_by_passages(section, parameters, omega, taylor, 13)
+    flown = cycle_near(section, parameters, omega, omega_h, taylor, digits=22)
+    assert quick is not None
+    assert quick.precision == "extended"
+    for name in section.numbers:
+        mine, truth = getattr(quick, name), getattr(flown, name)
+        assert mine.holds(truth.value), name
+        assert mine.uncertainty < 10**4 * (abs(mine.value - truth.value) + abs(truth.value) / 2**64), name
+
+
+@pytest.mark.parametrize(("law", "section"), [("smooth", LIBRATING), ("linear", ROTATING)], ids=["smooth", "linear"])
+def test_half_widths_hold(taylor, law, section) -> None:
+    compare(taylor, PRINTED.changed(friction=law), section, "1e-6")
+
+
+@pytest.mark.slow(minutes=3)
+@pytest.mark.parametrize("distance", ["9e-6", "1e-9", "1e-15"])
+@pytest.mark.parametrize("section", [LIBRATING, ROTATING], ids=lambda section: section.name)
+@pytest.mark.parametrize("law", ["linear", "smooth"])
+@pytest.mark.parametrize("name", ["printed", "calibrated"])
+def test_more_half_widths_hold(taylor, name, law, section, distance) -> None:
+    compare(taylor, NAMED_SETS[name].changed(friction=law), section, distance)
+
+
+def test_orbits_close(taylor) -> None:
+    """Half a period leads to the image of the start, in doubles and in the bits that a closer start needs."""
+    for distance in ("1e-6", "1e-12"):
+        _, states = cycle_above(PRINTED, distance, taylor).orbit(3, shifted=True)
+        assert abs(states[:, 1] + states[:, 0]).max() < 1e-9
+
+
+def test_where_passages_do_not_answer(taylor) -> None:
+    """More digits than 64 bits have, the other side of Omega_h, and an engine without numbers of 64 bits."""
+    above = Fraction(1, 10**7)
+    for place, engine, digits in ((above, taylor, 16), (-above, taylor, 12), (above, Baseline("DOP853"), 12)):
+        assert cycle_by_passages(LIBRATING, PRINTED, place, engine, digits, from_omega_h=True) is None
+    assert cycle_above(PRINTED, above, taylor, digits=16).precision != "extended"
+
+
+@pytest.mark.slow(minutes=1.5)
+@pytest.mark.parametrize("law", ["linear", "smooth"])
+def test_monodromy_matrix(taylor, law) -> None:
+    """Against the variational equations along a whole period, from a start of more digits."""
+    parameters = PRINTED.changed(friction=law)
+    quick = cycle_above(parameters, "1e-6", taylor).monodromy
+    flown = replace(cycle_above(parameters, "1e-6", taylor, digits=20), _start_matrix=None).monodromy
+    truth = EXTENDED.array(flown.matrix.ravel().tolist()).reshape(3, 3)
+    assert (abs(quick.matrix - truth) <= quick.uncertainty + flown.uncertainty).all()
+    assert (quick.uncertainty < 1e-12).all()
+    assert (flown.uncertainty < quick.uncertainty).all()

@@ -1,0 +1,117 @@
+"""The accuracy study next to Omega_h: periods, their law with its corrections, and what other programs make of them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from fractions import Fraction
+from typing import Any
+
+from tippedisk_verify.cycles.at_speed import cycle_above, cycle_at
+from tippedisk_verify.cycles.passage_cycles import PeriodLaw, period_law
+from tippedisk_verify.errors import InputError
+from tippedisk_verify.flow.contract import Engine
+from tippedisk_verify.model.equations import checked_speed
+from tippedisk_verify.model.exact import entries, fraction
+from tippedisk_verify.model.measured import Measured
+from tippedisk_verify.model.parameters import Parameters
+from tippedisk_verify.model.results import Printable, quantity
+
+__all__ = ["AnswerRow", "DistanceRow", "NearHeteroclinic", "near_heteroclinic"]
+
+
+@dataclass(frozen=True, repr=False)
+class DistanceRow(Printable):
+    """The limit cycle at one distance above Omega_h."""
+
+    distance: Measured = field(metadata=quantity("Omega - Omega_h", "rad/s"))
+    omega: Measured = field(metadata=quantity("the spinning speed", "rad/s"))
+    period: Measured = field(metadata=quantity("T, the period", "s"))
+    law: tuple[Measured, Measured, Measured] = field(
+        metadata=quantity("T by the law with one, two and three terms", "s")
+    )
+    multiplier_slow: Measured = field(metadata=quantity("the larger nontrivial Floquet multiplier", "1"))
+    double_resolves: float = field(
+        metadata=quantity("what half a unit in the last place of Omega as a double changes T by", "s")
+    )
+
+
+@dataclass(frozen=True, repr=False)
+class AnswerRow(Printable):
+    """A period that somebody found, beside that of the limit cycle at exactly the speed it was found at."""
+
+    omega: Measured = field(metadata=quantity("the spinning speed", "rad/s"))
+    answer: Measured = field(metadata=quantity("the period that was given", "s"))
+    period: Measured = field(metadata=quantity("T, the period", "s"))
+    error: Measured = field(metadata=quantity("the period that was given less T", "s"))
+
+
+@dataclass(frozen=True, repr=False)
+class NearHeteroclinic(Printable):
+    """T = slope log(D) + constant + coefficient D^exponent + ... and its rows, D above Omega_h in rad/s.
+
+    A fit of T against log(D) misses the slope by about ``exponent * coefficient / slope * D^exponent``, relative.
+    """
+
+    period_law: PeriodLaw  #: the four numbers above
+    rows: tuple[DistanceRow, ...]  #: in the order of the distances
+    answers: tuple[AnswerRow, ...]  #: in the order of the answers
+    parameters: Parameters  #: whose study it is, with the friction law
+    engine: str  #: what computed it
+
+    def plot(self, axes: Any = None) -> Any:
+        """What each number of terms leaves of T against the distance, on these matplotlib axes or on new ones.
+
+        Beside it what a double of Omega resolves. Returns the axes.
+        """
+        if axes is None:
+            from matplotlib import pyplot
+
+            _, axes = pyplot.subplots()
+        distances = [float(row.distance) for row in self.rows]
+        for terms in range(3):
+            left = [abs(float(row.period - row.law[terms])) for row in self.rows]
+            axes.loglog(distances, left, ".-", label=f"left of T by {terms + 1} term{'s' if terms else ''}")
+        axes.loglog(distances, [row.double_resolves for row in self.rows], "--", label="half an ulp of a double Ω")
+        axes.set(xlabel="Ω - Ω_h [rad/s]", ylabel="[s]")
+        axes.legend()
+        return axes
+
+
+def near_heteroclinic(
+    parameters: Parameters, distances: object, engine: Engine, *, answers: Sequence[Sequence[object]] | None = None
+) -> NearHeteroclinic:
+    """The study at these distances above Omega_h [rad/s], each number to twelve digits.
+
+    ``answers`` are pairs of a speed [rad/s] and the period [s] that was found there, each taken as the exact decimal
+    or double that it is. Raises InputError for what is no positive decimal or no pair, NoSuchCycleError where there is
+    no such cycle or law, NoConnectionError without a connection, AccuracyError if the digits are not reached.
+    """
+    pairs = list(answers or ())
+    if any(isinstance(pair, str) or len(pair) != 2 for pair in pairs):
+        raise InputError("an answer is a pair of a speed and a period, such as ('30.05', '5.27')")
+    given = [(checked_speed(omega), fraction(period)) for omega, period in pairs]
+    law = period_law(parameters, engine)
+    rows = tuple(_at(parameters, distance, engine, law) for distance in entries(distances))
+    compared = tuple(_compared(parameters, *answer, engine) for answer in given)
+    return NearHeteroclinic(law, rows, compared, parameters, engine.name)
+
+
+def _at(parameters: Parameters, distance: object, engine: Engine, law: PeriodLaw) -> DistanceRow:
+    cycle = cycle_above(parameters, distance, engine)
+    exact = fraction(distance)
+    return DistanceRow(
+        distance=Measured(exact, Fraction(0)),
+        omega=cycle.omega,
+        period=cycle.period,
+        law=law.at(exact),
+        multiplier_slow=cycle.multiplier_slow,
+        double_resolves=abs(float(cycle.dperiod_domega)) * math.ulp(float(cycle.omega)) / 2,
+    )
+
+
+def _compared(parameters: Parameters, omega: Fraction, answer: Fraction, engine: Engine) -> AnswerRow:
+    period = cycle_at(parameters, omega, engine).period
+    given = Measured(answer, Fraction(0))
+    return AnswerRow(Measured(omega, Fraction(0)), given, period, given - period)

@@ -1,0 +1,323 @@
+"""The flow next to the heteroclinic connection, as a flight between the saddles and a passage by one of them.
+
+A cycle at a distance D from Omega_h spends most of its time next to the saddles, where doubles lose it. There the
+charts of `theory.saddle_chart` make the flow linear, so that a passage is a logarithm (Shilnikov's local map). The
+rest is a flight of fixed length (the global map). It leads from u = u_1 and a small s = sigma next to one saddle to a
+point (u, s, f) next to the other one, and depends analytically on sigma and on the speed. Its polynomials are fitted
+once, to some twenty flights in 64 bits about Omega_h, where u = 0 at sigma = 0 by definition. So u keeps its relative
+accuracy however small D is, and no flight grows longer with 1 / D.
+
+The cycle is a fixed point of sigma. Both maps take complex numbers: an imaginary part far below rounding carries
+the derivative by sigma, which is the multiplier, or by the speed.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from fractions import Fraction
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import numpy
+
+from tippedisk_verify.cycles.section import EXTREME, ROUND
+from tippedisk_verify.errors import AccuracyError
+from tippedisk_verify.flow.contract import SLIDING_REVERSAL, Engine, Event, Request, Status
+from tippedisk_verify.model.equations import field
+from tippedisk_verify.model.exact import fraction
+from tippedisk_verify.model.parameters import Parameters
+from tippedisk_verify.model.precision import EXTENDED
+from tippedisk_verify.theory.saddle_chart import ANGLE_OPS, ChartFamily, SaddleChart, angles, polynomial, solved
+from tippedisk_verify.theory.saddle_manifolds import Saddle
+
+#: gamma = pi/2 modulo 2 pi, passed upward, on the way from saddle to saddle.
+_TOP = Event("top", ROUND.function, direction=-1, terminal=False)
+
+_SIGMAS = (-1.0, -0.5, 0.5, 1.0)  # of the largest one, where flights start beside the unstable manifold
+_BESIDE = (-1.0, 0.0, 1.0)  # of their own reach: the speeds of those flights
+_LONGEST = 30.0  # s
+_FAST = 2.0**-22  # of the fast coordinate, where the flight may end
+_PROBE = 1e-5  # of Omega_h, for the splitting's derivative
+_PLACES = 2**30  # 1 / distances of the flights' speeds, so that 64 bits hold these exactly
+_MOST_STEPS = 30
+_SETTLED = 2.0**-60  # relative, for sigma and for times next to a saddle
+_IMAGINARY = 2.0**-100  # relative; its square is far below rounding
+_NEAR = 2.0**-40  # relative; below it a step that does not shrink is rounding
+_DECAYED = 2.0**-60  # of u_1; what is left of the fast coordinate where a passage ends
+
+
+_charts = lru_cache(maxsize=16)(ChartFamily)
+
+
+class Choice(NamedTuple):
+    """What a global map is computed with."""
+
+    order: int  #: of the charts
+    bands: int  #: of the charts
+    share: float  #: of the charts' radius of convergence, at which the sections lie
+    reach: float  #: abs(u / s) up to which flights on the unstable manifold arrive, at the outermost of their speeds
+    speeds: int  #: of these
+    sigma: float  #: of u_1; other flights start so far from the unstable manifold
+    beside: float  #: rad/s from Omega_h, as far as cycles are; within it lie their speeds
+    rounding: int | None = None  #: the pattern by which the last bits of parameters and starts move
+
+
+class Piece(NamedTuple):
+    """A part of a passage that lies in one chart."""
+
+    chart: SaddleChart
+    start: Any  #: (3,) the point (u, s, f)
+    time: Any  #: [s]
+    image: int  #: -1 if the chart shows the point symmetry's image
+
+    @property
+    def end(self) -> Any:
+        return self.chart.flow(self.start, self.time)
+
+
+class Passage(NamedTuple):
+    """From one saddle's exit to the next one's."""
+
+    sigma: Any  #: where it leaves, in the coordinates of the start
+    time: Any  #: of the passage alone [s]
+    arrival: Any  #: (7,) u, s, f, the integral of the divergence, beta_max, beta_bar and v at the top
+    pieces: list[Piece]
+
+
+class GlobalMap:
+    """The flights from one saddle to the next, as polynomials in sigma and in the distance from Omega_h."""
+
+    def __init__(self, parameters: Parameters, omega_h: Fraction, engine: Engine, choice: Choice) -> None:
+        self.parameters, self.choice = parameters, choice
+        saddle = Saddle(parameters, omega_h, 80, 1)
+        sides = [saddle.side(which) for which in (0, 1)]
+        #: The charts where an orbit leaves a saddle and where it arrives at the next one.
+        self.leaving, self.arriving = (_charts(parameters, omega_h, side, choice.order, choice.bands) for side in sides)
+        self.one_sided = sides[0] == sides[1]
+        chart = self.leaving.at(EXTENDED.number(0))
+        self.u_1 = EXTENDED.type(choice.share * chart.radius(0))
+        self._engine, self._omega_h = engine, omega_h
+        self.duration = self._duration(chart, choice.share * self.arriving.at(EXTENDED.number(0)).radius(1))
+        probe = _short(float(omega_h) * _PROBE)
+        above, below = (self._arrival(distance, 0.0) for distance in (probe, -probe))
+        reach = choice.reach * float(2 * probe * fraction(abs(above[1] / (above[0] - below[0]))))
+        # 64 bits hold the flights' speeds exactly: short distances from a double.
+        off = Fraction(float(omega_h)) - omega_h
+        many = [_short(reach * x) + off for x in _nodes(choice.speeds)]
+        beside = [_short(choice.beside * x) + off for x in _BESIDE]
+        self._polynomials = self._fitted(many, beside)
+
+    def at(self, distance: Any) -> Any:
+        """The polynomials in sigma (5, 7) at a distance from Omega_h [rad/s]."""
+        return polynomial(self._polynomials, distance)
+
+    @property
+    def slopes(self) -> tuple[tuple[Any, Any], Any]:
+        """The derivatives of the arriving u by the speed and by sigma, at Omega_h and sigma = 0; and the s there."""
+        return (self._polynomials[1, 0, 0], self._polynomials[0, 1, 0]), self._polynomials[0, 0, 1]
+
+    def _request(self, chart: SaddleChart, omega: Fraction, sigma: float, **needs: Any) -> Request:
+        beta, gamma, v = chart.at(numpy.array([self.u_1, sigma, 0]))
+        state = beta, gamma - EXTENDED.pi, v
+        return Request(self.parameters, omega, state, shifted=True, domain="none", **needs)
+
+    def _duration(self, chart: SaddleChart, end: float) -> Fraction:
+        """Until the flight on the unstable manifold is next to the other saddle, to a hundredth of a second."""
+        times = numpy.arange(0, _LONGEST, 0.01)
+        request = self._request(chart, self._omega_h, 0.0, duration=float(times[-1]), times=times)
+        samples = self._engine(request).samples
+        second = numpy.array([0.0, math.pi, 0.0])
+        near = numpy.flatnonzero(abs(samples - second).max(axis=1) < end)
+        if not len(near):
+            raise AccuracyError("the unstable branch does not come near the second saddle: there is no connection here")
+        first = int(near[0])
+        point = self.arriving.at(EXTENDED.number(0)).coordinates(EXTENDED.array(samples[first] - second))
+        # The charts have no third powers of the fast coordinate.
+        longer = math.log(max(1.0, abs(float(point[2])) / _FAST)) / -float(chart.eigenvalues[2])
+        return Fraction(first + math.ceil(100 * longer), 100)
+
+    def _arrival(self, distance: Fraction, sigma: float) -> list[Any]:
+        """The numbers of `Passage.arrival` after a flight."""
+        at = EXTENDED.number(distance)
+        request = self._request(
+            self.leaving.at(at),
+            self._omega_h + distance,
+            sigma,
+            duration=self.duration,
+            precision=EXTENDED,
+            divergence=True,
+            events=(EXTREME, _TOP),
+            rounding=self.choice.rounding,
+        )
+        flight = self._engine(request)
+        if flight.status is not Status.REACHED:
+            raise AccuracyError(f"the unstable branch: {flight.status.value}")
+        beta, gamma, v = flight.state
+        point = self.arriving.at(at).coordinates(numpy.array([beta, gamma - EXTENDED.pi, v]))
+        extreme = max(abs(event.state[0]) for event in flight.events if event.name == EXTREME.name)
+        top = next(event.state for event in flight.events if event.name == _TOP.name)
+        return [*point, flight.divergence, extreme, top[0], top[2]]
+
+    def _fitted(self, distances: list[Fraction], beside: list[Fraction]) -> Any:
+        """Coefficients (speeds, 5, 7); u vanishes at sigma = 0 and Omega_h, whatever rounding says."""
+        count, reach = len(distances), EXTENDED.number(max(distances))
+        largest = float(self.u_1) * self.choice.sigma
+        places = [(distance, 0.0) for distance in distances]
+        places += [(distance, largest * x) for distance in beside for x in _SIGMAS]
+        powers = [(k, 0) for k in range(count)]
+        powers += [(k, n) for k in range(len(beside)) for n in range(1, len(_SIGMAS) + 1)]
+        scaled = [(EXTENDED.number(distance) / reach, EXTENDED.number(sigma) / largest) for distance, sigma in places]
+        matrix = numpy.array([[x**k * y**n for k, n in powers] for x, y in scaled])
+        values = numpy.array([self._arrival(*place) for place in places])
+        coefficients = numpy.zeros((count, len(_SIGMAS) + 1, values.shape[1]), EXTENDED.type)
+        for (k, n), row in zip(powers, solved(matrix, values), strict=True):
+            coefficients[k, n] = row / reach**k / EXTENDED.number(largest) ** n
+        coefficients[0, 0, 0] = 0
+        return coefficients
+
+
+class HalfMap:
+    """From sigma at one saddle to sigma at the next, at one distance from Omega_h [rad/s], which may be complex.
+
+    ``image`` is -1 for librating cycles, which turn back at each saddle, and 1 for rotating ones, which pass.
+    """
+
+    def __init__(self, flights: GlobalMap, distance: Any, image: int) -> None:
+        self.flights, self.image, self._distance = flights, image, distance
+        self._arrivals = flights.at(distance)
+        self.leaving, self.arriving = flights.leaving.at(distance), flights.arriving.at(distance)
+        parameters = flights.parameters
+        self._crosses = parameters.friction == "smooth" and flights.one_sided == (image == -1)
+        self._constants = parameters.at(EXTENDED)
+        self._omega = EXTENDED.number(flights._omega_h) + distance
+
+    def __call__(self, sigma: Any) -> Passage:
+        arrival = polynomial(self._arrivals, sigma)
+        point, chart, pieces = arrival[:3], self.arriving, list[Piece]()
+        if self._crosses:
+            gradient = (0, -self._constants.e * self._omega, self._constants.r - self._constants.e)
+            pieces.append(_until(chart, point, self._sliding, gradient))
+            point, chart = self.leaving.coordinates(self.image * chart.at(pieces[0].end)), self.leaving
+        else:  # the linear law's chart is odd
+            point = self.image * point
+        if not point[0].real > 0:
+            raise ArithmeticError("the orbit leaves the saddle on the other side")
+        time = numpy.log(self.flights.u_1 / point[0]) / chart.eigenvalues[0]
+        pieces.append(Piece(chart, point, time, self.image))
+        end = pieces[-1].end
+        if abs(end[2]) > _DECAYED * self.flights.u_1:
+            raise ArithmeticError("the fast coordinate has not decayed when the passage ends")
+        return Passage(end[1], sum(piece.time for piece in pieces), arrival, pieces)
+
+    def _sliding(self, y: Any) -> Any:
+        return SLIDING_REVERSAL.function(ANGLE_OPS, self._constants, self._omega, *angles(y))
+
+    def fixed_point(self) -> tuple[Any, Any, list[float]]:
+        """sigma, the map's derivative there, and the relative sizes of Newton's steps. The distance must be real.
+
+        Raises ArithmeticError where Newton's iteration does not settle.
+        """
+        sigma, sizes = self._omega * 0, list[float]()
+        imaginary = abs(self._distance) * _IMAGINARY
+        for _ in range(_MOST_STEPS):
+            image = self(sigma + 1j * imaginary).sigma
+            slope = image.imag / imaginary
+            step = (image.real - sigma) / (1 - slope)
+            sigma = sigma + step
+            sizes.append(float(abs(step / sigma)))
+            if not sizes[-1] > _SETTLED or (len(sizes) > 2 and sizes[-2] / 2 < sizes[-1] < _NEAR):
+                return sigma, slope, sizes
+        raise ArithmeticError("the iteration for sigma does not settle")
+
+    def along_the_flow(self, piece: Piece) -> Any:
+        """The multiplier along the flow from the start to the end of a piece, divided by the ratio of speeds; 1."""
+        rates_of = field(ANGLE_OPS, self._constants, self._omega, self.flights.parameters.friction)
+        along = []
+        for point in (piece.start, piece.end):
+            rates = numpy.array(rates_of(*angles(piece.chart.at(point))))
+            along.append(piece.chart.slopes(point) @ (piece.chart.eigenvalues * point) @ rates / (rates @ rates))
+        return along[1] / along[0]
+
+
+def to_section(pieces: Sequence[Piece], component: int) -> tuple[Piece, Sequence[Piece]]:
+    """Split a passage where a component of y vanishes.
+
+    Returns:
+        The part up to there of the piece in which that is, and what is left of the passage.
+    """
+    gradient = numpy.eye(3)[component]
+    for place, piece in enumerate(pieces):
+        part = _until(piece.chart, piece.start, lambda y: y[component], gradient)
+        if part.time.real <= piece.time.real or place == len(pieces) - 1:
+            break
+    rest = piece._replace(start=part.end, time=piece.time - part.time)
+    return part._replace(image=piece.image), (rest, *pieces[place + 1 :])
+
+
+def half_period_matrix(rest: Sequence[Piece], multiplier: Any, time_by_sigma: Any) -> Any:
+    """The derivative (3, 3) of the flow over half a period, and the point symmetry, of a librating cycle in y.
+
+    It is taken where the rest of a passage begins. There F along the flow, w in the chart's direction of s, and the
+    fast direction L are a basis. L is the one that contracts most in all that follows, so it is that of the last chart,
+    carried back. What L becomes is far below rounding. At the exit w = kappa x_sigma + rho F, and the cycle's half maps
+    x_sigma to multiplier * x_sigma - time_by_sigma * F.
+    """
+    first, last = rest[0], rest[-1]
+    slow, fast = numpy.eye(3)[1:].astype(EXTENDED.type)
+    ahead = first.chart.flow(slow, first.time)
+    if first is not last:
+        turned = first.image * last.image * first.chart.slopes(first.end)
+        over = solved(last.chart.slopes(last.start), turned)
+        fast = first.chart.flow(solved(over, fast[:, None])[:, 0], -first.time)
+        ahead = last.chart.flow(over @ ahead, last.time)
+    exit_rates, rates = last.chart.eigenvalues * last.end, first.chart.eigenvalues * first.start
+    rho = ahead[0] / exit_rates[0]
+    kappa = ahead[1] - rho * exit_rates[1]
+    basis = first.chart.slopes(first.start) @ numpy.stack((rates, slow, fast / abs(fast).max()), axis=1)
+    along = rho * (1 - multiplier) - kappa * time_by_sigma
+    images = basis @ numpy.array([[1, along, 0], [0, multiplier, 0], [0, 0, 0]], EXTENDED.type)
+    return solved(basis.T, images.T).T
+
+
+def _until(chart: SaddleChart, start: Any, function: Callable[[Any], Any], gradient: Any) -> Piece:
+    """The piece from a point to where a function of y vanishes, between a stable and an unstable manifold.
+
+    The gradient is the function's at the saddle. Its linear part is solved at once; the rest by chords, which gain a
+    factor of the distance from the saddle each.
+    """
+    row = chart.along(gradient)
+    growth = chart.eigenvalues[0] - chart.eigenvalues[1]
+    ratio = -row[1] * start[1] / (row[0] * start[0])
+    if not ratio.real > 0:
+        raise ArithmeticError("the passage does not meet its section")
+    time = numpy.log(ratio) / growth
+    for _ in range(_MOST_STEPS):
+        point = chart.flow(start, time)
+        step = function(chart.at(point)) / (row @ (chart.eigenvalues * point))
+        time = time - step
+        if abs(step) < _SETTLED * (1 + abs(time)):
+            return Piece(chart, start, time, 1)
+    raise ArithmeticError("the passage does not meet its section")
+
+
+def integral_of_divergence(pieces: Sequence[Piece]) -> Any:
+    """Over a passage [1]: the logarithm of the determinant of the flow, by way of the charts' determinants."""
+    total = 0
+    for piece in pieces:
+        ends = (_determinant(piece.chart.slopes(point)) for point in (piece.end, piece.start))
+        total += piece.chart.eigenvalues.sum() * piece.time + numpy.log(next(ends) / next(ends))
+    return total
+
+
+def _determinant(rows: Any) -> Any:
+    return rows[0] @ numpy.cross(rows[1], rows[2])
+
+
+def _nodes(count: int) -> Any:
+    """Chebyshev's between -1 and 1, falling."""
+    return numpy.cos(numpy.pi * (numpy.arange(count) + 0.5) / count)
+
+
+def _short(distance: float) -> Fraction:
+    return Fraction(round(distance * _PLACES), _PLACES)

@@ -1,0 +1,312 @@
+"""Coordinates about noninverted spinning in which the flow is linear, as power series in 64 bits.
+
+The state is y = (beta_bar, gamma + pi/2, v), and y = W(u, s, f) with
+
+    field(W) = DW (lambda_u u, lambda_s s, lambda_f f),
+
+so that u, s and f grow and decay like exponentials. u = 0 is the stable manifold, s = f = 0 the unstable one. The
+monomials u^a s^b f^c with min(a, b) + 2 c up to a number of bands are enough: along a passage u s is small and f
+smaller. Terms of one total degree follow from those of lower degrees, by the divisors a lambda_u + b lambda_s +
+c lambda_f less an eigenvalue. Small divisors belong to high bands, whose monomials are tiny. Where they are not, two
+truncations differ.
+
+The smooth law has one chart for either sign of gamma_y. The point symmetry takes one to the other. The charts of a disk
+at several speeds are computed at once, and depend on the speed as polynomials.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import lru_cache
+from itertools import pairwise, product
+from operator import itemgetter
+from types import SimpleNamespace
+from typing import Any
+
+import numpy
+
+from tippedisk_verify.model.equations import field
+from tippedisk_verify.model.exact import fraction
+from tippedisk_verify.model.parameters import Parameters
+from tippedisk_verify.model.precision import EXTENDED
+from tippedisk_verify.theory.saddle_manifolds import Saddle
+
+__all__ = ["ANGLE_OPS", "ChartFamily", "SaddleChart", "angles", "polynomial", "solved"]
+
+#: The functions of angles that are given as pairs of their sine and cosine.
+ANGLE_OPS: Any = SimpleNamespace(sin=itemgetter(0), cos=itemgetter(1))
+
+_WORKING_BITS = 96  # of eigenvalues and eigenvectors, beyond the 64 of the series
+_SPEEDS = 6  # at Chebyshev's nodes: charts hardly bend with the speed
+_REACH = 2.5e-4  # of the origin, within which these lie
+_CHORDS = 60  # at most, for the coordinates of a point
+_LAST = 3  # powers below the order whose terms tell the radius of convergence
+_SMALL = 2.0**-50  # of the largest coordinate; below it a step that does not shrink is rounding
+
+
+def angles(y: Sequence[Any]) -> tuple[Any, Any, Any]:
+    """Return (beta, gamma, v) at a point y about the saddle, both angles as pairs of sine and cosine."""
+    return (numpy.cos(y[0]), -numpy.sin(y[0])), (-numpy.cos(y[1]), numpy.sin(y[1])), y[2]
+
+
+class Monomials:
+    """The monomials u^a s^b f^c of a truncated series, by total degree, and which products give which."""
+
+    def __init__(self, order: int, bands: int) -> None:
+        triples = product(range(order + 1), repeat=2)
+        kept = [
+            (a, b, c)
+            for a, b in triples
+            for c in range(bands // 2 + 1)
+            if a + b + c <= order and min(a, b) + 2 * c <= bands
+        ]
+        kept.sort(key=sum)
+        self.order, self.powers = order, numpy.array(kept)
+        self.degrees = self.powers.sum(axis=1)
+        ends = numpy.searchsorted(self.degrees, numpy.arange(order + 2))
+        self.of_degree = [slice(*pair) for pair in pairwise(ends)]
+        places = {triple: place for place, triple in enumerate(kept)}
+        self._factors = [self._pairs(kept[of], places) for of in self.of_degree]
+
+    @staticmethod
+    def _pairs(wanted: Sequence[tuple[int, int, int]], places: dict[Any, int]) -> tuple[Any, Any, Any]:
+        """The places of all factors of these monomials, and where those of the next one begin."""
+        left, right, begins = list[int](), list[int](), list[int]()
+        for triple in wanted:
+            begins.append(len(left))
+            for factor in product(*(range(power + 1) for power in triple)):
+                # Divisors of a kept monomial are kept.
+                left.append(places[factor])
+                right.append(places[tuple(power - own for power, own in zip(triple, factor, strict=True))])
+        return numpy.array(left), numpy.array(right), numpy.array(begins)
+
+    def product(self, p: Any, q: Any, degree: int) -> Any:
+        """The terms of one degree of a product of series (k, m)."""
+        left, right, begins = self._factors[degree]
+        return numpy.add.reduceat(p[:, left] * q[:, right], begins, axis=1)
+
+    def at(self, point: Any) -> Any:
+        """All monomials (m,) at a point (u, s, f)."""
+        u, s, f = (table[powers] for table, powers in self._tables(point))
+        return u * s * f
+
+    def slopes(self, point: Any) -> Any:
+        """Their derivatives (m, 3)."""
+        pairs = self._tables(point)
+        u, s, f = (table[powers] for table, powers in pairs)
+        by_u, by_s, by_f = (powers * table[powers - (powers > 0)] for table, powers in pairs)
+        return numpy.stack((by_u * s * f, u * by_s * f, u * s * by_f), axis=1)
+
+    def _tables(self, point: Any) -> list[tuple[Any, Any]]:
+        """The powers of each variable, with the places at which the monomials have them."""
+        tables = (numpy.cumprod([variable**0] + [variable] * self.order) for variable in point)
+        return list(zip(tables, self.powers.T, strict=True))
+
+
+@lru_cache(maxsize=16)
+def _monomials(order: int, bands: int) -> Monomials:
+    return Monomials(order, bands)
+
+
+class _Tape:
+    """Series (k, m) of k speeds, each with the rule that gives its terms of one degree; in the order of computing."""
+
+    def __init__(self, count: int, monomials: Monomials) -> None:
+        self.count, self.monomials, self.series = count, monomials, list[_Series]()
+
+    def extend(self, degree: int) -> None:
+        """Compute the terms of a degree of all series, from those of lower degrees and of the variables."""
+        of = self.monomials.of_degree[degree]
+        for series in self.series:
+            if series.rule:
+                series.terms[:, of] = series.rule(degree, of)
+
+    def sine_and_cosine(self, angle: _Series, sine: int, cosine: int) -> tuple[_Series, _Series]:
+        """Those of an angle whose constant term has the given sine and cosine.
+
+        Along rays s' = c a' and c' = -s a', where a derivative multiplies a term by its degree.
+        """
+        both = _Series(self), _Series(self)
+
+        def rule(start: int, other: _Series, sign: int) -> Callable[[int, slice], Any]:
+            def terms(degree: int, of: slice) -> Any:
+                if not degree:
+                    return start
+                slope = angle.terms * self.monomials.degrees
+                return sign * self.monomials.product(slope, other.terms, degree) / degree
+
+            return terms
+
+        both[0].rule, both[1].rule = rule(sine, both[1], 1), rule(cosine, both[0], -1)
+        return both
+
+
+class _Series:
+    """A series on a tape. Numbers that take part are the same for all speeds, or (k, 1)."""
+
+    __array_ufunc__ = None
+
+    def __init__(self, tape: _Tape, rule: Callable[[int, slice], Any] | None = None) -> None:
+        self.tape, self.rule = tape, rule
+        self.terms = numpy.zeros((tape.count, len(tape.monomials.powers)), EXTENDED.type)
+        tape.series.append(self)
+
+    def __add__(self, other: Any) -> _Series:
+        if isinstance(other, _Series):
+            return _Series(self.tape, lambda degree, of: self.terms[:, of] + other.terms[:, of])
+        return _Series(self.tape, lambda degree, of: self.terms[:, of] + (0 if degree else other))
+
+    __radd__ = __add__
+
+    def __neg__(self) -> _Series:
+        return _Series(self.tape, lambda degree, of: -self.terms[:, of])
+
+    def __sub__(self, other: Any) -> _Series:
+        return self.__add__(-other)
+
+    def __rsub__(self, other: Any) -> _Series:
+        return (-self).__add__(other)
+
+    def __mul__(self, other: Any) -> _Series:
+        if isinstance(other, _Series):
+            multiply = self.tape.monomials.product
+            return _Series(self.tape, lambda degree, of: multiply(self.terms, other.terms, degree))
+        return _Series(self.tape, lambda degree, of: self.terms[:, of] * other)
+
+    __rmul__ = __mul__
+
+    def __truediv__(self, other: _Series) -> _Series:
+        quotient = _Series(self.tape)
+
+        def terms(degree: int, of: slice) -> Any:
+            quotient.terms[:, of] = 0
+            rest = self.tape.monomials.product(other.terms, quotient.terms, degree)
+            return (self.terms[:, of] - rest) / other.terms[:, :1]
+
+        quotient.rule = terms
+        return quotient
+
+
+@dataclass(frozen=True)
+class SaddleChart:
+    """The chart at one speed. A complex speed gives complex numbers, and so derivatives by the speed."""
+
+    monomials: Monomials
+    coefficients: Any  #: (3, m) of W
+    eigenvalues: Any  #: (3,) unstable, slow and fast stable one [1/s]
+    inverse: Any  #: (3, 3) of the matrix of eigenvectors
+
+    def at(self, point: Any) -> Any:
+        """y (3,) at a point (u, s, f)."""
+        return self.coefficients @ self.monomials.at(point)
+
+    def slopes(self, point: Any) -> Any:
+        """DW (3, 3)."""
+        return self.coefficients @ self.monomials.slopes(point)
+
+    def along(self, gradient: Sequence[Any]) -> Any:
+        """The derivatives (3,) by (u, s, f) at the saddle of what has this gradient (3,) in y."""
+        return numpy.asarray(gradient) @ self.slopes(self.eigenvalues * 0)
+
+    def radius(self, variable: int) -> float:
+        """The radius of convergence in u (0) or s (1), from the last terms that have hardly anything else."""
+        last = self.monomials.powers[:, variable] >= self.monomials.order - _LAST
+        sizes, degrees = abs(self.coefficients[:, last]).max(axis=0), self.monomials.degrees[last]
+        return float((sizes[sizes > 0] ** (-1 / degrees[sizes > 0])).min())
+
+    def flow(self, point: Any, time: Any) -> Any:
+        """The point (3,) after a time [s]."""
+        return point * numpy.exp(self.eigenvalues * time)
+
+    def coordinates(self, y: Any) -> Any:
+        """(u, s, f) of a y (3,). Raises ArithmeticError where the iteration does not settle."""
+        point, before = self.inverse @ y, numpy.inf
+        for _ in range(_CHORDS):
+            step = self.inverse @ (y - self.at(point))
+            point, size = point + step, abs(step).max()
+            if before / 2 <= size < _SMALL * abs(point).max() or not size:
+                return point
+            before = size
+        raise ArithmeticError("the point is too far from the saddle for its chart")
+
+
+class ChartFamily:
+    """The charts of one side, as polynomials in the distance from a speed ``origin`` [rad/s]."""
+
+    def __init__(self, parameters: Parameters, origin: Fraction, side: int | None, order: int, bands: int) -> None:
+        self.monomials = monomials = _monomials(order, bands)
+        reach = float(origin) * _REACH
+        distances = [Fraction(reach * math.cos((k + 0.5) * math.pi / _SPEEDS)) for k in range(_SPEEDS)]
+        saddles = [Saddle(parameters, origin + distance, _WORKING_BITS, 1) for distance in distances]
+        eigenvalues = _extended(saddle.eigenvalues for saddle in saddles)
+        directions, inverse = (
+            _extended(getattr(saddle, name) for saddle in saddles).reshape(-1, 3, 3)
+            for name in ("directions", "inverse_directions")
+        )
+        speeds = _extended([saddle.omega] for saddle in saddles)
+        terms = _invariant(parameters, monomials, side, speeds, eigenvalues, directions, inverse)
+        values = numpy.concatenate((eigenvalues, inverse.reshape(-1, 9), terms.reshape(_SPEEDS, -1)), axis=1)
+        steps = _extended([distance] for distance in distances)
+        self._polynomials = solved(steps ** numpy.arange(_SPEEDS), values)
+
+    def at(self, distance: Any) -> SaddleChart:
+        """The chart at a distance from the origin [rad/s]."""
+        values = polynomial(self._polynomials, distance)
+        return SaddleChart(self.monomials, values[12:].reshape(3, -1), values[:3], values[3:12].reshape(3, 3))
+
+
+def _invariant(
+    parameters: Parameters,
+    monomials: Monomials,
+    side: int | None,
+    speeds: Any,
+    eigenvalues: Any,
+    directions: Any,
+    inverse: Any,
+) -> Any:
+    """The terms (k, 3, m) of W at k speeds, degree by degree."""
+    tape = _Tape(len(speeds), monomials)
+    beta, gamma, v = (_Series(tape) for _ in range(3))
+    deviations = tape.sine_and_cosine(beta, 1, 0), tape.sine_and_cosine(gamma, -1, 0), v
+    # With y from the equilibrium: beta = pi/2 + y, gamma = -pi/2 + y, whose sines and cosines are those of the tape.
+    rates = field(ANGLE_OPS, parameters.at(EXTENDED), speeds, parameters.friction, side)(*deviations)
+    growth = eigenvalues @ monomials.powers.T
+    tape.extend(0)
+    for degree, of in enumerate(monomials.of_degree[1:], start=1):
+        if degree == 1:
+            column = directions @ monomials.powers[of].T
+        else:
+            tape.extend(degree)  # without what is looked for, which adds the linearisation of it
+            rest = numpy.stack([rate.terms[:, of] for rate in rates], axis=1)
+            column = directions @ (inverse @ rest / (growth[:, None, of] - eigenvalues[:, :, None]))
+        for component, terms in zip((beta, gamma, v), numpy.moveaxis(column, 1, 0), strict=True):
+            component.terms[:, of] = terms
+        tape.extend(degree)
+    return numpy.stack([component.terms for component in (beta, gamma, v)], axis=1)
+
+
+def polynomial(coefficients: Any, variable: Any) -> Any:
+    """The value of a polynomial whose coefficients lie along the first axis, the constant one first."""
+    total = coefficients[-1]
+    for term in coefficients[-2::-1]:
+        total = total * variable + term
+    return total
+
+
+def solved(matrix: Any, right: Any) -> Any:
+    """The solution of linear equations (n, n) with right sides (n, k), in the arithmetic of the arrays."""
+    rows = numpy.concatenate((matrix, right), axis=1)
+    for place in range(len(rows)):
+        pivot = place + int(numpy.argmax(abs(rows[place:, place])))
+        rows[[place, pivot]] = rows[[pivot, place]]
+        rows[place] /= rows[place, place]
+        others = numpy.arange(len(rows)) != place
+        rows[others] -= rows[others, place, None] * rows[place]
+    return rows[:, len(rows) :]
+
+
+def _extended(rows: Iterable[Iterable[Any]]) -> Any:
+    return numpy.array([[EXTENDED.number(fraction(number)) for number in row] for row in rows])
