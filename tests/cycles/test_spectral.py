@@ -102,4 +102,4 @@ def test_command(capsys) -> None:
     result = json.loads(capsys.readouterr().out)
     assert Fraction(result["period"]["uncertainty"]) < Fraction(1, 10**20)
     assert main(["harmonic-balance"]) == 2
-    assert "either --omega or --below-crit" in capsys.readouterr().err
+    assert "give the speed with one of --omega and --below-crit" in capsys.readouterr().err
