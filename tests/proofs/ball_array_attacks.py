@@ -19,8 +19,25 @@ from tippedisk_verify.proofs.kernel.balls import arb, ball, working_precision
 SMALLEST = 2.0**-1074
 NORMAL = 2.0**-1022
 LARGEST = float(np.finfo(float).max)
-EDGES = [0.0, -0.0, SMALLEST, -SMALLEST, NORMAL, -NORMAL, NORMAL - SMALLEST, LARGEST, -LARGEST, 1.0, -1.0, 1 + 2.0**-52,
-         1 - 2.0**-53, 2.0**-537, 2.0**512, 3.0, 0.1]  # fmt: skip
+EDGES = [
+    0.0,
+    -0.0,
+    SMALLEST,
+    -SMALLEST,
+    NORMAL,
+    -NORMAL,
+    NORMAL - SMALLEST,
+    LARGEST,
+    -LARGEST,
+    1.0,
+    -1.0,
+    1 + 2.0**-52,
+    1 - 2.0**-53,
+    2.0**-537,
+    2.0**512,
+    3.0,
+    0.1,
+]
 NOT_NUMBERS = [math.inf, -math.inf, math.nan]
 
 

@@ -18,7 +18,7 @@ from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.model.precision import Precision
-from tippedisk_verify.proofs.kernel import claims, curves
+from tippedisk_verify.proofs.kernel import certificates, curves
 from tippedisk_verify.proofs.kernel.balls import arb, ball, ball_constants, working_precision
 from tippedisk_verify.proofs.kernel.curves import UNKNOWNS, Arc, arc_test
 from tippedisk_verify.proofs.kernel.flow import Model
@@ -114,14 +114,17 @@ def test_points_of_the_box_return_as_the_integrator_finds() -> None:
     line, flight, _ = flown()
     for s, signs in ((-1, (1, 1, 1)), (Fraction(1, 3), (-1, 1, 0)), (1, (0, -1, 1)), (Fraction(1, 2), (0, 0, 0))):
         with working_precision(250):
-            start = [jet.at(ball(s)) + sign * ball("1e-5")
-                     for jet, sign in zip((line.gamma_bar, line.v, line.omega), signs, strict=True)]  # fmt: skip
+            start = [
+                jet.at(ball(s)) + sign * ball("1e-5")
+                for jet, sign in zip((line.gamma_bar, line.v, line.omega), signs, strict=True)
+            ]
             *image, time, divergence = integrated(*(measured(part.mid()).value for part in start))
             assert flight.divergence.at(ball(s)).contains(divergence)
             if not any(signs):
                 assert flight.own_time.at(ball(s)).contains(time)
-            for own, row, x in zip((*flight.image, flight.own_time), (*flight.matrix, flight.time_by),
-                                   (*image, time), strict=True):  # fmt: skip
+            for own, row, x in zip(
+                (*flight.image, flight.own_time), (*flight.matrix, flight.time_by), (*image, time), strict=True
+            ):
                 moved = sum(entry.at(ball(s)) * sign for entry, sign in zip(row, signs, strict=True)) * ball("1e-5")
                 assert (own.at(ball(s)) + moved).contains(x)
 
@@ -130,9 +133,16 @@ def test_points_of_the_box_return_as_the_integrator_finds() -> None:
 def integrated(gamma_bar: Fraction, v: Fraction, omega: Fraction) -> list[Any]:
     """S of the first return (gamma_bar, v), its time and the divergence's integral, by the integrator in 200 bits."""
     request = Request(
-        WIDE, omega, (0, gamma_bar, v), 2, shifted=True, precision=Precision("real", 200), domain="none",
-        divergence=True, events=(RETURNS,),
-    )  # fmt: skip
+        WIDE,
+        omega,
+        (0, gamma_bar, v),
+        2,
+        shifted=True,
+        precision=Precision("real", 200),
+        domain="none",
+        divergence=True,
+        events=(RETURNS,),
+    )
     result = default_engine()(request)
     return [ball(str(part)) for part in (-result.state[1], -result.state[2], result.time, result.divergence)]
 
@@ -140,33 +150,32 @@ def integrated(gamma_bar: Fraction, v: Fraction, omega: Fraction) -> list[Any]:
 #: of a log's entries: what is done to them, and what is said
 SPOILED: dict[str, tuple[Callable[[list[Any]], Any], str]] = {
     "a step is three times as long": (
-        lambda log: log[5].update(share=str(3 * float(log[5]["share"]))), "enclosure|return|move|section|further steps"
+        lambda log: log[5].update(share=str(3 * float(log[5]["share"]))),
+        "enclosure|return|move|section|further steps",
     ),
     "a step is negative": (lambda log: log[5].update(share="-0.001"), "enclosure"),
     "a step is missing": (lambda log: log.pop(3), "return|move|section|missing"),
     "the last step is missing": (lambda log: log.pop(), "missing|no steps"),
     "there are no steps": (lambda log: log.clear(), "no steps"),
-    "axes have no inverse": (
-        lambda log: log[4].update(axes=[log[4]["axes"][0], *log[4]["axes"][::2]]), "enclosure"
-    ),
+    "axes have no inverse": (lambda log: log[4].update(axes=[log[4]["axes"][0], *log[4]["axes"][::2]]), "enclosure"),
     "axes are missing": (lambda log: log[4].pop("axes"), "missing"),
-}  # fmt: skip
+}
 
 
 def test_a_log_gives_the_flight_again_and_a_spoiled_one_gives_none() -> None:
     line, flight, log = flown()
     with working_precision(64):
-        again = curves.fly(ball_constants(WIDE), line, curves.Replay(log))
+        again = curves.fly(ball_constants(WIDE), line, curves.CurveReplay(log))
         assert all(a.overlaps(b) and a.contains(b) for a, b in zip(again.own_time.c, flight.own_time.c, strict=True))
         for spoil, said in SPOILED.values():
             spoiled = json.loads(json.dumps(log))
             spoil(spoiled)
-            with pytest.raises(claims.Unproved, match=said):
-                curves.fly(ball_constants(WIDE), line, curves.Replay(spoiled))
+            with pytest.raises(certificates.Unproved, match=said):
+                curves.fly(ball_constants(WIDE), line, curves.CurveReplay(spoiled))
 
 
 def test_a_flight_ends_where_the_disk_lies_flat() -> None:
-    with working_precision(64), pytest.raises(claims.Unproved, match="upright"):
+    with working_precision(64), pytest.raises(certificates.Unproved, match="upright"):
         curves.fly(ball_constants(PRINTED), curve("1e-9", "0", 1, ("0.5", "-400", OMEGA)), StepSearch())
 
 

@@ -136,24 +136,36 @@ FAULTS = [
     Fault("radii are rounded down", "_UP = 1 + 16 * _U", "_UP = 1 - 16 * _U", "binary"),
     Fault("no term for underflow", "_TINY = 2.0**-1000", "_TINY = 0.0", "binary"),
     Fault("a forgotten ulp: no midpoint's rounding", "    radius += rounding\n", "", "binary"),
-    Fault("a difference's radii are subtracted", "self._mid - b._mid, self._rad + b._rad",
-          "self._mid - b._mid, np.abs(self._rad - b._rad)", "binary"),
+    Fault(
+        "a difference's radii are subtracted",
+        "self._mid - b._mid, self._rad + b._rad",
+        "self._mid - b._mid, np.abs(self._rad - b._rad)",
+        "binary",
+    ),
     Fault("the product's cross term is missing", "        upper += b._rad\n", "", "binary"),
     Fault("integers beyond 2^53 count as floats", "_EXACT_INTEGERS = 2**53", "_EXACT_INTEGERS = 2**90", "unary"),
     Fault("a divisor may hold zero", "~(distance > 0)", "distance == 0", "binary"),
-    Fault("the quotient forgets the divisor's radius", "        radius *= b._rad / distance + _TINY\n",
-          "        radius *= _TINY\n", "binary"),
+    Fault(
+        "the quotient forgets the divisor's radius",
+        "        radius *= b._rad / distance + _TINY\n",
+        "        radius *= _TINY\n",
+        "binary",
+    ),
     Fault("pi ends after its second part", "_HALF_PI_B) - n * _HALF_PI_C", "_HALF_PI_B)", "sines"),
     Fault("the cosine's rounding is dropped", "turned + 2.5 * _U\n", "turned\n", "sines"),
     Fault("the sine's curvature is dropped", "slope * r + 0.5 * r * r", "slope * r", "sines"),
     Fault("what touches zero is positive", "(self._mid > self._rad)", "(self._mid >= self._rad)", "predicates"),
     Fault("the convolution's sum is not rounded", "(self._length + 0.5) * _U", "0", "convolutions"),
     Fault("the convolution's radius is rounded to nearest", "1 + (4 * k + 32) * _U", "1.0", "convolutions"),
-    Fault("the convolution's radius misses its cross terms", "        np.add(size, rad, out=upper)\n",
-          "        upper[:] = size\n", "convolutions"),
+    Fault(
+        "the convolution's radius misses its cross terms",
+        "        np.add(size, rad, out=upper)\n",
+        "        upper[:] = size\n",
+        "convolutions",
+    ),
     Fault("what comes in is rounded to nearest", "if Fraction(nearest) >= value else", "if True else", "conversions"),
     Fault("subnormal midpoints come in", "        m[small] = 0.0\n", "        r[small] = 0.0\n", "binary"),
-]  # fmt: skip
+]
 
 
 def executed(source: str) -> ModuleType:

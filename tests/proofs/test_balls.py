@@ -183,7 +183,7 @@ def meddled(monkeypatch: pytest.MonkeyPatch) -> Callable[[str, int], None]:
     """Has the context changed whenever the equations are evaluated in a proof."""
 
     def change(name: str, value: int) -> None:
-        for place, usual in (("closed_forms.rates", rates), ("kernel.claims.saddle.field", field)):
+        for place, usual in (("closed_forms.rates", rates), ("kernel.certificates.saddle.field", field)):
 
             def spoilt(*arguments: Any, usual: Callable[..., Any] = usual) -> Any:
                 setattr(ctx, name, value)

@@ -24,8 +24,8 @@ from tippedisk_verify.model.parameters import CALIBRATED, PRINTED, Parameters
 from tippedisk_verify.proofs.angles import INVERTED, linearization
 from tippedisk_verify.proofs.kernel import field as equations
 from tippedisk_verify.proofs.kernel.balls import Unproved, arb, ball, negative, working_precision
-from tippedisk_verify.proofs.kernel.claims import check
-from tippedisk_verify.proofs.kernel.claims.family import Piece, Status, unique_within
+from tippedisk_verify.proofs.kernel.certificates import check
+from tippedisk_verify.proofs.kernel.certificates.family import ArcStatus, Piece, unique_within
 from tippedisk_verify.proofs.kernel.curves import fly
 from tippedisk_verify.proofs.kernel.flow import Model
 from tippedisk_verify.proofs.kernel.jets import Jet, scaled_sine
@@ -34,8 +34,7 @@ from tippedisk_verify.proofs.search import curve_choices
 from tippedisk_verify.proofs.search import family as search
 from tippedisk_verify.proofs.search.branch import BranchProof
 from tippedisk_verify.proofs.search.certificate import parameter_texts
-from tippedisk_verify.proofs.search.connection_end import ProvedEnd
-from tippedisk_verify.proofs.search.connection_end import Status as EndStatus
+from tippedisk_verify.proofs.search.connection_end import EndStatus, ProvedEnd
 from tippedisk_verify.proofs.search.curve_choices import BITS, StepSearch, prove_piece
 from tippedisk_verify.proofs.search.cycle import prove_cycle
 from tippedisk_verify.reference_values.lookup import reference
@@ -138,7 +137,7 @@ def quick(monkeypatch) -> None:
 
 
 @lru_cache(maxsize=4)
-def first(parameters: Parameters) -> Piece | Status:
+def first(parameters: Parameters) -> Piece | ArcStatus:
     return prove_piece(parameters, Fraction(0), HIGH, search.hopf_guess(parameters))
 
 
@@ -240,7 +239,7 @@ def test_what_is_covered() -> None:
         assert word in entries["statement"]
     holed = replace(proof, pieces=(piece(), replace(second(), low=second().low + Fraction(1, 1000))))
     assert holed.statement.startswith("nothing is proved")
-    nothing = BranchProof(SUBCRITICAL, (), Status.RISING)
+    nothing = BranchProof(SUBCRITICAL, (), ArcStatus.RISING)
     assert nothing.statement == "nothing is proved: from gamma_bar_0 = 0 rad on Omega grows with the amplitude."
     assert nothing.covered is None
 

@@ -24,10 +24,10 @@ from tests.proofs.test_sliding import SMOOTH
 from tippedisk_verify.cli import main
 from tippedisk_verify.model.decimals import exact_text
 from tippedisk_verify.model.parameters import PRINTED, SYMBOLS
-from tippedisk_verify.proofs.kernel import claims, flow, krawczyk, sliding
+from tippedisk_verify.proofs.kernel import certificates, flow, krawczyk, sliding
 from tippedisk_verify.proofs.kernel import field as equations
 from tippedisk_verify.proofs.kernel.balls import midpoint_and_radius, working_precision
-from tippedisk_verify.proofs.kernel.claims import proved
+from tippedisk_verify.proofs.kernel.certificates import proved
 from tippedisk_verify.proofs.kernel.reading import dyadic, dyadic_text, held
 from tippedisk_verify.proofs.kernel.series import System
 from tippedisk_verify.proofs.search.cycle import TURN, prove_cycle
@@ -56,7 +56,7 @@ def fresh(kind: str = "cycle") -> Any:
 
 
 def sealed(content: Any) -> Any:
-    content["sha256"] = claims.digest(content)
+    content["sha256"] = certificates.digest(content)
     return content
 
 
@@ -245,7 +245,7 @@ def rejected(kind: str, name: str, act: Callable[[Any], None]) -> str:
     content = fresh(kind)
     act(content)
     assert content != fresh(kind), f"{name}: nothing was changed"
-    with pytest.raises((claims.Unproved, claims.Refused)) as fault:
+    with pytest.raises((certificates.Unproved, certificates.Refused)) as fault:
         proved(sealed(content))
     line = str(fault.value)
     assert line.isprintable(), name
@@ -259,12 +259,12 @@ def test_the_kernel_refuses_a_member_that_nothing_tests(kind: str, remembered, m
     """Whatever a shape allows: what the kernel has not looked at is not in a sentence that is proved."""
     content = fresh(kind)
     name = content["claim"]["kind"]
-    shapes = claims.KINDS[name].SHAPES
+    shapes = certificates.KINDS[name].SHAPES
     claim, evidence = shapes[name]
     monkeypatch.setitem(shapes, name, (claim | {"note?": str}, evidence))
     proved(sealed(content))
     content["claim"]["note"] = "and the disk is blue"
-    with pytest.raises(claims.Unproved, match="nothing tests note"):
+    with pytest.raises(certificates.Unproved, match="nothing tests note"):
         proved(sealed(content))
 
 
@@ -287,18 +287,26 @@ def test_certificates_of_every_kind_are_accepted_and_all_tampered_ones_rejected(
     content, statement = written(kind)
     assert proved(json.loads(content)) == statement
     lines = {name: rejected(kind, name, act) for name, act in mutations(kind)}
-    for said in ("stay in its enclosure", "its steps end on the way", "that nothing asks for",
-                 "Krawczyk's image", "within its uncertainty", "no disk's", "as text", "whole number",
-                 "exactly the members"):  # fmt: skip
+    for said in (
+        "stay in its enclosure",
+        "its steps end on the way",
+        "that nothing asks for",
+        "Krawczyk's image",
+        "within its uncertainty",
+        "no disk's",
+        "as text",
+        "whole number",
+        "exactly the members",
+    ):
         assert any(said in line for line in lines.values()), said
 
 
 def fields() -> Iterator[Any]:
     """The equations' function, each time with another operand a thousandth larger."""
     source = inspect.getsource(equations.field)
-    for place in range(sum(isinstance(node, ast.BinOp) for node in ast.walk(ast.parse(source)))):
+    for place in range(sum(isinstance(node, ast.BinOp) for node in ast.poincare_map(ast.parse(source)))):
         tree, names = ast.parse(source), dict(vars(equations)) | {"LARGER": arb(1.001)}
-        node = [node for node in ast.walk(tree) if isinstance(node, ast.BinOp)][place]
+        node = [node for node in ast.poincare_map(tree) if isinstance(node, ast.BinOp)][place]
         node.left = ast.BinOp(ast.Name("LARGER", ast.Load()), ast.Mult(), node.left)
         exec(ast.unparse(ast.fix_missing_locations(tree)), names)
         yield names["field"]
@@ -318,7 +326,7 @@ def test_each_term_that_is_a_thousandth_larger_is_noticed_by_a_certificate(monke
 def accepted(content: Any) -> bool:
     try:
         proved(content)
-    except claims.Unproved:
+    except certificates.Unproved:
         return False
     return True
 
@@ -330,7 +338,7 @@ def test_a_half_width_of_a_few_last_bits_is_held() -> None:
             x = arb(1) / n
             middle, half = midpoint_and_radius(x)
             held({"value": str(middle), "uncertainty": str(half)}, x, "a number")
-            with pytest.raises(claims.Unproved):
+            with pytest.raises(certificates.Unproved):
                 held({"value": str(middle), "uncertainty": str(half / 2)}, x, "a number")
 
 
@@ -338,14 +346,20 @@ def test_a_half_width_of_a_few_last_bits_is_held() -> None:
 @pytest.mark.parametrize(
     "content",
     [
-        b"", b"\xff\xfe\x00", b'{"a":' * 50_000, b"nan", b"1", b"{}",
+        b"",
+        b"\xff\xfe\x00",
+        b'{"a":' * 50_000,
+        b"nan",
+        b"1",
+        b"{}",
         b'{"format": "tippedisk certificate 3", "claim": 1}',
         b'{"format": "tippedisk certificate 3", "claim": {"kind": ["limit cycle"]}}',
         b'{"format": "tippedisk certificate 2", "claim": {"kind": "limit cycle"}}',
-        b'{"format": 1, "format": "tippedisk certificate 3"}', b'{"bits": ' + b"9" * 5000 + b"}",
+        b'{"format": 1, "format": "tippedisk certificate 3"}',
+        b'{"bits": ' + b"9" * 5000 + b"}",
         b'{"format": "tippedisk certificate 3", "claim": {"kind": "limit cycle"}, "bits": 1e400}',
     ],
-)  # fmt: skip
+)
 def test_what_is_no_certificate_ends_in_one_line(tmp_path, capsys, content) -> None:
     path = tmp_path / "file.json"
     path.write_bytes(content)
@@ -379,7 +393,7 @@ def test_without_a_proof_no_certificate_is_written(tmp_path) -> None:
 def test_the_kernel_stands_alone() -> None:
     """It imports numpy, python-flint and the standard library."""
     for path in KERNEL.rglob("*.py"):
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        for node in ast.poincare_map(ast.parse(path.read_text(encoding="utf-8"))):
             names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
             if isinstance(node, ast.ImportFrom):
                 assert not node.level

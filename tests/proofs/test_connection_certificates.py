@@ -17,11 +17,11 @@ from tippedisk_verify.cycles.shooting import limit_cycle
 from tippedisk_verify.model.decimals import exact_text
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.parameters import PRINTED
-from tippedisk_verify.proofs.kernel import claims
+from tippedisk_verify.proofs.kernel import certificates
 from tippedisk_verify.proofs.kernel.balls import arb, ball, working_precision
-from tippedisk_verify.proofs.kernel.claims import Unproved, connection_cycles, proved
-from tippedisk_verify.proofs.kernel.claims.connection import _departure
-from tippedisk_verify.proofs.kernel.claims.saddle import Saddle
+from tippedisk_verify.proofs.kernel.certificates import Unproved, connection_cycles, proved
+from tippedisk_verify.proofs.kernel.certificates.connection import _departure
+from tippedisk_verify.proofs.kernel.certificates.saddle import SaddleCoordinates
 from tippedisk_verify.proofs.kernel.reading import dyadic
 from tippedisk_verify.proofs.search.connection_end import prove_end
 from tippedisk_verify.proofs.search.heteroclinic import ProvedConnection, prove_connection
@@ -51,7 +51,7 @@ def refused(text: str, line: str, act: Change) -> None:
     content = json.loads(text)
     act(content)
     assert content != json.loads(text), line
-    content["sha256"] = claims.digest(content)
+    content["sha256"] = certificates.digest(content)
     with pytest.raises(Unproved, match=line) as fault:
         proved(content)
     assert str(fault.value).isprintable()
@@ -101,7 +101,7 @@ def test_the_certificate_of_omega_h_is_accepted() -> None:
 def test_a_weaker_claim_is_accepted_as_what_it_says() -> None:
     content = json.loads(connection().certificate())
     content["claim"]["unique"] = content["claim"]["upright"] = False
-    content["sha256"] = claims.digest(content)
+    content["sha256"] = certificates.digest(content)
     sentence = proved(content)
     assert "at least one Omega" in sentence
     assert "all along" not in sentence
@@ -122,7 +122,7 @@ def test_the_branch_on_which_gamma_falls_is_not_taken_for_the_other_one() -> Non
             "cone": [arb(2) ** -4] * 2,
             "drift": [arb("0.01"), arb(4), arb(4)],
         }
-        saddle = Saddle(claim["parameters"], "linear", omega, mixed)
+        saddle = SaddleCoordinates(claim["parameters"], "linear", omega, mixed)
         with pytest.raises(Unproved, match="gamma grows where the branch leaves"):
             _departure(saddle, lambda name, *_: choices[name])
 
@@ -198,14 +198,19 @@ def test_the_certificate_of_the_cycles_is_accepted_and_nothing_else_is(taylor, m
     assert proved(json.loads(text)) == end.statement
     for part in (PRINTED.definition(), "from 30.0474 to 30.0569 rad/s exactly one, Omega_h", "3 pi/2 - 0.14 <= gamma"):
         assert part in end.statement
-    usual, original = connection_cycles.connection_shown, json.loads(text)
+    usual, original = connection_cycles.verify_connection, json.loads(text)
     steps = put("evidence", "flights", "steps", 198)  # is found at the flights' end only
     for line, act in (*disks(), *of_the_cycles(), ("its last step|pass", steps)):
         content = json.loads(text)
         act(content)
-        same = all(at(content) == at(original) for at in (
-            lambda c: c["claim"]["parameters"], lambda c: c["claim"]["numbers"], lambda c: c["evidence"]["connection"],
-            lambda c: c["bits"],
-        ))  # fmt: skip
-        monkeypatch.setattr(connection_cycles, "connection_shown", (lambda *_: proof.shown) if same else usual)
+        same = all(
+            at(content) == at(original)
+            for at in (
+                lambda c: c["claim"]["parameters"],
+                lambda c: c["claim"]["numbers"],
+                lambda c: c["evidence"]["connection"],
+                lambda c: c["bits"],
+            )
+        )
+        monkeypatch.setattr(connection_cycles, "verify_connection", (lambda *_: proof.verified) if same else usual)
         refused(text, line, act)

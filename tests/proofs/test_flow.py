@@ -14,7 +14,7 @@ from tippedisk_verify.model.parameters import PRINTED, SYMBOLS
 from tippedisk_verify.model.precision import bits
 from tippedisk_verify.proofs.kernel.ball_array import BallArray
 from tippedisk_verify.proofs.kernel.balls import arb, ball, ball_constants, working_precision
-from tippedisk_verify.proofs.kernel.flow import Model, Status
+from tippedisk_verify.proofs.kernel.flow import FlowStatus, Model
 from tippedisk_verify.proofs.kernel.sliding import model_of
 from tippedisk_verify.proofs.numbers import measured
 from tippedisk_verify.proofs.search.steps import Steps
@@ -82,8 +82,17 @@ def test_a_step_beyond_the_singularity_fails_the_inclusion_itself() -> None:
 # --------------------------------------------------------------------------------------------------- the integrator
 def test_it_holds_the_end_that_the_integrator_finds(taylor) -> None:
     """heyoka at 300 bits, whose own error is below 1e-80, against 150 bits of balls; with all derivatives."""
-    request = Request(PRINTED, OMEGA, START, "0.15", shifted=True, precision=bits(300), domain="none",
-                      variations=("beta", "gamma", "v", "Omega"), divergence=True)  # fmt: skip
+    request = Request(
+        PRINTED,
+        OMEGA,
+        START,
+        "0.15",
+        shifted=True,
+        precision=bits(300),
+        domain="none",
+        variations=("beta", "gamma", "v", "Omega"),
+        divergence=True,
+    )
     ordinary = taylor(request)
     with working_precision(150):
         flight = carry(model(), start(), "0.15", derivatives=True)
@@ -137,13 +146,13 @@ def test_the_enclosure_holds_the_orbit_throughout_each_step() -> None:
 def test_wide_boxes_and_few_bits_end_with_a_status() -> None:
     with working_precision(64):
         wide = [part + arb(0, "0.05") for part in start()]
-        assert carry(model(), wide, "0.5").status in (Status.TOO_WIDE, Status.NO_ENCLOSURE)
-        assert carry(model(), [part + arb(0, 1) for part in start()], "0.5").status is Status.TOO_WIDE
+        assert carry(model(), wide, "0.5").status in (FlowStatus.TOO_WIDE, FlowStatus.NO_ENCLOSURE)
+        assert carry(model(), [part + arb(0, 1) for part in start()], "0.5").status is FlowStatus.TOO_WIDE
         for strange in (arb("nan"), arb("inf"), arb(0, "inf")):
             flight = carry(model(), [0, strange, -1], "0.1")
-            assert flight.status is Status.NO_ENCLOSURE
+            assert flight.status is FlowStatus.NO_ENCLOSURE
             assert flight.path.steps == 0
-        assert carry(Model(ball_constants(PRINTED), arb("nan")), start(), "0.1").status is Status.NO_ENCLOSURE
+        assert carry(Model(ball_constants(PRINTED), arb("nan")), start(), "0.1").status is FlowStatus.NO_ENCLOSURE
     with working_precision(24):
         short = carry(model(), start(), "0.5")
         assert short.status is not None or max(part.rad() for part in short.state) > 1e-6

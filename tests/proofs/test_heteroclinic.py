@@ -19,14 +19,18 @@ from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
 from tippedisk_verify.proofs.kernel.balls import ball, ball_constants, positive, working_precision
-from tippedisk_verify.proofs.kernel.claims.connection import _slowly, connection_shown
-from tippedisk_verify.proofs.kernel.claims.saddle import UNSTABLE, Saddle
+from tippedisk_verify.proofs.kernel.certificates.connection import _slowly, verify_connection
+from tippedisk_verify.proofs.kernel.certificates.saddle import UNSTABLE, SaddleCoordinates
 from tippedisk_verify.proofs.kernel.flow import Model, Path
 from tippedisk_verify.proofs.search import heteroclinic as certified
 from tippedisk_verify.proofs.search.certificate import parameter_texts
-from tippedisk_verify.proofs.search.connection_end import ProvedEnd, prove_end
-from tippedisk_verify.proofs.search.connection_end import Status as EndStatus
-from tippedisk_verify.proofs.search.heteroclinic import ProvedConnection, Status, prove_connection, series_of_curve
+from tippedisk_verify.proofs.search.connection_end import EndStatus, ProvedEnd, prove_end
+from tippedisk_verify.proofs.search.heteroclinic import (
+    ConnectionStatus,
+    ProvedConnection,
+    prove_connection,
+    series_of_curve,
+)
 from tippedisk_verify.reference_values.lookup import reference
 
 TRUTH = {name: reference(f"{name}/linear/heteroclinic/point/omega_h").measured() for name in ("printed", "calibrated")}
@@ -66,7 +70,7 @@ def test_what_follows_of_limit_cycles_names_its_space() -> None:
         {"slowly": False},
         {"saddle_eigenvalues": repelling},
         {"saddle_eigenvalues": (Measured(9 + unstable.value, unstable.uncertainty), slow, fast)},
-        {"status": Status.SIDES},
+        {"status": ConnectionStatus.SIDES},
     ):
         assert replace(proof, **changed).limit_cycle is None
 
@@ -86,7 +90,7 @@ def test_arrivals_move_with_the_speed_as_enclosed() -> None:
     """The ends of I, followed by themselves: they arrive in p(I), and their difference is P G times I's length."""
     middle, half, bits = round(TRUTH["printed"].value, 8), Fraction(4, 10**7), 80
 
-    class Noted(certified._Search):
+    class Noted(certified._ConnectionSearch):
         def arrived(self, path: Path, z: Sequence[Any], curve: Any) -> bool:
             self.time, self.box = path.time, path.box
             return super().arrived(path, z, curve)
@@ -97,11 +101,11 @@ def test_arrivals_move_with_the_speed_as_enclosed() -> None:
 
     disk, search = parameter_texts(PRINTED), Noted(PRINTED, middle, half, bits, Fraction(1, 64))
     with working_precision(bits):
-        assert len(connection_shown(disk, "linear", (middle, half), search).pieces) > 100
+        assert len(verify_connection(disk, "linear", (middle, half), search).pieces) > 100
         ends, theta = [], search.log["unstable"]["reach"]
         for speed in (middle - half, middle + half):
             # Followed from the same plane z_u = theta_0 of the same coordinates, by the series of the speed itself.
-            saddle = Saddle(disk, "linear", ball(speed), search.log["directions"])
+            saddle = SaddleCoordinates(disk, "linear", ball(speed), search.log["directions"])
             curve = series_of_curve(saddle, UNSTABLE, search.order, search.values)
             defect = curve.relative_defect(theta)
             start = curve.point(theta, [arb(0, part * theta) for part in defect])
@@ -122,7 +126,7 @@ def test_an_interval_beside_the_truth_is_not_proved(monkeypatch, side: int) -> N
     monkeypatch.setattr(certified, "_MOST_PASSES", 1)
     half = proved_connection().omega_h.uncertainty
     found = prove_connection(PRINTED, TRUTH["printed"].value + side * half * Fraction(104, 100), DIGITS)
-    assert found.status is Status.SIDES
+    assert found.status is ConnectionStatus.SIDES
     assert "nothing is proved" in found.statement
     assert (found.omega_h, found.proved) == (None, False)
 
@@ -139,8 +143,8 @@ def test_bad_input_and_no_saddle() -> None:
 
 # ------------------------------------------------------------------------------------------------ the cycles next to it
 def test_what_is_refused_of_the_cycles_next_to_it() -> None:
-    assert prove_end(ProvedConnection(Status.FLOW)).status is EndStatus.NO_CONNECTION
-    assert prove_end(ProvedConnection(Status.NO_SADDLE)).to_dict()["proved"] is False
+    assert prove_end(ProvedConnection(ConnectionStatus.FLOW)).status is EndStatus.NO_CONNECTION
+    assert prove_end(ProvedConnection(ConnectionStatus.NO_SADDLE)).to_dict()["proved"] is False
     with pytest.raises(InputError, match="linear friction law"):
         prove_end(replace(proved_connection(), parameters=PRINTED.with_friction("smooth")))
     for reach in ("0", "-1", "pi", "2", "soon"):

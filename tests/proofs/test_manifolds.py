@@ -15,7 +15,16 @@ from tippedisk_verify.model.equations import field, shifted
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED, Parameters
 from tippedisk_verify.proofs.kernel.balls import BallOps, Unproved, ball, ball_constants, positive, working_precision
-from tippedisk_verify.proofs.kernel.claims.saddle import FAST, SLOW, UNSTABLE, Curve, Saddle, block, cones, leaving
+from tippedisk_verify.proofs.kernel.certificates.saddle import (
+    FAST,
+    SLOW,
+    UNSTABLE,
+    ManifoldGraph,
+    SaddleCoordinates,
+    block,
+    cones,
+    leaving,
+)
 from tippedisk_verify.proofs.search.certificate import parameter_texts
 from tippedisk_verify.proofs.search.heteroclinic import eigenvectors, series_of_curve, smallest_weights
 from tippedisk_verify.theory.saddle_manifolds import Saddle as Series
@@ -32,9 +41,9 @@ def _bits() -> Iterator[None]:
         yield
 
 
-def saddle_at(parameters: Parameters, width: str = "0") -> Saddle:
+def saddle_at(parameters: Parameters, width: str = "0") -> SaddleCoordinates:
     directions = eigenvectors(parameters, SPEED)[1].tolist()
-    return Saddle(parameter_texts(parameters), parameters.friction, ball(SPEED) + arb(0, width), directions)
+    return SaddleCoordinates(parameter_texts(parameters), parameters.friction, ball(SPEED) + arb(0, width), directions)
 
 
 @cache
@@ -43,12 +52,12 @@ def graph(parameters: Parameters, along: int, order: int) -> list[list[Any]]:
         return list(series_of_curve(saddle_at(parameters), along, order, eigenvectors(parameters, SPEED)[0]).graph)
 
 
-def curve_of(parameters: Parameters, along: int, width: str = "0", order: int = ORDER) -> Curve:
+def curve_of(parameters: Parameters, along: int, width: str = "0", order: int = ORDER) -> ManifoldGraph:
     rows = [list(row) for row in graph(parameters, along, order)]
-    return Curve(saddle_at(parameters, width), along, rows, None)
+    return ManifoldGraph(saddle_at(parameters, width), along, rows, None)
 
 
-def cone_of(curve: Curve, factor: int = 16) -> list[Any]:
+def cone_of(curve: ManifoldGraph, factor: int = 16) -> list[Any]:
     """Some times the defect: the gaps between the eigenvalues are larger than 14."""
     defect = curve.relative_defect(THETA)
     return [part * factor / 14 + sum(defect) / 64 + arb(2) ** -150 for part in defect]
@@ -60,7 +69,7 @@ def truth_of(parameters: Parameters, shift: Fraction) -> Series:
     return Series(parameters, SPEED + shift, 300, 41)
 
 
-def point_of(saddle: Saddle, series: list[PowerSeries], component: int, wanted: float) -> list[Any]:
+def point_of(saddle: SaddleCoordinates, series: list[PowerSeries], component: int, wanted: float) -> list[Any]:
     """z of the ordinary road's curve where one coordinate has the value wanted."""
     context = mpmath.MPContext()
     context.prec = 300
@@ -174,8 +183,8 @@ def test_the_field_in_these_coordinates_is_that_of_the_equations() -> None:
         matrix = saddle.field([a.union(b) for a, b in zip(z, other, strict=True)])[1]
         for row, (after, before) in enumerate(zip(saddle.rates(other), start, strict=True)):
             assert ((after - before) / step).overlaps(matrix[row][column])
-    faster = Saddle(saddle.disk, "linear", saddle.omega + step, saddle.directions.tolist())
-    both = Saddle(saddle.disk, "linear", saddle.omega.union(faster.omega), saddle.directions.tolist())
+    faster = SaddleCoordinates(saddle.disk, "linear", saddle.omega + step, saddle.directions.tolist())
+    both = SaddleCoordinates(saddle.disk, "linear", saddle.omega.union(faster.omega), saddle.directions.tolist())
     for after, before, slope in zip(faster.rates(z), start, both.field(z)[2], strict=True):
         assert ((after - before) / step).overlaps(slope)
         assert slope.rel_accuracy_bits() > 20

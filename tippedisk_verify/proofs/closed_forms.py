@@ -49,10 +49,24 @@ from tippedisk_verify.proofs.kernel.balls import (
 )
 from tippedisk_verify.proofs.numbers import measured
 
-__all__ = ["Criticality", "ProvedEquilibrium", "ProvedHopf", "ProvedStability",
-           "characteristic_polynomial", "check_linearization", "chi", "critical_speed_squared", "exact_polynomial",
-           "hopf_balls", "proved_equilibrium", "proved_hopf", "proved_stability", "real_root", "refuse_past_birth",
-           "to_digits"]  # fmt: skip
+__all__ = [
+    "Criticality",
+    "ProvedEquilibrium",
+    "ProvedHopf",
+    "ProvedStability",
+    "characteristic_polynomial",
+    "check_linearization",
+    "chi",
+    "critical_speed_squared",
+    "exact_polynomial",
+    "hopf_balls",
+    "proved_equilibrium",
+    "proved_hopf",
+    "proved_stability",
+    "real_root",
+    "refuse_past_birth",
+    "to_digits",
+]
 
 Criticality = Literal["supercritical", "subcritical"]
 _BITS = 128  # to tell on which side of Omega_crit a speed lies

@@ -9,7 +9,7 @@ import sys
 from collections.abc import Sequence
 from io import TextIOWrapper
 
-from tippedisk_verify.proofs.kernel.claims import Refused, Unproved, check
+from tippedisk_verify.proofs.kernel.certificates import Refused, Unproved, check
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -63,9 +63,9 @@ class DisturbedError(ArithmeticError):
     """Something else in this process has changed what the arithmetic relies on."""
 
 
-def need(shown: object, what: str) -> None:
-    """Raise Unproved unless ``shown`` is True."""
-    if shown is not True:
+def need(verified: object, what: str) -> None:
+    """Raise Unproved unless ``verified`` is True."""
+    if verified is not True:
         raise Unproved(what)
 
 

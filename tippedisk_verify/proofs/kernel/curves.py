@@ -38,10 +38,11 @@ is enclosed for all times at which v may be 0. If it is negative, beta_max grows
 its beta_max, its neighbours of larger gamma_bar_0 are further out. `scaled` says how it is with the state divided by
 gamma_bar_0.
 
-With tau the trace of P' and delta = exp(integral of div f) = -det P' > 0 (Liouville, see `claims.cycle`), P' has one
-positive and one negative eigenvalue. Both lie between -1 and 1 if and only if 1 - tau - delta = det(P' - 1) > 0 and
-1 + tau - delta > 0, the values of its characteristic polynomial there; if one of these is negative, an eigenvalue lies
-outside.
+Let tau be the trace of P' and delta = exp(integral of div f) = -det P' > 0 (Liouville, see
+`certificates.cycle`). P' has one positive and one negative eigenvalue. The values of its
+characteristic polynomial at 1 and -1 are 1 - tau - delta = det(P' - 1) and 1 + tau - delta. Both
+eigenvalues lie between -1 and 1 if and only if both values are positive; if one of these is
+negative, an eigenvalue lies outside.
 
 Where a ball becomes a point or a float: middle, lead, axes, tau, step lengths, m, Y and r are chosen, and any choice is
 right that passes the test.
@@ -55,7 +56,7 @@ from itertools import chain
 from typing import Any, ClassVar
 
 from tippedisk_verify.proofs.kernel.balls import Unproved, arb, inside, need, negative, positive, rough, whole
-from tippedisk_verify.proofs.kernel.field import Constants
+from tippedisk_verify.proofs.kernel.field import FieldConstants
 from tippedisk_verify.proofs.kernel.flow import Model, Path
 from tippedisk_verify.proofs.kernel.frame import Frame
 from tippedisk_verify.proofs.kernel.jets import Jet, symmetric
@@ -70,8 +71,8 @@ __all__ = [
     "Curve",
     "CurveFlight",
     "CurvePath",
+    "CurveReplay",
     "Matrix",
-    "Replay",
     "arc_test",
     "fly",
     "inverse",
@@ -136,7 +137,7 @@ class CurveFlight:
     turning: Sequence[Step]  #: those that hold all moments with v = 0
 
 
-class Replay:
+class CurveReplay:
     """The choices of a log: of each step the share and, but for the last one, the axes, as decimals."""
 
     def __init__(self, log: Sequence[Mapping[str, Any]]) -> None:
@@ -159,7 +160,7 @@ class Replay:
 class _Equations:
     """The equations of motion for the curve's speeds: for each s, of the orbits and of the derivatives; for all s."""
 
-    def __init__(self, constants: Constants, curve: Curve) -> None:
+    def __init__(self, constants: FieldConstants, curve: Curve) -> None:
         self.orbit = curve.equations(constants, *curve.numbers).orbit_at(curve.omega)
         short = curve.equations(constants, *map(rough, curve.numbers))
         self.rates, self.with_divergence = short.rates, short.with_divergence
@@ -170,7 +171,7 @@ class _Equations:
 class CurvePath(Path):
     """Follows all orbits from the curve and the deviations about it; each has its own lengths of steps."""
 
-    def __init__(self, constants: Constants, curve: Curve, choices: Any) -> None:
+    def __init__(self, constants: FieldConstants, curve: Curve, choices: Any) -> None:
         zero = 0 * curve.v.mid()
         nothing, short = zero.c[0], rough(zero)
         states = Frame([zero, *curve.start], curve.omega)
@@ -208,10 +209,10 @@ def turnings(step: Step) -> Iterator[tuple[Any, Sequence[Jet]]]:
             yield step.component(0, time).range(), step.frame.derivatives(step.rows_at(time, only))[0]
 
 
-def fly(constants: Constants, curve: Curve, choices: Any) -> CurveFlight:
+def fly(constants: FieldConstants, curve: Curve, choices: Any) -> CurveFlight:
     """Enclose the half map over the curve and its deviations. Raises Unproved, with the step that fails.
 
-    ``choices`` is a `flow.Proposer` of `CurvePath.step_of`.
+    ``choices`` is a `flow.StepProposer` of `CurvePath.step_of`.
     """
     path = CurvePath(constants, curve, choices)
     need(negative(path.box[2].range()), "v is not shown to be negative at the start")
@@ -322,7 +323,7 @@ class Arc:
         return bool(self.flight.turning)
 
 
-def arc_test(constants: Constants, curve: Curve, choices: Any) -> Arc:
+def arc_test(constants: FieldConstants, curve: Curve, choices: Any) -> Arc:
     """Krawczyk's test on a curve of starts and speeds, of which the first number has no deviation.
 
     Raises Unproved if the flight fails.
@@ -330,8 +331,9 @@ def arc_test(constants: Constants, curve: Curve, choices: Any) -> Arc:
     flight = fly(constants, curve, choices)
     radii = [curve.deviation[k] for k in UNKNOWNS]
     value = [after - before for after, before in zip(flight.image, curve.start, strict=True)]
-    jacobian = [[entry - own for entry, own in zip(*rows, strict=True)]
-                for rows in zip(flight.matrix, curve.unit, strict=True)]  # fmt: skip
+    jacobian = [
+        [entry - own for entry, own in zip(*rows, strict=True)] for rows in zip(flight.matrix, curve.unit, strict=True)
+    ]
     by_unknowns = [[row[k] for k in UNKNOWNS] for row in jacobian]
     chosen = [[entry.mid() for entry in row] for row in inverse([[x.mid() for x in row] for row in by_unknowns])]
     degree = chosen[0][0].degree

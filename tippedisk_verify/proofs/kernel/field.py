@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 
 from tippedisk_verify.proofs.kernel.balls import ball, need
 
-__all__ = ["UNITS", "Constants", "Law", "constants", "field", "one_sided", "sliding_motion"]
+__all__ = ["UNITS", "FieldConstants", "Law", "constants", "field", "one_sided", "sliding_motion"]
 
 #: ``law(ops, constants, omega)`` is a function of the state that returns its three rates; ``ops`` has sin and cos.
 Law = Callable[[Any, Any, Any], Callable[[Any, Any, Any], tuple[Any, Any, Any]]]
@@ -29,7 +29,7 @@ Law = Callable[[Any, Any, Any], Callable[[Any, Any, Any], tuple[Any, Any, Any]]]
 UNITS = {"r": " m", "e": " m", "m": " kg", "A": " kg m^2", "B": " kg m^2", "g": " m/s^2", "mu": "", "epsilon": " m/s"}
 
 
-class Constants(NamedTuple):
+class FieldConstants(NamedTuple):
     """What the equations need of a disk, in one arithmetic."""
 
     r: Any  #: disk radius [m]
@@ -42,11 +42,11 @@ class Constants(NamedTuple):
     epsilon: Any  #: smoothing speed of the friction law [m/s]
 
 
-def constants(disk: Mapping[str, str]) -> Constants:
+def constants(disk: Mapping[str, str]) -> FieldConstants:
     """Balls that hold the constants of a disk of eight exact numbers. Raises Unproved if they are no disk's."""
     r, e, m, A, B, g, mu, epsilon = (Fraction(disk[name]) for name in UNITS)
     need(0 < e < r and m * e * e < B <= A and min(m, g, mu, epsilon) > 0, "the parameters are no disk's")
-    return Constants(*map(ball, (r, e, A / m, B / m - e * e, g, mu * g / epsilon, mu * g, epsilon)))
+    return FieldConstants(*map(ball, (r, e, A / m, B / m - e * e, g, mu * g / epsilon, mu * g, epsilon)))
 
 
 def field(ops: Any, constants: Any, omega: Any, law: Any = "linear") -> Callable[[Any, Any, Any], tuple[Any, Any, Any]]:

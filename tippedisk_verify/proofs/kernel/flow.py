@@ -1,11 +1,13 @@
 """Proved enclosures of the flow: all orbits from a set of states, followed from step to step.
 
-All states are in shifted angles, (beta - pi/2, gamma - pi/2, v): the section is beta_bar = 0, the symmetry S is x -> -x
-and the equilibria are (0, 0, 0) and (0, -pi, 0), (0, pi, 0). The friction law is linear (the smooth
-one: `sliding`). A step's proof: `step`; the sets of states: `frame`.
+All states are in shifted angles, (beta - pi/2, gamma - pi/2, v). The section is beta_bar = 0, the
+symmetry S is x -> -x, and the equilibria are (0, 0, 0), (0, -pi, 0) and (0, pi, 0). The friction
+law is linear; `sliding` has the smooth one. `step` proves one step, and `frame` has the sets of
+states.
 
-**Who chooses.** The lengths and orders of steps and the axes of sets come from a `Proposer`, which searches for them or
-reads them in a certificate. Any choice that passes the tests is right, and nothing else is asked of a proposer.
+**Who chooses.** The lengths and orders of steps and the axes of sets come from a `StepProposer`. It
+searches for them or reads them in a certificate. Any choice that passes the tests is right, and
+nothing else is required of a proposer.
 """
 
 from __future__ import annotations
@@ -21,14 +23,14 @@ from tippedisk_verify.proofs.kernel.frame import Frame
 from tippedisk_verify.proofs.kernel.series import Graph, Node, System, with_derivatives
 from tippedisk_verify.proofs.kernel.step import Step, Trial, magnitude
 
-__all__ = ["Model", "Path", "Proposer", "Status", "short_float"]
+__all__ = ["FlowStatus", "Model", "Path", "StepProposer", "short_float"]
 
 _WIDEST = 3  # -log2 of the radius [rad, rad/s] beyond which a box says too little to go on
 _SHORTEST_STEP = 2.0**-40  # s
 _MOST_STEPS = 20_000
 
 
-class Status(Enum):
+class FlowStatus(Enum):
     """How a proof that follows the flow ended. The value says what happened and what to try next."""
 
     RETURNED = "the first return to the section is enclosed"
@@ -45,7 +47,7 @@ class Status(Enum):
     STEP_LIMIT = "the step limit was reached: shorten the run"
 
 
-class Proposer(Protocol):
+class StepProposer(Protocol):
     """What a flight asks for its choices. A search may answer with anything; a reader has a certificate's answers."""
 
     def step(self, path: Path, longest: Any) -> Step | None:
@@ -55,7 +57,7 @@ class Proposer(Protocol):
         """
         ...
 
-    def beyond(self) -> Proposer:
+    def beyond(self) -> StepProposer:
         """Who is asked for the steps behind a change of side."""
         ...
 
@@ -99,7 +101,7 @@ class Model:
         variables = [graph.variable() for _ in range(3)]
         return System(graph, variables, self._rates(graph, graph.number(omega), variables))
 
-    def path(self, start: Sequence[Any], proposer: Proposer, *, derivatives: bool = False) -> Path:
+    def path(self, start: Sequence[Any], proposer: StepProposer, *, derivatives: bool = False) -> Path:
         """All orbits from a box of states, to be followed; see `Path`."""
         return Path(self, start, proposer, derivatives=derivatives)
 
@@ -131,7 +133,7 @@ class Path:
         self.steps = 0  #: taken
         self.reversals = 0  #: of the sliding velocity's sign; counted under the smooth law only
         self.tested: Step | None = None  #: by its latest trial
-        self.status: Status | None = None  #: why it stopped, if it did
+        self.status: FlowStatus | None = None  #: why it stopped, if it did
 
     @property
     def matrix(self) -> tuple[tuple[Any, ...], ...]:
@@ -147,7 +149,7 @@ class Path:
         self.status = self._spent()
         step = None if self.status else self.proposer.step(self, longest)
         if step is None:
-            self.status = self.status or Status.NO_ENCLOSURE
+            self.status = self.status or FlowStatus.NO_ENCLOSURE
             return None
         own = self.tested
         if own is None or own.frame is not self.frame or own.length is not step.length:
@@ -155,12 +157,12 @@ class Path:
         need(own.included, "the states and derivatives over it are not shown to stay in its enclosure")
         return own
 
-    def _spent(self) -> Status | None:
+    def _spent(self) -> FlowStatus | None:
         if not all(part.is_finite() for part in self.box):
-            return Status.NO_ENCLOSURE
+            return FlowStatus.NO_ENCLOSURE
         if max(magnitude(part.rad()) for part in self.box) > -_WIDEST:
-            return Status.TOO_WIDE
-        return Status.STEP_LIMIT if self.steps >= _MOST_STEPS else None
+            return FlowStatus.TOO_WIDE
+        return FlowStatus.STEP_LIMIT if self.steps >= _MOST_STEPS else None
 
     def carried(self, step: Step, time: Any = None) -> Frame:
         """The set of the states after ``time`` in the step, or at its end."""

@@ -23,14 +23,23 @@ from typing import Any
 
 from tippedisk_verify.proofs.kernel.balls import Unproved, arb, inside, need
 from tippedisk_verify.proofs.kernel.field import constants
-from tippedisk_verify.proofs.kernel.flow import Path, Proposer, Status
+from tippedisk_verify.proofs.kernel.flow import FlowStatus, Path, StepProposer
 from tippedisk_verify.proofs.kernel.reading import dyadic, order, radius
-from tippedisk_verify.proofs.kernel.section import Return, Section, returned
+from tippedisk_verify.proofs.kernel.section import PoincareSection, Return, return_map
 from tippedisk_verify.proofs.kernel.sliding import law_model
 from tippedisk_verify.proofs.kernel.step import Step
 
-__all__ = ["BOX", "FLIGHT", "Choices", "FixedPoints", "Replay", "fixed_points", "krawczyk_test", "product",
-           "replayed_test"]  # fmt: skip
+__all__ = [
+    "BOX",
+    "FLIGHT",
+    "Choices",
+    "FixedPoints",
+    "StepReplay",
+    "fixed_points",
+    "krawczyk_test",
+    "product",
+    "replayed_test",
+]
 
 Pair = Sequence[Any]
 
@@ -39,8 +48,8 @@ Pair = Sequence[Any]
 class Choices:
     """What a test asks for."""
 
-    centre: Proposer  #: for the flight from the middle
-    box: Proposer  #: for the flight over the box
+    centre: StepProposer  #: for the flight from the middle
+    box: StepProposer  #: for the flight over the box
     inverse: Callable[[Sequence[Pair]], Sequence[Pair]]  #: Y, four points, given F_u over the box
 
 
@@ -68,7 +77,7 @@ class FixedPoints:
 
 def krawczyk_test(
     claim: Mapping[str, Any],
-    section: Section,
+    section: PoincareSection,
     middle: Pair,
     deviations: Pair,
     unknown: tuple[int, int],
@@ -83,12 +92,12 @@ def krawczyk_test(
     """
     numbers, friction = constants(claim["parameters"]), claim["friction"]
     if centre is None:
-        centre = returned(law_model(friction, numbers, middle[2]), section, middle[:2], choices.centre)
-    if centre.status is not Status.RETURNED:
+        centre = return_map(law_model(friction, numbers, middle[2]), section, middle[:2], choices.centre)
+    if centre.status is not FlowStatus.RETURNED:
         return centre
     whole = [point + part for point, part in zip(middle, deviations, strict=True)]
-    box = returned(law_model(friction, numbers, whole[2]), section, whole[:2], choices.box, derivatives=True)
-    if box.status is not Status.RETURNED:
+    box = return_map(law_model(friction, numbers, whole[2]), section, whole[:2], choices.box, derivatives=True)
+    if box.status is not FlowStatus.RETURNED:
         return box
     slopes = _slopes(box)
     return fixed_points(
@@ -142,7 +151,7 @@ FLIGHT = [{"steps": [_tested, None], "axes": [[dyadic, 3], 3]}, None]
 BOX = {"radii": [radius, 2], "inverse": [[dyadic, 2], 2], "flight": FLIGHT}  #: of a Krawczyk test
 
 
-class Replay:
+class StepReplay:
     """The proposer of a flight that takes the steps of a log, and no others. What fails is said with the step."""
 
     def __init__(self, log: Sequence[Mapping[str, Any]], name: str) -> None:
@@ -185,7 +194,7 @@ class Replay:
 
 def replayed_test(
     claim: Mapping[str, Any],
-    section: Section,
+    section: PoincareSection,
     middle: Pair,
     deviations: Pair,
     unknown: tuple[int, int],
@@ -198,7 +207,7 @@ def replayed_test(
 
     Raises Unproved if the test is not passed, or not all of the logs is read.
     """
-    flights = Replay(log, f"{name}, centre"), Replay(box["flight"], f"{name}, box")
+    flights = StepReplay(log, f"{name}, centre"), StepReplay(box["flight"], f"{name}, box")
     choices = Choices(*flights, lambda matrix: box["inverse"])
     outcome = krawczyk_test(claim, section, middle, deviations, unknown, choices, centre)
     if isinstance(outcome, Return):

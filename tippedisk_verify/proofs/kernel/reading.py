@@ -20,7 +20,7 @@ __all__ = [
     "LAWS",
     "MANNERS",
     "MEASURED",
-    "Claim",
+    "ClaimReader",
     "Refused",
     "as_float",
     "content_of",
@@ -120,7 +120,8 @@ def parsed(value: Any, shape: Any, path: str) -> Any:
         return {name: parsed(part, names[name], f"{path} {name}") for name, part in value.items()}
     if isinstance(shape, list):
         if not isinstance(value, list) or shape[1] not in (len(value), None):
-            raise Refused(f"{path}: a list{f' of {shape[1]}' * bool(shape[1])} is needed")
+            length = f" of {shape[1]}" if shape[1] else ""
+            raise Refused(f"{path}: a list{length} is needed")
         return [parsed(part, shape[0], f"{path} {number}") for number, part in enumerate(value, 1)]
     try:
         return shape(value)
@@ -128,7 +129,7 @@ def parsed(value: Any, shape: Any, path: str) -> Any:
         raise Refused(f"{path}: {fault}") from None
 
 
-class Claim(dict[str, Any]):
+class ClaimReader(dict[str, Any]):
     """A claim that remembers which of its members have been looked at: what nothing looks at, nothing tests."""
 
     def __init__(self, members: Mapping[str, Any]) -> None:

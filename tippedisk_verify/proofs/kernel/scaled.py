@@ -35,7 +35,7 @@ from typing import Any
 
 from tippedisk_verify.proofs.kernel.balls import need, positive
 from tippedisk_verify.proofs.kernel.curves import Curve, Matrix
-from tippedisk_verify.proofs.kernel.field import Constants, field
+from tippedisk_verify.proofs.kernel.field import FieldConstants, field
 from tippedisk_verify.proofs.kernel.jets import Jet, scaled_sine
 from tippedisk_verify.proofs.kernel.series import Graph, Node, System, with_derivatives
 
@@ -104,7 +104,7 @@ def _sine_and_cosine(angle: _Part) -> tuple[Any, Any]:
 class ScaledModel:
     """The equations of motion of (b, g, w), as `flow.Model`; ``square`` is q, ``omega`` in rad/s, jets or balls."""
 
-    def __init__(self, constants: Constants, omega: Any, square: Any) -> None:
+    def __init__(self, constants: FieldConstants, omega: Any, square: Any) -> None:
         self.constants, self.omega, self.square = constants, omega, square
         graph = Graph()
         variables = [graph.variable() for _ in range(3)]
@@ -126,11 +126,11 @@ class ScaledModel:
         return _rates(self.constants, state, self.omega, self.square)
 
     def _recorded(self, graph: Graph, variables: list[Node], omega: Node, square: Node) -> tuple[Any, ...]:
-        return _rates(Constants(*map(graph.number, self.constants)), variables, omega, square)
+        return _rates(FieldConstants(*map(graph.number, self.constants)), variables, omega, square)
 
 
-def _rates(constants: Constants, state: Any, omega: Any, square: Any) -> tuple[Any, ...]:
-    even = Constants(*(_Part(value, square) for value in constants))
+def _rates(constants: FieldConstants, state: Any, omega: Any, square: Any) -> tuple[Any, ...]:
+    even = FieldConstants(*(_Part(value, square) for value in constants))
     odd = [_Part(part, square, odd=True) for part in state]
     rates = field(_ScaledOps, even, _Part(omega, square))(*odd)
     if not all(rate.odd for rate in rates):

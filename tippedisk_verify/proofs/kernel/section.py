@@ -28,17 +28,17 @@ from enum import Enum
 from typing import Any, NamedTuple
 
 from tippedisk_verify.proofs.kernel.balls import alike, arb, inside, negative, positive
-from tippedisk_verify.proofs.kernel.flow import Model, Proposer, Status
+from tippedisk_verify.proofs.kernel.flow import FlowStatus, Model, StepProposer
 from tippedisk_verify.proofs.kernel.sliding import Crossing
 from tippedisk_verify.proofs.kernel.step import Step, enclosed_moment
 
-__all__ = ["HALF", "TURN", "UPRIGHT", "Return", "Section", "returned"]
+__all__ = ["HALF", "TURN", "UPRIGHT", "PoincareSection", "Return", "return_map"]
 
 UPRIGHT = 1.5706999  #: rad; as a radius, rounded up to 30 bits, still below 1.5707 and pi/2: sin(beta) > 0 within
 _MOST_CUTS = 40
 
 
-class Section(NamedTuple):
+class PoincareSection(NamedTuple):
     """A section with its map: which component is zero on it, which are the coordinates, and what comes after."""
 
     zero: int  #: of the component that is zero on the section
@@ -61,17 +61,17 @@ class Section(NamedTuple):
         return state
 
 
-HALF, TURN = Section(0, 1, 2), Section(1, 0, 1)
+HALF, TURN = PoincareSection(0, 1, 2), PoincareSection(1, 0, 1)
 
 
 @dataclass(frozen=True)
 class Return:
-    """What is proved of all orbits from a box on a section. Only Status.RETURNED makes the rest mean anything.
+    """What is proved of all orbits from a box on a section. Only FlowStatus.RETURNED makes the rest mean anything.
 
     The coordinates x are (gamma_bar, v) for the half map and (beta_bar, v) for the turn map.
     """
 
-    status: Status
+    status: FlowStatus
     reached: Any  #: how far the path was followed [s]
     steps: Any
     reversals: Any = 0  #: changes of the sliding velocity's sign; counted under the smooth law only
@@ -86,38 +86,38 @@ class Return:
     divergence: Any = None  #: integral of div f over the flight
 
 
-def returned(
+def return_map(
     model: Model,
-    section: Section,
+    section: PoincareSection,
     box: Sequence[Any],
-    proposer: Proposer,
+    proposer: StepProposer,
     *,
     derivatives: bool = False,
     longest: float = 60.0,
 ) -> Return:
     """Enclose a section's map over a box of its two coordinates; ``longest`` [s] ends the flight."""
-    walk = Walk(model, section, box, proposer, derivatives=derivatives)
-    path = walk.path
+    poincare_map = PoincareMap(model, section, box, proposer, derivatives=derivatives)
+    path = poincare_map.path
     if section == HALF and not negative(alike(path.time, box[1])):
-        return Return(Status.NO_START, path.time, 0)
+        return Return(FlowStatus.NO_START, path.time, 0)
     while path.time < longest:
         length: Any = None
         tried: Round | None = None
         for _ in range(_MOST_CUTS):
-            before, tried = tried, walk.advance(length)
+            before, tried = tried, poincare_map.advance(length)
             if tried is None or tried.proved:
                 break
             length = 0.7 * tried.length
         if tried is None or not tried.proved:
             last = tried or before
-            status = Status.FLAT if last and not last.upright else Status.UNRESOLVED if tried else path.status
-            return Return(status or Status.NO_ENCLOSURE, path.time, path.steps)
+            status = FlowStatus.FLAT if last and not last.upright else FlowStatus.UNRESOLVED if tried else path.status
+            return Return(status or FlowStatus.NO_ENCLOSURE, path.time, path.steps)
         if tried.landing is not None:
             return tried.landing
-    return Return(Status.NO_RETURN, path.time, path.steps)
+    return Return(FlowStatus.NO_RETURN, path.time, path.steps)
 
 
-class Case(Enum):
+class SectionCase(Enum):
     """What the orbits do in a step, by the cases of the module's docstring."""
 
     ON = "they fall, or after the turn rise, and do not reach the section"
@@ -134,11 +134,17 @@ class Round(NamedTuple):
     landing: Return | None = None  #: what is proved of the orbits, if they have reached the section
 
 
-class Walk:
+class PoincareMap:
     """All orbits from a box on a section, on their way to the next crossing."""
 
     def __init__(
-        self, model: Model, section: Section, box: Sequence[Any], proposer: Proposer, *, derivatives: bool = False
+        self,
+        model: Model,
+        section: PoincareSection,
+        box: Sequence[Any],
+        proposer: StepProposer,
+        *,
+        derivatives: bool = False,
     ) -> None:
         self.section = section
         self.path = model.path(section.start(*box), proposer, derivatives=derivatives)
@@ -154,18 +160,18 @@ class Walk:
         upright, case = self._case(step)
         if not upright or case is None:
             return Round(step.length, upright, False)
-        if case is Case.CROSSES:
+        if case is SectionCase.CROSSES:
             moment = self._crossing(step)
             if moment is None:
                 return Round(step.length, upright, False)
             self.path.take(step, moment)
             return Round(step.length, upright, True, self._landed())
-        if case is Case.TURNS and not self._turn(step):
+        if case is SectionCase.TURNS and not self._turn(step):
             return Round(step.length, upright, False)
         self.path.take(step)
         return Round(step.length, upright, True)
 
-    def _case(self, step: Step) -> tuple[bool, Case | None]:
+    def _case(self, step: Step) -> tuple[bool, SectionCase | None]:
         """Whether the disk is shown not to lie flat, and the case that is shown; None if none is."""
         rates, (beta, _, v) = self.path.model.rates(step.enclosure), step.enclosure
         beta_end, gamma_end, v_end = step.at_end()
@@ -174,18 +180,20 @@ class Walk:
         if self.section == TURN:
             ahead = gamma_end - TURN.level()
             crosses = positive(ahead) and positive(rates[1]) and one_law
-            return upright and positive(beta), Case.ON if negative(ahead) else Case.CROSSES if crosses else None
+            return upright and positive(beta), SectionCase.ON if negative(
+                ahead
+            ) else SectionCase.CROSSES if crosses else None
         start, gains = self.path.box[2], positive(rates[2]) and one_law
         if not self.turned:
             if negative(v) or (gains and negative(v_end)):
-                return upright, Case.ON
+                return upright, SectionCase.ON
             turns = gains and negative(start) and positive(v_end) and negative(beta_end)
-            return upright, Case.TURNS if turns else None
+            return upright, SectionCase.TURNS if turns else None
         if not (positive(v) or (gains and positive(start) and positive(v_end))):
             return upright, None
         if negative(beta_end):
-            return upright, Case.ON
-        return upright, Case.CROSSES if positive(beta_end) and one_law else None
+            return upright, SectionCase.ON
+        return upright, SectionCase.CROSSES if positive(beta_end) and one_law else None
 
     def _turn(self, step: Step) -> bool:
         """Enclose the turn in the step; return False if its moment cannot be enclosed."""
@@ -244,7 +252,7 @@ class Walk:
                 "divergence": path.divergence,
             }
         return Return(
-            Status.RETURNED,
+            FlowStatus.RETURNED,
             path.time,
             path.steps,
             path.reversals,

@@ -47,7 +47,7 @@ from tippedisk_verify.proofs.kernel.balls import (
     upper,
 )
 from tippedisk_verify.proofs.kernel.field import Law, one_sided, sliding_motion
-from tippedisk_verify.proofs.kernel.flow import Model, Path, Proposer, Status
+from tippedisk_verify.proofs.kernel.flow import FlowStatus, Model, Path, StepProposer
 from tippedisk_verify.proofs.kernel.series import Graph, System
 from tippedisk_verify.proofs.kernel.step import Step, enclosed_moment, polynomial
 
@@ -105,7 +105,7 @@ class SmoothModel(Model):
         integral = self._with_path.coefficients([*state, alike(state[0], 0)], order + 1)[-1]
         return [k * coefficient for k, coefficient in enumerate(integral)][1:]
 
-    def path(self, start: Sequence[Any], proposer: Proposer, *, derivatives: bool = False) -> Path:
+    def path(self, start: Sequence[Any], proposer: StepProposer, *, derivatives: bool = False) -> Path:
         return SlidingPath(self, start, proposer, derivatives=derivatives)
 
 
@@ -145,7 +145,7 @@ class SlidingPath(Path):
     model: SmoothModel  #: the law of the present side
 
     def __init__(
-        self, model: SmoothModel, start: Sequence[Any], proposer: Proposer, *, derivatives: bool = False
+        self, model: SmoothModel, start: Sequence[Any], proposer: StepProposer, *, derivatives: bool = False
     ) -> None:
         super().__init__(model, start, proposer, derivatives=derivatives)
         velocity, _ = model.motion(self.box)
@@ -163,7 +163,7 @@ class SlidingPath(Path):
             longest = (followed or step).length / 2
             if longest < _SHORTEST or not self.side:
                 break
-        self.status = Status.GRAZING
+        self.status = FlowStatus.GRAZING
         return None
 
     def take(self, step: Step, time: Any = None) -> None:

@@ -1,9 +1,9 @@
-"""What is proved of the family of limit cycles: for the command line, and as a certificate.
+"""The proof of the family of limit cycles: its answer for the command line, and its certificate.
 
-`kernel.claims.family` says why arcs that fit together are one curve from the Hopf point on, and what joins it to the
-cycles next to the connection.
+`kernel.certificates.family` has the argument: why arcs that fit together are one curve from the
+Hopf point on, and what joins it to the cycles next to the connection.
 
-Where a ball becomes a point or a float: nowhere.
+No ball becomes a point or a float here.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.proofs.closed_forms import check_linearization, hopf_balls
 from tippedisk_verify.proofs.kernel.balls import ball_constants, working_precision
-from tippedisk_verify.proofs.kernel.claims import connection_cycles, sentence
-from tippedisk_verify.proofs.kernel.claims.family import Piece, Status, curve_fault, last_cycle, unique_within
+from tippedisk_verify.proofs.kernel.certificates import connection_cycles, sentence
+from tippedisk_verify.proofs.kernel.certificates.family import ArcStatus, Piece, curve_fault, last_cycle, unique_within
 from tippedisk_verify.proofs.numbers import measured
 from tippedisk_verify.proofs.search.certificate import Proof, claim_of, parameter_texts
 from tippedisk_verify.proofs.search.connection_end import ProvedEnd
@@ -38,7 +38,7 @@ class BranchProof(Proof):
 
     parameters: Parameters
     pieces: tuple[Piece, ...]
-    stopped: Status | None = None  #: why the piece after the last one is not proved, if one was tried
+    stopped: ArcStatus | None = None  #: why the piece after the last one is not proved, if one was tried
     connection: ProvedConnection | None = None  #: Omega_h, if it is known
     end: ProvedEnd | None = None  #: the cycles next to the connection, if they are proved
 

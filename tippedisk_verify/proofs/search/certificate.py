@@ -13,7 +13,7 @@ from tippedisk_verify.model.decimals import exact_text
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import SYMBOLS, Parameters
 from tippedisk_verify.proofs.kernel.balls import Unproved, arb
-from tippedisk_verify.proofs.kernel.claims import FORMAT, sentence
+from tippedisk_verify.proofs.kernel.certificates import FORMAT, sentence
 from tippedisk_verify.proofs.kernel.reading import digest, dyadic_text
 from tippedisk_verify.proofs.search.steps import Steps
 
@@ -108,9 +108,9 @@ class Proposer:
         self.log: dict[str, Any] = {}
         self.asked = ""  #: the last of the names
 
-    def __call__(self, name: str, *shown: Any) -> Any:
+    def __call__(self, name: str, *context: Any) -> Any:
         self.asked = name
-        self.log[name] = getattr(self, name)(*shown)
+        self.log[name] = getattr(self, name)(*context)
         return self.log[name]
 
 

@@ -27,14 +27,14 @@ from tippedisk_verify.model.exact import exact, shown
 from tippedisk_verify.model.parameters import Constants
 from tippedisk_verify.proofs.closed_forms import refuse_past_birth
 from tippedisk_verify.proofs.kernel.balls import Unproved, ball, working_precision
-from tippedisk_verify.proofs.kernel.claims.connection_cycles import CLAIM, LID, End, ReturnMap, cycles_shown
-from tippedisk_verify.proofs.kernel.claims.passage import Passage
-from tippedisk_verify.proofs.kernel.claims.saddle import most
+from tippedisk_verify.proofs.kernel.certificates.connection_cycles import CLAIM, LID, End, LoopMap, verify_cycles
+from tippedisk_verify.proofs.kernel.certificates.passage import Passage
+from tippedisk_verify.proofs.kernel.certificates.saddle import most
 from tippedisk_verify.proofs.numbers import measured
 from tippedisk_verify.proofs.search.certificate import Proof, Proposer, Stopped, claim_of
 from tippedisk_verify.proofs.search.heteroclinic import ProvedConnection, eigenvectors
 
-__all__ = ["ProvedEnd", "Status", "checked_distance", "prove_end"]
+__all__ = ["EndStatus", "ProvedEnd", "checked_distance", "prove_end"]
 
 #: u, s, t: |z_f| has room for starts on the section beta = pi/2 that are off the slow manifold
 _EXTENTS = (Fraction(1, 5), Fraction(1, 5), Fraction(3, 10))
@@ -55,7 +55,7 @@ _FLOWN, _LONGEST = 1e-3, 3000  # s, and how many, of the single flights
 Array = NDArray[np.float64]
 
 
-class Status(Enum):
+class EndStatus(Enum):
     """How the proof ended. The value says where it stopped and what to try next."""
 
     PROVED = "proved"
@@ -70,7 +70,7 @@ class Status(Enum):
 class ProvedEnd(Proof):
     """What is proved of the cycles at speeds from ``low`` to ``high`` [rad/s]; nothing without status PROVED."""
 
-    status: Status
+    status: EndStatus
     connection: ProvedConnection
     low: Fraction = Fraction(0)
     high: Fraction = Fraction(0)
@@ -133,8 +133,8 @@ def prove_end(
     """
     parameters, omega_h = connection.parameters, connection.omega_h
     above, under = checked_distance(reach), checked_distance(below)
-    if not connection.proved or parameters is None or omega_h is None or connection.shown is None:
-        return ProvedEnd(Status.NO_CONNECTION, connection)
+    if not connection.proved or parameters is None or omega_h is None or connection.verified is None:
+        return ProvedEnd(EndStatus.NO_CONNECTION, connection)
     parameters.refuse_smooth("the cycles next to the connection are proved")
     middle = round(omega_h.value, 4)
     low, high = middle - under, middle + above
@@ -142,10 +142,10 @@ def prove_end(
         raise InputError("Omega_h is not between the ends: give larger numbers")
     refuse_past_birth(parameters, high)
     for attempt in range(_ATTEMPTS):
-        search = _Search(connection, low, high, _ROOM**attempt)
+        search = _EndSearch(connection, low, high, _ROOM**attempt)
         try:
             with working_precision(connection.bits):
-                end = cycles_shown(connection.shown, low, high, search, watch)
+                end = verify_cycles(connection.verified, low, high, search, watch)
         except Unproved as fault:
             failed = ProvedEnd(search.stopped(fault), connection, low, high, where=str(fault))
             if not failed.where.startswith(LID):
@@ -155,7 +155,7 @@ def prove_end(
             texts = {name: f"{float(x):.4g}" for name, x in numbers.items()}
             entry = {name: part for name, part in search.log["entry"].items() if name not in CLAIM}
             choices = search.log | {"entry": entry}
-            return ProvedEnd(Status.PROVED, connection, low, high, end.gamma, end.v, texts, choices=choices)
+            return ProvedEnd(EndStatus.PROVED, connection, low, high, end.gamma, end.v, texts, choices=choices)
     return failed
 
 
@@ -167,19 +167,19 @@ def checked_distance(number: object) -> Fraction:
     return given.rational
 
 
-class _Search(Proposer):
+class _EndSearch(Proposer):
     def __init__(self, connection: ProvedConnection, low: Fraction, high: Fraction, factor: float) -> None:
         """``factor``: by how much more the lid lies beyond what is expected."""
         super().__init__()
         self.connection, self.low, self.high, self.factor = connection, low, high, factor
 
-    def stopped(self, fault: Unproved) -> Status:
+    def stopped(self, fault: Unproved) -> EndStatus:
         """Where the kernel, or the search, gave up."""
         if isinstance(fault, Stopped):
-            return Status(fault.status)
+            return EndStatus(fault.status)
         if "connection" in str(fault):
-            return Status.APART
-        return Status.FLIGHT if str(fault).startswith("flight") else Status.INEQUALITY
+            return EndStatus.APART
+        return EndStatus.FLIGHT if str(fault).startswith("flight") else EndStatus.INEQUALITY
 
     def box(self) -> dict[str, Any]:
         omega_h, parameters = self.connection.omega_h, self.connection.parameters
@@ -197,9 +197,14 @@ class _Search(Proposer):
         grows = [[c[i, j].upper() if i == j else most(c[i, j]) for j in range(3)] for i in range(3)]
         drift = arb_mat(grows).solve(arb_mat([[-part * _WIDER] for part in n.stirred]))
         return {
-            "steep": _points(_STEEP), "compound": _points(_COMPOUND), "drift": [most(x).mid() for x in drift.entries()],
-            "flat": flat, "lipschitz": lipschitz, "thin": ball(_THIN), "return": ball(_RETURN),
-        }  # fmt: skip
+            "steep": _points(_STEEP),
+            "compound": _points(_COMPOUND),
+            "drift": [most(x).mid() for x in drift.entries()],
+            "flat": flat,
+            "lipschitz": lipschitz,
+            "thin": ball(_THIN),
+            "return": ball(_RETURN),
+        }
 
     def entry(self, n: Passage) -> dict[str, Any]:
         """D and Q, with a lid above which the flights of the largest speed and z_s are expected to arrive."""
@@ -212,10 +217,10 @@ class _Search(Proposer):
             lid = _ROOM * (abs(arrival) + abs(further - arrival) * reach + wide)
         return self._entry(n, lid * self.factor)
 
-    def _return_map(self, n: Passage, lid: float) -> ReturnMap:
+    def _return_map(self, n: Passage, lid: float) -> LoopMap:
         if lid > float(n.extents[0]) / 2:
-            raise Stopped(Status.NO_LID)
-        return ReturnMap(n, self._entry(n, lid))
+            raise Stopped(EndStatus.NO_LID)
+        return LoopMap(n, self._entry(n, lid))
 
     def _entry(self, n: Passage, lid: float) -> dict[str, Any]:
         """With the moment that bounds the crossings of beta_bar = 0 best, and the c and d that hold them."""
@@ -231,7 +236,7 @@ class _Search(Proposer):
         c, d = (_decimal_above(bound(low) * n.at_crossing(row)) for row in (1, 2))
         return {"lid": top, "fast": fast, "weight": ball(_WEIGHT), "moment": ball(low), "gamma": c, "v": d}
 
-    def flights(self, returned: ReturnMap) -> dict[str, Any]:
+    def flights(self, returned: LoopMap) -> dict[str, Any]:
         """Steps that end half a step after the middle of each cell arrives."""
         low, high = float(self.low), float(self.high)
         least, largest = map(float, returned.exits)

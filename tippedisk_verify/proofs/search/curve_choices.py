@@ -1,7 +1,7 @@
 """Arcs of the family of limit cycles: polynomials, boxes, steps and axes that the kernel is likely to accept.
 
 Where a ball becomes a point or a float: everywhere. What is proposed here `kernel.curves` and
-`kernel.claims.family` test, and any choice that passes is right.
+`kernel.certificates.family` test, and any choice that passes is right.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from typing import Any, NamedTuple, cast
 from tippedisk_verify.model.decimals import exact_text, rounded_up
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.proofs.kernel.balls import Unproved, arb, ball, need, working_precision
-from tippedisk_verify.proofs.kernel.claims.family import Piece, Status, box_test, signs, upper_bound
+from tippedisk_verify.proofs.kernel.certificates.family import ArcStatus, Piece, box_test, signs, upper_bound
 from tippedisk_verify.proofs.kernel.curves import ORDERS, UNKNOWNS, Arc, Curve, CurvePath, Matrix, inverse
-from tippedisk_verify.proofs.kernel.field import Constants, constants
+from tippedisk_verify.proofs.kernel.field import FieldConstants, constants
 from tippedisk_verify.proofs.kernel.jets import Jet
 from tippedisk_verify.proofs.kernel.scaled import ScaledCurve
 from tippedisk_verify.proofs.kernel.step import Step, polynomial
@@ -26,8 +26,17 @@ from tippedisk_verify.proofs.numbers import WIDER, measured
 from tippedisk_verify.proofs.search.certificate import Stopped, parameter_texts
 from tippedisk_verify.proofs.search.steps import axes_of_balls
 
-__all__ = ["BITS", "Guess", "StepSearch", "boxed", "family_polynomials", "family_rows", "piece_entry", "prove_piece",
-           "two_digits"]  # fmt: skip
+__all__ = [
+    "BITS",
+    "Guess",
+    "StepSearch",
+    "boxed",
+    "family_polynomials",
+    "family_rows",
+    "piece_entry",
+    "prove_piece",
+    "two_digits",
+]
 
 BITS, _DEGREE = 64, 4
 _PLACES = 16  # decimals of the polynomials' coefficients
@@ -65,8 +74,10 @@ class StepSearch:
             text = self._next()
             share = float(text)
             step = path.step_of(trial, share)
-            excess = max(_excess(step.derivatives, step, ORDERS[1] + 1, _ROUGH_TOLERANCE),
-                         _excess(step.polynomials, step, ORDERS[0] + 1, _TOLERANCE))  # fmt: skip
+            excess = max(
+                _excess(step.derivatives, step, ORDERS[1] + 1, _ROUGH_TOLERANCE),
+                _excess(step.polynomials, step, ORDERS[0] + 1, _TOLERANCE),
+            )
             # The length that would do, times 0.9 because remainders grow with the box as well.
             self._share = share * min(1.3, max(0.3, 0.9 * 2.0**-excess))
             if excess <= 0 and step.included:
@@ -101,7 +112,7 @@ def _excess(series: Sequence[Sequence[Jet]], step: Step, power: int, tolerance: 
     return (math.log2(size) - tolerance) / power + math.log2(length) if size else -math.inf
 
 
-def glide(constants: Constants, curve: Curve) -> tuple[Sequence[Jet], Jet]:
+def glide(constants: FieldConstants, curve: Curve) -> tuple[Sequence[Jet], Jet]:
     """Roughly the image (gamma_bar, v) of the curve itself and its time: midpoints."""
     orbit = curve.equations(constants, *curve.numbers).orbit_at(curve.omega)
     total = curve.total
@@ -136,7 +147,7 @@ def _moment(polynomials: Sequence[Sequence[Jet]], guess: Jet) -> Jet:
 
 
 def family_polynomials(
-    constants: Constants, start: Sequence[Any], radius: Any, degree: int, total: Any, kind: type[Curve]
+    constants: FieldConstants, start: Sequence[Any], radius: Any, degree: int, total: Any, kind: type[Curve]
 ) -> tuple[list[Jet], Jet]:
     """Taylor polynomials in s of (gamma_bar, v, Omega) along the family, and of half the period: points.
 
@@ -172,17 +183,17 @@ class Rows(NamedTuple):
     texts: list[list[str]]
 
 
-def family_rows(constants: Constants, start: Sequence[Any], radius: Any, total: Any, kind: type[Curve]) -> Rows:
+def family_rows(constants: FieldConstants, start: Sequence[Any], radius: Any, total: Any, kind: type[Curve]) -> Rows:
     """`family_polynomials` in decimals. Raises Stopped if there are none."""
     polynomials, half = family_polynomials(constants, start, radius, _DEGREE, total, kind)
     jets = [*(polynomials[k] for k in UNKNOWNS), half]
     if not all(entry.is_finite() for jet in jets for entry in jet.c):
-        raise Stopped(Status.NOT_FOLLOWED)
+        raise Stopped(ArcStatus.NOT_FOLLOWED)
     rows = [tuple(round(measured(part.mid()).value, _PLACES) for part in jet.c) for jet in jets]
     return Rows(rows[:2], [[*map(exact_text, row)] for row in rows])
 
 
-def _slope(constants: Constants, kind: type[Curve], point: Sequence[Any], half: Any, moving: int) -> list[Any]:
+def _slope(constants: FieldConstants, kind: type[Curve], point: Sequence[Any], half: Any, moving: int) -> list[Any]:
     """Roughly dF by one of the three numbers."""
     zero = 0 * point[0]
     first, v, speed = (Jet([part, zero + _TINY * int(moving == j)]) for j, part in enumerate(point))
@@ -210,17 +221,17 @@ def boxed(test: Test, radii: Sequence[Fraction]) -> Boxed:
         try:
             arc = test(sizes, choices)
         except Unproved:
-            raise Stopped(Status.NOT_FOLLOWED) from None
+            raise Stopped(ArcStatus.NOT_FOLLOWED) from None
         if not all(off.is_finite() for off in arc.within):
-            raise Stopped(Status.NOT_FOLLOWED)
+            raise Stopped(ArcStatus.NOT_FOLLOWED)
         within = [two_digits(max(upper_bound(off) * WIDER, Fraction(1, 10**30))) for off in arc.within]
         if arc.included and all(a < b for a, b in zip(within, sizes, strict=True)):
             return Boxed(arc, sizes, within, choices.log)
         radii = [2 * part for part in within]
-    raise Stopped(Status.NOT_INCLUDED)
+    raise Stopped(ArcStatus.NOT_INCLUDED)
 
 
-def prove_piece(parameters: Parameters, low: Fraction, high: Fraction, guess: Guess) -> Piece | Status:
+def prove_piece(parameters: Parameters, low: Fraction, high: Fraction, guess: Guess) -> Piece | ArcStatus:
     """Prove the family from one amplitude to another [rad]; from 0 on by scaled states.
 
     ``guess`` belongs to the middle, of a or, from 0 on, of a^2.
@@ -245,7 +256,7 @@ def prove_piece(parameters: Parameters, low: Fraction, high: Fraction, guess: Gu
                 if any(2 * two_digits(new) > old for new, old in zip(radii, box.radii, strict=True)):
                     break
         except Stopped as fault:
-            return cast("Status", fault.status)
+            return cast("ArcStatus", fault.status)
         if refusal is not None:
             return refusal
         unique, evidence = box, arc | {"bits": BITS, "box": box.evidence}

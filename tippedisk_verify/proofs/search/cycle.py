@@ -1,4 +1,4 @@
-"""Limit cycles, proved: the search for what the kernel's test (`kernel.claims.cycle`) is likely to pass.
+"""Limit cycles, proved: the search for what the kernel's test (`kernel.certificates.cycle`) is likely to pass.
 
 A guess is sharpened by Newton's iteration on midpoints. The precision and the box's radii grow until the numbers have
 the digits asked for; wider boxes are tried for how far the next fixed point must be. Whatever is chosen here, what is
@@ -22,18 +22,17 @@ from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import bits_for_digits
 from tippedisk_verify.proofs.kernel.balls import arb, ball, working_precision
-from tippedisk_verify.proofs.kernel.claims import cycle
-from tippedisk_verify.proofs.kernel.flow import Model
-from tippedisk_verify.proofs.kernel.flow import Status as FlowStatus
+from tippedisk_verify.proofs.kernel.certificates import cycle
+from tippedisk_verify.proofs.kernel.flow import FlowStatus, Model
 from tippedisk_verify.proofs.kernel.krawczyk import FixedPoints, product
-from tippedisk_verify.proofs.kernel.section import HALF, TURN, Return, Section, returned
+from tippedisk_verify.proofs.kernel.section import HALF, TURN, PoincareSection, Return, return_map
 from tippedisk_verify.proofs.kernel.sliding import model_of
 from tippedisk_verify.proofs.kernel.step import magnitude
 from tippedisk_verify.proofs.numbers import measured, widened
 from tippedisk_verify.proofs.search.certificate import Proof, Stopped, claim_of
 from tippedisk_verify.proofs.search.steps import Steps, midpoint_inverse, searched_test
 
-__all__ = ["HALF", "TURN", "OrbitProof", "Status", "prove_cycle"]
+__all__ = ["HALF", "TURN", "OrbitProof", "OrbitStatus", "prove_cycle"]
 
 
 _GUARD_DIGITS = 6  # the box is that much smaller than the digits asked for
@@ -45,7 +44,7 @@ _MOST_ITERATIONS = 25
 _MOST_ATTEMPTS = 6
 
 
-class Status(Enum):
+class OrbitStatus(Enum):
     """How an attempted proof of a limit cycle ended. The value says what happened and what to try next."""
 
     PROVED = "proved"
@@ -68,8 +67,8 @@ class OrbitProof(Proof):
 
     _told: ClassVar = ("stable", "reversals", "unique_within")
 
-    section: Section
-    status: Status
+    section: PoincareSection
+    status: OrbitStatus
     where: str  #: how far the proof came
     parameters: Parameters
     omega: Fraction  #: [rad/s], exact
@@ -130,7 +129,7 @@ def prove_cycle(
     *,
     digits: int = 12,
     most_bits: int = 20_000,
-    section: Section = HALF,
+    section: PoincareSection = HALF,
 ) -> OrbitProof:
     """Prove the limit cycle near ``guess`` at ``omega`` [rad/s] and enclose its numbers.
 
@@ -145,14 +144,14 @@ def prove_cycle(
     try:
         return attempt.run([exact(part) for part in guess])
     except Stopped as fault:
-        return OrbitProof(section, Status(fault.status), str(fault), parameters, attempt.omega, attempt.bits)
+        return OrbitProof(section, OrbitStatus(fault.status), str(fault), parameters, attempt.omega, attempt.bits)
 
 
 class Attempt:
     """A proof under way: the precision and box in use. What prevents it is raised as `Stopped`."""
 
     def __init__(
-        self, parameters: Parameters, omega: Fraction, digits: int, most_bits: int, section: Section = HALF
+        self, parameters: Parameters, omega: Fraction, digits: int, most_bits: int, section: PoincareSection = HALF
     ) -> None:
         self.parameters, self.omega, self.digits, self.most_bits = parameters, omega, digits, most_bits
         self.section, self.setting = section, claim_of("", parameters, {}, omega=omega)
@@ -172,13 +171,13 @@ class Attempt:
                 if isinstance(fixed, Return):
                     ended, more = _not_followed(fixed), 64
                 elif not fixed.included:
-                    ended, more = Stopped(Status.NOT_INCLUDED, f"in {self.bits} bits"), _shortage(fixed, evidence)
+                    ended, more = Stopped(OrbitStatus.NOT_INCLUDED, f"in {self.bits} bits"), _shortage(fixed, evidence)
                 else:
                     proof = self.concluded(fixed)
                     lacking = proof.lacking_bits(self.digits)
                     if not lacking:
                         return self.neighbourhood(proof, fixed, drift, evidence)
-                    ended, more = Stopped(Status.TOO_FEW_DIGITS, f"{lacking} bits are lacking"), lacking + 4
+                    ended, more = Stopped(OrbitStatus.TOO_FEW_DIGITS, f"{lacking} bits are lacking"), lacking + 4
                     self.box_bits += more
                 if isinstance(fixed, FixedPoints) and all(part.is_finite() for part in fixed.image):
                     middle = [part.mid() for part in fixed.image[:2]]
@@ -200,12 +199,12 @@ class Attempt:
             state = [ball(part).mid() for part in guess]
         scale = float(abs(state[0])) + float(abs(state[1])) / 10
         if not scale > 0:
-            raise Stopped(Status.TRIVIAL, "the guess is the equilibrium")
+            raise Stopped(OrbitStatus.TRIVIAL, "the guess is the equilibrium")
         matrix: Any = None
         correct, gain = 0, 0  # -log2 of the last step's size relative to the state, and of the matrix's error
         for _ in range(_MOST_ITERATIONS):
             with working_precision(min(self.bits, max(_FIRST_BITS, 2 * correct + 64))):
-                flight = returned(self.model(), self.section, state, Steps(), derivatives=matrix is None)
+                flight = return_map(self.model(), self.section, state, Steps(), derivatives=matrix is None)
                 if flight.status is not FlowStatus.RETURNED:
                     raise _not_followed(flight)
                 if matrix is None:
@@ -214,11 +213,11 @@ class Attempt:
                 inverse = midpoint_inverse(matrix)
                 step = product(inverse, [new - old for new, old in zip(flight.image, state, strict=True)])
                 if not all(part.is_finite() for part in step):
-                    raise Stopped(Status.NOT_CONVERGED, "the derivative of the map is singular")
+                    raise Stopped(OrbitStatus.NOT_CONVERGED, "the derivative of the map is singular")
             with working_precision(self.bits):
                 state = [(old - part).mid() for old, part in zip(state, step, strict=True)]
             if float(abs(state[0])) + float(abs(state[1])) / 10 < scale / 5:
-                raise Stopped(Status.TRIVIAL, "in Newton's iteration")
+                raise Stopped(OrbitStatus.TRIVIAL, "in Newton's iteration")
             size = max(magnitude(part) for part in step) - max(magnitude(part) for part in state)
             previous, correct = correct, -size
             if correct < 20:  # far off: a fresh derivative for the next step
@@ -230,7 +229,7 @@ class Attempt:
                 return state
             if correct <= previous:  # a stale derivative
                 matrix, gain = None, 0
-        raise Stopped(Status.NOT_CONVERGED, f"after {_MOST_ITERATIONS} steps of Newton's iteration")
+        raise Stopped(OrbitStatus.NOT_CONVERGED, f"after {_MOST_ITERATIONS} steps of Newton's iteration")
 
     def neighbourhood(self, proof: OrbitProof, fixed: FixedPoints, drift: Any, evidence: dict[str, Any]) -> OrbitProof:
         """The proof with the widest box that passes the test, and with its evidence."""
@@ -250,7 +249,7 @@ class Attempt:
         values, where = cycle.cycle_numbers(self.section, fixed), f"{fixed.centre.steps} + {fixed.box.steps} steps"
         return OrbitProof(
             self.section,
-            Status.PROVED,
+            OrbitStatus.PROVED,
             f"in {self.bits} bits, {where}",
             self.parameters,
             self.omega,
@@ -262,7 +261,7 @@ class Attempt:
 
 
 def _not_followed(flight: Return) -> Stopped:
-    return Stopped(Status.NOT_FOLLOWED, f"at t = {float(flight.reached):.4g} s: {flight.status.value}")
+    return Stopped(OrbitStatus.NOT_FOLLOWED, f"at t = {float(flight.reached):.4g} s: {flight.status.value}")
 
 
 def _shortage(fixed: FixedPoints, evidence: Mapping[str, Any]) -> int:

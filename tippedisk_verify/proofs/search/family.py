@@ -23,21 +23,30 @@ from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.proofs.closed_forms import hopf_balls
 from tippedisk_verify.proofs.kernel.balls import arb, ball_constants, working_precision
-from tippedisk_verify.proofs.kernel.claims.family import Piece, Status, joined
+from tippedisk_verify.proofs.kernel.certificates.family import ArcStatus, Piece, joined
 from tippedisk_verify.proofs.numbers import measured
 from tippedisk_verify.proofs.search.branch import BranchProof, omega_crit
 from tippedisk_verify.proofs.search.connection_end import ProvedEnd
 from tippedisk_verify.proofs.search.curve_choices import Guess, prove_piece
 from tippedisk_verify.proofs.search.heteroclinic import ProvedConnection, prove_connection
 
-__all__ = ["HOPF_END", "Interval", "Known", "chain", "guess_at", "hopf_guess", "open_intervals", "prove_family",
-           "prove_intervals"]  # fmt: skip
+__all__ = [
+    "HOPF_END",
+    "Interval",
+    "Known",
+    "chain",
+    "guess_at",
+    "hopf_guess",
+    "open_intervals",
+    "prove_family",
+    "prove_intervals",
+]
 
 HOPF_END = Fraction(4, 5)  #: rad: up to where the piece at the Hopf point is tried
 _LONGEST, _SHARE = Fraction(3, 10), Fraction(1, 7)  # of an interval [rad], and of how far pi is from its beginning
 _MOST_HALVINGS = 5
 _NEAREST = 5  # known cycles that a guess is made of
-_HOPELESS = (Status.RISING, Status.UNSTABLE)
+_HOPELESS = (ArcStatus.RISING, ArcStatus.UNSTABLE)
 _DEFAULT_END = Fraction("3.06")  # rad: beyond it pieces become short
 _REACHES = ("0.008", "0.004", "0.002")  # rad/s above Omega_h: how far cycles next to the connection are tried
 _OVERLAP = Fraction(3, 4)  # of that reach, for the pieces' end
@@ -46,8 +55,8 @@ _CLOSEST = Fraction(1, 10**6)  # rad/s from Omega_h
 _CONNECTION_DIGITS = 10
 
 Known = tuple[Fraction, Fraction, Fraction, Fraction]  #: a cycle's gamma_bar_0, v_0, Omega and half its period
-Found = tuple[Piece | Status, "Interval"]
-Watch = Callable[[Piece | Status, "Interval"], None]
+Found = tuple[Piece | ArcStatus, "Interval"]
+Watch = Callable[[Piece | ArcStatus, "Interval"], None]
 Pool = Callable[[bool], AbstractContextManager[Executor | None]]  #: processes, if there are several intervals
 
 
@@ -71,7 +80,7 @@ def prove_family(
     connection: ProvedConnection | None = None
     near: ProvedEnd | None = None
 
-    def keep(found: Piece | Status, interval: Interval) -> None:
+    def keep(found: Piece | ArcStatus, interval: Interval) -> None:
         if isinstance(found, Piece):
             pieces.append(found)
         watch(found, interval)
@@ -98,7 +107,7 @@ def prove_family(
                 stopped = prove_intervals(parameters, left, known, executor, keep)
     one_curve = chain(pieces)
     if stopped is None and one_curve[-1].high < wanted:
-        stopped = Status.NOT_JOINED
+        stopped = ArcStatus.NOT_JOINED
     return BranchProof(parameters, tuple(one_curve), stopped, connection, near)
 
 
@@ -215,15 +224,15 @@ def prove_intervals(
     known: Sequence[Known],
     executor: Executor | None = None,
     watch: Watch = lambda found, interval: None,
-) -> Status | None:
+) -> ArcStatus | None:
     """Why the first interval that was given up could not be proved; None if all were.
 
     ``watch`` is told of each interval that is proved or given up, with the piece or the reason.
     """
-    given_up: list[tuple[Fraction, Status]] = []
+    given_up: list[tuple[Fraction, ArcStatus]] = []
     jobs = _Jobs(parameters, known, executor, intervals)
     for found, interval in jobs:
-        if isinstance(found, Status):
+        if isinstance(found, ArcStatus):
             if found not in _HOPELESS and interval.halvings < _MOST_HALVINGS:
                 jobs.add(interval.halves())
                 continue
@@ -245,7 +254,7 @@ class _Jobs:
     ) -> None:
         self.parameters, self.known, self.executor = parameters, known, executor
         self.waiting: list[Interval] = []
-        self.running: dict[Future[Piece | Status], Interval] = {}
+        self.running: dict[Future[Piece | ArcStatus], Interval] = {}
         self.add(intervals)
 
     def add(self, intervals: Iterable[Interval]) -> None:
@@ -277,5 +286,5 @@ class _Jobs:
         return self.parameters, interval, guess_at(self.known, (interval.low + interval.high) / 2)
 
 
-def _attempt(parameters: Parameters, interval: Interval, guess: Guess) -> Piece | Status:
+def _attempt(parameters: Parameters, interval: Interval, guess: Guess) -> Piece | ArcStatus:
     return prove_piece(parameters, interval.low, interval.high, guess)

@@ -1,4 +1,4 @@
-"""Folds of limit cycles, proved: the search for what the kernel's test (`kernel.claims.fold`) is likely to pass.
+"""Folds of limit cycles, proved: the search for what the kernel's test (`kernel.certificates.fold`) is likely to pass.
 
 The arc is short, so that the slope of the speed is small on all of it: the speed comes to about twice the digits of its
 length. Boxes are widened to what Krawczyk's image turns out to need; middles at the arc's ends come from chord steps.
@@ -16,10 +16,10 @@ from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import bits_for_digits, checked_digits
 from tippedisk_verify.proofs.kernel.balls import Unproved, arb, ball, ball_constants, need, working_precision
-from tippedisk_verify.proofs.kernel.claims import fold
-from tippedisk_verify.proofs.kernel.flow import Model, Status
+from tippedisk_verify.proofs.kernel.certificates import fold
+from tippedisk_verify.proofs.kernel.flow import FlowStatus, Model
 from tippedisk_verify.proofs.kernel.krawczyk import FixedPoints, product
-from tippedisk_verify.proofs.kernel.section import HALF, TURN, Return, Section, returned
+from tippedisk_verify.proofs.kernel.section import HALF, TURN, PoincareSection, Return, return_map
 from tippedisk_verify.proofs.numbers import measured, widened
 from tippedisk_verify.proofs.search.certificate import Proof, claim_of
 from tippedisk_verify.proofs.search.steps import Steps, midpoint_inverse, searched_test
@@ -40,7 +40,7 @@ class FoldProof(Proof):
 
     _told: ClassVar = ("extremum",)
 
-    section: Section
+    section: PoincareSection
     where: str  #: how far the proof came
     parameters: Parameters
     bits: int  #: working precision
@@ -69,7 +69,7 @@ class FoldProof(Proof):
 
 
 def prove_fold(
-    parameters: Parameters, near: Sequence[object], *, digits: int = 12, section: Section = HALF
+    parameters: Parameters, near: Sequence[object], *, digits: int = 12, section: PoincareSection = HALF
 ) -> FoldProof:
     """Prove the fold near a point (both coordinates on the section, Omega).
 
@@ -99,7 +99,7 @@ class _Attempt:
     """A proof under way: about which point, on which arc. What prevents it is raised as Unproved."""
 
     def __init__(
-        self, section: Section, parameters: Parameters, near: tuple[Fraction, Fraction], arc: Measured
+        self, section: PoincareSection, parameters: Parameters, near: tuple[Fraction, Fraction], arc: Measured
     ) -> None:
         self.section, self.parameters, self.near, self.arc = section, parameters, near, arc
         self.evidence: dict[str, Any] = {}
@@ -141,8 +141,8 @@ class _Attempt:
         m = [(part - slope * distance).mid() for part, slope in zip(whole.image[1:], along, strict=True)]
         for _ in range(_CHORDS):
             search, start = Steps(), (p, m[0])
-            flight = returned(Model(ball_constants(self.parameters), m[1]), self.section, start, search)
-            if flight.status is not Status.RETURNED:
+            flight = return_map(Model(ball_constants(self.parameters), m[1]), self.section, start, search)
+            if flight.status is not FlowStatus.RETURNED:
                 raise _not_followed(flight)
             steps = product(inverse, [after - before for after, before in zip(flight.image, start, strict=True)])
             if all(abs(step) < size / 4 for step, size in zip(steps, sizes, strict=True)):

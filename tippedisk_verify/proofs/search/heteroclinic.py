@@ -27,16 +27,25 @@ from tippedisk_verify.model.results import Printable
 from tippedisk_verify.proofs.angles import NONINVERTED
 from tippedisk_verify.proofs.closed_forms import characteristic_polynomial, exact_polynomial, real_root
 from tippedisk_verify.proofs.kernel.balls import Unproved, ball, ball_constants, coefficient, working_precision
-from tippedisk_verify.proofs.kernel.claims.connection import (
+from tippedisk_verify.proofs.kernel.certificates.connection import (
     CHOICES,
     EIGENVALUES,
     SIDES,
-    Connection,
+    EnclosedConnection,
     alone,
-    connection_shown,
     holds,
+    verify_connection,
 )
-from tippedisk_verify.proofs.kernel.claims.saddle import FAST, SLOW, UNSTABLE, Curve, Saddle, leaving, most, others
+from tippedisk_verify.proofs.kernel.certificates.saddle import (
+    FAST,
+    SLOW,
+    UNSTABLE,
+    ManifoldGraph,
+    SaddleCoordinates,
+    leaving,
+    most,
+    others,
+)
 from tippedisk_verify.proofs.kernel.flow import Path
 from tippedisk_verify.proofs.numbers import measured, widened
 from tippedisk_verify.proofs.search.certificate import Proof, Proposer, Stopped, claim_of, parameter_texts
@@ -44,9 +53,9 @@ from tippedisk_verify.proofs.search.steps import Steps
 
 __all__ = [
     "MOST_DIGITS",
+    "ConnectionStatus",
     "ProvedConnection",
     "Room",
-    "Status",
     "eigenvectors",
     "prove_connection",
     "series_of_curve",
@@ -64,7 +73,7 @@ _ROOMS = tuple(map(Fraction, ("0.02", "0.01", "0.005", "0.002", "0.001")))
 _LEAST_DIGITS = 4  # an interval for fewer is too wide to be followed past a saddle; a shorter one does for them
 
 
-class Status(Enum):
+class ConnectionStatus(Enum):
     """How the proof ended. The value says where it stopped and what to try next."""
 
     PROVED = "proved"
@@ -91,11 +100,20 @@ class ProvedConnection(Printable, Proof):
     """The interval of Omega_h, and what was proved of it; without status PROVED nothing was."""
 
     _listed = (
-        *("proved", "status", "statement", "limit_cycle", "omega_h", "unique"),
-        *("saddle_eigenvalues", "saddle_value", "upright", "room", "bits"),
+        "proved",
+        "status",
+        "statement",
+        "limit_cycle",
+        "omega_h",
+        "unique",
+        "saddle_eigenvalues",
+        "saddle_value",
+        "upright",
+        "room",
+        "bits",
     )
 
-    status: Status
+    status: ConnectionStatus
     omega_h: Measured | None = None  #: [rad/s]; the interval I
     unique: bool = False  #: no second speed of I has a connection of this kind
     saddle_eigenvalues: tuple[Measured, ...] = ()  #: unstable, slow stable, fast stable [1/s], for every speed of I
@@ -106,7 +124,7 @@ class ProvedConnection(Printable, Proof):
     slowly: bool = False  #: the connection comes in along the slow stable direction
     turns_back: str = ""  #: "above" or "below" Omega_h, in I: where the branch leaves N with falling gamma
     parameters: Parameters | None = None  #: the disk of which this is proved
-    shown: Connection | None = None  #: by the kernel
+    verified: EnclosedConnection | None = None  #: by the kernel
     evidence: Mapping[str, Any] = field(default_factory=dict)  #: the choices that the kernel has accepted
 
     @property
@@ -168,29 +186,29 @@ def prove_connection(parameters: Parameters, near: object, digits: int = 12) -> 
     middle, half_width = round(given.rational, decimals + 2), Fraction(4, 10 ** (decimals + 1))
     bits = math.ceil(-math.log2(half_width)) + max(0, math.ceil(math.log2(given.rational))) + _GUARD_BITS
     for attempt in range(_MOST_PASSES):
-        search = _Search(parameters, middle, half_width, bits, Fraction(1, 64 ** (attempt + 1)))
+        search = _ConnectionSearch(parameters, middle, half_width, bits, Fraction(1, 64 ** (attempt + 1)))
         try:
             with working_precision(bits):
                 disk = parameter_texts(parameters)
-                shown = connection_shown(disk, parameters.friction, (middle, half_width), search)
+                verified = verify_connection(disk, parameters.friction, (middle, half_width), search)
         except Unproved as fault:
             proof = ProvedConnection(search.stopped(fault), bits=bits, where=str(fault))
-            if proof.status is Status.NOT_NEAR:
+            if proof.status is ConnectionStatus.NOT_NEAR:
                 break
             bits += 48
         else:
             return ProvedConnection(
-                status=Status.PROVED,
+                status=ConnectionStatus.PROVED,
                 omega_h=Measured(middle, half_width),
-                unique=shown.unique,
+                unique=verified.unique,
                 saddle_eigenvalues=tuple(Measured(*pair) for pair in search.log["eigenvalues"]),
-                room=Room(*shown.room),
-                upright=shown.upright,
+                room=Room(*verified.room),
+                upright=verified.upright,
                 bits=bits,
-                slowly=shown.slowly,
-                turns_back="above" if shown.above else "below",
+                slowly=verified.slowly,
+                turns_back="above" if verified.above else "below",
                 parameters=parameters,
-                shown=shown,
+                verified=verified,
                 evidence={name: search.log[name] for name in CHOICES},
             )
     return proof
@@ -228,14 +246,14 @@ def smallest_weights(matrix: Any, by_speed: Sequence[Any]) -> list[Any]:
     return weights
 
 
-def series_of_curve(saddle: Saddle, along: int, order: int, values: Sequence[Any]) -> Curve:
+def series_of_curve(saddle: SaddleCoordinates, along: int, order: int, values: Sequence[Any]) -> ManifoldGraph:
     """The invariant curve at the middle of the speeds, power by power; ``values`` are points near the eigenvalues."""
     side = None
     if saddle.friction == "smooth":
         direction = [arb(int(k == along)) for k in range(3)]
         side = 1 if saddle.sliding_slope([arb(0)] * 3, direction).mid() > 0 else -1
-    thin = Saddle(saddle.disk, saddle.friction, saddle.omega.mid(), saddle.directions.tolist())
-    curve = Curve(thin, along, [[arb(0)] * (order + 1) for _ in range(2)], side)
+    thin = SaddleCoordinates(saddle.disk, saddle.friction, saddle.omega.mid(), saddle.directions.tolist())
+    curve = ManifoldGraph(thin, along, [[arb(0)] * (order + 1) for _ in range(2)], side)
     step = 2 if side is None else 1  # the linear law's field is odd about the saddle, and analytic
     for power in range(1 + step, order + 1, step):
         defect = curve.defect(arb(0), power)
@@ -244,14 +262,18 @@ def series_of_curve(saddle: Saddle, along: int, order: int, values: Sequence[Any
     return curve
 
 
-class _Search(Proposer):
+class _ConnectionSearch(Proposer):
     """One pass over an interval of speeds, with a working precision."""
 
     #: by the choice that was asked for last
     _STAGES: ClassVar = {
-        "unstable": Status.UNSTABLE_BRANCH, "cone": Status.UNSTABLE_BRANCH, "drift": Status.CONES,
-        "block": Status.BLOCK, "room": Status.ROOM, "apart": Status.ROOM,
-    }  # fmt: skip
+        "unstable": ConnectionStatus.UNSTABLE_BRANCH,
+        "cone": ConnectionStatus.UNSTABLE_BRANCH,
+        "drift": ConnectionStatus.CONES,
+        "block": ConnectionStatus.BLOCK,
+        "room": ConnectionStatus.ROOM,
+        "apart": ConnectionStatus.ROOM,
+    }
 
     def __init__(
         self, parameters: Parameters, middle: Fraction, half_width: Fraction, bits: int, share: Fraction
@@ -261,38 +283,38 @@ class _Search(Proposer):
         #: the flight goes on until the fast coordinate is smaller
         self.small = half_width * share
 
-    def stopped(self, fault: Unproved) -> Status:
+    def stopped(self, fault: Unproved) -> ConnectionStatus:
         """Where the kernel, or the search, gave up."""
         if isinstance(fault, Stopped):
-            return Status(fault.status)
-        return Status.SIDES if str(fault) == SIDES else self._STAGES.get(self.asked, Status.FLOW)
+            return ConnectionStatus(fault.status)
+        return ConnectionStatus.SIDES if str(fault) == SIDES else self._STAGES.get(self.asked, ConnectionStatus.FLOW)
 
     def directions(self) -> list[list[Any]]:
         self.values, directions = eigenvectors(self.parameters, self.middle)
         self.order = 2 * math.ceil(_ORDER_PER_BIT * self.bits / 2) + 1
         return list(directions.tolist())
 
-    def eigenvalues(self, saddle: Saddle) -> list[tuple[Fraction, Fraction]]:
+    def eigenvalues(self, saddle: SaddleCoordinates) -> list[tuple[Fraction, Fraction]]:
         polynomial = characteristic_polynomial(ball_constants(self.parameters), saddle.omega, NONINVERTED)
         roots = [widened(measured(real_root(polynomial, value))) for value in self.values]
         printed = (root.decimals() for root in roots)
         return [(Fraction(value), Fraction(half)) for value, half in printed]
 
-    def unstable(self, saddle: Saddle) -> dict[str, Any]:
+    def unstable(self, saddle: SaddleCoordinates) -> dict[str, Any]:
         curve = series_of_curve(saddle, UNSTABLE, self.order, self.values)
         return self._entry(curve) | {"reach": _share_of_reach(curve)}
 
-    def slow(self, saddle: Saddle) -> dict[str, Any]:
+    def slow(self, saddle: SaddleCoordinates) -> dict[str, Any]:
         curve = series_of_curve(saddle, SLOW, self.order, self.values)
         # Nearer than the series demand: the cones there need orbits that differ along the unstable direction, and hold
         # in a box that is wider than N by the ratio of the eigenvectors' components.
         self.reach = _share_of_reach(curve) / 16
         return self._entry(curve)
 
-    def _entry(self, curve: Curve) -> dict[str, Any]:
+    def _entry(self, curve: ManifoldGraph) -> dict[str, Any]:
         return {"graph": curve.graph} | ({} if curve.side is None else {"side": str(curve.side)})
 
-    def cone(self, curve: Curve, theta: Any, defect: Sequence[Any]) -> list[Any]:
+    def cone(self, curve: ManifoldGraph, theta: Any, defect: Sequence[Any]) -> list[Any]:
         gap = [self.values[UNSTABLE] - self.values[other] for other in curve.others]
         least = max(map(most, defect), key=float)
         for doubling in range(_GUESSES):
@@ -312,19 +334,19 @@ class _Search(Proposer):
     def flight(self) -> Steps:
         return Steps()
 
-    def arrived(self, path: Path, z: Sequence[Any], curve: Curve) -> bool:
+    def arrived(self, path: Path, z: Sequence[Any], curve: ManifoldGraph) -> bool:
         beta, gamma, _ = path.box
         if path.time > _LONGEST or beta < 0 or gamma > arb.pi():  # gamma falls, or has gone past the saddle
-            raise Stopped(Status.NOT_NEAR)
+            raise Stopped(ConnectionStatus.NOT_NEAR)
         return bool(abs(z[SLOW]) < self.reach and abs(curve.straightened(z)[1].mid()) < ball(self.small))
 
-    def block(self, z: Sequence[Any], curve: Curve) -> list[Any]:
+    def block(self, z: Sequence[Any], curve: ManifoldGraph) -> list[Any]:
         s, u, t = map(most, (z[SLOW], *curve.straightened(z)))
         # On the faces w_f = t the coupling from w_u, a hundredth of the contraction or less, must not win.
         return [(s * 9 / 8).upper(), 2 * u, 2 * (t + u).upper()]
 
     def room(
-        self, offset: Sequence[Any], pieces: Sequence[Any], saddle: Saddle, G: Sequence[Any]
+        self, offset: Sequence[Any], pieces: Sequence[Any], saddle: SaddleCoordinates, G: Sequence[Any]
     ) -> tuple[Fraction, Fraction, Fraction]:
         least = _decimal_above(offset[1])
         for gamma in (*(size for size in _ROOMS if size > least), least):
@@ -332,7 +354,7 @@ class _Search(Proposer):
             beta, _, v = (max(_decimal_above(state[k]) for state in (offset, *after)) for k in range(3))
             room = beta, gamma, v
             try:
-                if holds(room, offset, pieces) and alone(saddle, room, G, lambda name, *shown: self.apart(*shown)):
+                if holds(room, offset, pieces) and alone(saddle, room, G, lambda name, *context: self.apart(*context)):
                     break
             except Unproved:
                 continue
@@ -345,7 +367,7 @@ class _Search(Proposer):
         return [weights[0].mid(), *(weights[k].max(2 * least[k]).mid() for k in (SLOW, FAST))]
 
 
-def _share_of_reach(curve: Curve) -> Any:
+def _share_of_reach(curve: ManifoldGraph) -> Any:
     """About an eighth of where the last coefficients say that the series converge, a power of two, at most 1/4."""
     sizes = [float(abs(row[-1])) for row in curve.graph]
     rates = [size ** (-1 / curve.order) for size in sizes if size > 0]

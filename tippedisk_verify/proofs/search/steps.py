@@ -18,7 +18,7 @@ from tippedisk_verify.proofs.kernel.balls import arb, working_bits
 from tippedisk_verify.proofs.kernel.flow import Path, short_float
 from tippedisk_verify.proofs.kernel.krawczyk import Choices, FixedPoints, krawczyk_test
 from tippedisk_verify.proofs.kernel.reading import dyadic_text
-from tippedisk_verify.proofs.kernel.section import Return, Section
+from tippedisk_verify.proofs.kernel.section import PoincareSection, Return
 from tippedisk_verify.proofs.kernel.sliding import Crossing
 from tippedisk_verify.proofs.kernel.step import Step, magnitude
 
@@ -94,10 +94,12 @@ class Steps:
 
     def took(self, step: Step, axes: Matrix) -> None:
         parts = [step.first, step.second] if isinstance(step, Crossing) else [step]
-        self.log.append({
-            "steps": [[dyadic_text(part.length), *part.orders] for part in parts],
-            "axes": [[dyadic_text(entry) for entry in row] for row in axes],
-        })  # fmt: skip
+        self.log.append(
+            {
+                "steps": [[dyadic_text(part.length), *part.orders] for part in parts],
+                "axes": [[dyadic_text(entry) for entry in row] for row in axes],
+            }
+        )
 
 
 def _allowed(path: Path, bits: int) -> tuple[list[int], int]:
@@ -144,7 +146,7 @@ def _short(point: Any) -> Any:
 
 def searched_test(
     setting: Mapping[str, Any],
-    section: Section,
+    section: PoincareSection,
     unknown: tuple[int, int],
     middle: Sequence[Any],
     sizes: Sequence[Any],

@@ -12,10 +12,10 @@ from fractions import Fraction
 from typing import Any, Literal
 
 from tippedisk_verify.proofs.kernel.balls import arb, ball, inside, need, negative, positive
-from tippedisk_verify.proofs.kernel.claims.cycle import UNKNOWNS
+from tippedisk_verify.proofs.kernel.certificates.cycle import UNKNOWNS
 from tippedisk_verify.proofs.kernel.krawczyk import BOX, FLIGHT, FixedPoints, replayed_test
 from tippedisk_verify.proofs.kernel.reading import MEASURED, dyadic, held, one_of
-from tippedisk_verify.proofs.kernel.section import HALF, TURN, Section
+from tippedisk_verify.proofs.kernel.section import HALF, TURN, PoincareSection
 
 __all__ = [
     "KINDS",
@@ -26,16 +26,16 @@ __all__ = [
     "judge",
     "names",
     "sentence",
-    "show",
     "slope",
-]  # fmt: skip
+    "verify",
+]
 
 KINDS = {"fold of limit cycles": HALF, "fold of rotating limit cycles": TURN}
 POINTS = ("arc", "lower end", "upper end")  #: where tests are made: the whole arc, and its ends
 EXTREMA = ("smallest", "largest")
 
 
-def names(section: Section) -> tuple[str, ...]:
+def names(section: PoincareSection) -> tuple[str, ...]:
     return "omega", *UNKNOWNS[section], "period"
 
 
@@ -57,7 +57,9 @@ def extremum(lower: Any, upper: Any) -> Literal["smallest", "largest"] | None:
     return "largest" if positive(lower) and negative(upper) else None
 
 
-def judge(claim: Mapping[str, Any], section: Section, points: Sequence[FixedPoints], radii: Sequence[Any]) -> None:
+def judge(
+    claim: Mapping[str, Any], section: PoincareSection, points: Sequence[FixedPoints], radii: Sequence[Any]
+) -> None:
     """Raises Unproved unless tests on the whole arc and at its ends prove the claim; ``radii`` are the arc's."""
     whole, numbers = points[0], claim["numbers"]
     for point, name in zip(points[1:], POINTS[1:], strict=True):
@@ -66,8 +68,9 @@ def judge(claim: Mapping[str, Any], section: Section, points: Sequence[FixedPoin
         need(all(inside(x - y, r) for x, y, r in deviations), f"{name}: the cycle is not shown to be the arc's")
     need(extremum(*map(slope, points[1:])) == claim["extremum"], "claim: the speed has no such extremum")
     need(negative(whole.box.divergence), "claim: the third multiplier is not shown to be below 1")
-    for name, x, middle, room in zip((UNKNOWNS[section][1], "omega"), whole.image[1:], whole.middle[1:], radii,
-                                     strict=True):  # fmt: skip
+    for name, x, middle, room in zip(
+        (UNKNOWNS[section][1], "omega"), whole.image[1:], whole.middle[1:], radii, strict=True
+    ):
         held(numbers[name], x, name)
         # What is printed reaches a little farther than Krawczyk's image; in the box there is still one cycle only.
         printed = abs(ball(numbers[name]["value"]) - middle) + ball(numbers[name]["uncertainty"])
@@ -89,7 +92,7 @@ SHAPES = {
 }
 
 
-def show(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> None:
+def verify(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> None:
     """Raises Unproved if the evidence does not prove the claim."""
     section = KINDS[claim["kind"]]
     arc = claim["numbers"][UNKNOWNS[section][0]]

@@ -6,12 +6,12 @@ from collections.abc import Mapping
 from typing import Any
 
 from tippedisk_verify.proofs.kernel.balls import Unproved, need, working_precision
-from tippedisk_verify.proofs.kernel.claims import connection, connection_cycles, cycle, family, fold
+from tippedisk_verify.proofs.kernel.certificates import connection, connection_cycles, cycle, family, fold
 from tippedisk_verify.proofs.kernel.field import UNITS
 from tippedisk_verify.proofs.kernel.reading import (
     DISK,
     LAWS,
-    Claim,
+    ClaimReader,
     Refused,
     content_of,
     digest,
@@ -23,7 +23,7 @@ from tippedisk_verify.proofs.kernel.reading import (
 __all__ = ["FORMAT", "KINDS", "Refused", "Unproved", "check", "digest", "proved", "sentence"]
 
 FORMAT = "tippedisk certificate 3"
-#: The modules that show them. ``SHAPES`` says what a claim has besides `DISK`, and what its evidence; ``show`` raises
+#: The modules that show them. ``SHAPES`` says what a claim has besides `DISK`, and what its evidence; ``verify`` raises
 #: Unproved if the evidence does not prove the claim; ``sentence`` says what is claimed of the disk, given the numbers
 #: with their half-widths.
 KINDS: dict[str, Any] = {
@@ -52,9 +52,9 @@ def proved(content: Any, mapped: family.Mapped = map) -> str:
         shape = {"format": str, "claim": DISK | claim, "bits": precision, "evidence": evidence, "sha256": str}
         file = parsed(content, shape, "the file")
         need(content["sha256"] == digest(content), "the content is not what its digest, sha256, was made of")
-        shared, said = (mapped,) if KINDS[kind] is family else (), Claim(file["claim"])
+        shared, said = (mapped,) if KINDS[kind] is family else (), ClaimReader(file["claim"])
         try:
-            KINDS[kind].show(said, file["evidence"], *shared)
+            KINDS[kind].verify(said, file["evidence"], *shared)
         except (ValueError, IndexError, OverflowError, ZeroDivisionError) as fault:
             raise Unproved(f"its choices cannot be computed with: {fault}") from None
     # The kind chose the test; of what a kind narrows in `DISK`, reading the file was the test.

@@ -77,13 +77,21 @@ from flint import arb
 
 from tippedisk_verify.proofs.kernel.ball_array import BallArray
 from tippedisk_verify.proofs.kernel.balls import ball, need, positive
-from tippedisk_verify.proofs.kernel.claims import connection as connections
-from tippedisk_verify.proofs.kernel.claims.connection import Connection, Recorded, connection_shown
-from tippedisk_verify.proofs.kernel.claims.passage import Passage, arrivals
-from tippedisk_verify.proofs.kernel.claims.saddle import FAST, SLOW, UNSTABLE, Saddle, ask, most, products
+from tippedisk_verify.proofs.kernel.certificates import connection as connections
+from tippedisk_verify.proofs.kernel.certificates.connection import EnclosedConnection, Recorded, verify_connection
+from tippedisk_verify.proofs.kernel.certificates.passage import Passage, arrivals
+from tippedisk_verify.proofs.kernel.certificates.saddle import (
+    FAST,
+    SLOW,
+    UNSTABLE,
+    SaddleCoordinates,
+    ask,
+    most,
+    products,
+)
 from tippedisk_verify.proofs.kernel.reading import MEASURED, count, decimal, dyadic, one_of, order
 
-__all__ = ["CLAIM", "EVIDENCE", "LID", "SHAPES", "End", "ReturnMap", "cycles_shown", "sentence", "show"]
+__all__ = ["CLAIM", "EVIDENCE", "LID", "SHAPES", "End", "LoopMap", "sentence", "verify", "verify_cycles"]
 
 #: of a refusal, where a higher lid may help
 LID = "arrivals above the lid of D"
@@ -94,12 +102,17 @@ U, S, F = UNSTABLE, SLOW, FAST
 CHOICES = {
     "box": {"directions": [[dyadic, 3], 3], "extents": [dyadic, 3], "cells": [order, 2]},
     "weights": {
-        "steep": [dyadic, 3], "compound": [dyadic, 2], "drift": [dyadic, 3],
-        "flat": dyadic, "lipschitz": dyadic, "thin": dyadic, "return": dyadic,
+        "steep": [dyadic, 3],
+        "compound": [dyadic, 2],
+        "drift": [dyadic, 3],
+        "flat": dyadic,
+        "lipschitz": dyadic,
+        "thin": dyadic,
+        "return": dyadic,
     },
     "entry": {"lid": dyadic, "fast": dyadic, "weight": dyadic, "moment": dyadic},
     "flights": {"steps": count, "lengths": [[dyadic, None], None]},
-}  # fmt: skip
+}
 
 
 CLAIM = dict.fromkeys(("low", "high", "gamma", "v"), decimal)  #: what a claim has besides
@@ -126,8 +139,8 @@ class End:
         return all(positive(x) for x in inside)
 
 
-def cycles_shown(
-    connection: Connection,
+def verify_cycles(
+    connection: EnclosedConnection,
     low: Fraction,
     high: Fraction,
     choose: Callable[..., Any],
@@ -143,17 +156,17 @@ def cycles_shown(
     need(0 < low < connection.low < connection.high < high, "claim: an interval is empty")
     box = choose("box")
     speeds = ball(low).union(ball(high))
-    n = Passage(Saddle(connection.disk, "linear", speeds, box["directions"]), box["extents"], box["cells"])
+    n = Passage(SaddleCoordinates(connection.disk, "linear", speeds, box["directions"]), box["extents"], box["cells"])
     n.weighted(choose("weights", n))
     entry = choose("entry", n)
-    returned = ReturnMap(n, entry)
+    returned = LoopMap(n, entry)
     _connected(n, connection)
-    kappa = returned.shown(_flights(returned, low, high, choose("flights", returned), watch))
+    kappa = returned.verify(_flights(returned, low, high, choose("flights", returned), watch))
     c, d = (Fraction(entry[name]) for name in ("gamma", "v"))
     return End(low, high, connection.high, c, d, kappa, returned.time)
 
 
-class ReturnMap:
+class LoopMap:
     """The inequalities of D, Q and R."""
 
     def __init__(self, n: Passage, entry: dict[str, Any]) -> None:
@@ -187,7 +200,7 @@ class ReturnMap:
         ask("gamma where N is left upwards", saddle.offset([u, arb(0, most(s)), arb(0, most(t))])[1])
         ask("the saddles' boxes are apart", 2 * arb.pi() * saddle.inverse[S, 1] - 2 * s)
 
-    def shown(self, arrivals: Sequence[Sequence[Any]]) -> Any:
+    def verify(self, arrivals: Sequence[Sequence[Any]]) -> Any:
         """The inequalities of R, for what holds of all flights. Returns kappa."""
         n, w = self.n, self.weight
         (u, s, _), (k_u, k_s, k_f), (k_1, k_2) = n.extents, n.steep, n.compound
@@ -241,7 +254,7 @@ class ReturnMap:
 
 
 def _flights(
-    returned: ReturnMap, low: Fraction, high: Fraction, entry: dict[str, Any], watch: Callable[[float], None]
+    returned: LoopMap, low: Fraction, high: Fraction, entry: dict[str, Any], watch: Callable[[float], None]
 ) -> list[list[Any]]:
     """What holds for the flights from all exits at all speeds, cut into cells: a row of lengths for each of speeds."""
     rows, (least, largest) = entry["lengths"], returned.exits
@@ -254,12 +267,12 @@ def _flights(
             speeds.append(ends[0].union(ends[1]))
             slow.append(cell[0].union(cell[1]))
     saddle = returned.n.saddle
-    over = Saddle(saddle.disk, "linear", BallArray.of(speeds), saddle.directions.tolist())
+    over = SaddleCoordinates(saddle.disk, "linear", BallArray.of(speeds), saddle.directions.tolist())
     lengths = np.array([float(length) for row in rows for length in row])
     return arrivals(over, returned.n.extents, BallArray.of(slow), returned.exit_fast, lengths, entry["steps"], watch)
 
 
-def _connected(n: Passage, connection: Connection) -> None:
+def _connected(n: Passage, connection: EnclosedConnection) -> None:
     """Shown: gamma grows all along the connection, which stays in N from z_s = -s on."""
     saddle, (u, s, t) = n.saddle, n.extents
     box = saddle.coordinates([arb(0, ball(extent).upper()) for extent in connection.room])
@@ -281,7 +294,7 @@ SHAPES = {
 }
 
 
-def show(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> End:
+def verify(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> End:
     """What the evidence shows. Raises Unproved if it does not prove the claim."""
     entries = evidence["connection"]
     claimed = {
@@ -290,9 +303,11 @@ def show(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> End:
     }
     omega_h = claim["numbers"]["omega_h"]
     interval = Fraction(omega_h["value"]), Fraction(omega_h["uncertainty"])
-    connection = connection_shown(claim["parameters"], "linear", interval, Recorded({**entries, **claimed}))
+    connection = verify_connection(claim["parameters"], "linear", interval, Recorded({**entries, **claimed}))
     choices = {**evidence, "entry": {**evidence["entry"], "gamma": claim["gamma"], "v": claim["v"]}}
-    return cycles_shown(connection, Fraction(claim["low"]), Fraction(claim["high"]), lambda name, *shown: choices[name])
+    return verify_cycles(
+        connection, Fraction(claim["low"]), Fraction(claim["high"]), lambda name, *context: choices[name]
+    )
 
 
 def sentence(claim: Mapping[str, Any], numbers: Mapping[str, str]) -> str:

@@ -51,7 +51,7 @@ that gamma grows, and that v > 0, or v < 0, or v' < 0 throughout. So v has at mo
 its derivatives there are those at a fixed time, because beta_bar' = 0.
 
 Sources: J. S. Muldowney, Compound matrices and ordinary differential equations, Rocky Mountain J. Math. 20 (1990);
-Yu. A. Kuznetsov, Elements of Applied Bifurcation Theory, Section 6.4.
+Yu. A. Kuznetsov, Elements of Applied Bifurcation Theory, PoincareSection 6.4.
 """
 
 from __future__ import annotations
@@ -66,11 +66,11 @@ from numpy.typing import NDArray
 
 from tippedisk_verify.proofs.kernel.ball_array import BallArray
 from tippedisk_verify.proofs.kernel.balls import Unproved, ball, need
-from tippedisk_verify.proofs.kernel.claims.saddle import (
+from tippedisk_verify.proofs.kernel.certificates.saddle import (
     FAST,
     SLOW,
     UNSTABLE,
-    Saddle,
+    SaddleCoordinates,
     ask,
     cones,
     hull_of_array,
@@ -92,7 +92,7 @@ _ORDER = 8  # of the flights' series
 class Passage:
     """N with these extents and cells, and what is enclosed over it; `weighted` shows what follows."""
 
-    def __init__(self, saddle: Saddle, extents: Sequence[Any], cells: Sequence[int]) -> None:
+    def __init__(self, saddle: SaddleCoordinates, extents: Sequence[Any], cells: Sequence[int]) -> None:
         self.saddle, self.extents = saddle, list(extents)
         ask("the extents", *self.extents)
         n, m = cells
@@ -167,10 +167,13 @@ class Passage:
         self.falls, self.fed = (-c[1, 1]).lower(), most(abs(c[1, 0]) + abs(c[1, 2]) * self.compound[1])
         ask("the second compound falls", self.rate, self.falls - self.rate, self.falls - self.slowest)
         ask("the cone of the second compound", *(-self.slowest - rate for rate in rates[1:]))
-        ask("the variation by the speed", *(
-            -c[k, k] * self.drift[k] - rest - stirred
-            for k, rest, stirred in zip(range(3), others(c, self.drift), self.stirred, strict=True)
-        ))  # fmt: skip
+        ask(
+            "the variation by the speed",
+            *(
+                -c[k, k] * self.drift[k] - rest - stirred
+                for k, rest, stirred in zip(range(3), others(c, self.drift), self.stirred, strict=True)
+            ),
+        )
         self._thin_set()
         self._quadrant(weights["return"])
 
@@ -240,7 +243,7 @@ class Passage:
 
 
 def arrivals(
-    saddle: Saddle,
+    saddle: SaddleCoordinates,
     extents: Sequence[Any],
     slow: BallArray,
     fast: Any,
@@ -289,9 +292,9 @@ class _Axes:
         """Nothing is noted."""
 
 
-def _all(what: str, *shown: NDArray[np.bool_]) -> None:
+def _all(what: str, *verified: NDArray[np.bool_]) -> None:
     """Raise Unproved unless all is shown of all flights."""
-    flights = np.logical_and.reduce(shown)
+    flights = np.logical_and.reduce(verified)
     if not flights.all():
         raise Unproved(f"flight {int(np.argmin(flights)) + 1}: {what}")
 
@@ -312,7 +315,7 @@ def _climbs(model: Model, step: Step) -> NDArray[np.bool_]:
     return turning
 
 
-def _landed(saddle: Saddle, path: Path, step: Step, s: Any) -> list[list[Any]]:
+def _landed(saddle: SaddleCoordinates, path: Path, step: Step, s: Any) -> list[list[Any]]:
     """The time of the arrival in a step, z_u and z_f, with their derivatives."""
     # By the mean value theorem about the middle of the step.
     middle = step.length / 2

@@ -15,7 +15,7 @@ from typing import Any
 from tippedisk_verify.proofs.kernel.balls import arb, ball, need, negative, positive, working_precision
 from tippedisk_verify.proofs.kernel.krawczyk import BOX, FLIGHT, FixedPoints, replayed_test
 from tippedisk_verify.proofs.kernel.reading import MANNERS, MEASURED, count, decimal, dyadic, held, one_of, precision
-from tippedisk_verify.proofs.kernel.section import HALF, TURN, Return, Section
+from tippedisk_verify.proofs.kernel.section import HALF, TURN, PoincareSection, Return
 
 __all__ = [
     "KINDS",
@@ -28,23 +28,23 @@ __all__ = [
     "place",
     "reversals",
     "sentence",
-    "show",
     "stability",
-]  # fmt: skip
+    "verify",
+]
 
 KINDS = {"limit cycle": HALF, "rotating limit cycle": TURN}
 #: names of a section's coordinates
 UNKNOWNS = {HALF: ("gamma_bar_0", "v_0"), TURN: ("beta_bar_top", "v_top")}
 
 
-def names(section: Section) -> tuple[str, ...]:
+def names(section: PoincareSection) -> tuple[str, ...]:
     """The numbers claimed, those first that come to the digits asked for (`main`)."""
     slopes = (f"d{name}_domega" for name in UNKNOWNS[section])
     others = ("multiplier_slow", "log_multiplier_slow", "log_multiplier_fast", "dperiod_domega")
     return *main(section), *others, *slopes
 
 
-def main(section: Section) -> tuple[str, ...]:
+def main(section: PoincareSection) -> tuple[str, ...]:
     return "period", *UNKNOWNS[section], *(["beta_max"] if section == HALF else [])
 
 
@@ -54,7 +54,7 @@ def place(claim: Mapping[str, Any], middle: Sequence[Any]) -> tuple[list[Any], A
     return [*middle, speed.mid()], speed - speed.mid()
 
 
-def cycle_numbers(section: Section, fixed: FixedPoints) -> dict[str, Any]:
+def cycle_numbers(section: PoincareSection, fixed: FixedPoints) -> dict[str, Any]:
     """The cycle's numbers, balls, by name."""
     centre, box, laps = fixed.centre, fixed.box, section.laps
     (a, b), (c, d) = box.matrix
@@ -99,7 +99,7 @@ def apart(fixed: FixedPoints, radii: Sequence[Any]) -> tuple[Any, Any]:
     return first, second
 
 
-def reversals(section: Section, fixed: FixedPoints) -> int:
+def reversals(section: PoincareSection, fixed: FixedPoints) -> int:
     """How often the sliding velocity changes its sign in a period, shown under the smooth law only."""
     return int(section.laps * fixed.box.reversals)
 
@@ -119,7 +119,7 @@ SHAPES = {
 }
 
 
-def show(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> None:
+def verify(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> None:
     """Raises Unproved if the evidence does not prove the claim."""
     section = KINDS[claim["kind"]]
     middle, drift = place(claim, evidence["middle"])

@@ -25,19 +25,19 @@ from typing import Any
 from flint import arb, arb_mat
 
 from tippedisk_verify.proofs.kernel.balls import Unproved, ball, need, positive
-from tippedisk_verify.proofs.kernel.claims.saddle import (
+from tippedisk_verify.proofs.kernel.certificates.saddle import (
     FAST,
     SLOW,
     UNSTABLE,
-    Curve,
-    Saddle,
+    ManifoldGraph,
+    SaddleCoordinates,
     ask,
     block,
     cones,
     leaving,
     most,
 )
-from tippedisk_verify.proofs.kernel.krawczyk import FLIGHT, Replay
+from tippedisk_verify.proofs.kernel.krawczyk import FLIGHT, StepReplay
 from tippedisk_verify.proofs.kernel.reading import MEASURED, decimal, dyadic, one_of
 from tippedisk_verify.proofs.kernel.step import Step
 
@@ -46,14 +46,14 @@ __all__ = [
     "EIGENVALUES",
     "SHAPES",
     "SIDES",
-    "Connection",
+    "EnclosedConnection",
     "Recorded",
     "alone",
-    "connection_shown",
     "holds",
     "sentence",
-    "show",
-]  # fmt: skip
+    "verify",
+    "verify_connection",
+]
 
 #: the names of the numbers, by descending value
 EIGENVALUES = ("lambda_u", "lambda_s", "lambda_ss")
@@ -78,7 +78,7 @@ CHOICES = {
 
 
 @dataclass(frozen=True)
-class Connection:
+class EnclosedConnection:
     """What is shown: at exactly one speed (or at least one) of [low, high] there is a connection of saddles."""
 
     disk: dict[str, str]
@@ -93,9 +93,9 @@ class Connection:
     pieces: list[Any]  #: boxes of states, in order of time, that hold the branch from the first saddle to its arrival
 
 
-def connection_shown(
+def verify_connection(
     disk: dict[str, str], friction: str, omega_h: tuple[Fraction, Fraction], choose: Callable[..., Any]
-) -> Connection:
+) -> EnclosedConnection:
     """What is shown of the interval ``omega_h`` (middle, half-width) [rad/s].
 
     ``choose`` is called with the names of `CHOICES`, and with "room" and "eigenvalues", and what they may depend on.
@@ -105,7 +105,7 @@ def connection_shown(
     need(0 < half < middle, "claim: the interval of speeds is empty, or not above zero")
     low, high = middle - half, middle + half
     speeds = ball(middle) + arb(0, ball(half).upper())
-    saddle = Saddle(disk, friction, speeds, choose("directions"))
+    saddle = SaddleCoordinates(disk, friction, speeds, choose("directions"))
     _eigenvalues(saddle, choose("eigenvalues", saddle))
     start, change, upright, whole = _departure(saddle, choose)
     arriving = _curve(saddle, SLOW, choose("slow", saddle))
@@ -136,15 +136,15 @@ def connection_shown(
     need(holds(room, offset, pieces), "the box at the second saddle is not shown to keep what arrives")
     unique = alone(saddle, room, G, choose)
     upright = upright and _stands(ball(room[0]))
-    return Connection(disk, friction, low, high, room, unique, upright, _slowly(matrix, z), not rising, pieces)
+    return EnclosedConnection(disk, friction, low, high, room, unique, upright, _slowly(matrix, z), not rising, pieces)
 
 
-def _curve(saddle: Saddle, along: int, entry: dict[str, Any]) -> Curve:
+def _curve(saddle: SaddleCoordinates, along: int, entry: dict[str, Any]) -> ManifoldGraph:
     need(("side" in entry) == (saddle.friction == "smooth"), "the smooth law has sides, the linear one has none")
-    return Curve(saddle, along, entry["graph"], int(entry["side"]) if "side" in entry else None)
+    return ManifoldGraph(saddle, along, entry["graph"], int(entry["side"]) if "side" in entry else None)
 
 
-def _departure(saddle: Saddle, choose: Callable[..., Any]) -> tuple[list[Any], list[Any], bool, list[Any]]:
+def _departure(saddle: SaddleCoordinates, choose: Callable[..., Any]) -> tuple[list[Any], list[Any], bool, list[Any]]:
     """The branch at z_u = theta_0; how it changes there with the speed, in z and the speed; whether it stays upright up
     to there; and a box of offsets from the first saddle that holds it.
     """
@@ -193,7 +193,7 @@ def holds(room: Sequence[Fraction], offset: Sequence[Any], pieces: Sequence[Any]
     return inside and all(_surely(size - abs(x)) for size, x in zip(sizes, offset, strict=True))
 
 
-def alone(saddle: Saddle, room: Sequence[Fraction], G: Sequence[Any], choose: Callable[..., Any]) -> bool:
+def alone(saddle: SaddleCoordinates, room: Sequence[Fraction], G: Sequence[Any], choose: Callable[..., Any]) -> bool:
     """Whether orbits of two speeds cannot both stay in the box. Raises Unproved if no one is shown to converge."""
     box = saddle.coordinates([arb(0, ball(extent).upper()) for extent in room])
     _, slopes, by_speed = saddle.field(box)
@@ -217,7 +217,7 @@ def _slowly(matrix: Any, z: Sequence[Any]) -> bool:
     return _surely(slow[0] - slow[1] - (fast[0] + fast[1]), abs(z[SLOW]) - abs(z[FAST]))
 
 
-def _eigenvalues(saddle: Saddle, claimed: Sequence[tuple[Fraction, Fraction]]) -> None:
+def _eigenvalues(saddle: SaddleCoordinates, claimed: Sequence[tuple[Fraction, Fraction]]) -> None:
     """Shown: each of three disjoint intervals holds one eigenvalue at every speed, in descending order."""
     c, w = saddle.constants, saddle.omega
     arm = c.r - c.e
@@ -237,9 +237,9 @@ class Recorded:
 
     def __init__(self, entries: Mapping[str, Any]) -> None:
         self.entries = entries
-        self._flight = Replay(entries["flight"], "the flight")
+        self._flight = StepReplay(entries["flight"], "the flight")
 
-    def __call__(self, name: str, *shown: Any) -> Any:
+    def __call__(self, name: str, *context: Any) -> Any:
         if name == "flight":
             return self._flight
         return self._flight.number == len(self._flight.log) if name == "arrived" else self.entries[name]
@@ -257,7 +257,7 @@ SHAPES = {
 }
 
 
-def show(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> None:
+def verify(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> None:
     """Raises Unproved if the evidence does not prove the claim."""
     numbers = {name: (Fraction(x["value"]), Fraction(x["uncertainty"])) for name, x in claim["numbers"].items()}
     claimed = {
@@ -265,22 +265,23 @@ def show(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> None:
         "room": tuple(Fraction(claim[name]) for name in ("beta", "gamma", "v")),
     }
     choices = Recorded({**evidence, **claimed})
-    shown = connection_shown(claim["parameters"], claim["friction"], numbers["omega_h"], choices)
-    need(not claim["unique"] or shown.unique, "claim: that there is no other speed is not shown")
-    need(not claim["upright"] or shown.upright, "claim: that the disk never lies flat is not shown")
+    verified = verify_connection(claim["parameters"], claim["friction"], numbers["omega_h"], choices)
+    need(not claim["unique"] or verified.unique, "claim: that there is no other speed is not shown")
+    need(not claim["upright"] or verified.upright, "claim: that the disk never lies flat is not shown")
 
 
 def sentence(claim: Mapping[str, Any], numbers: Mapping[str, str]) -> str:
     """What is said of the disk, in one sentence."""
     middle, half = (claim["numbers"]["omega_h"][name] for name in ("value", "uncertainty"))
+    count = "exactly one" if claim["unique"] else "at least one"
+    upright = ", with |beta - pi/2| < pi/2 all along" if claim["upright"] else ""
+    eigenvalues = ", ".join(numbers[name] for name in EIGENVALUES)
     return (
-        f" there is "
-        f"{'exactly one' if claim['unique'] else 'at least one'} Omega with |Omega - {middle} rad/s| <= {half} rad/s "
+        f" there is {count} Omega with |Omega - {middle} rad/s| <= {half} rad/s "
         "at which the branch of the unstable manifold of (beta, gamma, v) = (pi/2, -pi/2, 0) that leaves with growing "
         f"gamma, from the moment on at which it first has gamma = 3 pi/2 - {claim['gamma']}, stays in the box "
         f"|beta - pi/2| <= {claim['beta']}, |gamma - 3 pi/2| <= {claim['gamma']}, |v| <= {claim['v']} rad/s and "
-        f"converges to (pi/2, 3 pi/2, 0){', with |beta - pi/2| < pi/2 all along' * claim['upright']}; by the symmetry "
+        f"converges to (pi/2, 3 pi/2, 0){upright}; by the symmetry "
         "(beta, gamma, v) -> (pi - beta, pi - gamma, -v) the connection back exists at the same speed, an Omega_h; at "
-        f"every speed of the interval the saddle's eigenvalues are {', '.join(numbers[name] for name in EIGENVALUES)} "
-        "1/s."
+        f"every speed of the interval the saddle's eigenvalues are {eigenvalues} 1/s."
     )

@@ -8,8 +8,8 @@ odd, and F(0) = 0 comes out exactly: sine and cosine of pi + y are taken from th
 Under the smooth friction law the saddles lie on gamma_y = 0, where the field is once differentiable. ``side`` names one
 of the two analytic laws; over a box that gamma_y = 0 may cut, the derivatives are the hull of both.
 
-**Invariant curves.** A `Curve` is a graph over one of the coordinates, called theta: the other two are w = z - W(theta)
-away from the polynomials W. Then
+**Invariant curves.** A `ManifoldGraph` is a graph over one of the coordinates, called theta: the
+other two are w = z - W(theta) away from the polynomials W. Then
 
     w' = D(theta) + J w,     D = F_w(theta, W) - W' F_theta(theta, W),     J = dF_w/dw - W' dF_theta/dw,
 
@@ -60,8 +60,21 @@ from tippedisk_verify.proofs.kernel.flow import Model, Path
 from tippedisk_verify.proofs.kernel.frame import Frame
 from tippedisk_verify.proofs.kernel.sliding import law_model
 
-__all__ = ["FAST", "SLOW", "UNSTABLE", "Curve", "Saddle", "ask", "block", "cones", "hull_of_array", "leaving", "most",
-           "others", "products"]  # fmt: skip
+__all__ = [
+    "FAST",
+    "SLOW",
+    "UNSTABLE",
+    "ManifoldGraph",
+    "SaddleCoordinates",
+    "ask",
+    "block",
+    "cones",
+    "hull_of_array",
+    "leaving",
+    "most",
+    "others",
+    "products",
+]
 
 UNSTABLE, SLOW, FAST = 0, 1, 2
 
@@ -122,7 +135,7 @@ class _Beyond:
         return -value if angle is self._angle else value
 
 
-class Saddle:
+class SaddleCoordinates:
     """The coordinates z and the field in them, for exact parameters and a ball of speeds.
 
     Raises Unproved if the directions have no inverse.
@@ -219,14 +232,14 @@ class Saddle:
         return [list(row) for row in zip(*map(self.coordinates, zip(*matrix, strict=True)), strict=True)]
 
 
-class Curve:
+class ManifoldGraph:
     """A graph w = W(theta) over the coordinate ``along``.
 
     ``graph``: exact coefficients of theta^0 ... theta^N for each of the other coordinates, the first one 0. ``side``:
     the sign of gamma_y on the half with theta > 0, None for the linear law.
     """
 
-    def __init__(self, saddle: Saddle, along: int, graph: Sequence[list[Any]], side: int | None) -> None:
+    def __init__(self, saddle: SaddleCoordinates, along: int, graph: Sequence[list[Any]], side: int | None) -> None:
         self.saddle, self.along, self.graph, self.side = saddle, along, graph, side
         self.others = tuple(k for k in range(3) if k != along)
         self.order = len(graph[0]) - 1
@@ -311,7 +324,9 @@ class Curve:
         return bounds
 
 
-def leaving(curve: Curve, theta: Any, cone: Sequence[Any], defect: Sequence[Any]) -> tuple[list[Any], list[Any], Any]:
+def leaving(
+    curve: ManifoldGraph, theta: Any, cone: Sequence[Any], defect: Sequence[Any]
+) -> tuple[list[Any], list[Any], Any]:
     """Shown: the unstable branch at z_u = theta > 0 lies in the cone. The box of z there, a box of z that holds it from
     the saddle to there, and DF over that one.
     """
@@ -333,7 +348,7 @@ def leaving(curve: Curve, theta: Any, cone: Sequence[Any], defect: Sequence[Any]
     return curve.point(theta, within), whole, matrix
 
 
-def block(curve: Curve, extents: Sequence[Any]) -> tuple[Any, list[Any], Any]:
+def block(curve: ManifoldGraph, extents: Sequence[Any]) -> tuple[Any, list[Any], Any]:
     """Shown: N with the extents s, u, t isolates. Its delta, a box of z that holds N, and DF over that box."""
     s, u, t = extents
     ask("the isolating block", s, u, t)

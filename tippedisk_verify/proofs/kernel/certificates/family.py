@@ -25,16 +25,33 @@ from itertools import pairwise
 from typing import Any
 
 from tippedisk_verify.proofs.kernel.balls import Unproved, arb, ball, midpoint_and_radius, need, working_precision
-from tippedisk_verify.proofs.kernel.claims import connection_cycles
-from tippedisk_verify.proofs.kernel.curves import Arc, Curve, Replay, arc_test
+from tippedisk_verify.proofs.kernel.certificates import connection_cycles
+from tippedisk_verify.proofs.kernel.curves import Arc, Curve, CurveReplay, arc_test
 from tippedisk_verify.proofs.kernel.field import constants
 from tippedisk_verify.proofs.kernel.jets import Jet
 from tippedisk_verify.proofs.kernel.reading import MEASURED, decimal, held, one_of, parsed, precision
 from tippedisk_verify.proofs.kernel.scaled import ScaledCurve
 
-__all__ = ["KINDS", "SHAPES", "STEPS", "Job", "Mapped", "Piece", "Status", "box_test", "curve_fault",
-           "joined", "last_cycle", "omega_crit", "piece_shown", "sentence", "show", "signs", "unique_within",
-           "upper_bound"]  # fmt: skip
+__all__ = [
+    "KINDS",
+    "SHAPES",
+    "STEPS",
+    "ArcStatus",
+    "Job",
+    "Mapped",
+    "Piece",
+    "box_test",
+    "curve_fault",
+    "joined",
+    "last_cycle",
+    "omega_crit",
+    "sentence",
+    "signs",
+    "unique_within",
+    "upper_bound",
+    "verify",
+    "verify_piece",
+]
 
 KINDS = {"family of limit cycles": False, "whole family of limit cycles": True}  #: whether up to the connection
 _ROOMS = ("v_0_per_gamma_bar_0", "v_0", "omega")
@@ -42,16 +59,20 @@ _ROOMS = ("v_0_per_gamma_bar_0", "v_0", "omega")
 STEPS = [{"share": decimal, "axes?": [[decimal, 3], 3]}, None]
 BOX = {"radii": [decimal, 2], "steps": STEPS}
 ARC = {
-    "end": decimal, "curve": [[decimal, None], 2], "half": [decimal, None], "bits": precision,
-    "box": BOX, "wide box?": BOX,
-}  # fmt: skip
+    "end": decimal,
+    "curve": [[decimal, None], 2],
+    "half": [decimal, None],
+    "bits": precision,
+    "box": BOX,
+    "wide box?": BOX,
+}
 
 Pair = tuple[Fraction, Fraction]
 Rows = tuple[tuple[Fraction, ...], tuple[Fraction, ...]]  #: coefficients of two polynomials
 Job = tuple[Mapping[str, str], Fraction, int, Mapping[str, Any]]  #: the disk, where the arc begins, number, evidence
 
 
-class Status(Enum):
+class ArcStatus(Enum):
     """Why an arc is not proved, or not joined to the others. The value says what failed."""
 
     NOT_FOLLOWED = "the orbits of all these amplitudes could not be followed from section to section"
@@ -141,19 +162,19 @@ def box_test(
     return arc_test(constants(disk), curve, choices)
 
 
-def signs(arc: Arc) -> Status | None:
+def signs(arc: Arc) -> ArcStatus | None:
     """Which of the signs is not shown of an arc that has passed its test."""
     falling, stable = arc.falling(), arc.stable()
     if not falling:
-        return Status.NOT_FALLING if falling is None else Status.RISING
+        return ArcStatus.NOT_FALLING if falling is None else ArcStatus.RISING
     if not stable:
-        return Status.NOT_STABLE if stable is None else Status.UNSTABLE
+        return ArcStatus.NOT_STABLE if stable is None else ArcStatus.UNSTABLE
     if not arc.slowing():
-        return Status.NOT_SLOWING
-    return None if arc.widening() else Status.NOT_WIDENING
+        return ArcStatus.NOT_SLOWING
+    return None if arc.widening() else ArcStatus.NOT_WIDENING
 
 
-def piece_shown(job: Job) -> Piece:
+def verify_piece(job: Job) -> Piece:
     """What the evidence of one arc shows. Raises Unproved."""
     disk, low, number, content = job
     arc = parsed(content, ARC, f"arc {number}")
@@ -163,8 +184,8 @@ def piece_shown(job: Job) -> Piece:
         for name in names:
             radii = [Fraction(text) for text in arc[name]["radii"]]
             try:
-                tests.append(box_test(disk, low, arc, radii, Replay(arc[name]["steps"])))
-                need(tests[-1].included, Status.NOT_INCLUDED.value)
+                tests.append(box_test(disk, low, arc, radii, CurveReplay(arc[name]["steps"])))
+                need(tests[-1].included, ArcStatus.NOT_INCLUDED.value)
                 refusal = None if len(tests) > 1 else signs(tests[0])
                 need(refusal is None, refusal.value if refusal else "")
             except Unproved as fault:
@@ -252,12 +273,12 @@ def _shape(whole: bool) -> tuple[dict[str, Any], dict[str, Any]]:
 SHAPES = {kind: _shape(whole) for kind, whole in KINDS.items()}
 
 
-def show(claim: Mapping[str, Any], evidence: Mapping[str, Any], mapped: Mapped = map) -> None:
+def verify(claim: Mapping[str, Any], evidence: Mapping[str, Any], mapped: Mapped = map) -> None:
     """Raises Unproved if the evidence does not prove the claim. ``mapped`` shows the arcs, which are independent."""
     disk, arcs = claim["parameters"], evidence["arcs"]
     lows = [Fraction(0), *(Fraction(arc["end"]) for arc in arcs)]
     jobs = [(disk, low, k, arc) for k, (low, arc) in enumerate(zip(lows, arcs, strict=False), 1)]
-    pieces = list(mapped(piece_shown, jobs))
+    pieces = list(mapped(verify_piece, jobs))
     fault = curve_fault(disk, pieces)
     need(not fault, fault)
     for name, amplitude in (("amplitude_first", pieces[0].high), ("amplitude_end", pieces[-1].high)):
@@ -268,7 +289,7 @@ def show(claim: Mapping[str, Any], evidence: Mapping[str, Any], mapped: Mapped =
     for name, room in zip(_ROOMS, unique_within(pieces), strict=True):
         need(room >= Fraction(claim["unique_within"][name]) > 0, f"claim: no other {name} is so near, is not shown")
     if KINDS[claim["kind"]]:
-        meets = connection_cycles.show(claim, evidence["end"]).meets(*last_cycle(pieces))
+        meets = connection_cycles.verify(claim, evidence["end"]).meets(*last_cycle(pieces))
         need(meets, "the last arc is not shown to run into the cycles next to the connection")
 
 
