@@ -304,9 +304,9 @@ def test_certificates_of_every_kind_are_accepted_and_all_tampered_ones_rejected(
 def fields() -> Iterator[Any]:
     """The equations' function, each time with another operand a thousandth larger."""
     source = inspect.getsource(equations.field)
-    for place in range(sum(isinstance(node, ast.BinOp) for node in ast.poincare_map(ast.parse(source)))):
+    for place in range(sum(isinstance(node, ast.BinOp) for node in ast.walk(ast.parse(source)))):
         tree, names = ast.parse(source), dict(vars(equations)) | {"LARGER": arb(1.001)}
-        node = [node for node in ast.poincare_map(tree) if isinstance(node, ast.BinOp)][place]
+        node = [node for node in ast.walk(tree) if isinstance(node, ast.BinOp)][place]
         node.left = ast.BinOp(ast.Name("LARGER", ast.Load()), ast.Mult(), node.left)
         exec(ast.unparse(ast.fix_missing_locations(tree)), names)
         yield names["field"]
@@ -393,7 +393,7 @@ def test_without_a_proof_no_certificate_is_written(tmp_path) -> None:
 def test_the_kernel_stands_alone() -> None:
     """It imports numpy, python-flint and the standard library."""
     for path in KERNEL.rglob("*.py"):
-        for node in ast.poincare_map(ast.parse(path.read_text(encoding="utf-8"))):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
             if isinstance(node, ast.ImportFrom):
                 assert not node.level

@@ -31,7 +31,7 @@ _MOST_STEPS = 20_000
 
 
 class FlowStatus(Enum):
-    """How a proof that follows the flow ended. The value says what happened and what to try next."""
+    """The ways in which following the flow can end; each value is a message with what to try next."""
 
     RETURNED = "the first return to the section is enclosed"
     NO_START = "v < 0 at the start is not proved: start on the other side of the section, or in a narrower box"
@@ -48,37 +48,41 @@ class FlowStatus(Enum):
 
 
 class StepProposer(Protocol):
-    """What a flight asks for its choices. A search may answer with anything; a reader has a certificate's answers."""
+    """The source of a flight's choices: a search, or a reader of a certificate. Any answer is safe."""
 
     def step(self, path: Path, longest: Any) -> Step | None:
-        """A step of the path, made by its `Path.trial`, of at most ``longest`` seconds; None to give up.
+        """Return a step of at most ``longest`` seconds, made by `Path.trial`; None to give up.
 
-        It is asked again, for a shorter one, if what the flight needs is not shown of the step.
+        The flight asks again, for a shorter step, if it cannot use this one.
         """
         ...
 
     def beyond(self) -> StepProposer:
-        """Who is asked for the steps behind a change of side."""
+        """Return the proposer of the steps behind a change of side."""
         ...
 
     def axes(self, turned: Sequence[Sequence[Any]], sizes: Sequence[Any], stiffness: Any) -> Sequence[Sequence[Any]]:
-        """The axes of a set, points, columns of a regular matrix; see `frame.Frame.carried`.
+        """Return the axes of a set: points, the columns of a regular matrix (`frame.Frame.carried`).
 
         ``stiffness`` [1/s] weighs velocities against angles.
         """
         ...
 
     def took(self, step: Step, axes: Sequence[Sequence[Any]]) -> None:
-        """The path has taken the step."""
+        """Record that the path has taken the step."""
         ...
 
 
 class Model:
     """The equations of motion on balls (Eq. 3DOF, linear friction), with the systems that a step needs.
 
-    ``constants`` as from `field.constants` or `balls.ball_constants`; ``omega`` [rad/s], a ball of any radius or a
-    `Jet` of such; or `BallArray` for both. Built once, used for any number of runs; every enclosure holds for all
-    constants and speeds in their balls. ``law`` replaces the equations, for tests with exact answers.
+    Every enclosure holds for all constants and speeds in their balls. A model serves any number of
+    flights.
+
+    Args:
+        constants: As from `field.constants` or `balls.ball_constants`, or arrays of balls.
+        omega: [rad/s], a ball of any radius, a `Jet` of balls, or an array of balls.
+        law: Replaces the equations, for tests with exact answers.
     """
 
     def __init__(self, constants: Any, omega: Any, law: Law | None = None) -> None:
@@ -96,13 +100,13 @@ class Model:
         self.variational, self.with_divergence = with_derivatives(graph, variables, [speed], rates)
 
     def orbit_at(self, omega: Any) -> System:
-        """The states alone, without derivatives, at another speed."""
+        """Return the system of the states alone, without derivatives, at another speed."""
         graph = Graph()
         variables = [graph.variable() for _ in range(3)]
         return System(graph, variables, self._rates(graph, graph.number(omega), variables))
 
     def path(self, start: Sequence[Any], proposer: StepProposer, *, derivatives: bool = False) -> Path:
-        """All orbits from a box of states, to be followed; see `Path`."""
+        """Return the path of all orbits from a box of states."""
         return Path(self, start, proposer, derivatives=derivatives)
 
     def _rates(self, graph: Graph, omega: Node, variables: Sequence[Node]) -> tuple[Node, ...]:
@@ -110,16 +114,16 @@ class Model:
         return tuple(graph.number(rate) for rate in self.law(graph, constants, omega)(*variables))
 
     def rates(self, state: Sequence[Any]) -> tuple[Any, Any, Any]:
-        """``(beta', gamma', v')`` [rad/s, rad/s, rad/s^2] on balls."""
+        """Return (beta', gamma', v') [rad/s, rad/s, rad/s^2] on balls."""
         return self.law(BallOps, self.constants, self.omega)(*state)
 
 
 class Path:
-    """Follows all orbits from a box, one proved step after the other.
+    """All orbits from a box, followed one proved step after the other.
 
-    ``derivatives``: to the working precision and accumulated over the path, with the divergence's integral; without,
-    they are computed roughly, for the mean-value form only. The box's parts may be arrays of balls: such a path takes
-    steps that its caller has tested.
+    With ``derivatives`` they are computed to the working precision and accumulated over the path,
+    with the divergence's integral. Without, they are rough and serve the mean-value form only. The
+    box's parts may be arrays of balls: such a path takes steps that its caller has tested.
     """
 
     def __init__(self, model: Any, start: Sequence[Any] | Frame, proposer: Any, *, derivatives: bool = False) -> None:
@@ -141,11 +145,11 @@ class Path:
         return self.frame.matrix()
 
     def trial(self, orders: tuple[int, int]) -> Trial:
-        """The series from here, for steps to be tried."""
+        """Return the series from here, on which lengths of a step are tried."""
         return Trial(self, orders)
 
     def step(self, longest: Any = None) -> Step | None:
-        """A step of at most ``longest`` seconds, not yet taken; None, with a status, if none is proved."""
+        """Return a step of at most ``longest`` seconds, not yet taken; None, with a status, if none is proved."""
         self.status = self._spent()
         step = None if self.status else self.proposer.step(self, longest)
         if step is None:
@@ -165,7 +169,7 @@ class Path:
         return FlowStatus.STEP_LIMIT if self.steps >= _MOST_STEPS else None
 
     def carried(self, step: Step, time: Any = None) -> Frame:
-        """The set of the states after ``time`` in the step, or at its end."""
+        """Return the set of the states after ``time`` in the step, or at its end."""
         stiffness = 1 + upper(whole(step.derivatives[8][1]))  # of d(v)/d(v): its rate at the start
         centre, rows = step.end if time is None else (step.centre(time), step.rows_at(time))
         return step.frame.carried(centre, rows, lambda turned, sizes: self.proposer.axes(turned, sizes, stiffness))
@@ -181,6 +185,6 @@ class Path:
 
 
 def short_float(length: float) -> float:
-    """Rounded down to 20 bits: sums of step lengths are exact."""
+    """Round down to 20 bits, so that sums of step lengths are exact."""
     mantissa, exponent = math.frexp(length)
     return math.ldexp(math.floor(mantissa * 2**20), exponent - 20)

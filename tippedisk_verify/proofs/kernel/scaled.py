@@ -1,31 +1,44 @@
 """The half map of the state divided by its amplitude: the family of limit cycles up to its Hopf point.
 
-In the angles beta_bar, gamma_bar from inverted spinning the field is odd. So with a state a y, y = (b, g, w) and
-q = a^2, the rates of y are analytic functions of y, Omega and q, and at q = 0 they are the linearisation's. They are
-`field`'s own: `_Part` stands for a number a x (odd) or x (even). The sine of an odd one is odd, with sin(a x) / a
-(`jets.scaled_sine`), its cosine is even; a product of two odd ones is even, with a factor q. A sum of an odd one and an
-even one, or a quotient by an odd one, is refused. So the rates are seen to be odd, and no division by a takes place.
+Scaled states
+-------------
+In the angles beta_bar, gamma_bar from inverted spinning the field is odd. Write the state as a y with
+y = (b, g, w), and let q = a^2. Then the rates of y are analytic functions of y, Omega and q. At q = 0
+they are those of the linearisation.
 
-**The equations.** Let P(g, w; Omega, q) be the scaled half map from the section b = 0, w < 0, and F(w, Omega; q) =
-P(1, w; Omega, q) - (1, w). For q > 0 its zeros are the family's cycles with gamma_bar_0 = a and v_0 = a w. Krawczyk's
-test of `curves`, with q for the parameter, proves one for each q of [0, q_1], with regular dF/d(w, Omega): an analytic
-curve. At q = 0 the flow is that of the linearisation, which then has a periodic orbit, so that Omega is Omega_crit: the
-curve begins at the Hopf point.
+The equations are those of `field`: a `_Part` stands for a number a x (odd) or x (even). The sine of
+an odd number is odd, with sin(a x) / a (`jets.scaled_sine`), and its cosine is even. A product of two
+odd numbers is even, with a factor q. A sum of an odd and an even number is refused, and so is a
+quotient by an odd one. So the rates are seen to be odd, and no division by a takes place.
 
-**Multipliers.** P is homogeneous: l P(g, w; Omega, l^2 q) = P(l g, l w; Omega, q) for l > 0. Differentiated by l at the
-fixed point (1, w), with c_g, c_w the columns of P' - 1 and c_Omega, c_q the derivatives of P,
+The equations of the family
+---------------------------
+Let P(g, w; Omega, q) be the scaled half map from the section b = 0, w < 0, and
+
+    F(w, Omega; q) = P(1, w; Omega, q) - (1, w).
+
+For q > 0 its zeros are the family's cycles with gamma_bar_0 = a and v_0 = a w. Krawczyk's test of
+`curves`, with the parameter q, proves one zero for each q of [0, q_1], with regular dF/d(w, Omega).
+They form an analytic curve. At q = 0 the flow is that of the linearisation, which then has a periodic
+orbit, so that Omega is Omega_crit: the curve begins at the Hopf point.
+
+Multipliers
+-----------
+P is homogeneous: l P(g, w; Omega, l^2 q) = P(l g, l w; Omega, q) for l > 0. Let c_g, c_w be the columns
+of P' - 1, and c_Omega, c_q the derivatives of P. Differentiation by l at the fixed point (1, w) gives
 
     c_g + w c_w = 2 q c_q,   so that   det(P' - 1) = det(c_g, c_w) = 2 q det(c_q, c_w).
 
-Along the curve c_w w' + c_Omega Omega' + c_q = 0, so det(c_q, c_w) = Omega'(q) det(c_w, c_Omega) by Cramer's rule, and
+Along the curve c_w w' + c_Omega Omega' + c_q = 0, so det(c_q, c_w) = Omega'(q) det(c_w, c_Omega) by
+Cramer's rule. With tau and delta as in `curves`,
 
-    1 - tau - delta = det(P' - 1) = 2 q Omega'(q) det(c_w, c_Omega)
+    1 - tau - delta = det(P' - 1) = 2 q Omega'(q) det(c_w, c_Omega).
 
-with tau and delta as in `curves`: its sign for all q of (0, q_1] follows from those of two jets that are not zero at
-q = 0. The trace is tau = 1 - w (c_w)_1 + 2 q (c_q)_1 + 1 + (c_w)_2. P' of the scaled map is similar to that of the map
-itself: the multipliers are the cycle's.
+Its sign for all q of (0, q_1] follows from those of two jets that are not zero at q = 0. The trace is
+tau = 1 - w (c_w)_1 + 2 q (c_q)_1 + 1 + (c_w)_2. P' of the scaled map is similar to that of the map
+itself, so the multipliers are the cycle's.
 
-Where a ball becomes a point or a float: nowhere.
+No ball becomes a point or a float here.
 """
 
 from __future__ import annotations
@@ -43,7 +56,7 @@ __all__ = ["ScaledCurve", "ScaledModel"]
 
 
 class _Part:
-    """a x if ``odd``, else x, where a^2 is ``square``."""
+    """The number a x if ``odd``, else x, where a^2 is ``square``."""
 
     __slots__ = ("odd", "square", "x")
 
@@ -81,7 +94,7 @@ class _Part:
 
 
 class _ScaledOps:
-    """Sine and cosine of odd angles; for `field`."""
+    """The sine and cosine of odd angles, for `field`."""
 
     @staticmethod
     def sin(angle: _Part) -> _Part:
@@ -114,7 +127,7 @@ class ScaledModel:
         self.with_divergence = with_derivatives(graph, variables, [speed, q], rates)[1]
 
     def orbit_at(self, omega: Any) -> System:
-        """The states alone, at another speed."""
+        """Return the system of the states alone, at another speed."""
         graph = Graph()
         variables = [graph.variable() for _ in range(3)]
         return System(
@@ -122,7 +135,7 @@ class ScaledModel:
         )
 
     def rates(self, state: Any) -> tuple[Any, ...]:
-        """``(b', g', w')``."""
+        """Return (b', g', w')."""
         return _rates(self.constants, state, self.omega, self.square)
 
     def _recorded(self, graph: Graph, variables: list[Node], omega: Node, square: Node) -> tuple[Any, ...]:

@@ -1,23 +1,30 @@
-"""The maps of two sections, proved: from a section along the flow to the next crossing, the first.
+"""The Poincare maps of two sections, proved: from a section along the flow to its first crossing.
 
-**The half map** (`HALF`) goes from beta = pi/2, v < 0 to the next crossing, v > 0, and back by S, x -> -x in shifted
-angles. Of every step one of these is shown, from its enclosure and the balls at its ends,
+The half map (`HALF`)
+---------------------
+It goes from beta = pi/2, v < 0 to the next crossing, v > 0, and back by S, which is x -> -x in shifted
+angles. For every step one of these cases is shown, from its enclosure and the balls at its ends:
 
-- *falling*: v < 0 throughout, or v' > 0 throughout and v < 0 at the end; then beta_bar falls;
-- *turning*: v' > 0 throughout, v < 0 at the start, v > 0 and beta_bar < 0 at the end; then v has exactly one zero in
-  the step, where beta_bar is least, and beta_bar < 0 throughout;
-- *rising*: v > 0 throughout, or v' > 0 throughout and v > 0 at the start; if beta_bar < 0 at the end the section is not
-  reached, if beta_bar > 0 there it is crossed exactly once, with v > 0.
+- *falling*: v < 0 throughout, or v' > 0 throughout and v < 0 at the end. Then beta_bar falls.
+- *turning*: v' > 0 throughout, v < 0 at the start, v > 0 and beta_bar < 0 at the end. Then v has exactly
+  one zero in the step, where beta_bar is least, and beta_bar < 0 throughout.
+- *rising*: v > 0 throughout, or v' > 0 throughout and v > 0 at the start. If beta_bar < 0 at the end,
+  the section is not reached. If beta_bar > 0 there, it is crossed exactly once, with v > 0.
 
 A path that falls, turns once and rises has beta_bar < 0 between the two sections.
 
-**The turn map** (`TURN`) goes from gamma_bar = 0 to gamma_bar = 2 pi. As long as 0 < beta_bar < pi/2, gamma' =
-Omega sin(beta_bar) is positive: an orbit of which this is shown passes gamma_bar = 2 pi exactly once.
+The turn map (`TURN`)
+---------------------
+It goes from gamma_bar = 0 to gamma_bar = 2 pi. As long as 0 < beta_bar < pi/2, the rate
+gamma' = Omega sin(beta_bar) is positive. An orbit for which this is shown passes gamma_bar = 2 pi
+exactly once.
 
-Of every step it is shown that |beta_bar| < 1.5707: the disk does not lie flat. Of a step in which the friction law
-changes (`sliding.Crossing`) v must keep its sign and gamma_bar must stay below 2 pi, so that neither the turn nor the
-section lies in it. A shorter step is asked for where none of this can be shown; if that does not help, the proof ends
-with a status that says so.
+Both maps
+---------
+For every step |beta_bar| < 1.5707 is shown: the disk does not lie flat. In a step in which the friction
+law changes (`sliding.Crossing`) v must keep its sign and gamma_bar must stay below 2 pi. So neither the
+turn nor the section lies in it. If no case can be shown, a shorter step is tried. If that does not help,
+the proof ends with a status that names the reason.
 """
 
 from __future__ import annotations
@@ -39,23 +46,23 @@ _MOST_CUTS = 40
 
 
 class PoincareSection(NamedTuple):
-    """A section with its map: which component is zero on it, which are the coordinates, and what comes after."""
+    """A section with its Poincare map: its coordinates, and the symmetry applied after the flight."""
 
     zero: int  #: of the component that is zero on the section
     first: int  #: of the first coordinate on it; the second is v
-    laps: int  #: flights a period: after the half map's come S and another one
+    laps: int  #: flights a period: the half map has two, with S between
 
     @property
     def sign(self) -> int:
-        """Of the image under what comes after the flight."""
+        """The sign of the image under the symmetry after the flight."""
         return -1 if self.laps == 2 else 1
 
     def level(self) -> Any:
-        """Of the component where the flight ends."""
+        """Return the level of the component at which the flight ends."""
         return arb(0) if self.laps == 2 else 2 * arb.pi()
 
     def start(self, first: Any, v: Any) -> list[Any]:
-        """The state (beta_bar, gamma_bar, v) of two coordinates."""
+        """Return the state (beta_bar, gamma_bar, v) of two coordinates."""
         state = [alike(v, 0), alike(v, 0), v]
         state[self.first] = first
         return state
@@ -66,8 +73,9 @@ HALF, TURN = PoincareSection(0, 1, 2), PoincareSection(1, 0, 1)
 
 @dataclass(frozen=True)
 class Return:
-    """What is proved of all orbits from a box on a section. Only FlowStatus.RETURNED makes the rest mean anything.
+    """The proved properties of all orbits from a box on a section.
 
+    Only with the status RETURNED do the others have a meaning.
     The coordinates x are (gamma_bar, v) for the half map and (beta_bar, v) for the turn map.
     """
 
@@ -95,7 +103,7 @@ def return_map(
     derivatives: bool = False,
     longest: float = 60.0,
 ) -> Return:
-    """Enclose a section's map over a box of its two coordinates; ``longest`` [s] ends the flight."""
+    """Enclose the Poincare map over a box of the section's two coordinates, for up to ``longest`` [s]."""
     poincare_map = PoincareMap(model, section, box, proposer, derivatives=derivatives)
     path = poincare_map.path
     if section == HALF and not negative(alike(path.time, box[1])):
@@ -118,7 +126,7 @@ def return_map(
 
 
 class SectionCase(Enum):
-    """What the orbits do in a step, by the cases of the module's docstring."""
+    """The cases of the module's docstring for one step."""
 
     ON = "they fall, or after the turn rise, and do not reach the section"
     TURNS = "they turn"
@@ -126,7 +134,7 @@ class SectionCase(Enum):
 
 
 class Round(NamedTuple):
-    """What is proved of one step that was tried."""
+    """The proved properties of one step that was tried."""
 
     length: float  #: of the step [s]
     upright: bool  #: the disk does not lie flat
@@ -135,7 +143,7 @@ class Round(NamedTuple):
 
 
 class PoincareMap:
-    """All orbits from a box on a section, on their way to the next crossing."""
+    """The flight of all orbits from a box on a section to the next crossing."""
 
     def __init__(
         self,
@@ -153,7 +161,7 @@ class PoincareMap:
         self.turn: tuple[Any, Any] = (None, None)
 
     def advance(self, longest: float | None = None) -> Round | None:
-        """Try one step and take it if it is proved; return None if the path has none."""
+        """Try one step and take it if it is proved. Return None if the path has no step."""
         step = self.path.step(longest)
         if step is None:
             return None
@@ -172,7 +180,7 @@ class PoincareMap:
         return Round(step.length, upright, True)
 
     def _case(self, step: Step) -> tuple[bool, SectionCase | None]:
-        """Whether the disk is shown not to lie flat, and the case that is shown; None if none is."""
+        """Return whether the disk is shown to stay upright, and the case that is shown, or None."""
         rates, (beta, _, v) = self.path.model.rates(step.enclosure), step.enclosure
         beta_end, gamma_end, v_end = step.at_end()
         one_law = not isinstance(step, Crossing)
@@ -229,7 +237,7 @@ class PoincareMap:
         )
 
     def _landed(self) -> Return:
-        """Return what is proved of orbits whose path has been taken to the section."""
+        """Return the proved properties of orbits whose path has been taken to the section."""
         path, section = self.path, self.section
         first, sign = section.first, section.sign
         derivatives: dict[str, Any] = {}
