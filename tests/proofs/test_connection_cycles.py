@@ -240,7 +240,7 @@ def test_what_is_asked_before_the_flights(line: str, name: str, other: Callable[
     returned_by(n)
     owner = n.saddle if name.startswith("saddle.") else n
     setattr(owner, name.removeprefix("saddle."), other(n))
-    with pytest.raises(Unproved, match=f"^{line}:"):
+    with pytest.raises(Unproved, match=rf"^7a\.\d: {line}:"):
         returned_by(n)
 
 
@@ -337,7 +337,7 @@ def test_what_is_asked_after_the_flights(
     rows = arrivals()
     for (row, k), x in moved.items():
         rows[row][k] = x
-    with pytest.raises(Unproved, match=f"^{line}:"):
+    with pytest.raises(Unproved, match=rf"^7a\.\d: {line}:"):
         returned.verify(rows)
 
 
@@ -364,7 +364,7 @@ def test_what_is_asked_of_d_and_q(name: str, x: Any, line: str) -> None:
     """Every number of D and Q, changed so that its inequality breaks."""
     n = made_up()
     returned_by(n)
-    with pytest.raises(Unproved, match=f"^{line}"):
+    with pytest.raises(Unproved, match=rf"^7a\.\d: {line}"):
         LoopMap(n, ENTRY | {name: x})
 
 

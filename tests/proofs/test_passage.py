@@ -174,7 +174,7 @@ SPOILED: list[tuple[str, dict[Place, Any]]] = [
 
 @pytest.mark.parametrize(("line", "numbers"), SPOILED)
 def test_a_number_that_is_spoiled_breaks_its_inequality(line: str, numbers: dict[Place, Any]) -> None:
-    with pytest.raises(Unproved, match=f"^{line}"):
+    with pytest.raises(Unproved, match=rf"^7a\.\d: {line}"):
         made_up(numbers)
 
 
@@ -201,7 +201,7 @@ CHOSEN: list[tuple[str, dict[Place, Any]]] = [
 
 @pytest.mark.parametrize(("line", "choices"), CHOSEN)
 def test_a_choice_that_is_spoiled_breaks_its_inequality(line: str, choices: dict[Place, Any]) -> None:
-    with pytest.raises(Unproved, match=f"^{line}:"):
+    with pytest.raises(Unproved, match=rf"^7a\.\d: {line}:"):
         made_up(choices=choices)
 
 

@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 _U = 2.0**-53
 _NORMAL = 2.0**-1022
 _LONGEST = 2**16  # terms of a convolution: the count of roundings in its proof
-_CAPACITY = 24  # coefficients that a series has room for at first
+_CAPACITY = 24  # the initial capacity in coefficients
 
 
 class BallArraySeries(Sequence[BallArray]):

@@ -116,7 +116,7 @@ class Curve:
     total: Jet  #: about how long the half map takes [s]: steps are shares of it
 
     unit: ClassVar = ((1, 0, 0), (0, 1, 0))  #: derivatives of `start` by the three numbers
-    columns: ClassVar[tuple[int, ...]] = (2,)  #: of which of the three the equations depend
+    columns: ClassVar[tuple[int, ...]] = (2,)  #: the indices of the numbers in the equations
     equations: ClassVar[Any] = Model  #: for the constants and `numbers`
 
     @property
@@ -189,7 +189,7 @@ class _Equations:
 
 
 class CurvePath(Path):
-    """All orbits from the curve and the deviations about it; each has its own lengths of steps."""
+    """The flight of all orbits from a curve and its deviations; each has its own lengths of steps."""
 
     def __init__(self, constants: FieldConstants, curve: Curve, choices: Any) -> None:
         zero = 0 * curve.v.mid()

@@ -119,7 +119,7 @@ class Model:
 
 
 class Path:
-    """All orbits from a box, followed one proved step after the other.
+    """The flight of all orbits from a box, one proved step after the other.
 
     With ``derivatives`` they are computed to the working precision and accumulated over the path,
     with the divergence's integral. Without, they are rough and serve the mean-value form only. The
@@ -131,7 +131,7 @@ class Path:
         self.frame = start if isinstance(start, Frame) else Frame([ball(part) for part in start], model.omega)
         if len(self.frame.middle) != 3:
             raise ValueError("a state has three components: beta_bar, gamma_bar, v")
-        self.middle: Sequence[Any] | None = None  #: where the midpoint's orbit begins, if that is known by itself
+        self.middle: Sequence[Any] | None = None  #: the start of the midpoint's orbit, if it is known separately
         self.box = self.frame.box()
         self.time, self.divergence = (alike(part, 0) for part in (self.box[0], rough(self.box[0])))
         self.steps = 0  #: taken

@@ -201,6 +201,8 @@ DISK = {"kind": str, "parameters": dict.fromkeys(UNITS, decimal), "friction": on
 
 def held(number: Mapping[str, str], x: Any, name: str) -> None:
     """Raise Unproved unless the whole ball lies within the claimed half-width."""
-    with working_precision(2 * working_bits()):  # a half-width of a few last bits leaves no room for their rounding
+    with working_precision(
+        2 * working_bits()
+    ):  # a half-width may be a few last bits only, and rounding must not exceed it
         within = x.is_finite() and abs(x - ball(Fraction(number["value"]))) <= ball(Fraction(number["uncertainty"]))
     need(bool(within), f"claim: {name} is not shown to lie within its uncertainty")

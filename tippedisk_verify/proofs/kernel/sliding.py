@@ -15,9 +15,9 @@ Steps
 An orbit is followed with its own side's law, by the steps of `flow`. Their time is cut into pieces, on
 which Taylor's formula encloses s gamma_y and its rate. One of these cases is shown:
 
-- *kept*: on each piece s gamma_y > 0, or grows, or falls to an end at which it is positive, on the same
-  piece or a later one.
-- *crossed*: s gamma_y is positive up to pieces on which it falls to an end at which it is negative.
+- *kept*: on each piece s gamma_y > 0, or grows, or falls to a positive end, on the same piece or a later
+  one.
+- *crossed*: s gamma_y is positive up to pieces on which it falls to a negative end.
   Then every orbit of side s has exactly one zero tau of gamma_y in the step. Up to tau it is an orbit
   of the smooth law. The step encloses the states at the ball of all tau. From there a step of the
   other side's law follows, with s gamma_y' < 0 throughout: gamma_y has changed its sign and keeps it.
@@ -126,7 +126,7 @@ class Crossing(Step):
     The derivatives at times that are not shown to be later than all crossings are not finite.
     """
 
-    first: Any = None  #: the step with the law of the side on which it begins
+    first: Any = None  #: the step with the first side's law
     tau: Any = None  #: when the orbits cross, from the step's start [s]
     second: Any = None  #: the step from there, with the other side's law; it follows the midpoint's orbit as well
     middle_tau: Any = None  #: when the midpoint's orbit crosses
@@ -150,7 +150,7 @@ class Crossing(Step):
 
 
 class SlidingPath(Path):
-    """All orbits from a box on which the sliding velocity has one sign, followed from side to side."""
+    """The flight of all orbits from a box with one sign of the sliding velocity, from side to side."""
 
     model: SmoothModel  #: the law of the present side
 

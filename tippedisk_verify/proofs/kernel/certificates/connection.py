@@ -1,7 +1,7 @@
 """The interval of Omega_h: at exactly one of its speeds noninverted spinning is connected with its copy.
 
-Theorems 6 and 7 of docs/certified_connection.md hold under both friction laws and say why the
-following suffices. In shifted angles the saddles are (0, -pi, 0) and (0, pi, 0). The unstable branch of
+Theorems 6 and 7 of docs/certified_connection.md show that the following suffices. Both friction laws are
+allowed. In shifted angles the saddles are (0, -pi, 0) and (0, pi, 0). The unstable branch of
 the first one that leaves with growing gamma passes z_u = theta_0 at a point p_0(Omega). Some steps later
 it is at p(Omega), near the second one. Let I be the interval of speeds.
 

@@ -43,7 +43,7 @@ Two speeds' arrivals p differ by a vector of the cone of the steep weights, with
 Indeed, their exits differ by at most (k_s, k_f) per rad/s, and the flight's derivatives act on that. So
 h(p) grows strictly in J.
 
-At the connection of `connection` the branch is followed from z_s = -s to the box in which it stays and
+At the connection of `connection` the branch is followed from z_s = -s to its final box, where it
 converges. |z_u| < u all along, so it stays in N, and h(p) = 0. That is the only such speed in J, Omega_h,
 also where `connection` says "at least one". At any other speed of J the branch leaves N, with gamma
 beyond the saddle's or falling. At Omega_h beta_bar > 0 all along.
@@ -51,7 +51,7 @@ beyond the saddle's or falling. At Omega_h beta_bar > 0 all along.
 - *Omega >= Omega_h*: h(R(z)) >= h(p) >= 0, so R maps D into D, and has exactly one fixed point in D
   (Banach). If Omega > Omega_h, it is not on the graph, because R(graph) = p is below it.
 - *Omega <= Omega_h*: Let z be a fixed point below the graph and z' the graph's point with the same z_f.
-  Then h(z) = h(R(z)) <= h(p) + (1 + L w) kappa |z - z'| < h(z). So there is none.
+  Then h(z) = h(R(z)) <= h(p) + (1 + L w) kappa |z - z'| < h(z), a contradiction.
 
 A fixed point below the graph is a periodic orbit that S maps to itself. DR there has norm at most kappa,
 so it is asymptotically stable.

@@ -1,7 +1,7 @@
 """A limit cycle at an exact speed: the claim, its proof from a Krawczyk test, and its sentence.
 
-Theorems 5 and 9 of docs/certified_cycles.md say why a fixed point lies on a cycle, and how the numbers
-follow on balls. Period and largest |beta_bar| follow by the mean value theorem from the test's middle.
+By Theorems 5 and 9 of docs/certified_cycles.md a fixed point lies on a cycle, and the numbers follow on
+balls. Period and largest |beta_bar| follow by the mean value theorem from the test's middle.
 The derivatives by the speed and the multipliers follow from the flight over its box.
 
 Let D = exp(integral of div f). The determinant of the turn map's P' is D at a fixed point, because the

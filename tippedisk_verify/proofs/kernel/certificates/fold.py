@@ -1,8 +1,8 @@
 """A fold of limit cycles: an extreme speed on an arc of a family, rotating or librating.
 
 The family is a curve over p, the first coordinate on the section. The second one, v, and Omega are
-unknown. Theorem 10 of docs/certified_cycles.md says why it suffices to apply Krawczyk's test over p in a
-ball, and to find the signs of dOmega/dp at the arc's ends. The half map includes the symmetry, so the
+unknown. By Theorem 10 of docs/certified_cycles.md it suffices to apply Krawczyk's test over p in a ball,
+and to find the signs of dOmega/dp at the arc's ends. The half map includes the symmetry, so the
 multipliers of a period are the squares of its own.
 """
 
