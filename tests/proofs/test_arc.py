@@ -6,13 +6,12 @@ import json
 from collections.abc import Callable
 from fractions import Fraction
 from functools import lru_cache
-from itertools import product
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
-from tests.proofs.cases import carry, speed_below
+from tests.proofs.cases import speed_below
 from tippedisk_verify.cycles.section import RETURNS
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import Request
@@ -21,12 +20,10 @@ from tippedisk_verify.model.precision import Precision
 from tippedisk_verify.proofs.kernel import certificates, curves
 from tippedisk_verify.proofs.kernel.balls import arb, ball, ball_constants, working_precision
 from tippedisk_verify.proofs.kernel.curves import UNKNOWNS, Arc, arc_test
-from tippedisk_verify.proofs.kernel.flow import Model
 from tippedisk_verify.proofs.kernel.jets import Jet
 from tippedisk_verify.proofs.numbers import measured
 from tippedisk_verify.proofs.search.curve_choices import StepSearch, family_polynomials
 from tippedisk_verify.proofs.search.cycle import OrbitProof, prove_cycle
-from tippedisk_verify.proofs.search.steps import axes_of_balls
 
 OMEGA = speed_below(PRINTED, "0.5")
 GUESS = ("1.7162868", "-1.7100021")
@@ -48,57 +45,6 @@ def curve(radius: str, spread: str, degree: int, start: Any = (*GUESS, OMEGA), h
     jets = [Jet([part, slope.mid(), *[arb(0)] * (degree - 1)]) for part, slope in zip(middle, slopes, strict=True)]
     total = Jet([ball(half).mid(), ball(radius).mid(), *[arb(0)] * (degree - 1)])
     return curves.Curve(jets[0], jets[1], jets[2], [arb(0, ball(spread))] * 3, total)
-
-
-# --------------------------------------------------------------------------------------------------- the set that flows
-def even_steps(order: int) -> Any:
-    """Steps of one share of the flight."""
-    return SimpleNamespace(
-        step=lambda path, longest: path.step_of(path.trial((order, 12)), 0.01),
-        axes=lambda turned, sizes, stiffness: axes_of_balls(turned, [1.0, 1.0, 1.0], 100.0),
-        took=lambda step, axes: None,
-    )
-
-
-def attack(radius: str, spread: str, degree: int, order: int) -> None:
-    """Four steps; orbits and derivatives of points of the set, in 120 bits, lie in the set and in its derivatives."""
-    with working_precision(64):
-        line = curve(radius, spread, degree)
-        path = curves.CurvePath(ball_constants(PRINTED), line, even_steps(order))
-        for _ in range(4):
-            step = path.step()
-            assert step is not None
-            assert step.included
-            path.take(step)
-        box, matrix, time = path.box, path.matrix, path.time
-    corners = [*product((-1, 1), repeat=3)] if Fraction(spread) else [(0, 0, 0)]
-    for s, signs in product((Fraction(-1), Fraction(1, 3), Fraction(1)), corners):
-        shift = [sign * Fraction(spread) for sign in signs]
-        with working_precision(120):
-            start = [
-                jet.at(ball(s)) + ball(part)
-                for jet, part in zip((line.gamma_bar, line.v, line.omega), shift, strict=True)
-            ]
-            truth = carry(
-                Model(ball_constants(PRINTED), start[2]), (0, *start[:2]), time.at(ball(s)).mid(), derivatives=True
-            )
-            for row in range(3):
-                assert box[row].at(ball(s)).contains(truth.state[row])
-                for column in range(3):
-                    assert matrix[row][column].at(ball(s)).contains(truth.matrix[row][column + 1])
-
-
-@pytest.mark.parametrize(
-    "case",
-    [
-        pytest.param(("2e-2", "0", 2, 24), marks=pytest.mark.slow, id="no deviations"),
-        # So short, and of so low an order, that what is left over in time is all there is.
-        pytest.param(("1e-9", "0", 2, 6), id="a low order"),
-        pytest.param(("1e-9", "1e-3", 1, 24), id="deviations"),
-    ],
-)
-def test_orbits_and_their_derivatives_lie_inside(case) -> None:
-    attack(*case)
 
 
 @lru_cache(maxsize=1)

@@ -57,23 +57,6 @@ def test_what_is_no_array_of_doubles_is_refused() -> None:
         short.convolution(long)
 
 
-def test_a_series_is_a_sequence() -> None:
-    series = BallArray(np.zeros(3)).series()
-    for k in range(20):
-        series.append(BallArray(np.full(3, float(k)), 0.5))
-    assert [part.midpoints[0] for part in series] == list(range(20))
-    assert [part.midpoints[2] for part in series[1::3]] == list(range(1, 20, 3))
-    with pytest.raises(ValueError, match="order"):
-        series[::-1]
-    assert series[-1].radii[1] == 0.5
-    with pytest.raises(IndexError):
-        series[20]
-    again = BallArray(np.zeros(3)).series(series)
-    assert again is series
-    assert len(again) == 0
-    assert BallArray(np.zeros(2)).series(series) is not series
-
-
 def test_the_variational_coefficients_hold_those_of_arb() -> None:
     """To order 20: those of points of each box, of widths from none to far more than proofs use."""
     rng, count, finite = random.Random(11), 40, []

@@ -111,21 +111,6 @@ def test_subcritical_cycles_are_proved_unstable(taylor) -> None:
     assert measured(proof.values["multiplier_slow"]).value > 1
 
 
-def test_twice_the_half_map_turns_the_fixed_point_into_itself() -> None:
-    """The defining property, at another precision: the image of the proved box meets the box; and Liouville's law."""
-    proof = proved()
-    with working_precision(120):
-        period, gamma_bar_0, v_0, beta_max = (proof.values[name] for name in NUMBERS[:4])
-        flight = half_flight(model(), gamma_bar_0, v_0, derivatives=True)
-        assert flight.status is FlowStatus.RETURNED
-        assert flight.image[0].overlaps(gamma_bar_0)
-        assert flight.image[1].overlaps(v_0)
-        assert (2 * flight.time).overlaps(period)
-        assert (-flight.beta_least).overlaps(beta_max)
-        (a, b), (c, d) = flight.matrix
-        assert (a * d - b * c).overlaps(-flight.divergence.exp())
-
-
 @FLIGHTS
 def test_a_flight_off_the_cycle_against_shooting(taylor, flight, section, start) -> None:
     """In double: the maps amplify rounding some thousand times, and their derivatives are of size 1."""

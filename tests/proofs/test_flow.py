@@ -5,17 +5,13 @@ from __future__ import annotations
 import random
 from fractions import Fraction
 
-import pytest
-
-from tests.proofs import picard
 from tests.proofs.cases import carry, hull
 from tippedisk_verify.flow.contract import Request
-from tippedisk_verify.model.parameters import PRINTED, SYMBOLS
+from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.model.precision import bits
 from tippedisk_verify.proofs.kernel.ball_array import BallArray
 from tippedisk_verify.proofs.kernel.balls import arb, ball, ball_constants, working_precision
 from tippedisk_verify.proofs.kernel.flow import FlowStatus, Model
-from tippedisk_verify.proofs.kernel.sliding import model_of
 from tippedisk_verify.proofs.numbers import measured
 from tippedisk_verify.proofs.search.steps import Steps
 
@@ -156,34 +152,3 @@ def test_wide_boxes_and_few_bits_end_with_a_status() -> None:
     with working_precision(24):
         short = carry(model(), start(), "0.5")
         assert short.status is not None or max(part.rad() for part in short.state) > 1e-6
-
-
-# --------------------------------------------------------------------------------------------------- Picard's iteration
-DISK = {name: getattr(PRINTED, name) for name in SYMBOLS}
-SPEED, H, STEPS, SIZE = "30.4", Fraction(1, 2000), 12, Fraction(1, 10**7)
-
-
-@pytest.mark.parametrize(
-    ("friction", "side"), [("linear", 0), *(pytest.param("smooth", k, marks=pytest.mark.slow) for k in (1, -1))]
-)
-def test_ends_and_derivatives_against_picards_iteration(friction: str, side: int) -> None:
-    """From a point where gamma_y > 0, or from its mirror image, for 6 ms; and from points beside it."""
-    with working_precision(128):
-        model = model_of(PRINTED.with_friction(friction), ball(SPEED))
-        start, reach = [(side or 1) * ball(x) for x in (0.1, 1.6, -1.5)], ball(SIZE)
-        thin = carry(model, start, H * STEPS)
-        wide = carry(model, [part + arb(0, reach.upper()) for part in start], H * STEPS, derivatives=True)
-        assert thin.status is wide.status is None
-        end = picard.flight(DISK, SPEED, start, STEPS, H, side)
-        for mine, true in zip(thin.state, end, strict=True):
-            assert true.rad() < 1e-18
-            assert true.contains(mine.mid())
-            assert mine.rad() < 1e-30
-        for k in range(3):
-            moved = [part + (reach / 2 if row == k else 0) for row, part in enumerate(start)]
-            other = picard.flight(DISK, SPEED, moved, STEPS, H, side)
-            for row in range(3):
-                assert wide.state[row].contains(other[row].mid())
-                slope = (other[row] - end[row]) / (reach / 2)
-                assert slope.rad() < 1e-10
-                assert wide.matrix[row][k].overlaps(slope)
