@@ -217,7 +217,7 @@ def flushed():
 
 
 @WHERE_THE_MODE_CAN_BE_SET
-@pytest.mark.parametrize("attack", [name for name in ATTACKS if name != "sines_are_sharp"])
+@pytest.mark.parametrize("attack", ATTACKS)
 def test_no_attack_breaks_the_balls_where_small_numbers_are_flushed(flushed, attack) -> None:
     ATTACKS[attack](flushed, 2000 if attack == "convolutions" else 300)
 

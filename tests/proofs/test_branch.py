@@ -154,7 +154,7 @@ def second() -> Piece:
 
 @lru_cache(maxsize=4)
 def known(below: str) -> Any:
-    """The ordinary road's cycle."""
+    """The cycle of shooting."""
     return cycle_at(PRINTED, speed_below(PRINTED, below), default_engine(), digits=12)
 
 

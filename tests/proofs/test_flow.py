@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import random
 from fractions import Fraction
 
-from tests.proofs.cases import carry, hull
+from tests.proofs.cases import carry
 from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.model.precision import bits
@@ -102,28 +101,6 @@ def test_it_holds_the_end_that_the_integrator_finds(taylor) -> None:
             assert measured(mine).holds(other)
             assert mine.rad() < 1e-38
     assert measured(flight.divergence).holds(ordinary.divergence)
-
-
-# --------------------------------------------------------------------------------------------- boxes and their points
-def test_a_box_holds_its_points_and_its_derivative_their_differences() -> None:
-    rng = random.Random(1)
-    with working_precision(80):
-        radii = [ball(f"{size}e-7") for size in (1, 2, 3)]
-        box = [part + arb(0, radius) for part, radius in zip(start(), radii, strict=True)]
-        speeds = hull("30.38659", "30.38661")
-        whole = carry(Model(ball_constants(PRINTED), speeds), box, "0.15", derivatives=True)
-        assert whole.status is None
-        centre = carry(model(), start(), "0.15")
-        for _ in range(4):
-            offset = [radius * ball(Fraction(rng.uniform(-1, 1))) for radius in radii]
-            faster = Fraction(rng.uniform(-1e-5, 1e-5))
-            point = [part + shift for part, shift in zip(start(), offset, strict=True)]
-            found = carry(model(omega=OMEGA + faster), point, "0.15")
-            for k in range(3):
-                assert whole.state[k].contains(found.state[k])
-                # The mean value theorem: the difference of two ends lies in the derivative's ball times that of starts.
-                across = sum(whole.matrix[k][j] * offset[j] for j in range(3)) + whole.matrix[k][3] * ball(faster)
-                assert across.overlaps(found.state[k] - centre.state[k])
 
 
 def test_the_enclosure_holds_the_orbit_throughout_each_step() -> None:

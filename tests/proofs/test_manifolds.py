@@ -1,4 +1,4 @@
-"""Curves, blocks and cones at the saddle, against the ordinary road's power series and against orbits (linear law)."""
+"""Curves, blocks and cones at the saddle, against the power series of `theory` and against orbits (linear law)."""
 
 from __future__ import annotations
 
@@ -65,12 +65,12 @@ def cone_of(curve: ManifoldGraph, factor: int = 16) -> list[Any]:
 
 @cache
 def truth_of(parameters: Parameters, shift: Fraction) -> Series:
-    """The ordinary road's series: to order 41 good to 60 digits where they are used here."""
+    """The power series of `theory`: to order 41 they have 60 digits where they are used."""
     return Series(parameters, SPEED + shift, 300, 41)
 
 
 def point_of(saddle: SaddleCoordinates, series: list[PowerSeries], component: int, wanted: float) -> list[Any]:
-    """z of the ordinary road's curve where one coordinate has the value wanted."""
+    """z of the curve of `theory` where one coordinate has the value wanted."""
     context = mpmath.MPContext()
     context.prec = 300
     s = context.mpf(wanted)
@@ -188,29 +188,3 @@ def test_the_field_in_these_coordinates_is_that_of_the_equations() -> None:
     for after, before, slope in zip(faster.rates(z), start, both.field(z)[2], strict=True):
         assert ((after - before) / step).overlaps(slope)
         assert slope.rel_accuracy_bits() > 20
-
-
-def test_each_side_of_the_smooth_law_has_its_field_and_without_a_side_both() -> None:
-    smooth, z = saddle_at(PRINTED.with_friction("smooth")), [arb("0.03"), arb("-0.02"), arb("0.01")]
-    ahead, behind = (smooth.rates(z, side) for side in (1, -1))
-    assert not all(a.overlaps(b) for a, b in zip(ahead, behind, strict=True))
-    for side, truth in ((1, ahead), (-1, behind)):
-        assert all(a.overlaps(b) for a, b in zip(smooth.field(z, side)[0], truth, strict=True))
-        assert all(a.contains(b) for a, b in zip(smooth.field(z)[0], truth, strict=True))
-
-
-def test_cones_need_a_saddle_and_weights_that_fit() -> None:
-    diagonal = arb_mat([[2, 0.125, 0.125], [0.125, -3, 0.125], [0.125, 0.125, -9]])
-    ones = [arb(1)] * 3
-    assert all(map(positive, cones(diagonal, ones)))
-    mu, nu_s, nu_f = cones(diagonal, ones)
-    assert mu.contains(1.75)
-    assert nu_s.contains(2.75)
-    assert nu_f.contains(8.75)
-    assert not all(map(positive, cones(diagonal, [arb("0.01"), arb(1), arb(1)])))
-    assert not all(map(positive, cones(diagonal, ones, [arb(3), arb(0), arb(0)])))
-    assert not all(map(positive, cones(arb_mat([[arb("nan")] * 3] * 3), ones)))
-    turned = arb_mat([[2, 0.1, 0.1], [0.1, 3, 0.1], [0.1, 0.1, -9]])
-    assert not all(map(positive, cones(turned, ones)))
-    drift = [arb("0.1"), arb("0.2"), arb("0.3")]
-    assert all(map(positive, cones(diagonal, smallest_weights(diagonal, drift), drift)))

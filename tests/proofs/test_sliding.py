@@ -237,7 +237,7 @@ def saddle_curve(along: int) -> ManifoldGraph:
 
 
 def on_curve(curve: ManifoldGraph, along: int, wanted: float) -> list[Any]:
-    """z of the ordinary road's power series where the coordinate ``along`` has the value wanted."""
+    """z of the power series of `theory` where the coordinate ``along`` has the value wanted."""
     ordinary = Series(SMOOTH, Fraction(round(TRUTH.value * 2**60), 2**60), 240, 41)
     context = mpmath.MPContext()
     context.prec = 240
