@@ -216,27 +216,27 @@ def other_evidence(content: Any) -> Iterator[Change]:
         yield f"{names} another step at the end", lambda c, here=here: here(c).append(here(c)[3])
 
 
-def unreadable(content: Any) -> Iterator[Change]:
-    """What is no number here, and other shapes."""
+def unreadable(content: Any) -> list[Change]:
+    """Return certificates with values that are no numbers here, and with other shapes."""
     step = (*flights(content)[0], 3)
-    for value in (1.5, 1, None, [], "", "0x1p0", "1p", "1p1e3", "nan", " 1p0", "1p0 ", "+1p0", "\u0661p0"):
-        yield f"{value!r} for a point", put((*step, "axes", 0, 0), value)
-    for value in (30.3, "nan", "inf", "1/0", "1/00", "1/", "3 0", "1_0", "0x1e", "", "\u0661", "1e99999"):
-        yield f"{value!r} for a decimal", put(("claim", "parameters", "g"), value)
-    for value in (0, 1, -1, 1.0, "64", True, 10**9, None, 23):
-        yield f"{value!r} bits", put(("bits",), value)
-    yield "too few bits", put(("bits",), 24)
-    yield "unknown member", lambda c: c.update(comment="true")
-    yield "unknown member of a step", put(step, lambda s: s | {"note": "1p0"})
-    yield "a step of two numbers", put((*step, "steps", 0), lambda s: s[:2])
-    yield "a step of four numbers", put((*step, "steps", 0), lambda s: [*s, 1])
-    yield "a fourth axis", put((*step, "axes"), lambda a: [*a, a[0]])
-    yield "missing member", lambda c: at(c, step).pop("axes")
-    yield "no steps", lambda c: at(c, step[:-1]).clear()
-    yield "unknown law", put(("claim", "friction"), "dry")
-    yield "unknown kind", put(("claim", "kind"), "torus")
-    yield "a length of 54 bits", put((*step, "steps", 0, 0), "20000000000001p-63")
-    yield "a huge exponent", put((*step, "steps", 0, 0), "1p999999")
+    points = (1.5, 1, None, [], "", "0x1p0", "1p", "1p1e3", "nan", " 1p0", "1p0 ", "+1p0", "\u0661p0")
+    decimals = (30.3, "nan", "inf", "1/0", "1/00", "1/", "3 0", "1_0", "0x1e", "", "\u0661", "1e99999")
+    return [
+        *((f"{x!r} for a point", put((*step, "axes", 0, 0), x)) for x in points),
+        *((f"{x!r} for a decimal", put(("claim", "parameters", "g"), x)) for x in decimals),
+        *((f"{x!r} bits", put(("bits",), x)) for x in (0, 1, -1, 1.0, "64", True, 10**9, None, 23, 24)),
+        ("unknown member", lambda c: c.update(comment="true")),
+        ("unknown member of a step", put(step, lambda s: s | {"note": "1p0"})),
+        ("a step of two numbers", put((*step, "steps", 0), lambda s: s[:2])),
+        ("a step of four numbers", put((*step, "steps", 0), lambda s: [*s, 1])),
+        ("a fourth axis", put((*step, "axes"), lambda a: [*a, a[0]])),
+        ("missing member", lambda c: at(c, step).pop("axes")),
+        ("no steps", lambda c: at(c, step[:-1]).clear()),
+        ("unknown law", put(("claim", "friction"), "dry")),
+        ("unknown kind", put(("claim", "kind"), "torus")),
+        ("a length of 54 bits", put((*step, "steps", 0, 0), "20000000000001p-63")),
+        ("a huge exponent", put((*step, "steps", 0, 0), "1p999999")),
+    ]
 
 
 def rejected(kind: str, name: str, act: Callable[[Any], None]) -> str:

@@ -188,7 +188,7 @@ def test_both_boxes_and_the_signs_are_shown(monkeypatch: pytest.MonkeyPatch) -> 
 )
 def test_an_arc_that_is_none_is_not_shown(change) -> None:
     arc = ARC | {"box": {"radii": ["0.01", "0.02"], "steps": []}} | change
-    with pytest.raises(certificates.Unproved, match=r"ends where|unlike degrees|not positive"):
+    with pytest.raises(certificates.Unproved, match=r"not above its beginning|unlike degrees|not positive"):
         verify_piece((DISK, Fraction("0.5"), 2, arc))
 
 

@@ -100,7 +100,7 @@ __all__ = [
 
 UNKNOWNS = 1, 2  #: of (gamma_bar, v, Omega); the first one is the parameter
 ORDERS = 20, 12  #: of the series of the states, and of those of derivatives
-_FINEST = 2.0**-7  # part of a step in which an orbit turns
+_SHORTEST_PART = 2.0**-7  # of a step in which an orbit turns
 
 Matrix = Sequence[Sequence[Any]]
 
@@ -221,7 +221,7 @@ def turnings(step: Step) -> Iterator[tuple[Any, Sequence[Jet]]]:
         v = step.component(2, time).range()
         if negative(v) or positive(v):
             continue
-        if end - begin > _FINEST:
+        if end - begin > _SHORTEST_PART:
             middle = (begin + end) / 2
             open_parts += [(begin, middle), (middle, end)]
         else:
@@ -329,7 +329,9 @@ class Arc:
     def falling(self) -> bool | None:
         """Return True if Omega falls with gamma_bar_0 all along the arc, False if it rises, else None."""
         slope = self.slopes[1].range()
-        return True if negative(slope) else False if positive(slope) else None
+        if negative(slope):
+            return True
+        return False if positive(slope) else None
 
     def slowing(self) -> bool:
         """Return True if the period grows with gamma_bar_0 all along the arc."""

@@ -118,8 +118,10 @@ def return_map(
             length = 0.7 * tried.length
         if tried is None or not tried.proved:
             last = tried or before
-            status = FlowStatus.FLAT if last and not last.upright else FlowStatus.UNRESOLVED if tried else path.status
-            return Return(status or FlowStatus.NO_ENCLOSURE, path.time, path.steps)
+            status = FlowStatus.UNRESOLVED if tried else path.status or FlowStatus.NO_ENCLOSURE
+            if last and not last.upright:
+                status = FlowStatus.FLAT
+            return Return(status, path.time, path.steps)
         if tried.landing is not None:
             return tried.landing
     return Return(FlowStatus.NO_RETURN, path.time, path.steps)
@@ -186,11 +188,11 @@ class PoincareMap:
         one_law = not isinstance(step, Crossing)
         upright = inside(beta, alike(beta, arb(0, UPRIGHT)))
         if self.section == TURN:
-            ahead = gamma_end - TURN.level()
+            ahead, upright = gamma_end - TURN.level(), upright and positive(beta)
+            if negative(ahead):
+                return upright, SectionCase.ON
             crosses = positive(ahead) and positive(rates[1]) and one_law
-            return upright and positive(beta), SectionCase.ON if negative(
-                ahead
-            ) else SectionCase.CROSSES if crosses else None
+            return upright, SectionCase.CROSSES if crosses else None
         start, gains = self.path.box[2], positive(rates[2]) and one_law
         if not self.turned:
             if negative(v) or (gains and negative(v_end)):

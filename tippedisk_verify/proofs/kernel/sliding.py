@@ -67,8 +67,8 @@ _PIECES = 16  # of a step
 _ORDER = 10  # of gamma_y's series: its values are differences of larger numbers, which boxes of states would lose
 _MOST_CUTS = 14
 _SHORTEST = 2.0**-40  # s
-_BEYOND = 2.0**-8  # of the step: how far it goes on after the crossing
-_LONGER = 1 + 2.0**-18  # a proposer may round lengths
+_CROSSING_MARGIN = 2.0**-8  # of the step: its part after the crossing
+_LENGTH_MARGIN = 1 + 2.0**-18  # a proposer may round lengths down to 20 bits
 
 
 def law_model(friction: str, constants: Any, omega: Any) -> Model:
@@ -132,9 +132,11 @@ class Crossing(Step):
     middle_tau: Any = None  #: when the midpoint's orbit crosses
 
     def at(self, time: Any, components: slice = slice(3)) -> tuple[Any, ...]:
-        before, after = self.first.at(time, components), super().at(time, components)
-        earlier, later = positive(self.tau - time), positive(time - self.tau)
-        return before if earlier else after if later else self.enclosure[components]
+        if positive(self.tau - time):
+            return tuple(self.first.at(time, components))
+        if positive(time - self.tau):
+            return super().at(time, components)
+        return self.enclosure[components]
 
     def rows_at(self, time: Any, components: slice = slice(3)) -> tuple[tuple[Any, ...], ...]:
         before, after = self.first.rows_at(self.tau), self.second.rows_at(_since(self.tau, time), components)
@@ -231,12 +233,12 @@ class SlidingPath(Path):
         tau, middle_tau = zero(step.at), zero(step.centre, middle=True)
         if tau is None or middle_tau is None:
             return None
-        until = upper(tau + _BEYOND * step.length)
+        until = upper(tau + _CROSSING_MARGIN * step.length)
         left = until - tau
         other = self.model.of_side(-1)
         onwards = Path(other, step.at(tau), self.proposer.beyond(), derivatives=self.sharp)
         onwards.middle = step.centre(middle_tau)
-        second = onwards.step(upper(left * _LONGER))
+        second = onwards.step(upper(left * _LENGTH_MARGIN))
         if second is None or not (positive(left) and positive(second.length - left)):
             return None
         if not negative(_signed(other.motion(second.enclosure)[1], self.side)):

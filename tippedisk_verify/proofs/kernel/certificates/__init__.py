@@ -52,13 +52,14 @@ def proved(content: Any, mapped: family.Mapped = map) -> str:
         shape = {"format": str, "claim": DISK | claim, "bits": precision, "evidence": evidence, "sha256": str}
         file = parsed(content, shape, "the file")
         need(content["sha256"] == digest(content), "the content does not have its digest, sha256")
-        shared, said = (mapped,) if KINDS[kind] is family else (), ClaimReader(file["claim"])
+        reader = ClaimReader(file["claim"])
+        extra = (mapped,) if KINDS[kind] is family else ()
         try:
-            KINDS[kind].verify(said, file["evidence"], *shared)
+            KINDS[kind].verify(reader, file["evidence"], *extra)
         except (ValueError, IndexError, OverflowError, ZeroDivisionError) as fault:
             raise Unproved(f"its choices cannot be computed with: {fault}") from None
     # The kind chose the test. Reading the file tested the members that a kind narrows in `DISK`.
-    untested = said.keys() - said.read - {"kind"} - (claim.keys() & DISK.keys())
+    untested = reader.keys() - reader.read - {"kind"} - (claim.keys() & DISK.keys())
     need(not untested, f"claim: nothing tests {', '.join(sorted(untested))}")
     return sentence(file["claim"])
 

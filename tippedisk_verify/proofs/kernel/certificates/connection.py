@@ -240,7 +240,7 @@ def _eigenvalues(saddle: SaddleCoordinates, claimed: Sequence[tuple[Fraction, Fr
     for value, half in claimed:
         for x in map(ball, (value + half, value - half)):
             p = ((x + a_2) * x + a_1) * x + a_0
-            signs.append(1 if positive(p) else -1 if positive(-p) else 0)
+            signs.append(int(positive(p)) - int(positive(-p)))
     ends = [x for value, half in claimed for x in (value + half, value - half)]
     need(ends == sorted(ends, reverse=True) and signs == [1, -1, -1, 1, 1, -1], "claim: the eigenvalues are not shown")
 

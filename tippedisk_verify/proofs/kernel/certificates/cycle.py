@@ -63,7 +63,9 @@ def cycle_numbers(section: PoincareSection, fixed: FixedPoints) -> dict[str, Any
     trace, shrinking = a + d, box.divergence.exp()
     # For a complex pair, or a turn map's trace of uncertain sign, this is not finite and proves nothing.
     larger = (abs(trace) + (trace * trace - 4 * section.sign * shrinking).sqrt()) / 2
-    sign = 1 if section == HALF or positive(trace) else -1 if negative(trace) else arb.nan()
+    sign: Any = 1
+    if section != HALF and not positive(trace):
+        sign = -1 if negative(trace) else arb.nan()
     slow, determinant = laps * larger.log(), (1 - a) * (1 - d) - b * c
     by_omega = [
         ((1 - d) * box.by_omega[0] + b * box.by_omega[1]) / determinant,
