@@ -1,7 +1,7 @@
 """Proofs in ball arithmetic: closed forms, limit cycles and the heteroclinic connection.
 
-The package imports `model`, numpy and python-flint only. Importing it raises InputError if python-flint
-is not installed.
+The package imports `model`, numpy and python-flint only. Importing it raises InputError if
+python-flint is not installed.
 """
 
 import sys

@@ -3,25 +3,26 @@
 Linear stability
 ----------------
 Let r, e, m, A, g, mu, epsilon and Bbar = B - m e^2 be positive and e < r. Let b = Bbar / m and
-kappa = mu g / (epsilon b). The characteristic polynomial at inverted (+) and noninverted (-) spinning is
-lambda^3 + a2 lambda^2 + a1 lambda + a0 with
+kappa = mu g / (epsilon b). The characteristic polynomial at inverted (+) and noninverted (-)
+spinning is lambda^3 + a2 lambda^2 + a1 lambda + a0 with
 
     a2 = kappa (r +- e)^2,   a1 = Omega^2 - g (r +- e) / b,   a0 = +- kappa e (r +- e) Omega^2.
 
-Noninverted spinning has a0 < 0 < a2: the product of its eigenvalues is positive and their sum negative. So
-at every speed one is positive and two have a negative real part. At inverted spinning a2, a0 > 0 and
+Noninverted spinning has a0 < 0 < a2: the product of its eigenvalues is positive and their sum
+negative. So at every speed one is positive and two have a negative real part. At inverted spinning
+a2, a0 > 0 and
 
     a2 a1 - a0 = kappa (r + e) (r Omega^2 - g (r + e)^2 / b).
 
-By Routh-Hurwitz this is positive exactly where inverted spinning is stable: above Omega_crit, for every
-disk. `check_linearization` derives the coefficients from the Jacobian of `model.equations`, as polynomials
-in all parameters at once, and refuses a disk outside the hypotheses.
+By Routh-Hurwitz this is positive exactly where inverted spinning is stable: above Omega_crit, for
+every disk. `check_linearization` derives the coefficients from the Jacobian of `model.equations`,
+as polynomials in all parameters at once, and refuses a disk outside the hypotheses.
 
 The normal form
 ---------------
-Cubic terms come from Taylor series of the same equations. About an equilibrium the field is odd (the point
-symmetry). So Kuznetsov's l_1 is Re <p, C(q, q, qbar)> / (2 omega) (Elements of Applied Bifurcation Theory,
-Eq. 5.39).
+Cubic terms come from Taylor series of the same equations. About an equilibrium the field is odd
+(the point symmetry). So Kuznetsov's l_1 is Re <p, C(q, q, qbar)> / (2 omega) (Elements of Applied
+Bifurcation Theory, Eq. 5.39).
 
 No ball becomes a point here; `measured` returns midpoints with their radii.
 """
@@ -98,7 +99,10 @@ class ProvedEquilibrium(Printable):
 
 @dataclass(frozen=True, repr=False)
 class ProvedHopf(Printable):
-    """The Hopf point of inverted spinning; units and definitions as in `tippedisk_verify.theory.hopf.HopfPoint`."""
+    """The Hopf point of inverted spinning.
+
+    Units and definitions as in `tippedisk_verify.theory.hopf.HopfPoint`.
+    """
 
     omega_crit: Measured = field(metadata=quantity("Eq. approx_omega_crit", "rad/s"))
     period: Measured = field(metadata=quantity("of the cycle at its birth", "s"))
@@ -116,7 +120,9 @@ class ProvedHopf(Printable):
 
 @dataclass(frozen=True, repr=False)
 class ProvedStability(Printable):
-    """The linear stability at every speed (Theorem 1), with numbers at Omega_crit, for both friction laws."""
+    """The linear stability at every speed (Theorem 1), with numbers at Omega_crit, for both
+    friction laws.
+    """
 
     omega_crit: Measured = field(metadata=quantity("Eq. approx_omega_crit", "rad/s"))
     period: Measured = field(metadata=quantity("2 pi / omega for the pair +- i omega at Omega_crit", "s"))
@@ -128,7 +134,8 @@ class ProvedStability(Printable):
 
 
 def characteristic_polynomial(constants: Constants, omega: Any, around: int) -> tuple[Any, Any, Any]:
-    """Return (a2, a1, a0) of lambda^3 + a2 lambda^2 + a1 lambda + a0 at an equilibrium (Eq. 3DOF_lin).
+    """Return (a2, a1, a0) of lambda^3 + a2 lambda^2 + a1 lambda + a0 at an equilibrium (Eq.
+    3DOF_lin).
 
     The Jacobian has the rows (0, 0, 1), (Omega, 0, 0) and (A31, A32, A33).
     """
@@ -143,10 +150,12 @@ def exact_polynomial(constants: Constants, omega: Fraction, around: int) -> Any:
 
 
 def proved_equilibrium(parameters: Parameters, omega: object, name: str, digits: int = 12) -> ProvedEquilibrium:
-    """Enclose eigenvalues to ``digits`` significant digits and prove stability, at ``omega`` [rad/s], exact.
+    """Enclose eigenvalues to ``digits`` significant digits and prove stability, at ``omega``
+    [rad/s], exact.
 
-    Arb isolates the roots of the exact polynomial. Raises InputError for an unknown name or a speed out of
-    range, AccuracyError if the stability depends on nonlinear terms or an eigenvalue is double.
+    Arb isolates the roots of the exact polynomial. Raises InputError for an unknown name or a speed
+    out of range, AccuracyError if the stability depends on nonlinear terms or an eigenvalue is
+    double.
     """
     if name not in _AROUND:
         raise InputError(f"equilibrium '{shown(name)}' is unknown: use inverted or noninverted")
@@ -183,9 +192,11 @@ def proved_equilibrium(parameters: Parameters, omega: object, name: str, digits:
 
 
 def real_root(polynomial: tuple[Any, Any, Any], guess: Any) -> Any:
-    """Return a ball with exactly one root of lambda^3 + a2 lambda^2 + a1 lambda + a0, for all coefficients.
+    """Return a ball with exactly one root of lambda^3 + a2 lambda^2 + a1 lambda + a0, for all
+    coefficients.
 
-    Interval Newton: N = x - p(x) / p'(X) inside X holds exactly one zero. Raises AccuracyError if that is not proved.
+    Interval Newton: N = x - p(x) / p'(X) inside X holds exactly one zero. Raises AccuracyError if
+    that is not proved.
     """
     a2, a1, a0 = polynomial
     x = guess.mid()
@@ -205,9 +216,11 @@ def chi(constants: Any) -> Any:
 
 
 def proved_hopf(parameters: Parameters, digits: int = 12) -> ProvedHopf:
-    """Enclose all numbers of the Hopf point to ``digits`` significant digits, and prove its criticality.
+    """Enclose all numbers of the Hopf point to ``digits`` significant digits, and prove its
+    criticality.
 
-    Raises AccuracyError if the first Lyapunov coefficient is too close to zero for its sign or these digits.
+    Raises AccuracyError if the first Lyapunov coefficient is too close to zero for its sign or
+    these digits.
     """
     parameters.refuse_smooth("the Hopf point's normal form is")
     check_linearization(parameters.rational())
@@ -221,7 +234,8 @@ def proved_hopf(parameters: Parameters, digits: int = 12) -> ProvedHopf:
 
 
 def refuse_past_birth(parameters: Parameters, highest: Fraction) -> None:
-    """Raise InputError if speeds up to ``highest`` [rad/s] reach Omega_crit and cycles are born below it.
+    """Raise InputError if speeds up to ``highest`` [rad/s] reach Omega_crit and cycles are born
+    below it.
 
     If cycles are born above Omega_crit, a range that holds it may well be proved.
     """
@@ -254,7 +268,9 @@ def _hopf_statement(parameters: Parameters, kind: Criticality, numbers: Mapping[
 
 
 def _apart(roots: list[Eigenvalue]) -> bool:
-    """Return True for three roots whose rectangles, even doubled (printing widens them), are disjoint."""
+    """Return True for three roots whose rectangles, even doubled (printing widens them), are
+    disjoint.
+    """
 
     def meet(a: Measured, b: Measured) -> bool:
         return abs(a.value - b.value) <= 2 * (a.uncertainty + b.uncertainty)
@@ -264,7 +280,9 @@ def _apart(roots: list[Eigenvalue]) -> bool:
 
 
 def critical_speed_squared(constants: Constants) -> Any:
-    """Return Omega_crit^2 = (r + e)^2 g / (r b) [rad^2/s^2] (Eq. approx_omega_crit), for numbers of any kind."""
+    """Return Omega_crit^2 = (r + e)^2 g / (r b) [rad^2/s^2] (Eq. approx_omega_crit), for numbers of
+    any kind.
+    """
     reach = constants.r + constants.e
     return reach * reach * constants.g / (constants.r * constants.b)
 
@@ -272,8 +290,8 @@ def critical_speed_squared(constants: Constants) -> Any:
 def check_linearization(constants: Constants) -> None:
     """Check the formulas for a2, a1 and a0 and the theorem's hypotheses on the disk.
 
-    Raises InputError if the disk does not meet them, ArithmeticError if the equations of motion have other
-    coefficients.
+    Raises InputError if the disk does not meet them, ArithmeticError if the equations of motion
+    have other coefficients.
     """
     names = ("r", "e", "m", "A", "Bbar", "g", "mu", "epsilon")
     wrong = [name for name in names if not getattr(constants, name) > 0]
@@ -285,10 +303,11 @@ def check_linearization(constants: Constants) -> None:
 
 @cache
 def _check_coefficients() -> None:
-    """Compare a2, a1 and a0 with the equations' Jacobians, as polynomials in all parameters and Omega.
+    """Compare a2, a1 and a0 with the equations' Jacobians, as polynomials in all parameters and
+    Omega.
 
-    The unit of length makes b = 1. With mu g = k epsilon the smooth law's Jacobian, from either side of
-    gamma_y = 0, is the linear law's.
+    The unit of length makes b = 1. With mu g = k epsilon the smooth law's Jacobian, from either
+    side of gamma_y = 0, is the linear law's.
     """
     ring = fmpq_mpoly_ctx.get(("r", "e", "g", "a", "k", "epsilon", "Omega"), Ordering.lex)
     r, e, g, a, k, epsilon, omega = ring.gens()
@@ -302,7 +321,9 @@ def _check_coefficients() -> None:
 
 
 def proved_stability(parameters: Parameters, digits: int = 12) -> ProvedStability:
-    """Prove stability at every speed, and enclose Omega_crit and the numbers there to ``digits`` digits."""
+    """Prove stability at every speed, and enclose Omega_crit and the numbers there to ``digits``
+    digits.
+    """
     check_linearization(parameters.rational())
     names = ("omega_crit", "period", "lambda_3", "transversality")
 
@@ -326,8 +347,9 @@ def proved_stability(parameters: Parameters, digits: int = 12) -> ProvedStabilit
 def hopf_balls(constants: Constants) -> dict[str, Any]:
     """Return the numbers of `ProvedHopf` as balls, for constants that are balls.
 
-    With lambda the critical pair, p(lambda, Omega) = 0 gives d(lambda)/d(Omega). On the centre manifold
-    z' = lambda z + c_1 z |z|^2. So |z|^2 = -Re lambda / Re c_1, and beta_max = 2 |z| |q_1| to leading order.
+    With lambda the critical pair, p(lambda, Omega) = 0 gives d(lambda)/d(Omega). On the centre
+    manifold z' = lambda z + c_1 z |z|^2. So |z|^2 = -Re lambda / Re c_1, and beta_max = 2 |z| |q_1|
+    to leading order.
     """
     r, e = constants.r, constants.e
     square = critical_speed_squared(constants)
@@ -362,9 +384,11 @@ def hopf_balls(constants: Constants) -> dict[str, Any]:
 
 
 def _resonant_cubic(constants: Constants, omega: Any, q: list[Any]) -> list[Any]:
-    """Return C(q, q, qbar) at inverted spinning, from cubic Taylor coefficients along four directions.
+    """Return C(q, q, qbar) at inverted spinning, from cubic Taylor coefficients along four
+    directions.
 
-    With F(x) = C(x, x, x) / 6, F(q + w qbar) has the term w C(q, q, qbar) / 2; w = 1, -1, i, -i isolate it.
+    With F(x) = C(x, x, x) / 6, F(q + w qbar) has the term w C(q, q, qbar) / 2; w = 1, -1, i, -i
+    isolate it.
     """
     total = [acb(0)] * 3
     for w in (acb(1), acb(0, 1), acb(-1), acb(0, -1)):
@@ -375,16 +399,20 @@ def _resonant_cubic(constants: Constants, omega: Any, q: list[Any]) -> list[Any]
 
 
 def _along(constants: Constants, omega: Any, direction: list[Any]) -> list[Any]:
-    """Return coefficients of s^3 of the rates at s times a complex direction from inverted spinning."""
+    """Return coefficients of s^3 of the rates at s times a complex direction from inverted
+    spinning.
+    """
     with series_length(4):
         line = [acb_series([0, part], prec=4) for part in direction]
         return [coefficient(rate, 3) for rate in rates(constants, omega, INVERTED, line)]
 
 
 def to_digits(compute: Callable[[], Mapping[str, Any]], digits: int) -> Mapping[str, Any]:
-    """Return the balls of ``compute`` at a precision at which each has ``digits`` significant digits.
+    """Return the balls of ``compute`` at a precision at which each has ``digits`` significant
+    digits.
 
-    An exact zero may have the radius 0. Raises AccuracyError if eight times the digits do not suffice.
+    An exact zero may have the radius 0. Raises AccuracyError if eight times the digits do not
+    suffice.
     """
     guard = 20
     while True:

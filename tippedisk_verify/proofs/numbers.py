@@ -22,5 +22,7 @@ def measured(x: Any) -> Measured:
 
 
 def widened(number: Measured) -> Measured:
-    """Widen the half-width by 2^-20 of it, so that other versions of Arb and processors confirm it too."""
+    """Widen the half-width by 2^-20 of it, so that other versions of Arb and processors confirm it
+    too.
+    """
     return Measured(number.value, number.uncertainty * WIDER)

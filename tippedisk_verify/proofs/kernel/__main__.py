@@ -1,6 +1,7 @@
 """``python -m tippedisk_verify.proofs.kernel FILE`` checks a certificate of ``certify``.
 
-Exit status 0 means proved; 1 not proved, with a line that names the failure; 2 no readable certificate.
+Exit status 0 means proved; 1 not proved, with a line that names the failure; 2 no readable
+certificate.
 """
 
 from __future__ import annotations

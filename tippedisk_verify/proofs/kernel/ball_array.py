@@ -1,40 +1,44 @@
-"""Arrays of balls in double precision: `BallArray`, a second arithmetic for proofs whose boxes are independent.
+"""Arrays of balls in double precision: `BallArray`, a second arithmetic for proofs whose boxes are
+independent.
 
-Entry i of a `BallArray` is the ball of all real numbers x with |x - mid[i]| <= rad[i]. Each operation
-returns balls that hold its result for every choice of points in its operands' balls, like those of
-`arb`. In an array of a thousand balls each costs a twentieth as much. An infinite radius means that
-nothing is known. It results from overflow, from NaN, and from division by a ball that holds 0, and
-every predicate is False for it.
+Entry i of a `BallArray` is the ball of all real numbers x with |x - mid[i]| <= rad[i]. Each
+operation returns balls that hold its result for every choice of points in its operands' balls, like
+those of `arb`. In an array of a thousand balls each costs a twentieth as much. An infinite radius
+means that nothing is known. It results from overflow, from NaN, and from division by a ball that
+holds 0, and every predicate is False for it.
 
 Assumptions
 -----------
-Numpy's sums, differences, products and quotients of float64 arrays are those of IEEE 754, rounded to
-nearest. Another rounding mode is noticed and refused. With u = 2^-53 the computed result c of one of
-them is, unless it overflows,
+Numpy's sums, differences, products and quotients of float64 arrays are those of IEEE 754, rounded
+to nearest. Another rounding mode is noticed and refused. With u = 2^-53 the computed result c of
+one of them is, unless it overflows,
 
-    c = exact (1 + d) + t,  |d| <= u,  |t| <= 2^-1022;     also  |c - exact| <= u |c| + 2^-1022.   (1)
+    c = exact (1 + d) + t,  |d| <= u,  |t| <= 2^-1022;
+    also  |c - exact| <= u |c| + 2^-1022.                                                  (1)
 
-t allows for underflow. It is so large that (1) also holds on a processor set to flush subnormal results
-to zero. A processor that reads subnormal operands as zero is covered as well: radii are 0 or at least
-2^-1022, and the radius of a subnormal midpoint holds both readings. For this `BallArray` cleans its
-input, and an operation adds 2^-1000 to the radius of its result. Absolute values, negation,
-comparisons, choices and scaling by 1 and -1 are exact. Fused multiply-adds leave out a rounding, which
-(1) allows too.
+t allows for underflow. It is so large that (1) also holds on a processor set to flush subnormal
+results to zero. A processor that reads subnormal operands as zero is covered as well: radii are 0
+or at least 2^-1022, and the radius of a subnormal midpoint holds both readings. For this
+`BallArray` cleans its input, and an operation adds 2^-1000 to the radius of its result. Absolute
+values, negation, comparisons, choices and scaling by 1 and -1 are exact. Fused multiply-adds leave
+out a rounding, which (1) allows too.
 
 Radii
 -----
-A radius is computed by sums, products and quotients of numbers that are not negative. Between any input
-and the result lie at most 15 roundings. With the relative errors alone the computed value is at least
-(1 - u)^15 times the exact one, and
+A radius is computed by sums, products and quotients of numbers that are not negative. Between any
+input and the result lie at most 15 roundings. With the relative errors alone the computed value is
+at least (1 - u)^15 times the exact one, and
 
     (1 - u)^15 (1 + 16 u) >= 1 + u - 240 u^2 > 1.
 
-So `_UP` = 1 + 16 u, times the rounded result, is an upper bound: the multiplication's own rounding is
-one of the 15. The absolute errors t of (1) are only added, or multiplied by numbers below 2. There are
-fewer than 2^20 of them in any expression, so `_TINY` = 2^-1000 exceeds their sum, those of the midpoint
-included. Where one would be multiplied by a large number, `_TINY` is added before, with a comment.
+So `_UP` = 1 + 16 u, times the rounded result, is an upper bound: the multiplication's own rounding
+is one of the 15. The absolute errors t of (1) are only added, or multiplied by numbers below 2.
+There are fewer than 2^20 of them in any expression, so `_TINY` = 2^-1000 exceeds their sum, those
+of the midpoint included. Where one would be multiplied by a large number, `_TINY` is added before,
+with a comment.
 
-Numpy's sine and cosine are not correctly rounded and differ between processors: `doubles` has its own.
+Numpy's sine and cosine are not correctly rounded and differ between processors: `doubles` has its
+own.
 """
 
 from __future__ import annotations
@@ -107,9 +111,9 @@ def quieted(function: _F) -> _F:
 class BallArray:
     """An array of n balls, from exact midpoints and radii of shape (n,) or (1,).
 
-    A single ball may be combined with n. A midpoint that is not finite makes an infinite ball, and so
-    does a radius that is negative or NaN. Operands may be arrays of balls, integers, floats, Fractions
-    and Arb's balls. Raises TypeError for midpoints or radii that are not doubles.
+    A single ball may be combined with n. A midpoint that is not finite makes an infinite ball, and
+    so does a radius that is negative or NaN. Operands may be arrays of balls, integers, floats,
+    Fractions and Arb's balls. Raises TypeError for midpoints or radii that are not doubles.
     """
 
     __slots__ = ("_mid", "_rad")
@@ -222,7 +226,9 @@ class BallArray:
 
     @quieted
     def square(self) -> BallArray:
-        """Square, by (a + s)^2 - a^2 = s (2 a + s): no wider than the product, and fewer operations."""
+        """Square, by (a + s)^2 - a^2 = s (2 a + s): no wider than the product, and fewer
+        operations.
+        """
         radius = np.abs(self._mid)
         radius += radius
         radius += self._rad
@@ -237,9 +243,9 @@ class BallArray:
 
             (ra + |a / b| rb) / (|b| - rb).
 
-        d = |b| - rb is rounded once and not negative if |b| > rb; where it is not positive there is no
-        bound. The absolute error of q = a / b is below 2^-1022 and is multiplied by rb / d. That of
-        rb / d is multiplied by |q|. Hence `_TINY` in both.
+        d = |b| - rb is rounded once and not negative if |b| > rb; where it is not positive there is
+        no bound. The absolute error of q = a / b is below 2^-1022 and is multiplied by rb / d. That
+        of rb / d is multiplied by |q|. Hence `_TINY` in both.
         """
         if factor := _exact_float(other):
             return rounded(self._mid / factor, self._rad / abs(factor))
@@ -267,11 +273,13 @@ class BallArray:
 
     @quieted
     def _turned(self, quarters: int) -> BallArray:
-        """Return sin(x + quarters pi/2) = sin(y + j pi/2), where x = y + n pi/2 and j = n + quarters.
+        """Return sin(x + quarters pi/2) = sin(y + j pi/2), where x = y + n pi/2 and j = n +
+        quarters.
 
-        Let S and C be the sine and cosine of the midpoint plus the quarters. For |s| <= r, by Taylor's
-        formula, |sin(x + s) - S| <= min(r, |C| r + r^2 / 2). So the ball hardly widens at an extremum
-        of the sine. The error t of C is multiplied by r, so `_TINY` is added to its bound.
+        Let S and C be the sine and cosine of the midpoint plus the quarters. For |s| <= r, by
+        Taylor's formula, |sin(x + s) - S| <= min(r, |C| r + r^2 / 2). So the ball hardly widens at
+        an extremum of the sine. The error t of C is multiplied by r, so `_TINY` is added to its
+        bound.
         """
         n, sine, sine_error, cosine, cosine_error = sine_and_cosine(self._mid)
         j = n + quarters
@@ -293,7 +301,9 @@ class BallArray:
 
     @quieted
     def abs_upper(self) -> BallArray:
-        """Return an upper bound of the absolute values, as an exact ball (infinite where the ball is)."""
+        """Return an upper bound of the absolute values, as an exact ball (infinite where the ball
+        is).
+        """
         return BallArray((np.abs(self._mid) + self._rad) * _UP + _TINY)
 
     def around_zero(self) -> BallArray:
@@ -308,7 +318,10 @@ class BallArray:
 
     @quieted
     def union(self, other: Any) -> BallArray:
-        """Return a ball around both. Its midpoint may be any number: the radius is measured from it."""
+        """Return a ball around both.
+
+        Its midpoint may be any number: the radius is measured from it.
+        """
         b = _operand(other)
         middle = 0.5 * self._mid + 0.5 * b._mid
         reach = np.abs(self._mid - middle) + self._rad
@@ -324,7 +337,10 @@ class BallArray:
 
     @quieted
     def inside(self, other: Any) -> NDArray[np.bool_]:
-        """Return for each ball whether it lies in the interior of the other; False if one is infinite."""
+        """Return for each ball whether it lies in the interior of the other.
+
+        False if one is infinite.
+        """
         b = _operand(other)
         reach = np.abs(self._mid - b._mid)
         reach += self._rad
@@ -334,7 +350,10 @@ class BallArray:
 
 
 def _doubles(values: Any) -> Array:
-    """Return an array of doubles. Other kinds of numbers are refused: conversion might round them."""
+    """Return an array of doubles.
+
+    Other kinds of numbers are refused: conversion might round them.
+    """
     many = values if isinstance(values, Sequence) else [values]
     if not (values.dtype == np.float64 if isinstance(values, np.ndarray) else all(isinstance(x, float) for x in many)):
         raise TypeError("midpoints and radii are doubles: BallArray.of takes other numbers")
@@ -351,9 +370,9 @@ def made(mid: Array, rad: Array) -> BallArray:
 def rounded(middle: Array, radius: Array, up: float = _UP) -> BallArray:
     """Return the result of an operation, with the midpoint's rounding added to the radius.
 
-    ``radius`` is a new array, computed from the operands' radii, and is overwritten. ``up`` exceeds the
-    radius's own roundings. If the midpoint is not finite, the radius is not; fmin turns NaN into
-    infinity.
+    ``radius`` is a new array, computed from the operands' radii, and is overwritten. ``up`` exceeds
+    the radius's own roundings. If the midpoint is not finite, the radius is not; fmin turns NaN
+    into infinity.
     """
     rounding = np.abs(middle)
     rounding *= _U

@@ -1,4 +1,7 @@
-"""Power series whose coefficients are arrays of balls; u, t and the count of roundings are those of `ball_array`."""
+"""Power series whose coefficients are arrays of balls.
+
+The symbols u and t and the count of roundings are those of `ball_array`.
+"""
 
 from __future__ import annotations
 
@@ -23,8 +26,8 @@ _CAPACITY = 24  # the initial capacity in coefficients
 class BallArraySeries(Sequence[BallArray]):
     """The coefficients of a power series, arrays of n balls, stored for a fast `convolution`.
 
-    Coefficient k has five rows: the midpoints m, |m|, s = r + (k + 1/2) u |m|, |m| + r and the radii r.
-    The two sums are rounded.
+    Coefficient k has five rows: the midpoints m, |m|, s = r + (k + 1/2) u |m|, |m| + r and the
+    radii r. The two sums are rounded.
     """
 
     __slots__ = ("_length", "_rows")
@@ -60,10 +63,11 @@ class BallArraySeries(Sequence[BallArray]):
         return self._length
 
     def __getitem__(self, index: Any) -> Any:
-        """Return one coefficient or a series of several, as views that are valid until the next `clear`.
+        """Return one coefficient or a series of several, as views that are valid until the next
+        `clear`.
 
-        In a part of a series each s is at least that of its new place, which is no later than the old
-        one.
+        In a part of a series each s is at least that of its new place, which is no later than the
+        old one.
         """
         rows = self._rows[:, : self._length]
         if isinstance(index, slice):
@@ -82,18 +86,19 @@ class BallArraySeries(Sequence[BallArray]):
     def convolution(self, other: BallArraySeries) -> BallArray | int:
         """Return a_0 b_(k-1) + … + a_(k-1) b_0 for two series of the same length k (0 for k = 0).
 
-        *Midpoint.* It is a sum of k products. Their order is left to numpy, with fused operations or
-        without, and a factor common to all terms may be taken out. The last operation's rounding is
-        within u |c| + t. Before it each product has met at most k - 1 roundings, as additions to an
-        accumulator that is zero are exact. With W the sum of |a_i| |b_j| and k <= 2^16 they change the
-        sum by at most
+        *Midpoint.* It is a sum of k products. Their order is left to numpy, with fused operations
+        or without, and a factor common to all terms may be taken out. The last operation's rounding
+        is within u |c| + t. Before it each product has met at most k - 1 roundings, as additions to
+        an accumulator that is zero are exact. With W the sum of |a_i| |b_j| and k <= 2^16 they
+        change the sum by at most
 
             ((1 + u)^(k-1) - 1) W <= k u W.
 
         *Radius.* It is the sum of |a_i| rb_j + ra_i (|b_j| + rb_j) as in the product, and k u W. As
-        k = i + j + 1, the sum of |a_i| s_j + s_i (|b_j| + rb_j) is at least both. Any term of it meets at
-        most 2 k + 15 roundings: two in s, one in |b| + rb, one as a product, 2 k - 1 as one of 2 k terms,
-        and the few behind. As in the docstring of `ball_array`, 1 + (4 k + 32) u outweighs them, for
+        k = i + j + 1, the sum of |a_i| s_j + s_i (|b_j| + rb_j) is at least both. Any term of it
+        meets at most 2 k + 15 roundings: two in s, one in |b| + rb, one as a product, 2 k - 1 as
+        one of 2 k terms, and the few behind. As in the docstring of `ball_array`, 1 + (4 k + 32) u
+        outweighs them, for
 
             (1 - m u) (1 + 2 (m + 1) u) > 1   with   m = 2 k + 15 and k <= 2^16.
         """

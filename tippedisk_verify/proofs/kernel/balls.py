@@ -1,9 +1,9 @@
 """Arb's balls (midpoint, radius): exact numbers into them, results out of them, and predicates.
 
-Each operation of python-flint's `arb` returns a ball that holds the result for every choice of points
-in its operands' balls (Johansson 2017, *Arb: efficient arbitrary-precision midpoint-radius interval
-arithmetic*). Every proof of the kernel assumes this of its software, and that Python's integers are
-correct.
+Each operation of python-flint's `arb` returns a ball that holds the result for every choice of
+points in its operands' balls (Johansson 2017, *Arb: efficient arbitrary-precision midpoint-radius
+interval arithmetic*). Every proof of the kernel assumes this of its software, and that Python's
+integers are correct.
 
 Each predicate is True only by a strict comparison that holds for all points of a ball. Arb's
 comparisons are of that kind and False for NaN, and infinite balls are refused.
@@ -110,7 +110,8 @@ def working_bits() -> int:
 def coefficient(series: Any, power: int) -> Any:
     """Return a coefficient of a series; a number counts as a constant series.
 
-    Raises DisturbedError for a coefficient beyond the series' length, which python-flint would read as an exact zero.
+    Raises DisturbedError for a coefficient beyond the series' length, which python-flint would read
+    as an exact zero.
     """
     if not isinstance(series, arb_series | acb_series):
         return arb(0) if power else series
@@ -138,9 +139,9 @@ def ball(value: Any) -> Any:
     """Return a ball that holds an exact number, at the working precision.
 
     The number is an integer, a Fraction, a float, a decimal or a ratio as text, or a sum of a
-    rational and a multiple of pi (``rational``, ``pi_multiple``). An object with a ``value`` of these
-    kinds will do. A ball of any arithmetic passes unchanged. Raises ValueError if ``value`` is not a
-    number, OverflowError if it is infinite.
+    rational and a multiple of pi (``rational``, ``pi_multiple``). An object with a ``value`` of
+    these kinds will do. A ball of any arithmetic passes unchanged. Raises ValueError if ``value``
+    is not a number, OverflowError if it is infinite.
     """
     if hasattr(value, "mid"):
         return value
@@ -170,14 +171,19 @@ def negative(x: Any) -> Any:
 
 
 def inside(x: Any, y: Any) -> Any:
-    """Return True if the ball ``x`` lies in the interior of ``y``; False if either is not finite."""
+    """Return True if the ball ``x`` lies in the interior of ``y``.
+
+    False if either is not finite.
+    """
     if side_by_side(x):
         return x.inside(y)
     return bool(x.is_finite() and y.is_finite() and y.contains_interior(x))
 
 
 def upper(x: Any) -> Any:
-    """Return a float near the largest absolute value in the ball, or an array of them: for choices, not for proofs."""
+    """Return a float near the largest absolute value in the ball, or an array of them: for choices,
+    not for proofs.
+    """
     return x.abs_upper().midpoints if side_by_side(x) else float(x.abs_upper())
 
 
@@ -194,12 +200,17 @@ def whole(x: Any) -> Any:
 
 
 def rough(x: Any) -> Any:
-    """Return a jet cut to the degree of derivatives, with the same functions; pass anything else."""
+    """Return a jet cut to the degree of derivatives, with the same functions.
+
+    Pass anything else.
+    """
     return x.rough() if hasattr(x, "c") else x
 
 
 def around_zero(radius: Any) -> Any:
-    """Return a ball about 0 that reaches at least ``radius``, a number or ball that is not negative."""
+    """Return a ball about 0 that reaches at least ``radius``, a number or ball that is not
+    negative.
+    """
     return radius.around_zero() if side_by_side(radius) else arb(0, radius)
 
 

@@ -3,15 +3,15 @@
 The set of states
 -----------------
 For s in [-1, 1] let gamma_bar(s), v(s), Omega(s) be polynomials: a curve of starts on the section
-beta = pi/2, each with its speed. Let d = (d_gamma, d_v, d_Omega) be deviations in a box of balls about
-zero. The orbits start at (gamma_bar(s), v(s)) + (d_gamma, d_v) and have the speed Omega(s) + d_Omega.
-After any time their states are in
+beta = pi/2, each with its speed. Let d = (d_gamma, d_v, d_Omega) be deviations in a box of balls
+about zero. The orbits start at (gamma_bar(s), v(s)) + (d_gamma, d_v) and have the speed Omega(s) +
+d_Omega. After any time their states are in
 
     middle(s) + lead(s) d + axes q,    q in the box ``rest``.
 
-This is the set of `frame`, with jets for the functions of s. Derivatives only multiply deviations, so
-they have a lower degree in s than the middle. *For each s separately* the steps are those of `step`,
-whose boxes hold the ranges for all s.
+This is the set of `frame`, with jets for the functions of s. Derivatives only multiply deviations,
+so they have a lower degree in s than the middle. *For each s separately* the steps are those of
+`step`, whose boxes hold the ranges for all s.
 
 The first return to beta = pi/2
 -------------------------------
@@ -31,17 +31,17 @@ An arc of the family of limit cycles
 ------------------------------------
 One Krawczyk test proves exactly one cycle for each value of a parameter. Three numbers describe a
 cycle that S maps to itself: gamma_bar and v on the section, and Omega. The first one is the arc's
-parameter p = p_0 + R s, |s| <= 1. The other two, u, are unknown. Their two equations are
-F_p(u) = P - (gamma_bar, v) = 0 for the half map P (`section`). Let m(s) be polynomials near the
-family, r > 0 two numbers, X(s) the box of all u with |u - m(s)| <= r, and Y(s) regular matrices. *For
-each s separately* the theorem of `krawczyk` holds: if
+parameter p = p_0 + R s, |s| <= 1. The other two, u, are unknown. Their two equations are F_p(u) = P
+- (gamma_bar, v) = 0 for the half map P (`section`). Let m(s) be polynomials near the family, r > 0
+two numbers, X(s) the box of all u with |u - m(s)| <= r, and Y(s) regular matrices. *For each s
+separately* the theorem of `krawczyk` holds: if
 
     - Y(s) F(m(s))  +  (1 - Y(s) F'(X(s))) [-r, r]  lies inside  (-r, r),
 
 X(s) holds exactly one zero u(s) of F, and all matrices of F'(X(s)) are regular. One flight over the
-curve m(s) with the deviations |d| <= r gives F(m(s)) and F'(X(s)) as jets, functions enclosed for each
-s. The test compares their ranges, for all s at once. By the implicit function theorem u(s) is an
-analytic curve with u' = -(dF/du)^-1 dF/dp.
+curve m(s) with the deviations |d| <= r gives F(m(s)) and F'(X(s)) as jets, functions enclosed for
+each s. The test compares their ranges, for all s at once. By the implicit function theorem u(s) is
+an analytic curve with u' = -(dF/du)^-1 dF/dp.
 
 Signs along the arc
 -------------------
@@ -52,10 +52,10 @@ the curve, give c_g + c_v v' + c_Omega Omega' = 0. The determinants of both side
 
 which keeps its relative accuracy where Omega' is small.
 
-Let beta_max be the largest |beta_bar| of a cycle; v = 0 at its moment. The derivative of beta_bar by
-gamma_bar_0 *at a fixed time* is enclosed for all times at which v may be 0. If it is negative,
-beta_max grows: when one cycle has its beta_max, its neighbours of larger gamma_bar_0 are further out.
-`scaled` has the same for the state divided by gamma_bar_0.
+Let beta_max be the largest |beta_bar| of a cycle; v = 0 at its moment. The derivative of beta_bar
+by gamma_bar_0 *at a fixed time* is enclosed for all times at which v may be 0. If it is negative,
+beta_max grows: when one cycle has its beta_max, its neighbours of larger gamma_bar_0 are further
+out. `scaled` has the same for the state divided by gamma_bar_0.
 
 Let tau be the trace of P' and delta = exp(integral of div f) = -det P' > 0 (Liouville, see
 `certificates.cycle`). P' has one positive and one negative eigenvalue. The values of its
@@ -63,8 +63,8 @@ characteristic polynomial at 1 and -1 are 1 - tau - delta = det(P' - 1) and 1 + 
 eigenvalues lie between -1 and 1 if and only if both values are positive; if one of these is
 negative, an eigenvalue lies outside.
 
-Where a ball becomes a point or a float: middle, lead, axes, tau, step lengths, m, Y and r are chosen.
-Any choice that passes the test is right.
+Where a ball becomes a point or a float: middle, lead, axes, tau, step lengths, m, Y and r are
+chosen. Any choice that passes the test is right.
 """
 
 from __future__ import annotations
@@ -130,12 +130,16 @@ class Curve:
         return (self.omega + self.deviation[2],)
 
     def trace(self, matrix: Matrix) -> Jet:
-        """Return the trace of the half map's derivative at a fixed point, given that by the three numbers."""
+        """Return the trace of the half map's derivative at a fixed point, given that by the three
+        numbers.
+        """
         trace: Jet = matrix[0][0] + matrix[1][1]
         return trace
 
     def rise(self, beta_bar: Any, slope: Jet) -> Jet:
-        """Return a number with the sign of d(beta_bar)/d(gamma_bar_0) at a fixed time, given the slope."""
+        """Return a number with the sign of d(beta_bar)/d(gamma_bar_0) at a fixed time, given the
+        slope.
+        """
         return slope
 
 
@@ -143,9 +147,9 @@ class Curve:
 class CurveFlight:
     """The proved properties of the orbits from a curve of starts, as jets, for each s.
 
-    ``image`` is the image under S of the point (gamma_bar, v) to which the curve's own orbits return
-    after ``own_time``. The others hold for all orbits from the curve and the deviations about it.
-    Derivatives are by the curve's three numbers.
+    ``image`` is the image under S of the point (gamma_bar, v) to which the curve's own orbits
+    return after ``own_time``. The others hold for all orbits from the curve and the deviations
+    about it. Derivatives are by the curve's three numbers.
     """
 
     image: Sequence[Jet]
@@ -189,7 +193,10 @@ class _Equations:
 
 
 class CurvePath(Path):
-    """The flight of all orbits from a curve and its deviations; each has its own lengths of steps."""
+    """The flight of all orbits from a curve and its deviations.
+
+    Each has its own lengths of steps.
+    """
 
     def __init__(self, constants: FieldConstants, curve: Curve, choices: Any) -> None:
         zero = 0 * curve.v.mid()
@@ -212,7 +219,9 @@ class CurvePath(Path):
 
 
 def turnings(step: Step) -> Iterator[tuple[Any, Sequence[Jet]]]:
-    """Yield beta_bar and its derivatives at a fixed time in each part of the step that may have v = 0."""
+    """Yield beta_bar and its derivatives at a fixed time in each part of the step that may have v =
+    0.
+    """
     nothing = 0 * step.length.c[0]
     open_parts = [(0.0, 1.0)]
     while open_parts:
@@ -327,7 +336,9 @@ class Arc:
         return False if negative(1 - trace) or negative(1 + trace) else None
 
     def falling(self) -> bool | None:
-        """Return True if Omega falls with gamma_bar_0 all along the arc, False if it rises, else None."""
+        """Return True if Omega falls with gamma_bar_0 all along the arc, False if it rises, else
+        None.
+        """
         slope = self.slopes[1].range()
         if negative(slope):
             return True
@@ -338,7 +349,9 @@ class Arc:
         return bool(positive(self.period_slope().range()))
 
     def widening(self) -> bool:
-        """Return True if beta_max grows with gamma_bar_0 all along the arc, except at the Hopf point."""
+        """Return True if beta_max grows with gamma_bar_0 all along the arc, except at the Hopf
+        point.
+        """
         for beta_bar, row in chain.from_iterable(map(turnings, self.flight.turning)):
             slope = row[0] + row[1] * self.slopes[0] + row[2] * self.slopes[1]
             if not negative(self.curve.rise(beta_bar, slope).range()):

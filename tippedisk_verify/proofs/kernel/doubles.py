@@ -1,4 +1,5 @@
-"""Numbers as doubles rounded outwards, and sine and cosine with proved error bounds, for ball arrays.
+"""Numbers as doubles rounded outwards, and sine and cosine with proved error bounds, for ball
+arrays.
 
 Numbers and Arb's balls become midpoints and radii by exact rational arithmetic. Sine and cosine are
 computed from IEEE sums and products alone.
@@ -41,23 +42,24 @@ def sine_and_cosine(x: Array) -> tuple[Array, Array, Array, Array, Array]:
 
     Out of range they are NaN.
 
-    *Reduction.* y = ((x - n A) - n B) - n C. Any integer n with |n| < 2^19 is right if |y| <= 0.8, which
-    is tested. The three differences, from the last to the first, are then at most 0.8, 0.8 + 2^-47 and
-    0.8 + 2^-13. Each errs by u times that. The rounding of n C, n times the rest and t come to less than
-    2^-99. So y errs by less than 2.5 u, and not at all if n = 0. This changes sine and cosine by no more.
+    *Reduction.* y = ((x - n A) - n B) - n C. Any integer n with |n| < 2^19 is right if |y| <= 0.8,
+    which is tested. The three differences, from the last to the first, are then at most 0.8, 0.8 +
+    2^-47 and 0.8 + 2^-13. Each errs by u times that. The rounding of n C, n times the rest and t
+    come to less than 2^-99. So y errs by less than 2.5 u, and not at all if n = 0. This changes
+    sine and cosine by no more.
 
-    *Polynomials.* Let z = y^2 <= 0.64, rounded. Horner's rule for c_0 + c_1 z + … has rounded the term
-    c_i z^i at most 3 i + 2 times (i for z, i products, i + 1 sums, the coefficient). So the error is at
-    most the sum of (3 i + 2) u |c_i| z^i, but for terms in u^2. A test does these sums in exact
-    rationals, those terms included.
+    *Polynomials.* Let z = y^2 <= 0.64, rounded. Horner's rule for c_0 + c_1 z + … has rounded the
+    term c_i z^i at most 3 i + 2 times (i for z, i products, i + 1 sums, the coefficient). So the
+    error is at most the sum of (3 i + 2) u |c_i| z^i, but for terms in u^2. A test does these sums
+    in exact rationals, those terms included.
 
-    *Sine.* p = -1/6 + z/120 - …: (2/6 + 5 * 0.64/120 + 8 * 0.41/5040 + …) u < 0.37 u. z p errs by z (0.37 + 2/6) u,
-    y (z p) by |y| z (0.37 + 3/6) u < 0.56 u |y|, and the sum with y by u |y| more. The remainder |y|^19 / 19! is below
-    0.002 u |y|. Together less than 2 u |y|.
+    *Sine.* p = -1/6 + z/120 - …: (2/6 + 5 * 0.64/120 + 8 * 0.41/5040 + …) u < 0.37 u. z p errs by z
+    (0.37 + 2/6) u, y (z p) by |y| z (0.37 + 3/6) u < 0.56 u |y|, and the sum with y by u |y| more.
+    The remainder |y|^19 / 19! is below 0.002 u |y|. Together less than 2 u |y|.
 
-    *Cosine.* p = -1/2 + z/24 - …, where -1/2 is exact: (1/2 + 5 * 0.64/24 + 8 * 0.41/720 + …) u < 0.65 u. z p errs by
-    0.64 * 0.65 u + 2 * 0.32 u < 1.1 u, the sum with 1 by u more. The remainder |y|^20 / 20! is below 0.0001 u. Together
-    less than 2.5 u.
+    *Cosine.* p = -1/2 + z/24 - …, where -1/2 is exact: (1/2 + 5 * 0.64/24 + 8 * 0.41/720 + …) u <
+    0.65 u. z p errs by 0.64 * 0.65 u + 2 * 0.32 u < 1.1 u, the sum with 1 by u more. The remainder
+    |y|^20 / 20! is below 0.0001 u. Together less than 2.5 u.
 
     The errors t are not multiplied by anything above 1, and the operation adds 2^-1000 for them.
     """

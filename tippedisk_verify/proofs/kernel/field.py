@@ -1,4 +1,5 @@
-"""The equations of motion on any kind of number (Eqs. 3DOF ... lambda_y_3DOF of the paper), for the proofs alone.
+"""The equations of motion on any kind of number (Eqs. 3DOF ... lambda_y_3DOF of the paper), for the
+proofs alone.
 
 This transcription is the kernel's own, because the kernel imports nothing outside itself. A test
 compares it with `model.equations` at random states.
@@ -9,7 +10,8 @@ t = sin(gamma_bar) = -cos(gamma), c = cos(gamma_bar) = sin(gamma) and rho = r + 
 quantities are
 
     M       = b + (a - b) t^2 + rho^2 s^2,
-    h       = -s [C (rho^2 v^2 + Omega^2 (M - r rho s^2)) + Omega v t (2 (a - b) c + e rho (1 - 3 s^2))],
+    h       = -s [C (rho^2 v^2 + Omega^2 (M - r rho s^2))
+                  + Omega v t (2 (a - b) c + e rho (1 - 3 s^2))],
     f_G     = g rho s,       w_y = rho C,       gamma_y = C (rho v + e Omega C t),
 
 because e c = rho - r and 3 C^2 - 2 = 1 - 3 s^2. Derivatives are not written down: `series`
@@ -96,7 +98,10 @@ def one_sided(side: int) -> Law:
 def sliding_motion(
     ops: Any, constants: Any, omega: Any, state: Sequence[Any], acceleration: Any = None
 ) -> tuple[Any, Any]:
-    """Return gamma_y [m/s] and its rate [m/s^2]; v' is ``acceleration``, and without it the rate is None."""
+    """Return gamma_y [m/s] and its rate [m/s^2].
+
+    ``acceleration`` is v', and without it the rate is None.
+    """
     beta, gamma, v = state
     s, C, t, c = ops.sin(beta), ops.cos(beta), ops.sin(gamma), ops.cos(gamma)
     rho, drift = constants.r + constants.e * c, constants.e * omega

@@ -31,7 +31,10 @@ _MOST_STEPS = 20_000
 
 
 class FlowStatus(Enum):
-    """The ways in which following the flow can end; each value is a message with what to try next."""
+    """The ways in which following the flow can end.
+
+    Each value is a message with what to try next.
+    """
 
     RETURNED = "the first return to the section is enclosed"
     NO_START = "v < 0 at the start is not proved: start on the other side of the section, or in a narrower box"
@@ -48,7 +51,10 @@ class FlowStatus(Enum):
 
 
 class StepProposer(Protocol):
-    """The source of a flight's choices: a search, or a reader of a certificate. Any answer is safe."""
+    """The source of a flight's choices: a search, or a reader of a certificate.
+
+    Any answer is safe.
+    """
 
     def step(self, path: Path, longest: Any) -> Step | None:
         """Return a step of at most ``longest`` seconds, made by `Path.trial`; None to give up.
@@ -62,7 +68,8 @@ class StepProposer(Protocol):
         ...
 
     def axes(self, turned: Sequence[Sequence[Any]], sizes: Sequence[Any], stiffness: Any) -> Sequence[Sequence[Any]]:
-        """Return the axes of a set: points, the columns of a regular matrix (`frame.Frame.carried`).
+        """Return the axes of a set: points, the columns of a regular matrix
+        (`frame.Frame.carried`).
 
         ``stiffness`` [1/s] weighs velocities against angles.
         """
@@ -74,7 +81,8 @@ class StepProposer(Protocol):
 
 
 class Model:
-    """The equations of motion on balls (Eq. 3DOF, linear friction), with the systems that a step needs.
+    """The equations of motion on balls (Eq. 3DOF, linear friction), with the systems that a step
+    needs.
 
     Every enclosure holds for all constants and speeds in their balls. A model serves any number of
     flights.
@@ -149,7 +157,10 @@ class Path:
         return Trial(self, orders)
 
     def step(self, longest: Any = None) -> Step | None:
-        """Return a step of at most ``longest`` seconds, not yet taken; None, with a status, if none is proved."""
+        """Return a step of at most ``longest`` seconds, not yet taken.
+
+        None, with a status, if none is proved.
+        """
         self.status = self._spent()
         step = None if self.status else self.proposer.step(self, longest)
         if step is None:

@@ -1,8 +1,8 @@
 """Sets of states that flow: deviations from the start carried by points, and a small turned box.
 
 A set is  middle + lead d + axes q  for all d and q of two boxes. The deviation d of start and speed
-from their midpoints is the same at all times. A term linear in d is never wrapped into a box
-(R. J. Lohner's doubleton; Mrozek and Zgliczynski, Ann. Polon. Math. 74, 2000). The box of q holds the
+from their midpoints is the same at all times. A term linear in d is never wrapped into a box (R. J.
+Lohner's doubleton; Mrozek and Zgliczynski, Ann. Polon. Math. 74, 2000). The box of q holds the
 rest, which is quadratic in d but for rounding. Its axes are chosen to follow the flow (Lohner's QR
 method; `search.steps`).
 
@@ -64,7 +64,9 @@ class Frame:
         return tuple(tuple(row) for row in _sum(self.lead, _product(self.axes, self.spread)))
 
     def image(self, centre: Sequence[Any], rows: Matrix) -> tuple[Any, ...]:
-        """Return the states' image under a map, given the middle's image and the derivatives (3, 4)."""
+        """Return the states' image under a map, given the middle's image and the derivatives (3,
+        4).
+        """
         lead, turned = self._mapped(rows)
         parts = zip(centre, _applied(lead, self.deviation), _applied(turned, self.rest), strict=True)
         return tuple(a + b + c for a, b, c in parts)

@@ -5,15 +5,15 @@ separately* there are numbers x_i in the balls c_i with
 
     f(s) = x_0 + x_1 s + … + x_D s^D.
 
-The numbers may differ from one s to the other, so there is no separate remainder: the remainder of an
-operation goes into a ball. A product has terms up to s^(2 D). The sum t(s) of those beyond s^D is s^D
-times a number of size at most the sum of their coefficients, because |s| <= 1. This number is added to
-c_D on both sides. Sums are exact, and jets of unlike degrees may be added. The methods for quotient and
-sine derive their remainders.
+The numbers may differ from one s to the other, so there is no separate remainder: the remainder of
+an operation goes into a ball. A product has terms up to s^(2 D). The sum t(s) of those beyond s^D
+is s^D times a number of size at most the sum of their coefficients, because |s| <= 1. This number
+is added to c_D on both sides. Sums are exact, and jets of unlike degrees may be added. The methods
+for quotient and sine derive their remainders.
 
-The coefficients are Arb's balls. For D = 0 this is plain ball arithmetic. A function that is smooth in s
-on the scale of the whole interval has coefficients that fall geometrically. Then the balls' radii are
-of the size of the first omitted term; plain balls would have radii of the size of c_1.
+The coefficients are Arb's balls. For D = 0 this is plain ball arithmetic. A function that is smooth
+in s on the scale of the whole interval has coefficients that fall geometrically. Then the balls'
+radii are of the size of the first omitted term; plain balls would have radii of the size of c_1.
 
 Where a ball becomes a point: `mid` takes the coefficients' midpoints. Its caller accounts for the
 difference.
@@ -93,8 +93,8 @@ class Jet:
     def __truediv__(self, other: Any) -> Jet:
         """Divide.
 
-        b_k = (a_k - c_1 b_(k-1) - … - c_k b_0) / c_0 for k <= D leaves a - b c = -t, where t holds the terms of b c
-        beyond s^D. The quotient is b - t / c, and t / c is s^D times a number.
+        b_k = (a_k - c_1 b_(k-1) - … - c_k b_0) / c_0 for k <= D leaves a - b c = -t, where t holds
+        the terms of b c beyond s^D. The quotient is b - t / c, and t / c is s^D times a number.
         """
         if not isinstance(other, Jet):
             return Jet([x / other for x in self.c])
@@ -122,8 +122,8 @@ class Jet:
         """Return sin(f + quarters pi/2) by Taylor's formula about c_0, with u = f - c_0.
 
         The remainder is the derivative of order D + 1 between c_0 and f(s), times u^(D+1) / (D+1)!.
-        Let w be the sum of the |c_i|, i >= 1. Since |u| <= |s| w, the remainder is s^D times a number
-        of size at most w^(D+1) / (D+1)! times that derivative.
+        Let w be the sum of the |c_i|, i >= 1. Since |u| <= |s| w, the remainder is s^D times a
+        number of size at most w^(D+1) / (D+1)! times that derivative.
         """
         top, start = self.degree, self.c[0]
         signed = [start.sin(), start.cos()]
@@ -148,7 +148,9 @@ class Jet:
         return Jet([*self.c[:-1], self.c[-1] + extra])
 
     def cut(self, degree: int) -> Jet:
-        """Reduce the degree to ``degree``: the sizes of the other coefficients go into the highest one."""
+        """Reduce the degree to ``degree``: the sizes of the other coefficients go into the highest
+        one.
+        """
         if degree >= self.degree:
             return self
         return Jet(self.c[: degree + 1])._wider(sum(map(symmetric, self.c[degree + 1 :])))
@@ -222,16 +224,18 @@ def _multiplied(product: Any, degree: int) -> Jet:
 def scaled_sine(x: Any, q: Any) -> tuple[Any, Any, Any]:
     """Return sin(a x) / a, cos(a x) and the derivative of the first by q = a^2, as jets or balls.
 
-    q >= 0 may be zero. With z = q x^2 and sinc(y) = sin(y) / y these are x sinc(sqrt z), cos(sqrt z)
-    and x^3 phi'(z), where phi(z) = sinc(sqrt z). All three are entire functions of z. They are computed
-    as Taylor polynomials of n terms with a ball for the remainder. For z >= 0 Taylor's formula for sine
-    and cosine, whose derivatives are at most 1, gives
+    q >= 0 may be zero. With z = q x^2 and sinc(y) = sin(y) / y these are x sinc(sqrt z), cos(sqrt
+    z) and x^3 phi'(z), where phi(z) = sinc(sqrt z). All three are entire functions of z. They are
+    computed as Taylor polynomials of n terms with a ball for the remainder. For z >= 0 Taylor's
+    formula for sine and cosine, whose derivatives are at most 1, gives
 
         |rest of sinc(sqrt z)| <= z^n / (2 n + 1)!,   |rest of cos(sqrt z)| <= z^n / (2 n)!.
 
-    As sinc(y) is the integral of cos(y t) over t in [0, 1], phi'(z) = -1/2 times that of t^2 sinc(sqrt(z) t). So
+    As sinc(y) is the integral of cos(y t) over t in [0, 1], phi'(z) = -1/2 times that of t^2
+    sinc(sqrt(z) t). So
 
-        phi'(z) = -1/2 sum of (-z)^k / ((2 k + 3) (2 k + 1)!),   |rest| <= z^n / (2 (2 n + 3) (2 n + 1)!).
+        phi'(z) = -1/2 sum of (-z)^k / ((2 k + 3) (2 k + 1)!),
+        |rest| <= z^n / (2 (2 n + 3) (2 n + 1)!).
 
     A ball or jet of q stands for numbers that are not negative, even if some of the ball's are.
     """

@@ -1,20 +1,20 @@
 """Krawczyk's test for fixed points of a section's map, one for each value of a parameter.
 
-Three numbers describe a fixed point: the first coordinate on the section, v and Omega. Two of them, u,
-are unknown, and the third, p, is in a ball. Let F = P - 1, let m be the middle of all three, and take
-a box of u about it and any regular matrix Y. Then
+Three numbers describe a fixed point: the first coordinate on the section, v and Omega. Two of them,
+u, are unknown, and the third, p, is in a ball. Let F = P - 1, let m be the middle of all three, and
+take a box of u about it and any regular matrix Y. Then
 
     K = m_u - Y F(m) - Y F_p (p - m_p) + (1 - Y F_u) (u - m_u)
 
-holds every zero u of F(., p) in the box, for each p of the ball. For by the mean value theorem
-F(u, p) = F(m) + F_p (p - m_p) + F_u (u - m_u), with derivatives in the balls over the box. If K lies
-in the box's interior, there is exactly one zero for each p, and all matrices F_u are regular
-(Krawczyk 1969; Moore 1977; Rump 1983).
+holds every zero u of F(., p) in the box, for each p of the ball. For by the mean value theorem F(u,
+p) = F(m) + F_p (p - m_p) + F_u (u - m_u), with derivatives in the balls over the box. If K lies in
+the box's interior, there is exactly one zero for each p, and all matrices F_u are regular (Krawczyk
+1969; Moore 1977; Rump 1983).
 
-**The choices in a certificate.** A flight's log has an entry for each step taken. Its "steps" are the
-length and the orders tested. If the sliding velocity changes its sign in the step, those of the step
-behind the change follow. Its "axes" are those of the set at the step's end. A test has the logs of
-two flights, the radii of its box, and Y.
+**The choices in a certificate.** A flight's log has an entry for each step taken. Its "steps" are
+the length and the orders tested. If the sliding velocity changes its sign in the step, those of the
+step behind the change follow. Its "axes" are those of the set at the step's end. A test has the
+logs of two flights, the radii of its box, and Y.
 """
 
 from __future__ import annotations
@@ -74,7 +74,9 @@ class FixedPoints:
         return [middle + part for middle, part in zip(self.middle, self.shift, strict=True)]
 
     def along(self, value: Any, by: Pair) -> Any:
-        """Return a function at the fixed points, given its middle ``value`` and its derivatives over the box."""
+        """Return a function at the fixed points, given its middle ``value`` and its derivatives
+        over the box.
+        """
         return value + by[0] * self.shift[0] + by[1] * self.shift[1] + by[2] * self.shift[2]
 
 
@@ -163,7 +165,10 @@ BOX = {"radii": [radius, 2], "inverse": [[dyadic, 2], 2], "flight": FLIGHT}  #: 
 
 
 class StepReplay:
-    """The proposer of a flight that takes the steps of a log, and no others. Failures name the step."""
+    """The proposer of a flight that takes the steps of a log, and no others.
+
+    Failures name the step.
+    """
 
     def __init__(self, log: Sequence[Mapping[str, Any]], name: str) -> None:
         self.log, self.name = log, name
@@ -214,7 +219,8 @@ def replayed_test(
     name: str,
     centre: Return | None = None,
 ) -> FixedPoints:
-    """`krawczyk_test` with the choices of a certificate: the ``log`` of the flight from the middle, and a `BOX`.
+    """`krawczyk_test` with the choices of a certificate: the ``log`` of the flight from the middle,
+    and a `BOX`.
 
     Raises Unproved if the test is not passed, or not all of the logs is read.
     """

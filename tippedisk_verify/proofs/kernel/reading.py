@@ -113,8 +113,8 @@ def one_of(*choices: Any) -> Callable[[Any], Any]:
 def parsed(value: Any, shape: Any, path: str) -> Any:
     """Read a value of the given shape. Raises Refused, with the path, if it has another one.
 
-    A shape is a dictionary of members (those with '?' are optional), a list [shape, length or None],
-    or a function that reads a leaf.
+    A shape is a dictionary of members (those with '?' are optional), a list [shape, length or
+    None], or a function that reads a leaf.
     """
     if isinstance(shape, dict):
         names = {name.removesuffix("?"): part for name, part in shape.items()}

@@ -1,14 +1,15 @@
-"""The half map of the state divided by its amplitude: the family of limit cycles up to its Hopf point.
+"""The half map of the state divided by its amplitude: the family of limit cycles up to its Hopf
+point.
 
 Scaled states
 -------------
-In the angles beta_bar, gamma_bar from inverted spinning the field is odd. Write the state as a y with
-y = (b, g, w), and let q = a^2. Then the rates of y are analytic functions of y, Omega and q. At q = 0
-they are those of the linearisation.
+In the angles beta_bar, gamma_bar from inverted spinning the field is odd. Write the state as a y
+with y = (b, g, w), and let q = a^2. Then the rates of y are analytic functions of y, Omega and q.
+At q = 0 they are those of the linearisation.
 
 The equations are those of `field`: a `_Part` stands for a number a x (odd) or x (even). The sine of
-an odd number is odd, with sin(a x) / a (`jets.scaled_sine`), and its cosine is even. A product of two
-odd numbers is even, with a factor q. A sum of an odd and an even number is refused, and so is a
+an odd number is odd, with sin(a x) / a (`jets.scaled_sine`), and its cosine is even. A product of
+two odd numbers is even, with a factor q. A sum of an odd and an even number is refused, and so is a
 quotient by an odd one. So the rates are seen to be odd, and no division by a takes place.
 
 The equations of the family
@@ -19,13 +20,14 @@ Let P(g, w; Omega, q) be the scaled half map from the section b = 0, w < 0, and
 
 For q > 0 its zeros are the family's cycles with gamma_bar_0 = a and v_0 = a w. Krawczyk's test of
 `curves`, with the parameter q, proves one zero for each q of [0, q_1], with regular dF/d(w, Omega).
-They form an analytic curve. At q = 0 the flow is that of the linearisation, which then has a periodic
-orbit, so that Omega is Omega_crit: the curve begins at the Hopf point.
+They form an analytic curve. At q = 0 the flow is that of the linearisation, which then has a
+periodic orbit, so that Omega is Omega_crit: the curve begins at the Hopf point.
 
 Multipliers
 -----------
-P is homogeneous: l P(g, w; Omega, l^2 q) = P(l g, l w; Omega, q) for l > 0. Let c_g, c_w be the columns
-of P' - 1, and c_Omega, c_q the derivatives of P. Differentiation by l at the fixed point (1, w) gives
+P is homogeneous: l P(g, w; Omega, l^2 q) = P(l g, l w; Omega, q) for l > 0. Let c_g, c_w be the
+columns of P' - 1, and c_Omega, c_q the derivatives of P. Differentiation by l at the fixed point
+(1, w) gives
 
     c_g + w c_w = 2 q c_q,   so that   det(P' - 1) = det(c_g, c_w) = 2 q det(c_q, c_w).
 
@@ -34,9 +36,9 @@ Cramer's rule. With tau and delta as in `curves`,
 
     1 - tau - delta = det(P' - 1) = 2 q Omega'(q) det(c_w, c_Omega).
 
-Its sign for all q of (0, q_1] follows from those of two jets that are not zero at q = 0. The trace is
-tau = 1 - w (c_w)_1 + 2 q (c_q)_1 + 1 + (c_w)_2. P' of the scaled map is similar to that of the map
-itself, so the multipliers are the cycle's.
+Its sign for all q of (0, q_1] follows from those of two jets that are not zero at q = 0. The trace
+is tau = 1 - w (c_w)_1 + 2 q (c_q)_1 + 1 + (c_w)_2. P' of the scaled map is similar to that of the
+map itself, so the multipliers are the cycle's.
 
 No ball becomes a point or a float here.
 """
@@ -115,7 +117,10 @@ def _sine_and_cosine(angle: _Part) -> tuple[Any, Any]:
 
 
 class ScaledModel:
-    """The equations of motion of (b, g, w), as `flow.Model`; ``square`` is q, ``omega`` in rad/s, jets or balls."""
+    """The equations of motion of (b, g, w), as `flow.Model`.
+
+    ``square`` is q, ``omega`` in rad/s, jets or balls.
+    """
 
     def __init__(self, constants: FieldConstants, omega: Any, square: Any) -> None:
         self.constants, self.omega, self.square = constants, omega, square
@@ -153,7 +158,8 @@ def _rates(constants: FieldConstants, state: Any, omega: Any, square: Any) -> tu
 
 @dataclass(frozen=True)
 class ScaledCurve(Curve):
-    """Starts (1, w) of the scaled state. The three numbers are q, in gamma_bar's place, w, in that of v, and Omega.
+    """Starts (1, w) of the scaled state. The three numbers are q, in gamma_bar's place, w, in that
+    of v, and Omega.
 
     q has no deviation and is less than 1: then |a b| < 1.5707 where |b| is.
     """

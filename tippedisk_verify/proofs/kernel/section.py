@@ -2,14 +2,15 @@
 
 The half map (`HALF`)
 ---------------------
-It goes from beta = pi/2, v < 0 to the next crossing, v > 0, and back by S, which is x -> -x in shifted
-angles. For every step one of these cases is shown, from its enclosure and the balls at its ends:
+It goes from beta = pi/2, v < 0 to the next crossing, v > 0, and back by S, which is x -> -x in
+shifted angles. For every step one of these cases is shown, from its enclosure and the balls at its
+ends:
 
 - *falling*: v < 0 throughout, or v' > 0 throughout and v < 0 at the end. Then beta_bar falls.
-- *turning*: v' > 0 throughout, v < 0 at the start, v > 0 and beta_bar < 0 at the end. Then v has exactly
-  one zero in the step, where beta_bar is least, and beta_bar < 0 throughout.
-- *rising*: v > 0 throughout, or v' > 0 throughout and v > 0 at the start. If beta_bar < 0 at the end,
-  the section is not reached. If beta_bar > 0 there, it is crossed exactly once, with v > 0.
+- *turning*: v' > 0 throughout, v < 0 at the start, v > 0 and beta_bar < 0 at the end. Then v has
+  exactly one zero in the step, where beta_bar is least, and beta_bar < 0 throughout.
+- *rising*: v > 0 throughout, or v' > 0 throughout and v > 0 at the start. If beta_bar < 0 at the
+  end, the section is not reached. If beta_bar > 0 there, it is crossed exactly once, with v > 0.
 
 A path that falls, turns once and rises has beta_bar < 0 between the two sections.
 
@@ -21,10 +22,10 @@ exactly once.
 
 Both maps
 ---------
-For every step |beta_bar| < 1.5707 is shown: the disk does not lie flat. In a step in which the friction
-law changes (`sliding.Crossing`) v must keep its sign and gamma_bar must stay below 2 pi. So neither the
-turn nor the section lies in it. If no case can be shown, a shorter step is tried. If that does not help,
-the proof ends with a status that names the reason.
+For every step |beta_bar| < 1.5707 is shown: the disk does not lie flat. In a step in which the
+friction law changes (`sliding.Crossing`) v must keep its sign and gamma_bar must stay below 2 pi.
+So neither the turn nor the section lies in it. If no case can be shown, a shorter step is tried. If
+that does not help, the proof ends with a status that names the reason.
 """
 
 from __future__ import annotations
@@ -103,7 +104,9 @@ def return_map(
     derivatives: bool = False,
     longest: float = 60.0,
 ) -> Return:
-    """Enclose the Poincare map over a box of the section's two coordinates, for up to ``longest`` [s]."""
+    """Enclose the Poincare map over a box of the section's two coordinates, for up to ``longest``
+    [s].
+    """
     poincare_map = PoincareMap(model, section, box, proposer, derivatives=derivatives)
     path = poincare_map.path
     if section == HALF and not negative(alike(path.time, box[1])):
@@ -223,7 +226,10 @@ class PoincareMap:
         return True
 
     def _crossing(self, step: Step) -> Any:
-        """Return a ball of times at which the orbits cross the section in the step; None if it cannot be enclosed."""
+        """Return a ball of times at which the orbits cross the section in the step.
+
+        None if it cannot be enclosed.
+        """
         model, zero, level = self.path.model, self.section.zero, self.section.level()
         if self.section == TURN:
             speed = model.rates(step.enclosure)[zero]

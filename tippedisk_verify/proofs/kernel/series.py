@@ -1,21 +1,24 @@
 """Taylor coefficients of solutions, by recurrences on a graph that the equations of motion record.
 
 A `Graph` makes nodes that know arithmetic. Evaluating `field.field` on them once records its
-elementary operations. Each operation has a recurrence for the Taylor coefficients of its result (Moore
-1966, ch. 11; Griewank and Walther, *Evaluating Derivatives*, ch. 13). For a product it is a convolution;
-sine and cosine follow from each other. Partial derivatives are recorded on the same graph in reverse
-order (`Graph.gradient`), so the variational equations need no transcription (`with_derivatives`).
+elementary operations. Each operation has a recurrence for the Taylor coefficients of its result
+(Moore 1966, ch. 11; Griewank and Walther, *Evaluating Derivatives*, ch. 13). For a product it is a
+convolution; sine and cosine follow from each other. Partial derivatives are recorded on the same
+graph in reverse order (`Graph.gradient`), so the variational equations need no transcription
+(`with_derivatives`).
 
 Besides sine and cosine there is the pair S = sin(a x) / a, C = cos(a x) with q = a^2
 (`Graph.scaled_sine`). Along an orbit, without a division by a,
 
-    S' = C x',   C' = -q S x',   dC/dq = -x S / 2,   D' = (dC/dq) x' = -(x S) x' / 2   for D = dS/dq.
+    S' = C x',   C' = -q S x',   dC/dq = -x S / 2,
+    D' = (dC/dq) x' = -(x S) x' / 2   for D = dS/dq.
 
 `jets.scaled_sine` gives their first coefficients.
 
-On balls every coefficient is an enclosure: each step of a recurrence is an operation on balls, Arb's or
-those of `ball_array`, which are inclusion-isotone. No ball is replaced by a point, a float or a
-midpoint in this file. An arithmetic with its own sequences (``series``) sums its convolutions itself.
+On balls every coefficient is an enclosure: each step of a recurrence is an operation on balls,
+Arb's or those of `ball_array`, which are inclusion-isotone. No ball is replaced by a point, a float
+or a midpoint in this file. An arithmetic with its own sequences (``series``) sums its convolutions
+itself.
 """
 
 from __future__ import annotations
@@ -68,7 +71,10 @@ class Node:
 
 
 class Graph:
-    """The operations in the order in which they were recorded; also the ``ops`` (sin, cos) of `field.field`."""
+    """The operations in the order in which they were recorded.
+
+    Also the ``ops`` (sin, cos) of `field.field`.
+    """
 
     def __init__(self) -> None:
         self.nodes: list[Node] = []
@@ -104,7 +110,8 @@ class Graph:
         return cosine
 
     def scaled_sine(self, angle: Node, square: Node | None) -> Node:
-        """Record sin(a x) / a of an angle x and its partner cos(a x), for the constant a^2 = ``square``.
+        """Record sin(a x) / a of an angle x and its partner cos(a x), for the constant a^2 =
+        ``square``.
 
         Without ``square`` a = 1.
         """
@@ -114,7 +121,10 @@ class Graph:
         return angle.partner
 
     def gradient(self, output: Node, inputs: Sequence[Node]) -> list[Node]:
-        """Record the partial derivatives of ``output`` by variables and active numbers; return their nodes."""
+        """Record the partial derivatives of ``output`` by variables and active numbers.
+
+        Return their nodes.
+        """
         adjoints: dict[Node, Any] = {output: 1}
 
         def pass_on(node: Node, share: Any) -> None:
@@ -153,7 +163,8 @@ class Graph:
 def with_derivatives(
     graph: Graph, variables: Sequence[Node], numbers: Sequence[Node], rates: Sequence[Node]
 ) -> tuple[System, System]:
-    """Return the system of the states and their derivatives, without and with the divergence's integral.
+    """Return the system of the states and their derivatives, without and with the divergence's
+    integral.
 
     Derivatives are by each variable at the start and by each active number. Each of these adds a
     column of as many unknowns as there are variables.
@@ -198,7 +209,9 @@ class System:
         self._rules = [rule for node in moving if (rule := _recurrence(node)) is not None]
 
     def coefficients(self, start: Sequence[Any], order: int) -> list[list[Any]]:
-        """Return coefficients 0 … ``order`` of each variable's Taylor series at time 0, given enclosed starts."""
+        """Return coefficients 0 … ``order`` of each variable's Taylor series at time 0, given
+        enclosed starts.
+        """
         with getattr(start[0], "quiet", nullcontext)():
             return self._coefficients(start, order)
 
@@ -328,7 +341,9 @@ def _sine(node: Node) -> Callable[[int], None]:
 
 
 def _slope(node: Node) -> Callable[[int], None]:
-    """Return the rule of a scaled sine's derivative by q: D' = -(x S) x' / 2, where ``left`` is x S."""
+    """Return the rule of a scaled sine's derivative by q: D' = -(x S) x' / 2, where ``left`` is x
+    S.
+    """
     product, x, square = node.left, node.partner, node.right
     slopes: Any = []
     assert x is not None

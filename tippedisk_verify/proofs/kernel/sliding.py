@@ -1,4 +1,5 @@
-"""Proved enclosures of the flow under the smooth friction law, whose field is analytic on either side of gamma_y = 0.
+"""Proved enclosures of the flow under the smooth friction law, whose field is analytic on either
+side of gamma_y = 0.
 
 One law for each side
 ---------------------
@@ -12,31 +13,33 @@ it is the law of side 1 for the constants s traction and s epsilon.
 
 Steps
 -----
-An orbit is followed with its own side's law, by the steps of `flow`. Their time is cut into pieces, on
-which Taylor's formula encloses s gamma_y and its rate. One of these cases is shown:
+An orbit is followed with its own side's law, by the steps of `flow`. Their time is cut into pieces,
+on which Taylor's formula encloses s gamma_y and its rate. One of these cases is shown:
 
-- *kept*: on each piece s gamma_y > 0, or grows, or falls to a positive end, on the same piece or a later
-  one.
-- *crossed*: s gamma_y is positive up to pieces on which it falls to a negative end.
-  Then every orbit of side s has exactly one zero tau of gamma_y in the step. Up to tau it is an orbit
-  of the smooth law. The step encloses the states at the ball of all tau. From there a step of the
-  other side's law follows, with s gamma_y' < 0 throughout: gamma_y has changed its sign and keeps it.
+- *kept*: on each piece s gamma_y > 0, or grows, or falls to a positive end, on the same piece or a
+  later one.
+- *crossed*: s gamma_y is positive up to pieces on which it falls to a negative end. Then every
+  orbit of side s has exactly one zero tau of gamma_y in the step. Up to tau it is an orbit of the
+  smooth law. The step encloses the states at the ball of all tau. From there a step of the other
+  side's law follows, with s gamma_y' < 0 throughout: gamma_y has changed its sign and keeps it.
 
-If neither case can be shown by shorter steps, the proof ends: an orbit may touch gamma_y = 0 there and
-turn back.
+If neither case can be shown by shorter steps, the proof ends: an orbit may touch gamma_y = 0 there
+and turn back.
 
 The derivatives through a crossing
 ----------------------------------
 Let phi and psi be the flows of the two sides' laws, with fields f_s and f_-s. At a time t after the
-crossing the state is psi(t - tau, phi(tau, x)). Here tau is an analytic function of the start x and of
-Omega, as gamma_y' is not zero. A flow's time derivative is its derivative by state times the field, so
+crossing the state is psi(t - tau, phi(tau, x)). Here tau is an analytic function of the start x and
+of Omega, as gamma_y' is not zero. A flow's time derivative is its derivative by state times the
+field, so
 
     d(state)/dx = psi_x phi_x + psi_x (f_s - f_-s) dtau/dx,       f_s = f_-s where gamma_y = 0.
 
-Derivatives multiply as if tau were a fixed time; those by Omega are psi_x phi_Omega + psi_Omega. (The
-jump, or saltation, matrix is the identity.) The products are taken over the ball of all tau. So the
-smooth law's flow is continuously differentiable along such orbits, and the mean value theorem applies
-as in `step`. The midpoint has its own tau, known to the working precision: no digits are lost.
+Derivatives multiply as if tau were a fixed time; those by Omega are psi_x phi_Omega + psi_Omega.
+(The jump, or saltation, matrix is the identity.) The products are taken over the ball of all tau.
+So the smooth law's flow is continuously differentiable along such orbits, and the mean value
+theorem applies as in `step`. The midpoint has its own tau, known to the working precision: no
+digits are lost.
 
 Where a ball becomes a point or a float: pieces and the step's end are free.
 """
@@ -105,7 +108,9 @@ class SmoothModel(Model):
         return self._other
 
     def motion(self, state: Sequence[Any], *, middle: bool = False) -> tuple[Any, Any]:
-        """Return gamma_y [m/s] and its rate [m/s^2] by this law, at all speeds or at their midpoints."""
+        """Return gamma_y [m/s] and its rate [m/s^2] by this law, at all speeds or at their
+        midpoints.
+        """
         omega = self.omega.mid() if middle else self.omega
         acceleration = self.law(BallOps, self.constants, omega)(*state)[2]
         return sliding_motion(BallOps, self.constants, omega, state, acceleration)
@@ -185,7 +190,10 @@ class SlidingPath(Path):
             self.side, self.model = -self.side, self.model.of_side(-1)
 
     def _followed(self, step: Step) -> Step | None:
-        """Return the step if gamma_y keeps its sign, or the step through the crossing; None if neither."""
+        """Return the step if gamma_y keeps its sign, or the step through the crossing.
+
+        None if neither.
+        """
         if not self.side:
             return None
         if positive(_signed(self.model.motion(step.enclosure)[0], self.side)):
@@ -196,7 +204,8 @@ class SlidingPath(Path):
         return None if crossing is None else self._crossing(step, *crossing)
 
     def _by_pieces(self, step: Step) -> tuple[bool, tuple[Any, Any] | None]:
-        """Return True for a kept step; for a crossed one, the times and rate of the crossing's pieces.
+        """Return True for a kept step; for a crossed one, the times and rate of the crossing's
+        pieces.
 
         On these pieces s gamma_y falls to an end that is not known to be positive.
         """

@@ -2,33 +2,35 @@
 
 The test
 --------
-Let X be a box of states (a vector of balls) with the midpoint m, and Omega a ball of speeds. Recurrences
-(`series`) give the Taylor coefficients p_0 … p_N of the orbit from m. They also give those of the orbits
-from X, with their derivatives by state and Omega, to order K. Over [0, h] the latter polynomials have a
-range; padded, it is a box E. With c the coefficients of order K + 1 over E, the step is accepted if
+Let X be a box of states (a vector of balls) with the midpoint m, and Omega a ball of speeds.
+Recurrences (`series`) give the Taylor coefficients p_0 … p_N of the orbit from m. They also give
+those of the orbits from X, with their derivatives by state and Omega, to order K. Over [0, h] the
+latter polynomials have a range; padded, it is a box E. With c the coefficients of order K + 1 over
+E, the step is accepted if
 
     polynomial(t) + t^(K+1) c  lies in the interior of E  for all t in [0, h].
 
-*Then every orbit from X exists on [0, h] and stays in E.* As long as an orbit has been in E, Taylor's
-formula with Lagrange's remainder puts it in E's interior. (Component by component, the remainder is a
-coefficient at an earlier point of the same orbit, so it lies within c.) It cannot reach the boundary
-first, nor blow up in a compact box on which the field is analytic: c is finite, so M has no zero there.
-The same argument holds for the derivatives, which are part of the system (a high-order enclosure:
-Corliss and Rihm 1996; Nedialkov, Jackson and Pryce 2001). The coefficient of order N + 1 over E gives
-the remainder of the orbit from m.
+*Then every orbit from X exists on [0, h] and stays in E.* As long as an orbit has been in E,
+Taylor's formula with Lagrange's remainder puts it in E's interior. (Component by component, the
+remainder is a coefficient at an earlier point of the same orbit, so it lies within c.) It cannot
+reach the boundary first, nor blow up in a compact box on which the field is analytic: c is finite,
+so M has no zero there. The same argument holds for the derivatives, which are part of the system (a
+high-order enclosure: Corliss and Rihm 1996; Nedialkov, Jackson and Pryce 2001). The coefficient of
+order N + 1 over E gives the remainder of the orbit from m.
 
 Mean-value form
 ---------------
 By the mean value theorem the image of X at time t lies in
 
-    orbit of m at t  +  [derivatives over X](t) (X - m)  +  [derivative by Omega](t) (Omega - its midpoint),
+    orbit of m at t  +  [derivatives over X](t) (X - m)
+                     +  [derivative by Omega](t) (Omega - its midpoint),
 
-because balls are convex. Balls inserted into the polynomials would grow like exp(|d(v')/d(v)| t), by
-some 40 digits a second. In this form the strong contraction along v contracts the ball too, and half a
-period costs 2 digits.
+because balls are convex. Balls inserted into the polynomials would grow like exp(|d(v')/d(v)| t),
+by some 40 digits a second. In this form the strong contraction along v contracts the ball too, and
+half a period costs 2 digits.
 
-Where a ball becomes a point or a float: m is a midpoint, and any point of X would do; paddings are free. Step lengths
-are exact dyadic numbers.
+Where a ball becomes a point or a float: m is a midpoint, and any point of X would do; paddings are
+free. Step lengths are exact dyadic numbers.
 """
 
 from __future__ import annotations
@@ -79,7 +81,9 @@ class Step:
     included: Any = True  #: whether it is proved; an array for arrays of balls
 
     def rows_at(self, time: Any, components: slice = _ALL) -> tuple[tuple[Any, ...], ...]:
-        """Return d(state at ``time``)/d(state at the step's start, Omega) for every orbit from the box."""
+        """Return d(state at ``time``)/d(state at the step's start, Omega) for every orbit from the
+        box.
+        """
         columns, time = range(0, len(self.derivatives) - 2, 3), rough(time)
         return tuple(
             tuple(polynomial(self.derivatives[column + row], time) for column in columns)
@@ -95,7 +99,9 @@ class Step:
         return polynomial(self.derivatives[-1], rough(time))
 
     def at(self, time: Any, components: slice = _ALL) -> tuple[Any, ...]:
-        """Return the state, or components, after ``time``, a ball within [0, length], for every orbit."""
+        """Return the state, or components, after ``time``, a ball within [0, length], for every
+        orbit.
+        """
         return self.frame.image(self.centre(time, components), self.rows_at(time, components))
 
     def component(self, index: int, time: Any) -> Any:
@@ -165,7 +171,9 @@ class Trial:
         return step
 
     def _test(self, length: Any) -> tuple[tuple[Any, ...], list[Any], list[Any], Any]:
-        """Return the padded box E, the remainders' coefficients over it, and whether the step is proved."""
+        """Return the padded box E, the remainders' coefficients over it, and whether the step is
+        proved.
+        """
         bound, (order, rough_order) = self.path.model.bound, self.orders
         time = alike(whole(self.wide[0][0]), whole(length))
         span, power = _from_zero(time), _from_zero(time**rough_order)
@@ -192,9 +200,10 @@ def enclosed_moment(
     """Return a ball of times that holds all zeros of growing functions of time; None if not shown.
 
     Each function has one zero in the step, and all zeros lie in the ball ``span``. ``value`` and
-    ``slope_over`` enclose the functions and their derivatives at a ball of times; ``slope`` holds the
-    derivatives over the span. Interval Newton steps are T -> t - x(t) / x'(T), where t is the midpoint
-    of T; any point of T in the step would do. The sign of x(t) decides on which side of t the zero is.
+    ``slope_over`` enclose the functions and their derivatives at a ball of times; ``slope`` holds
+    the derivatives over the span. Interval Newton steps are T -> t - x(t) / x'(T), where t is the
+    midpoint of T; any point of T in the step would do. The sign of x(t) decides on which side of t
+    the zero is.
     """
     moment = span
     for _ in range(_MOST_ITERATIONS):
@@ -227,7 +236,8 @@ def _pad(part: Any) -> Any:
 
 
 def magnitude(x: Any) -> int:
-    """Return the least integer k, but for rounding, with |x| < 2^k for all x of the ball; -10^6 for zero.
+    """Return the least integer k, but for rounding, with |x| < 2^k for all x of the ball; -10^6 for
+    zero.
 
     Raises OverflowError for a ball that is not finite.
     """

@@ -34,7 +34,10 @@ _PLACES = 9  # of the share and of the speed at the end, rounded to the safe sid
 
 @dataclass(frozen=True, repr=False)
 class BranchProof(Proof):
-    """The proof of the family. ``pieces`` form one curve from the Hopf point on; there may be none."""
+    """The proof of the family.
+
+    ``pieces`` form one curve from the Hopf point on; there may be none.
+    """
 
     parameters: Parameters
     pieces: tuple[Piece, ...]
@@ -67,7 +70,9 @@ class BranchProof(Proof):
 
     @property
     def omega_end(self) -> Fraction | None:
-        """The lowest speed [rad/s], rounded up, from which all speeds to Omega_crit belong to the curve."""
+        """The lowest speed [rad/s], rounded up, from which all speeds to Omega_crit belong to the
+        curve.
+        """
         if not self.hopf_closed:
             return None
         unit = 10**_PLACES
@@ -75,7 +80,10 @@ class BranchProof(Proof):
 
     @property
     def covered(self) -> Fraction | None:
-        """A lower bound of the covered share of (Omega_h, Omega_crit); None if Omega_h is not proved."""
+        """A lower bound of the covered share of (Omega_h, Omega_crit).
+
+        None if Omega_h is not proved.
+        """
         if self.proved:
             return Fraction(1)
         known = self.connection.omega_h if self.connection is not None and self.connection.proved else None

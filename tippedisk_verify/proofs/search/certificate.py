@@ -33,8 +33,8 @@ class Stopped(Unproved):
 class Proof:
     """The result of a search: its statement and its certificate.
 
-    Each kind has its ``status``, the ``claim`` of its certificate, and the ``evidence``: the choices that
-    the kernel has accepted.
+    Each kind has its ``status``, the ``claim`` of its certificate, and the ``evidence``: the
+    choices that the kernel has accepted.
     """
 
     status: Any
@@ -72,7 +72,10 @@ class Proof:
     __str__ = __repr__
 
     def certificate(self) -> str:
-        """Return the text of a file that the kernel alone checks. Raises InputError without a proof."""
+        """Return the text of a file that the kernel alone checks.
+
+        Raises InputError without a proof.
+        """
         if not self.evidence:
             raise InputError(f"no certificate: {self.statement}")
         content: dict[str, Any] = {"format": FORMAT, "claim": self.claim, "bits": self.bits}
@@ -91,7 +94,10 @@ class Proof:
 
 
 def claim_of(kind: str, parameters: Parameters, numbers: Mapping[str, Measured], **more: Any) -> dict[str, Any]:
-    """Return a claim about a disk. ``more`` are its other entries; rational numbers become exact texts."""
+    """Return a claim about a disk.
+
+    ``more`` are its other entries; rational numbers become exact texts.
+    """
     texts = {name: exact_text(entry) if isinstance(entry, Fraction) else entry for name, entry in more.items()}
     about = {"kind": kind, "parameters": parameter_texts(parameters), "friction": parameters.friction}
     return about | texts | {"numbers": {name: number.to_dict() for name, number in numbers.items()}}

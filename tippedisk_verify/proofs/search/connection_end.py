@@ -1,8 +1,9 @@
-"""The search for the proof of the cycles next to the connection (`kernel.certificates.connection_cycles`).
+"""The search for the proof of the cycles next to the connection
+(`kernel.certificates.connection_cycles`).
 
-Extents and weights of cones fit the three named disks and those near them. Other weights follow from the
-kernel's enclosures. The lid eta is a little more than the bound of |z_u| after one round at the largest
-speed. It is raised until the worst of the flights arrives above it.
+Extents and weights of cones fit the three named disks and those near them. Other weights follow
+from the kernel's enclosures. The lid eta is a little more than the bound of |z_u| after one round
+at the largest speed. It is raised until the worst of the flights arrives above it.
 
 Balls become points and floats everywhere: any choice that the kernel accepts is right.
 """
@@ -100,7 +101,8 @@ class ProvedEnd(Proof):
         return self.choices and self.choices | {"connection": {**self.connection.evidence, **claimed}}
 
     def meets(self, omega: Any, gamma_bar: Any, v: Any) -> bool:
-        """Return True if the fixed point of P in these balls is the statement's, at all speeds of ``omega``.
+        """Return True if the fixed point of P in these balls is the statement's, at all speeds of
+        ``omega``.
 
         Then a curve of cycles that is proved there is the same curve.
         """
@@ -127,11 +129,12 @@ def prove_end(
     below: object = "0.0015",
     watch: Callable[[float], None] = lambda share: None,
 ) -> ProvedEnd:
-    """Prove the cycles up to ``reach`` above a proved connection, and their absence down to ``below`` it.
+    """Prove the cycles up to ``reach`` above a proved connection, and their absence down to
+    ``below`` it.
 
-    Both distances [rad/s] count from Omega_h rounded to four decimals. ``watch`` is called with the share
-    of the flights that is done. Raises InputError for the smooth law and for distances out of range, and
-    NoConnectionError as `eigenvectors` does.
+    Both distances [rad/s] count from Omega_h rounded to four decimals. ``watch`` is called with the
+    share of the flights that is done. Raises InputError for the smooth law and for distances out of
+    range, and NoConnectionError as `eigenvectors` does.
     """
     parameters, omega_h = connection.parameters, connection.omega_h
     above, under = checked_distance(reach), checked_distance(below)
@@ -211,7 +214,9 @@ class _EndSearch(Proposer):
         }
 
     def entry(self, n: Passage) -> dict[str, Any]:
-        """Choose D and Q, with a lid above which the flights of the largest speed and z_s should arrive."""
+        """Choose D and Q, with a lid above which the flights of the largest speed and z_s should
+        arrive.
+        """
         top, cell = float(self.high), float(self.high) - _SPEED_CELL
         _, (arrival, further, slower) = self._flown(n, np.array([top, top, cell]), np.array([0, _SLOW_CELL, 0]))
         wide = (abs(further - arrival) + abs(slower - arrival)) * _WIDENED
@@ -227,7 +232,9 @@ class _EndSearch(Proposer):
         return LoopMap(n, self._entry(n, lid))
 
     def _entry(self, n: Passage, lid: float) -> dict[str, Any]:
-        """Choose the moment that bounds the crossings of beta_bar = 0 best, and c and d that hold them."""
+        """Choose the moment that bounds the crossings of beta_bar = 0 best, and c and d that hold
+        them.
+        """
         top, fast = ball(lid), ball(_FAST)
 
         def bound(moment: float) -> Any:

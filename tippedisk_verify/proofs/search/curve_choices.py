@@ -1,7 +1,8 @@
-"""Arcs of the family of limit cycles: polynomials, boxes, steps and axes that the kernel is likely to accept.
+"""Arcs of the family of limit cycles: polynomials, boxes, steps and axes that the kernel is likely
+to accept.
 
-Balls become points and floats everywhere. `kernel.curves` and `kernel.certificates.family` test these
-choices, and any choice that passes is right.
+Balls become points and floats everywhere. `kernel.curves` and `kernel.certificates.family` test
+these choices, and any choice that passes is right.
 """
 
 from __future__ import annotations
@@ -89,7 +90,10 @@ class StepSearch:
         return step
 
     def _next(self) -> str:
-        """Return the share to try; if the return lies in that step, it is well away from both ends."""
+        """Return the share to try.
+
+        If the return lies in that step, it is well away from both ends.
+        """
         left = 1 - self._done
         return f"{left + 0.3 * self._share if left <= 0.7 * self._share else min(self._share, 0.6 * left):.4g}"
 
@@ -150,11 +154,12 @@ def _moment(polynomials: Sequence[Sequence[Jet]], guess: Jet) -> Jet:
 def family_polynomials(
     constants: FieldConstants, start: Sequence[Any], radius: Any, degree: int, total: Any, kind: type[Curve]
 ) -> tuple[list[Jet], Jet]:
-    """Return Taylor polynomials in s of (gamma_bar, v, Omega) along the family, and of half the period.
+    """Return Taylor polynomials in s of (gamma_bar, v, Omega) along the family, and of half the
+    period.
 
-    Their coefficients are points. ``start`` is near the cycle at s = 0; the first of the three numbers
-    moves by ``radius`` as s grows by 1. With Y constant, a chord step finds the coefficient of s^k once
-    those before it are known.
+    Their coefficients are points. ``start`` is near the cycle at s = 0; the first of the three
+    numbers moves by ``radius`` as s grows by 1. With Y constant, a chord step finds the coefficient
+    of s^k once those before it are known.
     """
     zero = 0 * start[0]
     point = [part.mid() for part in start]
@@ -179,7 +184,9 @@ def family_polynomials(
 
 
 class Rows(NamedTuple):
-    """Rounded polynomials of the two unknown numbers, and their texts with those of half the period."""
+    """Rounded polynomials of the two unknown numbers, and their texts with those of half the
+    period.
+    """
 
     numbers: list[tuple[Fraction, ...]]
     texts: list[list[str]]

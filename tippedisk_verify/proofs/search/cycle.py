@@ -1,8 +1,9 @@
-"""Proofs of limit cycles: the search for choices that the kernel's test (`kernel.certificates.cycle`) accepts.
+"""Proofs of limit cycles: the search for choices that the kernel's test
+(`kernel.certificates.cycle`) accepts.
 
-A guess is refined by Newton's iteration on midpoints. The precision and the box change until the numbers
-have the requested digits. Wider boxes are tried to bound the distance of the next fixed point. Every
-statement comes from a test that was passed.
+A guess is refined by Newton's iteration on midpoints. The precision and the box change until the
+numbers have the requested digits. Wider boxes are tried to bound the distance of the next fixed
+point. Every statement comes from a test that was passed.
 """
 
 from __future__ import annotations
@@ -45,7 +46,10 @@ _MOST_ATTEMPTS = 6
 
 
 class OrbitStatus(Enum):
-    """The ways in which a proof of a limit cycle can end; each value is a message with what to try next."""
+    """The ways in which a proof of a limit cycle can end.
+
+    Each value is a message with what to try next.
+    """
 
     PROVED = "proved"
     NO_GUESS = "shooting in double precision did not converge to a limit cycle from which to start"
@@ -119,7 +123,9 @@ class OrbitProof(Proof):
 
 
 def _decimal_below(x: Any) -> str:
-    """Return a decimal of two digits below all numbers of the ball, by at least 2^-20 of them, or 0."""
+    """Return a decimal of two digits below all numbers of the ball, by at least 2^-20 of them, or
+    0.
+    """
     enclosure = measured(x)
     least = enclosure.value - enclosure.uncertainty
     return rounded_down(least * (1 - Fraction(1, 2**20))) if least > 0 else "0"
@@ -136,10 +142,10 @@ def prove_cycle(
 ) -> OrbitProof:
     """Prove the limit cycle near ``guess`` at ``omega`` [rad/s] and enclose its numbers.
 
-    The guess is (gamma_bar, v) at beta = pi/2 or, with ``section`` `TURN`, (beta_bar, v) at gamma = pi/2,
-    of a few digits or more. Period, state and beta_max are enclosed to ``digits`` significant digits, the
-    others to about as many. ``most_bits`` bounds the working precision. Raises InputError for a guess or
-    speed out of range. Any other failure is a status.
+    The guess is (gamma_bar, v) at beta = pi/2 or, with ``section`` `TURN`, (beta_bar, v) at gamma =
+    pi/2, of a few digits or more. Period, state and beta_max are enclosed to ``digits`` significant
+    digits, the others to about as many. ``most_bits`` bounds the working precision. Raises
+    InputError for a guess or speed out of range. Any other failure is a status.
     """
     attempt = Attempt(parameters, checked_speed(omega), digits, most_bits, section)
     if len(guess) != 2:
@@ -197,7 +203,9 @@ class Attempt:
         return searched_test(self.setting, self.section, (0, 1), middle, sizes, drift, centre)
 
     def sharpened(self, guess: Sequence[Any]) -> list[Any]:
-        """Refine a guess to within the box's radius of the fixed point, by Newton's iteration on midpoints."""
+        """Refine a guess to within the box's radius of the fixed point, by Newton's iteration on
+        midpoints.
+        """
         with working_precision(self.bits):
             state = [ball(part).mid() for part in guess]
         scale = float(abs(state[0])) + float(abs(state[1])) / 10
@@ -268,7 +276,9 @@ def _not_followed(flight: Return) -> Stopped:
 
 
 def _shortage(fixed: FixedPoints, evidence: Mapping[str, Any]) -> int:
-    """Return the bits, at least 16, that bring rounding errors of Y F(m) well below the box's radius."""
+    """Return the bits, at least 16, that bring rounding errors of Y F(m) well below the box's
+    radius.
+    """
     if not all(part.is_finite() for part in fixed.residual):
         return 64
     pairs = zip(fixed.residual, evidence["box"]["radii"], strict=True)

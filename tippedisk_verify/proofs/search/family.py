@@ -1,10 +1,11 @@
 """The proof of the family of limit cycles: the intervals that are tried, and their order.
 
-An interval of amplitudes that is not proved is halved, unless its proved properties exclude every part of
-it. At the Hopf point only the lower half is tried; `open_intervals` has the rest. If an interval is given
-up, nothing beyond it is useful, because the curve has to begin at the Hopf point.
+An interval of amplitudes that is not proved is halved, unless its proved properties exclude every
+part of it. At the Hopf point only the lower half is tried; `open_intervals` has the rest. If an
+interval is given up, nothing beyond it is useful, because the curve has to begin at the Hopf point.
 
-Where a ball becomes a point or a float: intervals and guesses are chosen, and no proof depends on them.
+Where a ball becomes a point or a float: intervals and guesses are chosen, and no proof depends on
+them.
 """
 
 from __future__ import annotations
@@ -74,7 +75,8 @@ def prove_family(
     stage: Callable[[str], None] = lambda name: None,
     watch: Watch = lambda found, interval: None,
 ) -> BranchProof:
-    """Prove as much of the family as possible: up to the amplitude ``until`` [rad], or to the connection.
+    """Prove as much of the family as possible: up to the amplitude ``until`` [rad], or to the
+    connection.
 
     Args:
         parameters: The disk.
@@ -122,7 +124,10 @@ def prove_family(
 
 
 def _next_to(connection: ProvedConnection) -> ProvedEnd | None:
-    """Prove the cycles next to the connection, with the largest reach that succeeds; or return a failure."""
+    """Prove the cycles next to the connection, with the largest reach that succeeds.
+
+    Or return a failure.
+    """
     from tippedisk_verify.proofs.search.connection_end import prove_end
 
     end = None
@@ -163,7 +168,9 @@ class Interval:
     halvings: int = 0
 
     def halves(self) -> tuple[Interval, ...]:
-        """Return both halves, or the lower one if ``low`` is 0, because the other needs known cycles."""
+        """Return both halves, or the lower one if ``low`` is 0, because the other needs known
+        cycles.
+        """
         middle, count = (self.low + self.high) / 2, self.halvings + 1
         lower = Interval(self.low, middle, count)
         return (lower, Interval(middle, self.high, count)) if self.low else (lower,)
@@ -253,7 +260,9 @@ def prove_intervals(
 
 
 class _Jobs:
-    """The intervals in progress: in order here, the lowest first, or all at once in other processes."""
+    """The intervals in progress: in order here, the lowest first, or all at once in other
+    processes.
+    """
 
     def __init__(
         self,

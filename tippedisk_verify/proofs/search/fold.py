@@ -1,8 +1,9 @@
-"""Proofs of folds of limit cycles: the search for choices that the kernel (`kernel.certificates.fold`) accepts.
+"""Proofs of folds of limit cycles: the search for choices that the kernel
+(`kernel.certificates.fold`) accepts.
 
-The arc is short, so the slope of the speed is small on all of it: the speed has about twice the digits of
-the arc's length. Boxes are widened until they hold Krawczyk's image. Middles at the arc's ends come from
-chord steps.
+The arc is short, so the slope of the speed is small on all of it: the speed has about twice the
+digits of the arc's length. Boxes are widened until they hold Krawczyk's image. Middles at the arc's
+ends come from chord steps.
 """
 
 from __future__ import annotations
@@ -74,8 +75,9 @@ def prove_fold(
 ) -> FoldProof:
     """Prove the fold near a point (both coordinates on the section, Omega).
 
-    The point needs a few more than ``digits`` digits. The fold's speed is enclosed to ``digits`` significant
-    digits. The answer has the reason of a failure. Raises InputError under the smooth law.
+    The point needs a few more than ``digits`` digits. The fold's speed is enclosed to ``digits``
+    significant digits. The answer has the reason of a failure. Raises InputError under the smooth
+    law.
     """
     parameters.refuse_smooth("the fold of limit cycles is proved")
     digits = checked_digits(digits)
@@ -123,7 +125,9 @@ class _Attempt:
         return extremum, values
 
     def whole(self, arc: Any, length: Any) -> FixedPoints:
-        """Test the cycles of all points of the arc, in a box widened until it holds Krawczyk's image."""
+        """Test the cycles of all points of the arc, in a box widened until it holds Krawczyk's
+        image.
+        """
         m, sizes = [ball(part).mid() for part in self.near], [(_SLOPE * length).mid(), (_EXCESS * length**2).mid()]
         for _ in range(1 + _INFLATIONS):
             fixed = self.test("arc", arc, m, sizes)

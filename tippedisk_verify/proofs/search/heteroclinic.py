@@ -1,9 +1,9 @@
 """The search for the proof of Omega_h; `kernel.certificates.connection` has the proof itself.
 
-An approximation is given, with a few more digits than the interval's length needs. The polynomials of the
-invariant curves solve the equation of invariance power by power. The other choices (cones, extents, the
-moment at which the flight ends) follow from the kernel's enclosures. The working precision is raised if
-the kernel refuses.
+An approximation is given, with a few more digits than the interval's length needs. The polynomials
+of the invariant curves solve the equation of invariance power by power. The other choices (cones,
+extents, the moment at which the flight ends) follow from the kernel's enclosures. The working
+precision is raised if the kernel refuses.
 
 Balls become points and floats everywhere: any choice that the kernel accepts is right.
 """
@@ -89,7 +89,9 @@ class ConnectionStatus(Enum):
 
 
 class Room(NamedTuple):
-    """The box |beta - pi/2| <= ``beta``, |gamma - 3 pi/2| <= ``gamma``, |v| <= ``v`` [rad, rad, rad/s]."""
+    """The box |beta - pi/2| <= ``beta``, |gamma - 3 pi/2| <= ``gamma``, |v| <= ``v`` [rad, rad,
+    rad/s].
+    """
 
     beta: Fraction
     gamma: Fraction
@@ -130,7 +132,10 @@ class ProvedConnection(Printable, Proof):
 
     @property
     def saddle_value(self) -> Measured | None:
-        """The saddle value lambda_u + lambda_s [1/s]; if it is negative, the cycle next to Omega_h attracts."""
+        """The saddle value lambda_u + lambda_s [1/s].
+
+        If it is negative, the cycle next to Omega_h attracts.
+        """
         if not self.saddle_eigenvalues:
             return None
         unstable, slow, _ = self.saddle_eigenvalues
@@ -171,11 +176,12 @@ class ProvedConnection(Printable, Proof):
 
 
 def prove_connection(parameters: Parameters, near: object, digits: int = 12) -> ProvedConnection:
-    """Prove Omega_h in an interval about ``near`` [rad/s], of absolute and relative length up to 10^-digits.
+    """Prove Omega_h in an interval about ``near`` [rad/s], of absolute and relative length up to
+    10^-digits.
 
-    ``near`` (an exact number) must be correct to two digits more, and to at least six. Raises InputError for
-    digits or speeds out of range, NoConnectionError if the equilibrium is not a saddle with real
-    eigenvalues.
+    ``near`` (an exact number) must be correct to two digits more, and to at least six. Raises
+    InputError for digits or speeds out of range, NoConnectionError if the equilibrium is not a
+    saddle with real eigenvalues.
     """
     if not 1 <= digits <= MOST_DIGITS:
         raise InputError(f"a proof of Omega_h is offered to 1 to {MOST_DIGITS} digits, not {digits}")
@@ -218,9 +224,9 @@ def prove_connection(parameters: Parameters, near: object, digits: int = 12) -> 
 def eigenvectors(parameters: Parameters, speed: Fraction) -> tuple[list[Any], Any]:
     """Return points near the eigenvalues of noninverted spinning [1/s], by descending value, and P.
 
-    P's columns are near the eigenvectors, with largest component 1, and its entries in gamma's row are
-    positive. Raises NoConnectionError unless the equilibrium is a saddle with one unstable and two real
-    stable directions.
+    P's columns are near the eigenvectors, with largest component 1, and its entries in gamma's row
+    are positive. Raises NoConnectionError unless the equilibrium is a saddle with one unstable and
+    two real stable directions.
     """
     found = exact_polynomial(parameters.rational(), speed, NONINVERTED).complex_roots()
     roots = [root for root, count in found if count == 1 and root.imag.is_zero()]
@@ -247,7 +253,10 @@ def smallest_weights(matrix: Any, by_speed: Sequence[Any]) -> list[Any]:
 
 
 def series_of_curve(saddle: SaddleCoordinates, along: int, order: int, values: Sequence[Any]) -> ManifoldGraph:
-    """Compute the invariant curve at the middle speed; ``values`` are points near the eigenvalues."""
+    """Compute the invariant curve at the middle speed.
+
+    ``values`` are points near the eigenvalues.
+    """
     side = None
     if saddle.friction == "smooth":
         direction = [arb(int(k == along)) for k in range(3)]
@@ -368,7 +377,9 @@ class _ConnectionSearch(Proposer):
 
 
 def _share_of_reach(curve: ManifoldGraph) -> Any:
-    """Return a power of two near an eighth of the series' estimated radius of convergence, at most 1/4."""
+    """Return a power of two near an eighth of the series' estimated radius of convergence, at most
+    1/4.
+    """
     sizes = [float(abs(row[-1])) for row in curve.graph]
     rates = [size ** (-1 / curve.order) for size in sizes if size > 0]
     return ball(Fraction(2) ** math.floor(math.log2(min([2.0, *rates]) / 8)))

@@ -1,11 +1,12 @@
-"""The search for steps: lengths and orders that the kernel's test is likely to pass, and axes, with a log.
+"""The search for steps: lengths and orders that the kernel's test is likely to pass, and axes, with
+a log.
 
-A `Steps` proposes for one flight. Its ``log`` has the steps taken, in the form in which `kernel.krawczyk`
-reads them from a certificate.
+A `Steps` proposes for one flight. Its ``log`` has the steps taken, in the form in which
+`kernel.krawczyk` reads them from a certificate.
 
-Axes for sets of states are nearly orthogonal, the first along the largest direction (Lohner's QR method).
-Velocities are divided by the stiffness [1/s] of d(v')/dv before angles and lengths are measured. Any
-regular matrix of points would do: floats are exact.
+Axes for sets of states are nearly orthogonal, the first along the largest direction (Lohner's QR
+method). Velocities are divided by the stiffness [1/s] of d(v')/dv before angles and lengths are
+measured. Any regular matrix of points would do: floats are exact.
 """
 
 from __future__ import annotations
@@ -103,7 +104,9 @@ class Steps:
 
 
 def _allowed(path: Path, bits: int) -> tuple[list[int], int]:
-    """Return log2 of the largest allowed remainders, of the state's components and of the derivatives."""
+    """Return log2 of the largest allowed remainders, of the state's components and of the
+    derivatives.
+    """
     # As large as rounding, or a hundredth of the ball's radius: 70 steps at most double it.
     allowed = [
         max(max(0, magnitude(part)) - bits, magnitude(part.rad()) - 7 if not part.is_exact() else -bits - 99)
@@ -158,8 +161,9 @@ def searched_test(
 ) -> tuple[FixedPoints | Return, dict[str, Any]]:
     """Apply Krawczyk's test about three points; return its result and evidence.
 
-    ``sizes``, points, are the radii of the box of the two ``unknown`` numbers, and the ball ``moved`` is the
-    deviation of the third one. Pass ``centre`` if the flight of the middle has already been computed.
+    ``sizes``, points, are the radii of the box of the two ``unknown`` numbers, and the ball
+    ``moved`` is the deviation of the third one. Pass ``centre`` if the flight of the middle has
+    already been computed.
     """
     way, flight = (Steps(), None) if centre is None else centre
     chosen: list[Sequence[Any]] = []
@@ -184,7 +188,9 @@ def midpoint_inverse(matrix: Matrix) -> list[list[Any]]:
 
 
 def axes_of_balls(turned: Matrix, sizes: Sequence[float], stiffness: float) -> Matrix:
-    """Return axes (columns, points) that are orthogonal once velocities are divided by the stiffness."""
+    """Return axes (columns, points) that are orthogonal once velocities are divided by the
+    stiffness.
+    """
     weights = (1.0, 1.0, 1 / stiffness)
     columns = [[float(row[k].mid()) * weight for row, weight in zip(turned, weights, strict=True)] for k in range(3)]
     order = sorted(range(3), key=lambda k: -math.hypot(*columns[k]) * sizes[k])

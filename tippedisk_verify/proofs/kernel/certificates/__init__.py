@@ -1,4 +1,7 @@
-"""Certificates: their kinds, and the check that the evidence in a file proves its claim. No search."""
+"""Certificates: their kinds, and the check that the evidence in a file proves its claim.
+
+No search.
+"""
 
 from __future__ import annotations
 
@@ -38,8 +41,8 @@ def check(path: str, mapped: family.Mapped = map) -> str:
 def proved(content: Any, mapped: family.Mapped = map) -> str:
     """Verify a certificate and return its claim as a sentence. Raises Unproved or Refused.
 
-    ``mapped`` may be the map of a pool of processes: a family's arcs take most of the time, and each is
-    verified separately.
+    ``mapped`` may be the map of a pool of processes: a family's arcs take most of the time, and
+    each is verified separately.
     """
     if not isinstance(content, dict) or not isinstance(content.get("claim"), dict):
         raise Refused(f"it is not an object with the format '{FORMAT}' and a claim")

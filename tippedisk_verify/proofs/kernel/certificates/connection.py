@@ -1,24 +1,27 @@
-"""The interval of Omega_h: at exactly one of its speeds noninverted spinning is connected with its copy.
+"""The interval of Omega_h: at exactly one of its speeds noninverted spinning is connected with its
+copy.
 
-Theorems 6 and 7 of docs/certified_connection.md show that the following suffices. Both friction laws are
-allowed. In shifted angles the saddles are (0, -pi, 0) and (0, pi, 0). The unstable branch of
-the first one that leaves with growing gamma passes z_u = theta_0 at a point p_0(Omega). Some steps later
-it is at p(Omega), near the second one. Let I be the interval of speeds.
+Theorems 6 and 7 of docs/certified_connection.md show that the following suffices. Both friction
+laws are allowed. In shifted angles the saddles are (0, -pi, 0) and (0, pi, 0). The unstable branch
+of the first one that leaves with growing gamma passes z_u = theta_0 at a point p_0(Omega). Some
+steps later it is at p(Omega), near the second one. Let I be the interval of speeds.
 
 1. *Start.* A cone at the first saddle encloses p_0 on all of I. Cones with the speed as a fourth
    coordinate enclose the difference of two of its points:
 
        p_0(Omega') - p_0(Omega) = (P e_s [-k_s, k_s] + P e_f [-k_f, k_f]) (Omega' - Omega).
 
-2. *Flight.* By the derivatives of the flow p(Omega') - p(Omega) = P G (Omega' - Omega) with an enclosed
-   vector G. The set of states also gives p at both ends of I separately.
-3. *Arrival.* p(I) lies in an isolating block N of the second saddle (`saddle.block`). At one end of I
-   w_u < -delta, at the other w_u > delta.
+2. *Flight.* By the derivatives of the flow p(Omega') - p(Omega) = P G (Omega' - Omega) with an
+   enclosed vector G. The set of states also gives p at both ends of I separately.
+3. *Arrival.* p(I) lies in an isolating block N of the second saddle (`saddle.block`). At one end of
+   I w_u < -delta, at the other w_u > delta.
 4. *Uniqueness.* G lies in the unstable cone of a box about the saddle on which the cones hold.
-5. *The box of the statement*, |beta_bar| <= b, |gamma_bar - pi| <= c, |v| <= d, holds N. It also holds
-   the branch from its first arrival at gamma_bar = pi - c until the flight's end, while gamma grows.
+5. *The box of the statement*, |beta_bar| <= b, |gamma_bar - pi| <= c, |v| <= d, holds N. It also
+   holds the branch from its first arrival at gamma_bar = pi - c until the flight's end, while gamma
+   grows.
 
-A message of refusal begins with the number of the part of the theorem's proof that fails, such as 6.3.
+A message of refusal begins with the number of the part of the theorem's proof that fails, such as
+6.3.
 """
 
 from __future__ import annotations
@@ -85,7 +88,9 @@ CHOICES = {
 
 @dataclass(frozen=True)
 class EnclosedConnection:
-    """A verified interval of speeds: exactly one (or at least one) of them has a connection of saddles."""
+    """A verified interval of speeds: exactly one (or at least one) of them has a connection of
+    saddles.
+    """
 
     disk: dict[str, str]
     friction: str
@@ -104,8 +109,8 @@ def verify_connection(
 ) -> EnclosedConnection:
     """Verify the interval ``omega_h`` (middle, half-width) [rad/s].
 
-    ``choose`` is called with the names of `CHOICES`, "room" and "eigenvalues", and the values on which
-    each may depend. Raises Unproved with the inequality that fails.
+    ``choose`` is called with the names of `CHOICES`, "room" and "eigenvalues", and the values on
+    which each may depend. Raises Unproved with the inequality that fails.
     """
     middle, half = omega_h
     need(0 < half < middle, "claim: the interval of speeds is empty, or not above zero")
@@ -191,7 +196,9 @@ def _parts(step: Step) -> list[Any]:
 
 
 def holds(room: Sequence[Fraction], offset: Sequence[Any], pieces: Sequence[Any]) -> bool:
-    """Return True if the room holds a block's offsets, and all orbits after their first arrival in it."""
+    """Return True if the room holds a block's offsets, and all orbits after their first arrival in
+    it.
+    """
     sizes = [ball(extent) for extent in room]
     offsets = [(beta, gamma - arb.pi(), v) for beta, gamma, v in pieces]
     first = next((place for place, (_, gamma, _) in enumerate(offsets) if not positive(-sizes[1] - gamma)), 0)
@@ -217,12 +224,13 @@ def alone(saddle: SaddleCoordinates, room: Sequence[Fraction], G: Sequence[Any],
 
 
 def _slowly(matrix: Any, z: Sequence[Any]) -> bool:
-    """Return True if an orbit in the box z that stays in N converges along the slow direction (7.3).
+    """Return True if an orbit in the box z that stays in N converges along the slow direction
+    (7.3).
 
-    With weights 1 it has |z_u| <= max(|z_s|, |z_f|). Let the Gershgorin discs of the two rows, enclosed
-    over N in ``matrix``, be disjoint. Then |z_f| grows less than |z_s| where |z_f| = |z_s|, so
-    |z_f| < |z_s| stays true. The fast eigenvalue lies in the fast row's disc, and its eigenvector has
-    |z_f| > |z_s|.
+    With weights 1 it has |z_u| <= max(|z_s|, |z_f|). Let the Gershgorin discs of the two rows,
+    enclosed over N in ``matrix``, be disjoint. Then |z_f| grows less than |z_s| where |z_f| =
+    |z_s|, so |z_f| < |z_s| stays true. The fast eigenvalue lies in the fast row's disc, and its
+    eigenvector has |z_f| > |z_s|.
     """
     slow, fast = (
         (matrix[row, row], sum((abs(matrix[row, k]) for k in range(3) if k != row), arb(0))) for row in (SLOW, FAST)
@@ -231,7 +239,9 @@ def _slowly(matrix: Any, z: Sequence[Any]) -> bool:
 
 
 def _eigenvalues(saddle: SaddleCoordinates, claimed: Sequence[tuple[Fraction, Fraction]]) -> None:
-    """Show that each of three disjoint intervals holds one eigenvalue at every speed, in descending order."""
+    """Show that each of three disjoint intervals holds one eigenvalue at every speed, in descending
+    order.
+    """
     c, w = saddle.constants, saddle.omega
     arm = c.r - c.e
     drag = c.k / c.b * arm

@@ -1,9 +1,9 @@
 """The limit cycles next to the connection: one for each speed above Omega_h, none at it or below.
 
-The friction law is linear. The notation is that of `passage`, about the saddle (0, pi, 0) in shifted
-angles. S is x -> -x, and the field is odd about each saddle. All speeds lie in one closed interval J,
-which holds the interval of Omega_h. A message of refusal begins with the number of the part of the
-proof of Theorem 7a (docs/certified_connection.md) that fails.
+The friction law is linear. The notation is that of `passage`, about the saddle (0, pi, 0) in
+shifted angles. S is x -> -x, and the field is odd about each saddle. All speeds lie in one closed
+interval J, which holds the interval of Omega_h. A message of refusal begins with the number of the
+part of the proof of Theorem 7a (docs/certified_connection.md) that fails.
 
 The map R (7a.1)
 ----------------
@@ -11,19 +11,20 @@ D is the set of all z with
 
     z_s = -s,   |z_f| <= t_0,   -eta <= z_u <= g.
 
-An orbit from D that starts below the graph g leaves N through z_u = -u after T seconds,
-T >= `Passage.time`. Bounds of its |z_s| and |z_f| there give the *exit set*. S takes the exit to -z about
-the first saddle. The flight from there reaches z_s = -s about the second one (`passage`) at the point
-R(z).
+An orbit from D that starts below the graph g leaves N through z_u = -u after T seconds, T >=
+`Passage.time`. Bounds of its |z_s| and |z_f| there give the *exit set*. S takes the exit to -z
+about the first saddle. The flight from there reaches z_s = -s about the second one (`passage`) at
+the point R(z).
 
 If the start tends to the graph, T grows, and the exit tends to that of the branch of the unstable
-manifold: an orbit that has always been in N lies on it. So R is continuous on D with R = p on the graph,
-where p is the branch's arrival. Elsewhere it is analytic. All R(z) have z_u > -eta and |z_f| < t_0.
+manifold: an orbit that has always been in N lies on it. So R is continuous on D with R = p on the
+graph, where p is the branch's arrival. Elsewhere it is analytic. All R(z) have z_u > -eta and |z_f|
+< t_0.
 
 Contraction (7a.2)
 ------------------
-Let |d| = max(|d_u|, |d_f| / w) on the section. The second compound b of the flow and a variation d is
-F x d there. It falls during the passage, and gives the variation at the exit, d_s = b_us / F_u,
+Let |d| = max(|d_u|, |d_f| / w) on the section. The second compound b of the flow and a variation d
+is F x d there. It falls during the passage, and gives the variation at the exit, d_s = b_us / F_u,
 d_f = b_uf / F_u. Then the derivatives of the flight act. So
 
     |DR d| <= kappa |d|,   kappa < 1.
@@ -34,27 +35,27 @@ graph, where R is only continuous, is the limit of paths a little below it.
 Heights (7a.3)
 --------------
 If moreover d = (-1, 0), then b_us > 0 and |b_uf| <= k b_us to the end. So (d_u, d_f) on arrival has
-d_u < 0 and |d_u| > L |d_f|, L the graph's constant. Let h = g - z_u be the height below the graph. Then
-h(R(z)) grows strictly as z goes down on a line of constant z_f.
+d_u < 0 and |d_u| > L |d_f|, L the graph's constant. Let h = g - z_u be the height below the graph.
+Then h(R(z)) grows strictly as z goes down on a line of constant z_f.
 
 Omega_h (7a.3)
 --------------
-Two speeds' arrivals p differ by a vector of the cone of the steep weights, with p_u falling in the speed.
-Indeed, their exits differ by at most (k_s, k_f) per rad/s, and the flight's derivatives act on that. So
-h(p) grows strictly in J.
+Two speeds' arrivals p differ by a vector of the cone of the steep weights, with p_u falling in the
+speed. Indeed, their exits differ by at most (k_s, k_f) per rad/s, and the flight's derivatives act
+on that. So h(p) grows strictly in J.
 
 At the connection of `connection` the branch is followed from z_s = -s to its final box, where it
-converges. |z_u| < u all along, so it stays in N, and h(p) = 0. That is the only such speed in J, Omega_h,
-also where `connection` says "at least one". At any other speed of J the branch leaves N, with gamma
-beyond the saddle's or falling. At Omega_h beta_bar > 0 all along.
+converges. |z_u| < u all along, so it stays in N, and h(p) = 0. That is the only such speed in J,
+Omega_h, also where `connection` says "at least one". At any other speed of J the branch leaves N,
+with gamma beyond the saddle's or falling. At Omega_h beta_bar > 0 all along.
 
 - *Omega >= Omega_h*: h(R(z)) >= h(p) >= 0, so R maps D into D, and has exactly one fixed point in D
   (Banach). If Omega > Omega_h, it is not on the graph, because R(graph) = p is below it.
-- *Omega <= Omega_h*: Let z be a fixed point below the graph and z' the graph's point with the same z_f.
-  Then h(z) = h(R(z)) <= h(p) + (1 + L w) kappa |z - z'| < h(z), a contradiction.
+- *Omega <= Omega_h*: Let z be a fixed point below the graph and z' the graph's point with the same
+  z_f. Then h(z) = h(R(z)) <= h(p) + (1 + L w) kappa |z - z'| < h(z), a contradiction.
 
-A fixed point below the graph is a periodic orbit that S maps to itself. DR there has norm at most kappa,
-so it is asymptotically stable.
+A fixed point below the graph is a periodic orbit that S maps to itself. DR there has norm at most
+kappa, so it is asymptotically stable.
 
 The statement about P and Q (7a.4)
 ----------------------------------
@@ -62,33 +63,34 @@ It is about the half map P from the section beta_bar = 0, v < 0 to itself, on th
 
     Q = {beta_bar = 0, -c <= y_g < 0, -d <= v < 0}.
 
-Q lies in N, below the graph, and in the set K of `passage`. So an orbit from Q has beta_bar < 0 until it
-leaves N through z_u = -u, and then in the flight up to its arrival R on z_s = -s. The bounds of the exit
-set hold for it too.
+Q lies in N, below the graph, and in the set K of `passage`. So an orbit from Q has beta_bar < 0
+until it leaves N through z_u = -u, and then in the flight up to its arrival R on z_s = -s. The
+bounds of the exit set hold for it too.
 
-*If P(x) = x* for an x in Q, the orbit's arrival lies below the graph. Otherwise the orbit would leave N
-through z_u = u or not at all. At a first crossing of beta_bar = 0 in N it would be in Q, below the graph.
-After z_u = u it has y_g > 0, and gamma grows as long as beta_bar > 0. So the arrival is a fixed point of
-R in D.
+*If P(x) = x* for an x in Q, the orbit's arrival lies below the graph. Otherwise the orbit would
+leave N through z_u = u or not at all. At a first crossing of beta_bar = 0 in N it would be in Q,
+below the graph. After z_u = u it has y_g > 0, and gamma grows as long as beta_bar > 0. So the
+arrival is a fixed point of R in D.
 
-*If R(z) = z below the graph*, beta_bar changes its sign in N. When it is first 0, v <= 0. The orbit is in
-the thin set of `passage`, so v < 0 and y_g < 0: it is in K, and beta_bar < 0 from then on. |z_u| and
-|z_s| there are bounded by growth and decay from either side of a moment t*. These bounds put the
-crossing into Q.
+*If R(z) = z below the graph*, beta_bar changes its sign in N. When it is first 0, v <= 0. The orbit
+is in the thin set of `passage`, so v < 0 and y_g < 0: it is in K, and beta_bar < 0 from then on.
+|z_u| and |z_s| there are bounded by growth and decay from either side of a moment t*. These bounds
+put the crossing into Q.
 
 So fixed points of P in Q and of R below the graph are the same orbits.
 
 Monotony (7a.5)
 ---------------
-Let z(Omega) be the fixed point. It is analytic, z' = (1 - DR)^-1 dR/d(Omega), with 0 <= R_uu <= kappa_u
-and dR/d(Omega) at fixed z from the drift and the flight. So z_u' < 0, and d = (z_u', 0, z_f') is in the
-cone of the steep weights with the speed's part 1. It stays there and |d_u| grows.
+Let z(Omega) be the fixed point. It is analytic, z' = (1 - DR)^-1 dR/d(Omega), with 0 <= R_uu <=
+kappa_u and dR/d(Omega) at fixed z from the drift and the flight. So z_u' < 0, and d = (z_u', 0,
+z_f') is in the cone of the steep weights with the speed's part 1. It stays there and |d_u| grows.
 
-- gamma_bar_0 falls: gamma' = 0 where beta_bar = 0, so its derivative by Omega is that at fixed time,
-  with d_u's sign.
-- T falls: the passage's time has the derivative -d_u / F_u at the exit, both negative. Its size exceeds
-  the derivative of the flight's time.
-- beta_max falls: |beta_bar| is largest in the flight, with derivatives by (z_s, z_f, Omega) at its start.
+- gamma_bar_0 falls: gamma' = 0 where beta_bar = 0, so its derivative by Omega is that at fixed
+  time, with d_u's sign.
+- T falls: the passage's time has the derivative -d_u / F_u at the exit, both negative. Its size
+  exceeds the derivative of the flight's time.
+- beta_max falls: |beta_bar| is largest in the flight, with derivatives by (z_s, z_f, Omega) at its
+  start.
 
 As Omega falls to Omega_h (7a.5)
 --------------------------------
@@ -96,20 +98,21 @@ For the fixed point z,
 
     h(z) <= h(p) + (1 + L w) kappa h(z),
 
-and h(p) tends to 0, as p and g are continuous. So h(z) tends to 0 and T to infinity. Let c be a limit of
-the crossings of beta_bar = 0, and suppose it is not the saddle. It is in the thin set, so z_u, y_g and v
-are negative there.
+and h(p) tends to 0, as p and g are continuous. So h(z) tends to 0 and T to infinity. Let c be a
+limit of the crossings of beta_bar = 0, and suppose it is not the saddle. It is in the thin set, so
+z_u, y_g and v are negative there.
 
-- If the times from D to the crossings stayed bounded along a subsequence, c would be on the graph of the
-  stable manifold. But all of the quadrant y_g < 0, v < 0 of beta_bar = 0 lies below it, as Q does.
-- If they grow without bound, the orbit of c has been in N for ever, so c is on the unstable manifold's
-  branch with z_u < 0. That leaves the saddle along -(l, Omega, l^2), l = lambda_u, into the inside of K,
-  and beta_bar < 0 on it from then on in N.
+- If the times from D to the crossings stayed bounded along a subsequence, c would be on the graph
+  of the stable manifold. But all of the quadrant y_g < 0, v < 0 of beta_bar = 0 lies below it, as Q
+  does.
+- If they grow without bound, the orbit of c has been in N for ever, so c is on the unstable
+  manifold's branch with z_u < 0. That leaves the saddle along -(l, Omega, l^2), l = lambda_u, into
+  the inside of K, and beta_bar < 0 on it from then on in N.
 
 So c is the saddle.
 
-Sources: L. P. Shilnikov, Mat. Sb. 61 (1963); Yu. A. Kuznetsov, Elements of Applied Bifurcation Theory,
-Section 6.4.
+Sources: L. P. Shilnikov, Mat. Sb. 61 (1963); Yu. A. Kuznetsov, Elements of Applied Bifurcation
+Theory, Section 6.4.
 """
 
 from __future__ import annotations
@@ -180,7 +183,9 @@ class End:
     time: Any = None  #: no passage from D is shorter [s]
 
     def meets(self, omega: Any, gamma_bar: Any, v: Any) -> bool:
-        """Return True if a fixed point of P in these balls is the one in Q, at all speeds of ``omega``."""
+        """Return True if a fixed point of P in these balls is the one in Q, at all speeds of
+        ``omega``.
+        """
         above, high, c, d = map(ball, (self.above, self.high, self.gamma, self.v))
         inside = (omega - above, high - omega, gamma_bar - arb.pi() + c, arb.pi() - gamma_bar, v + d, -v)
         return all(positive(x) for x in inside)
@@ -310,7 +315,9 @@ class LoopMap:
 def _flights(
     returned: LoopMap, low: Fraction, high: Fraction, entry: dict[str, Any], watch: Callable[[float], None]
 ) -> list[list[Any]]:
-    """Enclose the flights from all exits at all speeds, in cells: a row of lengths for each cell of speeds."""
+    """Enclose the flights from all exits at all speeds, in cells: a row of lengths for each cell of
+    speeds.
+    """
     rows, (least, largest) = entry["lengths"], returned.exits
     need(bool(rows) and all(rows), "7a.1: there are no flights")
     speeds, slow = [], []

@@ -1,12 +1,12 @@
 """A limit cycle at an exact speed: the claim, its proof from a Krawczyk test, and its sentence.
 
-By Theorems 5 and 9 of docs/certified_cycles.md a fixed point lies on a cycle, and the numbers follow on
-balls. Period and largest |beta_bar| follow by the mean value theorem from the test's middle.
-The derivatives by the speed and the multipliers follow from the flight over its box.
+By Theorems 5 and 9 of docs/certified_cycles.md a fixed point lies on a cycle, and the numbers
+follow on balls. Period and largest |beta_bar| follow by the mean value theorem from the test's
+middle. The derivatives by the speed and the multipliers follow from the flight over its box.
 
-Let D = exp(integral of div f). The determinant of the turn map's P' is D at a fixed point, because the
-factor gamma'(start) / gamma'(end) is 1 there. That of the half map's P' is -D: S after the flow has the
-derivative -DPhi, with eigenvalue 1 along the field, and determinant -det DPhi.
+Let D = exp(integral of div f). The determinant of the turn map's P' is D at a fixed point, because
+the factor gamma'(start) / gamma'(end) is 1 there. That of the half map's P' is -D: S after the flow
+has the derivative -DPhi, with eigenvalue 1 along the field, and determinant -det DPhi.
 """
 
 from __future__ import annotations
@@ -40,7 +40,9 @@ UNKNOWNS = {HALF: ("gamma_bar_0", "v_0"), TURN: ("beta_bar_top", "v_top")}
 
 
 def names(section: PoincareSection) -> tuple[str, ...]:
-    """Return the names of the numbers claimed, first those of `main`, which have the requested digits."""
+    """Return the names of the numbers claimed, first those of `main`, which have the requested
+    digits.
+    """
     slopes = (f"d{name}_domega" for name in UNKNOWNS[section])
     others = ("multiplier_slow", "log_multiplier_slow", "log_multiplier_fast", "dperiod_domega")
     return *main(section), *others, *slopes

@@ -1,20 +1,21 @@
 """The family of limit cycles from the Hopf point on: arcs that form one curve, and its claim.
 
-**An arc** covers an interval of amplitudes a = gamma_bar_0. It is one of `curves` over an interval of a
-or, at the Hopf point, one of `scaled` over an interval of a^2 that begins at 0. Over a first box about
-the polynomials the inclusion and all signs of Theorem 5b (docs/certified_cycles.md) are shown. Over a
-wider box the inclusion alone is shown: it bounds the distance of other cycles. The numbers of a `Piece`
-are exact, because balls are rounded outwards.
+**An arc** covers an interval of amplitudes a = gamma_bar_0. It is one of `curves` over an interval
+of a or, at the Hopf point, one of `scaled` over an interval of a^2 that begins at 0. Over a first
+box about the polynomials the inclusion and all signs of Theorem 5b (docs/certified_cycles.md) are
+shown. Over a wider box the inclusion alone is shown: it bounds the distance of other cycles. The
+numbers of a `Piece` are exact, because balls are rounded outwards.
 
-**One curve.** The first arc begins at the Hopf point, gamma_bar_0 = 0, and each next one begins at the end
-of the last. By Theorem 5b, two arcs are one curve if the enclosure of one arc's cycle, where they meet,
-lies in the other arc's box of uniqueness. The comparison is one of rational numbers (`joined`). So a
-quantity that falls or grows strictly on each arc does so on the whole curve. The theorem's proof also
-joins the last arc to the cycles next to the connection.
+**One curve.** The first arc begins at the Hopf point, gamma_bar_0 = 0, and each next one begins at
+the end of the last. By Theorem 5b, two arcs are one curve if the enclosure of one arc's cycle,
+where they meet, lies in the other arc's box of uniqueness. The comparison is one of rational
+numbers (`joined`). So a quantity that falls or grows strictly on each arc does so on the whole
+curve. The theorem's proof also joins the last arc to the cycles next to the connection.
 
 **The Hopf point.** At gamma_bar_0 = 0 the pair of imaginary eigenvalues has the half period t with
-exp(A t) x = -x. Its b is a sinusoid, and the flight shows that it has no zero inside the half period:
-the period is that of the pair. The enclosures are also checked to hold the closed form's Omega_crit.
+exp(A t) x = -x. Its b is a sinusoid, and the flight shows that it has no zero inside the half
+period: the period is that of the pair. The enclosures are also checked to hold the closed form's
+Omega_crit.
 """
 
 from __future__ import annotations
@@ -92,10 +93,10 @@ class ArcStatus(Enum):
 class Piece:
     """A proved piece of the family, for all amplitudes from ``low`` to ``high`` [rad].
 
-    ``curve`` holds two polynomials of s, their coefficients beginning with that of s^0. For an ordinary
-    piece they are v_0 [rad/s] and Omega [rad/s], and s = (2 a - low - high) / (high - low). A ``scaled``
-    piece begins at the Hopf point, low = 0. Its first polynomial is v_0 / a [1/s], and
-    s = 2 a^2 / high^2 - 1.
+    ``curve`` holds two polynomials of s, their coefficients beginning with that of s^0. For an
+    ordinary piece they are v_0 [rad/s] and Omega [rad/s], and s = (2 a - low - high) / (high -
+    low). A ``scaled`` piece begins at the Hopf point, low = 0. Its first polynomial is v_0 / a
+    [1/s], and s = 2 a^2 / high^2 - 1.
     """
 
     low: Fraction
@@ -146,7 +147,7 @@ def box_test(
     Args:
         disk: The eight exact numbers.
         low: The amplitude at which the arc begins [rad].
-        arc: Where the arc ends, and the coefficients of the two unknown numbers and of about half the period.
+        arc: Its end, and the coefficients of the two unknown numbers and of half the period.
         radii: Of the box, for the two unknown numbers.
         choices: Of the flight.
 
@@ -204,14 +205,18 @@ Mapped = Callable[[Callable[[Job], Piece], Sequence[Job]], Iterable[Piece]]  #: 
 
 
 def joined(first: Piece, second: Piece, amplitude: Fraction) -> bool:
-    """Return True if both pieces hold this positive amplitude and provably have the same cycle there."""
+    """Return True if both pieces hold this positive amplitude and provably have the same cycle
+    there.
+    """
     if not all(piece.low <= amplitude <= piece.high for piece in (first, second)) or amplitude <= 0:
         return False
     return _known_in(first, second, amplitude) or _known_in(second, first, amplitude)
 
 
 def _known_in(first: Piece, second: Piece, amplitude: Fraction) -> bool:
-    """Return True if the enclosure of the first one's cycle lies in the second one's box of uniqueness."""
+    """Return True if the enclosure of the first one's cycle lies in the second one's box of
+    uniqueness.
+    """
     parts = zip(
         first.at(amplitude),
         first.scaled_to(amplitude, first.within),
@@ -244,8 +249,8 @@ def curve_fault(disk: Mapping[str, str], pieces: Sequence[Piece]) -> str:
 def unique_within(pieces: Sequence[Piece]) -> tuple[Fraction, Fraction, Fraction]:
     """Return distances from every cycle within which there is no other of the same gamma_bar_0.
 
-    They are distances of v_0 / gamma_bar_0 [1/s] on the first piece, of v_0 [rad/s] on the others, and of
-    Omega [rad/s].
+    They are distances of v_0 / gamma_bar_0 [1/s] on the first piece, of v_0 [rad/s] on the others,
+    and of Omega [rad/s].
     """
     rooms = [[room - near for room, near in zip(piece.unique_within, piece.within, strict=True)] for piece in pieces]
     later = [room[0] for room in rooms[1:]] or [rooms[0][0]]
@@ -278,7 +283,10 @@ SHAPES = {kind: _shape(whole) for kind, whole in KINDS.items()}
 
 
 def verify(claim: Mapping[str, Any], evidence: Mapping[str, Any], mapped: Mapped = map) -> None:
-    """Raise Unproved unless the evidence proves the claim; ``mapped`` verifies the independent arcs."""
+    """Raise Unproved unless the evidence proves the claim.
+
+    ``mapped`` verifies the independent arcs.
+    """
     disk, arcs = claim["parameters"], evidence["arcs"]
     lows = [Fraction(0), *(Fraction(arc["end"]) for arc in arcs)]
     jobs = [(disk, low, k, arc) for k, (low, arc) in enumerate(zip(lows, arcs, strict=False), 1)]

@@ -1,9 +1,9 @@
 """A fold of limit cycles: an extreme speed on an arc of a family, rotating or librating.
 
 The family is a curve over p, the first coordinate on the section. The second one, v, and Omega are
-unknown. By Theorem 10 of docs/certified_cycles.md it suffices to apply Krawczyk's test over p in a ball,
-and to find the signs of dOmega/dp at the arc's ends. The half map includes the symmetry, so the
-multipliers of a period are the squares of its own.
+unknown. By Theorem 10 of docs/certified_cycles.md it suffices to apply Krawczyk's test over p in a
+ball, and to find the signs of dOmega/dp at the arc's ends. The half map includes the symmetry, so
+the multipliers of a period are the squares of its own.
 """
 
 from __future__ import annotations
@@ -61,7 +61,10 @@ def extremum(lower: Any, upper: Any) -> Literal["smallest", "largest"] | None:
 def judge(
     claim: Mapping[str, Any], section: PoincareSection, points: Sequence[FixedPoints], radii: Sequence[Any]
 ) -> None:
-    """Raise Unproved unless tests on the whole arc and at its ends prove the claim; ``radii`` are the arc's."""
+    """Raise Unproved unless tests on the whole arc and at its ends prove the claim.
+
+    ``radii`` are the arc's.
+    """
     whole, numbers = points[0], claim["numbers"]
     for point, name in zip(points[1:], POINTS[1:], strict=True):
         # The arc's box holds one cycle only.

@@ -1,27 +1,29 @@
-"""The passage by noninverted spinning and the flights to its copy, for all orbits at once (linear law).
+"""The passage by noninverted spinning and the flights to its copy, for all orbits at once (linear
+law).
 
-N is the box |z_u| <= u, |z_s| <= s, |z_f| <= t in the coordinates of `saddle`. All speeds lie in one
-ball. F is odd, so DF is the same at z and -z, and half of N suffices. Over small cells are enclosed:
+N is the box |z_u| <= u, |z_s| <= s, |z_f| <= t in the coordinates of `saddle`. All speeds lie in
+one ball. F is odd, so DF is the same at z and -z, and half of N suffices. Over small cells are
+enclosed:
 
 - A, which holds DF, and B, the derivative of F by the speed.
-- M, the mean of DF over each ray from the saddle, so that F(z) = M z for a matrix of M. It is the mean
-  of n unions: the k-th is over the cells that meet (k / n) N, and holds DF where the ray's parameter is
-  between (k - 1) / n and k / n.
+- M, the mean of DF over each ray from the saddle, so that F(z) = M z for a matrix of M. It is the
+  mean of n unions: the k-th is over the cells that meet (k / n) N, and holds DF where the ray's
+  parameter is between (k - 1) / n and k / n.
 - The products F_i B_j - F_j B_i, near z_f = 0.
 
 A message of refusal begins with the number of the part of the proof of Theorem 7a that fails.
 
 Faces (7a.1)
 ------------
-By F = M z the rates point inwards on |z_s| = s and |z_f| = t, and outwards on |z_u| = u. So orbits leave
-N through z_u = u or z_u = -u only, and at once.
+By F = M z the rates point inwards on |z_s| = s and |z_f| = t, and outwards on |z_u| = u. So orbits
+leave N through z_u = u or z_u = -u only, and at once.
 
 The stable manifold (7a.1)
 --------------------------
-The points from which an orbit stays in N for ever are a graph z_u = g(z_s, z_f; speed). Indeed, on each
-line along z_u the points that leave through either face form two open sets, which do not cover the line.
-By the cones of `saddle.cones` on A, two remaining points with equal z_s, z_f would drift apart. The
-remaining orbits converge to the saddle. There are three bounds:
+The points from which an orbit stays in N for ever are a graph z_u = g(z_s, z_f; speed). Indeed, on
+each line along z_u the points that leave through either face form two open sets, which do not cover
+the line. By the cones of `saddle.cones` on A, two remaining points with equal z_s, z_f would drift
+apart. The remaining orbits converge to the saddle. There are three bounds:
 
 - The weights (k_u, k_s, k_f) = `steep` give
   |g - g'| <= k_u max(|z_s - z_s'| / k_s, |z_f - z_f'| / k_f, the speeds' difference).
@@ -29,9 +31,10 @@ remaining orbits converge to the saddle. There are three bounds:
 - With M in the place of A, and the saddle for the second orbit, |g| <= k max(|z_s|, |z_f|) with
   k = `flat`.
 
-An orbit *below* the graph (z_u < g) differs from the graph's with the same z_s, z_f by a vector of the
-cone with d_u < 0. It grows, so the orbit leaves N through z_u = -u. It does not leave before `time`:
-|d_u| grows at most at the rate `grows[1]`, and on leaving |d_u| is at least u - k max(s, t), k = `flat`.
+An orbit *below* the graph (z_u < g) differs from the graph's with the same z_s, z_f by a vector of
+the cone with d_u < 0. It grows, so the orbit leaves N through z_u = -u. It does not leave before
+`time`: |d_u| grows at most at the rate `grows[1]`, and on leaving |d_u| is at least u - k max(s,
+t), k = `flat`.
 
 The second compound (7a.2)
 --------------------------
@@ -43,13 +46,14 @@ Let d be a variation of an orbit. The products b_ij = F_i d_j - F_j d_i obey b' 
 
     |b| = max(|b_us|, |b_uf| / k_1, |b_sf| / k_2)
 
-falls along the whole passage. b_uf falls faster, down to a bound by b_us and b_sf (`settled`, `ratio`).
-If d is the derivative by the speed, F_i B_j - F_j B_i is added. Then |b_ij| <= X_ij stays true where
-C X + |F_i B_j - F_j B_i| < 0, for C with its off-diagonal entries made positive (X = `drift`).
+falls along the whole passage. b_uf falls faster, down to a bound by b_us and b_sf (`settled`,
+`ratio`). If d is the derivative by the speed, F_i B_j - F_j B_i is added. Then |b_ij| <= X_ij stays
+true where C X + |F_i B_j - F_j B_i| < 0, for C with its off-diagonal entries made positive (X =
+`drift`).
 
-b does not change if a multiple of F is added to d: it gives the variation on a section, at either end.
-The cone |b_uf| <= k_1 b_us, |b_sf| <= k_2 b_us, b_us > 0 is kept, because b_us falls more slowly than
-the other two.
+b does not change if a multiple of F is added to d: it gives the variation on a section, at either
+end. The cone |b_uf| <= k_1 b_us, |b_sf| <= k_2 b_us, b_us > 0 is kept, because b_us falls more
+slowly than the other two.
 
 beta_bar = 0 (7a.4)
 -------------------
@@ -64,25 +68,26 @@ In K beta_bar' <= -p beta_bar, so from K beta_bar does not come back to 0 in N.
 A thin set (7a.4)
 -----------------
 Orbits in N keep |z_f| <= k_3 max(|z_u|, |z_s|), because |z_f| falls faster than the maximum can. If
-beta_bar = 0 in this set, z_s is about |lambda_u / lambda_s| z_u, and y_g, v have the sign of z_u. On the
-graph beta_bar > 0 where z_s < 0.
+beta_bar = 0 in this set, z_s is about |lambda_u / lambda_s| z_u, and y_g, v have the sign of z_u.
+On the graph beta_bar > 0 where z_s < 0.
 
 The flights (7a.1)
 ------------------
-They go from one saddle to the next, many in one array: from z_u = u about the first to z_s = -s about
-the second. Each flight begins in a cell of starts (z_s, z_f) and of speeds. All take the same number of
-steps, each with its own length of step. A step is that of `kernel.flow`, in doubles.
+They go from one saddle to the next, many in one array: from z_u = u about the first to z_s = -s
+about the second. Each flight begins in a cell of starts (z_s, z_f) and of speeds. All take the same
+number of steps, each with its own length of step. A step is that of `kernel.flow`, in doubles.
 
-For each step before the last z_s < -s is shown: over all of it, or at its end where F_s > 0 over all of
-it. The last step begins before the section and ends after it, with F_s > 0. So the arrival is the first
-moment at which z_s = -s. On the section time moves with the start by dT = -d(z_s) / F_s.
+For each step before the last z_s < -s is shown: over all of it, or at its end where F_s > 0 over
+all of it. The last step begins before the section and ends after it, with F_s > 0. So the arrival
+is the first moment at which z_s = -s. On the section time moves with the start by dT = -d(z_s) /
+F_s.
 
 For each step 0 < beta_bar < 1.5707 is shown, so that gamma grows, and v > 0, or v < 0, or v' < 0
-throughout. So v has at most one zero, where beta_bar is largest. Its derivatives there are those at a
-fixed time, because beta_bar' = 0.
+throughout. So v has at most one zero, where beta_bar is largest. Its derivatives there are those at
+a fixed time, because beta_bar' = 0.
 
-Sources: J. S. Muldowney, Compound matrices and ordinary differential equations, Rocky Mountain J. Math.
-20 (1990); Yu. A. Kuznetsov, Elements of Applied Bifurcation Theory, Section 6.4.
+Sources: J. S. Muldowney, Compound matrices and ordinary differential equations, Rocky Mountain J.
+Math. 20 (1990); Yu. A. Kuznetsov, Elements of Applied Bifurcation Theory, Section 6.4.
 """
 
 from __future__ import annotations
@@ -121,7 +126,10 @@ _ORDER = 8  # of the flights' series
 
 
 class Passage:
-    """The box N with its extents and cells, and the enclosures over it; `weighted` shows inequalities."""
+    """The box N with its extents and cells, and the enclosures over it.
+
+    `weighted` shows inequalities.
+    """
 
     def __init__(self, saddle: SaddleCoordinates, extents: Sequence[Any], cells: Sequence[int]) -> None:
         self.saddle, self.extents = saddle, list(extents)
@@ -149,7 +157,9 @@ class Passage:
         self._means([[reduce(arb.union, column) for column in zip(*parts, strict=True)] for parts in whole])
 
     def _over(self, z: list[Any], central: NDArray[np.bool_]) -> tuple[list[Any], list[list[Any]]]:
-        """Return DF, the sums of its diagonal entries and B over cells, and the products' hull if ``central``."""
+        """Return DF, the sums of its diagonal entries and B over cells, and the products' hull if
+        ``central``.
+        """
         _, slopes, by_speed = self.saddle.field(z)
         d = [entry for row in slopes for entry in row]
         mixed = []
@@ -209,7 +219,10 @@ class Passage:
         self._quadrant(weights["return"])
 
     def _thin_set(self) -> None:
-        """Show that |z_f| <= k_3 max(|z_u|, |z_s|) is kept; enclose z_s / z_u and z_f / z_u at beta_bar = 0."""
+        """Show that |z_f| <= k_3 max(|z_u|, |z_s|) is kept.
+
+        Enclose z_s / z_u and z_f / z_u at beta_bar = 0.
+        """
         m, k, p = self.M, self.thin, self.saddle.directions
         falls = self.decay[1] - (abs(m[F, U]) + abs(m[F, S])) / k
         for i, j in ((U, S), (S, U)):
@@ -228,7 +241,9 @@ class Passage:
         return sum(self.saddle.directions[row, k] * self.ratios[k] for k in range(3))
 
     def _quadrant(self, rate: Any) -> None:
-        """Show that K is kept: from there beta_bar does not come back to 0 before the orbit leaves N."""
+        """Show that K is kept: from there beta_bar does not come back to 0 before the orbit leaves
+        N.
+        """
         p = self.saddle.directions
         rows = p * self.M * self.saddle.inverse
         beta = sum(abs(p[0, k]) * self.extents[k] for k in range(3))
@@ -247,7 +262,9 @@ class Passage:
         return [x + y for x, y in zip(self.saddle.field(middle)[0], change.entries(), strict=True)]
 
     def time(self, distance: Any) -> Any:
-        """Return a time [s] before which no orbit leaves N that starts at most ``distance`` below the graph."""
+        """Return a time [s] before which no orbit leaves N that starts at most ``distance`` below
+        the graph.
+        """
         u, s, t = self.extents
         return (((u - self.flat * s.max(t)) / distance).log() / self.grows[1]).lower()
 
@@ -259,8 +276,8 @@ class Passage:
     def crossing(self, lid: Any, fast: Any, moment: Any) -> Any:
         """Return an upper bound of |z_u| at beta_bar = 0, for orbits below the graph.
 
-        They start with |z_u| <= lid, |z_f| <= fast. Before the moment the growth of |z_u| is bounded, and
-        after it |z_s| has fallen.
+        They start with |z_u| <= lid, |z_f| <= fast. Before the moment the growth of |z_u| is
+        bounded, and after it |z_s| has fallen.
         """
         _, s, _ = self.extents
         ask("7a.4: the moment of crossing", moment)
@@ -275,7 +292,9 @@ class Passage:
         return [first, most(size * k_1 * (-self.falls * time).exp() + first * self.fed / (self.falls - self.rate))]
 
     def ratio(self, time: Any) -> Any:
-        """Return an upper bound of |b_uf| / b_us after ``time`` in the cone |b_uf| <= k_1 b_us, |b_sf| <= k_2 b_us."""
+        """Return an upper bound of |b_uf| / b_us after ``time`` in the cone |b_uf| <= k_1 b_us,
+        |b_sf| <= k_2 b_us.
+        """
         faded = self.compound[0] * ((self.slowest - self.falls) * time).exp()
         return most(faded + self.fed / (self.falls - self.slowest))
 
@@ -289,9 +308,11 @@ def arrivals(
     count: int,
     watch: Callable[[float], None] = lambda share: None,
 ) -> list[list[Any]]:
-    """Enclose the arrivals of all flights, with their derivatives by z_s, z_f and the speed at the start.
+    """Enclose the arrivals of all flights, with their derivatives by z_s, z_f and the speed at the
+    start.
 
-    The saddle's speeds are an array of balls. All inequalities belong to part 1 of Theorem 7a's proof.
+    The saddle's speeds are an array of balls. All inequalities belong to part 1 of Theorem 7a's
+    proof.
 
     Returns:
         Rows of Arb's balls for z_u, z_f and the time on arrival, and for the largest beta_bar.

@@ -1,31 +1,33 @@
-"""Noninverted spinning: coordinates along its eigenvectors, the field in them, and invariant curves.
+"""Noninverted spinning: coordinates along its eigenvectors, the field in them, and invariant
+curves.
 
 Coordinates
 -----------
-The saddles are (0, -pi, 0) and (0, pi, 0) in shifted angles; the field is the same about both. Let y be
-the offset from either, and y = P z with an exact regular matrix P whose columns lie near the
-eigenvectors. Then z = (z_u, z_s, z_f) are coordinates along the unstable, the slow stable and the fast
-stable direction, and at every speed
+The saddles are (0, -pi, 0) and (0, pi, 0) in shifted angles; the field is the same about both. Let
+y be the offset from either, and y = P z with an exact regular matrix P whose columns lie near the
+eigenvectors. Then z = (z_u, z_s, z_f) are coordinates along the unstable, the slow stable and the
+fast stable direction, and at every speed
 
     z' = F(z) = P^-1 f(P z).
 
 F is odd. F(0) = 0 is exact: sine and cosine of pi + y are computed from those of y.
 
-Under the smooth friction law the saddles lie on gamma_y = 0, where the field is once differentiable. A
-``side`` names one of the two analytic laws. Over a box that gamma_y = 0 may cut, the derivatives are the
-hull of both.
+Under the smooth friction law the saddles lie on gamma_y = 0, where the field is once
+differentiable. A ``side`` names one of the two analytic laws. Over a box that gamma_y = 0 may cut,
+the derivatives are the hull of both.
 
 Invariant curves
 ----------------
-A `ManifoldGraph` is a graph over one of the coordinates, called theta. The offsets of the other two from
-its polynomials W are w = z - W(theta). Then
+A `ManifoldGraph` is a graph over one of the coordinates, called theta. The offsets of the other two
+from its polynomials W are w = z - W(theta). Then
 
-    w' = D(theta) + J w,     D = F_w(theta, W) - W' F_theta(theta, W),     J = dF_w/dw - W' dF_theta/dw,
+    w' = D(theta) + J w,
+    D = F_w(theta, W) - W' F_theta(theta, W),     J = dF_w/dw - W' dF_theta/dw,
 
 with D the *defect* and J taken somewhere between the curve and the point (mean value theorem). D
-vanishes at 0, and |D| <= d |theta| with a d that is enclosed here. For this the Taylor coefficients to
-the order N of W are enclosed at 0, and coefficient N + 1 (Lagrange's remainder) over the whole interval.
-W is chosen freely: the defect measures its quality.
+vanishes at 0, and |D| <= d |theta| with a d that is enclosed here. For this the Taylor coefficients
+to the order N of W are enclosed at 0, and coefficient N + 1 (Lagrange's remainder) over the whole
+interval. W is chosen freely: the defect measures its quality.
 
 Unstable manifold (6.1)
 -----------------------
@@ -33,30 +35,31 @@ Let theta = z_u. Suppose that on the cone |w_i| <= k_i theta, 0 < theta <= theta
 
     k_i (g - J_ii) > |J_ij| k_j + d_i   and   g > 0,     with g theta a lower bound of theta'.
 
-Then orbits cross the cone's sides inwards only, and theta grows. The linear flow maps the linear cone
-into its interior, which by Krein and Rutman's theorem then holds the leading eigenvector. So the branch
-of the unstable manifold with theta > 0 starts inside the cone and leaves it at theta_0. Its point there
-has |w_i| <= k_i theta_0 (`leaving`).
+Then orbits cross the cone's sides inwards only, and theta grows. The linear flow maps the linear
+cone into its interior, which by Krein and Rutman's theorem then holds the leading eigenvector. So
+the branch of the unstable manifold with theta > 0 starts inside the cone and leaves it at theta_0.
+Its point there has |w_i| <= k_i theta_0 (`leaving`).
 
 Isolating block (6.3)
 ---------------------
-Let theta = z_s and N = {|z_s| <= s, |w_u| <= u, |w_f| <= t}. Suppose that z_s and w_f point inwards on
-their faces, and that w_u' has the sign of w_u for delta <= |w_u| <= u. Then an orbit in N with
-w_u > delta leaves N through w_u = u, one with w_u < -delta through w_u = -u. No orbit leaves anywhere
-else (`block`).
+Let theta = z_s and N = {|z_s| <= s, |w_u| <= u, |w_f| <= t}. Suppose that z_s and w_f point inwards
+on their faces, and that w_u' has the sign of w_u for delta <= |w_u| <= u. Then an orbit in N with
+w_u > delta leaves N through w_u = u, one with w_u < -delta through w_u = -u. No orbit leaves
+anywhere else (`block`).
 
 The smooth friction law (6.5)
 -----------------------------
 Its field is odd, continuously differentiable, and analytic on either side of gamma_y = 0, a surface
-through the saddle. The halves of each curve leave the saddle on opposite sides. W is the series of one
-side's law, for theta > 0, with even powers too. The sign of gamma_y on the curve, or all over the cone
-about it, is shown by the mean value theorem: gamma_y is zero at the saddle, and its derivative along
-z / theta is enclosed.
+through the saddle. The halves of each curve leave the saddle on opposite sides. W is the series of
+one side's law, for theta > 0, with even powers too. The sign of gamma_y on the curve, or all over
+the cone about it, is shown by the mean value theorem: gamma_y is zero at the saddle, and its
+derivative along z / theta is enclosed.
 
-- In the cone of the unstable manifold the side's law is the smooth one, so the argument above is about
-  an analytic field.
-- The block holds both halves of the slow stable curve. The graph over theta < 0 is -W(-theta), as the
-  field is odd, so D is odd and bounded as above. J and the faces, like the cones, need mean values only.
+- In the cone of the unstable manifold the side's law is the smooth one, so the argument above is
+  about an analytic field.
+- The block holds both halves of the slow stable curve. The graph over theta < 0 is -W(-theta), as
+  the field is odd, so D is odd and bounded as above. J and the faces, like the cones, need mean
+  values only.
 
 Source: P. Zgliczyński, Covering relations, cone conditions and the stable manifold theorem,
 J. Differential Equations 246 (2009); Ważewski's principle for the block.
@@ -120,9 +123,9 @@ def others(matrix: Any, weights: Sequence[Any]) -> list[Any]:
 def cones(matrix: Any, weights: Sequence[Any], by_speed: Sequence[Any] = (0, 0, 0)) -> list[Any]:
     """Return three balls that have to be positive for the cones of the weights.
 
-    On a convex box that holds the saddle let ``matrix`` hold DF and ``by_speed`` the derivative of F by
-    the speed. Let two orbits at speeds w and w + D, D >= 0, differ by d, and let U = |d_u| / k_u and
-    S = max(|d_s| / k_s, |d_f| / k_f). As long as both orbits are in the box:
+    On a convex box that holds the saddle let ``matrix`` hold DF and ``by_speed`` the derivative of
+    F by the speed. Let two orbits at speeds w and w + D, D >= 0, differ by d, and let U = |d_u| /
+    k_u and S = max(|d_s| / k_s, |d_f| / k_f). As long as both orbits are in the box:
 
     - Once U >= max(S, D), this stays so, and U grows exponentially.
     - Backwards in time, once S >= max(U, D), this stays so, and S grows exponentially.
@@ -132,7 +135,10 @@ def cones(matrix: Any, weights: Sequence[Any], by_speed: Sequence[Any] = (0, 0, 
 
 
 def hull_of_array(x: BallArray) -> Any:
-    """Return one of Arb's balls that holds a whole array. Rounded differences move outwards by one ulp."""
+    """Return one of Arb's balls that holds a whole array.
+
+    Rounded differences move outwards by one ulp.
+    """
     if not x.is_finite().all():
         return arb.nan()
     low, high = np.nextafter(x.midpoints - x.radii, -np.inf).min(), np.nextafter(x.midpoints + x.radii, np.inf).max()
@@ -160,7 +166,8 @@ class _Beyond:
 
 
 class SaddleCoordinates:
-    """The coordinates z about a saddle and the field in them, for exact parameters and a ball of speeds.
+    """The coordinates z about a saddle and the field in them, for exact parameters and a ball of
+    speeds.
 
     Raises Unproved if the matrix of directions has no inverse.
     """
@@ -259,8 +266,9 @@ class SaddleCoordinates:
 class ManifoldGraph:
     """A polynomial graph w = W(theta) over the coordinate ``along``.
 
-    ``graph`` has the exact coefficients of theta^0 ... theta^N for each of the other coordinates, the
-    first one 0. ``side`` is the sign of gamma_y on the half with theta > 0, None for the linear law.
+    ``graph`` has the exact coefficients of theta^0 ... theta^N for each of the other coordinates,
+    the first one 0. ``side`` is the sign of gamma_y on the half with theta > 0, None for the linear
+    law.
     """
 
     def __init__(self, saddle: SaddleCoordinates, along: int, graph: Sequence[list[Any]], side: int | None) -> None:
