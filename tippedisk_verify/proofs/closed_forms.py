@@ -358,7 +358,8 @@ def hopf_balls(constants: Constants) -> dict[str, Any]:
     a2, _, _ = characteristic_polynomial(constants, speed, INVERTED)
     matrix = linearization(constants, speed, INVERTED)
     root = acb(0, frequency)
-    # a1 = Omega^2 - g (r + e) / b and a0, proportional to Omega^2, by Omega; a1 = frequency^2 at Omega_crit.
+    # a1 = Omega^2 - g (r + e) / b and a0, proportional to Omega^2, by Omega; a1 = frequency^2 at
+    # Omega_crit.
     slope_a0 = -2 * matrix[2][1]
     pair_slope = -(2 * speed * root + slope_a0) / (3 * root * root + 2 * a2 * root + frequency * frequency)
     # Eigenvectors from the first two rows and the last two columns of the Jacobian.

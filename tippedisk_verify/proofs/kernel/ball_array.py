@@ -130,7 +130,8 @@ class BallArray:
         bits, r_bits = (part.view(np.uint64) & np.uint64(2**63 - 1) for part in (m, r))
         small = (bits > 0) & (bits < 2**52)
         m[small] = 0.0
-        # |mid| + rad <= 2^-1022 + rad; a radius above it is increased by far more than its rounding.
+        # |mid| + rad <= 2^-1022 + rad; a radius above it is increased by far more than its
+        # rounding.
         r[(r_bits > 0) & (r_bits < 2**52)] = _NORMAL
         r[small] = (r[small] + 4 * _NORMAL) * _UP
         r[~(np.isfinite(m) & (r >= 0))] = np.inf
@@ -203,7 +204,8 @@ class BallArray:
     def __neg__(self) -> BallArray:
         return made(-self._mid, self._rad)
 
-    # (a + s)(b + t) - a b = a t + s (b + t), so with |s| <= ra, |t| <= rb at most |a| rb + ra (|b| + rb).
+    # (a + s)(b + t) - a b = a t + s (b + t). With |s| <= ra and |t| <= rb this is at most
+    # |a| rb + ra (|b| + rb).
     @quieted
     def __mul__(self, other: Any) -> BallArray:
         factor = _exact_float(other)

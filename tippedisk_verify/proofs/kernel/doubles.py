@@ -25,14 +25,15 @@ Array = NDArray[np.float64]
 
 _U = 2.0**-53
 _NORMAL = 2.0**-1022  # the smallest number that is not subnormal
-# pi/2 = A + B + C + rest: A and B are multiples of 2^-32 and 2^-65 with at most 33 bits, B < 2^-33, C < 2^-67 and
-# |rest| < 2^-119. So n A and n B are exact for |n| < 2^19.
+# pi/2 = A + B + C + rest: A and B are multiples of 2^-32 and 2^-65 with at most 33 bits, B < 2^-33,
+# C < 2^-67 and |rest| < 2^-119. So n A and n B are exact for |n| < 2^19.
 _HALF_PI_A = float.fromhex("0x1.921fb544p+0")
 _HALF_PI_B = float.fromhex("0x1.0b4611a6p-34")
 _HALF_PI_C = float.fromhex("0x1.3198a2e037073p-69")
 _WIDEST_ANGLE = 2.0**18
 _WIDEST_REST = 0.8
-# Taylor coefficients from the last to the first: of (sin(y) - y) / y^3 in y^2, and of (cos(y) - 1) / y^2.
+# Taylor coefficients in y^2, from the last to the first: of (sin(y) - y) / y^3, and of
+# (cos(y) - 1) / y^2.
 _SINE = tuple((-1) ** (i + 1) / math.factorial(2 * i + 3) for i in range(7, -1, -1))
 _COSINE = tuple((-1) ** (i + 1) / math.factorial(2 * i + 2) for i in range(8, -1, -1))
 
@@ -89,7 +90,8 @@ def outward(value: Any) -> tuple[float, float]:
     if isinstance(value, arb):
         if not (value.is_finite() and abs(value) < arb(2) ** 1023):
             return 0.0, np.inf
-        # Exponents may be beyond all reason; what is smaller than any normal number becomes a radius.
+        # Exponents may be beyond all reason; what is smaller than any normal number becomes a
+        # radius.
         small = arb(2) ** -1022
         centre = Fraction(0) if abs(value.mid()) < small else midpoint_and_radius(value.mid())[0]
         rad = Fraction(_NORMAL) if value.rad() < small and not value.is_exact() else midpoint_and_radius(value.rad())[0]

@@ -28,7 +28,8 @@ from tippedisk_verify.proofs.kernel.balls import ball, need
 
 __all__ = ["UNITS", "FieldConstants", "Law", "constants", "field", "one_sided", "sliding_motion"]
 
-#: ``law(ops, constants, omega)`` is a function of the state that returns its three rates; ``ops`` has sin and cos.
+#: ``law(ops, constants, omega)`` is a function of the state that returns its three rates; ``ops``
+#: has sin and cos.
 Law = Callable[[Any, Any, Any], Callable[[Any, Any, Any], tuple[Any, Any, Any]]]
 
 #: the eight numbers of a disk with their units, in the order of sentences

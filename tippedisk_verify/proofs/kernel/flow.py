@@ -104,7 +104,8 @@ class Model:
         speed = graph.number(self.omega, active=True)
         rates = self._rates(graph, speed, variables)
         self.bound: Any = self  #: the equations that remainders come from
-        #: state (3), derivatives by beta, gamma, v and Omega (3 each); the other has the divergence's integral too
+        #: state (3), derivatives by beta, gamma, v and Omega (3 each); the other has the
+        #: divergence's integral too
         self.variational, self.with_divergence = with_derivatives(graph, variables, [speed], rates)
 
     def orbit_at(self, omega: Any) -> System:

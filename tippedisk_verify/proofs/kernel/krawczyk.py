@@ -131,7 +131,8 @@ def fixed_points(
         for i in range(2)
     ]
     residual = product(inverse, value)
-    # p's part is one ball that both equations share: its factors come first, for their sum may nearly vanish.
+    # p's part is one ball that both equations share: its factors come first, for their sum may
+    # nearly vanish.
     moved = product(inverse, [row[other] for row in slopes])
     shift = list(deviations)
     for k, spread, part, factor in zip(unknown, product(rest, width), residual, moved, strict=True):

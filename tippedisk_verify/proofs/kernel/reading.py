@@ -185,10 +185,10 @@ def digest(content: dict[str, Any]) -> str:
     return hashlib.sha256(json.dumps(rest, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
 
 
-# ------------------------------------------------------------------------------------------------ common to all
+# --------------------------------------------------------------------------- common to all
 LAWS = {"linear": "linear", "smooth": "smooth Coulomb"}
 
-#: The names of an orbit by its stability. An undecided one need not be isolated, as a limit cycle is.
+#: The names of an orbit by its stability. Unlike a limit cycle, an undecided one need not be isolated.
 MANNERS = {
     True: "a limit cycle, asymptotically stable",
     False: "a limit cycle, unstable",

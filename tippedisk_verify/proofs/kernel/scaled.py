@@ -128,7 +128,8 @@ class ScaledModel:
         variables = [graph.variable() for _ in range(3)]
         speed, q = (graph.number(part, active=True) for part in (omega, square))
         rates = self._recorded(graph, variables, speed, q)
-        #: state (3), derivatives by b, g, w, Omega and q (3 each), and the integral of the divergence d(w')/d(w)
+        #: state (3), derivatives by b, g, w, Omega and q (3 each), and the integral of the
+        #: divergence d(w')/d(w)
         self.with_divergence = with_derivatives(graph, variables, [speed, q], rates)[1]
 
     def orbit_at(self, omega: Any) -> System:

@@ -42,7 +42,8 @@ from tippedisk_verify.proofs.kernel.step import Step, enclosed_moment
 
 __all__ = ["HALF", "TURN", "UPRIGHT", "PoincareSection", "Return", "return_map"]
 
-UPRIGHT = 1.5706999  #: rad; as a radius, rounded up to 30 bits, still below 1.5707 and pi/2: sin(beta) > 0 within
+#: rad; as a radius, rounded up to 30 bits, still below 1.5707 and pi/2: sin(beta) > 0 within
+UPRIGHT = 1.5706999
 _MOST_CUTS = 40
 
 
@@ -254,7 +255,8 @@ class PoincareMap:
             if sign < 0:  # that is where the section lies
                 state[section.zero] = alike(state[2], 0)
             rates, columns = path.model.rates(state), (first, 2, 3)
-            # On the section time moves with the start, dt = -d(component) / its rate, and takes the others along.
+            # On the section time moves with the start, dt = -d(component) / its rate, and takes the
+            # others along.
             times = [-path.matrix[section.zero][k] / rates[section.zero] for k in columns]
             rows = [
                 [sign * (path.matrix[row][k] + rates[row] * time) for k, time in zip(columns, times, strict=True)]

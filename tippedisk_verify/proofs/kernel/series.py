@@ -131,7 +131,8 @@ class Graph:
             if node.active:
                 adjoints[node] = adjoints[node] + share if node in adjoints else share
 
-        # The list grows while it is read: what is recorded now are the adjoints' own operations, no part of output.
+        # The list grows while it is read: what is recorded now are the adjoints' own operations, no
+        # part of output.
         for node in reversed(self.nodes[: self.nodes.index(output) + 1]):
             if node not in adjoints or node.left is None:
                 continue
@@ -261,7 +262,8 @@ def _ancestors(nodes: Sequence[Node]) -> set[Node]:
         node = open_nodes.pop()
         if node not in ancestors:
             ancestors.add(node)
-            # A sine's recurrence needs the cosine, and the other way round; a variable has a partner that it needs not.
+            # A sine's recurrence needs the cosine, and the other way round; a variable has a
+            # partner that it needs not.
             partner = node.partner if node.kind in (*_PAIR, "slope") else None
             open_nodes += [part for part in (node.left, node.right, partner) if isinstance(part, Node)]
     return ancestors

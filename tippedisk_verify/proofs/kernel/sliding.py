@@ -67,7 +67,9 @@ from tippedisk_verify.proofs.kernel.step import Step, enclosed_moment, polynomia
 __all__ = ["Crossing", "SlidingPath", "SmoothModel", "law_model", "model_of"]
 
 _PIECES = 16  # of a step
-_ORDER = 10  # of gamma_y's series: its values are differences of larger numbers, which boxes of states would lose
+# The order of gamma_y's series. Its values are differences of larger numbers, which boxes of states
+# would lose.
+_ORDER = 10
 _MOST_CUTS = 14
 _SHORTEST = 2.0**-40  # s
 _CROSSING_MARGIN = 2.0**-8  # of the step: its part after the crossing
@@ -133,7 +135,7 @@ class Crossing(Step):
 
     first: Any = None  #: the step with the first side's law
     tau: Any = None  #: when the orbits cross, from the step's start [s]
-    second: Any = None  #: the step from there, with the other side's law; it follows the midpoint's orbit as well
+    second: Any = None  #: the step from there, with the other side's law and the midpoint's orbit
     middle_tau: Any = None  #: when the midpoint's orbit crosses
 
     def at(self, time: Any, components: slice = slice(3)) -> tuple[Any, ...]:

@@ -44,8 +44,8 @@ _PLACES = 16  # decimals of the polynomials' coefficients
 _SHARES = Fraction(1, 300), Fraction(1, 100)  # first radii of the box, relative to the family's motion over it
 _LEAST = Fraction(1, 10**12)  # a box's radius [rad/s]
 _MOST_ATTEMPTS = 3
-#: Sizes of a box of uniqueness, relative to the family's slope times the distance to the connection (for a scaled
-#: piece, times the distance of a^2 from 1).
+#: Sizes of a box of uniqueness, relative to the family's slope times the distance to the connection
+#: (for a scaled piece, times the distance of a^2 from 1).
 _WIDE_SHARES = Fraction(1, 64), Fraction(1, 256)
 
 Guess = tuple[Fraction, Fraction, Fraction]  #: v_0 (or v_0 / a) [rad/s], Omega [rad/s], half the period [s]

@@ -29,7 +29,8 @@ from tippedisk_verify.proofs.search.steps import Steps, midpoint_inverse, search
 __all__ = ["HALF", "TURN", "FoldProof", "prove_fold"]
 
 _GUARD_BITS = 60
-_SHORTER = 5  # digits by which the arc is shorter than half the digits: enclosures of derivatives over it are wide
+# Digits by which the arc is shorter than half the digits: enclosures of derivatives over it are wide.
+_SHORTER = 5
 _SLOPE = 8  # of v along the arc [1/s], at first
 _EXCESS = 2**26  # of the enclosure of Omega over the arc, in units of its squared half-length, at first
 _INFLATIONS = 3
@@ -46,7 +47,8 @@ class FoldProof(Proof):
     where: str  #: the reason for which the proof ended
     parameters: Parameters
     bits: int  #: working precision
-    #: omega, the extreme speed on the arc [rad/s], the first coordinate on the section along the arc, v and the period
+    #: omega, the extreme speed on the arc [rad/s], the first coordinate on the section along the
+    #: arc, v and the period
     values: Mapping[str, Measured] = field(default_factory=dict)
     extremum: Literal["smallest", "largest"] | None = None  #: which
     evidence: Mapping[str, Any] | None = field(default=None, repr=False)  #: the choices that the kernel accepted
@@ -84,7 +86,8 @@ def prove_fold(
     p, v, omega = (Measured.of(part, 0).value for part in near)
     # On the arc the speed moves by its squared half-length.
     places = math.ceil(digits / 2) + _SHORTER
-    # The printed arc is exactly the tested one, so its middle has no more decimals than its half-length.
+    # The printed arc is exactly the tested one, so its middle has no more decimals than its
+    # half-length.
     arc = Measured(round(p, places + 2), Fraction(1, 10**places))
     bits = bits_for_digits(digits + 2 * _SHORTER + 4) + _GUARD_BITS  # the squared half-length, and some more
     attempt = _Attempt(section, parameters, (v, omega), arc)

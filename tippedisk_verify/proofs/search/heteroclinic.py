@@ -69,7 +69,8 @@ _LONGEST = 30.0  # s
 _ORDER_PER_BIT = 0.35  # of the local series: then their reach is used to about an eighth
 _MOST_PASSES = 3
 _GUESSES = 12  # doublings of a guessed weight before it is given up
-#: rad; extents in gamma of the statement's box, if N lies in it. The larger it is, the more is unique.
+#: rad; extents in gamma of the statement's box, if N lies in it. The larger it is, the more is
+#: unique.
 _ROOMS = tuple(map(Fraction, ("0.02", "0.01", "0.005", "0.002", "0.001")))
 _LEAST_DIGITS = 4  # an interval for fewer digits is too wide to be followed past a saddle
 
@@ -316,7 +317,8 @@ class _ConnectionSearch(Proposer):
     def slow(self, saddle: SaddleCoordinates) -> dict[str, Any]:
         curve = series_of_curve(saddle, SLOW, self.order, self.values)
         # Nearer than the series require: the cones there need orbits that differ along the unstable
-        # direction. They hold in a box that is wider than N by the ratio of the eigenvectors' components.
+        # direction. They hold in a box that is wider than N by the ratio of the eigenvectors'
+        # components.
         self.reach = _share_of_reach(curve) / 16
         return self._entry(curve)
 
@@ -351,7 +353,8 @@ class _ConnectionSearch(Proposer):
 
     def block(self, z: Sequence[Any], curve: ManifoldGraph) -> list[Any]:
         s, u, t = map(most, (z[SLOW], *curve.straightened(z)))
-        # On the faces w_f = t the coupling from w_u, a hundredth of the contraction or less, must not win.
+        # On the faces w_f = t the coupling from w_u, a hundredth of the contraction or less, must
+        # not win.
         return [(s * 9 / 8).upper(), 2 * u, 2 * (t + u).upper()]
 
     def room(
@@ -371,7 +374,8 @@ class _ConnectionSearch(Proposer):
 
     def apart(self, matrix: Any, by_speed: Sequence[Any], G: Sequence[Any]) -> list[Any]:
         weights = [abs(G[UNSTABLE]).lower() * 7 / 8, most(G[SLOW]) * 2, most(G[FAST]) * 2]
-        # A weight may be larger than the difference needs; much smaller ones than the others' coupling are not proved.
+        # A weight may be larger than the difference needs; much smaller ones than the others'
+        # coupling are not proved.
         least = smallest_weights(matrix, by_speed)
         return [weights[0].mid(), *(weights[k].max(2 * least[k]).mid() for k in (SLOW, FAST))]
 

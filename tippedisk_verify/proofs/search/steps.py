@@ -28,8 +28,8 @@ __all__ = ["Steps", "axes_of_balls", "midpoint_inverse", "searched_test"]
 Matrix = Sequence[Sequence[Any]]
 
 _LEAST_ORDER = 16  # of derivatives that only multiply radii
-#: Over a wide box, the order of the series and the decay along v in a step. Balls add up alternating terms, so
-#: enclosures of derivatives are exp(twice that decay) times too wide.
+#: Over a wide box, the order of the series and the decay along v in a step. Balls add up
+#: alternating terms, so enclosures of derivatives are exp(twice that decay) times too wide.
 _WIDE_ORDER, _DAMPED = 8, 0.5
 _MEAN_VALUE_TOLERANCE = -24  # log2 of their remainders: a radius is known to 30 bits anyway
 _SHORTEST_STEP = 2.0**-40  # s

@@ -26,8 +26,9 @@ from tippedisk_verify.proofs.kernel.reading import (
 __all__ = ["FORMAT", "KINDS", "Refused", "Unproved", "check", "digest", "proved", "sentence"]
 
 FORMAT = "tippedisk certificate 3"
-#: The module of each kind. Its ``SHAPES`` are the members of claim (besides `DISK`) and evidence. Its ``verify`` raises
-#: Unproved unless the evidence proves the claim. Its ``sentence`` states the claim, given the numbers with half-widths.
+#: The module of each kind. Its ``SHAPES`` are the members of claim (besides `DISK`) and evidence.
+#: Its ``verify`` raises Unproved unless the evidence proves the claim. Its ``sentence`` states the
+#: claim, given the numbers with half-widths.
 KINDS: dict[str, Any] = {
     kind: module for module in (cycle, fold, connection, connection_cycles, family) for kind in module.SHAPES
 }

@@ -101,7 +101,7 @@ class EnclosedConnection:
     upright: bool  #: |beta_bar| < pi/2 all along
     slowly: bool  #: the connection comes in along the slow stable direction
     above: bool  #: the branch leaves N with falling gamma above Omega_h in I, not below it
-    pieces: list[Any]  #: boxes of states, in order of time, that hold the branch from the first saddle to its arrival
+    pieces: list[Any]  #: boxes of states along the branch, in order of time
 
 
 def verify_connection(

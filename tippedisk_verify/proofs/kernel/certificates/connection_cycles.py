@@ -284,8 +284,8 @@ class LoopMap:
         ask("7a.3: heights grow downwards", -by_u[0] - abs(by_u[1]) * ratio - height)
         moved = [row[0] * arb(0, most(k_s)) + row[1] * arb(0, most(k_f)) + row[2] for row in (by_u, by_f)]
         ask("7a.3: the branch's arrivals fall", -moved[0] - k_u, -moved[0] - k_u / k_f * abs(moved[1]))
-        # The derivatives of the fixed point of R by the speed. |z_f'| <= slope |z_u'| + offset by the second row of
-        # 1 - DR, and the first one then bounds |z_u'|.
+        # The derivatives of the fixed point of R by the speed. |z_f'| <= slope |z_u'| + offset by
+        # the second row of 1 - DR, and the first one then bounds |z_u'|.
         first, second = returned([arb(1), arb(0), arb(0)]), returned([arb(0), arb(0), arb(1)])
         drift = [arb(0, most(x / speed)) for x in n.drift[:2]]
         rest = [row[0] * drift[0] + row[1] * drift[1] + row[2] for row in (by_u, by_f)]

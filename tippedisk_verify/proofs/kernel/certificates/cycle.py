@@ -63,7 +63,8 @@ def cycle_numbers(section: PoincareSection, fixed: FixedPoints) -> dict[str, Any
     centre, box, laps = fixed.centre, fixed.box, section.laps
     (a, b), (c, d) = box.matrix
     trace, shrinking = a + d, box.divergence.exp()
-    # For a complex pair, or a turn map's trace of uncertain sign, this is not finite and proves nothing.
+    # For a complex pair, or a turn map's trace of uncertain sign, this is not finite and proves
+    # nothing.
     larger = (abs(trace) + (trace * trace - 4 * section.sign * shrinking).sqrt()) / 2
     sign: Any = 1
     if section != HALF and not positive(trace):
@@ -100,7 +101,8 @@ def stability(numbers: Mapping[str, Any]) -> bool | None:
 
 def apart(fixed: FixedPoints, radii: Sequence[Any]) -> tuple[Any, Any]:
     """Return distances from the fixed point that stay within a tested box of these radii."""
-    # The fixed point is up to |K| away from m, so its distance to the box's faces is smaller by that.
+    # The fixed point is up to |K| away from m, so its distance to the box's faces is smaller by
+    # that.
     first, second = (radius.rad() - abs(part) for radius, part in zip(radii, fixed.shift, strict=False))
     return first, second
 

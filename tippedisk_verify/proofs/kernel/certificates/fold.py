@@ -76,7 +76,8 @@ def judge(
         (UNKNOWNS[section][1], "omega"), whole.image[1:], whole.middle[1:], radii, strict=True
     ):
         held(numbers[name], x, name)
-        # The printed interval is a little wider than Krawczyk's image. It must lie in the box of one cycle.
+        # The printed interval is a little wider than Krawczyk's image. It must lie in the box of
+        # one cycle.
         printed = abs(ball(numbers[name]["value"]) - middle) + ball(numbers[name]["uncertainty"])
         need(inside(printed, room), f"claim: {name} reaches beyond the box that holds one cycle")
     held(numbers["period"], section.laps * whole.box.time, "period")
