@@ -150,16 +150,16 @@ def test_the_flights_cover_all_exits_and_speeds(monkeypatch: pytest.MonkeyPatch)
     n = SimpleNamespace(
         saddle=SaddleCoordinates(DISK, "linear", arb(30), DIRECTIONS), extents=[arb(x) for x in GIVEN["extents"]]
     )
-    returned = SimpleNamespace(n=n, exits=(arb(-0.125), arb(0.375)), exit_fast=arb(0))
+    loop_map = SimpleNamespace(n=n, exits=(arb(-0.125), arb(0.375)), exit_fast=arb(0))
     low, high = Fraction("30.0474"), Fraction("30.0569")
-    module._flights(returned, low, high, {"steps": 9, "lengths": [[arb(1)] * 3, [arb(1)] * 2]}, print)
+    module._flights(loop_map, low, high, {"steps": 9, "lengths": [[arb(1)] * 3, [arb(1)] * 2]}, print)
     assert len(cells) == 5
     for i, j in product(range(13), range(13)):
         speed, slow = ball(low + (high - low) * Fraction(i, 12)), arb(-0.125) + arb(j) / 24
         assert any(a.contains(speed) and b.contains(slow) for a, b in cells)
     for lengths in ([], [[]], [[arb(1)], []]):
         with pytest.raises(Unproved, match="no flights"):
-            module._flights(returned, low, high, {"steps": 9, "lengths": lengths}, print)
+            module._flights(loop_map, low, high, {"steps": 9, "lengths": lengths}, print)
 
 
 # ------------------------------------------------------------------------------------------------------ the connection
@@ -210,7 +210,7 @@ def test_the_end_that_is_shown_knows_its_cycles() -> None:
 
 
 # ---------------------------------------------------------------------------------------------------- the return map
-def returned_by(n: Passage) -> LoopMap:
+def loop_map_of(n: Passage) -> LoopMap:
     return LoopMap(n, ENTRY)
 
 
@@ -237,11 +237,11 @@ BEFORE: list[tuple[str, str, Callable[[Any], Any]]] = [
 def test_what_is_asked_before_the_flights(line: str, name: str, other: Callable[[Any], Any]) -> None:
     """One of the passage's answers is another one."""
     n = made_up()
-    returned_by(n)
+    loop_map_of(n)
     owner = n.saddle if name.startswith("saddle.") else n
     setattr(owner, name.removeprefix("saddle."), other(n))
     with pytest.raises(Unproved, match=rf"^7a\.\d: {line}:"):
-        returned_by(n)
+        loop_map_of(n)
 
 
 @pytest.mark.parametrize("swapped", [False, True])
@@ -251,21 +251,21 @@ def test_the_exits_hold_those_from_d_and_from_q(swapped: bool) -> None:
     rest = iter([*(answers[::-1] if swapped else answers), (0.03125, 0)])
     n = made_up()
     vars(n).update(crossing=lambda *_: arb(0), fallen=lambda *_: [arb(x) for x in next(rest)])
-    returned = returned_by(n)
-    assert returned.exits == (arb(-0.03125), arb(0.125))
-    assert all(returned.exit_fast.contains(x) for x in (-0.015625, 0.015625))
-    assert all(returned.leaving[S].contains(x) for x in (0.03125, -0.125))
-    assert not returned.leaving[S].contains(0.0625)
+    loop_map = loop_map_of(n)
+    assert loop_map.exits == (arb(-0.03125), arb(0.125))
+    assert all(loop_map.exit_fast.contains(x) for x in (-0.015625, 0.015625))
+    assert all(loop_map.leaving[S].contains(x) for x in (0.03125, -0.125))
+    assert not loop_map.leaving[S].contains(0.0625)
 
 
-def before_shown() -> tuple[LoopMap, Any]:
+def before_flights() -> tuple[LoopMap, Any]:
     """With a linear field, and arrivals that fit; what is changed in the passage now does not change its answers."""
     n = made_up()
-    returned = returned_by(n)
+    loop_map = loop_map_of(n)
     answers = {name: getattr(n, name) for name in ("settled", "ratio", "fallen")}
     known = SimpleNamespace(**{**vars(n), **answers, "rates": lambda z: list((n.M * column(z)).entries())})
-    returned.n = known
-    return returned, known
+    loop_map.n = known
+    return loop_map, known
 
 
 def rates_of(n: Any, row: int, x: Any, leaving: bool = False) -> Callable[[Any], Any]:
@@ -321,7 +321,7 @@ AFTER: list[tuple[str, dict[str, Callable[[Any], Any]], dict[tuple[int, int], An
 
 
 def test_the_made_up_return_map_is_shown() -> None:
-    assert before_shown()[0].verify(arrivals()) < 1
+    assert before_flights()[0].verify(arrivals()) < 1
 
 
 @pytest.mark.parametrize(("line", "others", "moved"), AFTER)
@@ -331,14 +331,14 @@ def test_what_is_asked_after_the_flights(
     moved: dict[tuple[int, int], Any],
 ) -> None:
     """One of the passage's answers is another one, where it has to be with other arrivals."""
-    returned, n = before_shown()
+    loop_map, n = before_flights()
     for name, other in others.items():
         setattr(n, name, other(n))
     rows = arrivals()
     for (row, k), x in moved.items():
         rows[row][k] = x
     with pytest.raises(Unproved, match=rf"^7a\.\d: {line}:"):
-        returned.verify(rows)
+        loop_map.verify(rows)
 
 
 @pytest.mark.parametrize(
@@ -363,7 +363,7 @@ def test_what_is_asked_after_the_flights(
 def test_what_is_asked_of_d_and_q(name: str, x: Any, line: str) -> None:
     """Every number of D and Q, changed so that its inequality breaks."""
     n = made_up()
-    returned_by(n)
+    loop_map_of(n)
     with pytest.raises(Unproved, match=rf"^7a\.\d: {line}"):
         LoopMap(n, ENTRY | {name: x})
 
@@ -401,8 +401,8 @@ def arrivals() -> list[list[Any]]:
 )
 def test_what_is_found_after_the_flights(row: int, column: int, spoil: Callable[[Any], Any], line: str) -> None:
     """A number of the arrivals, doubled or with its sign turned, breaks the inequality that rests on it."""
-    returned, _ = before_shown()
+    loop_map, _ = before_flights()
     spoiled = arrivals()
     spoiled[row][column] = spoil(spoiled[row][column])
     with pytest.raises(Unproved, match=line):
-        returned.verify(spoiled)
+        loop_map.verify(spoiled)

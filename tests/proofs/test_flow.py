@@ -69,9 +69,9 @@ def test_a_step_beyond_the_singularity_fails_the_inclusion_itself() -> None:
         constants = ball_constants(PRINTED)
         trial = Model(constants, ball(1), blow_up).path([2, 1, 1], Steps()).trial((18, 16))
         assert [trial.tested(length).included for length in lengths] == shown
-        side_by_side = Model(type(constants)(*(BallArray.of([x]) for x in constants)), BallArray([1.0] * 4), blow_up)
+        array_model = Model(type(constants)(*(BallArray.of([x]) for x in constants)), BallArray([1.0] * 4), blow_up)
         start = [BallArray([part] * 4) for part in (2.0, 1.0, 1.0)]
-        assert list(side_by_side.path(start, Steps()).trial((18, 16)).tested(BallArray(lengths)).included) == shown
+        assert list(array_model.path(start, Steps()).trial((18, 16)).tested(BallArray(lengths)).included) == shown
 
 
 # --------------------------------------------------------------------------------------------------- the integrator

@@ -39,6 +39,7 @@ __all__ = [
     "ball_constants",
     "coefficient",
     "inside",
+    "is_ball_array",
     "midpoint_and_radius",
     "need",
     "negative",
@@ -46,7 +47,6 @@ __all__ = [
     "rough",
     "series_length",
     "shared",
-    "side_by_side",
     "upper",
     "whole",
     "working_bits",
@@ -162,12 +162,12 @@ def ball_constants(parameters: Any) -> Any:
 
 def positive(x: Any) -> Any:
     """Return True if every number of the ball is positive; False for NaN and for infinite balls."""
-    return x.positive() if side_by_side(x) else bool(x.is_finite() and x > 0)
+    return x.positive() if is_ball_array(x) else bool(x.is_finite() and x > 0)
 
 
 def negative(x: Any) -> Any:
     """Return True if every number of the ball is negative; False for NaN and for infinite balls."""
-    return x.negative() if side_by_side(x) else bool(x.is_finite() and x < 0)
+    return x.negative() if is_ball_array(x) else bool(x.is_finite() and x < 0)
 
 
 def inside(x: Any, y: Any) -> Any:
@@ -175,7 +175,7 @@ def inside(x: Any, y: Any) -> Any:
 
     False if either is not finite.
     """
-    if side_by_side(x):
+    if is_ball_array(x):
         return x.inside(y)
     return bool(x.is_finite() and y.is_finite() and y.contains_interior(x))
 
@@ -184,7 +184,7 @@ def upper(x: Any) -> Any:
     """Return a float near the largest absolute value in the ball, or an array of them: for choices,
     not for proofs.
     """
-    return x.abs_upper().midpoints if side_by_side(x) else float(x.abs_upper())
+    return x.abs_upper().midpoints if is_ball_array(x) else float(x.abs_upper())
 
 
 def alike(sample: Any, value: object) -> Any:
@@ -211,7 +211,7 @@ def around_zero(radius: Any) -> Any:
     """Return a ball about 0 that reaches at least ``radius``, a number or ball that is not
     negative.
     """
-    return radius.around_zero() if side_by_side(radius) else arb(0, radius)
+    return radius.around_zero() if is_ball_array(radius) else arb(0, radius)
 
 
 def shared(x: Any, y: Any) -> Any:
@@ -221,7 +221,7 @@ def shared(x: Any, y: Any) -> Any:
     return x.intersection(y) if x.overlaps(y) else arb.nan()
 
 
-def side_by_side(x: object) -> bool:
+def is_ball_array(x: object) -> bool:
     """Return True for a `ball_array.BallArray`, for which predicates answer ball by ball."""
     return hasattr(x, "midpoints")
 

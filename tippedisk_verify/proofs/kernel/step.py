@@ -46,11 +46,11 @@ from tippedisk_verify.proofs.kernel.balls import (
     arb,
     around_zero,
     inside,
+    is_ball_array,
     negative,
     positive,
     rough,
     shared,
-    side_by_side,
     upper,
     whole,
     working_bits,
@@ -230,7 +230,7 @@ def _from_zero(length: Any) -> Any:
 
 def _pad(part: Any) -> Any:
     """Return an absolute pad, for a range without width."""
-    if side_by_side(part):
+    if is_ball_array(part):
         return part.abs_upper() * 2.0 ** -(_REMAINDER_BITS // 2) + 2.0**-_REMAINDER_BITS
     return arb(2) ** (max(-_REMAINDER_BITS, magnitude(part) - _REMAINDER_BITS // 2) if part.is_finite() else 0)
 

@@ -247,16 +247,16 @@ class _EndSearch(Proposer):
         c, d = (_decimal_above(bound(low) * n.at_crossing(row)) for row in (1, 2))
         return {"lid": top, "fast": fast, "weight": ball(_WEIGHT), "moment": ball(low), "gamma": c, "v": d}
 
-    def flights(self, returned: LoopMap) -> dict[str, Any]:
+    def flights(self, loop_map: LoopMap) -> dict[str, Any]:
         """Choose steps that end half a step after the middle of each cell arrives."""
         low, high = float(self.low), float(self.high)
-        least, largest = map(float, returned.exits)
+        least, largest = map(float, loop_map.exits)
         rows, columns = math.ceil((high - low) / _SPEED_CELL), math.ceil((largest - least) / _SLOW_CELL)
         speeds, slow = (
             begin + (end - begin) * (np.arange(number) + 0.5) / number
             for begin, end, number in ((low, high, rows), (least, largest, columns))
         )
-        times, _ = self._flown(returned.n, np.repeat(speeds, columns), np.tile(slow, rows))
+        times, _ = self._flown(loop_map.n, np.repeat(speeds, columns), np.tile(slow, rows))
         count = math.ceil(float(times.max()) / _STEP)
         lengths = np.round(times / (count - 0.5) * 2**30) / 2**30
         return {"steps": count, "lengths": [[arb(float(x)) for x in row] for row in lengths.reshape(rows, columns)]}

@@ -218,11 +218,11 @@ def verify_cycles(
     n = Passage(SaddleCoordinates(connection.disk, "linear", speeds, box["directions"]), box["extents"], box["cells"])
     n.weighted(choose("weights", n))
     entry = choose("entry", n)
-    returned = LoopMap(n, entry)
+    loop_map = LoopMap(n, entry)
     _connected(n, connection)
-    kappa = returned.verify(_flights(returned, low, high, choose("flights", returned), watch))
+    kappa = loop_map.verify(_flights(loop_map, low, high, choose("flights", loop_map), watch))
     c, d = (Fraction(entry[name]) for name in ("gamma", "v"))
-    return End(low, high, connection.high, c, d, kappa, returned.time)
+    return End(low, high, connection.high, c, d, kappa, loop_map.time)
 
 
 class LoopMap:
@@ -270,12 +270,12 @@ class LoopMap:
         speed = -leaving[U]
         ask("7a.1: orbits enter N and leave it", entering[S], speed)
 
-        def returned(d: Sequence[Any]) -> list[Any]:
+        def after_round(d: Sequence[Any]) -> list[Any]:
             """Return bounds of the variation after one round."""
             slow, fast = (x / speed for x in n.settled(products(entering, d), self.time))
             return [most(abs(row[0]) * slow + abs(row[1]) * fast) for row in (by_u, by_f)]
 
-        both = returned([arb(0, 1), arb(0), arb(0, most(w))])
+        both = after_round([arb(0, 1), arb(0), arb(0, most(w))])
         kappa = both[0].max(most(both[1] / w))
         ask("7a.2: R contracts", 1 - kappa * (1 + n.lipschitz * w))
         ask("7a.3: the cone on entry", k_1 * entering[S] - abs(entering[F]))
@@ -286,7 +286,7 @@ class LoopMap:
         ask("7a.3: the branch's arrivals fall", -moved[0] - k_u, -moved[0] - k_u / k_f * abs(moved[1]))
         # The derivatives of the fixed point of R by the speed. |z_f'| <= slope |z_u'| + offset by
         # the second row of 1 - DR, and the first one then bounds |z_u'|.
-        first, second = returned([arb(1), arb(0), arb(0)]), returned([arb(0), arb(0), arb(1)])
+        first, second = after_round([arb(1), arb(0), arb(0)]), after_round([arb(0), arb(0), arb(1)])
         drift = [arb(0, most(x / speed)) for x in n.drift[:2]]
         rest = [row[0] * drift[0] + row[1] * drift[1] + row[2] for row in (by_u, by_f)]
         own = 1 - second[1]
@@ -313,12 +313,12 @@ class LoopMap:
 
 
 def _flights(
-    returned: LoopMap, low: Fraction, high: Fraction, entry: dict[str, Any], watch: Callable[[float], None]
+    loop_map: LoopMap, low: Fraction, high: Fraction, entry: dict[str, Any], watch: Callable[[float], None]
 ) -> list[list[Any]]:
     """Enclose the flights from all exits at all speeds, in cells: a row of lengths for each cell of
     speeds.
     """
-    rows, (least, largest) = entry["lengths"], returned.exits
+    rows, (least, largest) = entry["lengths"], loop_map.exits
     need(bool(rows) and all(rows), "7a.1: there are no flights")
     speeds, slow = [], []
     for i, row in enumerate(rows):
@@ -327,10 +327,10 @@ def _flights(
             cell = [least + (largest - least) * (j + k) / len(row) for k in (0, 1)]
             speeds.append(ends[0].union(ends[1]))
             slow.append(cell[0].union(cell[1]))
-    saddle = returned.n.saddle
+    saddle = loop_map.n.saddle
     over = SaddleCoordinates(saddle.disk, "linear", BallArray.of(speeds), saddle.directions.tolist())
     lengths = np.array([float(length) for row in rows for length in row])
-    return arrivals(over, returned.n.extents, BallArray.of(slow), returned.exit_fast, lengths, entry["steps"], watch)
+    return arrivals(over, loop_map.n.extents, BallArray.of(slow), loop_map.exit_fast, lengths, entry["steps"], watch)
 
 
 def _connected(n: Passage, connection: EnclosedConnection) -> None:
