@@ -220,10 +220,10 @@ def replayed_test(
     name: str,
     centre: Return | None = None,
 ) -> FixedPoints:
-    """`krawczyk_test` with the choices of a certificate: the ``log`` of the flight from the middle,
-    and a `BOX`.
+    """Apply `krawczyk_test` with the choices of a certificate.
 
-    Raises Unproved if the test is not passed, or not all of the logs is read.
+    ``log`` is that of the flight from the middle, and ``box`` a `BOX`. Raises Unproved if the test
+    fails, or if a part of the logs is not used.
     """
     flights = StepReplay(log, f"{name}, centre"), StepReplay(box["flight"], f"{name}, box")
     choices = Choices(*flights, lambda matrix: box["inverse"])

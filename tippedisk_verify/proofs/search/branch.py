@@ -132,7 +132,7 @@ class BranchProof(Proof):
     def reason(self) -> str:
         """The reason for which the curve ends."""
         if self.stopped is None:
-            return "the requested end is reached" if self.pieces else "nothing was tried"
+            return "no more was asked for" if self.pieces else "nothing was tried"
         where = f"from gamma_bar_0 = {exact_text(self.pieces[-1].high if self.pieces else Fraction(0))} rad on"
         return f"{where} {self.stopped.value}"
 
