@@ -101,8 +101,8 @@ SPOILED: dict[str, tuple[Callable[[list[Any]], Any], str]] = {
     ),
     "a step is negative": (lambda log: log[5].update(share="-0.001"), "enclosure"),
     "a step is missing": (lambda log: log.pop(3), "return|move|section|missing"),
-    "the last step is missing": (lambda log: log.pop(), "missing|no steps"),
-    "there are no steps": (lambda log: log.clear(), "no steps"),
+    "the last step is missing": (lambda log: log.pop(), "missing|no further steps"),
+    "there are no steps": (lambda log: log.clear(), "no further steps"),
     "axes have no inverse": (lambda log: log[4].update(axes=[log[4]["axes"][0], *log[4]["axes"][::2]]), "enclosure"),
     "axes are missing": (lambda log: log[4].pop("axes"), "missing"),
 }
