@@ -12,11 +12,12 @@ E, the step is accepted if
 
 *Then every orbit from X exists on [0, h] and stays in E.* As long as an orbit has been in E,
 Taylor's formula with Lagrange's remainder puts it in E's interior. (Component by component, the
-remainder is a coefficient at an earlier point of the same orbit, so it lies within c.) It cannot
-reach the boundary first, nor blow up in a compact box on which the field is analytic: c is finite,
-so M has no zero there. The same argument holds for the derivatives, which are part of the system (a
-high-order enclosure: Corliss and Rihm 1996; Nedialkov, Jackson and Pryce 2001). The coefficient of
-order N + 1 over E gives the remainder of the orbit from m.
+remainder is a coefficient at an earlier point of the same orbit, so it lies within c.)
+
+It cannot reach the boundary first, nor blow up in a compact box on which the field is analytic: c
+is finite, so M has no zero there. The same argument holds for the derivatives, which are part of
+the system (a high-order enclosure: Corliss and Rihm 1996; Nedialkov, Jackson and Pryce 2001). The
+coefficient of order N + 1 over E gives the remainder of the orbit from m.
 
 Mean-value form
 ---------------

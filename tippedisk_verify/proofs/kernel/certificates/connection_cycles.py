@@ -16,10 +16,10 @@ An orbit from D that starts below the graph g leaves N through z_u = -u after T 
 about the first saddle. The flight from there reaches z_s = -s about the second one (`passage`) at
 the point R(z).
 
-If the start tends to the graph, T grows, and the exit tends to that of the branch of the unstable
-manifold: an orbit that has always been in N lies on it. So R is continuous on D with R = p on the
-graph, where p is the branch's arrival. Elsewhere it is analytic. All R(z) have z_u > -eta and |z_f|
-< t_0.
+If the start tends to the graph, T grows. The exit tends to that of the branch of the unstable
+manifold, because an orbit that has always been in N lies on it. So R is continuous on D with R = p
+on the graph, where p is the branch's arrival. Elsewhere it is analytic. All R(z) have z_u > -eta
+and |z_f| < t_0.
 
 Contraction (7a.2)
 ------------------
@@ -29,8 +29,8 @@ d_f = b_uf / F_u. Then the derivatives of the flight act. So
 
     |DR d| <= kappa |d|,   kappa < 1.
 
-In the metric "length of the shortest path in D" R shortens paths by kappa: a path that touches the
-graph, where R is only continuous, is the limit of paths a little below it.
+In the metric "length of the shortest path in D" R shortens paths by kappa. On the graph R is only
+continuous, but a path that touches it is the limit of paths a little below it.
 
 Heights (7a.3)
 --------------
@@ -64,7 +64,7 @@ It is about the half map P from the section beta_bar = 0, v < 0 to itself, on th
     Q = {beta_bar = 0, -c <= y_g < 0, -d <= v < 0}.
 
 Q lies in N, below the graph, and in the set K of `passage`. So an orbit from Q has beta_bar < 0
-until it leaves N through z_u = -u, and then in the flight up to its arrival R on z_s = -s. The
+until it leaves N through z_u = -u. This stays so in the flight up to its arrival R on z_s = -s. The
 bounds of the exit set hold for it too.
 
 *If P(x) = x* for an x in Q, the orbit's arrival lies below the graph. Otherwise the orbit would

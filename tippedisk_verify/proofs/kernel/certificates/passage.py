@@ -7,7 +7,7 @@ enclosed:
 
 - A, which holds DF, and B, the derivative of F by the speed.
 - M, the mean of DF over each ray from the saddle, so that F(z) = M z for a matrix of M. It is the
-  mean of n unions: the k-th is over the cells that meet (k / n) N, and holds DF where the ray's
+  mean of n unions. The k-th is over the cells that meet (k / n) N. It holds DF where the ray's
   parameter is between (k - 1) / n and k / n.
 - The products F_i B_j - F_j B_i, near z_f = 0.
 

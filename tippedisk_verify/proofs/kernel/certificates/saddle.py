@@ -52,7 +52,7 @@ The smooth friction law (6.5)
 Its field is odd, continuously differentiable, and analytic on either side of gamma_y = 0, a surface
 through the saddle. The halves of each curve leave the saddle on opposite sides. W is the series of
 one side's law, for theta > 0, with even powers too. The sign of gamma_y on the curve, or all over
-the cone about it, is shown by the mean value theorem: gamma_y is zero at the saddle, and its
+the cone about it, is shown by the mean value theorem. gamma_y is zero at the saddle, and its
 derivative along z / theta is enclosed.
 
 - In the cone of the unstable manifold the side's law is the smooth one, so the argument above is
