@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from tippedisk_verify.cycles.folds import Fold
     from tippedisk_verify.disk import Disk
     from tippedisk_verify.proofs.closed_forms import ProvedEquilibrium, ProvedHopf, ProvedStability
-    from tippedisk_verify.proofs.kernel.claims.family import Piece, Status
+    from tippedisk_verify.proofs.kernel.certificates.family import ArcStatus, Piece
     from tippedisk_verify.proofs.search.branch import BranchProof
     from tippedisk_verify.proofs.search.connection_end import ProvedEnd
     from tippedisk_verify.proofs.search.cycle import OrbitProof
@@ -87,13 +87,13 @@ class Certifier:
         The search starts from the cycle that `Disk` finds, or from the ``guess`` (gamma_bar_0, v_0), of a rotating
         cycle (beta_bar_top, v_top). Raises InputError for a speed next to Omega_h, where `beside_omega_h` proves them.
         """
-        from tippedisk_verify.proofs.search.cycle import HALF, TURN, OrbitProof, Status, prove_cycle
+        from tippedisk_verify.proofs.search.cycle import HALF, TURN, OrbitProof, OrbitStatus, prove_cycle
 
         section, speed = TURN if rotating else HALF, self.disk.speed(omega)
         try:
             start = guess or self._start(speed, rotating, stable)
         except NoSuchCycleError as fault:
-            return OrbitProof(section, Status.NO_GUESS, str(fault), self.disk, speed, 0)
+            return OrbitProof(section, OrbitStatus.NO_GUESS, str(fault), self.disk, speed, 0)
         return prove_cycle(self.disk, speed, start, digits=digits, section=section)
 
     def _start(self, speed: Fraction, rotating: bool, stable: bool | None) -> tuple[object, object]:
@@ -118,7 +118,7 @@ class Certifier:
 
         Raises InputError for a fold that the family does not have, or if it has several and none is chosen.
         """
-        from tippedisk_verify.proofs.kernel.claims.fold import names
+        from tippedisk_verify.proofs.kernel.certificates.fold import names
         from tippedisk_verify.proofs.search.fold import HALF, TURN, FoldProof, prove_fold
 
         self.disk.refuse_smooth("folds of limit cycles are proved")
@@ -149,7 +149,12 @@ class Certifier:
         The proof is about the speed ``near`` [rad/s], or about the Omega_h that `Disk` finds. Raises InputError for
         more digits than a proof is offered to.
         """
-        from tippedisk_verify.proofs.search.heteroclinic import MOST_DIGITS, ProvedConnection, Status, prove_connection
+        from tippedisk_verify.proofs.search.heteroclinic import (
+            MOST_DIGITS,
+            ConnectionStatus,
+            ProvedConnection,
+            prove_connection,
+        )
 
         if digits > MOST_DIGITS:
             raise InputError(f"a proof of Omega_h is offered to {MOST_DIGITS} digits, not {digits}")
@@ -160,7 +165,7 @@ class Certifier:
                 advance("proof", 1)
                 return prove_connection(self.disk, guess, digits)
             except NoConnectionError as fault:
-                return ProvedConnection(Status.NO_SADDLE, where=str(fault))
+                return ProvedConnection(ConnectionStatus.NO_SADDLE, where=str(fault))
 
     def beside_omega_h(
         self, distance: object, near: object = None, *, digits: int = 12, progress: bool | None = None
@@ -195,7 +200,7 @@ class Certifier:
         executor, for several jobs or for one at a time. Raises InputError under the smooth law.
         """
         from tippedisk_verify.cycles.branch import found
-        from tippedisk_verify.proofs.kernel.claims.family import Piece
+        from tippedisk_verify.proofs.kernel.certificates.family import Piece
         from tippedisk_verify.proofs.search.family import prove_family
 
         self.disk.refuse_smooth("the family of limit cycles is proved as one curve")
@@ -203,7 +208,7 @@ class Certifier:
         count = 0
         with progress_of(int(_UNITS * (wanted or _FURTHEST)), progress) as advance:
 
-            def watch(proved: Piece | Status, interval: Interval) -> None:
+            def watch(proved: Piece | ArcStatus, interval: Interval) -> None:
                 nonlocal count
                 if isinstance(proved, Piece):
                     count += 1

@@ -19,8 +19,25 @@ from tippedisk_verify.proofs.kernel.balls import arb, ball, working_precision
 SMALLEST = 2.0**-1074
 NORMAL = 2.0**-1022
 LARGEST = float(np.finfo(float).max)
-EDGES = [0.0, -0.0, SMALLEST, -SMALLEST, NORMAL, -NORMAL, NORMAL - SMALLEST, LARGEST, -LARGEST, 1.0, -1.0, 1 + 2.0**-52,
-         1 - 2.0**-53, 2.0**-537, 2.0**512, 3.0, 0.1]  # fmt: skip
+EDGES = [
+    0.0,
+    -0.0,
+    SMALLEST,
+    -SMALLEST,
+    NORMAL,
+    -NORMAL,
+    NORMAL - SMALLEST,
+    LARGEST,
+    -LARGEST,
+    1.0,
+    -1.0,
+    1 + 2.0**-52,
+    1 - 2.0**-53,
+    2.0**-537,
+    2.0**512,
+    3.0,
+    0.1,
+]
 NOT_NUMBERS = [math.inf, -math.inf, math.nan]
 
 
@@ -285,14 +302,6 @@ def _assert_near(found, place: int, image, told: object) -> None:
         assert not distance > arb(radius), told
 
 
-def sines_are_sharp(module, count: int = 0, seed: int = 0) -> None:
-    """At its extremum the sine moves with the square of the radius; near zero its error is relative."""
-    x = module.BallArray([0.0, 1e-9, 1e-280], [1e-6, 0.0, 0.0])
-    assert (x.cos().radii < 1e-12).all()
-    assert (x.sin().radii[1:] < 4e-16 * x.midpoints[1:]).all()
-    assert (module.BallArray([1.0, 3.0, -1.0]).sin().radii < 2e-15).all()
-
-
 def predicates(module, count: int, seed: int = 7) -> None:
     """Each true answer is right, and clear cases are answered."""
     rng = random.Random(seed)
@@ -353,5 +362,5 @@ def conversions(module, count: int, seed: int = 8) -> None:
 
 ATTACKS = {
     attack.__name__: attack
-    for attack in (binary, unary, strange_operands, convolutions, sines, sines_are_sharp, predicates, conversions)
+    for attack in (binary, unary, strange_operands, convolutions, sines, predicates, conversions)
 }

@@ -10,16 +10,26 @@ from typing import Any
 
 from tippedisk_verify.model.parameters import PRINTED, Parameters
 from tippedisk_verify.proofs.kernel.balls import arb, ball, inside
-from tippedisk_verify.proofs.kernel.flow import Model, Path, Status, short_float
+from tippedisk_verify.proofs.kernel.flow import FlowStatus, Model, Path, short_float
 from tippedisk_verify.proofs.kernel.krawczyk import FixedPoints, fixed_points
-from tippedisk_verify.proofs.kernel.section import HALF, TURN, Return, Section, returned
+from tippedisk_verify.proofs.kernel.section import HALF, TURN, PoincareSection, Return, return_map
 from tippedisk_verify.proofs.search.heteroclinic import ProvedConnection, prove_connection
 from tippedisk_verify.proofs.search.steps import Steps, midpoint_inverse
 from tippedisk_verify.theory.hopf import omega_crit
 
 SHORTEST_STEP = 2.0**-40  # s
-NUMBERS = ("period", "gamma_bar_0", "v_0", "beta_max", "multiplier_slow", "log_multiplier_slow",
-           "log_multiplier_fast", "dperiod_domega", "dgamma_bar_0_domega", "dv_0_domega")  # fmt: skip
+NUMBERS = (
+    "period",
+    "gamma_bar_0",
+    "v_0",
+    "beta_max",
+    "multiplier_slow",
+    "log_multiplier_slow",
+    "log_multiplier_fast",
+    "dperiod_domega",
+    "dgamma_bar_0_domega",
+    "dv_0_domega",
+)
 
 
 def speed_below(parameters: Parameters, distance: str | Fraction) -> Fraction:
@@ -31,7 +41,7 @@ def speed_below(parameters: Parameters, distance: str | Fraction) -> Fraction:
 class Flight:
     """Where all orbits from a box are after a time, proved. A status makes the rest mean nothing."""
 
-    status: Status | None  #: why the time is not reached
+    status: FlowStatus | None  #: why the time is not reached
     path: Path
     upright: bool = True  #: |beta_bar| < pi/2 throughout: the disk does not lie flat
     matrix: tuple[tuple[Any, ...], ...] | None = None  #: (3, 4): d(end)/d(beta, gamma, v at the start, Omega)
@@ -55,7 +65,7 @@ def carry(model: Model, start: Sequence[Any], duration: object, *, derivatives: 
         left = span - path.time  # positive: what was taken is proved to be shorter
         step = path.step(max(share * short_float(float(left.abs_upper()) * (1 + 2.0**-18)), 2 * SHORTEST_STEP))
         if step is None:
-            return Flight(path.status or Status.NO_ENCLOSURE, path)
+            return Flight(path.status or FlowStatus.NO_ENCLOSURE, path)
         if not (left <= step.length or left > step.length):
             share /= 2  # the step ends within the duration's ball
             continue
@@ -74,21 +84,23 @@ def hull(low: object, high: object) -> Any:
 
 def half_flight(model: Model, gamma_bar: Any, v: Any, **options: Any) -> Return:
     """The half map over a box."""
-    return returned(model, HALF, (gamma_bar, v), Steps(), **options)
+    return return_map(model, HALF, (gamma_bar, v), Steps(), **options)
 
 
 def turn_flight(model: Model, beta_bar: Any, v: Any, **options: Any) -> Return:
     """The turn map over a box."""
-    return returned(model, TURN, (beta_bar, v), Steps(), **options)
+    return return_map(model, TURN, (beta_bar, v), Steps(), **options)
 
 
-def fixed_in(model: Model, middle: Sequence[Any], radii: Sequence[Any], section: Section = HALF) -> FixedPoints | None:
+def fixed_in(
+    model: Model, middle: Sequence[Any], radii: Sequence[Any], section: PoincareSection = HALF
+) -> FixedPoints | None:
     """Krawczyk's test for all speeds of the model at once; None if the map could not be followed."""
     middle, away = [ball(part).mid() for part in middle], [arb(0, radius) for radius in radii]
     box = [point + part for point, part in zip(middle, away, strict=True)]
-    centre = returned(model, section, middle, Steps())
-    over = returned(model, section, box, Steps(), derivatives=True)
-    if not centre.status is over.status is Status.RETURNED:
+    centre = return_map(model, section, middle, Steps())
+    over = return_map(model, section, box, Steps(), derivatives=True)
+    if (centre.status, over.status) != (FlowStatus.RETURNED, FlowStatus.RETURNED):
         return None
     (a, b), (c, d) = over.matrix
     inverse = midpoint_inverse(((a - 1, b), (c, d - 1)))

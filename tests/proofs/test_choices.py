@@ -12,8 +12,8 @@ import pytest
 from tests.proofs.cases import half_flight
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.proofs.kernel.balls import arb, ball, working_precision
-from tippedisk_verify.proofs.kernel.flow import Path, Status, short_float
-from tippedisk_verify.proofs.kernel.section import HALF, Return, returned
+from tippedisk_verify.proofs.kernel.flow import FlowStatus, Path, short_float
+from tippedisk_verify.proofs.kernel.section import HALF, Return, return_map
 from tippedisk_verify.proofs.kernel.sliding import model_of
 from tippedisk_verify.proofs.kernel.step import Step
 from tippedisk_verify.proofs.search.steps import Steps
@@ -55,8 +55,8 @@ def test_what_careless_choices_show_is_true(friction: str) -> None:
         with working_precision(64):
             box = [part + arb(0, size) for part in map(ball, START)]
             proposer = Careless(random.Random(seed))
-            flight = returned(model_of(parameters, ball(OMEGA)), HALF, box, proposer, derivatives=True)
-        if flight.status is not Status.RETURNED:
+            flight = return_map(model_of(parameters, ball(OMEGA)), HALF, box, proposer, derivatives=True)
+        if flight.status is not FlowStatus.RETURNED:
             continue
         shown += 1
         assert flight.reversals == truth.reversals
@@ -111,7 +111,7 @@ class Meddling(Steps):
 def flown(proposer: Steps) -> Return:
     with working_precision(96):
         box = [part + arb(0, 2.0**-13) for part in map(ball, ("0.4", "-2"))]
-        return returned(model_of(PRINTED, ball("30.4")), HALF, box, proposer, derivatives=True)
+        return return_map(model_of(PRINTED, ball("30.4")), HALF, box, proposer, derivatives=True)
 
 
 def test_the_kernel_believes_its_own_steps_only() -> None:
@@ -123,6 +123,6 @@ def test_the_kernel_believes_its_own_steps_only() -> None:
     shifted = Forging(lambda step: replace(step, polynomials=[[1 + c[0], *c[1:]] for c in step.polynomials]))
     for proposer in (shifted, Meddling()):
         flight = flown(proposer)
-        assert flight.status is Status.RETURNED
+        assert flight.status is FlowStatus.RETURNED
         for mine, its in zip((flight.time, *flight.image), (honest.time, *honest.image), strict=True):
             assert (mine.mid(), mine.rad()) == (its.mid(), its.rad())

@@ -100,7 +100,7 @@ SUBCRITICAL = PRINTED.changed(A="0.2305e-3", B="0.2290e-3")
 
 
 @pytest.mark.parametrize("parameters", [*NAMED_SETS.values(), SUBCRITICAL], ids=lambda p: p.name)
-def test_the_hopf_point_is_the_ordinary_roads(parameters: Parameters) -> None:
+def test_the_hopf_point_agrees_with_theory(parameters: Parameters) -> None:
     digits = 40
     proved, ordinary = proved_hopf(parameters, digits), hopf.hopf_point(parameters, digits)
     numbers = ("omega_crit", "period", "first_lyapunov_coefficient", "transversality")
@@ -114,7 +114,7 @@ def test_the_hopf_point_is_the_ordinary_roads(parameters: Parameters) -> None:
 
 @pytest.mark.parametrize("name", ["inverted", "noninverted"])
 @pytest.mark.parametrize("omega", ["5", "30.4", "31.5", "200"])
-def test_eigenvalues_are_the_ordinary_roads(name: str, omega: str) -> None:
+def test_eigenvalues_agree_with_theory(name: str, omega: str) -> None:
     proved = proved_equilibrium(PRINTED, omega, name, 30)
     ordinary = equilibrium(PRINTED, omega, name, 30)  # type: ignore[arg-type]
     assert proved.stable == ordinary.stable

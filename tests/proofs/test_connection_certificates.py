@@ -17,11 +17,11 @@ from tippedisk_verify.cycles.shooting import limit_cycle
 from tippedisk_verify.model.decimals import exact_text
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.parameters import PRINTED
-from tippedisk_verify.proofs.kernel import claims
+from tippedisk_verify.proofs.kernel import certificates
 from tippedisk_verify.proofs.kernel.balls import arb, ball, working_precision
-from tippedisk_verify.proofs.kernel.claims import Unproved, connection_cycles, proved
-from tippedisk_verify.proofs.kernel.claims.connection import _departure
-from tippedisk_verify.proofs.kernel.claims.saddle import Saddle
+from tippedisk_verify.proofs.kernel.certificates import Unproved, connection_cycles, proved
+from tippedisk_verify.proofs.kernel.certificates.connection import _departure
+from tippedisk_verify.proofs.kernel.certificates.saddle import SaddleCoordinates
 from tippedisk_verify.proofs.kernel.reading import dyadic
 from tippedisk_verify.proofs.search.connection_end import prove_end
 from tippedisk_verify.proofs.search.heteroclinic import ProvedConnection, prove_connection
@@ -51,7 +51,7 @@ def refused(text: str, line: str, act: Change) -> None:
     content = json.loads(text)
     act(content)
     assert content != json.loads(text), line
-    content["sha256"] = claims.digest(content)
+    content["sha256"] = certificates.digest(content)
     with pytest.raises(Unproved, match=line) as fault:
         proved(content)
     assert str(fault.value).isprintable()
@@ -65,30 +65,30 @@ def disks() -> Iterator[tuple[str, Change]]:
     yield ".", put("bits", 30)
 
 
-def of_the_connection() -> Iterator[tuple[str, Change]]:
-    claim, numbers, evidence = ("claim",), ("claim", "numbers"), ("evidence",)
-    yield "the smooth law has sides", put(*claim, "friction", "smooth")
-    yield "box at the second saddle", put(*claim, "beta", "0.0001")
-    yield "eigenvalues", put(*numbers, "lambda_u", "value", "6.65")
-    yield "eigenvalues", lambda c: c["claim"]["numbers"].update(lambda_s=c["claim"]["numbers"]["lambda_ss"])
-    yield "opposite sides", put(*numbers, "omega_h", "uncertainty", "1e-8")
-    yield "interval of speeds is empty", put(*numbers, "omega_h", "uncertainty", "0")
-    yield ".", put(*evidence, "directions", lambda rows: [row[::-1] for row in rows])
-    yield "no inverse", put(*evidence, "directions", [["1p0"] * 3] * 3)
-    yield "next to the saddle", put(*evidence, "unstable", "reach", "-1p-4")
-    yield "unstable manifold", put(*evidence, "unstable", "reach", "1p1")
-    yield "next to the saddle", put(*evidence, "cone", ["0p0", "1p-20"])
-    yield "unstable manifold", put(*evidence, "cone", ["1p-90", "1p-90"])
-    yield "unstable manifold", put(*evidence, "unstable", "graph", 0, 3, "1p0")
-    yield "pass the saddle", put(*evidence, "unstable", "graph", 1, 0, "1p-20")
-    yield "block", put(*evidence, "slow", "graph", 0, 1, "1p-4")
-    yield "cones at the first saddle", put(*evidence, "drift", ["1p-40", "1p-40", "1p-40"])
-    yield "the block", put(*evidence, "block", 0, "1p-20")
-    yield "no other speed", put(*evidence, "apart", 0, "1p10")
-    yield ".", put(*evidence, "flight", lambda log: log[:-9])
-    yield "steps end|log", put(*evidence, "flight", [])
-    yield "the flight, step 3", put(*evidence, "flight", 2, "steps", 0, 0, "-1p-9")
-    yield ".", put(*evidence, "flight", 5, "axes", [["0p0"] * 3] * 3)
+OF_THE_CONNECTION: list[tuple[str, Change]] = [
+    ("the smooth law has sides", put("claim", "friction", "smooth")),
+    ("box at the second saddle", put("claim", "beta", "0.0001")),
+    ("eigenvalues", put("claim", "numbers", "lambda_u", "value", "6.65")),
+    ("eigenvalues", lambda c: c["claim"]["numbers"].update(lambda_s=c["claim"]["numbers"]["lambda_ss"])),
+    ("opposite sides", put("claim", "numbers", "omega_h", "uncertainty", "1e-8")),
+    ("interval of speeds is empty", put("claim", "numbers", "omega_h", "uncertainty", "0")),
+    (".", put("evidence", "directions", lambda rows: [row[::-1] for row in rows])),
+    ("no inverse", put("evidence", "directions", [["1p0"] * 3] * 3)),
+    ("next to the saddle", put("evidence", "unstable", "reach", "-1p-4")),
+    ("unstable manifold", put("evidence", "unstable", "reach", "1p1")),
+    ("next to the saddle", put("evidence", "cone", ["0p0", "1p-20"])),
+    ("unstable manifold", put("evidence", "cone", ["1p-90", "1p-90"])),
+    ("unstable manifold", put("evidence", "unstable", "graph", 0, 3, "1p0")),
+    ("pass the saddle", put("evidence", "unstable", "graph", 1, 0, "1p-20")),
+    ("block", put("evidence", "slow", "graph", 0, 1, "1p-4")),
+    ("cones at the first saddle", put("evidence", "drift", ["1p-40", "1p-40", "1p-40"])),
+    ("the block", put("evidence", "block", 0, "1p-20")),
+    ("no other speed", put("evidence", "apart", 0, "1p10")),
+    (".", put("evidence", "flight", lambda log: log[:-9])),
+    ("steps end|log", put("evidence", "flight", [])),
+    ("the flight, step 3", put("evidence", "flight", 2, "steps", 0, 0, "-1p-9")),
+    (".", put("evidence", "flight", 5, "axes", [["0p0"] * 3] * 3)),
+]
 
 
 def test_the_certificate_of_omega_h_is_accepted() -> None:
@@ -101,7 +101,7 @@ def test_the_certificate_of_omega_h_is_accepted() -> None:
 def test_a_weaker_claim_is_accepted_as_what_it_says() -> None:
     content = json.loads(connection().certificate())
     content["claim"]["unique"] = content["claim"]["upright"] = False
-    content["sha256"] = claims.digest(content)
+    content["sha256"] = certificates.digest(content)
     sentence = proved(content)
     assert "at least one Omega" in sentence
     assert "all along" not in sentence
@@ -122,7 +122,7 @@ def test_the_branch_on_which_gamma_falls_is_not_taken_for_the_other_one() -> Non
             "cone": [arb(2) ** -4] * 2,
             "drift": [arb("0.01"), arb(4), arb(4)],
         }
-        saddle = Saddle(claim["parameters"], "linear", omega, mixed)
+        saddle = SaddleCoordinates(claim["parameters"], "linear", omega, mixed)
         with pytest.raises(Unproved, match="gamma grows where the branch leaves"):
             _departure(saddle, lambda name, *_: choices[name])
 
@@ -130,7 +130,7 @@ def test_the_branch_on_which_gamma_falls_is_not_taken_for_the_other_one() -> Non
 @pytest.mark.parametrize("share", [slice(5, None, 6), pytest.param(slice(None), marks=pytest.mark.slow)])
 def test_no_tampered_certificate_of_omega_h_is_accepted(share: slice) -> None:
     text = connection().certificate()
-    for line, act in [*of_the_connection(), *disks()][share]:
+    for line, act in [*OF_THE_CONNECTION, *disks()][share]:
         refused(text, line, act)
     content = json.loads(text)
     content["claim"]["beta"] = "0.006"
@@ -149,33 +149,33 @@ def test_the_command_writes_it_and_checks_it(tmp_path, capsys) -> None:
     assert "cannot be written" in capsys.readouterr().err
 
 
-def of_the_cycles() -> Iterator[tuple[str, Change]]:
-    claim, evidence = ("claim",), ("evidence",)
-    yield "is empty", put(*claim, "low", "30.0569")
-    yield "is empty", put(*claim, "high", "30.0488")
-    yield "crossings lie in Q", put(*claim, "gamma", "0.13")
-    yield "crossings lie in Q", put(*claim, "v", "0.26")
-    yield "Q lies in N", put(*claim, "v", "0.5")
-    yield "the extents of D", put(*claim, "gamma", "-0.14")
-    yield ".", put(*claim, "high", "30.3")
-    yield "opposite sides|eigenvalues", put(*claim, "numbers", "omega_h", "uncertainty", "1e-25")
-    yield "box lies in N|box at", put(*evidence, "connection", "room", 1, "0.5")
-    yield "eigenvalues", put(*evidence, "connection", "eigenvalues", 0, 0, "7")
-    yield "no flights", put(*evidence, "flights", "lengths", [])
-    yield "flight 1: the states", put(*evidence, "flights", "lengths", 0, 0, "1p-4")
-    yield "the extents", put(*evidence, "box", "extents", 1, "0p0")
-    yield ".", put(*evidence, "box", "extents", 0, "3p0")
-    yield "the cones of the steep weights", put(*evidence, "weights", "steep", 2, "1p-30")
-    yield "the variation by the speed", put(*evidence, "weights", "drift", 0, "1p-30")
-    yield "no inverse", put(*evidence, "box", "directions", [["1p0"] * 3] * 3)
-    yield ".", put(*evidence, "box", "cells", [1, 1])
-    yield "the cones of the flat weights", put(*evidence, "weights", "flat", "1p-12")
-    yield "the cones of the flat weights", put(*evidence, "weights", "lipschitz", "1p20")
-    yield "the second compound", put(*evidence, "weights", "compound", 0, "1p-10")
-    yield "the thin set", put(*evidence, "weights", "thin", "1p-10")
-    yield "after a crossing", put(*evidence, "weights", "return", "1p10")
-    yield "D and the graph", put(*evidence, "entry", "lid", "1p-10")
-    yield "crossings lie in Q", put(*evidence, "entry", "moment", "1p-6")
+OF_THE_CYCLES: list[tuple[str, Change]] = [
+    ("is empty", put("claim", "low", "30.0569")),
+    ("is empty", put("claim", "high", "30.0488")),
+    ("crossings lie in Q", put("claim", "gamma", "0.13")),
+    ("crossings lie in Q", put("claim", "v", "0.26")),
+    ("Q lies in N", put("claim", "v", "0.5")),
+    ("the extents of D", put("claim", "gamma", "-0.14")),
+    (".", put("claim", "high", "30.3")),
+    ("opposite sides|eigenvalues", put("claim", "numbers", "omega_h", "uncertainty", "1e-25")),
+    ("box lies in N|box at", put("evidence", "connection", "room", 1, "0.5")),
+    ("eigenvalues", put("evidence", "connection", "eigenvalues", 0, 0, "7")),
+    ("no flights", put("evidence", "flights", "lengths", [])),
+    ("flight 1: the states", put("evidence", "flights", "lengths", 0, 0, "1p-4")),
+    ("the extents", put("evidence", "box", "extents", 1, "0p0")),
+    (".", put("evidence", "box", "extents", 0, "3p0")),
+    ("the cones of the steep weights", put("evidence", "weights", "steep", 2, "1p-30")),
+    ("the variation by the speed", put("evidence", "weights", "drift", 0, "1p-30")),
+    ("no inverse", put("evidence", "box", "directions", [["1p0"] * 3] * 3)),
+    (".", put("evidence", "box", "cells", [1, 1])),
+    ("the cones of the flat weights", put("evidence", "weights", "flat", "1p-12")),
+    ("the cones of the flat weights", put("evidence", "weights", "lipschitz", "1p20")),
+    ("the second compound", put("evidence", "weights", "compound", 0, "1p-10")),
+    ("the thin set", put("evidence", "weights", "thin", "1p-10")),
+    ("after a crossing", put("evidence", "weights", "return", "1p10")),
+    ("D and the graph", put("evidence", "entry", "lid", "1p-10")),
+    ("crossings lie in Q", put("evidence", "entry", "moment", "1p-6")),
+]
 
 
 @pytest.mark.slow(minutes=2)
@@ -198,14 +198,19 @@ def test_the_certificate_of_the_cycles_is_accepted_and_nothing_else_is(taylor, m
     assert proved(json.loads(text)) == end.statement
     for part in (PRINTED.definition(), "from 30.0474 to 30.0569 rad/s exactly one, Omega_h", "3 pi/2 - 0.14 <= gamma"):
         assert part in end.statement
-    usual, original = connection_cycles.connection_shown, json.loads(text)
+    usual, original = connection_cycles.verify_connection, json.loads(text)
     steps = put("evidence", "flights", "steps", 198)  # is found at the flights' end only
-    for line, act in (*disks(), *of_the_cycles(), ("its last step|pass", steps)):
+    for line, act in (*disks(), *OF_THE_CYCLES, ("its last step|pass", steps)):
         content = json.loads(text)
         act(content)
-        same = all(at(content) == at(original) for at in (
-            lambda c: c["claim"]["parameters"], lambda c: c["claim"]["numbers"], lambda c: c["evidence"]["connection"],
-            lambda c: c["bits"],
-        ))  # fmt: skip
-        monkeypatch.setattr(connection_cycles, "connection_shown", (lambda *_: proof.shown) if same else usual)
+        same = all(
+            at(content) == at(original)
+            for at in (
+                lambda c: c["claim"]["parameters"],
+                lambda c: c["claim"]["numbers"],
+                lambda c: c["evidence"]["connection"],
+                lambda c: c["bits"],
+            )
+        )
+        monkeypatch.setattr(connection_cycles, "verify_connection", (lambda *_: proof.verified) if same else usual)
         refused(text, line, act)

@@ -18,12 +18,12 @@ from tests.proofs.test_passage import BITS, GIVEN, F, S, U, column, made_up
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.proofs.kernel.ball_array import BallArray
 from tippedisk_verify.proofs.kernel.balls import Unproved, ball, working_precision
-from tippedisk_verify.proofs.kernel.claims import connection_cycles as module
-from tippedisk_verify.proofs.kernel.claims import passage as flights_module
-from tippedisk_verify.proofs.kernel.claims.connection_cycles import End, ReturnMap, cycles_shown
-from tippedisk_verify.proofs.kernel.claims.passage import Passage
-from tippedisk_verify.proofs.kernel.claims.passage import arrivals as flown
-from tippedisk_verify.proofs.kernel.claims.saddle import Saddle
+from tippedisk_verify.proofs.kernel.certificates import connection_cycles as module
+from tippedisk_verify.proofs.kernel.certificates import passage as flights_module
+from tippedisk_verify.proofs.kernel.certificates.connection_cycles import End, LoopMap, verify_cycles
+from tippedisk_verify.proofs.kernel.certificates.passage import Passage
+from tippedisk_verify.proofs.kernel.certificates.passage import arrivals as flown
+from tippedisk_verify.proofs.kernel.certificates.saddle import SaddleCoordinates
 
 
 @pytest.fixture(autouse=True)
@@ -34,8 +34,13 @@ def _context() -> Iterator[None]:
 
 #: of D and Q, for the passage of `test_passage`
 ENTRY: dict[str, Any] = {
-    "lid": arb(0.077), "fast": arb(1) / 512, "weight": arb(0.25), "moment": arb(0.052), "gamma": "0.145", "v": "0.28",
-}  # fmt: skip
+    "lid": arb(0.077),
+    "fast": arb(1) / 512,
+    "weight": arb(0.25),
+    "moment": arb(0.052),
+    "gamma": "0.145",
+    "v": "0.28",
+}
 
 
 # --------------------------------------------------------------------------------------------------------- the flights
@@ -56,7 +61,7 @@ def arrival(omega: float, slow: float, fast: float) -> tuple[float, np.ndarray]:
 def flights(
     omega: Sequence[Any], slow: Sequence[Any], fast: Any, time: Any, count: int = STEPS, end: int = STEPS
 ) -> list[list[Any]]:
-    saddle = Saddle(DISK, "linear", BallArray.of(omega), DIRECTIONS)
+    saddle = SaddleCoordinates(DISK, "linear", BallArray.of(omega), DIRECTIONS)
     lengths = np.asarray(time) / (count - 0.5)
     return flown(saddle, [arb(x) for x in EXTENTS], BallArray.of(slow), fast, lengths, end)
 
@@ -127,7 +132,7 @@ def test_a_flight_in_which_beta_bar_has_no_largest_value_is_refused(monkeypatch:
 
 def test_a_flight_that_falls_is_refused() -> None:
     """From z_u = -u gamma falls."""
-    saddle = Saddle(DISK, "linear", BallArray.of([ball(OMEGA_H)]), DIRECTIONS)
+    saddle = SaddleCoordinates(DISK, "linear", BallArray.of([ball(OMEGA_H)]), DIRECTIONS)
     with pytest.raises(Unproved, match="0 < beta_bar"):
         flown(saddle, [arb(-0.2), arb(0.2), arb(0.3)], BallArray([0.0]), arb(0), np.array([0.005]), 201)
 
@@ -142,23 +147,25 @@ def test_the_flights_cover_all_exits_and_speeds(monkeypatch: pytest.MonkeyPatch)
         cells.extend(zip(*balls, strict=True))
 
     monkeypatch.setattr(module, "arrivals", told)
-    n = SimpleNamespace(saddle=Saddle(DISK, "linear", arb(30), DIRECTIONS), extents=[arb(x) for x in GIVEN["extents"]])
-    returned = SimpleNamespace(n=n, exits=(arb(-0.125), arb(0.375)), exit_fast=arb(0))
+    n = SimpleNamespace(
+        saddle=SaddleCoordinates(DISK, "linear", arb(30), DIRECTIONS), extents=[arb(x) for x in GIVEN["extents"]]
+    )
+    loop_map = SimpleNamespace(n=n, exits=(arb(-0.125), arb(0.375)), exit_fast=arb(0))
     low, high = Fraction("30.0474"), Fraction("30.0569")
-    module._flights(returned, low, high, {"steps": 9, "lengths": [[arb(1)] * 3, [arb(1)] * 2]}, print)
+    module._flights(loop_map, low, high, {"steps": 9, "lengths": [[arb(1)] * 3, [arb(1)] * 2]}, print)
     assert len(cells) == 5
     for i, j in product(range(13), range(13)):
         speed, slow = ball(low + (high - low) * Fraction(i, 12)), arb(-0.125) + arb(j) / 24
         assert any(a.contains(speed) and b.contains(slow) for a, b in cells)
     for lengths in ([], [[]], [[arb(1)], []]):
         with pytest.raises(Unproved, match="no flights"):
-            module._flights(returned, low, high, {"steps": 9, "lengths": lengths}, print)
+            module._flights(loop_map, low, high, {"steps": 9, "lengths": lengths}, print)
 
 
 # ------------------------------------------------------------------------------------------------------ the connection
 def connected(*pieces: tuple[float, float, float], room: Sequence[str] = ("0.0055", "0.02", "0.044")) -> None:
     """Of pieces of a flight with these z about the second saddle."""
-    saddle = Saddle(DISK, "linear", ball(OMEGA_H), DIRECTIONS)
+    saddle = SaddleCoordinates(DISK, "linear", ball(OMEGA_H), DIRECTIONS)
     n = SimpleNamespace(saddle=saddle, extents=[arb(x) for x in GIVEN["extents"]])
     offsets = [saddle.offset([arb(x) for x in z]) for z in pieces]
     states = [(beta, y + arb.pi(), v) for beta, y, v in offsets]
@@ -184,7 +191,7 @@ def test_the_connection_stays_in_n() -> None:
 def test_an_interval_that_is_empty_is_refused(low: str, high: str) -> None:
     connection = SimpleNamespace(friction="linear", low=Fraction("30.048"), high=Fraction("30.05"))
     with pytest.raises(Unproved, match="an interval is empty"):
-        cycles_shown(connection, Fraction(low), Fraction(high), print)  # type: ignore[arg-type]
+        verify_cycles(connection, Fraction(low), Fraction(high), print)  # type: ignore[arg-type]
 
 
 def test_the_end_that_is_shown_knows_its_cycles() -> None:
@@ -203,8 +210,8 @@ def test_the_end_that_is_shown_knows_its_cycles() -> None:
 
 
 # ---------------------------------------------------------------------------------------------------- the return map
-def returned_by(n: Passage) -> ReturnMap:
-    return ReturnMap(n, ENTRY)
+def loop_map_of(n: Passage) -> LoopMap:
+    return LoopMap(n, ENTRY)
 
 
 def changed(matrix: Any, row: int, k: int, x: float) -> Any:
@@ -230,11 +237,11 @@ BEFORE: list[tuple[str, str, Callable[[Any], Any]]] = [
 def test_what_is_asked_before_the_flights(line: str, name: str, other: Callable[[Any], Any]) -> None:
     """One of the passage's answers is another one."""
     n = made_up()
-    returned_by(n)
+    loop_map_of(n)
     owner = n.saddle if name.startswith("saddle.") else n
     setattr(owner, name.removeprefix("saddle."), other(n))
-    with pytest.raises(Unproved, match=f"^{line}:"):
-        returned_by(n)
+    with pytest.raises(Unproved, match=rf"^7a\.\d: {line}:"):
+        loop_map_of(n)
 
 
 @pytest.mark.parametrize("swapped", [False, True])
@@ -244,21 +251,21 @@ def test_the_exits_hold_those_from_d_and_from_q(swapped: bool) -> None:
     rest = iter([*(answers[::-1] if swapped else answers), (0.03125, 0)])
     n = made_up()
     vars(n).update(crossing=lambda *_: arb(0), fallen=lambda *_: [arb(x) for x in next(rest)])
-    returned = returned_by(n)
-    assert returned.exits == (arb(-0.03125), arb(0.125))
-    assert all(returned.exit_fast.contains(x) for x in (-0.015625, 0.015625))
-    assert all(returned.leaving[S].contains(x) for x in (0.03125, -0.125))
-    assert not returned.leaving[S].contains(0.0625)
+    loop_map = loop_map_of(n)
+    assert loop_map.exits == (arb(-0.03125), arb(0.125))
+    assert all(loop_map.exit_fast.contains(x) for x in (-0.015625, 0.015625))
+    assert all(loop_map.leaving[S].contains(x) for x in (0.03125, -0.125))
+    assert not loop_map.leaving[S].contains(0.0625)
 
 
-def before_shown() -> tuple[ReturnMap, Any]:
+def before_flights() -> tuple[LoopMap, Any]:
     """With a linear field, and arrivals that fit; what is changed in the passage now does not change its answers."""
     n = made_up()
-    returned = returned_by(n)
+    loop_map = loop_map_of(n)
     answers = {name: getattr(n, name) for name in ("settled", "ratio", "fallen")}
     known = SimpleNamespace(**{**vars(n), **answers, "rates": lambda z: list((n.M * column(z)).entries())})
-    returned.n = known
-    return returned, known
+    loop_map.n = known
+    return loop_map, known
 
 
 def rates_of(n: Any, row: int, x: Any, leaving: bool = False) -> Callable[[Any], Any]:
@@ -282,8 +289,9 @@ def settled_of(n: Any, place: int, answer: Sequence[float]) -> Callable[[Any, An
 
 def directed(n: Any, row: int, k: int, x: float) -> Any:
     """The saddle with another entry of P, where P itself is asked for."""
-    return SimpleNamespace(**{**vars(n.saddle), "directions": changed(n.saddle.directions, row, k, x),
-                              "offset": n.saddle.offset})  # fmt: skip
+    return SimpleNamespace(
+        **{**vars(n.saddle), "directions": changed(n.saddle.directions, row, k, x), "offset": n.saddle.offset}
+    )
 
 
 AFTER: list[tuple[str, dict[str, Callable[[Any], Any]], dict[tuple[int, int], Any]]] = [
@@ -309,11 +317,11 @@ AFTER: list[tuple[str, dict[str, Callable[[Any], Any]], dict[tuple[int, int], An
     ("gamma_bar_0 falls", {"saddle": lambda n: directed(n, 1, S, -6)}, {}),
     ("gamma_bar_0 falls", {"saddle": lambda n: directed(n, 1, F, 1)}, {}),
     ("the period falls", {"grows": lambda n: (arb(-1000), n.grows[1])}, {}),
-]  # fmt: skip
+]
 
 
 def test_the_made_up_return_map_is_shown() -> None:
-    assert before_shown()[0].shown(arrivals()) < 1
+    assert before_flights()[0].verify(arrivals()) < 1
 
 
 @pytest.mark.parametrize(("line", "others", "moved"), AFTER)
@@ -323,14 +331,14 @@ def test_what_is_asked_after_the_flights(
     moved: dict[tuple[int, int], Any],
 ) -> None:
     """One of the passage's answers is another one, where it has to be with other arrivals."""
-    returned, n = before_shown()
+    loop_map, n = before_flights()
     for name, other in others.items():
         setattr(n, name, other(n))
     rows = arrivals()
     for (row, k), x in moved.items():
         rows[row][k] = x
-    with pytest.raises(Unproved, match=f"^{line}:"):
-        returned.shown(rows)
+    with pytest.raises(Unproved, match=rf"^7a\.\d: {line}:"):
+        loop_map.verify(rows)
 
 
 @pytest.mark.parametrize(
@@ -355,9 +363,9 @@ def test_what_is_asked_after_the_flights(
 def test_what_is_asked_of_d_and_q(name: str, x: Any, line: str) -> None:
     """Every number of D and Q, changed so that its inequality breaks."""
     n = made_up()
-    returned_by(n)
-    with pytest.raises(Unproved, match=f"^{line}"):
-        ReturnMap(n, ENTRY | {name: x})
+    loop_map_of(n)
+    with pytest.raises(Unproved, match=rf"^7a\.\d: {line}"):
+        LoopMap(n, ENTRY | {name: x})
 
 
 def arrivals() -> list[list[Any]]:
@@ -390,11 +398,11 @@ def arrivals() -> list[list[Any]]:
         (3, 1, lambda x: -9 * x, "beta_max falls"),
         (3, 0, lambda x: x / 20, "beta_max is in the flight"),
     ],
-)  # fmt: skip
+)
 def test_what_is_found_after_the_flights(row: int, column: int, spoil: Callable[[Any], Any], line: str) -> None:
     """A number of the arrivals, doubled or with its sign turned, breaks the inequality that rests on it."""
-    returned, _ = before_shown()
+    loop_map, _ = before_flights()
     spoiled = arrivals()
     spoiled[row][column] = spoil(spoiled[row][column])
     with pytest.raises(Unproved, match=line):
-        returned.shown(spoiled)
+        loop_map.verify(spoiled)

@@ -21,11 +21,10 @@ from tippedisk_verify.model.equations import field, shifted
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.proofs.kernel.balls import arb, ball, ball_constants, positive, working_precision
-from tippedisk_verify.proofs.kernel.claims.cycle import names
-from tippedisk_verify.proofs.kernel.flow import Model
-from tippedisk_verify.proofs.kernel.section import Status as FlightStatus
+from tippedisk_verify.proofs.kernel.certificates.cycle import names
+from tippedisk_verify.proofs.kernel.flow import FlowStatus, Model
 from tippedisk_verify.proofs.numbers import measured
-from tippedisk_verify.proofs.search.cycle import TURN, OrbitProof, Status, prove_cycle
+from tippedisk_verify.proofs.search.cycle import TURN, OrbitProof, OrbitStatus, prove_cycle
 from tippedisk_verify.reference_values.lookup import reference
 
 OMEGA = Fraction("30.386592688644")  # the reference data's speed half a radian per second below Omega_crit
@@ -54,8 +53,15 @@ def box(relative: str) -> tuple[list, list]:
 
 
 def numbers_of(flight: Any) -> list[Any]:
-    return [flight.time, *flight.image, *flight.matrix[0], *flight.matrix[1], *flight.by_omega,
-            *flight.time_by_state, flight.time_by_omega]  # fmt: skip
+    return [
+        flight.time,
+        *flight.image,
+        *flight.matrix[0],
+        *flight.matrix[1],
+        *flight.by_omega,
+        *flight.time_by_state,
+        flight.time_by_omega,
+    ]
 
 
 # ------------------------------------------------------------------------------------------------------- what is proved
@@ -105,31 +111,23 @@ def test_subcritical_cycles_are_proved_unstable(taylor) -> None:
     assert measured(proof.values["multiplier_slow"]).value > 1
 
 
-def test_twice_the_half_map_turns_the_fixed_point_into_itself() -> None:
-    """The defining property, at another precision: the image of the proved box meets the box; and Liouville's law."""
-    proof = proved()
-    with working_precision(120):
-        period, gamma_bar_0, v_0, beta_max = (proof.values[name] for name in NUMBERS[:4])
-        flight = half_flight(model(), gamma_bar_0, v_0, derivatives=True)
-        assert flight.status is FlightStatus.RETURNED
-        assert flight.image[0].overlaps(gamma_bar_0)
-        assert flight.image[1].overlaps(v_0)
-        assert (2 * flight.time).overlaps(period)
-        assert (-flight.beta_least).overlaps(beta_max)
-        (a, b), (c, d) = flight.matrix
-        assert (a * d - b * c).overlaps(-flight.divergence.exp())
-
-
 @FLIGHTS
 def test_a_flight_off_the_cycle_against_shooting(taylor, flight, section, start) -> None:
     """In double: the maps amplify rounding some thousand times, and their derivatives are of size 1."""
     ordinary = ReturnMap(section, PRINTED, OMEGA, taylor)(tuple(map(float, start)))
     with working_precision(80):
         found = flight(model(), *map(ball, start), derivatives=True)
-    assert found.status is FlightStatus.RETURNED
+    assert found.status is FlowStatus.RETURNED
     image = [residual + float(part) for residual, part in zip(ordinary.residual, start, strict=True)]
-    others = [ordinary.time, *image, *ordinary.matrix[0], *ordinary.matrix[1], *ordinary.by_omega,
-              *ordinary.time_by_state, ordinary.time_by_omega]  # fmt: skip
+    others = [
+        ordinary.time,
+        *image,
+        *ordinary.matrix[0],
+        *ordinary.matrix[1],
+        *ordinary.by_omega,
+        *ordinary.time_by_state,
+        ordinary.time_by_omega,
+    ]
     for mine, other in zip(numbers_of(found), others, strict=True):
         assert mine.rad() < 1e-17 * (1 + abs(other))
         assert float(mine.mid()) == pytest.approx(float(other), rel=1e-10, abs=1e-11)
@@ -141,8 +139,11 @@ def test_differences_of_flights_lie_in_the_enclosed_derivatives(flight, section,
     with working_precision(64):
         step = ball("1e-6")
         middle = [*map(ball, start), ball(OMEGA)]
-        whole = flight(model(omega=hull(OMEGA, OMEGA + Fraction(1, 10**6))), *(x + arb(0, step) for x in middle[:2]),
-                       derivatives=True)  # fmt: skip
+        whole = flight(
+            model(omega=hull(OMEGA, OMEGA + Fraction(1, 10**6))),
+            *(x + arb(0, step) for x in middle[:2]),
+            derivatives=True,
+        )
         here = flight(model(), *middle[:2])
         columns = [*zip(*whole.matrix, strict=True), whole.by_omega]
         for k, (column, time_by) in enumerate(zip(columns, (*whole.time_by_state, whole.time_by_omega), strict=True)):
@@ -188,10 +189,10 @@ def test_boxes_beside_the_cycle_are_not_included() -> None:
     [
         pytest.param("31.4", GUESS, None, marks=pytest.mark.slow),  # above Omega_crit the cycle is gone
         pytest.param("29.5", GUESS, None, marks=pytest.mark.slow),  # below Omega_h too
-        (OMEGA, ("1.7", "1.7"), Status.NOT_FOLLOWED),  # the wrong side of the section
-        (OMEGA, ("0", "0"), Status.TRIVIAL),
+        (OMEGA, ("1.7", "1.7"), OrbitStatus.NOT_FOLLOWED),  # the wrong side of the section
+        (OMEGA, ("0", "0"), OrbitStatus.TRIVIAL),
         (OMEGA, ("1e-3", "-2e-3"), None),
-        (OMEGA, ("0.5", "-400"), Status.NOT_FOLLOWED),  # falls flat
+        (OMEGA, ("0.5", "-400"), OrbitStatus.NOT_FOLLOWED),  # falls flat
     ],
     ids=str,
 )
@@ -209,12 +210,12 @@ def test_ends_without_a_proof(omega, guess, status) -> None:
 @pytest.mark.parametrize(
     ("flight", "first", "v", "status"),
     [
-        (half_flight, ball("1.7"), arb(0, "0.1"), FlightStatus.NO_START),
-        (half_flight, ball("1.7"), ball(1), FlightStatus.NO_START),
-        (half_flight, ball("1.7"), arb("nan"), FlightStatus.NO_START),
-        (half_flight, arb("nan"), ball(-1), FlightStatus.NO_ENCLOSURE),
-        (half_flight, arb("1.7", "0.2"), ball("-1.7"), FlightStatus.TOO_WIDE),
-        (half_flight, ball("0.5"), ball(-400), FlightStatus.FLAT),
+        (half_flight, ball("1.7"), arb(0, "0.1"), FlowStatus.NO_START),
+        (half_flight, ball("1.7"), ball(1), FlowStatus.NO_START),
+        (half_flight, ball("1.7"), arb("nan"), FlowStatus.NO_START),
+        (half_flight, arb("nan"), ball(-1), FlowStatus.NO_ENCLOSURE),
+        (half_flight, arb("1.7", "0.2"), ball("-1.7"), FlowStatus.TOO_WIDE),
+        (half_flight, ball("0.5"), ball(-400), FlowStatus.FLAT),
         (turn_flight, ball("0.3"), ball("0.3"), None),  # turns back
         (turn_flight, ball("1.2"), ball(1), None),  # lies flat
         (turn_flight, ball("-0.5"), ball("-0.5"), None),
@@ -223,10 +224,10 @@ def test_ends_without_a_proof(omega, guess, status) -> None:
 def test_flights_that_do_not_return(flight, first, v, status) -> None:
     with working_precision(64):
         found = flight(model(), first, v).status
-        assert found is not FlightStatus.RETURNED
+        assert found is not FlowStatus.RETURNED
         assert status is None or found is status
         short = half_flight(model(), *(ball(part) for part in GUESS), longest=0.05)
-        assert short.status is FlightStatus.NO_RETURN
+        assert short.status is FlowStatus.NO_RETURN
         assert positive(short.reached - ball("0.05"))
 
 

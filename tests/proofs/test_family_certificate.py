@@ -14,11 +14,11 @@ import pytest
 
 from tests.proofs.test_branch import DISK, SUBCRITICAL, first, quick, second  # noqa: F401
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
-from tippedisk_verify.proofs.kernel import claims
+from tippedisk_verify.proofs.kernel import certificates
 from tippedisk_verify.proofs.kernel.balls import ball, working_precision
-from tippedisk_verify.proofs.kernel.claims import connection_cycles
-from tippedisk_verify.proofs.kernel.claims import family as module
-from tippedisk_verify.proofs.kernel.claims.family import Job, Piece, last_cycle, omega_crit, piece_shown, show
+from tippedisk_verify.proofs.kernel.certificates import connection_cycles
+from tippedisk_verify.proofs.kernel.certificates import family as module
+from tippedisk_verify.proofs.kernel.certificates.family import Job, Piece, last_cycle, omega_crit, verify, verify_piece
 from tippedisk_verify.proofs.search.branch import BranchProof
 from tippedisk_verify.proofs.search.certificate import parameter_texts
 
@@ -32,12 +32,15 @@ def arcs() -> tuple[dict[str, Any], list[dict[str, Any]], list[list[Fraction]]]:
     first = {"end": "0.5", "curve": [["-2", "-1/10"], [str(middle - Fraction(1, 2)), "-1/2"]], "wide box": wide}
     second = {"end": "1", "curve": [["-3/2", "-9/20"], [str(middle - Fraction(3, 2)), "-1/2"]], "wide box": wide}
     claim = {
-        "kind": "family of limit cycles", "parameters": DISK, "friction": "linear",
-        "amplitude_first": "0.5", "amplitude_end": "1",
+        "kind": "family of limit cycles",
+        "parameters": DISK,
+        "friction": "linear",
+        "amplitude_first": "0.5",
+        "amplitude_end": "1",
         "omega_end": str(middle - 2 + Fraction(1, 50)),
         "numbers": {"omega_crit": {"value": str(middle), "uncertainty": "0.0001"}},
         "unique_within": {"v_0_per_gamma_bar_0": "0.09", "v_0": "0.09", "omega": "0.18"},
-    }  # fmt: skip
+    }
     return claim, [copy.deepcopy(arc) for arc in (first, second)], [[Fraction(1, 128), Fraction(1, 64)]] * 2
 
 
@@ -53,7 +56,7 @@ def pieces(entries: Any, within: Any, low: Fraction = Fraction(0)) -> list[Piece
 
 def glued(claim: Any, entries: Any, within: Any) -> None:
     with working_precision(100):
-        show(claim, {"arcs": entries}, lambda function, jobs: pieces(entries, within))
+        verify(claim, {"arcs": entries}, lambda function, jobs: pieces(entries, within))
 
 
 def test_arcs_that_fit_are_one_curve() -> None:
@@ -87,7 +90,7 @@ SPOILED: dict[str, tuple[Callable[[Any, Any], Any], str]] = {
 def test_what_does_not_fit_is_not_shown(name) -> None:
     claim, entries, within = copy.deepcopy(arcs())
     SPOILED[name][0](claim, entries)
-    with pytest.raises(claims.Unproved, match=SPOILED[name][1]):
+    with pytest.raises(certificates.Unproved, match=SPOILED[name][1]):
         glued(claim, entries, within)
 
 
@@ -102,7 +105,7 @@ def test_a_cycle_that_may_lie_outside_is_not_joined(row: int, by: str) -> None:
     glued(claim, entries, within)
     claim, entries, within = copy.deepcopy(arcs())
     _moved(entries, 1, row, Fraction(by))
-    with pytest.raises(claims.Unproved, match="one curve"):
+    with pytest.raises(certificates.Unproved, match="one curve"):
         glued(claim, entries, within)
 
 
@@ -122,20 +125,20 @@ def test_the_whole_family_runs_into_the_cycles_next_to_the_connection(meets, mon
     """Of the last cycle the other end is asked, with the claim's numbers and its own choices."""
     asked: list[Any] = []
 
-    def end_shown(claim: Any, evidence: Any) -> Any:
+    def verified_end(claim: Any, evidence: Any) -> Any:
         asked.append((claim["numbers"]["omega_h"], claim["high"], evidence))
         return SimpleNamespace(meets=lambda *cycle: asked.append(cycle) or meets)
 
-    monkeypatch.setattr(connection_cycles, "show", end_shown)
+    monkeypatch.setattr(connection_cycles, "verify", verified_end)
     claim, entries, within = arcs()
     number = {"value": "30.05", "uncertainty": "0.001"}
     claim |= {"kind": "whole family of limit cycles", "low": "30", "high": "30.1", "gamma": "0.1", "v": "0.2"}
     claim["numbers"] |= {"omega_h": number}
-    with working_precision(100), nullcontext() if meets else pytest.raises(claims.Unproved, match="run into"):
-        show(claim, {"arcs": entries, "end": "choices"}, lambda function, jobs: pieces(entries, within))
+    with working_precision(100), nullcontext() if meets else pytest.raises(certificates.Unproved, match="run into"):
+        verify(claim, {"arcs": entries, "end": "choices"}, lambda function, jobs: pieces(entries, within))
     assert asked[0] == (number, "30.1", "choices")
     assert all(a.overlaps(b) for a, b in zip(asked[1], last_cycle(pieces(entries, within)), strict=True))
-    said = claims.sentence(claim)
+    said = certificates.sentence(claim)
     for words in ("a in (0, pi)", "Omega_h = 30.05 ± 0.001 rad/s", "from 30 to 30.1 rad/s Omega_h is the only one"):
         assert words in said
 
@@ -158,31 +161,40 @@ def test_both_boxes_and_the_signs_are_shown(monkeypatch: pytest.MonkeyPatch) -> 
     monkeypatch.setattr(module, "box_test", box_test)
     monkeypatch.setattr(module, "signs", lambda arc: said.append("signs"))
     narrow, wide = {"radii": ["0.01", "0.02"], "steps": []}, {"radii": ["0.1", "0.2"], "steps": []}
-    piece = piece_shown((DISK, Fraction("0.5"), 2, ARC | {"box": narrow, "wide box": wide}))
+    piece = verify_piece((DISK, Fraction("0.5"), 2, ARC | {"box": narrow, "wide box": wide}))
     assert said == [[0.01, 0.02], "signs", [0.1, 0.2]]
     assert piece.unique_within == (Fraction("0.1"), Fraction("0.2"))
-    assert all(x <= near < x + Fraction(1, 10**9)
-               for x, near in zip((Fraction("1e-3"), Fraction("2e-3")), piece.within, strict=True))  # fmt: skip
-    with pytest.raises(claims.Unproved, match="does not hold the other one"):
-        piece_shown((DISK, Fraction("0.5"), 2, ARC | {"box": wide, "wide box": narrow}))
+    assert all(
+        x <= near < x + Fraction(1, 10**9)
+        for x, near in zip((Fraction("1e-3"), Fraction("2e-3")), piece.within, strict=True)
+    )
+    with pytest.raises(certificates.Unproved, match="does not hold the other one"):
+        verify_piece((DISK, Fraction("0.5"), 2, ARC | {"box": wide, "wide box": narrow}))
     monkeypatch.setattr(Test, "included", False)
-    with pytest.raises(claims.Unproved, match="arc 2, box: Krawczyk"):
-        piece_shown((DISK, Fraction("0.5"), 2, ARC | {"box": narrow}))
+    with pytest.raises(certificates.Unproved, match="arc 2, box: Krawczyk"):
+        verify_piece((DISK, Fraction("0.5"), 2, ARC | {"box": narrow}))
 
 
-@pytest.mark.parametrize("change", [
-    {"end": "0.5"}, {"end": "0.4"}, {"half": ["1"]}, {"curve": [["1"], ["1", "0"]]},
-    {"box": {"radii": ["0", "0.02"], "steps": []}}, {"box": {"radii": ["0.1", "-0.02"], "steps": []}},
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"end": "0.5"},
+        {"end": "0.4"},
+        {"half": ["1"]},
+        {"curve": [["1"], ["1", "0"]]},
+        {"box": {"radii": ["0", "0.02"], "steps": []}},
+        {"box": {"radii": ["0.1", "-0.02"], "steps": []}},
+    ],
+)
 def test_an_arc_that_is_none_is_not_shown(change) -> None:
     arc = ARC | {"box": {"radii": ["0.01", "0.02"], "steps": []}} | change
-    with pytest.raises(claims.Unproved, match=r"ends where|unlike degrees|not positive"):
-        piece_shown((DISK, Fraction("0.5"), 2, arc))
+    with pytest.raises(certificates.Unproved, match=r"not above its beginning|unlike degrees|not positive"):
+        verify_piece((DISK, Fraction("0.5"), 2, arc))
 
 
 def test_what_is_no_arc_is_refused() -> None:
-    with pytest.raises(claims.Refused, match="arc 2"):
-        piece_shown((DISK, Fraction("0.5"), 2, ARC))
+    with pytest.raises(certificates.Refused, match="arc 2"):
+        verify_piece((DISK, Fraction("0.5"), 2, ARC))
 
 
 # -------------------------------------------------------------------------------------------------------- certificates
@@ -193,10 +205,11 @@ IN_THE_ARC: dict[str, tuple[Callable[[Any], Any], str]] = {
         "Krawczyk|return|move|section|stable",
     ),
     "the box is a hundred times smaller": (
-        lambda arc: arc["box"].update(radii=[str(Fraction(text) / 100) for text in arc["box"]["radii"]]), "Krawczyk"
+        lambda arc: arc["box"].update(radii=[str(Fraction(text) / 100) for text in arc["box"]["radii"]]),
+        "Krawczyk",
     ),
     "a step is missing": (lambda arc: arc["box"]["steps"].pop(30), "return|move|section|missing"),
-}  # fmt: skip
+}
 
 
 @pytest.mark.slow(minutes=0.5)
@@ -213,21 +226,21 @@ def test_a_certificate_is_accepted_and_what_is_tampered_with_is_not(quick) -> No
         return [shown[job[2]] for job in jobs]
 
     # The sentence is the one that was proved, word for word.
-    assert claims.proved(content, mapped) == proof.statement
+    assert certificates.proved(content, mapped) == proof.statement
     for piece, again in zip(proved, shown.values(), strict=True):
         assert all(a <= b for a, b in zip(again.within, piece.within, strict=True))
     for spoil, said in IN_THE_ARC.values():
         arc = copy.deepcopy(content["evidence"]["arcs"][1])
         spoil(arc)
-        with pytest.raises((claims.Unproved, claims.Refused), match=said):
-            piece_shown((DISK, Fraction("0.1"), 2, arc))
-    assert first(SUBCRITICAL) is module.Status.RISING
+        with pytest.raises((certificates.Unproved, certificates.Refused), match=said):
+            verify_piece((DISK, Fraction("0.1"), 2, arc))
+    assert first(SUBCRITICAL) is module.ArcStatus.RISING
     for other in (SUBCRITICAL, CALIBRATED):
-        with pytest.raises(claims.Unproved, match="arc 2"):
-            piece_shown((parameter_texts(other), Fraction("0.1"), 2, content["evidence"]["arcs"][1]))
+        with pytest.raises(certificates.Unproved, match="arc 2"):
+            verify_piece((parameter_texts(other), Fraction("0.1"), 2, content["evidence"]["arcs"][1]))
     content["claim"]["amplitude_end"] = "0.12"
-    with pytest.raises(claims.Unproved, match="digest"):
-        claims.proved(content, mapped)
-    content["sha256"] = claims.digest(content)
-    with pytest.raises(claims.Unproved, match="amplitude_end"):
-        claims.proved(content, mapped)
+    with pytest.raises(certificates.Unproved, match="digest"):
+        certificates.proved(content, mapped)
+    content["sha256"] = certificates.digest(content)
+    with pytest.raises(certificates.Unproved, match="amplitude_end"):
+        certificates.proved(content, mapped)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import random
 from collections.abc import Callable
 from fractions import Fraction
@@ -78,65 +77,6 @@ def test_rates_and_derivatives_at_random_points_of_random_disks() -> None:
 def test_what_is_no_disk_is_refused(name: str, value: str) -> None:
     with pytest.raises(Unproved, match="no disk's"):
         constants({**DISK, name: value})
-
-
-# ---------------------------------------------------------------------------------------------------------- recurrences
-ORDER = 12
-
-
-def solve(rates, start):
-    """Coefficients for x' = rates(graph, *x), in the arithmetic of the start."""
-    graph = Graph()
-    variables = [graph.variable() for _ in start]
-    system = System(graph, variables, [graph.number(rate) for rate in rates(graph, *variables)])
-    return system.coefficients(start, ORDER)
-
-
-def factorial_inverse(n: int) -> Fraction:
-    return Fraction(1, math.factorial(n))
-
-
-# Exact rational coefficients: the recurrences run on Fractions as well as on balls.
-EXACT = {
-    "growth": (lambda g, x: [x], [1], lambda n: factorial_inverse(n)),
-    "pole": (lambda g, x: [x * x], [1], lambda n: Fraction(1)),
-    "pole of a cube": (lambda g, x: [x * (x * x)], [1], lambda n: Fraction(math.comb(2 * n, n), 2**n)),
-    "root": (lambda g, x: [1 / (2 * x)], [1], lambda n: _binomial(Fraction(1, 2), n)),
-    "quotient": (lambda g, x, t: [-x / (1 + t), 1 + 0 * t], [1, 0], lambda n: Fraction((-1) ** n)),
-    "difference": (lambda g, x: [3 - x - 1], [0], lambda n: -2 * (-1) ** n * factorial_inverse(n) if n else 0),
-    "falling": (lambda g, x: [-x], [1], lambda n: (-1) ** n * factorial_inverse(n)),
-    "straight": (lambda g, x: [g.number(Fraction(2))], [5], lambda n: [5, 2][n] if n < 2 else 0),
-}
-
-
-def _binomial(power: Fraction, n: int) -> Fraction:
-    result = Fraction(1)
-    for k in range(n):
-        result = result * (power - k) / (k + 1)
-    return result
-
-
-@pytest.mark.parametrize("name", EXACT)
-def test_closed_forms(name) -> None:
-    rates, start, coefficient = EXACT[name]
-    exact = [coefficient(n) for n in range(ORDER + 1)]
-    assert solve(rates, [Fraction(value) for value in start])[0] == exact
-    if name == "straight":
-        rates = lambda g, x: [g.number(ball(2))]  # noqa: E731
-    with working_precision(80):
-        found = solve(rates, [ball(value) for value in start])[0]
-    assert all(measured(value).holds(true) for value, true in zip(found, exact, strict=True))
-
-
-def test_sine_and_cosine() -> None:
-    """x' = 1: sin(x) is rated by y' = cos(x), so y = sin(t) from 0; and cos(2 t) through an inner function."""
-    with working_precision(90):
-        _, y, z = solve(lambda g, x, y, z: [g.number(1), g.cos(x), -2 * g.sin(2 * x)], [ball(0), ball(0), ball(1)])
-    for n in range(ORDER + 1):
-        sine = Fraction(0) if n % 2 == 0 else (-1) ** (n // 2) * factorial_inverse(n)
-        cosine = Fraction(0) if n % 2 else (-1) ** (n // 2) * 2**n * factorial_inverse(n)
-        assert measured(y[n]).holds(sine)
-        assert measured(z[n]).holds(cosine)
 
 
 def test_a_variable_without_a_rate_is_refused() -> None:

@@ -15,8 +15,8 @@ from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.proofs.kernel.balls import arb
-from tippedisk_verify.proofs.kernel.claims.cycle import UNKNOWNS
-from tippedisk_verify.proofs.kernel.claims.fold import extremum as extremum_of
+from tippedisk_verify.proofs.kernel.certificates.cycle import UNKNOWNS
+from tippedisk_verify.proofs.kernel.certificates.fold import extremum as extremum_of
 from tippedisk_verify.proofs.search.fold import HALF, TURN, FoldProof, prove_fold
 
 SUBCRITICAL = PRINTED.changed(A="0.229e-3")  # cycles are born above Omega_crit and turn round

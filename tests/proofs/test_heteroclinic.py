@@ -3,30 +3,28 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
 from dataclasses import replace
 from fractions import Fraction
-from typing import Any
 
 import pytest
 from flint import arb, arb_mat, ctx
 
-from tests.proofs.cases import carry, proved_connection
+from tests.proofs.cases import proved_connection
 from tests.proofs.saddle_orbits import OMEGA_H
 from tippedisk_verify.cycles.omega_h import heteroclinic
 from tippedisk_verify.errors import InputError, NoConnectionError
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
-from tippedisk_verify.proofs.kernel.balls import ball, ball_constants, positive, working_precision
-from tippedisk_verify.proofs.kernel.claims.connection import _slowly, connection_shown
-from tippedisk_verify.proofs.kernel.claims.saddle import UNSTABLE, Saddle
-from tippedisk_verify.proofs.kernel.flow import Model, Path
+from tippedisk_verify.proofs.kernel.balls import ball, working_precision
+from tippedisk_verify.proofs.kernel.certificates.connection import _slowly
 from tippedisk_verify.proofs.search import heteroclinic as certified
-from tippedisk_verify.proofs.search.certificate import parameter_texts
-from tippedisk_verify.proofs.search.connection_end import ProvedEnd, prove_end
-from tippedisk_verify.proofs.search.connection_end import Status as EndStatus
-from tippedisk_verify.proofs.search.heteroclinic import ProvedConnection, Status, prove_connection, series_of_curve
+from tippedisk_verify.proofs.search.connection_end import EndStatus, ProvedEnd, prove_end
+from tippedisk_verify.proofs.search.heteroclinic import (
+    ConnectionStatus,
+    ProvedConnection,
+    prove_connection,
+)
 from tippedisk_verify.reference_values.lookup import reference
 
 TRUTH = {name: reference(f"{name}/linear/heteroclinic/point/omega_h").measured() for name in ("printed", "calibrated")}
@@ -66,7 +64,7 @@ def test_what_follows_of_limit_cycles_names_its_space() -> None:
         {"slowly": False},
         {"saddle_eigenvalues": repelling},
         {"saddle_eigenvalues": (Measured(9 + unstable.value, unstable.uncertainty), slow, fast)},
-        {"status": Status.SIDES},
+        {"status": ConnectionStatus.SIDES},
     ):
         assert replace(proof, **changed).limit_cycle is None
 
@@ -81,48 +79,13 @@ def test_an_orbit_that_comes_in_along_the_fast_direction_is_told() -> None:
     assert not _slowly(near, z)
 
 
-@pytest.mark.slow
-def test_arrivals_move_with_the_speed_as_enclosed() -> None:
-    """The ends of I, followed by themselves: they arrive in p(I), and their difference is P G times I's length."""
-    middle, half, bits = round(TRUTH["printed"].value, 8), Fraction(4, 10**7), 80
-
-    class Noted(certified._Search):
-        def arrived(self, path: Path, z: Sequence[Any], curve: Any) -> bool:
-            self.time, self.box = path.time, path.box
-            return super().arrived(path, z, curve)
-
-        def apart(self, matrix: Any, by_speed: Sequence[Any], G: Sequence[Any]) -> list[Any]:
-            self.G = G
-            return super().apart(matrix, by_speed, G)
-
-    disk, search = parameter_texts(PRINTED), Noted(PRINTED, middle, half, bits, Fraction(1, 64))
-    with working_precision(bits):
-        assert len(connection_shown(disk, "linear", (middle, half), search).pieces) > 100
-        ends, theta = [], search.log["unstable"]["reach"]
-        for speed in (middle - half, middle + half):
-            # Followed from the same plane z_u = theta_0 of the same coordinates, by the series of the speed itself.
-            saddle = Saddle(disk, "linear", ball(speed), search.log["directions"])
-            curve = series_of_curve(saddle, UNSTABLE, search.order, search.values)
-            defect = curve.relative_defect(theta)
-            start = curve.point(theta, [arb(0, part * theta) for part in defect])
-            beta, gamma, v = saddle.offset(start)
-            flight = carry(Model(ball_constants(PRINTED), ball(speed)), [beta, gamma - arb.pi(), v], search.time)
-            assert flight.status is None
-            assert all(whole.contains(part.mid()) for whole, part in zip(search.box, flight.state, strict=True))
-            ends.append(flight.state)
-        moved = saddle.coordinates([b - a for a, b in zip(*ends, strict=True)])
-        for part, enclosed in zip(moved, search.G, strict=True):
-            assert enclosed.contains((part / (2 * ball(half))).mid())
-        assert positive(abs(search.G[0]) - 1)
-
-
 @pytest.mark.parametrize("side", [-1, pytest.param(1, marks=pytest.mark.slow)])
 def test_an_interval_beside_the_truth_is_not_proved(monkeypatch, side: int) -> None:
     """The interval ends a fiftieth of its length short of Omega_h: as near as that, and still no proof."""
     monkeypatch.setattr(certified, "_MOST_PASSES", 1)
     half = proved_connection().omega_h.uncertainty
     found = prove_connection(PRINTED, TRUTH["printed"].value + side * half * Fraction(104, 100), DIGITS)
-    assert found.status is Status.SIDES
+    assert found.status is ConnectionStatus.SIDES
     assert "nothing is proved" in found.statement
     assert (found.omega_h, found.proved) == (None, False)
 
@@ -139,8 +102,8 @@ def test_bad_input_and_no_saddle() -> None:
 
 # ------------------------------------------------------------------------------------------------ the cycles next to it
 def test_what_is_refused_of_the_cycles_next_to_it() -> None:
-    assert prove_end(ProvedConnection(Status.FLOW)).status is EndStatus.NO_CONNECTION
-    assert prove_end(ProvedConnection(Status.NO_SADDLE)).to_dict()["proved"] is False
+    assert prove_end(ProvedConnection(ConnectionStatus.FLOW)).status is EndStatus.NO_CONNECTION
+    assert prove_end(ProvedConnection(ConnectionStatus.NO_SADDLE)).to_dict()["proved"] is False
     with pytest.raises(InputError, match="linear friction law"):
         prove_end(replace(proved_connection(), parameters=PRINTED.with_friction("smooth")))
     for reach in ("0", "-1", "pi", "2", "soon"):

@@ -1,4 +1,4 @@
-"""Curves, blocks and cones at the saddle, against the ordinary road's power series and against orbits (linear law)."""
+"""Curves, blocks and cones at the saddle, against the power series of `theory` and against orbits (linear law)."""
 
 from __future__ import annotations
 
@@ -15,7 +15,16 @@ from tippedisk_verify.model.equations import field, shifted
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED, Parameters
 from tippedisk_verify.proofs.kernel.balls import BallOps, Unproved, ball, ball_constants, positive, working_precision
-from tippedisk_verify.proofs.kernel.claims.saddle import FAST, SLOW, UNSTABLE, Curve, Saddle, block, cones, leaving
+from tippedisk_verify.proofs.kernel.certificates.saddle import (
+    FAST,
+    SLOW,
+    UNSTABLE,
+    ManifoldGraph,
+    SaddleCoordinates,
+    block,
+    cones,
+    leaving,
+)
 from tippedisk_verify.proofs.search.certificate import parameter_texts
 from tippedisk_verify.proofs.search.heteroclinic import eigenvectors, series_of_curve, smallest_weights
 from tippedisk_verify.theory.saddle_manifolds import Saddle as Series
@@ -32,9 +41,9 @@ def _bits() -> Iterator[None]:
         yield
 
 
-def saddle_at(parameters: Parameters, width: str = "0") -> Saddle:
+def saddle_at(parameters: Parameters, width: str = "0") -> SaddleCoordinates:
     directions = eigenvectors(parameters, SPEED)[1].tolist()
-    return Saddle(parameter_texts(parameters), parameters.friction, ball(SPEED) + arb(0, width), directions)
+    return SaddleCoordinates(parameter_texts(parameters), parameters.friction, ball(SPEED) + arb(0, width), directions)
 
 
 @cache
@@ -43,12 +52,12 @@ def graph(parameters: Parameters, along: int, order: int) -> list[list[Any]]:
         return list(series_of_curve(saddle_at(parameters), along, order, eigenvectors(parameters, SPEED)[0]).graph)
 
 
-def curve_of(parameters: Parameters, along: int, width: str = "0", order: int = ORDER) -> Curve:
+def curve_of(parameters: Parameters, along: int, width: str = "0", order: int = ORDER) -> ManifoldGraph:
     rows = [list(row) for row in graph(parameters, along, order)]
-    return Curve(saddle_at(parameters, width), along, rows, None)
+    return ManifoldGraph(saddle_at(parameters, width), along, rows, None)
 
 
-def cone_of(curve: Curve, factor: int = 16) -> list[Any]:
+def cone_of(curve: ManifoldGraph, factor: int = 16) -> list[Any]:
     """Some times the defect: the gaps between the eigenvalues are larger than 14."""
     defect = curve.relative_defect(THETA)
     return [part * factor / 14 + sum(defect) / 64 + arb(2) ** -150 for part in defect]
@@ -56,12 +65,12 @@ def cone_of(curve: Curve, factor: int = 16) -> list[Any]:
 
 @cache
 def truth_of(parameters: Parameters, shift: Fraction) -> Series:
-    """The ordinary road's series: to order 41 good to 60 digits where they are used here."""
+    """The power series of `theory`: to order 41 they have 60 digits where they are used."""
     return Series(parameters, SPEED + shift, 300, 41)
 
 
-def point_of(saddle: Saddle, series: list[PowerSeries], component: int, wanted: float) -> list[Any]:
-    """z of the ordinary road's curve where one coordinate has the value wanted."""
+def point_of(saddle: SaddleCoordinates, series: list[PowerSeries], component: int, wanted: float) -> list[Any]:
+    """z of the curve of `theory` where one coordinate has the value wanted."""
     context = mpmath.MPContext()
     context.prec = 300
     s = context.mpf(wanted)
@@ -174,34 +183,8 @@ def test_the_field_in_these_coordinates_is_that_of_the_equations() -> None:
         matrix = saddle.field([a.union(b) for a, b in zip(z, other, strict=True)])[1]
         for row, (after, before) in enumerate(zip(saddle.rates(other), start, strict=True)):
             assert ((after - before) / step).overlaps(matrix[row][column])
-    faster = Saddle(saddle.disk, "linear", saddle.omega + step, saddle.directions.tolist())
-    both = Saddle(saddle.disk, "linear", saddle.omega.union(faster.omega), saddle.directions.tolist())
+    faster = SaddleCoordinates(saddle.disk, "linear", saddle.omega + step, saddle.directions.tolist())
+    both = SaddleCoordinates(saddle.disk, "linear", saddle.omega.union(faster.omega), saddle.directions.tolist())
     for after, before, slope in zip(faster.rates(z), start, both.field(z)[2], strict=True):
         assert ((after - before) / step).overlaps(slope)
         assert slope.rel_accuracy_bits() > 20
-
-
-def test_each_side_of_the_smooth_law_has_its_field_and_without_a_side_both() -> None:
-    smooth, z = saddle_at(PRINTED.with_friction("smooth")), [arb("0.03"), arb("-0.02"), arb("0.01")]
-    ahead, behind = (smooth.rates(z, side) for side in (1, -1))
-    assert not all(a.overlaps(b) for a, b in zip(ahead, behind, strict=True))
-    for side, truth in ((1, ahead), (-1, behind)):
-        assert all(a.overlaps(b) for a, b in zip(smooth.field(z, side)[0], truth, strict=True))
-        assert all(a.contains(b) for a, b in zip(smooth.field(z)[0], truth, strict=True))
-
-
-def test_cones_need_a_saddle_and_weights_that_fit() -> None:
-    diagonal = arb_mat([[2, 0.125, 0.125], [0.125, -3, 0.125], [0.125, 0.125, -9]])
-    ones = [arb(1)] * 3
-    assert all(map(positive, cones(diagonal, ones)))
-    mu, nu_s, nu_f = cones(diagonal, ones)
-    assert mu.contains(1.75)
-    assert nu_s.contains(2.75)
-    assert nu_f.contains(8.75)
-    assert not all(map(positive, cones(diagonal, [arb("0.01"), arb(1), arb(1)])))
-    assert not all(map(positive, cones(diagonal, ones, [arb(3), arb(0), arb(0)])))
-    assert not all(map(positive, cones(arb_mat([[arb("nan")] * 3] * 3), ones)))
-    turned = arb_mat([[2, 0.1, 0.1], [0.1, 3, 0.1], [0.1, 0.1, -9]])
-    assert not all(map(positive, cones(turned, ones)))
-    drift = [arb("0.1"), arb("0.2"), arb("0.3")]
-    assert all(map(positive, cones(diagonal, smallest_weights(diagonal, drift), drift)))

@@ -17,10 +17,16 @@ from tippedisk_verify.model.parameters import PRINTED, Parameters
 from tippedisk_verify.model.precision import bits
 from tippedisk_verify.proofs.kernel import sliding
 from tippedisk_verify.proofs.kernel.balls import Unproved, arb, ball, ball_constants, positive, working_precision
-from tippedisk_verify.proofs.kernel.claims.saddle import SLOW, UNSTABLE, Curve, Saddle, block, leaving
+from tippedisk_verify.proofs.kernel.certificates.saddle import (
+    SLOW,
+    UNSTABLE,
+    ManifoldGraph,
+    SaddleCoordinates,
+    block,
+    leaving,
+)
 from tippedisk_verify.proofs.kernel.field import sliding_motion
-from tippedisk_verify.proofs.kernel.flow import Status as FlowStatus
-from tippedisk_verify.proofs.kernel.section import Status as HalfStatus
+from tippedisk_verify.proofs.kernel.flow import FlowStatus
 from tippedisk_verify.proofs.kernel.sliding import Crossing, SlidingPath, model_of
 from tippedisk_verify.proofs.numbers import measured
 from tippedisk_verify.proofs.search.certificate import parameter_texts
@@ -70,13 +76,24 @@ def moved(column: int, step: object) -> tuple[list, object]:
 # --------------------------------------------------------------------------------------- a crossing and its derivatives
 def test_the_integrator_finds_the_same_through_a_reversal(taylor) -> None:
     """In 200 bits, with all derivatives."""
-    request = Request(SMOOTH, OMEGA, START, SPAN, shifted=True, precision=bits(200), domain="none",
-                      variations=("beta", "gamma", "v", "Omega"), divergence=True)  # fmt: skip
+    request = Request(
+        SMOOTH,
+        OMEGA,
+        START,
+        SPAN,
+        shifted=True,
+        precision=bits(200),
+        domain="none",
+        variations=("beta", "gamma", "v", "Omega"),
+        divergence=True,
+    )
     ordinary, flight = taylor(request), flown(derivatives=True)
     assert flight.matrix is not None
     rows = zip((flight.state, *flight.matrix), (ordinary.state, *ordinary.derivatives), strict=True)
-    for mine, other in [*(pair for row in rows for pair in zip(*row, strict=True)),
-                        (flight.divergence, ordinary.divergence)]:  # fmt: skip
+    for mine, other in [
+        *(pair for row in rows for pair in zip(*row, strict=True)),
+        (flight.divergence, ordinary.divergence),
+    ]:
         assert measured(mine).holds(other)
         assert mine.rad() < 1e-20
 
@@ -138,8 +155,8 @@ def test_a_start_on_both_sides_is_not_followed() -> None:
     constants = model.constants
     v = -constants.e * ball(OMEGA) * gamma.sin() / (constants.r + constants.e * gamma.cos())
     flight = half_flight(model, gamma, v)
-    assert flight.status is HalfStatus.GRAZING
-    assert half_flight(model, gamma, v + arb("0.001")).status is HalfStatus.RETURNED
+    assert flight.status is FlowStatus.GRAZING
+    assert half_flight(model, gamma, v + arb("0.001")).status is FlowStatus.RETURNED
 
 
 def test_a_moment_in_doubt_has_no_derivatives() -> None:
@@ -210,17 +227,17 @@ def test_nothing_is_said_of_limit_cycles_of_a_field_without_second_derivatives(c
 
 
 @cache
-def saddle_curve(along: int) -> Curve:
+def saddle_curve(along: int) -> ManifoldGraph:
     """The series of one side's law."""
     speed = Fraction(round(TRUTH.value * 2**60), 2**60)
     with working_precision(160):
         values, directions = eigenvectors(SMOOTH, speed)
-        saddle = Saddle(parameter_texts(SMOOTH), "smooth", ball(speed), directions.tolist())
+        saddle = SaddleCoordinates(parameter_texts(SMOOTH), "smooth", ball(speed), directions.tolist())
         return series_of_curve(saddle, along, 41, values)
 
 
-def on_curve(curve: Curve, along: int, wanted: float) -> list[Any]:
-    """z of the ordinary road's power series where the coordinate ``along`` has the value wanted."""
+def on_curve(curve: ManifoldGraph, along: int, wanted: float) -> list[Any]:
+    """z of the power series of `theory` where the coordinate ``along`` has the value wanted."""
     ordinary = Series(SMOOTH, Fraction(round(TRUTH.value * 2**60), 2**60), 240, 41)
     context = mpmath.MPContext()
     context.prec = 240
@@ -232,8 +249,8 @@ def on_curve(curve: Curve, along: int, wanted: float) -> list[Any]:
     return z
 
 
-def other_side(curve: Curve) -> Curve:
-    return Curve(curve.saddle, curve.along, curve.graph, -(curve.side or 0))
+def other_side(curve: ManifoldGraph) -> ManifoldGraph:
+    return ManifoldGraph(curve.saddle, curve.along, curve.graph, -(curve.side or 0))
 
 
 def test_the_unstable_branch_is_where_the_one_sided_power_series_puts_it() -> None:
@@ -257,7 +274,7 @@ def test_the_slow_curve_lies_in_the_block_on_both_sides_of_the_saddle() -> None:
             assert all(abs(part) < small for part in off)
             assert abs(off[0]) < delta
         # Without the mirror one of the two is off by the jump of the curve's second derivative.
-        plain = Curve(curve.saddle, SLOW, curve.graph, None)
+        plain = ManifoldGraph(curve.saddle, SLOW, curve.graph, None)
         offs = [max(float(abs(x)) for x in plain.straightened(z)) for z in (truth, [-part for part in truth])]
         assert max(offs) > 1e-8
 

@@ -162,7 +162,7 @@ def branch(common: Common, to: str | None, out: str | None, certificate: Path | 
 @click.argument("file")
 @jobs_option
 def check(output: Output, file: str, jobs: int | None) -> int:
-    from tippedisk_verify.proofs.kernel import claims
+    from tippedisk_verify.proofs.kernel import certificates
 
     def mapped(shown: Callable[[Any], Any], arcs: Sequence[Any]) -> Iterator[Any]:
         with processes(jobs, needed=len(arcs) > 1) as pool:
@@ -170,14 +170,14 @@ def check(output: Output, file: str, jobs: int | None) -> int:
             yield from watched(answers, "arcs", len(arcs), not output.quiet)
 
     try:
-        output.show({"accepted": True, "statement": claims.check(file, mapped)})
+        output.show({"accepted": True, "statement": certificates.check(file, mapped)})
         return 0
-    except claims.Unproved as fault:
+    except certificates.Unproved as fault:
         if not output.json:
             raise AccuracyError(f"not proved: {fault}") from None
         output.show({"accepted": False, "fails": str(fault)})
         return 1
-    except claims.Refused as fault:
+    except certificates.Refused as fault:
         raise InputError(f"{printable(file)} is no certificate: {fault}") from None
 
 

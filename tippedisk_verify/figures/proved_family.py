@@ -9,7 +9,7 @@ from typing import Any
 import numpy
 
 from tippedisk_verify.figures.style import BLACK, BLUE, GREEN, GREY, ORANGE, RED, grid
-from tippedisk_verify.proofs.kernel.claims.family import Piece
+from tippedisk_verify.proofs.kernel.certificates.family import Piece
 from tippedisk_verify.proofs.search.branch import BranchProof, omega_crit
 
 __all__ = ["draw_proved_family"]

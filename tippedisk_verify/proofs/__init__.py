@@ -1,6 +1,7 @@
-"""What is proved: closed forms, limit cycles and the heteroclinic connection in ball arithmetic.
+"""Proofs in ball arithmetic: closed forms, limit cycles and the heteroclinic connection.
 
-Imports `model` and python-flint only. Raises InputError where python-flint is not installed.
+The package imports `model`, numpy and python-flint only. Importing it raises InputError if
+python-flint is not installed.
 """
 
 import sys

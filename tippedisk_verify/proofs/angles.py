@@ -1,9 +1,10 @@
-"""Angles counted from a multiple of a right angle, so that the equations of motion see an equilibrium exactly.
+"""Angles counted from a multiple of a right angle, so that the equations of motion see an
+equilibrium exactly.
 
-At an equilibrium the angles are odd multiples of pi/2, which no ball is, but their sines and cosines are 0 and +-1.
-`Turned(n, offset)` is the angle n pi/2 + offset; `OPS` gives its sine and cosine from those of the offset, which may be
-a ball, a series of balls or None for no offset at all. With None everything that `model.equations` computes from exact
-numbers is exact.
+At an equilibrium the angles are odd multiples of pi/2. No ball is exactly such a multiple, but
+their sines and cosines are 0 and +-1. `Turned(n, offset)` is the angle n pi/2 + offset. `OPS` gives
+its sine and cosine from those of the offset, which is a ball, a series of balls, or None for no
+offset. With None the results of `model.equations` for exact numbers are exact.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from tippedisk_verify.model.parameters import Constants, Friction
 
 __all__ = ["INVERTED", "NONINVERTED", "OPS", "Turned", "linearization", "rates"]
 
-#: Right angles in gamma; beta has one at both equilibria.
+#: The number of right angles in gamma; beta has one at both equilibria.
 INVERTED, NONINVERTED = 1, -1
 
 
@@ -28,7 +29,7 @@ class Turned(NamedTuple):
 
 
 class _TurnedOps:
-    """``ops`` of `model.equations` for `Turned` angles."""
+    """The ``ops`` of `model.equations` for `Turned` angles."""
 
     @staticmethod
     def sin(angle: Turned) -> Any:
@@ -54,7 +55,9 @@ def rates(
     friction: Friction = "linear",
     side: int | None = None,
 ) -> tuple[Any, Any, Any]:
-    """d/dt of (beta, gamma, v) at the given offsets from the equilibrium with ``around`` right angles in gamma."""
+    """Return d/dt of (beta, gamma, v) at offsets from the equilibrium with ``around`` right angles
+    in gamma.
+    """
     beta, gamma, v = offsets
     return field(OPS, constants, omega, friction, side)(Turned(1, beta), Turned(around, gamma), v)
 
@@ -62,7 +65,8 @@ def rates(
 def linearization(
     constants: Constants, omega: Any, around: int, friction: Friction = "linear", side: int | None = None
 ) -> tuple[tuple[Any, ...], ...]:
-    """The Jacobian at the equilibrium: exact for rational constants and speed, enclosed for balls.
+    """Return the Jacobian at the equilibrium: exact for rational constants and speed, enclosed for
+    balls.
 
     ``side`` as in `model.equations.jacobian`.
     """

@@ -1,21 +1,30 @@
-"""What follows from the linearisation and the cubic terms at the equilibria, enclosed to any number of digits.
+"""Stability, the Hopf point and its normal form: closed forms, enclosed to any number of digits.
 
-For every disk (r, e, m, A, g, mu, epsilon and Bbar = B - m e^2 positive, e < r), with kappa = mu g / (epsilon b) and
-b = Bbar / m, the characteristic polynomial at inverted (+) and noninverted (-) spinning is lambda^3 + a2 lambda^2 +
-a1 lambda + a0 with
+Linear stability
+----------------
+Let r, e, m, A, g, mu, epsilon and Bbar = B - m e^2 be positive and e < r. Let b = Bbar / m and
+kappa = mu g / (epsilon b). The characteristic polynomial at inverted (+) and noninverted (-)
+spinning is lambda^3 + a2 lambda^2 + a1 lambda + a0 with
 
     a2 = kappa (r +- e)^2,   a1 = Omega^2 - g (r +- e) / b,   a0 = +- kappa e (r +- e) Omega^2.
 
-Noninverted spinning has a0 < 0 < a2: the product of its eigenvalues is positive and their sum negative, so one is
-positive and two have a negative real part, at every speed. At inverted spinning a2, a0 > 0 and a2 a1 - a0 =
-kappa (r + e) (r Omega^2 - g (r + e)^2 / b), which by Routh-Hurwitz is positive exactly where it is stable: above
-Omega_crit, for every disk. None of this is taken on trust: `check_linearization` derives the coefficients from the
-Jacobian of `model.equations`, as polynomials in all parameters at once, and refuses a disk outside the hypotheses.
+Noninverted spinning has a0 < 0 < a2: the product of its eigenvalues is positive and their sum
+negative. So at every speed one is positive and two have a negative real part. At inverted spinning
+a2, a0 > 0 and
 
-Cubic terms come from Taylor series of the same equations. About an equilibrium the field is odd (the point symmetry),
-so Kuznetsov's l_1 is Re <p, C(q, q, qbar)> / (2 omega) (Elements of Applied Bifurcation Theory, Eq. 5.39).
+    a2 a1 - a0 = kappa (r + e) (r Omega^2 - g (r + e)^2 / b).
 
-Where a ball becomes a point here: nowhere; `measured` hands out midpoints with their radii.
+By Routh-Hurwitz this is positive exactly where inverted spinning is stable: above Omega_crit, for
+every disk. `check_linearization` derives the coefficients from the Jacobian of `model.equations`,
+as polynomials in all parameters at once, and refuses a disk outside the hypotheses.
+
+The normal form
+---------------
+Cubic terms come from Taylor series of the same equations. About an equilibrium the field is odd
+(the point symmetry). So Kuznetsov's l_1 is Re <p, C(q, q, qbar)> / (2 omega) (Elements of Applied
+Bifurcation Theory, Eq. 5.39).
+
+No ball becomes a point here; `measured` returns midpoints with their radii.
 """
 
 from __future__ import annotations
@@ -49,19 +58,33 @@ from tippedisk_verify.proofs.kernel.balls import (
 )
 from tippedisk_verify.proofs.numbers import measured
 
-__all__ = ["Criticality", "ProvedEquilibrium", "ProvedHopf", "ProvedStability",
-           "characteristic_polynomial", "check_linearization", "chi", "critical_speed_squared", "exact_polynomial",
-           "hopf_balls", "proved_equilibrium", "proved_hopf", "proved_stability", "real_root", "refuse_past_birth",
-           "to_digits"]  # fmt: skip
+__all__ = [
+    "Criticality",
+    "ProvedEquilibrium",
+    "ProvedHopf",
+    "ProvedStability",
+    "characteristic_polynomial",
+    "check_linearization",
+    "chi",
+    "critical_speed_squared",
+    "exact_polynomial",
+    "hopf_balls",
+    "proved_equilibrium",
+    "proved_hopf",
+    "proved_stability",
+    "real_root",
+    "refuse_past_birth",
+    "to_digits",
+]
 
 Criticality = Literal["supercritical", "subcritical"]
-_BITS = 128  # to tell on which side of Omega_crit a speed lies
+_BITS = 128  # to decide on which side of Omega_crit a speed lies
 _AROUND = {"inverted": INVERTED, "noninverted": NONINVERTED}
 
 
 @dataclass(frozen=True, repr=False)
 class ProvedEquilibrium(Printable):
-    """Eigenvalues and stability of stationary spinning at one speed."""
+    """The eigenvalues and the stability of stationary spinning at one speed."""
 
     _untold = ("name",)
 
@@ -76,7 +99,10 @@ class ProvedEquilibrium(Printable):
 
 @dataclass(frozen=True, repr=False)
 class ProvedHopf(Printable):
-    """The Hopf point of inverted spinning; units and definitions as in `tippedisk_verify.theory.hopf.HopfPoint`."""
+    """The Hopf point of inverted spinning.
+
+    Units and definitions as in `tippedisk_verify.theory.hopf.HopfPoint`.
+    """
 
     omega_crit: Measured = field(metadata=quantity("Eq. approx_omega_crit", "rad/s"))
     period: Measured = field(metadata=quantity("of the cycle at its birth", "s"))
@@ -94,7 +120,9 @@ class ProvedHopf(Printable):
 
 @dataclass(frozen=True, repr=False)
 class ProvedStability(Printable):
-    """Linear stability at every speed (Theorem 1), with the numbers at Omega_crit; for both friction laws."""
+    """The linear stability at every speed (Theorem 1), with numbers at Omega_crit, for both
+    friction laws.
+    """
 
     omega_crit: Measured = field(metadata=quantity("Eq. approx_omega_crit", "rad/s"))
     period: Measured = field(metadata=quantity("2 pi / omega for the pair +- i omega at Omega_crit", "s"))
@@ -106,7 +134,8 @@ class ProvedStability(Printable):
 
 
 def characteristic_polynomial(constants: Constants, omega: Any, around: int) -> tuple[Any, Any, Any]:
-    """(a2, a1, a0) of lambda^3 + a2 lambda^2 + a1 lambda + a0 at an equilibrium (Eq. 3DOF_lin).
+    """Return (a2, a1, a0) of lambda^3 + a2 lambda^2 + a1 lambda + a0 at an equilibrium (Eq.
+    3DOF_lin).
 
     The Jacobian has the rows (0, 0, 1), (Omega, 0, 0) and (A31, A32, A33).
     """
@@ -115,19 +144,21 @@ def characteristic_polynomial(constants: Constants, omega: Any, around: int) -> 
 
 
 def exact_polynomial(constants: Constants, omega: Fraction, around: int) -> Any:
-    """The same of rational numbers, as one of python-flint's polynomials."""
+    """Return the characteristic polynomial for rational numbers, as one of python-flint's."""
     coefficients = (*reversed(characteristic_polynomial(constants, omega, around)), 1)
     return fmpq_poly([fmpq(Fraction(part).numerator, Fraction(part).denominator) for part in coefficients])
 
 
 def proved_equilibrium(parameters: Parameters, omega: object, name: str, digits: int = 12) -> ProvedEquilibrium:
-    """Eigenvalues enclosed to ``digits`` significant digits, and stability proved, at an exact speed ``omega`` [rad/s].
+    """Enclose eigenvalues to ``digits`` significant digits and prove stability, at ``omega``
+    [rad/s], exact.
 
-    Arb isolates the roots of the exact polynomial. Raises InputError for an unknown name or an impossible speed,
-    AccuracyError where an eigenvalue with real part zero leaves stability to the nonlinear terms.
+    Arb isolates the roots of the exact polynomial. Raises InputError for an unknown name or a speed
+    out of range, AccuracyError if the stability depends on nonlinear terms or an eigenvalue is
+    double.
     """
     if name not in _AROUND:
-        raise InputError(f"equilibrium '{shown(name)}' is not known: use inverted or noninverted")
+        raise InputError(f"equilibrium '{shown(name)}' is unknown: use inverted or noninverted")
     speed = checked_speed(omega)
     polynomial = exact_polynomial(parameters.rational(), speed, _AROUND[name])
     a0, a1, a2, _ = polynomial.coeffs()
@@ -139,7 +170,7 @@ def proved_equilibrium(parameters: Parameters, omega: object, name: str, digits:
     eigenvalues: list[Eigenvalue] = []
     unstable, wanted = 0, digits
     while not _apart(eigenvalues) or unstable + sum(negative(root.real) for root in enclosed) != 3:
-        # Rational coefficients: more digits decide every sign, but for a real part of exactly zero or a double root.
+        # More digits decide every sign, except for a real part of exactly zero or a double root.
         if wanted > 16 * digits + 1000:
             raise AccuracyError(f"{name} spinning has an eigenvalue on the imaginary axis, or a double one, here")
         enclosed = list(to_digits(roots, wanted).values())
@@ -161,9 +192,11 @@ def proved_equilibrium(parameters: Parameters, omega: object, name: str, digits:
 
 
 def real_root(polynomial: tuple[Any, Any, Any], guess: Any) -> Any:
-    """A ball with exactly one root of lambda^3 + a2 lambda^2 + a1 lambda + a0, for all coefficients in their balls.
+    """Return a ball with exactly one root of lambda^3 + a2 lambda^2 + a1 lambda + a0, for all
+    coefficients.
 
-    Interval Newton: N = x - p(x) / p'(X) inside X holds exactly one zero. Raises AccuracyError if that is not proved.
+    Interval Newton: N = x - p(x) / p'(X) inside X holds exactly one zero. Raises AccuracyError if
+    that is not proved.
     """
     a2, a1, a0 = polynomial
     x = guess.mid()
@@ -177,16 +210,17 @@ def real_root(polynomial: tuple[Any, Any, Any], guess: Any) -> Any:
 
 
 def chi(constants: Any) -> Any:
-    """chi = A (r - 2e) - Bbar (2 r^2 + e (r + e)) / (2 (r + e)) [kg m^3] (below Eq. Csol), for numbers of any kind."""
+    """Return chi = A (r - 2e) - Bbar (2 r^2 + e (r + e)) / (2 (r + e)) [kg m^3] (below Eq. Csol)."""
     r, e, A, Bbar = constants.r, constants.e, constants.A, constants.Bbar
     return A * (r - 2 * e) - Bbar * (2 * (r * r) + e * (r + e)) / (2 * (r + e))
 
 
 def proved_hopf(parameters: Parameters, digits: int = 12) -> ProvedHopf:
-    """The Hopf point with every number enclosed to ``digits`` significant digits, and its criticality proved.
+    """Enclose all numbers of the Hopf point to ``digits`` significant digits, and prove its
+    criticality.
 
-    Raises AccuracyError where the first Lyapunov coefficient is too close to zero for its sign, or these digits, to
-    be had.
+    Raises AccuracyError if the first Lyapunov coefficient is too close to zero for its sign or
+    these digits.
     """
     parameters.refuse_smooth("the Hopf point's normal form is")
     check_linearization(parameters.rational())
@@ -200,9 +234,10 @@ def proved_hopf(parameters: Parameters, digits: int = 12) -> ProvedHopf:
 
 
 def refuse_past_birth(parameters: Parameters, highest: Fraction) -> None:
-    """Raise InputError for speeds up to ``highest`` [rad/s] that reach Omega_crit, of a disk with cycles born below it.
+    """Raise InputError if speeds up to ``highest`` [rad/s] reach Omega_crit and cycles are born
+    below it.
 
-    Where they are born above Omega_crit a range that holds it may well be proved.
+    If cycles are born above Omega_crit, a range that holds it may well be proved.
     """
     with working_precision(_BITS):
         numbers = hopf_balls(ball_constants(parameters))
@@ -233,7 +268,9 @@ def _hopf_statement(parameters: Parameters, kind: Criticality, numbers: Mapping[
 
 
 def _apart(roots: list[Eigenvalue]) -> bool:
-    """Whether these are three roots whose rectangles, even twice as wide (as printed they are wider), do not meet."""
+    """Return True for three roots whose rectangles, even doubled (printing widens them), are
+    disjoint.
+    """
 
     def meet(a: Measured, b: Measured) -> bool:
         return abs(a.value - b.value) <= 2 * (a.uncertainty + b.uncertainty)
@@ -243,15 +280,18 @@ def _apart(roots: list[Eigenvalue]) -> bool:
 
 
 def critical_speed_squared(constants: Constants) -> Any:
-    """Omega_crit^2 = (r + e)^2 g / (r b) [rad^2/s^2] (Eq. approx_omega_crit), for numbers of any kind."""
+    """Return Omega_crit^2 = (r + e)^2 g / (r b) [rad^2/s^2] (Eq. approx_omega_crit), for numbers of
+    any kind.
+    """
     reach = constants.r + constants.e
     return reach * reach * constants.g / (constants.r * constants.b)
 
 
 def check_linearization(constants: Constants) -> None:
-    """That the formulas for a2, a1 and a0 hold, and that the disk meets the hypotheses of what follows from them.
+    """Check the formulas for a2, a1 and a0 and the theorem's hypotheses on the disk.
 
-    Raises InputError for a disk that does not, ArithmeticError if the equations of motion have other coefficients.
+    Raises InputError if the disk does not meet them, ArithmeticError if the equations of motion
+    have other coefficients.
     """
     names = ("r", "e", "m", "A", "Bbar", "g", "mu", "epsilon")
     wrong = [name for name in names if not getattr(constants, name) > 0]
@@ -263,10 +303,11 @@ def check_linearization(constants: Constants) -> None:
 
 @cache
 def _check_coefficients() -> None:
-    """a2, a1 and a0 of the equations' own Jacobians, as polynomials in r, e, g, A / m, k, epsilon and Omega.
+    """Compare a2, a1 and a0 with the equations' Jacobians, as polynomials in all parameters and
+    Omega.
 
-    In a unit of length in which b is 1. With mu g = k epsilon the smooth law's Jacobian, from either side of
-    gamma_y = 0, is the linear law's.
+    The unit of length makes b = 1. With mu g = k epsilon the smooth law's Jacobian, from either
+    side of gamma_y = 0, is the linear law's.
     """
     ring = fmpq_mpoly_ctx.get(("r", "e", "g", "a", "k", "epsilon", "Omega"), Ordering.lex)
     r, e, g, a, k, epsilon, omega = ring.gens()
@@ -280,7 +321,9 @@ def _check_coefficients() -> None:
 
 
 def proved_stability(parameters: Parameters, digits: int = 12) -> ProvedStability:
-    """Stability at every speed, and Omega_crit with the numbers there enclosed to ``digits`` significant digits."""
+    """Prove stability at every speed, and enclose Omega_crit and the numbers there to ``digits``
+    digits.
+    """
     check_linearization(parameters.rational())
     names = ("omega_crit", "period", "lambda_3", "transversality")
 
@@ -302,10 +345,11 @@ def proved_stability(parameters: Parameters, digits: int = 12) -> ProvedStabilit
 
 
 def hopf_balls(constants: Constants) -> dict[str, Any]:
-    """The numbers of `ProvedHopf` as balls, for constants that are balls.
+    """Return the numbers of `ProvedHopf` as balls, for constants that are balls.
 
-    With lambda the critical pair, p(lambda, Omega) = 0 gives d(lambda)/d(Omega); with z' = lambda z + c_1 z |z|^2 on
-    the centre manifold, |z|^2 = -Re lambda / Re c_1 and beta_max = 2 |z| |q_1| to leading order.
+    With lambda the critical pair, p(lambda, Omega) = 0 gives d(lambda)/d(Omega). On the centre
+    manifold z' = lambda z + c_1 z |z|^2. So |z|^2 = -Re lambda / Re c_1, and beta_max = 2 |z| |q_1|
+    to leading order.
     """
     r, e = constants.r, constants.e
     square = critical_speed_squared(constants)
@@ -314,7 +358,8 @@ def hopf_balls(constants: Constants) -> dict[str, Any]:
     a2, _, _ = characteristic_polynomial(constants, speed, INVERTED)
     matrix = linearization(constants, speed, INVERTED)
     root = acb(0, frequency)
-    # a1 = Omega^2 - g (r + e) / b and a0, proportional to Omega^2, by Omega; a1 = frequency^2 at Omega_crit.
+    # a1 = Omega^2 - g (r + e) / b and a0, proportional to Omega^2, by Omega; a1 = frequency^2 at
+    # Omega_crit.
     slope_a0 = -2 * matrix[2][1]
     pair_slope = -(2 * speed * root + slope_a0) / (3 * root * root + 2 * a2 * root + frequency * frequency)
     # Eigenvectors from the first two rows and the last two columns of the Jacobian.
@@ -340,9 +385,11 @@ def hopf_balls(constants: Constants) -> dict[str, Any]:
 
 
 def _resonant_cubic(constants: Constants, omega: Any, q: list[Any]) -> list[Any]:
-    """C(q, q, qbar) of the field at inverted spinning, from cubic Taylor coefficients along four directions.
+    """Return C(q, q, qbar) at inverted spinning, from cubic Taylor coefficients along four
+    directions.
 
-    With F(x) = C(x, x, x) / 6, F(q + w qbar) holds w C(q, q, qbar) / 2; w = 1, -1, i, -i pick it out.
+    With F(x) = C(x, x, x) / 6, F(q + w qbar) has the term w C(q, q, qbar) / 2; w = 1, -1, i, -i
+    isolate it.
     """
     total = [acb(0)] * 3
     for w in (acb(1), acb(0, 1), acb(-1), acb(0, -1)):
@@ -353,16 +400,20 @@ def _resonant_cubic(constants: Constants, omega: Any, q: list[Any]) -> list[Any]
 
 
 def _along(constants: Constants, omega: Any, direction: list[Any]) -> list[Any]:
-    """Coefficients of s^3 of the rates at s times a complex direction from inverted spinning."""
+    """Return coefficients of s^3 of the rates at s times a complex direction from inverted
+    spinning.
+    """
     with series_length(4):
         line = [acb_series([0, part], prec=4) for part in direction]
         return [coefficient(rate, 3) for rate in rates(constants, omega, INVERTED, line)]
 
 
 def to_digits(compute: Callable[[], Mapping[str, Any]], digits: int) -> Mapping[str, Any]:
-    """The balls that ``compute`` returns, at a precision where each has ``digits`` significant digits.
+    """Return the balls of ``compute`` at a precision at which each has ``digits`` significant
+    digits.
 
-    A number that is exactly zero may have the radius 0. Raises AccuracyError if eight times the digits do not suffice.
+    An exact zero may have the radius 0. Raises AccuracyError if eight times the digits do not
+    suffice.
     """
     guard = 20
     while True:
@@ -374,7 +425,9 @@ def to_digits(compute: Callable[[], Mapping[str, Any]], digits: int) -> Mapping[
             return balls
         guard *= 2
         if guard > 8 * digits + 200:
-            raise AccuracyError(f"{loose[0]} has no {digits} digits: it is too close to zero or to its neighbour")
+            raise AccuracyError(
+                f"{loose[0]} does not have {digits} digits: it is too close to zero or to its neighbour"
+            )
 
 
 def _fine(value: Any, digits: int) -> bool:

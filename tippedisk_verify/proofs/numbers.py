@@ -1,4 +1,4 @@
-"""What the kernel's balls say, as the package's numbers."""
+"""The kernel's balls as the package's numbers."""
 
 from __future__ import annotations
 
@@ -11,16 +11,18 @@ from tippedisk_verify.proofs.kernel.balls import midpoint_and_radius
 
 __all__ = ["WIDER", "measured", "widened"]
 
-WIDER = 1 + Fraction(1, 2**20)  #: what another version of Arb or another processor may need
+WIDER = 1 + Fraction(1, 2**20)  #: the margin that another version of Arb or another processor may need
 
 
 def measured(x: Any) -> Measured:
-    """The ball as exact midpoint and radius. Raises InputError if it is not finite: such a ball says nothing."""
+    """Return the ball as exact midpoint and radius. Raises InputError if it is not finite."""
     if not x.is_finite():
         raise InputError("an infinite ball has no value")
     return Measured(*midpoint_and_radius(x))
 
 
 def widened(number: Measured) -> Measured:
-    """With a half-width larger by 2^-20 of it, so that another version of Arb or another processor shows it too."""
+    """Widen the half-width by 2^-20 of it, so that other versions of Arb and processors confirm it
+    too.
+    """
     return Measured(number.value, number.uncertainty * WIDER)

@@ -1,1 +1,1 @@
-"""What says "proved": enclosures of flows, returns and fixed points, tested by strict comparisons of balls."""
+"""The trusted kernel: enclosures of flows, returns and fixed points, tested by strict comparisons."""

@@ -1,6 +1,7 @@
-"""``python -m tippedisk_verify.proofs.kernel FILE``: checks a certificate of ``certify ... --certificate FILE``.
+"""``python -m tippedisk_verify.proofs.kernel FILE`` checks a certificate of ``certify``.
 
-Exit status 0: proved; 1: not proved, and the line says what fails; 2: no certificate can be read.
+Exit status 0 means proved; 1 not proved, with a line that names the failure; 2 no readable
+certificate.
 """
 
 from __future__ import annotations
@@ -9,11 +10,11 @@ import sys
 from collections.abc import Sequence
 from io import TextIOWrapper
 
-from tippedisk_verify.proofs.kernel.claims import Refused, Unproved, check
+from tippedisk_verify.proofs.kernel.certificates import Refused, Unproved, check
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Check the one file named; returns the exit status."""
+    """Check one file and return the exit status."""
     named = sys.argv[1:] if arguments is None else list(arguments)
     try:
         if len(named) != 1:

@@ -1,31 +1,44 @@
-"""Arrays of balls in double precision: `BallArray`, a second arithmetic for proofs whose boxes are independent.
+"""Arrays of balls in double precision: `BallArray`, a second arithmetic for proofs whose boxes are
+independent.
 
-Entry i of a `BallArray` is the ball of all real numbers x with |x - mid[i]| <= rad[i]. Each operation returns balls
-that hold its result for every choice of points in its operands' balls, like those of `arb`. A thousand balls at once
-cost a twentieth as much each. A radius of infinity says "nothing is known": whatever overflows, is not a number, or
-divides by a ball that holds 0 ends there, and no predicate is ever true of it.
+Entry i of a `BallArray` is the ball of all real numbers x with |x - mid[i]| <= rad[i]. Each
+operation returns balls that hold its result for every choice of points in its operands' balls, like
+those of `arb`. In an array of a thousand balls each costs a twentieth as much. An infinite radius
+means that nothing is known. It results from overflow, from NaN, and from division by a ball that
+holds 0, and every predicate is False for it.
 
-**What the proofs assume.** numpy's sums, differences, products and quotients of float64 arrays are those of IEEE 754,
-rounded to nearest; another rounding mode is noticed and refused. With u = 2^-53 the computed result c of
+Assumptions
+-----------
+Numpy's sums, differences, products and quotients of float64 arrays are those of IEEE 754, rounded
+to nearest. Another rounding mode is noticed and refused. With u = 2^-53 the computed result c of
 one of them is, unless it overflows,
 
-    c = exact (1 + d) + t,  |d| <= u,  |t| <= 2^-1022;     also  |c - exact| <= u |c| + 2^-1022.            (1)
+    c = exact (1 + d) + t,  |d| <= u,  |t| <= 2^-1022;
+    also  |c - exact| <= u |c| + 2^-1022.                                                  (1)
 
-t is there for underflow. It is so large that (1) also holds on a processor set to flush subnormal results to zero. One
-that reads subnormal operands as zero is covered as well, because radii are 0 or at least 2^-1022 and each midpoint
-that is subnormal belongs to a radius that holds both readings: `BallArray` cleans what comes in, and an operation adds
-2^-1000 to the radius of what it returns. Absolute values, negation, comparisons, choices and scaling by 1 and -1 are
-exact. Fused multiply-adds leave out a rounding, which (1) allows too.
+t allows for underflow. It is so large that (1) also holds on a processor set to flush subnormal
+results to zero. A processor that reads subnormal operands as zero is covered as well: radii are 0
+or at least 2^-1022, and the radius of a subnormal midpoint holds both readings. For this
+`BallArray` cleans its input, and an operation adds 2^-1000 to the radius of its result. Absolute
+values, negation, comparisons, choices and scaling by 1 and -1 are exact. Fused multiply-adds leave
+out a rounding, which (1) allows too.
 
-**Radii.** Each is computed as an expression of sums, products and quotients of numbers that are not negative, in at
-most 15 roundings, one after the other, on the way of any input to the result. With the relative errors alone the
-computed value is at least (1 - u)^15 times the exact one, and (1 - u)^15 (1 + 16 u) >= 1 + u - 240 u^2 > 1, so `_UP`
-= 1 + 16 u, times the rounded result, is an upper bound: the multiplication's own rounding is one of the 15. The
-absolute errors t of (1) are only ever added or multiplied by numbers below 2; there are fewer than 2^20 of them in any
-expression, so `_TINY` = 2^-1000 pays for all, those of the midpoint included. Where one would be multiplied by
-something large, `_TINY` is added before, as the comments there say.
+Radii
+-----
+A radius is computed by sums, products and quotients of numbers that are not negative. Between any
+input and the result lie at most 15 roundings. With the relative errors alone the computed value is
+at least (1 - u)^15 times the exact one, and
 
-Numpy's sine and cosine are not correctly rounded and differ between processors: `doubles` has its own.
+    (1 - u)^15 (1 + 16 u) >= 1 + u - 240 u^2 > 1.
+
+So `_UP` = 1 + 16 u, times the rounded result, is an upper bound: the multiplication's own rounding
+is one of the 15. The absolute errors t of (1) are only added, or multiplied by numbers below 2.
+There are fewer than 2^20 of them in any expression, so `_TINY` = 2^-1000 exceeds their sum, those
+of the midpoint included. Where one would be multiplied by a large number, `_TINY` is added before,
+with a comment.
+
+Numpy's sine and cosine are not correctly rounded and differ between processors: `doubles` has its
+own.
 """
 
 from __future__ import annotations
@@ -61,17 +74,17 @@ _STEPS, _STEPPED = np.array([_U, 3 * _U]), np.array([1.0, 1 + 4 * _U])  # 1 + st
 
 
 def _require_rounding_to_nearest() -> None:
-    """Raises DisturbedError if this process rounds in a direction: (1) would need 2 u."""
+    """Raise DisturbedError unless this process rounds to nearest: otherwise (1) would need 2 u."""
     if (1 + _STEPS != _STEPPED).any():
         raise DisturbedError("this process does not round to nearest: proofs in doubles are not possible in it")
 
 
 @contextmanager
 def quiet() -> Iterator[None]:
-    """Without numpy's warnings: what overflows or is no number ends in an infinite radius.
+    """Suppress numpy's warnings: overflow and NaN become infinite radii.
 
-    Every operation on these arrays enters this by itself; entering it once around many saves time. Raises
-    DisturbedError if this process does not round to nearest.
+    Every operation on these arrays enters this context; entering it once around many saves time.
+    Raises DisturbedError if this process does not round to nearest.
     """
     _require_rounding_to_nearest()
     with np.errstate(all="ignore"):
@@ -83,7 +96,7 @@ def quiet() -> Iterator[None]:
 
 
 def quieted(function: _F) -> _F:
-    """Have an operation on these arrays enter `quiet` by itself."""
+    """Make an operation on these arrays enter `quiet`."""
 
     @wraps(function)
     def wrapped(*arguments: Any) -> Any:
@@ -96,11 +109,11 @@ def quieted(function: _F) -> _F:
 
 
 class BallArray:
-    """n balls, from midpoints and radii [shape (n,) or (1,)], which are taken exactly; one ball goes with any number.
+    """An array of n balls, from exact midpoints and radii of shape (n,) or (1,).
 
-    A midpoint that is not finite, or a radius that is negative or no number, makes an infinite ball. Operands may be
-    arrays of balls, integers, floats, Fractions and arb's balls. Raises TypeError for midpoints or radii that are not
-    doubles.
+    A single ball may be combined with n. A midpoint that is not finite makes an infinite ball, and
+    so does a radius that is negative or NaN. Operands may be arrays of balls, integers, floats,
+    Fractions and Arb's balls. Raises TypeError for midpoints or radii that are not doubles.
     """
 
     __slots__ = ("_mid", "_rad")
@@ -117,7 +130,8 @@ class BallArray:
         bits, r_bits = (part.view(np.uint64) & np.uint64(2**63 - 1) for part in (m, r))
         small = (bits > 0) & (bits < 2**52)
         m[small] = 0.0
-        # |mid| + rad <= 2^-1022 + rad; a radius above it is increased by far more than its rounding.
+        # |mid| + rad <= 2^-1022 + rad; a radius above it is increased by far more than its
+        # rounding.
         r[(r_bits > 0) & (r_bits < 2**52)] = _NORMAL
         r[small] = (r[small] + 4 * _NORMAL) * _UP
         r[~(np.isfinite(m) & (r >= 0))] = np.inf
@@ -125,13 +139,13 @@ class BallArray:
 
     @classmethod
     def of(cls, values: Iterable[Any]) -> BallArray:
-        """A ball for each number: arb's balls, Fractions, integers, floats; each ball holds its number or ball."""
+        """Return a ball that holds each number: Arb's balls, Fractions, integers or floats."""
         pairs = [outward(value) for value in values]
         return cls([mid for mid, _ in pairs], [rad for _, rad in pairs])
 
     @property
     def midpoints(self) -> Array:
-        """The midpoints; those of infinite balls mean nothing."""
+        """The midpoints; those of infinite balls have no meaning."""
         return self._mid
 
     @property
@@ -140,26 +154,26 @@ class BallArray:
         return self._rad
 
     def mid(self) -> BallArray:
-        """The midpoints as exact balls (infinite where the ball is)."""
+        """Return the midpoints as exact balls (infinite where the ball is)."""
         return BallArray(np.where(self._rad < np.inf, self._mid, np.nan))
 
     def rad(self) -> BallArray:
-        """The radii as exact balls (infinite where the ball is)."""
+        """Return the radii as exact balls (infinite where the ball is)."""
         return BallArray(self._rad)
 
     def is_finite(self) -> NDArray[np.bool_]:
-        """Of each ball, whether it is finite."""
+        """Return for each ball whether it is finite."""
         return self._rad < np.inf
 
     def __len__(self) -> int:
         return len(self._mid)
 
     def __getitem__(self, places: Any) -> BallArray:
-        """The balls of a slice, a mask or a list of indices."""
+        """Return the balls of a slice, a mask or a list of indices."""
         return made(self._mid[places], self._rad[places])
 
     def series(self, old: object = None) -> BallArraySeries:
-        """An empty sequence for as many balls, in the memory of the ``old`` one where that fits."""
+        """Return an empty series of the same width, in the memory of the ``old`` one if that fits."""
         from tippedisk_verify.proofs.kernel.ball_array_series import BallArraySeries  # it is made of these arrays
 
         if isinstance(old, BallArraySeries) and old.width == len(self):
@@ -190,7 +204,8 @@ class BallArray:
     def __neg__(self) -> BallArray:
         return made(-self._mid, self._rad)
 
-    # (a + s)(b + t) - a b = a t + s (b + t), so with |s| <= ra, |t| <= rb at most |a| rb + ra (|b| + rb).
+    # (a + s)(b + t) - a b = a t + s (b + t). With |s| <= ra and |t| <= rb this is at most
+    # |a| rb + ra (|b| + rb).
     @quieted
     def __mul__(self, other: Any) -> BallArray:
         factor = _exact_float(other)
@@ -206,14 +221,16 @@ class BallArray:
     __rmul__ = __mul__
 
     def _scaled(self, factor: float) -> BallArray:
-        """Times an exact float that is 0 or not subnormal."""
+        """Multiply by an exact float that is 0 or not subnormal."""
         if factor in (1.0, -1.0):
             return self if factor > 0 else -self
         return rounded(self._mid * factor, self._rad * abs(factor))
 
     @quieted
     def square(self) -> BallArray:
-        """(a + s)^2 - a^2 = s (2 a + s): no wider than the product with itself, and fewer operations."""
+        """Square, by (a + s)^2 - a^2 = s (2 a + s): no wider than the product, and fewer
+        operations.
+        """
         radius = np.abs(self._mid)
         radius += radius
         radius += self._rad
@@ -222,11 +239,15 @@ class BallArray:
 
     @quieted
     def __truediv__(self, other: Any) -> BallArray:
-        """The quotient; infinite where the divisor's ball holds 0.
+        """Divide; the quotient is infinite where the divisor's ball holds 0.
 
-        (a + s) / (b + t) - a / b = (s - (a / b) t) / (b + t), at most (ra + |a / b| rb) / (|b| - rb) if |b| > rb.
-        d = |b| - rb is rounded once and not negative if |b| > rb; where it is not positive there is no bound. q has an
-        absolute error below 2^-1022, which is multiplied by rb / d; rb / d likewise by |q|: hence `_TINY` in both.
+        If |b| > rb, then (a + s) / (b + t) - a / b = (s - (a / b) t) / (b + t) is at most
+
+            (ra + |a / b| rb) / (|b| - rb).
+
+        d = |b| - rb is rounded once and not negative if |b| > rb; where it is not positive there is
+        no bound. The absolute error of q = a / b is below 2^-1022 and is multiplied by rb / d. That
+        of rb / d is multiplied by |q|. Hence `_TINY` in both.
         """
         if factor := _exact_float(other):
             return rounded(self._mid / factor, self._rad / abs(factor))
@@ -245,20 +266,22 @@ class BallArray:
         return _operand(other) / self
 
     def sin(self) -> BallArray:
-        """The sine; infinite for midpoints beyond 2^18."""
+        """Return the sine; infinite for midpoints beyond 2^18."""
         return self._turned(0)
 
     def cos(self) -> BallArray:
-        """The cosine; infinite for midpoints beyond 2^18."""
+        """Return the cosine; infinite for midpoints beyond 2^18."""
         return self._turned(1)
 
     @quieted
     def _turned(self, quarters: int) -> BallArray:
-        """sin(x + quarters pi/2) = sin(y + j pi/2), where x = y + n pi/2 and j = n + quarters.
+        """Return sin(x + quarters pi/2) = sin(y + j pi/2), where x = y + n pi/2 and j = n +
+        quarters.
 
-        With S and C for the sine and cosine of the midpoint plus the quarters, |sin(x + s) - S| <= min(r, |C| r +
-        r^2 / 2) for |s| <= r by Taylor's formula: where the sine has its extremum, the ball hardly widens. C's own t is
-        multiplied by r, so `_TINY` is added to its bound.
+        Let S and C be the sine and cosine of the midpoint plus the quarters. For |s| <= r, by
+        Taylor's formula, |sin(x + s) - S| <= min(r, |C| r + r^2 / 2). So the ball hardly widens at
+        an extremum of the sine. The error t of C is multiplied by r, so `_TINY` is added to its
+        bound.
         """
         n, sine, sine_error, cosine, cosine_error = sine_and_cosine(self._mid)
         j = n + quarters
@@ -272,7 +295,7 @@ class BallArray:
         return rounded(np.where(j >= 2, -value, value), radius)
 
     def __pow__(self, power: int) -> BallArray:
-        """A positive integer power, by repeated squaring."""
+        """Raise to a positive integer power, by repeated squaring."""
         half = self ** (power // 2) if power > 1 else self
         if power < 2:
             return self
@@ -280,38 +303,46 @@ class BallArray:
 
     @quieted
     def abs_upper(self) -> BallArray:
-        """A number that no absolute value in the ball exceeds, as an exact ball (infinite where the ball is)."""
+        """Return an upper bound of the absolute values, as an exact ball (infinite where the ball
+        is).
+        """
         return BallArray((np.abs(self._mid) + self._rad) * _UP + _TINY)
 
     def around_zero(self) -> BallArray:
-        """The ball about 0 that reaches `abs_upper`."""
+        """Return the ball about 0 that reaches `abs_upper`."""
         return BallArray(np.zeros(len(self)), self.abs_upper()._mid)
 
     def constant(self, value: Any) -> BallArray:
-        """As many balls that hold one number; an array of balls passes unchanged."""
+        """Return an array of this length whose balls hold one number; pass an array of balls."""
         return value if isinstance(value, BallArray) else BallArray.of([value])[np.zeros(len(self), int)]
 
     alike = constant
 
     @quieted
     def union(self, other: Any) -> BallArray:
-        """A ball around both balls. Its midpoint may be any number: the radius is measured from it."""
+        """Return a ball around both.
+
+        Its midpoint may be any number: the radius is measured from it.
+        """
         b = _operand(other)
         middle = 0.5 * self._mid + 0.5 * b._mid
         reach = np.abs(self._mid - middle) + self._rad
         return rounded(middle, np.maximum(reach, np.abs(b._mid - middle) + b._rad))
 
     def positive(self) -> NDArray[np.bool_]:
-        """Of each ball, whether every number of it is greater than zero: a comparison of two floats."""
+        """Return for each ball whether all its numbers are positive: a comparison of two floats."""
         return (self._mid > self._rad) & self.is_finite()
 
     def negative(self) -> NDArray[np.bool_]:
-        """Of each ball, whether every number of it is less than zero."""
+        """Return for each ball whether all its numbers are negative."""
         return (-self._mid > self._rad) & self.is_finite()
 
     @quieted
     def inside(self, other: Any) -> NDArray[np.bool_]:
-        """Of each ball, whether it lies in the interior of the other; False if either is not finite."""
+        """Return for each ball whether it lies in the interior of the other.
+
+        False if one is infinite.
+        """
         b = _operand(other)
         reach = np.abs(self._mid - b._mid)
         reach += self._rad
@@ -321,7 +352,10 @@ class BallArray:
 
 
 def _doubles(values: Any) -> Array:
-    """As an array. No other kind of number becomes a double here, because that may round it."""
+    """Return an array of doubles.
+
+    Other kinds of numbers are refused: conversion might round them.
+    """
     many = values if isinstance(values, Sequence) else [values]
     if not (values.dtype == np.float64 if isinstance(values, np.ndarray) else all(isinstance(x, float) for x in many)):
         raise TypeError("midpoints and radii are doubles: BallArray.of takes other numbers")
@@ -329,17 +363,18 @@ def _doubles(values: Any) -> Array:
 
 
 def made(mid: Array, rad: Array) -> BallArray:
-    """BallArray of arrays that keep the module's rules already."""
+    """Return the `BallArray` of arrays that already keep the module's rules."""
     ball = BallArray.__new__(BallArray)
     ball._mid, ball._rad = mid, rad
     return ball
 
 
 def rounded(middle: Array, radius: Array, up: float = _UP) -> BallArray:
-    """The ball of an operation: ``radius``, a new array, from its operands' radii; the midpoint's rounding is added.
+    """Return the result of an operation, with the midpoint's rounding added to the radius.
 
-    ``up`` makes good for the radius's roundings. If the midpoint is not finite, the radius is not; fmin makes infinity
-    of NaN.
+    ``radius`` is a new array, computed from the operands' radii, and is overwritten. ``up`` exceeds
+    the radius's own roundings. If the midpoint is not finite, the radius is not; fmin turns NaN
+    into infinity.
     """
     rounding = np.abs(middle)
     rounding *= _U
@@ -350,7 +385,10 @@ def rounded(middle: Array, radius: Array, up: float = _UP) -> BallArray:
 
 
 def _exact_float(value: Any) -> float | None:
-    """The integer, or the float that is neither subnormal nor zero (some processors tell no difference), as a float."""
+    """Return an exact integer or float as a float, and None for others.
+
+    Subnormal floats and 0.0 are excluded, because some processors do not tell them apart.
+    """
     if isinstance(value, int) and abs(value) <= _EXACT_INTEGERS:
         return float(value)
     return float(value) if isinstance(value, float) and _NORMAL <= abs(value) < np.inf else None

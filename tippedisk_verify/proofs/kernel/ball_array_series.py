@@ -1,4 +1,7 @@
-"""Power series whose coefficients are arrays of balls; u, t and the count of roundings are those of `ball_array`."""
+"""Power series whose coefficients are arrays of balls.
+
+The symbols u and t and the count of roundings are those of `ball_array`.
+"""
 
 from __future__ import annotations
 
@@ -17,14 +20,14 @@ Array = NDArray[np.float64]
 _U = 2.0**-53
 _NORMAL = 2.0**-1022
 _LONGEST = 2**16  # terms of a convolution: the count of roundings in its proof
-_CAPACITY = 24  # coefficients that a series has room for at first
+_CAPACITY = 24  # the initial capacity in coefficients
 
 
 class BallArraySeries(Sequence[BallArray]):
-    """Coefficients of a power series, arrays of n balls, stored so that `convolution` passes through memory once.
+    """The coefficients of a power series, arrays of n balls, stored for a fast `convolution`.
 
-    For coefficient k there are five rows: the midpoints m, |m|, s = r + (k + 1/2) u |m|, |m| + r and the radii r, where
-    the two sums are rounded.
+    Coefficient k has five rows: the midpoints m, |m|, s = r + (k + 1/2) u |m|, |m| + r and the
+    radii r. The two sums are rounded.
     """
 
     __slots__ = ("_length", "_rows")
@@ -35,12 +38,12 @@ class BallArraySeries(Sequence[BallArray]):
 
     @property
     def width(self) -> int:
-        """Number of balls in an array."""
+        """The number of balls in an array."""
         return int(self._rows.shape[2])
 
     @quieted
     def append(self, ball: BallArray) -> None:
-        """Copy the ball behind the last coefficient."""
+        """Append a copy of the ball."""
         if self._length == self._rows.shape[1]:
             self._rows = np.concatenate([self._rows, np.empty_like(self._rows)], axis=1)
         mid, size, spread, upper, rad = self._rows[:, self._length]
@@ -53,16 +56,18 @@ class BallArraySeries(Sequence[BallArray]):
         self._length += 1
 
     def clear(self) -> None:
-        """Forget all coefficients, and keep their memory."""
+        """Remove all coefficients, and keep their memory."""
         self._length = 0
 
     def __len__(self) -> int:
         return self._length
 
     def __getitem__(self, index: Any) -> Any:
-        """One coefficient, or a series of some: both views, which end with the next `clear`.
+        """Return one coefficient or a series of several, as views that are valid until the next
+        `clear`.
 
-        In a series of some each s is at least that of its new place, which is no later than the old one.
+        In a part of a series each s is at least that of its new place, which is no later than the
+        old one.
         """
         rows = self._rows[:, : self._length]
         if isinstance(index, slice):
@@ -79,17 +84,23 @@ class BallArraySeries(Sequence[BallArray]):
 
     @quieted
     def convolution(self, other: BallArraySeries) -> BallArray | int:
-        """a_0 b_(k-1) + … + a_(k-1) b_0 of two series of the same length k (the integer 0 for none).
+        """Return a_0 b_(k-1) + … + a_(k-1) b_0 for two series of the same length k (0 for k = 0).
 
-        *Midpoint.* A sum of k products in an order that is left to numpy, with fused operations or without; a factor
-        common to all terms may be taken out. The last operation's rounding is within u |c| + t. Before it each product
-        has met at most k - 1 roundings (additions to an accumulator that is zero are exact), which change the sum by at
-        most ((1 + u)^(k-1) - 1) W <= k u W for W the sum of |a_i| |b_j| and k <= 2^16.
+        *Midpoint.* It is a sum of k products. Their order is left to numpy, with fused operations
+        or without, and a factor common to all terms may be taken out. The last operation's rounding
+        is within u |c| + t. Before it each product has met at most k - 1 roundings, as additions to
+        an accumulator that is zero are exact. With W the sum of |a_i| |b_j| and k <= 2^16 they
+        change the sum by at most
 
-        *Radius.* The sum of |a_i| rb_j + ra_i (|b_j| + rb_j) as in the product, and k u W. As k = i + j + 1, the sum of
-        |a_i| s_j + s_i (|b_j| + rb_j) is at least both. Any term of it meets at most 2 k + 15 roundings: two in s, one
-        in |b| + rb, one as a product, 2 k - 1 as one of 2 k terms, and the few behind. As in the docstring of
-        `ball_array`, 1 + (4 k + 32) u outweighs them: (1 - m u) (1 + 2 (m + 1) u) > 1 for m = 2 k + 15 and k <= 2^16.
+            ((1 + u)^(k-1) - 1) W <= k u W.
+
+        *Radius.* It is the sum of |a_i| rb_j + ra_i (|b_j| + rb_j) as in the product, and k u W. As
+        k = i + j + 1, the sum of |a_i| s_j + s_i (|b_j| + rb_j) is at least both. Any term of it
+        meets at most 2 k + 15 roundings: two in s, one in |b| + rb, one as a product, 2 k - 1 as
+        one of 2 k terms, and the few behind. As in the docstring of `ball_array`, 1 + (4 k + 32) u
+        outweighs them, for
+
+            (1 - m u) (1 + 2 (m + 1) u) > 1   with   m = 2 k + 15 and k <= 2^16.
         """
         k = self._length
         if other._length != k:

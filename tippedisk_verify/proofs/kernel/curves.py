@@ -1,50 +1,70 @@
-"""The half map over a curve of starts and speeds at once: polynomials in a parameter with balls left over.
+"""The half map over a curve of starts and speeds at once: polynomials in a parameter, with balls.
 
-For s in [-1, 1] let gamma_bar(s), v(s), Omega(s) be polynomials: a curve of starts on the section beta = pi/2, with a
-speed each. Around it there are deviations d = (d_gamma, d_v, d_Omega) in a box of balls about zero. After any time the
-states of the orbits that start at (gamma_bar(s), v(s)) + (d_gamma, d_v), at the speed Omega(s) + d_Omega, are in
+The set of states
+-----------------
+For s in [-1, 1] let gamma_bar(s), v(s), Omega(s) be polynomials: a curve of starts on the section
+beta = pi/2, each with its speed. Let d = (d_gamma, d_v, d_Omega) be deviations in a box of balls
+about zero. The orbits start at (gamma_bar(s), v(s)) + (d_gamma, d_v) and have the speed Omega(s) +
+d_Omega. After any time their states are in
 
-    middle(s) + lead(s) d + axes q,    q in the box ``rest``:
+    middle(s) + lead(s) d + axes q,    q in the box ``rest``.
 
-the set of `frame`, with jets for what depends on s. Derivatives, which only multiply deviations, have a lower degree
-in s than the middle. *For each s by itself* the steps are those of `step`, whose boxes hold the ranges for all s.
+This is the set of `frame`, with jets for the functions of s. Derivatives only multiply deviations,
+so they have a lower degree in s than the middle. *For each s separately* the steps are those of
+`step`, whose boxes hold the ranges for all s.
 
-**The first return** to beta = pi/2. beta_bar is 0 at the start. Of every step but the last one of these is proved, from
-its E: v < 0 throughout, or beta_bar < 0 throughout. As beta_bar' = v, beta_bar < 0 from the start on. In the last step
-v > 0 throughout, and beta_bar > 0 at its end: beta_bar passes 0 once, upwards.
+The first return to beta = pi/2
+-------------------------------
+beta_bar is 0 at the start. For every step but the last, its box E proves v < 0 throughout or
+beta_bar < 0 throughout. As beta_bar' = v, beta_bar < 0 from the start on. In the last step v > 0
+throughout, and beta_bar > 0 at its end: beta_bar passes 0 once, upwards.
 
-*Its moment.* With a time tau(s), any, and w a ball that holds v on all states between tau(s) and the return,
-the return is at tau(s) - beta_bar(tau(s)) / w by the mean value theorem; w is E's at first, and then that of the
-times so found. On the section time moves with the start by -d(beta)/v, and gamma' = 0.
+*Its moment.* Choose a time tau(s), and let the ball w hold v on all states between tau(s) and the
+return. By the mean value theorem the return is at
 
-**An arc of the family of limit cycles**: for each value of a parameter exactly one cycle, by one Krawczyk test. Three
-numbers describe a cycle that S maps to itself: gamma_bar and v on the section, and Omega. The first one is the
-arc's parameter p = p_0 + R s, |s| <= 1; the other two, u, are unknown, with the two equations F_p(u) = P - (gamma_bar,
-v) = 0 for the half map P (`section`). Let m(s) be polynomials near the family, r > 0 two numbers, X(s) the box of all u
-with |u - m(s)| <= r, and Y(s) regular matrices. *For each s by itself* `krawczyk` says: if
+    tau(s) - beta_bar(tau(s)) / w.
+
+First w is that of E, then that of the times found with it. On the section time moves with the start
+by -d(beta)/v, and gamma' = 0.
+
+An arc of the family of limit cycles
+------------------------------------
+One Krawczyk test proves exactly one cycle for each value of a parameter. Three numbers describe a
+cycle that S maps to itself: gamma_bar and v on the section, and Omega. The first one is the arc's
+parameter p = p_0 + R s, |s| <= 1. The other two, u, are unknown. Their two equations are F_p(u) = P
+- (gamma_bar, v) = 0 for the half map P (`section`). Let m(s) be polynomials near the family, r > 0
+two numbers, X(s) the box of all u with |u - m(s)| <= r, and Y(s) regular matrices. *For each s
+separately* the theorem of `krawczyk` holds: if
 
     - Y(s) F(m(s))  +  (1 - Y(s) F'(X(s))) [-r, r]  lies inside  (-r, r),
 
-X(s) holds exactly one zero u(s) of F, and all matrices of F'(X(s)) are regular. One flight over the curve m(s) with the
-deviations |d| <= r about it gives F(m(s)) and F'(X(s)) as jets, functions enclosed for each s; the test
-compares their ranges, for all s at once. u(s) is an analytic curve by the implicit function theorem, and u' =
--(dF/du)^-1 dF/dp.
+X(s) holds exactly one zero u(s) of F, and all matrices of F'(X(s)) are regular. One flight over the
+curve m(s) with the deviations |d| <= r gives F(m(s)) and F'(X(s)) as jets, functions enclosed for
+each s. The test compares their ranges, for all s at once. By the implicit function theorem u(s) is
+an analytic curve with u' = -(dF/du)^-1 dF/dp.
 
-The columns of P' - 1 and dP/dOmega are c_g, c_v and c_Omega, and differentiating the
-equations along the curve gives c_g + c_v v' + c_Omega Omega' = 0. The determinants of both sides with c_v say that
-det(P' - 1) = Omega' det(c_v, c_Omega), which keeps its relative accuracy where Omega' is small. Let beta_max be the
-largest |beta_bar| of a cycle. Where it is taken v = 0, and the derivative of beta_bar by gamma_bar_0 *at a fixed time*
-is enclosed for all times at which v may be 0. If it is negative, beta_max grows: at the moment at which one cycle has
-its beta_max, its neighbours of larger gamma_bar_0 are further out. `scaled` says how it is with the state divided by
-gamma_bar_0.
+Signs along the arc
+-------------------
+Let c_g, c_v and c_Omega be the columns of P' - 1 and dP/dOmega. The equations, differentiated along
+the curve, give c_g + c_v v' + c_Omega Omega' = 0. The determinants of both sides with c_v give
 
-With tau the trace of P' and delta = exp(integral of div f) = -det P' > 0 (Liouville, see `claims.cycle`), P' has one
-positive and one negative eigenvalue. Both lie between -1 and 1 if and only if 1 - tau - delta = det(P' - 1) > 0 and
-1 + tau - delta > 0, the values of its characteristic polynomial there; if one of these is negative, an eigenvalue lies
-outside.
+    det(P' - 1) = Omega' det(c_v, c_Omega),
 
-Where a ball becomes a point or a float: middle, lead, axes, tau, step lengths, m, Y and r are chosen, and any choice is
-right that passes the test.
+which keeps its relative accuracy where Omega' is small.
+
+Let beta_max be the largest |beta_bar| of a cycle; v = 0 at its moment. The derivative of beta_bar
+by gamma_bar_0 *at a fixed time* is enclosed for all times at which v may be 0. If it is negative,
+beta_max grows: when one cycle has its beta_max, its neighbours of larger gamma_bar_0 are further
+out. `scaled` has the same for the state divided by gamma_bar_0.
+
+Let tau be the trace of P' and delta = exp(integral of div f) = -det P' > 0 (Liouville, see
+`certificates.cycle`). P' has one positive and one negative eigenvalue. The values of its
+characteristic polynomial at 1 and -1 are 1 - tau - delta = det(P' - 1) and 1 + tau - delta. Both
+eigenvalues lie between -1 and 1 if and only if both values are positive; if one of these is
+negative, an eigenvalue lies outside.
+
+Where a ball becomes a point or a float: middle, lead, axes, tau, step lengths, m, Y and r are
+chosen. Any choice that passes the test is right.
 """
 
 from __future__ import annotations
@@ -55,7 +75,7 @@ from itertools import chain
 from typing import Any, ClassVar
 
 from tippedisk_verify.proofs.kernel.balls import Unproved, arb, inside, need, negative, positive, rough, whole
-from tippedisk_verify.proofs.kernel.field import Constants
+from tippedisk_verify.proofs.kernel.field import FieldConstants
 from tippedisk_verify.proofs.kernel.flow import Model, Path
 from tippedisk_verify.proofs.kernel.frame import Frame
 from tippedisk_verify.proofs.kernel.jets import Jet, symmetric
@@ -70,8 +90,8 @@ __all__ = [
     "Curve",
     "CurveFlight",
     "CurvePath",
+    "CurveReplay",
     "Matrix",
-    "Replay",
     "arc_test",
     "fly",
     "inverse",
@@ -80,14 +100,14 @@ __all__ = [
 
 UNKNOWNS = 1, 2  #: of (gamma_bar, v, Omega); the first one is the parameter
 ORDERS = 20, 12  #: of the series of the states, and of those of derivatives
-_FINEST = 2.0**-7  # part of a step in which an orbit turns
+_SHORTEST_PART = 2.0**-7  # of a step in which an orbit turns
 
 Matrix = Sequence[Sequence[Any]]
 
 
 @dataclass(frozen=True)
 class Curve:
-    """Starts on the section and speeds, polynomials of s with points or small balls, and deviations about them."""
+    """Starts on the section and speeds, polynomials of s, and deviations about them."""
 
     gamma_bar: Jet  #: [rad]
     v: Jet  #: [rad/s]
@@ -96,12 +116,12 @@ class Curve:
     total: Jet  #: about how long the half map takes [s]: steps are shares of it
 
     unit: ClassVar = ((1, 0, 0), (0, 1, 0))  #: derivatives of `start` by the three numbers
-    columns: ClassVar[tuple[int, ...]] = (2,)  #: of which of the three the equations depend
+    columns: ClassVar[tuple[int, ...]] = (2,)  #: the indices of the numbers in the equations
     equations: ClassVar[Any] = Model  #: for the constants and `numbers`
 
     @property
     def start(self) -> tuple[Jet, Jet]:
-        """Where the orbits begin on the section, and what a fixed point returns to."""
+        """The starts of the orbits on the section, to which a fixed point returns."""
         return self.gamma_bar, self.v
 
     @property
@@ -110,21 +130,26 @@ class Curve:
         return (self.omega + self.deviation[2],)
 
     def trace(self, matrix: Matrix) -> Jet:
-        """Of the half map's derivative by gamma_bar and v at a fixed point, from that by the three numbers."""
+        """Return the trace of the half map's derivative at a fixed point, given that by the three
+        numbers.
+        """
         trace: Jet = matrix[0][0] + matrix[1][1]
         return trace
 
     def rise(self, beta_bar: Any, slope: Jet) -> Jet:
-        """The sign of how beta_bar changes with gamma_bar_0 at a fixed time, from its change with the first number."""
+        """Return a number with the sign of d(beta_bar)/d(gamma_bar_0) at a fixed time, given the
+        slope.
+        """
         return slope
 
 
 @dataclass(frozen=True)
 class CurveFlight:
-    """What is proved of the orbits from a curve of starts, as jets, for each s.
+    """The proved properties of the orbits from a curve of starts, as jets, for each s.
 
-    ``image`` is S of where the curve's own orbits return, (gamma_bar, v), after ``own_time``; the others hold for all
-    orbits from the curve and the deviations about it. Derivatives are by the curve's three numbers.
+    ``image`` is the image under S of the point (gamma_bar, v) to which the curve's own orbits
+    return after ``own_time``. The others hold for all orbits from the curve and the deviations
+    about it. Derivatives are by the curve's three numbers.
     """
 
     image: Sequence[Jet]
@@ -136,14 +161,14 @@ class CurveFlight:
     turning: Sequence[Step]  #: those that hold all moments with v = 0
 
 
-class Replay:
-    """The choices of a log: of each step the share and, but for the last one, the axes, as decimals."""
+class CurveReplay:
+    """The choices of a log: the share of each step and, except for the last, the axes, as decimals."""
 
     def __init__(self, log: Sequence[Mapping[str, Any]]) -> None:
         self.log, self.number = log, 0
 
     def step(self, path: CurvePath, longest: Any) -> Step:
-        need(self.number < len(self.log), "the return is not reached: there are no steps any more")
+        need(self.number < len(self.log), "the return is not reached: there are no further steps")
         self.number += 1
         return path.step_of(path.trial(ORDERS), as_float(self.log[self.number - 1]["share"]))
 
@@ -157,9 +182,9 @@ class Replay:
 
 
 class _Equations:
-    """The equations of motion for the curve's speeds: for each s, of the orbits and of the derivatives; for all s."""
+    """The equations of motion for the curve's speeds: for each s, and over the ranges for all s."""
 
-    def __init__(self, constants: Constants, curve: Curve) -> None:
+    def __init__(self, constants: FieldConstants, curve: Curve) -> None:
         self.orbit = curve.equations(constants, *curve.numbers).orbit_at(curve.omega)
         short = curve.equations(constants, *map(rough, curve.numbers))
         self.rates, self.with_divergence = short.rates, short.with_divergence
@@ -168,9 +193,12 @@ class _Equations:
 
 
 class CurvePath(Path):
-    """Follows all orbits from the curve and the deviations about it; each has its own lengths of steps."""
+    """The flight of all orbits from a curve and its deviations.
 
-    def __init__(self, constants: Constants, curve: Curve, choices: Any) -> None:
+    Each has its own lengths of steps.
+    """
+
+    def __init__(self, constants: FieldConstants, curve: Curve, choices: Any) -> None:
         zero = 0 * curve.v.mid()
         nothing, short = zero.c[0], rough(zero)
         states = Frame([zero, *curve.start], curve.omega)
@@ -183,15 +211,17 @@ class CurvePath(Path):
         self.total = curve.total
 
     def _spent(self) -> None:
-        """Boxes may be wide: s says where in them an orbit is."""
+        """Accept wide boxes: s determines the place of an orbit in them."""
 
     def step_of(self, trial: Trial, share: float) -> Step:
-        """That of a share of the time of flight, proved or not."""
+        """Return the step over a share of the time of flight, proved or not."""
         return trial.tested((self.total * share).mid())
 
 
 def turnings(step: Step) -> Iterator[tuple[Any, Sequence[Jet]]]:
-    """beta_bar and its derivatives by the three numbers at a fixed time, in each part that may have v = 0."""
+    """Yield beta_bar and its derivatives at a fixed time in each part of the step that may have v =
+    0.
+    """
     nothing = 0 * step.length.c[0]
     open_parts = [(0.0, 1.0)]
     while open_parts:
@@ -200,7 +230,7 @@ def turnings(step: Step) -> Iterator[tuple[Any, Sequence[Jet]]]:
         v = step.component(2, time).range()
         if negative(v) or positive(v):
             continue
-        if end - begin > _FINEST:
+        if end - begin > _SHORTEST_PART:
             middle = (begin + end) / 2
             open_parts += [(begin, middle), (middle, end)]
         else:
@@ -208,10 +238,11 @@ def turnings(step: Step) -> Iterator[tuple[Any, Sequence[Jet]]]:
             yield step.component(0, time).range(), step.frame.derivatives(step.rows_at(time, only))[0]
 
 
-def fly(constants: Constants, curve: Curve, choices: Any) -> CurveFlight:
-    """Enclose the half map over the curve and its deviations. Raises Unproved, with the step that fails.
+def fly(constants: FieldConstants, curve: Curve, choices: Any) -> CurveFlight:
+    """Enclose the half map over the curve and its deviations.
 
-    ``choices`` is a `flow.Proposer` of `CurvePath.step_of`.
+    ``choices`` is a `flow.StepProposer` of `CurvePath.step_of`. Raises Unproved, with the step that
+    fails.
     """
     path = CurvePath(constants, curve, choices)
     need(negative(path.box[2].range()), "v is not shown to be negative at the start")
@@ -236,7 +267,7 @@ def fly(constants: Constants, curve: Curve, choices: Any) -> CurveFlight:
 
 
 def _landed(path: CurvePath, step: Step, least: Any, turning: Sequence[Step]) -> CurveFlight:
-    """The return within the last step, and the half map's derivatives."""
+    """Enclose the return within the last step, and the half map's derivatives."""
     states, length = step.frame, step.length
     tau = (path.total - path.time).mid()
     centre, rows = step.centre(tau), step.rows_at(tau)
@@ -267,7 +298,7 @@ def _landed(path: CurvePath, step: Step, least: Any, turning: Sequence[Step]) ->
 
 @dataclass(frozen=True)
 class Arc:
-    """What one test says of an arc. Where ``included`` there is exactly one cycle for each s."""
+    """The result of one test of an arc. If ``included``, there is exactly one cycle for each s."""
 
     included: bool
     curve: Curve  #: m(s) and r
@@ -277,25 +308,25 @@ class Arc:
     determinant: Jet  #: of the equations' derivative by the unknowns
 
     def period(self) -> Jet:
-        """T [s]."""
+        """Return the period T [s]."""
         half: Jet = self.flight.own_time
         for k, off in zip(UNKNOWNS, self.within, strict=True):
             half = half + self.flight.time_by[k] * off
         return 2 * half
 
     def period_slope(self) -> Jet:
-        """dT/d(gamma_bar_0)."""
+        """Return dT/d(gamma_bar_0)."""
         by = self.flight.time_by
         return 2 * (by[0] + by[1] * self.slopes[0] + by[2] * self.slopes[1])
 
     def trace(self) -> Jet:
-        """Of the half map's derivative by gamma_bar and v."""
+        """Return the trace of the half map's derivative by gamma_bar and v."""
         return self.curve.trace(self.flight.matrix)
 
     def stable(self) -> bool | None:
-        """Whether all cycles are asymptotically stable (True) or none is (False); None if not decided.
+        """Return True if all cycles are asymptotically stable, False if none is, None if undecided.
 
-        Of scaled states True is said of all but that at the Hopf point.
+        For scaled states True means all cycles except the equilibrium at the Hopf point.
         """
         trace, shrinking = self.trace().range(), self.flight.divergence.range().exp()
         below = (self.slopes[1] * self.determinant).range()
@@ -305,16 +336,22 @@ class Arc:
         return False if negative(1 - trace) or negative(1 + trace) else None
 
     def falling(self) -> bool | None:
-        """Whether Omega falls with gamma_bar_0 all along an arc over it (True) or rises (False)."""
+        """Return True if Omega falls with gamma_bar_0 all along the arc, False if it rises, else
+        None.
+        """
         slope = self.slopes[1].range()
-        return True if negative(slope) else False if positive(slope) else None
+        if negative(slope):
+            return True
+        return False if positive(slope) else None
 
     def slowing(self) -> bool:
-        """Whether the period grows with gamma_bar_0 all along an arc over it."""
+        """Return True if the period grows with gamma_bar_0 all along the arc."""
         return bool(positive(self.period_slope().range()))
 
     def widening(self) -> bool:
-        """Whether beta_max grows with gamma_bar_0 all along an arc over it (not at the Hopf point, where it is 0)."""
+        """Return True if beta_max grows with gamma_bar_0 all along the arc, except at the Hopf
+        point.
+        """
         for beta_bar, row in chain.from_iterable(map(turnings, self.flight.turning)):
             slope = row[0] + row[1] * self.slopes[0] + row[2] * self.slopes[1]
             if not negative(self.curve.rise(beta_bar, slope).range()):
@@ -322,16 +359,17 @@ class Arc:
         return bool(self.flight.turning)
 
 
-def arc_test(constants: Constants, curve: Curve, choices: Any) -> Arc:
-    """Krawczyk's test on a curve of starts and speeds, of which the first number has no deviation.
+def arc_test(constants: FieldConstants, curve: Curve, choices: Any) -> Arc:
+    """Apply Krawczyk's test to a curve of starts and speeds whose first number has no deviation.
 
     Raises Unproved if the flight fails.
     """
     flight = fly(constants, curve, choices)
     radii = [curve.deviation[k] for k in UNKNOWNS]
     value = [after - before for after, before in zip(flight.image, curve.start, strict=True)]
-    jacobian = [[entry - own for entry, own in zip(*rows, strict=True)]
-                for rows in zip(flight.matrix, curve.unit, strict=True)]  # fmt: skip
+    jacobian = [
+        [entry - own for entry, own in zip(*rows, strict=True)] for rows in zip(flight.matrix, curve.unit, strict=True)
+    ]
     by_unknowns = [[row[k] for k in UNKNOWNS] for row in jacobian]
     chosen = [[entry.mid() for entry in row] for row in inverse([[x.mid() for x in row] for row in by_unknowns])]
     degree = chosen[0][0].degree
@@ -350,7 +388,7 @@ def arc_test(constants: Constants, curve: Curve, choices: Any) -> Arc:
 
 
 def inverse(matrix: Sequence[Sequence[Any]]) -> list[list[Any]]:
-    """Of a matrix (2, 2) of jets or balls."""
+    """Return the inverse of a matrix (2, 2) of jets or balls."""
     (a, b), (c, d) = matrix
     determinant = a * d - b * c
     return [[d / determinant, -b / determinant], [-c / determinant, a / determinant]]

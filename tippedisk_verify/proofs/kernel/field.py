@@ -1,15 +1,21 @@
-"""The equations of motion on any kind of number (Eqs. 3DOF ... lambda_y_3DOF of the paper), for the proofs alone.
+"""The equations of motion on any kind of number (Eqs. 3DOF ... lambda_y_3DOF of the paper), for the
+proofs alone.
 
-They are written in the shifted angles beta_bar = beta - pi/2 and gamma_bar = gamma - pi/2 and with all forces divided
-by the mass. With s = sin(beta_bar) = -cos(beta), C = cos(beta_bar) = sin(beta), t = sin(gamma_bar) = -cos(gamma),
-c = cos(gamma_bar) = sin(gamma) and rho = r + e c the paper's quantities are
+This transcription is the kernel's own, because the kernel imports nothing outside itself. A test
+compares it with `model.equations` at random states.
+
+The angles are shifted, beta_bar = beta - pi/2 and gamma_bar = gamma - pi/2, and all forces are
+divided by the mass. Let s = sin(beta_bar) = -cos(beta), C = cos(beta_bar) = sin(beta),
+t = sin(gamma_bar) = -cos(gamma), c = cos(gamma_bar) = sin(gamma) and rho = r + e c. The paper's
+quantities are
 
     M       = b + (a - b) t^2 + rho^2 s^2,
-    h       = -s [C (rho^2 v^2 + Omega^2 (M - r rho s^2)) + Omega v t (2 (a - b) c + e rho (1 - 3 s^2))],
+    h       = -s [C (rho^2 v^2 + Omega^2 (M - r rho s^2))
+                  + Omega v t (2 (a - b) c + e rho (1 - 3 s^2))],
     f_G     = g rho s,       w_y = rho C,       gamma_y = C (rho v + e Omega C t),
 
-because e c = rho - r and 3 C^2 - 2 = 1 - 3 s^2. A test holds them against the equations that the rest of the package
-uses. Derivatives are not written down: `series` differentiates what these functions record on its graph.
+because e c = rho - r and 3 C^2 - 2 = 1 - 3 s^2. Derivatives are not written down: `series`
+differentiates the operations that these functions record on its graph.
 """
 
 from __future__ import annotations
@@ -20,17 +26,18 @@ from typing import Any, NamedTuple
 
 from tippedisk_verify.proofs.kernel.balls import ball, need
 
-__all__ = ["UNITS", "Constants", "Law", "constants", "field", "one_sided", "sliding_motion"]
+__all__ = ["UNITS", "FieldConstants", "Law", "constants", "field", "one_sided", "sliding_motion"]
 
-#: ``law(ops, constants, omega)`` is a function of the state that returns its three rates; ``ops`` has sin and cos.
+#: ``law(ops, constants, omega)`` is a function of the state that returns its three rates; ``ops``
+#: has sin and cos.
 Law = Callable[[Any, Any, Any], Callable[[Any, Any, Any], tuple[Any, Any, Any]]]
 
 #: the eight numbers of a disk with their units, in the order of sentences
 UNITS = {"r": " m", "e": " m", "m": " kg", "A": " kg m^2", "B": " kg m^2", "g": " m/s^2", "mu": "", "epsilon": " m/s"}
 
 
-class Constants(NamedTuple):
-    """What the equations need of a disk, in one arithmetic."""
+class FieldConstants(NamedTuple):
+    """The constants of a disk in the equations of motion, all in one arithmetic."""
 
     r: Any  #: disk radius [m]
     e: Any  #: eccentricity [m]
@@ -42,18 +49,22 @@ class Constants(NamedTuple):
     epsilon: Any  #: smoothing speed of the friction law [m/s]
 
 
-def constants(disk: Mapping[str, str]) -> Constants:
-    """Balls that hold the constants of a disk of eight exact numbers. Raises Unproved if they are no disk's."""
+def constants(disk: Mapping[str, str]) -> FieldConstants:
+    """Return balls that hold the constants of a disk, given its eight exact numbers.
+
+    Raises Unproved if no disk has these numbers.
+    """
     r, e, m, A, B, g, mu, epsilon = (Fraction(disk[name]) for name in UNITS)
     need(0 < e < r and m * e * e < B <= A and min(m, g, mu, epsilon) > 0, "the parameters are no disk's")
-    return Constants(*map(ball, (r, e, A / m, B / m - e * e, g, mu * g / epsilon, mu * g, epsilon)))
+    return FieldConstants(*map(ball, (r, e, A / m, B / m - e * e, g, mu * g / epsilon, mu * g, epsilon)))
 
 
 def field(ops: Any, constants: Any, omega: Any, law: Any = "linear") -> Callable[[Any, Any, Any], tuple[Any, Any, Any]]:
-    """The rates (beta', gamma', v') [rad/s, rad/s, rad/s^2] as a function of (beta_bar, gamma_bar, v).
+    """Return the rates (beta', gamma', v') [rad/s, rad/s, rad/s^2] as a function of the state.
 
-    ``law``: 'linear'; 'smooth', which takes an absolute value; or 1 or -1, the analytic law that is the smooth one
-    where the sliding velocity has that sign.
+    The state is (beta_bar, gamma_bar, v). ``law`` is 'linear', or 'smooth', which takes an absolute
+    value, or 1 or -1. These two are analytic: each is the smooth law where the sliding velocity has
+    that sign.
     """
     r, e, a, b, g = constants.r, constants.e, constants.a, constants.b, constants.g
     unlike, twice_unlike, three_e, square, drift = a - b, (a - b) + (a - b), e + e + e, omega * omega, e * omega
@@ -81,14 +92,17 @@ def field(ops: Any, constants: Any, omega: Any, law: Any = "linear") -> Callable
 
 
 def one_sided(side: int) -> Law:
-    """The analytic law that is the smooth one where the sliding velocity has the sign ``side``, 1 or -1."""
+    """Return the analytic law of a ``side``, 1 or -1: the smooth law where gamma_y has that sign."""
     return lambda ops, constants, omega: field(ops, constants, omega, side)
 
 
 def sliding_motion(
     ops: Any, constants: Any, omega: Any, state: Sequence[Any], acceleration: Any = None
 ) -> tuple[Any, Any]:
-    """gamma_y [m/s], and its rate [m/s^2] where v' is ``acceleration``."""
+    """Return gamma_y [m/s] and its rate [m/s^2].
+
+    ``acceleration`` is v', and without it the rate is None.
+    """
     beta, gamma, v = state
     s, C, t, c = ops.sin(beta), ops.cos(beta), ops.sin(gamma), ops.cos(gamma)
     rho, drift = constants.r + constants.e * c, constants.e * omega

@@ -1,11 +1,13 @@
 """Proved enclosures of the flow: all orbits from a set of states, followed from step to step.
 
-All states are in shifted angles, (beta - pi/2, gamma - pi/2, v): the section is beta_bar = 0, the symmetry S is x -> -x
-and the equilibria are (0, 0, 0) and (0, -pi, 0), (0, pi, 0). The friction law is linear (the smooth
-one: `sliding`). A step's proof: `step`; the sets of states: `frame`.
+All states are in shifted angles, (beta - pi/2, gamma - pi/2, v). The section is beta_bar = 0, the
+symmetry S is x -> -x, and the equilibria are (0, 0, 0), (0, -pi, 0) and (0, pi, 0). The friction
+law is linear; `sliding` has the smooth one. `step` proves one step, and `frame` has the sets of
+states.
 
-**Who chooses.** The lengths and orders of steps and the axes of sets come from a `Proposer`, which searches for them or
-reads them in a certificate. Any choice that passes the tests is right, and nothing else is asked of a proposer.
+**Who chooses.** The lengths and orders of steps and the axes of sets come from a `StepProposer`. It
+searches for them or reads them in a certificate. Any choice that passes the tests is right, and
+nothing else is required of a proposer.
 """
 
 from __future__ import annotations
@@ -21,15 +23,18 @@ from tippedisk_verify.proofs.kernel.frame import Frame
 from tippedisk_verify.proofs.kernel.series import Graph, Node, System, with_derivatives
 from tippedisk_verify.proofs.kernel.step import Step, Trial, magnitude
 
-__all__ = ["Model", "Path", "Proposer", "Status", "short_float"]
+__all__ = ["FlowStatus", "Model", "Path", "StepProposer", "short_float"]
 
 _WIDEST = 3  # -log2 of the radius [rad, rad/s] beyond which a box says too little to go on
 _SHORTEST_STEP = 2.0**-40  # s
 _MOST_STEPS = 20_000
 
 
-class Status(Enum):
-    """How a proof that follows the flow ended. The value says what happened and what to try next."""
+class FlowStatus(Enum):
+    """The ways in which following the flow can end.
+
+    Each value is a message with what to try next.
+    """
 
     RETURNED = "the first return to the section is enclosed"
     NO_START = "v < 0 at the start is not proved: start on the other side of the section, or in a narrower box"
@@ -45,38 +50,47 @@ class Status(Enum):
     STEP_LIMIT = "the step limit was reached: shorten the run"
 
 
-class Proposer(Protocol):
-    """What a flight asks for its choices. A search may answer with anything; a reader has a certificate's answers."""
+class StepProposer(Protocol):
+    """The source of a flight's choices: a search, or a reader of a certificate.
+
+    Any answer is safe.
+    """
 
     def step(self, path: Path, longest: Any) -> Step | None:
-        """A step of the path, made by its `Path.trial`, of at most ``longest`` seconds; None to give up.
+        """Return a step of at most ``longest`` seconds, made by `Path.trial`; None to give up.
 
-        It is asked again, for a shorter one, if what the flight needs is not shown of the step.
+        The flight asks again, for a shorter step, if it cannot use this one.
         """
         ...
 
-    def beyond(self) -> Proposer:
-        """Who is asked for the steps behind a change of side."""
+    def beyond(self) -> StepProposer:
+        """Return the proposer of the steps behind a change of side."""
         ...
 
     def axes(self, turned: Sequence[Sequence[Any]], sizes: Sequence[Any], stiffness: Any) -> Sequence[Sequence[Any]]:
-        """The axes of a set, points, columns of a regular matrix; see `frame.Frame.carried`.
+        """Return the axes of a set: points, the columns of a regular matrix
+        (`frame.Frame.carried`).
 
         ``stiffness`` [1/s] weighs velocities against angles.
         """
         ...
 
     def took(self, step: Step, axes: Sequence[Sequence[Any]]) -> None:
-        """The path has taken the step."""
+        """Record that the path has taken the step."""
         ...
 
 
 class Model:
-    """The equations of motion on balls (Eq. 3DOF, linear friction), with the systems that a step needs.
+    """The equations of motion on balls (Eq. 3DOF, linear friction), with the systems that a step
+    needs.
 
-    ``constants`` as from `field.constants` or `balls.ball_constants`; ``omega`` [rad/s], a ball of any radius or a
-    `Jet` of such; or `BallArray` for both. Built once, used for any number of runs; every enclosure holds for all
-    constants and speeds in their balls. ``law`` replaces the equations, for tests with exact answers.
+    Every enclosure holds for all constants and speeds in their balls. A model serves any number of
+    flights.
+
+    Args:
+        constants: As from `field.constants` or `balls.ball_constants`, or arrays of balls.
+        omega: [rad/s], a ball of any radius, a `Jet` of balls, or an array of balls.
+        law: Replaces the equations, for tests with exact answers.
     """
 
     def __init__(self, constants: Any, omega: Any, law: Law | None = None) -> None:
@@ -90,17 +104,18 @@ class Model:
         speed = graph.number(self.omega, active=True)
         rates = self._rates(graph, speed, variables)
         self.bound: Any = self  #: the equations that remainders come from
-        #: state (3), derivatives by beta, gamma, v and Omega (3 each); the other has the divergence's integral too
+        #: state (3), derivatives by beta, gamma, v and Omega (3 each); the other has the
+        #: divergence's integral too
         self.variational, self.with_divergence = with_derivatives(graph, variables, [speed], rates)
 
     def orbit_at(self, omega: Any) -> System:
-        """The states alone, without derivatives, at another speed."""
+        """Return the system of the states alone, without derivatives, at another speed."""
         graph = Graph()
         variables = [graph.variable() for _ in range(3)]
         return System(graph, variables, self._rates(graph, graph.number(omega), variables))
 
-    def path(self, start: Sequence[Any], proposer: Proposer, *, derivatives: bool = False) -> Path:
-        """All orbits from a box of states, to be followed; see `Path`."""
+    def path(self, start: Sequence[Any], proposer: StepProposer, *, derivatives: bool = False) -> Path:
+        """Return the path of all orbits from a box of states."""
         return Path(self, start, proposer, derivatives=derivatives)
 
     def _rates(self, graph: Graph, omega: Node, variables: Sequence[Node]) -> tuple[Node, ...]:
@@ -108,16 +123,16 @@ class Model:
         return tuple(graph.number(rate) for rate in self.law(graph, constants, omega)(*variables))
 
     def rates(self, state: Sequence[Any]) -> tuple[Any, Any, Any]:
-        """``(beta', gamma', v')`` [rad/s, rad/s, rad/s^2] on balls."""
+        """Return (beta', gamma', v') [rad/s, rad/s, rad/s^2] on balls."""
         return self.law(BallOps, self.constants, self.omega)(*state)
 
 
 class Path:
-    """Follows all orbits from a box, one proved step after the other.
+    """The flight of all orbits from a box, one proved step after the other.
 
-    ``derivatives``: to the working precision and accumulated over the path, with the divergence's integral; without,
-    they are computed roughly, for the mean-value form only. The box's parts may be arrays of balls: such a path takes
-    steps that its caller has tested.
+    With ``derivatives`` they are computed to the working precision and accumulated over the path,
+    with the divergence's integral. Without, they are rough and serve the mean-value form only. The
+    box's parts may be arrays of balls: such a path takes steps that its caller has tested.
     """
 
     def __init__(self, model: Any, start: Sequence[Any] | Frame, proposer: Any, *, derivatives: bool = False) -> None:
@@ -125,13 +140,13 @@ class Path:
         self.frame = start if isinstance(start, Frame) else Frame([ball(part) for part in start], model.omega)
         if len(self.frame.middle) != 3:
             raise ValueError("a state has three components: beta_bar, gamma_bar, v")
-        self.middle: Sequence[Any] | None = None  #: where the midpoint's orbit begins, if that is known by itself
+        self.middle: Sequence[Any] | None = None  #: the start of the midpoint's orbit, if it is known separately
         self.box = self.frame.box()
         self.time, self.divergence = (alike(part, 0) for part in (self.box[0], rough(self.box[0])))
         self.steps = 0  #: taken
         self.reversals = 0  #: of the sliding velocity's sign; counted under the smooth law only
         self.tested: Step | None = None  #: by its latest trial
-        self.status: Status | None = None  #: why it stopped, if it did
+        self.status: FlowStatus | None = None  #: why it stopped, if it did
 
     @property
     def matrix(self) -> tuple[tuple[Any, ...], ...]:
@@ -139,15 +154,18 @@ class Path:
         return self.frame.matrix()
 
     def trial(self, orders: tuple[int, int]) -> Trial:
-        """The series from here, for steps to be tried."""
+        """Return the series from here, on which lengths of a step are tried."""
         return Trial(self, orders)
 
     def step(self, longest: Any = None) -> Step | None:
-        """A step of at most ``longest`` seconds, not yet taken; None, with a status, if none is proved."""
+        """Return a step of at most ``longest`` seconds, not yet taken.
+
+        None, with a status, if none is proved.
+        """
         self.status = self._spent()
         step = None if self.status else self.proposer.step(self, longest)
         if step is None:
-            self.status = self.status or Status.NO_ENCLOSURE
+            self.status = self.status or FlowStatus.NO_ENCLOSURE
             return None
         own = self.tested
         if own is None or own.frame is not self.frame or own.length is not step.length:
@@ -155,15 +173,15 @@ class Path:
         need(own.included, "the states and derivatives over it are not shown to stay in its enclosure")
         return own
 
-    def _spent(self) -> Status | None:
+    def _spent(self) -> FlowStatus | None:
         if not all(part.is_finite() for part in self.box):
-            return Status.NO_ENCLOSURE
+            return FlowStatus.NO_ENCLOSURE
         if max(magnitude(part.rad()) for part in self.box) > -_WIDEST:
-            return Status.TOO_WIDE
-        return Status.STEP_LIMIT if self.steps >= _MOST_STEPS else None
+            return FlowStatus.TOO_WIDE
+        return FlowStatus.STEP_LIMIT if self.steps >= _MOST_STEPS else None
 
     def carried(self, step: Step, time: Any = None) -> Frame:
-        """The set of the states after ``time`` in the step, or at its end."""
+        """Return the set of the states after ``time`` in the step, or at its end."""
         stiffness = 1 + upper(whole(step.derivatives[8][1]))  # of d(v)/d(v): its rate at the start
         centre, rows = step.end if time is None else (step.centre(time), step.rows_at(time))
         return step.frame.carried(centre, rows, lambda turned, sizes: self.proposer.axes(turned, sizes, stiffness))
@@ -179,6 +197,6 @@ class Path:
 
 
 def short_float(length: float) -> float:
-    """Rounded down to 20 bits: sums of step lengths are exact."""
+    """Round down to 20 bits, so that sums of step lengths are exact."""
     mantissa, exponent = math.frexp(length)
     return math.ldexp(math.floor(mantissa * 2**20), exponent - 20)

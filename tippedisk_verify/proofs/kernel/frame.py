@@ -1,17 +1,19 @@
-"""Sets of states that flow: a box of deviations carried by points, and what is left over in a small turned box.
+"""Sets of states that flow: deviations from the start carried by points, and a small turned box.
 
-A set is  middle + lead d + axes q  for all d and q of two boxes. d is what the start and the speed deviate from their
-midpoints, the same at all times: what is linear in it is never wrapped into a box (R. J. Lohner's doubleton; Mrozek and
-Zgliczynski, Ann. Polon. Math. 74, 2000). q holds the rest, which is quadratic in d but for rounding. Its axes are
-chosen to follow the flow (Lohner's QR method; `search.steps`).
+A set is  middle + lead d + axes q  for all d and q of two boxes. The deviation d of start and speed
+from their midpoints is the same at all times. A term linear in d is never wrapped into a box (R. J.
+Lohner's doubleton; Mrozek and Zgliczynski, Ann. Polon. Math. 74, 2000). The box of q holds the
+rest, which is quadratic in d but for rounding. Its axes are chosen to follow the flow (Lohner's QR
+method; `search.steps`).
 
-``middle``, ``lead`` and ``axes`` are points, so nothing is rounded in them. A map with enclosed derivatives M over the
-set takes it to
+``middle``, ``lead`` and ``axes`` are points, so nothing is rounded in them. A map with enclosed
+derivatives M over the set takes it to
 
-    image of middle  +  (M lead + by Omega) d  +  M axes q;
+    image of middle  +  (M lead + by Omega) d  +  M axes q.
 
-new points are chosen and what the balls differ from them goes into q, turned into the new axes by an enclosure of their
-inverse. The derivatives of the states by start and Omega are  lead + axes spread  in the same way.
+New points are chosen. The differences between the balls and these points go into q, turned into the
+new axes by an enclosure of their inverse. The derivatives of the states by start and Omega are
+lead + axes spread  in the same way.
 
 Where a ball becomes a point: middle and lead are midpoints, axes any regular matrix of points.
 """
@@ -31,10 +33,10 @@ Matrix = Sequence[Sequence[Any]]
 
 
 class Frame:
-    """The set, and the derivatives (3, 4) of its states by the start's three coordinates and Omega.
+    """A set of states, with their derivatives (3, 4) by the start's three coordinates and Omega.
 
-    A set over a curve (`curves`) has jets for middle and lead, other deviations, and in ``own`` the part of ``rest``
-    that belongs to the middle's own orbits.
+    A set over a curve (`curves`) has jets for middle and lead, and other deviations. Its ``own`` is
+    the part of ``rest`` that belongs to the middle's own orbits.
     """
 
     __slots__ = ("axes", "columns", "deviation", "lead", "middle", "own", "rest", "spread")
@@ -53,34 +55,37 @@ class Frame:
         self.spread: Matrix = [[zero] * 4 for _ in range(3)]
 
     def box(self) -> tuple[Any, ...]:
-        """What holds all states, and the middle."""
+        """Return a box that holds all states and the middle."""
         parts = zip(self.middle, _applied(self.lead, self.deviation), _applied(self.axes, self.rest), strict=True)
         return tuple(middle + a + b.union(0 * b) for middle, a, b in parts)
 
     def matrix(self) -> tuple[tuple[Any, ...], ...]:
-        """The derivatives of all states by what they deviate."""
+        """Return the derivatives of all states by the deviations."""
         return tuple(tuple(row) for row in _sum(self.lead, _product(self.axes, self.spread)))
 
     def image(self, centre: Sequence[Any], rows: Matrix) -> tuple[Any, ...]:
-        """Where a map takes the states: ``centre`` holds the middle's image, ``rows`` (3, 4) its derivatives."""
+        """Return the states' image under a map, given the middle's image and the derivatives (3,
+        4).
+        """
         lead, turned = self._mapped(rows)
         parts = zip(centre, _applied(lead, self.deviation), _applied(turned, self.rest), strict=True)
         return tuple(a + b + c for a, b, c in parts)
 
     def own_image(self, centre: Sequence[Any], rows: Matrix) -> list[Any]:
-        """Where it takes those of the middle's own orbits."""
+        """Return the image of the states on the middle's own orbits."""
         assert self.own is not None
         return [a + b for a, b in zip(centre, _applied(self._mapped(rows)[1], self.own), strict=True)]
 
     def derivatives(self, rows: Matrix) -> tuple[tuple[Any, ...], ...]:
-        """The derivatives of the images by what the states deviate."""
+        """Return the derivatives of the images by the deviations of the states."""
         lead, turned = self._mapped(rows)
         return tuple(tuple(row) for row in _sum(lead, _product(turned, self.spread)))
 
     def carried(self, centre: Sequence[Any], rows: Matrix, axes: Callable[..., Matrix]) -> Frame:
-        """The images' frame.
+        """Return the images' frame.
 
-        ``axes`` gives its axes, points, from the old ones' images (balls) and the sizes of what lies along them.
+        ``axes`` gives the new axes, points, from the images of the old ones (balls) and the sizes
+        along them.
         """
         lead, turned = self._mapped(rows)
         image = copy(self)
@@ -102,7 +107,7 @@ class Frame:
         return image
 
     def _mapped(self, rows: Matrix) -> tuple[Matrix, Matrix]:
-        """The images of the lead, with the equations' own part, and, as balls, of the axes."""
+        """Return the images of the lead, with the equations' own part, and of the axes, as balls."""
         lead = _product(rows, self.lead)
         for entries, row in zip(lead, rows, strict=True):
             for column, own in zip(self.columns, row[3:], strict=True):
@@ -111,7 +116,7 @@ class Frame:
 
 
 def _product(a: Matrix, b: Matrix) -> list[list[Any]]:
-    """Of the first three columns of ``a`` with three rows."""
+    """Multiply the first three columns of ``a`` by a matrix with three rows."""
     return [[row[0] * x + row[1] * y + row[2] * z for x, y, z in zip(*b, strict=True)] for row in a]
 
 
@@ -124,7 +129,7 @@ def _sum(a: Matrix, b: Matrix) -> Matrix:
 
 
 def _inverse(axes: Matrix) -> Matrix:
-    """Balls that hold the inverse matrix, by Cramer's rule."""
+    """Return balls that hold the inverse matrix, by Cramer's rule."""
     (a, b, c), cross = axes, _cross
     minors = (cross(b, c), cross(c, a), cross(a, b))
     determinant = sum(x * y for x, y in zip(a, minors[0], strict=True))

@@ -1,17 +1,22 @@
 """Functions of one parameter s in [-1, 1], enclosed as polynomials whose coefficients are balls.
 
-A `Jet` c_0, …, c_D stands for every function f on [-1, 1] for which, *for each s by itself*, there are numbers x_i in
-the balls c_i with f(s) = x_0 + x_1 s + … + x_D s^D. The numbers may differ from one s to the other, so there is no
-separate remainder: what an operation leaves over goes into a ball. A product has terms up to s^(2 D); the sum t(s) of
-those beyond s^D is s^D times something of size at most the sum of their coefficients, because |s| <= 1, and this is
-added to c_D on both sides. Sums are exact, and jets of unlike degrees may be added. A quotient's and a sine's
-remainders are written where they are computed.
+A `Jet` c_0, …, c_D stands for every function f on [-1, 1] with the following property. *For each s
+separately* there are numbers x_i in the balls c_i with
 
-The coefficients are Arb's balls. For D = 0 this is plain ball arithmetic. What is smooth in s on the scale
-of the whole interval has coefficients that fall geometrically, and then the balls' radii are of the size of the first
-term left out; plain balls would have radii of the size of c_1.
+    f(s) = x_0 + x_1 s + … + x_D s^D.
 
-Where a ball becomes a point: `mid` takes the coefficients' midpoints, and who calls it accounts for the difference.
+The numbers may differ from one s to the other, so there is no separate remainder: the remainder of
+an operation goes into a ball. A product has terms up to s^(2 D). The sum t(s) of those beyond s^D
+is s^D times a number of size at most the sum of their coefficients, because |s| <= 1. This number
+is added to c_D on both sides. Sums are exact, and jets of unlike degrees may be added. The methods
+for quotient and sine derive their remainders.
+
+The coefficients are Arb's balls. For D = 0 this is plain ball arithmetic. A function that is smooth
+in s on the scale of the whole interval has coefficients that fall geometrically. Then the balls'
+radii are of the size of the first omitted term; plain balls would have radii of the size of c_1.
+
+Where a ball becomes a point: `mid` takes the coefficients' midpoints. Its caller accounts for the
+difference.
 """
 
 from __future__ import annotations
@@ -36,12 +41,12 @@ _TERMS = 10  # at z = 1/4 the rest is below 2^-80
 
 
 def symmetric(x: Any) -> Any:
-    """A ball about zero that holds the ball and its mirror image."""
+    """Return a ball about zero that holds the ball and its mirror image."""
     return x * _BOTH
 
 
 class Jet:
-    """Coefficients of 1, s, …, s^D. Factors are of the same degree, or balls or integers."""
+    """The coefficients of 1, s, …, s^D. Factors have the same degree, or are balls or integers."""
 
     __slots__ = ("c",)
 
@@ -50,7 +55,7 @@ class Jet:
 
     @classmethod
     def constant(cls, value: Any, degree: int) -> Jet:
-        """The same number (or ball) for each s."""
+        """Return the jet of the same number (or ball) for each s."""
         return cls([value, *[0 * value] * degree])
 
     @property
@@ -86,10 +91,10 @@ class Jet:
     __rmul__ = __mul__
 
     def __truediv__(self, other: Any) -> Jet:
-        """The quotient.
+        """Divide.
 
-        b_k = (a_k - c_1 b_(k-1) - … - c_k b_0) / c_0 for k <= D leaves a - b c = -t, where t holds the terms of b c
-        beyond s^D: the quotient is b - t / c, and t / c is s^D times a number.
+        b_k = (a_k - c_1 b_(k-1) - … - c_k b_0) / c_0 for k <= D leaves a - b c = -t, where t holds
+        the terms of b c beyond s^D. The quotient is b - t / c, and t / c is s^D times a number.
         """
         if not isinstance(other, Jet):
             return Jet([x / other for x in self.c])
@@ -106,18 +111,19 @@ class Jet:
         return Jet.constant(other + 0 * self.c[0], self.degree) / self
 
     def sin(self) -> Jet:
-        """The sine; see `_turned`."""
+        """Return the sine; see `_turned`."""
         return self._turned(0)
 
     def cos(self) -> Jet:
-        """The cosine."""
+        """Return the cosine."""
         return self._turned(1)
 
     def _turned(self, quarters: int) -> Jet:
-        """sin(f + quarters pi/2) by Taylor's formula about c_0, with u = f - c_0.
+        """Return sin(f + quarters pi/2) by Taylor's formula about c_0, with u = f - c_0.
 
-        The remainder is the derivative number D + 1 between c_0 and f(s), times u^(D+1) / (D+1)!. Since |u| <= |s| w
-        with w the sum of the |c_i|, i >= 1, the whole is s^D times something of size at most w^(D+1).
+        The remainder is the derivative of order D + 1 between c_0 and f(s), times u^(D+1) / (D+1)!.
+        Let w be the sum of the |c_i|, i >= 1. Since |u| <= |s| w, the remainder is s^D times a
+        number of size at most w^(D+1) / (D+1)! times that derivative.
         """
         top, start = self.degree, self.c[0]
         signed = [start.sin(), start.cos()]
@@ -138,45 +144,47 @@ class Jet:
         return result._wider(symmetric(last / (factorial * (top + 1))))
 
     def _wider(self, extra: Any) -> Jet:
-        """With a ball more in the highest coefficient."""
+        """Add a ball to the highest coefficient."""
         return Jet([*self.c[:-1], self.c[-1] + extra])
 
     def cut(self, degree: int) -> Jet:
-        """The same functions with at most D = ``degree``: s^D times what the sizes of the rest add up to."""
+        """Reduce the degree to ``degree``: the sizes of the other coefficients go into the highest
+        one.
+        """
         if degree >= self.degree:
             return self
         return Jet(self.c[: degree + 1])._wider(sum(map(symmetric, self.c[degree + 1 :])))
 
     def mid(self) -> Jet:
-        """The coefficients' midpoints."""
+        """Return the jet of the coefficients' midpoints."""
         return Jet([x.mid() for x in self.c])
 
     def range(self) -> Any:
-        """A ball that holds all values: even powers of s are in [0, 1], odd ones in [-1, 1]."""
+        """Return a ball that holds all values: even powers of s are in [0, 1], odd ones in [-1, 1]."""
         return self.c[0] + sum(x.union(0 * x) if k % 2 else symmetric(x) for k, x in enumerate(self.c[1:]))
 
     def at(self, s: Any) -> Any:
-        """A ball that holds the value at s, a number or ball in [-1, 1]."""
+        """Return a ball that holds the value at s, a number or ball in [-1, 1]."""
         result = self.c[-1]
         for x in self.c[-2::-1]:
             result = result * s + x
         return result
 
     def alike(self, value: Any) -> Jet:
-        """The same number for each s, as a jet of this degree."""
+        """Return the jet of this degree with the same number for each s."""
         return Jet.constant(ball(value), self.degree)
 
     def rough(self) -> Jet:
-        """`cut` to the degree of derivatives."""
+        """Apply `cut` with the degree of derivatives."""
         return self.cut(ROUGH_DEGREE)
 
     def series(self, old: object = None) -> JetSeries:
-        """An empty sequence of jets like this one."""
+        """Return an empty sequence of jets like this one."""
         return JetSeries([], [])
 
 
 class JetSeries(Sequence[Jet]):
-    """Coefficients of a power series in time that are jets."""
+    """The coefficients, jets, of a power series in time."""
 
     __slots__ = ("_polynomials", "jets")
 
@@ -184,7 +192,7 @@ class JetSeries(Sequence[Jet]):
         self.jets, self._polynomials = jets, polynomials
 
     def append(self, jet: Jet | None) -> None:
-        """Behind the last one."""
+        """Append a coefficient."""
         assert jet is not None
         self.jets.append(jet)
         self._polynomials.append(_polynomial(jet))
@@ -198,7 +206,7 @@ class JetSeries(Sequence[Jet]):
         return self.jets[index]
 
     def convolution(self, other: JetSeries) -> Jet | int:
-        """a_0 b_(k-1) + … + a_(k-1) b_0 of two series of the same length k (the integer 0 for none)."""
+        """Return a_0 b_(k-1) + … + a_(k-1) b_0 for two series of the same length k (0 for k = 0)."""
         if not len(self):
             return 0
         return _multiplied(sum(map(mul, self._polynomials, reversed(other._polynomials))), self.jets[0].degree)
@@ -209,22 +217,25 @@ def _polynomial(jet: Jet) -> Any:
 
 
 def _multiplied(product: Any, degree: int) -> Jet:
-    """A polynomial of twice the degree as a jet."""
+    """Turn a polynomial of twice the degree into a jet."""
     return Jet([product[k] for k in range(2 * degree + 1)]).cut(degree)
 
 
 def scaled_sine(x: Any, q: Any) -> tuple[Any, Any, Any]:
-    """sin(a x) / a, cos(a x) and the first one's derivative by q = a^2, for q >= 0 that may be zero: jets or balls.
+    """Return sin(a x) / a, cos(a x) and the derivative of the first by q = a^2, as jets or balls.
 
-    With z = q x^2 and sinc(y) = sin(y) / y these are x sinc(sqrt z), cos(sqrt z) and x^3 phi'(z), where phi(z) =
-    sinc(sqrt z). All three are entire functions of z, and here they are their Taylor polynomials of n terms with a ball
-    for the rest. For z >= 0 Taylor's formula for sine and cosine, whose derivatives are at most 1, gives
+    q >= 0 may be zero. With z = q x^2 and sinc(y) = sin(y) / y these are x sinc(sqrt z), cos(sqrt
+    z) and x^3 phi'(z), where phi(z) = sinc(sqrt z). All three are entire functions of z. They are
+    computed as Taylor polynomials of n terms with a ball for the remainder. For z >= 0 Taylor's
+    formula for sine and cosine, whose derivatives are at most 1, gives
 
         |rest of sinc(sqrt z)| <= z^n / (2 n + 1)!,   |rest of cos(sqrt z)| <= z^n / (2 n)!.
 
-    As sinc(y) is the integral of cos(y t) over t in [0, 1], phi'(z) = -1/2 times that of t^2 sinc(sqrt(z) t). So
+    As sinc(y) is the integral of cos(y t) over t in [0, 1], phi'(z) = -1/2 times that of t^2
+    sinc(sqrt(z) t). So
 
-        phi'(z) = -1/2 sum of (-z)^k / ((2 k + 3) (2 k + 1)!),   |rest| <= z^n / (2 (2 n + 3) (2 n + 1)!).
+        phi'(z) = -1/2 sum of (-z)^k / ((2 k + 3) (2 k + 1)!),
+        |rest| <= z^n / (2 (2 n + 3) (2 n + 1)!).
 
     A ball or jet of q stands for numbers that are not negative, even if some of the ball's are.
     """
@@ -237,7 +248,7 @@ def scaled_sine(x: Any, q: Any) -> tuple[Any, Any, Any]:
 
 
 def _summed(z: Any, size: Callable[[int], Fraction]) -> Any:
-    """The sum of (-z)^k size(k) for k < n, and size(n) z^n on both sides of it."""
+    """Return the sum of (-z)^k size(k) for k < n, with size(n) z^n on both sides of it."""
     if not isinstance(z, Jet):
         return _summed(Jet([z]), size).c[0]
     one = 1 + 0 * z.c[0]

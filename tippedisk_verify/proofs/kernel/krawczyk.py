@@ -1,17 +1,20 @@
 """Krawczyk's test for fixed points of a section's map, one for each value of a parameter.
 
-Of the three numbers (first coordinate on the section, v, Omega) two are unknown, u, and the third, p, is in a ball.
-With F = P - 1, m the middle of all three, a box of u about it and any regular matrix Y,
+Three numbers describe a fixed point: the first coordinate on the section, v and Omega. Two of them,
+u, are unknown, and the third, p, is in a ball. Let F = P - 1, let m be the middle of all three, and
+take a box of u about it and any regular matrix Y. Then
 
     K = m_u - Y F(m) - Y F_p (p - m_p) + (1 - Y F_u) (u - m_u)
 
-holds every zero u of F(., p) in the box, for each p of the ball: F(u, p) = F(m) + F_p (p - m_p) + F_u (u - m_u) with
-derivatives in the balls over the box (mean value theorem). If K lies in the box's interior there is exactly one for
-each p, and all matrices F_u are regular (Krawczyk 1969; Moore 1977; Rump 1983).
+holds every zero u of F(., p) in the box, for each p of the ball. For by the mean value theorem F(u,
+p) = F(m) + F_p (p - m_p) + F_u (u - m_u), with derivatives in the balls over the box. If K lies in
+the box's interior, there is exactly one zero for each p, and all matrices F_u are regular (Krawczyk
+1969; Moore 1977; Rump 1983).
 
-**The choices in a certificate.** A flight's log has an entry for each step taken. "steps": the length and the orders
-tested, and of a step in which the sliding velocity changes its sign those of the step behind the change too; "axes":
-those of the set that it ends with. A test has the logs of two flights, the radii of its box, and Y.
+**The choices in a certificate.** A flight's log has an entry for each step taken. Its "steps" are
+the length and the orders tested. If the sliding velocity changes its sign in the step, those of the
+step behind the change follow. Its "axes" are those of the set at the step's end. A test has the
+logs of two flights, the radii of its box, and Y.
 """
 
 from __future__ import annotations
@@ -23,24 +26,33 @@ from typing import Any
 
 from tippedisk_verify.proofs.kernel.balls import Unproved, arb, inside, need
 from tippedisk_verify.proofs.kernel.field import constants
-from tippedisk_verify.proofs.kernel.flow import Path, Proposer, Status
+from tippedisk_verify.proofs.kernel.flow import FlowStatus, Path, StepProposer
 from tippedisk_verify.proofs.kernel.reading import dyadic, order, radius
-from tippedisk_verify.proofs.kernel.section import Return, Section, returned
+from tippedisk_verify.proofs.kernel.section import PoincareSection, Return, return_map
 from tippedisk_verify.proofs.kernel.sliding import law_model
 from tippedisk_verify.proofs.kernel.step import Step
 
-__all__ = ["BOX", "FLIGHT", "Choices", "FixedPoints", "Replay", "fixed_points", "krawczyk_test", "product",
-           "replayed_test"]  # fmt: skip
+__all__ = [
+    "BOX",
+    "FLIGHT",
+    "Choices",
+    "FixedPoints",
+    "StepReplay",
+    "fixed_points",
+    "krawczyk_test",
+    "product",
+    "replayed_test",
+]
 
 Pair = Sequence[Any]
 
 
 @dataclass(frozen=True)
 class Choices:
-    """What a test asks for."""
+    """The choices of one test."""
 
-    centre: Proposer  #: for the flight from the middle
-    box: Proposer  #: for the flight over the box
+    centre: StepProposer  #: for the flight from the middle
+    box: StepProposer  #: for the flight over the box
     inverse: Callable[[Sequence[Pair]], Sequence[Pair]]  #: Y, four points, given F_u over the box
 
 
@@ -50,7 +62,7 @@ class FixedPoints:
 
     included: bool
     middle: Pair  #: m, three points
-    shift: Pair  #: where the fixed points are from the middle, three balls
+    shift: Pair  #: from the middle to the fixed points, three balls
     residual: Pair  #: Y F(m), for choosing the precision
     slopes: Sequence[Pair]  #: (2, 3): the derivatives of F over the box
     centre: Return  #: the map at the middle
@@ -58,37 +70,47 @@ class FixedPoints:
 
     @property
     def image(self) -> list[Any]:
-        """Where the fixed points are: three balls."""
+        """The three balls that hold the fixed points."""
         return [middle + part for middle, part in zip(self.middle, self.shift, strict=True)]
 
     def along(self, value: Any, by: Pair) -> Any:
-        """At the fixed points, what is ``value`` in the middle and has these three derivatives over the box."""
+        """Return a function at the fixed points, given its middle ``value`` and its derivatives
+        over the box.
+        """
         return value + by[0] * self.shift[0] + by[1] * self.shift[1] + by[2] * self.shift[2]
 
 
 def krawczyk_test(
     claim: Mapping[str, Any],
-    section: Section,
+    section: PoincareSection,
     middle: Pair,
     deviations: Pair,
     unknown: tuple[int, int],
     choices: Choices,
     centre: Return | None = None,
 ) -> FixedPoints | Return:
-    """Krawczyk's test about three points ``middle``, on the box of these plus ``deviations``, three balls about zero.
+    """Apply Krawczyk's test.
 
-    It is for the disk and the law of the claim (``parameters``, ``friction``); ``unknown`` says which two of the three
-    numbers are. Returns the flight that did not return, if one did not. Who has the map at the middle already passes it
-    as ``centre``.
+    Args:
+        claim: Gives the disk and the friction law (``parameters``, ``friction``).
+        section: The section of the map.
+        middle: Three points.
+        deviations: Three balls about zero; the box is ``middle`` plus these.
+        unknown: The indices of the two unknown numbers.
+        choices: Of the two flights, and Y.
+        centre: The map at the middle, if it has already been computed.
+
+    Returns:
+        The test's result, or the flight that did not return.
     """
     numbers, friction = constants(claim["parameters"]), claim["friction"]
     if centre is None:
-        centre = returned(law_model(friction, numbers, middle[2]), section, middle[:2], choices.centre)
-    if centre.status is not Status.RETURNED:
+        centre = return_map(law_model(friction, numbers, middle[2]), section, middle[:2], choices.centre)
+    if centre.status is not FlowStatus.RETURNED:
         return centre
     whole = [point + part for point, part in zip(middle, deviations, strict=True)]
-    box = returned(law_model(friction, numbers, whole[2]), section, whole[:2], choices.box, derivatives=True)
-    if box.status is not Status.RETURNED:
+    box = return_map(law_model(friction, numbers, whole[2]), section, whole[:2], choices.box, derivatives=True)
+    if box.status is not FlowStatus.RETURNED:
         return box
     slopes = _slopes(box)
     return fixed_points(
@@ -99,7 +121,7 @@ def krawczyk_test(
 def fixed_points(
     middle: Pair, deviations: Pair, unknown: tuple[int, int], inverse: Sequence[Pair], centre: Return, box: Return
 ) -> FixedPoints:
-    """What the test says, given the map at the middle and over the box; ``inverse`` is Y."""
+    """Apply the operator to the map at the middle and over the box; ``inverse`` is Y."""
     value = [after - before for after, before in zip(centre.image, middle, strict=False)]
     slopes = _slopes(box)
     (other,) = {0, 1, 2}.difference(unknown)
@@ -109,7 +131,8 @@ def fixed_points(
         for i in range(2)
     ]
     residual = product(inverse, value)
-    # p's part is one ball that both equations share: its factors come first, for their sum may nearly vanish.
+    # p's part is one ball that both equations share: its factors come first, for their sum may
+    # nearly vanish.
     moved = product(inverse, [row[other] for row in slopes])
     shift = list(deviations)
     for k, spread, part, factor in zip(unknown, product(rest, width), residual, moved, strict=True):
@@ -128,7 +151,7 @@ def product(matrix: Sequence[Pair], vector: Pair) -> list[Any]:
 
 
 def _tested(value: Any) -> tuple[float, tuple[int, int]]:
-    """A step's length [s], and its two orders."""
+    """Read a step's length [s] and its two orders."""
     if not isinstance(value, list) or len(value) != 3:
         raise ValueError("a length and two orders are needed")
     point = dyadic(value[0])
@@ -142,8 +165,11 @@ FLIGHT = [{"steps": [_tested, None], "axes": [[dyadic, 3], 3]}, None]
 BOX = {"radii": [radius, 2], "inverse": [[dyadic, 2], 2], "flight": FLIGHT}  #: of a Krawczyk test
 
 
-class Replay:
-    """The proposer of a flight that takes the steps of a log, and no others. What fails is said with the step."""
+class StepReplay:
+    """The proposer of a flight that takes the steps of a log, and no others.
+
+    Failures name the step.
+    """
 
     def __init__(self, log: Sequence[Mapping[str, Any]], name: str) -> None:
         self.log, self.name = log, name
@@ -159,7 +185,7 @@ class Replay:
         return self.next_part(path)
 
     def next_part(self, path: Path) -> Step | None:
-        """The next of the steps of the present entry, tested; None if there is no other."""
+        """Return the next step of the present entry, tested; None if there is no other."""
         part = next(self._parts, None)
         if part is None:
             return None
@@ -185,7 +211,7 @@ class Replay:
 
 def replayed_test(
     claim: Mapping[str, Any],
-    section: Section,
+    section: PoincareSection,
     middle: Pair,
     deviations: Pair,
     unknown: tuple[int, int],
@@ -194,11 +220,12 @@ def replayed_test(
     name: str,
     centre: Return | None = None,
 ) -> FixedPoints:
-    """`krawczyk_test` with the choices of a certificate: the ``log`` of the flight from the middle, and a `BOX`.
+    """Apply `krawczyk_test` with the choices of a certificate.
 
-    Raises Unproved if the test is not passed, or not all of the logs is read.
+    ``log`` is that of the flight from the middle, and ``box`` a `BOX`. Raises Unproved if the test
+    fails, or if a part of the logs is not used.
     """
-    flights = Replay(log, f"{name}, centre"), Replay(box["flight"], f"{name}, box")
+    flights = StepReplay(log, f"{name}, centre"), StepReplay(box["flight"], f"{name}, box")
     choices = Choices(*flights, lambda matrix: box["inverse"])
     outcome = krawczyk_test(claim, section, middle, deviations, unknown, choices, centre)
     if isinstance(outcome, Return):

@@ -1,4 +1,4 @@
-"""What a certificate may look like: JSON objects of one shape, with exact numbers as texts; what all claims say."""
+"""The format of certificates: JSON objects of fixed shapes, with exact numbers as texts."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ __all__ = [
     "LAWS",
     "MANNERS",
     "MEASURED",
-    "Claim",
+    "ClaimReader",
     "Refused",
     "as_float",
     "content_of",
@@ -42,11 +42,11 @@ _FEWEST_BITS = 24
 
 
 class Refused(Exception):
-    """The file is no certificate; the message says what is wrong, and where."""
+    """Raised if the file is no certificate; the message names the fault and its place."""
 
 
 def dyadic(value: Any) -> Any:
-    """An exact point: a hexadecimal mantissa times a power of two."""
+    """Read an exact point: a hexadecimal mantissa times a power of two."""
     match = re.fullmatch(r"(-?[0-9a-f]{1,6000})p(-?[0-9]{1,6})", value, re.ASCII) if isinstance(value, str) else None
     if not match:
         raise ValueError("a dyadic number as text is needed, such as 1a3p-12")
@@ -54,13 +54,13 @@ def dyadic(value: Any) -> Any:
 
 
 def dyadic_text(point: Any) -> str:
-    """A point, or a float, as `dyadic` reads it."""
+    """Write a point or a float as `dyadic` reads it."""
     mantissa, exponent = arb(point).man_exp()
     return f"{int(mantissa):x}p{int(exponent)}"
 
 
 def radius(value: Any) -> Any:
-    """A ball about zero."""
+    """Read a ball about zero."""
     size = dyadic(value)
     if not size >= 0:
         raise ValueError("a radius must not be negative")
@@ -68,7 +68,7 @@ def radius(value: Any) -> Any:
 
 
 def decimal(value: Any) -> str:
-    """An exact number in decimals, or a ratio of two integers: as text, as it is said."""
+    """Check the text of an exact decimal or of a ratio of two integers, and return it unchanged."""
     pattern = r"-?[0-9]{1,4000}(\.[0-9]{1,4000}(?!/))?(e-?[0-9]{1,4}(?!/))?(/0{0,3999}[1-9][0-9]{0,3999})?"
     if not isinstance(value, str) or not re.fullmatch(pattern, value, re.ASCII):
         raise ValueError("an exact decimal as text is needed")
@@ -76,7 +76,7 @@ def decimal(value: Any) -> str:
 
 
 def as_float(text: str) -> float:
-    """A double near a `decimal`. Raises Unproved if there is none."""
+    """Return a double near a `decimal`. Raises Unproved if it is out of range."""
     try:
         return float(Fraction(text))
     except OverflowError:
@@ -111,7 +111,11 @@ def one_of(*choices: Any) -> Callable[[Any], Any]:
 
 
 def parsed(value: Any, shape: Any, path: str) -> Any:
-    """What has that shape: an object of these members ('?': not needed), [of what, how many], or a leaf's function."""
+    """Read a value of the given shape. Raises Refused, with the path, if it has another one.
+
+    A shape is a dictionary of members (those with '?' are optional), a list [shape, length or
+    None], or a function that reads a leaf.
+    """
     if isinstance(shape, dict):
         names = {name.removesuffix("?"): part for name, part in shape.items()}
         needed = {name for name in shape if not name.endswith("?")}
@@ -120,7 +124,8 @@ def parsed(value: Any, shape: Any, path: str) -> Any:
         return {name: parsed(part, names[name], f"{path} {name}") for name, part in value.items()}
     if isinstance(shape, list):
         if not isinstance(value, list) or shape[1] not in (len(value), None):
-            raise Refused(f"{path}: a list{f' of {shape[1]}' * bool(shape[1])} is needed")
+            length = f" of {shape[1]}" if shape[1] else ""
+            raise Refused(f"{path}: a list{length} is needed")
         return [parsed(part, shape[0], f"{path} {number}") for number, part in enumerate(value, 1)]
     try:
         return shape(value)
@@ -128,8 +133,8 @@ def parsed(value: Any, shape: Any, path: str) -> Any:
         raise Refused(f"{path}: {fault}") from None
 
 
-class Claim(dict[str, Any]):
-    """A claim that remembers which of its members have been looked at: what nothing looks at, nothing tests."""
+class ClaimReader(dict[str, Any]):
+    """A claim that remembers which members were read: a member that nothing reads, nothing tests."""
 
     def __init__(self, members: Mapping[str, Any]) -> None:
         super().__init__(members)
@@ -140,7 +145,7 @@ class Claim(dict[str, Any]):
         return super().__getitem__(name)
 
     def get(self, name: str, default: Any = None) -> Any:
-        """The member, if there is one."""
+        """Return the member, or the default if it is missing."""
         self.read.add(name)
         return super().get(name, default)
 
@@ -159,7 +164,7 @@ def _no_float(text: str) -> NoReturn:
 
 
 def content_of(path: str) -> Any:
-    """A file's JSON. Raises Refused for what is none."""
+    """Return the content of a JSON file. Raises Refused if it cannot be read."""
     try:
         if not os.path.isfile(path):
             raise Refused("there is no such file, or it is not a regular one")
@@ -175,27 +180,29 @@ def content_of(path: str) -> Any:
 
 
 def digest(content: dict[str, Any]) -> str:
-    """SHA-256 of all but the digest, as JSON with sorted keys and no spaces."""
+    """Return the SHA-256 of all members but the digest, as JSON with sorted keys and no spaces."""
     rest = {name: value for name, value in content.items() if name != "sha256"}
     return hashlib.sha256(json.dumps(rest, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
 
 
-# ------------------------------------------------------------------------------------------------ of all claims
+# --------------------------------------------------------------------------- common to all
 LAWS = {"linear": "linear", "smooth": "smooth Coulomb"}
 
-#: What is said of an orbit. One of undecided stability need not be isolated, as a limit cycle is.
+#: The names of an orbit by its stability. Unlike a limit cycle, an undecided one need not be isolated.
 MANNERS = {
     True: "a limit cycle, asymptotically stable",
     False: "a limit cycle, unstable",
     None: "a periodic orbit, of undecided stability",
 }
 
-#: what each claim says: of what kind it is, and of which disk
+#: the members that every claim has: its kind and its disk
 DISK = {"kind": str, "parameters": dict.fromkeys(UNITS, decimal), "friction": one_of(*LAWS)}
 
 
 def held(number: Mapping[str, str], x: Any, name: str) -> None:
-    """Shown: all that the ball stands for lies within the claimed half-width."""
-    with working_precision(2 * working_bits()):  # a half-width of a few last bits leaves no room for their rounding
+    """Raise Unproved unless the whole ball lies within the claimed half-width."""
+    with working_precision(
+        2 * working_bits()
+    ):  # a half-width may be a few last bits only, and rounding must not exceed it
         within = x.is_finite() and abs(x - ball(Fraction(number["value"]))) <= ball(Fraction(number["uncertainty"]))
     need(bool(within), f"claim: {name} is not shown to lie within its uncertainty")

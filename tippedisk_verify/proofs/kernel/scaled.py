@@ -1,31 +1,46 @@
-"""The half map of the state divided by its amplitude: the family of limit cycles up to its Hopf point.
+"""The half map of the state divided by its amplitude: the family of limit cycles up to its Hopf
+point.
 
-In the angles beta_bar, gamma_bar from inverted spinning the field is odd. So with a state a y, y = (b, g, w) and
-q = a^2, the rates of y are analytic functions of y, Omega and q, and at q = 0 they are the linearisation's. They are
-`field`'s own: `_Part` stands for a number a x (odd) or x (even). The sine of an odd one is odd, with sin(a x) / a
-(`jets.scaled_sine`), its cosine is even; a product of two odd ones is even, with a factor q. A sum of an odd one and an
-even one, or a quotient by an odd one, is refused. So the rates are seen to be odd, and no division by a takes place.
+Scaled states
+-------------
+In the angles beta_bar, gamma_bar from inverted spinning the field is odd. Write the state as a y
+with y = (b, g, w), and let q = a^2. Then the rates of y are analytic functions of y, Omega and q.
+At q = 0 they are those of the linearisation.
 
-**The equations.** Let P(g, w; Omega, q) be the scaled half map from the section b = 0, w < 0, and F(w, Omega; q) =
-P(1, w; Omega, q) - (1, w). For q > 0 its zeros are the family's cycles with gamma_bar_0 = a and v_0 = a w. Krawczyk's
-test of `curves`, with q for the parameter, proves one for each q of [0, q_1], with regular dF/d(w, Omega): an analytic
-curve. At q = 0 the flow is that of the linearisation, which then has a periodic orbit, so that Omega is Omega_crit: the
-curve begins at the Hopf point.
+The equations are those of `field`: a `_Part` stands for a number a x (odd) or x (even). The sine of
+an odd number is odd, with sin(a x) / a (`jets.scaled_sine`), and its cosine is even. A product of
+two odd numbers is even, with a factor q. A sum of an odd and an even number is refused, and so is a
+quotient by an odd one. So the rates are seen to be odd, and no division by a takes place.
 
-**Multipliers.** P is homogeneous: l P(g, w; Omega, l^2 q) = P(l g, l w; Omega, q) for l > 0. Differentiated by l at the
-fixed point (1, w), with c_g, c_w the columns of P' - 1 and c_Omega, c_q the derivatives of P,
+The equations of the family
+---------------------------
+Let P(g, w; Omega, q) be the scaled half map from the section b = 0, w < 0, and
+
+    F(w, Omega; q) = P(1, w; Omega, q) - (1, w).
+
+For q > 0 its zeros are the family's cycles with gamma_bar_0 = a and v_0 = a w. Krawczyk's test of
+`curves`, with the parameter q, proves one zero for each q of [0, q_1], with regular dF/d(w, Omega).
+They form an analytic curve. At q = 0 the flow is that of the linearisation, which then has a
+periodic orbit, so that Omega is Omega_crit: the curve begins at the Hopf point.
+
+Multipliers
+-----------
+P is homogeneous: l P(g, w; Omega, l^2 q) = P(l g, l w; Omega, q) for l > 0. Let c_g, c_w be the
+columns of P' - 1, and c_Omega, c_q the derivatives of P. Differentiation by l at the fixed point
+(1, w) gives
 
     c_g + w c_w = 2 q c_q,   so that   det(P' - 1) = det(c_g, c_w) = 2 q det(c_q, c_w).
 
-Along the curve c_w w' + c_Omega Omega' + c_q = 0, so det(c_q, c_w) = Omega'(q) det(c_w, c_Omega) by Cramer's rule, and
+Along the curve c_w w' + c_Omega Omega' + c_q = 0, so det(c_q, c_w) = Omega'(q) det(c_w, c_Omega) by
+Cramer's rule. With tau and delta as in `curves`,
 
-    1 - tau - delta = det(P' - 1) = 2 q Omega'(q) det(c_w, c_Omega)
+    1 - tau - delta = det(P' - 1) = 2 q Omega'(q) det(c_w, c_Omega).
 
-with tau and delta as in `curves`: its sign for all q of (0, q_1] follows from those of two jets that are not zero at
-q = 0. The trace is tau = 1 - w (c_w)_1 + 2 q (c_q)_1 + 1 + (c_w)_2. P' of the scaled map is similar to that of the map
-itself: the multipliers are the cycle's.
+Its sign for all q of (0, q_1] follows from those of two jets that are not zero at q = 0. The trace
+is tau = 1 - w (c_w)_1 + 2 q (c_q)_1 + 1 + (c_w)_2. P' of the scaled map is similar to that of the
+map itself, so the multipliers are the cycle's.
 
-Where a ball becomes a point or a float: nowhere.
+No ball becomes a point or a float here.
 """
 
 from __future__ import annotations
@@ -35,7 +50,7 @@ from typing import Any
 
 from tippedisk_verify.proofs.kernel.balls import need, positive
 from tippedisk_verify.proofs.kernel.curves import Curve, Matrix
-from tippedisk_verify.proofs.kernel.field import Constants, field
+from tippedisk_verify.proofs.kernel.field import FieldConstants, field
 from tippedisk_verify.proofs.kernel.jets import Jet, scaled_sine
 from tippedisk_verify.proofs.kernel.series import Graph, Node, System, with_derivatives
 
@@ -43,7 +58,7 @@ __all__ = ["ScaledCurve", "ScaledModel"]
 
 
 class _Part:
-    """a x if ``odd``, else x, where a^2 is ``square``."""
+    """The number a x if ``odd``, else x, where a^2 is ``square``."""
 
     __slots__ = ("odd", "square", "x")
 
@@ -81,7 +96,7 @@ class _Part:
 
 
 class _ScaledOps:
-    """Sine and cosine of odd angles; for `field`."""
+    """The sine and cosine of odd angles, for `field`."""
 
     @staticmethod
     def sin(angle: _Part) -> _Part:
@@ -102,19 +117,23 @@ def _sine_and_cosine(angle: _Part) -> tuple[Any, Any]:
 
 
 class ScaledModel:
-    """The equations of motion of (b, g, w), as `flow.Model`; ``square`` is q, ``omega`` in rad/s, jets or balls."""
+    """The equations of motion of (b, g, w), as `flow.Model`.
 
-    def __init__(self, constants: Constants, omega: Any, square: Any) -> None:
+    ``square`` is q, ``omega`` in rad/s, jets or balls.
+    """
+
+    def __init__(self, constants: FieldConstants, omega: Any, square: Any) -> None:
         self.constants, self.omega, self.square = constants, omega, square
         graph = Graph()
         variables = [graph.variable() for _ in range(3)]
         speed, q = (graph.number(part, active=True) for part in (omega, square))
         rates = self._recorded(graph, variables, speed, q)
-        #: state (3), derivatives by b, g, w, Omega and q (3 each), and the integral of the divergence d(w')/d(w)
+        #: state (3), derivatives by b, g, w, Omega and q (3 each), and the integral of the
+        #: divergence d(w')/d(w)
         self.with_divergence = with_derivatives(graph, variables, [speed, q], rates)[1]
 
     def orbit_at(self, omega: Any) -> System:
-        """The states alone, at another speed."""
+        """Return the system of the states alone, at another speed."""
         graph = Graph()
         variables = [graph.variable() for _ in range(3)]
         return System(
@@ -122,15 +141,15 @@ class ScaledModel:
         )
 
     def rates(self, state: Any) -> tuple[Any, ...]:
-        """``(b', g', w')``."""
+        """Return (b', g', w')."""
         return _rates(self.constants, state, self.omega, self.square)
 
     def _recorded(self, graph: Graph, variables: list[Node], omega: Node, square: Node) -> tuple[Any, ...]:
-        return _rates(Constants(*map(graph.number, self.constants)), variables, omega, square)
+        return _rates(FieldConstants(*map(graph.number, self.constants)), variables, omega, square)
 
 
-def _rates(constants: Constants, state: Any, omega: Any, square: Any) -> tuple[Any, ...]:
-    even = Constants(*(_Part(value, square) for value in constants))
+def _rates(constants: FieldConstants, state: Any, omega: Any, square: Any) -> tuple[Any, ...]:
+    even = FieldConstants(*(_Part(value, square) for value in constants))
     odd = [_Part(part, square, odd=True) for part in state]
     rates = field(_ScaledOps, even, _Part(omega, square))(*odd)
     if not all(rate.odd for rate in rates):
@@ -140,7 +159,8 @@ def _rates(constants: Constants, state: Any, omega: Any, square: Any) -> tuple[A
 
 @dataclass(frozen=True)
 class ScaledCurve(Curve):
-    """Starts (1, w) of the scaled state. The three numbers are q, in gamma_bar's place, w, in that of v, and Omega.
+    """Starts (1, w) of the scaled state. The three numbers are q, in gamma_bar's place, w, in that
+    of v, and Omega.
 
     q has no deviation and is less than 1: then |a b| < 1.5707 where |b| is.
     """

@@ -1,23 +1,31 @@
-"""The maps of two sections, proved: from a section along the flow to the next crossing, the first.
+"""The Poincare maps of two sections, proved: from a section along the flow to its first crossing.
 
-**The half map** (`HALF`) goes from beta = pi/2, v < 0 to the next crossing, v > 0, and back by S, x -> -x in shifted
-angles. Of every step one of these is shown, from its enclosure and the balls at its ends,
+The half map (`HALF`)
+---------------------
+It goes from beta = pi/2, v < 0 to the next crossing, v > 0, and back by S, which is x -> -x in
+shifted angles. For every step one of these cases is shown, from its enclosure and the balls at its
+ends:
 
-- *falling*: v < 0 throughout, or v' > 0 throughout and v < 0 at the end; then beta_bar falls;
-- *turning*: v' > 0 throughout, v < 0 at the start, v > 0 and beta_bar < 0 at the end; then v has exactly one zero in
-  the step, where beta_bar is least, and beta_bar < 0 throughout;
-- *rising*: v > 0 throughout, or v' > 0 throughout and v > 0 at the start; if beta_bar < 0 at the end the section is not
-  reached, if beta_bar > 0 there it is crossed exactly once, with v > 0.
+- *falling*: v < 0 throughout, or v' > 0 throughout and v < 0 at the end. Then beta_bar falls.
+- *turning*: v' > 0 throughout, v < 0 at the start, v > 0 and beta_bar < 0 at the end. Then v has
+  exactly one zero in the step, where beta_bar is least, and beta_bar < 0 throughout.
+- *rising*: v > 0 throughout, or v' > 0 throughout and v > 0 at the start. If beta_bar < 0 at the
+  end, the section is not reached. If beta_bar > 0 there, it is crossed exactly once, with v > 0.
 
 A path that falls, turns once and rises has beta_bar < 0 between the two sections.
 
-**The turn map** (`TURN`) goes from gamma_bar = 0 to gamma_bar = 2 pi. As long as 0 < beta_bar < pi/2, gamma' =
-Omega sin(beta_bar) is positive: an orbit of which this is shown passes gamma_bar = 2 pi exactly once.
+The turn map (`TURN`)
+---------------------
+It goes from gamma_bar = 0 to gamma_bar = 2 pi. As long as 0 < beta_bar < pi/2, the rate
+gamma' = Omega sin(beta_bar) is positive. An orbit for which this is shown passes gamma_bar = 2 pi
+exactly once.
 
-Of every step it is shown that |beta_bar| < 1.5707: the disk does not lie flat. Of a step in which the friction law
-changes (`sliding.Crossing`) v must keep its sign and gamma_bar must stay below 2 pi, so that neither the turn nor the
-section lies in it. A shorter step is asked for where none of this can be shown; if that does not help, the proof ends
-with a status that says so.
+Both maps
+---------
+For every step |beta_bar| < 1.5707 is shown: the disk does not lie flat. In a step in which the
+friction law changes (`sliding.Crossing`) v must keep its sign and gamma_bar must stay below 2 pi.
+So neither the turn nor the section lies in it. If no case can be shown, a shorter step is tried. If
+that does not help, the proof ends with a status that names the reason.
 """
 
 from __future__ import annotations
@@ -28,50 +36,52 @@ from enum import Enum
 from typing import Any, NamedTuple
 
 from tippedisk_verify.proofs.kernel.balls import alike, arb, inside, negative, positive
-from tippedisk_verify.proofs.kernel.flow import Model, Proposer, Status
+from tippedisk_verify.proofs.kernel.flow import FlowStatus, Model, StepProposer
 from tippedisk_verify.proofs.kernel.sliding import Crossing
 from tippedisk_verify.proofs.kernel.step import Step, enclosed_moment
 
-__all__ = ["HALF", "TURN", "UPRIGHT", "Return", "Section", "returned"]
+__all__ = ["HALF", "TURN", "UPRIGHT", "PoincareSection", "Return", "return_map"]
 
-UPRIGHT = 1.5706999  #: rad; as a radius, rounded up to 30 bits, still below 1.5707 and pi/2: sin(beta) > 0 within
+#: rad; as a radius, rounded up to 30 bits, still below 1.5707 and pi/2: sin(beta) > 0 within
+UPRIGHT = 1.5706999
 _MOST_CUTS = 40
 
 
-class Section(NamedTuple):
-    """A section with its map: which component is zero on it, which are the coordinates, and what comes after."""
+class PoincareSection(NamedTuple):
+    """A section with its Poincare map: its coordinates, and the symmetry applied after the flight."""
 
     zero: int  #: of the component that is zero on the section
     first: int  #: of the first coordinate on it; the second is v
-    laps: int  #: flights a period: after the half map's come S and another one
+    laps: int  #: flights a period: the half map has two, with S between
 
     @property
     def sign(self) -> int:
-        """Of the image under what comes after the flight."""
+        """The sign of the image under the symmetry after the flight."""
         return -1 if self.laps == 2 else 1
 
     def level(self) -> Any:
-        """Of the component where the flight ends."""
+        """Return the level of the component at which the flight ends."""
         return arb(0) if self.laps == 2 else 2 * arb.pi()
 
     def start(self, first: Any, v: Any) -> list[Any]:
-        """The state (beta_bar, gamma_bar, v) of two coordinates."""
+        """Return the state (beta_bar, gamma_bar, v) of two coordinates."""
         state = [alike(v, 0), alike(v, 0), v]
         state[self.first] = first
         return state
 
 
-HALF, TURN = Section(0, 1, 2), Section(1, 0, 1)
+HALF, TURN = PoincareSection(0, 1, 2), PoincareSection(1, 0, 1)
 
 
 @dataclass(frozen=True)
 class Return:
-    """What is proved of all orbits from a box on a section. Only Status.RETURNED makes the rest mean anything.
+    """The proved properties of all orbits from a box on a section.
 
+    Only with the status RETURNED do the others have a meaning.
     The coordinates x are (gamma_bar, v) for the half map and (beta_bar, v) for the turn map.
     """
 
-    status: Status
+    status: FlowStatus
     reached: Any  #: how far the path was followed [s]
     steps: Any
     reversals: Any = 0  #: changes of the sliding velocity's sign; counted under the smooth law only
@@ -86,39 +96,43 @@ class Return:
     divergence: Any = None  #: integral of div f over the flight
 
 
-def returned(
+def return_map(
     model: Model,
-    section: Section,
+    section: PoincareSection,
     box: Sequence[Any],
-    proposer: Proposer,
+    proposer: StepProposer,
     *,
     derivatives: bool = False,
     longest: float = 60.0,
 ) -> Return:
-    """Enclose a section's map over a box of its two coordinates; ``longest`` [s] ends the flight."""
-    walk = Walk(model, section, box, proposer, derivatives=derivatives)
-    path = walk.path
+    """Enclose the Poincare map over a box of the section's two coordinates, for up to ``longest``
+    [s].
+    """
+    poincare_map = PoincareMap(model, section, box, proposer, derivatives=derivatives)
+    path = poincare_map.path
     if section == HALF and not negative(alike(path.time, box[1])):
-        return Return(Status.NO_START, path.time, 0)
+        return Return(FlowStatus.NO_START, path.time, 0)
     while path.time < longest:
         length: Any = None
         tried: Round | None = None
         for _ in range(_MOST_CUTS):
-            before, tried = tried, walk.advance(length)
+            before, tried = tried, poincare_map.advance(length)
             if tried is None or tried.proved:
                 break
             length = 0.7 * tried.length
         if tried is None or not tried.proved:
             last = tried or before
-            status = Status.FLAT if last and not last.upright else Status.UNRESOLVED if tried else path.status
-            return Return(status or Status.NO_ENCLOSURE, path.time, path.steps)
+            status = FlowStatus.UNRESOLVED if tried else path.status or FlowStatus.NO_ENCLOSURE
+            if last and not last.upright:
+                status = FlowStatus.FLAT
+            return Return(status, path.time, path.steps)
         if tried.landing is not None:
             return tried.landing
-    return Return(Status.NO_RETURN, path.time, path.steps)
+    return Return(FlowStatus.NO_RETURN, path.time, path.steps)
 
 
-class Case(Enum):
-    """What the orbits do in a step, by the cases of the module's docstring."""
+class SectionCase(Enum):
+    """The cases of the module's docstring for one step."""
 
     ON = "they fall, or after the turn rise, and do not reach the section"
     TURNS = "they turn"
@@ -126,7 +140,7 @@ class Case(Enum):
 
 
 class Round(NamedTuple):
-    """What is proved of one step that was tried."""
+    """The proved properties of one step that was tried."""
 
     length: float  #: of the step [s]
     upright: bool  #: the disk does not lie flat
@@ -134,11 +148,17 @@ class Round(NamedTuple):
     landing: Return | None = None  #: what is proved of the orbits, if they have reached the section
 
 
-class Walk:
-    """All orbits from a box on a section, on their way to the next crossing."""
+class PoincareMap:
+    """The flight of all orbits from a box on a section to the next crossing."""
 
     def __init__(
-        self, model: Model, section: Section, box: Sequence[Any], proposer: Proposer, *, derivatives: bool = False
+        self,
+        model: Model,
+        section: PoincareSection,
+        box: Sequence[Any],
+        proposer: StepProposer,
+        *,
+        derivatives: bool = False,
     ) -> None:
         self.section = section
         self.path = model.path(section.start(*box), proposer, derivatives=derivatives)
@@ -147,45 +167,47 @@ class Walk:
         self.turn: tuple[Any, Any] = (None, None)
 
     def advance(self, longest: float | None = None) -> Round | None:
-        """Try one step and take it if it is proved; return None if the path has none."""
+        """Try one step and take it if it is proved. Return None if the path has no step."""
         step = self.path.step(longest)
         if step is None:
             return None
         upright, case = self._case(step)
         if not upright or case is None:
             return Round(step.length, upright, False)
-        if case is Case.CROSSES:
+        if case is SectionCase.CROSSES:
             moment = self._crossing(step)
             if moment is None:
                 return Round(step.length, upright, False)
             self.path.take(step, moment)
             return Round(step.length, upright, True, self._landed())
-        if case is Case.TURNS and not self._turn(step):
+        if case is SectionCase.TURNS and not self._turn(step):
             return Round(step.length, upright, False)
         self.path.take(step)
         return Round(step.length, upright, True)
 
-    def _case(self, step: Step) -> tuple[bool, Case | None]:
-        """Whether the disk is shown not to lie flat, and the case that is shown; None if none is."""
+    def _case(self, step: Step) -> tuple[bool, SectionCase | None]:
+        """Return whether the disk is shown to stay upright, and the case that is shown, or None."""
         rates, (beta, _, v) = self.path.model.rates(step.enclosure), step.enclosure
         beta_end, gamma_end, v_end = step.at_end()
         one_law = not isinstance(step, Crossing)
         upright = inside(beta, alike(beta, arb(0, UPRIGHT)))
         if self.section == TURN:
-            ahead = gamma_end - TURN.level()
+            ahead, upright = gamma_end - TURN.level(), upright and positive(beta)
+            if negative(ahead):
+                return upright, SectionCase.ON
             crosses = positive(ahead) and positive(rates[1]) and one_law
-            return upright and positive(beta), Case.ON if negative(ahead) else Case.CROSSES if crosses else None
+            return upright, SectionCase.CROSSES if crosses else None
         start, gains = self.path.box[2], positive(rates[2]) and one_law
         if not self.turned:
             if negative(v) or (gains and negative(v_end)):
-                return upright, Case.ON
+                return upright, SectionCase.ON
             turns = gains and negative(start) and positive(v_end) and negative(beta_end)
-            return upright, Case.TURNS if turns else None
+            return upright, SectionCase.TURNS if turns else None
         if not (positive(v) or (gains and positive(start) and positive(v_end))):
             return upright, None
         if negative(beta_end):
-            return upright, Case.ON
-        return upright, Case.CROSSES if positive(beta_end) and one_law else None
+            return upright, SectionCase.ON
+        return upright, SectionCase.CROSSES if positive(beta_end) and one_law else None
 
     def _turn(self, step: Step) -> bool:
         """Enclose the turn in the step; return False if its moment cannot be enclosed."""
@@ -205,7 +227,10 @@ class Walk:
         return True
 
     def _crossing(self, step: Step) -> Any:
-        """Return a ball of times at which the orbits cross the section in the step; None if it cannot be enclosed."""
+        """Return a ball of times at which the orbits cross the section in the step.
+
+        None if it cannot be enclosed.
+        """
         model, zero, level = self.path.model, self.section.zero, self.section.level()
         if self.section == TURN:
             speed = model.rates(step.enclosure)[zero]
@@ -221,7 +246,7 @@ class Walk:
         )
 
     def _landed(self) -> Return:
-        """Return what is proved of orbits whose path has been taken to the section."""
+        """Return the proved properties of orbits whose path has been taken to the section."""
         path, section = self.path, self.section
         first, sign = section.first, section.sign
         derivatives: dict[str, Any] = {}
@@ -230,7 +255,8 @@ class Walk:
             if sign < 0:  # that is where the section lies
                 state[section.zero] = alike(state[2], 0)
             rates, columns = path.model.rates(state), (first, 2, 3)
-            # On the section time moves with the start, dt = -d(component) / its rate, and takes the others along.
+            # On the section time moves with the start, dt = -d(component) / its rate, and takes the
+            # others along.
             times = [-path.matrix[section.zero][k] / rates[section.zero] for k in columns]
             rows = [
                 [sign * (path.matrix[row][k] + rates[row] * time) for k, time in zip(columns, times, strict=True)]
@@ -244,7 +270,7 @@ class Walk:
                 "divergence": path.divergence,
             }
         return Return(
-            Status.RETURNED,
+            FlowStatus.RETURNED,
             path.time,
             path.steps,
             path.reversals,

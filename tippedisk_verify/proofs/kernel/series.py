@@ -1,18 +1,24 @@
-"""Taylor coefficients of solutions, by recurrences on a graph that the equations of motion themselves record.
+"""Taylor coefficients of solutions, by recurrences on a graph that the equations of motion record.
 
-`Graph` hands out nodes that know arithmetic; running `model.equations.field` on them once writes down its elementary
-operations. Each operation has a recurrence for the Taylor coefficients of its result (Moore 1966, ch. 11; Griewank and
-Walther, *Evaluating Derivatives*, ch. 13): a product's is a convolution, sine and cosine follow from each other.
-Partial derivatives are recorded on the same graph in reverse order (`Graph.gradient`), so the variational equations
-need no second transcription (`with_derivatives`).
+A `Graph` makes nodes that know arithmetic. Evaluating `field.field` on them once records its
+elementary operations. Each operation has a recurrence for the Taylor coefficients of its result
+(Moore 1966, ch. 11; Griewank and Walther, *Evaluating Derivatives*, ch. 13). For a product it is a
+convolution; sine and cosine follow from each other. Partial derivatives are recorded on the same
+graph in reverse order (`Graph.gradient`), so the variational equations need no transcription
+(`with_derivatives`).
 
-Besides the sine and cosine there is the pair S = sin(a x) / a, C = cos(a x) with q = a^2 (`Graph.scaled_sine`): along
-an orbit S' = C x' and C' = -q S x', without a division by a. Of its derivatives by q, dC/dq is -x S / 2, and D = dS/dq
-has D' = (dC/dq) x' = -(x S) x' / 2. Where they start `jets.scaled_sine` says.
+Besides sine and cosine there is the pair S = sin(a x) / a, C = cos(a x) with q = a^2
+(`Graph.scaled_sine`). Along an orbit, without a division by a,
 
-On balls every coefficient is an enclosure: each step of a recurrence is an operation on balls, Arb's or those of
-`ball_array`, which are inclusion-isotone. No ball is replaced by a point, a float or a midpoint in this file. An
-arithmetic that has sequences of its own (``series``) sums its convolutions itself.
+    S' = C x',   C' = -q S x',   dC/dq = -x S / 2,
+    D' = (dC/dq) x' = -(x S) x' / 2   for D = dS/dq.
+
+`jets.scaled_sine` gives their first coefficients.
+
+On balls every coefficient is an enclosure: each step of a recurrence is an operation on balls,
+Arb's or those of `ball_array`, which are inclusion-isotone. No ball is replaced by a point, a float
+or a midpoint in this file. An arithmetic with its own sequences (``series``) sums its convolutions
+itself.
 """
 
 from __future__ import annotations
@@ -32,7 +38,7 @@ _PAIR = ("sin", "cos")
 
 
 def _operation(kind: str, *, reflected: bool = False) -> Callable[[Node, Any], Node]:
-    """A method of `Node` that records an operation."""
+    """Return a method of `Node` that records an operation."""
 
     def record(node: Node, other: Any) -> Node:
         left, right = (node.graph.number(other), node) if reflected else (node, other)
@@ -42,7 +48,7 @@ def _operation(kind: str, *, reflected: bool = False) -> Callable[[Node, Any], N
 
 
 class Node:
-    """One operation on series: what it is, and the Taylor coefficients found so far (one if it is constant)."""
+    """One operation on series, with the Taylor coefficients found so far (one for a constant)."""
 
     __slots__ = ("active", "c", "constant", "graph", "kind", "left", "partner", "right")
 
@@ -65,19 +71,22 @@ class Node:
 
 
 class Graph:
-    """The operations in the order in which they were recorded; also the ``ops`` (sin, cos) for `model.equations`."""
+    """The operations in the order in which they were recorded.
+
+    Also the ``ops`` (sin, cos) of `field.field`.
+    """
 
     def __init__(self) -> None:
         self.nodes: list[Node] = []
 
     def variable(self) -> Node:
-        """A function of time, whose coefficients a `System` provides."""
+        """Record a function of time, whose coefficients a `System` provides."""
         node = Node(self, "variable")
         node.active = True
         return node
 
     def number(self, value: Any, *, active: bool = False) -> Node:
-        """A constant. ``active``: one with respect to which `gradient` may be asked for."""
+        """Record a constant; `gradient` may differentiate by an ``active`` one."""
         if isinstance(value, Node):
             return value
         node = Node(self, "number")
@@ -101,21 +110,29 @@ class Graph:
         return cosine
 
     def scaled_sine(self, angle: Node, square: Node | None) -> Node:
-        """sin(a x) / a of an angle x, for a^2 = ``square``, a constant; its partner is cos(a x). None: a = 1."""
+        """Record sin(a x) / a of an angle x and its partner cos(a x), for the constant a^2 =
+        ``square``.
+
+        Without ``square`` a = 1.
+        """
         if angle.partner is None:
             sine, cosine = Node(self, "sin", angle, square), Node(self, "cos", angle, square)
             angle.partner, sine.partner, cosine.partner = sine, cosine, sine
         return angle.partner
 
     def gradient(self, output: Node, inputs: Sequence[Node]) -> list[Node]:
-        """Nodes for the partial derivatives of ``output`` with respect to variables and active numbers."""
+        """Record the partial derivatives of ``output`` by variables and active numbers.
+
+        Return their nodes.
+        """
         adjoints: dict[Node, Any] = {output: 1}
 
         def pass_on(node: Node, share: Any) -> None:
             if node.active:
                 adjoints[node] = adjoints[node] + share if node in adjoints else share
 
-        # The list grows while it is read: what is recorded now are the adjoints' own operations, no part of output.
+        # The list grows while it is read: what is recorded now are the adjoints' own operations, no
+        # part of output.
         for node in reversed(self.nodes[: self.nodes.index(output) + 1]):
             if node not in adjoints or node.left is None:
                 continue
@@ -147,10 +164,11 @@ class Graph:
 def with_derivatives(
     graph: Graph, variables: Sequence[Node], numbers: Sequence[Node], rates: Sequence[Node]
 ) -> tuple[System, System]:
-    """The system of the states and their derivatives, and the same with the integral of the rates' divergence.
+    """Return the system of the states and their derivatives, without and with the divergence's
+    integral.
 
-    Derivatives are by each variable at the start and by each active number: a column of as many unknowns as there are
-    variables for each of them.
+    Derivatives are by each variable at the start and by each active number. Each of these adds a
+    column of as many unknowns as there are variables.
     """
     partials = [graph.gradient(rate, [*variables, *numbers]) for rate in rates]
     unknowns, slopes = [*variables], [*rates]
@@ -187,12 +205,14 @@ class System:
         convolved = {part for node in moving for part in _convolved(node)}
         inner = [node for node in moving if node.kind != "variable"]
         self._remembered = [node for node in inner if node in convolved]
-        #: those of whose coefficients only the latest is ever asked for
+        #: only their latest coefficient is needed
         self._passing = [node for node in inner if node not in convolved]
         self._rules = [rule for node in moving if (rule := _recurrence(node)) is not None]
 
     def coefficients(self, start: Sequence[Any], order: int) -> list[list[Any]]:
-        """Coefficients 0 … ``order`` of each variable's Taylor series at time 0, for the start's enclosures."""
+        """Return coefficients 0 … ``order`` of each variable's Taylor series at time 0, given
+        enclosed starts.
+        """
         with getattr(start[0], "quiet", nullcontext)():
             return self._coefficients(start, order)
 
@@ -225,7 +245,7 @@ def _list(_: object = None) -> list[Any]:
 
 
 def _folded(kind: str, a: Any, b: Any) -> Any:
-    """The operation on two constants. Two integers' quotient stays exact (balls refuse Fractions: no silent float)."""
+    """Apply the operation to two constants. A quotient of integers stays exact, as a Fraction."""
     if kind == "add":
         return a + b
     if kind == "subtract":
@@ -242,14 +262,15 @@ def _ancestors(nodes: Sequence[Node]) -> set[Node]:
         node = open_nodes.pop()
         if node not in ancestors:
             ancestors.add(node)
-            # A sine's recurrence needs the cosine, and the other way round; a variable has a partner that it needs not.
+            # A sine's recurrence needs the cosine, and the other way round; a variable has a
+            # partner that it needs not.
             partner = node.partner if node.kind in (*_PAIR, "slope") else None
             open_nodes += [part for part in (node.left, node.right, partner) if isinstance(part, Node)]
     return ancestors
 
 
 def _convolved(node: Node) -> tuple[Node, ...]:
-    """The nodes whose coefficients of all orders a node's recurrence needs."""
+    """Return the nodes whose coefficients of all orders the recurrence of ``node`` needs."""
     if node.kind in _PAIR:
         return (node,)
     if node.kind == "slope":
@@ -262,9 +283,9 @@ def _convolved(node: Node) -> tuple[Node, ...]:
 
 
 def _recurrence(node: Node) -> Callable[[int], None] | None:
-    """The rule that appends coefficient k, given the operands' coefficients up to k and its own up to k - 1.
+    """Return the rule that appends coefficient k, with one case for each kind of operation.
 
-    It is one piece: a case for each kind of operation.
+    The rule needs the operands' coefficients up to k and the node's own up to k - 1.
     """
     kind, x, y = node.kind, node.left, node.right
 
@@ -300,7 +321,7 @@ def _recurrence(node: Node) -> Callable[[int], None] | None:
 
 
 def _sine(node: Node) -> Callable[[int], None]:
-    """Of a sine with its cosine: S' = C x', C' = -q S x'."""
+    """Return the rule of a sine with its cosine: S' = C x', C' = -q S x'."""
     x, square, cosine = node.left, node.right, node.partner
     slopes: Any = []
     assert cosine is not None
@@ -322,7 +343,9 @@ def _sine(node: Node) -> Callable[[int], None]:
 
 
 def _slope(node: Node) -> Callable[[int], None]:
-    """Of a scaled sine's derivative by q: D' = -(x S) x' / 2, where ``left`` is x S."""
+    """Return the rule of a scaled sine's derivative by q: D' = -(x S) x' / 2, where ``left`` is x
+    S.
+    """
     product, x, square = node.left, node.partner, node.right
     slopes: Any = []
     assert x is not None
@@ -340,13 +363,13 @@ def _slope(node: Node) -> Callable[[int], None]:
 
 
 def _convolution(a: Sequence[Any], b: Sequence[Any]) -> Any:
-    """a_0 b_n + … + a_n b_0 for two sequences of the same length (0 for none)."""
+    """Return a_0 b_n + … + a_n b_0 for two sequences of the same length (0 for empty ones)."""
     fused = getattr(a, "convolution", None)
     return fused(b) if fused else sum(map(mul, a, reversed(b)))
 
 
 def _square(a: Sequence[Any], k: int) -> Any:
-    """Coefficient k of a's square: each product once, and twice what comes twice."""
+    """Return coefficient k of the square of a; products that occur twice are computed once."""
     if hasattr(a, "convolution"):
         return a.convolution(a)
     half = 2 * sum(map(mul, a[: (k + 1) // 2], a[: k - (k + 1) // 2 : -1])) if k else 0

@@ -1,32 +1,45 @@
-"""Proved enclosures of the flow under the smooth friction law, whose field is analytic on either side of gamma_y = 0.
+"""Proved enclosures of the flow under the smooth friction law, whose field is analytic on either
+side of gamma_y = 0.
 
-gamma_y is the sliding velocity. For each sign s of it the law with |gamma_y| replaced by s gamma_y (`field.one_sided`)
-is analytic wherever s gamma_y > -epsilon; it is the smooth law where s gamma_y >= 0. As
+One law for each side
+---------------------
+gamma_y is the sliding velocity. For each sign s the law with |gamma_y| replaced by s gamma_y
+(`field.one_sided`) is analytic wherever s gamma_y > -epsilon. It is the smooth law where
+s gamma_y >= 0. As
 
     traction / (s gamma_y + epsilon) = (s traction) / (gamma_y + s epsilon),
 
-it is the law of side 1 for the constants s traction and s epsilon. An orbit is followed with its own side's law, by the
-steps of `flow`. Their time is cut into pieces, on which Taylor's formula encloses s gamma_y and its rate, and one of
-these is shown:
+it is the law of side 1 for the constants s traction and s epsilon.
 
-- *kept*: on each piece s gamma_y > 0, or grows, or falls to an end at which it is positive, at once or pieces later.
-- *crossed*: s gamma_y is positive up to pieces on which it falls to an end at which it is negative. Then every orbit
-  of side s has exactly one zero tau of gamma_y in the step, and up to tau it is an orbit of the smooth law. From the
-  states at tau, which the step encloses at the ball of all tau, a step of the other side's law follows. There
-  s gamma_y' < 0 throughout: gamma_y has changed its sign and keeps it.
+Steps
+-----
+An orbit is followed with its own side's law, by the steps of `flow`. Their time is cut into pieces,
+on which Taylor's formula encloses s gamma_y and its rate. One of these cases is shown:
 
-Where neither can be shown, by shorter steps either, the proof ends: an orbit may touch gamma_y = 0 there and turn back.
+- *kept*: on each piece s gamma_y > 0, or grows, or falls to a positive end, on the same piece or a
+  later one.
+- *crossed*: s gamma_y is positive up to pieces on which it falls to a negative end. Then every
+  orbit of side s has exactly one zero tau of gamma_y in the step. Up to tau it is an orbit of the
+  smooth law. The step encloses the states at the ball of all tau. From there a step of the other
+  side's law follows, with s gamma_y' < 0 throughout: gamma_y has changed its sign and keeps it.
 
-**The derivatives through a crossing.** Let phi and psi be the flows of the two sides' laws, with fields f_s and f_-s.
-At a time t after it the state is psi(t - tau, phi(tau, x)), where tau is an analytic function of the start x (and of
-Omega), as gamma_y' is not zero there. A flow's time derivative is its derivative by state times the field, so
+If neither case can be shown by shorter steps, the proof ends: an orbit may touch gamma_y = 0 there
+and turn back.
 
-    d(state)/dx = psi_x phi_x + psi_x (f_s - f_-s) dtau/dx,       f_s = f_-s where gamma_y = 0:
+The derivatives through a crossing
+----------------------------------
+Let phi and psi be the flows of the two sides' laws, with fields f_s and f_-s. At a time t after the
+crossing the state is psi(t - tau, phi(tau, x)). Here tau is an analytic function of the start x and
+of Omega, as gamma_y' is not zero. A flow's time derivative is its derivative by state times the
+field, so
 
-derivatives multiply as if tau were a fixed time; those by Omega are psi_x phi_Omega + psi_Omega. (The jump, or
-saltation, matrix is the identity.) The products are taken over the ball of all tau. So the smooth law's flow is
-continuously differentiable along such orbits, and the mean value theorem applies as in `step`. The midpoint has its own
-tau, known to the working precision: no digits are lost.
+    d(state)/dx = psi_x phi_x + psi_x (f_s - f_-s) dtau/dx,       f_s = f_-s where gamma_y = 0.
+
+Derivatives multiply as if tau were a fixed time; those by Omega are psi_x phi_Omega + psi_Omega.
+(The jump, or saltation, matrix is the identity.) The products are taken over the ball of all tau.
+So the smooth law's flow is continuously differentiable along such orbits, and the mean value
+theorem applies as in `step`. The midpoint has its own tau, known to the working precision: no
+digits are lost.
 
 Where a ball becomes a point or a float: pieces and the step's end are free.
 """
@@ -47,27 +60,29 @@ from tippedisk_verify.proofs.kernel.balls import (
     upper,
 )
 from tippedisk_verify.proofs.kernel.field import Law, one_sided, sliding_motion
-from tippedisk_verify.proofs.kernel.flow import Model, Path, Proposer, Status
+from tippedisk_verify.proofs.kernel.flow import FlowStatus, Model, Path, StepProposer
 from tippedisk_verify.proofs.kernel.series import Graph, System
 from tippedisk_verify.proofs.kernel.step import Step, enclosed_moment, polynomial
 
 __all__ = ["Crossing", "SlidingPath", "SmoothModel", "law_model", "model_of"]
 
 _PIECES = 16  # of a step
-_ORDER = 10  # of gamma_y's series: its values are differences of larger numbers, which boxes of states would lose
+# The order of gamma_y's series. Its values are differences of larger numbers, which boxes of states
+# would lose.
+_ORDER = 10
 _MOST_CUTS = 14
 _SHORTEST = 2.0**-40  # s
-_BEYOND = 2.0**-8  # of the step: how far it goes on after the crossing
-_LONGER = 1 + 2.0**-18  # a proposer may round lengths
+_CROSSING_MARGIN = 2.0**-8  # of the step: its part after the crossing
+_LENGTH_MARGIN = 1 + 2.0**-18  # a proposer may round lengths down to 20 bits
 
 
 def law_model(friction: str, constants: Any, omega: Any) -> Model:
-    """The equations of motion on balls under the friction law, 'linear' or 'smooth'."""
+    """Return the equations of motion on balls under a friction law, 'linear' or 'smooth'."""
     return (SmoothModel if friction == "smooth" else Model)(constants, omega)
 
 
 def model_of(parameters: Any, omega: Any) -> Model:
-    """The equations of motion on balls under the parameters' friction law, at the working precision."""
+    """Return the equations of motion on balls for a disk and its law, at the working precision."""
     return law_model(parameters.friction, ball_constants(parameters), omega)
 
 
@@ -95,17 +110,19 @@ class SmoothModel(Model):
         return self._other
 
     def motion(self, state: Sequence[Any], *, middle: bool = False) -> tuple[Any, Any]:
-        """gamma_y [m/s] and its rate [m/s^2] by this law, at all speeds or at their midpoints."""
+        """Return gamma_y [m/s] and its rate [m/s^2] by this law, at all speeds or at their
+        midpoints.
+        """
         omega = self.omega.mid() if middle else self.omega
         acceleration = self.law(BallOps, self.constants, omega)(*state)[2]
         return sliding_motion(BallOps, self.constants, omega, state, acceleration)
 
     def velocity(self, state: Sequence[Any], order: int) -> list[Any]:
-        """Taylor coefficients 0 to ``order`` of gamma_y along orbits of this law."""
+        """Return Taylor coefficients 0 to ``order`` of gamma_y along orbits of this law."""
         integral = self._with_path.coefficients([*state, alike(state[0], 0)], order + 1)[-1]
         return [k * coefficient for k, coefficient in enumerate(integral)][1:]
 
-    def path(self, start: Sequence[Any], proposer: Proposer, *, derivatives: bool = False) -> Path:
+    def path(self, start: Sequence[Any], proposer: StepProposer, *, derivatives: bool = False) -> Path:
         return SlidingPath(self, start, proposer, derivatives=derivatives)
 
 
@@ -116,15 +133,17 @@ class Crossing(Step):
     The derivatives at times that are not shown to be later than all crossings are not finite.
     """
 
-    first: Any = None  #: the step with the law of the side on which it begins
+    first: Any = None  #: the step with the first side's law
     tau: Any = None  #: when the orbits cross, from the step's start [s]
-    second: Any = None  #: the step from there, with the other side's law; it follows the midpoint's orbit as well
+    second: Any = None  #: the step from there, with the other side's law and the midpoint's orbit
     middle_tau: Any = None  #: when the midpoint's orbit crosses
 
     def at(self, time: Any, components: slice = slice(3)) -> tuple[Any, ...]:
-        before, after = self.first.at(time, components), super().at(time, components)
-        earlier, later = positive(self.tau - time), positive(time - self.tau)
-        return before if earlier else after if later else self.enclosure[components]
+        if positive(self.tau - time):
+            return tuple(self.first.at(time, components))
+        if positive(time - self.tau):
+            return super().at(time, components)
+        return self.enclosure[components]
 
     def rows_at(self, time: Any, components: slice = slice(3)) -> tuple[tuple[Any, ...], ...]:
         before, after = self.first.rows_at(self.tau), self.second.rows_at(_since(self.tau, time), components)
@@ -140,12 +159,12 @@ class Crossing(Step):
 
 
 class SlidingPath(Path):
-    """Follows all orbits from a box on which the sliding velocity has one sign, from side to side."""
+    """The flight of all orbits from a box with one sign of the sliding velocity, from side to side."""
 
     model: SmoothModel  #: the law of the present side
 
     def __init__(
-        self, model: SmoothModel, start: Sequence[Any], proposer: Proposer, *, derivatives: bool = False
+        self, model: SmoothModel, start: Sequence[Any], proposer: StepProposer, *, derivatives: bool = False
     ) -> None:
         super().__init__(model, start, proposer, derivatives=derivatives)
         velocity, _ = model.motion(self.box)
@@ -163,7 +182,7 @@ class SlidingPath(Path):
             longest = (followed or step).length / 2
             if longest < _SHORTEST or not self.side:
                 break
-        self.status = Status.GRAZING
+        self.status = FlowStatus.GRAZING
         return None
 
     def take(self, step: Step, time: Any = None) -> None:
@@ -173,7 +192,10 @@ class SlidingPath(Path):
             self.side, self.model = -self.side, self.model.of_side(-1)
 
     def _followed(self, step: Step) -> Step | None:
-        """Return the step if the sliding velocity keeps its sign, or the way through the crossing; None if neither."""
+        """Return the step if gamma_y keeps its sign, or the step through the crossing.
+
+        None if neither.
+        """
         if not self.side:
             return None
         if positive(_signed(self.model.motion(step.enclosure)[0], self.side)):
@@ -184,9 +206,10 @@ class SlidingPath(Path):
         return None if crossing is None else self._crossing(step, *crossing)
 
     def _by_pieces(self, step: Step) -> tuple[bool, tuple[Any, Any] | None]:
-        """Return whether the step is kept; and if it is crossed, the times of the crossing's pieces and the rate then.
+        """Return True for a kept step; for a crossed one, the times and rate of the crossing's
+        pieces.
 
-        These are the pieces since which s gamma_y falls to an end that is not known to be positive.
+        On these pieces s gamma_y falls to an end that is not known to be positive.
         """
         start, throughout = self.model.velocity(self.box, _ORDER), self.model.velocity(step.enclosure, _ORDER + 1)
         velocity = [_signed(coefficient, self.side) for coefficient in (*start, throughout[-1])]
@@ -209,7 +232,7 @@ class SlidingPath(Path):
         return not waits, None
 
     def _crossing(self, step: Step, between: Any, rate: Any) -> Crossing | None:
-        """Return the step as far as shortly after its crossing, which lies ``between`` two times."""
+        """Return the step up to shortly after its crossing, which lies ``between`` two times."""
 
         def zero(states: Callable[[Any], Any], *, middle: bool = False) -> Any:
             def towards(time: Any, k: int) -> Any:
@@ -221,12 +244,12 @@ class SlidingPath(Path):
         tau, middle_tau = zero(step.at), zero(step.centre, middle=True)
         if tau is None or middle_tau is None:
             return None
-        until = upper(tau + _BEYOND * step.length)
+        until = upper(tau + _CROSSING_MARGIN * step.length)
         left = until - tau
         other = self.model.of_side(-1)
         onwards = Path(other, step.at(tau), self.proposer.beyond(), derivatives=self.sharp)
         onwards.middle = step.centre(middle_tau)
-        second = onwards.step(upper(left * _LONGER))
+        second = onwards.step(upper(left * _LENGTH_MARGIN))
         if second is None or not (positive(left) and positive(second.length - left)):
             return None
         if not negative(_signed(other.motion(second.enclosure)[1], self.side)):
@@ -237,7 +260,7 @@ class SlidingPath(Path):
 
 
 def _since(moment: Any, time: Any) -> Any:
-    """Return how long after the moment it is; not finite where it is not shown to be later."""
+    """Return the time since the moment; NaN unless it is shown to be later."""
     after = time - moment
     return after if positive(after) else arb.nan()
 

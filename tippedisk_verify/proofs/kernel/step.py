@@ -1,28 +1,37 @@
 """One step of all orbits from a set of states: an interval Taylor method in mean-value form.
 
-Given a box X of states (a vector of balls) and a ball of speeds Omega, let m be X's midpoint. Recurrences (`series`)
-give the Taylor coefficients p_0 … p_N of the orbit from m, and those of the orbits from X together with their
-derivatives by state and Omega to order K. Over [0, h] the latter polynomials have a range; padded, it is a box E. With
-c the coefficients number K + 1 over E, the step is accepted if
+The test
+--------
+Let X be a box of states (a vector of balls) with the midpoint m, and Omega a ball of speeds.
+Recurrences (`series`) give the Taylor coefficients p_0 … p_N of the orbit from m. They also give
+those of the orbits from X, with their derivatives by state and Omega, to order K. Over [0, h] the
+latter polynomials have a range; padded, it is a box E. With c the coefficients of order K + 1 over
+E, the step is accepted if
 
     polynomial(t) + t^(K+1) c  lies in the interior of E  for all t in [0, h].
 
-*Then every orbit from X exists on [0, h] and stays in E.* As long as an orbit has been in E, Taylor's formula with
-Lagrange's remainder puts it in E's interior (component by component: the remainder is a coefficient at an earlier point
-of the same orbit, so within c). It cannot reach the boundary first, nor blow up in a compact box on which the field is
-analytic (c is finite, so M has no zero there). The same argument holds for the derivatives, which are part of the
-system (Corliss and Rihm 1996; Nedialkov, Jackson and Pryce 2001: a high-order enclosure). Coefficient number N + 1 over
-E gives the remainder of the orbit from m.
+*Then every orbit from X exists on [0, h] and stays in E.* As long as an orbit has been in E,
+Taylor's formula with Lagrange's remainder puts it in E's interior. (Component by component, the
+remainder is a coefficient at an earlier point of the same orbit, so it lies within c.)
 
-**Mean-value form.** By the mean value theorem the image of X at time t lies in
+It cannot reach the boundary first, nor blow up in a compact box on which the field is analytic: c
+is finite, so M has no zero there. The same argument holds for the derivatives, which are part of
+the system (a high-order enclosure: Corliss and Rihm 1996; Nedialkov, Jackson and Pryce 2001). The
+coefficient of order N + 1 over E gives the remainder of the orbit from m.
 
-    orbit of m at t  +  [derivatives over X](t) (X - m)  +  [derivative by Omega](t) (Omega - its midpoint),
+Mean-value form
+---------------
+By the mean value theorem the image of X at time t lies in
 
-because balls are convex. Balls put straight through the polynomials would grow like exp(|d(v')/d(v)| t), by some 40
-digits a second; in this form the strong contraction along v contracts the ball too, and half a period costs 2 digits.
+    orbit of m at t  +  [derivatives over X](t) (X - m)
+                     +  [derivative by Omega](t) (Omega - its midpoint),
 
-Where a ball becomes a point or a float: m is a midpoint, and any point of X would do; paddings are free. Step lengths
-are exact dyadic numbers.
+because balls are convex. Balls inserted into the polynomials would grow like exp(|d(v')/d(v)| t),
+by some 40 digits a second. In this form the strong contraction along v contracts the ball too, and
+half a period costs 2 digits.
+
+Where a ball becomes a point or a float: m is a midpoint, and any point of X would do; paddings are
+free. Step lengths are exact dyadic numbers.
 """
 
 from __future__ import annotations
@@ -38,11 +47,11 @@ from tippedisk_verify.proofs.kernel.balls import (
     arb,
     around_zero,
     inside,
+    is_ball_array,
     negative,
     positive,
     rough,
     shared,
-    side_by_side,
     upper,
     whole,
     working_bits,
@@ -61,7 +70,7 @@ _ALL = slice(3)
 
 @dataclass(frozen=True)
 class Step:
-    """One accepted step: what is proved over [0, length] from where the path stood."""
+    """One accepted step: its proved properties over [0, length] from the path's place."""
 
     begin: Any  #: time at its start [s]
     length: Any  #: [s], exact: a float, or an array of balls
@@ -70,10 +79,12 @@ class Step:
     orders: tuple[int, int]  #: of the midpoint's series, and of that over the box
     polynomials: list[list[Any]]  #: of the midpoint's orbit, the remainder's coefficient last
     derivatives: list[list[Any]]  #: of the derivatives, 3 to a column (and the divergence's integral), likewise
-    included: Any = True  #: whether it is proved; of an array of balls an array
+    included: Any = True  #: whether it is proved; an array for arrays of balls
 
     def rows_at(self, time: Any, components: slice = _ALL) -> tuple[tuple[Any, ...], ...]:
-        """d(state at ``time``)/d(state at the start, Omega) for every orbit from the box; ``time`` in the step."""
+        """Return d(state at ``time``)/d(state at the step's start, Omega) for every orbit from the
+        box.
+        """
         columns, time = range(0, len(self.derivatives) - 2, 3), rough(time)
         return tuple(
             tuple(polynomial(self.derivatives[column + row], time) for column in columns)
@@ -81,23 +92,25 @@ class Step:
         )
 
     def derivatives_at(self, time: Any) -> tuple[tuple[Any, ...], ...]:
-        """d(state at ``time``)/d(start of the path, Omega) for every orbit."""
+        """Return d(state at ``time``)/d(start of the path, Omega) for every orbit."""
         return self.frame.derivatives(self.rows_at(time))
 
     def divergence_at(self, time: Any) -> Any:
-        """Integral of div f from the step's start."""
+        """Return the integral of div f from the step's start."""
         return polynomial(self.derivatives[-1], rough(time))
 
     def at(self, time: Any, components: slice = _ALL) -> tuple[Any, ...]:
-        """The state, or a part of it, after ``time``, a ball within [0, length], for every orbit from the box."""
+        """Return the state, or components, after ``time``, a ball within [0, length], for every
+        orbit.
+        """
         return self.frame.image(self.centre(time, components), self.rows_at(time, components))
 
     def component(self, index: int, time: Any) -> Any:
-        """One of the three of `at`."""
+        """Return one component of `at`."""
         return self.at(time, slice(index, index + 1))[0]
 
     def at_end(self) -> tuple[Any, ...]:
-        """The state at the step's end, for every orbit from the box."""
+        """Return the state at the step's end, for every orbit from the box."""
         return self.frame.image(*self.end)
 
     @cached_property
@@ -107,11 +120,11 @@ class Step:
         return self.centre(time), self.rows_at(time)
 
     def centre(self, time: Any, components: slice = _ALL) -> Sequence[Any]:
-        """Where the midpoint's orbit is after ``time``."""
+        """Return the state of the midpoint's orbit after ``time``."""
         return [polynomial(series, time) for series in self.polynomials[components]]
 
     def span(self) -> Any:
-        """A ball that holds the times from 0 to its length."""
+        """Return a ball that holds the times from 0 to the length."""
         return _from_zero(alike(self.enclosure[0], self.length))
 
 
@@ -123,11 +136,11 @@ def polynomial(coefficients: Sequence[Any], time: Any) -> Any:
 
 
 class Trial:
-    """The series of all orbits from where a path stands, with orders that are chosen, on which lengths are tried."""
+    """The series of all orbits from a path's place to chosen orders, on which lengths are tried."""
 
     def __init__(self, path: Any, orders: tuple[int, int]) -> None:
         self.path, self.orders, model = path, orders, path.model
-        self.frame = path.frame  #: where the path stood
+        self.frame = path.frame  #: the path's place
         self.thin = model.orbit.coefficients(path.middle or path.frame.middle, orders[0])
         box = [rough(part) for part in path.box]
         zero, one = (alike(box[0], k) for k in (0, 1))
@@ -143,7 +156,7 @@ class Trial:
         return system
 
     def tested(self, length: Any) -> Step:
-        """Return the step of that length, which says whether it is proved; the path knows it as its own."""
+        """Return the step of that length, proved or not, and register it with the path."""
         with working_precision(_REMAINDER_BITS):
             enclosure, fine, wider, included = self._test(length)
         step = self.path.tested = Step(
@@ -159,13 +172,15 @@ class Trial:
         return step
 
     def _test(self, length: Any) -> tuple[tuple[Any, ...], list[Any], list[Any], Any]:
-        """The padded box E over [0, length], the remainders' coefficients over it, and whether the step is proved."""
+        """Return the padded box E, the remainders' coefficients over it, and whether the step is
+        proved.
+        """
         bound, (order, rough_order) = self.path.model.bound, self.orders
         time = alike(whole(self.wide[0][0]), whole(length))
         span, power = _from_zero(time), _from_zero(time**rough_order)
         coefficients = [[whole(coefficient) for coefficient in series] for series in self.wide]
         ranges = [polynomial(series, span) for series in coefficients]
-        # What the last term contributes is a fair guess of what the rest does.
+        # The last term's contribution is a fair guess of the remainder's.
         box = [
             part + around_zero(part.rad() / 256 + _pad(part)) + around_zero(series[-1] * power)
             for part, series in zip(ranges, coefficients, strict=True)
@@ -183,12 +198,13 @@ class Trial:
 def enclosed_moment(
     step: Step, span: Any, value: Callable[[Any], Any], slope: Any, slope_over: Callable[[Any], Any]
 ) -> Any:
-    """Return a ball of times that holds all zeros of growing functions of time; None if that is not shown.
+    """Return a ball of times that holds all zeros of growing functions of time; None if not shown.
 
-    Each function has one zero in the step, and all zeros lie in the ball ``span``. ``value`` and ``slope_over`` enclose
-    the functions and their derivatives at a ball of times; ``slope`` holds the derivatives over the span. Interval
-    Newton steps T -> t - x(t) / x'(T), where t, any point of T that lies in the step, is T's midpoint. The sign of x(t)
-    tells on which side of t the zero is.
+    Each function has one zero in the step, and all zeros lie in the ball ``span``. ``value`` and
+    ``slope_over`` enclose the functions and their derivatives at a ball of times; ``slope`` holds
+    the derivatives over the span. Interval Newton steps are T -> t - x(t) / x'(T), where t is the
+    midpoint of T; any point of T in the step would do. The sign of x(t) decides on which side of t
+    the zero is.
     """
     moment = span
     for _ in range(_MOST_ITERATIONS):
@@ -208,20 +224,21 @@ def enclosed_moment(
 
 
 def _from_zero(length: Any) -> Any:
-    """A ball that holds 0, ``length`` and what lies between."""
+    """Return a ball that holds the interval from 0 to ``length``."""
     half = length / 2
     return half + around_zero(half)
 
 
 def _pad(part: Any) -> Any:
-    """An absolute pad for a range that has no width of its own."""
-    if side_by_side(part):
+    """Return an absolute pad, for a range without width."""
+    if is_ball_array(part):
         return part.abs_upper() * 2.0 ** -(_REMAINDER_BITS // 2) + 2.0**-_REMAINDER_BITS
     return arb(2) ** (max(-_REMAINDER_BITS, magnitude(part) - _REMAINDER_BITS // 2) if part.is_finite() else 0)
 
 
 def magnitude(x: Any) -> int:
-    """An integer k with |x| < 2^k for all x of the ball, the least but for rounding (-10^6 for zero).
+    """Return the least integer k, but for rounding, with |x| < 2^k for all x of the ball; -10^6 for
+    zero.
 
     Raises OverflowError for a ball that is not finite.
     """

@@ -1,1 +1,1 @@
-"""What looks for evidence, in ordinary arithmetic: nothing here is believed."""
+"""The untrusted search for evidence, in ordinary arithmetic."""

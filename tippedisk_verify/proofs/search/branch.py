@@ -1,9 +1,9 @@
-"""What is proved of the family of limit cycles: for the command line, and as a certificate.
+"""The proof of the family of limit cycles: its answer for the command line, and its certificate.
 
-`kernel.claims.family` says why arcs that fit together are one curve from the Hopf point on, and what joins it to the
-cycles next to the connection.
+`kernel.certificates.family` has the argument: why arcs that fit together are one curve from the
+Hopf point on, and what joins it to the cycles next to the connection.
 
-Where a ball becomes a point or a float: nowhere.
+No ball becomes a point or a float here.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.proofs.closed_forms import check_linearization, hopf_balls
 from tippedisk_verify.proofs.kernel.balls import ball_constants, working_precision
-from tippedisk_verify.proofs.kernel.claims import connection_cycles, sentence
-from tippedisk_verify.proofs.kernel.claims.family import Piece, Status, curve_fault, last_cycle, unique_within
+from tippedisk_verify.proofs.kernel.certificates import connection_cycles, sentence
+from tippedisk_verify.proofs.kernel.certificates.family import ArcStatus, Piece, curve_fault, last_cycle, unique_within
 from tippedisk_verify.proofs.numbers import measured
 from tippedisk_verify.proofs.search.certificate import Proof, claim_of, parameter_texts
 from tippedisk_verify.proofs.search.connection_end import ProvedEnd
@@ -28,23 +28,26 @@ from tippedisk_verify.proofs.search.heteroclinic import ProvedConnection
 
 __all__ = ["BranchProof", "omega_crit"]
 
-_BITS, _CLAIM_BITS = 128, 160  # of Omega_crit, and for what is claimed with as many digits
+_BITS, _CLAIM_BITS = 128, 160  # of Omega_crit, and for checking a claim with as many digits
 _PLACES = 9  # of the share and of the speed at the end, rounded to the safe side
 
 
 @dataclass(frozen=True, repr=False)
 class BranchProof(Proof):
-    """What is proved of the family. ``pieces`` are one curve from the Hopf point on; there may be none."""
+    """The proof of the family.
+
+    ``pieces`` form one curve from the Hopf point on; there may be none.
+    """
 
     parameters: Parameters
     pieces: tuple[Piece, ...]
-    stopped: Status | None = None  #: why the piece after the last one is not proved, if one was tried
+    stopped: ArcStatus | None = None  #: why the piece after the last one is not proved, if one was tried
     connection: ProvedConnection | None = None  #: Omega_h, if it is known
     end: ProvedEnd | None = None  #: the cycles next to the connection, if they are proved
 
     @cached_property
     def hopf_closed(self) -> bool:
-        """Whether the pieces are one curve that is proved to begin at the Hopf point.
+        """True if the pieces are one curve that is proved to begin at the Hopf point.
 
         Raises InputError for a disk without the closed forms' hypotheses.
         """
@@ -54,7 +57,7 @@ class BranchProof(Proof):
 
     @cached_property
     def end_closed(self) -> bool:
-        """Whether the last piece runs into what is proved next to the connection."""
+        """True if the last piece runs into the proved cycles next to the connection."""
         if self.end is None or not self.pieces or self.end.connection.parameters != self.parameters:
             return False
         with working_precision(_BITS):
@@ -62,12 +65,14 @@ class BranchProof(Proof):
 
     @property
     def proved(self) -> bool:
-        """Whether the theorem holds of the whole of (Omega_h, Omega_crit)."""
+        """True if the theorem is proved for the whole of (Omega_h, Omega_crit)."""
         return self.hopf_closed and self.end_closed
 
     @property
     def omega_end(self) -> Fraction | None:
-        """All speeds from here to Omega_crit belong to the curve [rad/s]; rounded up."""
+        """The lowest speed [rad/s], rounded up, from which all speeds to Omega_crit belong to the
+        curve.
+        """
         if not self.hopf_closed:
             return None
         unit = 10**_PLACES
@@ -75,7 +80,10 @@ class BranchProof(Proof):
 
     @property
     def covered(self) -> Fraction | None:
-        """The share of (Omega_h, Omega_crit) that belongs to the curve, or less; None if Omega_h is not proved."""
+        """A lower bound of the covered share of (Omega_h, Omega_crit).
+
+        None if Omega_h is not proved.
+        """
         if self.proved:
             return Fraction(1)
         known = self.connection.omega_h if self.connection is not None and self.connection.proved else None
@@ -88,7 +96,7 @@ class BranchProof(Proof):
 
     @property
     def claim(self) -> dict[str, Any]:
-        """What is proved, as a certificate claims it."""
+        """The claim of the certificate."""
         names = ("v_0_per_gamma_bar_0", "v_0", "omega")
         claim = claim_of(
             "family of limit cycles",
@@ -110,7 +118,7 @@ class BranchProof(Proof):
 
     @property
     def evidence(self) -> dict[str, Any]:
-        """The choices that the kernel has accepted; none if nothing is proved from the Hopf point on."""
+        """The accepted choices; empty if nothing is proved from the Hopf point on."""
         if not self.hopf_closed:
             return {}
         arcs = {"arcs": [piece.evidence for piece in self.pieces]}
@@ -122,14 +130,14 @@ class BranchProof(Proof):
 
     @property
     def reason(self) -> str:
-        """Why the curve ends where it does."""
+        """The reason for which the curve ends."""
         if self.stopped is None:
             return "no more was asked for" if self.pieces else "nothing was tried"
         where = f"from gamma_bar_0 = {exact_text(self.pieces[-1].high if self.pieces else Fraction(0))} rad on"
         return f"{where} {self.stopped.value}"
 
     def to_dict(self) -> dict[str, object]:
-        """For the command line."""
+        """Return the entries for the command line."""
         hopf, share = self.hopf_closed, self.covered
         ends: dict[str, dict[str, object]] = {"hopf": {"closed": hopf}, "heteroclinic": {"closed": self.end_closed}}
         if not hopf:
@@ -140,8 +148,8 @@ class BranchProof(Proof):
                 reason = self.end.statement
             ends["heteroclinic"]["reason"] = f"{reason}; {self.reason}"
         elif self.end is not None:
-            told = self.end.to_dict()
-            ends["heteroclinic"] |= {name: told[name] for name in ("from", "to", "gamma", "v", "numbers")}
+            entry = self.end.to_dict()
+            ends["heteroclinic"] |= {name: entry[name] for name in ("from", "to", "gamma", "v", "numbers")}
         entries: dict[str, object] = {
             "proved": self.proved,
             "covered": None if share is None else _decimals(share),
@@ -159,7 +167,7 @@ class BranchProof(Proof):
 
 
 def omega_crit(parameters: Parameters) -> Measured:
-    """Enclosed [rad/s]."""
+    """Enclose Omega_crit [rad/s]."""
     with working_precision(_BITS):
         return measured(hopf_balls(ball_constants(parameters))["omega_crit"])
 

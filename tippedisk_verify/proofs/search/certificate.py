@@ -1,4 +1,4 @@
-"""Certificates as files: a claim, the choices that the kernel accepted when it proved the claim, and a digest."""
+"""Certificates as files: a claim, the choices with which the kernel proved it, and a digest."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tippedisk_verify.model.decimals import exact_text
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import SYMBOLS, Parameters
 from tippedisk_verify.proofs.kernel.balls import Unproved, arb
-from tippedisk_verify.proofs.kernel.claims import FORMAT, sentence
+from tippedisk_verify.proofs.kernel.certificates import FORMAT, sentence
 from tippedisk_verify.proofs.kernel.reading import digest, dyadic_text
 from tippedisk_verify.proofs.search.steps import Steps
 
@@ -23,7 +23,7 @@ _PRINTED = {"reversals": "sliding_reversals"}  #: names that differ from those i
 
 
 class Stopped(Unproved):
-    """A search gives up; ``status`` says where and what to try next, the message more of it, or nothing."""
+    """Raised if a search gives up; ``status`` has the reason, and the message may have details."""
 
     def __init__(self, status: Enum, detail: str = "") -> None:
         super().__init__(detail)
@@ -31,20 +31,20 @@ class Stopped(Unproved):
 
 
 class Proof:
-    """What a search has proved: its statement, and its certificate.
+    """The result of a search: its statement and its certificate.
 
-    Each kind has its ``status``, its ``claim`` as a certificate makes it, and the ``evidence``, the choices that the
-    kernel has accepted.
+    Each kind has its ``status``, the ``claim`` of its certificate, and the ``evidence``: the
+    choices that the kernel has accepted.
     """
 
     status: Any
-    where: Any  #: how far the proof came
+    where: Any  #: the place at which the proof ended
     parameters: Any
     bits: int  #: working precision
     claim: Any
     evidence: Any
 
-    _told: ClassVar[tuple[str, ...]] = ()  #: entries of the claim that are printed besides the numbers
+    _printed: ClassVar[tuple[str, ...]] = ()  #: entries of the claim that are printed besides the numbers
 
     @property
     def proved(self) -> bool:
@@ -52,18 +52,18 @@ class Proof:
 
     @property
     def reason(self) -> str:
-        """Why nothing is proved."""
+        """The reason for which nothing is proved."""
         reason = str(self.status.value)
         return f"{reason} ({self.where})" if self.where else reason
 
     @property
     def asked(self) -> dict[str, object]:
-        """What is printed first: of which cycles."""
+        """The entries that are printed first: the cycles to be proved."""
         return {}
 
     @property
     def statement(self) -> str:
-        """What is proved, in one sentence or some."""
+        """The proved statement, in one or more sentences."""
         return sentence(self.claim) if self.proved else f"nothing is proved: {self.reason}."
 
     def __repr__(self) -> str:
@@ -72,7 +72,10 @@ class Proof:
     __str__ = __repr__
 
     def certificate(self) -> str:
-        """The text of a file that the kernel alone checks. Raises InputError if there is nothing to check."""
+        """Return the text of a file that the kernel alone checks.
+
+        Raises InputError without a proof.
+        """
         if not self.evidence:
             raise InputError(f"no certificate: {self.statement}")
         content: dict[str, Any] = {"format": FORMAT, "claim": self.claim, "bits": self.bits}
@@ -80,18 +83,21 @@ class Proof:
         return json.dumps(content | {"sha256": digest(content)}, separators=(",", ":")) + "\n"
 
     def to_dict(self) -> dict[str, Any]:
-        """For the command line: the statement and, if proved, the numbers."""
+        """Return the entries for the command line: the statement and, if proved, the numbers."""
         entries: dict[str, Any] = {"proved": self.proved, "statement": self.statement} | self.asked
         if self.proved:
             claim = self.claim
             entries |= claim["numbers"]
-            entries |= {_PRINTED.get(name, name): claim[name] for name in self._told if name in claim}
+            entries |= {_PRINTED.get(name, name): claim[name] for name in self._printed if name in claim}
         entries |= {"parameters": self.parameters.name, "bits": self.bits}
         return entries | ({"status": self.status.name} if self.status else {})
 
 
 def claim_of(kind: str, parameters: Parameters, numbers: Mapping[str, Measured], **more: Any) -> dict[str, Any]:
-    """A claim about a disk; ``more`` are its other entries, those that are rational numbers as exact texts."""
+    """Return a claim about a disk.
+
+    ``more`` are its other entries; rational numbers become exact texts.
+    """
     texts = {name: exact_text(entry) if isinstance(entry, Fraction) else entry for name, entry in more.items()}
     about = {"kind": kind, "parameters": parameter_texts(parameters), "friction": parameters.friction}
     return about | texts | {"numbers": {name: number.to_dict() for name, number in numbers.items()}}
@@ -102,20 +108,20 @@ def parameter_texts(parameters: Parameters) -> dict[str, str]:
 
 
 class Proposer:
-    """Has a method for each name that a claim asks for; what it last answered stands in ``log``."""
+    """A source of choices with a method for each name; ``log`` has the latest answers."""
 
     def __init__(self) -> None:
         self.log: dict[str, Any] = {}
-        self.asked = ""  #: the last of the names
+        self.asked = ""  #: the latest name
 
-    def __call__(self, name: str, *shown: Any) -> Any:
+    def __call__(self, name: str, *context: Any) -> Any:
         self.asked = name
-        self.log[name] = getattr(self, name)(*shown)
+        self.log[name] = getattr(self, name)(*context)
         return self.log[name]
 
 
 def _as_text(value: Any) -> Any:
-    """Choices as a certificate has them: exact points and rational numbers as texts."""
+    """Convert choices to a certificate's form: exact points and rational numbers become texts."""
     if isinstance(value, Mapping):
         return {name: _as_text(part) for name, part in value.items()}
     if isinstance(value, list | tuple):

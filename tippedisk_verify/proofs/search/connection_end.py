@@ -1,10 +1,11 @@
-"""The cycles next to the connection proved: choices for the kernel's claim `connection_cycles`, which has the proof.
+"""The search for the proof of the cycles next to the connection
+(`kernel.certificates.connection_cycles`).
 
-Extents and weights of cones fit the three named disks and those near them; other weights follow from what the kernel
-encloses. The lid eta is a little more than the bounds leave of |z_u| after one round at the largest speed, and as much
-more as it takes for the worst of the flights to arrive above it.
+Extents and weights of cones fit the three named disks and those near them. Other weights follow
+from the kernel's enclosures. The lid eta is a little more than the bound of |z_u| after one round
+at the largest speed. It is raised until the worst of the flights arrives above it.
 
-Where a ball becomes a point or a float: everywhere, and any choice that the kernel accepts is right.
+Balls become points and floats everywhere: any choice that the kernel accepts is right.
 """
 
 from __future__ import annotations
@@ -27,36 +28,36 @@ from tippedisk_verify.model.exact import exact, shown
 from tippedisk_verify.model.parameters import Constants
 from tippedisk_verify.proofs.closed_forms import refuse_past_birth
 from tippedisk_verify.proofs.kernel.balls import Unproved, ball, working_precision
-from tippedisk_verify.proofs.kernel.claims.connection_cycles import CLAIM, LID, End, ReturnMap, cycles_shown
-from tippedisk_verify.proofs.kernel.claims.passage import Passage
-from tippedisk_verify.proofs.kernel.claims.saddle import most
+from tippedisk_verify.proofs.kernel.certificates.connection_cycles import CLAIM, LID, End, LoopMap, verify_cycles
+from tippedisk_verify.proofs.kernel.certificates.passage import Passage
+from tippedisk_verify.proofs.kernel.certificates.saddle import most
 from tippedisk_verify.proofs.numbers import measured
 from tippedisk_verify.proofs.search.certificate import Proof, Proposer, Stopped, claim_of
 from tippedisk_verify.proofs.search.heteroclinic import ProvedConnection, eigenvectors
 
-__all__ = ["ProvedEnd", "Status", "checked_distance", "prove_end"]
+__all__ = ["EndStatus", "ProvedEnd", "checked_distance", "prove_end"]
 
-#: u, s, t: |z_f| has room for starts on the section beta = pi/2 that are off the slow manifold
+#: u, s, t: the extent of |z_f| allows starts on the section beta = pi/2 off the slow manifold
 _EXTENTS = (Fraction(1, 5), Fraction(1, 5), Fraction(3, 10))
 _CELLS = (32, 6)  # along half of z_u and z_s, and of z_f
 _STEEP = (Fraction(1), Fraction(1, 8), Fraction(1))
 _COMPOUND = (Fraction(1, 2), Fraction(1))
 _RETURN = Fraction(10)  # 1/s, between the two roots of p^2 - a_2 p + a_1
 _THIN = Fraction(1, 8)
-_WIDER = arb(17) / 16  # than an inequality needs
+_WIDER = arb(17) / 16  # the factor by which an inequality is exceeded
 _FAST, _WEIGHT = Fraction(1, 512), Fraction(1, 4)  # t_0 and w
 _SPEED_CELL, _SLOW_CELL = 2e-3, 4e-3  # lengths of the exits' cells in the speed [rad/s] and in z_s
-_ROOM = 1.01  # the lid over what the bounds of the largest speed's orbit leave it
-_WIDENED = 0.15  # by how much of a cell's image its enclosure is wider; measured
+_ROOM = 1.01  # the lid relative to the bound from the largest speed's orbit
+_WIDENED = 0.15  # the excess width of an enclosure relative to a cell's image; measured
 _ROUNDS, _ATTEMPTS = 60, 8
 _STEP = 0.005  # s; a box's enclosure over a longer one is too wide where the fast direction contracts
-_FLOWN, _LONGEST = 1e-3, 3000  # s, and how many, of the single flights
+_FLOWN, _LONGEST = 1e-3, 3000  # s, and the largest number, of steps of the single flights
 
 Array = NDArray[np.float64]
 
 
-class Status(Enum):
-    """How the proof ended. The value says where it stopped and what to try next."""
+class EndStatus(Enum):
+    """The ways in which the proof can end; each value is a message with what to try next."""
 
     PROVED = "proved"
     NO_CONNECTION = "the connection itself is not proved: give the answer of `prove_connection` with its digits"
@@ -68,16 +69,16 @@ class Status(Enum):
 
 @dataclass(frozen=True, repr=False)
 class ProvedEnd(Proof):
-    """What is proved of the cycles at speeds from ``low`` to ``high`` [rad/s]; nothing without status PROVED."""
+    """The proof of the cycles at speeds from ``low`` to ``high`` [rad/s], if the status is PROVED."""
 
-    status: Status
+    status: EndStatus
     connection: ProvedConnection
     low: Fraction = Fraction(0)
     high: Fraction = Fraction(0)
     gamma: Fraction = Fraction(0)  #: c [rad]
     v: Fraction = Fraction(0)  #: d [rad/s]
     numbers: dict[str, str] = field(default_factory=dict)  #: kappa and other sizes in the proof
-    where: str = ""  #: what fails
+    where: str = ""  #: the inequality that fails
     choices: dict[str, Any] = field(default_factory=dict)  #: that the kernel has accepted
 
     @property
@@ -86,7 +87,7 @@ class ProvedEnd(Proof):
 
     @property
     def claim(self) -> dict[str, Any]:
-        """What is claimed, as a certificate says it. Only of what is proved."""
+        """The claim of the certificate; it needs a proof."""
         assert self.connection.omega_h is not None
         assert self.connection.parameters is not None
         numbers, texts = {"omega_h": self.connection.omega_h}, {name: getattr(self, name) for name in CLAIM}
@@ -94,14 +95,16 @@ class ProvedEnd(Proof):
 
     @property
     def evidence(self) -> dict[str, Any]:
-        """The choices that the kernel has accepted, with those of the connection and what it claims."""
+        """The accepted choices, with those of the connection and its claim."""
         eigenvalues = [(number.value, number.uncertainty) for number in self.connection.saddle_eigenvalues]
         claimed = {"eigenvalues": eigenvalues, "room": self.connection.room}
         return self.choices and self.choices | {"connection": {**self.connection.evidence, **claimed}}
 
     def meets(self, omega: Any, gamma_bar: Any, v: Any) -> bool:
-        """Whether the fixed point of P that is in these balls of gamma_bar and v is the statement's, at all speeds of
-        the ball ``omega``: then a curve of cycles that is proved there is the same curve.
+        """Return True if the fixed point of P in these balls is the statement's, at all speeds of
+        ``omega``.
+
+        Then a curve of cycles that is proved there is the same curve.
         """
         if not self.proved or self.connection.omega_h is None:
             return False
@@ -126,15 +129,17 @@ def prove_end(
     below: object = "0.0015",
     watch: Callable[[float], None] = lambda share: None,
 ) -> ProvedEnd:
-    """Prove the cycles from the ``connection`` that is proved up to ``reach`` above it, and that ``below`` it is none.
+    """Prove the cycles up to ``reach`` above a proved connection, and their absence down to
+    ``below`` it.
 
-    Both [rad/s] count from Omega_h rounded to four decimals. ``watch`` is called with the share of the flights that is
-    done. Raises InputError for the smooth law and for numbers that make no sense, NoConnectionError as `eigenvectors`.
+    Both distances [rad/s] count from Omega_h rounded to four decimals. ``watch`` is called with the
+    share of the flights that is done. Raises InputError for the smooth law and for distances out of
+    range, and NoConnectionError as `eigenvectors` does.
     """
     parameters, omega_h = connection.parameters, connection.omega_h
     above, under = checked_distance(reach), checked_distance(below)
-    if not connection.proved or parameters is None or omega_h is None or connection.shown is None:
-        return ProvedEnd(Status.NO_CONNECTION, connection)
+    if not connection.proved or parameters is None or omega_h is None or connection.verified is None:
+        return ProvedEnd(EndStatus.NO_CONNECTION, connection)
     parameters.refuse_smooth("the cycles next to the connection are proved")
     middle = round(omega_h.value, 4)
     low, high = middle - under, middle + above
@@ -142,10 +147,10 @@ def prove_end(
         raise InputError("Omega_h is not between the ends: give larger numbers")
     refuse_past_birth(parameters, high)
     for attempt in range(_ATTEMPTS):
-        search = _Search(connection, low, high, _ROOM**attempt)
+        search = _EndSearch(connection, low, high, _ROOM**attempt)
         try:
             with working_precision(connection.bits):
-                end = cycles_shown(connection.shown, low, high, search, watch)
+                end = verify_cycles(connection.verified, low, high, search, watch)
         except Unproved as fault:
             failed = ProvedEnd(search.stopped(fault), connection, low, high, where=str(fault))
             if not failed.where.startswith(LID):
@@ -155,31 +160,33 @@ def prove_end(
             texts = {name: f"{float(x):.4g}" for name, x in numbers.items()}
             entry = {name: part for name, part in search.log["entry"].items() if name not in CLAIM}
             choices = search.log | {"entry": entry}
-            return ProvedEnd(Status.PROVED, connection, low, high, end.gamma, end.v, texts, choices=choices)
+            return ProvedEnd(EndStatus.PROVED, connection, low, high, end.gamma, end.v, texts, choices=choices)
     return failed
 
 
 def checked_distance(number: object) -> Fraction:
-    """A distance from Omega_h [rad/s]; raises InputError unless it is between 0 and 1."""
+    """Return a distance from Omega_h [rad/s]. Raises InputError unless it is between 0 and 1."""
     given = exact(number)
     if given.pi_multiple or not 0 < given.rational < 1:
-        raise InputError(f"how far cycles are to be proved is a decimal between 0 and 1 rad/s, not {shown(number)}")
+        raise InputError(
+            f"the distance up to which cycles are proved is a decimal between 0 and 1 rad/s, not {shown(number)}"
+        )
     return given.rational
 
 
-class _Search(Proposer):
+class _EndSearch(Proposer):
     def __init__(self, connection: ProvedConnection, low: Fraction, high: Fraction, factor: float) -> None:
-        """``factor``: by how much more the lid lies beyond what is expected."""
+        """Search between the speeds ``low`` and ``high``, with the expected lid times ``factor``."""
         super().__init__()
         self.connection, self.low, self.high, self.factor = connection, low, high, factor
 
-    def stopped(self, fault: Unproved) -> Status:
-        """Where the kernel, or the search, gave up."""
+    def stopped(self, fault: Unproved) -> EndStatus:
+        """Return the stage at which the kernel or the search gave up."""
         if isinstance(fault, Stopped):
-            return Status(fault.status)
+            return EndStatus(fault.status)
         if "connection" in str(fault):
-            return Status.APART
-        return Status.FLIGHT if str(fault).startswith("flight") else Status.INEQUALITY
+            return EndStatus.APART
+        return EndStatus.FLIGHT if str(fault).startswith("flight") else EndStatus.INEQUALITY
 
     def box(self) -> dict[str, Any]:
         omega_h, parameters = self.connection.omega_h, self.connection.parameters
@@ -197,12 +204,19 @@ class _Search(Proposer):
         grows = [[c[i, j].upper() if i == j else most(c[i, j]) for j in range(3)] for i in range(3)]
         drift = arb_mat(grows).solve(arb_mat([[-part * _WIDER] for part in n.stirred]))
         return {
-            "steep": _points(_STEEP), "compound": _points(_COMPOUND), "drift": [most(x).mid() for x in drift.entries()],
-            "flat": flat, "lipschitz": lipschitz, "thin": ball(_THIN), "return": ball(_RETURN),
-        }  # fmt: skip
+            "steep": _points(_STEEP),
+            "compound": _points(_COMPOUND),
+            "drift": [most(x).mid() for x in drift.entries()],
+            "flat": flat,
+            "lipschitz": lipschitz,
+            "thin": ball(_THIN),
+            "return": ball(_RETURN),
+        }
 
     def entry(self, n: Passage) -> dict[str, Any]:
-        """D and Q, with a lid above which the flights of the largest speed and z_s are expected to arrive."""
+        """Choose D and Q, with a lid above which the flights of the largest speed and z_s should
+        arrive.
+        """
         top, cell = float(self.high), float(self.high) - _SPEED_CELL
         _, (arrival, further, slower) = self._flown(n, np.array([top, top, cell]), np.array([0, _SLOW_CELL, 0]))
         wide = (abs(further - arrival) + abs(slower - arrival)) * _WIDENED
@@ -212,13 +226,15 @@ class _Search(Proposer):
             lid = _ROOM * (abs(arrival) + abs(further - arrival) * reach + wide)
         return self._entry(n, lid * self.factor)
 
-    def _return_map(self, n: Passage, lid: float) -> ReturnMap:
+    def _return_map(self, n: Passage, lid: float) -> LoopMap:
         if lid > float(n.extents[0]) / 2:
-            raise Stopped(Status.NO_LID)
-        return ReturnMap(n, self._entry(n, lid))
+            raise Stopped(EndStatus.NO_LID)
+        return LoopMap(n, self._entry(n, lid))
 
     def _entry(self, n: Passage, lid: float) -> dict[str, Any]:
-        """With the moment that bounds the crossings of beta_bar = 0 best, and the c and d that hold them."""
+        """Choose the moment that bounds the crossings of beta_bar = 0 best, and c and d that hold
+        them.
+        """
         top, fast = ball(lid), ball(_FAST)
 
         def bound(moment: float) -> Any:
@@ -231,22 +247,22 @@ class _Search(Proposer):
         c, d = (_decimal_above(bound(low) * n.at_crossing(row)) for row in (1, 2))
         return {"lid": top, "fast": fast, "weight": ball(_WEIGHT), "moment": ball(low), "gamma": c, "v": d}
 
-    def flights(self, returned: ReturnMap) -> dict[str, Any]:
-        """Steps that end half a step after the middle of each cell arrives."""
+    def flights(self, loop_map: LoopMap) -> dict[str, Any]:
+        """Choose steps that end half a step after the middle of each cell arrives."""
         low, high = float(self.low), float(self.high)
-        least, largest = map(float, returned.exits)
+        least, largest = map(float, loop_map.exits)
         rows, columns = math.ceil((high - low) / _SPEED_CELL), math.ceil((largest - least) / _SLOW_CELL)
         speeds, slow = (
             begin + (end - begin) * (np.arange(number) + 0.5) / number
             for begin, end, number in ((low, high, rows), (least, largest, columns))
         )
-        times, _ = self._flown(returned.n, np.repeat(speeds, columns), np.tile(slow, rows))
+        times, _ = self._flown(loop_map.n, np.repeat(speeds, columns), np.tile(slow, rows))
         count = math.ceil(float(times.max()) / _STEP)
         lengths = np.round(times / (count - 0.5) * 2**30) / 2**30
         return {"steps": count, "lengths": [[arb(float(x)) for x in row] for row in lengths.reshape(rows, columns)]}
 
     def _flown(self, n: Passage, speeds: Array, slow: Array) -> tuple[Array, Array]:
-        """The times of single flights from z_u = u to z_s = -s, and z_u there, by the classical Runge-Kutta method."""
+        """Return times of single flights from z_u = u to z_s = -s, and z_u there (Runge-Kutta)."""
         assert self.connection.parameters is not None
         constants = Constants(*map(float, self.connection.parameters.rational()))
         to_y, to_z = (
@@ -279,6 +295,6 @@ def _points(numbers: Sequence[Fraction]) -> list[Any]:
 
 
 def _decimal_above(x: Any) -> Fraction:
-    """A multiple of 1/1000 that no number of the ball reaches."""
+    """Return a multiple of 1/1000 above all numbers of the ball."""
     enclosure = measured(x)
     return Fraction(math.floor((enclosure.value + enclosure.uncertainty) * 1000) + 1, 1000)

@@ -1,7 +1,8 @@
-"""Arcs of the family of limit cycles: polynomials, boxes, steps and axes that the kernel is likely to accept.
+"""Arcs of the family of limit cycles: polynomials, boxes, steps and axes that the kernel is likely
+to accept.
 
-Where a ball becomes a point or a float: everywhere. What is proposed here `kernel.curves` and
-`kernel.claims.family` test, and any choice that passes is right.
+Balls become points and floats everywhere. `kernel.curves` and `kernel.certificates.family` test
+these choices, and any choice that passes is right.
 """
 
 from __future__ import annotations
@@ -16,9 +17,9 @@ from typing import Any, NamedTuple, cast
 from tippedisk_verify.model.decimals import exact_text, rounded_up
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.proofs.kernel.balls import Unproved, arb, ball, need, working_precision
-from tippedisk_verify.proofs.kernel.claims.family import Piece, Status, box_test, signs, upper_bound
+from tippedisk_verify.proofs.kernel.certificates.family import ArcStatus, Piece, box_test, signs, upper_bound
 from tippedisk_verify.proofs.kernel.curves import ORDERS, UNKNOWNS, Arc, Curve, CurvePath, Matrix, inverse
-from tippedisk_verify.proofs.kernel.field import Constants, constants
+from tippedisk_verify.proofs.kernel.field import FieldConstants, constants
 from tippedisk_verify.proofs.kernel.jets import Jet
 from tippedisk_verify.proofs.kernel.scaled import ScaledCurve
 from tippedisk_verify.proofs.kernel.step import Step, polynomial
@@ -26,15 +27,25 @@ from tippedisk_verify.proofs.numbers import WIDER, measured
 from tippedisk_verify.proofs.search.certificate import Stopped, parameter_texts
 from tippedisk_verify.proofs.search.steps import axes_of_balls
 
-__all__ = ["BITS", "Guess", "StepSearch", "boxed", "family_polynomials", "family_rows", "piece_entry", "prove_piece",
-           "two_digits"]  # fmt: skip
+__all__ = [
+    "BITS",
+    "Guess",
+    "StepSearch",
+    "boxed",
+    "family_polynomials",
+    "family_rows",
+    "piece_entry",
+    "prove_piece",
+    "two_digits",
+]
 
 BITS, _DEGREE = 64, 4
 _PLACES = 16  # decimals of the polynomials' coefficients
-_SHARES = Fraction(1, 300), Fraction(1, 100)  # of the box's radii, at first, in how far the family moves
+_SHARES = Fraction(1, 300), Fraction(1, 100)  # first radii of the box, relative to the family's motion over it
 _LEAST = Fraction(1, 10**12)  # a box's radius [rad/s]
 _MOST_ATTEMPTS = 3
-#: Of a box of uniqueness in the family's slope times the distance to the connection (to 1 of a scaled piece's a^2).
+#: Sizes of a box of uniqueness, relative to the family's slope times the distance to the connection
+#: (for a scaled piece, times the distance of a^2 from 1).
 _WIDE_SHARES = Fraction(1, 64), Fraction(1, 256)
 
 Guess = tuple[Fraction, Fraction, Fraction]  #: v_0 (or v_0 / a) [rad/s], Omega [rad/s], half the period [s]
@@ -48,9 +59,9 @@ _POLISHES = 3  # chord steps towards the cycle at s = 0
 
 
 class StepSearch:
-    """Proposes the steps of one flight, each after trials of its length, and keeps what was taken in ``log``.
+    """A proposer of the steps of one flight, each after trials of its length; ``log`` keeps them.
 
-    What is proposed is rounded to a few digits first, so that the log has just that.
+    Choices are first rounded to a few digits, so the log holds them exactly.
     """
 
     def __init__(self) -> None:
@@ -58,16 +69,18 @@ class StepSearch:
         self._done, self._share = 0.0, _FIRST_SHARE
 
     def step(self, path: CurvePath, longest: Any) -> Step:
-        """One with small remainders; the return lies in it or well beyond it."""
+        """Return a step with small remainders; the return lies in it or well beyond it."""
         need(len(self.log) < _MOST_STEPS, "the flight takes too many steps")
         trial = path.trial(ORDERS)
         for _ in range(_MOST_TRIALS):
             text = self._next()
             share = float(text)
             step = path.step_of(trial, share)
-            excess = max(_excess(step.derivatives, step, ORDERS[1] + 1, _ROUGH_TOLERANCE),
-                         _excess(step.polynomials, step, ORDERS[0] + 1, _TOLERANCE))  # fmt: skip
-            # The length that would do, times 0.9 because remainders grow with the box as well.
+            excess = max(
+                _excess(step.derivatives, step, ORDERS[1] + 1, _ROUGH_TOLERANCE),
+                _excess(step.polynomials, step, ORDERS[0] + 1, _TOLERANCE),
+            )
+            # The longest acceptable length, times 0.9 because remainders grow with the box as well.
             self._share = share * min(1.3, max(0.3, 0.9 * 2.0**-excess))
             if excess <= 0 and step.included:
                 break
@@ -77,15 +90,18 @@ class StepSearch:
         return step
 
     def _next(self) -> str:
-        """The share to try; if the return lies in that step, it lies well off both ends."""
+        """Return the share to try.
+
+        If the return lies in that step, it is well away from both ends.
+        """
         left = 1 - self._done
         return f"{left + 0.3 * self._share if left <= 0.7 * self._share else min(self._share, 0.6 * left):.4g}"
 
     def took(self, step: Step, axes: Matrix | None) -> None:
-        """Nothing is noted."""
+        """Do not record the step: `step` has done so."""
 
     def axes(self, turned: Matrix, sizes: Sequence[float], stiffness: float) -> Matrix:
-        """Those of `axes_of_balls`, rounded."""
+        """Return the axes of `axes_of_balls`, rounded, and record them."""
         axes = axes_of_balls(turned, sizes, stiffness)
         texts = [[f"{float(entry):.4g}".replace("e+", "e") for entry in row] for row in axes]
         self.log[-1]["axes"] = texts
@@ -93,7 +109,7 @@ class StepSearch:
 
 
 def _excess(series: Sequence[Sequence[Jet]], step: Step, power: int, tolerance: int) -> float:
-    """By how much log2 of a length is too large for remainders that grow like its ``power``."""
+    """Return the excess of log2 of a length for remainders that grow like its ``power``."""
     size = max(float(part[-1].c[0].abs_upper()) for part in series)
     length = float(step.length.c[0].mid())
     if not (math.isfinite(size) and length > 0):
@@ -101,8 +117,8 @@ def _excess(series: Sequence[Sequence[Jet]], step: Step, power: int, tolerance: 
     return (math.log2(size) - tolerance) / power + math.log2(length) if size else -math.inf
 
 
-def glide(constants: Constants, curve: Curve) -> tuple[Sequence[Jet], Jet]:
-    """Roughly the image (gamma_bar, v) of the curve itself and its time: midpoints."""
+def glide(constants: FieldConstants, curve: Curve) -> tuple[Sequence[Jet], Jet]:
+    """Approximate the image (gamma_bar, v) of the curve itself and its time by midpoints."""
     orbit = curve.equations(constants, *curve.numbers).orbit_at(curve.omega)
     total = curve.total
     state, time, done = [0 * curve.v.mid(), *curve.start], 0 * total, 0.0
@@ -119,7 +135,7 @@ def glide(constants: Constants, curve: Curve) -> tuple[Sequence[Jet], Jet]:
 
 
 def _reach(series: Sequence[Sequence[Jet]]) -> float:
-    """For how long [s] the last two terms stay below 2^_TOLERANCE, roughly."""
+    """Estimate the time [s] for which the last two terms stay below 2^_TOLERANCE."""
     sizes = [(float(part[n].c[0].abs_upper()), n) for part in series for n in (ORDERS[0] - 1, ORDERS[0])]
     if not all(math.isfinite(size) for size, _ in sizes):
         return 0.0
@@ -127,7 +143,7 @@ def _reach(series: Sequence[Sequence[Jet]]) -> float:
 
 
 def _moment(polynomials: Sequence[Sequence[Jet]], guess: Jet) -> Jet:
-    """About when beta_bar is 0 in a step: points."""
+    """Approximate the moment in a step at which beta_bar is 0, by points."""
     beta, _, v = ([jet.mid() for jet in part] for part in polynomials)
     tau = guess.mid()
     for _ in range(_NEWTON_STEPS):
@@ -136,12 +152,14 @@ def _moment(polynomials: Sequence[Sequence[Jet]], guess: Jet) -> Jet:
 
 
 def family_polynomials(
-    constants: Constants, start: Sequence[Any], radius: Any, degree: int, total: Any, kind: type[Curve]
+    constants: FieldConstants, start: Sequence[Any], radius: Any, degree: int, total: Any, kind: type[Curve]
 ) -> tuple[list[Jet], Jet]:
-    """Taylor polynomials in s of (gamma_bar, v, Omega) along the family, and of half the period: points.
+    """Return Taylor polynomials in s of (gamma_bar, v, Omega) along the family, and of half the
+    period.
 
-    ``start`` is near the cycle at s = 0; the first of the three moves by ``radius`` as s grows by 1. With Y
-    constant, a chord step finds the coefficient of s^k once those before it are known.
+    Their coefficients are points. ``start`` is near the cycle at s = 0; the first of the three
+    numbers moves by ``radius`` as s grows by 1. With Y constant, a chord step finds the coefficient
+    of s^k once those before it are known.
     """
     zero = 0 * start[0]
     point = [part.mid() for part in start]
@@ -166,24 +184,26 @@ def family_polynomials(
 
 
 class Rows(NamedTuple):
-    """Polynomials rounded to decimals: of the two unknown numbers, and their texts with those of half the period."""
+    """Rounded polynomials of the two unknown numbers, and their texts with those of half the
+    period.
+    """
 
     numbers: list[tuple[Fraction, ...]]
     texts: list[list[str]]
 
 
-def family_rows(constants: Constants, start: Sequence[Any], radius: Any, total: Any, kind: type[Curve]) -> Rows:
-    """`family_polynomials` in decimals. Raises Stopped if there are none."""
+def family_rows(constants: FieldConstants, start: Sequence[Any], radius: Any, total: Any, kind: type[Curve]) -> Rows:
+    """Return `family_polynomials` in decimals. Raises Stopped if they are not finite."""
     polynomials, half = family_polynomials(constants, start, radius, _DEGREE, total, kind)
     jets = [*(polynomials[k] for k in UNKNOWNS), half]
     if not all(entry.is_finite() for jet in jets for entry in jet.c):
-        raise Stopped(Status.NOT_FOLLOWED)
+        raise Stopped(ArcStatus.NOT_FOLLOWED)
     rows = [tuple(round(measured(part.mid()).value, _PLACES) for part in jet.c) for jet in jets]
     return Rows(rows[:2], [[*map(exact_text, row)] for row in rows])
 
 
-def _slope(constants: Constants, kind: type[Curve], point: Sequence[Any], half: Any, moving: int) -> list[Any]:
-    """Roughly dF by one of the three numbers."""
+def _slope(constants: FieldConstants, kind: type[Curve], point: Sequence[Any], half: Any, moving: int) -> list[Any]:
+    """Approximate the derivative of F by one of the three numbers."""
     zero = 0 * point[0]
     first, v, speed = (Jet([part, zero + _TINY * int(moving == j)]) for j, part in enumerate(point))
     image, _ = glide(constants, kind(first, v, speed, [zero] * 3, Jet.constant(half, 1)))
@@ -191,11 +211,11 @@ def _slope(constants: Constants, kind: type[Curve], point: Sequence[Any], half: 
 
 
 class Boxed(NamedTuple):
-    """A test that a box has passed, with its evidence."""
+    """A passed test of a box, with its evidence."""
 
     arc: Arc
     radii: list[Fraction]
-    within: list[Fraction]  #: of the polynomials lie the true values
+    within: list[Fraction]  #: distances of the true values from the polynomials, at most
     steps: list[dict[str, Any]]
 
     @property
@@ -204,26 +224,26 @@ class Boxed(NamedTuple):
 
 
 def boxed(test: Test, radii: Sequence[Fraction]) -> Boxed:
-    """A test on a box that is as wide as Krawczyk's image needs; at first it has these radii. Raises Stopped."""
+    """Test boxes, first with these radii, until Krawczyk's image fits. Raises Stopped."""
     for _ in range(_MOST_ATTEMPTS):
         choices, sizes = StepSearch(), [two_digits(max(radius, _LEAST)) for radius in radii]
         try:
             arc = test(sizes, choices)
         except Unproved:
-            raise Stopped(Status.NOT_FOLLOWED) from None
+            raise Stopped(ArcStatus.NOT_FOLLOWED) from None
         if not all(off.is_finite() for off in arc.within):
-            raise Stopped(Status.NOT_FOLLOWED)
+            raise Stopped(ArcStatus.NOT_FOLLOWED)
         within = [two_digits(max(upper_bound(off) * WIDER, Fraction(1, 10**30))) for off in arc.within]
         if arc.included and all(a < b for a, b in zip(within, sizes, strict=True)):
             return Boxed(arc, sizes, within, choices.log)
         radii = [2 * part for part in within]
-    raise Stopped(Status.NOT_INCLUDED)
+    raise Stopped(ArcStatus.NOT_INCLUDED)
 
 
-def prove_piece(parameters: Parameters, low: Fraction, high: Fraction, guess: Guess) -> Piece | Status:
-    """Prove the family from one amplitude to another [rad]; from 0 on by scaled states.
+def prove_piece(parameters: Parameters, low: Fraction, high: Fraction, guess: Guess) -> Piece | ArcStatus:
+    """Prove the family from one amplitude to another [rad], with scaled states if ``low`` is 0.
 
-    ``guess`` belongs to the middle, of a or, from 0 on, of a^2.
+    ``guess`` is a cycle at the middle of a or, with scaled states, of a^2.
     """
     ends = (low, high) if low else (low, high**2)
     middle, length = (ends[0] + ends[1]) / 2, (ends[1] - ends[0]) / 2
@@ -240,16 +260,16 @@ def prove_piece(parameters: Parameters, low: Fraction, high: Fraction, guess: Gu
                 box = boxed(test, radii)
                 if (refusal := signs(box.arc)) is None:
                     break
-                # Derivatives over a smaller box may show what those over this one do not.
+                # Derivatives over a smaller box may decide signs that are undecided over this one.
                 radii = [part * 5 / 4 for part in box.within]
                 if any(2 * two_digits(new) > old for new, old in zip(radii, box.radii, strict=True)):
                     break
         except Stopped as fault:
-            return cast("Status", fault.status)
+            return cast("ArcStatus", fault.status)
         if refusal is not None:
             return refusal
         unique, evidence = box, arc | {"bits": BITS, "box": box.evidence}
-        # The box of uniqueness may be wider than that which shows the signs.
+        # The box of uniqueness may be wider than the box of the signs.
         room = max(Fraction(22, 7) - high, _LEAST) if low else Fraction(1)
         slopes = [max(abs(row[1]) / length, _LEAST) for row in rows.numbers]
         for share in _WIDE_SHARES:
@@ -266,7 +286,7 @@ def prove_piece(parameters: Parameters, low: Fraction, high: Fraction, guess: Gu
 
 
 def piece_entry(piece: Piece) -> dict[str, object]:
-    """A piece without its evidence, in exact decimals."""
+    """Return a piece without its evidence, in exact decimals."""
     return {
         "low": exact_text(piece.low),
         "high": exact_text(piece.high),
@@ -278,5 +298,5 @@ def piece_entry(piece: Piece) -> dict[str, object]:
 
 
 def two_digits(value: Fraction) -> Fraction:
-    """The least decimal of two digits that is not smaller."""
+    """Round up to a decimal of two digits."""
     return Fraction(rounded_up(value))

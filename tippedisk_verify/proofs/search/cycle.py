@@ -1,8 +1,9 @@
-"""Limit cycles, proved: the search for what the kernel's test (`kernel.claims.cycle`) is likely to pass.
+"""Proofs of limit cycles: the search for choices that the kernel's test
+(`kernel.certificates.cycle`) accepts.
 
-A guess is sharpened by Newton's iteration on midpoints. The precision and the box's radii grow until the numbers have
-the digits asked for; wider boxes are tried for how far the next fixed point must be. Whatever is chosen here, what is
-said comes from a test that was passed.
+A guess is refined by Newton's iteration on midpoints. The precision and the box change until the
+numbers have the requested digits. Wider boxes are tried to bound the distance of the next fixed
+point. Every statement comes from a test that was passed.
 """
 
 from __future__ import annotations
@@ -22,67 +23,69 @@ from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import bits_for_digits
 from tippedisk_verify.proofs.kernel.balls import arb, ball, working_precision
-from tippedisk_verify.proofs.kernel.claims import cycle
-from tippedisk_verify.proofs.kernel.flow import Model
-from tippedisk_verify.proofs.kernel.flow import Status as FlowStatus
+from tippedisk_verify.proofs.kernel.certificates import cycle
+from tippedisk_verify.proofs.kernel.flow import FlowStatus, Model
 from tippedisk_verify.proofs.kernel.krawczyk import FixedPoints, product
-from tippedisk_verify.proofs.kernel.section import HALF, TURN, Return, Section, returned
+from tippedisk_verify.proofs.kernel.section import HALF, TURN, PoincareSection, Return, return_map
 from tippedisk_verify.proofs.kernel.sliding import model_of
 from tippedisk_verify.proofs.kernel.step import magnitude
 from tippedisk_verify.proofs.numbers import measured, widened
 from tippedisk_verify.proofs.search.certificate import Proof, Stopped, claim_of
 from tippedisk_verify.proofs.search.steps import Steps, midpoint_inverse, searched_test
 
-__all__ = ["HALF", "TURN", "OrbitProof", "Status", "prove_cycle"]
+__all__ = ["HALF", "TURN", "OrbitProof", "OrbitStatus", "prove_cycle"]
 
 
-_GUARD_DIGITS = 6  # the box is that much smaller than the digits asked for
+_GUARD_DIGITS = 6  # by these the box is smaller than the requested digits
 _GUARD_BITS = 40  # rounding over half a period costs about 10 of them
 _FIRST_BITS = 96
-_REMOTE_BITS = 64  # enough for the wide boxes that show how far the next fixed point must be
+_REMOTE_BITS = 64  # enough for the wide boxes, which bound the distance of the next fixed point
 _REMOTE_BOXES = (12, 16, 22, 30, 40)  # -log2 of their radii relative to the state
 _MOST_ITERATIONS = 25
 _MOST_ATTEMPTS = 6
 
 
-class Status(Enum):
-    """How an attempted proof of a limit cycle ended. The value says what happened and what to try next."""
+class OrbitStatus(Enum):
+    """The ways in which a proof of a limit cycle can end.
+
+    Each value is a message with what to try next.
+    """
 
     PROVED = "proved"
-    NO_GUESS = "the ordinary road finds no limit cycle to start from"
+    NO_GUESS = "shooting in double precision did not converge to a limit cycle from which to start"
     NOT_FOLLOWED = "the flow could not be followed from section to section"
-    NOT_CONVERGED = "the guess could not be sharpened to a fixed point: start closer to a cycle"
+    NOT_CONVERGED = "the guess could not be refined to a fixed point: start closer to a cycle"
     TRIVIAL = "the guess falls onto the equilibrium: start closer to a cycle"
     NOT_INCLUDED = "Krawczyk's image does not lie inside the box: work in more bits, or from a better guess"
     TOO_FEW_DIGITS = (
-        "a cycle is proved to exist, but its numbers are not enclosed to the digits asked for: work in more bits"
+        "a cycle is proved to exist, but its numbers are not enclosed to the requested digits: work in more bits"
     )
 
 
 @dataclass(frozen=True, repr=False)
 class OrbitProof(Proof):
-    """What is proved of one limit cycle, librating (`HALF`) or rotating (`TURN`). Without a proof: None.
+    """The proof of one limit cycle, librating (`HALF`) or rotating (`TURN`).
 
     Names of numbers are those of `cycles.limit_cycle.LimitCycle` and `RotatingCycle`.
     """
 
-    _told: ClassVar = ("stable", "reversals", "unique_within")
+    _printed: ClassVar = ("stable", "reversals", "unique_within")
 
-    section: Section
-    status: Status
-    where: str  #: how far the proof came
+    section: PoincareSection
+    status: OrbitStatus
+    where: str  #: the place at which the proof ended
     parameters: Parameters
     omega: Fraction  #: [rad/s], exact
     bits: int  #: working precision
     values: Mapping[str, Any] = field(default_factory=dict)  #: the numbers, balls that hold the true ones, by name
     unique_within: Any = None  #: distances of the two coordinates within which the map has no other fixed point
     stable: bool | None = None  #: asymptotically stable (True) or unstable (False), proved; None if not decided
-    reversals: int = 0  #: how often the sliding velocity changes its sign in a period, proved under the smooth law only
+    reversals: int = 0  #: sign changes of the sliding velocity in a period, under the smooth law only
     evidence: Mapping[str, Any] | None = field(default=None, repr=False)  #: the choices that the kernel accepted
 
     @property
     def claim(self) -> dict[str, Any]:
-        """What is proved, as certificates have it."""
+        """The claim of the certificate."""
         kind = next(kind for kind, section in cycle.KINDS.items() if section == self.section)
         distances = zip(cycle.UNKNOWNS[self.section], self.unique_within, strict=True)
         room = {name: _decimal_below(distance) for name, distance in distances}
@@ -96,7 +99,10 @@ class OrbitProof(Proof):
         return {"omega": Measured(self.omega, Fraction(0)).to_dict()}
 
     def lacking_bits(self, digits: int) -> int:
-        """Bits by which the worst number misses ``digits`` significant digits, or decimals if it is no main result."""
+        """Return the bits by which the worst number misses ``digits`` digits.
+
+        They are significant digits for the main results, and decimals for the others.
+        """
         worst = 0
         for name, value in self.values.items():
             if not value.is_finite():
@@ -107,9 +113,9 @@ class OrbitProof(Proof):
         return worst
 
     def numbers(self) -> dict[str, Measured]:
-        """The enclosures, a little wider, as exact rational midpoints and radii.
+        """Return the enclosures, slightly widened, as exact rational midpoints and radii.
 
-        Raises InputError if there is no proof.
+        Raises InputError without a proof.
         """
         if not self.proved:
             raise InputError(self.statement)
@@ -117,7 +123,9 @@ class OrbitProof(Proof):
 
 
 def _decimal_below(x: Any) -> str:
-    """A decimal of two digits that is below all numbers of the ball, by 2^-20 of them or more; 0 if they may be 0."""
+    """Return a decimal of two digits below all numbers of the ball, by at least 2^-20 of them, or
+    0.
+    """
     enclosure = measured(x)
     least = enclosure.value - enclosure.uncertainty
     return rounded_down(least * (1 - Fraction(1, 2**20))) if least > 0 else "0"
@@ -130,14 +138,14 @@ def prove_cycle(
     *,
     digits: int = 12,
     most_bits: int = 20_000,
-    section: Section = HALF,
+    section: PoincareSection = HALF,
 ) -> OrbitProof:
     """Prove the limit cycle near ``guess`` at ``omega`` [rad/s] and enclose its numbers.
 
-    The guess is (gamma_bar, v) at beta = pi/2 or, with ``section`` `TURN`, (beta_bar, v) at gamma = pi/2, of a few
-    digits or more. Period, state and beta_max come to ``digits`` significant digits, the others to about as many;
-    ``most_bits`` bounds the working precision. Raises InputError for input that makes no sense; whatever else prevents
-    a proof is a status.
+    The guess is (gamma_bar, v) at beta = pi/2 or, with ``section`` `TURN`, (beta_bar, v) at gamma =
+    pi/2, of a few digits or more. Period, state and beta_max are enclosed to ``digits`` significant
+    digits, the others to about as many. ``most_bits`` bounds the working precision. Raises
+    InputError for a guess or speed out of range. Any other failure is a status.
     """
     attempt = Attempt(parameters, checked_speed(omega), digits, most_bits, section)
     if len(guess) != 2:
@@ -145,14 +153,14 @@ def prove_cycle(
     try:
         return attempt.run([exact(part) for part in guess])
     except Stopped as fault:
-        return OrbitProof(section, Status(fault.status), str(fault), parameters, attempt.omega, attempt.bits)
+        return OrbitProof(section, OrbitStatus(fault.status), str(fault), parameters, attempt.omega, attempt.bits)
 
 
 class Attempt:
-    """A proof under way: the precision and box in use. What prevents it is raised as `Stopped`."""
+    """A proof in progress: the precision and box in use. Failures are raised as `Stopped`."""
 
     def __init__(
-        self, parameters: Parameters, omega: Fraction, digits: int, most_bits: int, section: Section = HALF
+        self, parameters: Parameters, omega: Fraction, digits: int, most_bits: int, section: PoincareSection = HALF
     ) -> None:
         self.parameters, self.omega, self.digits, self.most_bits = parameters, omega, digits, most_bits
         self.section, self.setting = section, claim_of("", parameters, {}, omega=omega)
@@ -160,7 +168,7 @@ class Attempt:
         self.bits = min(most_bits, self.box_bits + _GUARD_BITS)
 
     def model(self) -> Model:
-        """At the working precision, which must be in force."""
+        """Return the equations at the present working precision."""
         return model_of(self.parameters, ball(self.omega))
 
     def run(self, guess: Sequence[Any]) -> OrbitProof:
@@ -172,13 +180,13 @@ class Attempt:
                 if isinstance(fixed, Return):
                     ended, more = _not_followed(fixed), 64
                 elif not fixed.included:
-                    ended, more = Stopped(Status.NOT_INCLUDED, f"in {self.bits} bits"), _shortage(fixed, evidence)
+                    ended, more = Stopped(OrbitStatus.NOT_INCLUDED, f"in {self.bits} bits"), _shortage(fixed, evidence)
                 else:
                     proof = self.concluded(fixed)
                     lacking = proof.lacking_bits(self.digits)
                     if not lacking:
                         return self.neighbourhood(proof, fixed, drift, evidence)
-                    ended, more = Stopped(Status.TOO_FEW_DIGITS, f"{lacking} bits are lacking"), lacking + 4
+                    ended, more = Stopped(OrbitStatus.TOO_FEW_DIGITS, f"{lacking} bits are lacking"), lacking + 4
                     self.box_bits += more
                 if isinstance(fixed, FixedPoints) and all(part.is_finite() for part in fixed.image):
                     middle = [part.mid() for part in fixed.image[:2]]
@@ -190,22 +198,24 @@ class Attempt:
     def tested(
         self, middle: Sequence[Any], drift: Any, size: int, centre: tuple[Steps, Return] | None = None
     ) -> tuple[FixedPoints | Return, dict[str, Any]]:
-        """Krawczyk's test on a box whose radii are 2^-size of the state."""
+        """Apply Krawczyk's test to a box whose radii are 2^-size of the state."""
         sizes = [(abs(part) * arb(2) ** -size).mid() for part in middle[:2]]
         return searched_test(self.setting, self.section, (0, 1), middle, sizes, drift, centre)
 
     def sharpened(self, guess: Sequence[Any]) -> list[Any]:
-        """A point within the box's radius of the fixed point, by Newton's iteration on midpoints."""
+        """Refine a guess to within the box's radius of the fixed point, by Newton's iteration on
+        midpoints.
+        """
         with working_precision(self.bits):
             state = [ball(part).mid() for part in guess]
         scale = float(abs(state[0])) + float(abs(state[1])) / 10
         if not scale > 0:
-            raise Stopped(Status.TRIVIAL, "the guess is the equilibrium")
+            raise Stopped(OrbitStatus.TRIVIAL, "the guess is the equilibrium")
         matrix: Any = None
         correct, gain = 0, 0  # -log2 of the last step's size relative to the state, and of the matrix's error
         for _ in range(_MOST_ITERATIONS):
             with working_precision(min(self.bits, max(_FIRST_BITS, 2 * correct + 64))):
-                flight = returned(self.model(), self.section, state, Steps(), derivatives=matrix is None)
+                flight = return_map(self.model(), self.section, state, Steps(), derivatives=matrix is None)
                 if flight.status is not FlowStatus.RETURNED:
                     raise _not_followed(flight)
                 if matrix is None:
@@ -214,26 +224,26 @@ class Attempt:
                 inverse = midpoint_inverse(matrix)
                 step = product(inverse, [new - old for new, old in zip(flight.image, state, strict=True)])
                 if not all(part.is_finite() for part in step):
-                    raise Stopped(Status.NOT_CONVERGED, "the derivative of the map is singular")
+                    raise Stopped(OrbitStatus.NOT_CONVERGED, "the derivative of the map is singular")
             with working_precision(self.bits):
                 state = [(old - part).mid() for old, part in zip(state, step, strict=True)]
             if float(abs(state[0])) + float(abs(state[1])) / 10 < scale / 5:
-                raise Stopped(Status.TRIVIAL, "in Newton's iteration")
+                raise Stopped(OrbitStatus.TRIVIAL, "in Newton's iteration")
             size = max(magnitude(part) for part in step) - max(magnitude(part) for part in state)
             previous, correct = correct, -size
             if correct < 20:  # far off: a fresh derivative for the next step
                 matrix, gain = None, 0
                 continue
             gain = gain or correct
-            # Within the box's radius, or within what this precision can tell.
+            # Within the box's radius, or within the limits of this precision.
             if correct + min(gain, correct) > min(self.box_bits + 4, self.bits - 16):
                 return state
             if correct <= previous:  # a stale derivative
                 matrix, gain = None, 0
-        raise Stopped(Status.NOT_CONVERGED, f"after {_MOST_ITERATIONS} steps of Newton's iteration")
+        raise Stopped(OrbitStatus.NOT_CONVERGED, f"after {_MOST_ITERATIONS} steps of Newton's iteration")
 
     def neighbourhood(self, proof: OrbitProof, fixed: FixedPoints, drift: Any, evidence: dict[str, Any]) -> OrbitProof:
-        """The proof with the widest box that passes the test, and with its evidence."""
+        """Return the proof with the widest box that passes the test, and with its evidence."""
         with working_precision(_REMOTE_BITS):
             for size in _REMOTE_BOXES:
                 if size >= self.box_bits:
@@ -246,11 +256,11 @@ class Attempt:
         return replace(proof, unique_within=cycle.apart(fixed, radii), evidence=evidence)
 
     def concluded(self, fixed: FixedPoints) -> OrbitProof:
-        """The cycle's numbers from a test that was passed."""
+        """Return the proof with the cycle's numbers, from a passed test."""
         values, where = cycle.cycle_numbers(self.section, fixed), f"{fixed.centre.steps} + {fixed.box.steps} steps"
         return OrbitProof(
             self.section,
-            Status.PROVED,
+            OrbitStatus.PROVED,
             f"in {self.bits} bits, {where}",
             self.parameters,
             self.omega,
@@ -262,11 +272,13 @@ class Attempt:
 
 
 def _not_followed(flight: Return) -> Stopped:
-    return Stopped(Status.NOT_FOLLOWED, f"at t = {float(flight.reached):.4g} s: {flight.status.value}")
+    return Stopped(OrbitStatus.NOT_FOLLOWED, f"at t = {float(flight.reached):.4g} s: {flight.status.value}")
 
 
 def _shortage(fixed: FixedPoints, evidence: Mapping[str, Any]) -> int:
-    """Bits that would bring the rounding errors of Y F(m) well below the box's radius; at least 16."""
+    """Return the bits, at least 16, that bring rounding errors of Y F(m) well below the box's
+    radius.
+    """
     if not all(part.is_finite() for part in fixed.residual):
         return 64
     pairs = zip(fixed.residual, evidence["box"]["radii"], strict=True)

@@ -1,11 +1,10 @@
-"""The proof of the family of limit cycles: which arcs are tried, what is tried again, and how far cycles next to the
-connection are.
+"""The proof of the family of limit cycles: the intervals that are tried, and their order.
 
-An interval of amplitudes that is not proved is halved, unless what is proved of it says that no part of it can be.
-Of one at the Hopf point only the lower half is tried; `open_intervals` has the rest. Where an interval is given up
-nothing beyond it is of use, because the curve is to begin at the Hopf point.
+An interval of amplitudes that is not proved is halved, unless its proved properties exclude every
+part of it. At the Hopf point only the lower half is tried; `open_intervals` has the rest. If an
+interval is given up, nothing beyond it is useful, because the curve has to begin at the Hopf point.
 
-Where a ball becomes a point or a float: the intervals and the guesses are chosen, and what is proved does not depend on
+Where a ball becomes a point or a float: intervals and guesses are chosen, and no proof depends on
 them.
 """
 
@@ -23,31 +22,47 @@ from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.proofs.closed_forms import hopf_balls
 from tippedisk_verify.proofs.kernel.balls import arb, ball_constants, working_precision
-from tippedisk_verify.proofs.kernel.claims.family import Piece, Status, joined
+from tippedisk_verify.proofs.kernel.certificates.family import ArcStatus, Piece, joined
 from tippedisk_verify.proofs.numbers import measured
 from tippedisk_verify.proofs.search.branch import BranchProof, omega_crit
 from tippedisk_verify.proofs.search.connection_end import ProvedEnd
 from tippedisk_verify.proofs.search.curve_choices import Guess, prove_piece
 from tippedisk_verify.proofs.search.heteroclinic import ProvedConnection, prove_connection
 
-__all__ = ["HOPF_END", "Interval", "Known", "chain", "guess_at", "hopf_guess", "open_intervals", "prove_family",
-           "prove_intervals"]  # fmt: skip
+__all__ = [
+    "HOPF_END",
+    "Interval",
+    "Known",
+    "chain",
+    "guess_at",
+    "hopf_guess",
+    "open_intervals",
+    "prove_family",
+    "prove_intervals",
+]
 
-HOPF_END = Fraction(4, 5)  #: rad: up to where the piece at the Hopf point is tried
-_LONGEST, _SHARE = Fraction(3, 10), Fraction(1, 7)  # of an interval [rad], and of how far pi is from its beginning
+HOPF_END = Fraction(4, 5)  #: rad: the largest end of the piece at the Hopf point
+_LONGEST, _SHARE = (
+    Fraction(3, 10),
+    Fraction(1, 7),
+)  # length of an interval [rad], and relative to the distance of pi from its beginning
 _MOST_HALVINGS = 5
-_NEAREST = 5  # known cycles that a guess is made of
-_HOPELESS = (Status.RISING, Status.UNSTABLE)
+_NEAREST = 5  # known cycles from which a guess is interpolated
+_HOPELESS = (ArcStatus.RISING, ArcStatus.UNSTABLE)
 _DEFAULT_END = Fraction("3.06")  # rad: beyond it pieces become short
-_REACHES = ("0.008", "0.004", "0.002")  # rad/s above Omega_h: how far cycles next to the connection are tried
+_REACHES = (
+    "0.008",
+    "0.004",
+    "0.002",
+)  # rad/s above Omega_h: reaches of the cycles next to the connection that are tried
 _OVERLAP = Fraction(3, 4)  # of that reach, for the pieces' end
-_KNOWN, _NEARER = 60, Fraction(4, 5)  # known cycles; how much nearer to Omega_h each of the last ones is
+_KNOWN, _NEARER = 60, Fraction(4, 5)  # known cycles; ratio of successive distances from Omega_h for the last ones
 _CLOSEST = Fraction(1, 10**6)  # rad/s from Omega_h
 _CONNECTION_DIGITS = 10
 
 Known = tuple[Fraction, Fraction, Fraction, Fraction]  #: a cycle's gamma_bar_0, v_0, Omega and half its period
-Found = tuple[Piece | Status, "Interval"]
-Watch = Callable[[Piece | Status, "Interval"], None]
+Found = tuple[Piece | ArcStatus, "Interval"]
+Watch = Callable[[Piece | ArcStatus, "Interval"], None]
 Pool = Callable[[bool], AbstractContextManager[Executor | None]]  #: processes, if there are several intervals
 
 
@@ -60,18 +75,24 @@ def prove_family(
     stage: Callable[[str], None] = lambda name: None,
     watch: Watch = lambda found, interval: None,
 ) -> BranchProof:
-    """Prove as much of the family as can be: up to the amplitude ``until`` [rad], or to the connection.
+    """Prove as much of the family as possible: up to the amplitude ``until`` [rad], or to the
+    connection.
 
-    ``connected_at`` gives Omega_h to some digits, or None, and ``cycles_at`` cycles of some speeds [rad/s], or of some
-    that it chooses: from these guesses are made. ``stage`` is told what is under way, ``watch`` of each interval that
-    is proved or given up.
+    Args:
+        parameters: The disk.
+        connected_at: Gives Omega_h [rad/s] to some digits, or None.
+        cycles_at: Gives cycles at some speeds [rad/s], or at speeds of its choice, for guesses.
+        until: The amplitude at which to end [rad].
+        pool: Makes the executor.
+        stage: Called with the name of each stage.
+        watch: Called with each interval that is proved or given up, and the piece or the reason.
     """
     pieces: list[Piece] = []
     wanted = _DEFAULT_END if until is None else until
     connection: ProvedConnection | None = None
     near: ProvedEnd | None = None
 
-    def keep(found: Piece | Status, interval: Interval) -> None:
+    def keep(found: Piece | ArcStatus, interval: Interval) -> None:
         if isinstance(found, Piece):
             pieces.append(found)
         watch(found, interval)
@@ -98,17 +119,20 @@ def prove_family(
                 stopped = prove_intervals(parameters, left, known, executor, keep)
     one_curve = chain(pieces)
     if stopped is None and one_curve[-1].high < wanted:
-        stopped = Status.NOT_JOINED
+        stopped = ArcStatus.NOT_JOINED
     return BranchProof(parameters, tuple(one_curve), stopped, connection, near)
 
 
 def _next_to(connection: ProvedConnection) -> ProvedEnd | None:
-    """The cycles next to the connection, as far from it as they can be proved; the last failure if they cannot."""
+    """Prove the cycles next to the connection, with the largest reach that succeeds.
+
+    Or return a failure.
+    """
     from tippedisk_verify.proofs.search.connection_end import prove_end
 
     end = None
     for reach in _REACHES if connection.proved else ():
-        with suppress(InputError):  # of a reach beyond Omega_crit
+        with suppress(InputError):  # for a reach beyond Omega_crit
             end = prove_end(connection, reach)
         if end is not None and end.proved:
             break
@@ -116,7 +140,7 @@ def _next_to(connection: ProvedConnection) -> ProvedEnd | None:
 
 
 def _end_for(near: ProvedEnd | None, known: Sequence[Known]) -> Fraction | None:
-    """An amplitude up to which pieces have to be proved if they are to reach the cycles next to the connection."""
+    """Return an amplitude at which pieces reach the proved cycles next to the connection."""
     if near is None or not near.proved or near.connection.omega_h is None:
         return None
     low = near.connection.omega_h.value
@@ -125,7 +149,7 @@ def _end_for(near: ProvedEnd | None, known: Sequence[Known]) -> Fraction | None:
 
 
 def _speeds(parameters: Parameters, omega_h: Fraction) -> Iterator[Fraction]:
-    """Speeds whose amplitudes lie close together at both ends."""
+    """Yield speeds whose amplitudes lie close together at both ends."""
     span = omega_crit(parameters).value - omega_h
     for k in range(_KNOWN // 10, _KNOWN - 1):
         left = span * (1 - Fraction(k, _KNOWN) ** 2)
@@ -137,21 +161,23 @@ def _speeds(parameters: Parameters, omega_h: Fraction) -> Iterator[Fraction]:
 
 @dataclass(frozen=True)
 class Interval:
-    """Amplitudes to be proved [rad]; those from 0 on by scaled states."""
+    """An interval of amplitudes to be proved [rad]; with ``low`` 0, by scaled states."""
 
     low: Fraction
     high: Fraction
     halvings: int = 0
 
     def halves(self) -> tuple[Interval, ...]:
-        """Both halves; of an interval from 0 on the lower one, because the other needs known cycles."""
+        """Return both halves, or the lower one if ``low`` is 0, because the other needs known
+        cycles.
+        """
         middle, count = (self.low + self.high) / 2, self.halvings + 1
         lower = Interval(self.low, middle, count)
         return (lower, Interval(middle, self.high, count)) if self.low else (lower,)
 
 
 def open_intervals(pieces: Sequence[Piece], end: Fraction) -> list[Interval]:
-    """What is left to prove between the Hopf point and the amplitude ``end``, cut into intervals."""
+    """Return the unproved intervals between the Hopf point and the amplitude ``end``."""
     covered = chain(pieces)
     low = covered[-1].high if covered else Fraction(0)
     later = [piece for piece in sorted(pieces, key=lambda piece: piece.low) if piece.low >= low]
@@ -169,7 +195,7 @@ def open_intervals(pieces: Sequence[Piece], end: Fraction) -> list[Interval]:
 def _cut(low: Fraction, high: Fraction) -> Iterator[Interval]:
     while low < high:
         length = min(_LONGEST, _SHARE * max(Fraction(22, 7) - low, Fraction(1, 500)))
-        # Few digits; and no short rest.
+        # Few digits, and no short last interval.
         until = round(low + length, 4)
         if until + length / 3 > high:
             until = high
@@ -178,7 +204,7 @@ def _cut(low: Fraction, high: Fraction) -> Iterator[Interval]:
 
 
 def chain(pieces: Iterable[Piece]) -> list[Piece]:
-    """Those that are one curve from the Hopf point on: each begins where the last one ends, with the same cycle."""
+    """Return the pieces that form one curve from the Hopf point on, in order."""
     curve: list[Piece] = []
     for piece in sorted(pieces, key=lambda piece: (piece.low, piece.high)):
         if not curve:
@@ -190,7 +216,7 @@ def chain(pieces: Iterable[Piece]) -> list[Piece]:
 
 
 def hopf_guess(parameters: Parameters) -> Guess:
-    """What the linear flow at Omega_crit has: v_0 / gamma_bar_0, Omega, half the period."""
+    """Return v_0 / gamma_bar_0, Omega and half the period of the linear flow at Omega_crit."""
     with working_precision(64):
         numbers = hopf_balls(ball_constants(parameters))
         speed, period = numbers["omega_crit"], numbers["period"]
@@ -201,7 +227,7 @@ def hopf_guess(parameters: Parameters) -> Guess:
 
 
 def guess_at(known: Sequence[Known], amplitude: Fraction) -> Guess:
-    """The cycle of an amplitude, interpolated between known ones; no proof depends on it."""
+    """Interpolate the cycle of an amplitude between known ones; no proof depends on it."""
     nearest = sorted(known, key=lambda cycle: abs(cycle[0] - amplitude))[:_NEAREST]
     off = [float(cycle[0] - amplitude) for cycle in nearest]
     values = [[float(number) for number in cycle[1:]] for cycle in nearest]
@@ -215,15 +241,15 @@ def prove_intervals(
     known: Sequence[Known],
     executor: Executor | None = None,
     watch: Watch = lambda found, interval: None,
-) -> Status | None:
-    """Why the first interval that was given up could not be proved; None if all were.
+) -> ArcStatus | None:
+    """Prove intervals. Return the reason for which the first one was given up, or None.
 
-    ``watch`` is told of each interval that is proved or given up, with the piece or the reason.
+    ``watch`` is called with each interval that is proved or given up, and the piece or the reason.
     """
-    given_up: list[tuple[Fraction, Status]] = []
+    given_up: list[tuple[Fraction, ArcStatus]] = []
     jobs = _Jobs(parameters, known, executor, intervals)
     for found, interval in jobs:
-        if isinstance(found, Status):
+        if isinstance(found, ArcStatus):
             if found not in _HOPELESS and interval.halvings < _MOST_HALVINGS:
                 jobs.add(interval.halves())
                 continue
@@ -234,7 +260,9 @@ def prove_intervals(
 
 
 class _Jobs:
-    """Intervals under way: one after the other here, the lowest first, or all at once in other processes."""
+    """The intervals in progress: in order here, the lowest first, or all at once in other
+    processes.
+    """
 
     def __init__(
         self,
@@ -245,7 +273,7 @@ class _Jobs:
     ) -> None:
         self.parameters, self.known, self.executor = parameters, known, executor
         self.waiting: list[Interval] = []
-        self.running: dict[Future[Piece | Status], Interval] = {}
+        self.running: dict[Future[Piece | ArcStatus], Interval] = {}
         self.add(intervals)
 
     def add(self, intervals: Iterable[Interval]) -> None:
@@ -256,7 +284,7 @@ class _Jobs:
             self.waiting = []
 
     def drop_from(self, low: Fraction) -> None:
-        """Forget what has not begun and lies beyond."""
+        """Cancel intervals beyond ``low`` that have not begun."""
         self.waiting = [interval for interval in self.waiting if interval.low < low]
         for future in [future for future, interval in self.running.items() if interval.low >= low and future.cancel()]:
             del self.running[future]
@@ -277,5 +305,5 @@ class _Jobs:
         return self.parameters, interval, guess_at(self.known, (interval.low + interval.high) / 2)
 
 
-def _attempt(parameters: Parameters, interval: Interval, guess: Guess) -> Piece | Status:
+def _attempt(parameters: Parameters, interval: Interval, guess: Guess) -> Piece | ArcStatus:
     return prove_piece(parameters, interval.low, interval.high, guess)

@@ -1,7 +1,9 @@
-"""Folds of limit cycles, proved: the search for what the kernel's test (`kernel.claims.fold`) is likely to pass.
+"""Proofs of folds of limit cycles: the search for choices that the kernel
+(`kernel.certificates.fold`) accepts.
 
-The arc is short, so that the slope of the speed is small on all of it: the speed comes to about twice the digits of its
-length. Boxes are widened to what Krawczyk's image turns out to need; middles at the arc's ends come from chord steps.
+The arc is short, so the slope of the speed is small on all of it: the speed has about twice the
+digits of the arc's length. Boxes are widened until they hold Krawczyk's image. Middles at the arc's
+ends come from chord steps.
 """
 
 from __future__ import annotations
@@ -16,10 +18,10 @@ from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import bits_for_digits, checked_digits
 from tippedisk_verify.proofs.kernel.balls import Unproved, arb, ball, ball_constants, need, working_precision
-from tippedisk_verify.proofs.kernel.claims import fold
-from tippedisk_verify.proofs.kernel.flow import Model, Status
+from tippedisk_verify.proofs.kernel.certificates import fold
+from tippedisk_verify.proofs.kernel.flow import FlowStatus, Model
 from tippedisk_verify.proofs.kernel.krawczyk import FixedPoints, product
-from tippedisk_verify.proofs.kernel.section import HALF, TURN, Return, Section, returned
+from tippedisk_verify.proofs.kernel.section import HALF, TURN, PoincareSection, Return, return_map
 from tippedisk_verify.proofs.numbers import measured, widened
 from tippedisk_verify.proofs.search.certificate import Proof, claim_of
 from tippedisk_verify.proofs.search.steps import Steps, midpoint_inverse, searched_test
@@ -27,7 +29,8 @@ from tippedisk_verify.proofs.search.steps import Steps, midpoint_inverse, search
 __all__ = ["HALF", "TURN", "FoldProof", "prove_fold"]
 
 _GUARD_BITS = 60
-_SHORTER = 5  # digits by which the arc is shorter than half the digits: enclosures of derivatives over it are wide
+# Digits by which the arc is shorter than half the digits: enclosures of derivatives over it are wide.
+_SHORTER = 5
 _SLOPE = 8  # of v along the arc [1/s], at first
 _EXCESS = 2**26  # of the enclosure of Omega over the arc, in units of its squared half-length, at first
 _INFLATIONS = 3
@@ -36,22 +39,23 @@ _CHORDS = 12
 
 @dataclass(frozen=True, repr=False)
 class FoldProof(Proof):
-    """What is proved of a fold of librating (`HALF`) or rotating (`TURN`) cycles."""
+    """The proof of a fold of librating (`HALF`) or rotating (`TURN`) cycles."""
 
-    _told: ClassVar = ("extremum",)
+    _printed: ClassVar = ("extremum",)
 
-    section: Section
-    where: str  #: how far the proof came
+    section: PoincareSection
+    where: str  #: the reason for which the proof ended
     parameters: Parameters
     bits: int  #: working precision
-    #: omega, the extreme speed on the arc [rad/s], the first coordinate on the section along the arc, v and the period
+    #: omega, the extreme speed on the arc [rad/s], the first coordinate on the section along the
+    #: arc, v and the period
     values: Mapping[str, Measured] = field(default_factory=dict)
     extremum: Literal["smallest", "largest"] | None = None  #: which
     evidence: Mapping[str, Any] | None = field(default=None, repr=False)  #: the choices that the kernel accepted
 
     @property
     def status(self) -> None:
-        """What prevents a proof is said by ``where``."""
+        """No status: ``where`` has the reason of a failure."""
 
     @property
     def proved(self) -> bool:
@@ -63,25 +67,27 @@ class FoldProof(Proof):
 
     @property
     def claim(self) -> dict[str, Any]:
-        """What is proved, as certificates have it."""
+        """The claim of the certificate."""
         kind = next(kind for kind, section in fold.KINDS.items() if section == self.section)
         return claim_of(kind, self.parameters, self.values, extremum=self.extremum)
 
 
 def prove_fold(
-    parameters: Parameters, near: Sequence[object], *, digits: int = 12, section: Section = HALF
+    parameters: Parameters, near: Sequence[object], *, digits: int = 12, section: PoincareSection = HALF
 ) -> FoldProof:
     """Prove the fold near a point (both coordinates on the section, Omega).
 
-    The point is given to some more than ``digits`` digits; the fold's speed is enclosed to ``digits`` significant
-    digits. What prevents a proof is said in the answer. Raises InputError under the smooth law.
+    The point needs a few more than ``digits`` digits. The fold's speed is enclosed to ``digits``
+    significant digits. The answer has the reason of a failure. Raises InputError under the smooth
+    law.
     """
     parameters.refuse_smooth("the fold of limit cycles is proved")
     digits = checked_digits(digits)
     p, v, omega = (Measured.of(part, 0).value for part in near)
     # On the arc the speed moves by its squared half-length.
     places = math.ceil(digits / 2) + _SHORTER
-    # The arc is said as it is tested: its middle has the decimals that are printed beside its half-length.
+    # The printed arc is exactly the tested one, so its middle has no more decimals than its
+    # half-length.
     arc = Measured(round(p, places + 2), Fraction(1, 10**places))
     bits = bits_for_digits(digits + 2 * _SHORTER + 4) + _GUARD_BITS  # the squared half-length, and some more
     attempt = _Attempt(section, parameters, (v, omega), arc)
@@ -96,16 +102,16 @@ def prove_fold(
 
 
 class _Attempt:
-    """A proof under way: about which point, on which arc. What prevents it is raised as Unproved."""
+    """A proof in progress, about one point on one arc. Failures are raised as Unproved."""
 
     def __init__(
-        self, section: Section, parameters: Parameters, near: tuple[Fraction, Fraction], arc: Measured
+        self, section: PoincareSection, parameters: Parameters, near: tuple[Fraction, Fraction], arc: Measured
     ) -> None:
         self.section, self.parameters, self.near, self.arc = section, parameters, near, arc
         self.evidence: dict[str, Any] = {}
 
     def run(self) -> tuple[Literal["smallest", "largest"], dict[str, Measured]]:
-        """Which extremum there is, and the numbers, at the working precision in force."""
+        """Return the kind of extremum and the numbers, at the present working precision."""
         p, *ends = fold.arc_balls(self.arc.value, self.arc.uncertainty)
         length = ball(self.arc.uncertainty)
         whole = self.whole(p, length)
@@ -122,7 +128,9 @@ class _Attempt:
         return extremum, values
 
     def whole(self, arc: Any, length: Any) -> FixedPoints:
-        """The cycles of all points of the arc, in a box widened to what Krawczyk's image needs."""
+        """Test the cycles of all points of the arc, in a box widened until it holds Krawczyk's
+        image.
+        """
         m, sizes = [ball(part).mid() for part in self.near], [(_SLOPE * length).mid(), (_EXCESS * length**2).mid()]
         for _ in range(1 + _INFLATIONS):
             fixed = self.test("arc", arc, m, sizes)
@@ -134,15 +142,15 @@ class _Attempt:
         raise Unproved("on the arc, Krawczyk's image does not lie inside the box")
 
     def at_end(self, name: str, end: Any, whole: FixedPoints, sizes: Sequence[Any]) -> FixedPoints:
-        """The cycle at an end of the arc: the test well within the box of this point's cycle, after chord steps."""
+        """Test the cycle at an end of the arc, after chord steps towards it."""
         (f, *first), (g, *second) = whole.slopes
         inverse, p = midpoint_inverse((first, second)), end.mid()
         along, distance = product(inverse, (f, g)), p - whole.middle[0]  # -d(v, Omega)/dp
         m = [(part - slope * distance).mid() for part, slope in zip(whole.image[1:], along, strict=True)]
         for _ in range(_CHORDS):
             search, start = Steps(), (p, m[0])
-            flight = returned(Model(ball_constants(self.parameters), m[1]), self.section, start, search)
-            if flight.status is not Status.RETURNED:
+            flight = return_map(Model(ball_constants(self.parameters), m[1]), self.section, start, search)
+            if flight.status is not FlowStatus.RETURNED:
                 raise _not_followed(flight)
             steps = product(inverse, [after - before for after, before in zip(flight.image, start, strict=True)])
             if all(abs(step) < size / 4 for step, size in zip(steps, sizes, strict=True)):
@@ -157,7 +165,7 @@ class _Attempt:
     def test(
         self, name: str, p: Any, m: Sequence[Any], sizes: Sequence[Any], centre: tuple[Steps, Return] | None = None
     ) -> FixedPoints:
-        """Krawczyk's test about a point; its choices become the evidence."""
+        """Apply Krawczyk's test about a point; its choices become the evidence."""
         setting, middle = claim_of("", self.parameters, {}), [p.mid(), *m]
         fixed, self.evidence[name] = searched_test(setting, self.section, (1, 2), middle, sizes, p - p.mid(), centre)
         if isinstance(fixed, Return):

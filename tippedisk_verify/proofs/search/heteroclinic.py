@@ -1,10 +1,11 @@
-"""Omega_h proved: choices for the kernel's claim `connection`, which says what is shown and why that suffices.
+"""The search for the proof of Omega_h; `kernel.certificates.connection` has the proof itself.
 
-Omega_m comes from elsewhere, good to some digits more than the interval is long. The polynomials of the invariant
-curves solve the equation of invariance power by power; the rest (cones, extents, the moment at which the flight ends)
-follows from what the kernel shows on the way. The working precision is raised where the kernel refuses.
+An approximation is given, with a few more digits than the interval's length needs. The polynomials
+of the invariant curves solve the equation of invariance power by power. The other choices (cones,
+extents, the moment at which the flight ends) follow from the kernel's enclosures. The working
+precision is raised if the kernel refuses.
 
-Where a ball becomes a point or a float: everywhere, and any choice that the kernel accepts is right.
+Balls become points and floats everywhere: any choice that the kernel accepts is right.
 """
 
 from __future__ import annotations
@@ -27,16 +28,25 @@ from tippedisk_verify.model.results import Printable
 from tippedisk_verify.proofs.angles import NONINVERTED
 from tippedisk_verify.proofs.closed_forms import characteristic_polynomial, exact_polynomial, real_root
 from tippedisk_verify.proofs.kernel.balls import Unproved, ball, ball_constants, coefficient, working_precision
-from tippedisk_verify.proofs.kernel.claims.connection import (
+from tippedisk_verify.proofs.kernel.certificates.connection import (
     CHOICES,
     EIGENVALUES,
     SIDES,
-    Connection,
+    EnclosedConnection,
     alone,
-    connection_shown,
     holds,
+    verify_connection,
 )
-from tippedisk_verify.proofs.kernel.claims.saddle import FAST, SLOW, UNSTABLE, Curve, Saddle, leaving, most, others
+from tippedisk_verify.proofs.kernel.certificates.saddle import (
+    FAST,
+    SLOW,
+    UNSTABLE,
+    ManifoldGraph,
+    SaddleCoordinates,
+    leaving,
+    most,
+    others,
+)
 from tippedisk_verify.proofs.kernel.flow import Path
 from tippedisk_verify.proofs.numbers import measured, widened
 from tippedisk_verify.proofs.search.certificate import Proof, Proposer, Stopped, claim_of, parameter_texts
@@ -44,9 +54,9 @@ from tippedisk_verify.proofs.search.steps import Steps
 
 __all__ = [
     "MOST_DIGITS",
+    "ConnectionStatus",
     "ProvedConnection",
     "Room",
-    "Status",
     "eigenvectors",
     "prove_connection",
     "series_of_curve",
@@ -54,32 +64,35 @@ __all__ = [
 ]
 
 MOST_DIGITS = 300  # half an hour; the time grows like the power 2.5 of the digits
-_GUARD_BITS = 56  # some 10 digits for the passage, and a few for what is divided away
+_GUARD_BITS = 56  # some 10 digits for the passage, and a few lost by divisions
 _LONGEST = 30.0  # s
 _ORDER_PER_BIT = 0.35  # of the local series: then their reach is used to about an eighth
 _MOST_PASSES = 3
 _GUESSES = 12  # doublings of a guessed weight before it is given up
-#: rad; extents in gamma of the statement's box, if N lies in it. The larger it is, the more is unique.
+#: rad; extents in gamma of the statement's box, if N lies in it. The larger it is, the more is
+#: unique.
 _ROOMS = tuple(map(Fraction, ("0.02", "0.01", "0.005", "0.002", "0.001")))
-_LEAST_DIGITS = 4  # an interval for fewer is too wide to be followed past a saddle; a shorter one does for them
+_LEAST_DIGITS = 4  # an interval for fewer digits is too wide to be followed past a saddle
 
 
-class Status(Enum):
-    """How the proof ended. The value says where it stopped and what to try next."""
+class ConnectionStatus(Enum):
+    """The ways in which the proof can end; each value is a message with what to try next."""
 
     PROVED = "proved"
-    NO_SADDLE = "there is no connection of saddles to look for"
+    NO_SADDLE = "there is no connection of saddles to prove"
     UNSTABLE_BRANCH = "the unstable branch could not be enclosed at the first saddle: ask for more digits"
     FLOW = "the flight between the saddles could not be enclosed: ask for more digits"
     NOT_NEAR = "the branch does not come near the second saddle: try another speed"
     BLOCK = "no isolating block at the second saddle holds the arrivals: ask for more digits"
     SIDES = "the ends of the interval are not proved to pass on opposite sides: is there a connection in it?"
-    ROOM = "no box at the second saddle is proved to keep what arrives, and to let it converge: ask for more digits"
+    ROOM = "no box at the second saddle is proved to keep arriving orbits and let them converge: ask for more digits"
     CONES = "the cone conditions at a saddle are not proved: ask for more digits"
 
 
 class Room(NamedTuple):
-    """The box |beta - pi/2| <= ``beta``, |gamma - 3 pi/2| <= ``gamma``, |v| <= ``v`` [rad, rad, rad/s]."""
+    """The box |beta - pi/2| <= ``beta``, |gamma - 3 pi/2| <= ``gamma``, |v| <= ``v`` [rad, rad,
+    rad/s].
+    """
 
     beta: Fraction
     gamma: Fraction
@@ -88,30 +101,42 @@ class Room(NamedTuple):
 
 @dataclass(frozen=True, repr=False)
 class ProvedConnection(Printable, Proof):
-    """The interval of Omega_h, and what was proved of it; without status PROVED nothing was."""
+    """The interval of Omega_h and its proved properties, if the status is PROVED."""
 
     _listed = (
-        *("proved", "status", "statement", "limit_cycle", "omega_h", "unique"),
-        *("saddle_eigenvalues", "saddle_value", "upright", "room", "bits"),
+        "proved",
+        "status",
+        "statement",
+        "limit_cycle",
+        "omega_h",
+        "unique",
+        "saddle_eigenvalues",
+        "saddle_value",
+        "upright",
+        "room",
+        "bits",
     )
 
-    status: Status
+    status: ConnectionStatus
     omega_h: Measured | None = None  #: [rad/s]; the interval I
     unique: bool = False  #: no second speed of I has a connection of this kind
     saddle_eigenvalues: tuple[Measured, ...] = ()  #: unstable, slow stable, fast stable [1/s], for every speed of I
-    room: Room | None = None  #: where the branch stays
+    room: Room | None = None  #: the box in which the branch stays
     upright: bool = False  #: |beta - pi/2| < pi/2 all along: the disk never lies flat
     bits: int = 0  #: working precision of the last pass
-    where: str = ""  #: what fails
+    where: str = ""  #: the inequality that fails
     slowly: bool = False  #: the connection comes in along the slow stable direction
-    turns_back: str = ""  #: "above" or "below" Omega_h, in I: where the branch leaves N with falling gamma
-    parameters: Parameters | None = None  #: the disk of which this is proved
-    shown: Connection | None = None  #: by the kernel
+    turns_back: str = ""  #: "above" or "below" Omega_h, in I: there the branch leaves N with falling gamma
+    parameters: Parameters | None = None  #: the disk of the proof
+    verified: EnclosedConnection | None = None  #: by the kernel
     evidence: Mapping[str, Any] = field(default_factory=dict)  #: the choices that the kernel has accepted
 
     @property
     def saddle_value(self) -> Measured | None:
-        """lambda_u + lambda_s [1/s]; where it is negative the cycle next to the connections attracts."""
+        """The saddle value lambda_u + lambda_s [1/s].
+
+        If it is negative, the cycle next to Omega_h attracts.
+        """
         if not self.saddle_eigenvalues:
             return None
         unstable, slow, _ = self.saddle_eigenvalues
@@ -119,7 +144,7 @@ class ProvedConnection(Printable, Proof):
 
     @property
     def claim(self) -> dict[str, Any]:
-        """What is claimed, as a certificate says it. Only of what is proved."""
+        """The claim of the certificate; it needs a proof."""
         assert self.parameters is not None
         assert self.omega_h is not None
         assert self.room is not None
@@ -131,7 +156,7 @@ class ProvedConnection(Printable, Proof):
 
     @property
     def limit_cycle(self) -> str | None:
-        """What follows by Shilnikov's theorem; None if one of its hypotheses is not proved."""
+        """The conclusion of Shilnikov's theorem; None if one of its hypotheses is not proved."""
         value = self.saddle_value
         if not (self.proved and self.unique and self.slowly and value and value.value + value.uncertainty < 0):
             return None
@@ -152,65 +177,65 @@ class ProvedConnection(Printable, Proof):
 
 
 def prove_connection(parameters: Parameters, near: object, digits: int = 12) -> ProvedConnection:
-    """Prove Omega_h in an interval of length at most 10^-digits, absolutely and relative to it, about ``near`` [rad/s].
+    """Prove Omega_h in an interval about ``near`` [rad/s], of absolute and relative length up to
+    10^-digits.
 
-    ``near`` (an exact number) must be good to two digits more, and to six at least. Raises InputError
-    for digits not offered or a speed that makes no sense, NoConnectionError where the equilibrium is no saddle with
-    real eigenvalues.
+    ``near`` (an exact number) must be correct to two digits more, and to at least six. Raises
+    InputError for digits or speeds out of range, NoConnectionError if the equilibrium is not a
+    saddle with real eigenvalues.
     """
     if not 1 <= digits <= MOST_DIGITS:
         raise InputError(f"a proof of Omega_h is offered to 1 to {MOST_DIGITS} digits, not {digits}")
     given = exact(near)
     if given.pi_multiple or not Fraction(1, 10**6) < given.rational < 10**6:
         raise InputError(f"Omega_h must be a decimal between 1e-6 and 1e6 rad/s, not {str(near)[:40]}")
-    # Decimal ends, so that what is printed is the interval of which the statement is proved, and no more.
+    # Decimal ends, so that the printed interval is exactly the proved one.
     decimals = max(digits, _LEAST_DIGITS) + max(0, -decimal_magnitude(given.rational))
     middle, half_width = round(given.rational, decimals + 2), Fraction(4, 10 ** (decimals + 1))
     bits = math.ceil(-math.log2(half_width)) + max(0, math.ceil(math.log2(given.rational))) + _GUARD_BITS
     for attempt in range(_MOST_PASSES):
-        search = _Search(parameters, middle, half_width, bits, Fraction(1, 64 ** (attempt + 1)))
+        search = _ConnectionSearch(parameters, middle, half_width, bits, Fraction(1, 64 ** (attempt + 1)))
         try:
             with working_precision(bits):
                 disk = parameter_texts(parameters)
-                shown = connection_shown(disk, parameters.friction, (middle, half_width), search)
+                verified = verify_connection(disk, parameters.friction, (middle, half_width), search)
         except Unproved as fault:
             proof = ProvedConnection(search.stopped(fault), bits=bits, where=str(fault))
-            if proof.status is Status.NOT_NEAR:
+            if proof.status is ConnectionStatus.NOT_NEAR:
                 break
             bits += 48
         else:
             return ProvedConnection(
-                status=Status.PROVED,
+                status=ConnectionStatus.PROVED,
                 omega_h=Measured(middle, half_width),
-                unique=shown.unique,
+                unique=verified.unique,
                 saddle_eigenvalues=tuple(Measured(*pair) for pair in search.log["eigenvalues"]),
-                room=Room(*shown.room),
-                upright=shown.upright,
+                room=Room(*verified.room),
+                upright=verified.upright,
                 bits=bits,
-                slowly=shown.slowly,
-                turns_back="above" if shown.above else "below",
+                slowly=verified.slowly,
+                turns_back="above" if verified.above else "below",
                 parameters=parameters,
-                shown=shown,
+                verified=verified,
                 evidence={name: search.log[name] for name in CHOICES},
             )
     return proof
 
 
 def eigenvectors(parameters: Parameters, speed: Fraction) -> tuple[list[Any], Any]:
-    """Points near the eigenvalues of noninverted spinning [1/s], by descending value, and P: its columns are near their
-    eigenvectors, with the largest component 1, and all entries in gamma's row positive.
+    """Return points near the eigenvalues of noninverted spinning [1/s], by descending value, and P.
 
-    Raises NoConnectionError where it is no saddle with one unstable and two real stable directions.
+    P's columns are near the eigenvectors, with largest component 1, and its entries in gamma's row
+    are positive. Raises NoConnectionError unless the equilibrium is a saddle with one unstable and
+    two real stable directions.
     """
     found = exact_polynomial(parameters.rational(), speed, NONINVERTED).complex_roots()
     roots = [root for root, count in found if count == 1 and root.imag.is_zero()]
     if len(roots) != 3:
-        raise NoConnectionError(
-            "noninverted spinning is a saddle-focus here: a connection of saddles is not looked for"
-        )
+        raise NoConnectionError("noninverted spinning is a saddle-focus here: its connections are not proved")
     fast, slow, unstable = sorted((root.real.mid() for root in roots), key=float)
     if not slow < 0 < unstable:
-        raise NoConnectionError("noninverted spinning is no saddle with one unstable direction here")
+        raise NoConnectionError("noninverted spinning is not a saddle with one unstable direction here")
     columns = []
     for value in (unstable, slow, fast):
         vector = [value, ball(speed), value * value]
@@ -220,7 +245,7 @@ def eigenvectors(parameters: Parameters, speed: Fraction) -> tuple[list[Any], An
 
 
 def smallest_weights(matrix: Any, by_speed: Sequence[Any]) -> list[Any]:
-    """Weights near the smallest that leave half of each diagonal entry."""
+    """Return weights near the smallest that leave half of each diagonal entry."""
     weights = [most(2 * part) / abs(matrix[k, k].mid()) for k, part in enumerate(by_speed)]
     for _ in range(_GUESSES):
         rest = [x + abs(b) for x, b in zip(others(matrix, weights), by_speed, strict=True)]
@@ -228,14 +253,17 @@ def smallest_weights(matrix: Any, by_speed: Sequence[Any]) -> list[Any]:
     return weights
 
 
-def series_of_curve(saddle: Saddle, along: int, order: int, values: Sequence[Any]) -> Curve:
-    """The invariant curve at the middle of the speeds, power by power; ``values`` are points near the eigenvalues."""
+def series_of_curve(saddle: SaddleCoordinates, along: int, order: int, values: Sequence[Any]) -> ManifoldGraph:
+    """Compute the invariant curve at the middle speed.
+
+    ``values`` are points near the eigenvalues.
+    """
     side = None
     if saddle.friction == "smooth":
         direction = [arb(int(k == along)) for k in range(3)]
         side = 1 if saddle.sliding_slope([arb(0)] * 3, direction).mid() > 0 else -1
-    thin = Saddle(saddle.disk, saddle.friction, saddle.omega.mid(), saddle.directions.tolist())
-    curve = Curve(thin, along, [[arb(0)] * (order + 1) for _ in range(2)], side)
+    thin = SaddleCoordinates(saddle.disk, saddle.friction, saddle.omega.mid(), saddle.directions.tolist())
+    curve = ManifoldGraph(thin, along, [[arb(0)] * (order + 1) for _ in range(2)], side)
     step = 2 if side is None else 1  # the linear law's field is odd about the saddle, and analytic
     for power in range(1 + step, order + 1, step):
         defect = curve.defect(arb(0), power)
@@ -244,55 +272,60 @@ def series_of_curve(saddle: Saddle, along: int, order: int, values: Sequence[Any
     return curve
 
 
-class _Search(Proposer):
+class _ConnectionSearch(Proposer):
     """One pass over an interval of speeds, with a working precision."""
 
-    #: by the choice that was asked for last
+    #: by the latest choice
     _STAGES: ClassVar = {
-        "unstable": Status.UNSTABLE_BRANCH, "cone": Status.UNSTABLE_BRANCH, "drift": Status.CONES,
-        "block": Status.BLOCK, "room": Status.ROOM, "apart": Status.ROOM,
-    }  # fmt: skip
+        "unstable": ConnectionStatus.UNSTABLE_BRANCH,
+        "cone": ConnectionStatus.UNSTABLE_BRANCH,
+        "drift": ConnectionStatus.CONES,
+        "block": ConnectionStatus.BLOCK,
+        "room": ConnectionStatus.ROOM,
+        "apart": ConnectionStatus.ROOM,
+    }
 
     def __init__(
         self, parameters: Parameters, middle: Fraction, half_width: Fraction, bits: int, share: Fraction
     ) -> None:
         super().__init__()
         self.parameters, self.middle, self.bits = parameters, middle, bits
-        #: the flight goes on until the fast coordinate is smaller
+        #: the flight ends when the fast coordinate is smaller
         self.small = half_width * share
 
-    def stopped(self, fault: Unproved) -> Status:
-        """Where the kernel, or the search, gave up."""
+    def stopped(self, fault: Unproved) -> ConnectionStatus:
+        """Return the stage at which the kernel or the search gave up."""
         if isinstance(fault, Stopped):
-            return Status(fault.status)
-        return Status.SIDES if str(fault) == SIDES else self._STAGES.get(self.asked, Status.FLOW)
+            return ConnectionStatus(fault.status)
+        return ConnectionStatus.SIDES if str(fault) == SIDES else self._STAGES.get(self.asked, ConnectionStatus.FLOW)
 
     def directions(self) -> list[list[Any]]:
         self.values, directions = eigenvectors(self.parameters, self.middle)
         self.order = 2 * math.ceil(_ORDER_PER_BIT * self.bits / 2) + 1
         return list(directions.tolist())
 
-    def eigenvalues(self, saddle: Saddle) -> list[tuple[Fraction, Fraction]]:
+    def eigenvalues(self, saddle: SaddleCoordinates) -> list[tuple[Fraction, Fraction]]:
         polynomial = characteristic_polynomial(ball_constants(self.parameters), saddle.omega, NONINVERTED)
         roots = [widened(measured(real_root(polynomial, value))) for value in self.values]
         printed = (root.decimals() for root in roots)
         return [(Fraction(value), Fraction(half)) for value, half in printed]
 
-    def unstable(self, saddle: Saddle) -> dict[str, Any]:
+    def unstable(self, saddle: SaddleCoordinates) -> dict[str, Any]:
         curve = series_of_curve(saddle, UNSTABLE, self.order, self.values)
         return self._entry(curve) | {"reach": _share_of_reach(curve)}
 
-    def slow(self, saddle: Saddle) -> dict[str, Any]:
+    def slow(self, saddle: SaddleCoordinates) -> dict[str, Any]:
         curve = series_of_curve(saddle, SLOW, self.order, self.values)
-        # Nearer than the series demand: the cones there need orbits that differ along the unstable direction, and hold
-        # in a box that is wider than N by the ratio of the eigenvectors' components.
+        # Nearer than the series require: the cones there need orbits that differ along the unstable
+        # direction. They hold in a box that is wider than N by the ratio of the eigenvectors'
+        # components.
         self.reach = _share_of_reach(curve) / 16
         return self._entry(curve)
 
-    def _entry(self, curve: Curve) -> dict[str, Any]:
+    def _entry(self, curve: ManifoldGraph) -> dict[str, Any]:
         return {"graph": curve.graph} | ({} if curve.side is None else {"side": str(curve.side)})
 
-    def cone(self, curve: Curve, theta: Any, defect: Sequence[Any]) -> list[Any]:
+    def cone(self, curve: ManifoldGraph, theta: Any, defect: Sequence[Any]) -> list[Any]:
         gap = [self.values[UNSTABLE] - self.values[other] for other in curve.others]
         least = max(map(most, defect), key=float)
         for doubling in range(_GUESSES):
@@ -312,19 +345,20 @@ class _Search(Proposer):
     def flight(self) -> Steps:
         return Steps()
 
-    def arrived(self, path: Path, z: Sequence[Any], curve: Curve) -> bool:
+    def arrived(self, path: Path, z: Sequence[Any], curve: ManifoldGraph) -> bool:
         beta, gamma, _ = path.box
-        if path.time > _LONGEST or beta < 0 or gamma > arb.pi():  # gamma falls, or has gone past the saddle
-            raise Stopped(Status.NOT_NEAR)
+        if path.time > _LONGEST or beta < 0 or gamma > arb.pi():  # gamma falls, or has passed the saddle
+            raise Stopped(ConnectionStatus.NOT_NEAR)
         return bool(abs(z[SLOW]) < self.reach and abs(curve.straightened(z)[1].mid()) < ball(self.small))
 
-    def block(self, z: Sequence[Any], curve: Curve) -> list[Any]:
+    def block(self, z: Sequence[Any], curve: ManifoldGraph) -> list[Any]:
         s, u, t = map(most, (z[SLOW], *curve.straightened(z)))
-        # On the faces w_f = t the coupling from w_u, a hundredth of the contraction or less, must not win.
+        # On the faces w_f = t the coupling from w_u, a hundredth of the contraction or less, must
+        # not win.
         return [(s * 9 / 8).upper(), 2 * u, 2 * (t + u).upper()]
 
     def room(
-        self, offset: Sequence[Any], pieces: Sequence[Any], saddle: Saddle, G: Sequence[Any]
+        self, offset: Sequence[Any], pieces: Sequence[Any], saddle: SaddleCoordinates, G: Sequence[Any]
     ) -> tuple[Fraction, Fraction, Fraction]:
         least = _decimal_above(offset[1])
         for gamma in (*(size for size in _ROOMS if size > least), least):
@@ -332,7 +366,7 @@ class _Search(Proposer):
             beta, _, v = (max(_decimal_above(state[k]) for state in (offset, *after)) for k in range(3))
             room = beta, gamma, v
             try:
-                if holds(room, offset, pieces) and alone(saddle, room, G, lambda name, *shown: self.apart(*shown)):
+                if holds(room, offset, pieces) and alone(saddle, room, G, lambda name, *context: self.apart(*context)):
                     break
             except Unproved:
                 continue
@@ -340,19 +374,22 @@ class _Search(Proposer):
 
     def apart(self, matrix: Any, by_speed: Sequence[Any], G: Sequence[Any]) -> list[Any]:
         weights = [abs(G[UNSTABLE]).lower() * 7 / 8, most(G[SLOW]) * 2, most(G[FAST]) * 2]
-        # A weight may be larger than the difference needs; much smaller ones than the others' coupling are not proved.
+        # A weight may be larger than the difference needs; much smaller ones than the others'
+        # coupling are not proved.
         least = smallest_weights(matrix, by_speed)
         return [weights[0].mid(), *(weights[k].max(2 * least[k]).mid() for k in (SLOW, FAST))]
 
 
-def _share_of_reach(curve: Curve) -> Any:
-    """About an eighth of where the last coefficients say that the series converge, a power of two, at most 1/4."""
+def _share_of_reach(curve: ManifoldGraph) -> Any:
+    """Return a power of two near an eighth of the series' estimated radius of convergence, at most
+    1/4.
+    """
     sizes = [float(abs(row[-1])) for row in curve.graph]
     rates = [size ** (-1 / curve.order) for size in sizes if size > 0]
     return ball(Fraction(2) ** math.floor(math.log2(min([2.0, *rates]) / 8)))
 
 
 def _decimal_above(x: Any) -> Fraction:
-    """A decimal of two digits that no size in the ball reaches."""
+    """Return a decimal of two digits above all sizes in the ball."""
     enclosure = widened(measured(abs(x)))
     return Fraction(rounded_up(enclosure.value + enclosure.uncertainty))

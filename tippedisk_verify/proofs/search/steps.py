@@ -1,11 +1,12 @@
-"""The search for steps: lengths, orders that the kernel's test is likely to pass, and axes; with their log.
+"""The search for steps: lengths and orders that the kernel's test is likely to pass, and axes, with
+a log.
 
-A `Steps` proposes for one flight. What the flight has taken stands in its ``log``, in the form in which
-`kernel.krawczyk` reads it from a certificate.
+A `Steps` proposes for one flight. Its ``log`` has the steps taken, in the form in which
+`kernel.krawczyk` reads them from a certificate.
 
-Axes for sets of states are nearly orthogonal, the first along what is largest (Lohner's QR method). Velocities are
-divided by the stiffness [1/s] of d(v')/dv before angles and lengths are measured. Any regular matrix of points would
-do: floats are exact.
+Axes for sets of states are nearly orthogonal, the first along the largest direction (Lohner's QR
+method). Velocities are divided by the stiffness [1/s] of d(v')/dv before angles and lengths are
+measured. Any regular matrix of points would do: floats are exact.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from tippedisk_verify.proofs.kernel.balls import arb, working_bits
 from tippedisk_verify.proofs.kernel.flow import Path, short_float
 from tippedisk_verify.proofs.kernel.krawczyk import Choices, FixedPoints, krawczyk_test
 from tippedisk_verify.proofs.kernel.reading import dyadic_text
-from tippedisk_verify.proofs.kernel.section import Return, Section
+from tippedisk_verify.proofs.kernel.section import PoincareSection, Return
 from tippedisk_verify.proofs.kernel.sliding import Crossing
 from tippedisk_verify.proofs.kernel.step import Step, magnitude
 
@@ -27,8 +28,8 @@ __all__ = ["Steps", "axes_of_balls", "midpoint_inverse", "searched_test"]
 Matrix = Sequence[Sequence[Any]]
 
 _LEAST_ORDER = 16  # of derivatives that only multiply radii
-#: Over a wide box, the order of the series and how often it decays along v in a step: balls add up what alternates, so
-#: that derivatives over the box are exp(twice that) times as wide as they are.
+#: Over a wide box, the order of the series and the decay along v in a step. Balls add up
+#: alternating terms, so enclosures of derivatives are exp(twice that decay) times too wide.
 _WIDE_ORDER, _DAMPED = 8, 0.5
 _MEAN_VALUE_TOLERANCE = -24  # log2 of their remainders: a radius is known to 30 bits anyway
 _SHORTEST_STEP = 2.0**-40  # s
@@ -37,25 +38,25 @@ _AXIS_BITS = 30
 
 
 class Steps:
-    """Proposes by trial and error, from what the kernel shows of the path."""
+    """A proposer that works by trial and error on the kernel's test."""
 
     def __init__(self) -> None:
         self.log: list[dict[str, Any]] = []
-        self._share = 0.75  # of the length that the midpoint's series allows; follows what is accepted
+        self._share = 0.75  # of the length that the midpoint's series allows; adapts to accepted steps
 
     def beyond(self) -> Steps:
-        """Another search; what it finds is logged with the step that begins before."""
+        """Return another search; its steps are logged with the step that begins before."""
         return Steps()
 
     def step(self, path: Path, longest: float | None) -> Step | None:
-        """A step whose remainders are as small as rounding, or as a share of the box."""
+        """Return a step whose remainders are as small as rounding, or as a share of the box."""
         try:
             return self._trials(path, longest)
         except OverflowError:
             return None
 
     def _trials(self, path: Path, longest: float | None) -> Step | None:
-        """Steps of falling length until one passes."""
+        """Try steps of falling length until one passes."""
         bits = working_bits()
         order = _order(bits)
         allowed, rough_allowed = _allowed(path, bits)
@@ -81,7 +82,7 @@ class Steps:
             )
             better = length / reach * 2.0 ** min(1.0, -excess)
             if step.included and excess <= 0:
-                # A step cut short says nothing about how long the next may be.
+                # A shortened step gives no information about the next length.
                 if longest is None or length < longest:
                     self._share = 0.97 * better
                 return step
@@ -89,19 +90,23 @@ class Steps:
         return None
 
     def axes(self, turned: Matrix, sizes: Sequence[Any], stiffness: Any) -> Matrix:
-        """Of few bits, which keeps the log short."""
+        """Return axes of few bits, which keep the log short."""
         return [[_short(entry) for entry in row] for row in axes_of_balls(turned, sizes, stiffness)]
 
     def took(self, step: Step, axes: Matrix) -> None:
         parts = [step.first, step.second] if isinstance(step, Crossing) else [step]
-        self.log.append({
-            "steps": [[dyadic_text(part.length), *part.orders] for part in parts],
-            "axes": [[dyadic_text(entry) for entry in row] for row in axes],
-        })  # fmt: skip
+        self.log.append(
+            {
+                "steps": [[dyadic_text(part.length), *part.orders] for part in parts],
+                "axes": [[dyadic_text(entry) for entry in row] for row in axes],
+            }
+        )
 
 
 def _allowed(path: Path, bits: int) -> tuple[list[int], int]:
-    """log2 of how large remainders may be: of the state's components, and of the derivatives."""
+    """Return log2 of the largest allowed remainders, of the state's components and of the
+    derivatives.
+    """
     # As large as rounding, or a hundredth of the ball's radius: 70 steps at most double it.
     allowed = [
         max(max(0, magnitude(part)) - bits, magnitude(part.rad()) - 7 if not part.is_exact() else -bits - 99)
@@ -114,20 +119,23 @@ def _allowed(path: Path, bits: int) -> tuple[list[int], int]:
 
 
 def _order(bits: int, least: int = _LEAST_ORDER) -> int:
-    """Order of a series: its cost grows as the square, the step's length as 2^(-bits/order): flat about 0.3 bits."""
+    """Return the order of a series near the flat optimum, 0.3 bits.
+
+    The cost grows like its square, and the step's length like 2^(-bits/order).
+    """
     return max(least, round(0.3 * bits))
 
 
 def _excess(
     remainders: Sequence[Any], sizes: Sequence[int], allowed: Sequence[int], length: float, power: int
 ) -> float:
-    """By how much log2 of the step's length is too large for the remainders, which grow like its ``power``."""
+    """Return the excess of log2 of the step's length for remainders that grow like its ``power``."""
     size = math.log2(length)
     return max(magnitude(r) + power * size - s - a for r, s, a in zip(remainders, sizes, allowed, strict=True)) / power
 
 
 def _length(series: Sequence[Sequence[Any]], allowed: Sequence[int]) -> float:
-    """How far the last two coefficients stay below what is allowed: an estimate, the test decides."""
+    """Estimate the length for which the last two terms stay within bounds; the test decides."""
     order = len(series[0]) - 1
     exponents = (
         (limit - magnitude(column[n])) / n
@@ -144,17 +152,18 @@ def _short(point: Any) -> Any:
 
 def searched_test(
     setting: Mapping[str, Any],
-    section: Section,
+    section: PoincareSection,
     unknown: tuple[int, int],
     middle: Sequence[Any],
     sizes: Sequence[Any],
     moved: Any,
     centre: tuple[Steps, Return] | None = None,
 ) -> tuple[FixedPoints | Return, dict[str, Any]]:
-    """Krawczyk's test about three points, and its evidence.
+    """Apply Krawczyk's test about three points; return its result and evidence.
 
-    ``sizes``, points, are the radii of the box of the two ``unknown`` numbers, and ``moved`` is what the third one
-    deviates, a ball; ``centre`` is the flight of the middle, if it is known already.
+    ``sizes``, points, are the radii of the box of the two ``unknown`` numbers, and the ball
+    ``moved`` is the deviation of the third one. Pass ``centre`` if the flight of the middle has
+    already been computed.
     """
     way, flight = (Steps(), None) if centre is None else centre
     chosen: list[Sequence[Any]] = []
@@ -172,14 +181,16 @@ def searched_test(
 
 
 def midpoint_inverse(matrix: Matrix) -> list[list[Any]]:
-    """The inverse of the midpoints' matrix, as points."""
+    """Return the inverse of the midpoints' matrix, as points."""
     (a, b), (c, d) = ((entry.mid() for entry in row) for row in matrix)
     determinant = a * d - b * c
     return [[(d / determinant).mid(), (-b / determinant).mid()], [(-c / determinant).mid(), (a / determinant).mid()]]
 
 
 def axes_of_balls(turned: Matrix, sizes: Sequence[float], stiffness: float) -> Matrix:
-    """Axes (columns), orthogonal once velocities are divided by the stiffness. Points; any regular ones would do."""
+    """Return axes (columns, points) that are orthogonal once velocities are divided by the
+    stiffness.
+    """
     weights = (1.0, 1.0, 1 / stiffness)
     columns = [[float(row[k].mid()) * weight for row, weight in zip(turned, weights, strict=True)] for k in range(3)]
     order = sorted(range(3), key=lambda k: -math.hypot(*columns[k]) * sizes[k])

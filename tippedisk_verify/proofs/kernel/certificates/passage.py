@@ -1,57 +1,93 @@
-"""The passage by noninverted spinning, bounded for all orbits at once, and flights from there to its copy (linear law).
+"""The passage by noninverted spinning and the flights to its copy, for all orbits at once (linear
+law).
 
-N is the box |z_u| <= u, |z_s| <= s, |z_f| <= t in the coordinates of `saddle`, and all speeds are those of one ball.
-F is odd, so that DF is the same at z and -z, and half of N tells all of it. Over small cells are enclosed: A, which
-holds DF; B, the derivative of F by the speed; M, the mean of DF over each ray from the saddle, so that F(z) = M z for a
-matrix of M (it is the mean of n unions: the k-th is over the cells that meet (k / n) N, and holds DF where the ray's
-parameter is between (k - 1) / n and k / n); and the products F_i B_j - F_j B_i, near z_f = 0.
+N is the box |z_u| <= u, |z_s| <= s, |z_f| <= t in the coordinates of `saddle`. All speeds lie in
+one ball. F is odd, so DF is the same at z and -z, and half of N suffices. Over small cells are
+enclosed:
 
-**Faces.** By F = M z the rates point inwards on |z_s| = s and |z_f| = t, and outwards on |z_u| = u. So orbits leave N
-through z_u = u or z_u = -u only, and at once.
+- A, which holds DF, and B, the derivative of F by the speed.
+- M, the mean of DF over each ray from the saddle, so that F(z) = M z for a matrix of M. It is the
+  mean of n unions. The k-th is over the cells that meet (k / n) N. It holds DF where the ray's
+  parameter is between (k - 1) / n and k / n.
+- The products F_i B_j - F_j B_i, near z_f = 0.
 
-**The stable manifold.** The points from which an orbit stays in N for ever are a graph z_u = g(z_s, z_f; speed): on
-each line along z_u the points that leave through either face form two open sets, and something is left between them; by
-the cones of `saddle.cones` on A, two such points with equal z_s, z_f would drift apart. Those orbits converge to the
-saddle. The weights (k_u, k_s, k_f) = `steep` give |g - g'| <= k_u max(|z_s - z_s'| / k_s, |z_f - z_f'| / k_f, the
-speeds' difference). At one speed |g - g'| <= k max(|z_s - z_s'|, |z_f - z_f'|) with k = `lipschitz`. With M in the
-place of A, and the saddle for the second orbit, |g| <= k max(|z_s|, |z_f|) with k = `flat`.
+A message of refusal begins with the number of the part of the proof of Theorem 7a that fails.
 
-An orbit *below* the graph (z_u < g) differs from the graph's with the same z_s, z_f by a vector of the cone, d_u < 0.
-It grows, so the orbit leaves N through z_u = -u, and not before `time`: |d_u| grows at most at the rate `grows[1]`, and
-when it leaves |d_u| is at least u - k max(s, t), k = `flat`.
+Faces (7a.1)
+------------
+By F = M z the rates point inwards on |z_s| = s and |z_f| = t, and outwards on |z_u| = u. So orbits
+leave N through z_u = u or z_u = -u only, and at once.
 
-**The second compound.** Let d be a variation of an orbit. The products b_ij = F_i d_j - F_j d_i obey b' = C b with
+The stable manifold (7a.1)
+--------------------------
+The points from which an orbit stays in N for ever are a graph z_u = g(z_s, z_f; speed). Indeed, on
+each line along z_u the points that leave through either face form two open sets, which do not cover
+the line. By the cones of `saddle.cones` on A, two remaining points with equal z_s, z_f would drift
+apart. The remaining orbits converge to the saddle. There are three bounds:
 
-    C = (A_uu + A_ss, A_sf, -A_uf;  A_fs, A_uu + A_ff, A_us;  -A_fu, A_su, A_ss + A_ff)      (rows us, uf, sf)
+- The weights (k_u, k_s, k_f) = `steep` give
+  |g - g'| <= k_u max(|z_s - z_s'| / k_s, |z_f - z_f'| / k_f, the speeds' difference).
+- At one speed |g - g'| <= k max(|z_s - z_s'|, |z_f - z_f'|) with k = `lipschitz`.
+- With M in the place of A, and the saddle for the second orbit, |g| <= k max(|z_s|, |z_f|) with
+  k = `flat`.
 
-and A now DF along the orbit. All three diagonal entries are negative. So |b| = max(|b_us|, |b_uf| / k_1, |b_sf| / k_2)
-falls along the whole passage, and b_uf sooner than that to what b_us and b_sf feed it with (`settled`, `ratio`). If d
-is the derivative by the speed, F_i B_j - F_j B_i is added; then |b_ij| <= X_ij stays true where C X + |F_i B_j - F_j
-B_i| < 0 for C with its off-diagonal entries made positive (X = `drift`). b does not change if a multiple of F is added
-to d: it gives the variation on a section, at either end. The cone |b_uf| <= k_1 b_us, |b_sf| <= k_2 b_us, b_us > 0 is
-kept, because b_us falls slower than the other two.
+An orbit *below* the graph (z_u < g) differs from the graph's with the same z_s, z_f by a vector of
+the cone with d_u < 0. It grows, so the orbit leaves N through z_u = -u. It does not leave before
+`time`: |d_u| grows at most at the rate `grows[1]`, and on leaving |d_u| is at least u - k max(s,
+t), k = `flat`.
 
-**beta_bar = 0.** Let y = (beta_bar, y_g, v) be the offset from the saddle. The set K of all y with beta_bar <= 0,
-y_g <= 0, v <= -p beta_bar is kept by orbits in N: gamma falls where beta_bar < 0; where beta_bar = 0 it does not grow;
-and where v = -p beta_bar > 0 the mean of the third row of Df gives (v + p beta_bar)' < 0. In K beta_bar' <= -p
-beta_bar, so from K beta_bar does not come back to 0 in N.
+The second compound (7a.2)
+--------------------------
+Let d be a variation of an orbit. The products b_ij = F_i d_j - F_j d_i obey b' = C b with
 
-**A thin set.** |z_f| <= k_3 max(|z_u|, |z_s|) is kept by orbits in N, because |z_f| falls faster than the maximum can.
-In it beta_bar = 0 means that z_s is about |lambda_u / lambda_s| z_u, and y_g, v have the sign of z_u; on the graph
-beta_bar > 0 where z_s < 0.
+    C = (A_uu + A_ss, A_sf, -A_uf;  A_fs, A_uu + A_ff, A_us;  -A_fu, A_su, A_ss + A_ff)
 
-**The flights** go from one saddle to the next, many side by side: from z_u = u about the first to z_s = -s about the
-second. Each flight begins in a cell of starts (z_s, z_f) and of speeds. All take the same number of steps, each with
-its own length of step. A step is that of `kernel.flow`, in doubles.
+(rows us, uf, sf), where A now is DF along the orbit. All three diagonal entries are negative. So
 
-Of each step before the last z_s < -s is shown: over all of it, or at its end where F_s > 0 over all of it. The last
-step begins before the section and ends after it, with F_s > 0. So the arrival is the first moment at which z_s = -s. On
-the section time moves with the start by dT = -d(z_s) / F_s. Of each step it is shown that 0 < beta_bar < 1.5707, so
-that gamma grows, and that v > 0, or v < 0, or v' < 0 throughout. So v has at most one zero, where beta_bar is largest;
-its derivatives there are those at a fixed time, because beta_bar' = 0.
+    |b| = max(|b_us|, |b_uf| / k_1, |b_sf| / k_2)
 
-Sources: J. S. Muldowney, Compound matrices and ordinary differential equations, Rocky Mountain J. Math. 20 (1990);
-Yu. A. Kuznetsov, Elements of Applied Bifurcation Theory, Section 6.4.
+falls along the whole passage. b_uf falls faster, down to a bound by b_us and b_sf (`settled`,
+`ratio`). If d is the derivative by the speed, F_i B_j - F_j B_i is added. Then |b_ij| <= X_ij stays
+true where C X + |F_i B_j - F_j B_i| < 0, for C with its off-diagonal entries made positive (X =
+`drift`).
+
+b does not change if a multiple of F is added to d: it gives the variation on a section, at either
+end. The cone |b_uf| <= k_1 b_us, |b_sf| <= k_2 b_us, b_us > 0 is kept, because b_us falls more
+slowly than the other two.
+
+beta_bar = 0 (7a.4)
+-------------------
+Let y = (beta_bar, y_g, v) be the offset from the saddle. Orbits in N keep the set K of all y with
+beta_bar <= 0, y_g <= 0, v <= -p beta_bar:
+
+- gamma falls where beta_bar < 0, and does not grow where beta_bar = 0.
+- Where v = -p beta_bar > 0, the mean of the third row of Df gives (v + p beta_bar)' < 0.
+
+In K beta_bar' <= -p beta_bar, so from K beta_bar does not come back to 0 in N.
+
+A thin set (7a.4)
+-----------------
+Orbits in N keep |z_f| <= k_3 max(|z_u|, |z_s|), because |z_f| falls faster than the maximum can. If
+beta_bar = 0 in this set, z_s is about |lambda_u / lambda_s| z_u, and y_g, v have the sign of z_u.
+On the graph beta_bar > 0 where z_s < 0.
+
+The flights (7a.1)
+------------------
+They go from one saddle to the next, many in one array: from z_u = u about the first to z_s = -s
+about the second. Each flight begins in a cell of starts (z_s, z_f) and of speeds. All take the same
+number of steps, each with its own length of step. A step is that of `kernel.flow`, in doubles.
+
+For each step before the last z_s < -s is shown: over all of it, or at its end where F_s > 0 over
+all of it. The last step begins before the section and ends after it, with F_s > 0. So the arrival
+is the first moment at which z_s = -s. On the section time moves with the start by dT = -d(z_s) /
+F_s.
+
+For each step 0 < beta_bar < 1.5707 is shown, so that gamma grows, and v > 0, or v < 0, or v' < 0
+throughout. So v has at most one zero, where beta_bar is largest. Its derivatives there are those at
+a fixed time, because beta_bar' = 0.
+
+Sources: J. S. Muldowney, Compound matrices and ordinary differential equations, Rocky Mountain J.
+Math. 20 (1990); Yu. A. Kuznetsov, Elements of Applied Bifurcation Theory, Section 6.4.
 """
 
 from __future__ import annotations
@@ -66,11 +102,11 @@ from numpy.typing import NDArray
 
 from tippedisk_verify.proofs.kernel.ball_array import BallArray
 from tippedisk_verify.proofs.kernel.balls import Unproved, ball, need
-from tippedisk_verify.proofs.kernel.claims.saddle import (
+from tippedisk_verify.proofs.kernel.certificates.saddle import (
     FAST,
     SLOW,
     UNSTABLE,
-    Saddle,
+    SaddleCoordinates,
     ask,
     cones,
     hull_of_array,
@@ -85,19 +121,22 @@ from tippedisk_verify.proofs.kernel.step import Step
 __all__ = ["Passage", "arrivals"]
 
 U, S, F = UNSTABLE, SLOW, FAST
-_MOST_CELLS, _AT_ONCE = 2**18, 2**11
+_MOST_CELLS, _AT_ONCE = 2**18, 2**11  # cells; in one array
 _ORDER = 8  # of the flights' series
 
 
 class Passage:
-    """N with these extents and cells, and what is enclosed over it; `weighted` shows what follows."""
+    """The box N with its extents and cells, and the enclosures over it.
 
-    def __init__(self, saddle: Saddle, extents: Sequence[Any], cells: Sequence[int]) -> None:
+    `weighted` shows inequalities.
+    """
+
+    def __init__(self, saddle: SaddleCoordinates, extents: Sequence[Any], cells: Sequence[int]) -> None:
         self.saddle, self.extents = saddle, list(extents)
-        ask("the extents", *self.extents)
+        ask("7a.1: the extents", *self.extents)
         n, m = cells
         need(n * n * m <= _MOST_CELLS, "there are too many cells")
-        #: the |z_f| up to which `stirred` is a bound
+        #: the largest |z_f| for which `stirred` is a bound
         self.stirred_within = self.extents[F] / m
         i, j, k = (places.ravel() for places in np.meshgrid(*map(np.arange, (n, 2 * n, 2 * m)), indexing="ij"))
         # The least multiple (shell + 1) / n of N that the cell's inside meets.
@@ -118,7 +157,9 @@ class Passage:
         self._means([[reduce(arb.union, column) for column in zip(*parts, strict=True)] for parts in whole])
 
     def _over(self, z: list[Any], central: NDArray[np.bool_]) -> tuple[list[Any], list[list[Any]]]:
-        """DF, the sums of its diagonal entries and B over cells, and the products' hull over the ``central`` ones."""
+        """Return DF, the sums of its diagonal entries and B over cells, and the products' hull if
+        ``central``.
+        """
         _, slopes, by_speed = self.saddle.field(z)
         d = [entry for row in slopes for entry in row]
         mixed = []
@@ -141,106 +182,125 @@ class Passage:
         self.B = [most(x) for x in whole[12:]]
 
     def weighted(self, weights: dict[str, Any]) -> None:
-        """Show the faces, the cones, the compound, the thin set and K for these weights. Raises Unproved."""
+        """Show the inequalities of faces, cones, compound, thin set and K. Raises Unproved."""
         self.steep, self.compound, self.drift = weights["steep"], weights["compound"], weights["drift"]
         self.flat, self.lipschitz, self.thin = weights["flat"], weights["lipschitz"], weights["thin"]
-        ask("the weights", *self.steep, *self.compound, *self.drift, self.flat, self.lipschitz, self.thin)
+        ask("7a.1: the weights", *self.steep, *self.compound, *self.drift, self.flat, self.lipschitz, self.thin)
         (u, s, t), a, m, c = self.extents, self.A, self.M, self.C
         rest = others(m, self.extents)
-        #: how fast |z_s| and |z_f| fall at least, but for what the others' part feeds them to
+        #: least rates of decay of |z_s| and |z_f|, down to `forcing`
         self.decay = [-m[S, S], -m[F, F]]
-        ask("the stable directions", *self.decay)
+        ask("7a.1: the stable directions", *self.decay)
         self.forcing = [most(rest[S] / self.decay[0]), most(rest[F] / self.decay[1])]
-        ask("the face of z_u", m[U, U] * u - rest[U])
-        ask("the faces of z_s and z_f", s - self.forcing[0], t - self.forcing[1])
-        ask("the cones of the steep weights", *cones(a, self.steep, self.B))
+        ask("7a.1: the face of z_u", m[U, U] * u - rest[U])
+        ask("7a.1: the faces of z_s and z_f", s - self.forcing[0], t - self.forcing[1])
+        ask("7a.1: the cones of the steep weights", *cones(a, self.steep, self.B))
         for matrix, weight in ((m, self.flat), (a, self.lipschitz)):
-            ask("the cones of the flat weights", *cones(matrix, (weight, arb(1), arb(1))))
-        # |d_u| in the steep cone grows at least and at most so fast.
+            ask("7a.1: the cones of the flat weights", *cones(matrix, (weight, arb(1), arb(1))))
+        # Bounds of the growth rate of |d_u| in the steep cone.
         rest_u = others(a, self.steep)[U] / self.steep[U]
         self.grows = (a[U, U] - rest_u - self.B[U] / self.steep[U]).lower(), (a[U, U] + rest_u).upper()
-        # |b| = max(|b_us|, |b_uf| / k_1, |b_sf| / k_2) falls, and b_us slower than the others.
+        # |b| = max(|b_us|, |b_uf| / k_1, |b_sf| / k_2) falls, and b_us more slowly than the others.
         sizes = (arb(1), *self.compound)
         rest = [x / k for x, k in zip(others(c, sizes), sizes, strict=True)]
         rates = [(c[k, k] + rest[k]).upper() for k in range(3)]
         self.rate, self.slowest = -rates[0].max(rates[1]).max(rates[2]), -(c[0, 0] - rest[0]).lower()
         self.falls, self.fed = (-c[1, 1]).lower(), most(abs(c[1, 0]) + abs(c[1, 2]) * self.compound[1])
-        ask("the second compound falls", self.rate, self.falls - self.rate, self.falls - self.slowest)
-        ask("the cone of the second compound", *(-self.slowest - rate for rate in rates[1:]))
-        ask("the variation by the speed", *(
-            -c[k, k] * self.drift[k] - rest - stirred
-            for k, rest, stirred in zip(range(3), others(c, self.drift), self.stirred, strict=True)
-        ))  # fmt: skip
+        ask("7a.2: the second compound falls", self.rate, self.falls - self.rate, self.falls - self.slowest)
+        ask("7a.3: the cone of the second compound", *(-self.slowest - rate for rate in rates[1:]))
+        ask(
+            "7a.5: the variation by the speed",
+            *(
+                -c[k, k] * self.drift[k] - rest - stirred
+                for k, rest, stirred in zip(range(3), others(c, self.drift), self.stirred, strict=True)
+            ),
+        )
         self._thin_set()
         self._quadrant(weights["return"])
 
     def _thin_set(self) -> None:
-        """|z_f| <= k_3 max(|z_u|, |z_s|) is kept. Where beta_bar = 0 in it, z_s / z_u and z_f / z_u lie in `ratios`."""
+        """Show that |z_f| <= k_3 max(|z_u|, |z_s|) is kept.
+
+        Enclose z_s / z_u and z_f / z_u at beta_bar = 0.
+        """
         m, k, p = self.M, self.thin, self.saddle.directions
         falls = self.decay[1] - (abs(m[F, U]) + abs(m[F, S])) / k
         for i, j in ((U, S), (S, U)):
-            ask("the thin set", falls + m[i, i] - abs(m[i, j]) - abs(m[i, F]) * k)
+            ask("7a.4: the thin set", falls + m[i, i] - abs(m[i, j]) - abs(m[i, F]) * k)
         # With m = max(|z_u|, |z_s|) and z_s = r z_u + q z_f there, m <= max(1, r) |z_u| + |q| k m.
         r, q = -p[0, U] / p[0, S], -p[0, F] / p[0, S]
-        ask("the thin set at beta_bar = 0", 1 - abs(q) * k)
+        ask("7a.4: the thin set at beta_bar = 0", 1 - abs(q) * k)
         fast = arb(0, most(k * abs(r).max(arb(1)) / (1 - abs(q) * k)))
         self.ratios = arb(1), r + q * fast, fast
-        ask("the signs at beta_bar = 0", self.ratios[S], self.at_crossing(1), self.at_crossing(2))
-        ask("the weights of the graph", 1 - k, 1 - self.flat)
-        ask("beta_bar on the graph", -p[0, S] - abs(p[0, U]) * self.flat - abs(p[0, F]) * k)
+        ask("7a.4: the signs at beta_bar = 0", self.ratios[S], self.at_crossing(1), self.at_crossing(2))
+        ask("7a.4: the weights of the graph", 1 - k, 1 - self.flat)
+        ask("7a.4: beta_bar on the graph", -p[0, S] - abs(p[0, U]) * self.flat - abs(p[0, F]) * k)
 
     def at_crossing(self, row: int) -> Any:
-        """y_row / z_u where beta_bar = 0 in the thin set."""
+        """Return y_row / z_u where beta_bar = 0 in the thin set."""
         return sum(self.saddle.directions[row, k] * self.ratios[k] for k in range(3))
 
     def _quadrant(self, rate: Any) -> None:
-        """Once y_g <= 0, v <= -rate beta_bar, beta_bar has not come back to 0 before the orbit leaves N."""
+        """Show that K is kept: from there beta_bar does not come back to 0 before the orbit leaves
+        N.
+        """
         p = self.saddle.directions
         rows = p * self.M * self.saddle.inverse
         beta = sum(abs(p[0, k]) * self.extents[k] for k in range(3))
-        ask("beta_bar and gamma after a crossing", rows[2, 1], rows[2, 0] - rate * (rows[2, 2] + rate), rate, 1 - beta)
+        ask(
+            "7a.4: beta_bar and gamma after a crossing",
+            rows[2, 1],
+            rows[2, 0] - rate * (rows[2, 2] + rate),
+            rate,
+            1 - beta,
+        )
 
     def rates(self, z: Sequence[Any]) -> list[Any]:
-        """F over a box of z, by the mean value theorem about its middle."""
+        """Return F over a box of z, by the mean value theorem about its middle."""
         middle = [x.mid() for x in z]
         change = arb_mat(self.saddle.field(z)[1]) * arb_mat([[x - y] for x, y in zip(z, middle, strict=True)])
         return [x + y for x, y in zip(self.saddle.field(middle)[0], change.entries(), strict=True)]
 
     def time(self, distance: Any) -> Any:
-        """No orbit that starts below the graph by at most this leaves N before [s]."""
+        """Return a time [s] before which no orbit leaves N that starts at most ``distance`` below
+        the graph.
+        """
         u, s, t = self.extents
         return (((u - self.flat * s.max(t)) / distance).log() / self.grows[1]).lower()
 
     def fallen(self, slow: Any, fast: Any, time: Any) -> list[Any]:
-        """What |z_s| and |z_f| are at most after ``time`` or later in N, from ``slow`` and ``fast``."""
+        """Return upper bounds of |z_s| and |z_f| after ``time`` in N, from ``slow`` and ``fast``."""
         parts = zip((slow, fast), self.decay, self.forcing, strict=True)
         return [most(x * (-rate.lower() * time).exp() + rest) for x, rate, rest in parts]
 
     def crossing(self, lid: Any, fast: Any, moment: Any) -> Any:
-        """What |z_u| is at most where an orbit from |z_u| <= lid, |z_f| <= fast below the graph has beta_bar = 0.
+        """Return an upper bound of |z_u| at beta_bar = 0, for orbits below the graph.
 
-        Before the moment |z_u| has not grown to more, and after it |z_s| has fallen.
+        They start with |z_u| <= lid, |z_f| <= fast. Before the moment the growth of |z_u| is
+        bounded, and after it |z_s| has fallen.
         """
         _, s, _ = self.extents
-        ask("the moment of crossing", moment)
+        ask("7a.4: the moment of crossing", moment)
         early = (lid + self.flat * s) * (self.grows[1] * moment).exp() + self.flat * s
         return most(early).max(most(self.fallen(s, fast, moment)[0] / self.ratios[S].lower()))
 
     def settled(self, b: Sequence[Any], time: Any) -> list[Any]:
-        """What |b_us| and |b_uf| are at most after ``time`` or later, from b."""
+        """Return upper bounds of |b_us| and |b_uf| after ``time``, from b."""
         k_1, k_2 = self.compound
         size = most(b[0]).max(most(b[1] / k_1)).max(most(b[2] / k_2))
         first = most(size * (-self.rate * time).exp())
         return [first, most(size * k_1 * (-self.falls * time).exp() + first * self.fed / (self.falls - self.rate))]
 
     def ratio(self, time: Any) -> Any:
-        """What |b_uf| / b_us is at most after ``time`` or later in the cone |b_uf| <= k_1 b_us, |b_sf| <= k_2 b_us."""
+        """Return an upper bound of |b_uf| / b_us after ``time`` in the cone |b_uf| <= k_1 b_us,
+        |b_sf| <= k_2 b_us.
+        """
         faded = self.compound[0] * ((self.slowest - self.falls) * time).exp()
         return most(faded + self.fed / (self.falls - self.slowest))
 
 
 def arrivals(
-    saddle: Saddle,
+    saddle: SaddleCoordinates,
     extents: Sequence[Any],
     slow: BallArray,
     fast: Any,
@@ -248,10 +308,17 @@ def arrivals(
     count: int,
     watch: Callable[[float], None] = lambda share: None,
 ) -> list[list[Any]]:
-    """What holds for all the flights: z_u, z_f and the time on arrival, and the largest beta_bar, as balls of Arb's.
+    """Enclose the arrivals of all flights, with their derivatives by z_s, z_f and the speed at the
+    start.
 
-    Each has its derivatives by z_s, z_f and the speed at the start besides. The saddle's speeds are an array of balls.
-    Raises Unproved with the first flight of which it is not shown.
+    The saddle's speeds are an array of balls. All inequalities belong to part 1 of Theorem 7a's
+    proof.
+
+    Returns:
+        Rows of Arb's balls for z_u, z_f and the time on arrival, and for the largest beta_bar.
+
+    Raises:
+        Unproved: With the number of the first flight that is not proved.
     """
     path, s = saddle.path([slow.constant(extents[U]), slow, slow.constant(fast)], _Axes()), extents[S]
     tops: list[list[Any]] = []
@@ -280,18 +347,18 @@ def arrivals(
 
 
 class _Axes:
-    """The axes of the sets follow a rule, which no choice changes: the lead's for z_u and z_s, and that of v."""
+    """The axes of the sets by a fixed rule: the images of those of z_u and z_s, and the axis of v."""
 
     def axes(self, turned: Sequence[Sequence[Any]], sizes: Any, stiffness: Any) -> list[list[Any]]:
         return [[*row[: S + 1], row[F].constant(int(k == 2))] for k, row in enumerate(turned)]
 
     def took(self, *_: Any) -> None:
-        """Nothing is noted."""
+        """Do not record the step."""
 
 
-def _all(what: str, *shown: NDArray[np.bool_]) -> None:
-    """Raise Unproved unless all is shown of all flights."""
-    flights = np.logical_and.reduce(shown)
+def _all(what: str, *verified: NDArray[np.bool_]) -> None:
+    """Raise Unproved, with the first flight that fails, unless all entries are True."""
+    flights = np.logical_and.reduce(verified)
     if not flights.all():
         raise Unproved(f"flight {int(np.argmin(flights)) + 1}: {what}")
 
@@ -303,7 +370,7 @@ def _step(path: Path, lengths: NDArray[np.float64]) -> Step:
 
 
 def _climbs(model: Model, step: Step) -> NDArray[np.bool_]:
-    """Shown: gamma grows throughout and v has at most one zero. Return in which flights it may have one."""
+    """Show that gamma grows and v has at most one zero; return in which flights it may have one."""
     beta, _, v = step.enclosure
     _all("0 < beta_bar < 1.5707 is not shown", beta.positive(), (ball(UPRIGHT) - beta).positive())
     turning: NDArray[np.bool_] = ~(v.positive() | v.negative())
@@ -312,8 +379,8 @@ def _climbs(model: Model, step: Step) -> NDArray[np.bool_]:
     return turning
 
 
-def _landed(saddle: Saddle, path: Path, step: Step, s: Any) -> list[list[Any]]:
-    """The time of the arrival in a step, z_u and z_f, with their derivatives."""
+def _landed(saddle: SaddleCoordinates, path: Path, step: Step, s: Any) -> list[list[Any]]:
+    """Enclose the time of the arrival in a step, z_u and z_f, with their derivatives."""
     # By the mean value theorem about the middle of the step.
     middle = step.length / 2
     level = saddle.seen(path.carried(step, middle))[S] + s

@@ -1,8 +1,9 @@
 """A fold of limit cycles: an extreme speed on an arc of a family, rotating or librating.
 
-The family is a curve over p, the first coordinate on the section; the second one, v, and Omega are unknown. Theorem 10
-of docs/certified.md says why Krawczyk's test over p in a ball, and the signs of dOmega/dp at the arc's ends, suffice.
-The half map has the symmetry in it: the multipliers of a period are the squares of its own.
+The family is a curve over p, the first coordinate on the section. The second one, v, and Omega are
+unknown. By Theorem 10 of docs/certified_cycles.md it suffices to apply Krawczyk's test over p in a
+ball, and to find the signs of dOmega/dp at the arc's ends. The half map includes the symmetry, so
+the multipliers of a period are the squares of its own.
 """
 
 from __future__ import annotations
@@ -12,10 +13,10 @@ from fractions import Fraction
 from typing import Any, Literal
 
 from tippedisk_verify.proofs.kernel.balls import arb, ball, inside, need, negative, positive
-from tippedisk_verify.proofs.kernel.claims.cycle import UNKNOWNS
+from tippedisk_verify.proofs.kernel.certificates.cycle import UNKNOWNS
 from tippedisk_verify.proofs.kernel.krawczyk import BOX, FLIGHT, FixedPoints, replayed_test
 from tippedisk_verify.proofs.kernel.reading import MEASURED, dyadic, held, one_of
-from tippedisk_verify.proofs.kernel.section import HALF, TURN, Section
+from tippedisk_verify.proofs.kernel.section import HALF, TURN, PoincareSection
 
 __all__ = [
     "KINDS",
@@ -26,39 +27,44 @@ __all__ = [
     "judge",
     "names",
     "sentence",
-    "show",
     "slope",
-]  # fmt: skip
+    "verify",
+]
 
 KINDS = {"fold of limit cycles": HALF, "fold of rotating limit cycles": TURN}
-POINTS = ("arc", "lower end", "upper end")  #: where tests are made: the whole arc, and its ends
+POINTS = ("arc", "lower end", "upper end")  #: the three tests: over the whole arc, and at its ends
 EXTREMA = ("smallest", "largest")
 
 
-def names(section: Section) -> tuple[str, ...]:
+def names(section: PoincareSection) -> tuple[str, ...]:
     return "omega", *UNKNOWNS[section], "period"
 
 
 def arc_balls(place: Fraction, half: Fraction) -> tuple[Any, Any, Any]:
-    """p on the arc, at its lower and at its upper end."""
+    """Return balls of p on the arc, at its lower and at its upper end."""
     return ball(place) + arb(0, ball(half).upper()), ball(place - half), ball(place + half)
 
 
 def slope(fixed: FixedPoints) -> Any:
-    """dOmega/dp over the box."""
+    """Return dOmega/dp over the box."""
     (f, a, b), (g, c, d) = fixed.slopes
     return (c * f - a * g) / (a * d - b * c)
 
 
 def extremum(lower: Any, upper: Any) -> Literal["smallest", "largest"] | None:
-    """What Omega has at an inner point of the arc, given its slopes at the ends; None if their signs do not tell."""
+    """Return the kind of extremum of Omega inside the arc, given its slopes at the ends, or None."""
     if negative(lower) and positive(upper):
         return "smallest"
     return "largest" if positive(lower) and negative(upper) else None
 
 
-def judge(claim: Mapping[str, Any], section: Section, points: Sequence[FixedPoints], radii: Sequence[Any]) -> None:
-    """Raises Unproved unless tests on the whole arc and at its ends prove the claim; ``radii`` are the arc's."""
+def judge(
+    claim: Mapping[str, Any], section: PoincareSection, points: Sequence[FixedPoints], radii: Sequence[Any]
+) -> None:
+    """Raise Unproved unless tests on the whole arc and at its ends prove the claim.
+
+    ``radii`` are the arc's.
+    """
     whole, numbers = points[0], claim["numbers"]
     for point, name in zip(points[1:], POINTS[1:], strict=True):
         # The arc's box holds one cycle only.
@@ -66,10 +72,12 @@ def judge(claim: Mapping[str, Any], section: Section, points: Sequence[FixedPoin
         need(all(inside(x - y, r) for x, y, r in deviations), f"{name}: the cycle is not shown to be the arc's")
     need(extremum(*map(slope, points[1:])) == claim["extremum"], "claim: the speed has no such extremum")
     need(negative(whole.box.divergence), "claim: the third multiplier is not shown to be below 1")
-    for name, x, middle, room in zip((UNKNOWNS[section][1], "omega"), whole.image[1:], whole.middle[1:], radii,
-                                     strict=True):  # fmt: skip
+    for name, x, middle, room in zip(
+        (UNKNOWNS[section][1], "omega"), whole.image[1:], whole.middle[1:], radii, strict=True
+    ):
         held(numbers[name], x, name)
-        # What is printed reaches a little farther than Krawczyk's image; in the box there is still one cycle only.
+        # The printed interval is a little wider than Krawczyk's image. It must lie in the box of
+        # one cycle.
         printed = abs(ball(numbers[name]["value"]) - middle) + ball(numbers[name]["uncertainty"])
         need(inside(printed, room), f"claim: {name} reaches beyond the box that holds one cycle")
     held(numbers["period"], section.laps * whole.box.time, "period")
@@ -89,8 +97,8 @@ SHAPES = {
 }
 
 
-def show(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> None:
-    """Raises Unproved if the evidence does not prove the claim."""
+def verify(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> None:
+    """Raise Unproved unless the evidence proves the claim."""
     section = KINDS[claim["kind"]]
     arc = claim["numbers"][UNKNOWNS[section][0]]
     place, half = Fraction(arc["value"]), Fraction(arc["uncertainty"])
@@ -105,7 +113,7 @@ def show(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> None:
 
 
 def sentence(claim: Mapping[str, Any], numbers: Mapping[str, str]) -> str:
-    """What is said of the disk, in one sentence."""
+    """Return the statement about the disk, after its parameters, in one sentence."""
     section, n = KINDS[claim["kind"]], numbers
     first, second = UNKNOWNS[section]
     pair = f"there is exactly one pair of v within {n[second]} rad/s and Omega within {n['omega']} rad/s such that"

@@ -1,46 +1,68 @@
-"""Noninverted spinning: coordinates along its eigenvectors, the field in them, flights from there, invariant curves.
+"""Noninverted spinning: coordinates along its eigenvectors, the field in them, and invariant
+curves.
 
-The saddles are (0, -pi, 0) and (0, pi, 0) in shifted angles; the field is the same about both. y is the offset from
-either, and y = P z with an exact regular matrix P whose columns lie near the eigenvectors: z = (z_u, z_s, z_f), along
-the unstable, the slow and the fast stable direction. z' = F(z) = P^-1 f(P z) is the same system at every speed. F is
-odd, and F(0) = 0 comes out exactly: sine and cosine of pi + y are taken from those of y.
+Coordinates
+-----------
+The saddles are (0, -pi, 0) and (0, pi, 0) in shifted angles; the field is the same about both. Let
+y be the offset from either, and y = P z with an exact regular matrix P whose columns lie near the
+eigenvectors. Then z = (z_u, z_s, z_f) are coordinates along the unstable, the slow stable and the
+fast stable direction, and at every speed
 
-Under the smooth friction law the saddles lie on gamma_y = 0, where the field is once differentiable. ``side`` names one
-of the two analytic laws; over a box that gamma_y = 0 may cut, the derivatives are the hull of both.
+    z' = F(z) = P^-1 f(P z).
 
-**Invariant curves.** A `Curve` is a graph over one of the coordinates, called theta: the other two are w = z - W(theta)
-away from the polynomials W. Then
+F is odd. F(0) = 0 is exact: sine and cosine of pi + y are computed from those of y.
 
-    w' = D(theta) + J w,     D = F_w(theta, W) - W' F_theta(theta, W),     J = dF_w/dw - W' dF_theta/dw,
+Under the smooth friction law the saddles lie on gamma_y = 0, where the field is once
+differentiable. A ``side`` names one of the two analytic laws. Over a box that gamma_y = 0 may cut,
+the derivatives are the hull of both.
 
-with D the *defect* and J taken somewhere between the curve and the point (mean value theorem). D vanishes at 0, and
-|D| <= d |theta| with a d that is enclosed here: Taylor coefficients to the order N of W at 0, and Lagrange's remainder,
-coefficient N + 1 over the whole interval. W itself is chosen, and any would do: the defect says how good it is.
+Invariant curves
+----------------
+A `ManifoldGraph` is a graph over one of the coordinates, called theta. The offsets of the other two
+from its polynomials W are w = z - W(theta). Then
 
-**Unstable manifold** (theta = z_u): if on the cone |w_i| <= k_i theta, 0 < theta <= theta_0,
+    w' = D(theta) + J w,
+    D = F_w(theta, W) - W' F_theta(theta, W),     J = dF_w/dw - W' dF_theta/dw,
 
-    k_i (g - J_ii) > |J_ij| k_j + d_i   and   g > 0,     with g theta a lower bound of theta',
+with D the *defect* and J taken somewhere between the curve and the point (mean value theorem). D
+vanishes at 0, and |D| <= d |theta| with a d that is enclosed here. For this the Taylor coefficients
+to the order N of W are enclosed at 0, and coefficient N + 1 (Lagrange's remainder) over the whole
+interval. W is chosen freely: the defect measures its quality.
 
-then orbits cross the cone's sides inwards only, and theta grows. The linear flow maps the linear cone into its
-interior, which by Krein and Rutman's theorem then holds the leading eigenvector; so the branch of the unstable manifold
-with theta > 0 starts inside the cone and leaves it at theta_0: its point there has |w_i| <= k_i theta_0 (`leaving`).
+Unstable manifold (6.1)
+-----------------------
+Let theta = z_u. Suppose that on the cone |w_i| <= k_i theta, 0 < theta <= theta_0,
 
-**Isolating block** (theta = z_s): N = {|z_s| <= s, |w_u| <= u, |w_f| <= t}. If z_s and w_f point inwards on their faces
-and w_u' has the sign of w_u for delta <= |w_u| <= u, then an orbit in N with w_u > delta leaves N through w_u = u, one
-with w_u < -delta through w_u = -u, and no orbit leaves anywhere else (`block`).
+    k_i (g - J_ii) > |J_ij| k_j + d_i   and   g > 0,     with g theta a lower bound of theta'.
 
-**The smooth friction law.** Its field is odd, continuously differentiable, and analytic on either side of gamma_y = 0,
-a surface through the saddle. The halves of each curve leave the saddle on opposite sides. W is the series of one side's
-law, for theta > 0, with even powers too. That gamma_y has this sign on the curve, or all over the cone about it, is
-shown by the mean value theorem: gamma_y is zero at the saddle, and its derivative along z / theta is enclosed.
+Then orbits cross the cone's sides inwards only, and theta grows. The linear flow maps the linear
+cone into its interior, which by Krein and Rutman's theorem then holds the leading eigenvector. So
+the branch of the unstable manifold with theta > 0 starts inside the cone and leaves it at theta_0.
+Its point there has |w_i| <= k_i theta_0 (`leaving`).
 
-- In the cone of the unstable manifold the side's law is the smooth one, and all that is said above is about an analytic
-  field.
-- The block holds both halves of the slow stable curve. The graph over theta < 0 is -W(-theta), as the field is odd, so
-  D is odd and bounded as above. J and the faces, like the cones, need mean values only.
+Isolating block (6.3)
+---------------------
+Let theta = z_s and N = {|z_s| <= s, |w_u| <= u, |w_f| <= t}. Suppose that z_s and w_f point inwards
+on their faces, and that w_u' has the sign of w_u for delta <= |w_u| <= u. Then an orbit in N with
+w_u > delta leaves N through w_u = u, one with w_u < -delta through w_u = -u. No orbit leaves
+anywhere else (`block`).
 
-Source: P. Zgliczyński, Covering relations, cone conditions and the stable manifold theorem, J. Differential Equations
-246 (2009); Ważewski's principle for the block.
+The smooth friction law (6.5)
+-----------------------------
+Its field is odd, continuously differentiable, and analytic on either side of gamma_y = 0, a surface
+through the saddle. The halves of each curve leave the saddle on opposite sides. W is the series of
+one side's law, for theta > 0, with even powers too. The sign of gamma_y on the curve, or all over
+the cone about it, is shown by the mean value theorem. gamma_y is zero at the saddle, and its
+derivative along z / theta is enclosed.
+
+- In the cone of the unstable manifold the side's law is the smooth one, so the argument above is
+  about an analytic field.
+- The block holds both halves of the slow stable curve. The graph over theta < 0 is -W(-theta), as
+  the field is odd, so D is odd and bounded as above. J and the faces, like the cones, need mean
+  values only.
+
+Source: P. Zgliczyński, Covering relations, cone conditions and the stable manifold theorem,
+J. Differential Equations 246 (2009); Ważewski's principle for the block.
 """
 
 from __future__ import annotations
@@ -60,42 +82,63 @@ from tippedisk_verify.proofs.kernel.flow import Model, Path
 from tippedisk_verify.proofs.kernel.frame import Frame
 from tippedisk_verify.proofs.kernel.sliding import law_model
 
-__all__ = ["FAST", "SLOW", "UNSTABLE", "Curve", "Saddle", "ask", "block", "cones", "hull_of_array", "leaving", "most",
-           "others", "products"]  # fmt: skip
+__all__ = [
+    "FAST",
+    "SLOW",
+    "UNSTABLE",
+    "ManifoldGraph",
+    "SaddleCoordinates",
+    "ask",
+    "block",
+    "cones",
+    "hull_of_array",
+    "leaving",
+    "most",
+    "others",
+    "products",
+]
 
 UNSTABLE, SLOW, FAST = 0, 1, 2
 
 
 def ask(what: str, *slacks: Any) -> None:
-    """Raises Unproved unless all numbers of all balls are positive."""
+    """Raise Unproved unless all numbers of all balls are positive.
+
+    ``what`` begins with the number of the part of the proof in docs/certified_connection.md.
+    """
     for slack in slacks:
         need(bool(positive(slack)), f"{what}: {slack.str(4)} is not shown to be positive")
 
 
 def most(x: Any) -> Any:
-    """A point no smaller than any |x| of the ball."""
+    """Return a point no smaller than any |x| of the ball."""
     return x.abs_upper()
 
 
 def others(matrix: Any, weights: Sequence[Any]) -> list[Any]:
-    """For each row the sum of the other entries' sizes, weighted."""
+    """Return for each row the weighted sum of the off-diagonal entries' sizes."""
     return [sum((abs(matrix[i, j]) * weights[j] for j in range(3) if j != i), arb(0)) for i in range(3)]
 
 
 def cones(matrix: Any, weights: Sequence[Any], by_speed: Sequence[Any] = (0, 0, 0)) -> list[Any]:
-    """What has to be positive for the cones of the weights.
+    """Return three balls that have to be positive for the cones of the weights.
 
-    On a convex box that holds the saddle let ``matrix`` hold DF and ``by_speed`` the derivative of F by the speed. Two
-    orbits at speeds w and w + D, D >= 0, differ by d; let U = |d_u| / k_u and S = max(|d_s| / k_s, |d_f| / k_f). As
-    long as both are in the box: once U >= max(S, D) this stays so, and U grows exponentially; backwards in time, once
-    S >= max(U, D) this stays so, and S grows exponentially.
+    On a convex box that holds the saddle let ``matrix`` hold DF and ``by_speed`` the derivative of
+    F by the speed. Let two orbits at speeds w and w + D, D >= 0, differ by d, and let U = |d_u| /
+    k_u and S = max(|d_s| / k_s, |d_f| / k_f). As long as both orbits are in the box:
+
+    - Once U >= max(S, D), this stays so, and U grows exponentially.
+    - Backwards in time, once S >= max(U, D), this stays so, and S grows exponentially.
     """
     rest = [(x + abs(b)) / k for x, b, k in zip(others(matrix, weights), by_speed, weights, strict=True)]
     return [matrix[0, 0] - rest[0], -matrix[1, 1] - rest[1], -matrix[2, 2] - rest[2]]
 
 
 def hull_of_array(x: BallArray) -> Any:
-    """A ball of Arb's that holds all of an array. A difference, rounded to nearest, is moved outwards by a step."""
+    """Return one of Arb's balls that holds a whole array.
+
+    Rounded differences move outwards by one ulp.
+    """
     if not x.is_finite().all():
         return arb.nan()
     low, high = np.nextafter(x.midpoints - x.radii, -np.inf).min(), np.nextafter(x.midpoints + x.radii, np.inf).max()
@@ -103,12 +146,12 @@ def hull_of_array(x: BallArray) -> Any:
 
 
 def products(x: Sequence[Any], y: Sequence[Any]) -> list[Any]:
-    """x_i y_j - x_j y_i: us, uf, sf."""
+    """Return x_i y_j - x_j y_i for us, uf, sf."""
     return [x[i] * y[j] - x[j] * y[i] for i, j in ((UNSTABLE, SLOW), (UNSTABLE, FAST), (SLOW, FAST))]
 
 
 class _Beyond:
-    """``ops`` of the equations for which one of the angles, gamma_bar, is pi + y: the angle itself is y."""
+    """The ``ops`` of the equations with gamma_bar = pi + y for the given angle y."""
 
     def __init__(self, ops: Any, angle: Any) -> None:
         self._ops, self._angle = ops, angle
@@ -122,10 +165,11 @@ class _Beyond:
         return -value if angle is self._angle else value
 
 
-class Saddle:
-    """The coordinates z and the field in them, for exact parameters and a ball of speeds.
+class SaddleCoordinates:
+    """The coordinates z about a saddle and the field in them, for exact parameters and a ball of
+    speeds.
 
-    Raises Unproved if the directions have no inverse.
+    Raises Unproved if the matrix of directions has no inverse.
     """
 
     def __init__(self, disk: dict[str, str], friction: str, omega: Any, directions: Sequence[Sequence[Any]]) -> None:
@@ -137,19 +181,19 @@ class Saddle:
         self.constants = constants(disk)
 
     def offset(self, z: Sequence[Any]) -> list[Any]:
-        """y = P z."""
+        """Return y = P z."""
         return _times(self.directions, z)
 
     def coordinates(self, offset: Sequence[Any]) -> list[Any]:
-        """z of an offset y."""
+        """Return z of an offset y."""
         return _times(self.inverse, offset)
 
     def arrived(self, state: Sequence[Any]) -> list[Any]:
-        """z about the second saddle of (beta_bar, gamma_bar, v)."""
+        """Return z about the second saddle of (beta_bar, gamma_bar, v)."""
         return self.coordinates([state[0], state[1] - arb.pi(), state[2]])
 
     def law(self, side: int | None) -> Any:
-        """F as `flow.Model` takes a law; the linear law has no sides."""
+        """Return F as a law of `flow.Model`; the linear law has no sides."""
 
         def in_z(ops: Any, numbers: Any, omega: Any) -> Any:
             def rates(*z: Any) -> Any:
@@ -162,7 +206,7 @@ class Saddle:
         return in_z
 
     def rates(self, z: Sequence[Any], side: int | None = None) -> list[Any]:
-        """F at balls or series of balls."""
+        """Return F at balls or series of balls."""
         return list(self.law(side)(BallOps, self.constants, self.omega)(*z))
 
     @cached_property
@@ -171,9 +215,9 @@ class Saddle:
         return [Model(self.constants, self.omega, self.law(side)) for side in sides]
 
     def field(self, z: Sequence[Any], side: int | None = None) -> tuple[list[Any], list[list[Any]], list[Any]]:
-        """F, DF and the derivative B by the speed over a box of z.
+        """Return F, DF and the derivative B by the speed over a box of z.
 
-        Of the smooth law without a ``side`` they are the hull of both sides'.
+        Under the smooth law without a ``side`` they are the hull of both sides'.
         """
         start = [*z, *(ball(int(row == column)) + 0 * z[0] for column in range(4) for row in range(3))]
         models = self._models if side is None or self.friction == "linear" else [self._models[0 if side > 0 else 1]]
@@ -182,7 +226,7 @@ class Saddle:
         return both[:3], [both[3 + row : 12 : 3] for row in range(3)], both[12:]
 
     def sliding_slope(self, z: Sequence[Any], direction: Sequence[Any]) -> Any:
-        """The derivative of gamma_y [m/s] along a direction, over a box of z."""
+        """Return the derivative of gamma_y [m/s] along a direction, over a box of z."""
         with series_length(2):
             pairs = zip(self.offset(z), self.offset(direction), strict=True)
             beta, gamma, v = (arb_series([x, slope], prec=2) for x, slope in pairs)
@@ -190,7 +234,7 @@ class Saddle:
             return coefficient(moved, 1)
 
     def path(self, z: Sequence[Any], proposer: Any) -> Path:
-        """All orbits from a box of z about the first saddle, with their derivatives by z and by the speed."""
+        """Return the path of all orbits from a box of z about the first saddle, with derivatives."""
         beta, gamma, v = self.offset([x.mid() for x in z])
         start = [beta, gamma - arb.pi(), v]
         path = law_model(self.friction, self.constants, self.omega).path(start, proposer, derivatives=True)
@@ -203,9 +247,9 @@ class Saddle:
         return path
 
     def seen(self, frame: Frame, deviation: Sequence[Any] | None = None) -> list[Any]:
-        """z about the second saddle of a set of states, each coordinate in one sum over the set's own axes.
+        """Return z about the second saddle of a set of states, summed over the set's own axes.
 
-        ``deviation``: of the states with these deviations alone.
+        With ``deviation``, only the states with these deviations are meant.
         """
         lead, axes = map(self.columns, (frame.lead, frame.axes))
         d = frame.deviation if deviation is None else deviation
@@ -215,22 +259,23 @@ class Saddle:
         ]
 
     def columns(self, matrix: Sequence[Sequence[Any]]) -> list[list[Any]]:
-        """P^-1 times a matrix."""
+        """Return P^-1 times a matrix."""
         return [list(row) for row in zip(*map(self.coordinates, zip(*matrix, strict=True)), strict=True)]
 
 
-class Curve:
-    """A graph w = W(theta) over the coordinate ``along``.
+class ManifoldGraph:
+    """A polynomial graph w = W(theta) over the coordinate ``along``.
 
-    ``graph``: exact coefficients of theta^0 ... theta^N for each of the other coordinates, the first one 0. ``side``:
-    the sign of gamma_y on the half with theta > 0, None for the linear law.
+    ``graph`` has the exact coefficients of theta^0 ... theta^N for each of the other coordinates,
+    the first one 0. ``side`` is the sign of gamma_y on the half with theta > 0, None for the linear
+    law.
     """
 
-    def __init__(self, saddle: Saddle, along: int, graph: Sequence[list[Any]], side: int | None) -> None:
+    def __init__(self, saddle: SaddleCoordinates, along: int, graph: Sequence[list[Any]], side: int | None) -> None:
         self.saddle, self.along, self.graph, self.side = saddle, along, graph, side
         self.others = tuple(k for k in range(3) if k != along)
         self.order = len(graph[0]) - 1
-        #: the graph is the polynomials' where theta > 0, and -W(-theta) where theta < 0
+        #: W is the polynomials' for theta > 0, and -W(-theta) for theta < 0
         self.mirrored = side is not None and along == SLOW
         need(
             len({len(row) for row in graph}) == 1 and self.order > 0, "a curve's polynomials have unlike degrees, or 0"
@@ -238,42 +283,42 @@ class Curve:
         need(all(bool(row[0] == 0) for row in graph), "a curve does not pass the saddle")
 
     def at(self, theta: Any) -> list[Any]:
-        """W at a number, ball or series."""
+        """Return W at a number, ball or series."""
         if not self.mirrored or isinstance(theta, arb_series) or theta > 0:
             return [_horner(row, theta) for row in self.graph]
         values = [_horner(row, abs(theta)) for row in self.graph]
         return [-x if theta < 0 else x.union(-x) for x in values]
 
     def slopes(self, theta: Any) -> list[Any]:
-        """W' at a number, ball or series."""
+        """Return W' at a number, ball or series."""
         if self.mirrored and not isinstance(theta, arb_series):
             theta = abs(theta)
         return [_horner([n * value for n, value in enumerate(row)][1:], theta) for row in self.graph]
 
     def point(self, theta: Any, w: Sequence[Any] = (0, 0)) -> list[Any]:
-        """z = (theta, W(theta) + w), its components in their places."""
+        """Return z = (theta, W(theta) + w), its components in their places."""
         z = [theta] * 3
         for other, value, off in zip(self.others, self.at(theta), w, strict=True):
             z[other] = value + off
         return z
 
     def straightened(self, z: Sequence[Any]) -> list[Any]:
-        """w of a point z."""
+        """Return w of a point z."""
         return [z[other] - value for other, value in zip(self.others, self.at(z[self.along]), strict=True)]
 
     def across(self, matrix: Any, theta: Any) -> list[list[Any]]:
-        """J where DF is ``matrix`` and theta in its ball."""
+        """Return J, where DF is ``matrix`` and theta in its ball."""
         return [
             [matrix[row, column] - slope * matrix[self.along, column] for column in self.others]
             for row, slope in zip(self.others, self.slopes(theta), strict=True)
         ]
 
     def steepness(self, theta: Any) -> list[Any]:
-        """W(theta) / theta over a ball, which may hold 0."""
+        """Return W(theta) / theta over a ball, which may hold 0."""
         return [_horner(row[1:], theta) for row in self.graph]
 
     def keeps_side(self, reach: Any, cone: Sequence[Any]) -> None:
-        """Shown: gamma_y has the curve's sign on |w_i| <= cone_i theta, 0 < theta <= reach: the mean value from 0."""
+        """Show that gamma_y has the curve's sign on |w_i| <= cone_i theta, 0 < theta <= reach."""
         if self.side is None:
             return
         span = arb(0).union(reach)
@@ -281,10 +326,10 @@ class Curve:
         for other, steep, k in zip(self.others, self.steepness(span), cone, strict=True):
             direction[other] = steep + arb(0, most(k))
         slope = self.side * self.saddle.sliding_slope(z, direction)
-        ask("the sign of the sliding velocity next to the saddle", slope)
+        ask("6.5: the sign of the sliding velocity next to the saddle", slope)
 
     def defect(self, theta: Any, order: int) -> list[Any]:
-        """D(theta + x) as a series in x to x^order."""
+        """Return D(theta + x) as a series in x to x^order."""
         with series_length(order + 1):
             variable = arb_series([theta, 1], prec=order + 1)
             flow = self.saddle.rates(self.point(variable), self.side)
@@ -292,7 +337,7 @@ class Curve:
             return [flow[other] - slope * flow[self.along] for other, slope in pairs]
 
     def relative_defect(self, reach: Any) -> list[Any]:
-        """Bounds d of |D(theta)| / |theta| for 0 < |theta| <= reach and all speeds; not finite if there are none."""
+        """Return bounds d of |D(theta)| / |theta| for 0 < |theta| <= reach and all speeds, or NaN."""
         order, whole = self.order, arb(0).union(reach)
         if self.side is None:
             whole = whole.union(-reach)
@@ -303,7 +348,7 @@ class Curve:
             return [arb.nan()] * 2
         bounds = []
         for inner, outer in zip(inside, over, strict=True):
-            need(bool(coefficient(inner, 0) == 0), "the saddle is not at rest")
+            need(bool(coefficient(inner, 0) == 0), "6.1: the saddle is not at rest")
             total = most(coefficient(outer, order + 1)) * reach**order
             for power in range(1, order + 1):
                 total += most(coefficient(inner, power)) * reach ** (power - 1)
@@ -311,11 +356,15 @@ class Curve:
         return bounds
 
 
-def leaving(curve: Curve, theta: Any, cone: Sequence[Any], defect: Sequence[Any]) -> tuple[list[Any], list[Any], Any]:
-    """Shown: the unstable branch at z_u = theta > 0 lies in the cone. The box of z there, a box of z that holds it from
-    the saddle to there, and DF over that one.
+def leaving(
+    curve: ManifoldGraph, theta: Any, cone: Sequence[Any], defect: Sequence[Any]
+) -> tuple[list[Any], list[Any], Any]:
+    """Show that the unstable branch at z_u = theta > 0 lies in the cone (6.1).
+
+    Returns:
+        The box of z there, a box of z that holds the branch up to there, and DF over the latter.
     """
-    ask("the reach and the cone next to the saddle", theta, *cone)
+    ask("6.1: the reach and the cone next to the saddle", theta, *cone)
     span = arb(0).union(theta)
     within = [arb(0, most(k * theta)) for k in cone]
     whole = curve.point(span, within)
@@ -325,28 +374,32 @@ def leaving(curve: Curve, theta: Any, cone: Sequence[Any], defect: Sequence[Any]
     growth = matrix[UNSTABLE, UNSTABLE] + sum(
         (matrix[UNSTABLE, other] * (slope + arb(0, most(k))) for other, slope, k in along), arb(0)
     )
-    ask("the cone of the unstable manifold", growth)
+    ask("6.1: the cone of the unstable manifold", growth)
     for i, j in ((0, 1), (1, 0)):
         inwards = cone[i] * (growth - rows[i][i]) - abs(rows[i][j]) * cone[j] - defect[i]
-        ask("the cone of the unstable manifold", inwards)
+        ask("6.1: the cone of the unstable manifold", inwards)
     curve.keeps_side(theta, cone)
     return curve.point(theta, within), whole, matrix
 
 
-def block(curve: Curve, extents: Sequence[Any]) -> tuple[Any, list[Any], Any]:
-    """Shown: N with the extents s, u, t isolates. Its delta, a box of z that holds N, and DF over that box."""
+def block(curve: ManifoldGraph, extents: Sequence[Any]) -> tuple[Any, list[Any], Any]:
+    """Show that N with the extents s, u, t isolates (6.3).
+
+    Returns:
+        Its delta, a box of z that holds N, and DF over that box.
+    """
     s, u, t = extents
-    ask("the isolating block", s, u, t)
+    ask("6.3: the isolating block", s, u, t)
     span = arb(0, most(s))
     box = curve.point(span, (arb(0, most(u)), arb(0, most(t))))
     matrix = arb_mat(curve.saddle.field(box)[1])
     (outwards, from_f), (from_u, inwards) = curve.across(matrix, span)
     defect = [d * s for d in curve.relative_defect(s)]
-    ask("the isolating block", outwards)
+    ask("6.3: the isolating block", outwards)
     curve.keeps_side(s, (arb(0), arb(0)))
     delta = most((defect[0] + abs(from_f) * t) / outwards.lower() * 9 / 8)
     ask(
-        "the faces of the isolating block",
+        "6.3: the faces of the isolating block",
         u - delta,
         outwards * delta - abs(from_f) * t - defect[0],
         -inwards * t - abs(from_u) * u - defect[1],

@@ -1,10 +1,12 @@
-"""A limit cycle at an exact speed: what is claimed, how it follows from a Krawczyk test, and its sentence.
+"""A limit cycle at an exact speed: the claim, its proof from a Krawczyk test, and its sentence.
 
-Theorems 5 and 9 of docs/certified.md say why a fixed point lies on a cycle, and how the numbers follow on balls: period
-and largest |beta_bar| by the mean value theorem from the test's middle, the derivatives by the speed and the
-multipliers from the flight over its box. The determinant of the turn map's P' is D = exp(integral of div f) at a fixed
-point, for the factor gamma'(start) / gamma'(end) is 1 there. That of the half map's is -D: S after the flow has the
-derivative -DPhi, with eigenvalue 1 along the field, and determinant -det DPhi.
+By Theorems 5 and 9 of docs/certified_cycles.md a fixed point lies on a cycle, and the numbers
+follow on balls. Period and largest |beta_bar| follow by the mean value theorem from the test's
+middle. The derivatives by the speed and the multipliers follow from the flight over its box.
+
+Let D = exp(integral of div f). The determinant of the turn map's P' is D at a fixed point, because
+the factor gamma'(start) / gamma'(end) is 1 there. That of the half map's P' is -D: S after the flow
+has the derivative -DPhi, with eigenvalue 1 along the field, and determinant -det DPhi.
 """
 
 from __future__ import annotations
@@ -15,7 +17,7 @@ from typing import Any
 from tippedisk_verify.proofs.kernel.balls import arb, ball, need, negative, positive, working_precision
 from tippedisk_verify.proofs.kernel.krawczyk import BOX, FLIGHT, FixedPoints, replayed_test
 from tippedisk_verify.proofs.kernel.reading import MANNERS, MEASURED, count, decimal, dyadic, held, one_of, precision
-from tippedisk_verify.proofs.kernel.section import HALF, TURN, Return, Section
+from tippedisk_verify.proofs.kernel.section import HALF, TURN, PoincareSection, Return
 
 __all__ = [
     "KINDS",
@@ -28,40 +30,45 @@ __all__ = [
     "place",
     "reversals",
     "sentence",
-    "show",
     "stability",
-]  # fmt: skip
+    "verify",
+]
 
 KINDS = {"limit cycle": HALF, "rotating limit cycle": TURN}
-#: names of a section's coordinates
+#: the names of a section's coordinates
 UNKNOWNS = {HALF: ("gamma_bar_0", "v_0"), TURN: ("beta_bar_top", "v_top")}
 
 
-def names(section: Section) -> tuple[str, ...]:
-    """The numbers claimed, those first that come to the digits asked for (`main`)."""
+def names(section: PoincareSection) -> tuple[str, ...]:
+    """Return the names of the numbers claimed, first those of `main`, which have the requested
+    digits.
+    """
     slopes = (f"d{name}_domega" for name in UNKNOWNS[section])
     others = ("multiplier_slow", "log_multiplier_slow", "log_multiplier_fast", "dperiod_domega")
     return *main(section), *others, *slopes
 
 
-def main(section: Section) -> tuple[str, ...]:
+def main(section: PoincareSection) -> tuple[str, ...]:
     return "period", *UNKNOWNS[section], *(["beta_max"] if section == HALF else [])
 
 
 def place(claim: Mapping[str, Any], middle: Sequence[Any]) -> tuple[list[Any], Any]:
-    """The test's middle of two points on the section, with the speed's; and how far the speed is from that, a ball."""
+    """Return the test's middle, of three points, and the ball of the speed's deviation from it."""
     speed = ball(claim["omega"])
     return [*middle, speed.mid()], speed - speed.mid()
 
 
-def cycle_numbers(section: Section, fixed: FixedPoints) -> dict[str, Any]:
-    """The cycle's numbers, balls, by name."""
+def cycle_numbers(section: PoincareSection, fixed: FixedPoints) -> dict[str, Any]:
+    """Return the cycle's numbers, balls, by name."""
     centre, box, laps = fixed.centre, fixed.box, section.laps
     (a, b), (c, d) = box.matrix
     trace, shrinking = a + d, box.divergence.exp()
-    # Of a complex pair, or where a turn map's trace has no certain sign, this is not finite, and shows nothing.
+    # For a complex pair, or a turn map's trace of uncertain sign, this is not finite and proves
+    # nothing.
     larger = (abs(trace) + (trace * trace - 4 * section.sign * shrinking).sqrt()) / 2
-    sign = 1 if section == HALF or positive(trace) else -1 if negative(trace) else arb.nan()
+    sign: Any = 1
+    if section != HALF and not positive(trace):
+        sign = -1 if negative(trace) else arb.nan()
     slow, determinant = laps * larger.log(), (1 - a) * (1 - d) - b * c
     by_omega = [
         ((1 - d) * box.by_omega[0] + b * box.by_omega[1]) / determinant,
@@ -85,7 +92,7 @@ def cycle_numbers(section: Section, fixed: FixedPoints) -> dict[str, Any]:
 
 
 def stability(numbers: Mapping[str, Any]) -> bool | None:
-    """Asymptotically stable (True) or unstable (False), proved; None if not decided."""
+    """Return True if asymptotic stability is proved, False if instability is, None if neither is."""
     slow, fast = numbers["log_multiplier_slow"], numbers["log_multiplier_fast"]
     if negative(slow) and negative(fast):
         return True
@@ -93,14 +100,15 @@ def stability(numbers: Mapping[str, Any]) -> bool | None:
 
 
 def apart(fixed: FixedPoints, radii: Sequence[Any]) -> tuple[Any, Any]:
-    """Distances from the fixed point within which a box of these radii, that passed a test too, reaches."""
-    # The fixed point lies within K of m, so a distance from it reaches that much less far from m.
+    """Return distances from the fixed point that stay within a tested box of these radii."""
+    # The fixed point is up to |K| away from m, so its distance to the box's faces is smaller by
+    # that.
     first, second = (radius.rad() - abs(part) for radius, part in zip(radii, fixed.shift, strict=False))
     return first, second
 
 
-def reversals(section: Section, fixed: FixedPoints) -> int:
-    """How often the sliding velocity changes its sign in a period, shown under the smooth law only."""
+def reversals(section: PoincareSection, fixed: FixedPoints) -> int:
+    """Return the number of sign changes of the sliding velocity in a period (smooth law only)."""
     return int(section.laps * fixed.box.reversals)
 
 
@@ -119,8 +127,8 @@ SHAPES = {
 }
 
 
-def show(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> None:
-    """Raises Unproved if the evidence does not prove the claim."""
+def verify(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> None:
+    """Raise Unproved unless the evidence proves the claim."""
     section = KINDS[claim["kind"]]
     middle, drift = place(claim, evidence["middle"])
 
@@ -141,11 +149,11 @@ def show(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> None:
             test("wide box", fixed.centre)
     for name, room in zip(UNKNOWNS[section], apart(fixed, widest), strict=True):
         least = ball(claim["unique_within"][name])
-        need(bool(room >= least > 0), f"claim: no other {name} is so near, is not shown")
+        need(bool(room >= least > 0), f"claim: it is not shown that no other {name} is so near")
 
 
 def sentence(claim: Mapping[str, Any], numbers: Mapping[str, str]) -> str:
-    """What is said of the disk, in one sentence."""
+    """Return the statement about the disk, after its parameters, in one sentence."""
     section, n, room = KINDS[claim["kind"]], numbers, claim["unique_within"]
     first, second = UNKNOWNS[section]
     sliding = ""

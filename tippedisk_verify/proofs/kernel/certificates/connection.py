@@ -1,18 +1,27 @@
-"""Omega_h: in an interval of speeds noninverted spinning is connected with its copy, at exactly one (both laws).
+"""The interval of Omega_h: at exactly one of its speeds noninverted spinning is connected with its
+copy.
 
-Theorems 6 and 7 of docs/certified.md say what is claimed and why the following suffices. The unstable branch of the
-saddle (0, -pi, 0) (shifted angles) that leaves with growing gamma passes z_u = theta_0 at a point p_0(Omega) and some
-steps later is at p(Omega), near the saddle (0, pi, 0). Let I be the interval of speeds.
+Theorems 6 and 7 of docs/certified_connection.md show that the following suffices. Both friction
+laws are allowed. In shifted angles the saddles are (0, -pi, 0) and (0, pi, 0). The unstable branch
+of the first one that leaves with growing gamma passes z_u = theta_0 at a point p_0(Omega). Some
+steps later it is at p(Omega), near the second one. Let I be the interval of speeds.
 
-1. *Start.* A cone at the first saddle encloses p_0 on all of I, and cones with the speed as a fourth coordinate the
-   difference of two of its points: p_0(Omega') - p_0(Omega) = (P e_s [-k_s, k_s] + P e_f [-k_f, k_f]) (Omega' - Omega).
-2. *Flight.* By the derivatives of the flow p(Omega') - p(Omega) = P G (Omega' - Omega) with an enclosed vector G; the
-   set of states gives p at both ends of I by themselves.
-3. *Arrival.* p(I) lies in an isolating block N of the second saddle (`saddle.block`). At one end of I w_u < -delta,
-   at the other w_u > delta.
+1. *Start.* A cone at the first saddle encloses p_0 on all of I. Cones with the speed as a fourth
+   coordinate enclose the difference of two of its points:
+
+       p_0(Omega') - p_0(Omega) = (P e_s [-k_s, k_s] + P e_f [-k_f, k_f]) (Omega' - Omega).
+
+2. *Flight.* By the derivatives of the flow p(Omega') - p(Omega) = P G (Omega' - Omega) with an
+   enclosed vector G. The set of states also gives p at both ends of I separately.
+3. *Arrival.* p(I) lies in an isolating block N of the second saddle (`saddle.block`). At one end of
+   I w_u < -delta, at the other w_u > delta.
 4. *Uniqueness.* G lies in the unstable cone of a box about the saddle on which the cones hold.
-5. *The box of the statement*, |beta_bar| <= b, |gamma_bar - pi| <= c, |v| <= d, holds N, and the branch from its first
-   arrival at gamma_bar = pi - c until the flight's end, during which gamma grows.
+5. *The box of the statement*, |beta_bar| <= b, |gamma_bar - pi| <= c, |v| <= d, holds N. It also
+   holds the branch from its first arrival at gamma_bar = pi - c until the flight's end, while gamma
+   grows.
+
+A message of refusal begins with the number of the part of the theorem's proof that fails, such as
+6.3.
 """
 
 from __future__ import annotations
@@ -25,19 +34,19 @@ from typing import Any
 from flint import arb, arb_mat
 
 from tippedisk_verify.proofs.kernel.balls import Unproved, ball, need, positive
-from tippedisk_verify.proofs.kernel.claims.saddle import (
+from tippedisk_verify.proofs.kernel.certificates.saddle import (
     FAST,
     SLOW,
     UNSTABLE,
-    Curve,
-    Saddle,
+    ManifoldGraph,
+    SaddleCoordinates,
     ask,
     block,
     cones,
     leaving,
     most,
 )
-from tippedisk_verify.proofs.kernel.krawczyk import FLIGHT, Replay
+from tippedisk_verify.proofs.kernel.krawczyk import FLIGHT, StepReplay
 from tippedisk_verify.proofs.kernel.reading import MEASURED, decimal, dyadic, one_of
 from tippedisk_verify.proofs.kernel.step import Step
 
@@ -46,25 +55,25 @@ __all__ = [
     "EIGENVALUES",
     "SHAPES",
     "SIDES",
-    "Connection",
+    "EnclosedConnection",
     "Recorded",
     "alone",
-    "connection_shown",
     "holds",
     "sentence",
-    "show",
-]  # fmt: skip
+    "verify",
+    "verify_connection",
+]
 
-#: the names of the numbers, by descending value
+#: The names of the eigenvalues, by descending value.
 EIGENVALUES = ("lambda_u", "lambda_s", "lambda_ss")
-#: of a refusal, where the interval may hold no connection
-SIDES = "the ends of the interval are not shown to pass on opposite sides"
+#: The refusal if the interval may hold no connection.
+SIDES = "6.3: the ends of the interval are not shown to pass on opposite sides"
 
-_PIECES = 8  # of a step, for what is to hold all along it
+_PIECES = 8  # of a step, for properties all along it
 _UPRIGHT = Fraction("1.5707")
 
 _CURVE = {"graph": [[dyadic, None], 2], "side?": one_of("1", "-1")}
-#: what has to be chosen; the speeds, the box of the statement and the eigenvalues are the claim's
+#: The choices. The speeds, the box of the statement and the eigenvalues are the claim's.
 CHOICES = {
     "directions": [[dyadic, 3], 3],
     "unstable": {**_CURVE, "reach": dyadic},
@@ -78,8 +87,10 @@ CHOICES = {
 
 
 @dataclass(frozen=True)
-class Connection:
-    """What is shown: at exactly one speed (or at least one) of [low, high] there is a connection of saddles."""
+class EnclosedConnection:
+    """A verified interval of speeds: exactly one (or at least one) of them has a connection of
+    saddles.
+    """
 
     disk: dict[str, str]
     friction: str
@@ -90,22 +101,22 @@ class Connection:
     upright: bool  #: |beta_bar| < pi/2 all along
     slowly: bool  #: the connection comes in along the slow stable direction
     above: bool  #: the branch leaves N with falling gamma above Omega_h in I, not below it
-    pieces: list[Any]  #: boxes of states, in order of time, that hold the branch from the first saddle to its arrival
+    pieces: list[Any]  #: boxes of states along the branch, in order of time
 
 
-def connection_shown(
+def verify_connection(
     disk: dict[str, str], friction: str, omega_h: tuple[Fraction, Fraction], choose: Callable[..., Any]
-) -> Connection:
-    """What is shown of the interval ``omega_h`` (middle, half-width) [rad/s].
+) -> EnclosedConnection:
+    """Verify the interval ``omega_h`` (middle, half-width) [rad/s].
 
-    ``choose`` is called with the names of `CHOICES`, and with "room" and "eigenvalues", and what they may depend on.
-    Raises Unproved with the inequality that fails.
+    ``choose`` is called with the names of `CHOICES`, "room" and "eigenvalues", and the values on
+    which each may depend. Raises Unproved with the inequality that fails.
     """
     middle, half = omega_h
     need(0 < half < middle, "claim: the interval of speeds is empty, or not above zero")
     low, high = middle - half, middle + half
     speeds = ball(middle) + arb(0, ball(half).upper())
-    saddle = Saddle(disk, friction, speeds, choose("directions"))
+    saddle = SaddleCoordinates(disk, friction, speeds, choose("directions"))
     _eigenvalues(saddle, choose("eigenvalues", saddle))
     start, change, upright, whole = _departure(saddle, choose)
     arriving = _curve(saddle, SLOW, choose("slow", saddle))
@@ -113,7 +124,7 @@ def connection_shown(
     while True:
         step = path.step()
         if step is None:
-            raise Unproved("the flight between the saddles could not be enclosed")
+            raise Unproved("6.2: the flight between the saddles could not be enclosed")
         pieces += _parts(step)
         upright = upright and _stands(step.enclosure[0])
         path.take(step)
@@ -124,8 +135,8 @@ def connection_shown(
     extents = choose("block", z, arriving)
     delta, box, matrix = block(arriving, extents)
     w_u, w_f = arriving.straightened(z)
-    ask("arrivals lie in the block", *(x - abs(y) for x, y in zip(extents, (z[SLOW], w_u, w_f), strict=True)))
-    # The ends of I: what they deviate from the middle of the speeds is a point.
+    ask("6.3: arrivals lie in the block", *(x - abs(y) for x, y in zip(extents, (z[SLOW], w_u, w_f), strict=True)))
+    # The deviations of the ends of I from the middle of the speeds are points.
     shifts = [ball(end) - speeds.mid() for end in (low, high)]
     ends = [saddle.seen(path.frame, [*path.frame.deviation[:3], shift]) for shift in shifts]
     first, last = (arriving.straightened(end)[0] for end in ends)
@@ -133,20 +144,23 @@ def connection_shown(
     need(rising or _surely(first - delta, -last - delta), SIDES)
     offset = saddle.offset(box)
     room = choose("room", offset, pieces, saddle, G)
-    need(holds(room, offset, pieces), "the box at the second saddle is not shown to keep what arrives")
+    need(holds(room, offset, pieces), "6.3: the box at the second saddle is not shown to keep what arrives")
     unique = alone(saddle, room, G, choose)
     upright = upright and _stands(ball(room[0]))
-    return Connection(disk, friction, low, high, room, unique, upright, _slowly(matrix, z), not rising, pieces)
+    return EnclosedConnection(disk, friction, low, high, room, unique, upright, _slowly(matrix, z), not rising, pieces)
 
 
-def _curve(saddle: Saddle, along: int, entry: dict[str, Any]) -> Curve:
-    need(("side" in entry) == (saddle.friction == "smooth"), "the smooth law has sides, the linear one has none")
-    return Curve(saddle, along, entry["graph"], int(entry["side"]) if "side" in entry else None)
+def _curve(saddle: SaddleCoordinates, along: int, entry: dict[str, Any]) -> ManifoldGraph:
+    need(("side" in entry) == (saddle.friction == "smooth"), "6.5: the smooth law has sides, the linear law has not")
+    return ManifoldGraph(saddle, along, entry["graph"], int(entry["side"]) if "side" in entry else None)
 
 
-def _departure(saddle: Saddle, choose: Callable[..., Any]) -> tuple[list[Any], list[Any], bool, list[Any]]:
-    """The branch at z_u = theta_0; how it changes there with the speed, in z and the speed; whether it stays upright up
-    to there; and a box of offsets from the first saddle that holds it.
+def _departure(saddle: SaddleCoordinates, choose: Callable[..., Any]) -> tuple[list[Any], list[Any], bool, list[Any]]:
+    """Enclose the branch up to z_u = theta_0.
+
+    Returns:
+        A box of z at theta_0; its derivative there by the speed, in z and the speed; whether the
+        branch stays upright; a box of states that holds it.
     """
     entry = choose("unstable", saddle)
     curve, theta = _curve(saddle, UNSTABLE, entry), entry["reach"]
@@ -155,14 +169,14 @@ def _departure(saddle: Saddle, choose: Callable[..., Any]) -> tuple[list[Any], l
     start, whole, matrix = leaving(curve, theta, cone, defect)
     by_speed = saddle.field(whole, curve.side)[2]
     _, k_s, k_f = weights = choose("drift", matrix, by_speed)
-    ask("the cones at the first saddle", *weights, *cones(matrix, weights, by_speed))
+    ask("6.4: the cones at the first saddle", *weights, *cones(matrix, weights, by_speed))
     offset = saddle.offset(whole)
     # All along the cone the offset from the saddle is z_u times one of these directions.
     rows, slopes = saddle.directions.tolist(), curve.steepness(arb(0).union(theta))
     directions = [slope + arb(0, most(k)) for slope, k in zip(slopes, cone, strict=True)]
     for row in rows[:2]:  # where beta_bar > 0, gamma grows
         along = zip(curve.others, directions, strict=True)
-        ask("gamma grows where the branch leaves", row[UNSTABLE] + sum((row[k] * x for k, x in along), arb(0)))
+        ask("6.1: gamma grows where the branch leaves", row[UNSTABLE] + sum((row[k] * x for k, x in along), arb(0)))
     state = [offset[0], offset[1] - arb.pi(), offset[2]]
     return start, [arb(0), arb(0, most(k_s)), arb(0, most(k_f)), arb(1)], _stands(offset[0]), state
 
@@ -176,13 +190,15 @@ def _stands(beta: Any) -> bool:
 
 
 def _parts(step: Step) -> list[Any]:
-    """Boxes of states that hold the orbits over the step, in order of time."""
+    """Return boxes of states that hold the orbits over the step, in order of time."""
     share = arb(step.length) / (2 * _PIECES)
     return [step.at((2 * k + 1) * share + arb(0, share.upper())) for k in range(_PIECES)]
 
 
 def holds(room: Sequence[Fraction], offset: Sequence[Any], pieces: Sequence[Any]) -> bool:
-    """Whether the room holds a block's offsets from the saddle, and all orbits from their first arrival in it on."""
+    """Return True if the room holds a block's offsets, and all orbits after their first arrival in
+    it.
+    """
     sizes = [ball(extent) for extent in room]
     offsets = [(beta, gamma - arb.pi(), v) for beta, gamma, v in pieces]
     first = next((place for place, (_, gamma, _) in enumerate(offsets) if not positive(-sizes[1] - gamma)), 0)
@@ -193,23 +209,28 @@ def holds(room: Sequence[Fraction], offset: Sequence[Any], pieces: Sequence[Any]
     return inside and all(_surely(size - abs(x)) for size, x in zip(sizes, offset, strict=True))
 
 
-def alone(saddle: Saddle, room: Sequence[Fraction], G: Sequence[Any], choose: Callable[..., Any]) -> bool:
-    """Whether orbits of two speeds cannot both stay in the box. Raises Unproved if no one is shown to converge."""
+def alone(saddle: SaddleCoordinates, room: Sequence[Fraction], G: Sequence[Any], choose: Callable[..., Any]) -> bool:
+    """Return True if orbits of two speeds cannot both stay in the box.
+
+    Raises Unproved if an orbit that stays is not shown to converge.
+    """
     box = saddle.coordinates([arb(0, ball(extent).upper()) for extent in room])
     _, slopes, by_speed = saddle.field(box)
     matrix = arb_mat(slopes)
-    ask("the cones of the box at the second saddle", *cones(matrix, (arb(1), arb(1), arb(1))))
+    ask("6.4: the cones of the box at the second saddle", *cones(matrix, (arb(1), arb(1), arb(1))))
     weights = choose("apart", matrix, by_speed, G)
     inside = [abs(G[UNSTABLE]) - weights[0], *(weights[k] - abs(G[k]) for k in (SLOW, FAST))]
     return _surely(*weights, *inside, *cones(matrix, weights, by_speed))
 
 
 def _slowly(matrix: Any, z: Sequence[Any]) -> bool:
-    """Whether an orbit that is in the box z now, and in N for ever, converges along the slow stable direction.
+    """Return True if an orbit in the box z that stays in N converges along the slow direction
+    (7.3).
 
-    With weights 1 it has |z_u| <= max(|z_s|, |z_f|). Where |z_f| = |z_s|, |z_f| grows less than |z_s| if the Gershgorin
-    discs of the two rows, enclosed over N in ``matrix``, lie apart; then |z_f| < |z_s| stays true. The eigenvector of
-    the fast eigenvalue, which lies in the fast row's disc, has |z_f| > |z_s|.
+    With weights 1 it has |z_u| <= max(|z_s|, |z_f|). Let the Gershgorin discs of the two rows,
+    enclosed over N in ``matrix``, be disjoint. Then |z_f| grows less than |z_s| where |z_f| =
+    |z_s|, so |z_f| < |z_s| stays true. The fast eigenvalue lies in the fast row's disc, and its
+    eigenvector has |z_f| > |z_s|.
     """
     slow, fast = (
         (matrix[row, row], sum((abs(matrix[row, k]) for k in range(3) if k != row), arb(0))) for row in (SLOW, FAST)
@@ -217,8 +238,10 @@ def _slowly(matrix: Any, z: Sequence[Any]) -> bool:
     return _surely(slow[0] - slow[1] - (fast[0] + fast[1]), abs(z[SLOW]) - abs(z[FAST]))
 
 
-def _eigenvalues(saddle: Saddle, claimed: Sequence[tuple[Fraction, Fraction]]) -> None:
-    """Shown: each of three disjoint intervals holds one eigenvalue at every speed, in descending order."""
+def _eigenvalues(saddle: SaddleCoordinates, claimed: Sequence[tuple[Fraction, Fraction]]) -> None:
+    """Show that each of three disjoint intervals holds one eigenvalue at every speed, in descending
+    order.
+    """
     c, w = saddle.constants, saddle.omega
     arm = c.r - c.e
     drag = c.k / c.b * arm
@@ -227,19 +250,19 @@ def _eigenvalues(saddle: Saddle, claimed: Sequence[tuple[Fraction, Fraction]]) -
     for value, half in claimed:
         for x in map(ball, (value + half, value - half)):
             p = ((x + a_2) * x + a_1) * x + a_0
-            signs.append(1 if positive(p) else -1 if positive(-p) else 0)
+            signs.append(int(positive(p)) - int(positive(-p)))
     ends = [x for value, half in claimed for x in (value + half, value - half)]
     need(ends == sorted(ends, reverse=True) and signs == [1, -1, -1, 1, 1, -1], "claim: the eigenvalues are not shown")
 
 
 class Recorded:
-    """The choices of a certificate: entries by their names. The flight ends where its log does."""
+    """The choices of a certificate, by name. The flight ends with its log."""
 
     def __init__(self, entries: Mapping[str, Any]) -> None:
         self.entries = entries
-        self._flight = Replay(entries["flight"], "the flight")
+        self._flight = StepReplay(entries["flight"], "the flight")
 
-    def __call__(self, name: str, *shown: Any) -> Any:
+    def __call__(self, name: str, *context: Any) -> Any:
         if name == "flight":
             return self._flight
         return self._flight.number == len(self._flight.log) if name == "arrived" else self.entries[name]
@@ -257,30 +280,31 @@ SHAPES = {
 }
 
 
-def show(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> None:
-    """Raises Unproved if the evidence does not prove the claim."""
+def verify(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> None:
+    """Raise Unproved unless the evidence proves the claim."""
     numbers = {name: (Fraction(x["value"]), Fraction(x["uncertainty"])) for name, x in claim["numbers"].items()}
     claimed = {
         "eigenvalues": [numbers[name] for name in EIGENVALUES],
         "room": tuple(Fraction(claim[name]) for name in ("beta", "gamma", "v")),
     }
     choices = Recorded({**evidence, **claimed})
-    shown = connection_shown(claim["parameters"], claim["friction"], numbers["omega_h"], choices)
-    need(not claim["unique"] or shown.unique, "claim: that there is no other speed is not shown")
-    need(not claim["upright"] or shown.upright, "claim: that the disk never lies flat is not shown")
+    verified = verify_connection(claim["parameters"], claim["friction"], numbers["omega_h"], choices)
+    need(not claim["unique"] or verified.unique, "claim: that there is no other speed is not shown")
+    need(not claim["upright"] or verified.upright, "claim: that the disk never lies flat is not shown")
 
 
 def sentence(claim: Mapping[str, Any], numbers: Mapping[str, str]) -> str:
-    """What is said of the disk, in one sentence."""
+    """Return the statement about the disk, after its parameters, in one sentence."""
     middle, half = (claim["numbers"]["omega_h"][name] for name in ("value", "uncertainty"))
+    count = "exactly one" if claim["unique"] else "at least one"
+    upright = ", with |beta - pi/2| < pi/2 all along" if claim["upright"] else ""
+    eigenvalues = ", ".join(numbers[name] for name in EIGENVALUES)
     return (
-        f" there is "
-        f"{'exactly one' if claim['unique'] else 'at least one'} Omega with |Omega - {middle} rad/s| <= {half} rad/s "
+        f" there is {count} Omega with |Omega - {middle} rad/s| <= {half} rad/s "
         "at which the branch of the unstable manifold of (beta, gamma, v) = (pi/2, -pi/2, 0) that leaves with growing "
         f"gamma, from the moment on at which it first has gamma = 3 pi/2 - {claim['gamma']}, stays in the box "
         f"|beta - pi/2| <= {claim['beta']}, |gamma - 3 pi/2| <= {claim['gamma']}, |v| <= {claim['v']} rad/s and "
-        f"converges to (pi/2, 3 pi/2, 0){', with |beta - pi/2| < pi/2 all along' * claim['upright']}; by the symmetry "
+        f"converges to (pi/2, 3 pi/2, 0){upright}; by the symmetry "
         "(beta, gamma, v) -> (pi - beta, pi - gamma, -v) the connection back exists at the same speed, an Omega_h; at "
-        f"every speed of the interval the saddle's eigenvalues are {', '.join(numbers[name] for name in EIGENVALUES)} "
-        "1/s."
+        f"every speed of the interval the saddle's eigenvalues are {eigenvalues} 1/s."
     )

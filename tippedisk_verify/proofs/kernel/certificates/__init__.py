@@ -1,4 +1,7 @@
-"""The claims that certificates make, and whether the evidence in a file proves them. Nothing is searched for here."""
+"""Certificates: their kinds, and the check that the evidence in a file proves its claim.
+
+No search.
+"""
 
 from __future__ import annotations
 
@@ -6,12 +9,12 @@ from collections.abc import Mapping
 from typing import Any
 
 from tippedisk_verify.proofs.kernel.balls import Unproved, need, working_precision
-from tippedisk_verify.proofs.kernel.claims import connection, connection_cycles, cycle, family, fold
+from tippedisk_verify.proofs.kernel.certificates import connection, connection_cycles, cycle, family, fold
 from tippedisk_verify.proofs.kernel.field import UNITS
 from tippedisk_verify.proofs.kernel.reading import (
     DISK,
     LAWS,
-    Claim,
+    ClaimReader,
     Refused,
     content_of,
     digest,
@@ -23,26 +26,27 @@ from tippedisk_verify.proofs.kernel.reading import (
 __all__ = ["FORMAT", "KINDS", "Refused", "Unproved", "check", "digest", "proved", "sentence"]
 
 FORMAT = "tippedisk certificate 3"
-#: The modules that show them. ``SHAPES`` says what a claim has besides `DISK`, and what its evidence; ``show`` raises
-#: Unproved if the evidence does not prove the claim; ``sentence`` says what is claimed of the disk, given the numbers
-#: with their half-widths.
+#: The module of each kind. Its ``SHAPES`` are the members of claim (besides `DISK`) and evidence.
+#: Its ``verify`` raises Unproved unless the evidence proves the claim. Its ``sentence`` states the
+#: claim, given the numbers with half-widths.
 KINDS: dict[str, Any] = {
     kind: module for module in (cycle, fold, connection, connection_cycles, family) for kind in module.SHAPES
 }
 
 
 def check(path: str, mapped: family.Mapped = map) -> str:
-    """`proved`, of what is in a file."""
+    """Apply `proved` to the content of a file."""
     return proved(content_of(path), mapped)
 
 
 def proved(content: Any, mapped: family.Mapped = map) -> str:
-    """The claim in one sentence, if the evidence proves it. Raises Unproved or Refused if not.
+    """Verify a certificate and return its claim as a sentence. Raises Unproved or Refused.
 
-    ``mapped`` may be the map of a pool of processes: a family's arcs take most of the time, and are shown one by one.
+    ``mapped`` may be the map of a pool of processes: a family's arcs take most of the time, and
+    each is verified separately.
     """
     if not isinstance(content, dict) or not isinstance(content.get("claim"), dict):
-        raise Refused(f"it is no object with the format '{FORMAT}' and a claim")
+        raise Refused(f"it is not an object with the format '{FORMAT}' and a claim")
     if content.get("format") != FORMAT:
         raise Refused(f"its format is not '{FORMAT}': write it again with this version")
     kind = parsed(content["claim"].get("kind"), one_of(*KINDS), "claim kind")
@@ -51,20 +55,21 @@ def proved(content: Any, mapped: family.Mapped = map) -> str:
     with working_precision(bits):
         shape = {"format": str, "claim": DISK | claim, "bits": precision, "evidence": evidence, "sha256": str}
         file = parsed(content, shape, "the file")
-        need(content["sha256"] == digest(content), "the content is not what its digest, sha256, was made of")
-        shared, said = (mapped,) if KINDS[kind] is family else (), Claim(file["claim"])
+        need(content["sha256"] == digest(content), "the content does not have its digest, sha256")
+        reader = ClaimReader(file["claim"])
+        extra = (mapped,) if KINDS[kind] is family else ()
         try:
-            KINDS[kind].show(said, file["evidence"], *shared)
+            KINDS[kind].verify(reader, file["evidence"], *extra)
         except (ValueError, IndexError, OverflowError, ZeroDivisionError) as fault:
             raise Unproved(f"its choices cannot be computed with: {fault}") from None
-    # The kind chose the test; of what a kind narrows in `DISK`, reading the file was the test.
-    untested = said.keys() - said.read - {"kind"} - (claim.keys() & DISK.keys())
+    # The kind chose the test. Reading the file tested the members that a kind narrows in `DISK`.
+    untested = reader.keys() - reader.read - {"kind"} - (claim.keys() & DISK.keys())
     need(not untested, f"claim: nothing tests {', '.join(sorted(untested))}")
     return sentence(file["claim"])
 
 
 def sentence(claim: Mapping[str, Any]) -> str:
-    """What is claimed, in one sentence or some."""
+    """Return the claim in one or more sentences."""
     disk = ", ".join(f"{name} = {claim['parameters'][name]}{unit}" for name, unit in UNITS.items())
     numbers = {name: f"{number['value']} ± {number['uncertainty']}" for name, number in claim["numbers"].items()}
     words = KINDS[claim["kind"]].sentence(claim, numbers)

@@ -1,18 +1,21 @@
-"""The family of limit cycles from the Hopf point on: arcs that are one curve, and what is claimed of it.
+"""The family of limit cycles from the Hopf point on: arcs that form one curve, and its claim.
 
-**An arc** covers an interval of amplitudes a = gamma_bar_0. It is one of `curves` over an interval of a or, at the Hopf
-point, one of `scaled` over an interval of a^2 that begins at 0. Over a first box about the polynomials the inclusion
-and all signs of Theorem 5b (docs/certified_cycles.md) are shown; over a wider one the inclusion alone, which says how
-far there is no other cycle. The numbers of a `Piece` are exact: balls are rounded outwards.
+**An arc** covers an interval of amplitudes a = gamma_bar_0. It is one of `curves` over an interval
+of a or, at the Hopf point, one of `scaled` over an interval of a^2 that begins at 0. Over a first
+box about the polynomials the inclusion and all signs of Theorem 5b (docs/certified_cycles.md) are
+shown. Over a wider box the inclusion alone is shown: it bounds the distance of other cycles. The
+numbers of a `Piece` are exact, because balls are rounded outwards.
 
-The first arc begins at the Hopf point, gamma_bar_0 = 0; each next one begins where the last one ends. Theorem 5b of
-docs/certified.md says why arcs are one curve if the enclosure of one's cycle, where they meet, lies in the other one's
-box of uniqueness; the comparison is one of rational numbers (`joined`). So what falls or grows strictly on each arc
-does so on all of it. It says as well why the last arc's cycle joins the curve to the cycles next to the connection.
+**One curve.** The first arc begins at the Hopf point, gamma_bar_0 = 0, and each next one begins at
+the end of the last. By Theorem 5b, two arcs are one curve if the enclosure of one arc's cycle,
+where they meet, lies in the other arc's box of uniqueness. The comparison is one of rational
+numbers (`joined`). So a quantity that falls or grows strictly on each arc does so on the whole
+curve. The theorem's proof also joins the last arc to the cycles next to the connection.
 
-At gamma_bar_0 = 0 the pair of imaginary eigenvalues has the half period t with exp(A t) x = -x. Its b is a sinusoid,
-and the flight shows that it has no zero inside the half period: the period is that of the pair. The enclosures are
-checked to hold the closed form's Omega_crit all the same.
+**The Hopf point.** At gamma_bar_0 = 0 the pair of imaginary eigenvalues has the half period t with
+exp(A t) x = -x. Its b is a sinusoid, and the flight shows that it has no zero inside the half
+period: the period is that of the pair. The enclosures are also checked to hold the closed form's
+Omega_crit.
 """
 
 from __future__ import annotations
@@ -25,16 +28,33 @@ from itertools import pairwise
 from typing import Any
 
 from tippedisk_verify.proofs.kernel.balls import Unproved, arb, ball, midpoint_and_radius, need, working_precision
-from tippedisk_verify.proofs.kernel.claims import connection_cycles
-from tippedisk_verify.proofs.kernel.curves import Arc, Curve, Replay, arc_test
+from tippedisk_verify.proofs.kernel.certificates import connection_cycles
+from tippedisk_verify.proofs.kernel.curves import Arc, Curve, CurveReplay, arc_test
 from tippedisk_verify.proofs.kernel.field import constants
 from tippedisk_verify.proofs.kernel.jets import Jet
 from tippedisk_verify.proofs.kernel.reading import MEASURED, decimal, held, one_of, parsed, precision
 from tippedisk_verify.proofs.kernel.scaled import ScaledCurve
 
-__all__ = ["KINDS", "SHAPES", "STEPS", "Job", "Mapped", "Piece", "Status", "box_test", "curve_fault",
-           "joined", "last_cycle", "omega_crit", "piece_shown", "sentence", "show", "signs", "unique_within",
-           "upper_bound"]  # fmt: skip
+__all__ = [
+    "KINDS",
+    "SHAPES",
+    "STEPS",
+    "ArcStatus",
+    "Job",
+    "Mapped",
+    "Piece",
+    "box_test",
+    "curve_fault",
+    "joined",
+    "last_cycle",
+    "omega_crit",
+    "sentence",
+    "signs",
+    "unique_within",
+    "upper_bound",
+    "verify",
+    "verify_piece",
+]
 
 KINDS = {"family of limit cycles": False, "whole family of limit cycles": True}  #: whether up to the connection
 _ROOMS = ("v_0_per_gamma_bar_0", "v_0", "omega")
@@ -42,17 +62,21 @@ _ROOMS = ("v_0_per_gamma_bar_0", "v_0", "omega")
 STEPS = [{"share": decimal, "axes?": [[decimal, 3], 3]}, None]
 BOX = {"radii": [decimal, 2], "steps": STEPS}
 ARC = {
-    "end": decimal, "curve": [[decimal, None], 2], "half": [decimal, None], "bits": precision,
-    "box": BOX, "wide box?": BOX,
-}  # fmt: skip
+    "end": decimal,
+    "curve": [[decimal, None], 2],
+    "half": [decimal, None],
+    "bits": precision,
+    "box": BOX,
+    "wide box?": BOX,
+}
 
 Pair = tuple[Fraction, Fraction]
 Rows = tuple[tuple[Fraction, ...], tuple[Fraction, ...]]  #: coefficients of two polynomials
 Job = tuple[Mapping[str, str], Fraction, int, Mapping[str, Any]]  #: the disk, where the arc begins, number, evidence
 
 
-class Status(Enum):
-    """Why an arc is not proved, or not joined to the others. The value says what failed."""
+class ArcStatus(Enum):
+    """The reasons for which an arc is not proved or not joined; each value is a message."""
 
     NOT_FOLLOWED = "the orbits of all these amplitudes could not be followed from section to section"
     NOT_INCLUDED = "Krawczyk's image does not lie inside the box"
@@ -67,18 +91,19 @@ class Status(Enum):
 
 @dataclass(frozen=True)
 class Piece:
-    """What is proved of all amplitudes from ``low`` to ``high`` [rad].
+    """A proved piece of the family, for all amplitudes from ``low`` to ``high`` [rad].
 
-    ``curve`` holds two polynomials of s, their coefficients beginning with that of s^0. Of an ordinary piece they are
-    v_0 [rad/s] and Omega [rad/s], and s = (2 a - low - high) / (high - low). A ``scaled`` one begins at the Hopf point,
-    low = 0; its first polynomial is v_0 / a [1/s], and s = 2 a^2 / high^2 - 1.
+    ``curve`` holds two polynomials of s, their coefficients beginning with that of s^0. For an
+    ordinary piece they are v_0 [rad/s] and Omega [rad/s], and s = (2 a - low - high) / (high -
+    low). A ``scaled`` piece begins at the Hopf point, low = 0. Its first polynomial is v_0 / a
+    [1/s], and s = 2 a^2 / high^2 - 1.
     """
 
     low: Fraction
     high: Fraction
     curve: Rows
-    unique_within: Pair  #: of the polynomials
-    within: Pair  #: of the polynomials lie the true values
+    unique_within: Pair  #: of the polynomials: no other cycle is nearer
+    within: Pair  #: of the polynomials: the true values are this near
     evidence: Mapping[str, Any] = field(default_factory=dict, compare=False, repr=False)  #: of the shape `ARC`
 
     @property
@@ -86,7 +111,7 @@ class Piece:
         return not self.low
 
     def at(self, amplitude: Fraction) -> Pair:
-        """The polynomials' v_0 [rad/s] and Omega [rad/s]."""
+        """Return the polynomials' v_0 [rad/s] and Omega [rad/s]."""
         s = (2 * amplitude - self.low - self.high) / (self.high - self.low)
         if self.scaled:
             s = 2 * amplitude**2 / self.high**2 - 1
@@ -94,22 +119,22 @@ class Piece:
         return self.scaled_to(amplitude, (first, second))
 
     def scaled_to(self, amplitude: Fraction, values: Pair) -> Pair:
-        """Values or distances of the polynomials as those of v_0 and Omega."""
+        """Convert values or distances of the polynomials to those of v_0 and Omega."""
         return values[0] * (amplitude if self.scaled else 1), values[1]
 
     def speeds(self, amplitude: Fraction) -> Pair:
-        """Numbers between which Omega lies [rad/s]."""
+        """Return a lower and an upper bound of Omega [rad/s]."""
         middle = self.at(amplitude)[1]
         return middle - self.within[1], middle + self.within[1]
 
 
 def polynomial(texts: Sequence[str]) -> Jet:
-    """Decimals, as exact as balls hold them."""
+    """Return the jet of balls that hold these decimals."""
     return Jet([ball(Fraction(text)) for text in texts])
 
 
 def upper_bound(x: Any) -> Fraction:
-    """A number that no absolute value in the finite ball exceeds."""
+    """Return an upper bound of the absolute values in a finite ball."""
     middle, radius = midpoint_and_radius(x)
     return abs(middle) + radius
 
@@ -122,7 +147,7 @@ def box_test(
     Args:
         disk: The eight exact numbers.
         low: The amplitude at which the arc begins [rad].
-        arc: Where the arc ends, and the coefficients of the two unknown numbers and of about half the period.
+        arc: Its end, and the coefficients of the two unknown numbers and of half the period.
         radii: Of the box, for the two unknown numbers.
         choices: Of the flight.
 
@@ -130,7 +155,7 @@ def box_test(
         Unproved: If the flight fails.
     """
     high = Fraction(arc["end"])
-    need(0 <= low < high, "it ends where it must not")
+    need(0 <= low < high, "its end is not above its beginning")
     begin, end = (low, high) if low else (low, high**2)
     first, second, half = map(polynomial, (*arc["curve"], arc["half"]))
     need(first.degree == second.degree == half.degree > 0, "its polynomials have unlike degrees")
@@ -141,20 +166,20 @@ def box_test(
     return arc_test(constants(disk), curve, choices)
 
 
-def signs(arc: Arc) -> Status | None:
-    """Which of the signs is not shown of an arc that has passed its test."""
+def signs(arc: Arc) -> ArcStatus | None:
+    """Return the first sign that is not shown for an arc that has passed its test, or None."""
     falling, stable = arc.falling(), arc.stable()
     if not falling:
-        return Status.NOT_FALLING if falling is None else Status.RISING
+        return ArcStatus.NOT_FALLING if falling is None else ArcStatus.RISING
     if not stable:
-        return Status.NOT_STABLE if stable is None else Status.UNSTABLE
+        return ArcStatus.NOT_STABLE if stable is None else ArcStatus.UNSTABLE
     if not arc.slowing():
-        return Status.NOT_SLOWING
-    return None if arc.widening() else Status.NOT_WIDENING
+        return ArcStatus.NOT_SLOWING
+    return None if arc.widening() else ArcStatus.NOT_WIDENING
 
 
-def piece_shown(job: Job) -> Piece:
-    """What the evidence of one arc shows. Raises Unproved."""
+def verify_piece(job: Job) -> Piece:
+    """Verify one arc and return its piece. Raises Unproved."""
     disk, low, number, content = job
     arc = parsed(content, ARC, f"arc {number}")
     names = [name for name in ("box", "wide box") if name in arc]
@@ -163,8 +188,8 @@ def piece_shown(job: Job) -> Piece:
         for name in names:
             radii = [Fraction(text) for text in arc[name]["radii"]]
             try:
-                tests.append(box_test(disk, low, arc, radii, Replay(arc[name]["steps"])))
-                need(tests[-1].included, Status.NOT_INCLUDED.value)
+                tests.append(box_test(disk, low, arc, radii, CurveReplay(arc[name]["steps"])))
+                need(tests[-1].included, ArcStatus.NOT_INCLUDED.value)
                 refusal = None if len(tests) > 1 else signs(tests[0])
                 need(refusal is None, refusal.value if refusal else "")
             except Unproved as fault:
@@ -180,14 +205,18 @@ Mapped = Callable[[Callable[[Job], Piece], Sequence[Job]], Iterable[Piece]]  #: 
 
 
 def joined(first: Piece, second: Piece, amplitude: Fraction) -> bool:
-    """Whether both pieces hold this positive amplitude and are proved to have the same cycle there."""
+    """Return True if both pieces hold this positive amplitude and provably have the same cycle
+    there.
+    """
     if not all(piece.low <= amplitude <= piece.high for piece in (first, second)) or amplitude <= 0:
         return False
     return _known_in(first, second, amplitude) or _known_in(second, first, amplitude)
 
 
 def _known_in(first: Piece, second: Piece, amplitude: Fraction) -> bool:
-    """Whether what encloses the first one's cycle lies in the second one's box of uniqueness."""
+    """Return True if the enclosure of the first one's cycle lies in the second one's box of
+    uniqueness.
+    """
     parts = zip(
         first.at(amplitude),
         first.scaled_to(amplitude, first.within),
@@ -199,13 +228,13 @@ def _known_in(first: Piece, second: Piece, amplitude: Fraction) -> bool:
 
 
 def omega_crit(disk: Mapping[str, str]) -> Any:
-    """A ball that holds it [rad/s]."""
+    """Return a ball that holds Omega_crit [rad/s]."""
     c = constants(disk)
     return (c.r + c.e) * (c.g / (c.r * c.b)).sqrt()
 
 
 def curve_fault(disk: Mapping[str, str], pieces: Sequence[Piece]) -> str:
-    """Why the pieces are not shown to be one curve from the Hopf point on; nothing if they are."""
+    """Return the reason why the pieces are not proved to be one curve from the Hopf point, or ''."""
     if not pieces:
         return "there are no arcs"
     off = omega_crit(disk) - ball(pieces[0].at(Fraction(0))[1])
@@ -218,9 +247,10 @@ def curve_fault(disk: Mapping[str, str], pieces: Sequence[Piece]) -> str:
 
 
 def unique_within(pieces: Sequence[Piece]) -> tuple[Fraction, Fraction, Fraction]:
-    """Distances from every cycle of the curve within which there is no other of the same gamma_bar_0.
+    """Return distances from every cycle within which there is no other of the same gamma_bar_0.
 
-    Of v_0 / gamma_bar_0 [1/s] on the first piece, of v_0 [rad/s] on the others, and of Omega [rad/s].
+    They are distances of v_0 / gamma_bar_0 [1/s] on the first piece, of v_0 [rad/s] on the others,
+    and of Omega [rad/s].
     """
     rooms = [[room - near for room, near in zip(piece.unique_within, piece.within, strict=True)] for piece in pieces]
     later = [room[0] for room in rooms[1:]] or [rooms[0][0]]
@@ -228,7 +258,7 @@ def unique_within(pieces: Sequence[Piece]) -> tuple[Fraction, Fraction, Fraction
 
 
 def last_cycle(pieces: Sequence[Piece]) -> tuple[Any, Any, Any]:
-    """Balls of Omega, gamma_bar_0 and v_0 where the last piece ends."""
+    """Return balls of Omega, gamma_bar_0 and v_0 at the end of the last piece."""
     last = pieces[-1]
     middle, off = last.at(last.high), last.scaled_to(last.high, last.within)
     v, omega = (ball(x) + arb(0, 1) * ball(near) for x, near in zip(middle, off, strict=True))
@@ -236,7 +266,7 @@ def last_cycle(pieces: Sequence[Piece]) -> tuple[Any, Any, Any]:
 
 
 def _shape(whole: bool) -> tuple[dict[str, Any], dict[str, Any]]:
-    """What a claim, up to the connection or not, and its evidence have."""
+    """Return the shapes of claim and evidence, up to the connection (``whole``) or not."""
     claim = {
         "friction": one_of("linear"),
         "numbers": dict.fromkeys(("omega_crit", "omega_h") if whole else ("omega_crit",), MEASURED),
@@ -252,12 +282,15 @@ def _shape(whole: bool) -> tuple[dict[str, Any], dict[str, Any]]:
 SHAPES = {kind: _shape(whole) for kind, whole in KINDS.items()}
 
 
-def show(claim: Mapping[str, Any], evidence: Mapping[str, Any], mapped: Mapped = map) -> None:
-    """Raises Unproved if the evidence does not prove the claim. ``mapped`` shows the arcs, which are independent."""
+def verify(claim: Mapping[str, Any], evidence: Mapping[str, Any], mapped: Mapped = map) -> None:
+    """Raise Unproved unless the evidence proves the claim.
+
+    ``mapped`` verifies the independent arcs.
+    """
     disk, arcs = claim["parameters"], evidence["arcs"]
     lows = [Fraction(0), *(Fraction(arc["end"]) for arc in arcs)]
     jobs = [(disk, low, k, arc) for k, (low, arc) in enumerate(zip(lows, arcs, strict=False), 1)]
-    pieces = list(mapped(piece_shown, jobs))
+    pieces = list(mapped(verify_piece, jobs))
     fault = curve_fault(disk, pieces)
     need(not fault, fault)
     for name, amplitude in (("amplitude_first", pieces[0].high), ("amplitude_end", pieces[-1].high)):
@@ -266,14 +299,17 @@ def show(claim: Mapping[str, Any], evidence: Mapping[str, Any], mapped: Mapped =
     need(highest <= Fraction(claim["omega_end"]), "claim: omega_end is not shown to lie above the last cycle's speed")
     held(claim["numbers"]["omega_crit"], omega_crit(disk), "omega_crit")
     for name, room in zip(_ROOMS, unique_within(pieces), strict=True):
-        need(room >= Fraction(claim["unique_within"][name]) > 0, f"claim: no other {name} is so near, is not shown")
+        need(
+            room >= Fraction(claim["unique_within"][name]) > 0,
+            f"claim: it is not shown that no other {name} is so near",
+        )
     if KINDS[claim["kind"]]:
-        meets = connection_cycles.show(claim, evidence["end"]).meets(*last_cycle(pieces))
+        meets = connection_cycles.verify(claim, evidence["end"]).meets(*last_cycle(pieces))
         need(meets, "the last arc is not shown to run into the cycles next to the connection")
 
 
 def sentence(claim: Mapping[str, Any], numbers: Mapping[str, str]) -> str:
-    """What is said of the disk, in some sentences."""
+    """Return the statement about the disk, after its parameters, in several sentences."""
     last, room, whole = f"{claim['amplitude_end']} rad", claim["unique_within"], KINDS[claim["kind"]]
     if whole:
         amplitudes = "(0, pi)"
