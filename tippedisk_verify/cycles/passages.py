@@ -63,7 +63,7 @@ class Choice(NamedTuple):
     rounding: int | None = None  #: the pattern by which the last bits of parameters and starts move
 
 
-class Piece(NamedTuple):
+class ChartFlight(NamedTuple):
     """A part of a passage that lies in one chart."""
 
     chart: SaddleChart
@@ -76,13 +76,13 @@ class Piece(NamedTuple):
         return self.chart.flow(self.start, self.time)
 
 
-class Passage(NamedTuple):
+class LinearPassage(NamedTuple):
     """From one saddle's exit to the next one's."""
 
     sigma: Any  #: where it leaves, in the coordinates of the start
     time: Any  #: of the passage alone [s]
     arrival: Any  #: (7,) u, s, f, the integral of the divergence, beta_max, beta_bar and v at the top
-    pieces: list[Piece]
+    pieces: list[ChartFlight]
 
 
 class GlobalMap:
@@ -138,7 +138,7 @@ class GlobalMap:
         return Fraction(first + math.ceil(100 * longer), 100)
 
     def _arrival(self, distance: Fraction, sigma: float) -> list[Any]:
-        """The numbers of `Passage.arrival` after a flight."""
+        """The numbers of `LinearPassage.arrival` after a flight."""
         at = EXTENDED.number(distance)
         request = self._request(
             self.leaving.at(at),
@@ -192,9 +192,9 @@ class HalfMap:
         self._constants = parameters.at(EXTENDED)
         self._omega = EXTENDED.number(flights._omega_h) + distance
 
-    def __call__(self, sigma: Any) -> Passage:
+    def __call__(self, sigma: Any) -> LinearPassage:
         arrival = polynomial(self._arrivals, sigma)
-        point, chart, pieces = arrival[:3], self.arriving, list[Piece]()
+        point, chart, pieces = arrival[:3], self.arriving, list[ChartFlight]()
         if self._crosses:
             gradient = (0, -self._constants.e * self._omega, self._constants.r - self._constants.e)
             pieces.append(_until(chart, point, self._sliding, gradient))
@@ -204,11 +204,11 @@ class HalfMap:
         if not point[0].real > 0:
             raise ArithmeticError("the orbit leaves the saddle on the other side")
         time = numpy.log(self.flights.u_1 / point[0]) / chart.eigenvalues[0]
-        pieces.append(Piece(chart, point, time, self.image))
+        pieces.append(ChartFlight(chart, point, time, self.image))
         end = pieces[-1].end
         if abs(end[2]) > _DECAYED * self.flights.u_1:
             raise ArithmeticError("the fast coordinate has not decayed when the passage ends")
-        return Passage(end[1], sum(piece.time for piece in pieces), arrival, pieces)
+        return LinearPassage(end[1], sum(piece.time for piece in pieces), arrival, pieces)
 
     def _sliding(self, y: Any) -> Any:
         return SLIDING_REVERSAL.function(ANGLE_OPS, self._constants, self._omega, *angles(y))
@@ -230,7 +230,7 @@ class HalfMap:
                 return sigma, slope, sizes
         raise ArithmeticError("the iteration for sigma does not settle")
 
-    def along_the_flow(self, piece: Piece) -> Any:
+    def along_the_flow(self, piece: ChartFlight) -> Any:
         """The multiplier along the flow from the start to the end of a piece, divided by the ratio of speeds; 1."""
         rates_of = field(ANGLE_OPS, self._constants, self._omega, self.flights.parameters.friction)
         along = []
@@ -240,7 +240,7 @@ class HalfMap:
         return along[1] / along[0]
 
 
-def to_section(pieces: Sequence[Piece], component: int) -> tuple[Piece, Sequence[Piece]]:
+def to_section(pieces: Sequence[ChartFlight], component: int) -> tuple[ChartFlight, Sequence[ChartFlight]]:
     """Split a passage where a component of y vanishes.
 
     Returns:
@@ -255,7 +255,7 @@ def to_section(pieces: Sequence[Piece], component: int) -> tuple[Piece, Sequence
     return part._replace(image=piece.image), (rest, *pieces[place + 1 :])
 
 
-def half_period_matrix(rest: Sequence[Piece], multiplier: Any, time_by_sigma: Any) -> Any:
+def half_period_matrix(rest: Sequence[ChartFlight], multiplier: Any, time_by_sigma: Any) -> Any:
     """The derivative (3, 3) of the flow over half a period, and the point symmetry, of a librating cycle in y.
 
     It is taken where the rest of a passage begins. There F along the flow, w in the chart's direction of s, and the
@@ -280,7 +280,7 @@ def half_period_matrix(rest: Sequence[Piece], multiplier: Any, time_by_sigma: An
     return solved(basis.T, images.T).T
 
 
-def _until(chart: SaddleChart, start: Any, function: Callable[[Any], Any], gradient: Any) -> Piece:
+def _until(chart: SaddleChart, start: Any, function: Callable[[Any], Any], gradient: Any) -> ChartFlight:
     """The piece from a point to where a function of y vanishes, between a stable and an unstable manifold.
 
     The gradient is the function's at the saddle. Its linear part is solved at once; the rest by chords, which gain a
@@ -297,11 +297,11 @@ def _until(chart: SaddleChart, start: Any, function: Callable[[Any], Any], gradi
         step = function(chart.at(point)) / (row @ (chart.eigenvalues * point))
         time = time - step
         if abs(step) < _SETTLED * (1 + abs(time)):
-            return Piece(chart, start, time, 1)
+            return ChartFlight(chart, start, time, 1)
     raise ArithmeticError("the passage does not meet its section")
 
 
-def integral_of_divergence(pieces: Sequence[Piece]) -> Any:
+def integral_of_divergence(pieces: Sequence[ChartFlight]) -> Any:
     """Over a passage [1]: the logarithm of the determinant of the flow, by way of the charts' determinants."""
     total = 0
     for piece in pieces:
