@@ -231,7 +231,7 @@ class EventRecord(Printable):
 class Build(Printable):
     """One thing that was compiled (or taken from what was compiled before) for a request."""
 
-    _untold = ()  # engine and precision are what it is
+    _omitted = ()  # engine and precision are what it is
 
     engine: str  #: e.g. ``taylor``
     precision: str  #: e.g. ``double``

@@ -63,7 +63,7 @@ _AROUND = {"inverted": INVERTED, "noninverted": NONINVERTED}
 class ProvedEquilibrium(Printable):
     """Eigenvalues and stability of stationary spinning at one speed."""
 
-    _untold = ("name",)
+    _omitted = ("name",)
 
     name: str
     eigenvalues: tuple[Eigenvalue, ...] = field(
