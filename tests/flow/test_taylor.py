@@ -117,7 +117,7 @@ def test_senseless_requests_are_refused(taylor: Taylor, change, word) -> None:
 # ------------------------------------------------------------------------------------------ what is kept
 @pytest.fixture
 def three_kept(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(compiled, "_MOST_KEPT", 3)
+    monkeypatch.setattr(compiled, "_MAX_KEPT", 3)
 
 
 def _tolerances(count: int, friction: Friction = "linear", **options: Any) -> list[Request]:

@@ -70,7 +70,7 @@ def _requests(count: int) -> list[Request]:
 
 def test_one_engine_that_keeps_little_in_four_threads(monkeypatch: pytest.MonkeyPatch) -> None:
     """What leaves while another thread runs it ends its run, and is compiled again for the next."""
-    monkeypatch.setattr(compiled, "_MOST_KEPT", 2)
+    monkeypatch.setattr(compiled, "_MAX_KEPT", 2)
     requests, shared = _requests(8), Taylor()
     serial = [_bytes(Taylor()(request)) for request in requests]
     jobs = [lambda request=request: _bytes(shared(request)) for request in requests]
