@@ -181,8 +181,8 @@ class Integrator:
             self._rewind(state)
             return self._result(request, Status.FLAT, 0)
         on = surfaces(request, start) if request.events else NO_SURFACES
-        # If an event function is zero to the last bit, heyoka misses its next crossing in the first
-        # step.
+        # If an event function is zero to the last bit, heyoka misses its other crossings in the
+        # first step.
         careful = self._smooth or on.exactly
         outcome, low, steps = self._integrated(start, on if careful else NO_SURFACES, duration, request.max_steps)
         if not careful and abs(self._stepper.time) <= on.window and self._passable(outcome, on):
