@@ -69,7 +69,11 @@ class Cache:
         self._fresh = fresh
 
     def get(self, key: str) -> Any:
-        """Return the value stored under ``key``; None if it is missing or damaged."""
+        """Return the value stored under ``key``; None if it is missing or damaged.
+
+        Args:
+            key: The key, 64 hexadecimal digits.
+        """
         if self._folder is None or self._fresh:
             return None
         path = self._folder / f"{key}.json"
@@ -84,6 +88,10 @@ class Cache:
         """Store a JSON value under ``key`` if the folder can be written.
 
         The file holds the checksum on its first line and the JSON text on its second.
+
+        Args:
+            key: The key, 64 hexadecimal digits.
+            value: The value, as JSON data.
         """
         if self._folder is not None:
             text = json.dumps(value, ensure_ascii=False).encode()

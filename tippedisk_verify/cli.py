@@ -56,6 +56,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     Args:
         arguments: The arguments, for tests; those of the process if left out.
+
+    Returns:
+        0 for success, 1 for a check that failed, 2 for bad input, 130 for Ctrl-C.
     """
     try:
         status = cli.main(args=None if arguments is None else list(arguments), standalone_mode=False)

@@ -299,6 +299,9 @@ class Disk(Parameters):
             progress: False hides the progress bar.
             options: Further options of `tippedisk_verify.motion.basins.basins`.
 
+        Returns:
+            The initial states and the outcome of each, as arrays (rows, columns).
+
         Raises:
             InputError: An argument cannot be used.
         """
@@ -328,6 +331,9 @@ class Disk(Parameters):
             name: The panel's letter.
             omega_h: Omega_h [rad/s], if it has already been computed.
             engine: The integrator.
+
+        Returns:
+            The panel with both orbits and their attractors.
 
         Raises:
             InputError: There is no such panel, or ``omega_h`` is not a speed.
@@ -365,6 +371,10 @@ class Disk(Parameters):
             digits: Significant digits of each main result.
             engine: The integrator.
 
+        Returns:
+            The cycle: its section coordinates, period [s], multipliers and stability, with
+                half-widths.
+
         Raises:
             InputError: Not exactly one speed is given, or it cannot be used.
             NoSuchCycleError: There is no such cycle, or none was found.
@@ -389,6 +399,9 @@ class Disk(Parameters):
             harmonics: The number of odd harmonics; chosen for the digits if left out.
             digits: Significant digits of each main result.
 
+        Returns:
+            The cycle with its harmonics and half-widths.
+
         Raises:
             InputError: The disk has the smooth friction law, or an argument cannot be used.
             NoSuchCycleError: There is no such cycle, or none was found.
@@ -407,6 +420,9 @@ class Disk(Parameters):
         Args:
             digits: Significant digits of each main result.
             engine: The integrator.
+
+        Returns:
+            The folds with their speeds [rad/s] and half-widths.
 
         Raises:
             AccuracyError: The family cannot be followed, or the digits were not reached.
@@ -441,6 +457,10 @@ class Disk(Parameters):
             stable: Ask for the stable or the unstable cycle.
             digits: Significant digits of each main result.
             engine: The integrator.
+
+        Returns:
+            The cycle: its section coordinates, period [s], multipliers and stability, with
+                half-widths.
 
         Raises:
             InputError: Not exactly one speed is given, or it cannot be used.
@@ -491,6 +511,9 @@ class Disk(Parameters):
         Args:
             digits: Significant digits of each main result.
             engine: The integrator.
+
+        Returns:
+            The fold with its speed [rad/s] and half-widths.
 
         Raises:
             NoSuchCycleError: There is no such fold, or none was found.
@@ -546,6 +569,9 @@ class Disk(Parameters):
             digits: Significant digits of Omega_h [rad/s].
             method: The method's name, such as ``manifolds``.
             engine: The integrator.
+
+        Returns:
+            Omega_h [rad/s] with its half-width, and numbers of the connection.
 
         Raises:
             NoConnectionError: The disk has no connection.

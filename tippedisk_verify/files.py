@@ -42,6 +42,9 @@ __all__ = [
 def output_folder(path: str | Path) -> Path:
     """Return the folder at ``path``, which is created if necessary and checked to be writable.
 
+    Args:
+        path: The folder.
+
     Raises:
         InputError: The folder cannot be used.
     """
@@ -59,6 +62,9 @@ def output_folder(path: str | Path) -> Path:
 
 def output_file(path: str) -> Path:
     """Return the path of a file to write.
+
+    Args:
+        path: The file.
 
     Raises:
         InputError: The path cannot be that of a file.
@@ -90,6 +96,10 @@ def write_bytes(path: Path, content: bytes) -> Path:
     A reader sees the old file or the new one, never a part. If ``path`` is a link, its target is
     replaced and the link stays.
 
+    Args:
+        path: The file.
+        content: Its new content.
+
     Returns:
         The path of the file written.
 
@@ -117,7 +127,18 @@ def write_bytes(path: Path, content: bytes) -> Path:
 
 
 def write_text(path: Path, content: str) -> Path:
-    """Replace the file at ``path`` by text in UTF-8, as `write_bytes` does."""
+    """Replace the file at ``path`` by text in UTF-8, as `write_bytes` does.
+
+    Args:
+        path: The file.
+        content: Its new text.
+
+    Returns:
+        The path of the file written.
+
+    Raises:
+        InputError: The file cannot be written.
+    """
     return write_bytes(path, content.encode())
 
 
@@ -154,6 +175,10 @@ def write_csv(path: Path, header: Sequence[str], rows: Iterable[Sequence[object]
 
 def file_ending_in(path: str, *kinds: str) -> Path:
     """Return the path of a file to write whose name ends in one of ``kinds``, such as ".csv".
+
+    Args:
+        path: The file.
+        kinds: The allowed endings, in lower case.
 
     Raises:
         InputError: The name has another ending, the path cannot be that of a file, or Parquet is
@@ -231,6 +256,9 @@ def alone(lock: Path, refusal: str) -> Iterator[None]:
 def sole_writer(path: str | Path) -> Iterator[Path]:
     """Yield the folder at ``path`` while no other run writes into it through this function.
 
+    Args:
+        path: The folder.
+
     Raises:
         InputError: Another run does, or the folder cannot be used.
     """
@@ -285,7 +313,14 @@ def read_bytes(path: Path, largest: int) -> bytes:
 
 
 def printable(text: str) -> str:
-    """Replace by question marks every character that a terminal would act on or cannot show."""
+    """Replace characters that a terminal would act on or cannot show by question marks.
+
+    Args:
+        text: Any text.
+
+    Returns:
+        A text of the same length.
+    """
     return "".join(character if character.isprintable() else "?" for character in text)
 
 

@@ -62,6 +62,9 @@ def undoing(action: Callable[[], object]) -> Iterator[None]:
 
     The action can run between any two steps of the main thread. So it must not wait for a lock that
     the main thread may hold.
+
+    Args:
+        action: A function without arguments.
     """
     _undoing.append(action)
     try:

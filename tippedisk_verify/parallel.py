@@ -34,7 +34,11 @@ def as_done(
 
 
 def map_of(executor: Executor | None) -> Callable[..., Iterable[Any]]:
-    """Return the executor's ``map``, or Python's own if there is no executor."""
+    """Return the executor's ``map``, or Python's own if there is no executor.
+
+    Args:
+        executor: The executor, or None.
+    """
     return map if executor is None else executor.map
 
 

@@ -85,7 +85,11 @@ def _code() -> str:
 
 @cache
 def versions(packages: tuple[str, ...]) -> dict[str, str]:
-    """Return the installed version of each package, or "not installed"."""
+    """Return the installed version of each package, or "not installed".
+
+    Args:
+        packages: The names of the packages.
+    """
     from importlib.metadata import PackageNotFoundError, version  # 10 ms that most starts save
 
     found = dict.fromkeys(packages, "not installed")
@@ -109,6 +113,9 @@ def digest(content: object) -> str:
     """Return the SHA-256 of bytes or of JSON data, as 64 hexadecimal digits.
 
     The order of an object's keys does not matter.
+
+    Args:
+        content: Bytes or JSON data.
     """
     text = content if isinstance(content, bytes) else json.dumps(content, sort_keys=True).encode()
     return hashlib.sha256(text).hexdigest()

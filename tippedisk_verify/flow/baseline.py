@@ -100,6 +100,12 @@ class Baseline:
     def __call__(self, request: Request) -> Result:
         """Integrate as requested.
 
+        Args:
+            request: The run.
+
+        Returns:
+            The result, without half-widths.
+
         Raises:
             InputError: The request asks for more than double precision, for the divergence or for
                 an error estimate.

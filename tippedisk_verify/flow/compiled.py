@@ -46,6 +46,9 @@ class CompiledRunners:
             compiled: A function that compiles and returns the runner.
             arguments: The arguments of the runner's ``run``.
 
+        Returns:
+            The result of the runner's ``run``.
+
         Raises:
             RuntimeError: The call comes from within a run of the same runner, which cannot wait.
                 Only an event function that calls its own engine can cause this.

@@ -346,6 +346,9 @@ class Engine(Protocol):
         Args:
             request: The run.
 
+        Returns:
+            The result; its status gives the reason for an early end.
+
         Raises:
             InputError: This engine cannot serve the request.
         """
@@ -353,6 +356,9 @@ class Engine(Protocol):
 
 def raise_unless_usable(result: Result) -> Result:
     """Return the result if its run ended as requested.
+
+    Args:
+        result: The result of a run.
 
     Raises:
         ArithmeticError: It did not; the message gives its status.

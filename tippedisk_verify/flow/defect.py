@@ -143,6 +143,9 @@ class Defect:
         """Set the error of the nodes to the distance from the errors computed with fewer nodes.
 
         The largest distance of several neighbouring steps counts.
+
+        Args:
+            other: The error of the same run with fewer nodes.
         """
         distances = abs(self._along(_PLACES) - other._along(_PLACES)).max(axis=1)
         padded = numpy.pad(distances, ((_NEIGHBOURS, _NEIGHBOURS + 1), (0, 0)), mode="edge")
@@ -154,6 +157,9 @@ class Defect:
 
     def at(self, times: Any) -> tuple[Any, Any, Any, Any]:
         """Return the run's numbers at wide times (k,), in the order of the run.
+
+        Args:
+            times: (k,) wide times [s], monotonic along the run.
 
         Returns:
             Polynomials, errors, carried roundings and the error of the nodes, each (3, k).
@@ -183,7 +189,11 @@ class Defect:
         return [numpy.maximum(of[:-1], of[1:]).T for of in (self.roundings, self._left_out)]
 
     def rates(self, states: Any) -> Any:
-        """Return the field (3, k) at wide states (3, k)."""
+        """Return the field (3, k) at wide states (3, k).
+
+        Args:
+            states: (3, k) states in wide arithmetic.
+        """
         return numpy.stack(self._field(*states))
 
     def _polynomial(self, since: Any, counts: Any = None, derivative: int = 0) -> Any:

@@ -43,6 +43,7 @@ class Series:
         self.coefficients = numpy.array([terms for _, terms in steps], dtype=element).transpose(2, 1, 0).copy()
 
     def __call__(self, times: Any) -> Any:
+        """Return the states (k, 3) at times (k,) [s]."""
         wanted = self._precision.sequence(times)
         step = self.step_of(wanted)
         since = wanted - self.times[step]
@@ -55,6 +56,10 @@ class Series:
         """Return the states (n, 3) at the sample times that were reached; None without times.
 
         A run that reached its end has them all: the last one may be a rounding of a double later.
+
+        Args:
+            request: The run.
+            status: Its status.
         """
         if request.times is None:
             return None
@@ -65,6 +70,9 @@ class Series:
         """Return the number (k,) of the step in which each time lies.
 
         A time outside the run counts to the first or the last step.
+
+        Args:
+            times: (k,) times [s].
         """
         inside = self.times[1:-1]
         backward = self.times[-1] < self.times[0]
@@ -163,6 +171,12 @@ class Integrator:
 
     def run(self, request: Request) -> Result:
         """Integrate a request of this integrator's kind.
+
+        Args:
+            request: The run.
+
+        Returns:
+            The result, without half-widths.
 
         Raises:
             InputError: The start, the duration or the speed is not finite.

@@ -60,6 +60,9 @@ def field_constants(parameters: Parameters) -> Array:
     """Return the field's constants in double as an array.
 
     They are (r, e, a, b, g, k), or traction and epsilon instead of k under the smooth law.
+
+    Args:
+        parameters: The disk and its friction law.
     """
     constants = parameters.at(DOUBLE)
     return numpy.array([getattr(constants, name) for name in parameter_names(parameters.friction)[1:]])
@@ -115,6 +118,10 @@ class BatchTaylor:
             events: Events that are recorded and end nothing. A start on the surface is not a
                 crossing.
             max_steps: The largest number of steps of a run.
+
+        Returns:
+            The final states (n, 3), derivatives, divergence, crossings, and True for each finished
+            run.
 
         Raises:
             InputError: An argument is not an array of numbers, the shapes do not match, or an event

@@ -44,22 +44,41 @@ class Start(NamedTuple):
 
     @classmethod
     def of(cls, request: Request, precision: Precision) -> Start:
-        """Return the start of a request, in an arithmetic with functions for single numbers."""
+        """Return the start of a request, in an arithmetic with functions for single numbers.
+
+        Args:
+            request: The run.
+            precision: The arithmetic.
+        """
         number, ops = precision.number, shifted(precision.ops) if request.shifted else precision.ops
         state = [number(x) for x in request.state]
         constants, forward = request.parameters.at(precision), number(request.duration) >= 0
         return cls(ops, constants, request.friction, number(request.omega), state, bool(forward))
 
     def value(self, event: Event, state: Sequence[Any] | None = None) -> Any:
-        """Return the event's function at the start, or at another state."""
+        """Return the event's function at the start, or at another state.
+
+        Args:
+            event: The event.
+            state: (beta [rad], gamma [rad], v [rad/s]); the start if left out.
+        """
         return event.function(self.ops, self.constants, self.omega, *(self.state if state is None else state))
 
     def rates(self, state: Sequence[Any]) -> Sequence[Any]:
-        """Return the field at a state [rad/s, rad/s, rad/s^2]."""
+        """Return the field at a state [rad/s, rad/s, rad/s^2].
+
+        Args:
+            state: (beta [rad], gamma [rad], v [rad/s]).
+        """
         return field(self.ops, self.constants, self.omega, self.friction)(*state)
 
     def ahead(self, state: Sequence[Any], step: Any) -> Sequence[Any]:
-        """Return the state a short time ``step`` [s] after another one, to second order."""
+        """Return the state a short time ``step`` [s] after another one, to second order.
+
+        Args:
+            state: (beta [rad], gamma [rad], v [rad/s]).
+            step: The time [s].
+        """
         middle = [x + step / 2 * rate for x, rate in zip(state, self.rates(state), strict=True)]
         return [x + step * rate for x, rate in zip(state, self.rates(middle), strict=True)]
 
@@ -105,6 +124,9 @@ def at_rest(request: Request) -> bool:
     """Return True if the start is an equilibrium to the last bit.
 
     Its event functions may vanish, but it crosses no surface.
+
+    Args:
+        request: The run.
     """
     if request.precision.number(request.state[2]) != 0:
         return False
@@ -113,7 +135,11 @@ def at_rest(request: Request) -> bool:
 
 
 def starts_on_a_surface(request: Request) -> bool:
-    """Return True if the start lies on the surface of an event, up to rounding in the request's arithmetic."""
+    """Return True if the start lies on an event's surface, up to rounding in its arithmetic.
+
+    Args:
+        request: The run.
+    """
     start, epsilon = Start.of(request, request.precision), float(request.precision.epsilon)
     return any(start.lies_on(event, epsilon) for event in request.events)
 
@@ -123,6 +149,10 @@ def surfaces(request: Request, start: Start) -> StartSurfaces:
 
     A start given by floats is rounded to a double in every arithmetic. As the edge of the domain,
     sin(beta) = 0 always ends a run.
+
+    Args:
+        request: The run.
+        start: Its start in the request's arithmetic.
     """
     epsilon = float(request.precision.epsilon)
     if any(type(x) is float for x in request.state):

@@ -48,7 +48,11 @@ class FrictionSign:
         self.looks_ahead = False  #: True if the motion a moment later decides at each switch
 
     def begin(self, start: Start) -> None:
-        """Set the branch for a run. On the surface the motion a moment later decides."""
+        """Set the branch for a run. On the surface the motion a moment later decides.
+
+        Args:
+            start: The start of the run.
+        """
         self._start = start
         self._contradicted = self.ended = self._rests = False
         self._upright = 1 if start.ops.sin(start.state[0]) >= 0 else -1  # the sign of sin(beta)
@@ -71,6 +75,10 @@ class FrictionSign:
 
     def switched(self, sign: int, time: Any) -> bool:
         """Set the branch at a crossing of gamma_y / sin(beta) = 0.
+
+        Args:
+            sign: The sign of the function's derivative in time.
+            time: The time of the crossing [s].
 
         Returns:
             True if the run continues.
@@ -127,7 +135,12 @@ class FrictionSigns:
     """The signs of gamma_y for every run of a batch, in the last row of the parameters."""
 
     def begin(self, stepper: Any, start: Start) -> None:
-        """Set the branches. On the surface the motion a moment later decides."""
+        """Set the branches. On the surface the motion a moment later decides.
+
+        Args:
+            stepper: heyoka's batch integrator.
+            start: The starts of the runs, as arrays.
+        """
         slip = start.value(SLIDING_REVERSAL)
         on_surface = abs(slip) <= ROUNDINGS * 2.0**-52
         if on_surface.any():
@@ -140,7 +153,13 @@ class FrictionSigns:
         stepper.pars[-1] = self._sides * self._upright
 
     def switched(self, stepper: Any, sign: int, lane: int) -> None:
-        """Set the branch of a lane in which gamma_y / sin(beta) has changed its sign."""
+        """Set the branch of a lane in which gamma_y / sin(beta) has changed its sign.
+
+        Args:
+            stepper: heyoka's batch integrator.
+            sign: The sign of the function's derivative in time.
+            lane: The number of the lane.
+        """
         side = float(sign if self._start.forward[lane] else -sign) or self._sides[lane]
         if side == self._sides[lane] and abs(stepper.time[lane]) > START_WINDOW:
             self._doubtful[lane] = True
@@ -148,11 +167,21 @@ class FrictionSigns:
         stepper.pars[-1, lane] = side * self._upright[lane]
 
     def turned(self, stepper: Any, sign: int, lane: int) -> None:
-        """Set the branch of a lane in which sin(beta) has changed its sign."""
+        """Set the branch of a lane in which sin(beta) has changed its sign.
+
+        Args:
+            stepper: heyoka's batch integrator.
+            sign: The sign of the function's derivative in time, which is not used.
+            lane: The number of the lane.
+        """
         self._upright[lane] = -self._upright[lane]
         stepper.pars[-1, lane] = self._sides[lane] * self._upright[lane]
 
     def kept(self, stepper: Any) -> Any:
-        """Return True for each run that was on the right branch all the time."""
+        """Return True for each run that was on the right branch all the time.
+
+        Args:
+            stepper: heyoka's batch integrator at the end of the runs.
+        """
         slip = self._start.value(SLIDING_REVERSAL, stepper.state[:3])
         return (slip * self._sides >= -_MAX_RESIDUAL_SLIP * 2.0**-52) & ~self._doubtful

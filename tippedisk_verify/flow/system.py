@@ -43,7 +43,11 @@ _PATTERNS_PER_ROUND = 5
 
 
 def parameter_names(friction: Friction) -> tuple[str, ...]:
-    """Return the runtime parameters of a law's field, in their order."""
+    """Return the runtime parameters of a law's field, in their order.
+
+    Args:
+        friction: The friction law.
+    """
     return PARAMETERS if friction == "linear" else SMOOTH_PARAMETERS
 
 
@@ -97,7 +101,11 @@ def system_of(
 
 
 def direction_of(event: Event) -> Any:
-    """Return heyoka's name for the sign of an event's crossings."""
+    """Return heyoka's name for the sign of an event's crossings.
+
+    Args:
+        event: The event.
+    """
     directions = heyoka_module().event_direction
     return {-1: directions.negative, 0: directions.any, 1: directions.positive}[event.direction]
 

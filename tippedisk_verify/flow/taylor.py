@@ -84,6 +84,12 @@ class Taylor:
     def __call__(self, request: Request) -> Result:
         """Integrate as requested.
 
+        Args:
+            request: The run.
+
+        Returns:
+            The result, with half-widths if the request asks for them.
+
         Raises:
             InputError: The start, the duration or the speed is not a finite number. Or the start is
                 so close to the floor that the event sees the disk lie flat only when it is below.

@@ -24,6 +24,12 @@ def doubles(values: Any) -> Array:
     """Round an array's numbers to doubles.
 
     heyoka's MPFR numbers are converted one by one: `astype` would leak 128 bytes for each.
+
+    Args:
+        values: An array of numbers of any kind.
+
+    Returns:
+        An array of the same shape.
     """
     if values.dtype != object:
         return values.astype(float, copy=False)  # type: ignore[no-any-return]
@@ -32,6 +38,12 @@ def doubles(values: Any) -> Array:
 
 def numbers(values: Any) -> Any:
     """Convert a number, an array or nested lists of numbers of any kind to an array of doubles.
+
+    Args:
+        values: A number, an array, or nested lists or tuples.
+
+    Returns:
+        An array of the same shape; a single number has no dimensions.
 
     Raises:
         InputError: An entry is not a number, or the lists do not form an array.
@@ -51,6 +63,12 @@ def half_widths(values: Any) -> Array:
     """Round half-widths to doubles.
 
     The least double stands for a positive half-width that rounds to zero.
+
+    Args:
+        values: An array of half-widths of any kind.
+
+    Returns:
+        An array of the same shape.
     """
     rounded = doubles(values)
     return numpy.where((rounded == 0) & (values > 0), numpy.nextafter(0.0, 1.0), rounded)
@@ -61,6 +79,9 @@ def workable(values: Any) -> Any:
 
     NumPy refuses most of its functions to heyoka's arrays of quadruple numbers, and `numpy.save`
     spoils them.
+
+    Args:
+        values: An array, or None.
     """
     return values if values is None or values.dtype in (float, numpy.longdouble) else values.astype(object)
 
@@ -85,6 +106,15 @@ class OnArrays:
         self._function = made(numpy, parameters.at(DOUBLE), speed, parameters.friction)
 
     def __call__(self, t: object, y: Any) -> Array:
+        """Return the function's value at a state (3,) or at states (3, k).
+
+        Args:
+            t: The time, which does not matter.
+            y: The state or states.
+
+        Raises:
+            InputError: ``y`` does not have three rows, or has a unit or masked elements.
+        """
         refuse_qualified(y)
         try:
             beta, gamma, v = y

@@ -37,6 +37,9 @@ def guarded(llvm_state: Any) -> None:
     """Give heyoka a checked cache file in this package's cache folder.
 
     heyoka uses no cache file if none is wanted or can be used.
+
+    Args:
+        llvm_state: heyoka's class of that name.
     """
     llvm_state.set_diskcache_enabled(False)
     with suppress(OSError, RuntimeError, sqlite3.Error):

@@ -85,6 +85,9 @@ def exact_decimals(value: Fraction) -> tuple[str, str]:
     """Return a number as a decimal, and the half-width of its rounding.
 
     The half-width is "0" if the decimal is exact. A repeating decimal is cut after fifty digits.
+
+    Args:
+        value: The number.
     """
     places = value.denominator.bit_length()
     if 10**places % value.denominator:  # a repeating decimal: fifty digits and the half-width of the cut

@@ -65,6 +65,9 @@ def shifted(ops: Ops) -> Ops:
     They are defined in Eq. shifted coordinates. With the result, every function here takes shifted
     angles. Near inverted spinning these are small numbers. They keep the relative accuracy that
     beta and gamma, of size pi/2, lose.
+
+    Args:
+        ops: The functions of the kind of number.
     """
     return _ShiftedOps(ops)
 
@@ -88,7 +91,15 @@ def checked_speed(omega: object) -> Fraction:
 
 
 def one_speed(**ways: object) -> None:
-    """Raise InputError unless exactly one of the ways to give a speed is used; an option is named as on the line."""
+    """Raise InputError unless exactly one of several ways to give a speed is used.
+
+    Args:
+        ways: The values of the ways by name; None and False mean unused. The message names an
+            option as on the command line.
+
+    Raises:
+        InputError: None of them is used, or several.
+    """
     if (number := sum(way is not None and way is not False for way in ways.values())) != 1:
         *first, last = ways
         several = ", not with several" if number else ""
@@ -97,6 +108,9 @@ def one_speed(**ways: object) -> None:
 
 def checked_speeds(omegas: object) -> list[Fraction]:
     """Return the speeds [rad/s] of a list as exact rationals; a single text or number is one speed.
+
+    Args:
+        omegas: A list or an array of speeds, or one speed.
 
     Raises:
         InputError: An entry is not a speed, as in `checked_speed`.

@@ -82,6 +82,9 @@ class Exact:
         """Return rational lower and upper bounds of the number.
 
         They are at most ``|pi_multiple| * 2**(1 - working_bits)`` apart.
+
+        Args:
+            working_bits: The bits of pi after the binary point.
         """
         if not self.pi_multiple:
             return self.rational, self.rational
@@ -90,7 +93,11 @@ class Exact:
         return min(ends), max(ends)
 
     def rounded(self, mantissa_bits: int) -> tuple[int, int]:
-        """Return ``(mantissa, exponent)`` of the nearest number with that many bits, ties to even."""
+        """Return ``(mantissa, exponent)`` of the nearest number with that many bits, ties to even.
+
+        Args:
+            mantissa_bits: The bits of the mantissa.
+        """
         if not self.pi_multiple:
             return _round_fraction(self.rational, mantissa_bits)
         working = mantissa_bits + 64
@@ -144,6 +151,9 @@ def plain_number(value: object) -> Exact | Binary | Decimal | float | str:
     - An array of one element, of any shape, means that element; so does a scalar of JAX, PyTorch,
       xarray, pandas or PyArrow.
 
+    Args:
+        value: Any object.
+
     Raises:
         InputError: The object is anything else, or qualifies its number. Such objects are truth
             values, masked elements, quantities with a unit, complex numbers and balls with a
@@ -168,7 +178,14 @@ def plain_number(value: object) -> Exact | Binary | Decimal | float | str:
 
 
 def refuse_qualified(value: Any) -> None:
-    """Raise InputError for a quantity with a unit, a masked value, or an array with such elements."""
+    """Raise InputError for a quantity with a unit, a masked value, or an array with such elements.
+
+    Args:
+        value: Any object.
+
+    Raises:
+        InputError: The value is such an object.
+    """
     if not _can_be_qualified(type(value)):  # type: ignore[arg-type]
         return
     if any(hasattr(value, name) for name in _UNIT_ATTRIBUTES):
@@ -242,6 +259,9 @@ def _unwrapped(value: Any) -> Exact | Binary | Decimal | float | str:
 def entries(values: object) -> list[Any]:
     """Return the entries of a list or an array; a single number or text is the only entry.
 
+    Args:
+        values: A list, an array, a number or a text.
+
     Raises:
         InputError: The array has a unit or masked elements, as in `refuse_qualified`.
     """
@@ -258,6 +278,9 @@ def exact(value: object) -> Exact:
     ``"-3*pi/2"``). A float means its exact binary value. A computed number means the rational at
     its middle, ``value``: the same one at every precision, and not the rounded decimals that are
     printed. Its half-width is dropped.
+
+    Args:
+        value: A number of any kind, or a text.
 
     Raises:
         InputError: The value is infinite, NaN, or not a number.
@@ -277,6 +300,9 @@ def exact(value: object) -> Exact:
 def fraction(value: object) -> Fraction:
     """Return the rational number that ``value`` means.
 
+    Args:
+        value: A number of any kind, or a text.
+
     Raises:
         InputError: As for `exact`, and for a multiple of pi.
     """
@@ -287,12 +313,22 @@ def fraction(value: object) -> Fraction:
 
 
 def quotient(ctx: Any, value: Fraction) -> Any:
-    """Return a rational as a number of an mpmath context, by one division of integers."""
+    """Return a rational as a number of an mpmath context, by one division of integers.
+
+    Args:
+        ctx: The mpmath context.
+        value: The rational.
+    """
     return ctx.mpf(value.numerator) / value.denominator
 
 
 def whole(value: object, least: int, most: int) -> int | None:
-    """Return an integer of any kind as an int if ``least <= value <= most``; otherwise None."""
+    """Return an integer of any kind as an int if ``least <= value <= most``; otherwise None.
+
+    Args:
+        value: An object of any type.
+        least, most: The bounds, both included.
+    """
     try:
         number = plain_number(value)
     except InputError:
@@ -372,6 +408,9 @@ def mantissa_exponent(value: object) -> Binary | None:
     """Return a floating-point number as integers, exactly; None for infinities and NaN.
 
     The result satisfies ``value = mantissa * 2**exponent``.
+
+    Args:
+        value: A floating-point number of any kind.
 
     Raises:
         InputError: ``value`` is not a floating-point number.

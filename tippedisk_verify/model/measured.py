@@ -338,11 +338,19 @@ class Measured(Bounded):
         return cls(mine, abs(mine - fraction(sharper)) * DISTANCES + abs(mine) * epsilon)
 
     def holds(self, truth: object) -> bool:
-        """Return True if ``truth`` lies within the half-width."""
+        """Return True if ``truth`` lies within the half-width.
+
+        Args:
+            truth: A number of any kind.
+        """
         return abs(fraction(truth) - self.value) <= self.uncertainty
 
     def contains(self, other: Measured) -> bool:
-        """Return True if every possible value of ``other`` lies within the half-width."""
+        """Return True if every possible value of ``other`` lies within the half-width.
+
+        Args:
+            other: Another number with a half-width.
+        """
         return abs(other.value - self.value) + other.uncertainty <= self.uncertainty
 
     def decimals(self) -> tuple[str, str]:

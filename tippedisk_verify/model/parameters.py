@@ -165,6 +165,9 @@ class Parameters(Printable):
         """Return the parameters in ``precision``, each rounded once.
 
         They are computed once and kept.
+
+        Args:
+            precision: The arithmetic.
         """
         constants = self._constants.get(precision)
         if constants is None:
@@ -176,7 +179,11 @@ class Parameters(Printable):
         return Constants(*self._exact())
 
     def within(self, ctx: Any) -> Constants:
-        """Return the parameters as numbers of an mpmath context."""
+        """Return the parameters as numbers of an mpmath context.
+
+        Args:
+            ctx: The mpmath context.
+        """
         return Constants(*(quotient(ctx, value) for value in self._exact()))
 
     def _exact(self) -> tuple[Fraction, ...]:
@@ -189,6 +196,9 @@ class Parameters(Printable):
     def changed(self, **values: object) -> Parameters:
         """Return a copy with some fields replaced, named ``custom`` unless a name is given.
 
+        Args:
+            values: The new values by field name.
+
         Raises:
             InputError: The new values are refused, as by the constructor.
         """
@@ -196,6 +206,9 @@ class Parameters(Printable):
 
     def with_friction(self, friction: Friction) -> Parameters:
         """Return the same disk, with the same name, under this friction law.
+
+        Args:
+            friction: ``linear`` or ``smooth``.
 
         Raises:
             InputError: There is no such law.
@@ -207,6 +220,9 @@ class Parameters(Printable):
 
         Args:
             what: The beginning of the message, such as 'harmonic balance is'.
+
+        Raises:
+            InputError: The friction law is the smooth one.
         """
         if self.friction == "smooth":
             raise InputError(f"{what} for the linear friction law only, not for the smooth one")
@@ -278,6 +294,9 @@ class Parameters(Printable):
         Args:
             path: The file, in SI units.
 
+        Returns:
+            The parameters, named by the file's name.
+
         Raises:
             InputError: The file cannot be read, is not TOML, lacks a key, has an unknown key, or
                 holds values that `Parameters` refuses.
@@ -300,6 +319,9 @@ _QUANTITIES = tuple(item.name for item in fields(Parameters) if item.metadata)
 
 def checked_friction(friction: str) -> Friction:
     """Return a friction law by its name.
+
+    Args:
+        friction: ``linear`` or ``smooth``.
 
     Raises:
         InputError: There is no law of that name.

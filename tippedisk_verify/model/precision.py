@@ -143,6 +143,9 @@ class Precision:
         Args:
             value: A number or text that `exact` accepts.
 
+        Returns:
+            A number of this precision's `type`.
+
         Raises:
             InputError: The value is not a finite number, or is too large for the type.
         """
@@ -165,6 +168,9 @@ class Precision:
 
         Its elements are objects if the numbers are MPFR's.
 
+        Args:
+            values: (n,) numbers or texts that `exact` accepts.
+
         Raises:
             InputError: As for `number`, and for a text, which is not a list of numbers.
         """
@@ -179,6 +185,12 @@ class Precision:
         """Convert any sequence as `array` does.
 
         An array of this arithmetic is returned as it is, and one of doubles is converted exactly.
+
+        Args:
+            values: (n,) numbers or texts that `exact` accepts.
+
+        Returns:
+            An array (n,).
 
         Raises:
             InputError: As for `array`.
@@ -196,6 +208,12 @@ class Precision:
 
         heyoka does not free the memory behind the elements of its own arrays of these
         (tests/stress/test_memory.py).
+
+        Args:
+            view: An array of numbers of this precision.
+
+        Returns:
+            An array of the same shape.
         """
         if self.kind != "real":
             return view.copy()
@@ -210,6 +228,12 @@ class Precision:
 
     def mpf(self, value: object) -> Any:
         """Convert a native number of this precision or a wider one to an mpmath number, exactly.
+
+        Args:
+            value: A floating-point number.
+
+        Returns:
+            A number of this precision's `context`.
 
         Raises:
             InputError: The value is infinite, NaN, or not a floating-point number.
@@ -248,6 +272,9 @@ QUADRUPLE = Precision("quadruple", 113)
 def bits(count: int) -> Precision:
     """Return the MPFR arithmetic with ``count`` bits.
 
+    Args:
+        count: The number of bits.
+
     Raises:
         InputError: ``count`` is not an integer from 24 to 4,000,000.
     """
@@ -260,6 +287,9 @@ def bits(count: int) -> Precision:
 def bits_for_digits(digits: int) -> int:
     """Return the number of bits that hold ``digits`` decimal digits, guard digits included.
 
+    Args:
+        digits: The number of decimal digits.
+
     Raises:
         InputError: `bits` does not offer an arithmetic of that size.
     """
@@ -270,6 +300,9 @@ def bits_for_digits(digits: int) -> int:
 
 def checked_digits(digits: object) -> int:
     """Return the number of digits that a caller asks for.
+
+    Args:
+        digits: An integer of any kind.
 
     Raises:
         InputError: It is not an integer from 1 to 4000.
@@ -286,6 +319,9 @@ def companion(precision: Precision) -> Precision:
 
     A run repeated in it shows the rounding and truncation errors of the first run to two or three
     digits.
+
+    Args:
+        precision: The arithmetic of the first run.
     """
     if precision.kind == "double" and _has_extended():
         return EXTENDED

@@ -73,7 +73,11 @@ def quantity(meaning: str, unit: str) -> dict[str, QuantityMeaning]:
 
 
 def quantities(kind: type) -> dict[str, QuantityMeaning]:
-    """Return the quantities of a class of results, by name."""
+    """Return the quantities of a class of results, by name.
+
+    Args:
+        kind: The class.
+    """
     return {item.name: item.metadata["quantity"] for item in fields(kind) if "quantity" in item.metadata}
 
 
@@ -170,6 +174,12 @@ def as_json(value: Any) -> Any:
     """Convert a result, or an entry of one, to data for JSON.
 
     An infinity or NaN becomes None, and a number wider than a double becomes a text.
+
+    Args:
+        value: A result, a number, a text, or mappings and sequences of these.
+
+    Returns:
+        Dicts, lists, texts, numbers, truth values and None.
     """
     if hasattr(value, "to_dict"):
         return value.to_dict()
@@ -195,6 +205,9 @@ def with_widths(values: Any, widths: Any) -> Any:
     Args:
         values: A number or an array.
         widths: The half-widths, of the same shape.
+
+    Returns:
+        Lists of the arrays' shape, with a value and an uncertainty as texts for each number.
     """
     if hasattr(values, "__len__"):
         return [with_widths(*pair) for pair in zip(values, widths, strict=True)]
@@ -206,7 +219,11 @@ def with_widths(values: Any, widths: Any) -> Any:
 
 
 def heading(name: str) -> str:
-    """Return the quantity's name with its unit, if it has one."""
+    """Return the quantity's name with its unit, if it has one.
+
+    Args:
+        name: The quantity's name.
+    """
     unit = _UNITS.get(name)
     return f"{name} [{unit}]" if unit else name
 

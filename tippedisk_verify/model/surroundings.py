@@ -23,6 +23,9 @@ def undisturbed(function: Callable[P, R]) -> Callable[P, R]:
     """Return the function so that it runs with all NumPy floating-point errors ignored.
 
     It is for public functions.
+
+    Args:
+        function: The function.
     """
 
     @wraps(function)
@@ -37,6 +40,9 @@ def undisturbed(function: Callable[P, R]) -> Callable[P, R]:
 
 def undisturbed_methods(kind: C) -> C:
     """Make all public methods of a class `undisturbed`, its properties and ``__call__`` included.
+
+    Args:
+        kind: The class, which is changed.
 
     Returns:
         The class itself.

@@ -125,6 +125,9 @@ def basins(
         executor: Runs the portions; the result does not depend on it.
         advance: Receives the number of finished states.
 
+    Returns:
+        The initial states and the outcome of each, as arrays (rows, columns).
+
     Raises:
         InputError: An argument cannot be used.
     """
@@ -171,7 +174,12 @@ class Attractors:
 
     @classmethod
     def at(cls, parameters: Parameters, omega: Fraction) -> Attractors:
-        """Return the attractors at a speed [rad/s]; a cycle that is not found is left out."""
+        """Return the attractors at a speed [rad/s]; a cycle that is not found is left out.
+
+        Args:
+            parameters: The disk.
+            omega: The spinning speed [rad/s].
+        """
         amplitude = lean = None
         period = 0.0
         with suppress(NoSuchCycleError, AccuracyError):

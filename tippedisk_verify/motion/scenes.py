@@ -109,6 +109,9 @@ SCENES: tuple[Scene, ...] = (
 def scene_named(name: str) -> Scene:
     """Return the panel of that letter.
 
+    Args:
+        name: The letter.
+
     Raises:
         InputError: There is no such panel.
     """
@@ -180,6 +183,9 @@ def compute(scene: Scene, parameters: Parameters, engine: Engine, *, omega_h: Me
         parameters: The disk.
         engine: The integrator.
         omega_h: Omega_h [rad/s], which some panels need.
+
+    Returns:
+        The panel with both orbits and their attractors.
 
     Raises:
         InputError: The panel needs an Omega_h and none is given, or the engine does not measure its
@@ -332,7 +338,11 @@ def top_leans(times: Any, result: Result, omega: float) -> tuple[Any, Any]:
 
 
 def from_inverted(gamma: Any) -> Any:
-    """Return gamma - pi/2 modulo 2 pi, from -pi to pi."""
+    """Return gamma - pi/2 modulo 2 pi, from -pi to pi.
+
+    Args:
+        gamma: [rad]; arrays are accepted.
+    """
     return (gamma + math.pi / 2) % (2 * math.pi) - math.pi
 
 

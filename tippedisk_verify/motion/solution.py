@@ -282,7 +282,11 @@ class EvenTimes(Sequence[Exact]):
         return self._start + self._step * numbers
 
     def rounded(self, precision: Precision) -> Any:
-        """Return the times (n,), each rounded once."""
+        """Return the times (n,), each rounded once.
+
+        Args:
+            precision: The arithmetic.
+        """
         if precision != DOUBLE or self._start.pi_multiple or self._step.pi_multiple:
             return precision.sequence(tuple(self))
         start, step = self._start.rational, self._step.rational

@@ -87,6 +87,9 @@ class Equilibrium(Printable):
 def location(name: EquilibriumName) -> tuple[Exact, Exact, Exact]:
     """Return (beta, gamma, v) of the equilibrium, exactly.
 
+    Args:
+        name: ``inverted`` or ``noninverted``.
+
     Raises:
         InputError: There is no equilibrium of that name.
     """
@@ -123,6 +126,9 @@ def characteristic_polynomial(matrix: Linearization) -> tuple[Any, Any, Any, Any
     """Return the coefficients (1, a2, a1, a0) of the characteristic polynomial.
 
     It is lambda^3 + a2 lambda^2 + a1 lambda + a0 [1/s^3].
+
+    Args:
+        matrix: The linearisation.
     """
     return 1, -matrix.A33, -matrix.A31, -matrix.omega * matrix.A32
 
@@ -131,6 +137,9 @@ def is_stable(matrix: Linearization) -> bool:
     """Return True if the cubic satisfies Routh-Hurwitz: a2 > 0, a0 > 0 and a2 a1 > a0.
 
     The result is exact for exact entries.
+
+    Args:
+        matrix: The linearisation.
     """
     _, a2, a1, a0 = characteristic_polynomial(matrix)
     return bool(a2 > 0 and a0 > 0 and a2 * a1 > a0)
@@ -164,12 +173,20 @@ def right_eigenvector(matrix: Linearization, eigenvalue: Any) -> tuple[Any, Any,
     """Return the direction (beta, gamma, v) with A x = lambda x, not normalised.
 
     It follows from the first two rows.
+
+    Args:
+        matrix: The linearisation.
+        eigenvalue: lambda [1/s].
     """
     return eigenvalue, matrix.omega, eigenvalue * eigenvalue
 
 
 def stiff_eigenvalue_estimate(parameters: Parameters) -> Fraction:
-    """Return A33 [1/s] at inverted spinning, the paper's lambda_3 up to O(eps) (Eq. closed_la3)."""
+    """Return A33 [1/s] at inverted spinning, the paper's lambda_3 up to O(eps) (Eq. closed_la3).
+
+    Args:
+        parameters: The disk.
+    """
     return Fraction(linearization(parameters, Fraction(1)).A33)
 
 
@@ -200,6 +217,10 @@ def eigenvalues(matrix: Linearization, digits: int) -> tuple[Eigenvalue, Eigenva
     Their half-widths are below 10**-digits of each one's size. The characteristic polynomial
     changes its sign at the real ones. If there is only one of these, the sum and the product of the
     other two follow from it.
+
+    Args:
+        matrix: The linearisation, with rational entries.
+        digits: Significant digits of each eigenvalue.
 
     Raises:
         AccuracyError: Two eigenvalues coincide, or nearly so.

@@ -108,7 +108,11 @@ class AmplitudeLaw(NamedTuple):
 
 
 def frequency_ratio_squared(parameters: Parameters) -> Fraction:
-    """Return W, exactly."""
+    """Return W, exactly.
+
+    Args:
+        parameters: The disk.
+    """
     return parameters.e / (parameters.r + parameters.e)
 
 
@@ -126,6 +130,9 @@ def amplitude_law(parameters: Parameters) -> AmplitudeLaw:
         delta = A (r - 2 e) / (Bbar r) - (2 r - e) / (2 (r + e)).
 
     The second is written out in the code.
+
+    Args:
+        parameters: The disk.
     """
     p = parameters
     W, alpha, mass = frequency_ratio_squared(p), p.A / p.Bbar, p.m * (p.r + p.e) ** 2 / p.Bbar
@@ -145,6 +152,9 @@ def omega_crit_squared(parameters: Parameters) -> Fraction:
     """Return Omega_crit^2 [rad^2/s^2], exactly (Eq. approx_omega_crit).
 
     It is (r + e)^2 m g / (r Bbar), where Routh-Hurwitz has a2 a1 = a0; mu and epsilon cancel.
+
+    Args:
+        parameters: The disk.
     """
     constants = parameters.rational()
     return Fraction((constants.r + constants.e) ** 2 * constants.g / (constants.r * constants.b))
@@ -154,6 +164,9 @@ def critical_frequency_squared(parameters: Parameters) -> Fraction:
     """Return the square of the critical pair's frequency [rad^2/s^2] (Eq. omega_sol_C2).
 
     It is omega^2 = e Omega_crit^2 / (r + e).
+
+    Args:
+        parameters: The disk.
     """
     return frequency_ratio_squared(parameters) * omega_crit_squared(parameters)
 
@@ -166,6 +179,9 @@ def criticality(parameters: Parameters) -> Criticality:
         A (r - 2 e) > Bbar r (2 r - e) / (2 (r + e)),
 
     which is equivalent to chi Omega_crit^2 + m g e (r + e) > 0 with the consistent chi.
+
+    Args:
+        parameters: The disk.
     """
     quadratic = amplitude_law(parameters).quadratic
     if not quadratic:
@@ -177,6 +193,10 @@ def criticality(parameters: Parameters) -> Criticality:
 def omega_crit(parameters: Parameters, digits: int = 15) -> Measured:
     """Return the critical spinning speed [rad/s] to ``digits`` significant digits.
 
+    Args:
+        parameters: The disk.
+        digits: Significant digits, from 1 to 4000.
+
     Raises:
         InputError: The number of digits cannot be used.
     """
@@ -184,7 +204,12 @@ def omega_crit(parameters: Parameters, digits: int = 15) -> Measured:
 
 
 def distance_below_crit(parameters: Parameters, omega: Fraction) -> Fraction:
-    """Return Omega_crit - ``omega`` [rad/s] to 15 digits, however small it is."""
+    """Return Omega_crit - ``omega`` [rad/s] to 15 digits, however small it is.
+
+    Args:
+        parameters: The disk.
+        omega: The speed [rad/s].
+    """
     crit = square_root(square := omega_crit_squared(parameters), 20).value
     return (square - omega**2) / (crit + omega)
 
@@ -218,6 +243,10 @@ def speed_below_crit(parameters: Parameters, distance: object, digits: int) -> M
 def period_crit(parameters: Parameters, digits: int = 15) -> Measured:
     """Return the period 2 pi / omega [s] of the cycle at its birth, to ``digits`` digits.
 
+    Args:
+        parameters: The disk.
+        digits: Significant digits, from 1 to 4000.
+
     Raises:
         InputError: The number of digits cannot be used.
     """
@@ -226,7 +255,12 @@ def period_crit(parameters: Parameters, digits: int = 15) -> Measured:
 
 
 def period_of(frequency: Measured, digits: int) -> Measured:
-    """Return 2 pi / ``frequency``, with pi to ``digits`` digits."""
+    """Return 2 pi / ``frequency``, with pi to ``digits`` digits.
+
+    Args:
+        frequency: The angular frequency [rad/s].
+        digits: The digits of pi.
+    """
     low, high = PI.enclosed(bits_for_digits(digits))
     return Measured(low + high, high - low) / frequency
 
@@ -236,6 +270,10 @@ def hopf_point(parameters: Parameters, digits: int = 12) -> HopfPoint:
     """Return the Hopf point to ``digits`` significant digits.
 
     At a generalized Hopf point, where l_1 = 0, the result has l_2 instead of the two slopes.
+
+    Args:
+        parameters: The disk.
+        digits: Significant digits, from 1 to 4000.
 
     Raises:
         InputError: The number of digits cannot be used, or the disk has the smooth friction law.

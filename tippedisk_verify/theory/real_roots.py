@@ -98,7 +98,12 @@ def _value_at(polynomial: Sequence[Any], x: Any) -> Any:
 
 
 def square_root(square: Measured | Fraction, digits: int) -> Measured:
-    """Return the square root of a positive number, rounded to ``digits`` digits."""
+    """Return the square root of a positive number, rounded to ``digits`` digits.
+
+    Args:
+        square: A positive number.
+        digits: The digits of the root.
+    """
     number = square if isinstance(square, Measured) else Measured(square, Fraction(0))
     precision = bits(bits_for_digits(digits))
     root = fraction(precision.context.sqrt(quotient(precision.context, number.value)))

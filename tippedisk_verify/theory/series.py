@@ -29,7 +29,11 @@ class PowerSeries:
         return PowerSeries(coefficients, self.variables)
 
     def at(self, variable: Any) -> Any:
-        """Return the value of a series in one variable."""
+        """Return the value of a series in one variable.
+
+        Args:
+            variable: The number.
+        """
         total = 0 * self.c[0]
         for coefficient in reversed(self.c):
             total = total * variable + coefficient
@@ -89,6 +93,9 @@ class PowerSeries:
         """Return the partial derivative in the first (0) or second (1) of two variables.
 
         One degree is lost.
+
+        Args:
+            axis: 0 or 1.
         """
         degree, slopes = _degrees(2, len(self.c))[-1], []
         for total in range(1, degree + 1):

@@ -175,7 +175,11 @@ class SlowManifoldSeries:
         return [h.c[0] for h in self.series]
 
     def truncations(self, epsilon: Any) -> Iterator[tuple[Any, Any, Any]]:
-        """Yield h, dh/dbeta and dh/dgamma at the point, truncated at each order in turn."""
+        """Yield h, dh/dbeta and dh/dgamma at the point, truncated at each order in turn.
+
+        Args:
+            epsilon: The parameter of the series [m/s].
+        """
         h = by_beta = by_gamma = 0
         for n, order in enumerate(self.series):
             power = epsilon**n
@@ -186,6 +190,9 @@ class SlowManifoldSeries:
         """Return epsilon (dh/dx) f - g [m rad/s^3] of each truncation.
 
         That of order n is of size epsilon^(n + 1).
+
+        Args:
+            epsilon: The parameter of the series [m/s].
         """
         q0, q1, q2, rate, drift, rolling = (
             term.c[0] for term in (self.q0, self.q1, self.q2, self.rate, self.drift, self.series[0])

@@ -21,6 +21,9 @@ def rendered(package: str, template: str, filters: dict[str, Callable[..., Any]]
         template: The template's file name.
         filters: Jinja filters by name.
         values: The template's variables.
+
+    Returns:
+        The text of the page.
     """
     from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 
