@@ -50,7 +50,8 @@ def code_folder() -> Path | None:
         return None if chosen.strip().lower() in _DISABLING_VALUES else Path(chosen)
     named = Path(os.environ.get("XDG_CACHE_HOME", ""))
     try:
-        base = named if named.is_absolute() else Path.home() / ".cache"  # a relative path counts as unset
+        # A relative path counts as unset.
+        base = named if named.is_absolute() else Path.home() / ".cache"
     except RuntimeError:
         return None
     return base / "tippedisk-verify"

@@ -18,7 +18,8 @@ from typing import Any, TypeVar
 
 __all__ = ["Advance", "progress_of", "watched"]
 
-Advance = Callable[[str, int], None]  #: takes the name of the work and the number of steps done since the last call
+#: A function of the name of the work and the number of steps done since the last call.
+Advance = Callable[[str, int], None]
 Item = TypeVar("Item")
 
 _PATIENCE = 2.0  # s before anything is shown
@@ -47,7 +48,8 @@ def progress_of(total: int = 0, progress: bool | None = None) -> Iterator[Advanc
         if over.wait(_PATIENCE):
             return
         with (
-            suppress(OSError, ValueError, ImportError, MemoryError),  # if drawing fails, show nothing
+            # If drawing fails, nothing is shown.
+            suppress(OSError, ValueError, ImportError, MemoryError),
             (_in_notebook if _has_kernel() else _on_terminal)(total) as draw,
         ):
             while not over.wait(_BETWEEN_DRAWINGS):

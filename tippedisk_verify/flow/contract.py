@@ -250,7 +250,7 @@ class Request:
 
 @dataclass(frozen=True, repr=False, eq=False)
 class EventRecord(Printable):
-    """One crossing: the event's name, the time [s] and the state, with half-widths where computed."""
+    """One crossing: the event's name, the time [s] and the state, with any half-widths."""
 
     name: str
     time: Any

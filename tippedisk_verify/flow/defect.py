@@ -175,7 +175,7 @@ class Defect:
         return self._polynomial(since, counts), errors, roundings, left_out
 
     def at_nodes(self) -> tuple[Any, Any, Any, Any, Any]:
-        """Return times (k,) and the same numbers as `at`, at the nodes of all steps in their order."""
+        """Return times (k,) and the numbers of `at` at the nodes of all steps, in order."""
         times = self._series.times[:-1, None] + self._steps * self._places
         roundings, left_out = (numpy.repeat(of, len(self._places), axis=1) for of in self._margins())
         errors = self._along(self._places).reshape(-1, 3).T
@@ -222,7 +222,7 @@ class Defect:
         return total
 
     def _solved(self, right: Any) -> Any:
-        """Return the errors' rates (n, nodes, 3, k) at the nodes for errors that begin with zero."""
+        """Return the rates (n, nodes, 3, k) at the nodes of errors that begin with zero."""
         return numpy.linalg.solve(self._system, right.reshape(*self._system.shape[:2], -1)).reshape(right.shape)
 
     def _gained(self, rates: Any) -> Any:

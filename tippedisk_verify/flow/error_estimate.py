@@ -271,7 +271,7 @@ class _Run:
         return left + abs(values).astype(float) * float(self.wide.epsilon)
 
     def _at(self, times: Any) -> tuple[Any, Any, Any]:
-        """Return polynomials, errors and the uncertainty of the errors, (3, k) at wide times (k,)."""
+        """Return polynomials, errors and their uncertainty, (3, k) at wide times (k,)."""
         places, errors, roundings, nodes = self._defect.at(times)
         return places, errors, self._left(roundings, nodes)
 

@@ -152,7 +152,7 @@ class BatchTaylor:
         ops = _shifted(math) if shifted else math
 
         def is_start(name: str, run: int, when: float, state: tuple[float, ...]) -> bool:
-            """Return True if a crossing is only the start: the run starts or rests on the surface."""
+            """Return True if a crossing is only a start, or a rest, on the surface."""
             if abs(when) > LONGEST_WINDOW and state != tuple(states[run]):
                 return False
             pars = [omegas[run].item(), *constants[run].tolist()]

@@ -1,4 +1,4 @@
-"""Exact numbers as decimals with the error of their rounding, and a context for decimal arithmetic."""
+"""Exact numbers as decimals with their rounding error, and a context for decimals."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def arithmetic(digits: int = 140, rounding: str = ROUND_HALF_EVEN) -> Iterator[N
 
 
 def exact_text(value: Fraction) -> str:
-    """Return the exact number as text: a decimal, or a ratio of integers if its decimals never end."""
+    """Return the exact number as a decimal, or as a ratio if its decimals never end."""
     text, cut = exact_decimals(value)
     return text if cut == "0" else f"{Decimal(value.numerator)}/{Decimal(value.denominator)}"
 

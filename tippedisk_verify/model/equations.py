@@ -94,8 +94,8 @@ def one_speed(**ways: object) -> None:
     """Raise InputError unless exactly one of several ways to give a speed is used.
 
     Args:
-        ways: The values of the ways by name; None and False mean unused. The message names an
-            option as on the command line.
+        ways: The values of the ways, by the names that the message uses. None and False mean
+            unused.
 
     Raises:
         InputError: None of them is used, or several.

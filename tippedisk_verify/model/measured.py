@@ -217,7 +217,7 @@ class Bounded(Approximate):
 
     @_of_two
     def __pow__(self, other: Measured) -> Measured:
-        """Return a power: of any number for an integer up to 1000, otherwise of a positive number."""
+        """Return a power, of a positive number unless the exponent is an integer up to 1000."""
         power = other.value
         if other.uncertainty or power.denominator > 1 or abs(power) > _LARGEST_POWER:
             return (self.log() * other).exp()
@@ -227,7 +227,8 @@ class Bounded(Approximate):
 
     def __rpow__(self, other: object) -> Measured:
         theirs = _operand(other)
-        if theirs and isinstance(other, float):  # Python 3.11 converts a Fraction before calling this
+        # Python 3.11 converts a Fraction to a float before calling this method.
+        if theirs and isinstance(other, float):
             theirs = Measured(theirs.value, abs(theirs.value) / 2**53 + Fraction(1, 2**1075))
         return NotImplemented if theirs is None else theirs**self
 

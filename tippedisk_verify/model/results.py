@@ -122,7 +122,7 @@ class Printable:
 
     def __repr__(self) -> str:
         lines = str(self).splitlines()
-        if len(lines) > _MAX_REPR_LINES + 1:  # one line more is shown: a cut would save no more than that
+        if len(lines) > _MAX_REPR_LINES + 1:  # a cut of one line would save nothing
             lines[_MAX_REPR_LINES - 1 :] = [f"  and {len(lines) - _MAX_REPR_LINES + 1} more lines: print shows them"]
         # A number of many digits keeps its half-width, which is at its end.
         return "\n".join(

@@ -216,7 +216,7 @@ class Attractors:
 
 
 def _closer(before: float, after: float, cycle: float) -> bool:
-    """Return True if a coordinate on a section comes closer to the cycle's, or has arrived there."""
+    """Return True if a section coordinate comes closer to the cycle's, or has arrived."""
     return abs(after - cycle) < max(0.95 * abs(before - cycle), cycle / 100)
 
 

@@ -316,7 +316,7 @@ def _note(request: Request) -> str:
 
 
 def _decimal(time: Exact) -> str:
-    """Return the exact time as a decimal; one whose decimals never end is cut after fifty digits."""
+    """Return the exact time as a decimal, cut after fifty digits if it never ends."""
     if not time.pi_multiple:
         return exact_decimals(time.rational)[0]
     low, high = time.enclosed(_CUT_BITS)
@@ -372,7 +372,7 @@ def _solution(request: Request, result: Result, engine: Engine, start: Exact, en
         return numpy.full(numpy.shape(values), numpy.inf) if estimated is None else half_widths(estimated)
 
     def moment(record: EventRecord) -> EventRecord:
-        """Return the record with its time counted from time 0 instead of from the start of the run."""
+        """Return the record with its time counted from time 0, not from the start."""
         record = replace(record, state=workable(record.state))
         if start == exact(0):
             return record

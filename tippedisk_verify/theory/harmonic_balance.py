@@ -132,7 +132,7 @@ def squares(constants: Any, omega: Any, form: Form) -> tuple[Any, Any]:
 
 
 def _denominator(constants: Any, omega_squared: Any, form: Form) -> Any:
-    """Return chi Omega^2 + m g e (r + e) [kg m^3/s^2] of Eq. Csol; the law has a pole at its zero."""
+    """Return chi Omega^2 + m g e (r + e) [kg m^3/s^2] of Eq. Csol; its zero is a pole."""
     r, e, m, g = constants.r, constants.e, constants.m, constants.g
     return chi(constants, form) * omega_squared + m * g * e * (r + e)
 

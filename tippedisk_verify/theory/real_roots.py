@@ -67,7 +67,7 @@ def _cells(polynomial: list[int], bound: int) -> list[tuple[int, int]]:
 
 
 def _cell(polynomial: list[int], low: int, high: int) -> tuple[int, int]:
-    """Return the cell, as for `_cells`, of the only root between two integers with different signs."""
+    """Return the cell, as in `_cells`, of the only root between two integers."""
     rising, slope = _value_at(polynomial, high) > 0, _derivative(polynomial)
     while high - low > 1:
         middle, width, size = (low + high) // 2, high - low, min(abs(low), abs(high))

@@ -114,7 +114,7 @@ class Saddle:
 
     @cached_property
     def inverse_directions(self) -> Any:
-        """The inverse of `directions`: its rows give a vector's coordinates along the eigenvectors."""
+        """The inverse of `directions`: its rows give coordinates along the eigenvectors."""
         return self.context.inverse(self.directions)
 
     @cached_property
