@@ -63,8 +63,8 @@ def test_each_fault_has_its_line(change: dict[str, object], word: str) -> None:
 def test_the_definition_names_the_disk_exactly() -> None:
     """Check that it holds all numbers of the equations, and no others."""
     disk = PRINTED.changed(mu=Fraction(1, 3))
-    said = "r = 0.045 m, e = 0.0025 m, m = 0.435 kg, A = 0.000249 kg m^2, B = 0.000227 kg m^2, g = 9.81 m/s^2"
-    assert disk.definition() == f"{said}, mu = 1/3, epsilon = 0.1 m/s"
+    definition = "r = 0.045 m, e = 0.0025 m, m = 0.435 kg, A = 0.000249 kg m^2, B = 0.000227 kg m^2, g = 9.81 m/s^2"
+    assert disk.definition() == f"{definition}, mu = 1/3, epsilon = 0.1 m/s"
 
 
 @pytest.mark.parametrize("name", ["printed", "table1", "disk"])

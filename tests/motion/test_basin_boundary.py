@@ -68,10 +68,10 @@ def test_the_command(capsys) -> None:
     shown = json.loads(capsys.readouterr().out)
     assert shown["keeps_standing"] is True
     assert 0.1 < float(shown["margin"]["value"]) < 0.2
-    for words, told in (
+    for words, message in (
         (["--omega", "30.5", "--margin", "1,2"], "three numbers"),
         (["--omega", "30.5", "--margin", "4,2,0"], "between 0 and pi"),
         (["--omega", "29", "--margin", "1,2,0"], "fold near"),
     ):
         assert main(["basin", *words]) == 2
-        assert told in capsys.readouterr().err
+        assert message in capsys.readouterr().err

@@ -101,9 +101,9 @@ def test_orbits_that_only_slow_down_near_the_fold_are_not_taken_for_cycles(taylo
     for distance in ("1e-5", "1e-3"):
         truth = rotating_cycle(disk, fold + Fraction(distance), taylor).beta_bar_top
         for ending in (orbit.ending for orbit in orbits_at(fold + Fraction(distance), disk, taylor)):
-            told = ending.kind == "rotating limit cycle"
-            assert told or (ending.kind == "undecided" and Fraction(distance) < Fraction("5e-5"))
-            assert not told or ending.amplitude.contains(truth)
+            rotates = ending.kind == "rotating limit cycle"
+            assert rotates or (ending.kind == "undecided" and Fraction(distance) < Fraction("5e-5"))
+            assert not rotates or ending.amplitude.contains(truth)
 
 
 def test_a_cycle_about_another_inverted_state_is_one(taylor) -> None:

@@ -133,7 +133,7 @@ def test_an_event_keeps_its_requested_name(name: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "message"),
     [
         ({"direction": 2}, "direction is -1, 0 or 1, not 2"),
         ({"direction": "up"}, "not up"),
@@ -146,12 +146,12 @@ def test_an_event_keeps_its_requested_name(name: str) -> None:
         ({"function": 3}, "ops.sin and ops.cos"),
     ],
 )
-def test_an_invalid_event_is_refused_with_a_remedy(arguments: dict[str, object], said: str) -> None:
+def test_an_invalid_event_is_refused_with_a_remedy(arguments: dict[str, object], message: str) -> None:
     right = {"function": lambda ops, c, omega, beta, gamma, v: c.r * ops.cos(beta) ** 2 - 1 / omega + v * gamma}
     assert tv.Event("fine", **right).direction == 0  # type: ignore[arg-type]
     with pytest.raises(tv.InputError) as refused:
         tv.Event("x", **(right | arguments))  # type: ignore[arg-type]
-    assert said in str(refused.value)
+    assert message in str(refused.value)
     assert "\n" not in str(refused.value)
 
 
