@@ -21,7 +21,7 @@ from tippedisk_verify.model.results import Printable, quantities
 
 project = "tippedisk_verify"
 release = tippedisk_verify.__version__
-extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx_click"]
+extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx_click"]
 html_theme = "furo"
 html_title = f"tippedisk_verify {release}"
 html_math_renderer = "mathml"
@@ -75,7 +75,15 @@ class Symbols(SphinxTransform):
     """Symbols in running text become formulas; sources and docstrings stay readable in a terminal."""
 
     default_priority = 480
-    _VERBATIM = (nodes.literal, nodes.math, nodes.FixedTextElement, nodes.raw, nodes.comment, addnodes.desc_signature)
+    _VERBATIM = (
+        nodes.literal,
+        nodes.math,
+        nodes.FixedTextElement,
+        nodes.raw,
+        nodes.comment,
+        addnodes.desc_signature,
+        addnodes.literal_strong,  # names of arguments
+    )
 
     def apply(self, **_: object) -> None:
         for table in self.document.findall(lambda node: "names" in getattr(node, "attributes", {}).get("classes", ())):

@@ -1,4 +1,4 @@
-"""The cache gives back what was put, or nothing: never an error, never a part."""
+"""The cache returns stored values or nothing: never an error, never a part."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ KEY = "ab" * 32
 VALUE = {"value": "30.88659268864356722", "width": None, "nested": [1, 2.5, "Ω", True]}
 
 
-def test_what_was_put_comes_back(tmp_path: Path) -> None:
+def test_stored_values_are_returned(tmp_path: Path) -> None:
     folder = tmp_path / "new" / "folder"
     Cache(folder).put(KEY, VALUE)
     assert Cache(folder).get(KEY) == VALUE
@@ -37,7 +37,7 @@ def test_what_was_put_comes_back(tmp_path: Path) -> None:
         lambda content: b"[" * 200_000,
     ],
 )
-def test_damage_is_as_if_it_were_not_there(damage, tmp_path: Path) -> None:
+def test_damaged_files_count_as_missing(damage, tmp_path: Path) -> None:
     cache = Cache(tmp_path)
     cache.put(KEY, VALUE)
     (path,) = tmp_path.iterdir()
@@ -71,7 +71,7 @@ def test_runs_at_the_same_time_see_whole_files(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == [f"{KEY}.json"]
 
 
-def test_only_old_files_of_ours_are_removed(tmp_path: Path) -> None:
+def test_only_old_files_of_the_cache_are_removed(tmp_path: Path) -> None:
     cache = Cache(tmp_path)
     cache.put(KEY, VALUE)
     cache.put("cd" * 32, VALUE)
@@ -87,7 +87,7 @@ def test_only_old_files_of_ours_are_removed(tmp_path: Path) -> None:
     assert {path.name for path in tmp_path.iterdir()} == {f"{KEY}.json", f"{'cd' * 32}.json", "notes.txt"}
 
 
-def test_where_it_lies(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_folder_of_the_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "own"))
     for chosen, results, code in (
         ("off", None, None),

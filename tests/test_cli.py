@@ -1,4 +1,4 @@
-"""The command line as a user meets it: one JSON object, one line for each mistake, whole files."""
+"""The command line from a user's view: one JSON object, one line for each mistake, whole files."""
 
 from __future__ import annotations
 

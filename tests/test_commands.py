@@ -1,4 +1,4 @@
-"""The command line's promises: examples that run, whole sentences and words in 80 columns, the README's commands."""
+"""The command line's promises: running examples, whole sentences, 80 columns, README commands."""
 
 from __future__ import annotations
 
@@ -39,7 +39,11 @@ def _help(path: str) -> str:
 
 
 def parsed(words: list[str]) -> None:
-    """Raises click.ClickException, or InputError, for what is no command; nothing is computed."""
+    """Parse a command without computing anything.
+
+    Raises:
+        click.ClickException, InputError: It is not a command.
+    """
     command, path, name = cli, CONTEXT, ""
     while isinstance(command, click.Group) and words and not words[0].startswith("-"):
         name, *words = words
@@ -79,7 +83,7 @@ LONG = (
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Where the examples run, with the files that they need of a user: answers, old and new."""
+    """Return the folder of the examples, with a user's files: answers, old and new."""
     here = tmp_path_factory.mktemp("examples")
     for name in ("answers.csv", "old.csv", "new.csv"):
         (here / name).write_text("id,answer\nprinted/linear/hopf/point/omega_crit,30.886592688643568\n")
@@ -103,10 +107,10 @@ def test_each_command_has_two_examples_at_the_end_of_its_help() -> None:
 
 
 def test_help_is_whole_sentences_in_80_columns() -> None:
-    said = _help("")
-    listed = re.findall(r"^  ([a-z][\w-]+)  ", said, re.MULTILINE)
+    overview = _help("")
+    listed = re.findall(r"^  ([a-z][\w-]+)  ", overview, re.MULTILINE)
     assert sorted(listed) == sorted(cli.commands)
-    assert "..." not in said.split("Options:")[1]
+    assert "..." not in overview.split("Options:")[1]
     for path in ("", *COMMANDS):
         assert max(map(len, _help(path).splitlines())) <= 80, path
         for command in getattr(COMMANDS.get(path, cli), "commands", {}).values():
@@ -118,7 +122,7 @@ def test_the_help_of_bench_names_its_problems() -> None:
     assert re.findall(r"[\w-]+", listed.partition(":")[2].replace(" or ", " ")) == [one.name for one in PROBLEMS]
 
 
-def test_the_main_job_takes_the_same_time_wherever_that_is_said() -> None:
+def test_the_duration_of_verify_is_the_same_everywhere() -> None:
     root = Path(__file__).parents[1]
     texts = [
         *((root / name).read_text(encoding="utf-8") for name in ("README.md", "docs/commands.md")),
@@ -128,7 +132,7 @@ def test_the_main_job_takes_the_same_time_wherever_that_is_said() -> None:
     assert [re.findall(durations, " ".join(text.split())) for text in texts] == [["a minute"]] * 3
 
 
-def test_verify_says_what_an_equation_and_a_printed_number_come_to(capsys: pytest.CaptureFixture[str]) -> None:
+def test_verify_prints_the_verdict_of_an_equation_and_of_a_number(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["verify", "--only", "eq.28,14"]) == 0
     assert capsys.readouterr().out.startswith(
         "eq. (28) has no verdict of its own; eq. (39), which is derived from it, does not follow (term), by the claim "
@@ -172,13 +176,13 @@ def test_units_are_those_of_the_reference_data() -> None:
 
 
 def test_a_quantity_has_one_unit() -> None:
-    """Whatever class it stands in; and a meaning."""
+    """Check that a quantity has one unit and a meaning in all classes."""
     units: dict[str, set[str]] = {name: {what.unit} for name, what in results.COORDINATES.items()}
     for kind in _results(results.Printable):
         for name, what in results.quantities(kind).items() if is_dataclass(kind) else ():
             units.setdefault(name, set()).add(what.unit)
             assert what.meaning
-    assert {name: said for name, said in units.items() if len(said) > 1} == {}
+    assert {name: meanings for name, meanings in units.items() if len(meanings) > 1} == {}
     assert results.quantities(HopfPoint)["period"].unit == "s"
     assert len(units) > 40
 

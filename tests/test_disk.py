@@ -1,4 +1,4 @@
-"""The front door: what a disk gives, seen from outside."""
+"""The front door: the methods of a disk, seen from outside."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def test_a_text_for_a_list_is_one_number_or_refused() -> None:
         (lambda: tv.Disk("printed").branch([]), "1 to"),
     ],
 )
-def test_what_makes_no_sense_is_one_line(make, word) -> None:
+def test_invalid_arguments_give_one_line(make, word) -> None:
     with pytest.raises(tv.InputError, match=word) as fault:
         make()
     assert "\n" not in str(fault.value)
@@ -79,8 +79,8 @@ def test_what_makes_no_sense_is_one_line(make, word) -> None:
 
 # ---------------------------------------------------------------------------------------------- motion
 @pytest.mark.parametrize("friction", LAWS)
-def test_a_solution_is_what_scipy_gives(friction) -> None:
-    """The same times, shape and numbers as `solve_ivp`'s on the same equations."""
+def test_a_solution_agrees_with_scipys(friction) -> None:
+    """Compare times, shape and numbers with `solve_ivp`'s on the same equations."""
     disk = tv.Disk("printed", friction=friction)
     constants = disk.at(DOUBLE)
     times = numpy.linspace(0, 2, 21)
@@ -123,7 +123,7 @@ def test_a_run_that_ends_early_ends_with_its_end() -> None:
 
 @pytest.mark.parametrize("friction", LAWS)
 def test_a_motion_may_begin_at_any_time(friction) -> None:
-    """The equations do not know the time. It is added exactly, so nothing of the states changes."""
+    """Check that a later start changes no state: the equations do not know the time."""
     disk, names = tv.Disk("printed", friction=friction), ("section", "turn", "surface")
     early = disk.integrate("30.4", START, 2, t_eval=[0.5, 2], events=names)
     late = disk.integrate("30.4", START, (8, 10), t_eval=[8.5, 10], events=names)
@@ -147,7 +147,7 @@ def test_a_motion_may_begin_at_any_time(friction) -> None:
 
 @pytest.mark.parametrize("span", [("1e6", "1e6 + 0.1"), ("1/3", "0.3"), ("pi", "pi + 0.1")])
 def test_times_are_exact(span) -> None:
-    """States are those at the exact times, however far from zero they are and whatever doubles make of the ends."""
+    """Check states at exact times, however far from zero and whatever the doubles of the ends."""
     disk, start, end = tv.Disk("printed"), *map(tv.exact, span)
     share = (end - start) * Fraction(1, 32)
     early = disk.integrate("30.4", START, end - start, t_eval=[share, end - start], digits=20)
@@ -163,7 +163,7 @@ def test_times_are_exact(span) -> None:
 
 @pytest.mark.parametrize("friction", LAWS)
 def test_derivatives_of_the_end_are_those_of_difference_quotients(friction) -> None:
-    """By motions to thirty digits, moved by 1e-10: the quotients are right to some 18 digits."""
+    """Compare with motions to thirty digits, moved by 1e-10: the quotients have some 18 digits."""
     disk, step = tv.Disk("printed", friction=friction), Fraction(1, 10**10)
     start, omega = [Fraction("1.2"), Fraction("1.5"), Fraction("0.3")], Fraction("30.4")
     mine = disk.integrate(omega, start, "0.3", variations=("state", "omega"))
@@ -197,7 +197,7 @@ def test_the_equations_serve_other_solvers(friction) -> None:
     assert numpy.allclose(jac(0, start), moved, rtol=1e-5, atol=1e-3)  # rates of 1e4: their rounding over the step
 
 
-def test_one_event_or_time_need_no_list_and_what_is_none_is_told() -> None:
+def test_one_event_or_time_needs_no_list_and_others_are_refused() -> None:
     disk = tv.Disk("printed")
     assert disk.integrate("30.4", START, 1, t_eval="0.5", events="section", variations="omega").y.shape == (3, 1)
     assert disk.integrate("30.4", START, 1, events=None).events == ()
@@ -206,7 +206,7 @@ def test_one_event_or_time_need_no_list_and_what_is_none_is_told() -> None:
             disk.integrate("30.4", START, 1, events=wrong)
 
 
-def test_the_words_of_solve_ivp_lead_to_ours() -> None:
+def test_keywords_of_solve_ivp_are_explained() -> None:
     with pytest.raises(UnknownKeywordError, match=r"no rtol: `digits`.*`engine`"):
         tv.Disk("printed").integrate("30.4", START, 1, rtol=1e-9)
 
@@ -214,7 +214,10 @@ def test_the_words_of_solve_ivp_lead_to_ours() -> None:
 # ---------------------------------------------------------------------------------------------- limit cycles
 @pytest.mark.parametrize("friction", LAWS)
 def test_an_orbit_closes_and_follows_the_equations(friction) -> None:
-    """By SciPy, from a quarter of the way: the second half is drawn by the symmetry and must be where the flow goes."""
+    """Integrate by SciPy from a quarter of the way.
+
+    The second half is drawn by the symmetry and must be where the flow goes.
+    """
     disk = tv.Disk("printed", friction=friction)
     cycle = disk.limit_cycle("30.4")
     t, y = cycle.orbit(9)
@@ -236,7 +239,7 @@ def test_an_orbit_closes_and_follows_the_equations(friction) -> None:
     assert abs(shifted[1]).max() <= float(cycle.gamma_bar_0)
 
 
-def test_a_speed_next_to_omega_h_goes_wherever_a_speed_goes() -> None:
+def test_a_speed_next_to_omega_h_is_accepted_as_a_speed() -> None:
     disk = tv.Disk("printed")
     sharp = disk.heteroclinic(digits=40).omega_h
     for way, sign in (("above_het", 1), ("below_het", -1)):
@@ -264,7 +267,7 @@ SMOOTH = tv.PRINTED.with_friction("smooth")
         lambda: proved_hopf(SMOOTH),
     ],
 )
-def test_what_is_for_the_linear_law_is_not_said_of_the_smooth_one(ask) -> None:
+def test_results_of_the_linear_law_are_refused_under_the_smooth_one(ask) -> None:
     with pytest.raises(tv.InputError, match="linear friction law only"):
         ask()
 

@@ -1,4 +1,4 @@
-"""The examples run, each as a user runs it, and their own assertions hold."""
+"""The examples run as a user runs them, and their own assertions hold."""
 
 from __future__ import annotations
 
@@ -42,15 +42,15 @@ def test_an_example_runs(path: Path, tmp_path: Path) -> None:
 
 @pytest.mark.slow(minutes=1.5)
 def test_the_commands_of_the_scenario_print_its_numbers(capsys: pytest.CaptureFixture[str]) -> None:
-    """Digits are cut off there, so they are a part of what is printed; so are the speeds found."""
+    """Check that its numbers are the beginnings of printed ones, and so are the speeds found."""
     from tippedisk_verify.cli import main
 
     page = (ROOT / "docs" / "scenario.md").read_text(encoding="utf-8")
     rows = [cells for line in page.splitlines() if len(cells := line.split("|")) == 6 and "`" in cells[4]]
-    for speed, *told, command in ([cell.strip() for cell in cells[1:5]] for cells in rows):
+    for speed, *shown, command in ([cell.strip() for cell in cells[1:5]] for cells in rows):
         assert main(shlex.split(command.strip("`"))) == 0
         printed = capsys.readouterr().out
-        numbers = re.findall(r"[0-9]+\.[0-9]+(?= s| of all| 1/s|$)", " ".join(told))
+        numbers = re.findall(r"[0-9]+\.[0-9]+(?= s| of all| 1/s|$)", " ".join(shown))
         assert numbers, command
         for number in [*numbers, *re.findall(r"^[0-9.]{12,}$", speed)]:
             assert re.search(rf"(?<![0-9.]){re.escape(number)}", printed), (command, number)

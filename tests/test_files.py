@@ -1,4 +1,4 @@
-"""Files are whole or absent, links stay links, and what is no regular file is left alone."""
+"""Files are whole or absent, links stay links, and special files are left alone."""
 
 from __future__ import annotations
 
@@ -56,8 +56,8 @@ def test_a_file_that_cannot_be_written_is_refused_with_the_reason(
     Path("folder").mkdir()
     Path("file").touch()
     assert main([*command.split(), out]) == 2
-    told = capsys.readouterr().err
-    assert told.endswith(f"cannot be written: {says}\n") or (f"cannot be written: {says} but" in told)
+    message = capsys.readouterr().err
+    assert message.endswith(f"cannot be written: {says}\n") or (f"cannot be written: {says} but" in message)
     assert not Path(out).is_file()
 
 
@@ -107,13 +107,13 @@ def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path: Path, mon
     assert path.read_text() == "old"
 
 
-def test_terminals_are_told_nothing() -> None:
+def test_no_terminal_code_is_printed() -> None:
     assert printable("a\x1b[31m\nb\ud800é") == "a?[31m?b?é"
 
 
 # ------------------------------------------------------------------------------------------ one at a time
-def test_a_lock_that_is_held_and_one_that_cannot_be_had(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """To wait for another run helps in the first case only."""
+def test_a_lock_that_is_held_and_a_file_system_without_locks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Distinguish two cases: waiting for another run helps only in the first."""
     fcntl = pytest.importorskip("fcntl")
     lock = tmp_path / "lock"
     with alone(lock, "another run"), pytest.raises(InputError, match="another run"), alone(lock, "another run"):
@@ -150,9 +150,9 @@ def test_a_second_run_into_one_place_is_refused_at_once(
     (tmp_path / lock).parent.mkdir(exist_ok=True)
     with alone(tmp_path / lock, "the first run"):
         assert main(command) == 2
-        told = capsys.readouterr().err
-        assert "another run is" in told
-        assert told.count("\n") == 1
+        message = capsys.readouterr().err
+        assert "another run is" in message
+        assert message.count("\n") == 1
         assert [path.name for path in (tmp_path / lock).parent.iterdir()] == [(tmp_path / lock).name]
     if not arguments.startswith("bench"):  # races for minutes
         assert main(command) == 0

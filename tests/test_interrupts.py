@@ -1,4 +1,4 @@
-"""Ctrl-C is answered by one line and exit status 130 whenever it comes, and nothing is left half done."""
+"""Ctrl-C gives one line and exit status 130 at any moment, and nothing is left half done."""
 
 from __future__ import annotations
 
@@ -52,9 +52,9 @@ def test_the_console_script_listens_as_early(tmp_path: Path) -> None:
 
 
 def test_a_result_that_is_out_is_not_called_interrupted(struck: Struck) -> None:
-    """While Python ends there is nothing left to stop."""
-    status, out, told = struck.at("import mpmath 1 exit", ["hopf"])
-    assert (status, told) == (0, "")
+    """Interrupt while Python ends, when nothing is left to stop."""
+    status, out, message = struck.at("import mpmath 1 exit", ["hopf"])
+    assert (status, message) == (0, "")
     assert out.startswith("omega_crit")
 
 
@@ -69,7 +69,7 @@ def test_a_file_is_written_whole_first(step: str, struck: Struck, tmp_path: Path
 
 
 def test_a_terminal_gets_its_cursor_back(tmp_path: Path) -> None:
-    """The live bar hides it, and its thread draws on until the end. The strike comes once it is hidden."""
+    """Interrupt once the live bar has hidden the cursor; its thread draws on until the end."""
     ours, theirs = os.openpty()
     arguments = ["sweep", "hopf", "--over", "g=9.7:9.9:99999", "--executor", "serial", "--out", str(tmp_path / "a.csv")]
     process = subprocess.Popen([*PROGRAM, *arguments], stderr=theirs, env={**os.environ, "TERM": "xterm"})
@@ -88,7 +88,7 @@ def test_a_terminal_gets_its_cursor_back(tmp_path: Path) -> None:
 
 
 def test_a_file_that_has_the_number_of_standard_error_is_not_written_to(tmp_path: Path) -> None:
-    """Where standard error is closed from the start, the next file that is opened gets its number."""
+    """Close standard error from the start, so that the next opened file gets its number."""
     out = tmp_path / "out"
     out.mkdir()
     struck = Struck(tmp_path / "hand", ["sh", "-c", 'exec "$@" 2>&-', "sh", *PROGRAM])
@@ -98,7 +98,7 @@ def test_a_file_that_has_the_number_of_standard_error_is_not_written_to(tmp_path
 
 
 def test_the_package_leaves_signals_to_its_users() -> None:
-    """Also where it loads what must not be loaded by halves, and where the command line runs inside a program."""
+    """Check also while libraries are loaded, and when the command line runs inside a program."""
     program = (
         "import signal, sys\n"
         "mine = lambda *given: None\n"

@@ -1,4 +1,4 @@
-"""What importing loads, which names are public, and the examples in docstrings."""
+"""The modules that importing loads, the public names, and the examples in docstrings."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ import tippedisk_verify as tv
     ],
     ids=["import", "closed form", "scene without a folder"],
 )
-def test_nothing_heavy_is_loaded_for_what_does_not_need_it(command: list[str] | None, heavy: set[str]) -> None:
+def test_nothing_heavy_is_loaded_without_need(command: list[str] | None, heavy: set[str]) -> None:
     program = (
         "import sys, tippedisk_verify.model.equations; from tippedisk_verify.cli import main\n"
         f"assert {command} is None or main({command}) == 0\n"
@@ -31,8 +31,8 @@ def test_nothing_heavy_is_loaded_for_what_does_not_need_it(command: list[str] | 
     subprocess.run([sys.executable, "-c", program], capture_output=True, check=True)
 
 
-def test_without_heyoka_what_needs_it_says_so_in_one_line() -> None:
-    """As on a platform that it has no wheels for; closed forms are to be had there too."""
+def test_without_heyoka_its_users_give_one_line() -> None:
+    """Check a platform without wheels of heyoka: closed forms are available there too."""
     program = (
         "import sys; sys.modules['heyoka'] = None; from tippedisk_verify.cli import main\n"
         "assert main(['hopf', '--quiet']) == 0\n"

@@ -1,4 +1,4 @@
-"""The README and the pages of the site: what they show runs, and says what they say that it says."""
+"""The README and the pages of the site: their code runs and prints what they show."""
 
 from __future__ import annotations
 
@@ -23,9 +23,12 @@ PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").r
 
 
 def commands(page: str) -> list[str]:
-    """What a page asks to type after ``tippedisk-verify``: in code between backticks, or on indented lines."""
+    """Return the commands of a page without ``tippedisk-verify``.
+
+    They stand in code between backticks, or on indented lines.
+    """
     code = [*re.findall(r"`([^`\n]+)`", page), *re.findall(r"^ {4}(.+)$", page, re.MULTILINE)]
-    return [told for line in code for told in re.findall(r"tippedisk-verify ((?:(?! &&| >| \|).)+)", line)]
+    return [command for line in code for command in re.findall(r"tippedisk-verify ((?:(?! &&| >| \|).)+)", line)]
 
 
 ROWS = commands("\n".join(line for line in README.splitlines() if line.startswith("| ")))
@@ -37,8 +40,11 @@ def test_the_readme_is_short() -> None:
     assert len(ROWS) == 11
 
 
-def test_the_lines_of_python_print_what_stands_beside_them() -> None:
-    """They are one of the examples, so mypy reads them too. Three dots stand for further digits."""
+def test_the_lines_of_python_print_their_comments() -> None:
+    """Run the lines, which are one of the examples, so that mypy reads them too.
+
+    Three dots stand for further digits.
+    """
     (shown,) = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
     assert shown == (ROOT / "examples" / "from_python.py").read_text(encoding="utf-8").partition("\n\n")[2]
     lines = [line for line in shown.splitlines() if line]
@@ -63,8 +69,8 @@ def test_the_disk_file_of_the_readme_is_table_1(tmp_path: Path) -> None:
 
 
 def test_continuous_integration_runs_the_readmes_test_command() -> None:
-    (told,) = re.findall(r"^    python3 -m venv \.venv && (.*pytest)$", README, re.MULTILINE)
-    install, test = told.replace(".venv/bin/", "").split(" && ")
+    (command,) = re.findall(r"^    python3 -m venv \.venv && (.*pytest)$", README, re.MULTILINE)
+    install, test = command.replace(".venv/bin/", "").split(" && ")
     script = (ROOT / ".ci" / "run").read_text(encoding="utf-8").replace('"$work/venv/bin/', "").replace('"', "")
     assert test in script
     assert install.replace("[test]", "[test,docs]") in script
@@ -73,16 +79,16 @@ def test_continuous_integration_runs_the_readmes_test_command() -> None:
 
 # ------------------------------------------------------------------------------------------ all pages
 @pytest.mark.parametrize("path", PAGES, ids=lambda path: path.relative_to(ROOT).as_posix())
-def test_every_command_is_one(path: Path) -> None:
-    """By name, options and number of arguments; words in capitals stand for what a reader puts there."""
-    for told in commands(path.read_text(encoding="utf-8")):
-        words = shlex.split(told)
+def test_every_command_of_a_page_is_valid(path: Path) -> None:
+    """Check name, options and number of arguments; words in capitals are placeholders."""
+    for command in commands(path.read_text(encoding="utf-8")):
+        words = shlex.split(command)
         if len(words) > 1 and not words[0].isupper():
             parsed(words)
 
 
 def test_every_command_has_its_place_on_the_page_of_commands() -> None:
-    shown = {told.split()[0] for told in commands((ROOT / "docs" / "commands.md").read_text(encoding="utf-8"))}
+    shown = {command.split()[0] for command in commands((ROOT / "docs" / "commands.md").read_text(encoding="utf-8"))}
     assert shown == {*cli.list_commands(click.Context(cli)), "COMMAND"}
 
 
@@ -93,7 +99,7 @@ def test_links_lead_to_files(path: Path) -> None:
 
 
 def test_every_public_name_of_python_has_an_example() -> None:
-    """In a cell that runs as the site is built; a disk's methods as well."""
+    """Check for a cell that runs as the site is built, for a disk's methods as well."""
     pages = [path.read_text(encoding="utf-8") for path in (ROOT / "docs" / "reference").glob("python*.md")]
     cells = "\n".join(re.findall(r"```\{code-cell\}\n(.*?)```", "\n".join(pages), re.DOTALL))
     assert {name for name in tv.__all__ if not re.search(rf"\btv\.{name}\b", cells)} == set()
@@ -102,7 +108,7 @@ def test_every_public_name_of_python_has_an_example() -> None:
 
 
 def test_the_numbers_of_the_first_page() -> None:
-    """Each number in the table is the true one, rounded to the places that it has."""
+    """Compare each number in the table with the true one, rounded to as many places."""
     from tippedisk_verify.audit.claims import rounds_to
     from tippedisk_verify.model.measured import Measured
     from tippedisk_verify.theory.equilibria import stiff_eigenvalue_estimate

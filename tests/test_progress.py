@@ -1,4 +1,4 @@
-"""Progress of long work: where it is shown, and what turns it off."""
+"""Progress of long work: where it is shown, and how it is turned off."""
 
 from __future__ import annotations
 
@@ -41,23 +41,23 @@ def test_work_is_watched_unless_that_is_turned_off(call, monkeypatch) -> None:
 
 
 @pytest.mark.parametrize("terminal", [False, True])
-def test_what_takes_long_is_shown_on_a_terminal_with_its_end(terminal, monkeypatch, capsys) -> None:
-    told = io.StringIO()
-    told.isatty = lambda: terminal  # type: ignore[method-assign]
-    monkeypatch.setattr(sys, "stderr", told)
+def test_long_work_is_shown_on_a_terminal_with_its_end(terminal, monkeypatch, capsys) -> None:
+    output = io.StringIO()
+    output.isatty = lambda: terminal  # type: ignore[method-assign]
+    monkeypatch.setattr(sys, "stderr", output)
     monkeypatch.setenv("TERM", "xterm")
     monkeypatch.setattr(progress, "_PATIENCE", 0.0)
     with progress.progress_of(5) as advance:
         advance("cycles", 2)
-        while terminal and not re.search(r"2/5.* left .*\d:\d\d:\d\d", told.getvalue()):
+        while terminal and not re.search(r"2/5.* left .*\d:\d\d:\d\d", output.getvalue()):
             time.sleep(0.01)
             advance("", 0)
-    assert terminal or told.getvalue() == ""
+    assert terminal or output.getvalue() == ""
     assert capsys.readouterr().out == ""
 
 
 class Shell:
-    """What a notebook's process has in place of a terminal."""
+    """A stand-in for the shell of a notebook's process."""
 
     kernel = "any"
 
@@ -102,9 +102,9 @@ def test_a_notebook_that_is_run_to_a_file_stores_one_output() -> None:
         import threading, IPython.display
         from tippedisk_verify import progress
         drawn, display = threading.Event(), IPython.display.display
-        def watched(*told, **how):
+        def watched(*data, **how):
             drawn.set()
-            return display(*told, **how)
+            return display(*data, **how)
         IPython.display.display = watched
         progress._PATIENCE = progress._BETWEEN_DRAWINGS = 0.0
         with progress.progress_of(100) as advance:

@@ -1,4 +1,4 @@
-"""A fingerprint changes with what a result depends on; a code version is that of the code that runs."""
+"""A fingerprint changes with everything behind a result; a code version is the running code's."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ PYPROJECT = Path(__file__).parent.parent / "pyproject.toml"
 
 @pytest.fixture
 def fresh(monkeypatch: pytest.MonkeyPatch):
-    """Lets nothing that is remembered, or found while this is used, stay."""
+    """Clear all cached values before and after the test."""
     remembered = (provenance._code, provenance.processor, provenance.versions)
 
     def forget() -> None:
@@ -30,7 +30,7 @@ def fresh(monkeypatch: pytest.MonkeyPatch):
     forget()
 
 
-def test_a_fingerprint_changes_with_all_that_a_result_depends_on(
+def test_a_fingerprint_changes_with_everything_behind_a_result(
     fresh, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "room").mkdir()
@@ -57,7 +57,7 @@ def test_a_fingerprint_changes_with_all_that_a_result_depends_on(
 
 
 def test_every_dependency_is_classified() -> None:
-    """A new dependency must be named in one of the lists: as what numbers depend on, or as what they do not."""
+    """Check that each dependency is listed either as one on which numbers depend, or as another."""
     project = tomllib.loads(PYPROJECT.read_text(encoding="utf-8"))["project"]
     required = [*project["dependencies"], *project["optional-dependencies"]["certify"]]
     names = {text.split(">")[0].split("<")[0].split("=")[0].strip() for text in required}

@@ -1,4 +1,4 @@
-"""Every kind of result travels, and says itself: to other processes, in ten lines, as a table and as JSON."""
+"""Every kind of result is pickled, printed in ten lines, and shown as a table and as JSON."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ DISK, CRIT = tv.Disk("printed"), "printed/linear/hopf/point/omega_crit"
 
 
 class Lines(Printable):
-    """A result of so many lines."""
+    """A result of a given number of lines."""
 
     def __init__(self, count: int) -> None:
         self.count = count
@@ -79,9 +79,9 @@ def worker() -> Iterator[Executor]:
 
 
 @pytest.mark.parametrize("kind", RESULTS)
-def test_a_result_travels_and_says_itself(kind: str, worker: Executor) -> None:
+def test_a_result_is_copied_pickled_and_shown(kind: str, worker: Executor) -> None:
     result = RESULTS[kind]()
-    told = json.dumps(result.to_dict(), allow_nan=False)
+    expected = json.dumps(result.to_dict(), allow_nan=False)
     ways = (pickle.dumps, cloudpickle.dumps)
     copies = [
         copy.deepcopy(result),
@@ -89,7 +89,7 @@ def test_a_result_travels_and_says_itself(kind: str, worker: Executor) -> None:
         *(pickle.loads(w(result)) for w in ways),
     ]
     for other in copies:
-        assert json.dumps(other.to_dict()) == told
+        assert json.dumps(other.to_dict()) == expected
         if isinstance(result, tv.Solution):
             assert (other(result.t[7]) == result(result.t[7])).all()
     assert worker.submit(repr, result).result() == repr(result)

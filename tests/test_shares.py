@@ -1,4 +1,4 @@
-"""Shares of the slow studies: each study in exactly one, all about as long."""
+"""Shares of the slow studies: each study is in exactly one, and all take about as long."""
 
 from __future__ import annotations
 
@@ -48,6 +48,6 @@ def test_the_option_runs_one_share(pytester: pytest.Pytester) -> None:
 
 
 @pytest.mark.parametrize("text", ["", "3", "0/3", "4/3", "1,4/3", "1/x", "1/0", "-1/3"])
-def test_shares_that_make_no_sense(text: str) -> None:
+def test_invalid_shares(text: str) -> None:
     with pytest.raises(pytest.UsageError, match="--slow-share is K/N"):
         parsed(text)

@@ -1,4 +1,4 @@
-"""What a caller has set for a whole process or thread changes no result, and no call changes it."""
+"""A caller's settings of the process or thread change no result, and no call changes them."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ QUICK = [name for name in CALLS if name not in LONG]
 
 @pytest.fixture(scope="module")
 def plain() -> dict[str, str]:
-    """The quick calls' results where nothing is set."""
+    """Return the quick calls' results under default settings."""
     return {name: computed(name) for name in QUICK}
 
 
@@ -39,8 +39,8 @@ def test_a_state_of_the_caller_neither_changes_a_result_nor_is_changed(state: st
     "name",
     [pytest.param(name, marks=[pytest.mark.slow(minutes=0.5)] * (name in SLOW)) for name in CALLS if name in LONG],
 )
-def test_nor_do_all_states_together(name: str) -> None:
-    """The plain call is first: some libraries add filters of warnings as they are loaded."""
+def test_all_states_together_change_no_result(name: str) -> None:
+    """Make the plain call first: some libraries add warning filters when they are loaded."""
     plain = computed(name)
     with contextlib.ExitStack() as stack:
         for state in STATES.values():
@@ -51,8 +51,11 @@ def test_nor_do_all_states_together(name: str) -> None:
     assert found == plain
 
 
-def test_nor_do_the_settings_of_the_interpreter(plain: dict[str, str]) -> None:
-    """Without docstrings and assertions, in a narrow window, with warnings as errors and other threads and hashes."""
+def test_settings_of_the_interpreter_change_no_result(plain: dict[str, str]) -> None:
+    """Run without docstrings and assertions, with warnings as errors, and with other settings.
+
+    They are a narrow window, other threads and other hashes.
+    """
     settings = {"COLUMNS": "20", "LC_ALL": "C", "PYTHONHASHSEED": "7", "OMP_NUM_THREADS": "3", "PYTHONOPTIMIZE": "2"}
     run = [sys.executable, "-bb", "-W", "error", "-m", "tests.surroundings"]
     done = subprocess.run(run, env=os.environ | settings, capture_output=True, text=True, check=False)

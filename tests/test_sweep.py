@@ -1,4 +1,4 @@
-"""Sweeps: every point once, whatever is wrong with what was asked for or with what an earlier run has left."""
+"""Sweeps: every point once, with invalid requests and with damaged remains of earlier runs."""
 
 from __future__ import annotations
 
@@ -28,7 +28,10 @@ def _rows(path: Path) -> list[dict[str, str]]:
 
 
 def after_rows(patch: pytest.MonkeyPatch, count: int, action: Callable[[], object]) -> None:
-    """Do something when so many rows have been computed; the last of them is not in the journal yet."""
+    """Call a function once a number of rows has been computed.
+
+    The last of them is not in the journal yet.
+    """
     original, seen = running._line, []
 
     def line(index: int, row: dict[str, str]) -> bytes:
@@ -42,7 +45,7 @@ def after_rows(patch: pytest.MonkeyPatch, count: int, action: Callable[[], objec
 
 @contextmanager
 def asked() -> Iterator[list[int]]:
-    """The points that sweeps compute in here, one after the other."""
+    """Yield the list of the points that sweeps compute in the context, in their order."""
     original, points = running._run, []
 
     def run(*given: Any) -> Iterator[Any]:
@@ -73,19 +76,19 @@ def test_ranges_are_exact() -> None:
         ("hopf --over mu=1 --over mu=2", "given twice"),
     ],
 )
-def test_what_makes_no_sense_is_refused(
+def test_invalid_sweeps_are_refused(
     arguments: str, says: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
     assert main(["sweep", "--out", "a.csv", *arguments.split()]) == 2
-    told = capsys.readouterr().err
-    assert says in told
-    assert told.count("\n") == 1
+    message = capsys.readouterr().err
+    assert says in message
+    assert message.count("\n") == 1
     assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize(("analysis", "name", "value"), [("orbit", "omega", "31.5"), ("hopf", "e", "0.9")])
-def test_a_point_without_numbers_says_why(analysis: str, name: str, value: str) -> None:
+def test_a_point_without_numbers_has_a_reason(analysis: str, name: str, value: str) -> None:
     row = computed(analysis, PRINTED, 12, {name: value})
     assert list(row) == [name, "status"]
     assert ("eccentricity" in row["status"]) == (name == "e")
@@ -102,9 +105,7 @@ def test_a_point_without_numbers_says_why(analysis: str, name: str, value: str) 
         ("trajectory", {"omega": "91/3", "beta": "pi/2", "v": "2", "duration": "1/3"}, {"ended": "reached"}),
     ],
 )
-def test_what_was_given_stays_beside_what_was_found(
-    analysis: str, point: dict[str, str], found: dict[str, str]
-) -> None:
+def test_a_row_holds_its_inputs_and_its_results(analysis: str, point: dict[str, str], found: dict[str, str]) -> None:
     row = computed(analysis, PRINTED, 12, point)
     expected = {**point, "status": "ok", **found}
     assert {name: row[name] for name in expected} == expected
@@ -135,7 +136,7 @@ _TEN = Plan("hopf", PRINTED, (axis("g=9.0:9.9:10"),), digits=3)
 
 
 def _swept(out: Path) -> list[int]:
-    """Sweep `_TEN` in this process; the points that were computed."""
+    """Sweep `_TEN` in this process and return the points that were computed."""
     with asked() as points:
         assert running.swept(_TEN, out, lambda: nullcontext(None)) == (10, 0)
     return points
@@ -143,15 +144,15 @@ def _swept(out: Path) -> list[int]:
 
 @pytest.fixture
 def interrupted(tmp_path: Path) -> tuple[Path, bytes, bytes]:
-    """A file that is not there yet, its journal with four rows, and the bytes that it will have."""
+    """Return a file that does not exist yet, its journal with four rows, and its final bytes."""
     assert _swept(tmp_path / "whole.csv") == list(range(10))
     lines = [running._line(n, row) for n, row in enumerate(_rows(tmp_path / "whole.csv")[:4])]
     (tmp_path / ".a.csv.journal").write_bytes(running._head(_TEN) + b"".join(lines))
     return tmp_path / "a.csv", (tmp_path / ".a.csv.journal").read_bytes(), (tmp_path / "whole.csv").read_bytes()
 
 
-def test_a_journal_is_taken_up_as_far_as_it_is_whole(interrupted: tuple[Path, bytes, bytes]) -> None:
-    """A kill leaves a last line without its end; a line in which something has changed is not believed."""
+def test_a_journal_is_continued_up_to_its_last_whole_line(interrupted: tuple[Path, bytes, bytes]) -> None:
+    """Check a last line without its end, left by a kill, and a line that has changed."""
     out, content, whole = interrupted
     lines = content.splitlines(keepends=True)
     assert len(lines) == 5

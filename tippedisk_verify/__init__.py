@@ -1,21 +1,23 @@
 """True numbers of the tippedisk, with honest uncertainties.
 
-The front door is `tippedisk_verify.disk`: a `Disk`, and what can be asked of it. The packages behind it, each importing
-only from those before it:
+The front door is `tippedisk_verify.disk`: a `Disk` and the questions it answers. The packages
+behind it follow; each imports only from those before it:
 
 - `tippedisk_verify.model`: numbers, parameters, equations of motion;
-- `tippedisk_verify.theory`: what follows in closed form, and
-  `tippedisk_verify.flow`: how states move (neither knows the other: that they agree is evidence);
+- `tippedisk_verify.theory`: results in closed form and series, and
+  `tippedisk_verify.flow`: the integration of states. Neither imports the other, so their agreement
+  is evidence;
 - `tippedisk_verify.connection`: the heteroclinic connection;
-- `tippedisk_verify.cycles`: limit cycles, which there are at a speed, their families and folds, and Omega_h;
+- `tippedisk_verify.cycles`: limit cycles at a speed, their families and folds, and Omega_h;
 - `tippedisk_verify.motion`: solutions, scenes, basins;
-- `tippedisk_verify.proofs`: enclosures with proofs, in ball arithmetic; it knows `model` only, and
-  `tippedisk_verify.certify` gives it the numbers to start from;
-- `tippedisk_verify.audit`: the paper's claims, and how each is examined;
-- `tippedisk_verify.reference_values`: how they are read, checked and drawn anew, and
-  `tippedisk_verify.conformance`: the grading of other programs by them;
-- `tippedisk_verify.bench`: run time against error, and `tippedisk_verify.stress`: cases that are numerically hard;
-- `tippedisk_verify.figures` and `tippedisk_verify.report`: what a person sees of it.
+- `tippedisk_verify.proofs`: proved enclosures in ball arithmetic. It imports `model` only, and
+  `tippedisk_verify.certify` supplies its starting numbers;
+- `tippedisk_verify.audit`: the paper's claims and the examination of each;
+- `tippedisk_verify.reference_values`: reading, checking and redrawing the reference values, and
+  `tippedisk_verify.conformance`: grading other programs by them;
+- `tippedisk_verify.bench`: run time against error, and `tippedisk_verify.stress`: numerically hard
+  cases;
+- `tippedisk_verify.figures` and `tippedisk_verify.report`: pictures and pages.
 
 >>> import tippedisk_verify as tv
 >>> disk = tv.Disk("table1")
@@ -33,8 +35,8 @@ False
 >>> tv.compare("printed/linear/hopf/point/omega_crit", 30.9).verdict
 'wrong'
 
-Importing the package loads nothing heavy: each name is fetched when it is first used. The stub beside this file,
-`__init__.pyi`, says from where.
+Importing the package loads nothing heavy: each name is imported on first use. The stub file
+`__init__.pyi` lists the module of each name.
 """
 
 from __future__ import annotations
@@ -45,7 +47,7 @@ _homes: dict[str, str] = {}
 
 
 def _home_of(name: str) -> str | None:
-    """The module that has a public name."""
+    """Return the module that defines a public name; None if the name is not public."""
     if not _homes:
         from ast import ImportFrom, parse
         from pathlib import Path

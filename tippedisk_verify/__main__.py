@@ -1,4 +1,7 @@
-"""``python -m tippedisk_verify`` and the console script: the command line, with an answer to Ctrl-C from the start."""
+"""The command line as ``python -m tippedisk_verify`` and as the console script.
+
+Ctrl-C is answered from the first moment, before anything else is imported.
+"""
 
 from tippedisk_verify.interrupts import answering
 

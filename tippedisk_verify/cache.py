@@ -1,12 +1,14 @@
-"""Results kept from run to run, as JSON files named by what they depend on, each with its checksum.
+"""A cache of results from earlier runs: JSON files named by a digest of their inputs.
 
-They lie in the user's cache folder, or in what TIPPEDISK_VERIFY_CACHE names; ``off`` there keeps nothing, ``code``
-nothing but the compiled code (`tippedisk_verify.model.code_cache`), which lies in the same folder. Each file is written
-whole, so runs may use the cache at the same time. A cache that is damaged or cannot be used is no error: what is not
-found in it is computed.
+Each file carries its own checksum. The files lie in the user's cache folder or in the folder that
+TIPPEDISK_VERIFY_CACHE names. The value ``off`` turns the cache off. The value ``code`` keeps only
+compiled code (`tippedisk_verify.model.code_cache`), which lies in the same folder. Each file is
+replaced in one step, so several runs may use the cache at the same time. A cache that is damaged or
+cannot be used is not an error: a missing value is computed again.
 
-joblib's Memory keeps pickles, which are programs and have no checksum, and keeps only what was computed by calling it,
-where `verify` keeps what its workers send; diskcache has had no release since 2023.
+Two libraries were considered. joblib's Memory stores pickles, which can run code and have no
+checksum. It also keeps only values computed through it, whereas `verify` keeps values that its
+workers send. diskcache has had no release since 2023.
 """
 
 from __future__ import annotations
@@ -26,52 +28,72 @@ from tippedisk_verify.provenance import digest
 __all__ = ["VARIABLE", "Cache", "code_folder", "default_folder"]
 
 VARIABLE = "TIPPEDISK_VERIFY_CACHE"
-_OFF = ("off", "0", "no", "")
+_DISABLING_VALUES = ("off", "0", "no", "")
 _CODE = "code"
-_MOST_BYTES = 64 * 2**20  # of one entry
-_KEPT_DAYS = 60  # after its last use
-_OURS = re.compile(r"[0-9a-f]{64}\.json|\.[0-9a-f]{64}\.json-[a-z0-9_]{8}")
+_MAX_ENTRY_BYTES = 64 * 2**20
+_DAYS_KEPT_UNUSED = 60
+_CACHE_FILE_NAME = re.compile(r"[0-9a-f]{64}\.json|\.[0-9a-f]{64}\.json-[a-z0-9_]{8}")
 
 
 def default_folder() -> Path | None:
-    """Where results are kept: the user's folder for caches; None if they are not to be kept."""
+    """Return the folder for cached results; None if results are not to be cached."""
     return None if os.environ.get(VARIABLE, "").strip().lower() == _CODE else code_folder()
 
 
 def code_folder() -> Path | None:
-    """Where compiled code is kept: where results are, also if these are not to be kept; None if nothing is."""
+    """Return the folder for compiled code; None if nothing is to be cached.
+
+    It is the folder of `default_folder`, and also given if only compiled code is to be cached.
+    """
     chosen = os.environ.get(VARIABLE, _CODE)
     if chosen.strip().lower() != _CODE:
-        return None if chosen.strip().lower() in _OFF else Path(chosen)
+        return None if chosen.strip().lower() in _DISABLING_VALUES else Path(chosen)
     named = Path(os.environ.get("XDG_CACHE_HOME", ""))
     try:
-        base = named if named.is_absolute() else Path.home() / ".cache"  # a relative one counts as unset
+        # A relative path counts as unset.
+        base = named if named.is_absolute() else Path.home() / ".cache"
     except RuntimeError:
         return None
     return base / "tippedisk-verify"
 
 
 class Cache:
-    """JSON values by key. With ``fresh`` nothing is found, and what is put replaces what there was."""
+    """A store of JSON values by key.
+
+    Args:
+        folder: The folder of the files. None makes a cache that keeps nothing.
+        fresh: If True, `get` finds nothing and `put` replaces what is stored.
+    """
 
     def __init__(self, folder: Path | None, *, fresh: bool = False) -> None:
         self._folder = folder
         self._fresh = fresh
 
     def get(self, key: str) -> Any:
-        """Return the value; None if there is none, or it is damaged."""
+        """Return the value stored under ``key``; None if it is missing or damaged.
+
+        Args:
+            key: The key, 64 hexadecimal digits.
+        """
         if self._folder is None or self._fresh:
             return None
         path = self._folder / f"{key}.json"
         try:
-            os.utime(path)  # its last use, for `tidy`
-            checksum, _, text = read_bytes(path, _MOST_BYTES).partition(b"\n")
+            os.utime(path)  # records the last use, for `tidy`
+            checksum, _, text = read_bytes(path, _MAX_ENTRY_BYTES).partition(b"\n")
             return json.loads(text) if checksum.decode("ascii") == digest(text) else None
         except (OSError, ValueError, RecursionError, MemoryError):
             return None
 
     def put(self, key: str, value: Any) -> None:
-        """Keep the value if the folder can be written: its checksum and, on a second line, its JSON."""
+        """Store a JSON value under ``key`` if the folder can be written.
+
+        The file holds the checksum on its first line and the JSON text on its second.
+
+        Args:
+            key: The key, 64 hexadecimal digits.
+            value: The value, as JSON data.
+        """
         if self._folder is not None:
             text = json.dumps(value, ensure_ascii=False).encode()
             with suppress(OSError, InputError):
@@ -79,10 +101,13 @@ class Cache:
                 write_bytes(self._folder / f"{key}.json", digest(text).encode() + b"\n" + text)
 
     def tidy(self) -> None:
-        """Remove values that have not been used for 60 days. Only files that are named like ours are touched."""
-        before = time.time() - _KEPT_DAYS * 86400
+        """Remove values that have not been used for 60 days.
+
+        Only files whose names have this cache's form are touched.
+        """
+        before = time.time() - _DAYS_KEPT_UNUSED * 86400
         with suppress(OSError):
             for path in () if self._folder is None else self._folder.iterdir():
                 with suppress(OSError):
-                    if _OURS.fullmatch(path.name) and path.lstat().st_mtime < before:
+                    if _CACHE_FILE_NAME.fullmatch(path.name) and path.lstat().st_mtime < before:
                         path.unlink()

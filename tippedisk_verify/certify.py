@@ -1,7 +1,7 @@
-"""What can be proved of a disk: the ordinary methods find where to look, and `proofs` encloses what is there.
+"""Proofs about a disk: ordinary methods find candidates, and `proofs` encloses them.
 
-`proofs` knows the equations only; here it meets the methods whose numbers it starts from. A proof that fails is a
-result too: its ``status`` says where it stopped.
+`proofs` imports only the equations. This module supplies the starting numbers of each proof.
+A proof that fails is a result too: its ``status`` names the step that failed.
 """
 
 from __future__ import annotations
@@ -35,9 +35,10 @@ if TYPE_CHECKING:
 
 __all__ = ["Certifier"]
 
-_UNITS = 1000  # of the bar, for each rad
-_FURTHEST = Fraction("3.1415")  # rad
-_NEAREST = Fraction(1, 10**7)  # rad/s from Omega_h; at 1e-5 a proof takes a minute, closer more with each decimal
+_BAR_STEPS_PER_RAD = 1000
+_LARGEST_AMPLITUDE = Fraction("3.1415")  # rad, just below pi, which gamma_bar_0 reaches at Omega_h
+# rad/s from Omega_h. At 1e-5 the proof of one cycle takes a minute, closer in it takes longer.
+_LEAST_DISTANCE = Fraction(1, 10**7)
 Workers = Callable[[bool], AbstractContextManager["Executor | None"]]
 
 
@@ -46,27 +47,60 @@ Workers = Callable[[bool], AbstractContextManager["Executor | None"]]
 class Certifier:
     """The proofs of one disk: numbers as enclosures, each with the statement that is proved.
 
-    A speed is in rad/s. ``digits`` are the significant digits of each main result. Results have ``proved``,
-    ``statement`` and ``to_dict()``, and those of a search ``certificate()``, a text that `check` replays.
+    Every result has ``proved``, ``statement`` and ``to_dict()``. The result of a search also has
+    ``certificate()``, a text that `check` replays. Speeds are in rad/s. ``digits`` is the number of
+    significant digits of each main result.
+
+    Args:
+        disk: The disk whose properties are proved.
     """
 
     disk: Disk
 
     # ---------------------------------------------------------------------------------------- closed forms
     def equilibrium(self, name: EquilibriumName, omega: object, *, digits: int = 12) -> ProvedEquilibrium:
-        """Eigenvalues and stability of ``inverted`` or ``noninverted`` spinning, under both friction laws."""
+        """Prove the eigenvalues and the stability of an equilibrium under both friction laws.
+
+        Args:
+            name: ``inverted`` or ``noninverted`` spinning.
+            omega: The spinning speed [rad/s].
+            digits: Significant digits of each eigenvalue [1/s].
+
+        Returns:
+            The enclosures, each with its statement.
+
+        Raises:
+            InputError: ``omega`` is not a speed or ``name`` is not an equilibrium.
+        """
         from tippedisk_verify.proofs.closed_forms import proved_equilibrium
 
         return proved_equilibrium(self.disk, omega, name, digits)
 
     def stability(self, *, digits: int = 12) -> ProvedStability:
-        """Linear stability at every speed, and Omega_crit; under both friction laws."""
+        """Prove linear stability at every speed, and Omega_crit, under both friction laws.
+
+        Args:
+            digits: Significant digits of Omega_crit [rad/s].
+
+        Returns:
+            The enclosures, each with its statement.
+        """
         from tippedisk_verify.proofs.closed_forms import proved_stability
 
         return proved_stability(self.disk, digits)
 
     def hopf(self, *, digits: int = 12) -> ProvedHopf:
-        """The Hopf point, and on which side the limit cycles are. Raises InputError under the smooth law."""
+        """Prove the Hopf point, and on which side of it the limit cycles lie.
+
+        Args:
+            digits: Significant digits of each main result.
+
+        Returns:
+            The enclosures, each with its statement.
+
+        Raises:
+            InputError: The disk has the smooth friction law.
+        """
         from tippedisk_verify.proofs.closed_forms import proved_hopf
 
         self.disk.refuse_smooth("the Hopf point's normal form is")
@@ -82,10 +116,24 @@ class Certifier:
         guess: tuple[object, object] | None = None,
         digits: int = 12,
     ) -> OrbitProof:
-        """One limit cycle: existence, uniqueness nearby, its numbers, its stability.
+        """Prove one limit cycle: existence, local uniqueness, its numbers and its stability.
 
-        The search starts from the cycle that `Disk` finds, or from the ``guess`` (gamma_bar_0, v_0), of a rotating
-        cycle (beta_bar_top, v_top). Raises InputError for a speed next to Omega_h, where `beside_omega_h` proves them.
+        The search starts from ``guess``, or from the cycle that `Disk` finds.
+
+        Args:
+            omega: The spinning speed [rad/s].
+            rotating: Prove a rotating cycle, on which gamma grows by 2 pi a period.
+            stable: Choose the stable or the unstable cycle where a speed has both.
+            guess: Approximate section coordinates (gamma_bar_0 [rad], v_0 [rad/s]); of a rotating
+                cycle (beta_bar_top [rad], v_top [rad/s]).
+            digits: Significant digits of each main result.
+
+        Returns:
+            The proof. Without a cycle to start from, its status is ``NO_GUESS``.
+
+        Raises:
+            InputError: The speed lies next to Omega_h and no guess is given; `beside_omega_h`
+                proves those cycles.
         """
         from tippedisk_verify.proofs.search.cycle import HALF, TURN, OrbitProof, OrbitStatus, prove_cycle
 
@@ -97,15 +145,20 @@ class Certifier:
         return prove_cycle(self.disk, speed, start, digits=digits, section=section)
 
     def _start(self, speed: Fraction, rotating: bool, stable: bool | None) -> tuple[object, object]:
-        """Both coordinates of the cycle on its section. Raises InputError for a speed next to Omega_h."""
+        """Return both coordinates of the cycle on its section.
+
+        Raises:
+            InputError: The speed lies next to Omega_h.
+        """
         from tippedisk_verify.cycles.locator import locator
         from tippedisk_verify.flow import default_engine
 
         with suppress(NoConnectionError):
-            if (away := abs(speed - locator(self.disk, default_engine()).omega_h)) < _NEAREST:
+            if (away := abs(speed - locator(self.disk, default_engine()).omega_h)) < _LEAST_DISTANCE:
                 raise InputError(
-                    f"{float(speed):.12g} rad/s lies {float(away):.2g} from Omega_h, and single cycles are proved from "
-                    f"{float(_NEAREST):g} on: `certify heteroclinic --cycles D` proves all up to a distance D above it"
+                    f"{float(speed):.12g} rad/s lies {float(away):.2g} from Omega_h, and single"
+                    f" cycles are proved from {float(_LEAST_DISTANCE):g} on: `certify heteroclinic"
+                    " --cycles D` proves all up to a distance D above it"
                 )
         if rotating:
             rotation = self.disk.rotating_cycle(speed, stable=stable is not False)
@@ -114,9 +167,20 @@ class Certifier:
         return cycle.gamma_bar_0.value, cycle.v_0.value
 
     def fold(self, number: int | None = None, *, rotating: bool = False, digits: int = 12) -> FoldProof:
-        """A fold, where two cycles of the family meet and end; which one, from 1 on, if the family has several.
+        """Prove a fold, where two cycles of the family meet and end.
 
-        Raises InputError for a fold that the family does not have, or if it has several and none is chosen.
+        Args:
+            number: The number of the fold in its family, from 1. It may be left out if the family
+                has only one.
+            rotating: Prove the fold of the rotating cycles.
+            digits: Significant digits of each main result.
+
+        Returns:
+            The proof. If no fold was found, it gives the reason.
+
+        Raises:
+            InputError: The disk has the smooth friction law, the family has no such fold, or it has
+                several and ``number`` is left out.
         """
         from tippedisk_verify.proofs.kernel.certificates.fold import names
         from tippedisk_verify.proofs.search.fold import HALF, TURN, FoldProof, prove_fold
@@ -144,10 +208,18 @@ class Certifier:
 
     # ---------------------------------------------------------------------------------------- Omega_h and the family
     def heteroclinic(self, near: object = None, *, digits: int = 12, progress: bool | None = None) -> ProvedConnection:
-        """Omega_h in an interval no longer than 10^-digits, and that it is the only one there.
+        """Enclose Omega_h in an interval of length 10^-digits or less, and prove it unique there.
 
-        The proof is about the speed ``near`` [rad/s], or about the Omega_h that `Disk` finds. Raises InputError for
-        more digits than a proof is offered to.
+        Args:
+            near: The speed [rad/s] about which to prove; the Omega_h that `Disk` finds if left out.
+            digits: Decimal places of the enclosure.
+            progress: False hides the progress bar.
+
+        Returns:
+            The proof. Without a connection to start from, its status is ``NO_SADDLE``.
+
+        Raises:
+            InputError: More digits are asked for than a proof offers.
         """
         from tippedisk_verify.proofs.search.heteroclinic import (
             MOST_DIGITS,
@@ -170,9 +242,19 @@ class Certifier:
     def beside_omega_h(
         self, distance: object, near: object = None, *, digits: int = 12, progress: bool | None = None
     ) -> ProvedEnd:
-        """The limit cycle of every speed up to a ``distance`` [rad/s] above Omega_h, which `heteroclinic` proves first.
+        """Prove the limit cycle of every speed up to a distance above Omega_h.
 
-        Raises as that does, and InputError under the smooth law.
+        `heteroclinic` proves Omega_h first.
+
+        Args:
+            distance: The greatest distance from Omega_h [rad/s].
+            near, digits, progress: As for `heteroclinic`.
+
+        Returns:
+            The proof of the cycles, with that of Omega_h.
+
+        Raises:
+            InputError: The disk has the smooth friction law, or an argument cannot be used.
         """
         from tippedisk_verify.proofs.search.connection_end import checked_distance, prove_end
 
@@ -194,10 +276,22 @@ class Certifier:
         workers: Workers = lambda several: nullcontext(None),
         progress: bool | None = None,
     ) -> BranchProof:
-        """The family of limit cycles from the Hopf point to the heteroclinic cycle: one curve, stable, Omega falls.
+        """Prove that the limit cycles from the Hopf point to the heteroclinic cycle form one curve.
 
-        Only up to the gamma_bar_0 ``until`` [rad], without the end at Omega_h, if that is given. ``workers`` makes an
-        executor, for several jobs or for one at a time. Raises InputError under the smooth law.
+        Along this curve the cycles are stable and Omega falls.
+
+        Args:
+            until: The amplitude gamma_bar_0 [rad] at which to stop. The end at Omega_h is then left
+                out.
+            workers: Makes a context with an executor, or None, for several jobs (True) or for one
+                at a time (False).
+            progress: False hides the progress bar.
+
+        Returns:
+            The proof; if it fails, its status names the step.
+
+        Raises:
+            InputError: The disk has the smooth friction law, or ``until`` is not an amplitude.
         """
         from tippedisk_verify.cycles.branch import found
         from tippedisk_verify.proofs.kernel.certificates.family import Piece
@@ -206,13 +300,16 @@ class Certifier:
         self.disk.refuse_smooth("the family of limit cycles is proved as one curve")
         wanted = None if until is None else _amplitude(until)
         count = 0
-        with progress_of(int(_UNITS * (wanted or _FURTHEST)), progress) as advance:
+        with progress_of(int(_BAR_STEPS_PER_RAD * (wanted or _LARGEST_AMPLITUDE)), progress) as advance:
 
             def watch(proved: Piece | ArcStatus, interval: Interval) -> None:
                 nonlocal count
                 if isinstance(proved, Piece):
                     count += 1
-                    advance(f"arcs: {count}", int(_UNITS * interval.high) - int(_UNITS * interval.low))
+                    advance(
+                        f"arcs: {count}",
+                        int(_BAR_STEPS_PER_RAD * interval.high) - int(_BAR_STEPS_PER_RAD * interval.low),
+                    )
 
             def connected_at(digits: int) -> Fraction | None:
                 try:
@@ -236,8 +333,12 @@ class Certifier:
 
 
 def _amplitude(value: object) -> Fraction:
-    """How far a family is followed, as gamma_bar_0 [rad]. Raises InputError for what is none."""
+    """Return the amplitude gamma_bar_0 [rad] at which a family is to end.
+
+    Raises:
+        InputError: The value is not a decimal between 0 and 3.1415.
+    """
     number = exact(value)
-    if number.pi_multiple or not 0 < number.rational < _FURTHEST:
-        raise InputError(f"an amplitude is a decimal between 0 and {float(_FURTHEST)} rad, not {shown(value)}")
+    if number.pi_multiple or not 0 < number.rational < _LARGEST_AMPLITUDE:
+        raise InputError(f"an amplitude is a decimal between 0 and {float(_LARGEST_AMPLITUDE)} rad, not {shown(value)}")
     return number.rational

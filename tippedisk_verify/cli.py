@@ -1,8 +1,8 @@
 """The command line: a thin layer over the package's functions.
 
-Exit status 0: done; 1: one of our own checks fell short; 2: bad input, one line on standard error; 128 + a signal's
-number: ended by it (Ctrl-C 130).
-Nothing but click is imported until a command runs.
+Exit status 0 means done, and 1 that one of the package's own checks failed. Status 2 means bad
+input, with one line on standard error. A signal ends the process with 128 plus its number, Ctrl-C
+with 130. Nothing but click is imported until a command runs.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from tippedisk_verify.errors import AccuracyError, InputError
 
 __all__ = ["entry", "main"]
 
-_LONGEST = 1_000  # characters of a line that says what is wrong
+_MAX_LINE_LENGTH = 1_000  # characters of an error message
 
 
 @click.group(
@@ -49,51 +49,56 @@ def cli(context: click.Context) -> None:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line; returns the exit status. For tests: takes the arguments as a list.
+    """Run the command line and return its exit status.
 
-    All that can end a run stands in one list: some of these exceptions are kinds of others, so their order decides.
+    One list holds every exception that can end a run. Some of them are subclasses of others, so
+    their order matters.
+
+    Args:
+        arguments: The arguments, for tests; those of the process if left out.
+
+    Returns:
+        0 for success, 1 for a check that failed, 2 for bad input, 130 for Ctrl-C.
     """
     try:
         status = cli.main(args=None if arguments is None else list(arguments), standalone_mode=False)
         if sys.stdout is not None:
-            sys.stdout.flush()  # here, where a full disk can still be told
+            sys.stdout.flush()  # here, where a full disk can still be reported
     except click.exceptions.Exit as stop:
         return int(stop.exit_code)
     except (KeyboardInterrupt, click.Abort):
-        return _told("interrupted", 130)
+        return _report_error("interrupted", 130)
     except click.ClickException as fault:
-        return _told(fault.format_message(), 2)
+        return _report_error(fault.format_message(), 2)
     except InputError as fault:
-        return _told(str(fault), 2)
+        return _report_error(str(fault), 2)
     except (AccuracyError, ArithmeticError) as shortfall:
-        return _told(str(shortfall), 1)
+        return _report_error(str(shortfall), 1)
     except MemoryError:
-        return _told("the memory is used up: ask for less at a time, or fewer --jobs", 1)
-    except (
-        ImportError,
-        SystemError,
-    ) as fault:  # the latter is what is left of a MemoryError while libraries are loaded
-        return _told(f"a library is missing, or there is no memory for it: {fault}", 1)
+        return _report_error("the memory is used up: ask for less at a time, or fewer --jobs", 1)
+    # A MemoryError while libraries are loaded arrives here as a SystemError.
+    except (ImportError, SystemError) as fault:
+        return _report_error(f"a library is missing, or there is no memory for it: {fault}", 1)
     except RuntimeError as fault:
         from concurrent.futures import BrokenExecutor
 
         if not isinstance(fault, BrokenExecutor):
             raise
-        return _told("a process of the pool died, perhaps for lack of memory: try again with fewer --jobs", 1)
-    except BrokenPipeError:  # the reader of our output has had enough
+        return _report_error("a process of the pool died, perhaps for lack of memory: try again with fewer --jobs", 1)
+    except BrokenPipeError:  # the reader of our output has closed it
         _discard_output()
         return 0
-    except SystemExit as stop:  # how click ends when the reader of our output has had enough
+    except SystemExit as stop:  # click raises it when the reader of our output has closed it
         return 0 if stop.code == 1 else int(stop.code or 0)
     except OSError as fault:
         where = f"{str(fault.filename)[-200:]}: " if fault.filename else ""
-        return _told(f"{where}{fault.strerror or fault}", 2)
+        return _report_error(f"{where}{fault.strerror or fault}", 2)
     return status if isinstance(status, int) else 0
 
 
 def entry() -> NoReturn:
-    """The whole process: `main`, with its status as the process's."""
-    # The matrices here are small. Threads that wait for each other cost tenfold where other work keeps the cores busy.
+    """Run `main` and end the process with its status."""
+    # Matrices here are small: on busy cores, BLAS threads that wait for each other cost tenfold.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper):
@@ -101,12 +106,18 @@ def entry() -> NoReturn:
     sys.exit(main())
 
 
-def _told(message: str, status: int) -> int:
-    """One line on standard error; what could not be written to standard output is given up."""
-    # Nothing is imported here: there may be no memory left to do so.
+def _report_error(message: str, status: int) -> int:
+    """Print one line on standard error and return ``status``.
+
+    Output that could not be written to standard output is given up.
+    """
+    # Import nothing here: there may be no memory left for it.
     line = "".join(character if character.isprintable() else "?" for character in " ".join(message.split()))
-    with suppress(OSError, ValueError):  # a full disk, too, may be where the line should go
-        click.echo(f"tippedisk-verify: {line if len(line) <= _LONGEST else line[: _LONGEST - 3] + '...'}", err=True)
+    with suppress(OSError, ValueError):  # standard error, too, may lead to a full disk
+        click.echo(
+            f"tippedisk-verify: {line if len(line) <= _MAX_LINE_LENGTH else line[: _MAX_LINE_LENGTH - 3] + '...'}",
+            err=True,
+        )
     try:
         sys.stdout.flush()
     except (OSError, AttributeError, ValueError):
@@ -115,6 +126,9 @@ def _told(message: str, status: int) -> int:
 
 
 def _discard_output() -> None:
-    """Send what is still to be written to standard output nowhere: Python would try again, and complain, at its end."""
+    """Send all remaining standard output to the null device.
+
+    Python would otherwise try to write it again at its end, and complain.
+    """
     with suppress(OSError, AttributeError, ValueError):
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -1,8 +1,8 @@
-"""The front door: a `Disk`, and what can be asked of it.
+"""The front door: the class `Disk` and its methods.
 
-A disk is its parameters with the friction law. Each method hands it to the package where the mathematics is, with the
-default engine unless another one is given. Results remember the disk that they are about. The command line calls these
-methods and prints what they return.
+A disk is its parameters with the friction law. Each method passes it to the package that does the
+mathematics, with the default engine unless another one is given. Results keep a reference to their
+disk. The command line calls these methods and prints what they return.
 """
 
 from __future__ import annotations
@@ -43,16 +43,26 @@ __all__ = ["Disk"]
 
 
 class Disk(Parameters):
-    """A tippedisk under a friction law, and what can be asked of it.
+    """A tippedisk under a friction law, with all that the package computes for it.
 
-    ``Disk("table1")`` is a named set (table1, calibrated, geometry) or a TOML file, ``Disk("table1", mu="0.4")`` the
-    same with another mu, named ``custom``, and ``Disk(r="0.045", ...)`` one of your own: eight numbers
-    r, e, m, A, B, g, mu, epsilon [SI], as decimal strings or other exact numbers. C, which no equation needs, may be
-    given as well or left out (None). ``friction`` is linear or smooth. A disk is a `Parameters` and goes wherever those
-    go. Raises InputError as they do.
+    ``Disk("table1")`` is a named set (table1, calibrated, geometry) or a TOML file.
+    ``Disk("table1", mu="0.4")`` is the same disk with another mu, named ``custom``.
+    ``Disk(r="0.045", ...)`` is a disk of your own: eight numbers r, e, m, A, B, g, mu, epsilon
+    [SI], as decimal strings or other exact numbers. C enters no equation; it may be given or left
+    out (None). ``friction`` is linear or smooth. A disk is a `Parameters` and can be used wherever
+    those can.
 
-    Speeds are in rad/s, angles in rad, times in s. ``engine`` is the Taylor integrator unless another one is given, and
-    ``digits`` are the significant digits wanted of each main result: up to 12 in double, more in wider arithmetic.
+    In all methods, speeds are in rad/s, angles in rad and times in s. ``engine`` is the integrator,
+    the Taylor integrator if left out. ``digits`` is the number of significant digits of each main
+    result: up to 12 in double precision, more in wider arithmetic.
+
+    Args:
+        named: The name of a set, or the path of a TOML file.
+        friction: ``linear`` or ``smooth``; linear if left out.
+        values: Parameters by name, which replace those of the named set.
+
+    Raises:
+        InputError: A parameter is missing or unknown, or `Parameters` refuses the values.
     """
 
     __slots__ = ()
@@ -62,7 +72,7 @@ class Disk(Parameters):
             if not isinstance(named, str):
                 raise InputError(f"a disk is named by a text, not by {shown(named)}")
             known = Parameters.named(named)
-            name = "custom" if values else known.name  # what is known of the named disk is not true of a changed one
+            name = "custom" if values else known.name  # a changed disk is no longer the named one
             kept = {item.name: getattr(known, item.name) for item in fields(known) if item.init}
             values = kept | {"name": name} | values
         if friction is not None:
@@ -71,13 +81,21 @@ class Disk(Parameters):
         missing = [name for name in names if name not in (*values, "C", "name", "friction")]
         unknown = [name for name in values if name not in names]
         if missing or unknown:
-            told = [f"a disk has no '{name[:40]}'" for name in unknown] + [f"a disk needs {name}" for name in missing]
-            raise InputError(told)
+            faults = [f"a disk has no '{name[:40]}'" for name in unknown]
+            raise InputError(faults + [f"a disk needs {name}" for name in missing])
         super().__init__(**values)
 
     @classmethod
     def read(cls, path: str | Path, friction: Friction = "linear") -> Disk:
-        """The disk in a TOML file of decimals. Raises InputError as `Parameters.from_toml` does."""
+        """Return the disk in a TOML file of decimals.
+
+        Args:
+            path: The file, with the keys that `Parameters.from_toml` describes.
+            friction: ``linear`` or ``smooth``.
+
+        Raises:
+            InputError: The file or its values cannot be used.
+        """
         known = Parameters.from_toml(Path(path))
         values = {item.name: getattr(known, item.name) for item in fields(known) if item.init}
         return cls(**values | {"friction": friction})
@@ -99,11 +117,22 @@ class Disk(Parameters):
         below_het: object = None,
         digits: int = 12,
     ) -> Fraction:
-        """A speed [rad/s] as an exact rational: ``omega``, or that far from Omega_crit or Omega_h.
+        """Return a speed [rad/s] as an exact rational, given directly or by a distance.
 
-        The distance from Omega_h has ``digits`` significant digits, so ``disk.speed(above_het="1e-20")`` goes wherever
-        a speed goes; that from Omega_crit has 35 more. The speed itself is a decimal. Raises InputError unless one of
-        the four is given, and as `heteroclinic` does.
+        Exactly one of the first four arguments is given. A distance from Omega_h is kept to
+        ``digits`` significant digits, and one from Omega_crit to 35 more. So
+        ``disk.speed(above_het="1e-20")`` can be used wherever a speed can. The result is a decimal.
+
+        Args:
+            omega: The speed itself [rad/s].
+            below_crit: A distance below Omega_crit [rad/s].
+            above_het: A distance above Omega_h [rad/s].
+            below_het: A distance below Omega_h [rad/s].
+            digits: Significant digits of the distance.
+
+        Raises:
+            InputError: Not exactly one is given, or it cannot be used.
+            NoConnectionError: The disk has no Omega_h.
         """
         from tippedisk_verify.theory.hopf import speed_below_crit
 
@@ -117,13 +146,29 @@ class Disk(Parameters):
         return omega_h - distance if above_het is None else omega_h + distance
 
     def equilibrium(self, name: EquilibriumName, omega: object, *, digits: int = 15) -> Equilibrium:
-        """``inverted`` or ``noninverted`` spinning: state, eigenvalues [1/s], stability."""
+        """Return an equilibrium: its state, its eigenvalues [1/s] and its stability.
+
+        Args:
+            name: ``inverted`` or ``noninverted`` spinning.
+            omega: The spinning speed [rad/s].
+            digits: Significant digits of each eigenvalue.
+
+        Raises:
+            InputError: An argument cannot be used.
+        """
         from tippedisk_verify.theory.equilibria import equilibrium, kind_changes
 
         return replace(equilibrium(self, omega, name, digits), kind_changes=kind_changes(self, name, digits))
 
     def hopf(self, *, digits: int = 12) -> HopfPoint:
-        """The Hopf point of inverted spinning with its normal form. Raises InputError under the smooth law."""
+        """Return the Hopf point of inverted spinning with its normal form.
+
+        Args:
+            digits: Significant digits of each main result.
+
+        Raises:
+            InputError: The disk has the smooth friction law.
+        """
         from tippedisk_verify.theory.hopf import hopf_point
 
         return hopf_point(self, digits)
@@ -131,9 +176,17 @@ class Disk(Parameters):
     def slow_manifold(
         self, order: int, omega: object = None, *, at: tuple[object, object] = ("1.2", "0.3"), digits: int = 12
     ) -> SlowManifold:
-        """The orders h_0 ... h_N of the slow manifold at a point (beta, gamma), and how well the truncated series does.
+        """Return the orders h_0 ... h_N of the slow manifold at a point, and the series' accuracy.
 
-        The speed is Omega_crit - 0.5 if left out, as the decimal of `speed`. Raises InputError under the smooth law.
+        Args:
+            order: N, the highest order.
+            omega: The speed [rad/s]; if left out, Omega_crit - 0.5 as the decimal that `speed`
+                returns.
+            at: The point (beta, gamma) [rad].
+            digits: Significant digits of each order.
+
+        Raises:
+            InputError: The disk has the smooth friction law, or an argument cannot be used.
         """
         from tippedisk_verify.theory.slow_manifold import analyse_slow_manifold
 
@@ -158,19 +211,38 @@ class Disk(Parameters):
         progress: bool | None = None,
         **unknown: object,
     ) -> Solution:
-        """The motion from ``state`` (beta, gamma, v) for a ``time`` [s], or from t0 to t1 of a pair; backward if less.
+        """Integrate the motion from an initial state, and return it with half-widths.
 
-        ``t_eval`` are where the solution is wanted, strictly monotonic and within that; 201 even ones if left out.
-        ``events`` are Events (these end the run unless made with ``terminal=False``), or by their names "section"
-        (beta = pi/2), "turn" (v = 0) and "surface" (the sliding velocity gamma_y is zero), whose crossings are
-        recorded. ``variations`` of "state" and "omega" add the derivatives of the end by them. Texts such as
-        "pi/2 + 0.4" are exact. Angles are beta_bar and gamma_bar, from pi/2, if ``shifted``.
-        A run takes at most ``max_steps`` steps, some 2800 s of motion if left out; one that ends early does not raise,
-        and its ``status`` says why. Without ``half_widths`` the run is made once and its error is not measured: it
-        takes a fraction of the time, and all half-widths are infinite. Long ones show progress, unless ``progress`` is
-        False. Raises InputError for what makes no sense.
+        A run that ends early does not raise: its ``status`` gives the reason. Texts such as
+        "pi/2 + 0.4" are exact.
 
-        >>> sol = Disk("table1").integrate("30.4", ("pi/2", 2, 0), (0, 10), t_eval=[1, 2], events="section")
+        Args:
+            omega: The spinning speed [rad/s].
+            state: The initial state (beta [rad], gamma [rad], v [rad/s]).
+            time: The duration [s] from t = 0, or a pair (t0, t1); backward if negative or t1 < t0.
+            t_eval: The times [s] at which the solution is wanted, strictly monotonic and within the
+                run; 201 evenly spaced ones if left out.
+            digits: Significant digits of the end state.
+            events: Events, which end the run unless made with ``terminal=False``. The names
+                "section" (beta = pi/2), "turn" (v = 0) and "surface" (sliding velocity gamma_y = 0)
+                record the crossings.
+            variations: "state" and "omega" add the derivatives of the end state with respect to
+                them.
+            shifted: Angles are beta_bar and gamma_bar, measured from pi/2.
+            max_steps: The largest number of steps; the default allows about 2800 s of motion.
+            half_widths: If False, integrate once without measuring the error. This takes a fraction
+                of the time, and all half-widths are infinite.
+            engine: The integrator.
+            progress: False hides the progress bar of a long run.
+
+        Returns:
+            The solution, with ``t`` (n,), ``y`` (3, n) and ``uncertainty`` (3, n).
+
+        Raises:
+            InputError: An argument cannot be used.
+
+        >>> disk = Disk("table1")
+        >>> sol = disk.integrate("30.4", ("pi/2", 2, 0), (0, 10), t_eval=[1, 2], events="section")
         >>> sol.y.shape, sol.end.time, len(sol.events)
         ((3, 2), 10.0, 21)
         """
@@ -178,18 +250,26 @@ class Disk(Parameters):
 
         if unknown:
             raise UnknownKeywordError(
-                f"integrate has no {', '.join(unknown)}: `digits` says how exact the motion is to be, `engine` what "
-                "computes it, such as Baseline('DOP853'), and the solution itself, sol(t), is its dense output"
+                f"integrate has no {', '.join(unknown)}: `digits` sets the accuracy, `engine` the"
+                " integrator, such as Baseline('DOP853'), and the solution sol(t) the dense output"
             )
         how = (self._engine(engine), variations, shifted, max_steps, progress, half_widths)
         return integrated(self, omega, state, time, t_eval, digits, events, *how)
 
     def rhs(self, omega: object) -> Callable[[object, Any], Array]:
-        """The equations of motion as ``f(t, y)`` in doubles, for `solve_ivp` and its like (Eq. 3DOF).
+        """Return the equations of motion as ``f(t, y)`` in doubles, for `solve_ivp` and the like.
 
-        ``y`` is a state (3,) or states (3, k). Angles in rad, v in rad/s. Raises InputError for a speed <= 0.
+        The equation is Eq. 3DOF. ``y`` is a state (3,) or states (3, k), with angles in rad and v
+        in rad/s.
 
-        >>> [f("30.4")(0, [1.5, 1.6, 0.0]).shape for f in (Disk("table1").rhs, Disk("table1").jacobian)]
+        Args:
+            omega: The spinning speed [rad/s].
+
+        Raises:
+            InputError: ``omega`` is not a positive decimal.
+
+        >>> disk = Disk("table1")
+        >>> [f("30.4")(0, [1.5, 1.6, 0.0]).shape for f in (disk.rhs, disk.jacobian)]
         [(3,), (3, 3)]
         """
         from tippedisk_verify.model.arrays import OnArrays
@@ -197,26 +277,68 @@ class Disk(Parameters):
         return OnArrays(field, self, omega)
 
     def jacobian(self, omega: object) -> Callable[[object, Any], Array]:
-        """The derivative of `rhs` by the state, ``jac(t, y)``: (3, 3), or (3, 3, k) for states (3, k)."""
+        """Return the derivative of `rhs` with respect to the state as ``jac(t, y)``.
+
+        Its values have shape (3, 3), or (3, 3, k) for states (3, k).
+
+        Args:
+            omega: The spinning speed [rad/s].
+
+        Raises:
+            InputError: ``omega`` is not a positive decimal.
+        """
         from tippedisk_verify.model.arrays import OnArrays
 
         return OnArrays(jacobian, self, omega)
 
     def basins(self, omega: object, *, count: int = 100_000, progress: bool | None = None, **options: Any) -> Basins:
-        """What each of ``count`` initial states ends on. Options as those of `basins`, progress as that of `branch`."""
+        """Integrate a random sample of initial states and return where each of them ends.
+
+        Args:
+            omega: The spinning speed [rad/s].
+            count: The number of initial states.
+            progress: False hides the progress bar.
+            options: Further options of `tippedisk_verify.motion.basins.basins`.
+
+        Returns:
+            The initial states and the outcome of each, as arrays (rows, columns).
+
+        Raises:
+            InputError: An argument cannot be used.
+        """
         from tippedisk_verify.motion.basins import basins
 
         with progress_of(count if isinstance(count, int) else 0, progress) as advance:
             return basins(self, omega, count=count, advance=advance, **options)
 
     def basin_boundary(self, omega: object, *, engine: Engine | None = None) -> BasinBoundary:
-        """What separates starts that keep standing from those that lie flat. Raises as `rotating_cycle` does."""
+        """Return the boundary between starts that keep standing and starts that lie flat.
+
+        Args:
+            omega: The spinning speed [rad/s].
+            engine: The integrator.
+
+        Raises:
+            NoSuchCycleError: No unstable rotating cycle was found, as in `rotating_cycle`.
+        """
         from tippedisk_verify.motion.basin_boundary import BasinBoundary
 
         return BasinBoundary(self, omega, self._engine(engine))
 
     def scene(self, name: str, *, omega_h: object = None, engine: Engine | None = None) -> Panel:
-        """One of the panels a to f of the paper's figures 3D and proj_3D; ``omega_h`` [rad/s] saves finding it."""
+        """Compute one of the panels a to f of the paper's figures 3D and proj_3D.
+
+        Args:
+            name: The panel's letter.
+            omega_h: Omega_h [rad/s], if it has already been computed.
+            engine: The integrator.
+
+        Returns:
+            The panel with both orbits and their attractors.
+
+        Raises:
+            InputError: There is no such panel, or ``omega_h`` is not a speed.
+        """
         from tippedisk_verify.motion.scenes import compute, scene_named
 
         scene, engine = scene_named(name), self._engine(engine)
@@ -238,12 +360,29 @@ class Disk(Parameters):
         half_widths: bool = True,
         engine: Engine | None = None,
     ) -> LimitCycle:
-        """The limit cycle about inverted spinning at a speed given as to `speed`.
+        """Find the limit cycle about inverted spinning at a speed.
 
-        Where a speed has several it is the stable one, or the one that ``stable`` asks for. Without ``half_widths`` the
-        numbers are those of the first arithmetic that holds the digits, and their errors are not measured. Next to
-        Omega_h half-widths cost nothing, and come all the same. Raises InputError unless one of the three is given,
-        NoSuchCycleError where there is no such cycle, AccuracyError without the digits.
+        Exactly one of the first three arguments is given. Where a speed has several cycles, the
+        result is the stable one unless ``stable`` says otherwise.
+
+        Args:
+            omega: The speed [rad/s].
+            below_crit: A distance below Omega_crit [rad/s].
+            above_het: A distance above Omega_h [rad/s].
+            stable: Ask for the stable or the unstable cycle; not with ``above_het``.
+            digits: Significant digits of each main result.
+            half_widths: False computes once in the first arithmetic that holds the digits and does
+                not measure the error. Next to Omega_h half-widths cost nothing and come anyway.
+            engine: The integrator.
+
+        Returns:
+            The cycle: its section coordinates, period [s], multipliers and stability, with
+                half-widths.
+
+        Raises:
+            InputError: Not exactly one speed is given, or it cannot be used.
+            NoSuchCycleError: There is no such cycle, or none was found.
+            AccuracyError: The digits were not reached.
         """
         from tippedisk_verify.cycles.at_speed import cycle_above, cycle_at
 
@@ -257,19 +396,40 @@ class Disk(Parameters):
         return replace(cycle, omega=speed)
 
     def harmonic_balance(self, omega: object, *, harmonics: int | None = None, digits: int = 12) -> BalancedCycle:
-        """The limit cycle at ``omega`` by harmonic balance of the full equations, without an integrator.
+        """Find the limit cycle by harmonic balance of the full equations, without an integrator.
 
-        ``harmonics`` is the number of odd harmonics, chosen for the digits if left out. Raises as `limit_cycle` does,
-        and InputError under the smooth law.
+        Args:
+            omega: The speed [rad/s].
+            harmonics: The number of odd harmonics; chosen for the digits if left out.
+            digits: Significant digits of each main result.
+
+        Returns:
+            The cycle with its harmonics and half-widths.
+
+        Raises:
+            InputError: The disk has the smooth friction law, or an argument cannot be used.
+            NoSuchCycleError: There is no such cycle, or none was found.
+            AccuracyError: The digits were not reached.
         """
         from tippedisk_verify.cycles.spectral import balanced_cycle
 
         return balanced_cycle(self, omega, digits=digits, harmonics=harmonics)
 
     def folds(self, *, digits: int = 12, engine: Engine | None = None) -> Folds:
-        """Where two limit cycles about inverted spinning meet and end, from the Hopf point on; of many disks none.
+        """Find the folds, where two limit cycles about inverted spinning meet and end.
 
-        Raises AccuracyError where the family cannot be followed, or the digits are not reached.
+        The folds are listed in their order along the family from the Hopf point. Many disks have no
+        fold.
+
+        Args:
+            digits: Significant digits of each main result.
+            engine: The integrator.
+
+        Returns:
+            The folds with their speeds [rad/s] and half-widths.
+
+        Raises:
+            AccuracyError: The family cannot be followed, or the digits were not reached.
         """
         from tippedisk_verify.cycles.folds import libration_folds
         from tippedisk_verify.cycles.locator import locator
@@ -290,10 +450,29 @@ class Disk(Parameters):
         half_widths: bool = True,
         engine: Engine | None = None,
     ) -> RotatingCycle:
-        """The rotating limit cycle, on which gamma grows by 2 pi a period, at a speed given as to `speed`.
+        """Find the rotating limit cycle, on which gamma grows by 2 pi a period, at a speed.
 
-        Stable ones lie between the family's fold and Omega_h, unstable ones (``stable=False``) from the fold upward.
-        ``half_widths`` is that of `limit_cycle`, and it raises as that does.
+        Exactly one of the first three arguments is given. Stable cycles lie between the family's
+        fold and Omega_h; unstable ones lie above the fold.
+
+        Args:
+            omega: The speed [rad/s].
+            below_crit: A distance below Omega_crit [rad/s].
+            below_het: A distance below Omega_h [rad/s], for stable cycles only.
+            stable: Ask for the stable or the unstable cycle.
+            digits: Significant digits of each main result.
+            half_widths: False computes once in the first arithmetic that holds the digits and does
+                not measure the error. Next to Omega_h half-widths cost nothing and come anyway.
+            engine: The integrator.
+
+        Returns:
+            The cycle: its section coordinates, period [s], multipliers and stability, with
+                half-widths.
+
+        Raises:
+            InputError: Not exactly one speed is given, or it cannot be used.
+            NoSuchCycleError: There is no such cycle, or none was found.
+            AccuracyError: The digits were not reached.
         """
         from tippedisk_verify.cycles.at_speed import rotating_below, rotating_cycle
 
@@ -310,10 +489,22 @@ class Disk(Parameters):
     def rotating_branch(
         self, omegas: Sequence[object] | None = None, *, engine: Engine | None = None, progress: bool | None = None
     ) -> list[RotatingCycle | MissingCycle]:
-        """The family of rotating cycles: at each of these speeds the stable one, if any, and then the unstable one.
+        """Find the rotating cycles at several speeds.
 
-        Without speeds an overview, from just below Omega_h through the fold to half a rad/s above Omega_crit. Speeds,
-        those without a cycle, and progress as those of `branch`.
+        Each speed yields its stable cycle, if there is one, and then its unstable one.
+
+        Args:
+            omegas: The speeds [rad/s]. If left out, an overview runs from just below Omega_h
+                through the fold to 0.5 rad/s above Omega_crit.
+            engine: The integrator.
+            progress: False hides the progress bar.
+
+        Returns:
+            The cycles in order; a `MissingCycle` stands for each speed without a cycle.
+
+        Raises:
+            InputError: A speed cannot be used.
+            NoSuchCycleError: No speed has a cycle.
         """
         from tippedisk_verify.cycles.branch import DEFAULT_ROTATIONS, not_all_missing, rotating_branch
 
@@ -323,7 +514,19 @@ class Disk(Parameters):
         return not_all_missing(watched(cycles, "limit cycles", total, progress))
 
     def rotation_fold(self, *, digits: int = 12, engine: Engine | None = None) -> RotationFold:
-        """Where the stable and the unstable rotating cycles meet and end. Raises as `rotating_cycle` does."""
+        """Find the fold, where the stable and the unstable rotating cycles meet and end.
+
+        Args:
+            digits: Significant digits of each main result.
+            engine: The integrator.
+
+        Returns:
+            The fold with its speed [rad/s] and half-widths.
+
+        Raises:
+            NoSuchCycleError: There is no such fold, or none was found.
+            AccuracyError: The digits were not reached.
+        """
         from tippedisk_verify.cycles.folds import rotation_fold
         from tippedisk_verify.cycles.locator import locator
 
@@ -338,14 +541,28 @@ class Disk(Parameters):
         engine: Engine | None = None,
         progress: bool | None = None,
     ) -> Branch:
-        """The family of limit cycles at these speeds, or an even overview of it, as arrays with half-widths.
+        """Find the family of limit cycles at several speeds, as arrays with half-widths.
 
-        ``paper_sets`` are the paper's speeds A^in and A^de. A speed with several cycles gives all of them; a text or a
-        number by itself is one speed. A hundred speeds and more are rounded to doubles, and the linear law's cycles
-        are computed together, in lanes of the Taylor engine; at fewer speeds half-widths may be left out as those of
-        `limit_cycle`. What takes longer than two seconds shows its progress on
-        standard error, unless ``progress`` is False. A speed without a cycle has a row that says so; where all have
-        none, the first one's error is raised.
+        A speed with several cycles yields all of them. A hundred speeds or more are rounded to
+        doubles, and under the linear law their cycles are computed together in batches of the
+        Taylor engine.
+
+        Args:
+            omegas: The speeds [rad/s]; a single text or number is one speed. If left out, an even
+                overview of the family.
+            paper_sets: Use the paper's speeds A^in and A^de.
+            half_widths: False leaves out half-widths, as in `limit_cycle`; with a hundred speeds or
+                more they come anyway.
+            engine: The integrator.
+            progress: False hides the progress bar, which appears on standard error after two
+                seconds.
+
+        Returns:
+            The branch. A speed without a cycle has a row with the reason.
+
+        Raises:
+            InputError: A speed cannot be used.
+            NoSuchCycleError: No speed has a cycle; the error is that of the first speed.
         """
         from tippedisk_verify.cycles.branch import DEFAULT_COUNT, PAPER_COUNT, Branch, family, not_all_missing
 
@@ -362,9 +579,21 @@ class Disk(Parameters):
         half_widths: bool = True,
         engine: Engine | None = None,
     ) -> Heteroclinic:
-        """Omega_h, where the saddles are connected, with or without its error by a wider run.
+        """Find Omega_h, the speed at which the saddles are connected.
 
-        Raises NoConnectionError where there is no connection.
+        Args:
+            digits: Significant digits of Omega_h [rad/s].
+            method: The method's name, such as ``manifolds``.
+            half_widths: False leaves out the wider run that measures the error.
+            engine: The integrator.
+
+        Returns:
+            Omega_h [rad/s] with its half-width, and numbers of the connection.
+
+        Raises:
+            NoConnectionError: The disk has no connection.
+            InputError: ``method`` is not known.
+            AccuracyError: The digits were not reached.
         """
         from tippedisk_verify.cycles.omega_h import heteroclinic
 
@@ -389,13 +618,16 @@ class Disk(Parameters):
 
     @property
     def certify(self) -> Certifier:
-        """What can be proved of this disk by ball arithmetic, such as ``disk.certify.limit_cycle("30.4")``."""
+        """The proofs about this disk in ball arithmetic.
+
+        Example: ``disk.certify.limit_cycle("30.4")``.
+        """
         from tippedisk_verify.certify import Certifier
 
         return Certifier(self)
 
     def _speed(self, omega: object, below_crit: object, digits: int) -> Measured:
-        """A speed with its half-width, which that of Omega_crit is."""
+        """Return a speed with its half-width, which comes from Omega_crit."""
         from tippedisk_verify.theory.hopf import speed_below_crit
 
         if below_crit is None:
@@ -404,7 +636,10 @@ class Disk(Parameters):
 
     @staticmethod
     def _engine(engine: Engine | None) -> Engine:
-        """The engine given, or the default one: the one place where a disk's methods choose it."""
+        """Return the given engine, or the default one.
+
+        A disk's methods choose their engine only here.
+        """
         if engine is not None:
             if not hasattr(engine, "measures_error") or isinstance(engine, type):
                 raise InputError(f"an engine is Taylor() or Baseline(), not {shown(engine)}")

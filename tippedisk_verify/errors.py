@@ -1,4 +1,4 @@
-"""What can be wrong with a request, said in one line that tells what would be right."""
+"""The errors of a request. Each message names the fault and, where possible, a remedy."""
 
 from __future__ import annotations
 
@@ -8,9 +8,13 @@ __all__ = ["AccuracyError", "InputError", "NoConnectionError", "NoSuchCycleError
 
 
 class InputError(ValueError):
-    """The input cannot be used. ``faults`` holds one clear line for each fault found.
+    """The input cannot be used.
 
-    The command line prints them on one line and exits with status 2.
+    ``faults`` holds one line for each fault. The command line prints them on one line and exits
+    with status 2.
+
+    Args:
+        faults: One line, or one line for each fault.
     """
 
     def __init__(self, faults: str | Iterable[str]) -> None:
@@ -19,19 +23,20 @@ class InputError(ValueError):
 
 
 class UnknownKeywordError(InputError, TypeError):
-    """A keyword that a function does not have; the message says what there is instead."""
+    """A function has no such keyword; the message names the alternatives."""
 
 
 class AccuracyError(RuntimeError):
-    """A computation ended without the digits that were asked for; the message says why and what to try.
+    """A computation ended without the digits that were asked for.
 
-    The command line prints it on one line and exits with status 1.
+    The message gives the reason and a remedy. The command line prints it on one line and exits with
+    status 1.
     """
 
 
 class NoSuchCycleError(InputError):
-    """There is no limit cycle, or none was found, where one was asked for; the message says what and why."""
+    """The requested limit cycle does not exist, or was not found; the message gives the reason."""
 
 
 class NoConnectionError(InputError):
-    """The parameters have no heteroclinic connection of the kind looked for; the message says why."""
+    """The parameters have no heteroclinic connection as requested; the message gives the reason."""

@@ -1,7 +1,8 @@
-"""Reading files up to a size, and writing them whole.
+"""Reading files up to a size, and writing them as a whole.
 
-A file is written under another name in the same folder and then renamed, so that no reader sees a part of it. click's
-atomic files do the same, but replace the old file by half of the new one when writing fails.
+A file is written under another name in the same folder and then renamed, so no reader sees a part
+of it. click's atomic files do the same, but replace the old file by half of the new one when
+writing fails.
 """
 
 from __future__ import annotations
@@ -39,7 +40,14 @@ __all__ = [
 
 
 def output_folder(path: str | Path) -> Path:
-    """The folder, made if it is missing and proved writable. Raises InputError if it cannot be used."""
+    """Return the folder at ``path``, which is created if necessary and checked to be writable.
+
+    Args:
+        path: The folder.
+
+    Raises:
+        InputError: The folder cannot be used.
+    """
     folder = Path(path)
     with _refused(f"output folder {_named(folder)} cannot be written"):
         if not str(path) or "\0" in str(path):
@@ -53,7 +61,14 @@ def output_folder(path: str | Path) -> Path:
 
 
 def output_file(path: str) -> Path:
-    """The file to write to. Raises InputError if it cannot be one."""
+    """Return the path of a file to write.
+
+    Args:
+        path: The file.
+
+    Raises:
+        InputError: The path cannot be that of a file.
+    """
     file = Path(path)
     with _refused(f"'{_named(file)}' cannot be written"):
         if not path or "\0" in path:
@@ -66,7 +81,7 @@ def output_file(path: str) -> Path:
 
 
 def _obstacle(path: Path) -> str:
-    """Say what is at a path, where a file or a folder is to be written and cannot be."""
+    """Describe the object at a path that stands in the way of a file or a folder."""
     status = path.stat()
     if stat.S_ISCHR(status.st_mode) and status.st_rdev == os.makedev(1, 7):  # /dev/full stands for a full disk
         return os.strerror(errno.ENOSPC)
@@ -76,37 +91,64 @@ def _obstacle(path: Path) -> str:
 
 
 def write_bytes(path: Path, content: bytes) -> Path:
-    """Replace ``path`` by ``content``; a reader sees the old file or the new one, never a part.
+    """Replace the file at ``path`` by ``content``.
 
-    A link stays; what it points to is replaced. Raises InputError for what is no regular file, or cannot be written.
+    A reader sees the old file or the new one, never a part. If ``path`` is a link, its target is
+    replaced and the link stays.
+
+    Args:
+        path: The file.
+        content: Its new content.
+
+    Returns:
+        The path of the file written.
+
+    Raises:
+        InputError: The path is not that of a regular file, or cannot be written.
     """
     path = path.resolve() if path.is_symlink() else path
     with _refused(f"{_named(path)} cannot be written"), unbroken():
         if path.exists() and not path.is_file():
             raise OSError(_obstacle(path))
-        descriptor, beside = tempfile.mkstemp(prefix=f".{path.name}-", dir=path.parent)
+        descriptor, temporary = tempfile.mkstemp(prefix=f".{path.name}-", dir=path.parent)
         try:
             with os.fdopen(descriptor, "wb") as stream:
                 stream.write(content)
                 stream.flush()
                 os.fsync(stream.fileno())
             os.umask(mask := os.umask(0))
-            os.chmod(beside, 0o666 & ~mask)  # mkstemp makes it private; what a user asked for is not
-            os.replace(beside, path)
+            os.chmod(temporary, 0o666 & ~mask)  # mkstemp makes a private file; the result is not
+            os.replace(temporary, path)
         except BaseException:
             with suppress(OSError):
-                os.unlink(beside)
+                os.unlink(temporary)
             raise
     return path
 
 
 def write_text(path: Path, content: str) -> Path:
-    """`write_bytes` of UTF-8 text."""
+    """Replace the file at ``path`` by text in UTF-8, as `write_bytes` does.
+
+    Args:
+        path: The file.
+        content: Its new text.
+
+    Returns:
+        The path of the file written.
+
+    Raises:
+        InputError: The file cannot be written.
+    """
     return write_bytes(path, content.encode())
 
 
 def csv_text(header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    """A comma-separated table; floats with all their digits."""
+    """Return a comma-separated table as text, with all digits of floats.
+
+    Args:
+        header: The names of the columns.
+        rows: The cells of each row.
+    """
     stream = io.StringIO(newline="")
     table = csv.writer(stream, lineterminator="\n")
     table.writerow(header)
@@ -115,12 +157,33 @@ def csv_text(header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
 
 
 def write_csv(path: Path, header: Sequence[str], rows: Iterable[Sequence[object]]) -> Path:
-    """`write_text` of `csv_text`."""
+    """Replace the file at ``path`` by the table that `csv_text` returns.
+
+    Args:
+        path: The file.
+        header: The names of the columns.
+        rows: The cells of each row.
+
+    Returns:
+        The path of the file written.
+
+    Raises:
+        InputError: The file cannot be written.
+    """
     return write_text(path, csv_text(header, rows))
 
 
 def file_ending_in(path: str, *kinds: str) -> Path:
-    """`output_file` whose name ends in one of these. Raises InputError for another one, or without pyarrow."""
+    """Return the path of a file to write whose name ends in one of ``kinds``, such as ".csv".
+
+    Args:
+        path: The file.
+        kinds: The allowed endings, in lower case.
+
+    Raises:
+        InputError: The name has another ending, the path cannot be that of a file, or Parquet is
+            asked for without pyarrow.
+    """
     file = output_file(path)
     if file.suffix.lower() not in kinds:
         listed = " or ".join(filter(None, (", ".join(kinds[:-1]), kinds[-1])))
@@ -131,7 +194,18 @@ def file_ending_in(path: str, *kinds: str) -> Path:
 
 
 def write_table(path: Path, rows: Sequence[Mapping[str, str]]) -> Path:
-    """`write_bytes` of rows as .csv or .parquet, all their columns in the order in which they appear."""
+    """Write rows as .csv or .parquet, with their columns in the order of first appearance.
+
+    Args:
+        path: The file; its ending chooses the format.
+        rows: The cells of each row by column name. A missing cell is empty.
+
+    Returns:
+        The path of the file written.
+
+    Raises:
+        InputError: The file cannot be written.
+    """
     columns = list(dict.fromkeys(name for row in rows for name in row))
     if path.suffix.lower() == ".csv":
         return write_csv(path, columns, [[row.get(name, "") for name in columns] for row in rows])
@@ -147,10 +221,17 @@ def write_table(path: Path, rows: Sequence[Mapping[str, str]]) -> Path:
 
 @contextmanager
 def alone(lock: Path, refusal: str) -> Iterator[None]:
-    """Hold a lock file, made if it is missing; the system forgets the lock of a run that was killed.
+    """Hold a lock file, which is created if necessary, while the context is entered.
 
-    Raises InputError with ``refusal`` if another run holds it, and in other words where there are no locks, and for a
-    link or anything else that is no file.
+    The system releases the lock of a run that was killed.
+
+    Args:
+        lock: The path of the lock file.
+        refusal: The message for the case that another run holds the lock.
+
+    Raises:
+        InputError: Another run holds the lock, the file system has no locks, or the path is a link
+            or not a regular file.
     """
     import fcntl
 
@@ -159,7 +240,7 @@ def alone(lock: Path, refusal: str) -> Iterator[None]:
     with os.fdopen(handle, "rb"):
         try:
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            # Whoever held it may have ended and removed it since it was opened.
+            # Its last holder may have ended and removed it since it was opened.
             held = os.path.samestat(os.fstat(handle), os.lstat(lock))
         except (BlockingIOError, PermissionError, FileNotFoundError):  # the second from a network's file system
             held = False
@@ -173,7 +254,14 @@ def alone(lock: Path, refusal: str) -> Iterator[None]:
 
 @contextmanager
 def sole_writer(path: str | Path) -> Iterator[Path]:
-    """`output_folder`, while no other run writes into it through this. Raises InputError if one does."""
+    """Yield the folder at ``path`` while no other run writes into it through this function.
+
+    Args:
+        path: The folder.
+
+    Raises:
+        InputError: Another run does, or the folder cannot be used.
+    """
     folder = output_folder(path)
     remove = partial((folder / ".lock").unlink, missing_ok=True)
     refusal = f"another run is writing into {_named(folder)}: wait for it, or give another --out"
@@ -185,9 +273,16 @@ def sole_writer(path: str | Path) -> Iterator[Path]:
 
 
 def read_text(path: Path, largest: int) -> str:
-    """The text of a regular file in UTF-8, of at most ``largest`` bytes; a byte-order mark is left out.
+    """Return the text of a regular file in UTF-8, without a byte-order mark.
 
-    Pipes and devices have no end that is known beforehand. Raises InputError if the file cannot be read so.
+    Pipes and devices are refused because their length is not known beforehand.
+
+    Args:
+        path: The file.
+        largest: The largest size in bytes.
+
+    Raises:
+        InputError: The file is too large, is not a regular file in UTF-8, or cannot be read.
     """
     try:
         return read_bytes(path, largest).decode("utf-8-sig")
@@ -196,7 +291,15 @@ def read_text(path: Path, largest: int) -> str:
 
 
 def read_bytes(path: Path, largest: int) -> bytes:
-    """The bytes of a regular file of at most ``largest`` of them. Raises InputError if it cannot be read so."""
+    """Return the content of a regular file.
+
+    Args:
+        path: The file.
+        largest: The largest size in bytes.
+
+    Raises:
+        InputError: The file is too large, is not a regular file, or cannot be read.
+    """
     with _refused(f"{_named(path)} cannot be read"):
         if "\0" in str(path) or not path.exists():
             raise OSError("there is no such file")
@@ -210,19 +313,26 @@ def read_bytes(path: Path, largest: int) -> bytes:
 
 
 def printable(text: str) -> str:
-    """The text with everything that a terminal would act on, or cannot show, replaced by question marks."""
+    """Replace characters that a terminal would act on or cannot show by question marks.
+
+    Args:
+        text: Any text.
+
+    Returns:
+        A text of the same length.
+    """
     return "".join(character if character.isprintable() else "?" for character in text)
 
 
 def _named(path: Path) -> str:
-    """A path in a message: its end, if it is long."""
+    """Return a path for a message: its last 200 characters if it is long."""
     text = printable(str(path))
     return text if len(text) <= 200 else f"...{text[-197:]}"
 
 
 @contextmanager
 def _refused(what: str) -> Iterator[None]:
-    """Whatever the system says against it becomes an InputError of one line."""
+    """Turn every OSError into an InputError of one line that begins with ``what``."""
     try:
         yield
     except OSError as fault:

@@ -1,12 +1,14 @@
-"""Ctrl-C on the command line: one line and exit status 130, whatever the process is doing.
+"""Ctrl-C on the command line: one line and exit status 130, at any moment.
 
-Python raises KeyboardInterrupt wherever it happens to be. In a destructor, a callback or an import by an extension
-module the exception is printed and lost; in an import it leaves half a module behind. So the command line raises
-nothing. It undoes what must not stay, writes its line and leaves, from within the signal's handler.
+Python raises KeyboardInterrupt wherever the process happens to be. In a destructor, a callback or
+an import by an extension module the exception is printed and lost. In an import it leaves half a
+module behind. So the command line raises nothing. The signal's handler undoes what must not stay,
+writes one line and ends the process.
 
-Only the first function touches the process's signals, and only the command line's entry calls it. In a program
-that imports the package, signals do what that program wants. Other signals have their usual effect: files are written
-whole and worker processes end with their parent, however it ends.
+Only `answering` changes the process's signals, and only the command line's entry calls it. In a
+program that imports the package, signals keep the effect that the program gives them. Other signals
+have their usual effect: files are written as a whole, and worker processes end with their parent,
+however it ends.
 """
 
 from __future__ import annotations
@@ -27,9 +29,10 @@ _pressed: list[bool] = []
 
 @contextmanager
 def answering() -> Iterator[None]:
-    """Let Ctrl-C end this process as the module describes. For the main thread.
+    """Let Ctrl-C end this process as the module describes. Call it in the main thread.
 
-    On leaving, Ctrl-C is ignored: all output is out by then, and what Python tears down should not be cut short.
+    Once the context is left, Ctrl-C is ignored: all output is out by then, and Python's shutdown
+    should not be cut short.
     """
     signal.signal(signal.SIGINT, _handle)
     try:
@@ -40,7 +43,10 @@ def answering() -> Iterator[None]:
 
 @contextmanager
 def unbroken() -> Iterator[None]:
-    """Postpone the answer to Ctrl-C until this is left. For short steps that must be done whole or not at all."""
+    """Postpone the answer to Ctrl-C until the context is left.
+
+    It is for short steps that must be done completely or not at all.
+    """
     _holding.append(None)
     try:
         yield
@@ -52,9 +58,13 @@ def unbroken() -> Iterator[None]:
 
 @contextmanager
 def undoing(action: Callable[[], object]) -> Iterator[None]:
-    """Have the answer to Ctrl-C call ``action`` while this is entered.
+    """Let the answer to Ctrl-C call ``action`` while the context is entered.
 
-    It runs between any two steps of the main thread, so it must not wait for a lock that the main thread may hold.
+    The action can run between any two steps of the main thread. So it must not wait for a lock that
+    the main thread may hold.
+
+    Args:
+        action: A function without arguments.
     """
     _undoing.append(action)
     try:
@@ -65,7 +75,10 @@ def undoing(action: Callable[[], object]) -> Iterator[None]:
 
 @contextmanager
 def deaf_children() -> Iterator[None]:
-    """Let processes that are started in here never receive Ctrl-C, which a terminal sends to them as well."""
+    """Keep Ctrl-C from processes that are started in the context.
+
+    A terminal sends it to them as well.
+    """
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
@@ -80,12 +93,12 @@ def _handle(number: int, frame: object) -> None:
 
 
 def _leave() -> None:
-    _holding.append(None)  # what is undone may itself be unbroken
-    stream = None if sys.stderr is None else 2  # where it was closed from the start, 2 may be any file
+    _holding.append(None)  # an action may itself enter `unbroken`
+    stream = None if sys.stderr is None else 2  # if it was closed from the start, 2 may be any file
     try:
         if stream is not None:
             with suppress(OSError):
-                # Threads that draw a bar, or miss the processes that they wait for, have nothing more to say.
+                # Silence threads that draw a bar or miss the processes that they wait for.
                 stream = os.dup(2)
                 os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
         for action in reversed(_undoing):

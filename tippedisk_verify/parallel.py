@@ -1,4 +1,4 @@
-"""Work that may go to other processes, and the cores that there are for it."""
+"""Running jobs in this process or in others, and the number of usable cores."""
 
 from __future__ import annotations
 
@@ -16,9 +16,15 @@ Answer = TypeVar("Answer")
 def as_done(
     function: Callable[[Job], Answer], jobs: Iterable[Job], executor: Executor | None
 ) -> Iterator[tuple[Job, Answer]]:
-    """Each job with its answer: in order in this process if there is no executor, else as they are done.
+    """Yield each job with its answer.
 
-    An executor is given each job as soon as ``jobs`` has it.
+    Without an executor the jobs run in order in this process. With one, each pair comes as soon as
+    it is done, and jobs are submitted as fast as ``jobs`` yields them.
+
+    Args:
+        function: The function of a job.
+        jobs: The jobs.
+        executor: The executor, or None for this process.
     """
     if executor is None:
         yield from ((job, function(job)) for job in jobs)
@@ -28,10 +34,14 @@ def as_done(
 
 
 def map_of(executor: Executor | None) -> Callable[..., Iterable[Any]]:
-    """Return the executor's map, or this process's own if there is no executor."""
+    """Return the executor's ``map``, or Python's own if there is no executor.
+
+    Args:
+        executor: The executor, or None.
+    """
     return map if executor is None else executor.map
 
 
 def usable_cores() -> int:
-    """The cores that this process may run on."""
+    """Return the number of cores on which this process may run."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -1,6 +1,7 @@
-"""Progress of long work: a live bar on a terminal's standard error, one output in a notebook, elsewhere nothing.
+"""Progress of long work: a bar on a terminal's standard error, one output in a notebook.
 
-What computes tells what it has done by calling an `Advance`; its caller decides here whether that is shown.
+Anywhere else nothing is shown. A computation reports its steps by calling an `Advance`. Its caller
+decides with `progress_of` whether they are shown.
 """
 
 from __future__ import annotations
@@ -17,38 +18,45 @@ from typing import Any, TypeVar
 
 __all__ = ["Advance", "progress_of", "watched"]
 
-Advance = Callable[[str, int], None]  #: takes what is being done, and the steps that have been done since it last was
+#: A function of the name of the work and the number of steps done since the last call.
+Advance = Callable[[str, int], None]
 Item = TypeVar("Item")
 
-_PATIENCE, _BETWEEN_DRAWINGS = 2.0, 0.1  # s in which nothing is shown, and between two drawings
+_PATIENCE = 2.0  # s before anything is shown
+_BETWEEN_DRAWINGS = 0.1  # s
 
 
 @contextmanager
 def progress_of(total: int = 0, progress: bool | None = None) -> Iterator[Advance]:
-    """An `Advance` whose ``total`` steps (0 if nobody knows) are shown if they take long, unless ``progress`` is False.
+    """Yield an `Advance` that shows its steps if they take longer than two seconds.
 
-    A thread of its own shows them, so that time is seen to pass within a step as well.
+    A separate thread draws them, so the clock also advances within a step.
+
+    Args:
+        total: The number of steps, or 0 if it is not known.
+        progress: False shows nothing.
     """
     if progress is False or sys.stderr is None:
         yield lambda label, steps: None
         return
-    told, over = [("at work", 0)], Event()
+    current, over = [("at work", 0)], Event()
 
     def advance(label: str, steps: int) -> None:
-        told[0] = label or told[0][0], told[0][1] + steps
+        current[0] = label or current[0][0], current[0][1] + steps
 
     def show() -> None:
         if over.wait(_PATIENCE):
             return
         with (
-            suppress(OSError, ValueError, ImportError, MemoryError),  # what cannot be shown is given up
+            # If drawing fails, nothing is shown.
+            suppress(OSError, ValueError, ImportError, MemoryError),
             (_in_notebook if _has_kernel() else _on_terminal)(total) as draw,
         ):
             while not over.wait(_BETWEEN_DRAWINGS):
-                draw(*told[0])
-            draw(*told[0])
+                draw(*current[0])
+            draw(*current[0])
 
-    # A kernel finds the cell that an output belongs to by the context.
+    # A kernel uses the context to find the cell to which an output belongs.
     thread = Thread(target=copy_context().run, args=(show,), daemon=True)
     with suppress(RuntimeError):  # the process may have no more threads
         thread.start()
@@ -62,7 +70,7 @@ def progress_of(total: int = 0, progress: bool | None = None) -> Iterator[Advanc
 
 @contextmanager
 def _on_terminal(total: int) -> Iterator[Advance]:
-    """Draw a bar on standard error, if that is a terminal; it vanishes at the end."""
+    """Draw a bar on standard error if that is a terminal. The bar vanishes at the end."""
     from rich.console import Console
     from rich.progress import (
         BarColumn,
@@ -91,7 +99,10 @@ def _has_kernel() -> bool:
 
 @contextmanager
 def _in_notebook(total: int) -> Iterator[Advance]:
-    """Write a line in the cell, and replace it: a notebook that is run to a file stores each output that is not."""
+    """Write a line in the cell and replace it at each drawing.
+
+    A notebook that is executed to a file stores every output that is not replaced.
+    """
     display: Any = import_module("IPython.display").display
     began = time.monotonic() - _PATIENCE
     handle = display({"text/plain": ""}, raw=True, display_id=True)
@@ -107,7 +118,14 @@ def _in_notebook(total: int) -> Iterator[Advance]:
 
 
 def watched(items: Iterable[Item], label: str, total: int = 0, progress: bool | None = None) -> Iterator[Item]:
-    """The items as they come, each a step that is shown as `progress_of` says."""
+    """Yield the items as they come, and show each as a step of `progress_of`.
+
+    Args:
+        items: The items.
+        label: The name of the work.
+        total: The number of items, or 0 if it is not known.
+        progress: False shows nothing.
+    """
     with progress_of(total, progress) as advance:
         advance(label, 0)
         for item in items:

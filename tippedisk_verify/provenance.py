@@ -1,4 +1,4 @@
-"""Where a result comes from: this package's code, the packages that compute or draw, Python, and the processor."""
+"""The origin of a result: the code, the packages that compute or draw, Python and the processor."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from pkgutil import iter_modules
 __all__ = ["DRAWING", "NUMERICAL", "code_version", "digest", "fingerprint", "origin", "processor", "versions"]
 
 _ROOT = Path(__file__).parent
+#: The sub-packages that compute numbers.
 _COMPUTING = (
     "model",
     "theory",
@@ -25,38 +26,51 @@ _COMPUTING = (
     "reference_values",
     "sweep",
 )
-#: The packages that numbers come from.
+#: The packages on which numbers depend.
 NUMERICAL = ("heyoka", "numpy", "mpmath", "gmpy2", "scipy", "python-flint")
-#: And those that pictures come from.
+#: The packages on which pictures depend.
 DRAWING = (*NUMERICAL, "matplotlib")
 
 
 def fingerprint(inputs: object, packages: tuple[str, ...] = NUMERICAL) -> str:
-    """64 hexadecimal digits that change with the inputs (as JSON), this package's code, those packages and the machine.
+    """Return 64 hexadecimal digits that identify inputs together with the origin of their results.
 
-    Compiled code uses what the processor has, and may round differently on another.
+    They change with the inputs, this package's code, the packages and the machine. The machine
+    counts because compiled code uses its processor's features and may round differently on another.
+
+    Args:
+        inputs: The inputs, as JSON data.
+        packages: The packages on which the result depends.
     """
     return digest([inputs, origin(packages)])
 
 
 def origin(packages: tuple[str, ...] = NUMERICAL) -> dict[str, str]:
-    """All that a result depends on beside its inputs, by name: what a result that is kept must agree with."""
+    """Return everything on which a result depends besides its inputs, by name.
+
+    A cached result is valid only if its origin is the same.
+
+    Args:
+        packages: The packages on which the result depends.
+    """
     machine = {"Python": platform.python_version(), "the machine": f"{platform.machine()} {processor()}"}
     return {"the code": _code(), **versions(packages), **machine, "the system": platform.system()}
 
 
 @cache
 def code_version() -> str:
-    """This package's version, a digest of its code, and the versions of the numerical packages, as words of a message.
+    """Return the versions of this package, its code and the numerical packages, as text.
 
-    Two processes with the same one may share their results; the processor is left out, because half-widths hold on
-    each. What computes is loaded at once and the answer kept: a process that has run for weeks goes on saying which
-    code it runs, whatever has been installed meanwhile.
+    The text holds a digest of the code. Two processes with the same text may share their results.
+    The processor is left out because half-widths hold on every processor.
+
+    All computing modules are imported at once and the answer is kept. So a process that has run for
+    weeks still reports the code that it runs, even if other versions have been installed since.
     """
     code = _code()
     for package in _COMPUTING:
         for module in iter_modules([str(_ROOT / package)], f"tippedisk_verify.{package}."):
-            with suppress(ImportError):  # what needs a package that is not there computes nothing
+            with suppress(ImportError):  # a module that lacks its packages computes nothing
                 import_module(module.name)
     return ", ".join([code, *(f"{name} {number}" for name, number in versions(NUMERICAL).items())])
 
@@ -71,8 +85,12 @@ def _code() -> str:
 
 @cache
 def versions(packages: tuple[str, ...]) -> dict[str, str]:
-    """The installed version of each package."""
-    from importlib.metadata import PackageNotFoundError, version  # ten milliseconds that most starts need not spend
+    """Return the installed version of each package, or "not installed".
+
+    Args:
+        packages: The names of the packages.
+    """
+    from importlib.metadata import PackageNotFoundError, version  # 10 ms that most starts save
 
     found = dict.fromkeys(packages, "not installed")
     for package in packages:
@@ -83,7 +101,7 @@ def versions(packages: tuple[str, ...]) -> dict[str, str]:
 
 @cache
 def processor() -> str:
-    """The processor's name, as well as the system tells it."""
+    """Return the processor's name as the operating system reports it."""
     try:
         with open("/proc/cpuinfo", encoding="utf-8") as lines:
             return next(line.split(":", 1)[1].strip() for line in lines if line.startswith("model name"))
@@ -92,6 +110,12 @@ def processor() -> str:
 
 
 def digest(content: object) -> str:
-    """The SHA-256 of bytes, or of anything that JSON can hold whatever the order of its keys: 64 hexadecimal digits."""
+    """Return the SHA-256 of bytes or of JSON data, as 64 hexadecimal digits.
+
+    The order of an object's keys does not matter.
+
+    Args:
+        content: Bytes or JSON data.
+    """
     text = content if isinstance(content, bytes) else json.dumps(content, sort_keys=True).encode()
     return hashlib.sha256(text).hexdigest()

@@ -1,4 +1,4 @@
-"""The error of a run from its defect: against runs of sixty digits, and where it must not be trusted."""
+"""The error of a run from its defect, against runs of sixty digits, and its limits."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ REQUESTS = [
 
 
 def series_of(taylor: Taylor, request: Request, monkeypatch: pytest.MonkeyPatch) -> Any:
-    """The series that the engine keeps for an error estimate."""
+    """Return the series that the engine keeps for an error estimate."""
     kept: list[Any] = []
     monkeypatch.setattr("tippedisk_verify.flow.taylor.from_defect", lambda _, result: kept.append(result.series))
     taylor(replace(request, error_estimate=True))
@@ -44,7 +44,7 @@ def series_of(taylor: Taylor, request: Request, monkeypatch: pytest.MonkeyPatch)
 
 
 def missed(found: Defect, wide: Precision, request: Request, truth: Any) -> Any:
-    """What the run and its error at the end miss of the truth, in carried roundings."""
+    """Return the error of the run and of its estimate at the end, in carried roundings."""
     places, errors, roundings, _ = found.at(wide.array([request.duration]))
     exact = [
         TRUTH.mpf(true) - TRUTH.mpf(wide.mpf(place)) for true, place in zip(truth.state, places[:, 0], strict=True)
@@ -68,8 +68,8 @@ def test_more_nodes_and_wider_arithmetic_miss_less(taylor: Taylor, friction: Fri
     assert abs(missed(Defect(request, series, EXTENDED, 8), EXTENDED, request, truth)).max() < 10 * 2.0**-11
 
 
-def test_a_second_sweep_takes_out_what_is_of_second_order(taylor: Taylor, monkeypatch) -> None:
-    """A start that is off by 1e-7: its error squared stands far above the roundings."""
+def test_a_second_sweep_removes_the_error_of_second_order(taylor: Taylor, monkeypatch) -> None:
+    """Start with an error of 1e-7, whose square is far larger than the roundings."""
     request = Request(PRINTED, "30.4", START, 3)
     series = series_of(taylor, request, monkeypatch)
     away = replace(request, state=("pi/2", "pi/2 + 0.4000001", 0))
@@ -102,15 +102,15 @@ def test_half_widths_hold(taylor: Taylor, number: int, digits: int) -> None:
 
 
 def test_half_widths_hold_without_extended_arithmetic(taylor: Taylor, monkeypatch) -> None:
-    """As on processors that have no 80-bit registers."""
+    """Check as on processors without 80-bit registers."""
     monkeypatch.setattr(error_estimate, "_has", lambda wide: wide is not EXTENDED)
     for digits in (12, 15):
         test_half_widths_hold(taylor, 1, digits)
 
 
 @pytest.mark.parametrize("law", LAWS)
-def test_digits_that_the_defect_does_not_give_are_flown(taylor: Taylor, law: Friction) -> None:
-    """Backward, along the stiff direction, an error in doubles is as large as the state."""
+def test_digits_beyond_the_defect_come_from_wider_runs(taylor: Taylor, law: Friction) -> None:
+    """Run backward along the stiff direction: errors in doubles are as large as the state."""
     disk = Disk("printed", friction=law)
     sol = disk.integrate("30.4", ("1.3", "2", "0.3"), "-0.4", digits=20)
     truth = taylor(Request(disk, "30.4", ("1.3", "2", "0.3"), "-0.4", precision=bits(400)))
@@ -119,7 +119,7 @@ def test_digits_that_the_defect_does_not_give_are_flown(taylor: Taylor, law: Fri
 
 
 def test_a_near_touch_is_left_to_wider_runs(taylor: Taylor, monkeypatch) -> None:
-    """An event that the run misses by less than its error may not be claimed not to be."""
+    """Check that an event is not denied if the run misses it by less than its error."""
     request = Request(PRINTED, "30.4", START, 1)
     near = taylor(replace(request, events=(Event("extreme", SECTION.function, terminal=False),)))
     extreme = float(near.events[-1].state[1])  # where cos(beta) = 0, gamma turns
@@ -141,7 +141,7 @@ def test_a_near_touch_is_left_to_wider_runs(taylor: Taylor, monkeypatch) -> None
 
 @pytest.mark.parametrize("nodes", [3, 8, 18])
 def test_integrals_of_the_basis_are_exact(nodes: int) -> None:
-    """Against the antiderivative of a Legendre series, which NumPy forms another way."""
+    """Compare with the antiderivative of a Legendre series, which NumPy computes in another way."""
     places, weights, basis = defect._gauss(nodes)
     assert weights @ places ** (nodes - 1) == pytest.approx(1 / nodes, rel=1e-14)  # roundings of the nodes
     shares = numpy.linspace(0, 1, 9)

@@ -1,4 +1,4 @@
-"""Engines against each other and against themselves in more bits; what the baseline refuses, and its statuses."""
+"""Engines against each other and against more bits; the refusals and statuses of the baseline."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def distance(left, right) -> Fraction:
 
 
 def test_a_run_that_settles(taylor: Taylor) -> None:
-    """gamma no longer changes while the rest still decays: all runs from about the same start round alike there."""
+    """Check an orbit on which gamma rests while the rest decays: all such runs round alike."""
     disk = Parameters(
         r="0.0108827",
         e="0.0048537712616",
@@ -45,11 +45,12 @@ def test_a_run_that_settles(taylor: Taylor) -> None:
 
 
 def test_error_follows_the_tolerance(taylor: Taylor) -> None:
-    """Over eight decades of the tolerance the error falls like a power of it that follows from the method's orders.
+    """Check that the error is a power of the tolerance over eight decades, given by the orders.
 
-    A Taylor step's error is what the tolerance bounds: the power is 1. DOP853's steps follow an error estimate of order
-    5 to 8 (Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, II.10), its solution has order 8, so the
-    power lies between 1 and 8/5. Step-size control leaves a quarter over this range.
+    The tolerance bounds a Taylor step's error: the power is 1. DOP853's steps follow an error
+    estimate of order 5 to 8 (Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I,
+    II.10), and its solution has order 8. So the power lies between 1 and 8/5. Step-size control
+    leaves a quarter over this range.
     """
     truth = taylor(Request(PRINTED, "30.4", STARTS[1], 2, precision=QUADRUPLE)).state
     tolerances = [10.0**-k for k in range(4, 13, 2)]
@@ -110,7 +111,7 @@ def test_backward_undoes_forward(make) -> None:
 
 
 @pytest.mark.parametrize("make", [Taylor, Baseline], ids=["taylor", "scipy"])
-def test_samples_dense_output_and_events_tell_one_story(make) -> None:
+def test_samples_dense_output_and_events_agree(make) -> None:
     engine = make()
     times = numpy.linspace(0, 3, 31)
     sampled = engine(Request(PRINTED, "30.4", STARTS[1], 4.0, times=times))
@@ -144,7 +145,7 @@ def test_flat_and_step_limit(friction) -> None:
 
 
 @pytest.mark.parametrize("method", ["DOP853", "RK45", "Radau", "BDF"])
-def test_what_leaves_the_doubles_has_a_status_and_no_warning(method) -> None:
+def test_overflow_has_a_status_and_no_warning(method) -> None:
     assert Baseline(method)(Request(PRINTED, 30.4, ("1.5", "0.2", "1e300"), 1e-3)).status is Status.NON_FINITE
 
 

@@ -1,4 +1,4 @@
-"""Many runs at once: the same numbers as one at a time, and a broken lane breaks no other."""
+"""Many runs at once: the numbers of single runs, and no effect of a failed lane on others."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def starts(count: int) -> tuple[numpy.ndarray, numpy.ndarray, numpy.ndarray]:
 
 
 @pytest.mark.parametrize("count", [1, 5, 19])
-def test_lanes_give_what_single_runs_give(lanes, taylor, count) -> None:
+def test_lanes_agree_with_single_runs(lanes, taylor, count) -> None:
     omegas, states, durations = starts(count)
     constants = numpy.array([field_constants(SETS[k % 3]) for k in range(count)])
     found = lanes(constants, omegas, states, durations, divergence=True, events=(TURNS,))
@@ -56,7 +56,7 @@ def test_derivatives_are_those_of_single_runs(lanes, taylor) -> None:
         assert numpy.abs(found.derivatives[k] - alone.derivatives).max() < 1e-12
 
 
-def test_a_lane_that_breaks_off_breaks_no_other(lanes) -> None:
+def test_a_lane_that_stops_early_stops_no_other(lanes) -> None:
     omegas, states, durations = starts(10)
     whole = lanes(field_constants(PRINTED), omegas, states, durations, events=(TURNS,))
     states[3] = [1.5, 1.5, 1e200]

@@ -1,4 +1,4 @@
-"""Samples and continuous output in MPFR numbers, and samples in any arithmetic where a run starts on a surface."""
+"""Samples and continuous output in MPFR numbers, and samples of runs that start on a surface."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _WIDE = bits(224)
 
 
 def truth(taylor: Taylor, start, time, friction: Friction = "linear", **options) -> list[Fraction]:
-    """The state at one time, by a run of its own that is asked for nothing else."""
+    """Return the state at one time, by a separate run without other outputs."""
     if not fraction(_WIDE.number(time)):
         return [fraction(_WIDE.number(part)) for part in start]
     request = Request(PRINTED.with_friction(friction), "30.4", start, time, precision=_WIDE, **options)
@@ -90,7 +90,7 @@ def test_the_last_sample_may_be_a_rounding_of_a_double_later_than_the_end(taylor
         assert away(result.samples[4], truth(taylor, START, times[4], friction=friction)) < 1e-44
 
 
-def test_times_are_told_apart_in_the_arithmetic_asked_for(taylor) -> None:
+def test_times_are_distinguished_in_the_requested_arithmetic(taylor) -> None:
     close = ("0.1", "0.10000000000000000001")
     assert len(taylor(Request(PRINTED, "30.4", START, "0.2", precision=R, times=close)).samples) == 2
     with pytest.raises(InputError, match="monotonic"):

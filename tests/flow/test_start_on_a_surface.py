@@ -1,4 +1,4 @@
-"""Runs that start where an event function is zero: the start is no crossing, however the orbit leaves it."""
+"""Runs that start where an event function is zero: the start is never a crossing."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ DROPPED, TURNING = (0.0, 0.3, 0.0), (0.2, 0.3, 0.0)
 
 @cache
 def _event(turn: bool, direction: Any, terminal: bool) -> Event:
-    """One of each, so that the engines build for it once."""
+    """Return one event of each kind, so that the engines compile for it once."""
     return Event("watched", (TURN if turn else SECTION).function, direction, terminal)
 
 
@@ -45,7 +45,10 @@ def request(
 @pytest.mark.parametrize("make", [Taylor, Baseline])
 @pytest.mark.parametrize("duration", [0.3, 1e-6, -0.01])
 def test_an_orbit_that_touches_the_surface_at_its_start(make: Callable[[], Any], duration: float) -> None:
-    """Dropped at rest on the section, with both of its functions zero there and one of them to first order."""
+    """Drop the disk at rest on the section.
+
+    Both functions vanish there, one of them to first order.
+    """
     engine = make()
     free = engine(request(DROPPED, duration))
     for events in ((SECTION,), (FALLING,), (SECTION, WATCHED)):
@@ -66,7 +69,7 @@ def test_an_orbit_that_touches_the_surface_at_its_start(make: Callable[[], Any],
 
 @pytest.mark.parametrize("duration", [1e-12, -1e-12, 2.0**-31, -(2.0**-30), 1e-8])
 @pytest.mark.parametrize(("state", "event"), [(DROPPED, SECTION), (TURNING, TURN), ((0.0, 0.3, -1.0), SECTION)])
-def test_runs_as_short_as_you_like(taylor: Taylor, duration, state, event) -> None:
+def test_runs_of_any_short_duration(taylor: Taylor, duration, state, event) -> None:
     end = taylor(request(state, duration)).state
     for more in ({}, {"times": [duration / 4, duration / 2]}, {"dense": True}, {"friction": "smooth"}):
         result = taylor(request(state, duration, event, **more))
@@ -95,7 +98,10 @@ def test_an_orbit_at_rest_crosses_nothing(make: Callable[[], Any], friction) -> 
 
 @pytest.mark.parametrize("friction", ["linear", "smooth"])
 def test_many_runs_at_once_start_there_too(friction) -> None:
-    """The same crossings as one run at a time. One start is at rest, one a rounding away, one on no surface."""
+    """Compare the crossings with single runs.
+
+    One start is at rest, one a rounding away, one on no surface.
+    """
     turns = Event("turns", TURN.function, terminal=False)
     states = numpy.array([(0.0, 0.0, 0.0), DROPPED, TURNING, (1e-15, 0.3, -1.0), (0.1, 0.3, -1.0)])
     constants = field_constants(PRINTED.with_friction(friction))
@@ -114,8 +120,11 @@ def test_many_runs_at_once_start_there_too(friction) -> None:
     "more", [{}, {"times": [5e-11, 0.05]}, {"dense": True}, {"parameters": PRINTED.with_friction("smooth")}]
 )
 @pytest.mark.parametrize("precision", [DOUBLE, bits(100)])
-def test_a_disk_that_lies_flat_at_once_is_not_passed_by(taylor: Taylor, more, precision) -> None:
-    """1e-10 s before sin(beta) = 0, on the surface of a terminal event: that start is no crossing, the end is one."""
+def test_a_disk_that_lies_flat_at_once_ends_the_run(taylor: Taylor, more, precision) -> None:
+    """Start 1e-10 s before sin(beta) = 0, on the surface of a terminal event.
+
+    The start is no crossing, the end is one.
+    """
     wanted = {"parameters": PRINTED, "omega": "30.5", "state": (1e-10, 0.5, -1.0), "duration": 0.1} | more
     result = taylor(Request(**wanted, events=(LEVEL,), precision=precision))
     assert result.status is Status.FLAT
@@ -128,7 +137,10 @@ def test_a_disk_that_lies_flat_at_once_is_not_passed_by(taylor: Taylor, more, pr
 
 
 def test_a_start_on_the_edge_of_the_domain_is_its_end(taylor: Taylor) -> None:
-    """Up to rounding; as an event of a run that does not look at the domain, it is a start like any other."""
+    """Start on the edge up to rounding.
+
+    As an event of a run that does not check the domain, it is a start like any other.
+    """
     for more in ({}, {"times": [0.005]}):
         inside = Request(PRINTED, "30.5", (1e-15, 0.3, -1.0), 0.01, events=(FLAT,), **more)
         assert taylor(inside).status is Status.FLAT
@@ -138,7 +150,7 @@ def test_a_start_on_the_edge_of_the_domain_is_its_end(taylor: Taylor) -> None:
 
 @pytest.mark.parametrize("more", [{}, {"dense": True}, {"times": [0.05]}])
 def test_another_event_next_to_the_start_is_no_start(taylor: Taylor, more) -> None:
-    """On the section, and 1.7e-10 s before v = 0."""
+    """Start on the section, 1.7e-10 s before v = 0."""
     result = taylor(request((0.0, 0.3, 1e-8), 0.1, SECTION, TURN, **more))
     assert result.status is Status.EVENT
     assert [record.name for record in result.events] == ["turn"]
@@ -146,14 +158,20 @@ def test_another_event_next_to_the_start_is_no_start(taylor: Taylor, more) -> No
 
 
 def test_a_crossing_soon_after_the_start_is_one(taylor: Taylor) -> None:
-    """The orbit leaves the section with v = 3e-4 rad/s, and by v' of the test above is back after 2 v / v'."""
+    """Leave the section with v = 3e-4 rad/s.
+
+    With v' of the test above the orbit returns after 2 v / v'.
+    """
     result = taylor(request((0.0, 0.3, 3e-4), 0.1, SECTION))
     assert result.status is Status.EVENT
     assert result.time == pytest.approx(2 * 3e-4 * 1.656e-10 / 1e-8, rel=1e-2)  # sliding decays with 100 1/s
 
 
-def test_what_rounding_does_to_an_equilibrium_is_no_event(taylor: Taylor) -> None:
-    """No arithmetic holds pi/2: two of them let the disk turn at the same time, and the exact start never does."""
+def test_rounding_of_an_equilibrium_is_no_event(taylor: Taylor) -> None:
+    """Compare two arithmetics, neither of which holds pi/2.
+
+    In both the disk turns at the same time, and from the exact start it never does.
+    """
     wanted = {"events": (_event(True, 0, False),), "domain": "none", "precision": EXTENDED, "error_estimate": True}
     result = taylor(Request(PRINTED, "30.5", (exact("pi/2"), exact("-pi/2"), 0), "0.4", **wanted))
     assert numpy.isinf(result.error.state).all()
@@ -161,7 +179,10 @@ def test_what_rounding_does_to_an_equilibrium_is_no_event(taylor: Taylor) -> Non
 
 @pytest.mark.parametrize("distance", ["0.1", "0.00001"])
 def test_a_start_that_touches_the_surface_but_for_rounding(taylor: Taylor, distance) -> None:
-    """pi/2 is no double, so that an orbit which touches the section crosses it some 1e-9 s to 1e-7 s later."""
+    """Start at the double nearest to pi/2.
+
+    An orbit that touches the section then crosses it some 1e-9 s to 1e-7 s later.
+    """
     for duration in (0.1, -0.01):
         laws = {"parameters": PRINTED}, {"parameters": PRINTED.with_friction("smooth")}
         for more in (*laws, laws[0] | {"dense": True}, laws[0] | {"times": [duration]}):
@@ -192,7 +213,7 @@ def _away_from_zero(most: float) -> st.SearchStrategy[float]:
 def test_events_from_the_surface_are_those_of_scipy(
     which, direction, terminal, gamma, power, beta, sign, duration
 ) -> None:
-    """From a function that is zero to the last bit, no later crossing of it may be lost."""
+    """Check that no later crossing of a function that starts at exactly zero is lost."""
     function = (SECTION, TURN, SECTION)[which].function
     state = ((0.0, gamma, sign * 10**power), (beta, gamma, 0.0), (0.0, gamma, 0.0))[which]
     event = _event(which == 1, direction, terminal)

@@ -1,4 +1,4 @@
-"""The smooth law in the Taylor engine: full order, honest estimates, and switches that come close together."""
+"""The smooth law in the Taylor engine: full order, honest estimates and close switches."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def smooth(omega, start, duration, **needs) -> Request:
 
 
 def test_the_error_follows_the_tolerance(taylor) -> None:
-    """In proportion, as with the linear law (see `test_engines`): switches cost no order."""
+    """Check proportionality, as in `test_engines` for the linear law: switches cost no order."""
     tolerances = [1e-4, 1e-6, 1e-8, 1e-10]
     truth = taylor(smooth("30.4", STARTS[1], 3, precision=QUADRUPLE)).state
     states = [taylor(smooth("30.4", STARTS[1], 3, tolerance=tolerance)).state for tolerance in tolerances]
@@ -35,9 +35,10 @@ def test_the_error_follows_the_tolerance(taylor) -> None:
 
 
 def test_a_start_on_the_surface(taylor) -> None:
-    """gamma_y = 0 at the start, in both directions of time; against quadruple precision, lanes and SciPy.
+    """Start at gamma_y = 0, in both directions of time.
 
-    From the last start it is 0 again 15 microseconds later.
+    The references are quadruple precision, lanes and SciPy. From the last start gamma_y is 0 again
+    15 microseconds later.
     """
     lanes, constants = BatchTaylor(), field_constants(PRINTED.with_friction("smooth"))
     c = PRINTED.at(DOUBLE)
@@ -55,7 +56,10 @@ def test_a_start_on_the_surface(taylor) -> None:
 
 
 def test_careful_runs_give_the_same(taylor, monkeypatch) -> None:
-    """The slow path that looks at the branch after every switch, forced, against the fast one: with all outputs."""
+    """Force the slow method, which looks ahead at every switch.
+
+    All outputs agree with those of the fast method.
+    """
     times = [0.1 * k for k in range(31)]
     request = smooth("30.4", STARTS[0], 3.0, times=times, dense=True)
     fast = taylor(request)
@@ -72,7 +76,10 @@ def test_careful_runs_give_the_same(taylor, monkeypatch) -> None:
 
 @pytest.mark.parametrize(("beta", "gamma"), [(2.0, 0.5075683146572606), (1.2, 2.4962702039703113)])
 def test_motions_that_touch_the_surface(taylor, beta: float, gamma: float) -> None:
-    """Where gamma_y and its rate vanish together two switches come as close as one likes, or there is none."""
+    """Check where gamma_y and its rate vanish together.
+
+    Two switches then come arbitrarily close, or there is none.
+    """
     c, omega = PRINTED.at(DOUBLE), 30.4
     touching = c.e * omega * math.sin(beta) * math.cos(gamma) / (c.r + c.e * math.sin(gamma))
     for offset in (0.0, 1e-16, -1e-14, 1e-12, -1e-12):
@@ -87,7 +94,7 @@ _REVERSES = Event("reverses", SLIDING_REVERSAL.function, terminal=False)
 
 
 def reversals_by_samples(engine, request: Request) -> int:
-    """How often gamma_y / sin(beta) changes its sign on a fine grid of the run, without any event."""
+    """Count the sign changes of gamma_y / sin(beta) on a fine grid of the run, without events."""
     times = numpy.linspace(0, float(request.duration), 20_001)
     beta, gamma, v = engine(replace(request, events=(), times=times)).samples.T
     c = request.parameters.at(DOUBLE)
@@ -96,8 +103,8 @@ def reversals_by_samples(engine, request: Request) -> int:
 
 
 @pytest.mark.parametrize("precision", [DOUBLE, QUADRUPLE], ids=lambda p: p.name)
-def test_reversals_that_are_asked_for_are_all_found(taylor, precision) -> None:
-    """They happen at the very time at which the branch is switched, and of two events at one time one may be lost."""
+def test_all_requested_reversals_are_found(taylor, precision) -> None:
+    """Check events at the same time as the switch, of which an integrator may lose one."""
     for start in random_states(12, 3).tolist():
         request = smooth("30.4", start, "0.5", events=(_REVERSES,), precision=precision)
         found = [record for record in taylor(request).events if record.name == _REVERSES.name]
@@ -110,7 +117,7 @@ def test_reversals_that_are_asked_for_are_all_found(taylor, precision) -> None:
 
 
 def test_a_reversal_ends_the_run_where_it_should(taylor) -> None:
-    """Terminal, in each direction; the start on the surface is no reversal."""
+    """Check terminal events in each direction; the start on the surface is no reversal."""
     whole = smooth("30.4", STARTS[1], 2, events=(_REVERSES,))
     times = [float(record.time) for record in taylor(whole).events if float(record.time) > 1e-6]
     assert len(times) > 4
@@ -138,7 +145,7 @@ def random_states(count: int, seed: int) -> numpy.ndarray:
     )
 
 
-def test_lanes_agree_with_single_runs_and_see_reversals_and_who_lies_flat(taylor) -> None:
+def test_lanes_agree_with_single_runs_on_reversals_and_flat_disks(taylor) -> None:
     flat = Event("lies flat", FLAT.function, terminal=False)
     starts = random_states(60, 9)
     disk = PRINTED.with_friction("smooth")

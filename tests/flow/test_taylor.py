@@ -1,4 +1,4 @@
-"""What the Taylor engine builds, and how its runs end."""
+"""The integrators that the Taylor engine compiles, and the ends of its runs."""
 
 from __future__ import annotations
 
@@ -57,7 +57,10 @@ def test_only_what_is_needed_is_built() -> None:
 
 @pytest.mark.parametrize("precision", [DOUBLE, EXTENDED, QUADRUPLE, bits(200), bits(400)], ids=lambda p: p.name)
 def test_first_step_from_the_section_has_the_usual_size(precision) -> None:
-    """The trap with powers: a recurrence that divides by cos(beta) starts with steps of 1e-13 there, or NaN."""
+    """Check for the trap with powers.
+
+    A recurrence that divides by cos(beta) starts with steps of 1e-13 there, or with NaN.
+    """
     result = Taylor()(Request(PRINTED, "30.4", STARTS[1], "0.05", precision=precision))
     # The stiff rate of about 130 per second limits a step of any order to some hundredths of a second.
     assert result.status is Status.REACHED
@@ -108,7 +111,7 @@ def test_step_limit_and_its_message(taylor: Taylor) -> None:
         ({"events": (SECTION, Event("section", FLAT.function))}, "same name"),
     ],
 )
-def test_senseless_requests_are_refused(taylor: Taylor, change, word) -> None:
+def test_invalid_requests_are_refused(taylor: Taylor, change, word) -> None:
     wanted = {"parameters": PRINTED, "omega": 30.4, "state": STARTS[1], "duration": 1.0} | change
     with pytest.raises(InputError, match=word):
         taylor(Request(**wanted))
@@ -117,7 +120,7 @@ def test_senseless_requests_are_refused(taylor: Taylor, change, word) -> None:
 # ------------------------------------------------------------------------------------------ what is kept
 @pytest.fixture
 def three_kept(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(compiled, "_MOST_KEPT", 3)
+    monkeypatch.setattr(compiled, "_MAX_KEPT", 3)
 
 
 def _tolerances(count: int, friction: Friction = "linear", **options: Any) -> list[Request]:
@@ -126,7 +129,7 @@ def _tolerances(count: int, friction: Friction = "linear", **options: Any) -> li
 
 
 @pytest.mark.usefixtures("three_kept")
-def test_what_has_not_run_for_longest_leaves() -> None:
+def test_the_least_recently_used_integrator_is_removed() -> None:
     engine = Taylor()
     first, second, third, fourth = _tolerances(4)
     for request in (first, second, third, first, fourth):
@@ -143,8 +146,8 @@ def test_what_has_not_run_for_longest_leaves() -> None:
 
 @pytest.mark.usefixtures("three_kept")
 @pytest.mark.parametrize("friction", ["linear", "smooth"])
-def test_compiled_code_that_leaves_is_given_back(friction: Friction) -> None:
-    """heyoka holds callbacks; what they hold in turn must not hold heyoka's integrator."""
+def test_a_removed_integrator_is_freed(friction: Friction) -> None:
+    """Check that heyoka's callbacks do not keep their integrator alive."""
     engine, left = Taylor(), []
     events = (SECTION, Event("reverses", SLIDING_REVERSAL.function, terminal=False))
     for request in _tolerances(6, friction=friction, events=events, times=[0.05]):

@@ -1,4 +1,4 @@
-"""Engines in many threads: the bytes of a serial run, whoever shares what."""
+"""Engines in many threads: the bytes of a serial run, with shared and separate engines."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _THREADS = 8
 
 @pytest.fixture(autouse=True)
 def _frequent_switches() -> Iterator[None]:
-    """Threads take turns five hundred times as often as usual."""
+    """Let threads take turns five hundred times as often as usual."""
     before = sys.getswitchinterval()
     sys.setswitchinterval(before / 500)
     yield
@@ -33,7 +33,7 @@ def _frequent_switches() -> Iterator[None]:
 
 
 def _in_threads(jobs: list[Callable[[], Any]], again: int = _THREADS) -> list[list[Any]]:
-    """The jobs' results, all of them in each of several threads that begin at different ones."""
+    """Return the results of all jobs in each of several threads, which start at different jobs."""
 
     def all_from(first: int) -> list[Any]:
         found = [job() for job in (*jobs[first:], *jobs[:first])]
@@ -53,7 +53,7 @@ _EVENTS: tuple[tuple[Event, ...], ...] = ((), (SECTION,), (TURN, SLIDING_REVERSA
 
 
 def _requests(count: int) -> list[Request]:
-    """Runs of many kinds in double, all of them short."""
+    """Return runs of many kinds in double, all of them short."""
     draw = random.Random(19)
     found = []
     for n in range(count):
@@ -69,8 +69,8 @@ def _requests(count: int) -> list[Request]:
 
 
 def test_one_engine_that_keeps_little_in_four_threads(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What leaves while another thread runs it ends its run, and is compiled again for the next."""
-    monkeypatch.setattr(compiled, "_MOST_KEPT", 2)
+    """Check that an integrator that is removed during a run finishes it, and is compiled again."""
+    monkeypatch.setattr(compiled, "_MAX_KEPT", 2)
     requests, shared = _requests(8), Taylor()
     serial = [_bytes(Taylor()(request)) for request in requests]
     jobs = [lambda request=request: _bytes(shared(request)) for request in requests]
@@ -106,7 +106,7 @@ def test_one_batch_engine_in_threads() -> None:
 
 
 def test_continuous_output_is_for_all_threads() -> None:
-    """Also while its integrator is on another run."""
+    """Check while its integrator is on another run, too."""
     engine = default_engine()
     request = Request(PRINTED, 30.4, STARTS[1], 2.0, dense=True)
     dense = engine(request).dense
@@ -121,7 +121,7 @@ def test_continuous_output_is_for_all_threads() -> None:
 
 
 def test_the_baseline_in_threads() -> None:
-    """LSODA kept the state of its run in the library once."""
+    """Check LSODA, which once kept the state of its run in the library."""
     shared = Baseline("LSODA")
     requests = [request for request in _requests(16) if request.friction == "linear" and not request.variations]
     jobs = [lambda request=request: _bytes(shared(request)) for request in requests]
@@ -131,14 +131,17 @@ def test_the_baseline_in_threads() -> None:
 
 
 def test_contexts_keep_their_precision() -> None:
-    """Roots of polynomials raise their context's precision for a while."""
+    """Check while roots of polynomials raise their context's precision."""
     jobs = [lambda: str(bits(150).context.polyroots([1, 2, 3, 4]))] * 16
     assert all(found == [jobs[0]()] * 16 for found in _in_threads(jobs))
     assert bits(150).context.prec == 150
 
 
 def test_a_run_within_a_run_of_its_kind_is_refused() -> None:
-    """It would change the state of the run that it belongs to; one of another kind does not."""
+    """Check that it is refused, because it would change the state of its caller.
+
+    A run of another kind is allowed.
+    """
     engine = Taylor()
     asked: list[Request] = []
 

@@ -106,7 +106,7 @@ class Arithmetic:
         here = self.machine
         here.random = numpy.random.default_rng(list(seed.encode()))
         first, second = (mock.patch(name, return_value=here) for name in _BUILDERS)
-        engines = mock.patch.multiple(flow._OWN, engine=here.engine, lanes=here.lanes, create=True)
+        engines = mock.patch.multiple(flow._THREAD_ENGINES, engine=here.engine, lanes=here.lanes, create=True)
         with first, second, engines, mock.patch.object(here, "moves", self.last_bits):
             yield
 

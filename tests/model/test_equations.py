@@ -1,4 +1,4 @@
-"""The equations against a transcription of the published ones, and the Jacobian against differences of the field."""
+"""The equations against a transcription of the paper's, and the Jacobian against differences."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ CTX = bits(200).context
 @pytest.mark.parametrize("friction", LAWS)
 @given(parameters=physical_parameters(), state=states, omega=decimals("1", "60"), flip=st.booleans())
 def test_equations_are_the_papers(friction: str, parameters, state, omega, flip) -> None:
-    """At 60 digits, of which cancelling sums may cost ten: nothing in the package may be a double."""
+    """Compare at 60 digits, of which cancelling sums may cost ten: no double may enter."""
     with mp.workdps(60):
         c, speed = parameters.within(mp), quotient(mp, omega)
         beta, gamma, v = (quotient(mp, part) for part in state)
@@ -61,7 +61,7 @@ def test_equations_are_the_papers(friction: str, parameters, state, omega, flip)
 @pytest.mark.parametrize("friction", LAWS)
 @given(parameters=physical_parameters(), state=states, omega=decimals("1", "60"), flip=st.booleans())
 def test_jacobian_against_differences(friction: str, parameters, state, omega, flip) -> None:
-    """Central differences of the field at 200 bits; half of the states have sin(beta) < 0."""
+    """Compare with central differences at 200 bits; half of the states have sin(beta) < 0."""
     constants, speed = parameters.within(CTX), quotient(CTX, omega)
     point = [quotient(CTX, part) for part in state]
     if flip:
@@ -95,7 +95,7 @@ def test_smooth_law_has_the_linear_laws_slope_at_rest() -> None:
     assert numpy.allclose(*both, rtol=1e-15 * 8, atol=1e-13)  # cancelling terms of order 100
 
 
-def test_arrays_and_shifted_angles_are_welcome() -> None:
+def test_arrays_and_shifted_angles_are_accepted() -> None:
     beta, gamma, v = numpy.meshgrid([1.0, 1.5], [0.1, 2.0], [-1.0, 3.0])
     together = equations.field(numpy, PRINTED.at(DOUBLE), 30.4, "smooth")(beta, gamma, v)
     half = mpmath.mp.mpf(mpmath.pi) / 2

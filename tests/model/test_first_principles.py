@@ -1,21 +1,24 @@
-"""The model's equations against a derivation that never looks at the published formulas.
+"""The model's equations against a derivation that does not use the published formulas.
 
-The disk is a rigid body with unit vectors e_x, e_y, e_z fixed in it (e_z normal to its face), the centre of gravity S
-a distance e from the geometric centre G along e_x, and inertia diag(A, B, C) about G.  Three rotations, alpha about
-the vertical, beta about the line of nodes n and gamma about e_z, turn the inertial axes into the body's.  The
-"grinding" axes are those after the first two.  The reduction to one velocity v = beta' rests on these idealisations:
+The disk is a rigid body with unit vectors e_x, e_y, e_z fixed in it, where e_z is normal to its
+face. The centre of gravity S lies a distance e from the geometric centre G along e_x. The inertia
+about G is diag(A, B, C). Three rotations turn the inertial axes into the body's: alpha about the
+vertical, beta about the line of nodes n and gamma about e_z. The "grinding" axes are those after
+the first two. The reduction to one velocity v = beta' rests on these idealisations:
 
-1.  the lowest point C of the rim stays on the plane (permanent contact);
-2.  the disk turns about the vertical at a constant rate, alpha' = Omega, kept up by a vertical couple;
-3.  S does not move horizontally, held there by a horizontal force at S;
-4.  C does not slide along the line of nodes, held by a force at C along n.  Given 3, this is gamma' = -Omega cos(beta),
-    or equally: the angular velocity has no component along e_z.
+1.  The lowest point C of the rim stays on the plane (permanent contact).
+2.  The disk turns about the vertical at a constant rate, alpha' = Omega, maintained by a vertical
+    couple.
+3.  S does not move horizontally, held by a horizontal force at S.
+4.  C does not slide along the line of nodes, held by a force at C along n. Given 3, this is
+    gamma' = -Omega cos(beta). Equivalently, the angular velocity has no component along e_z.
 
-What remains of the sliding is the velocity of C, as a point of the disk, along the horizontal perpendicular to n; there
-friction acts.  The reactions that keep up 1 to 4 have no virtual power, which is tested and not assumed.  Every sliding
-friction other than that one component, and pivoting friction, is left out.
+The remaining sliding is the velocity of C, as a point of the disk, along the horizontal
+perpendicular to n; friction acts there. The reactions that maintain 1 to 4 have no virtual power.
+This is tested, not assumed. All other sliding friction and pivoting friction are left out.
 
-Everything is an exact identity between polynomials in the sines and cosines, so no tolerance appears.
+Every comparison is an exact identity between polynomials in the sines and cosines, so there is no
+tolerance.
 """
 
 from functools import cache
@@ -53,9 +56,10 @@ CONSTANTS = SimpleNamespace(
 
 
 def canonical(expression: Expr) -> Expr:
-    """The one representative of a trigonometric polynomial that has no square of a sine in it.
+    """Return the representative of a trigonometric polynomial without squares of a sine.
 
-    Two such polynomials agree for all angles exactly when their representatives are the same expression.
+    Two such polynomials agree for all angles exactly when their representatives are the same
+    expression.
     """
     polynomial = sp.sympify(expression)
     for angle in (ALPHA, BETA, GAMMA):
@@ -66,13 +70,16 @@ def canonical(expression: Expr) -> Expr:
 
 
 def same(left: Expr, right: Expr) -> bool:
-    """Whether two rational expressions in sines and cosines are equal wherever both are defined."""
+    """Return True if two rational expressions are equal where both are defined.
+
+    They are rational in sines and cosines.
+    """
     numerator, _ = sp.fraction(sp.together(left - right))
     return canonical(numerator) == 0
 
 
 def reduced(vector: Matrix) -> Matrix:
-    """A vector or matrix with sin^2 + cos^2 = 1 used up, the angles put back."""
+    """Simplify a vector or matrix by sin^2 + cos^2 = 1, and restore the angles."""
     back = {
         Symbol(f"{name[0]}_{angle}"): function(angle)
         for angle in (ALPHA, BETA, GAMMA)
@@ -82,19 +89,19 @@ def reduced(vector: Matrix) -> Matrix:
 
 
 def about_vertical(angle: Symbol) -> Matrix:
-    """Rotation about the third axis."""
+    """Return the rotation about the third axis."""
     c, s = sp.cos(angle), sp.sin(angle)
     return Matrix([[c, -s, 0], [s, c, 0], [0, 0, 1]])
 
 
 def about_nodes(angle: Symbol) -> Matrix:
-    """Rotation about the first axis."""
+    """Return the rotation about the first axis."""
     c, s = sp.cos(angle), sp.sin(angle)
     return Matrix([[1, 0, 0], [0, c, -s], [0, s, c]])
 
 
 def rate(quantity: Matrix | Expr, rates: dict[Symbol, Expr]) -> Matrix | Expr:
-    """Time derivative of a function of the symbols in `rates`, by the chain rule."""
+    """Return the time derivative of a function of the symbols in `rates`, by the chain rule."""
     terms = [quantity.diff(symbol) * speed for symbol, speed in rates.items()]
     return sum(terms[1:], terms[0])
 
@@ -113,7 +120,10 @@ class Kinematics(NamedTuple):
 
 @cache
 def kinematics() -> Kinematics:
-    """Rotations, points and the angular velocity, the last read off the derivative of the rotation matrix."""
+    """Return rotations, points and the angular velocity.
+
+    The angular velocity comes from the derivative of the rotation matrix.
+    """
     level = about_vertical(ALPHA)
     grinding = level * about_nodes(BETA)
     body = grinding * about_vertical(GAMMA)
@@ -134,9 +144,9 @@ class Motion(NamedTuple):
 
 @cache
 def motion() -> Motion:
-    """The one-velocity motion with the horizontal position of S kept fixed.
+    """Return the one-velocity motion with the horizontal position of S kept fixed.
 
-    gamma' is found by asking that C not slide along the line of nodes, and is not assumed.
+    gamma' follows from the condition that C does not slide along the line of nodes.
     """
     k = kinematics()
     spin = k.spin.subs({ALPHA_RATE: OMEGA, BETA_RATE: V})
@@ -153,7 +163,7 @@ def motion() -> Motion:
 
 @cache
 def momentum_rates() -> tuple[Matrix, Matrix]:
-    """Time derivatives of momentum and of angular momentum about S, in inertial components."""
+    """Return the rates of momentum and of angular momentum about S, in inertial components."""
     k, moving = kinematics(), motion()
     arm = Matrix([E, 0, 0])
     about_s = sp.diag(A, B, C) - M * (arm.dot(arm) * sp.eye(3) - arm * arm.T)  # parallel axes, from G to S
@@ -173,7 +183,7 @@ class Projection(NamedTuple):
 
 @cache
 def projection() -> Projection:
-    """Virtual power, for a virtual change of v alone, of inertia, weight and friction."""
+    """Return the virtual power of inertia, weight and friction for a virtual change of v alone."""
     k, moving = kinematics(), motion()
     momentum_rate, angular_rate = momentum_rates()
     inertia = momentum_rate.dot(moving.centre_of_gravity.diff(V)) + angular_rate.dot(moving.spin.diff(V))
@@ -189,13 +199,13 @@ def projection() -> Projection:
 
 
 def test_no_sliding_along_the_nodes_removes_the_spin_about_the_normal() -> None:
-    """With S held horizontally the fourth idealisation is gamma' = -Omega cos(beta): nothing turns about e_z."""
+    """Check that the fourth idealisation is gamma' = -Omega cos(beta): nothing turns about e_z."""
     assert same(motion().rates[GAMMA], -OMEGA * sp.cos(BETA))
     assert same(motion().spin.dot(kinematics().normal), sp.Integer(0))
 
 
 def test_reactions_have_no_virtual_power() -> None:
-    """Normal force, hold along the nodes, hold of S and the vertical couple drop out of the projection."""
+    """Check that normal force, hold along the nodes, hold of S and vertical couple drop out."""
     k, moving = kinematics(), motion()
     virtual_contact, virtual_spin = moving.contact.diff(V), moving.spin.diff(V)
     assert same(virtual_contact.dot(VERTICAL), sp.Integer(0))
@@ -207,20 +217,20 @@ def test_reactions_have_no_virtual_power() -> None:
 
 @pytest.mark.parametrize("name", Projection._fields)
 def test_terms(name: str) -> None:
-    """Each coefficient is the one that virtual power gives; sliding_velocity so settles "sin beta^2" as a square."""
+    """Compare each coefficient with virtual power; "sin beta^2" turns out to be a square."""
     package = equations.terms(sp, CONSTANTS, OMEGA, BETA, GAMMA, V)
     assert same(getattr(package, name), getattr(projection(), name))
 
 
 def test_normal_force() -> None:
-    """The vertical momentum balance: weight and normal force are the only vertical forces."""
+    """Compare with the vertical momentum balance, in which only weight and normal force act."""
     normal = momentum_rates()[0].dot(VERTICAL) + M * G
     package = equations.normal_force_over_weight(sp, CONSTANTS, OMEGA, (BETA, GAMMA, V), ACCELERATION)
     assert same(package * M * G, normal)
 
 
 def test_state_rates() -> None:
-    """The first two components of the right-hand side are the kinematics, whatever the friction."""
+    """Check that the first two components are the kinematics under both friction laws."""
     for friction in ("linear", "smooth"):
         beta_rate, gamma_rate, _ = equations.field(sp, CONSTANTS, OMEGA, friction)(BETA, GAMMA, V)
         assert same(beta_rate, V)

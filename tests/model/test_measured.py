@@ -1,4 +1,4 @@
-"""Numbers with half-widths: operations and functions hold what the true values give, and are no wider."""
+"""Numbers with half-widths: results hold every possible truth, and are no wider than necessary."""
 
 from __future__ import annotations
 
@@ -26,7 +26,10 @@ _TRUTH = Fraction(1, 10**250)  # relative: the sine of an argument of 1e100 lose
 
 
 def leaf(draw: Random) -> tuple[Measured, Any]:
-    """A number of any size and half-width, at times exact or zero, and a truth: at an end of it or within."""
+    """Draw a number with its half-width, and a truth at one of its ends or within.
+
+    The number has any size and may be exact or zero.
+    """
     size = draw.choice((1, 1, 1, 0, 10.0 ** draw.uniform(-30, 30)))
     value = decimal(draw.uniform(-3, 3) * size, draw.choice((1, 5, 17)))
     width = draw.choice((0, 1, 1, 1)) * decimal(10 ** draw.uniform(-40, 0)) * (abs(value) or 1)
@@ -72,7 +75,10 @@ def test_the_truth_lies_in_three_thousand_expressions() -> None:
 
 @pytest.mark.parametrize("name", [*FUNCTIONS, *range(-4, 5), Fraction(1, 3), Fraction(-7, 2)])
 def test_no_half_width_is_wider_than_it_must_be(name: Any) -> None:
-    """By less than a tenth, of numbers known to 3 to 30 digits: against the change from the middle to the ends."""
+    """Compare with the change from the middle to the ends: less than a tenth wider.
+
+    The numbers are known to 3 to 30 digits.
+    """
     draw = Random(f"width/{name}")
     for _ in range(50):
         value = decimal(draw.uniform(0.1, 20), 12)
@@ -87,7 +93,7 @@ def test_no_half_width_is_wider_than_it_must_be(name: Any) -> None:
         assert found.uncertainty <= needed * Fraction(11, 10)
 
 
-def test_what_is_not_defined_or_open_says_so() -> None:
+def test_undefined_and_undecided_results_raise() -> None:
     number = Measured.of("2.6", "0.5")
     for error, says, ask in (
         (InputError, "is not defined", lambda: Measured.of(1, 2).sqrt()),
@@ -106,7 +112,7 @@ def test_what_is_not_defined_or_open_says_so() -> None:
             ask()
 
 
-def test_it_goes_wherever_a_number_goes() -> None:
+def test_a_measured_number_is_accepted_as_a_number() -> None:
     number = Measured(Fraction(4, 3), Fraction(1, 100))
     assert exact(number).rational == Fraction(4, 3)
     assert exact("pi/2") + number == number + exact("pi/2")
@@ -135,7 +141,7 @@ def test_it_goes_wherever_a_number_goes() -> None:
             assert (base ** Measured(power, Fraction(0))).holds(truth)
 
 
-def test_comparisons_say_when_they_cannot_tell() -> None:
+def test_undecided_comparisons_raise() -> None:
     period = Measured.of("1.0825", "0.0001")
     assert period < 1.1
     assert period > Fraction(1)
@@ -143,7 +149,7 @@ def test_comparisons_say_when_they_cannot_tell() -> None:
     assert not period >= 2
     assert sorted([period, Measured.of(1, 0)])[0].value == 1
     for open_question in (lambda: period < Measured.of("1.0826", "0.0001"), lambda: period <= Decimal("1.0825")):
-        with pytest.raises(AccuracyError, match="cannot be told apart"):
+        with pytest.raises(AccuracyError, match="cannot be distinguished"):
             open_question()
     with pytest.raises(TypeError):
         _ = period < "1"
@@ -152,7 +158,7 @@ def test_comparisons_say_when_they_cannot_tell() -> None:
 
 
 def test_numbers_of_other_packages_lose_no_half_width() -> None:
-    """Whichever side they stand on."""
+    """Check numbers of other packages on either side of an operation."""
     number = Measured.of("1.2345", "0.001")
     for two in (mpmath.mpf(2), numpy.float64(2), numpy.longdouble(2), numpy.int64(2), Decimal(2), 2.0):
         for product in (number * two, two * number):
@@ -163,7 +169,7 @@ def test_numbers_of_other_packages_lose_no_half_width() -> None:
         _ = number < mpmath.mpf("1.2346")
 
 
-def test_it_is_formatted_and_taken_as_a_number() -> None:
+def test_it_is_formatted_and_converted_like_a_number() -> None:
     number = Measured.of("30.88659268864356727833", "1e-20")
     assert f"{number:.10g}" == "30.88659269"
     assert f"{number:12.4f}" == "     30.8866"
@@ -175,7 +181,7 @@ def test_it_is_formatted_and_taken_as_a_number() -> None:
         assert abs(number.mpf() - mpmath.mpf("30.88659268864356727833")) < mpmath.mpf(10) ** -28
 
 
-def test_containment_is_of_all_that_the_other_may_be() -> None:
+def test_containment_covers_the_whole_other_interval() -> None:
     whole = Measured(Fraction(1), Fraction(1, 10))
     assert whole.contains(whole)
     assert whole.contains(Measured(Fraction("1.05"), Fraction("0.05")))

@@ -1,6 +1,7 @@
-"""What a number is: a table of objects, each with the number that it stands for or the reason why it is none.
+"""The definition of a number: a table of objects, each with its number or the reason for refusal.
 
-A new kind of object is a new row. Classes of packages that the tests do not need are emulated by what they show.
+A new kind of object is a new row. Classes of packages that the tests do not need are emulated by
+their attributes.
 """
 
 from __future__ import annotations
@@ -32,7 +33,10 @@ TENTH = Fraction(0.1)
 
 
 class Scalar:
-    """An array without dimensions, as of JAX or PyTorch: no ``flat``, and a number only by ``item``."""
+    """An array of no dimensions like JAX's or PyTorch's.
+
+    It has no ``flat`` and is a number only by ``item``.
+    """
 
     shape, ndim, dtype = (), 0, "float64"
 
@@ -41,13 +45,13 @@ class Scalar:
 
 
 class WithUnit(float):
-    """A quantity as of pint, unyt or astropy: a number in all respects, and a unit."""
+    """A quantity like those of pint, unyt or astropy: a number in all respects, with a unit."""
 
     units = "rpm"
 
 
 class Dimensional:
-    """A quantity that passes everything on to its magnitude, and complains of what that does not have."""
+    """A quantity that passes attributes on to its magnitude, and raises for missing ones."""
 
     dimensionality = "[length] ** 1.0"
 
@@ -198,7 +202,7 @@ def test_a_number_of_any_kind_is_taken_exactly(kind: str) -> None:
 
 
 @pytest.mark.parametrize("kind", NO_NUMBERS)
-def test_what_is_no_number_is_refused_in_one_line(kind: str) -> None:
+def test_other_objects_are_refused_in_one_line(kind: str) -> None:
     value, words = NO_NUMBERS[kind]
     for enter in (tv.exact, lambda answer: tv.compare(ID, answer)):
         with pytest.raises(tv.InputError) as refused:
@@ -210,7 +214,7 @@ def test_what_is_no_number_is_refused_in_one_line(kind: str) -> None:
 
 
 @pytest.mark.parametrize("kind", NOT_FINITE)
-def test_what_is_not_finite_is_refused_as_an_input_and_graded_as_an_answer(kind: str) -> None:
+def test_infinities_and_nan_are_refused_as_inputs_and_graded_as_answers(kind: str) -> None:
     with pytest.raises(tv.InputError, match="finite"):
         tv.exact(NOT_FINITE[kind])
     if kind != "enormous":
@@ -244,7 +248,7 @@ LISTS = {
 
 
 @pytest.mark.parametrize("kind", LISTS)
-def test_a_list_of_what_are_no_numbers_is_refused(kind: str) -> None:
+def test_a_list_with_entries_other_than_numbers_is_refused(kind: str) -> None:
     values: Any = LISTS[kind]
     motion = DISK.integrate("30.4", (1.5, 1.6, 0), 4)
     for enter in (

@@ -1,4 +1,4 @@
-"""Parameter sets are what their sources say, and wrong ones are refused in plain words."""
+"""Parameter sets agree with their sources, and wrong ones are refused with a clear message."""
 
 from __future__ import annotations
 
@@ -61,15 +61,15 @@ def test_each_fault_has_its_line(change: dict[str, object], word: str) -> None:
 
 
 def test_the_definition_names_the_disk_exactly() -> None:
-    """All that the equations need, and nothing of what they do not."""
+    """Check that it holds all numbers of the equations, and no others."""
     disk = PRINTED.changed(mu=Fraction(1, 3))
-    said = "r = 0.045 m, e = 0.0025 m, m = 0.435 kg, A = 0.000249 kg m^2, B = 0.000227 kg m^2, g = 9.81 m/s^2"
-    assert disk.definition() == f"{said}, mu = 1/3, epsilon = 0.1 m/s"
+    definition = "r = 0.045 m, e = 0.0025 m, m = 0.435 kg, A = 0.000249 kg m^2, B = 0.000227 kg m^2, g = 9.81 m/s^2"
+    assert disk.definition() == f"{definition}, mu = 1/3, epsilon = 0.1 m/s"
 
 
 @pytest.mark.parametrize("name", ["printed", "table1", "disk"])
 def test_a_file_is_never_taken_for_a_named_set(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
-    """Its own name leads back to it, so that a command that is given for it is about this disk."""
+    """Check that a file's own name leads back to it, so that printed commands are about it."""
     (tmp_path / name).write_text(GOOD.replace('"', ""), encoding="utf-8")
     monkeypatch.chdir(tmp_path)
     read = Parameters.named(str(tmp_path / name))
@@ -105,10 +105,8 @@ _DEEP = ".".join(["a"] * 150_000)
     [f'{_DEEP} = "1"\n', f"[{_DEEP}]\n", f"{_DEEP[:1000]} = 1\n", f'"#".{_DEEP[:1000]} = 1\n', "#" * 100_000],
     ids=["deep key", "deep table", "deeper than any", "behind a quoted number sign", "large"],
 )
-def test_what_is_no_parameter_file_is_refused_unread(
-    content: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """A key of 300 kB took minutes and all memory."""
+def test_other_files_are_refused_unread(content: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Refuse a key of 300 kB, which once took minutes and all memory."""
     path = tmp_path / "disk.toml"
     path.write_text(content + GOOD, encoding="utf-8")
     monkeypatch.setattr(tomllib, "loads", lambda text: pytest.fail("parsed"))

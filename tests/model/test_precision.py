@@ -1,4 +1,4 @@
-"""Numbers go in and out exactly, and printed digits are justified."""
+"""Numbers are converted exactly in both directions, and printed digits are justified."""
 
 from __future__ import annotations
 
@@ -109,7 +109,7 @@ def test_numbers_are_read_exactly(text: object, value: Exact) -> None:
     ],
     ids=lambda value: f"{value!s:.10}",
 )
-def test_what_is_no_number_is_refused(value: object) -> None:
+def test_texts_that_are_not_numbers_are_refused(value: object) -> None:
     with pytest.raises(InputError):
         exact(value)
 
@@ -141,7 +141,7 @@ def test_names_and_bounds() -> None:
 
 
 @pytest.mark.parametrize("count", [24, 53, 200])
-def test_functions_are_heyokas_to_rounding_and_nan_where_there_is_no_number(count: int) -> None:
+def test_functions_agree_with_heyokas_and_undefined_values_are_nan(count: int) -> None:
     precision = bits(count)
     ops = precision.ops
     for name in ("sin", "cos", "exp", "log", "sqrt"):
@@ -187,7 +187,7 @@ def test_roundings_to_two_digits_are_to_their_side_and_no_further_than_the_secon
 
 @given(value=st.fractions())
 def test_an_exact_text_is_the_number_itself(value: Fraction) -> None:
-    """Printed as a result, it is cut after fifty digits where no decimal ends, and says by how much."""
+    """Check that a result is cut after fifty digits if its decimals never end, with the error."""
     assert exact(exact_text(value)).rational == value
     text, width = Measured(value, Fraction(0)).decimals()
     assert abs(Fraction(text) - value) <= Fraction(width)

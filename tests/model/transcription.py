@@ -1,10 +1,12 @@
-"""The published equations of motion copied out by hand, for comparison with the package.
+"""The published equations of motion, transcribed by hand for comparison with the package.
 
-Each function is one numbered equation, in the order of its terms and with its symbols; the LaTeX label stands in the
-docstring.  Sums are returned as tuples of their terms, so that a caller can add them up or measure them.  Arguments are
-plain numbers: nothing is shared with the package, neither code nor types.  Precision is the one mpmath is set to.
+Each function is one numbered equation, in the order of its terms and with its symbols. The LaTeX
+label stands in the docstring. Sums are returned as tuples of their terms, so that a caller can add
+them up or measure them. Arguments are plain numbers: no code and no type is shared with the
+package. The precision is mpmath's current one.
 
-"sin beta^2" in the sliding velocity is read as sin(beta)^2, the reading that the kinematics of the contact point gives.
+"sin beta^2" in the sliding velocity is read as sin(beta)^2, as the kinematics of the contact point
+require.
 """
 
 from typing import TypeAlias

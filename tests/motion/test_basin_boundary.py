@@ -1,4 +1,4 @@
-"""The boundary between standing and lying flat: held against runs in four times the digits, and against basins."""
+"""The boundary between standing and lying flat, against sharper runs and against basins."""
 
 from __future__ import annotations
 
@@ -40,14 +40,14 @@ def test_starts_on_either_side_end_where_it_says(taylor, omega, count) -> None:
 
 @pytest.mark.slow
 def test_below_the_fold_everything_lies_flat(taylor) -> None:
-    """Panel a of the paper: no unstable rotating cycle is left to hold anything up."""
+    """Check panel a of the paper, below the fold of the unstable rotating cycles."""
     with pytest.raises(tv.InputError, match="fold near"):
         BasinBoundary(PRINTED, "29.95", taylor)
     assert basins(PRINTED, "29.95", count=500).fractions()["lies flat"][0] == 1
 
 
 def test_the_papers_starts_stand_inside(taylor) -> None:
-    """Panels b to f: both starts keep standing, with these margins in beta; the first one is the nearer."""
+    """Check panels b to f: both starts keep standing, and the first is nearer to the boundary."""
     boundary = BasinBoundary(PRINTED, ABOVE_CRIT, taylor)
     margins = [boundary.margin([float(part) for part in start]) for start in INITIAL_STATES]
     assert 0 < margins[0] < margins[1]
@@ -68,10 +68,10 @@ def test_the_command(capsys) -> None:
     shown = json.loads(capsys.readouterr().out)
     assert shown["keeps_standing"] is True
     assert 0.1 < float(shown["margin"]["value"]) < 0.2
-    for words, told in (
+    for words, message in (
         (["--omega", "30.5", "--margin", "1,2"], "three numbers"),
         (["--omega", "30.5", "--margin", "4,2,0"], "between 0 and pi"),
         (["--omega", "29", "--margin", "1,2,0"], "fold near"),
     ):
         assert main(["basin", *words]) == 2
-        assert told in capsys.readouterr().err
+        assert message in capsys.readouterr().err

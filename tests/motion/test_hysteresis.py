@@ -1,4 +1,4 @@
-"""Next to l_1 = 0 the range of hysteresis grows with the square of the distance, as the theory says."""
+"""Next to l_1 = 0 the range of hysteresis grows with the square of the distance."""
 
 from __future__ import annotations
 
@@ -25,7 +25,10 @@ _FOLD_SPEED_CURVATURE, _FOLD_AMPLITUDE_SLOPE = "21410609282.3273578", "2798494.7
 
 
 def extrapolated(values: Sequence[mpmath.mpf]) -> mpmath.mpf:
-    """The limit of f(d), a power series in d, from its values at d, d / 4, d / 16, ... (Richardson)."""
+    """Return the limit of a power series f(d) by Richardson extrapolation.
+
+    The values are at d, d / 4, d / 16, ...
+    """
     level, row = 1, list(values)
     while len(row) > 1:
         factor = _SHRINKING**level
@@ -36,7 +39,10 @@ def extrapolated(values: Sequence[mpmath.mpf]) -> mpmath.mpf:
 
 @pytest.mark.slow
 def test_exponent_and_prefactor_of_the_range_of_hysteresis(taylor: Taylor) -> None:
-    """Folds of cycles for A below A_B by 1e-7 kg m^2 and three smaller distances; Omega_crit does not depend on A."""
+    """Find folds of cycles for A below A_B by 1e-7 kg m^2 and three smaller distances.
+
+    Omega_crit does not depend on A.
+    """
     crit = omega_crit(PRINTED, 40)
     with mpmath.workdps(30):
         distances = [mpmath.mpf(10) ** -7 / _SHRINKING**n for n in range(4)]
@@ -63,7 +69,10 @@ def test_exponent_and_prefactor_of_the_range_of_hysteresis(taylor: Taylor) -> No
 
 @pytest.mark.parametrize("beside", ["0", "1e-34", "-1e-34"])
 def test_cycles_of_a_disk_at_a_generalized_hopf_point_and_next_to_it(taylor: Taylor, beside: str) -> None:
-    """r = 4 e and A = 7 Bbar / 5: Omega = Omega_crit + c_2 a^4, by shooting as by the balance of harmonics."""
+    """Check Omega = Omega_crit + c_2 a^4 for r = 4 e and A = 7 Bbar / 5.
+
+    Shooting and harmonic balance both find the cycles.
+    """
     disk = PRINTED.changed(r="0.04", e="0.01", m="0.4", B="0.2e-3", A=Fraction("0.224e-3") + Fraction(beside), C=None)
     distance = Fraction(1, 10**7)
     speed = speed_below_crit(disk, distance, 12).value

@@ -1,4 +1,4 @@
-"""The six panels: what each builds, what each orbit ends on, and that the stated numbers hold."""
+"""The six panels: their compiled integrators, the attractors of their orbits, their numbers."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def test_flat_times_hold(taylor) -> None:
 
 @pytest.mark.parametrize("name", ["b", "d", "e"])
 def test_amplitudes_hold(taylor, name) -> None:
-    """Against an orbit followed for 400 s, with its crossings located by events instead of by interpolation."""
+    """Compare with an orbit of 400 s whose crossings are located by events."""
     panel = compute(scene_named(name), PRINTED, taylor, omega_h=GIVEN)
     crossing = Event("crossing", SECTION.function, terminal=False)
     long = taylor(Request(PRINTED, panel.omega.value, INITIAL_STATES[0], 400.0, events=(crossing,)))
@@ -73,13 +73,13 @@ def test_amplitudes_hold(taylor, name) -> None:
 
 
 def orbits_at(omega, parameters, engine):
-    """Panel a, moved to another speed."""
+    """Return the orbits of panel a at another speed."""
     return compute(scene_named("a"), parameters, engine, omega_h=Measured(omega + Fraction(1, 10), Fraction(0))).orbits
 
 
 @pytest.mark.parametrize("friction", ["linear", "smooth"])
 def test_between_fold_and_omega_h_orbits_rotate_for_good(taylor, friction) -> None:
-    """Their lean at the top against shooting, which knows nothing of the orbit."""
+    """Compare their lean at the top with shooting, which does not use the orbit."""
     disk = PRINTED.with_friction(friction)
     omega = bisect_omega_h(disk, taylor, confirm=False).omega_h.value - Fraction(1, 50)
     cycle = rotating_cycle(disk, omega, taylor)
@@ -92,7 +92,7 @@ def test_between_fold_and_omega_h_orbits_rotate_for_good(taylor, friction) -> No
 
 @pytest.mark.parametrize("friction", ["linear", pytest.param("smooth", marks=pytest.mark.slow)])
 def test_orbits_that_only_slow_down_near_the_fold_are_not_taken_for_cycles(taylor, friction) -> None:
-    """Just below the fold orbits linger, for longer than a scene lasts, where just above it a cycle is."""
+    """Check a speed just below the fold, where orbits linger for longer than a scene lasts."""
     disk = PRINTED.with_friction(friction)
     fold = rotation_fold(locator(disk, taylor).rotations).omega.value
     for distance in ("-3e-5", "-1e-7"):
@@ -101,13 +101,13 @@ def test_orbits_that_only_slow_down_near_the_fold_are_not_taken_for_cycles(taylo
     for distance in ("1e-5", "1e-3"):
         truth = rotating_cycle(disk, fold + Fraction(distance), taylor).beta_bar_top
         for ending in (orbit.ending for orbit in orbits_at(fold + Fraction(distance), disk, taylor)):
-            told = ending.kind == "rotating limit cycle"
-            assert told or (ending.kind == "undecided" and Fraction(distance) < Fraction("5e-5"))
-            assert not told or ending.amplitude.contains(truth)
+            rotates = ending.kind == "rotating limit cycle"
+            assert rotates or (ending.kind == "undecided" and Fraction(distance) < Fraction("5e-5"))
+            assert not rotates or ending.amplitude.contains(truth)
 
 
 def test_a_cycle_about_another_inverted_state_is_one(taylor) -> None:
-    """Next to Omega_h the first orbit turns some times before a well keeps it."""
+    """Check next to Omega_h, where the first orbit turns several times before a well keeps it."""
     far, near = orbits_at(GIVEN.value + Fraction(1, 10**4), PRINTED, taylor)
     assert abs(near.states[-1, 1]) < 3 * numpy.pi / 2 < 3 * numpy.pi < far.states[-1, 1]
     one, other = far.ending.amplitude, near.ending.amplitude

@@ -1,4 +1,4 @@
-"""A motion as it is written: every number, read as a decimal, holds the truth at the time beside it."""
+"""A written motion: every number, read as a decimal, holds the truth at its time."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ WRITTEN = [
 
 
 def _held(times: list[str], rows: list[list[tuple[str, str]]], words: str) -> None:
-    """Hold rows (value, half-width) of beta, gamma and v at these times against a run to 30 digits."""
+    """Compare rows (value, half-width) of the state at these times with a run to 30 digits."""
     options = dict(zip(words.split()[::2], words.split()[1::2], strict=True))
     disk = tv.Disk("table1", friction=options.get("--friction", "linear"))
     ends = options["--time"].split(",")
@@ -42,7 +42,7 @@ def _held(times: list[str], rows: list[list[tuple[str, str]]], words: str) -> No
 
 
 @pytest.mark.parametrize("words", WRITTEN)
-def test_what_is_written_holds_as_it_is_written(words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_written_numbers_hold_the_truth(words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     table = tmp_path / "motion.csv"
     assert main(["integrate", *words.split(), "--json", "--out", str(table)]) == 0
     entries = json.loads(capsys.readouterr().out)
@@ -74,9 +74,7 @@ def test_even_times_are_exact_and_doubles_are_written_in_full() -> None:
 
 
 @pytest.mark.parametrize(("digits", "friction"), [(12, "linear"), (12, "smooth"), (20, "linear")])
-def test_without_half_widths_the_numbers_say_so(
-    digits: int, friction: tv.Friction, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_missing_half_widths_are_marked(digits: int, friction: tv.Friction, capsys: pytest.CaptureFixture[str]) -> None:
     disk, start = tv.Disk("table1", friction=friction), ("1.2", 2, 0)
     bare = disk.integrate("30.4", start, "0.7", digits=digits, events="section", half_widths=False)
     measured = disk.integrate("30.4", start, "0.7", digits=digits, events="section")
@@ -93,7 +91,7 @@ def test_without_half_widths_the_numbers_say_so(
 
 
 # ------------------------------------------------------------------------------------------ what a run says of itself
-def test_a_run_that_needs_more_steps_says_so_at_once(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_run_that_needs_more_steps_is_reported_at_once(capsys: pytest.CaptureFixture[str]) -> None:
     disk, state = tv.Disk("table1"), ("pi/2", "pi/2 + 0.4", 0)
     short = disk.integrate("30.4", state, 10, max_steps=20)
     assert (short.status, short.success) == (tv.Status.STEP_LIMIT, False)
@@ -129,13 +127,13 @@ def test_angles_that_may_be_degrees_are_noted(
 
 
 @pytest.mark.parametrize("name", ["section", "turn", "surface"])
-def test_an_event_has_the_name_it_was_asked_by(name: str) -> None:
+def test_an_event_keeps_its_requested_name(name: str) -> None:
     found = tv.Disk("table1").integrate("30.4", ("pi/2", 2, 0), 2, events=name).events
     assert {record.name for record in found} == {name}
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "message"),
     [
         ({"direction": 2}, "direction is -1, 0 or 1, not 2"),
         ({"direction": "up"}, "not up"),
@@ -148,16 +146,16 @@ def test_an_event_has_the_name_it_was_asked_by(name: str) -> None:
         ({"function": 3}, "ops.sin and ops.cos"),
     ],
 )
-def test_an_event_that_cannot_be_one_says_what_is_needed(arguments: dict[str, object], said: str) -> None:
+def test_an_invalid_event_is_refused_with_a_remedy(arguments: dict[str, object], message: str) -> None:
     right = {"function": lambda ops, c, omega, beta, gamma, v: c.r * ops.cos(beta) ** 2 - 1 / omega + v * gamma}
     assert tv.Event("fine", **right).direction == 0  # type: ignore[arg-type]
     with pytest.raises(tv.InputError) as refused:
         tv.Event("x", **(right | arguments))  # type: ignore[arg-type]
-    assert said in str(refused.value)
+    assert message in str(refused.value)
     assert "\n" not in str(refused.value)
 
 
-def test_an_event_of_scipys_form_is_found_where_ours_is() -> None:
+def test_events_in_scipys_form_agree_with_ours() -> None:
     disk, start = tv.Disk("table1"), ("pi/2", 2, 0)
     scipys = tv.Event("crossing", lambda t, y: 2 * y[0] - 3.2 + y[2] ** 2, terminal=False)
     ours = tv.Event("crossing", lambda ops, c, omega, beta, gamma, v: 2 * beta - 3.2 + v**2, terminal=False)
@@ -168,7 +166,7 @@ def test_an_event_of_scipys_form_is_found_where_ours_is() -> None:
 
 @pytest.mark.parametrize("decimals", [12, 25, 30, 40])
 def test_a_start_within_rounding_of_the_surface_has_half_widths(decimals: int) -> None:
-    """Under the smooth law, with v on the surface gamma_y = 0 but for its last decimals."""
+    """Start under the smooth law with v on the surface gamma_y = 0 except for its last decimals."""
     import mpmath
 
     disk, beta, gamma = tv.Disk("table1", friction="smooth"), mpmath.mpf("1.1"), mpmath.mpf("0.7")

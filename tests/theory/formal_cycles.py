@@ -1,7 +1,7 @@
-"""The family of cycles at its birth, and the normal form, as formal series: a road that knows the full equations only.
+"""The family of cycles at its birth, and the normal form, as formal series of the full equations.
 
-The state is a series in w and its conjugate, w' = (i omega + kappa) w, where Omega and kappa are series in |w|^2, up to
-the fifth order. The gauge is that gamma_bar's first harmonic is w alone.
+The state is a series in w and its conjugate, w' = (i omega + kappa) w, up to the fifth order. Omega
+and kappa are series in |w|^2. The gauge is that gamma_bar's first harmonic is w alone.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ _ORDER = 5
 
 
 class Series(dict):
-    """Coefficients of w^j conj(w)^k by (j, k), up to `_ORDER`."""
+    """The coefficients of w^j conj(w)^k by (j, k), up to `_ORDER`."""
 
     def __add__(self, other: Any) -> Series:
         total = Series(self)
@@ -74,21 +74,27 @@ class _Ops:
 
 
 class FormalCycles(NamedTuple):
-    """What the series tell; gamma_bar = w + conj(w) + third[...] and higher harmonics."""
+    """The results of the series; gamma_bar = w + conj(w) + third[...] and higher harmonics."""
 
     omega: tuple[Any, Any]  #: coefficients of |w|^2 and |w|^4 in Omega [rad/s]; zero for the normal form
     kappa: tuple[Any, Any]  #: likewise [1/s]; c_1 and c_2 of the normal form
     third: Any  #: coefficient of w^3 in gamma_bar
 
     def amplitude_law(self) -> tuple[Any, Any]:
-        """c_1 and c_2 in Omega_crit + c_1 a^2 + c_2 a^4, where a^2 = 4 |w|^2 + 8 Re(third) |w|^4 + ..."""
+        """Return c_1 and c_2 of Omega_crit + c_1 a^2 + c_2 a^4.
+
+        Here a^2 = 4 |w|^2 + 8 Re(third) |w|^4 + ...
+        """
         first, second = self.omega
         quadratic = first / 4
         return quadratic, (second - 8 * mpmath.re(self.third) * quadratic) / 16
 
 
 def formal_cycles(parameters: Parameters, *, normal_form: bool = False) -> FormalCycles:
-    """The family of cycles, or the normal form on the centre manifold at Omega_crit, in mpmath's precision."""
+    """Return the family of cycles, or the normal form on the centre manifold at Omega_crit.
+
+    The numbers have mpmath's current precision.
+    """
     constants = parameters.within(mpmath.mp)
     square, frequency_square = (f(parameters) for f in (omega_crit_squared, critical_frequency_squared))
     omega, frequency = (mpmath.sqrt(quotient(mpmath.mp, part)) for part in (square, frequency_square))

@@ -1,4 +1,4 @@
-"""Eigenvalues against mpmath's, the linearisation against the flow's Jacobian, real roots against their products."""
+"""Eigenvalues against mpmath, the linearisation against the flow, real roots against products."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ from tippedisk_verify.theory.real_roots import real_roots, square_root
 @settings(max_examples=30)
 @given(parameters=physical_parameters(), omega=decimals("1", "60"))
 def test_linearization_is_the_jacobian_there(name, parameters, omega) -> None:
-    """Second derivation: the general Jacobian at the equilibrium, in 200 bits."""
+    """Derive it a second time: the general Jacobian at the equilibrium, in 200 bits."""
     precision = bits(200)
     ctx = precision.context
     constants = type(parameters.at(precision))(*(precision.mpf(value) for value in parameters.at(precision)))
@@ -61,11 +61,15 @@ Rows = list[list[Any]]
 
 
 def assert_eigenvalues(values: Sequence[Eigenvalue], rows: Callable[[], Rows], digits: int) -> None:
-    """In order, as narrow as promised, and around mpmath's eigenvalues of the matrix in its precision at the time.
+    """Check order, promised width and agreement with mpmath's eigenvalues in its current precision.
 
-    mpmath's are those of a matrix that is off by less than 10^(12 - dps) of the norm. However near they lie, they are
-    off by at most 5 (2 norm)^(2/3) (10^(12 - dps) norm)^(1/3) < 10^(5 - dps/3) norm: Elsner's bound, and 5 for pairing
-    them. The precision makes that a hundredth of the smallest half-width.
+    mpmath's are those of a matrix that is off by less than 10^(12 - dps) of the norm. However close
+    they are, their error is at most
+
+        5 (2 norm)^(2/3) (10^(12 - dps) norm)^(1/3) < 10^(5 - dps/3) norm:
+
+    Elsner's bound, with the factor 5 for pairing them. The precision makes that a hundredth of the
+    smallest half-width.
     """
     parts = [(value.re, value.im) for value in values]
     centres = [(re.value, im.value) for re, im in parts]
@@ -87,7 +91,7 @@ def assert_eigenvalues(values: Sequence[Eigenvalue], rows: Callable[[], Rows], d
 
 
 def entries(matrix: Linearization) -> Rows:
-    """The matrix in mpmath's precision."""
+    """Return the matrix in mpmath's precision."""
     omega, *last = (quotient(mpmath.mp, Fraction(entry)) for entry in matrix)
     return [[0, 0, 1], [omega, 0, 0], last]
 
@@ -98,7 +102,10 @@ _ENTRIES = st.builds(lambda digits, power: digits * Fraction(10) ** power, st.in
 
 @st.composite
 def nearly_double(draw: st.DrawFn) -> Linearization:
-    """A matrix with two eigenvalues, real or complex, that are nearly or exactly equal, and at times a third one."""
+    """Draw a matrix with two eigenvalues, real or complex, that are nearly or exactly equal.
+
+    At times a third one is close to them as well.
+    """
     root = draw(st.fractions(-100, 100, max_denominator=1000).filter(bool))
     gap, other_gap = (
         root * draw(st.sampled_from((-1, 0, 1, 1, 1))) * Fraction(1, 10 ** draw(st.integers(3, 30))) for _ in range(2)
@@ -117,7 +124,7 @@ def nearly_double(draw: st.DrawFn) -> Linearization:
     digits=st.sampled_from((6, 15, 40)),
 )
 def test_eigenvalues_of_any_matrix(matrix: Linearization, digits: int) -> None:
-    """Entries thirty orders of magnitude apart, and nearly double eigenvalues; only double ones are refused."""
+    """Draw entries thirty orders of magnitude apart; only double eigenvalues are refused."""
     _, a2, a1, a0 = characteristic_polynomial(matrix)
     discriminant = a2**2 * a1**2 - 4 * a1**3 - 4 * a2**3 * a0 + 18 * a2 * a1 * a0 - 27 * a0**2
     if not discriminant:
@@ -139,7 +146,7 @@ def test_eigenvalues_of_any_matrix(matrix: Linearization, digits: int) -> None:
     digits=st.sampled_from((6, 15, 30)),
 )
 def test_eigenvalues_of_an_equilibrium(parameters, name, anywhere, side, nearness, digits) -> None:
-    """Those of the Jacobian of the paper's equations, at any speed and next to Omega_crit and to double eigenvalues."""
+    """Compare with the Jacobian at any speed, and next to Omega_crit and to double eigenvalues."""
     special = [omega_crit(parameters, 50), *kind_changes(parameters, name, 50)]
     omega = special[nearness % len(special)].value * (1 + Fraction(side, 10**nearness)) if side else anywhere
 
@@ -189,7 +196,10 @@ def test_equilibria_command(capsys) -> None:
 
 
 def discriminant(matrix: Linearization) -> Fraction:
-    """Of the characteristic polynomial: positive where all eigenvalues are real, negative where two are not."""
+    """Return the characteristic polynomial's discriminant.
+
+    It is positive where all eigenvalues are real, negative where two are not.
+    """
     _, a2, a1, a0 = characteristic_polynomial(matrix)
     return Fraction(18 * a2 * a1 * a0 - 4 * a2**3 * a0 + a2**2 * a1**2 - 4 * a1**3 - 27 * a0**2)
 
@@ -206,7 +216,10 @@ def test_saddle_value_and_kind_against_eigenvalues(parameters: Parameters, share
 
 
 def test_the_saddle_value_vanishes_where_it_should() -> None:
-    """lambda^2 = -a1 solves the cubic if a2 a1 = a0: then lambda_u = -lambda_s. Omega is rational for this disk."""
+    """Check where lambda^2 = -a1 solves the cubic (a2 a1 = a0), so that lambda_u = -lambda_s.
+
+    Omega is rational for this disk.
+    """
     disk = PRINTED.changed(r="0.04", e="0.01", m=1, B="1.6e-3", A="2e-3", g="10", C=None)  # Bbar = 1.5e-3
     square = disk.m * disk.g * (disk.r - disk.e) ** 2 / (disk.r * disk.Bbar)
     disk = disk.changed(g=disk.g * 100 / square)
@@ -253,13 +266,13 @@ def test_all_roots_are_enclosed_once(roots: list[Fraction]) -> None:
 
 
 @given(roots=st.lists(_DECIMALS, min_size=2, max_size=3))
-def test_decimals_are_exact_and_double_ones_found(roots: list[Fraction]) -> None:
+def test_decimal_roots_are_exact_and_double_ones_are_found(roots: list[Fraction]) -> None:
     assert [root.value for root in real_roots(product(roots), 30)] == sorted(set(roots))
 
 
 @given(root=_RATIONALS, square=st.fractions("1e-9", 10**9))
-def test_what_has_no_other_root(root: Fraction, square: Fraction) -> None:
-    """(x - root) (x^2 + square) has one, and x^2 = square the root that squares to it."""
+def test_polynomials_without_other_roots(root: Fraction, square: Fraction) -> None:
+    """Check (x - root) (x^2 + square), which has one root, and x^2 = square."""
     (only,) = real_roots([-root * square, square, -root, Fraction(1)], 20)
     assert only.holds(root)
     assert (square_root(square, 20) ** 2 - square).holds(0)

@@ -1,7 +1,7 @@
-"""The one-harmonic law against projections of the third-order equations on sine and cosine, by quadrature.
+"""The one-harmonic law against projections of the third-order equations, by quadrature.
 
-The equations are the tests' own transcription of the paper. They are cut after third order numerically, so that no
-expansion by hand is shared with the package.
+The equations are the tests' own transcription of the paper. They are cut after third order
+numerically, so that no expansion by hand is shared with the package.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ NODES = 8
 
 
 def projection(function: Any) -> tuple[Any, Any]:
-    """(1/pi) times the integrals of f(theta) sin(theta) and f(theta) cos(theta) over a period."""
+    """Return (1/pi) times the integrals of f sin and f cos over a period."""
     angles = [2 * mpmath.pi * n / NODES for n in range(NODES)]
     values = [function(angle) for angle in angles]
     sine, cosine = (
@@ -49,10 +49,11 @@ def projection(function: Any) -> tuple[Any, Any]:
 
 
 def imbalance(parameters: Parameters, omega: Any, frequency: Any, size: Any, form: Form, turned: bool) -> Any:
-    """The projections of M beta'' - h - f_G - w_y lambda_Ty for beta_bar = ``size`` sin(theta), theta = omega t.
+    """Return the projections of M beta'' - h - f_G - w_y lambda_Ty.
 
-    gamma_bar is the first harmonic that follows from gamma_bar' = Omega beta_bar, as printed, or Omega sin(beta_bar).
-    ``turned`` turns the signs of the terms of h with m e, the last two of Eq. GyroVector_3DOF.
+    beta_bar = ``size`` sin(theta) with theta = omega t. gamma_bar is the first harmonic that
+    follows from gamma_bar' = Omega beta_bar, as printed, or from Omega sin(beta_bar). ``turned``
+    changes the signs of the terms of h with m e, the last two of Eq. GyroVector_3DOF.
     """
     swing = size
     if form == "consistent":
@@ -73,9 +74,10 @@ def imbalance(parameters: Parameters, omega: Any, frequency: Any, size: Any, for
 def third_order(
     parameters: Parameters, omega: Any, frequency: Any, form: Form, turned: bool = False
 ) -> tuple[tuple[Any, Any], tuple[Any, Any]]:
-    """For sine and cosine: the coefficients of C and C^3 of `imbalance`, an odd function of the amplitude C.
+    """Return for sine and cosine the coefficients of C and C^3 of `imbalance`.
 
-    The step is 1e-40: what is left out has its square, 1e-80, as rounding has, 1e-200 over 1e-120.
+    It is an odd function of the amplitude C. The step is 1e-40. So the truncation error has its
+    square, 1e-80, and so has rounding, 1e-200 over 1e-120.
     """
     step = mpmath.mpf(10) ** -40
     near, far = (imbalance(parameters, omega, frequency, size, form, turned) for size in (step, 2 * step))
@@ -94,9 +96,9 @@ def third_order(
     amplitude=decimals("0.01", "2"),
 )
 def test_the_balances_are_projections(parameters, omega, frequency, amplitude) -> None:
-    """C^2 kappa_1 and C^2 kappa_2 beside the linear parts of Eqs. sin_balance and cos_balance.
+    """Compare C^2 kappa_1, C^2 kappa_2 and the linear parts with the projections.
 
-    The printed kappa_1 is the projection with the terms of h that have m e turned round.
+    The printed kappa_1 is the projection with the opposite sign of the terms of h with m e.
     """
     with mpmath.workdps(DIGITS):
         c = parameters.within(mpmath.mp)
@@ -126,9 +128,10 @@ class Law(NamedTuple):
 
 
 def derived_law(parameters: Parameters, omega: Any, form: Form) -> Law:
-    """C^2 and omega^2 from both balances to first order in C^2, at the frequency where the linear cosine part vanishes.
+    """Return C^2 and omega^2 from both balances to first order in C^2.
 
-    The linear sine part and omega times the linear cosine part are linear in omega^2: two frequencies give them.
+    The frequency is that at which the linear cosine part vanishes. The linear sine part and omega
+    times the linear cosine part are linear in omega^2, so two frequencies determine them.
     """
 
     def linear(frequency_squared: Any) -> tuple[Any, Any]:
@@ -156,7 +159,7 @@ def derived_law(parameters: Parameters, omega: Any, form: Form) -> Law:
     digits=st.sampled_from((6, 12, 20)),
 )
 def test_the_law_solves_both_balances(parameters, share, form, digits) -> None:
-    """On both sides of Omega_crit: on one of them mostly there is no cycle, which is refused."""
+    """Check both sides of Omega_crit; on one of them there is mostly no cycle, which is refused."""
     rational, crit = parameters.rational(), omega_crit(parameters).value
     with mpmath.workdps(DIGITS):
         for omega in (crit * (1 - share), crit * (1 + share)):
@@ -185,9 +188,10 @@ def test_the_law_solves_both_balances(parameters, share, form, digits) -> None:
 @settings(max_examples=12)
 @given(parameters=physical_parameters(), form=st.sampled_from(FORMS), digits=st.sampled_from((6, 12)))
 def test_the_slopes_are_difference_quotients_of_the_law(parameters, form, digits) -> None:
-    """At Omega_crit: of C^2, which vanishes there, and of the period.
+    """Compare at Omega_crit, for C^2, which vanishes there, and for the period.
 
-    The step is 1e-25, so its square is left out, and 1e-80 over 1e-25 is rounding: both lie far below the half-widths.
+    The step is 1e-25, so its square is left out, and rounding is 1e-80 over 1e-25. Both lie far
+    below the half-widths.
     """
     with mpmath.workdps(DIGITS):
         crit = omega_crit(parameters, 100).mpf()

@@ -1,4 +1,4 @@
-"""The Hopf point: where it is, and its first Lyapunov coefficient and laws by formal series of the full equations."""
+"""The Hopf point: its speed, its first Lyapunov coefficient and its laws, by formal series."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ from tippedisk_verify.theory.hopf import (
 
 
 @given(parameters=physical_parameters(), mu=decimals("0.01", "5"), epsilon=decimals("0.001", "5"))
-def test_omega_crit_makes_an_imaginary_pair_whatever_the_friction(parameters, mu, epsilon) -> None:
-    """Exactly: lambda^3 + a2 lambda^2 + a1 lambda + a0 with lambda^2 = -w^2 vanishes iff a1 = w^2 and a2 w^2 = a0.
+def test_omega_crit_makes_an_imaginary_pair_for_every_friction(parameters, mu, epsilon) -> None:
+    """Check lambda^2 = -w^2 exactly: the cubic vanishes iff a1 = w^2 and a2 w^2 = a0.
 
     The entries hold Omega only as Omega^2 (A31, and Omega A32), so the squares make this rational.
     """
@@ -45,7 +45,7 @@ def test_omega_crit_makes_an_imaginary_pair_whatever_the_friction(parameters, mu
 @settings(max_examples=15)
 @given(parameters=physical_parameters())
 def test_the_laws_follow_from_the_full_equations(parameters) -> None:
-    """By formal series: l_1 from the normal form, amplitude and period from the family of cycles."""
+    """Compare with formal series: l_1 from the normal form, the laws from the family of cycles."""
     point = hopf_point(parameters, 40)
     with mpmath.workdps(70):
         frequency = 2 * mpmath.pi / point.period.mpf()
@@ -74,7 +74,7 @@ def test_the_laws_follow_from_the_full_equations(parameters) -> None:
 def test_where_the_first_coefficient_vanishes_the_second_follows_from_the_full_equations(
     parameters: Parameters, share: Fraction
 ) -> None:
-    """At a generalized Hopf point, A = Bbar r (2 r - e) / (2 (r + e) (r - 2 e)), by formal series."""
+    """Compare with formal series at A = Bbar r (2 r - e) / (2 (r + e) (r - 2 e))."""
     r, m, e = parameters.r, parameters.m, share * parameters.r
     Bbar = parameters.B + m * r**2
     A = Bbar * r * (2 * r - e) / (2 * (r + e) * (r - 2 * e))
@@ -93,7 +93,7 @@ def test_where_the_first_coefficient_vanishes_the_second_follows_from_the_full_e
 
 @pytest.mark.parametrize("distance", ["1e-30", "1e-100", "-1e-30"])
 def test_next_to_a_generalized_hopf_point_cancellation_costs_no_digits(distance: str) -> None:
-    """l_1 is linear in A, and so is c_1: a hundred digits nearer, both are as much smaller."""
+    """Move a hundred digits nearer: l_1 and c_1, both linear in A, are as much smaller."""
     # r = 4 e: l_1 = 0 where A = 7 Bbar / 5, a decimal.
     degenerate = PRINTED.changed(r="0.04", e="0.01", m="0.4", A="0.224e-3", B="0.2e-3", C=None)
     near, far = (degenerate.changed(A=degenerate.A + Fraction(shift)) for shift in (distance, "1e-6"))
@@ -109,7 +109,7 @@ def test_next_to_a_generalized_hopf_point_cancellation_costs_no_digits(distance:
 @settings(max_examples=25)
 @given(parameters=physical_parameters())
 def test_transversality_against_a_difference(parameters) -> None:
-    """d(Re lambda)/d(Omega) from the cubic's roots on both sides of Omega_crit."""
+    """Compare d(Re lambda)/d(Omega) with the cubic's roots on both sides of Omega_crit."""
     crit = omega_crit(parameters, 60).value
     step = crit / 10**12
     ends = []

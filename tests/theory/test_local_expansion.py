@@ -1,4 +1,4 @@
-"""The paper's expansion, derived here from the full equations in symbols."""
+"""The paper's expansion, derived from the full equations in symbols."""
 
 from __future__ import annotations
 
@@ -19,7 +19,10 @@ PARTS = ("mass", "gyroscopic", "gravity", "friction")
 
 @cache
 def series() -> dict[str, sp.Poly]:
-    """Each part of the full equations to third order in (x, y, v), by Taylor expansion along a ray."""
+    """Return each part of the full equations to third order in (x, y, v).
+
+    It comes from the Taylor expansion along a ray.
+    """
     # sin(pi/2 + x) = cos(x) and cos(pi/2 + x) = -sin(x), as the ray's own series: exact to third order.
     cut = {"sin": lambda z: z - z**3 / 6, "cos": lambda z: 1 - z**2 / 2}
     angles = {"beta": x, "gamma": y}

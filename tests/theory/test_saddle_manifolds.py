@@ -1,4 +1,4 @@
-"""The saddle's local manifolds against what defines them."""
+"""The saddle's local manifolds against their defining equations."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ SPEED = Fraction("30.05")
 
 
 def rates(saddle: Saddle, y):
-    """The tests' own transcription of the equations, at the saddle plus y."""
+    """Return the rates at the saddle plus y, by the tests' own transcription of the equations."""
     with mpmath.workprec(saddle.working_bits):
         state = (mpmath.pi / 2 + mpmath.mpf(y[0]), -mpmath.pi / 2 + mpmath.mpf(y[1]), mpmath.mpf(y[2]))
         return [saddle.context.mpf(part) for part in paper_rates(saddle.parameters, saddle.omega, state)]
@@ -29,7 +29,7 @@ def slope(series, s):
 
 @pytest.mark.parametrize("parameters", SETS, ids=lambda p: p.name)
 def test_curves_are_invariant_to_their_order(parameters) -> None:
-    """f(K(s)) - lambda s K'(s) falls like s^(order + 2): the next odd power."""
+    """Check that f(K(s)) - lambda s K'(s) falls like s^(order + 2), the next odd power."""
     saddle = Saddle(parameters, SPEED, 300, ORDER)
     for curve, eigenvalue in (
         (saddle.unstable_curve, saddle.eigenvalues[0]),
@@ -44,7 +44,7 @@ def test_curves_are_invariant_to_their_order(parameters) -> None:
 
 
 def test_carried_directions_solve_their_equation() -> None:
-    """Df(K) L = lambda_s s L' + lambda L, with Df by differences of the transcription; L is even."""
+    """Check Df(K) L = lambda_s s L' + lambda L, with Df by differences, and that L is even."""
     saddle = Saddle(PRINTED, SPEED, 400, ORDER)
     ctx = saddle.context
     h = ctx.mpf(10) ** -40

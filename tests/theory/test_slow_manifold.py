@@ -1,4 +1,4 @@
-"""The slow manifold: pure rolling, invariance to the stated order, the reduced flow, and what order 0 conserves."""
+"""The slow manifold: pure rolling, invariance, the reduced flow, and the conserved height."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ DIGITS = 200
 
 
 def test_order_0_conserves_the_height() -> None:
-    """d/dt (r + e sin gamma) sin beta = 0 along beta' = h_c, gamma' = -Omega cos beta: exactly, in symbols."""
+    """Check d/dt (r + e sin gamma) sin beta = 0 along the rolling flow, exactly."""
     r, e, omega, beta, gamma = sympy.symbols("r e Omega beta gamma", positive=True)
     constants = Constants(**{name: {"r": r, "e": e}.get(name) for name in Constants._fields})
     height = (r + e * sympy.sin(gamma)) * sympy.sin(beta)
@@ -53,7 +53,7 @@ def test_order_0_conserves_the_height() -> None:
 
 
 class Surface(NamedTuple):
-    """h_0 ... h_4 at a point, with their derivatives by beta and gamma from complex steps."""
+    """The orders h_0 ... h_4 at a point, with derivatives by complex steps."""
 
     h: list[Any]
     by_beta: list[Any]
@@ -81,9 +81,10 @@ class Surface(NamedTuple):
 
 
 def assert_exponent(sizes: list[Any], exponent: int) -> None:
-    """Between neighbours of `EPSILONS` the sizes fall like that power of epsilon.
+    """Check that the sizes fall like that power of epsilon between neighbours of `EPSILONS`.
 
-    The next power counts 1e-20 times the ratio of two orders, which is below 1e12 but for points next to a zero.
+    The next power counts 1e-20 times the ratio of two orders. That ratio is below 1e12 except next
+    to a zero.
     """
     for coarse, fine in pairwise(sizes):
         assert abs(mpmath.log(coarse / fine, 2) - exponent) < 1e-6
@@ -98,7 +99,10 @@ def assert_exponent(sizes: list[Any], exponent: int) -> None:
     gamma=decimals("-7", "7"),
 )
 def test_the_reduced_flow_leaves_residuals_of_its_order(law, parameters, omega, beta, gamma) -> None:
-    """epsilon^(N + 1) under the linear law; under the smooth law only h_0 is right, and the first order stays."""
+    """Check epsilon^(N + 1) under the linear law.
+
+    Under the smooth law only h_0 is right, and a residual of first order remains.
+    """
     with mpmath.workdps(DIGITS):
         speed, *place = (quotient(mpmath.mp, number) for number in (omega, beta, gamma))
         surface = Surface.at(parameters, speed, *place)
@@ -130,7 +134,7 @@ def test_the_reduced_flow_leaves_residuals_of_its_order(law, parameters, omega, 
     order=st.integers(0, HIGHEST),
 )
 def test_the_reduced_linearisation_leaves_residuals_of_its_order(law, parameters, omega, name, order) -> None:
-    """At an equilibrium v = p x + q y solves the linearised equations, the same under both laws, up to its order."""
+    """Check that v = p x + q y solves the linearised equations up to its order, under both laws."""
     with mpmath.workdps(DIGITS):
         speed, step = quotient(mpmath.mp, omega), mpmath.mpf(10) ** -DIGITS
         start = (mpmath.pi / 2, mpmath.pi / 2 if name == "inverted" else -mpmath.pi / 2)
@@ -150,7 +154,10 @@ def test_the_reduced_linearisation_leaves_residuals_of_its_order(law, parameters
 
 
 def test_exponents_hold_where_the_series_is_not_yet_asymptotic() -> None:
-    """Weak friction: at epsilon = 1e-4 ... 1e-5 the next term counts as much as this one, with the other sign."""
+    """Check weak friction, where the next term is as large and has the other sign.
+
+    This holds at epsilon = 1e-4 ... 1e-5.
+    """
     found = analyse_slow_manifold(PRINTED.changed(mu="0.0253451", epsilon="0.00269722"), "16.9618", 1)
     for order, slope in enumerate(found.residual_slope):
         assert slope.holds(order + 1)
@@ -158,7 +165,7 @@ def test_exponents_hold_where_the_series_is_not_yet_asymptotic() -> None:
 
 
 def test_reduced_flow() -> None:
-    """Order 0: saddle +-Omega sqrt(e/(r-e)) and centre; order 1 and above: Omega_crit itself."""
+    """Check the saddle +-Omega sqrt(e/(r-e)) and the centre at order 0, and Omega_crit above it."""
     omega = Fraction("30.4")
     saddle = reduced_equilibrium(PRINTED, omega, "noninverted", 0)
     assert abs(saddle.trace) < 1e-30  # pi/2 is rounded to 120 bits
@@ -182,7 +189,7 @@ def test_attraction_rate_is_the_friction_part_of_the_jacobian() -> None:
 
 
 def test_command(capsys) -> None:
-    """At a point of its own: h_0 is where the disk rolls, gamma_y = 0."""
+    """Check at another point: h_0 is pure rolling, gamma_y = 0."""
     point = ["--beta", "1.4", "--gamma", "-2.5", "--omega", "30.4"]
     assert main(["slow-manifold", "--order", "2", "--json", *point]) == 0
     result = json.loads(capsys.readouterr().out)

@@ -1,4 +1,7 @@
-"""How states move: one `contract`, the Taylor engine (`taylor`; many runs at once: `lanes`), and SciPy (`baseline`)."""
+"""Integration of states: one `contract`, the Taylor engine and SciPy's integrators.
+
+`taylor` runs one motion at a time, `lanes` many at once, and `baseline` wraps SciPy.
+"""
 
 from __future__ import annotations
 
@@ -11,22 +14,26 @@ if TYPE_CHECKING:
 
 __all__ = ["default_engine", "default_lanes"]
 
-_OWN: Any = local()  # what each thread has for itself, so that none waits for another one's run
+# Each thread has its own engines, so that no run waits for another thread's.
+_THREAD_ENGINES: Any = local()
 
 
 def default_engine() -> Engine:
-    """The thread's Taylor engine, kept so that it compiles once; it serves both friction laws."""
-    if not hasattr(_OWN, "engine"):
+    """Return the thread's Taylor engine, which serves both friction laws.
+
+    It is kept, so that each thread compiles only once.
+    """
+    if not hasattr(_THREAD_ENGINES, "engine"):
         from tippedisk_verify.flow.taylor import Taylor
 
-        _OWN.engine = Taylor()
-    return _OWN.engine  # type: ignore[no-any-return]
+        _THREAD_ENGINES.engine = Taylor()
+    return _THREAD_ENGINES.engine  # type: ignore[no-any-return]
 
 
 def default_lanes() -> BatchTaylor:
-    """The thread's engine for many runs at once, kept for the same reason."""
-    if not hasattr(_OWN, "lanes"):
+    """Return the thread's engine for many runs at once, which is kept as well."""
+    if not hasattr(_THREAD_ENGINES, "lanes"):
         from tippedisk_verify.flow.lanes import BatchTaylor
 
-        _OWN.lanes = BatchTaylor()
-    return _OWN.lanes  # type: ignore[no-any-return]
+        _THREAD_ENGINES.lanes = BatchTaylor()
+    return _THREAD_ENGINES.lanes  # type: ignore[no-any-return]

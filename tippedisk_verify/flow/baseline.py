@@ -1,7 +1,8 @@
-"""SciPy's integrators behind the contract: the road that shares nothing with heyoka but the equations.
+"""SciPy's integrators behind the contract: a method that shares only the equations with heyoka.
 
-Double precision only. Both friction laws; the smooth one loses no correctness here, only order, because its field is
-continuously differentiable but no more. Implicit methods and derivatives use the Jacobian of `model.equations`.
+It works in double precision and with both friction laws. Under the smooth law it keeps its
+correctness and loses only order, because the field is once continuously differentiable and no more.
+Implicit methods and derivatives use the Jacobian of `model.equations`.
 """
 
 from __future__ import annotations
@@ -40,11 +41,11 @@ METHODS: tuple[Method, ...] = get_args(Method)
 _TAKES_JACOBIAN = ("Radau", "BDF", "LSODA")
 #: solve_ivp refuses a relative tolerance below 100 ulps.
 TIGHTEST = 100 * 2.0**-52
-_DEFAULT_TOLERANCE = 1e-13  # little above the tightest, and still rising to it smoothly for all methods
+_DEFAULT_TOLERANCE = 1e-13  # slightly above the tightest; all methods still converge smoothly there
 
-# A complex step so small that its square vanishes beside 1: the derivative is exact to round-off.
+# A complex step whose square is negligible against 1, so that the derivative is exact to round-off.
 _COMPLEX_STEP = 1e-40
-_PER_STEP = 40  # evaluations of the right-hand side that no method's step exceeds
+_MAX_EVALUATIONS_PER_STEP = 40  # no method evaluates the right-hand side more often in a step
 # Before SciPy 1.17 LSODA kept the state of its run in the library, one for all threads.
 _LSODA = RLock()
 
@@ -54,7 +55,7 @@ class _OutOfStepsError(Exception):
 
 
 class _Counted:
-    """The right-hand side, its evaluations counted and limited."""
+    """The right-hand side, with its evaluations counted and limited."""
 
     def __init__(self, rates: Callable[[float, Any], Any], initial: Any, most: int) -> None:
         self._rates, self._most, self.calls = rates, most, 0
@@ -70,7 +71,14 @@ class _Counted:
 
 @undisturbed_methods
 class Baseline:
-    """One of SciPy's methods as an engine."""
+    """One of SciPy's methods as an engine.
+
+    Args:
+        method: One of `METHODS`.
+
+    Raises:
+        InputError: SciPy has no such method, or it is not offered.
+    """
 
     def __init__(self, method: str = "DOP853") -> None:
         if method not in METHODS:
@@ -90,13 +98,24 @@ class Baseline:
         return ()
 
     def __call__(self, request: Request) -> Result:
-        """Integrate. Raises InputError for more than double precision or for an error estimate."""
+        """Integrate as requested.
+
+        Args:
+            request: The run.
+
+        Returns:
+            The result, without half-widths.
+
+        Raises:
+            InputError: The request asks for more than double precision, for the divergence or for
+                an error estimate.
+        """
         if request.precision != DOUBLE:
             raise InputError(f"SciPy integrates in double precision only, not {request.precision.name}")
         if request.divergence:
-            raise InputError("the baseline does not integrate the divergence: ask the Taylor engine")
+            raise InputError("the baseline cannot integrate the divergence: use the Taylor engine")
         if request.error_estimate:
-            raise InputError("SciPy gives no error estimate that holds: ask the Taylor engine, or compare with it")
+            raise InputError("SciPy has no reliable error estimate: use the Taylor engine, or compare with it")
         if request.events and at_rest(request):
             return self(replace(request, events=()))
         start = Start.of(request, DOUBLE)
@@ -104,8 +123,8 @@ class Baseline:
         if request.domain != "none" and start.ops.sin(start.state[0]) <= 0:
             return Result(Status.FLAT, 0.0, initial, 0)
         if not duration:
-            none = None if request.times is None else numpy.array([initial] * len(request.times))
-            return Result(Status.REACHED, 0.0, initial, 0, samples=none)
+            samples = None if request.times is None else numpy.array([initial] * len(request.times))
+            return Result(Status.REACHED, 0.0, initial, 0, samples=samples)
         return self._integrate(request, start, initial, duration)
 
     def _integrate(self, request: Request, start: Start, initial: Any, duration: float) -> Result:
@@ -128,10 +147,10 @@ class Baseline:
         watched = list(request.events)
         if request.domain != "none" and FLAT not in watched:
             watched.append(FLAT)
-        counted = _Counted(rates, initial, request.max_steps * _PER_STEP)
+        counted = _Counted(rates, initial, request.max_steps * _MAX_EVALUATIONS_PER_STEP)
         tolerance = max(request.tolerance or _DEFAULT_TOLERANCE, TIGHTEST)
         events = [_event(event, start) for event in watched]
-        # SciPy's error norms overflow where a motion leaves the doubles, and a status says so.
+        # SciPy's error norms overflow where a motion leaves the doubles. A status reports it.
         silent = numpy.errstate(over="ignore", invalid="ignore", divide="ignore")
         try:
             with silent, _LSODA if self.method == "LSODA" else nullcontext():
@@ -147,7 +166,8 @@ class Baseline:
                     **options,
                 )
         except (_OutOfStepsError, ValueError, OverflowError) as stop:
-            # The C library's sine of an infinity is a ValueError; anything else of that kind is a mistake of ours.
+            # The C library's sine of an infinity is a ValueError. Any other ValueError is a mistake
+            # here.
             limited, last = isinstance(stop, _OutOfStepsError), counted.state
             if not limited and numpy.isfinite(last).all() and abs(last).max() < 1e150:
                 raise
@@ -167,7 +187,9 @@ def _result(request: Request, solution: Any, watched: list[Event]) -> Result:
     if solution.status == 0:
         status = Status.REACHED
     elif solution.status == 1:
-        ending = {event.name for event in watched if event.terminal} & {one.name for one in records if one.time == end}
+        ending = {event.name for event in watched if event.terminal} & {
+            record.name for record in records if record.time == end
+        }
         status = Status.FLAT if FLAT.name in ending else Status.EVENT
     elif not numpy.isfinite(final).all():
         status = Status.NON_FINITE
@@ -195,7 +217,8 @@ def _result(request: Request, solution: Any, watched: list[Event]) -> Result:
 def _event(event: Event, start: Start) -> Callable[[float, Any], float]:
     at_start: float | None = None
     if event.name != FLAT.name and start.lies_on(event, 2.0**-52):
-        # Rounding decides the sign there; take the sign of what comes next, so that the start is no crossing.
+        # Rounding decides the sign there. Use the sign a moment later, so that the start is no
+        # crossing.
         _, at_start = start.window(event)
 
     def crossing(t: float, y: Any) -> float:
@@ -210,7 +233,10 @@ def _event(event: Event, start: Start) -> Callable[[float, Any], float]:
 
 
 def _with_variations(request: Request, start: Start) -> Callable[[float, Any], Any]:
-    """The flow and its first-order variations Y' = (df/dx) Y + df/dp, by an imaginary step along each of them."""
+    """Return the rates of the flow and of its first-order variations Y' = (df/dx) Y + df/dp.
+
+    The derivatives come from an imaginary step along each of the variations.
+    """
     step, ops = complex(0.0, _COMPLEX_STEP), shifted(cmath) if request.shifted else cmath
     constants, omega, friction = start.constants, start.omega, start.friction
     names = parameter_names(friction)[:6] + ("k",) * (friction == "linear")
@@ -220,7 +246,7 @@ def _with_variations(request: Request, start: Start) -> Callable[[float, Any], A
             raise InputError(f"no derivative with respect to '{name}': use beta, gamma, v, {', '.join(names)}")
         moved = constants._replace(**{name: getattr(constants, name) + step}) if name in names[1:] else constants
         speed = omega + step if name == "Omega" else omega
-        # The absolute value has no complex derivative: the sign of gamma_y does its work.
+        # The absolute value has no complex derivative; the sign of gamma_y replaces it.
         fields.append({side: field(ops, moved, speed, friction, side) for side in (1, -1)})
     real_field = field(start.ops, constants, omega, friction)
 

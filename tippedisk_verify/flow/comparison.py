@@ -1,10 +1,12 @@
-"""How far a run is off, by the same run in wider arithmetic: for what its defect does not tell (`flow.error_estimate`).
+"""The error of a run by the same run in wider arithmetic, where its defect does not suffice.
 
-That is for numbers beyond doubles, for derivatives, and where errors are not in proportion to roundings any more.
+This serves numbers beyond doubles, derivatives, and errors that are no longer proportional to
+roundings (see `flow.error_estimate`). The half-width of a number q is
 
     half-width = DISTANCES |q - q_wide| + ulp(q)
 
-Where those two have parted, the wider run must agree with one that is wider still. Derived in docs/error_budgets.md.
+Where the two runs have parted, the wider run must agree with one that is wider still. The formula
+is derived in docs/error_budgets.md.
 """
 
 from __future__ import annotations
@@ -24,22 +26,33 @@ from tippedisk_verify.model.precision import DOUBLE, Precision, companion
 
 __all__ = ["compared"]
 
-#: The tolerance of the wider run, in units of its arithmetic's round-off. heyoka's is absolute for states below 1, and
-#: truncation of small states would otherwise stand far above their rounding.
-_TIGHTER = Fraction(1, 2**12)
+#: The tolerance of the wider run, in units of its arithmetic's round-off. heyoka's tolerance is
+#: absolute for states below 1, and the truncation of small states would otherwise far exceed their
+#: rounding.
+_WIDER_TOLERANCE = Fraction(1, 2**12)
 #: The least half-width, in units of the last place: the number's own rounding.
 _LAST_PLACE = 1
-#: Angles [rad] and relative velocities that differ by more are no longer moved in proportion to a rounding.
-_IN_PROPORTION = 2.0**-6
-#: Roundings of the start that its rates [rad/s, rad/s^2] must exceed for its motion to have events.
-_MOVES = 2**20
+#: The largest difference of angles [rad] and relative velocities that is still proportional to a
+#: rounding.
+_MAX_PROPORTIONAL_DISTANCE = 2.0**-6
+#: The rates [rad/s, rad/s^2] of a start must exceed this many of its roundings for its motion to
+#: have events.
+_LEAST_RATE_IN_ROUNDINGS = 2**20
 
 
 def compared(engine: Engine, request: Request, result: Result) -> Result:
-    """The result with half-widths, by runs with at least 48 bits more. Infinite where rounding decides what happens."""
+    """Return the result with half-widths, from runs with at least 48 bits more.
+
+    They are infinite where rounding decides the outcome.
+
+    Args:
+        engine: The engine of the wider runs.
+        request: The run.
+        result: Its result.
+    """
 
     def checked(wider: Precision, most_steps: int) -> Result:
-        tolerance = wider.epsilon * _TIGHTER
+        tolerance = wider.epsilon * _WIDER_TOLERANCE
         return engine(
             replace(
                 request, error_estimate=False, dense=False, precision=wider, tolerance=tolerance, max_steps=most_steps
@@ -50,9 +63,10 @@ def compared(engine: Engine, request: Request, result: Result) -> Result:
     check = checked(wider, request.max_steps)
     agreed = not _parted(result, check) and _moves(request, wider)
     if not agreed and request.precision == DOUBLE and result.status.usable:
-        # Where rounding has grown out of proportion a wider run may be as wrong, unless a third one agrees with it.
+        # Where rounding has grown out of proportion, a wider run may be just as wrong. A third run
+        # must agree with it.
         before, wider = check, companion(wider)
-        # It has a higher order, so fewer steps, unless it diverges itself.
+        # It has a higher order and so needs fewer steps, unless it diverges itself.
         check = checked(wider, min(request.max_steps, 2 * result.steps))
         agreed = not _parted(before, check) and _moves(request, wider)
     error = _half_widths(request.precision, wider, result, check) if agreed else _undecided()
@@ -60,7 +74,10 @@ def compared(engine: Engine, request: Request, result: Result) -> Result:
 
 
 def _half_widths(precision: Precision, wider: Precision, result: Result, check: Result) -> ErrorEstimate:
-    """Of all numbers of a result, by those of the wider run; infinite where the runs do not end alike."""
+    """Return the half-widths of all numbers of a result, from those of the wider run.
+
+    They are infinite where the runs do not end alike.
+    """
     if result.status is Status.NON_FINITE or not _alike(result, check):
         return _undecided()
     ulp = wider.array([_LAST_PLACE * precision.epsilon])  # an array: numpy would lose the digits of an MPFR number
@@ -82,8 +99,8 @@ def _half_widths(precision: Precision, wider: Precision, result: Result, check: 
         state=of_all("state"),
         time=0.0 if result.status is Status.REACHED else time_width(result.time, check.time),
         samples=of_all("samples"),
-        events=tuple(time_width(one.time, other.time) for one, other in crossings),
-        event_states=tuple(widths(one.state, other.state) for one, other in crossings),
+        events=tuple(time_width(mine.time, wide.time) for mine, wide in crossings),
+        event_states=tuple(widths(mine.state, wide.state) for mine, wide in crossings),
         variations=of_all("derivatives"),
     )
 
@@ -93,30 +110,38 @@ def _undecided() -> ErrorEstimate:
 
 
 def _moves(request: Request, wider: Precision) -> bool:
-    """Whether the start moves faster than a rounding of it would: else its events are those of that rounding."""
+    """Return True if the start moves faster than a rounding of it would.
+
+    Otherwise its events are those of that rounding.
+    """
     if not request.events:
         return True
     ops = shifted(wider.ops) if request.shifted else wider.ops
     flow = field(ops, request.parameters.at(wider), wider.number(request.omega), request.friction)
     fastest = max(abs(rate) for rate in flow(*map(wider.number, request.state)))
-    return bool(fastest > wider.number(_MOVES * wider.epsilon))
+    return bool(fastest > wider.number(_LEAST_RATE_IN_ROUNDINGS * wider.epsilon))
 
 
-def _parted(one: Result, other: Result) -> bool:
-    """Whether two runs that end alike lie so far apart that rounding's effect on them is no longer in proportion."""
-    if not _alike(one, other):
+def _parted(first: Result, second: Result) -> bool:
+    """Return True if two runs that end alike have parted.
+
+    They then lie so far apart that the effect of rounding is no longer proportional.
+    """
+    if not _alike(first, second):
         return False
-    for mine, theirs in ((one.state, other.state), (one.samples, other.samples)):
+    for mine, theirs in ((first.state, second.state), (first.samples, second.samples)):
         if mine is not None and len(mine):
             values = doubles(mine)
             distance, size = abs(doubles(theirs) - values), 1 + abs(values)
-            if (distance[..., :2] > _IN_PROPORTION).any() or (distance[..., 2] > _IN_PROPORTION * size[..., 2]).any():
+            if (distance[..., :2] > _MAX_PROPORTIONAL_DISTANCE).any() or (
+                distance[..., 2] > _MAX_PROPORTIONAL_DISTANCE * size[..., 2]
+            ).any():
                 return True
     return False
 
 
 def _alike(result: Result, other: Result) -> bool:
-    """Whether two runs ended in the same way, with the same events and as many samples."""
+    """Return True if two runs ended in the same way, with the same events and as many samples."""
     lengths = [None if run.samples is None else len(run.samples) for run in (result, other)]
     names = [[record.name for record in run.events] for run in (result, other)]
     return result.status is other.status and names[0] == names[1] and lengths[0] == lengths[1]

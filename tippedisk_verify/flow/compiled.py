@@ -1,7 +1,7 @@
-"""What compiled integrators need to be safe and few: one run at a time, whichever thread it comes from.
+"""A store of compiled integrators that limits their number and lets each do one run at a time.
 
-heyoka's integrators hold the state of their run and let other threads go on meanwhile. Two runs of one integrator would
-mix their states, and nothing would show it.
+heyoka's integrators hold the state of their run, and other threads continue during the run. Two
+simultaneous runs of one integrator would mix their states without any sign of it.
 """
 
 from __future__ import annotations
@@ -15,14 +15,15 @@ from tippedisk_verify.model.code_cache import vouch
 
 __all__ = ["CompiledRunners"]
 
-#: Integrators that an engine keeps, each of 1 to 4 MB; all commands one after the other need some 40, `stress` 110.
-_MOST_KEPT = 128
+#: The number of integrators that an engine keeps, each of 1 to 4 MB. All commands in turn need
+#: about 40, and `stress` needs 110.
+_MAX_KEPT = 128
 _COMPILING = RLock()
 _CLOCK = count()
 
 
 class CompiledRunners:
-    """What an engine has compiled, each with a method ``run``. Copies of the engine begin with nothing."""
+    """The compiled runners of an engine, each with a method ``run``. A copy starts empty."""
 
     def __init__(self) -> None:
         self._slots: dict[Any, _Slot] = {}
@@ -31,25 +32,36 @@ class CompiledRunners:
         return CompiledRunners, ()
 
     def kept(self) -> list[Any]:
-        """Everything that is still kept, in the order in which it was compiled."""
+        """Return all runners that are still kept, in the order of their compilation."""
         return [slot.runner for slot in list(self._slots.values())]
 
     def run(self, key: object, compiled: Callable[[], Any], *arguments: Any) -> Any:
-        """What the ``run`` of the runner for ``key`` returns; ``compiled`` makes the runner if none is kept.
+        """Run the runner of a key, compiling it first if necessary, and return its result.
 
-        One thread at a time compiles: another one that needs the same finds its machine code in memory. Raises
-        RuntimeError for a call from within a run of the same runner, which cannot wait. Only an event function that
-        asks the engine it is computed by can make one.
+        One thread compiles at a time. Another thread that needs the same runner then finds it
+        compiled.
+
+        Args:
+            key: The key of the runner.
+            compiled: A function that compiles and returns the runner.
+            arguments: The arguments of the runner's ``run``.
+
+        Returns:
+            The result of the runner's ``run``.
+
+        Raises:
+            RuntimeError: The call comes from within a run of the same runner, which cannot wait.
+                Only an event function that calls its own engine can cause this.
         """
         slot = self._slots.get(key)
         if slot is None:
             with _COMPILING:
                 slot = self._slots.get(key)
                 if slot is None:  # another thread may have been faster
-                    while len(self._slots) >= _MOST_KEPT:  # what has not run for longest leaves
+                    while len(self._slots) >= _MAX_KEPT:  # remove the least recently used runner
                         del self._slots[min(self._slots, key=lambda other: self._slots[other].used)]
                     slot = self._slots[key] = _Slot(compiled())
-                vouch()  # what was compiled gets its checksum before anything can happen to it
+                vouch()  # add the checksum of the new code at once
         with slot.lock:
             if slot.running:
                 raise RuntimeError("a run asks for another one of the same kind: take another engine for it")
@@ -61,8 +73,8 @@ class CompiledRunners:
 
 
 class _Slot:
-    """A runner and whether it is on a run."""
+    """A runner with its lock and its time of last use."""
 
     def __init__(self, runner: Any) -> None:
         self.runner, self.lock, self.running = runner, RLock(), False
-        self.used = next(_CLOCK)  #: grows from run to run, of whatever runner
+        self.used = next(_CLOCK)  #: the number of its last run, counted over all runners

@@ -1,7 +1,8 @@
-"""The contract between those who need trajectories and the engines that compute them.
+"""The contract between the users of trajectories and the engines that compute them.
 
-A `Request` says what is wanted, an engine returns a `Result`; nothing that the request does not name is built or
-computed. Engines are callables ``engine(request) -> Result``; `taylor` and `baseline` each offer one kind.
+A `Request` describes a run, and an engine returns a `Result`. Nothing is built or computed that the
+request does not name. Engines are callables ``engine(request) -> Result``. `taylor` and `baseline`
+each provide one kind.
 """
 
 from __future__ import annotations
@@ -40,15 +41,16 @@ __all__ = [
     "raise_unless_usable",
 ]
 
-#: What derivatives can be taken with respect to: the initial state, and the parameters that the field knows.
+#: The variables of derivatives: the initial state and the parameters of the field.
 Variation = Literal["beta", "gamma", "v", "Omega", "r", "e", "a", "b", "g", "k"]
-#: Steps of a run, unless it asks for more: half an hour of ordinary motion. A run that needs more is mostly stuck.
+#: The default limit of a run's steps: half an hour of ordinary motion. A run that needs more is
+#: usually stuck.
 MOST_STEPS = 100_000
 STATE_VARIATIONS: tuple[Variation, ...] = ("beta", "gamma", "v")
 
 
 class Status(Enum):
-    """How an integration ended. The value is the message: what happened, and what to try next."""
+    """The end of an integration. Its value is the message: what happened, and what to try next."""
 
     REACHED = "the final time was reached"
     EVENT = "a terminal event ended the run"
@@ -60,15 +62,15 @@ class Status(Enum):
 
     @property
     def usable(self) -> bool:
-        """Whether the result is what was asked for (or the model's own end)."""
+        """True if the run ended as requested or at the end of the model's domain."""
         return self in (Status.REACHED, Status.EVENT, Status.FLAT)
 
 
-_SCIPY_ARGUMENTS = 2  # of an event function: t and y
+_SCIPY_ARGUMENTS = 2  # the arguments of SciPy's event functions: t and y
 
 
 class _Symbol:
-    """A number without a value: it takes part in arithmetic, so that an event's function can be tried out."""
+    """A number without a value, which takes part in arithmetic to try out an event's function."""
 
     def _combined(self, other: object = 0) -> _Symbol:
         if other is None:
@@ -80,7 +82,7 @@ class _Symbol:
 
 
 class _Symbols:
-    """The functions of `_Symbol`; anything else is not among those that an event may use."""
+    """The sine and cosine of `_Symbol`; an event may use no other functions."""
 
     sin = cos = staticmethod(_Symbol._combined)
 
@@ -92,14 +94,28 @@ def _of_state(function: Callable[..., Any], ops: Any, constants: Any, omega: Any
 
 @dataclass(frozen=True)
 class Event:
-    """A zero crossing of ``function(ops, constants, omega, beta, gamma, v)`` along the flow, with ops.sin and ops.cos.
+    """A zero crossing of ``function(ops, constants, omega, beta, gamma, v)`` along the flow.
 
-    A function of two arguments is SciPy's ``function(t, y)``, without t and of arithmetic on y = (beta, gamma, v).
-    ``direction`` is +1 (rising with time, in backward runs too), -1 (falling) or 0 (both). A terminal event ends the
-    run on the crossing; others are recorded. A start on the surface, up to rounding, is no crossing for as long as the
-    function stays below 64 roundings, at most 2^-15 s (but for sin(beta) = 0 as the edge of the domain), and an orbit
-    at rest there has none. A level that was computed goes into the function as ``float(level)``. Define an event once
-    and pass the same object: engines keep what they built for it.
+    The function consists of arithmetic, ops.sin and ops.cos. A function of two arguments is SciPy's
+    ``function(t, y)``, without t and with arithmetic on y = (beta, gamma, v) only.
+
+    A terminal event ends the run at the crossing; others are recorded. A start on the surface, up
+    to rounding, is not a crossing. This holds for as long as the function stays below 64 roundings,
+    at most 2^-15 s. The only exception is sin(beta) = 0 as the edge of the domain. An orbit at rest
+    on the surface has no crossing.
+
+    A computed level must enter the function as ``float(level)``. Define an event once and pass the
+    same object, because engines keep what they compile for it.
+
+    Args:
+        name: The name of its records.
+        function: The function, as described above.
+        direction: +1 for crossings that rise with time (also in backward runs), -1 for falling
+            ones, 0 for both.
+        terminal: True ends the run at the crossing.
+
+    Raises:
+        InputError: The direction or the function cannot be used.
     """
 
     name: str
@@ -128,7 +144,7 @@ class Event:
 
 #: The disk lies flat, sin(beta) = 0: the edge of the model's domain.
 FLAT = Event("flat", lambda ops, constants, omega, beta, gamma, v: ops.sin(beta))
-#: beta = pi/2 (cos beta = 0): the Poincare section, and where gamma is extreme.
+#: beta = pi/2 (cos beta = 0): the Poincare section, where gamma is extreme.
 SECTION = Event("section", lambda ops, constants, omega, beta, gamma, v: ops.cos(beta))
 #: v = 0: beta is extreme.
 TURN = Event("turn", lambda ops, constants, omega, beta, gamma, v: 1 * v)
@@ -143,16 +159,20 @@ SLIDING_REVERSAL = Event(
 
 @dataclass(frozen=True)
 class Request:
-    """What is wanted of an engine.
+    """A description of a run.
 
-    ``omega``, ``state`` and ``duration`` take whatever `model.exact.exact` takes, so that the same request can be
-    run in any precision. Angles in rad, ``v`` and ``omega`` in rad/s, times in s; the run starts at time 0 and goes
-    backward if ``duration`` is negative.
+    ``omega``, ``state`` and ``duration`` are numbers or texts that `model.exact.exact` accepts, so
+    the same request can run in any precision. Angles are in rad, ``v`` and ``omega`` in rad/s,
+    times in s. The run starts at time 0 and goes backward if ``duration`` is negative.
 
-    ``tolerance`` is relative, per step; None is the arithmetic's own round-off. ``domain`` says how leaving the model's
-    domain is noticed: ``"event"`` locates sin(beta) = 0 and ends there (Status.FLAT); ``"samples"`` looks at the end
-    and at the samples, and repeats the run with the event only if one of them lies outside; ``"none"`` does not look.
-    Raises InputError for what no engine can do.
+    Args:
+        tolerance: The relative tolerance of a step; None is the arithmetic's round-off.
+        domain: ``"event"`` locates sin(beta) = 0 and ends the run there (Status.FLAT).
+            ``"samples"`` checks only the end and the samples, and repeats the run with the event if
+            one of them lies outside. ``"none"`` does not check.
+
+    Raises:
+        InputError: No engine can serve the request.
     """
 
     parameters: Parameters
@@ -169,10 +189,13 @@ class Request:
         False  #: the integral of div f along the orbit (Liouville: log of the flow's Jacobian determinant)
     )
     events: tuple[Event, ...] = ()
-    error_estimate: bool = False  #: half-widths that hold the error of all numbers (`flow.error_estimate`)
-    digits: int = 12  #: beyond 12, in doubles and with an error estimate: the error is taken out of the result
+    #: Compute half-widths that hold the error of all numbers (`flow.error_estimate`).
+    error_estimate: bool = False
+    #: Beyond 12, in doubles and with an error estimate, the error is removed from the result.
+    digits: int = 12
     domain: Literal["event", "samples", "none"] = "event"
-    rounding: int | None = None  #: a twin of the run: the pattern by which inputs' last bits move (`system.nudged`)
+    #: For a twin of the run: the pattern by which the inputs' last bits move (`system.nudged`).
+    rounding: int | None = None
     max_steps: int = MOST_STEPS
 
     def __post_init__(self) -> None:
@@ -201,11 +224,24 @@ class Request:
 
     @property
     def estimated_by_defect(self) -> bool:
-        """Whether half-widths come from the defect of the run's series, which gives the samples too."""
+        """True if half-widths come from the defect of the run's series.
+
+        The series then also yields the samples.
+        """
         return self.error_estimate and self.precision == DOUBLE and not self.variations
 
     def starting_at(self, state: Sequence[object], rounding: int | None = None) -> Request:
-        """The same from another state, for a fraction of what `replace` takes: nothing else is checked again."""
+        """Return the same request from another state.
+
+        Only the state is checked again, so this takes a fraction of the time of `replace`.
+
+        Args:
+            state: The start (beta [rad], gamma [rad], v [rad/s]).
+            rounding: The pattern of a twin (`system.nudged`), or None.
+
+        Raises:
+            InputError: The state does not have three components.
+        """
         _check_state(state)
         other = object.__new__(Request)
         other.__dict__.update(self.__dict__, state=state, rounding=rounding)
@@ -214,24 +250,26 @@ class Request:
 
 @dataclass(frozen=True, repr=False, eq=False)
 class EventRecord(Printable):
-    """One crossing: the event's name, the time [s] and the state there, with half-widths where a `Solution` has it."""
+    """One crossing: the event's name, the time [s] and the state, with any half-widths."""
 
     name: str
     time: Any
     state: Any  #: (3,) beta, gamma [rad] and v [rad/s]
     time_uncertainty: float = math.inf
-    uncertainty: Any = (math.inf,) * 3  #: of the state at the crossing, wherever in its half-width that lies
+    #: (3,) half-widths of the state, for every time within ``time_uncertainty``.
+    uncertainty: Any = (math.inf,) * 3
 
     def to_dict(self) -> dict[str, Any]:
+        """Return the record as data for JSON."""
         state = zip(("beta", "gamma", "v"), with_widths(self.state, self.uncertainty), strict=True)
         return {"name": self.name, "t": with_widths(self.time, self.time_uncertainty), **dict(state)}
 
 
 @dataclass(frozen=True, repr=False)
 class Build(Printable):
-    """One thing that was compiled (or taken from what was compiled before) for a request."""
+    """One integrator that was compiled, or taken from the cache, for a request."""
 
-    _untold = ()  # engine and precision are what it is
+    _omitted = ()  # engine and precision are its content
 
     engine: str  #: e.g. ``taylor``
     precision: str  #: e.g. ``double``
@@ -246,17 +284,15 @@ class Build(Printable):
 class ErrorEstimate:
     """Half-widths that hold the error of a result, rounding of the inputs included.
 
-    ``state`` has the state's shape, ``samples`` that of the samples (or is None), ``time`` is a scalar (0 unless an
-    event ended the run), ``events`` holds one half-width of the time of each recorded event and ``event_states`` the
-    three of its state. ``infinity`` says that the two runs did not end alike: then rounding decides what happens.
+    They are infinite if the two runs compared did not end alike: then rounding decides the outcome.
     """
 
-    state: Any
-    time: float
-    samples: Any = None
-    events: tuple[float, ...] = ()
-    event_states: tuple[Any, ...] = ()
-    variations: Any = None
+    state: Any  #: (3,) of the final state
+    time: float  #: [s] of the final time; 0 unless an event ended the run
+    samples: Any = None  #: (n, 3) of the samples
+    events: tuple[float, ...] = ()  #: [s] of the time of each recorded event
+    event_states: tuple[Any, ...] = ()  #: (3,) of the state of each recorded event
+    variations: Any = None  #: of the derivatives, with their shape
 
     @property
     def largest(self) -> float:
@@ -265,10 +301,13 @@ class ErrorEstimate:
 
 
 class Result(NamedTuple):
-    """What an engine computed. Arrays are in the request's precision, of objects where its numbers are MPFR's."""
+    """The result of a run.
+
+    Arrays are in the request's precision, and consist of objects if its numbers are MPFR's.
+    """
 
     status: Status
-    time: Any  #: where the run ended [s]
+    time: Any  #: the end of the run [s]
     state: Any  #: (3,) final (beta, gamma, v)
     steps: int
     samples: Any = None  #: (n, 3) states at the sample times that were reached
@@ -277,36 +316,53 @@ class Result(NamedTuple):
     divergence: Any = None  #: integral of d(v')/d(v) over the run [1]
     events: tuple[EventRecord, ...] = ()
     error: ErrorEstimate | None = None
-    evaluations: int | None = None  #: of the right-hand side, where the method counts them
-    built: tuple[Build, ...] = ()  #: what the engine used for it
-    series: Any = None  #: the polynomials of the steps (`flow.integrator.Series`), where something is taken from them
+    evaluations: int | None = None  #: of the right-hand side, if the method counts them
+    built: tuple[Build, ...] = ()  #: the compiled integrators used
+    series: Any = None  #: the steps' polynomials (`flow.integrator.Series`), if they are needed
     precision: Precision | None = None  #: the arithmetic of its numbers, if not the request's
 
 
 class Engine(Protocol):
-    """Anything that answers requests."""
+    """A solver that answers requests."""
 
     @property
     def name(self) -> str:
-        """For reports, e.g. ``taylor`` or ``scipy-DOP853``."""
+        """The name for reports, e.g. ``taylor`` or ``scipy-DOP853``."""
 
     @property
     def measures_error(self) -> bool:
-        """Whether it answers requests for an error estimate, and in every precision."""
+        """True if it answers requests for an error estimate, and does so in every precision."""
 
     @property
     def builds(self) -> tuple[Build, ...]:
-        """What it has compiled and keeps."""
+        """The integrators that it has compiled and keeps."""
 
     def __hash__(self) -> int:
-        """Engines are distinguished by identity."""
+        """Return a hash by identity, which distinguishes engines."""
 
     def __call__(self, request: Request) -> Result:
-        """Compute what was asked for. Raises InputError for what this engine cannot do."""
+        """Integrate as requested.
+
+        Args:
+            request: The run.
+
+        Returns:
+            The result; its status gives the reason for an early end.
+
+        Raises:
+            InputError: This engine cannot serve the request.
+        """
 
 
 def raise_unless_usable(result: Result) -> Result:
-    """The result itself, if its status is one that was asked for. Raises ArithmeticError with the status otherwise."""
+    """Return the result if its run ended as requested.
+
+    Args:
+        result: The result of a run.
+
+    Raises:
+        ArithmeticError: It did not; the message gives its status.
+    """
     if not result.status.usable:
         raise ArithmeticError(f"at t = {float(result.time):.6g} s {result.status.value}")
     return result
@@ -316,18 +372,18 @@ def _check_state(state: Sequence[object]) -> None:
     refuse_qualified(state)
     try:
         count = len(state)
-    except TypeError:  # a number by itself
+    except TypeError:  # a single number
         count = 1
     if count != 3:
         raise InputError("a state has three components: beta, gamma, v")
 
 
 def _check_times(times: Any, precision: Precision, duration: float) -> None:
-    """Sample times must be strictly monotonic and lie between 0 and the duration."""
+    """Raise InputError unless sample times are strictly monotonic, from 0 to the duration."""
     if not len(times):
         raise InputError("the list of sample times is empty: leave it out instead")
     try:
-        # Above double, times that a double cannot tell apart may well be meant.
+        # Above double, times that are equal as doubles may still differ.
         values = precision.sequence(times)
     except (TypeError, ValueError) as fault:
         raise InputError(f"sample times must be numbers: {fault}") from None

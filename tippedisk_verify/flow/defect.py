@@ -1,14 +1,22 @@
-"""The error of a run in doubles from the defect of its Taylor polynomials: to first order, or swept until it is gone.
+"""The error of a run in doubles from the defect of its Taylor polynomials.
 
-A run is a polynomial p for each of its steps. Its *defect* f(p) - p' and its jumps from the end of one step to the
-start of the next are all that is wrong with it: the true motion is p + e with e' = J e + defect to first order, where
-J = f'(p). In doubles the defect is rounding, so f(p) and p' are evaluated in wider arithmetic, with the exact
-parameters and the exact start. The rest is in doubles, because e is small: Gauss collocation on the run's own steps.
-It is A-stable, and the fast rate times a step is about -5. This is spectral deferred correction (Dutt, Greengard,
-Rokhlin, BIT 40, 241, 2000) on Taylor steps. A second sweep takes the defect of p + e and finds what is of second order.
+**Definition.** A run is a polynomial p for each of its steps. Only two things are wrong with it:
+its *defect* f(p) - p', and its jumps from the end of one step to the start of the next. The true
+motion is p + e, and to first order
 
-docs/error_of_a_run.md derives what the sweeps miss. It is measured in *carried roundings*: the root mean square of what
-random units in the last place of a double at every step, and constant ones of the field, become along the run.
+    e' = J e + defect,    J = f'(p).
+
+**Arithmetic.** In doubles the defect is rounding. So f(p) and p' are evaluated in wider arithmetic,
+with the exact parameters and the exact start. The rest is in doubles, because e is small.
+
+**Method.** The equation is solved by Gauss collocation on the run's own steps. It is A-stable, and
+the fast rate times a step is about -5. This is spectral deferred correction (Dutt, Greengard,
+Rokhlin, BIT 40, 241, 2000) on Taylor steps. A second sweep takes the defect of p + e and finds the
+error of second order.
+
+**Remaining error.** docs/error_of_a_run.md derives what the sweeps miss. It is measured in *carried
+roundings*. Take random units in the last place of a double at every step, and constant ones of the
+field. Their effect along the run has a root mean square, which is one carried rounding.
 """
 
 from __future__ import annotations
@@ -27,18 +35,28 @@ from tippedisk_verify.model.precision import DOUBLE, Precision
 
 __all__ = ["Defect"]
 
-#: So many draws have a root mean square of less than a quarter of the true one once in ten million times.
+#: The number of random draws. Their root mean square is less than a quarter of the true one once in
+#: ten million times.
 _DRAWS = 16
-#: Terms of a polynomial, in parts of the state, that are summed in doubles where the wide arithmetic has 64 bits.
-_FEW_BITS = 2.0**-10
-#: Steps to both sides over which a distance between two numbers of nodes counts: at one it may be small by chance.
+#: The size of a polynomial's terms, in parts of the state, below which they are summed in doubles
+#: if the wide arithmetic has 64 bits.
+_SMALL_TERM = 2.0**-10
+#: The number of steps on both sides over which a distance between two numbers of nodes counts. At a
+#: single step it may be small by chance.
 _NEIGHBOURS = 8
-#: And shares of a step: inside one the errors are less exact than at its ends.
+#: The shares of a step at which it is taken: errors inside a step are less exact than at its ends.
 _PLACES = numpy.linspace(0, 1, 9)
 
 
 class Defect:
-    """What a run in doubles is off, everywhere along it."""
+    """The error of a run in doubles, everywhere along it.
+
+    Args:
+        request: The run.
+        series: The polynomials of its steps.
+        wide: The arithmetic of the defect.
+        nodes: The number of collocation nodes in a step.
+    """
 
     def __init__(self, request: Request, series: Series, wide: Precision, nodes: int) -> None:
         self._series, self._coefficients, self._wide = series, series.coefficients, wide
@@ -48,8 +66,8 @@ class Defect:
         self._steps = lengths.astype(float)
         self._terms = abs(series.coefficients * self._steps.T ** numpy.arange(len(series.coefficients))[:, None, None])
         self._sizes = self._terms[0] + self._terms[1]
-        small = (self._terms < _FEW_BITS * self._sizes).all(axis=(1, 2))
-        #: How many terms of the polynomials are summed in wide arithmetic.
+        small = (self._terms < _SMALL_TERM * self._sizes).all(axis=(1, 2))
+        #: The number of terms of the polynomials that are summed in wide arithmetic.
         self._leading = len(small) - int(numpy.argmin(small[::-1])) if wide.kind == "extended" else len(small)
         ops, law = shifted(numpy) if request.shifted else numpy, request.friction
         self._field = field(ops, request.parameters.at(wide), wide.number(request.omega), law)
@@ -66,7 +84,7 @@ class Defect:
         self.last_term = float((self._terms[-1] / (self._sizes + numpy.finfo(float).tiny)).max())
         rates = self.rates(self._nodes)
         defect = numpy.moveaxis((rates - self._slopes).astype(float), 0, 2)
-        # What doubles do to the field: parts of it, where it is small beside its terms.
+        # The rounding of the field in doubles, which exceeds its last place where terms cancel.
         rounded = abs(numpy.stack(field(*setting)(*in_doubles)) - rates).astype(float) * 2.0**53
         moves = numpy.maximum(abs(rates).astype(float), rounded).max(axis=2) * abs(self._steps.T)
         solved = self._solved(numpy.concatenate((matrices, defect[..., None]), axis=3))
@@ -86,11 +104,15 @@ class Defect:
         self._left_out = numpy.zeros(self.errors.shape)
 
     def _rates_times_steps(self, matrices: Any) -> tuple[Any, Any]:
-        """(n,) The largest rate times step of each, estimated, and a bound for those of what grows.
+        """Return estimates (n,) of each step's largest rate times step, and bounds (n,) for growth.
 
-        Rates x solve x^3 = j_vv x^2 + j_vb x + j_gb j_vg, and the largest is about that of one term alone. Where j_vv
-        damps and x grows, |x - j_vv| exceeds both |x| and |j_vv|. So |x|^2 times either is at most |j_vb x| + |j_gb
-        j_vg|, and one of these is at least half of the sum.
+        The rates x solve
+
+            x^3 = j_vv x^2 + j_vb x + j_gb j_vg,
+
+        and the largest is about that of one term alone. Where j_vv damps and x grows, |x - j_vv|
+        exceeds both |x| and |j_vv|. So |x|^2 times either is at most |j_vb x| + |j_gb j_vg|, and
+        one of these two terms is at least half of the sum.
         """
         vb, vg, vv = (abs(matrices[:, :, 2, j]) for j in range(3))
         free = abs(matrices[:, :, 1, 0]) * vg
@@ -103,7 +125,11 @@ class Defect:
         return (fastest * lengths).max(axis=1), (growing * lengths).max(axis=1)
 
     def sweep(self) -> float:
-        """Correct the errors by the defect that they leave; by how many carried roundings, at the most."""
+        """Correct the errors by the defect that they leave.
+
+        Returns:
+            The largest correction, in carried roundings.
+        """
         errors = self._along(self._places)
         slopes = self._slopes + numpy.moveaxis(self._rates, 2, 0)
         rest = (self.rates(self._nodes + numpy.moveaxis(errors, 2, 0)) - slopes).astype(float)
@@ -114,17 +140,30 @@ class Defect:
         return float((numpy.abs(carried[1:]) / self.roundings[1:]).max())
 
     def compare(self, other: Defect) -> None:
-        """Take for what the nodes leave out the distance to errors by fewer nodes, the largest of several steps."""
+        """Set the error of the nodes to the distance from the errors computed with fewer nodes.
+
+        The largest distance of several neighbouring steps counts.
+
+        Args:
+            other: The error of the same run with fewer nodes.
+        """
         distances = abs(self._along(_PLACES) - other._along(_PLACES)).max(axis=1)
         padded = numpy.pad(distances, ((_NEIGHBOURS, _NEIGHBOURS + 1), (0, 0)), mode="edge")
         self._left_out = sliding_window_view(padded, 2 * _NEIGHBOURS + 1, axis=0).max(axis=2)
 
     def _along(self, shares: Any) -> Any:
-        """(n, k, 3): the errors at these shares of every step."""
+        """Return the errors (n, k, 3) at these shares of every step."""
         return self.errors[:-1, None] + self._steps[:, :, None] * (_integrals(shares, self._basis) @ self._rates)
 
     def at(self, times: Any) -> tuple[Any, Any, Any, Any]:
-        """At wide times (k,), along the run: polynomials, errors, carried roundings, what nodes leave out, (3, k)."""
+        """Return the run's numbers at wide times (k,), in the order of the run.
+
+        Args:
+            times: (k,) wide times [s], monotonic along the run.
+
+        Returns:
+            Polynomials, errors, carried roundings and the error of the nodes, each (3, k).
+        """
         counts = numpy.bincount(self._series.step_of(times.astype(float)), minlength=len(self._steps))
         since = times - numpy.repeat(self._series.times[:-1], counts).astype(self._wide.type)
         lengths = numpy.repeat(self._steps[:, 0], counts)
@@ -136,28 +175,36 @@ class Defect:
         return self._polynomial(since, counts), errors, roundings, left_out
 
     def at_nodes(self) -> tuple[Any, Any, Any, Any, Any]:
-        """Times (k,), and the same at them, at the nodes of all steps in their order."""
+        """Return times (k,) and the numbers of `at` at the nodes of all steps, in order."""
         times = self._series.times[:-1, None] + self._steps * self._places
         roundings, left_out = (numpy.repeat(of, len(self._places), axis=1) for of in self._margins())
         errors = self._along(self._places).reshape(-1, 3).T
         return times.ravel(), self._nodes.reshape(3, -1), errors, roundings, left_out
 
     def _margins(self) -> list[Any]:
-        """Carried roundings and what nodes leave out, (3, n) the larger of both ends of each step."""
+        """Return carried roundings and the error of the nodes, both (3, n).
+
+        The larger of the two ends of each step counts.
+        """
         return [numpy.maximum(of[:-1], of[1:]).T for of in (self.roundings, self._left_out)]
 
     def rates(self, states: Any) -> Any:
-        """The field (3, k) at wide states (3, k)."""
+        """Return the field (3, k) at wide states (3, k).
+
+        Args:
+            states: (3, k) states in wide arithmetic.
+        """
         return numpy.stack(self._field(*states))
 
     def _polynomial(self, since: Any, counts: Any = None, derivative: int = 0) -> Any:
-        """The polynomials, or their derivatives, at wide times since the starts of their steps.
+        """Return the polynomials or their derivatives at wide times since the steps' starts.
 
-        (3, n, k) at times (n, k) of all steps, or (3, k) at times (k,), of which so many lie in each step.
+        The result is (3, n, k) for times (n, k) of all steps. For times (k,) it is (3, k), and
+        ``counts`` is the number of times in each step.
         """
         terms = self._coefficients
         first = terms[: self._leading + derivative].astype(self._wide.type)
-        if derivative:  # the products of the first terms would be rounded in doubles
+        if derivative:  # in doubles the products of the first terms would be rounded
             powers = numpy.arange(1, len(terms))[:, None, None]
             terms, first = terms[1:] * powers, first[1:] * powers[: len(first) - 1]
 
@@ -175,22 +222,22 @@ class Defect:
         return total
 
     def _solved(self, right: Any) -> Any:
-        """The errors' rates (n, nodes, 3, k) at the nodes for errors that begin with zero."""
+        """Return the rates (n, nodes, 3, k) at the nodes of errors that begin with zero."""
         return numpy.linalg.solve(self._system, right.reshape(*self._system.shape[:2], -1)).reshape(right.shape)
 
     def _gained(self, rates: Any) -> Any:
-        """(n, 3, k): their integrals over each step."""
+        """Return the integrals (n, 3, k) of the errors' rates over each step."""
         count, nodes, _, columns = rates.shape
         gained = self._weights @ rates.reshape(count, nodes, 3 * columns)
         return (self._steps * gained).reshape(count, 3, columns)
 
     def _rates_of(self, errors: Any, gained: Any) -> Any:
-        """(n, nodes, 3): the rates at the nodes of errors that begin each step with these."""
+        """Return the rates (n, nodes, 3) of errors that begin each step with these values."""
         return (self._homogeneous @ errors[:-1, None, :, None])[..., 0] + gained
 
 
 def _matrices(rows: Any) -> Any:
-    """(n, nodes, 3, 3) out of three rows of three arrays."""
+    """Return matrices (n, nodes, 3, 3) from three rows of three arrays."""
     matrices = numpy.empty((*rows[2][2].shape, 3, 3))
     for i, row in enumerate(rows):
         for j, entry in enumerate(row):
@@ -199,7 +246,10 @@ def _matrices(rows: Any) -> Any:
 
 
 def _system(steps: Any, inner: Any, matrices: Any) -> Any:
-    """(n, 3 nodes, 3 nodes): the equations of collocation, rates = J errors + defect at each node."""
+    """Return the matrices (n, 3 nodes, 3 nodes) of the collocation equations.
+
+    The equations are rates = J errors + defect at each node.
+    """
     count, nodes = matrices.shape[:2]
     coupled = (-steps[:, None, None] * inner)[:, :, None, :, None] * matrices[:, :, :, None, :]
     system = coupled.reshape(count, 3 * nodes, 3 * nodes)
@@ -208,9 +258,10 @@ def _system(steps: Any, inner: Any, matrices: Any) -> Any:
 
 
 def _roundings(states: Any, moves: Any) -> Any:
-    """(n, 3, draws): a unit in the last place of the state, up or down, and one of the field's that stays the same.
+    """Return random roundings (n, 3, draws): units in the last place of the state and of the field.
 
-    ``states`` and ``moves`` (3, n) are the largest of each step.
+    Those of the state change their sign from step to step; those of the field keep it. ``states``
+    and ``moves`` (3, n) are the largest of each step.
     """
     each, same = states.T[..., None], moves.T[..., None]
     signs = _signs(1 << max(len(each) - 1, 1).bit_length())
@@ -219,12 +270,12 @@ def _roundings(states: Any, moves: Any) -> Any:
 
 @lru_cache(maxsize=4)
 def _signs(count: int) -> Any:
-    """(count, 3, draws), the same at every call."""
+    """Return random signs (count, 3, draws), the same at every call."""
     return numpy.random.default_rng(1).choice([-1.0, 1.0], size=(count, 3, _DRAWS))
 
 
 def _carried(carry: Any, start: Any, gained: Any) -> Any:
-    """(n + 1, 3, k): a start that each step carries on, with what the step adds."""
+    """Return (n + 1, 3, k): each step multiplies the errors by its matrix and adds its own."""
     errors = numpy.empty((len(carry) + 1, *start.shape))
     errors[0] = start
     for n, (matrix, more) in enumerate(zip(carry, gained, strict=True)):
@@ -234,15 +285,22 @@ def _carried(carry: Any, start: Any, gained: Any) -> Any:
 
 @lru_cache(maxsize=16)
 def _gauss(nodes: int) -> tuple[Any, Any, Any]:
-    """Gauss-Legendre collocation on [0, 1]: the nodes, the weights, and the basis in Legendre polynomials."""
+    """Return the nodes and weights of Gauss-Legendre collocation on [0, 1], and its basis.
+
+    The basis consists of Legendre polynomials.
+    """
     at, weights = legendre.leggauss(nodes)
     return (at + 1) / 2, weights / 2, legendre.legvander(at, nodes - 1).T * (weights / 2)
 
 
 def _integrals(shares: Any, basis: Any) -> Any:
-    """(k, nodes): the basis integrated from 0 to these shares of a step.
+    """Return (k, nodes) the basis integrated from 0 to these shares of a step.
 
-    By the discrete orthogonality on Gauss nodes, and (2 k + 1) P_k = P_(k+1)' - P_(k-1)'. Powers would lose digits.
+    It uses the discrete orthogonality on Gauss nodes and
+
+        (2 k + 1) P_k = P_(k+1)' - P_(k-1)'.
+
+    Powers would lose digits.
     """
     polynomials = legendre.legvander(2 * shares - 1, len(basis))
     lower = numpy.column_stack((-polynomials[:, 0], polynomials[:, :-2]))

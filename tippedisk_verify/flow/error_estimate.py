@@ -1,8 +1,9 @@
-"""How far a run in doubles is off, and its numbers without that, from the defect of its series.
+"""The error of a run in doubles, and its corrected numbers, from the defect of its series.
 
-Up to twelve digits a run stays as the integrator gives it, and half-widths hold the error that its defect has led to.
-Beyond, that error is added, and half-widths hold what is left of it. Both are derived in docs/error_of_a_run.md. Where
-an error is too large for that, or decides whether an event is met, runs in wider arithmetic tell (`flow.comparison`).
+Up to twelve digits a run stays as the integrator gives it. Its half-widths hold the error that its
+defect has caused. Beyond twelve digits that error is added to the numbers, and half-widths hold the
+remaining error. Both are derived in docs/error_of_a_run.md. Where an error is too large for this
+method, or decides whether an event is met, runs in wider arithmetic decide (`flow.comparison`).
 """
 
 from __future__ import annotations
@@ -20,17 +21,19 @@ from tippedisk_verify.model.precision import DOUBLE, EXTENDED, QUADRUPLE, Precis
 
 __all__ = ["CORRECTED_DIGITS", "EXTENDED_DIGITS", "PLAIN_DIGITS", "from_defect"]
 
-#: Digits up to which a run in doubles is left as it is.
+#: The number of digits up to which a run in doubles is left as it is.
 PLAIN_DIGITS = 12
 
 
 class _Method(NamedTuple):
-    """How the defect is evaluated and carried for so many digits."""
+    """The arithmetic and the nodes with which the defect is evaluated, up to a number of digits."""
 
     digits: int
     wide: Precision
     nodes: int
-    fewer: int  #: nodes of the second time, for what the number of nodes leaves out; 0: `_Limits.three_nodes` says that
+    #: The nodes of a second evaluation, which measures the error of the first. 0 means that
+    #: `_Limits.three_nodes` bounds it.
+    fewer: int
 
 
 _METHODS = (
@@ -40,17 +43,18 @@ _METHODS = (
     _Method(20, QUADRUPLE, 10, 8),
     _Method(25, QUADRUPLE, 18, 16),
 )
-#: Digits up to which a run in doubles is enough, its error added.
+#: The number of digits up to which a run in doubles suffices, once its error is added.
 CORRECTED_DIGITS = _METHODS[-1].digits
-#: Digits up to which extended numbers carry the estimate, where the machine has them; else doubles take their place.
+#: The number of digits up to which extended numbers carry the estimate. A machine without them uses
+#: doubles in their place.
 EXTENDED_DIGITS = max(method.digits for method in _METHODS if method.wide is EXTENDED)
 
 
 class _Limits(NamedTuple):
     """The constants of the estimate, each with its reason."""
 
-    #: A half-width is this many times the error that is left in a result. A quarter more covers what the estimate has
-    #: in common with that error.
+    #: A half-width is this multiple of the error left in a result. The additional quarter covers
+    #: errors that the estimate shares with the result.
     margin: float = 1.25
     #: The error that three nodes may leave, in carried roundings. It is so small where the next three limits hold.
     three_nodes: float = 1 / 16
@@ -60,37 +64,43 @@ class _Limits(NamedTuple):
     steady_step: float = 1.0
     #: For three nodes: the last terms of the step's polynomials are below this, in parts of the state.
     last_term: float = 2.0**-55
-    #: Rates of decay times steps up to which two numbers of nodes differ by their errors. Where errors grow, the
-    #: smaller number of nodes decides: five nodes follow growth by e^5 to a thirtieth.
+    #: The rate of decay times the step up to which two numbers of nodes differ by their errors.
+    #: Where errors grow, the smaller number of nodes decides: five nodes follow growth by e^5 to a
+    #: thirtieth.
     long_step: float = 64.0
     #: The error of evaluating the defect, in carried roundings of the wider arithmetic.
     evaluation: int = 16
-    #: Errors [rad, rad/s] from which on their squares may exceed a hundredth of a rounding. The field's second
-    #: derivatives are at most 1e5.
+    #: The error [rad, rad/s] above which its square may exceed a hundredth of a rounding. The
+    #: field's second derivatives are at most 1e5.
     squares: float = 1e-11
-    #: Sweeps for the second order of an error: each gains as many digits as the error has below 1.
+    #: The number of sweeps for the second order of an error. Each gains as many digits as the error
+    #: has below 1.
     most_sweeps: int = 4
-    #: What errors kept in doubles leave, in parts of an error; at least so much of a carried rounding is left.
+    #: The rounding of errors that are kept in doubles, in parts of an error. At least this part of
+    #: a carried rounding is left.
     in_doubles: float = 2.0**-48
     #: The largest size of the collocation's matrices. Longer runs go to a wider arithmetic.
     most_bytes: int = 2**29
-    #: Newton steps for a crossing. Two do as a rule, because the gradient has nine digits.
+    #: The number of Newton steps for a crossing. Two usually suffice, because the gradient has nine
+    #: digits.
     newton_steps: int = 8
-    #: The change of the state that an event's gradient is differenced with, near the square root of rounding.
+    #: The change of the state in the differences for an event's gradient, near the square root of
+    #: rounding.
     difference: float = 2.0**-20
-    #: The time [s] after which an event's rate is looked at again, to see how it changes.
+    #: The time [s] after which an event's rate is evaluated again, to measure its change.
     ahead: float = 1e-6
     #: An extremum of an event's function below this part of its size nearby may be a touch.
     near_touch: float = 1 / 8
-    #: An extremum below this part is a touch: whether it is a crossing is then left to wider runs.
+    #: An extremum below this part is a touch: wider runs then decide whether it is a crossing.
     touch: float = 1 / 64
-    #: Places between three nodes at which an event's function is looked at.
+    #: The number of places between three nodes at which an event's function is evaluated.
     finer_places: int = 65
-    #: In parts of the distance to a neighbour: how far an extremum may lie from a place, as a parabola is a little off.
+    #: The distance at which an extremum may lie from a place, in parts of the distance to its
+    #: neighbour. The extra quarter allows for the error of the parabola.
     neighbour: float = 1.25
     #: In parts of a carried rounding or an error: a quantity below this is of the next order.
     next_order: float = 2.0**-10
-    #: An error [rad, rad/s] for which no sweep is tried, because the first order is no guess.
+    #: The error [rad, rad/s] from which no sweep is tried, because the first order is a poor guess.
     too_large: float = 2.0**-6
 
 
@@ -106,7 +116,16 @@ class NotInProportion(ArithmeticError):
 
 
 def from_defect(request: Request, result: Result) -> Result | None:
-    """The result with half-widths, and to as many digits as the request has; None where the defect cannot tell."""
+    """Return a result with half-widths, and with as many digits as the request has.
+
+    Args:
+        request: The run, in doubles.
+        result: Its result, with the series of its steps.
+
+    Returns:
+        The result, in wider arithmetic beyond twelve digits; None where the defect does not
+        suffice.
+    """
     if not request.estimated_by_defect or not result.status.usable or not result.steps:
         return None
     for method in _METHODS:
@@ -125,12 +144,15 @@ def from_defect(request: Request, result: Result) -> Result | None:
 
 
 def _has(wide: Precision) -> bool:
-    """Whether this machine computes with arrays of these numbers."""
+    """Return True if this machine computes with arrays of these numbers."""
     return wide in (companion(DOUBLE), companion(companion(DOUBLE)))
 
 
 def _reached(digits: int, result: Result) -> bool:
-    """Whether every half-width is at most a unit in the last of these digits, of the number or of 1."""
+    """Return True if every half-width is at most a unit in the last of these digits.
+
+    The digits count from the number itself, or from 1 if it is smaller.
+    """
     assert result.error is not None
     times = numpy.array([float(record.time) for record in result.events])
     pairs = [(result.state, result.error.state), (times, numpy.array(result.error.events))]
@@ -170,17 +192,17 @@ def _refined(request: Request, result: Result, method: _Method) -> Result:
 
 
 class _Crossing(NamedTuple):
-    """Where the true motion crosses the surface of an event."""
+    """The crossing of an event's surface by the true motion."""
 
     record: EventRecord  #: in wide arithmetic
     time: Any  #: (1,) in wide arithmetic [s]
-    width: float  #: of the time that the run has, or of this one beyond twelve digits [s]
+    width: float  #: [s] of the run's time, or beyond twelve digits of this time
     widths: Any  #: (3,) of the state, likewise
-    moves: Any  #: (3,) by how much the state moves in the half-width of the time
+    moves: Any  #: (3,) the motion of the state within the half-width of the time
 
 
 class _Run:
-    """One run with the error that its defect has led to."""
+    """One run with the error that its defect has caused."""
 
     def __init__(self, request: Request, result: Result, method: _Method) -> None:
         self.wide, self.uncorrected = method.wide, request.digits <= PLAIN_DIGITS
@@ -192,7 +214,7 @@ class _Run:
         self._defect = Defect(request, result.series, self.wide, method.nodes)
         if not self._resolved(method.fewer):
             raise Unresolved
-        #: What the errors may be off, in carried roundings.
+        #: The uncertainty of the errors, in carried roundings.
         self._share = _LIMITS.evaluation * 2.0 ** (DOUBLE.bits - self.wide.bits) + self._swept()
         if method.fewer:
             self._defect.compare(Defect(request, result.series, self.wide, method.fewer))
@@ -200,7 +222,7 @@ class _Run:
             self._share += _LIMITS.three_nodes
 
     def _resolved(self, fewer: int) -> bool:
-        """Whether the steps are short enough for the nodes, and for what is said of their number to hold."""
+        """Return True if the steps are short enough for the nodes and their error bounds."""
         defect = self._defect
         if fewer:
             return defect.fastest < _LIMITS.long_step and defect.growing < fewer
@@ -211,14 +233,15 @@ class _Run:
         )
 
     def _swept(self) -> float:
-        """Correct the errors by what is of second order, and say what may be left, in carried roundings."""
+        """Correct the errors to second order and return what may be left, in carried roundings."""
         largest = float(abs(self._defect.errors).max())
         if not largest < _LIMITS.too_large:
             raise NotInProportion
         if self.wide is EXTENDED and largest < _LIMITS.squares:
             return 0.0
         for _ in range(_LIMITS.most_sweeps):
-            # Each sweep leaves as much of its correction as the first one was of the error.
+            # Each sweep leaves the same share of its correction as the first correction was of the
+            # error.
             change = self._defect.sweep()
             if change < _LIMITS.next_order:
                 largest = float((abs(self._defect.errors[1:]) / self._defect.roundings[1:]).max())
@@ -226,7 +249,10 @@ class _Run:
         raise NotInProportion
 
     def numbers(self, times: Any, at_end: Any) -> tuple[Any, Any]:
-        """The states (3, k) at these times, of which the last is where the result has ``at_end``, and half-widths."""
+        """Return the states (3, k) at these times and their half-widths.
+
+        The result has ``at_end`` at the last of the times.
+        """
         places, errors, left = self._at(times)
         # A time is rounded to the wide arithmetic.
         left = left + abs(self._defect.rates(places) * times).astype(float) * float(self.wide.epsilon)
@@ -236,13 +262,16 @@ class _Run:
         return values, self._half_widths(values, (places - values).astype(float) + errors, left)
 
     def _half_widths(self, values: Any, off: Any, left: Any) -> Any:
-        """Of values that are ``off`` by so much and a rest that is ``left``; beyond twelve digits only by that."""
+        """Return half-widths of values with error ``off``, uncertain by ``left``.
+
+        Beyond twelve digits the error is removed, and only ``left`` and the last rounding count.
+        """
         if self.uncorrected:
             return _LIMITS.margin * abs(off) + left
         return left + abs(values).astype(float) * float(self.wide.epsilon)
 
     def _at(self, times: Any) -> tuple[Any, Any, Any]:
-        """Polynomials, errors, and what the errors may be off, (3, k) at wide times (k,)."""
+        """Return polynomials, errors and their uncertainty, (3, k) at wide times (k,)."""
         places, errors, roundings, nodes = self._defect.at(times)
         return places, errors, self._left(roundings, nodes)
 
@@ -250,7 +279,11 @@ class _Run:
         return self._share * roundings + DISTANCES * nodes
 
     def crossing(self, record: EventRecord) -> _Crossing:
-        """A recorded crossing of the true motion. Raises NotInProportion for what is nearly a mere touch."""
+        """Find a recorded crossing of the true motion.
+
+        Raises:
+            NotInProportion: The crossing is nearly a mere touch.
+        """
         event = next(event for event in (*self._request.events, FLAT) if event.name == record.name)
         first = time = self.wide.array([record.time])
         for _ in range(_LIMITS.newton_steps):
@@ -279,11 +312,11 @@ class _Run:
         return _Crossing(EventRecord(record.name, time[0], states[:, 0]), time, width, widths, moves)
 
     def _value(self, event: Event, states: Any) -> Any:
-        """An event's function at a wide state (3, 1)."""
+        """Return an event's function at a wide state (3, 1)."""
         return event.function(self._ops, self._constants, self._omega, *states[:, 0])
 
     def _rates(self, event: Event, states: Any) -> tuple[Any, float]:
-        """The gradient (3,) of an event's function at a wide state (3, 1), and how fast it changes along the motion."""
+        """Return an event's gradient (3,) and rate in time at a wide state (3, 1)."""
         gradient = self._gradient(event, states.astype(float))[:, 0]
         speed = float(gradient @ self._defect.rates(states)[:, 0].astype(float))
         if not speed:
@@ -291,22 +324,23 @@ class _Run:
         return gradient, speed
 
     def _gradient(self, event: Event, states: Any) -> Any:
-        """(3, k), by central differences."""
+        """Return the gradient (3, k) by central differences."""
         moves = _LIMITS.difference * numpy.eye(3)[:, :, None]
         rows = [self._in_doubles(event, states + move) - self._in_doubles(event, states - move) for move in moves]
         return numpy.stack(rows) / (2 * _LIMITS.difference)
 
     def _in_doubles(self, event: Event, states: Any) -> Any:
-        """(k,) an event's function in doubles."""
+        """Return an event's function (k,) in doubles."""
         constants, omega = self._request.parameters.at(DOUBLE), float(self._omega)
         return event.function(self._ops, constants, omega, *states) + numpy.zeros(states.shape[1])
 
     def check_missed(self, last: Any, result: Result) -> None:
-        """Raises NotInProportion where errors decide whether an event is met at all.
+        """Raise NotInProportion where errors decide whether an event is met at all.
 
-        That is where its function is no larger than its error, at a node or at the ``last`` time, which has an error of
-        its own, or comes close to zero without changing its sign. The parabola through three nodes tells, and where
-        that is close to zero, one through more.
+        An event is in doubt in two cases. Its function is no larger than its error at a node or at
+        the ``last`` time, which has an error of its own. Or the function comes close to zero
+        without a change of sign. The parabola through three nodes shows this; where it comes close
+        to zero, more places between the nodes are evaluated.
         """
         times, *at_nodes = self._defect.at_nodes()
         start = 0 * last
@@ -337,7 +371,10 @@ class _Run:
 
 
 def _touching(times: Any, values: Any, share: float) -> Any:
-    """Where the parabola through three neighbours of one sign turns back next to zero, by a share of the largest."""
+    """Return the indices where a parabola through three neighbours of one sign turns near zero.
+
+    Near zero means below a share of the largest of them.
+    """
     before, middle, after = values[:-2], values[1:-1], values[2:]
     left, right = times[1:-1] - times[:-2], times[2:] - times[1:-1]
     rise, fall = (middle - before) / left, (after - middle) / right

@@ -1,4 +1,4 @@
-"""One compiled stepper of heyoka's: built for a kind of request, and run past the start's own crossings to the end."""
+"""A compiled stepper of heyoka's for one kind of request, with its events and its restarts."""
 
 from __future__ import annotations
 
@@ -18,17 +18,24 @@ from tippedisk_verify.model.precision import Precision, heyoka_module
 
 __all__ = ["Integrator", "Series"]
 
-_MOST_PASSES = 64  # of events next to the start
+_MAX_PASSES = 64  # the number of events passed next to the start
 
 
 class Series:
-    """Polynomials of the time since each step's start. As a function: times (k,) -> states (k, 3), to rounding.
+    """Polynomials in the time since each step's start; as a function, times (k,) -> states (k, 3).
 
-    Threads may share it. heyoka's own continuous output hands out memory that its next call writes over.
+    Values are exact to rounding. Threads may share a series, whereas heyoka's own continuous output
+    hands out memory that its next call overwrites.
     """
 
     def __init__(self, precision: Precision, start: Any, steps: Sequence[tuple[Any, Any]]) -> None:
-        """``steps`` are the times at which they end, each with its polynomials (3, order + 1)."""
+        """Store the polynomials of a run.
+
+        Args:
+            precision: The arithmetic.
+            start: The time of the start [s].
+            steps: For each step the time of its end [s] and its polynomials (3, order + 1).
+        """
         element = object if precision.kind == "real" else precision.type
         self._precision = precision
         self.times = numpy.array([start, *(end for end, _ in steps)], dtype=element)  #: (n + 1,) [s]
@@ -36,6 +43,7 @@ class Series:
         self.coefficients = numpy.array([terms for _, terms in steps], dtype=element).transpose(2, 1, 0).copy()
 
     def __call__(self, times: Any) -> Any:
+        """Return the states (k, 3) at times (k,) [s]."""
         wanted = self._precision.sequence(times)
         step = self.step_of(wanted)
         since = wanted - self.times[step]
@@ -45,9 +53,13 @@ class Series:
         return total.T.copy()
 
     def samples(self, request: Request, status: Status) -> Any:
-        """(n, 3) at the request's sample times, of those that were reached; None if it has none.
+        """Return the states (n, 3) at the sample times that were reached; None without times.
 
         A run that reached its end has them all: the last one may be a rounding of a double later.
+
+        Args:
+            request: The run.
+            status: Its status.
         """
         if request.times is None:
             return None
@@ -55,14 +67,20 @@ class Series:
         return self(times if status is Status.REACHED else times[abs(times) <= abs(self.times[-1])])
 
     def step_of(self, times: Any) -> Any:
-        """(k,) the number of the step that each time lies in; of the first or last one for times outside."""
+        """Return the number (k,) of the step in which each time lies.
+
+        A time outside the run counts to the first or the last step.
+
+        Args:
+            times: (k,) times [s].
+        """
         inside = self.times[1:-1]
         backward = self.times[-1] < self.times[0]
         return numpy.searchsorted(-inside if backward else inside, -times if backward else times)
 
 
 class Integrator:
-    """A stepper of heyoka's, the callbacks that record its events, and how it is set off again."""
+    """A stepper of heyoka's with the callbacks that record its events."""
 
     def __init__(self, request: Request, events: tuple[Event, ...], chosen: dict[str, Any], compact: bool) -> None:
         self.precision = precision = request.precision
@@ -98,13 +116,14 @@ class Integrator:
         if smooth:
             # heyoka holds its callbacks where the garbage collector does not see them.
             self._branch.stepper = proxy(self._stepper)
-        # What follows the state: the integral of the divergence starts at 0, the derivatives at the identity.
+        # After the state, the integral of the divergence starts at 0 and the derivatives at the
+        # identity.
         extended = request.variations or request.divergence
         self._identity = self._stepper.state[3:].copy() if extended else None
         self._zero, self._finished = number(0), hy.taylor_outcome.time_limit
         self._parameters: Parameters | None = None
         self._speed: Any = None
-        self._kept: list[tuple[Any, Any]] | None = None  # of each step, its end and its series
+        self._kept: list[tuple[Any, Any]] | None = None  # the end and the series of each step
         self.build = Build(
             engine="taylor",
             precision=precision.name,
@@ -117,26 +136,30 @@ class Integrator:
         self._built = (self.build,)
 
     def _ending_events(self) -> list[Any]:
-        """The terminal events of heyoka: those of the request, then those that change the friction law's branch."""
+        """Return heyoka's terminal events.
+
+        Those of the request come first, then those that change the friction law's branch.
+        """
         hy, fp_type = heyoka_module(), self.precision.type
-        # An event that has fired is not seen again for as long as a start on its surface lasts. heyoka's own waiting
-        # time, made from the tolerance, is too short where the orbit only touches the surface, and too long after a
-        # switch of the branch at a loose tolerance: the state there is on the surface to rounding, whatever that is.
+        # An event that has fired is not seen again for as long as a start on its surface lasts.
+        # heyoka's own waiting time comes from the tolerance. It is too short where the orbit only
+        # touches the surface. It is too long after a switch of the branch at a loose tolerance: the
+        # state there is on the surface to rounding, at every tolerance.
         wait = self.precision.number(START_WINDOW)
 
         def ending(name: str, **options: Any) -> Any:
             return hy.t_event(self._crossings[name], cooldown=wait, fp_type=fp_type, **options)
 
         events = [ending(event.name, direction=direction_of(event)) for event in self._terminal]
-        if self._smooth:  # last, so that heyoka's numbers of the others stay; their callbacks let the run go on
-            branch = self._branch  # in bare functions: heyoka copies whatever else it is given
+        if self._smooth:  # last, to keep heyoka's numbers of the others; their callbacks continue
+            branch = self._branch  # in bare functions: heyoka copies all other callables
             events.append(ending(SWITCH.name, callback=lambda stepper, sign: branch.switched(sign, stepper.time)))
             if FLAT not in self._terminal:
                 events.append(ending(TURN_OVER.name, callback=lambda stepper, sign: branch.turned()))
         return events
 
     def _passing_event(self, event: Event) -> Any:
-        """heyoka's event that records its crossings and ends nothing."""
+        """Return heyoka's event that records its crossings and ends nothing."""
         name, records, owned = event.name, self._records, self.precision.owned
 
         def record(stepper: Any, when: Any, sign: int) -> None:
@@ -147,7 +170,17 @@ class Integrator:
         return heyoka_module().nt_event(crossing, record, direction=direction, fp_type=self.precision.type)
 
     def run(self, request: Request) -> Result:
-        """Integrate. Raises InputError unless start, duration and speed are finite numbers."""
+        """Integrate a request of this integrator's kind.
+
+        Args:
+            request: The run.
+
+        Returns:
+            The result, without half-widths.
+
+        Raises:
+            InputError: The start, the duration or the speed is not finite.
+        """
         number = self.precision.number
         state = [number(component) for component in request.state]
         duration, omega = number(request.duration), number(request.omega)
@@ -162,31 +195,32 @@ class Integrator:
             self._rewind(state)
             return self._result(request, Status.FLAT, 0)
         on = surfaces(request, start) if request.events else NO_SURFACES
-        # Of an event function that is zero to the last bit heyoka sees no other crossing in its first step.
+        # If an event function is zero to the last bit, heyoka misses its other crossings in the
+        # first step.
         careful = self._smooth or on.exactly
         outcome, low, steps = self._integrated(start, on if careful else NO_SURFACES, duration, request.max_steps)
         if not careful and abs(self._stepper.time) <= on.window and self._passable(outcome, on):
             outcome, low, steps = self._integrated(start, on, duration, request.max_steps)
         status = Status.REACHED if outcome == self._finished else self._stopped(outcome, low)
-        if on.names:  # what is the start itself is no crossing
+        if on.names:  # the start itself is not a crossing
             self._records[:] = [
                 record for record in self._records if record.name not in on.names or abs(record.time) > on.window
             ]
         return self._result(request, status, steps)
 
     def _set_parameters(self, request: Request, omega: Any) -> None:
-        """The runtime parameters, unless they are those of the run before."""
+        """Set the runtime parameters, unless they are those of the previous run."""
         if omega is not self._speed or request.parameters is not self._parameters or request.rounding is not None:
             constants = request.parameters.at(self.precision)
             values = [getattr(constants, name) for name in self._names[1:]]
             self._parameters, self._speed = request.parameters, omega
             if request.rounding is not None:
                 values = nudged(values, request.rounding + 1, self.precision)
-                self._parameters = None  # the next run must not take them over
+                self._parameters = None  # the next run must not reuse them
             self._stepper.pars[: 1 + len(values)] = [omega, *values]
 
     def _rewind(self, state: Sequence[Any]) -> None:
-        """To the start, at time 0, with nothing recorded."""
+        """Return to the start, at time 0, with nothing recorded."""
         stepper = self._stepper
         stepper.time = self._zero
         if self._kept:
@@ -199,9 +233,16 @@ class Integrator:
             self._records.clear()
 
     def _until(self, target: Any, **options: Any) -> tuple[Any, Any, int]:
-        """To a time or a terminal event: the outcome, the smallest step and the number of steps, whose series stay."""
+        """Integrate until a time or the first terminal event.
+
+        The series of the steps are kept if they are needed.
+
+        Returns:
+            heyoka's outcome, the smallest step and the number of steps.
+        """
         if self._kept is not None:
-            # In half the time of heyoka's continuous output. As a bare function: it copies whatever else it is given.
+            # This takes half the time of heyoka's continuous output. heyoka copies callables that
+            # are not bare functions.
             options |= {"callback": lambda stepper: self._keep_step(), "write_tc": True}
         outcome, low, _, steps, _, _ = self._stepper.propagate_until(target, **options)
         if self._kept is not None and steps:
@@ -209,7 +250,10 @@ class Integrator:
         return outcome, low, steps
 
     def _keep_step(self) -> bool:
-        """Keep the last step's series, unless it is there already. True: the run goes on."""
+        """Keep the last step's series, unless it is kept already.
+
+        Return True, so that the run continues.
+        """
         assert self._kept is not None
         end = self._stepper.time
         if end != (self._kept[-1][0] if self._kept else self._zero):
@@ -217,36 +261,39 @@ class Integrator:
         return True
 
     def _integrated(self, start: Start, on: StartSurfaces, duration: Any, max_steps: int) -> tuple[Any, Any, int]:
-        """To the end, or to what ends the run before, as `_until` says it."""
+        """Integrate until the final time or the first terminal event (see `_until`)."""
         ended = self._set_off(start, on, duration)
         ran = ended or self._until(duration, max_steps=max_steps)
         if self._smooth and not ended and self._branch.lost:
-            # Two switches came closer than events can tell.
+            # Two switches came closer together than events can resolve.
             self._branch.looks_ahead = True
             ran = self._set_off(start, on, duration) or self._until(duration, max_steps=max_steps)
             self._branch.looks_ahead = False
         return ran
 
     def _set_off(self, start: Start, on: StartSurfaces, duration: Any) -> tuple[Any, Any, int] | None:
-        """From the start off the surfaces that it lies on, past the crossings of them that are the start itself.
+        """Move off the surfaces of the start, past the crossings that are the start itself.
 
-        Rounding decides whether heyoka sees a crossing at the start, so it must not decide what the run does; and where
-        a function is zero to the last bit, heyoka sees no other crossing of it in its first step. Returns what ended
-        the run on the way, as `_until` does; None if nothing did.
+        Rounding decides whether heyoka sees a crossing at the start, so the run must not depend on
+        it. Where a function is zero to the last bit, heyoka sees no other crossing of it in its
+        first step.
+
+        Returns:
+            The outcome, as `_until` returns it, if the run ended on the way; otherwise None.
         """
         self._rewind(start.state)
         if self._smooth:
             self._branch.begin(start)
         if not on.names:
             return None
-        # At most half of the run, so that a rest is left to be recorded.
+        # Use at most half of the run, so that the rest can be recorded.
         limit = min(self.precision.number(on.window), abs(duration) * self.precision.number(0.5))
         limit = limit if start.forward else -limit
         if self._jumped(start, limit, on):
             return None
         outcome, low = self._finished, self._zero
-        for _ in range(_MOST_PASSES):
-            # An event that fires starts its cooldown: the next call goes on.
+        for _ in range(_MAX_PASSES):
+            # An event that fires starts its cooldown, so the next call continues.
             outcome, low, _ = self._until(limit)
             if not self._passable(outcome, on):
                 break
@@ -254,10 +301,15 @@ class Integrator:
         return (outcome, low, 1) if ended or (self._smooth and self._branch.ended) else None
 
     def _jumped(self, start: Start, target: Any, on: StartSurfaces) -> bool:
-        """To a time close to the start by the first step's series, whatever events are there.
+        """Move to a time close to the start by the first step's series.
 
-        False, and back at the start, if an event of another surface is there too. (Many steps from event to event would
-        not do: what they move an angle by is lost to its rounding.)
+        This passes all events of the start's surfaces.
+        Many small steps from event to event would not do: their changes of an angle are lost in its
+        rounding.
+
+        Returns:
+            False, with the stepper back at the start, if an event of another surface lies on the
+            way too.
         """
         stepper = self._stepper
         stepper.step(target, write_tc=True)
@@ -277,17 +329,20 @@ class Integrator:
         return True
 
     def _index(self, outcome: Any) -> int | None:
-        """Which of the request's terminal events ended the run. heyoka numbers them -1, -2, ..."""
+        """Return the index of the request's terminal event that ended the run, if any.
+
+        heyoka numbers them -1, -2, ...
+        """
         index = -int(outcome.value) - 1
         return index if 0 <= index < len(self._terminal) else None
 
     def _passable(self, outcome: Any, on: StartSurfaces) -> bool:
-        """Whether what ended the run is an event on whose surface it started."""
+        """Return True if the run was ended by an event on whose surface it started."""
         index = self._index(outcome)
         return index is not None and self._terminal[index].name in on.names
 
     def _stopped(self, outcome: Any, smallest_step: Any) -> Status:
-        """Why a run did not reach its end; a terminal event is recorded."""
+        """Return the reason why a run did not reach its end, and record a terminal event."""
         if self._smooth and self._branch.ended:
             return Status.EVENT
         index = self._index(outcome)

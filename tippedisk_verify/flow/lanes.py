@@ -1,7 +1,8 @@
-"""Many runs at once in double: heyoka's batch mode, one run in each SIMD lane.
+"""Many runs at once in double precision: heyoka's batch mode, one run in each SIMD lane.
 
-For lists of speeds or starts that need the same thing. Every run has its own speed, start and duration; the lanes of a
-batch share the compiled code. Nothing here estimates an error: callers measure it on their runs.
+It serves lists of speeds or starts that need the same quantities. Every run has its own speed,
+start and duration, and all runs of a batch share the compiled code. No error is estimated here:
+callers measure it on their runs.
 """
 
 from __future__ import annotations
@@ -42,39 +43,50 @@ _Crossing = tuple[str, int, float, tuple[float, float, float]]
 
 @dataclass(frozen=True, repr=False)
 class BatchResult(Printable):
-    """What became of n runs. Arrays are doubles; a run that did not finish has NaN everywhere.
+    """The results of n runs, as arrays of doubles; a run that did not finish has NaN everywhere.
 
-    With the smooth law a run whose branch was in doubt for a moment (two switches closer than events can tell) counts
-    as not finished: the Taylor engine, one at a time, can do it.
+    Under the smooth law a run may have two switches of its branch that are closer than events can
+    resolve. It then counts as not finished. The Taylor engine, one run at a time, can compute it.
     """
 
     states: Array  #: (n, 3) final (beta, gamma, v)
     derivatives: Any = None  #: (n, 3, number of variations) at fixed final time
     divergence: Array | None = None  #: (n,) integral of div f along the orbit [1]
     crossings: tuple[_Crossing, ...] = ()  #: event, run, time [s], state
-    finished: Any = None  #: (n,) whether the final time was reached
+    finished: Any = None  #: (n,) True where the final time was reached
 
 
 def field_constants(parameters: Parameters) -> Array:
-    """The field's constants in double as an array: (r, e, a, b, g, k), or traction and epsilon instead of k."""
+    """Return the field's constants in double as an array.
+
+    They are (r, e, a, b, g, k), or traction and epsilon instead of k under the smooth law.
+
+    Args:
+        parameters: The disk and its friction law.
+    """
     constants = parameters.at(DOUBLE)
     return numpy.array([getattr(constants, name) for name in parameter_names(parameters.friction)[1:]])
 
 
-_MOST_LANES = 64  # eight times what the widest registers hold; compiling takes longer with each
+_MAX_LANES = 64  # eight times the widest registers; compile time grows with the number of lanes
 
 
 @undisturbed_methods
 class BatchTaylor:
-    """The engine for many runs. What a call needs is compiled once per instance and kept.
+    """The engine for many runs, which keeps what it has compiled.
 
-    ``width`` is the number of lanes; by default what this machine's SIMD registers hold. Threads may share an instance:
-    a call waits until what it needs is free.
+    Threads may share an instance: a call waits until the integrator that it needs is free.
+
+    Args:
+        width: The number of lanes; by default as many as this machine's SIMD registers hold.
+
+    Raises:
+        InputError: The width is not between 1 and 64.
     """
 
     def __init__(self, width: int | None = None) -> None:
-        if width is not None and not 1 <= width <= _MOST_LANES:
-            raise InputError(f"a batch has 1 to {_MOST_LANES} lanes, not {shown(width)}")
+        if width is not None and not 1 <= width <= _MAX_LANES:
+            raise InputError(f"a batch has 1 to {_MAX_LANES} lanes, not {shown(width)}")
         self.width = width or int(heyoka_module().recommended_simd_size())
         self._batches = CompiledRunners()
 
@@ -92,11 +104,28 @@ class BatchTaylor:
         events: tuple[Event, ...] = (),
         max_steps: int = 100_000,
     ) -> BatchResult:
-        """Run from ``states`` (n, 3) at speeds ``omegas`` (n,) for ``durations`` (n,).
+        """Integrate n runs.
 
-        ``constants`` is (6,) or (n, 6), as `field_constants` gives them. With ``shifted`` angles are measured
-        from pi/2. ``events`` are recorded and end nothing; a start on the surface is no crossing.
-        Raises InputError for what is no array of numbers, if the shapes do not match, or if an event is terminal.
+        Args:
+            constants: (6,) or (n, 6), or seven constants under the smooth law (`field_constants`).
+            omegas: (n,) speeds [rad/s].
+            states: (n, 3) starts: beta, gamma [rad], v [rad/s].
+            durations: (n,) [s].
+            variations: The variables of the derivatives.
+            divergence: True adds the integral of the divergence.
+            shifted: True measures angles from pi/2.
+            friction: The friction law.
+            events: Events that are recorded and end nothing. A start on the surface is not a
+                crossing.
+            max_steps: The largest number of steps of a run.
+
+        Returns:
+            The final states (n, 3), derivatives, divergence, crossings, and True for each finished
+            run.
+
+        Raises:
+            InputError: An argument is not an array of numbers, the shapes do not match, or an event
+                is terminal.
         """
         names = parameter_names(checked_friction(friction))
         constants, omegas, states, durations = map(numbers, (constants, omegas, states, durations))
@@ -123,7 +152,7 @@ class BatchTaylor:
         ops = _shifted(math) if shifted else math
 
         def is_start(name: str, run: int, when: float, state: tuple[float, ...]) -> bool:
-            """Whether a crossing is only the start: the run starts on the surface, or rests on it for ever."""
+            """Return True if a crossing is only a start, or a rest, on the surface."""
             if abs(when) > LONGEST_WINDOW and state != tuple(states[run]):
                 return False
             pars = [omegas[run].item(), *constants[run].tolist()]
@@ -132,11 +161,12 @@ class BatchTaylor:
                 return False
             return not any(start.rates(start.state)) or abs(when) <= start.window(by_name[name])[0]
 
-        return replace(result, crossings=tuple(one for one in result.crossings if not is_start(*one)))
+        kept = tuple(crossing for crossing in result.crossings if not is_start(*crossing))
+        return replace(result, crossings=kept)
 
 
 class _CompiledBatch:
-    """A batch of heyoka's, with what it was compiled for."""
+    """A batch integrator of heyoka's for one kind of request."""
 
     def __init__(
         self,
@@ -149,13 +179,13 @@ class _CompiledBatch:
     ) -> None:
         hy = heyoka_module()
         smooth = friction == "smooth"
-        # Where the smooth law's sign changes, events of the request may coincide with it. Of two events at the same
-        # time one is lost, so one serves for both.
-        asking = {
+        # Events of the request may coincide with a change of the smooth law's sign. Of two events
+        # at the same time one is lost, so one serves for both.
+        coinciding = {
             own.name: [event for event in events if smooth and event.function is own.function]
             for own in (SWITCH, TURN_OVER)
         }
-        self._events = [event for event in events if all(event not in some for some in asking.values())]
+        self._events = [event for event in events if all(event not in own for own in coinciding.values())]
         self._ops, self._friction = _shifted(numpy) if shift else numpy, friction
         self._variations, self._divergence = len(variations), divergence
         self._crossings: list[_Crossing] = []
@@ -175,19 +205,25 @@ class _CompiledBatch:
         if self._signs is not None:
             changes = {SWITCH.name: self._signs.switched, TURN_OVER.name: self._signs.turned}
             options["t_events"] = [
-                hy.t_event_batch(functions[name], callback=self._changer(change, asking[name]), cooldown=START_WINDOW)
+                hy.t_event_batch(
+                    functions[name], callback=self._changer(change, coinciding[name]), cooldown=START_WINDOW
+                )
                 for name, change in changes.items()
             ]
         start = numpy.zeros((3 + divergence, width))
         start[0] = start[1] = 1.0
         pars = numpy.ones((len(parameter_names(friction)) + smooth, width))
         self._stepper: Any = hy.taylor_adaptive_batch(system, start, pars=pars, **options)
-        # What follows the state: the integral of the divergence starts at 0, the derivatives at the identity.
+        # After the state, the integral of the divergence starts at 0 and the derivatives at the
+        # identity.
         self._rest = self._stepper.state[3:].copy()
         self._reached = hy.taylor_outcome.time_limit
 
     def run(self, pars: Array, states: Array, durations: Array, max_steps: int) -> BatchResult:
-        """``pars`` (m, n) are the speeds and the constants, in the order of `parameter_names`."""
+        """Integrate all runs, batch by batch.
+
+        ``pars`` (m, n) holds the speeds and the constants, in the order of `parameter_names`.
+        """
         count, width = len(durations), self._rest.shape[1]
         final = numpy.full((3 + len(self._rest), count), numpy.nan)
         finished = numpy.zeros(count, dtype=bool)
@@ -198,7 +234,8 @@ class _CompiledBatch:
             lanes = numpy.resize(runs, width)  # lanes left over repeat the first runs
             reached = self._propagated(pars[:, lanes], states[lanes].T, durations[lanes], max_steps)
             if len(runs) > 1 and not reached.all():
-                # One lane that breaks off ends the others too: each of them again, alone in all lanes.
+                # A lane that stops early ends the others too. Repeat each of them, alone in all
+                # lanes.
                 pending += [range(run, run + 1) for run in reversed(runs)]
                 continue
             if self._signs is not None:
@@ -211,7 +248,7 @@ class _CompiledBatch:
             ]
         derivatives = None
         if self._variations:
-            # Rows of the divergence, if it was asked for, are not wanted.
+            # Leave out the rows of the divergence.
             size = 3 + self._divergence
             derivatives = final[size:].reshape(size, self._variations, count)[:3].transpose(2, 0, 1)
         return BatchResult(
@@ -223,7 +260,7 @@ class _CompiledBatch:
         )
 
     def _propagated(self, pars: Array, states: Any, durations: Array, max_steps: int) -> Any:
-        """Run all lanes; (width,) whether each reached its end."""
+        """Run all lanes and return (width,) True for each lane that reached its end."""
         stepper = self._stepper
         stepper.set_time(0.0)
         stepper.pars[: len(pars)] = pars
@@ -236,7 +273,8 @@ class _CompiledBatch:
             stepper.reset_cooldowns()
         self._crossings.clear()
         if any((start.value(event) == 0).any() for event in self._events):
-            # Of an event function that is zero to the last bit heyoka sees no other crossing in the first step.
+            # If an event function is zero to the last bit, heyoka misses its next crossing in the
+            # first step.
             stepper.propagate_until(numpy.copysign(numpy.minimum(START_WINDOW, abs(durations) / 2), durations))
         stepper.propagate_until(durations, max_steps=max_steps)
         return numpy.array([outcome == self._reached for outcome, *_ in stepper.propagate_res])
@@ -250,14 +288,17 @@ class _CompiledBatch:
 
         return record
 
-    def _changer(self, change: Callable[[Any, int, int], None], asking: Sequence[Event]) -> Any:
-        """For heyoka, which copies whatever is no bare function: changes the sign, and records for those who ask."""
+    def _changer(self, change: Callable[[Any, int, int], None], coinciding: Sequence[Event]) -> Any:
+        """Return a callback that changes the sign and records the coinciding events.
+
+        It is a bare function, because heyoka copies all other callables.
+        """
         crossings = self._crossings
 
         def changed(stepper: Any, sign: int, lane: int) -> bool:
             change(stepper, sign, lane)
             when, state = float(stepper.time[lane]), tuple(stepper.state[:3, lane].tolist())
-            crossings.extend((event.name, lane, when, state) for event in asking if event.direction in (0, sign))
+            crossings.extend((event.name, lane, when, state) for event in coinciding if event.direction in (0, sign))
             return True
 
         return changed

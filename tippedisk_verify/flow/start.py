@@ -1,4 +1,4 @@
-"""Starts on an event's surface: which surfaces, and for how long, so that the start itself is no crossing."""
+"""Starts on an event's surface, which must not count as crossings: their surfaces and durations."""
 
 from __future__ import annotations
 
@@ -26,52 +26,80 @@ __all__ = [
 #: The shortest time for which a start on an event's surface lasts [s].
 START_WINDOW = 2.0**-30
 _WINDOWS = (START_WINDOW, 2.0**-25, 2.0**-20, 2.0**-15)
-#: And the longest.
+#: The longest such time [s].
 LONGEST_WINDOW = _WINDOWS[-1]
-#: So many roundings an event function may show at a start on its surface.
+#: The largest value of an event function at a start on its surface, in roundings.
 ROUNDINGS = 64
 
 
 class Start(NamedTuple):
-    """The start of a run in one arithmetic (or of many runs, as arrays), and what it moves by."""
+    """The start of a run in one arithmetic, or of many runs as arrays, with the field at it."""
 
     ops: Ops
     constants: Constants
     friction: Friction
     omega: Any  #: [rad/s]
     state: Sequence[Any]
-    forward: Any  #: whether time rises
+    forward: Any  #: True if time rises
 
     @classmethod
     def of(cls, request: Request, precision: Precision) -> Start:
-        """That of a request, in an arithmetic with functions for single numbers."""
+        """Return the start of a request, in an arithmetic with functions for single numbers.
+
+        Args:
+            request: The run.
+            precision: The arithmetic.
+        """
         number, ops = precision.number, shifted(precision.ops) if request.shifted else precision.ops
         state = [number(x) for x in request.state]
         constants, forward = request.parameters.at(precision), number(request.duration) >= 0
         return cls(ops, constants, request.friction, number(request.omega), state, bool(forward))
 
     def value(self, event: Event, state: Sequence[Any] | None = None) -> Any:
-        """The event's function at the start, or at another state."""
+        """Return the event's function at the start, or at another state.
+
+        Args:
+            event: The event.
+            state: (beta [rad], gamma [rad], v [rad/s]); the start if left out.
+        """
         return event.function(self.ops, self.constants, self.omega, *(self.state if state is None else state))
 
     def rates(self, state: Sequence[Any]) -> Sequence[Any]:
-        """The field at a state."""
+        """Return the field at a state [rad/s, rad/s, rad/s^2].
+
+        Args:
+            state: (beta [rad], gamma [rad], v [rad/s]).
+        """
         return field(self.ops, self.constants, self.omega, self.friction)(*state)
 
     def ahead(self, state: Sequence[Any], step: Any) -> Sequence[Any]:
-        """The state a short time after this one, to second order."""
+        """Return the state a short time ``step`` [s] after another one, to second order.
+
+        Args:
+            state: (beta [rad], gamma [rad], v [rad/s]).
+            step: The time [s].
+        """
         middle = [x + step / 2 * rate for x, rate in zip(state, self.rates(state), strict=True)]
         return [x + step * rate for x, rate in zip(state, self.rates(middle), strict=True)]
 
     def lies_on(self, event: Event, epsilon: float) -> bool:
-        """Whether the event's function is zero at the start, up to the rounding of the start."""
+        """Return True if the event's function is zero at the start, up to its rounding.
+
+        Args:
+            event: The event.
+            epsilon: The relative rounding of the start.
+        """
         return bool(abs(self.value(event)) <= ROUNDINGS * epsilon)
 
     def window(self, event: Event, epsilon: float = 2.0**-52) -> tuple[float, float]:
-        """For how long [s] a start on the event's surface lasts, in doubles, and the function's value then.
+        """Return the duration [s] of a start on the event's surface, and the function's value then.
 
-        Until the function is no rounding any more: longer where the orbit only touches the surface. A crossing in that
-        time is the start itself. The start is rounded by ``epsilon``.
+        The start lasts until the function exceeds rounding; it is longer where the orbit only
+        touches the surface. A crossing within it is the start itself. Both numbers are doubles.
+
+        Args:
+            event: The event.
+            epsilon: The relative rounding of the start.
         """
         window = value = 0.0
         for window in _WINDOWS:
@@ -82,18 +110,24 @@ class Start(NamedTuple):
 
 
 class StartSurfaces(NamedTuple):
-    """The surfaces that a start lies on."""
+    """The surfaces on which a start lies."""
 
     names: tuple[str, ...]
-    window: float = 0.0  #: for how long it lies there [s]
-    exactly: bool = False  #: whether one of the functions is zero to the last bit
+    window: float = 0.0  #: the time for which it lies there [s]
+    exactly: bool = False  #: True if one of the functions is zero to the last bit
 
 
 NO_SURFACES = StartSurfaces(())
 
 
 def at_rest(request: Request) -> bool:
-    """Whether the start is an equilibrium to the last bit. Its event functions may vanish, but it crosses nothing."""
+    """Return True if the start is an equilibrium to the last bit.
+
+    Its event functions may vanish, but it crosses no surface.
+
+    Args:
+        request: The run.
+    """
     if request.precision.number(request.state[2]) != 0:
         return False
     start = Start.of(request, request.precision)
@@ -101,16 +135,24 @@ def at_rest(request: Request) -> bool:
 
 
 def starts_on_a_surface(request: Request) -> bool:
-    """Return True if the start lies on the surface of an event, up to rounding in the request's arithmetic."""
+    """Return True if the start lies on an event's surface, up to rounding in its arithmetic.
+
+    Args:
+        request: The run.
+    """
     start, epsilon = Start.of(request, request.precision), float(request.precision.epsilon)
     return any(start.lies_on(event, epsilon) for event in request.events)
 
 
 def surfaces(request: Request, start: Start) -> StartSurfaces:
-    """The surfaces that the start of a run lies on.
+    """Return the surfaces on which the start of a run lies.
 
-    A start that floats give is rounded to a double, whatever the arithmetic. As the edge of the domain, sin(beta) = 0
-    is always the end of a run.
+    A start given by floats is rounded to a double in every arithmetic. As the edge of the domain,
+    sin(beta) = 0 always ends a run.
+
+    Args:
+        request: The run.
+        start: Its start in the request's arithmetic.
     """
     epsilon = float(request.precision.epsilon)
     if any(type(x) is float for x in request.state):

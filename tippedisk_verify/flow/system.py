@@ -1,4 +1,7 @@
-"""What heyoka compiles for a request, the field's expressions, variations and event functions; twins of its inputs."""
+"""The systems that heyoka compiles for a request, and twins of a run's inputs.
+
+A system consists of the field's expressions, the variations and the event functions.
+"""
 
 from __future__ import annotations
 
@@ -25,27 +28,36 @@ __all__ = [
     "system_of",
 ]
 
-#: Runtime parameters of the compiled field, in this order; the smooth law has two of its own instead of k, and last the
-#: branch that it is on.
+#: The runtime parameters of the compiled field, in this order. The smooth law has two of its own
+#: instead of k, and its branch follows as the last one.
 PARAMETERS = ("Omega", "r", "e", "a", "b", "g", "k")
 SMOOTH_PARAMETERS = ("Omega", "r", "e", "a", "b", "g", "traction", "epsilon")
-#: The smooth law's own events, where its branch changes, under names that requests cannot have.
+#: The smooth law's own events, at which its branch changes. Requests cannot have these names.
 SWITCH = Event("(switch)", SLIDING_REVERSAL.function)
 TURN_OVER = Event("(turns over)", FLAT.function)
 
 
-#: In so many patterns each number moves up once and down once: none stays where it is in all twins of a cycle, and on
-#: average they err by half a place, as rounding makes them.
-_ROUND = 5
+#: The number of patterns in which each number moves up once and down once. So no number stays fixed
+#: in all twins of a cycle. On average a number errs by half a place, as rounding does.
+_PATTERNS_PER_ROUND = 5
 
 
 def parameter_names(friction: Friction) -> tuple[str, ...]:
-    """The runtime parameters of a law's field, in their order."""
+    """Return the runtime parameters of a law's field, in their order.
+
+    Args:
+        friction: The friction law.
+    """
     return PARAMETERS if friction == "linear" else SMOOTH_PARAMETERS
 
 
 def constants_of(pars: Any, friction: Friction) -> Constants:
-    """The rows of the runtime parameters by name."""
+    """Return the rows of the runtime parameters by name.
+
+    Args:
+        pars: The rows, in the order of `parameter_names`.
+        friction: The friction law.
+    """
     rows = dict(zip(parameter_names(friction), pars, strict=False))
     return Constants(**{name: rows.get(name) for name in Constants._fields})
 
@@ -53,10 +65,20 @@ def constants_of(pars: Any, friction: Friction) -> Constants:
 def system_of(
     variations: Sequence[Variation], divergence: bool, events: Sequence[Event], shift: bool, friction: Friction
 ) -> tuple[Any, dict[str, Any]]:
-    """The heyoka system with what is asked for, and the expressions of the events by name.
+    """Return the heyoka system of a request, and the expressions of the events by name.
 
-    With ``shift`` angles are measured from pi/2. After the state comes the integral of the divergence, then the
-    derivatives, row by row. Raises InputError for a derivative that the field does not have.
+    The variables are the state, then the integral of the divergence, then the derivatives row by
+    row.
+
+    Args:
+        variations: The variables of the derivatives.
+        divergence: True adds the integral of the divergence.
+        events: The events.
+        shift: True measures angles from pi/2.
+        friction: The friction law.
+
+    Raises:
+        InputError: The field does not have such a derivative.
     """
     hy = heyoka_module()
     ops = shifted(hy) if shift else hy
@@ -79,16 +101,26 @@ def system_of(
 
 
 def direction_of(event: Event) -> Any:
-    """heyoka's name for the sign of its crossings."""
+    """Return heyoka's name for the sign of an event's crossings.
+
+    Args:
+        event: The event.
+    """
     directions = heyoka_module().event_direction
     return {-1: directions.negative, 0: directions.any, 1: directions.positive}[event.direction]
 
 
 def nudged(values: Sequence[Any], pattern: int, precision: Precision) -> list[Any]:
-    """A twin of some numbers: each moved by its last bit, up or down or not at all as the pattern 1, 2, ... says.
+    """Return a twin of some numbers: each moves by its last bit, up, down or not at all.
 
-    Zero stays. Twins are for what is solved by many runs, such as a limit cycle: its equations amplify rounding, and no
-    single run's error tells by how much. The spread of the results does.
+    Zero stays. Twins serve problems solved by many runs, such as a limit cycle. The equations of
+    such a problem amplify rounding, and the error of a single run does not show by how much. The
+    spread of the twins' results does.
+
+    Args:
+        values: The numbers, in ``precision``.
+        pattern: The number of the twin, 1, 2, ..., which decides how each number moves.
+        precision: Their arithmetic.
     """
     return [value * factor for value, factor in zip(values, _factors(len(values), pattern, precision), strict=True)]
 
@@ -96,7 +128,7 @@ def nudged(values: Sequence[Any], pattern: int, precision: Precision) -> list[An
 @lru_cache(maxsize=256)
 def _factors(count: int, pattern: int, precision: Precision) -> tuple[Any, ...]:
     one, ulp = precision.number(1), precision.number(precision.epsilon)
-    block, turn = divmod(pattern, _ROUND)
-    random = Random(block)  # another one for each round of patterns, and the same on every machine
-    moves = [random.sample(range(_ROUND), 2) for _ in range(count)]
+    block, turn = divmod(pattern, _PATTERNS_PER_ROUND)
+    random = Random(block)  # differs between rounds of patterns, is the same on every machine
+    moves = [random.sample(range(_PATTERNS_PER_ROUND), 2) for _ in range(count)]
     return tuple(one + ulp if turn == up else one - ulp if turn == down else one for up, down in moves)

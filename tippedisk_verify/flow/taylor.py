@@ -1,8 +1,10 @@
 """heyoka's Taylor integrator behind the contract, one run at a time in any precision.
 
-What a request needs is compiled once and kept, until a hundred others have been used since: the bare field, the field
-with the events asked for, the variational system for the derivatives asked for, each in the arithmetic asked for. All
-parameters are runtime values, so one build serves every parameter set and speed. `Taylor.builds` tells what is kept.
+Each request is served by a compiled integrator: the bare field, the field with the requested
+events, or the variational system for the requested derivatives, in the requested arithmetic. It is
+compiled once and kept until a hundred others have been used since. All parameters are runtime
+values, so one build serves every parameter set and speed. `Taylor.builds` lists the integrators
+that are kept.
 """
 
 from __future__ import annotations
@@ -26,20 +28,27 @@ from tippedisk_verify.model.surroundings import undisturbed_methods
 
 __all__ = ["Taylor"]
 
-_SURFACE_DIGITS = 20  # to which a run is corrected whose start doubles cannot tell from an event's surface
+#: The digits to which a run is corrected if its start, as a double, lies on an event's surface.
+_SURFACE_DIGITS = 20
 
 
 @undisturbed_methods
 class Taylor:
-    """The engine: adaptive Taylor series of the order that the tolerance asks for, in any precision.
+    """The engine: Taylor series of the order that the tolerance requires, in any precision.
 
-    Threads may share an instance: a run waits until the integrator that it needs is free. They are faster with one each
-    (`flow.default_engine`).
-    ``high_accuracy`` compensates the summation of the series; over tens of seconds it changes the error little here,
-    because the rounding of the inputs dominates. ``fast_math`` lets the compiler reorder sums: in double a fifth less
-    run time, and last digits that depend on the processor. ``compact`` overrides the measured choice between unrolled
-    code (double: half the run time) and loops (above double, where compiling unrolled code would take minutes).
-    Raises InputError if sums are to be reordered and compensated at once.
+    Threads may share an instance: a run waits until the integrator that it needs is free. They are
+    faster with one instance each (`flow.default_engine`).
+
+    Args:
+        high_accuracy: Compensate the summation of the series. Over tens of seconds it changes the
+            error little here, because the rounding of the inputs dominates.
+        fast_math: Let the compiler reorder sums. In double this saves a fifth of the run time, but
+            last digits then depend on the processor.
+        compact: Override the measured choice between unrolled code (double: half the run time) and
+            loops (above double, where unrolled code would take minutes to compile).
+
+    Raises:
+        InputError: Both ``high_accuracy`` and ``fast_math`` are chosen.
     """
 
     def __init__(
@@ -56,7 +65,7 @@ class Taylor:
         self._integrators = CompiledRunners()
 
     def __reduce_ex__(self, protocol: Any) -> Any:
-        """For other processes: the default engine is the one there."""
+        """Pickle the default engine as the default engine of the other process."""
         return (default_engine, ()) if self is default_engine() else super().__reduce_ex__(protocol)
 
     @property
@@ -69,13 +78,21 @@ class Taylor:
 
     @property
     def builds(self) -> tuple[Build, ...]:
-        """Everything that this engine has built and still keeps, in order."""
+        """The integrators that this engine has compiled and still keeps, in order."""
         return tuple(integrator.build for integrator in self._integrators.kept())
 
     def __call__(self, request: Request) -> Result:
-        """Integrate. Raises InputError for a start, duration or speed that is not a finite number.
+        """Integrate as requested.
 
-        And for a start so close to the floor that the disk is seen to lie flat only when it is below.
+        Args:
+            request: The run.
+
+        Returns:
+            The result, with half-widths if the request asks for them.
+
+        Raises:
+            InputError: The start, the duration or the speed is not a finite number. Or the start is
+                so close to the floor that the event sees the disk lie flat only when it is below.
         """
         if request.events and at_rest(request):
             return self(replace(request, events=()))
@@ -90,7 +107,7 @@ class Taylor:
             key, lambda: Integrator(request, events, self._options, compact), request
         )
         if request.domain == "samples" and _outside(request, result):
-            # Rare: only now is the event worth building, and only it can say when the disk lay flat.
+            # This is rare. Only now is the event worth compiling, and only it finds the time.
             return self(replace(request, domain="event"))
         if request.domain == "event" and _outside(request, result):
             raise InputError("this start is so close to the floor that rounding decides whether the disk leaves it")
@@ -99,10 +116,10 @@ class Taylor:
         return result
 
     def _with_error(self, request: Request, result: Result) -> Result:
-        """Return the result with half-widths, by the run's defect, or where that cannot tell by a wider run.
+        """Return the result with half-widths, from its defect or else from a wider run.
 
-        A run that did not get where it was to go has none. A start within rounding of an event's surface, for which
-        doubles have no half-widths, is corrected in wider arithmetic.
+        A run that stopped early has no half-widths. A start within rounding of an event's surface,
+        for which doubles have no half-widths, is corrected in wider arithmetic.
         """
         if not result.status.usable:
             if request.estimated_by_defect:
@@ -123,11 +140,11 @@ class Taylor:
 
 
 def _outside(request: Request, result: Result) -> bool:
-    """Whether the end or a sample has sin(beta) <= 0."""
+    """Return True if the end or a sample has sin(beta) <= 0."""
     if not result.status.usable or result.status is Status.FLAT:
         return False
     samples = result.series.samples(request, result.status) if request.estimated_by_defect else result.samples
     angles = [result.state[0], *(() if samples is None else samples[:, 0])]
-    # Far from rounding, for an event to be seen: the float's sign is the number's.
+    # The angle lies far enough from the edge that the float's sign is the number's.
     sine = numpy.cos if request.shifted else numpy.sin
     return bool((sine([float(angle) for angle in angles]) <= 0).any())

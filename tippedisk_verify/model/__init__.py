@@ -1,1 +1,1 @@
-"""What the tippedisk is: numbers, parameters, equations. Nothing here integrates anything."""
+"""The tippedisk itself: numbers, parameters, equations. Nothing here integrates."""

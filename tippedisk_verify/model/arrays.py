@@ -1,4 +1,4 @@
-"""Arrays of doubles, and the equations of motion on them, for solvers of other packages."""
+"""Arrays of doubles, and the equations of motion on them for solvers of other packages."""
 
 from __future__ import annotations
 
@@ -21,16 +21,32 @@ Array = NDArray[numpy.float64]
 
 
 def doubles(values: Any) -> Array:
-    """An array's numbers rounded to doubles. (Of heyoka's MPFR numbers `astype` loses 128 bytes each.)"""
+    """Round an array's numbers to doubles.
+
+    heyoka's MPFR numbers are converted one by one: `astype` would leak 128 bytes for each.
+
+    Args:
+        values: An array of numbers of any kind.
+
+    Returns:
+        An array of the same shape.
+    """
     if values.dtype != object:
         return values.astype(float, copy=False)  # type: ignore[no-any-return]
     return numpy.array([float(value) for value in values.flat]).reshape(values.shape)
 
 
 def numbers(values: Any) -> Any:
-    """Return numbers of any kind, one of them or an array or nested lists of them, in doubles.
+    """Convert a number, an array or nested lists of numbers of any kind to an array of doubles.
 
-    Raises InputError for what is no number, and for lists that are no array.
+    Args:
+        values: A number, an array, or nested lists or tuples.
+
+    Returns:
+        An array of the same shape; a single number has no dimensions.
+
+    Raises:
+        InputError: An entry is not a number, or the lists do not form an array.
     """
     if type(values) is numpy.ndarray and values.dtype.kind == "f":
         return values.astype(float, copy=False)
@@ -44,28 +60,61 @@ def numbers(values: Any) -> Any:
 
 
 def half_widths(values: Any) -> Array:
-    """Half-widths in doubles: the least double stands for what no double is small enough for."""
+    """Round half-widths to doubles.
+
+    The least double stands for a positive half-width that rounds to zero.
+
+    Args:
+        values: An array of half-widths of any kind.
+
+    Returns:
+        An array of the same shape.
+    """
     rounded = doubles(values)
     return numpy.where((rounded == 0) & (values > 0), numpy.nextafter(0.0, 1.0), rounded)
 
 
 def workable(values: Any) -> Any:
-    """Doubles and extended numbers as they are, all others as objects.
+    """Convert an array to objects unless it holds doubles or extended numbers; None stays None.
 
-    NumPy refuses most of its functions to heyoka's own arrays of quadruple numbers, and `numpy.save` spoils them.
+    NumPy refuses most of its functions to heyoka's arrays of quadruple numbers, and `numpy.save`
+    spoils them.
+
+    Args:
+        values: An array, or None.
     """
     return values if values is None or values.dtype in (float, numpy.longdouble) else values.astype(object)
 
 
 @undisturbed_methods
 class OnArrays:
-    """`field` or `jacobian` as ``f(t, y)`` of a state (3,) or of states (3, k) in doubles. It can be pickled."""
+    """`field` or `jacobian` as a function ``f(t, y)`` in doubles, which can be pickled.
+
+    ``y`` is a state (3,) or states (3, k): beta, gamma [rad] and v [rad/s].
+
+    Args:
+        made: `field` or `jacobian`.
+        parameters: The disk and its friction law.
+        omega: The spinning speed [rad/s].
+
+    Raises:
+        InputError: ``omega`` is not a speed, or ``y`` has another shape.
+    """
 
     def __init__(self, made: Callable[..., Any], parameters: Parameters, omega: object) -> None:
         self._of, speed = (made, parameters, omega), DOUBLE.number(checked_speed(omega))
         self._function = made(numpy, parameters.at(DOUBLE), speed, parameters.friction)
 
     def __call__(self, t: object, y: Any) -> Array:
+        """Return the function's value at a state (3,) or at states (3, k).
+
+        Args:
+            t: The time, which does not matter.
+            y: The state or states.
+
+        Raises:
+            InputError: ``y`` does not have three rows, or has a unit or masked elements.
+        """
         refuse_qualified(y)
         try:
             beta, gamma, v = y

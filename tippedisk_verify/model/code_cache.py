@@ -1,9 +1,10 @@
-"""heyoka's cache of compiled code, in this package's cache folder and with a checksum for each entry.
+"""heyoka's cache of compiled code, in this package's cache folder, with a checksum for each entry.
 
-heyoka runs the code that it finds in its SQLite file; damaged code crashes the process or computes something else. So
-each entry gets a checksum when it has been compiled, and a note keeps the file's size and times when all was sound.
-Where they differ, each entry is held against its checksum; what does not fit, or has none, is removed and compiled
-anew. What still lies in SQLite's log has checksums of SQLite's own.
+heyoka runs the code that it finds in its SQLite file. Damaged code crashes the process or computes
+something else. So each entry receives a checksum once it has been compiled, and a note records the
+file's size and times when all was sound. If they differ later, each entry is compared with its
+checksum. Entries that do not match, or have no checksum, are removed and compiled again. Entries
+that are still in SQLite's log have checksums of SQLite's own.
 """
 
 from __future__ import annotations
@@ -20,18 +21,26 @@ from tippedisk_verify.cache import code_folder
 __all__ = ["guarded", "vouch"]
 
 _LIMIT = 256 * 2**20  # bytes
-# All that heyoka reads of an entry. When it was last used changes, and decides about nothing but what goes first.
+# All columns that heyoka reads, except the time of last use: it changes, and only decides which
+# entries are removed first.
 _READ = ("hash", "bitcode", "comp_flag", "env_fingerprint", "opt_bc", "opt_ir", "obj", "size")
 _COLUMNS = ", ".join(f"CAST({name} AS BLOB)" for name in _READ)
 _ENTRIES = f"SELECT hash, digest, {_COLUMNS} FROM cache LEFT JOIN digests USING (hash)"
 _TABLE = "CREATE TABLE IF NOT EXISTS digests (hash INTEGER PRIMARY KEY, digest BLOB NOT NULL)"
 _FORGET = "DELETE FROM digests WHERE hash NOT IN (SELECT hash FROM cache)"
 _RECKON = "UPDATE config SET value = (SELECT COALESCE(SUM(size), 0) FROM cache) WHERE key = 'total_size'"
-_in_use: list[Any] = []  # heyoka's state, the file, its note, and how large all entries were when each had a checksum
+# heyoka's state, the file, its note, and the size of all entries when each had a checksum.
+_in_use: list[Any] = []
 
 
 def guarded(llvm_state: Any) -> None:
-    """Give heyoka a checked file in this package's cache folder; or none, if none is wanted or can be used."""
+    """Give heyoka a checked cache file in this package's cache folder.
+
+    heyoka uses no cache file if none is wanted or can be used.
+
+    Args:
+        llvm_state: heyoka's class of that name.
+    """
     llvm_state.set_diskcache_enabled(False)
     with suppress(OSError, RuntimeError, sqlite3.Error):
         if folder := code_folder():
@@ -48,7 +57,11 @@ def guarded(llvm_state: Any) -> None:
 
 
 def vouch(*, ending: bool = False) -> None:
-    """Give their checksums to entries that have none, if any have come since the last time."""
+    """Add checksums to new entries if any have come since the last call.
+
+    Args:
+        ending: The process is ending: look at the file even if it has not grown.
+    """
     with suppress(OSError, ValueError, RuntimeError, sqlite3.Error):
         llvm_state, path, note, before = _in_use
         _in_use[3] = size = llvm_state.get_diskcache_size()
@@ -59,10 +72,10 @@ def vouch(*, ending: bool = False) -> None:
 
 
 def _settle(path: Path, note: Path, *, adding: bool, checking: bool) -> None:
-    """Add or check checksums and note what the file is then, unless another process is changing it.
+    """Add or check checksums, then note the file's state unless another process is changing it.
 
-    A file that is no cache is removed. SQLite calls no function of ours: it takes Ctrl-C in one for a fault of the
-    file, and nobody hears of it.
+    A file that is not a cache is removed. SQLite must not call a function of ours: it would take
+    Ctrl-C in one for a fault of the file and hide it.
     """
     before = _stamp(path)
     try:
@@ -83,12 +96,12 @@ def _settle(path: Path, note: Path, *, adding: bool, checking: bool) -> None:
             note.write_bytes(_stamp(path))
     except sqlite3.DatabaseError as fault:
         if isinstance(fault, sqlite3.OperationalError) and fault.sqlite_errorcode != sqlite3.SQLITE_ERROR:
-            raise  # locked, read-only, a full disk: another time it may be whole
+            raise  # locked, read-only or a full disk: the file itself may be sound
         path.unlink(missing_ok=True)
 
 
 def _digest(values: list[bytes | None]) -> bytes:
-    """What changes with each value and its length."""
+    """Return bytes that change with each value and its length."""
     parts = [value or b"" for value in values]
     return sha256(b"%a" % [*map(len, parts)] + b"".join(parts)).digest()
 

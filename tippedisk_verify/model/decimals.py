@@ -1,4 +1,4 @@
-"""Exact numbers as decimals, with what their rounding changes, and the context of all decimal arithmetic here."""
+"""Exact numbers as decimals with their rounding error, and a context for decimals."""
 
 from __future__ import annotations
 
@@ -33,9 +33,10 @@ __all__ = [
 
 @cache
 def _context(digits: int, rounding: str) -> Context:
-    """A context with every setting stated: what is left out comes from `decimal.DefaultContext`, which anybody can set.
+    """Return a decimal context in which every setting is explicit.
 
-    The exponents have the widest range, so that no number met here overflows.
+    An omitted setting would come from `decimal.DefaultContext`, which any program can change. The
+    exponents have the widest range, so that no number met here overflows.
     """
     traps = [InvalidOperation, DivisionByZero, Overflow]
     return Context(digits, rounding, Emin=MIN_EMIN, Emax=MAX_EMAX, capitals=1, clamp=0, flags=[], traps=traps)
@@ -46,37 +47,48 @@ _TRUNCATED = _context(1, ROUND_DOWN)
 
 @contextmanager
 def arithmetic(digits: int = 140, rounding: str = ROUND_HALF_EVEN) -> Iterator[None]:
-    """Compute with decimals of so many digits; Omega_h has 102. Also a decorator.
+    """Compute with decimals of ``digits`` digits while the context is entered; also a decorator.
 
-    All arithmetic with decimals happens in it. The caller's context is neither read nor changed.
+    All decimal arithmetic of the package runs in it. The caller's context is neither read nor
+    changed.
+
+    Args:
+        digits: The number of digits. The default exceeds the 102 digits of Omega_h.
+        rounding: A rounding mode of `decimal`.
     """
     with localcontext(_context(digits, rounding)):
         yield
 
 
 def exact_text(value: Fraction) -> str:
-    """The number itself as text: a decimal, or a ratio of integers if no decimal ends."""
+    """Return the exact number as a decimal, or as a ratio if its decimals never end."""
     text, cut = exact_decimals(value)
     return text if cut == "0" else f"{Decimal(value.numerator)}/{Decimal(value.denominator)}"
 
 
 def rounded_up(value: Fraction) -> str:
-    """The least decimal of two significant digits that is not smaller than a positive ``value``."""
+    """Return the least decimal of two significant digits that is at least ``value`` > 0."""
     return at_place(value, decimal_magnitude(value) - 1, math.ceil)[0]
 
 
 def rounded_down(value: Fraction) -> str:
-    """The greatest decimal of two significant digits that is not larger than a positive ``value``."""
+    """Return the greatest decimal of two significant digits that is at most ``value`` > 0."""
     return at_place(value, decimal_magnitude(value) - 1, math.floor)[0]
 
 
 def decimal_magnitude(value: Fraction) -> int:
-    """The integer k with 10**k <= |value| < 10**(k+1), for a value that is not zero."""
+    """Return the integer k with 10**k <= |value| < 10**(k+1), for a value other than zero."""
     return _TRUNCATED.divide(Decimal(value.numerator), Decimal(value.denominator)).adjusted()
 
 
 def exact_decimals(value: Fraction) -> tuple[str, str]:
-    """The number, and the half-width of what it leaves out: zero if it is a decimal."""
+    """Return a number as a decimal, and the half-width of its rounding.
+
+    The half-width is "0" if the decimal is exact. A repeating decimal is cut after fifty digits.
+
+    Args:
+        value: The number.
+    """
     places = value.denominator.bit_length()
     if 10**places % value.denominator:  # a repeating decimal: fifty digits and the half-width of the cut
         text, cut = at_place(value, decimal_magnitude(value) - 50)
@@ -87,9 +99,16 @@ def exact_decimals(value: Fraction) -> tuple[str, str]:
 
 
 def at_place(value: Fraction, place: int, rounding: Callable[[Fraction], int] = round) -> tuple[str, Fraction]:
-    """``value`` rounded to a multiple of ``10**place``, and by how much that changes it.
+    """Round ``value`` to a multiple of ``10**place`` and return it with the change.
 
-    As a decimal string, in scientific notation above 10^6 and below 10^-5.
+    Args:
+        value: The number.
+        place: The decimal place.
+        rounding: The function that rounds to an integer.
+
+    Returns:
+        The decimal as a text, in scientific notation above 10^6 and below 10^-5, and the absolute
+        change by the rounding.
     """
     unit = Fraction(10) ** place
     steps = rounding(value / unit)
@@ -99,6 +118,6 @@ def at_place(value: Fraction, place: int, rounding: Callable[[Fraction], int] = 
     if not steps or Decimal("1e-5") <= number.copy_abs() <= 10**6:
         return f"{number:f}", change
     mantissa, exponent = f"{number:e}".split("e")
-    if not place:  # a whole number: its last zeros are only written out
+    if not place:  # an integer: its last zeros carry no accuracy
         mantissa = mantissa.rstrip("0").rstrip(".")
     return f"{mantissa}e{int(exponent)}", change

@@ -1,13 +1,18 @@
-"""The tippedisk's equations of motion, once, for every kind of number.
+"""The tippedisk's equations of motion, written once for every kind of number.
 
-State ``(beta, gamma, v)`` with ``v = d(beta)/dt``; angles in rad, ``v`` and the spinning speed ``Omega`` in rad/s. The
-functions take ``ops``, a namespace with ``sin`` and ``cos`` for the kind of number at hand (``math``, ``numpy``, an
-mpmath context, ``heyoka``, ``sympy``), and work on whatever it works on: floats, arrays, high-precision numbers,
-expressions.
+The state is ``(beta, gamma, v)`` with ``v = d(beta)/dt``. Angles are in rad, ``v`` and the spinning
+speed ``Omega`` in rad/s. The functions take ``ops``, a namespace with ``sin`` and ``cos`` for one
+kind of number (``math``, ``numpy``, an mpmath context, ``heyoka``, ``sympy``). They work on the
+same kind: floats, arrays, high-precision numbers, expressions.
 
-`terms` holds the paper's own quantities. `field` is what gets integrated: the same acceleration with its common factors
-taken out (51 instead of 75 operations in a Taylor recurrence) and with products instead of powers, because a general
-power divides by its base and cos(beta) vanishes at every equilibrium and section. A test proves the two equal.
+`terms` holds the paper's own quantities. `field` is the function that is integrated. It is the same
+acceleration in another form:
+
+- Common factors are taken out, which leaves 51 instead of 75 operations in a Taylor recurrence.
+- Products replace powers, because a general power divides by its base and cos(beta) vanishes at
+  every equilibrium and section.
+
+A test proves the two forms equal.
 """
 
 from __future__ import annotations
@@ -38,7 +43,7 @@ Field = Callable[[Any, Any, Any], tuple[Any, Any, Any]]
 
 
 class Ops(Protocol):
-    """A namespace with the functions of the kind of number at hand."""
+    """A namespace with the functions of one kind of number."""
 
     def sin(self, angle: Any, /) -> Any: ...
 
@@ -55,18 +60,27 @@ class _ShiftedOps:
 
 
 def shifted(ops: Ops) -> Ops:
-    """``ops`` for angles measured from pi/2, the paper's beta_bar and gamma_bar (Eq. shifted coordinates).
+    """Return ``ops`` for angles measured from pi/2, the paper's beta_bar and gamma_bar.
 
-    With it every function here takes shifted angles. Near inverted spinning they are small numbers, which keep the
-    relative accuracy that beta and gamma, of size pi/2, lose.
+    They are defined in Eq. shifted coordinates. With the result, every function here takes shifted
+    angles. Near inverted spinning these are small numbers. They keep the relative accuracy that
+    beta and gamma, of size pi/2, lose.
+
+    Args:
+        ops: The functions of the kind of number.
     """
     return _ShiftedOps(ops)
 
 
 def checked_speed(omega: object) -> Fraction:
-    """Omega [rad/s] as the rational that ``omega`` (anything that `exact` takes) stands for.
+    """Return the speed Omega [rad/s] as an exact rational.
 
-    Raises InputError unless it is a decimal between 1e-300 and 1e6: slower or faster, doubles and the disk give out.
+    Args:
+        omega: A number or text that `exact` accepts.
+
+    Raises:
+        InputError: It is not one decimal between 1e-300 and 1e6. Beyond these limits doubles
+            or the model fail.
     """
     if isinstance(omega, list | tuple):
         raise InputError("one speed is needed, not several: `Disk.branch` takes a list of them")
@@ -77,7 +91,15 @@ def checked_speed(omega: object) -> Fraction:
 
 
 def one_speed(**ways: object) -> None:
-    """Raise InputError unless exactly one of the ways to give a speed is used; an option is named as on the line."""
+    """Raise InputError unless exactly one of several ways to give a speed is used.
+
+    Args:
+        ways: The values of the ways, by the names that the message uses. None and False mean
+            unused.
+
+    Raises:
+        InputError: None of them is used, or several.
+    """
     if (number := sum(way is not None and way is not False for way in ways.values())) != 1:
         *first, last = ways
         several = ", not with several" if number else ""
@@ -85,7 +107,14 @@ def one_speed(**ways: object) -> None:
 
 
 def checked_speeds(omegas: object) -> list[Fraction]:
-    """The speeds [rad/s] of a list, each as `checked_speed` has it; a text or a number by itself is one speed."""
+    """Return the speeds [rad/s] of a list as exact rationals; a single text or number is one speed.
+
+    Args:
+        omegas: A list or an array of speeds, or one speed.
+
+    Raises:
+        InputError: An entry is not a speed, as in `checked_speed`.
+    """
     return [checked_speed(omega) for omega in entries(omegas)]
 
 
@@ -100,7 +129,15 @@ class Terms(NamedTuple):
 
 
 def terms(ops: Ops, constants: Constants, omega: Any, beta: Any, gamma: Any, v: Any) -> Terms:
-    """M, h, f_G, w_y and gamma_y as the paper writes them."""
+    """Return M, h, f_G, w_y and gamma_y as the paper writes them.
+
+    Args:
+        ops: The functions of the kind of number.
+        constants: The parameters in the same kind.
+        omega: The spinning speed [rad/s].
+        beta, gamma: The angles [rad].
+        v: d(beta)/dt [rad/s].
+    """
     r, e, m, g = constants.r, constants.e, constants.m, constants.g
     A, Bbar = constants.A, constants.Bbar
     sin_b, cos_b, sin_g, cos_g = ops.sin(beta), ops.cos(beta), ops.sin(gamma), ops.cos(gamma)
@@ -123,7 +160,15 @@ def terms(ops: Ops, constants: Constants, omega: Any, beta: Any, gamma: Any, v: 
 
 
 def friction_force(constants: Constants, sliding_velocity: Any, friction: Friction) -> Any:
-    """lambda_Ty [N]: Eq. lin_lambda_y_3DOF (linear) or Eq. lambda_y_3DOF (smooth Coulomb)."""
+    """Return the friction force lambda_Ty [N].
+
+    It follows Eq. lin_lambda_y_3DOF (linear) or Eq. lambda_y_3DOF (smooth Coulomb).
+
+    Args:
+        constants: The parameters.
+        sliding_velocity: gamma_y [m/s].
+        friction: The friction law.
+    """
     weight = constants.mu * constants.m * constants.g
     if friction == "linear":
         return -(weight / constants.epsilon) * sliding_velocity
@@ -131,11 +176,19 @@ def friction_force(constants: Constants, sliding_velocity: Any, friction: Fricti
 
 
 def field(ops: Ops, constants: Constants, omega: Any, friction: Friction, side: Any = None) -> Field:
-    """The vector field ``(beta, gamma, v) -> (beta', gamma', v')`` [rad/s, rad/s, rad/s^2] (Eq. 3DOF).
+    """Return the vector field ``(beta, gamma, v) -> (beta', gamma', v')`` (Eq. 3DOF).
 
-    What does not depend on the state is computed here, once; the function returned has only the rest to do.
-    Only ``r, e, a, b, g`` and ``k`` (linear) or ``traction, epsilon`` (smooth) of ``constants`` are used. ``side`` (1
-    or -1) takes the smooth law's analytic branch for gamma_y of that sign, wherever the state is.
+    Its values are in rad/s, rad/s and rad/s^2. Terms that do not depend on the state are computed
+    once, here.
+
+    Args:
+        ops: The functions of the kind of number.
+        constants: The parameters in the same kind. Only ``r, e, a, b, g`` and ``k`` (linear) or
+            ``traction, epsilon`` (smooth) are used.
+        omega: The spinning speed [rad/s].
+        friction: The friction law.
+        side: 1 or -1 selects the smooth law's analytic branch for gamma_y of that sign at every
+            state.
     """
     sin, cos = ops.sin, ops.cos
     r, e, b, g = constants.r, constants.e, constants.b, constants.g
@@ -174,10 +227,14 @@ def field(ops: Ops, constants: Constants, omega: Any, friction: Friction, side: 
 def jacobian(
     ops: Ops, constants: Constants, omega: Any, friction: Friction, side: Any = None
 ) -> Callable[[Any, Any, Any], tuple[tuple[Any, Any, Any], ...]]:
-    """The function ``(beta, gamma, v) -> d(beta', gamma', v')/d(beta, gamma, v)``, differentiated by hand.
+    """Return the function ``(beta, gamma, v) -> d(beta', gamma', v')/d(beta, gamma, v)``.
 
-    Where gamma_y = 0 the smooth law is continuously differentiable, with the linear law's derivative. ``side``
-    as in `field`. It is one piece, so that each line can be held against the line of `field` that it differentiates.
+    The rows of its value are tuples. It is differentiated by hand, and kept in one piece so that
+    each line can be compared with the line of `field` that it differentiates. At gamma_y = 0 the
+    smooth law is continuously differentiable, with the linear law's derivative.
+
+    Args:
+        ops, constants, omega, friction, side: As for `field`.
     """
     sin, cos = ops.sin, ops.cos
     r, e, b, g = constants.r, constants.e, constants.b, constants.g
@@ -219,8 +276,9 @@ def jacobian(
             size = abs(sliding) if side is None else side * sliding
             yielding = size + epsilon
             resistance = traction * grip / yielding
-            # d|gamma_y| = sign(gamma_y) d(gamma_y), and grip = rho sin(beta) gamma_y, so grip * sign(gamma_y) needs no
-            # sign function: this holds for every kind of number, and at gamma_y = 0.
+            # d|gamma_y| = sign(gamma_y) d(gamma_y), and grip = rho sin(beta) gamma_y. So
+            # grip * sign(gamma_y) needs no sign function. This holds for every kind of number, and
+            # at gamma_y = 0.
             drag = traction * rho * sin_b * size / (yielding * yielding)
             factor = traction / yielding
             resist_b = factor * grip_b - drag * (cos_b * slip + sin_b * slip_b)
@@ -243,10 +301,17 @@ def jacobian(
 def normal_force_over_weight(
     ops: Ops, constants: Constants, omega: Any, state: Sequence[Any], acceleration: Any
 ) -> Any:
-    """lambda_N / (m g) = 1 + (d^2 z_S / dt^2) / g [1], where z_S = (r + e sin(gamma)) sin(beta) along the motion.
+    """Return the normal force over the weight, lambda_N / (m g) [1].
 
-    z_S is the height of the centre of gravity, ``acceleration`` is dv/dt at the state. A negative value means that the
-    contact would open.
+    It is 1 + (d^2 z_S / dt^2) / g along the motion, where z_S = (r + e sin(gamma)) sin(beta) is the
+    height of the centre of gravity. A negative value means that the contact would open.
+
+    Args:
+        ops: The functions of the kind of number.
+        constants: The parameters in the same kind.
+        omega: The spinning speed [rad/s].
+        state: (beta [rad], gamma [rad], v [rad/s]).
+        acceleration: dv/dt at the state [rad/s^2].
     """
     beta, gamma, v = state
     sin_b, cos_b, sin_g, cos_g = ops.sin(beta), ops.cos(beta), ops.sin(gamma), ops.cos(gamma)

@@ -1,8 +1,8 @@
-"""Exact inputs: what a value means before it meets an arithmetic.
+"""Exact inputs: the real number that a value means before any rounding.
 
-A decimal string, a rational, a float or a high-precision number each stand for one real number, possibly plus a
-rational multiple of pi (`Exact`). Floating-point numbers of every kind are taken apart into an integer mantissa and
-a power of two, so nothing is lost on the way in.
+A decimal string, a rational, a float or a high-precision number stands for one real number,
+possibly plus a rational multiple of pi (`Exact`). Floating-point numbers of every kind are split
+into an integer mantissa and a power of two, so no input loses digits.
 """
 
 from __future__ import annotations
@@ -35,13 +35,13 @@ __all__ = [
     "whole",
 ]
 
-# A decimal exponent beyond this is a mistake, not a physical quantity, and would cost memory without bound.
+# A larger decimal exponent is a mistake, and would cost memory without bound.
 _LARGEST_DECIMAL_EXPONENT = 10_000
-# The same for powers of two; the widest arithmetic offered needs far less.
+# The same for powers of two; even the widest arithmetic needs far less.
 _LARGEST_BINARY_EXPONENT = 100_000_000
 # Python converts integers of up to 4300 decimal digits; nothing here needs more.
 _LARGEST_TEXT = 4_000
-# Attributes by which the packages for physical units show that an object has one.
+# Attributes of an object with a physical unit, in the packages for units.
 _UNIT_ATTRIBUTES = ("unit", "units", "dimensionality", "dimensions")
 _HAS_UNIT = "'{}' has a unit: give it in rad/s, rad, s or other SI units, without a unit"
 
@@ -53,9 +53,10 @@ _TERM = re.compile(
 
 @dataclass(frozen=True, slots=True)
 class Exact:
-    """The real number ``rational + pi_multiple * pi``; what every input is before it meets a precision.
+    """The real number ``rational + pi_multiple * pi``: the exact form of every input.
 
-    Angles such as the section beta = pi/2 are written this way because pi/2 rounded to double is not the section.
+    Angles such as the section beta = pi/2 need the multiple, because pi/2 rounded to double is not
+    the section.
     """
 
     rational: Fraction
@@ -78,7 +79,13 @@ class Exact:
     __rmul__ = __mul__
 
     def enclosed(self, working_bits: int) -> tuple[Fraction, Fraction]:
-        """Rational lower and upper bounds, at most ``|pi_multiple| * 2**(1 - working_bits)`` apart."""
+        """Return rational lower and upper bounds of the number.
+
+        They are at most ``|pi_multiple| * 2**(1 - working_bits)`` apart.
+
+        Args:
+            working_bits: The bits of pi after the binary point.
+        """
         if not self.pi_multiple:
             return self.rational, self.rational
         low, high = _pi_bounds(working_bits)
@@ -86,7 +93,11 @@ class Exact:
         return min(ends), max(ends)
 
     def rounded(self, mantissa_bits: int) -> tuple[int, int]:
-        """``(mantissa, exponent)`` of the nearest number with that many bits (ties to even)."""
+        """Return ``(mantissa, exponent)`` of the nearest number with that many bits, ties to even.
+
+        Args:
+            mantissa_bits: The bits of the mantissa.
+        """
         if not self.pi_multiple:
             return _round_fraction(self.rational, mantissa_bits)
         working = mantissa_bits + 64
@@ -104,7 +115,7 @@ class Exact:
 
 
 class Approximate:
-    """A number with a half-width (`model.measured`). Wherever a number goes in, it stands for its value."""
+    """A number with a half-width (`model.measured`); used as an input, it means its value."""
 
     __slots__ = ()
 
@@ -125,23 +136,29 @@ class Binary(NamedTuple):
 
 
 def plain_number(value: object) -> Exact | Binary | Decimal | float | str:
-    """Return the number that an object stands for: the one place that decides what a number is.
+    """Return the number that an object stands for: the only place that decides what a number is.
 
-    Every speed, state, time, parameter and answer passes it. An object is asked what it says of itself before it is
-    unwrapped, and what is inside is asked again.
+    Every speed, state, time, parameter and answer passes through it. An object is first checked for
+    a unit, a mask and the like, then unwrapped, and its content is checked in turn.
 
     - A text (str) is returned as it is: the caller reads it.
     - A float of Python's or NumPy's in double precision is a float, a Decimal a Decimal.
-    - Other floating-point numbers become `Binary`: NumPy's, mpmath's, gmpy2's, heyoka's, python-flint's and SymPy's.
-      An infinity or NaN of theirs becomes a float.
-    - Integers and rationals of every kind become `Exact`: whatever has ``__index__``, or a numerator and a denominator.
-    - A number with a half-width of this package stands for its value, exactly.
-    - An array of one element, of any shape, stands for that element; so does a scalar of JAX, PyTorch, xarray, pandas
-      or PyArrow.
+    - Other floating-point numbers become `Binary`: those of NumPy, mpmath, gmpy2, heyoka,
+      python-flint and SymPy. Their infinities and NaN become a float.
+    - Integers and rationals of every kind become `Exact`: objects with ``__index__``, or with a
+      numerator and a denominator.
+    - A number with a half-width of this package means its value, exactly.
+    - An array of one element, of any shape, means that element; so does a scalar of JAX, PyTorch,
+      xarray, pandas or PyArrow.
 
-    Raises InputError for all else, and for what is no plain number by its own account: truth values, masked elements,
-    quantities with a unit, complex numbers, balls with a radius, and constants such as mpmath's pi, whose value depends
-    on the precision.
+    Args:
+        value: Any object.
+
+    Raises:
+        InputError: The object is anything else, or qualifies its number. Such objects are truth
+            values, masked elements, quantities with a unit, complex numbers and balls with a
+            radius. Constants such as mpmath's pi, whose value depends on the precision, are refused
+            too.
     """
     kind = type(value)
     if kind in (float, str, Decimal, Exact, Binary):
@@ -161,25 +178,35 @@ def plain_number(value: object) -> Exact | Binary | Decimal | float | str:
 
 
 def refuse_qualified(value: Any) -> None:
-    """Raise InputError for a quantity with a unit, for what is masked, and for an array that has such elements."""
+    """Raise InputError for a quantity with a unit, a masked value, or an array with such elements.
+
+    Args:
+        value: Any object.
+
+    Raises:
+        InputError: The value is such an object.
+    """
     if not _can_be_qualified(type(value)):  # type: ignore[arg-type]
         return
     if any(hasattr(value, name) for name in _UNIT_ATTRIBUTES):
         raise InputError(_HAS_UNIT.format(shown(value)))
-    mask = getattr(value, "mask", False)  # of pandas a method
+    mask = getattr(value, "mask", False)  # in pandas a method
     if not callable(mask) and getattr(mask, "any", lambda: mask)():
         raise InputError("a number is needed, not a masked one")
 
 
 @lru_cache(maxsize=256)
 def _can_be_qualified(kind: type) -> bool:
-    """Whether objects of a class can have a unit or a mask: it has such attributes, or its objects have their own."""
+    """Return True if objects of a class can have a unit or a mask.
+
+    The class has such attributes, or its objects have attributes of their own.
+    """
     own = any("__dict__" in vars(base) for base in kind.__mro__)
     return own or any(hasattr(kind, name) for name in (*_UNIT_ATTRIBUTES, "mask", "__getattr__"))
 
 
 def _binary(value: Any) -> Binary | float | None:
-    """A floating-point number of another kind than Python's; None for what is none."""
+    """Return a floating-point number of another kind than Python's; None for any other object."""
     kind = type(value).__name__
     if kind in ("real", "real128"):
         return _heyoka_mantissa(value, getattr(value, "prec", 113))
@@ -202,7 +229,10 @@ def _binary(value: Any) -> Binary | float | None:
 
 
 def _unwrapped(value: Any) -> Exact | Binary | Decimal | float | str:
-    """What an array of one element or another package's scalar holds, or the ratio of integers that a number is."""
+    """Return the content of an array of one element or of another package's scalar.
+
+    Other objects are read as integers or as ratios of integers.
+    """
     unknown = InputError(f"a real number is needed, not an object of type {type(value).__name__}")
     if callable(value):
         raise unknown
@@ -220,16 +250,20 @@ def _unwrapped(value: Any) -> Exact | Binary | Decimal | float | str:
         if hasattr(value, "numerator"):
             return Exact(Fraction(operator.index(value.numerator), operator.index(value.denominator)))
         return Exact(Fraction(*map(int, value.as_integer_ratio())))
-    except (ValueError, OverflowError):  # how a number says that it is infinite, or not a number
+    except (ValueError, OverflowError):  # raised by a number that is infinite or NaN
         return math.nan
     except (TypeError, AttributeError):
         raise unknown from None
 
 
 def entries(values: object) -> list[Any]:
-    """Return the entries of a list or an array of numbers; a number or a text by itself is the only entry.
+    """Return the entries of a list or an array; a single number or text is the only entry.
 
-    Raises InputError as `refuse_qualified` does.
+    Args:
+        values: A list, an array, a number or a text.
+
+    Raises:
+        InputError: The array has a unit or masked elements, as in `refuse_qualified`.
     """
     refuse_qualified(values)
     single = isinstance(values, str | bytes) or getattr(values, "shape", None) == () or not isinstance(values, Iterable)
@@ -237,14 +271,19 @@ def entries(values: object) -> list[Any]:
 
 
 def exact(value: object) -> Exact:
-    """Return the exact number that ``value`` stands for: a number of any kind (`plain_number`), or a text.
+    """Return the exact number that ``value`` means.
 
-    Texts are decimals (``"0.435"``, ``"1e-30"``), ratios (``"1/3"``) and sums with multiples of pi
-    (``"pi/2 + 0.4"``, ``"-3*pi/2"``). A float means its exact binary value. A computed number means the rational at
-    its middle, ``value``: the same one at every precision, and not the rounded decimals that are printed. Its
-    half-width does not go in with it.
+    A number of any kind (`plain_number`) is accepted. Texts are decimals (``"0.435"``,
+    ``"1e-30"``), ratios (``"1/3"``) and sums with multiples of pi (``"pi/2 + 0.4"``,
+    ``"-3*pi/2"``). A float means its exact binary value. A computed number means the rational at
+    its middle, ``value``: the same one at every precision, and not the rounded decimals that are
+    printed. Its half-width is dropped.
 
-    Raises InputError for anything else, for infinities and NaN.
+    Args:
+        value: A number of any kind, or a text.
+
+    Raises:
+        InputError: The value is infinite, NaN, or not a number.
     """
     number = plain_number(value)
     if isinstance(number, Exact):
@@ -259,7 +298,14 @@ def exact(value: object) -> Exact:
 
 
 def fraction(value: object) -> Fraction:
-    """The rational number that ``value`` stands for. Raises InputError as `exact` does, and for multiples of pi."""
+    """Return the rational number that ``value`` means.
+
+    Args:
+        value: A number of any kind, or a text.
+
+    Raises:
+        InputError: As for `exact`, and for a multiple of pi.
+    """
     number = exact(value)
     if number.pi_multiple:
         raise InputError(f"a number without a multiple of pi is needed, not {shown(value)}")
@@ -267,12 +313,22 @@ def fraction(value: object) -> Fraction:
 
 
 def quotient(ctx: Any, value: Fraction) -> Any:
-    """A rational in an mpmath context, one division of integers."""
+    """Return a rational as a number of an mpmath context, by one division of integers.
+
+    Args:
+        ctx: The mpmath context.
+        value: The rational.
+    """
     return ctx.mpf(value.numerator) / value.denominator
 
 
 def whole(value: object, least: int, most: int) -> int | None:
-    """The integer that an integer of any kind is, if it lies between these two; None for all else."""
+    """Return an integer of any kind as an int if ``least <= value <= most``; otherwise None.
+
+    Args:
+        value: An object of any type.
+        least, most: The bounds, both included.
+    """
     try:
         number = plain_number(value)
     except InputError:
@@ -283,7 +339,7 @@ def whole(value: object, least: int, most: int) -> int | None:
 
 
 def shown(value: object) -> str:
-    """The beginning of a value as text, for messages of one line."""
+    """Return the beginning of a value's text, for messages of one line."""
     try:
         text = repr(value) if isinstance(value, bytes | bytearray) else str(value)  # `python -bb` has no str of these
     except Exception:
@@ -335,7 +391,10 @@ def _pi_bounds(working_bits: int) -> tuple[Fraction, Fraction]:
 
 
 def _round_fraction(value: Fraction, mantissa_bits: int) -> tuple[int, int]:
-    """Nearest ``mantissa * 2**exponent``, ties to even; the mantissa is odd or zero, so the pair is unique."""
+    """Return the nearest ``mantissa * 2**exponent``, ties to even.
+
+    The mantissa is odd or zero, so the pair is unique.
+    """
     from mpmath.libmp import from_rational, round_nearest
 
     sign, mantissa, exponent, _ = from_rational(value.numerator, value.denominator, mantissa_bits, round_nearest)
@@ -346,9 +405,15 @@ PI = Exact(Fraction(0), Fraction(1))
 
 
 def mantissa_exponent(value: object) -> Binary | None:
-    """Integers with ``value = mantissa * 2**exponent`` exactly; None for infinities and NaN.
+    """Return a floating-point number as integers, exactly; None for infinities and NaN.
 
-    Raises InputError unless ``value`` is a floating-point number.
+    The result satisfies ``value = mantissa * 2**exponent``.
+
+    Args:
+        value: A floating-point number of any kind.
+
+    Raises:
+        InputError: ``value`` is not a floating-point number.
     """
     number = plain_number(value)
     if isinstance(number, float):
@@ -367,7 +432,7 @@ def _heyoka_mantissa(value: Any, precision_bits: int) -> Binary | float:
     if value == 0:
         return Binary(0, 0)
     size = abs(float(value))
-    # A shift by too much is harmless (the integer only gets zero bits at its end), by too little would lose bits.
+    # A shift that is too large only adds zero bits at the end; one that is too small loses bits.
     if 1e-290 < size < 1e290:
         magnitude = math.frexp(size)[1]
     else:

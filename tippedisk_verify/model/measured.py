@@ -1,6 +1,7 @@
-"""Results: a value with the half-width that holds the truth, the factor from a distance to a half-width, arithmetic.
+"""Results: a value with the half-width that holds the truth, and arithmetic that keeps it so.
 
-What is printed, compared and combined still holds the truth.
+Numbers that are printed, compared or combined still hold the truth. `DISTANCES` is the factor from
+a distance between two runs to a half-width.
 """
 
 from __future__ import annotations
@@ -20,18 +21,19 @@ from tippedisk_verify.model.exact import Approximate, fraction, quotient, shown
 
 __all__ = ["DISTANCES", "Bounded", "HalfWidth", "Measured"]
 
-#: A half-width in units of the distance to a sharper run. It holds the truth if that run is at most half as wrong:
+#: A half-width in units of the distance to a sharper run. It holds the truth if the error of that
+#: run is at most half as large:
 #: |q - true| <= |q - sharp| + |sharp - true| <= |q - sharp| + |q - true| / 2.
 DISTANCES = 2
 
-_LARGEST_POWER = 1000  # that is taken by multiplication
-_LARGEST_EXPONENT = 100_000  # beyond it an exponential is a mistake, and would cost memory without bound
-_DOUBLE_DIGITS = 12  # up to which doubles hold what is asked for
-_SPARE_BITS = 8  # that mpmath's last place, which is right to one or two units, is not relied upon
+_LARGEST_POWER = 1000  # the largest power that is computed by multiplication
+_LARGEST_EXPONENT = 100_000  # a larger one is a mistake, and would cost memory without bound
+_DOUBLE_DIGITS = 12  # the most digits that doubles are asked for
+_SPARE_BITS = 8  # mpmath's last place is right to one or two units, so this many bits are not used
 
 
 def _of_two(act: Callable[[Bounded, Measured], Measured]) -> Callable[[Bounded, object], Measured]:
-    """An operation with whatever is a number."""
+    """Return a method that converts its second operand and applies ``act``."""
 
     def operation(self: Bounded, other: object) -> Measured:
         theirs = _operand(other)
@@ -41,17 +43,22 @@ def _of_two(act: Callable[[Bounded, Measured], Measured]) -> Callable[[Bounded, 
 
 
 class Bounded(Approximate):
-    """Whatever has a value and the absolute half-width that is claimed to hold the true value: it behaves as a number.
+    """A value and the absolute half-width that holds the true value; it behaves as a number.
 
-    Sums, differences, products, quotients, powers, `abs`, `round` to decimals and the functions sqrt, log, log10, exp,
-    sin, cos and tan, as methods or as NumPy's, hold whatever the true values in the half-widths give; numbers without
-    one are exact. Each half-width counts as independent, so x - x is zero with twice the half-width. What has no room
-    for a half-width leaves it behind: float(), `mpf` and `numpy.asarray` take the value.
+    **Arithmetic.** Sums, differences, products, quotients, powers, `abs` and `round` to decimals
+    have half-widths that hold every possible result. So do the functions sqrt, log, log10, exp,
+    sin, cos and tan, as methods or as NumPy's. Numbers without a half-width are exact. Each
+    half-width counts as independent, so x - x is zero with twice the half-width. Conversions to
+    other types, float(), `mpf` and `numpy.asarray`, take the value and drop the half-width.
 
-    Two numbers are equal if their values and half-widths are; one without a half-width equals any number of its value.
-    A comparison by size that the half-widths leave open raises AccuracyError, and so does `int`, `round` to an integer,
-    `math.floor`, `math.ceil` or `math.trunc` where they leave open which integer it is. Raises ZeroDivisionError where
-    the divisor may be zero, InputError where a function is not defined for all that the number may be.
+    **Comparison.** Two numbers are equal if their values and half-widths are. A number without a
+    half-width equals any number of the same value.
+
+    Raises:
+        AccuracyError: The half-widths leave a comparison by size undecided, or the integer of
+            `int`, `round`, `math.floor`, `math.ceil` or `math.trunc`.
+        ZeroDivisionError: The divisor may be zero.
+        InputError: A function is not defined for every value that the number may have.
 
     >>> print(Measured.of(2, "1e-9") ** 2)
     4.00000000000 ± 4.1e-9
@@ -60,20 +67,21 @@ class Bounded(Approximate):
     __slots__ = ()
 
     def __float__(self) -> float:
-        """The double nearest to the value."""
+        """Return the double nearest to the value."""
         return float(self.value)
 
     def mpf(self) -> Any:
-        """The value as an mpmath number, to the precision that mpmath has at the time."""
+        """Return the value as an mpmath number, rounded to mpmath's current precision."""
         import mpmath
 
         return quotient(mpmath.mp, self.value)
 
     @arithmetic()
     def __format__(self, spec: str) -> str:
-        """The value as ``spec`` says, such as '.10g'; places beyond its decimals are zeros. Else as ``str``.
+        """Return the value formatted by ``spec``, such as '.10g'; without one, as ``str``.
 
-        Without a number of places, 'g', 'e', 'f' and '%' give those of a float.
+        Places beyond the value's decimals are zeros. Without a number of places, 'g', 'e', 'f' and
+        '%' have those of a float.
         """
         if not spec:
             return str(self)
@@ -82,9 +90,9 @@ class Bounded(Approximate):
         return format(Decimal(Measured(self.value, self.uncertainty).decimals()[0]) if self.value else 0.0, spec)
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> Any:
-        """The double nearest to the value, without dimensions; the half-width stays behind.
+        """Return the double nearest to the value as an array of no dimensions.
 
-        An array of objects has the number itself.
+        The half-width is dropped. An array of objects holds the number itself.
         """
         import numpy
 
@@ -95,7 +103,7 @@ class Bounded(Approximate):
         return array
 
     def __array_ufunc__(self, function: Any, method: str, *inputs: Any, **options: Any) -> Any:
-        """NumPy's functions, element by element: what they give are objects that keep their half-widths."""
+        """Apply a NumPy function element by element; the results are objects with half-widths."""
         import numpy
 
         if function in (numpy.isfinite, numpy.isinf, numpy.isnan):
@@ -104,7 +112,7 @@ class Bounded(Approximate):
         def exactly(operand: Any) -> Any:
             if isinstance(operand, Bounded):
                 return numpy.asarray(operand, object)
-            # NumPy makes no other objects of these, so that they would ask here again.
+            # NumPy keeps these as they are when it makes objects, and would call this method again.
             extended = getattr(operand, "dtype", None) == numpy.longdouble
             return numpy.frompyfunc(fraction, 1, 1)(operand) if extended else operand
 
@@ -112,14 +120,18 @@ class Bounded(Approximate):
             return getattr(function, method)(*map(exactly, inputs), **options)
         except (TypeError, AttributeError) as fault:
             offered = f"sqrt, exp, log, log10, sin, cos and tan, not {function.__name__}"
-            raise TypeError(f"of numbers with half-widths NumPy has {offered}: float(x) has none") from fault
+            raise TypeError(f"numbers with half-widths support {offered}: use float(x) instead") from fault
 
     def _ends(self) -> tuple[Fraction, Fraction]:
-        """The least and the greatest that the true value may be."""
+        """Return the least and the greatest possible true value."""
         return self.value - self.uncertainty, self.value + self.uncertainty
 
     def _compared(self, compare: Callable[[Fraction, int], bool], other: object) -> bool:
-        """A comparison, if it comes out alike wherever in their half-widths the true values lie."""
+        """Return a comparison if it is the same for all possible true values.
+
+        Raises:
+            AccuracyError: The half-widths leave it undecided.
+        """
         theirs = _operand(other)
         if theirs is None:
             return NotImplemented  # type: ignore[no-any-return]
@@ -127,8 +139,8 @@ class Bounded(Approximate):
         low, high = (compare(end, 0) for end in difference._ends())
         if low != high:
             raise AccuracyError(
-                f"{self} and {theirs} cannot be told apart: ask for more digits, or compare the values by float(), as"
-                " sorted(xs, key=float) does"
+                f"{self} and {theirs} cannot be distinguished: ask for more digits, or compare the"
+                " values by float(), as sorted(xs, key=float) does"
             )
         return low
 
@@ -150,7 +162,11 @@ class Bounded(Approximate):
     __ge__ = partialmethod(_compared, operator.ge)
 
     def _integer(self, rounding: Callable[[Fraction], int]) -> int:
-        """The integer that a number is rounded to, if it is the same wherever in the half-width the true value lies."""
+        """Return the rounded integer if it is the same for all possible true values.
+
+        Raises:
+            AccuracyError: The half-width leaves it undecided.
+        """
         low, high = map(rounding, self._ends())
         if low != high:
             raise AccuracyError(
@@ -163,7 +179,10 @@ class Bounded(Approximate):
     __ceil__ = partialmethod(_integer, math.ceil)
 
     def __round__(self, digits: int | None = None) -> Any:
-        """To so many decimals, with what the rounding changes added to the half-width; to an integer without them."""
+        """Round to ``digits`` decimals, or to an integer without them.
+
+        The change by rounding to decimals is added to the half-width.
+        """
         if digits is None:
             return self._integer(round)
         rounded = round(self.value, digits)
@@ -199,26 +218,30 @@ class Bounded(Approximate):
 
     @_of_two
     def __pow__(self, other: Measured) -> Measured:
-        """Of any number for an integer up to 1000, otherwise of a positive one."""
+        """Return a power, of a positive number unless the exponent is an integer up to 1000."""
         power = other.value
         if other.uncertainty or power.denominator > 1 or abs(power) > _LARGEST_POWER:
             return (self.log() * other).exp()
         base, size = self if power >= 0 else self._inverse(), abs(int(power))
-        # Beyond the value a power changes by more than towards it, or to the other side.
+        # A power changes most at the end that lies farthest from zero.
         return Measured(base.value**size, max(map(abs, base._ends())) ** size - abs(base.value) ** size)
 
     def __rpow__(self, other: object) -> Measured:
         theirs = _operand(other)
-        if theirs and isinstance(other, float):  # Python 3.11 makes one of a Fraction before it asks here
+        # Python 3.11 converts a Fraction to a float before calling this method.
+        if theirs and isinstance(other, float):
             theirs = Measured(theirs.value, abs(theirs.value) / 2**53 + Fraction(1, 2**1075))
         return NotImplemented if theirs is None else theirs**self
 
     def _of(self, name: str) -> Measured:
-        """A function of the number, as accurately as its half-width deserves: to 50 digits if it is exact."""
+        """Return a function of the number, as accurately as its half-width deserves.
+
+        An exact number has fifty digits.
+        """
         low, high = self._ends()
         if {"sqrt": low < 0, "log": low <= 0}.get(name):
             raise InputError(
-                f"{name} of {self} is not defined, for that may be {'' if low < 0 else 'zero or '}negative"
+                f"{name} of {self} is not defined: the number may be {'' if low < 0 else 'zero or '}negative"
             )
         if name == "exp" and max(-low, high) > _LARGEST_EXPONENT:
             raise InputError(f"exp of {self} may lie beyond 1e±43000")
@@ -238,14 +261,24 @@ class Bounded(Approximate):
     cos = partialmethod(_of, "cos")
 
     def tan(self) -> Measured:
+        """Return the tangent.
+
+        Raises:
+            ZeroDivisionError: The cosine may be zero.
+        """
         return self.sin() / self.cos()
 
     def log10(self) -> Measured:
+        """Return the decimal logarithm.
+
+        Raises:
+            InputError: The number may be zero or negative.
+        """
         return self.log() / Measured(Fraction(10), Fraction(0)).log()
 
 
 class HalfWidth(Fraction):
-    """A half-width: a rational that is formatted like a number, rounded up so that it still holds.
+    """A half-width: a rational whose formatted text is rounded up, so that it still holds.
 
     A number whose error was not measured has one beyond `_UNMEASURED`, which is shown as infinite.
     """
@@ -266,13 +299,17 @@ _INFINITE, _UNMEASURED = HalfWidth(1 << 400_000), HalfWidth(1 << 330_000)
 
 @dataclass(frozen=True, slots=True, repr=False, eq=False)
 class Measured(Bounded):
-    """A value and its half-width, both exact rationals; what computations return.
+    """A value and its half-width, both exact rationals: the type of computed results.
 
-    Both may be given as numbers of any kind, or as decimals in texts. Raises InputError for what is none, and for a
-    negative half-width.
+    `to_dict` and ``str`` print decimals that still hold the truth. The rounding of the printed
+    value is added to the printed half-width, which is rounded up.
 
-    `to_dict` and ``str`` print decimals. What they print still holds the truth: the rounding of the printed value is
-    added to the printed half-width, which itself is rounded up.
+    Args:
+        value: A number of any kind, or a decimal as text.
+        uncertainty: The half-width, likewise.
+
+    Raises:
+        InputError: An argument is not a number, or the half-width is negative.
     """
 
     value: Fraction
@@ -289,7 +326,15 @@ class Measured(Bounded):
 
     @classmethod
     def of(cls, value: object, uncertainty: object) -> Measured:
-        """As the constructor, with types for what is given."""
+        """Construct a number as the constructor does, for arguments of any type.
+
+        Args:
+            value: A number of any kind, or a decimal as text.
+            uncertainty: The half-width, likewise.
+
+        Raises:
+            InputError: An argument is not a number, or the half-width is negative.
+        """
         return cls(value, uncertainty)  # type: ignore[arg-type]
 
     @classmethod
@@ -305,10 +350,14 @@ class Measured(Bounded):
 
     @classmethod
     def compared(cls, value: object, sharper: object, epsilon: Fraction) -> Measured:
-        """A value with the half-width that its distance to a run with more digits gives.
+        """Return a value with a half-width from its distance to a run with more digits.
 
-        The half-width is twice that distance (`DISTANCES`), and an ulp (``epsilon`` relative) of the value is the least
-        that can be claimed.
+        The half-width is twice that distance (`DISTANCES`) plus one ulp of the value.
+
+        Args:
+            value: The value of the run.
+            sharper: The same value of the run with more digits.
+            epsilon: The relative size of an ulp.
         """
         mine = fraction(value)
         return cls(mine, abs(mine - fraction(sharper)) * DISTANCES + abs(mine) * epsilon)
@@ -319,15 +368,23 @@ class Measured(Bounded):
         return self.uncertainty < _UNMEASURED
 
     def holds(self, truth: object) -> bool:
-        """Whether ``truth`` lies within the half-width."""
+        """Return True if ``truth`` lies within the half-width.
+
+        Args:
+            truth: A number of any kind.
+        """
         return abs(fraction(truth) - self.value) <= self.uncertainty
 
     def contains(self, other: Measured) -> bool:
-        """Whether all that ``other`` may stand for lies within the half-width."""
+        """Return True if every possible value of ``other`` lies within the half-width.
+
+        Args:
+            other: Another number with a half-width.
+        """
         return abs(other.value - self.value) + other.uncertainty <= self.uncertainty
 
     def decimals(self) -> tuple[str, str]:
-        """``(value, uncertainty)`` as decimal strings."""
+        """Return ``(value, uncertainty)`` as decimal strings."""
         if not self.uncertainty:
             return exact_decimals(self.value)
         if not self.is_measured:
@@ -338,12 +395,12 @@ class Measured(Bounded):
         return text, rounded_up(self.uncertainty + change)
 
     def to_dict(self) -> dict[str, str]:
-        """``{"value": "<decimal>", "uncertainty": "<decimal>"}``."""
+        """Return ``{"value": "<decimal>", "uncertainty": "<decimal>"}``."""
         value, uncertainty = self.decimals()
         return {"value": value, "uncertainty": uncertainty}
 
     def _repr_html_(self) -> str:
-        """A table, for notebooks."""
+        """Return a table for notebooks."""
         rows = (f"<tr><th>{name}</th><td>{text}</td></tr>" for name, text in self.to_dict().items())
         return f"<table>{''.join(rows)}</table>"
 
@@ -356,10 +413,14 @@ class Measured(Bounded):
 
 
 def _operand(other: object) -> Measured | None:
-    """The other side of an operation: a number with a half-width, or one of any other kind, which is exact."""
+    """Return the other operand as a `Measured`; None if it is not a number.
+
+    A number without a half-width is exact.
+    """
     if isinstance(other, Bounded):
         return other if isinstance(other, Measured) else Measured(other.value, other.uncertainty)
-    if isinstance(other, str | None) or getattr(other, "ndim", None):  # an array is for NumPy, element by element
+    # NumPy handles arrays, element by element.
+    if isinstance(other, str | None) or getattr(other, "ndim", None):
         return None
     try:
         return Measured(fraction(other), Fraction(0))
@@ -370,7 +431,10 @@ def _operand(other: object) -> Measured | None:
 
 
 def _enclosure(name: str, low: Fraction, high: Fraction, bits: int) -> tuple[Fraction, Fraction]:
-    """Bounds of sqrt, log, exp, sin or cos between two rationals, by mpmath's interval arithmetic."""
+    """Return bounds of sqrt, log, exp, sin or cos between two rationals.
+
+    They come from mpmath's interval arithmetic.
+    """
     from mpmath import libmp
 
     ends = (

@@ -1,8 +1,12 @@
-"""What is studied: the parameters of a tippedisk, exact and validated, and the friction law.
+"""The parameters of a tippedisk, exact and validated, with the friction law.
 
-Three named sets describe the paper's disk: ``table1`` (the paper's Table 1 as it stands; ``printed`` names it as well),
-``calibrated`` (inside Table 1's rounding, and reproducing the paper's five printed results) and ``geometry`` (derived
-from a disk's dimensions). Others come from a TOML file, each number the decimal that stands there.
+Three named sets describe the paper's disk:
+
+- ``table1``, also named ``printed``: the paper's Table 1 as it stands;
+- ``calibrated``: inside Table 1's rounding, and reproducing the paper's five printed results;
+- ``geometry``: derived from a disk's dimensions.
+
+Other sets come from a TOML file, in which each number is an exact decimal.
 """
 
 from __future__ import annotations
@@ -38,15 +42,15 @@ Friction = Literal["linear", "smooth"]
 #: The eight numbers that the equations need, in the order of every list.
 SYMBOLS = ("r", "e", "m", "A", "B", "g", "mu", "epsilon")
 
-_LARGEST_FILE = 64_000  # bytes; a file has some hundreds, and nine decimals of the longest kind 36,000
-_MOST_DOTS = 200  # in a line; the time and the memory that TOML takes for a dotted key go with their square
-_SMALLEST = Fraction(1, 10**30)  # of anything that a disk can be; ratios and products of such fit into doubles
+_MAX_FILE_BYTES = 64_000  # a usual file has some hundreds; nine decimals of the longest kind 36,000
+_MAX_DOTS_PER_LINE = 200  # time and memory of TOML's dotted keys grow with the square of their dots
+_SMALLEST = Fraction(1, 10**30)  # SI; ratios and products of such parameters fit into doubles
 
 
 class Constants(NamedTuple):
     """The parameters in one arithmetic, each rounded once from its exact value.
 
-    Only mass ratios enter the acceleration, so ``a``, ``b``, ``k`` and ``traction`` are what the field uses.
+    Only mass ratios enter the acceleration, so the field uses ``a``, ``b``, ``k`` and ``traction``.
     """
 
     r: Any  #: disk radius [m]
@@ -70,12 +74,15 @@ def _quantity(unit: str, source: str) -> Any:
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Parameters(Printable):
-    """One tippedisk and its friction law. All values are exact rationals; give strings, Fractions, Decimals, ints or
-    floats.
+    """One tippedisk and its friction law, with exact rational values.
 
-    Two are equal if their equations are: their eight numbers and their law, whatever their names and C. Raises
-    InputError with one line for each fault: not finite, not between 1e-30 and 1e30, e >= r, Bbar <= 0, B > A, A > C
-    where there is a C, and an unknown friction law.
+    Values may be strings, Fractions, Decimals, ints or floats. Two sets are equal if their
+    equations are: the eight numbers and the law, with any name and C.
+
+    Raises:
+        InputError: There is one line for each fault. A value is not finite or not between 1e-30
+            and 1e30. Or the values have e >= r, Bbar <= 0, B > A or A > C. Or the friction law is
+            unknown.
     """
 
     _without_numpy = True
@@ -97,7 +104,7 @@ class Parameters(Printable):
     _constants: dict[Precision, Constants] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     def _given(self) -> dict[str, Any]:
-        """The fields without what was computed from them."""
+        """Return the fields without the values computed from them."""
         return {item.name: getattr(self, item.name) for item in fields(self) if item.init}
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -148,22 +155,35 @@ class Parameters(Printable):
 
     @property
     def Bbar(self) -> Fraction:
-        """B - m e^2 [kg m^2]: moment of inertia (2,2) at the centre of gravity. Source: below Table tab:dim_mass."""
+        """B - m e^2 [kg m^2]: moment of inertia (2,2) at the centre of gravity.
+
+        The paper defines it below Table tab:dim_mass.
+        """
         return self.B - self.m * self.e**2
 
     def at(self, precision: Precision) -> Constants:
-        """These parameters in ``precision``, rounded once each from exact values; computed once and kept."""
+        """Return the parameters in ``precision``, each rounded once.
+
+        They are computed once and kept.
+
+        Args:
+            precision: The arithmetic.
+        """
         constants = self._constants.get(precision)
         if constants is None:
             constants = self._constants[precision] = Constants(*(precision.number(value) for value in self._exact()))
         return constants
 
     def rational(self) -> Constants:
-        """These parameters as exact rationals."""
+        """Return the parameters as exact rationals."""
         return Constants(*self._exact())
 
     def within(self, ctx: Any) -> Constants:
-        """These parameters in an mpmath context."""
+        """Return the parameters as numbers of an mpmath context.
+
+        Args:
+            ctx: The mpmath context.
+        """
         return Constants(*(quotient(ctx, value) for value in self._exact()))
 
     def _exact(self) -> tuple[Fraction, ...]:
@@ -174,20 +194,44 @@ class Parameters(Printable):
         )
 
     def changed(self, **values: object) -> Parameters:
-        """A copy with some fields replaced (validated again), named ``custom`` unless named."""
+        """Return a copy with some fields replaced, named ``custom`` unless a name is given.
+
+        Args:
+            values: The new values by field name.
+
+        Raises:
+            InputError: The new values are refused, as by the constructor.
+        """
         return replace(self, **{"name": "custom", **values})  # type: ignore[arg-type]
 
     def with_friction(self, friction: Friction) -> Parameters:
-        """The same disk, with the same name, under this friction law."""
+        """Return the same disk, with the same name, under this friction law.
+
+        Args:
+            friction: ``linear`` or ``smooth``.
+
+        Raises:
+            InputError: There is no such law.
+        """
         return self if friction == self.friction else replace(self, friction=friction)
 
     def refuse_smooth(self, what: str) -> None:
-        """Raise InputError under the smooth law: ``what``, such as 'harmonic balance is', begins the sentence."""
+        """Raise InputError under the smooth law.
+
+        Args:
+            what: The beginning of the message, such as 'harmonic balance is'.
+
+        Raises:
+            InputError: The friction law is the smooth one.
+        """
         if self.friction == "smooth":
             raise InputError(f"{what} for the linear friction law only, not for the smooth one")
 
     def decimals(self) -> dict[str, str]:
-        """Each of the numbers as an exact decimal string (fifty digits where the decimal repeats)."""
+        """Return each number as an exact decimal string.
+
+        A repeating decimal is cut after fifty digits.
+        """
         return {
             item.name: Measured(getattr(self, item.name), Fraction(0)).decimals()[0]
             for item in fields(self)
@@ -195,22 +239,26 @@ class Parameters(Printable):
         }
 
     def to_dict(self) -> dict[str, Any]:
+        """Return the numbers as decimal strings, with the name and the friction law."""
         return {**self.decimals(), "name": self.name, "friction": self.friction}
 
     def _title(self) -> str:
         return f"{type(self).__name__} {self.name} ({self.friction})"
 
     def __str__(self) -> str:
-        """The title, which has name and law, and a line for each number."""
+        """Return the title, which has name and law, and a line for each number."""
         return "\n".join([self._title(), *result_lines(self.decimals(), "  ")])
 
     @property
     def law(self) -> str:
-        """The friction law's name in a sentence."""
+        """The friction law's name as used in a sentence."""
         return "linear" if self.friction == "linear" else "smooth Coulomb"
 
     def definition(self) -> str:
-        """The eight numbers that the equations need, exactly, with their units: which disk a statement is about."""
+        """Return the eight exact numbers of the equations with their units, as a text.
+
+        It identifies the disk of a statement.
+        """
         return ", ".join(
             f"{item.name} = {exact_text(getattr(self, item.name))} {item.metadata['unit']}".removesuffix(" 1")
             for item in fields(self)
@@ -219,9 +267,13 @@ class Parameters(Printable):
 
     @classmethod
     def named(cls, name_or_path: str) -> Parameters:
-        """A named set, or the set in a TOML file (any name with a dot or a path separator).
+        """Return a named set, or the set in a TOML file.
 
-        Raises InputError if there is no such set, or with what `from_toml` finds.
+        Args:
+            name_or_path: A set's name; a text with a dot or a path separator is a path.
+
+        Raises:
+            InputError: There is no such set, or the file cannot be used, as in `from_toml`.
         """
         name = _ALIASES.get(name_or_path, name_or_path)
         if name in NAMED_SETS:
@@ -234,11 +286,20 @@ class Parameters(Printable):
 
     @classmethod
     def from_toml(cls, path: Path) -> Parameters:
-        """Parameters from a file with the keys r, e, m, A, B, g, mu, epsilon and optionally C.
+        """Read parameters from a file with the keys r, e, m, A, B, g, mu, epsilon and optionally C.
 
-        A number is exactly the decimal that stands there, quoted or not; a ratio such as "1/3" needs the quotes.
-        Raises InputError if the file cannot be read, is not TOML, lacks a key or has an unknown one, or holds values
-        that `Parameters` refuses.
+        A number is exactly the decimal in the file, quoted or not. A ratio such as "1/3" needs the
+        quotes.
+
+        Args:
+            path: The file, in SI units.
+
+        Returns:
+            The parameters, named by the file's name.
+
+        Raises:
+            InputError: The file cannot be read, is not TOML, lacks a key, has an unknown key, or
+                holds values that `Parameters` refuses.
         """
         entries = _toml_entries(path)
         allowed = ", ".join(_QUANTITIES)
@@ -257,14 +318,21 @@ _QUANTITIES = tuple(item.name for item in fields(Parameters) if item.metadata)
 
 
 def checked_friction(friction: str) -> Friction:
-    """The friction law of that name. Raises InputError if there is none."""
+    """Return a friction law by its name.
+
+    Args:
+        friction: ``linear`` or ``smooth``.
+
+    Raises:
+        InputError: There is no law of that name.
+    """
     if friction not in get_args(Friction):
         raise InputError(f"friction law '{shown(friction)}' is not known: use linear or smooth")
     return friction  # type: ignore[return-value]
 
 
 def _file_name(path: Path) -> str:
-    """The file's name, as `Parameters.named` takes it from its folder, and unlike any named set's."""
+    """Return the file's name so that `Parameters.named` reads it as a path, not as a set's name."""
     name = path.name.encode(errors="replace").decode()
     return name if "." in name else f"./{name}"
 
@@ -274,13 +342,15 @@ def _toml_entries(path: Path) -> dict[str, Any]:
         if path.exists() and not path.is_file():
             raise OSError("it is not a file")
         with open(path, "rb") as stream:
-            content = stream.read(_LARGEST_FILE + 1)
-    except (OSError, ValueError) as fault:  # the latter for a name with a null character
+            content = stream.read(_MAX_FILE_BYTES + 1)
+    except (OSError, ValueError) as fault:  # ValueError for a name with a null character
         raise InputError(f"parameter file {path} cannot be read: {getattr(fault, 'strerror', None) or fault}") from None
-    if len(content) > _LARGEST_FILE:
-        raise InputError(f"parameter file {path} is larger than {_LARGEST_FILE} bytes")
-    if any(line.count(b".") > _MOST_DOTS for line in content.split(b"\n")):
-        raise InputError(f"parameter file {path} has a line with more than {_MOST_DOTS} dots: it is no such file")
+    if len(content) > _MAX_FILE_BYTES:
+        raise InputError(f"parameter file {path} is larger than {_MAX_FILE_BYTES} bytes")
+    if any(line.count(b".") > _MAX_DOTS_PER_LINE for line in content.split(b"\n")):
+        raise InputError(
+            f"parameter file {path} has a line with more than {_MAX_DOTS_PER_LINE} dots: it is not a parameter file"
+        )
     try:
         entries = tomllib.loads(content.decode("utf-8-sig"), parse_float=Decimal)
     except (ValueError, RecursionError) as fault:
@@ -299,8 +369,9 @@ _DISK: dict[str, Any] = {"r": _F("0.045"), "e": _F("2.5e-3"), "m": _F("0.435"), 
 PRINTED = Parameters(**_DISK, A=_F("0.249e-3"), B=_F("0.227e-3"), C=_F("0.468e-3"), name="table1")
 #: Inside Table 1's rounding; reproduces all five results that the paper prints.
 CALIBRATED = Parameters(**_DISK, A=_F("0.24884e-3"), B=_F("0.22656e-3"), name="calibrated")
-#: A sharp-edged disk of radius 45 mm, 10 mm thick, with a hole of radius 15 mm whose centre lies 20 mm from the disk's.
+#: A sharp-edged disk of radius 45 mm and thickness 10 mm, with a hole of radius 15 mm. The centre
+#: of the hole lies 20 mm from that of the disk.
 GEOMETRY = Parameters(**_DISK, A=_F("0.2483125e-3"), B=_F("0.2265625e-3"), C=_F("0.467625e-3"), name="geometry")
-#: The sets that describe the paper's disk: what the paper claims is judged on these.
+#: The sets that describe the paper's disk; the paper's claims are judged on these.
 NAMED_SETS = {parameters.name: parameters for parameters in (PRINTED, CALIBRATED, GEOMETRY)}
-_ALIASES = {"printed": PRINTED.name}  # as the ids of the reference data have it
+_ALIASES = {"printed": PRINTED.name}  # the name in the ids of the reference data

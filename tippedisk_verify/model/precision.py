@@ -1,8 +1,8 @@
-"""The arithmetics that a computation can run in: double, extended, quadruple, or any number of bits.
+"""The arithmetics of a computation: double, extended, quadruple, or any number of bits.
 
-A `Precision` rounds an exact input once, correctly, on its way in, and converts between heyoka's numbers and mpmath's
-without loss. This is the only file that imports heyoka by name; it does so when the first high-precision number, or the
-first integrator, is needed.
+A `Precision` rounds an exact input once, correctly, and converts between heyoka's numbers and
+mpmath's without loss. Only this file imports heyoka by name, when the first high-precision number
+or the first integrator is needed.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ __all__ = [
     "heyoka_module",
 ]
 
-# Python converts integers of up to 4300 decimal digits; what is computed beyond what is asked for stays below that.
+# Python converts integers of up to 4300 decimal digits. Guard digits stay below that limit too.
 _MOST_DIGITS = 4_000
 _MOST_BITS = 4_000_000
 _LOADING = threading.Lock()
@@ -54,30 +54,35 @@ _LOADING = threading.Lock()
 class Precision:
     """An arithmetic to compute in.
 
-    ``double`` (53 bits, Python floats), ``extended`` (64 bits, x87 long double, where the machine has it),
-    ``quadruple`` (113 bits) or ``real`` (heyoka's MPFR numbers with any number of bits).
+    ``double`` has 53 bits (Python floats). ``extended`` has 64 bits (x87 long double, where the
+    machine has it). ``quadruple`` has 113 bits. ``real`` is heyoka's MPFR numbers with any number
+    of bits.
+
+    Args:
+        kind: One of these four names.
+        bits: The bits of the mantissa.
     """
 
     kind: Literal["double", "extended", "quadruple", "real"]
     bits: int
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """For other processes: without what was computed from them."""
+        """Pickle the kind and the bits, without the values computed from them."""
         return Precision, (self.kind, self.bits)
 
     @property
     def name(self) -> str:
-        """``double``, ``extended``, ``quadruple`` or ``real200``."""
+        """The name: ``double``, ``extended``, ``quadruple`` or, for example, ``real200``."""
         return f"real{self.bits}" if self.kind == "real" else self.kind
 
     @cached_property
     def epsilon(self) -> Fraction:
-        """Distance from 1 to the next number, 2**(1 - bits)."""
+        """The distance from 1 to the next number, 2**(1 - bits)."""
         return Fraction(1, 1 << (self.bits - 1))
 
     @cached_property
     def digits(self) -> int:
-        """Decimal digits that the mantissa holds."""
+        """The number of decimal digits that the mantissa holds."""
         return int((self.bits - 1) * math.log10(2))
 
     @cached_property
@@ -94,15 +99,16 @@ class Precision:
 
     @cached_property
     def ops(self) -> Any:
-        """Namespace with sin, cos, exp, log and sqrt for scalars of this precision."""
+        """A namespace with sin, cos, exp, log and sqrt for scalars of this precision."""
         import numpy
 
         return self._mpfr_functions() if self.kind == "real" else math if self.kind == "double" else numpy
 
     def _mpfr_functions(self) -> Any:
-        """Of heyoka's MPFR numbers, by mpmath: numpy's would go through arrays, which lose memory.
+        """Return functions of heyoka's MPFR numbers, computed by mpmath.
 
-        Whatever is no finite real number becomes NaN.
+        NumPy's functions would go through arrays, which leak memory. A result that is not a finite
+        real number becomes NaN.
         """
 
         def function(name: str, value: Any) -> Any:
@@ -118,11 +124,11 @@ class Precision:
 
     @property
     def context(self) -> Any:
-        """An mpmath context of the same number of bits, private to this precision and to the thread.
+        """An mpmath context of as many bits, private to this precision and to the thread.
 
-        What computes in a context raises its precision meanwhile, so two threads cannot have the same.
+        Computations raise their context's precision for a while, so two threads cannot share one.
         """
-        return _OWN.context(self.bits)
+        return _THREAD_CONTEXTS.context(self.bits)
 
     @cached_property
     def pi(self) -> Any:
@@ -130,10 +136,18 @@ class Precision:
         return self.number(PI)
 
     def number(self, value: object) -> Any:
-        """``value`` (anything that `exact` takes) rounded once, to nearest, to this precision.
+        """Round ``value`` once, to nearest, to this precision.
 
-        An extended or quadruple number below 1e-4932, which has fewer bits, may be rounded once more. Raises InputError
-        if the value is not a finite number, or too large for the type.
+        An extended or quadruple number below 1e-4932 has fewer bits and may be rounded once more.
+
+        Args:
+            value: A number or text that `exact` accepts.
+
+        Returns:
+            A number of this precision's `type`.
+
+        Raises:
+            InputError: The value is not a finite number, or is too large for the type.
         """
         number = plain_number(value)
         if self.kind == "double":
@@ -150,9 +164,15 @@ class Precision:
         return self._from_mantissa(*exact(number).rounded(self.bits))
 
     def array(self, values: Sequence[object]) -> Any:
-        """A one-dimensional numpy array of `number` of each value (of objects, where they are MPFR's).
+        """Return a one-dimensional array of the `number` of each value.
 
-        Raises InputError as `number` does, and for a text, whose characters are no list of numbers.
+        Its elements are objects if the numbers are MPFR's.
+
+        Args:
+            values: (n,) numbers or texts that `exact` accepts.
+
+        Raises:
+            InputError: As for `number`, and for a text, which is not a list of numbers.
         """
         import numpy
 
@@ -162,19 +182,38 @@ class Precision:
         return numpy.array([self.number(value) for value in values], dtype=self._element)
 
     def sequence(self, values: Any) -> Any:
-        """The same of any sequence. An array of this arithmetic stays as it is, one of doubles is exact in it."""
+        """Convert any sequence as `array` does.
+
+        An array of this arithmetic is returned as it is, and one of doubles is converted exactly.
+
+        Args:
+            values: (n,) numbers or texts that `exact` accepts.
+
+        Returns:
+            An array (n,).
+
+        Raises:
+            InputError: As for `array`.
+        """
         import numpy
 
-        # Of other classes, such as masked arrays, each element is asked what it is.
+        # In arrays of other classes, such as masked arrays, each element is checked.
         plain = type(values) is numpy.ndarray and self.kind != "real"
         if plain and (values.dtype in (self.type, float) or (self.kind == "double" and values.dtype.kind == "f")):
             return values.astype(self.type, copy=False)
         return self.array(values)
 
     def owned(self, view: Any) -> Any:
-        """A copy of memory that heyoka will write over: of objects, where the numbers are MPFR's.
+        """Copy memory that heyoka will overwrite; MPFR's numbers into an array of objects.
 
-        heyoka does not free what the elements of its own arrays of these point to (tests/stress/test_memory.py).
+        heyoka does not free the memory behind the elements of its own arrays of these
+        (tests/stress/test_memory.py).
+
+        Args:
+            view: An array of numbers of this precision.
+
+        Returns:
+            An array of the same shape.
         """
         if self.kind != "real":
             return view.copy()
@@ -184,11 +223,21 @@ class Precision:
 
     @cached_property
     def _element(self) -> Any:
-        """What an array's elements are."""
+        """The type of an array's elements."""
         return object if self.kind == "real" else self.type
 
     def mpf(self, value: object) -> Any:
-        """The same number as an mpmath mpf, exactly (a native number of this precision or wider)."""
+        """Convert a native number of this precision or a wider one to an mpmath number, exactly.
+
+        Args:
+            value: A floating-point number.
+
+        Returns:
+            A number of this precision's `context`.
+
+        Raises:
+            InputError: The value is infinite, NaN, or not a floating-point number.
+        """
         from mpmath.libmp import from_man_exp
 
         pair = mantissa_exponent(value)
@@ -208,8 +257,8 @@ class Precision:
             # In two factors, so that the power itself neither overflows nor underflows.
             half = exponent // 2
             return self.type(mantissa) * self.type(2) ** half * self.type(2) ** (exponent - half)
-        # The exponent too as a number of these bits (heyoka would take a plain integer for one of 64), in two,
-        # each of which these bits hold.
+        # The exponent, too, must be a number of these bits: heyoka reads a plain integer as one of
+        # 64 bits. It is split in two, so that these bits hold each part.
         rest = exponent % (1 << 20)
         powers = (self.type(2, self.bits) ** self.type(power, self.bits) for power in (exponent - rest, rest))
         return self.type(mantissa, self.bits) * next(powers) * next(powers)
@@ -221,7 +270,14 @@ QUADRUPLE = Precision("quadruple", 113)
 
 
 def bits(count: int) -> Precision:
-    """Arithmetic with ``count`` bits (MPFR). Raises InputError unless it is a whole number from 24 to 4,000,000."""
+    """Return the MPFR arithmetic with ``count`` bits.
+
+    Args:
+        count: The number of bits.
+
+    Raises:
+        InputError: ``count`` is not an integer from 24 to 4,000,000.
+    """
     number = whole(count, 24, _MOST_BITS)
     if number is None:
         raise InputError(f"a precision of {shown(count)} bits is not offered: use 24 to {_MOST_BITS}")
@@ -229,14 +285,28 @@ def bits(count: int) -> Precision:
 
 
 def bits_for_digits(digits: int) -> int:
-    """Bits that hold ``digits`` decimal digits, guard digits included. Raises InputError beyond what `bits` offers."""
+    """Return the number of bits that hold ``digits`` decimal digits, guard digits included.
+
+    Args:
+        digits: The number of decimal digits.
+
+    Raises:
+        InputError: `bits` does not offer an arithmetic of that size.
+    """
     if not 1 <= digits <= _MOST_BITS / math.log2(10) - 1:
         raise InputError(f"an arithmetic of {shown(digits)} digits is not offered")
     return max(24, math.ceil(digits * math.log2(10)) + 1)
 
 
 def checked_digits(digits: object) -> int:
-    """The number of digits that somebody asks for. Raises InputError unless it is a whole number from 1 to 4000."""
+    """Return the number of digits that a caller asks for.
+
+    Args:
+        digits: An integer of any kind.
+
+    Raises:
+        InputError: It is not an integer from 1 to 4000.
+    """
     number = whole(digits, 1, _MOST_DIGITS)
     if number is None:
         kind = "the text " if isinstance(digits, str) else "the float " if isinstance(digits, float) else ""
@@ -245,9 +315,13 @@ def checked_digits(digits: object) -> int:
 
 
 def companion(precision: Precision) -> Precision:
-    """The cheapest arithmetic that this machine has with at least 11 bits more than ``precision``.
+    """Return the cheapest arithmetic of this machine with at least 11 bits more than ``precision``.
 
-    A run repeated in it shows the rounding and truncation errors of the first one to two or three digits.
+    A run repeated in it shows the rounding and truncation errors of the first run to two or three
+    digits.
+
+    Args:
+        precision: The arithmetic of the first run.
     """
     if precision.kind == "double" and _has_extended():
         return EXTENDED
@@ -265,7 +339,11 @@ def _has_extended() -> bool:
 
 @lru_cache(maxsize=1)
 def heyoka_module() -> ModuleType:
-    """heyoka, with its code cache guarded and its log silenced. Raises ImportError where it cannot be had."""
+    """Return heyoka, with its code cache guarded and its log silenced.
+
+    Raises:
+        ImportError: heyoka cannot be imported.
+    """
     from tippedisk_verify.model.code_cache import guarded
 
     with _LOADING:
@@ -278,13 +356,13 @@ def heyoka_module() -> ModuleType:
 
         heyoka.llvm_state.set_memcache_limit(256 * 2**20)  # bytes
         guarded(heyoka.llvm_state)
-        # It logs to standard output, which is for results; what it would warn of is in each run's outcome.
+        # It logs to standard output, which is for results. Each run's outcome holds its warnings.
         heyoka.set_logger_level_critical()
     return heyoka  # type: ignore[no-any-return]
 
 
-class _Own(threading.local):
-    """Each thread's contexts."""
+class _ThreadContexts(threading.local):
+    """The contexts of each thread."""
 
     def __init__(self) -> None:
         self.context = lru_cache(maxsize=256)(_context)
@@ -298,4 +376,4 @@ def _context(precision_bits: int) -> Any:
     return context
 
 
-_OWN = _Own()
+_THREAD_CONTEXTS = _ThreadContexts()

@@ -1,4 +1,4 @@
-"""Results as they are shown: as data for JSON, which the commands print, in lines with units, and as a table."""
+"""The display of results: as data for JSON, in lines with units, and as a table."""
 
 from __future__ import annotations
 
@@ -28,18 +28,22 @@ __all__ = [
     "with_widths",
 ]
 
-_MOST_LINES, _WIDEST = 10, 100  # of a repr
-_LONGEST = 24  # of an exact number
-_MOST_BESIDE = 5  # numbers of an entry of a list on one line
-_MOST_ENTRIES = 4  # of a list, before it is shown by its first and its last
+_MAX_REPR_LINES = 10
+_MAX_REPR_WIDTH = 100  # characters
+_MAX_EXACT_LENGTH = 24  # characters of an exact number
+_MAX_NUMBERS_PER_LINE = 5  # an entry of a list with more numbers has a line for each
+_MAX_LIST_ENTRIES = 4  # a longer list is shown by its first and its last entry
 
 
 class QuantityMeaning(NamedTuple):
-    unit: str  #: "1" for what has none, "SI" for what depends on a normalisation
+    """The unit and the meaning of a quantity."""
+
+    unit: str  #: "1" for a pure number, "SI" for a unit that depends on a normalisation
     meaning: str
 
 
-#: What results list without a field of that name: the speed, coordinates and time, and what depends on them alone.
+#: Quantities that results list without a field of that name: the speed, the coordinates, the time
+#: and functions of these alone.
 COORDINATES = {
     "omega": QuantityMeaning("rad/s", "Omega, the spinning speed"),
     "Omega": QuantityMeaning("rad/s", "the spinning speed"),
@@ -60,39 +64,51 @@ def quantity(meaning: str, unit: str) -> dict[str, QuantityMeaning]:
     """Return the metadata of a number's dataclass field: its meaning and unit, "1" for none.
 
     Help, printed tables and the site read them there.
+
+    Args:
+        meaning: The quantity in words.
+        unit: Its unit; "1" for a pure number.
     """
     return {"quantity": QuantityMeaning(unit, meaning)}
 
 
 def quantities(kind: type) -> dict[str, QuantityMeaning]:
-    """The numbers of a class of results, by name."""
+    """Return the quantities of a class of results, by name.
+
+    Args:
+        kind: The class.
+    """
     return {item.name: item.metadata["quantity"] for item in fields(kind) if "quantity" in item.metadata}
 
 
 class Printable:
-    """What results have in common: they say themselves, each from the fields of its dataclass."""
+    """The base of all results: each prints itself from the fields of its dataclass."""
 
     __slots__ = ()
 
-    #: The entries, and which come first; if empty, all fields but those untold: whose it is, and how it was computed.
+    #: The entries that are listed, all fields if empty; the entries that come first; the entries
+    #: that are left out, because they hold the disk or the method.
     _listed: ClassVar[tuple[str, ...]] = ()
     _first: ClassVar[tuple[str, ...]] = ()
-    _untold: ClassVar[tuple[str, ...]] = ("parameters", "disk", "engine", "precision", "residuals")
+    _omitted: ClassVar[tuple[str, ...]] = ("parameters", "disk", "engine", "precision", "residuals")
 
-    #: Of a class whose own methods compute without NumPy, which is not loaded for them.
+    #: True for a class whose methods do not use NumPy, so that it is not loaded for them.
     _without_numpy: ClassVar[bool] = False
 
     def __init_subclass__(cls) -> None:
         known = ((name, getattr(item, "metadata", {}).get("quantity")) for name, item in vars(cls).items())
-        _UNITS.update((name, told.unit) for name, told in known if told and told.unit not in _UNITLESS)
+        _UNITS.update((name, item.unit) for name, item in known if item and item.unit not in _UNITLESS)
         if not vars(cls).get("_without_numpy"):
             undisturbed_methods(cls)
 
     def to_dict(self) -> dict[str, Any]:
-        """As plain data for JSON. A number with a half-width is a value and an uncertainty, both decimals as texts."""
+        """Return the result as plain data for JSON.
+
+        A number with a half-width is a value and an uncertainty, both decimals as texts.
+        """
         names = self._listed or [item.name for item in fields(self) if item.name[0] != "_"]  # type: ignore[arg-type]
         ordered = dict.fromkeys((*self._first, *names))
-        return {name: as_json(getattr(self, name)) for name in ordered if name not in self._untold}
+        return {name: as_json(getattr(self, name)) for name in ordered if name not in self._omitted}
 
     def _title(self) -> str:
         disk = getattr(self, "parameters", getattr(self, "disk", None))
@@ -106,21 +122,23 @@ class Printable:
 
     def __repr__(self) -> str:
         lines = str(self).splitlines()
-        if len(lines) > _MOST_LINES + 1:  # one line more is shown: a cut would save no more than that
-            lines[_MOST_LINES - 1 :] = [f"  and {len(lines) - _MOST_LINES + 1} more lines: print shows them"]
+        if len(lines) > _MAX_REPR_LINES + 1:  # a cut of one line would save nothing
+            lines[_MAX_REPR_LINES - 1 :] = [f"  and {len(lines) - _MAX_REPR_LINES + 1} more lines: print shows them"]
         # A number of many digits keeps its half-width, which is at its end.
-        return "\n".join(line if len(line) <= _WIDEST else f"{line[: _WIDEST - 20]}…{line[-19:]}" for line in lines)
+        return "\n".join(
+            line if len(line) <= _MAX_REPR_WIDTH else f"{line[: _MAX_REPR_WIDTH - 20]}…{line[-19:]}" for line in lines
+        )
 
     def _repr_html_(self) -> str:
-        """A table, for notebooks."""
-        cells = ((heading(name), _said(entry)) for name, entry in _brief(self.to_dict()).items())
+        """Return a table for notebooks."""
+        cells = ((heading(name), _cell(entry)) for name, entry in _brief(self.to_dict()).items())
         rows = "".join(f"<tr><th>{escape(name)}</th><td>{escape(text)}</td></tr>" for name, text in cells)
         return f"<table><caption>{escape(self._title())}</caption>{rows}</table>"
 
 
 @dataclass(frozen=True, repr=False)
 class Eigenvalue(Printable):
-    """One eigenvalue [1/s], a complex number; each part with the half-width that holds it.
+    """One eigenvalue [1/s]: a complex number, each part with the half-width that holds it.
 
     A real eigenvalue's imaginary part is 0 exactly. ``complex`` and `numpy.array` take the values.
     """
@@ -153,7 +171,16 @@ class Eigenvalue(Printable):
 
 
 def as_json(value: Any) -> Any:
-    """A result, or an entry of one, for JSON: no finite number is None, one that is wider than a double is a text."""
+    """Convert a result, or an entry of one, to data for JSON.
+
+    An infinity or NaN becomes None, and a number wider than a double becomes a text.
+
+    Args:
+        value: A result, a number, a text, or mappings and sequences of these.
+
+    Returns:
+        Dicts, lists, texts, numbers, truth values and None.
+    """
     if hasattr(value, "to_dict"):
         return value.to_dict()
     if hasattr(value, "_asdict"):
@@ -173,7 +200,15 @@ def as_json(value: Any) -> Any:
 
 
 def with_widths(values: Any, widths: Any) -> Any:
-    """Numbers and their half-widths as JSON, in lists as the arrays have them."""
+    """Convert numbers and their half-widths to data for JSON, in lists of the arrays' shape.
+
+    Args:
+        values: A number or an array.
+        widths: The half-widths, of the same shape.
+
+    Returns:
+        Lists of the arrays' shape, with a value and an uncertainty as texts for each number.
+    """
     if hasattr(values, "__len__"):
         return [with_widths(*pair) for pair in zip(values, widths, strict=True)]
     if not math.isfinite(widths):  # str() of NumPy's numbers is as the caller's print options have it
@@ -184,17 +219,30 @@ def with_widths(values: Any, widths: Any) -> Any:
 
 
 def heading(name: str) -> str:
-    """The quantity's name with its unit, if it has one."""
+    """Return the quantity's name with its unit, if it has one.
+
+    Args:
+        name: The quantity's name.
+    """
     unit = _UNITS.get(name)
     return f"{name} [{unit}]" if unit else name
 
 
 def result_lines(entries: dict[str, Any], indent: str = "") -> Iterator[str]:
-    """A line for each number and sentence of data for JSON; what consists of several goes below its name."""
+    """Yield a line for each number and sentence in data for JSON.
+
+    The parts of a compound entry follow below its name.
+
+    Args:
+        entries: The data by name.
+        indent: The text before each line.
+    """
     for name, value in entries.items():
         if value in (None, {}):
             continue
-        if isinstance(value, list) and any(isinstance(entry, dict) and len(entry) > _MOST_BESIDE for entry in value):
+        if isinstance(value, list) and any(
+            isinstance(entry, dict) and len(entry) > _MAX_NUMBERS_PER_LINE for entry in value
+        ):
             for number, entry in enumerate(value, 1):
                 yield from result_lines({f"{name} {number}": entry}, indent)
         elif isinstance(value, dict) and not _measured(value):
@@ -202,41 +250,41 @@ def result_lines(entries: dict[str, Any], indent: str = "") -> Iterator[str]:
             yield from result_lines(value, indent + "  ")
         elif isinstance(value, list) and len(value) > 1:
             yield f"{indent}{heading(name)}:"
-            yield from (f"{indent}  {_said(entry)}" for entry in value)
+            yield from (f"{indent}  {_cell(entry)}" for entry in value)
         else:
-            yield f"{indent}{heading(name)}: {_said(value)}"
+            yield f"{indent}{heading(name)}: {_cell(value)}"
 
 
 def _measured(value: Any) -> bool:
     return isinstance(value, dict) and set(value) == {"value", "uncertainty"}
 
 
-def _said(value: Any) -> str:
+def _cell(value: Any) -> str:
     if _measured(value):
         text, width = str(value["value"]), str(value["uncertainty"])
         if width == "infinite":
             return f"{text} (no half-width)"
         return text if width == "0" else f"{text} ± {width}"
     if isinstance(value, dict):
-        return ", ".join(f"{name} {_said(entry)}" for name, entry in value.items())
+        return ", ".join(f"{name} {_cell(entry)}" for name, entry in value.items())
     if isinstance(value, list):
-        return "; ".join(_said(entry) for entry in value) or "none"
+        return "; ".join(_cell(entry) for entry in value) or "none"
     if isinstance(value, bool | None):
         return {True: "yes", False: "no", None: "unknown"}[value]
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
 def _brief(value: Any) -> Any:
-    """Data for JSON with its long lists cut down to their ends, and rows of a matrix beside each other."""
-    if _measured(value) and value["uncertainty"] == "0" and len(value["value"]) > _LONGEST:
-        return f"{value['value'][:_LONGEST]}…"  # a double has up to 50 digits
+    """Shorten data for JSON: long lists keep their ends, and rows of a matrix share a line."""
+    if _measured(value) and value["uncertainty"] == "0" and len(value["value"]) > _MAX_EXACT_LENGTH:
+        return f"{value['value'][:_MAX_EXACT_LENGTH]}…"  # a double has up to 50 digits
     if isinstance(value, dict):
         return {name: _brief(entry) for name, entry in value.items()}
     if not isinstance(value, list):
         return value
-    if len(value) > _MOST_ENTRIES:
-        return f"{len(value)}, from {_said(_brief(value[0]))} to {_said(_brief(value[-1]))}"
+    if len(value) > _MAX_LIST_ENTRIES:
+        return f"{len(value)}, from {_cell(_brief(value[0]))} to {_cell(_brief(value[-1]))}"
     shorter = [_brief(entry) for entry in value]
     if not any(isinstance(entry, list) for entry in shorter):
         return shorter
-    return "; ".join(", ".join(map(_said, entry)) if isinstance(entry, list) else _said(entry) for entry in shorter)
+    return "; ".join(", ".join(map(_cell, entry)) if isinstance(entry, list) else _cell(entry) for entry in shorter)

@@ -1,7 +1,8 @@
-"""Computations with a floating-point error state of their own: the caller's in NumPy neither reaches them nor changes.
+"""Computations that neither read nor change the caller's floating-point error state in NumPy.
 
-NumPy's error state belongs to the caller's thread. It decides whether an underflow, which is harmless here, is ignored,
-prints a warning or ends the program. Where an infinity or NaN matters, results are tested for it.
+NumPy's error state belongs to the caller's thread. It decides whether an underflow, which is
+harmless here, is ignored, prints a warning or ends the program. Where an infinity or NaN matters,
+results are tested for it.
 """
 
 from __future__ import annotations
@@ -19,7 +20,13 @@ C = TypeVar("C", bound=type)
 
 
 def undisturbed(function: Callable[P, R]) -> Callable[P, R]:
-    """Return the function as it runs when NumPy ignores all floating-point errors. For public functions."""
+    """Return the function so that it runs with all NumPy floating-point errors ignored.
+
+    It is for public functions.
+
+    Args:
+        function: The function.
+    """
 
     @wraps(function)
     def call(*args: P.args, **options: P.kwargs) -> R:
@@ -32,7 +39,14 @@ def undisturbed(function: Callable[P, R]) -> Callable[P, R]:
 
 
 def undisturbed_methods(kind: C) -> C:
-    """Make all public methods of a class `undisturbed`, its computed properties and ``__call__`` as well."""
+    """Make all public methods of a class `undisturbed`, its properties and ``__call__`` included.
+
+    Args:
+        kind: The class, which is changed.
+
+    Returns:
+        The class itself.
+    """
     for name, member in list(vars(kind).items()):
         if name[0] == "_" and name != "__call__":
             continue

@@ -1,1 +1,1 @@
-"""Motions of one disk: solutions, scenes, basins and the reduced flow."""
+"""Motions of one disk: solutions, scenes, basins and the basin boundary."""

@@ -1,9 +1,10 @@
-"""What separates starts that keep standing from those that lie flat: the unstable rotating cycles' stable manifolds.
+"""The boundary between starts that keep standing and starts that lie flat.
 
-An orbit next to such a surface follows the unstable rotating cycle for some turns and then leaves it to one side. Which
-one, and how far, tells its coordinate along the cycle's unstable direction, taken at gamma = pi/2 after as many turns
-as the fast direction takes to be forgotten. It grows with beta and is zero on the surface. The point symmetry gives the
-sheet of the other lean.
+It consists of the stable manifolds of the unstable rotating cycles. An orbit next to such a surface
+follows the unstable rotating cycle for some turns and then leaves it to one side. Its coordinate
+along the cycle's unstable direction shows which side, and how far. The coordinate is taken at gamma
+= pi/2 after as many turns as the fast direction takes to decay. It grows with beta and is zero on
+the surface. The point symmetry gives the sheet of the other lean.
 """
 
 from __future__ import annotations
@@ -26,39 +27,60 @@ from tippedisk_verify.motion.basins import SPEEDS_OF_STATES
 
 __all__ = ["BasinBoundary"]
 
-_FORGOTTEN = 37.0  # of the fast direction exp(-this) is left, which is below a double's rounding
-_FEWEST_TURNS, _MOST_TURNS = 2, 60
+_DECAY = 37.0  # exp(-37), the rest of the fast direction, is below a double's rounding
+_MIN_TURNS, _MAX_TURNS = 2, 60
 _TRANSIENT = 0.5  # s after which a start with any v is on the slow manifold
-_DIFFERENCES = 4  # of roots after different numbers of turns, for a half-width: as for cycles, see `error_budget`
-_BESIDE = 1e-6  # rad; a root after another number of turns is looked for so close to the first one
-_FARTHEST = math.pi  # rad; stands for an infinite distance from the sheet
-_ROUNDINGS = Fraction(1, 10**14)  # rad; what the last bits of the start and of pi do
+#: A half-width in units of the distance between roots after different numbers of turns, as for
+#: cycles (see `error_budget`).
+_DIFFERENCES = 4
+_SEARCH_RADIUS = 1e-6  # rad about a root, in which the root after another number of turns lies
+_INFINITE_DISTANCE = math.pi  # rad; stands for an infinite distance from the sheet
+_ROUNDINGS = Fraction(1, 10**14)  # rad; the effect of the last bits of the start and of pi
 _TOP = Event("top", ROUND.function, direction=-1, terminal=False)
 _UPRIGHT = Event("upright", SECTION.function)
 
 
 class BasinBoundary(Printable):
-    """The boundary at one speed [rad/s], in double: two sheets, each a graph of beta over (gamma, v).
+    """The boundary at one speed, in double: two sheets, each a graph of beta over (gamma, v).
 
-    Starts between the sheets keep standing, the others lie flat. Raises NoSuchCycleError where there is no unstable
-    rotating cycle: below the rotating cycles' fold everything lies flat.
+    Starts between the sheets keep standing, the others lie flat.
+
+    Args:
+        parameters: The disk.
+        omega: The spinning speed [rad/s].
+        engine: The integrator.
+
+    Raises:
+        InputError: ``omega`` is not a speed.
+        NoSuchCycleError: There is no unstable rotating cycle. Below the fold of the rotating cycles
+            every start lies flat.
     """
 
     _listed = ("omega", "cycle")
 
     def __init__(self, parameters: Parameters, omega: object, engine: Engine) -> None:
         self.parameters, self.engine, self.omega = parameters, engine, checked_speed(omega)
-        #: The unstable rotating cycle whose stable manifold the sheet of larger beta is.
+        #: The unstable rotating cycle. Its stable manifold is the sheet of larger beta.
         self.cycle = rotating_cycle(parameters, self.omega, engine, stable=False)
         self._top = float(self.cycle.beta_bar_top), float(self.cycle.v_top)
         (_, b), (_, d) = ReturnMap(ROTATING, parameters, self.omega, engine)(self._top).matrix
-        # (1, w) is the left eigenvector of the turn map's derivative, which takes that coordinate from a difference.
+        # (1, w), the left eigenvector of the turn map's derivative, extracts that coordinate from a
+        # difference.
         self._weight = b / (float(self.cycle.multiplier_slow) - d)
-        forgotten = _FORGOTTEN / -float(self.cycle.log_multiplier_fast)
-        self._turns = min(_MOST_TURNS, max(_FEWEST_TURNS, math.ceil(forgotten)))
+        decay_turns = _DECAY / -float(self.cycle.log_multiplier_fast)
+        self._turns = min(_MAX_TURNS, max(_MIN_TURNS, math.ceil(decay_turns)))
 
     def margin(self, state: Sequence[float]) -> Measured:
-        """The distance in beta [rad] of a state (beta, gamma, v) from the boundary: positive if it keeps standing."""
+        """Return the distance in beta [rad] of a state from the boundary.
+
+        It is positive if the disk keeps standing.
+
+        Args:
+            state: (beta [rad], gamma [rad], v [rad/s]).
+
+        Raises:
+            InputError: beta does not lie between 0 and pi, or v is too large.
+        """
         beta, gamma, v = DOUBLE.array(state).tolist()
         if not 0 < beta < math.pi:
             raise InputError(f"beta lies between 0 and pi, not at {beta:g}")
@@ -69,33 +91,45 @@ class BasinBoundary(Printable):
         return min(lean - lower, upper - lean, key=lambda margin: margin.value)
 
     def sheets(self, gamma: float, v: float) -> tuple[Measured, Measured]:
-        """beta on both sheets at (gamma, v); 0 or pi with a sheet that is beyond the disk's lying flat."""
+        """Return beta [rad] on the lower and the upper sheet at (gamma, v).
+
+        A sheet beyond the states in which the disk lies flat has beta = 0 or pi.
+
+        Args:
+            gamma: [rad].
+            v: [rad/s].
+        """
         gamma, v = DOUBLE.number(gamma), DOUBLE.number(v)
         pi = Measured(Fraction(math.pi), Fraction(1, 2**52))
         return pi - self._upper(math.pi - gamma, -v), self._upper(gamma, v)
 
     def _upper(self, gamma: float, v: float) -> Measured:
-        """beta on the sheet of larger beta."""
+        """Return beta [rad] on the sheet of larger beta."""
         root = self._root(gamma, v, self._turns, (0.0, math.pi))
-        again = self._root(gamma, v, self._turns + 1, (max(0.0, root - _BESIDE), min(math.pi, root + _BESIDE)))
+        nearby = max(0.0, root - _SEARCH_RADIUS), min(math.pi, root + _SEARCH_RADIUS)
+        again = self._root(gamma, v, self._turns + 1, nearby)
         width = _DIFFERENCES * abs(Fraction(root) - Fraction(again)) + _ROUNDINGS
         return Measured(Fraction(root), width)
 
     def _root(self, gamma: float, v: float, turns: int, between: tuple[float, float]) -> float:
-        """Where `_beyond` changes its sign. The ends of the interval stand for states on either side of the sheet."""
+        """Return beta where `_beyond` changes its sign.
+
+        The ends of the interval stand for states on either side of the sheet.
+        """
         from scipy.optimize import brentq
 
         def beyond(beta: float) -> float:
             if beta in between:
-                return -_FARTHEST if beta == between[0] else _FARTHEST
-            return min(max(self._beyond((beta, gamma, v), turns), -_FARTHEST), _FARTHEST)
+                return -_INFINITE_DISTANCE if beta == between[0] else _INFINITE_DISTANCE
+            return min(max(self._beyond((beta, gamma, v), turns), -_INFINITE_DISTANCE), _INFINITE_DISTANCE)
 
         return float(brentq(beyond, *between, xtol=1e-15, rtol=1e-15))
 
     def _beyond(self, state: tuple[float, float, float], turns: int) -> float:
-        """How far the orbit from a state is beyond the sheet of larger beta, after so many turns [rad].
+        """Return an orbit's distance [rad] beyond the sheet of larger beta after some turns.
 
-        Infinite if the disk lies flat on that side before, minus infinity if it comes upright or lies on the other.
+        It is infinite if the disk lies flat on that side before. It is minus infinity if the disk
+        comes upright or lies flat on the other side.
         """
         first = self._flight(state, _TRANSIENT, ())
         beta, gamma, v = first.state.tolist()
@@ -112,5 +146,8 @@ class BasinBoundary(Printable):
         return float(beta - math.pi / 2 - self._top[0] + self._weight * (v - self._top[1]))
 
     def _flight(self, state: tuple[float, float, float], duration: float, events: tuple[Event, ...]) -> Result:
-        """A run to the disk's lying flat, or to an event. One that stands still takes too many steps; it is inside."""
+        """Run until the disk lies flat or an event ends the run.
+
+        An orbit at rest takes too many steps; it lies inside.
+        """
         return self.engine(Request(self.parameters, self.omega, state, duration, events=events, domain="event"))

@@ -1,8 +1,9 @@
-"""What each of many initial states ends on: a picture of the basins, and fractions with their sampling error.
+"""The fate of many initial states: the basins, and fractions with their sampling error.
 
-The states fill a plane of constant v in the strip between two noninverted states, one random state in each cell of a
-grid (stratified sampling). They run in SIMD lanes, a portion after the other; states whose disk lies flat leave. What
-the others end on follows from |gamma - pi/2|, within their well, at the crossings of beta = pi/2 in the last seconds.
+The states fill a plane of constant v in the strip between two noninverted states, with one random
+state in each cell of a grid (stratified sampling). They run in SIMD lanes, portion by portion, and
+states whose disk lies flat leave their lanes. The fate of the others follows from |gamma - pi/2|,
+within their well, at the crossings of beta = pi/2 in the last seconds.
 """
 
 from __future__ import annotations
@@ -41,23 +42,23 @@ __all__ = ["OUTCOMES", "SPEEDS_OF_STATES", "Basins", "basins", "classified_lanes
 
 OUTCOMES = ("lies flat", "limit cycle", "rotating limit cycle", "inverted spinning", "undecided")
 _FLAT_INDEX, _UNDECIDED = OUTCOMES.index("lies flat"), OUTCOMES.index("undecided")
-_PORTION = 2048  # states that one task takes
-_STRETCH = 5.0  # s; after each, states whose disk lies flat leave their lanes
-_LAST = 4.0  # s of crossings that tell the end, or so many periods of the cycle if these take longer:
-_PERIODS = 2.5
-_RUN_ON = 8  # times the duration, for what is undecided
+_PORTION = 2048  # the number of states in a task
+_STRETCH = 5.0  # s; after each stretch, states whose disk lies flat leave their lanes
+_LAST_SECONDS = 4.0  # s of crossings that decide the outcome
+_LAST_PERIODS = 2.5  # periods of the cycle, which decide instead if they take longer
+_LONGEST_RUN = 8  # the longest run of an undecided state, in units of the duration
 _FLAT = Event("lies flat", FLAT.function, terminal=False)
 _SECTION = Event("section", SECTION.function, terminal=False)
 _TOP = Event("top or bottom", ROUND.function, terminal=False)
-_MOST_STATES = 10_000_000  # they take some 1.5 GB
-SPEEDS_OF_STATES = 1000.0  # rad/s
+_MAX_STATES = 10_000_000  # they take about 1.5 GB
+SPEEDS_OF_STATES = 1000.0  # rad/s; the largest |v| of a state
 
 _Crossing = tuple[str, Sequence[float]]  # event and state
 
 
 @dataclass(frozen=True, repr=False)
 class Basins(Printable):
-    """What the states ended on."""
+    """The outcomes of many initial states."""
 
     parameters: Parameters
     omega: Fraction  #: [rad/s]
@@ -68,7 +69,10 @@ class Basins(Printable):
     outcome: Any  #: (rows, columns) index into `OUTCOMES`
 
     def fractions(self) -> dict[str, tuple[float, float]]:
-        """For each outcome its share of the plane and two standard errors, those of unstratified sampling at most."""
+        """Return for each outcome its share of the plane and two standard errors.
+
+        The error is that of unstratified sampling, which is an upper bound.
+        """
         count = self.outcome.size
         shares = {}
         for index, name in enumerate(OUTCOMES):
@@ -78,11 +82,12 @@ class Basins(Printable):
         return shares
 
     def rows(self) -> list[tuple[float, float, float, str]]:
-        """Return of each initial state beta, gamma [rad], v [rad/s], and what it ended on."""
+        """Return beta [rad], gamma [rad], v [rad/s] and the outcome of each initial state."""
         states = zip(*(part.ravel().tolist() for part in (self.beta, self.gamma, self.outcome)), strict=True)
         return [(beta, gamma, self.v, OUTCOMES[outcome]) for beta, gamma, outcome in states]
 
     def to_dict(self) -> dict[str, object]:
+        """Return speed, law, sizes and fractions as data for JSON."""
         shares = self.fractions()
         return {
             "omega": exact_text(self.omega),
@@ -106,19 +111,32 @@ def basins(
     executor: Executor | None = None,
     advance: Callable[[str, int], None] = lambda label, steps: None,
 ) -> Basins:
-    """Run ``count`` states (rounded up to a full grid) for ``duration`` [s] and say what each ends on.
+    """Run initial states and return the outcome of each.
 
-    What is undecided then runs on, up to eight times as long.
+    Undecided states run on, up to eight times as long.
 
-    With an ``executor`` portions run on it; the result does not depend on it. Raises InputError for a count, duration,
-    seed or speed that makes no sense.
+    Args:
+        parameters: The disk.
+        omega: The spinning speed [rad/s].
+        count: The number of states, which is rounded up to a full grid.
+        duration: The time of a run [s].
+        v: The velocity of every initial state [rad/s].
+        seed: The seed of the random states.
+        executor: Runs the portions; the result does not depend on it.
+        advance: Receives the number of finished states.
+
+    Returns:
+        The initial states and the outcome of each, as arrays (rows, columns).
+
+    Raises:
+        InputError: An argument cannot be used.
     """
     speed = checked_speed(omega)
-    duration, v, known_count = DOUBLE.number(duration), DOUBLE.number(v), whole(count, 1, _MOST_STATES)
+    duration, v, known_count = DOUBLE.number(duration), DOUBLE.number(v), whole(count, 1, _MAX_STATES)
     if known_count is None:
-        raise InputError(f"1 to {_MOST_STATES} states can be run, not {shown(count)}")
-    if not _LAST < duration <= 10_000:
-        raise InputError(f"the duration must be more than {_LAST:g} s and at most 10000 s, not {duration:g}")
+        raise InputError(f"1 to {_MAX_STATES} states can be run, not {shown(count)}")
+    if not _LAST_SECONDS < duration <= 10_000:
+        raise InputError(f"the duration must be more than {_LAST_SECONDS:g} s and at most 10000 s, not {duration:g}")
     if not abs(v) <= SPEEDS_OF_STATES:
         raise InputError(f"v must lie between -{SPEEDS_OF_STATES:g} and {SPEEDS_OF_STATES:g} rad/s, not {v:g}")
     if not isinstance(seed, int) or seed < 0:
@@ -147,16 +165,21 @@ def basins(
 
 @dataclass(frozen=True)
 class Attractors:
-    """What orbits that keep standing can end on at one speed, as far as it tells them apart."""
+    """The attractors of upright orbits at one speed, with the numbers that distinguish them."""
 
     amplitude: float | None = None  #: gamma_bar_0 of the stable limit cycle [rad]
-    lean: float | None = None  #: |beta - pi/2| of the stable rotating one at gamma = pi/2 [rad]
-    inverted: bool = False  #: whether inverted spinning is stable
-    last: float = _LAST  #: s of crossings that tell which one it is
+    lean: float | None = None  #: |beta - pi/2| of the stable rotating cycle at gamma = pi/2 [rad]
+    inverted: bool = False  #: True if inverted spinning is stable
+    last: float = _LAST_SECONDS  #: [s] of the crossings that decide
 
     @classmethod
     def at(cls, parameters: Parameters, omega: Fraction) -> Attractors:
-        """Those at a speed [rad/s]; a cycle that is not found is none."""
+        """Return the attractors at a speed [rad/s]; a cycle that is not found is left out.
+
+        Args:
+            parameters: The disk.
+            omega: The spinning speed [rad/s].
+        """
         amplitude = lean = None
         period = 0.0
         with suppress(NoSuchCycleError, AccuracyError):
@@ -168,10 +191,16 @@ class Attractors:
                 rotating = rotating_cycle(parameters, omega, default_engine(), digits=6)
                 lean, period = float(rotating.beta_bar_top), float(rotating.period)
         stable = is_stable(linearization(parameters, omega))
-        return cls(amplitude, lean, stable, max(_LAST, _PERIODS * period))
+        return cls(amplitude, lean, stable, max(_LAST_SECONDS, _LAST_PERIODS * period))
 
     def ending(self, crossings: Sequence[_Crossing]) -> str:
-        """What an orbit ends on, by how |gamma - pi/2| where it is upright, or |beta - pi/2|, has changed."""
+        """Return the outcome of an orbit from its crossings.
+
+        It depends on how |gamma - pi/2| at upright states, or |beta - pi/2|, has changed.
+
+        Args:
+            crossings: The name and the state of each crossing, in their order.
+        """
         amplitudes = [abs(from_inverted(state[1])) for name, state in crossings if name == _SECTION.name]
         tops = [state for name, state in crossings if name == _TOP.name and math.sin(state[1]) > 0]
         leans = [abs(state[0] - math.pi / 2) for state in tops]
@@ -187,26 +216,34 @@ class Attractors:
 
 
 def _closer(before: float, after: float, cycle: float) -> bool:
-    """Whether a coordinate on a section comes closer to the cycle's, or is there."""
+    """Return True if a section coordinate comes closer to the cycle's, or has arrived."""
     return abs(after - cycle) < max(0.95 * abs(before - cycle), cycle / 100)
 
 
 def classified_lanes(
     states: Any, parameters: Parameters, omega: Fraction, duration: float, attractors: Attractors
 ) -> Any:
-    """Outcomes, as indices into `OUTCOMES`, of one portion of states (n, 3)."""
+    """Return the outcomes of one portion of states, as indices into `OUTCOMES`.
+
+    Args:
+        states: (n, 3) beta, gamma [rad], v [rad/s].
+        parameters: The disk.
+        omega: The spinning speed [rad/s].
+        duration: The time of a run [s].
+        attractors: The attractors at the speed.
+    """
     outcome = numpy.full(len(states), _UNDECIDED, dtype=numpy.int8)
     moving = numpy.flatnonzero(numpy.sin(states[:, 0]) > 0)
     outcome[numpy.sin(states[:, 0]) <= 0] = _FLAT_INDEX
     now = states[moving]
     until, elapsed = max(0.0, duration - attractors.last), 0.0
-    while elapsed < _RUN_ON * duration and len(moving):
-        telling = elapsed >= until
-        stretch = attractors.last if telling else min(_STRETCH, until - elapsed)
-        now, flat, crossings = _run(parameters, omega, now, stretch, telling=telling)
+    while elapsed < _LONGEST_RUN * duration and len(moving):
+        deciding = elapsed >= until
+        stretch = attractors.last if deciding else min(_STRETCH, until - elapsed)
+        now, flat, crossings = _run(parameters, omega, now, stretch, record=deciding)
         outcome[moving[flat]] = _FLAT_INDEX
         going = ~flat
-        if telling:
+        if deciding:
             for n in numpy.flatnonzero(going).tolist():
                 ending = attractors.ending(crossings[n])
                 outcome[moving[n]] = OUTCOMES.index(ending)
@@ -217,13 +254,16 @@ def classified_lanes(
 
 
 def _run(
-    parameters: Parameters, omega: Fraction, now: Any, duration: float, *, telling: bool
+    parameters: Parameters, omega: Fraction, now: Any, duration: float, *, record: bool
 ) -> tuple[Any, Any, dict[int, list[_Crossing]]]:
-    """Where all motions are after a while, whose disk lies flat, and what each crossed on the way.
+    """Run all states for a while.
 
-    They run in lanes; the engine that looks closer takes what its lane cannot finish.
+    They run in lanes. The default engine, one run at a time, computes what a lane cannot finish.
+
+    Returns:
+        The states, True for each disk that lies flat, and the crossings of each run.
     """
-    events = (_FLAT, _SECTION, _TOP) if telling else (_FLAT,)
+    events = (_FLAT, _SECTION, _TOP) if record else (_FLAT,)
     count = len(now)
     batch = default_lanes()(
         field_constants(parameters),
@@ -241,5 +281,5 @@ def _run(
     for n in numpy.flatnonzero(~batch.finished & ~flat).tolist():
         result = default_engine()(Request(parameters, omega, now[n].tolist(), duration, events=events[1:]))
         flat[n], states[n] = result.status is not Status.REACHED, result.state
-        crossings[n] = [(record.name, record.state.tolist()) for record in result.events]
+        crossings[n] = [(crossing.name, crossing.state.tolist()) for crossing in result.events]
     return states, flat, crossings

@@ -1,7 +1,7 @@
-"""The six panels of the paper's Figures 3D and proj_3D: two orbits each, and what each of them ends on.
+"""The six panels of the paper's Figures 3D and proj_3D: two orbits each, with their attractors.
 
-A scene declares what it needs. Panels b to f need a plain integrator and samples; panel a, where orbits leave the
-model, needs the event sin(beta) = 0 as well. Nothing else is built for them.
+A scene declares its needs. Panels b to f need a plain integrator and samples. Orbits of panel a
+leave the model, so it needs the event sin(beta) = 0 as well. Nothing else is built for them.
 """
 
 from __future__ import annotations
@@ -47,36 +47,45 @@ INITIAL_STATES: tuple[tuple[Exact, Exact, Exact], ...] = (
 # Near Omega_crit the cycle attracts at a rate of about 0.1 per second: 120 s bring its distance below 1e-4 of itself.
 _DURATION = 120
 _SAMPLES_PER_SECOND = 100
-_FEWEST = 12  # crossings that tell what an orbit ends on
-_MOST_BENT = 0.5  # there the parabola's zero is a sixth farther than the line's
+_MIN_CROSSINGS = 12  # the number of crossings that decide the attractor
+_MAX_BEND = 0.5  # at this bend the parabola's zero is a sixth farther than the line's
 # A section amplitude below this is close to the inverted state [rad].
 _SMALL = 0.05
-# Error of a section amplitude [rad]: the Taylor engine's dense output is as good as its steps, and an orbit near an
-# attracting cycle keeps only the latest rounding errors, of inputs too.
+# The error of a section amplitude [rad]. The Taylor engine's dense output is as accurate as its
+# steps. An orbit near an attracting cycle keeps only the latest rounding errors, of inputs too.
 _CROSSING_ERROR = 1e-12
 
 AttractorKind = Literal["inverted spinning", "limit cycle", "rotating limit cycle", "flat", "undecided"]
-#: What an amplitude is called in JSON.
+#: The name of an amplitude in JSON.
 _AMPLITUDES = {"limit cycle": "gamma_bar_at_section", "rotating limit cycle": "beta_bar_at_top"}
 
 
 @dataclass(frozen=True, repr=False)
 class Scene(Printable):
-    """One panel: its speed, relative to Omega_h or Omega_crit, and what it needs beyond a plain integrator."""
+    """One panel: its speed, relative to Omega_h or Omega_crit, and its special needs."""
 
     name: str
     base: Literal["Omega_h", "Omega_crit"]
     offset: Fraction  #: [rad/s]
-    flat_event: bool = False  #: orbits leave the model's domain here, and when is part of the answer
+    flat_event: bool = False  #: orbits leave the model's domain, and the time is part of the result
 
     @property
     def title(self) -> str:
+        """The panel's title in TeX."""
         sign = "−" if self.offset < 0 else "+"
         label = {"Omega_h": r"\Omega_\mathrm{h}", "Omega_crit": r"\Omega_\mathrm{crit}"}[self.base]
         return rf"({self.name}) $\Omega = {label} {sign} {float(abs(self.offset)):g}$ rad/s"
 
     def omega(self, parameters: Parameters, omega_h: Measured | None) -> Measured:
-        """The panel's speed [rad/s]. Raises InputError if it needs an Omega_h that is not given."""
+        """Return the panel's speed [rad/s].
+
+        Args:
+            parameters: The disk.
+            omega_h: Omega_h [rad/s], which some panels need.
+
+        Raises:
+            InputError: The panel needs an Omega_h, and none is given.
+        """
         if self.base == "Omega_crit":
             base = omega_crit(parameters, 20)
         elif omega_h is None:
@@ -98,7 +107,14 @@ SCENES: tuple[Scene, ...] = (
 
 
 def scene_named(name: str) -> Scene:
-    """The panel of that letter. Raises InputError if there is none."""
+    """Return the panel of that letter.
+
+    Args:
+        name: The letter.
+
+    Raises:
+        InputError: There is no such panel.
+    """
     for scene in SCENES:
         if scene.name == name:
             return scene
@@ -107,16 +123,19 @@ def scene_named(name: str) -> Scene:
 
 @dataclass(frozen=True, repr=False)
 class Ending(Printable):
-    """What an orbit ends on, by the criterion of `classified`."""
+    """The attractor of an orbit, by the criterion of `classified`."""
 
     kind: AttractorKind
     reason: str
     time: Measured | None = None  #: when the disk lies flat [s]
-    #: |gamma - pi/2| of the limit cycle at beta = pi/2, |beta - pi/2| of the rotating one at gamma = pi/2 [rad]
+    #: |gamma - pi/2| of the limit cycle at beta = pi/2, |beta - pi/2| of the rotating one at gamma
+    #: = pi/2 [rad]
     amplitude: Measured | None = None
-    wells_passed: int | None = None  #: how often gamma passed a noninverted state before the disk lay flat
+    #: The number of times gamma passed a noninverted state before the disk lay flat.
+    wells_passed: int | None = None
 
     def to_dict(self) -> dict[str, object]:
+        """Return the ending as data for JSON, without empty entries."""
         values = super().to_dict()
         values[_AMPLITUDES.get(self.kind, "amplitude")] = values.pop("amplitude")
         return {name: value for name, value in values.items() if value is not None}
@@ -143,9 +162,10 @@ class Panel(Printable):
     inverted_stable: bool
     noninverted_stable: bool
     orbits: tuple[Orbit, ...]
-    compiled: tuple[Build, ...]  #: what was built or used for it
+    compiled: tuple[Build, ...]  #: the compiled integrators used
 
     def to_dict(self) -> dict[str, object]:
+        """Return speed, attractors and compiled integrators as data for JSON."""
         relative = self.scene.base == "Omega_h"
         return {
             "omega": self.omega.to_dict(),
@@ -156,10 +176,21 @@ class Panel(Printable):
 
 
 def compute(scene: Scene, parameters: Parameters, engine: Engine, *, omega_h: Measured | None = None) -> Panel:
-    """Integrate a panel's orbits and say what each ends on.
+    """Integrate a panel's orbits and determine their attractors.
 
-    Raises InputError if the panel needs an Omega_h that is not given or an engine that measures its errors,
-    AccuracyError if an integration fails.
+    Args:
+        scene: The panel.
+        parameters: The disk.
+        engine: The integrator.
+        omega_h: Omega_h [rad/s], which some panels need.
+
+    Returns:
+        The panel with both orbits and their attractors.
+
+    Raises:
+        InputError: The panel needs an Omega_h and none is given, or the engine does not measure its
+            errors.
+        AccuracyError: An integration fails.
     """
     if not engine.measures_error:
         raise InputError(f"a scene needs an engine that measures its errors, such as taylor, not {engine.name}")
@@ -203,22 +234,32 @@ def compute(scene: Scene, parameters: Parameters, engine: Engine, *, omega_h: Me
 
 
 def classified(result: Result, times: Any, omega: float, inverted_stable: bool) -> Ending:
-    """What an orbit ends on that keeps standing.
+    """Return the attractor of an orbit that keeps standing.
 
-    The amplitudes A_n = |gamma - pi/2| modulo 2 pi at the crossings of beta = pi/2 decide; by the point symmetry each
-    is the same function of the one before. *Inverted spinning*: it is asymptotically stable (exact Routh-Hurwitz), the
-    last ten A_n fall, and the last is below 0.05 rad. *Limit cycle*: the changes A_(n+1) - A_n shrink geometrically,
-    and the limit they tend to lies above 0.05 rad, with a remaining distance below a hundredth of it. *Rotating limit
-    cycle*: beta has not crossed pi/2 for twelve turns of gamma, and |beta - pi/2| where gamma = pi/2 modulo 2 pi has
-    such a limit. Anything else is *undecided*.
+    The amplitudes A_n = |gamma - pi/2| modulo 2 pi at the crossings of beta = pi/2 decide. By the
+    point symmetry each is the same function of the previous one.
+
+    - *Inverted spinning*: it is asymptotically stable (exact Routh-Hurwitz), the last ten A_n fall,
+      and the last is below 0.05 rad.
+    - *Limit cycle*: the changes A_(n+1) - A_n shrink geometrically. Their limit lies above 0.05
+      rad, and the remaining distance is below a hundredth of it.
+    - *Rotating limit cycle*: beta has not crossed pi/2 for twelve turns of gamma. And |beta - pi/2|
+      at gamma = pi/2 modulo 2 pi has such a limit.
+    - *Undecided*: anything else.
+
+    Args:
+        result: The orbit, with samples and dense output.
+        times: (n,) the times of the samples [s].
+        omega: The spinning speed [rad/s].
+        inverted_stable: True if inverted spinning is stable.
     """
     upright, amplitudes = section_amplitudes(times, result)
     tops, leans = top_leans(times, result, omega)
-    # While beta stays on one side of pi/2 gamma goes one way: gamma' = -Omega cos(beta).
+    # While beta stays on one side of pi/2, gamma is monotonic: gamma' = -Omega cos(beta).
     turns = leans[tops > upright[-1]] if len(upright) else leans
-    if len(turns) >= _FEWEST:
+    if len(turns) >= _MIN_CROSSINGS:
         return _on_a_cycle("rotating limit cycle", turns.tolist())
-    if len(amplitudes) < _FEWEST:
+    if len(amplitudes) < _MIN_CROSSINGS:
         return Ending("undecided", f"only {len(amplitudes)} section crossings in {float(result.time):g} s")
     recent = amplitudes[-11:]
     if inverted_stable and numpy.diff(recent).max() < 0 and recent[-1] < _SMALL:
@@ -227,58 +268,91 @@ def classified(result: Result, times: Any, omega: float, inverted_stable: bool) 
 
 
 def _on_a_cycle(kind: AttractorKind, amplitudes: list[float]) -> Ending:
-    """A cycle of that kind if the amplitudes converge to one."""
+    """Return a cycle of that kind if the amplitudes converge to one."""
     error = _CROSSING_ERROR
     changes = [after - before for before, after in pairwise(amplitudes)]
-    # The rate is measured where changes stand out of the amplitudes' own error; the last of these are the ones closest
-    # to the limit. What happens after the last crossing follows from the last change, or from that error if it is less.
-    telling = [abs(change) for change in changes if abs(change) > 10 * error][-10:]
-    ratio = _rate(telling)
+    # The rate is measured where changes exceed the amplitudes' own error; the last of these are
+    # closest to the limit. The motion after the last crossing follows from the last change, or from
+    # that error if the change is smaller.
+    significant = [abs(change) for change in changes if abs(change) > 10 * error][-10:]
+    ratio = _rate(significant)
     if ratio >= 1:
         return Ending("undecided", "section amplitudes have not settled; integrate longer")
-    # As a function of the amplitude the change is a line close to the cycle. A parabola through the two halves has a
-    # zero too if this is below 1; it is 1 at a fold of cycles, below which orbits slow down and then go on.
-    early, late = _rate(telling[:6]), _rate(telling[4:])
-    bend = 4 * telling[-1] * (late - early) / (sum(telling) * (1 - late) ** 2) if max(early, late) < 1 else 0.0
-    if bend > _MOST_BENT:
+    # Close to the cycle the change is a linear function of the amplitude. A parabola through the
+    # two halves has a zero, too, if the bend is below 1. The bend is 1 at a fold of cycles, below
+    # which orbits slow down and then go on.
+    early, late = _rate(significant[:6]), _rate(significant[4:])
+    bend = 0.0
+    if max(early, late) < 1:
+        bend = 4 * significant[-1] * (late - early) / (sum(significant) * (1 - late) ** 2)
+    if bend > _MAX_BEND:
         return Ending("undecided", "section amplitudes settle ever more slowly; integrate longer")
     remaining = max(abs(changes[-1]), error) * ratio / (1 - ratio)
     limit = amplitudes[-1] + math.copysign(remaining, changes[-1])
     if limit > _SMALL and remaining < limit / 100:
-        # Twice the distance still to go, because the ratio is an estimate.
+        # Twice the remaining distance, because the ratio is an estimate.
         amplitude = Measured.of(limit, 2 * remaining + error)
         return Ending(kind, "section amplitudes converge geometrically", amplitude=amplitude)
     return Ending("undecided", f"section amplitudes tend to {limit:.3g} rad, {remaining:.1g} away")
 
 
 def _rate(changes: list[float]) -> float:
-    """The factor by which each change is smaller than the one before, on average; infinite if there are too few."""
+    """Return the average factor from each change to the next.
+
+    It is infinite for fewer than three changes.
+    """
     return (changes[-1] / changes[0]) ** (1 / (len(changes) - 1)) if len(changes) > 2 else math.inf
 
 
 def section_amplitudes(times: Any, result: Result) -> tuple[Any, Any]:
-    """When [s] beta passes pi/2 after the start, and |gamma - pi/2| [rad] there, in the well that gamma is in."""
+    """Return the times [s] at which beta passes pi/2, and |gamma - pi/2| [rad] there.
+
+    The angle counts in the well of gamma. The start is left out.
+
+    Args:
+        times: (n,) the times of the samples [s].
+        result: The orbit, with samples and dense output.
+
+    Raises:
+        InputError: The result has no dense output.
+    """
     when, states = _crossings(times, result, lambda y: y[:, 0] - math.pi / 2, lambda y: y[:, 2])
     return when, abs(from_inverted(states[:, 1]))
 
 
 def top_leans(times: Any, result: Result, omega: float) -> tuple[Any, Any]:
-    """When [s] gamma passes pi/2 modulo 2 pi after the start, and |beta - pi/2| [rad] there."""
+    """Return the times [s] at which gamma passes pi/2 modulo 2 pi, and |beta - pi/2| [rad] there.
+
+    The start is left out.
+
+    Args:
+        times: (n,) the times of the samples [s].
+        result: The orbit, with samples and dense output.
+        omega: The spinning speed [rad/s].
+
+    Raises:
+        InputError: The result has no dense output.
+    """
     when, states = _crossings(times, result, lambda y: from_inverted(y[:, 1]), lambda y: -omega * numpy.cos(y[:, 0]))
     return when, abs(states[:, 0] - math.pi / 2)
 
 
 def from_inverted(gamma: Any) -> Any:
-    """gamma - pi/2 modulo 2 pi, from -pi to pi."""
+    """Return gamma - pi/2 modulo 2 pi, from -pi to pi.
+
+    Args:
+        gamma: [rad]; arrays are accepted.
+    """
     return (gamma + math.pi / 2) % (2 * math.pi) - math.pi
 
 
 def _crossings(
     times: Any, result: Result, offset: Callable[[Any], Any], slope: Callable[[Any], Any]
 ) -> tuple[Any, Any]:
-    """Times and states (n, 3) where the offset from a section, with this slope in time, is zero after the start.
+    """Return the times and states (n, 3) of the crossings of a section after the start.
 
-    Neighbouring samples enclose a crossing; Newton's method on the dense output locates it.
+    ``offset`` is zero on the section, and ``slope`` is its derivative in time. Neighbouring samples
+    enclose a crossing. Newton's method on the dense output locates it.
     """
     if result.dense is None:
         raise InputError("crossings of a section need dense output")
@@ -289,19 +363,22 @@ def _crossings(
         return numpy.empty(0), numpy.empty((0, 3))
     left, right = left[index], right[index]
     when = times[index + 1] + (times[index + 2] - times[index + 1]) * left / (left - right)
-    for _ in range(4):  # from a secant over 0.01 s the error is squared to below rounding
+    for _ in range(4):  # from a secant over 0.01 s, four squarings bring the error below rounding
         states = result.dense(when)
         when = when - offset(states) / slope(states)
     return when, result.dense(when)
 
 
 def _flat(request: Request, engine: Engine, omega: Measured) -> tuple[Ending, Result]:
-    """When the disk lies flat, with the integration's error and what the speed's own uncertainty does to it."""
+    """Return the time at which the disk lies flat.
+
+    Its half-width holds the error of the integration and the effect of the speed's own uncertainty.
+    """
     bare = replace(request, times=None, dense=False)
     timed = engine(replace(bare, error_estimate=True))
     moved = engine(replace(bare, omega=omega.value + omega.uncertainty))
     if timed.error is None or not math.isfinite(timed.error.time):
-        raise AccuracyError("rounding decides whether the disk lies flat in this scene: no time can be given in double")
+        raise AccuracyError("rounding decides whether the disk lies flat in this scene: no time in double precision")
     time = Measured.of(timed.time, timed.error.time + 2 * abs(float(moved.time) - float(timed.time)) + 1e-15)
     wells = math.floor(abs(float(timed.state[1]) - math.pi / 2) / (2 * math.pi) + 0.5)
     states = "noninverted state" if wells == 1 else "noninverted states"

@@ -1,4 +1,4 @@
-"""A motion as a result: what `Disk.integrate` computes, in the form of SciPy's solutions, with half-widths."""
+"""The result of `Disk.integrate`: a motion in the form of SciPy's solutions, with half-widths."""
 
 from __future__ import annotations
 
@@ -47,13 +47,13 @@ from tippedisk_verify.progress import progress_of
 __all__ = ["EVENTS", "EvenTimes", "Solution", "integrated"]
 
 _STATE = ("beta", "gamma", "v")
-_SAMPLES = 201  # if no times are named
-_LATEST = 10**300  # s; doubles hold the times beyond any run
-_SHORTEST = 1e-300  # s; extended numbers tell the even times of longer runs apart
-_LONG = 60  # s; shorter motions take less time than it takes until progress is shown
-_LARGEST_ANGLE = 100  # rad, of gamma; a disk that rotates gets there in a minute, degrees are there at once
-_CUT_DIGITS, _CUT_BITS = 50, 400  # of a time that no decimal ends, and of what it is cut from
-#: The events that have a name: each crossing is recorded, and the run goes on.
+_SAMPLES = 201  # the number of times if none are given
+_LATEST = 10**300  # s; doubles hold all times up to it
+_SHORTEST = 1e-300  # s; in longer runs, even times differ as extended numbers
+_LONG = 60  # s; shorter motions are finished before progress would be shown
+_LARGEST_ANGLE = 100  # rad; gamma of a rotating disk reaches it in a minute, degrees at once
+_CUT_DIGITS, _CUT_BITS = 50, 400  # of a time whose decimals never end, and of its enclosure
+#: The named events: each crossing is recorded, and the run goes on.
 EVENTS = {
     name: replace(event, terminal=False)
     for name, event in (("section", SECTION), ("turn", TURN), ("surface", SLIDING_REVERSAL))
@@ -63,17 +63,23 @@ _VARIATIONS: dict[str, tuple[Variation, ...]] = {"state": STATE_VARIATIONS, "ome
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Solution(Printable):
-    """A motion, as `scipy.integrate.solve_ivp` gives it, with half-widths that hold the truth.
+    """A motion, as `scipy.integrate.solve_ivp` returns it, with half-widths that hold the truth.
 
-    ``t`` (n,) [s] are the times asked for that were reached, rounded once; ``times`` are the exact ones. ``y`` (3, n)
-    are the states at the exact times, with rows beta, gamma [rad] and v [rad/s], and ``uncertainty`` (3, n) their
-    half-widths, infinite where rounding decides how the run ends. Up to 12 digits they are doubles, up to 16
-    numpy.longdouble, and beyond that arrays of objects, heyoka's numbers: ``y.astype(float)`` rounds them to doubles.
-    ``end`` is where the run ended, which is before the final time if the disk lies flat or a terminal event ends it:
-    ``status`` and ``message`` say so. It and the ``events`` have half-widths of their time and state.
+    - ``t`` (n,) [s] are the requested times that were reached, rounded once. ``times`` are the
+      exact ones.
+    - ``y`` (3, n) are the states at the exact times, with rows beta, gamma [rad] and v [rad/s].
+    - ``uncertainty`` (3, n) are their half-widths, infinite where rounding decides how the run
+      ends.
+    - ``end`` is the end of the run. It lies before the final time if the disk lies flat or a
+      terminal event ends the run, as ``status`` and ``message`` report.
+    - ``events`` are the recorded crossings. Like ``end`` they have half-widths of their time and
+      state.
+    - ``transition`` (3, 3) is the derivative of the end's state with respect to the start's, and
+      ``by_omega`` (3,) [s] that with respect to the speed (rows as in ``y``). Both are taken at a
+      fixed time, and are None unless ``variations`` asked for them.
 
-    ``transition`` (3, 3) is the derivative of the end's state by the start's, ``by_omega`` (3,) that by the speed [s]
-    (rows as in ``y``), both at a fixed time; None unless ``variations`` asked for them.
+    Up to 12 digits the numbers are doubles, up to 16 numpy.longdouble, and beyond that arrays of
+    objects, heyoka's numbers: ``y.astype(float)`` rounds them to doubles.
     """
 
     disk: Parameters
@@ -91,36 +97,41 @@ class Solution(Printable):
     engine: str
     precision: str
     times: Sequence[Exact]  #: the exact times that ``t`` rounds [s]
-    note: str  #: what to look at before the numbers are used; empty if nothing
-    _watched: tuple[str, ...]  #: names of the events asked for
+    note: str  #: a warning about the numbers, or an empty text
+    _watched: tuple[str, ...]  #: the names of the requested events
     _start: Exact
     _request: Request
     _engine: Engine
 
     def __getstate__(self) -> dict[str, Any]:
-        """For other processes and copies: continuous output is made anew there, by a run that needs no events."""
+        """Return the state to pickle or copy, without continuous output.
+
+        The copy computes continuous output again, by a run that needs no events.
+        """
         kept = {name: value for name, value in self.__dict__.items() if name != "_dense"}
         return kept | {"_request": replace(self._request, events=(), times=None)}
 
     @property
     def success(self) -> bool:
-        """Whether the run ended as it was asked to, or at the model's own end."""
+        """True if the run ended as requested, or at the end of the model's domain."""
         return self.status.usable
 
     @property
     def message(self) -> str:
-        """How the run ended, in words, and what to look at."""
+        """The end of the run in words, with any warning."""
         return f"{self.status.value}; {self.note}" if self.note else self.status.value
 
     @property
     def t_events(self) -> list[Any]:
-        """For each event asked for, the times (k,) [s] of its crossings."""
-        return [workable(numpy.array([one.time for one in self._of(name)])) for name in self._watched]
+        """The times (k,) [s] of the crossings of each requested event."""
+        return [workable(numpy.array([record.time for record in self._of(name)])) for name in self._watched]
 
     @property
     def y_events(self) -> list[Any]:
-        """And the states (k, 3) there."""
-        return [workable(numpy.array([one.state for one in self._of(name)]).reshape(-1, 3)) for name in self._watched]
+        """The states (k, 3) at the crossings of each requested event."""
+        return [
+            workable(numpy.array([record.state for record in self._of(name)]).reshape(-1, 3)) for name in self._watched
+        ]
 
     def _of(self, name: str) -> list[EventRecord]:
         return [record for record in self.events if record.name == name]
@@ -133,9 +144,16 @@ class Solution(Printable):
         return result.dense
 
     def __call__(self, t: Any) -> Any:
-        """The state (3,) at a time, or (3, n) at times (n,), to the integrator's accuracy or the digits asked for.
+        """Return the state (3,) at a time, or the states (3, n) at times (n,).
 
-        The run is repeated with continuous output when this is first asked. Raises InputError outside the run.
+        They have the integrator's accuracy or the requested digits. The first call repeats the run
+        with continuous output.
+
+        Args:
+            t: A time or times [s].
+
+        Raises:
+            InputError: A time lies outside the run.
         """
         asked = entries(t)
         end = exact(self._request.duration) + self._start if self.status is Status.REACHED else exact(self.end.time)
@@ -144,7 +162,7 @@ class Solution(Printable):
         if (since * length < 0).any() or (abs(since) > abs(length)).any():
             first, last = sorted((float(self._start), float(end)))
             raise InputError(f"the solution is known from {first:.10g} s to {last:.10g} s")
-        if self._request.digits > PLAIN_DIGITS:  # each time's error is taken out
+        if self._request.digits > PLAIN_DIGITS:  # the error at each time is removed
             _, first_of, places = numpy.unique(abs(since), return_index=True, return_inverse=True)
             wanted = replace(self._request, times=[times[n] for n in first_of], events=(), variations=())
             states = self._engine(wanted).samples.T[:, places]
@@ -154,7 +172,10 @@ class Solution(Printable):
         return states if numpy.ndim(t) else states[:, 0]
 
     def to_dict(self) -> dict[str, Any]:
-        """What the command prints: times and states with half-widths, the end, the events, the derivatives."""
+        """Return times and states with half-widths, the end, the events and the derivatives.
+
+        The command line prints this data as JSON.
+        """
         derivatives = (
             ("transition", self.transition, self.transition_uncertainty),
             ("by_omega", self.by_omega, self.by_omega_uncertainty),
@@ -170,7 +191,7 @@ class Solution(Printable):
         }
 
     def _end_entries(self) -> dict[str, Any]:
-        """The end for JSON; of a run that got to its end the time is exact."""
+        """Return the end for JSON; the time is exact if the run reached it."""
         entries = {name: entry for name, entry in self.end.to_dict().items() if name != "name"}
         if self.status is Status.REACHED:
             entries["t"] = {"value": _decimal(self._start + self._request.duration), "uncertainty": "0"}
@@ -192,7 +213,7 @@ def integrated(
     progress: bool | None = None,
     half_widths: bool = True,
 ) -> Solution:
-    """`Disk.integrate`, which defines the arguments."""
+    """Integrate a motion; see `Disk.integrate`, which defines the arguments."""
     start, end = _span(time)
     measured = half_widths and engine.measures_error
     corrected = checked_digits(digits) <= CORRECTED_DIGITS if measured else False
@@ -218,7 +239,7 @@ def integrated(
         shifted=shifted,
         precision=precision,
         times=times,
-        variations=tuple(one for name in _several(variations) for one in _named(name, _VARIATIONS)),
+        variations=tuple(variable for name in _several(variations) for variable in _named(name, _VARIATIONS)),
         events=tuple(event if isinstance(event, Event) else _named(event, EVENTS) for event in _several(events)),
         error_estimate=measured,
         digits=digits if corrected else PLAIN_DIGITS,
@@ -229,12 +250,20 @@ def integrated(
         result = engine(request)
     if result.status is Status.FLAT and not result.time:
         angle = float(exact(state[0])) + math.pi / 2 * shifted
-        raise InputError(f"beta lies between 0 and pi, where the disk stands, not at {angle:g} as this start has it")
+        raise InputError(f"beta lies between 0 and pi, where the disk stands, not at {angle:g}")
     return _solution(request, result, engine, start, end, asked)
 
 
 class EvenTimes(Sequence[Exact]):
-    """Even times [s] from a start to an end, both included. Each exact time is made when it is asked for."""
+    """Evenly spaced times [s] from a start to an end, both included.
+
+    Each exact time is computed when it is accessed.
+
+    Args:
+        start: The first time [s].
+        end: The last time [s].
+        count: The number of times, at least 2.
+    """
 
     def __init__(self, start: Exact, end: Exact, count: int) -> None:
         self._start, self._step, self._count = start, (end - start) * Fraction(1, count - 1), count
@@ -253,7 +282,11 @@ class EvenTimes(Sequence[Exact]):
         return self._start + self._step * numbers
 
     def rounded(self, precision: Precision) -> Any:
-        """Return the times (n,), each rounded once."""
+        """Return the times (n,), each rounded once.
+
+        Args:
+            precision: The arithmetic.
+        """
         if precision != DOUBLE or self._start.pi_multiple or self._step.pi_multiple:
             return precision.sequence(tuple(self))
         start, step = self._start.rational, self._step.rational
@@ -263,12 +296,15 @@ class EvenTimes(Sequence[Exact]):
 
 
 def _rounded_even_times(length: Exact) -> Any:
-    """Return the times since the start, rounded to extended numbers as the estimate of the error takes them."""
+    """Return the times since the start, rounded to the extended numbers of the error estimate."""
     return numpy.arange(_SAMPLES).astype(EXTENDED.type) * EXTENDED.number(length) / (_SAMPLES - 1)
 
 
 def _note(request: Request) -> str:
-    """Return what to know of the numbers: that they have no half-widths, that angles may be degrees; or nothing."""
+    """Return a warning about the numbers, or an empty text.
+
+    They may have no half-widths, or angles may have been given in degrees.
+    """
     unmeasured = "" if request.error_estimate else "without half-widths"
     state, shifted = request.state, request.shifted
     beta, gamma = (abs(float(exact(angle))) for angle in state[:2])
@@ -280,7 +316,7 @@ def _note(request: Request) -> str:
 
 
 def _decimal(time: Exact) -> str:
-    """Return the exact time as a decimal; one that no decimal ends is cut after fifty digits."""
+    """Return the exact time as a decimal, cut after fifty digits if it never ends."""
     if not time.pi_multiple:
         return exact_decimals(time.rational)[0]
     low, high = time.enclosed(_CUT_BITS)
@@ -289,7 +325,7 @@ def _decimal(time: Exact) -> str:
 
 
 def _span(time: Any) -> tuple[Exact, Exact]:
-    """When the run starts and ends [s], of a duration or a pair."""
+    """Return the start and the end of the run [s] from a duration or a pair."""
     ends = time if isinstance(time, tuple | list) or getattr(time, "ndim", False) else (0, time)
     if len(ends) != 2:
         raise InputError(f"a time span is a duration or a pair (t0, t1), not {shown(time)}: `t_eval` takes more times")
@@ -310,7 +346,10 @@ def _named(name: object, names: dict[str, Any]) -> Any:
 
 
 def _since(start: Exact, end: Exact, times: Any) -> tuple[list[Exact], list[Exact]]:
-    """The exact times, and how long after the start they are; outside the run its ends' doubles stand for the ends."""
+    """Return the exact times, and the same times since the start.
+
+    A time outside the run that equals one of its ends as a double means that end.
+    """
     asked, length = list(map(exact, times)), float(end - start)
     for n, time in enumerate(asked):
         since, rounded = DOUBLE.number(time - start), DOUBLE.number(time)
@@ -322,7 +361,10 @@ def _since(start: Exact, end: Exact, times: Any) -> tuple[list[Exact], list[Exac
 
 
 def _solution(request: Request, result: Result, engine: Engine, start: Exact, end: Exact, asked: Any) -> Solution:
-    """What an engine answered: the samples that were reached, the events, the end and the derivatives."""
+    """Return the solution from an engine's result.
+
+    It holds the samples that were reached, the events, the end and the derivatives.
+    """
     precision = result.precision or request.precision
     error = result.error or ErrorEstimate(state=numpy.full(3, numpy.inf), time=numpy.inf)
 
@@ -330,7 +372,7 @@ def _solution(request: Request, result: Result, engine: Engine, start: Exact, en
         return numpy.full(numpy.shape(values), numpy.inf) if estimated is None else half_widths(estimated)
 
     def moment(record: EventRecord) -> EventRecord:
-        """Its time is counted from the start of the run, and now from time 0."""
+        """Return the record with its time counted from time 0, not from the start."""
         record = replace(record, state=workable(record.state))
         if start == exact(0):
             return record
@@ -341,7 +383,7 @@ def _solution(request: Request, result: Result, engine: Engine, start: Exact, en
     def derivative(by: tuple[Variation, ...]) -> tuple[Any, Any]:
         if result.derivatives is None or not set(by) <= set(request.variations):
             return None, None
-        columns = [request.variations.index(one) for one in by]
+        columns = [request.variations.index(variable) for variable in by]
         estimated = widths(error.variations, result.derivatives)
         return result.derivatives[:, columns].squeeze(), estimated[:, columns].squeeze()
 

@@ -86,7 +86,7 @@ _AROUND = {"inverted": INVERTED, "noninverted": NONINVERTED}
 class ProvedEquilibrium(Printable):
     """The eigenvalues and the stability of stationary spinning at one speed."""
 
-    _untold = ("name",)
+    _omitted = ("name",)
 
     name: str
     eigenvalues: tuple[Eigenvalue, ...] = field(

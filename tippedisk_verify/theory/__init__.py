@@ -1,1 +1,4 @@
-"""What the theory says in closed form. Nothing here integrates; that `flow` agrees with it is evidence."""
+"""The theory in closed form and in series.
+
+Nothing here integrates, so its agreement with `flow` is evidence.
+"""

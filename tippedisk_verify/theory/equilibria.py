@@ -1,10 +1,11 @@
 """Stationary spinning: the two equilibria, their linearisation, eigenvalues and stability.
 
-Inverted spinning is (pi/2, pi/2, 0), noninverted spinning (pi/2, -pi/2, 0) and its copy at gamma = 3 pi/2. Both
-friction laws have the same linearisation there, because the sliding velocity vanishes at both and the smooth law's
-slope at zero is the linear law's.
+Inverted spinning is (pi/2, pi/2, 0). Noninverted spinning is (pi/2, -pi/2, 0), with a copy at
+gamma = 3 pi/2. Both friction laws have the same linearisation there: the sliding velocity vanishes
+at both, and the smooth law's slope at zero is the linear law's.
 
-For rational parameters and a rational speed the linearisation is rational, so stability is decided exactly.
+For rational parameters and a rational speed the linearisation is rational, so stability is decided
+exactly.
 """
 
 from __future__ import annotations
@@ -42,11 +43,11 @@ __all__ = [
 EquilibriumName = Literal["inverted", "noninverted"]
 _HALF = Fraction(1, 2)
 _FASTEST = 10**6  # rad/s, as for all speeds
-_GUARD = 20  # digits of a root beyond those asked for: what is computed from it has some fewer
+_GUARD_DIGITS = 20  # extra digits of a root, because numbers computed from it lose some
 
 
 class Linearization(NamedTuple):
-    """Last row and kinematic entry of the Jacobian [[0, 0, 1], [Omega, 0, 0], [A31, A32, A33]] (Eq. A_coeff_O)."""
+    """The entries of the Jacobian [[0, 0, 1], [Omega, 0, 0], [A31, A32, A33]] (Eq. A_coeff_O)."""
 
     omega: Any  #: d(gamma')/d(beta) [1/s]
     A31: Any  #: [1/s^2]
@@ -56,7 +57,10 @@ class Linearization(NamedTuple):
 
 @dataclass(frozen=True, repr=False)
 class Equilibrium(Printable):
-    """One stationary state at one speed; `Disk.equilibrium` adds the speeds at which its eigenvalues change kind."""
+    """One stationary state at one speed.
+
+    `Disk.equilibrium` adds the speeds at which its eigenvalues change kind.
+    """
 
     name: EquilibriumName
     state: tuple[Exact, Exact, Exact]  #: (beta, gamma, v) [rad, rad, rad/s]
@@ -69,16 +73,26 @@ class Equilibrium(Printable):
     )
 
     def to_dict(self) -> dict[str, object]:
-        told = {
+        """Return the equilibrium as data for JSON."""
+        entries = {
             "state": {"beta": "pi/2", "gamma": "pi/2" if self.name == "inverted" else "-pi/2", "v": "0"},
             "stable": self.stable,
             "eigenvalues": as_json(self.eigenvalues),
         }
-        return told if self.kind_changes is None else told | {"kind_changes": as_json(self.kind_changes)}
+        if self.kind_changes is not None:
+            entries["kind_changes"] = as_json(self.kind_changes)
+        return entries
 
 
 def location(name: EquilibriumName) -> tuple[Exact, Exact, Exact]:
-    """(beta, gamma, v) of the equilibrium, exactly. Raises InputError for an unknown name."""
+    """Return (beta, gamma, v) of the equilibrium, exactly.
+
+    Args:
+        name: ``inverted`` or ``noninverted``.
+
+    Raises:
+        InputError: There is no equilibrium of that name.
+    """
     if name not in get_args(EquilibriumName):
         raise InputError(f"equilibrium '{shown(name)}' is not known: use inverted or noninverted")
     side = _HALF if name == "inverted" else -_HALF
@@ -86,9 +100,15 @@ def location(name: EquilibriumName) -> tuple[Exact, Exact, Exact]:
 
 
 def linearization(parameters: Parameters, omega: Fraction, name: EquilibriumName = "inverted") -> Linearization:
-    """The Jacobian's entries at the equilibrium, as exact rationals (Eqs. 3DOF_lin, A_coeff_O).
+    """Return the Jacobian's entries at the equilibrium, as exact rationals.
 
-    At noninverted spinning e changes its sign, because sin(gamma) = -1 there.
+    They follow Eqs. 3DOF_lin and A_coeff_O. At noninverted spinning e changes its sign, because
+    sin(gamma) = -1 there.
+
+    Args:
+        parameters: The disk.
+        omega: The spinning speed [rad/s].
+        name: ``inverted`` or ``noninverted``.
     """
     constants = parameters.rational()
     side = 1 if name == "inverted" else -1
@@ -103,25 +123,46 @@ def linearization(parameters: Parameters, omega: Fraction, name: EquilibriumName
 
 
 def characteristic_polynomial(matrix: Linearization) -> tuple[Any, Any, Any, Any]:
-    """Coefficients (1, a2, a1, a0) of lambda^3 + a2 lambda^2 + a1 lambda + a0 [1/s^3]."""
+    """Return the coefficients (1, a2, a1, a0) of the characteristic polynomial.
+
+    It is lambda^3 + a2 lambda^2 + a1 lambda + a0 [1/s^3].
+
+    Args:
+        matrix: The linearisation.
+    """
     return 1, -matrix.A33, -matrix.A31, -matrix.omega * matrix.A32
 
 
 def is_stable(matrix: Linearization) -> bool:
-    """Routh-Hurwitz for the cubic: a2 > 0, a0 > 0 and a2 a1 > a0. Exact for exact entries."""
+    """Return True if the cubic satisfies Routh-Hurwitz: a2 > 0, a0 > 0 and a2 a1 > a0.
+
+    The result is exact for exact entries.
+
+    Args:
+        matrix: The linearisation.
+    """
     _, a2, a1, a0 = characteristic_polynomial(matrix)
     return bool(a2 > 0 and a0 > 0 and a2 * a1 > a0)
 
 
 def saddle_value_sign(parameters: Parameters, omega: object) -> int:
-    """The sign, 1, 0 or -1, of lambda_u + Re(lambda_s) at noninverted spinning, lambda_s the slower stable eigenvalue.
+    """Return the sign, 1, 0 or -1, of lambda_u + Re(lambda_s) at noninverted spinning, exactly.
 
-    Decided exactly. It is negative where limit cycles next to a connection of the saddles are stable. Below the speed
-    Omega_crit (r - e) / (r + e) it is positive whatever the friction. Raises InputError as `checked_speed` does.
+    lambda_s is the slower stable eigenvalue. Where the sign is negative, limit cycles next to a
+    connection of the saddles are stable. Below the speed Omega_crit (r - e) / (r + e) it is
+    positive for every friction.
+
+    Args:
+        parameters: The disk.
+        omega: The spinning speed [rad/s].
+
+    Raises:
+        InputError: ``omega`` is not a speed.
     """
     _, a2, a1, a0 = characteristic_polynomial(linearization(parameters, checked_speed(omega), "noninverted"))
-    # a2 a1 - a0 is the product of the sums of the unstable eigenvalue with either stable one, times a positive number.
-    # If the sums have one sign, it is that of lambda_u - a2, twice their mean: opposite to the polynomial's at a2 > 0.
+    # a2 a1 - a0 is a positive number times the product of two sums: those of the unstable
+    # eigenvalue with either stable one. If both sums have one sign, it is that of lambda_u - a2,
+    # twice their mean. That sign is opposite to the polynomial's at a2 > 0.
     product, at_a2 = a2 * a1 - a0, 2 * a2**3 + a1 * a2 + a0
     if product < 0 or at_a2 < 0:
         return 1
@@ -129,21 +170,39 @@ def saddle_value_sign(parameters: Parameters, omega: object) -> int:
 
 
 def right_eigenvector(matrix: Linearization, eigenvalue: Any) -> tuple[Any, Any, Any]:
-    """(beta, gamma, v) direction with A x = lambda x, not normalised; from the first two rows."""
+    """Return the direction (beta, gamma, v) with A x = lambda x, not normalised.
+
+    It follows from the first two rows.
+
+    Args:
+        matrix: The linearisation.
+        eigenvalue: lambda [1/s].
+    """
     return eigenvalue, matrix.omega, eigenvalue * eigenvalue
 
 
 def stiff_eigenvalue_estimate(parameters: Parameters) -> Fraction:
-    """A33 [1/s] at inverted spinning, which the paper gives as lambda_3 up to O(eps) (Eq. closed_la3)."""
+    """Return A33 [1/s] at inverted spinning, the paper's lambda_3 up to O(eps) (Eq. closed_la3).
+
+    Args:
+        parameters: The disk.
+    """
     return Fraction(linearization(parameters, Fraction(1)).A33)
 
 
 @undisturbed
 def equilibrium(parameters: Parameters, omega: object, name: EquilibriumName, digits: int = 15) -> Equilibrium:
-    """State, eigenvalues to ``digits`` significant digits, and stability at the speed ``omega`` [rad/s].
+    """Return the state, the eigenvalues and the stability of an equilibrium.
 
-    Raises InputError for a speed or digits that are not offered, AccuracyError where two eigenvalues cannot be told
-    apart.
+    Args:
+        parameters: The disk.
+        omega: The spinning speed [rad/s].
+        name: ``inverted`` or ``noninverted``.
+        digits: Significant digits of each eigenvalue.
+
+    Raises:
+        InputError: An argument cannot be used.
+        AccuracyError: Two eigenvalues cannot be distinguished.
     """
     speed = checked_speed(omega)
     digits = checked_digits(digits)
@@ -153,18 +212,26 @@ def equilibrium(parameters: Parameters, omega: object, name: EquilibriumName, di
 
 
 def eigenvalues(matrix: Linearization, digits: int) -> tuple[Eigenvalue, Eigenvalue, Eigenvalue]:
-    """The eigenvalues [1/s] in `Equilibrium`'s order, with half-widths below 10**-digits of each one's size.
+    """Return the eigenvalues [1/s] in `Equilibrium`'s order.
 
-    The characteristic polynomial changes its sign at the real ones. If that is one, the sum and the product of the
-    other two follow from it. Raises AccuracyError where two coincide, or nearly so.
+    Their half-widths are below 10**-digits of each one's size. The characteristic polynomial
+    changes its sign at the real ones. If there is only one of these, the sum and the product of the
+    other two follow from it.
+
+    Args:
+        matrix: The linearisation, with rational entries.
+        digits: Significant digits of each eigenvalue.
+
+    Raises:
+        AccuracyError: Two eigenvalues coincide, or nearly so.
     """
     zero, (lead, a2, a1, a0) = Measured.of(0, 0), map(Fraction, characteristic_polynomial(matrix))
-    guard = _GUARD
+    guard = _GUARD_DIGITS
     while guard <= 16 * digits + 1000:
         values = [Eigenvalue(root, zero) for root in real_roots((a0, a1, a2, lead), digits + guard)]
         if len(values) == 1:
             half = (-a2 - values[0].re) / 2
-            square = half * half + a0 / values[0].re  # of half the distance of the other two
+            square = half * half + a0 / values[0].re  # (half the others' distance)^2
             if square.value + square.uncertainty < 0:
                 imaginary = square_root(-square, digits + guard)
                 values += [Eigenvalue(half, imaginary), Eigenvalue(half, -imaginary)]
@@ -174,14 +241,21 @@ def eigenvalues(matrix: Linearization, digits: int) -> tuple[Eigenvalue, Eigenva
             first, second, third = sorted(values, key=lambda value: (-value.re.value, -value.im.value))
             return first, second, third
         guard *= 2
-    raise AccuracyError("no three different eigenvalues fit the matrix: if two coincide, move Omega away from there")
+    raise AccuracyError("three different eigenvalues were not found: if two coincide, change Omega")
 
 
 def kind_changes(parameters: Parameters, name: EquilibriumName, digits: int = 12) -> tuple[Measured, ...]:
-    """The speeds [rad/s], ascending, at which eigenvalues of an equilibrium turn from real to complex, or back.
+    """Return the speeds [rad/s], ascending, at which eigenvalues turn from real to complex or back.
 
-    The discriminant of the characteristic polynomial is a cubic in Omega^2. Raises InputError for an unknown name, and
-    for digits as `checked_digits` does.
+    The discriminant of the characteristic polynomial is a cubic in Omega^2.
+
+    Args:
+        parameters: The disk.
+        name: ``inverted`` or ``noninverted``.
+        digits: Significant digits of each speed.
+
+    Raises:
+        InputError: The name or the number of digits cannot be used.
     """
     location(name)
     digits = checked_digits(digits)
@@ -193,5 +267,5 @@ def kind_changes(parameters: Parameters, name: EquilibriumName, digits: int = 12
         18 * a2 * h + a2**2 + 12 * c - 27 * h**2,
         Fraction(-4),
     )
-    squares = real_roots(discriminant, digits + _GUARD)
-    return tuple(square_root(square, digits + _GUARD) for square in squares if 0 < square.value < _FASTEST**2)
+    squares = real_roots(discriminant, digits + _GUARD_DIGITS)
+    return tuple(square_root(square, digits + _GUARD_DIGITS) for square in squares if 0 < square.value < _FASTEST**2)

@@ -1,7 +1,8 @@
 """The equations of motion about inverted spinning, to third order in (beta_bar, gamma_bar, v).
 
-`derived` is what follows from the full equations, `printed` what the paper prints; where they differ is a claim. There
-are no terms of even order, by the point symmetry. Arguments may be numbers of any kind or symbols.
+`derived` follows from the full equations, and `printed` is the paper's version. Their differences
+are claims. There are no terms of even order, by the point symmetry. Arguments may be numbers of any
+kind or symbols.
 """
 
 from __future__ import annotations
@@ -15,7 +16,10 @@ Coefficients = dict[tuple[int, int, int], Any]
 
 
 class LocalExpansion(NamedTuple):
-    """The four parts of the local equation M v' - h = f_G + w_y lambda_Ty (Eq. eqm_quartic), linear friction law."""
+    """The four parts of the local equation M v' - h = f_G + w_y lambda_Ty (Eq. eqm_quartic).
+
+    The friction law is linear.
+    """
 
     mass: Coefficients  #: M-tilde [kg m^2]
     gyroscopic: Coefficients  #: h-tilde [N m]
@@ -24,7 +28,12 @@ class LocalExpansion(NamedTuple):
 
 
 def derived(constants: Any, omega: Any) -> LocalExpansion:
-    """The expansion that follows from Eqs. MassMatrix_3DOF to lin_lambda_y_3DOF."""
+    """Return the expansion that follows from Eqs. MassMatrix_3DOF to lin_lambda_y_3DOF.
+
+    Args:
+        constants: The parameters, in any kind of number.
+        omega: The spinning speed [rad/s].
+    """
     r, e, m, g, A, Bbar = constants.r, constants.e, constants.m, constants.g, constants.A, constants.Bbar
     reach = r + e
     strength = -constants.mu * m * g / constants.epsilon
@@ -50,11 +59,20 @@ def derived(constants: Any, omega: Any) -> LocalExpansion:
 
 
 def printed(constants: Any, omega: Any) -> LocalExpansion:
-    """The expansion as the paper prints it (Eqs. MassMatrix_3DOF_approx to genForce_3DOF_approx).
+    """Return the expansion as the paper prints it.
 
-    Two entries differ from `derived`: h-tilde's mixed term has 2 m e (r + e) instead of m e (r + e), and f_G has
-    gamma_bar^3 (a fourth-order term) where gamma_bar^2 follows. All are copied from the paper, so that the two agree
-    elsewhere because both are right.
+    Its source is Eqs. MassMatrix_3DOF_approx to genForce_3DOF_approx. Two entries differ from
+    `derived`:
+
+    - h-tilde's mixed term has 2 m e (r + e) instead of m e (r + e);
+    - f_G has gamma_bar^3 (a fourth-order term) where gamma_bar^2 follows.
+
+    All entries are copied from the paper. So where the two agree, they agree because both are
+    right.
+
+    Args:
+        constants: The parameters, in any kind of number.
+        omega: The spinning speed [rad/s].
     """
     c, r, e, reach = constants, constants.r, constants.e, constants.r + constants.e
     bracket = {

@@ -1,9 +1,13 @@
 """The paper's one-harmonic law at the Hopf point, as printed and made consistent.
 
-Two things separate the forms. The paper prints kappa_1 with the wrong sign of 2 m e (r + e), though its chi comes from
-the right one. And it drops the cubic term of gamma_bar' = Omega sin(beta_bar), which is of the order of what it keeps;
-with it the law has the true slopes at the Hopf point. C is the amplitude of beta_bar [rad], omega the angular frequency
-of the cycle [rad/s].
+Two differences separate the forms:
+
+- The paper prints kappa_1 with the wrong sign of 2 m e (r + e), though its chi comes from the right
+  sign.
+- It drops the cubic term of gamma_bar' = Omega sin(beta_bar), which is of the same order as the
+  terms that it keeps. With that term the law has the true slopes at the Hopf point.
+
+C is the amplitude of beta_bar [rad], omega the angular frequency of the cycle [rad/s].
 """
 
 from __future__ import annotations
@@ -49,7 +53,14 @@ class OneHarmonic(Printable):
 
 
 def kappa_1(constants: Any, omega: Any, frequency_squared: Any, form: Form) -> Any:
-    """kappa_1 [N m]: the cubic part of the sine balance (Eq. sin_balance and below)."""
+    """Return kappa_1 [N m], the cubic part of the sine balance (Eq. sin_balance and below).
+
+    Args:
+        constants: The parameters, in any kind of number.
+        omega: The spinning speed [rad/s].
+        frequency_squared: The square of the cycle's frequency [rad^2/s^2].
+        form: ``printed`` or ``consistent``.
+    """
     r, e, m, g, A, Bbar = constants.r, constants.e, constants.m, constants.g, constants.A, constants.Bbar
     reach = r + e
     sign = -1 if form == "printed" else 1
@@ -63,7 +74,11 @@ def kappa_1(constants: Any, omega: Any, frequency_squared: Any, form: Form) -> A
 
 
 def kappa_2(constants: Any, omega: Any, frequency_squared: Any, form: Form) -> Any:
-    """kappa_2 [m^2/s^2]: the cubic part of the cosine balance (Eq. kappa2)."""
+    """Return kappa_2 [m^2/s^2], the cubic part of the cosine balance (Eq. kappa2).
+
+    Args:
+        constants, omega, frequency_squared, form: As for `kappa_1`.
+    """
     r, e = constants.r, constants.e
     value = (
         -e * (r + 4 * e) * omega**4 / frequency_squared / 2
@@ -74,13 +89,23 @@ def kappa_2(constants: Any, omega: Any, frequency_squared: Any, form: Form) -> A
 
 
 def delta(constants: Any, omega: Any, form: Form) -> Any:
-    """delta [rad^2/s^2]: omega^2 = e Omega^2 / (r + e) + delta C^2 (Eqs. omega_sol_C4, delta)."""
+    """Return delta [rad^2/s^2] of omega^2 = e Omega^2 / (r + e) + delta C^2.
+
+    It is defined by Eqs. omega_sol_C4 and delta.
+
+    Args:
+        constants, omega, form: As for `kappa_1`.
+    """
     r, e = constants.r, constants.e
     return -((r - e) if form == "printed" else r) * omega**2 / (8 * (r + e))
 
 
 def chi(constants: Any, form: Form) -> Any:
-    """chi [kg m^3], the constant of the amplitude law (below Eq. Csol)."""
+    """Return chi [kg m^3], the constant of the amplitude law (below Eq. Csol).
+
+    Args:
+        constants, form: As for `kappa_1`.
+    """
     r, e, A, Bbar = constants.r, constants.e, constants.A, constants.Bbar
     value = A * (r - 2 * e) - Bbar * (2 * r**2 + e * (r + e)) / (2 * (r + e))
     return value if form == "printed" else value + Bbar * e**2 / (2 * (r + e))
@@ -93,7 +118,13 @@ def _checked_form(form: str) -> Form:
 
 
 def squares(constants: Any, omega: Any, form: Form) -> tuple[Any, Any]:
-    """C^2 [rad^2] and omega^2 [rad^2/s^2] (Eqs. Csol, omega_sol); the law has a cycle where both are positive."""
+    """Return C^2 [rad^2] and omega^2 [rad^2/s^2] (Eqs. Csol, omega_sol).
+
+    The law has a cycle where both are positive.
+
+    Args:
+        constants, omega, form: As for `kappa_1`.
+    """
     r, e, m, g, Bbar = constants.r, constants.e, constants.m, constants.g, constants.Bbar
     excess = Bbar * r * omega**2 - m * g * (r + e) ** 2
     square = -4 * e / (r + e) * excess / _denominator(constants, omega**2, form)
@@ -101,15 +132,22 @@ def squares(constants: Any, omega: Any, form: Form) -> tuple[Any, Any]:
 
 
 def _denominator(constants: Any, omega_squared: Any, form: Form) -> Any:
-    """chi Omega^2 + m g e (r + e) [kg m^3/s^2] of Eq. Csol; the law has a pole where it vanishes."""
+    """Return chi Omega^2 + m g e (r + e) [kg m^3/s^2] of Eq. Csol; its zero is a pole."""
     r, e, m, g = constants.r, constants.e, constants.m, constants.g
     return chi(constants, form) * omega_squared + m * g * e * (r + e)
 
 
 def section_start(constants: Any, omega: float) -> tuple[float, float, float] | None:
-    """(gamma_bar, v) at beta = pi/2 with v < 0, and half the period, of the consistent law's cycle, in double.
+    """Return the consistent law's cycle at beta = pi/2 with v < 0, in double.
 
-    None where the law has no cycle.
+    The result is None where the law has no cycle.
+
+    Args:
+        constants: The parameters in double.
+        omega: The spinning speed [rad/s].
+
+    Returns:
+        gamma_bar [rad], v [rad/s] and half the period [s].
     """
     squared = squares(constants, omega, "consistent")
     if not min(squared) > 0:
@@ -121,10 +159,17 @@ def section_start(constants: Any, omega: float) -> tuple[float, float, float] | 
 
 @undisturbed
 def one_harmonic(parameters: Parameters, omega: object, form: Form = "printed", digits: int = 12) -> OneHarmonic:
-    """Amplitude, frequency and period by the closed law at the speed ``omega`` [rad/s].
+    """Return amplitude, frequency and period by the closed law.
 
-    Raises InputError for a speed, form or digits that are not offered, AccuracyError where the formula has no real
-    amplitude or frequency.
+    Args:
+        parameters: The disk.
+        omega: The spinning speed [rad/s].
+        form: ``printed`` or ``consistent``.
+        digits: Significant digits of each number.
+
+    Raises:
+        InputError: An argument cannot be used, or the disk has the smooth friction law.
+        AccuracyError: The formula has no real amplitude or frequency.
     """
     parameters.refuse_smooth("harmonic balance is")
     form, omega = _checked_form(form), checked_speed(omega)
@@ -141,10 +186,19 @@ def one_harmonic(parameters: Parameters, omega: object, form: Form = "printed", 
 
 
 def slopes(parameters: Parameters, form: Form = "consistent", digits: int = 12) -> tuple[Measured, Measured]:
-    """The law's slopes at the Hopf point: C^2 and T - T_crit per unit of Omega_crit - Omega [rad s, s^2/rad].
+    """Return the law's slopes at the Hopf point with respect to Omega_crit - Omega.
 
-    Raises InputError for a form or digits that are not offered, and AccuracyError where the amplitude law's denominator
-    vanishes at Omega_crit.
+    Args:
+        parameters: The disk.
+        form: ``printed`` or ``consistent``.
+        digits: Significant digits of each slope.
+
+    Returns:
+        The slopes of C^2 [rad s] and of T - T_crit [s^2/rad].
+
+    Raises:
+        InputError: An argument cannot be used, or the disk has the smooth friction law.
+        AccuracyError: The amplitude law's denominator vanishes at Omega_crit.
     """
     parameters.refuse_smooth("harmonic balance is")
     form, square, ratio = _checked_form(form), omega_crit_squared(parameters), frequency_ratio_squared(parameters)

@@ -1,19 +1,28 @@
-"""The Hopf point of inverted spinning: where it is, how fast it is crossed, and which cycles are born there.
+"""The Hopf point of inverted spinning: its speed, its crossing, and the cycles born there.
 
-With a = gamma_bar_0, the largest gamma - pi/2 on a cycle, the family that is born at the Hopf point has
+**The family.** With a = gamma_bar_0, the largest gamma - pi/2 on a cycle, the family that is born
+at the Hopf point has
 
-    Omega = Omega_crit + c_1 a^2 + c_2 a^4 + O(a^6)
+    Omega = Omega_crit + c_1 a^2 + c_2 a^4 + O(a^6).
 
-and c_1 / Omega_crit, c_2 / Omega_crit are rational functions of four ratios:
+**The ratios.** c_1 / Omega_crit and c_2 / Omega_crit are rational functions of four ratios:
 
-    W = e / (r + e), the square of the cycle's frequency over Omega_crit      alpha = A / Bbar
-    M = m (r + e)^2 / Bbar                                                    f = |A33| / Omega_crit (friction)
+    W = e / (r + e)
+    alpha = A / Bbar
+    M = m (r + e)^2 / Bbar
+    f = |A33| / Omega_crit.
 
-They come from the invariance equation x(w, wbar), w' = i nu(|w|^2) w, Omega(|w|^2) with harmonics 1 and 3: the third
-harmonic of order a^3 is where friction enters. Tests solve the invariance equation of the full equations as well.
+W is the square of the cycle's frequency over Omega_crit, and f measures friction.
 
-All formulas hold for the linear friction law; the smooth law has the same linear part, but its field is only once
-continuously differentiable, so it has no first Lyapunov coefficient.
+**The derivation.** The coefficients come from the invariance equation for
+
+    x(w, wbar),    w' = i nu(|w|^2) w,    Omega(|w|^2)
+
+with harmonics 1 and 3. Friction enters through the third harmonic, of order a^3. Tests solve the
+invariance equation of the full equations as well.
+
+**The friction law.** All formulas hold for the linear law. The smooth law has the same linear part.
+But its field is only once continuously differentiable, so it has no first Lyapunov coefficient.
 """
 
 from __future__ import annotations
@@ -56,7 +65,7 @@ Criticality = Literal["supercritical", "subcritical", "degenerate"]
 
 @dataclass(frozen=True, repr=False)
 class HopfPoint(Printable):
-    """Everything local about the Hopf point, to the digits asked for."""
+    """The local properties of the Hopf point, to the requested digits."""
 
     omega_crit: Measured = field(
         metadata=quantity("where inverted spinning loses its stability, Eq. approx_omega_crit", "rad/s")
@@ -65,7 +74,7 @@ class HopfPoint(Printable):
     first_lyapunov_coefficient: Measured = field(
         metadata=quantity("Kuznetsov's l_1, eigenvector of length 1 in (beta, gamma, v)", "SI")
     )
-    criticality: Criticality  #: of the first Lyapunov coefficient's sign, decided exactly
+    criticality: Criticality  #: by the sign of the first Lyapunov coefficient, decided exactly
     transversality: Measured = field(metadata=quantity("d(Re lambda)/dOmega of the critical pair", "1/rad"))
     quadratic_coefficient: Measured = field(
         metadata=quantity("c_1 of Omega = Omega_crit + c_1 a^2 + c_2 a^4, a = gamma_bar_0", "1/(rad s)")
@@ -82,7 +91,11 @@ class HopfPoint(Printable):
     )
 
     def slopes(self) -> tuple[Measured, Measured]:
-        """`amplitude_squared_slope` and `period_slope`. Raises AccuracyError where l_1 = 0."""
+        """Return `amplitude_squared_slope` and `period_slope`.
+
+        Raises:
+            AccuracyError: l_1 = 0, so there are no slopes.
+        """
         if self.amplitude_squared_slope is None or self.period_slope is None:
             raise AccuracyError("the first Lyapunov coefficient vanishes exactly: amplitude and period have no slopes")
         return self.amplitude_squared_slope, self.period_slope
@@ -96,18 +109,32 @@ class AmplitudeLaw(NamedTuple):
 
 
 def frequency_ratio_squared(parameters: Parameters) -> Fraction:
-    """W, exactly."""
+    """Return W, exactly.
+
+    Args:
+        parameters: The disk.
+    """
     return parameters.e / (parameters.r + parameters.e)
 
 
 def _friction_ratio_squared(parameters: Parameters) -> Fraction:
-    """f^2, exactly."""
+    """Return f^2, exactly."""
     c = parameters.rational()
     return Fraction(c.k**2 * (c.r + c.e) ** 2 * c.r / (c.b * c.g))
 
 
 def amplitude_law(parameters: Parameters) -> AmplitudeLaw:
-    """c_1 = -(Omega_crit / 8) delta, where delta = A (r - 2 e) / (Bbar r) - (2 r - e) / (2 (r + e)); c_2 as below."""
+    """Return c_1 / Omega_crit and c_2 / Omega_crit, exactly.
+
+    The first is -delta / 8 with
+
+        delta = A (r - 2 e) / (Bbar r) - (2 r - e) / (2 (r + e)).
+
+    The second is written out in the code.
+
+    Args:
+        parameters: The disk.
+    """
     p = parameters
     W, alpha, mass = frequency_ratio_squared(p), p.A / p.Bbar, p.m * (p.r + p.e) ** 2 / p.Bbar
     lift = alpha * (1 - 3 * W) / (1 - W)
@@ -123,24 +150,39 @@ def amplitude_law(parameters: Parameters) -> AmplitudeLaw:
 
 
 def omega_crit_squared(parameters: Parameters) -> Fraction:
-    """Omega_crit^2 = (r + e)^2 m g / (r Bbar) [rad^2/s^2], exactly (Eq. approx_omega_crit).
+    """Return Omega_crit^2 [rad^2/s^2], exactly (Eq. approx_omega_crit).
 
-    Where Routh-Hurwitz has a2 a1 = a0; mu and epsilon cancel.
+    It is (r + e)^2 m g / (r Bbar), where Routh-Hurwitz has a2 a1 = a0; mu and epsilon cancel.
+
+    Args:
+        parameters: The disk.
     """
     constants = parameters.rational()
     return Fraction((constants.r + constants.e) ** 2 * constants.g / (constants.r * constants.b))
 
 
 def critical_frequency_squared(parameters: Parameters) -> Fraction:
-    """omega^2 = e Omega_crit^2 / (r + e) [rad^2/s^2] of the imaginary pair (Eq. omega_sol_C2)."""
+    """Return the square of the critical pair's frequency [rad^2/s^2] (Eq. omega_sol_C2).
+
+    It is omega^2 = e Omega_crit^2 / (r + e).
+
+    Args:
+        parameters: The disk.
+    """
     return frequency_ratio_squared(parameters) * omega_crit_squared(parameters)
 
 
 def criticality(parameters: Parameters) -> Criticality:
-    """On which side of Omega_crit the cycles are, by the exact sign of c_1; friction does not enter.
+    """Return on which side of Omega_crit the cycles lie, by the exact sign of c_1.
 
-    Supercritical where A (r - 2 e) > Bbar r (2 r - e) / (2 (r + e)): equal to chi Omega_crit^2 + m g e (r + e) > 0 with
-    the consistent chi.
+    Friction does not enter. The Hopf point is supercritical where
+
+        A (r - 2 e) > Bbar r (2 r - e) / (2 (r + e)),
+
+    which is equivalent to chi Omega_crit^2 + m g e (r + e) > 0 with the consistent chi.
+
+    Args:
+        parameters: The disk.
     """
     quadratic = amplitude_law(parameters).quadratic
     if not quadratic:
@@ -150,12 +192,25 @@ def criticality(parameters: Parameters) -> Criticality:
 
 @undisturbed
 def omega_crit(parameters: Parameters, digits: int = 15) -> Measured:
-    """The critical spinning speed [rad/s] to ``digits`` significant digits. Raises InputError as `checked_digits`."""
+    """Return the critical spinning speed [rad/s] to ``digits`` significant digits.
+
+    Args:
+        parameters: The disk.
+        digits: Significant digits, from 1 to 4000.
+
+    Raises:
+        InputError: The number of digits cannot be used.
+    """
     return square_root(omega_crit_squared(parameters), checked_digits(digits) + 5)
 
 
 def distance_below_crit(parameters: Parameters, omega: Fraction) -> Fraction:
-    """Return Omega_crit - ``omega`` [rad/s] to 15 digits, however small it is."""
+    """Return Omega_crit - ``omega`` [rad/s] to 15 digits, however small it is.
+
+    Args:
+        parameters: The disk.
+        omega: The speed [rad/s].
+    """
     square, crit = _critical_speed(parameters)
     return (square - omega**2) / (crit + omega)
 
@@ -168,15 +223,24 @@ def _critical_speed(parameters: Parameters) -> tuple[Fraction, Fraction]:
 
 
 def speed_below_crit(parameters: Parameters, distance: object, digits: int) -> Measured:
-    """Return Omega_crit - ``distance`` [rad/s], an irrational speed, as a decimal with its half-width.
+    """Return Omega_crit - ``distance`` [rad/s] as a decimal with its half-width.
 
-    Raises InputError for a distance that is no decimal, or leaves no speed.
+    The speed itself is irrational.
+
+    Args:
+        parameters: The disk.
+        distance: The distance below Omega_crit [rad/s].
+        digits: Significant digits of the distance.
+
+    Raises:
+        InputError: The distance is not a decimal, or the result is not a speed.
     """
     below = exact(distance)
     if below.pi_multiple:
         raise InputError("the distance below Omega_crit must be a decimal")
-    # The distance has 35 digits more than asked for, and so has what its last decimal leaves of the distance from
-    # Omega_h or a fold: the half-width is far below what rounding does to any number.
+    # The distance has 35 extra digits. The speed may differ from Omega_h or a fold only in the last
+    # decimal of the distance; that difference has 35 extra digits too. So the half-width is far
+    # below the effect of rounding on any number.
     places = decimal_magnitude(Fraction(below.rational.denominator))
     crit = square_root(omega_crit_squared(parameters), checked_digits(digits) + 35 + 2 * places)
     value, width = map(Fraction, crit.decimals())
@@ -185,26 +249,42 @@ def speed_below_crit(parameters: Parameters, distance: object, digits: int) -> M
 
 @undisturbed
 def period_crit(parameters: Parameters, digits: int = 15) -> Measured:
-    """The period 2 pi / omega [s] of the cycle at its birth, to ``digits`` significant digits.
+    """Return the period 2 pi / omega [s] of the cycle at its birth, to ``digits`` digits.
 
-    Raises InputError as `checked_digits` does.
+    Args:
+        parameters: The disk.
+        digits: Significant digits, from 1 to 4000.
+
+    Raises:
+        InputError: The number of digits cannot be used.
     """
     working = checked_digits(digits) + 5
     return period_of(square_root(critical_frequency_squared(parameters), working), working)
 
 
 def period_of(frequency: Measured, digits: int) -> Measured:
-    """2 pi / ``frequency``, with pi to so many digits."""
+    """Return 2 pi / ``frequency``, with pi to ``digits`` digits.
+
+    Args:
+        frequency: The angular frequency [rad/s].
+        digits: The digits of pi.
+    """
     low, high = PI.enclosed(bits_for_digits(digits))
     return Measured(low + high, high - low) / frequency
 
 
 @undisturbed
 def hopf_point(parameters: Parameters, digits: int = 12) -> HopfPoint:
-    """The Hopf point to ``digits`` significant digits.
+    """Return the Hopf point to ``digits`` significant digits.
 
-    Where l_1 = 0, at a generalized Hopf point, there is l_2 instead of the two slopes. Raises InputError as
-    `checked_digits` does, and under the smooth law.
+    At a generalized Hopf point, where l_1 = 0, the result has l_2 instead of the two slopes.
+
+    Args:
+        parameters: The disk.
+        digits: Significant digits, from 1 to 4000.
+
+    Raises:
+        InputError: The number of digits cannot be used, or the disk has the smooth friction law.
     """
     parameters.refuse_smooth("the Hopf point's normal form is")
     law = amplitude_law(parameters)
@@ -214,16 +294,31 @@ def hopf_point(parameters: Parameters, digits: int = 12) -> HopfPoint:
 
 
 def normal_form(parameters: Parameters, digits: int, *, degenerate: bool = False) -> dict[str, Measured]:
-    """Numbers of `HopfPoint`, from square roots and pi to so many digits.
+    """Return the numbers of `HopfPoint`, from square roots and pi to ``digits`` digits.
 
-    On the centre manifold x = z q + conj(z q) + ... and z' = lambda(Omega) z + c_1 z |z|^2 + c_2 z |z|^4, with A q =
-    i omega q and <q, q> = 1, so q = (i omega, Omega, -omega^2) / |...| (Kuznetsov, Elements of Applied Bifurcation
-    Theory, Sections 5.4 and 8.3). On a cycle Re lambda + Re c_1 |z|^2 = 0 to leading order, and its amplitude is
-    a = 2 |z| |q_2|: so the amplitude law gives l_1 = Re c_1 / omega. Implicit differentiation of the characteristic
-    polynomial gives d(Re lambda)/d(Omega) = -f (1 - W) / (f^2 + W), with the ratios of `amplitude_law`.
+    **Normal form.** On the centre manifold x = z q + conj(z q) + ... and
 
-    ``degenerate`` takes l_1 as zero. Then Re lambda + Re c_2 |z|^4 = 0 gives l_2 = Re c_2 / omega, and there are no
-    slopes.
+        z' = lambda(Omega) z + c_1 z |z|^2 + c_2 z |z|^4,
+
+    with A q = i omega q and <q, q> = 1. So q = (i omega, Omega, -omega^2) / |...|. The source is
+    Kuznetsov, Elements of Applied Bifurcation Theory, Sections 5.4 and 8.3.
+
+    **First coefficient.** On a cycle Re lambda + Re c_1 |z|^2 = 0 to leading order, and its
+    amplitude is a = 2 |z| |q_2|. So the amplitude law gives l_1 = Re c_1 / omega.
+
+    **Transversality.** Implicit differentiation of the characteristic polynomial gives
+
+        d(Re lambda)/d(Omega) = -f (1 - W) / (f^2 + W),
+
+    with the ratios of the module.
+
+    **Degenerate case.** If l_1 is zero, Re lambda + Re c_2 |z|^4 = 0 gives l_2 = Re c_2 / omega,
+    and there are no slopes.
+
+    Args:
+        parameters: The disk.
+        digits: The digits of the square roots and of pi.
+        degenerate: True takes l_1 as zero.
     """
     law, square = amplitude_law(parameters), omega_crit_squared(parameters)
     ratio, friction_squared = frequency_ratio_squared(parameters), _friction_ratio_squared(parameters)

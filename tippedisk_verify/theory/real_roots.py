@@ -1,7 +1,9 @@
-"""Real roots of polynomials with rational coefficients, each enclosed by a change of sign; square roots.
+"""Real roots of polynomials with rational coefficients, and square roots.
 
-A polynomial is the list of its coefficients, ascending. The roots are looked for on a grid of decimals, where the
-polynomial is one of integers with integer arguments: all arithmetic is exact.
+Each root is enclosed by a change of sign.
+
+A polynomial is the list of its coefficients, ascending. Roots are searched on a grid of decimals.
+There the polynomial has integer coefficients and integer arguments, so all arithmetic is exact.
 """
 
 from __future__ import annotations
@@ -21,27 +23,38 @@ __all__ = ["real_roots", "square_root"]
 
 
 def real_roots(polynomial: Sequence[Fraction], digits: int) -> list[Measured]:
-    """The real roots, ascending, each but zero with a half-width of at most 10**-digits of its size.
+    """Return the real roots of a polynomial, ascending.
 
-    Exact are the root of a linear polynomial, and decimals of so many digits. Two roots that are closer to one another
-    than 10**-digits of the smallest may be missed, and so is a double one that is no such decimal.
+    Each root other than zero has a half-width of at most 10**-digits of its size. The root of a
+    linear polynomial and roots that are decimals of ``digits`` digits are exact. Two cases may be
+    missed: two roots closer together than 10**-digits of the smallest root, and a double root that
+    is not such a decimal.
+
+    Args:
+        polynomial: The coefficients, ascending.
+        digits: Significant digits of the smallest root.
     """
     while polynomial and not polynomial[-1]:
         polynomial = polynomial[:-1]
     if len(polynomial) < 3:
         return [Measured(-polynomial[0] / polynomial[1], Fraction(0))] if len(polynomial) == 2 else []
-    # Cauchy's bounds: no root is larger than the one, none but zero smaller than the other.
-    first, largest = next(abs(one) for one in polynomial if one), max(map(abs, polynomial))
+    # Cauchy's bounds: every root but zero lies between these two sizes.
+    first = next(abs(coefficient) for coefficient in polynomial if coefficient)
+    largest = max(map(abs, polynomial))
     smallest_root, largest_root = first / (first + largest), 1 + largest / abs(polynomial[-1])
     grid = 10 ** (digits - decimal_magnitude(smallest_root))
-    unit = math.lcm(*(one.denominator for one in polynomial))
-    integers = [int(one * unit) * grid**power for power, one in enumerate(reversed(polynomial))][::-1]
+    unit = math.lcm(*(coefficient.denominator for coefficient in polynomial))
+    scaled = [int(coefficient * unit) for coefficient in polynomial]
+    integers = [number * grid**power for power, number in enumerate(reversed(scaled))][::-1]
     cells = _cells(integers, math.ceil(largest_root * grid))
     return [Measured(Fraction(low + high, 2 * grid), Fraction(high - low, 2 * grid)) for low, high in cells]
 
 
 def _cells(polynomial: list[int], bound: int) -> list[tuple[int, int]]:
-    """Neighbouring integers with a root between them, or one twice that is a root; up to ``bound`` on both sides."""
+    """Return neighbouring integers with a root between them, or an integer root twice.
+
+    The search covers ``-bound`` to ``bound``.
+    """
     if len(polynomial) == 1:
         return []
     # Between the roots of the derivative the polynomial is monotonic.
@@ -54,7 +67,7 @@ def _cells(polynomial: list[int], bound: int) -> list[tuple[int, int]]:
 
 
 def _cell(polynomial: list[int], low: int, high: int) -> tuple[int, int]:
-    """The same of the one root between two integers at which the signs differ."""
+    """Return the cell, as in `_cells`, of the only root between two integers."""
     rising, slope = _value_at(polynomial, high) > 0, _derivative(polynomial)
     while high - low > 1:
         middle, width, size = (low + high) // 2, high - low, min(abs(low), abs(high))
@@ -72,12 +85,12 @@ def _cell(polynomial: list[int], low: int, high: int) -> tuple[int, int]:
 
 
 def _derivative(polynomial: Sequence[Any]) -> list[Any]:
-    """The polynomial's derivative."""
+    """Return the polynomial's derivative."""
     return [power * coefficient for power, coefficient in enumerate(polynomial)][1:]
 
 
 def _value_at(polynomial: Sequence[Any], x: Any) -> Any:
-    """The polynomial's value."""
+    """Return the polynomial's value."""
     total = 0
     for coefficient in reversed(polynomial):
         total = total * x + coefficient
@@ -85,9 +98,14 @@ def _value_at(polynomial: Sequence[Any], x: Any) -> Any:
 
 
 def square_root(square: Measured | Fraction, digits: int) -> Measured:
-    """The root of a positive number, rounded to so many digits."""
+    """Return the square root of a positive number, rounded to ``digits`` digits.
+
+    Args:
+        square: A positive number.
+        digits: The digits of the root.
+    """
     number = square if isinstance(square, Measured) else Measured(square, Fraction(0))
     precision = bits(bits_for_digits(digits))
     root = fraction(precision.context.sqrt(quotient(precision.context, number.value)))
-    # Two roundings, and twice what the half-width makes of the root where it is small against the number.
+    # Two roundings, and twice the effect of the half-width, which is small against the number.
     return Measured(root, 2 * root * precision.epsilon + number.uncertainty / root)

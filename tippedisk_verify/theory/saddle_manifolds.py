@@ -1,17 +1,27 @@
 """The local invariant manifolds of noninverted spinning, as power series (parameterization method).
 
-In y = (beta_bar, gamma + pi/2, v), about the saddle, the field is odd by the point symmetry. Its one-dimensional
-manifolds are curves K(s) = sum of K_n s^n over odd n with f(K(s)) = lambda s K'(s): along them s grows like
-exp(lambda t). Its two-dimensional stable manifold is needed only near the slow stable curve, because what is left of
-the fast direction after the passage between the saddles is tiny: K(s) + t L(s) with L the fast direction carried along
-the curve, Df(K) L = lambda_s s L' + lambda_f L. What that leaves out is of order t^2.
+**Curves.** In y = (beta_bar, gamma + pi/2, v), about the saddle, the field is odd by the point
+symmetry. Its one-dimensional manifolds are curves
 
-The smooth law is analytic on either side of gamma_y = 0, and each curve leaves the saddle on one side: its branch
-gives the curve on that side, with even powers too. The unstable curve is meant for s > 0, where gamma grows, and the
-stable one for s < 0, where an orbit with growing gamma arrives.
+    K(s) = sum of K_n s^n over odd n,    f(K(s)) = lambda s K'(s).
 
-Source: X. Cabré, E. Fontich, R. de la Llave, The parameterization method for invariant manifolds III, J. Differential
-Equations 218 (2005).
+Along them s grows like exp(lambda t).
+
+**Stable manifold.** The two-dimensional stable manifold is needed only near the slow stable curve,
+because the fast component is tiny after the passage between the saddles. It is taken as K(s) + t
+L(s) with L the fast direction carried along the curve:
+
+    Df(K) L = lambda_s s L' + lambda_f L.
+
+The remainder is of order t^2.
+
+**Smooth law.** The smooth law is analytic on either side of gamma_y = 0, and each curve leaves the
+saddle on one side. The branch of that side gives the curve there, with even powers too. The
+unstable curve is used for s > 0, where gamma grows. The stable curve is used for s < 0, where an
+orbit with growing gamma arrives.
+
+Source: X. Cabré, E. Fontich, R. de la Llave, The parameterization method for invariant manifolds
+III, J. Differential Equations 218 (2005).
 """
 
 from __future__ import annotations
@@ -33,15 +43,22 @@ from tippedisk_verify.theory.series import Angle, PowerSeries, SeriesOps
 
 __all__ = ["Saddle", "refuse_focus"]
 
-_RESONANT = 1e-4  # of the eigenvalue; coefficients grow like the inverse of such a divisor
+_RESONANT = 1e-4  # in parts of the eigenvalue; coefficients grow like the inverse of such a divisor
 
 
 @dataclass(frozen=True)
 class Saddle:
-    """Noninverted spinning at one speed with its local manifolds, in mpmath numbers of ``working_bits``.
+    """Noninverted spinning at one speed with its local manifolds, in mpmath numbers.
 
-    ``order`` is the highest power of the series. Raises NoConnectionError where the equilibrium is not a saddle with
-    one unstable and two real stable directions.
+    Args:
+        parameters: The disk.
+        omega: The spinning speed [rad/s].
+        working_bits: The precision of the numbers.
+        order: The highest power of the series.
+
+    Raises:
+        NoConnectionError: The equilibrium is not a saddle with one unstable and two real stable
+            directions. Properties raise it on first use.
     """
 
     parameters: Parameters
@@ -51,20 +68,23 @@ class Saddle:
 
     @cached_property
     def context(self) -> Any:
+        """The mpmath context of the numbers."""
         return bits(self.working_bits).context
 
     @cached_property
     def constants(self) -> Constants:
+        """The parameters in the context."""
         ctx = self.context
         return self.parameters.within(ctx)
 
     @cached_property
     def speed(self) -> Any:
+        """The spinning speed [rad/s] in the context."""
         return quotient(self.context, self.omega)
 
     @cached_property
     def eigenvalues(self) -> tuple[Any, Any, Any]:
-        """(unstable, slow stable, fast stable) [1/s]."""
+        """The eigenvalues (unstable, slow stable, fast stable) [1/s]."""
         ctx = self.context
         matrix = linearization(self.parameters, self.omega, "noninverted")
         values = eigenvalues(matrix, math.ceil(self.working_bits * math.log10(2)))
@@ -79,7 +99,10 @@ class Saddle:
 
     @cached_property
     def directions(self) -> Any:
-        """Right eigenvectors in (beta, gamma, v), largest component 1, as columns in the eigenvalues' order."""
+        """The right eigenvectors in (beta, gamma, v), as columns in the eigenvalues' order.
+
+        The largest component of each is 1.
+        """
         ctx = self.context
         vectors = []
         for value in self.eigenvalues:
@@ -91,22 +114,28 @@ class Saddle:
 
     @cached_property
     def inverse_directions(self) -> Any:
-        """Its rows give the coordinates of a vector along the eigenvectors."""
+        """The inverse of `directions`: its rows give coordinates along the eigenvectors."""
         return self.context.inverse(self.directions)
 
     @cached_property
     def unstable_curve(self) -> list[PowerSeries]:
+        """The unstable manifold K(s)."""
         return self._curve(0)
 
     @cached_property
     def stable_curve(self) -> list[PowerSeries]:
-        """The slow stable manifold; the fast one is not needed."""
+        """The slow stable manifold K(s); the fast one is not needed."""
         return self._curve(1)
 
     def start_on_branch(self, distance: Fraction, side: int = 1) -> list[Fraction]:
-        """(beta_bar, gamma_bar, v) so far along the unstable curve from the saddle at gamma_bar = -pi.
+        """Return a point of the unstable curve from the saddle at gamma_bar = -pi.
 
-        With ``side`` -1 that of its image under the point symmetry, from the saddle at pi.
+        Args:
+            distance: The curve's parameter s.
+            side: -1 takes the image of the point under the point symmetry, from the saddle at pi.
+
+        Returns:
+            (beta_bar [rad], gamma_bar [rad], v [rad/s]).
         """
         beta, gamma, v = (component.at(quotient(self.context, distance)) for component in self.unstable_curve)
         return [side * fraction(component) for component in (beta, gamma - self.context.pi, v)]
@@ -126,7 +155,10 @@ class Saddle:
         return [PowerSeries(component) for component in curve]
 
     def _solved(self, rest: Sequence[Any], growth: Any, resonant: float = 0) -> Any:
-        """x of (growth - A) x = rest, A the linearisation; without what has a divisor below ``resonant``."""
+        """Return x with (growth - A) x = rest, where A is the linearisation.
+
+        Components with a divisor below ``resonant`` are set to zero.
+        """
         along = self.inverse_directions * self.context.matrix(rest)
         for k, eigenvalue in enumerate(self.eigenvalues):
             divisor = growth - eigenvalue
@@ -135,11 +167,14 @@ class Saddle:
 
     @property
     def _power_step(self) -> int:
-        """The linear law's field is odd about the saddle: every other power vanishes."""
+        """The step between powers: 2 for the linear law, otherwise 1.
+
+        The linear law's field is odd about the saddle, so every other power vanishes.
+        """
         return 2 if self.parameters.friction == "linear" else 1
 
     def side(self, which: int) -> int | None:
-        """The sign of gamma_y along a curve, on the half of it that is used."""
+        """Return the sign of gamma_y along a curve, on the half of it that is used."""
         if self.parameters.friction == "linear":
             return None
         c, (_, gamma, v) = self.constants, (self.directions[row, which] for row in range(3))
@@ -148,27 +183,31 @@ class Saddle:
         return (1 if velocity > 0 else -1) * (1 if which == 0 else -1)
 
     def _state(self, curve: Sequence[Sequence[Any]]) -> tuple[Angle, Angle, PowerSeries]:
-        """About (pi/2, -pi/2, 0), whose sines and cosines are exact."""
+        """Return the state about (pi/2, -pi/2, 0), whose sines and cosines are exact."""
         zero, one = self.context.zero, self.context.one
         beta, gamma, v = map(PowerSeries, curve)
         return Angle(beta, one, zero), Angle(gamma, -one, zero), v
 
     @cached_property
     def fast_direction(self) -> list[PowerSeries]:
-        """L(s): the fast stable direction along the slow stable curve; even in s."""
+        """The fast stable direction L(s) along the slow stable curve; even in s."""
         return self._carried(2)
 
     @cached_property
     def unstable_direction(self) -> list[PowerSeries]:
-        """M(s): the unstable direction along the slow stable curve; even in s.
+        """The unstable direction M(s) along the slow stable curve; even in s.
 
-        Any M tells u = 0, so terms next to a resonance are left out: lambda_u + 2 lambda_s = lambda_s where the saddle
-        value vanishes, for one. There u grows like exp(lambda_u t) up to a factor 1 + O(s^2) only.
+        Any M detects u = 0, so terms next to a resonance are left out. An example is
+        lambda_u + 2 lambda_s = lambda_s, where the saddle value vanishes. There u grows like
+        exp(lambda_u t) only up to a factor 1 + O(s^2).
         """
         return self._carried(0)
 
     def _carried(self, which: int) -> list[PowerSeries]:
-        """A direction along the slow stable curve: Df(K) L = lambda_s s L' + lambda L, L(0) an eigenvector."""
+        """Return a direction along the slow stable curve.
+
+        It solves Df(K) L = lambda_s s L' + lambda L, where L(0) is an eigenvector.
+        """
         ctx, slow, own = self.context, self.eigenvalues[1], self.eigenvalues[which]
         entries = self._jacobian_on_stable_curve
         length = self.order + 1
@@ -194,7 +233,10 @@ class Saddle:
         return jacobian(SeriesOps, self.constants, self.speed, *law)(*self._state(curve))
 
     def reach(self, *curves: Sequence[PowerSeries]) -> Any:
-        """The radius within which all of these converge, estimated from their last coefficients."""
+        """Return the radius within which all the curves converge.
+
+        It is estimated from their last coefficients.
+        """
         ctx = self.context
         rates = [ctx.one * 10]
         for curve in curves:
@@ -203,10 +245,16 @@ class Saddle:
         return min(rates)
 
     def stable_coordinates(self, point: Sequence[Any]) -> tuple[Any, Any, Any]:
-        """(u, s, t) of a point near the saddle: K(s) + t L(s) + u M(s).
+        """Return the coordinates (u, s, t) of a point near the saddle: K(s) + t L(s) + u M(s).
 
-        The point lies on the stable manifold if u = 0, up to terms of order t^2; small u and t grow and fall like
-        exp(lambda_u t) and exp(lambda_f t) along the flow. Raises AccuracyError if it is too far.
+        The point lies on the stable manifold if u = 0, up to terms of order t^2. Small u and t grow
+        and fall like exp(lambda_u t) and exp(lambda_f t) along the flow.
+
+        Args:
+            point: (beta_bar [rad], gamma + pi/2 [rad], v [rad/s]).
+
+        Raises:
+            AccuracyError: The point is too far from the saddle.
         """
         ctx = self.context
         u = s = t = ctx.zero
@@ -229,5 +277,10 @@ class Saddle:
 
 
 def refuse_focus(parameters: Parameters, omega: Fraction) -> None:
-    """Raises NoConnectionError unless noninverted spinning is a saddle with three real eigenvalues at the speed."""
+    """Raise NoConnectionError unless noninverted spinning is a saddle with three real eigenvalues.
+
+    Args:
+        parameters: The disk.
+        omega: The spinning speed [rad/s].
+    """
     _ = Saddle(parameters, omega, 80, 1).eigenvalues

@@ -1,9 +1,9 @@
 """Truncated power series in one or two variables, for any kind of number.
 
-A series of degree n holds the coefficients of all monomials of total degree up to n in the graded order 1, x, y, x^2,
-x y, y^2, ..., which is 1, s, s^2, ... in one variable. A series of lower degree is the beginning of that list: a sum or
-product has the smaller of two degrees. The cost of arithmetic grows like a power of the degree, where symbolic
-expressions would grow exponentially.
+A series of degree n holds the coefficients of all monomials of total degree up to n. Their graded
+order is 1, x, y, x^2, x y, y^2, ..., which is 1, s, s^2, ... in one variable. A series of lower
+degree is the beginning of that list, and a sum or product has the smaller of two degrees. The cost
+of arithmetic grows like a power of the degree, where symbolic expressions would grow exponentially.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ __all__ = ["Angle", "PowerSeries", "SeriesOps"]
 
 
 class PowerSeries:
-    """Coefficients ``c`` in graded order, of a series in 1 or 2 ``variables``."""
+    """The coefficients ``c``, in graded order, of a series in 1 or 2 ``variables``."""
 
     __slots__ = ("c", "variables")
 
@@ -29,7 +29,11 @@ class PowerSeries:
         return PowerSeries(coefficients, self.variables)
 
     def at(self, variable: Any) -> Any:
-        """The value at a number, of a series in one variable."""
+        """Return the value of a series in one variable.
+
+        Args:
+            variable: The number.
+        """
         total = 0 * self.c[0]
         for coefficient in reversed(self.c):
             total = total * variable + coefficient
@@ -69,7 +73,7 @@ class PowerSeries:
     __rmul__ = __mul__
 
     def __truediv__(self, other: Any) -> PowerSeries:
-        """Division by a series with a value other than zero, or by a number."""
+        """Divide by a number or by a series whose constant term is not zero."""
         if not isinstance(other, PowerSeries):
             return self._like([a / other for a in self.c])
         table, right = _products(self.variables, min(len(self.c), len(other.c))), _nonzero(other.c)
@@ -86,7 +90,13 @@ class PowerSeries:
         return self._like([value] + [0 * self.c[0]] * (len(self.c) - 1)) / self
 
     def slope(self, axis: int) -> PowerSeries:
-        """The partial derivative by the first (0) or second (1) of two variables; one degree is lost."""
+        """Return the partial derivative in the first (0) or second (1) of two variables.
+
+        One degree is lost.
+
+        Args:
+            axis: 0 or 1.
+        """
         degree, slopes = _degrees(2, len(self.c))[-1], []
         for total in range(1, degree + 1):
             block = self.c[total * (total + 1) // 2 :][: total + 1]  # of x^total, x^(total - 1) y, ..., y^total
@@ -96,14 +106,24 @@ class PowerSeries:
 
 
 class Angle:
-    """An angle as a series, with the sine and cosine of its constant term (which the series itself may leave out)."""
+    """An angle as a series, with the sine and cosine of its constant term.
+
+    The series itself may leave out that term.
+
+    Args:
+        series: The angle.
+        sine, cosine: The functions of its constant term.
+    """
 
     def __init__(self, series: PowerSeries, sine: Any, cosine: Any) -> None:
         self.series, self.start = series, (sine, cosine)
 
     @cached_property
     def sine_and_cosine(self) -> tuple[PowerSeries, PowerSeries]:
-        """By s' = c a' and c' = -s a' along each ray: there a derivative multiplies a coefficient by its degree."""
+        """The sine and cosine as series, by s' = c a' and c' = -s a' along each ray.
+
+        There a derivative multiplies a coefficient by its degree.
+        """
         series = self.series
         degrees = _degrees(series.variables, len(series.c))
         slopes = _nonzero([degree * a for degree, a in zip(degrees, series.c, strict=True)])
@@ -120,7 +140,7 @@ class Angle:
         return series._like(sine), series._like(cosine)
 
 
-#: The namespace that the equations of motion ask for, for angles that are series.
+#: The namespace of the equations of motion for angles that are series.
 SeriesOps: Any = SimpleNamespace(
     sin=lambda angle: angle.sine_and_cosine[0],
     cos=lambda angle: angle.sine_and_cosine[1],
@@ -128,13 +148,16 @@ SeriesOps: Any = SimpleNamespace(
 
 
 def _nonzero(coefficients: Sequence[Any]) -> list[tuple[int, Any]]:
-    """With their places; half of the coefficients of even and odd series are zero."""
+    """Return the coefficients other than zero with their places.
+
+    Half of the coefficients of even and odd series are zero.
+    """
     return [(k, value) for k, value in enumerate(coefficients) if value]
 
 
 @lru_cache(maxsize=64)
 def _degrees(variables: int, count: int) -> tuple[int, ...]:
-    """The total degrees of the first ``count`` monomials."""
+    """Return the total degrees of the first ``count`` monomials."""
     if variables == 1:
         return tuple(range(count))
     return tuple(degree for degree in range(count) for _ in range(degree + 1))[:count]
@@ -142,7 +165,7 @@ def _degrees(variables: int, count: int) -> tuple[int, ...]:
 
 @lru_cache(maxsize=64)
 def _products(variables: int, count: int) -> tuple[Sequence[int], ...]:
-    """For each of ``count`` monomials the places of its products with the first, the second, ... of them."""
+    """Return the places of each monomial's products with all monomials in order."""
     if variables == 1:
         return tuple(range(i, count) for i in range(count))
     degree = _degrees(2, count)[-1]

@@ -1,12 +1,16 @@
 """The slow invariant manifold of the linear law, to any order in epsilon.
 
-v = h_c + epsilon h_1 + ... + epsilon^N h_N + O(epsilon^(N+1)), away from sin(beta) = 0 where attraction vanishes. The
-fast equation epsilon v' = -a (v - h_c) + epsilon g_1 has a linear g_0 and a quadratic g_1, so the invariance condition
-gives each order explicitly:
+**The series.** Away from sin(beta) = 0, where attraction vanishes,
+
+    v = h_c + epsilon h_1 + ... + epsilon^N h_N + O(epsilon^(N+1)).
+
+**The orders.** The fast equation is epsilon v' = -a (v - h_c) + epsilon g_1, with a linear g_0 and
+a quadratic g_1. So the invariance condition gives each order explicitly:
 
     a h_n = [g_1]_(n-1) - sum_(i+j=n-1) (d h_i / d beta) h_j + Omega cos(beta) d h_(n-1) / d gamma.
 
-The series looks divergent (|h_n|^(1/n) grows about linearly in n): it is asymptotic, with a best order at each point.
+**Convergence.** The series looks divergent: |h_n|^(1/n) grows about linearly in n. It is
+asymptotic, with a best order at each point.
 """
 
 from __future__ import annotations
@@ -47,8 +51,9 @@ __all__ = [
 
 _HIGHEST_ORDER = 40
 _LARGEST_ANGLE = 1000  # rad
-#: Twenty fixed points (beta, gamma) [rad] of the box |beta - pi/2| <= 1, |gamma - pi/2| <= pi, spread by a Kronecker
-#: sequence of the plastic number's powers: no pattern of the field can hide from them.
+#: Twenty fixed points (beta, gamma) [rad] of the box |beta - pi/2| <= 1, |gamma - pi/2| <= pi. A
+#: Kronecker sequence of the plastic number's powers spreads them, so that they miss no pattern of
+#: the field.
 POINTS: tuple[tuple[Fraction, Fraction], ...] = tuple(
     (
         Fraction(15708, 10000) + 2 * (Fraction(7549 * n % 10000, 10000) - Fraction(1, 2)),
@@ -59,12 +64,25 @@ POINTS: tuple[tuple[Fraction, Fraction], ...] = tuple(
 
 
 def critical_manifold(ops: Ops, constants: Constants, omega: Any, beta: Any, gamma: Any) -> Any:
-    """h_c [rad/s], the v of pure rolling, gamma_y = 0 (Eq. critical_manifold_tippdisk)."""
+    """Return h_c [rad/s], the v of pure rolling, gamma_y = 0 (Eq. critical_manifold_tippdisk).
+
+    Args:
+        ops: The functions of the kind of number.
+        constants: The parameters in the same kind.
+        omega: The spinning speed [rad/s].
+        beta, gamma: The angles [rad]; arrays are accepted.
+    """
     return constants.e * omega * ops.sin(beta) * ops.cos(gamma) / (constants.r + constants.e * ops.sin(gamma))
 
 
 def first_correction(ops: Ops, constants: Constants, omega: Any, beta: Any, gamma: Any) -> Any:
-    """h_1 [rad/m], the paper's formula below Eq. slow_manifold_tippdisk; singular at sin(beta) = 0."""
+    """Return h_1 [rad/m], the paper's formula below Eq. slow_manifold_tippdisk.
+
+    It is singular at sin(beta) = 0.
+
+    Args:
+        ops, constants, omega, beta, gamma: As for `critical_manifold`.
+    """
     rolling = critical_manifold(ops, constants, omega, beta, gamma)
     sin_b, cos_b, sin_g, cos_g = ops.sin(beta), ops.cos(beta), ops.sin(gamma), ops.cos(gamma)
     rho = constants.r + constants.e * sin_g
@@ -77,7 +95,14 @@ def first_correction(ops: Ops, constants: Constants, omega: Any, beta: Any, gamm
 
 
 def slow_manifold(ops: Ops, constants: Constants, omega: Any, beta: Any, gamma: Any, order: int = 1) -> Any:
-    """v [rad/s] on the slow manifold, truncated at ``order`` 0 or 1 (Eq. slow_manifold_tippdisk); arrays welcome."""
+    """Return v [rad/s] on the slow manifold, truncated at order 0 or 1.
+
+    It follows Eq. slow_manifold_tippdisk.
+
+    Args:
+        ops, constants, omega, beta, gamma: As for `critical_manifold`.
+        order: 0 or 1.
+    """
     surface = critical_manifold(ops, constants, omega, beta, gamma)
     if order == 0:
         return surface
@@ -85,16 +110,30 @@ def slow_manifold(ops: Ops, constants: Constants, omega: Any, beta: Any, gamma: 
 
 
 def attraction_rate(ops: Ops, constants: Constants, beta: Any, gamma: Any) -> Any:
-    """d(v')/d(v) of the friction term [1/s]: -M^-1 (mu m g / epsilon) rho^2 sin^2(beta), negative, 0 where flat."""
+    """Return d(v')/d(v) of the friction term [1/s].
+
+    It is -M^-1 (mu m g / epsilon) rho^2 sin^2(beta): negative, and 0 where the disk lies flat.
+
+    Args:
+        ops, constants, beta, gamma: As for `critical_manifold`.
+    """
     parts = terms(ops, constants, 0, beta, gamma, 0)
     return -constants.mu * constants.m * constants.g * parts.direction**2 / parts.mass / constants.epsilon
 
 
 class SlowManifoldSeries:
-    """h_0 ... h_highest about a point as power series in (beta, gamma), in the arithmetic of the arguments.
+    """The orders h_0 ... h_highest about a point as power series in (beta, gamma).
 
-    They come from v' = q_0 + q_1 v + q_2 v^2 - rate (v - h_c) / epsilon (Eqs. per_g0, per_g1). Each order costs one
-    degree; ``slopes`` leaves one for the derivatives of the last.
+    They come from v' = q_0 + q_1 v + q_2 v^2 - rate (v - h_c) / epsilon (Eqs. per_g0, per_g1). Each
+    order costs one degree.
+
+    Args:
+        ops: The functions of the kind of number.
+        c: The parameters in the same kind.
+        omega: The spinning speed [rad/s].
+        beta, gamma: The point [rad].
+        highest: The highest order.
+        slopes: True keeps one degree for the derivatives of the last order.
     """
 
     def __init__(
@@ -132,11 +171,15 @@ class SlowManifoldSeries:
 
     @property
     def orders(self) -> list[Any]:
-        """[h_0, h_1, ...] at the point."""
+        """The values [h_0, h_1, ...] at the point."""
         return [h.c[0] for h in self.series]
 
     def truncations(self, epsilon: Any) -> Iterator[tuple[Any, Any, Any]]:
-        """h and its derivatives by beta and gamma at the point, of the series truncated at each order in turn."""
+        """Yield h, dh/dbeta and dh/dgamma at the point, truncated at each order in turn.
+
+        Args:
+            epsilon: The parameter of the series [m/s].
+        """
         h = by_beta = by_gamma = 0
         for n, order in enumerate(self.series):
             power = epsilon**n
@@ -144,7 +187,13 @@ class SlowManifoldSeries:
             yield h, by_beta, by_gamma
 
     def residuals(self, epsilon: Any) -> list[Any]:
-        """epsilon (dh/dx) f - g [m rad/s^3] of each truncation; of the order n it is of size epsilon^(n + 1)."""
+        """Return epsilon (dh/dx) f - g [m rad/s^3] of each truncation.
+
+        That of order n is of size epsilon^(n + 1).
+
+        Args:
+            epsilon: The parameter of the series [m/s].
+        """
         q0, q1, q2, rate, drift, rolling = (
             term.c[0] for term in (self.q0, self.q1, self.q2, self.rate, self.drift, self.series[0])
         )
@@ -155,31 +204,49 @@ class SlowManifoldSeries:
 
 
 def orders(ops: Ops, constants: Constants, omega: Any, beta: Any, gamma: Any, highest: int) -> list[Any]:
-    """[h_0, h_1, ..., h_highest] at one point [rad/s, rad/m, ...], in the arithmetic of the arguments.
+    """Return [h_0, h_1, ..., h_highest] at one point [rad/s, rad/m, ...].
 
-    Raises InputError for an order below 0 or above 40.
+    The result is in the arithmetic of the arguments.
+
+    Args:
+        ops, constants, omega, beta, gamma: As for `critical_manifold`.
+        highest: The highest order.
+
+    Raises:
+        InputError: The order is not from 0 to 40.
     """
     highest = _checked_order(highest)
     return SlowManifoldSeries(ops, constants, omega, beta, gamma, highest, slopes=False).orders
 
 
 def invariance_residuals(ops: Ops, constants: Constants, omega: Any, beta: Any, gamma: Any, highest: int) -> list[Any]:
-    """`SlowManifoldSeries.residuals` at a point, up to an order. Raises as `orders` does."""
+    """Return `SlowManifoldSeries.residuals` at a point, up to an order.
+
+    Args:
+        ops, constants, omega, beta, gamma, highest: As for `orders`.
+
+    Raises:
+        InputError: The order is not from 0 to 40.
+    """
     highest = _checked_order(highest)
     return SlowManifoldSeries(ops, constants, omega, beta, gamma, highest).residuals(constants.epsilon)
 
 
 def _checked_order(order: int) -> int:
-    """Raises InputError unless the order is a whole number from 0 to 40."""
+    """Return the order as an int; raise InputError unless it is an integer from 0 to 40."""
     number = whole(order, 0, _HIGHEST_ORDER)
     if number is None:
         raise InputError(f"the order of the slow manifold lies between 0 and {_HIGHEST_ORDER}, not {shown(order)}")
     return number
 
 
-# --------------------------------------------------------------------------------------------- the reduced flow
+# --------------------------------------------------------------------------------------------- the
+# reduced flow
 class ReducedEquilibrium(NamedTuple):
-    """Linearisation of beta' = h(beta, gamma), gamma' = -Omega cos(beta) at an equilibrium: l^2 - trace l + det = 0."""
+    """The linearisation of beta' = h(beta, gamma), gamma' = -Omega cos(beta) at an equilibrium.
+
+    Its eigenvalues satisfy l^2 - trace l + det = 0.
+    """
 
     trace: Any  #: dh/d(beta) [1/s]
     determinant: Any  #: -Omega dh/d(gamma) [1/s^2]
@@ -188,9 +255,20 @@ class ReducedEquilibrium(NamedTuple):
 def reduced_equilibrium(
     parameters: Parameters, omega: Any, name: EquilibriumName, order: int, working_bits: int = 120
 ) -> ReducedEquilibrium:
-    """The reduced flow's linearisation; ``omega`` is an mpmath number of that many bits or a Fraction.
+    """Return the reduced flow's linearisation at an equilibrium.
 
-    Order 0 has trace 0: noninverted is a saddle and inverted a centre, whatever the speed.
+    Order 0 has trace 0: at every speed noninverted spinning is a saddle and inverted spinning a
+    centre.
+
+    Args:
+        parameters: The disk.
+        omega: The speed [rad/s], an mpmath number of ``working_bits`` or a Fraction.
+        name: ``inverted`` or ``noninverted``.
+        order: The order of the slow manifold.
+        working_bits: The precision.
+
+    Raises:
+        InputError: The name or the order cannot be used.
     """
     order = _checked_order(order)
     ctx = bits(working_bits).context
@@ -204,10 +282,19 @@ def reduced_equilibrium(
 
 
 def reduced_omega_crit(parameters: Parameters, order: int, digits: int = 15) -> Measured:
-    """The Hopf speed of the reduced flow [rad/s]: where the trace at inverted spinning vanishes.
+    """Return the Hopf speed of the reduced flow [rad/s].
 
-    At order 1 this is Omega_crit exactly. Raises AccuracyError at order 0, where the trace vanishes at every speed, and
-    where no root lies within a tenth of Omega_crit.
+    The trace at inverted spinning vanishes there. At order 1 this is Omega_crit exactly.
+
+    Args:
+        parameters: The disk.
+        order: The order of the slow manifold.
+        digits: Significant digits.
+
+    Raises:
+        InputError: The order cannot be used, or the disk has the smooth friction law.
+        AccuracyError: The order is 0, where the trace vanishes at every speed, or no root lies
+            within a tenth of Omega_crit.
     """
     parameters.refuse_smooth("the slow manifold's expansion is")
     order = _checked_order(order)
@@ -218,7 +305,7 @@ def reduced_omega_crit(parameters: Parameters, order: int, digits: int = 15) -> 
     start = float(omega_crit(parameters))
 
     def root(working_bits: int) -> Any:
-        """Where the trace at inverted spinning vanishes, by the secant method."""
+        """Find the zero of the trace at inverted spinning by the secant method."""
         ctx = bits(working_bits).context
 
         def trace(speed: Any) -> Any:
@@ -238,13 +325,14 @@ def reduced_omega_crit(parameters: Parameters, order: int, digits: int = 15) -> 
     return Measured.compared(rough, sharp, Fraction(1, 2 ** (working - 1)))
 
 
-# --------------------------------------------------------------------------------------------- how good the series are
+# --------------------------------------------------------------------------------------------- how
+# good the series are
 @dataclass(frozen=True, repr=False)
 class SlowManifold(Printable):
-    """What can be said of the truncated series: its orders at one point, and how well it does at twenty fixed ones.
+    """The truncated series: its orders at one point, and its accuracy at twenty fixed points.
 
-    A residual is |epsilon (dh/dx) f - g|, at this set's epsilon. The reduced flow is that of order N; of order 0 it has
-    no Hopf point (None).
+    A residual is |epsilon (dh/dx) f - g|, at this set's epsilon. The reduced flow is that of order
+    N. At order 0 it has no Hopf point (None).
     """
 
     order: int
@@ -274,10 +362,18 @@ class SlowManifold(Printable):
 def analyse_slow_manifold(
     parameters: Parameters, omega: object, order: int, digits: int = 12, *, at: tuple[object, object] = ("1.2", "0.3")
 ) -> SlowManifold:
-    """Orders at a point, residuals with their observed exponents, and the best order, at the speed ``omega`` [rad/s].
+    """Return orders at a point, residuals with their observed exponents, and the best order.
 
-    ``at`` is the point (beta, gamma) [rad], as decimals. Raises InputError for an order out of range, a speed that is
-    not positive, or a point that is none or where the disk lies flat.
+    Args:
+        parameters: The disk.
+        omega: The spinning speed [rad/s].
+        order: The highest order, N.
+        digits: Significant digits of each order.
+        at: The point (beta, gamma) [rad], as decimals.
+
+    Raises:
+        InputError: The order or the speed cannot be used, or the disk has the smooth friction law.
+            Or the point is not one, or the disk lies flat there.
     """
     parameters.refuse_smooth("the slow manifold's expansion is")
     order = _checked_order(order)
@@ -293,9 +389,10 @@ def analyse_slow_manifold(
     residuals, *sizes = _largest_residuals(parameters, speed, order, (parameters.epsilon, *shrinking))
     slopes = []
     for coarse, middle, fine in zip(*sizes, strict=True):
-        # The two-point exponent is off by a multiple of epsilon: a decade on a tenth of that is left, so the change
-        # towards smaller epsilon shows nine tenths. (The change from larger epsilon, where the series need not be in
-        # its asymptotic range yet, may vanish by chance.)
+        # The error of the two-point exponent is a multiple of epsilon. A decade further a tenth of
+        # it is left, so the change towards smaller epsilon shows nine tenths. (The change from
+        # larger epsilon may vanish by chance, because the series need not be in its asymptotic
+        # range there.)
         exponent, next_exponent = math.log10(coarse / middle), math.log10(middle / fine)
         slopes.append(Measured.of(exponent, 2 * abs(exponent - next_exponent) + exponent * 2.0**-50))
     best, smallest = _best_order(parameters, speed)
@@ -347,22 +444,22 @@ def _expansion(
 def _largest_residuals(
     parameters: Parameters, omega: Fraction, order: int, epsilons: Sequence[Fraction]
 ) -> list[list[float]]:
-    """For each epsilon and each order up to ``order``, over the fixed points.
+    """Return the largest residual over the fixed points, for each epsilon and each order.
 
-    With sixty digits more than the residual lies below its terms.
+    The precision has sixty digits beyond those by which the residual lies below its terms.
     """
     below = (order + 1) * max(0, math.ceil(-math.log10(min(epsilons))))
     working = bits_for_digits(60 + below)
     expansions = [_expansion(parameters, omega, point, order, working, slopes=True) for point in POINTS]
     largest = []
     for epsilon in (quotient(bits(working).context, epsilon) for epsilon in epsilons):
-        by_order = zip(*(one.residuals(epsilon) for one in expansions), strict=True)
+        by_order = zip(*(expansion.residuals(epsilon) for expansion in expansions), strict=True)
         largest.append([float(max(map(abs, sizes))) for sizes in by_order])
     return largest
 
 
 def _best_order(parameters: Parameters, omega: Fraction, highest: int = 10) -> tuple[int, float]:
-    """Over the fixed points: where the largest term of each order is smallest."""
+    """Return the order with the smallest largest term over the fixed points, and that term."""
     rows = [_expansion(parameters, omega, point, highest, 120, slopes=False).orders for point in POINTS]
     epsilon = quotient(bits(120).context, parameters.epsilon)
     largest = [float(max(map(abs, sizes)) * epsilon**n) for n, sizes in enumerate(zip(*rows, strict=True))]

@@ -1,4 +1,4 @@
-"""Pages that stand alone: the templates and the style that all of them share."""
+"""Stand-alone pages: the templates and the style that they all share."""
 
 from __future__ import annotations
 
@@ -11,9 +11,19 @@ __all__ = ["rendered"]
 
 
 def rendered(package: str, template: str, filters: dict[str, Callable[..., Any]] | None = None, **values: Any) -> str:
-    """The template of that package; in HTML everything that goes into it is escaped.
+    """Render a template of a package; in HTML every value is escaped.
 
-    HTML extends ``base.html`` of this package, which holds the style sheet. The result needs no other file.
+    HTML templates extend ``base.html`` of this package, which holds the style sheet. The result
+    needs no other file.
+
+    Args:
+        package: The name of the package that holds the template.
+        template: The template's file name.
+        filters: Jinja filters by name.
+        values: The template's variables.
+
+    Returns:
+        The text of the page.
     """
     from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 
