@@ -1,9 +1,9 @@
-"""Why answers fail: the one mistake that gives all of them, or nothing.
+"""Why answers fail: the mistakes that give them, several at once where there are several.
 
-A fault is one change in a program. So there is one right program, the `specimen`, and one engine that changes it:
-`operators` is the table of what people write by mistake, `inputs` of what they put in, and `search` finds the one
-change with which the specimen, or one of the other right `ways` of writing it, gives the answers. `relations` are
-mistakes of a reader, not of a program; `places` says where wrong answers are. `statement` asks them in turn.
+A mistake in an equation changes its terms, and the answers to M a - F = 0 are linear in such changes. `terms` evaluates
+equations that are written as sums of products, `dictionary` has them and what people write in their place, `regression`
+finds the fewest changes that give the answers, and `levels` applies it to what is asked at levels 1 to 5. `relations`
+are what answers are instead of right ones. `statement` asks these in turn, and says what follows from what.
 """
 
 from tippedisk_verify.conformance.diagnosis.statement import Diagnosis, diagnosed

@@ -1,59 +1,60 @@
-"""What is wrong with answers that fail: the one mistake that gives all, digits that a method loses, or where it is."""
+"""What is wrong with answers that fail: mistakes by name, what follows from them, and what nothing explains."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Any
 
 import numpy as np
 
-from tippedisk_verify.conformance.diagnosis.cycles import cycle_causes
-from tippedisk_verify.conformance.diagnosis.entries import Array, Sheet, Table, tables_of
-from tippedisk_verify.conformance.diagnosis.integrators import integrator_errors
-from tippedisk_verify.conformance.diagnosis.orbits import Flights, other_inputs
-from tippedisk_verify.conformance.diagnosis.places import lost, where
-from tippedisk_verify.conformance.diagnosis.readings import Readings
-from tippedisk_verify.conformance.diagnosis.relations import related
-from tippedisk_verify.conformance.diagnosis.search import Search
-from tippedisk_verify.conformance.diagnosis.specimen import specimen
-from tippedisk_verify.conformance.diagnosis.trees import Cause
-from tippedisk_verify.conformance.diagnosis.ways import ways
+from tippedisk_verify.conformance.diagnosis.dictionary import LINEAR, SMOOTH, Change, changes, system
+from tippedisk_verify.conformance.diagnosis.entries import Array, Table, fitted, tables_of
+from tippedisk_verify.conformance.diagnosis.levels import PARTS, PREDICTED, base_of, problems
+from tippedisk_verify.conformance.diagnosis.orbits import method, motions
+from tippedisk_verify.conformance.diagnosis.regression import Problem, Search, made
+from tippedisk_verify.conformance.diagnosis.relations import related, where
+from tippedisk_verify.conformance.diagnosis.terms import Values
 from tippedisk_verify.conformance.grading import LEVEL_NAMES, Grade
 from tippedisk_verify.reference_values.store import Store
 
-__all__ = ["Diagnosis", "diagnosed"]
+__all__ = ["Cause", "Diagnosis", "diagnosed"]
 
-_WORK = 40_000.0  # runs of a short formula, some eight seconds, for each rank of changes, and for solved numbers
-_ORBITS = 6  # the first level whose answers are flown
-_PROVED = 40  # right answers to a kind of questions, after which the functions behind them are beyond doubt
-_SELDOM = 0.2  # of the answers to a quantity: a change of a formula makes more of them wrong
-_MOST = 3  # causes that are named together
+_BUDGET = 25_000  # changes evaluated for a sheet, some two seconds
+_LOST = (1e-5, 1e-2, 0.3)  # of the size: what a method may lose, in the median and at most; share of wrong answers
+_ALIKE = 12  # changes with the same effect on a quantity that are tried on the others
+_PLAIN = 3.9  # rank of the relations that come before changes of equations, at levels 2 to 4
+_WHOLE = 3  # quantities with the same relation, before changes are looked for
+_FORMULAS = 5  # the last level without an integrator
+_LAWS = ("both", "linear", "smooth")
 _Advance = Callable[[str, int], None]
 
 
 @dataclass(frozen=True)
+class Cause:
+    """A mistake by name: a change of the equations, a relation to right answers, other inputs, lost digits, a method."""
+
+    name: str
+    says: str
+
+
+@dataclass(frozen=True)
 class Diagnosis:
-    """What fails at one level for some parameter sets and friction laws, and why, where that can be told."""
+    """What fails at one level, and why, where that can be told."""
 
     level: int
     sets: tuple[str, ...]
     frictions: tuple[str, ...]
     failed: tuple[Grade, ...]
-    found: tuple[Cause, ...]  #: several if they cannot be told apart; () if none is known
-    tried: int  #: how many of the failed ones the cause gives
-    where: str = ""  #: if no cause is known: a condition that the failed answers satisfy and the right ones do not
-    formulas: bool = True  #: whether they are tried at this level, or v_rate of level 1 is answered
+    found: tuple[Cause, ...]  #: all of them together; () if none is known
+    follows: int  #: how many of the failed ones follow from mistakes that are named at earlier levels
+    unexplained: int
+    no_numbers: int  #: how many of the failed ones are no finite number, which no mistake predicts
+    where: str = ""  #: which of the failed ones are unexplained
 
     @property
     def causes(self) -> tuple[tuple[str, str], ...]:
         return tuple((cause.name, cause.says) for cause in self.found)
-
-    @property
-    def no_numbers(self) -> int:
-        """How many of the failed ones are no finite number, which no mistake predicts."""
-        return len(self.failed) - self.tried
 
     @property
     def few(self) -> int:
@@ -62,7 +63,9 @@ class Diagnosis:
 
     @property
     def status(self) -> str:
-        return "explained" if self.found else "unexplained" if self.tried else "no-numbers"
+        if self.unexplained:
+            return "partly" if self.found or self.follows else "unexplained"
+        return "explained" if self.found else "follows" if self.follows else "no-numbers"
 
     def says(self) -> str:
         both = len(self.frictions) > 1 or self.frictions == ("both",)
@@ -72,21 +75,17 @@ class Diagnosis:
         text += ", ".join(f"{count} {how}" for count, how in counts if count)
         if self.no_numbers:
             text += f", {self.no_numbers} of them no finite number"
-        if self.status == "unexplained":
-            text += "; unexplained: no single mistake that is tried gives these answers"
-            text += f"; they are wrong {self.where}" * bool(self.where)
-            if self.formulas:
-                text += "; two at once are not tried: mend what you know to be wrong, and ask again"
-            else:
-                text += "; formulas are tried at levels 1 to 5 only: answer v_rate of level 1 too"
+        if len(self.found) > 1:
+            text += "; likely causes, together: " + "; ".join(f"({n}) {one.says}" for n, one in enumerate(self.found, 1))
         elif self.found:
-            causes = " or ".join(cause.says for cause in self.found)
-            tried = "the one answer tried" if self.tried == 1 else f"all {self.tried} answers tried"
-            text += f"; likely cause: {causes} (explains {tried})"
+            text += f"; likely cause: {self.found[0].says}"
+        if self.follows:
+            text += f"; {self.follows} follow from what is named at earlier levels"
+        if self.unexplained:
+            text += f"; {self.unexplained} unexplained" + f" ({self.where})" * bool(self.where)
         return text
 
     def to_dict(self) -> dict[str, Any]:
-        names = ("name", "function", "before", "after")
         return {
             "level": self.level,
             "sets": list(self.sets),
@@ -95,111 +94,217 @@ class Diagnosis:
             "too_few_digits": self.few,
             "no_numbers": self.no_numbers,
             "status": self.status,
-            "causes": [{"cause": one.says, **{name: getattr(one, name) for name in names}} for one in self.found],
+            "causes": [{"name": one.name, "cause": one.says} for one in self.found],
+            "follows": self.follows,
+            "unexplained": self.unexplained,
             "where": self.where,
-            "tried_on": self.tried,
         }
 
 
+class _Sheet:
+    """The diagnosis of one sheet: what is certain so far, and which wrong answers it explains."""
+
+    def __init__(self, tables: Sequence[Table], advance: _Advance) -> None:
+        self.tables = sorted(tables, key=lambda table: (table.level, _LAWS.index(table.friction)))
+        self.truths = {id_: x for table in tables for id_, x in zip(table.ids, table.truth.tolist(), strict=True)}
+        self.advance, self.search = advance, Search(_BUDGET)
+        self.changes: dict[Change, set[str]] = {}  #: of the equations, by the friction laws that have them
+        self.levels: dict[Change, int] = {}
+        self.causes: list[Cause] = []  #: of this level, other than changes
+
+    def program(self, law: str, some: Iterable[Change]) -> dict[str, Any]:
+        """The definitions under a law with some changes; those of derivatives are made last."""
+        some, definitions = list(some), SMOOTH if law == "smooth" else LINEAR
+        late = [one for one in some if one.places[0][0].startswith("d")]
+        early = made(Values(definitions, {}), (one for one in some if one not in late))
+        return dict(made(Values(system(early.definitions), {}), late).definitions) if some else dict(definitions)
+
+    def programs(self, law: str) -> list[dict[str, Any]]:
+        """The programs that answers may come from: mended, as under the other law, as at level 1, right."""
+        own = [one for one, laws in self.changes.items() if laws & {law, "both"}]
+        first = [one for one in self.changes if self.levels[one] == 1]
+        some = [self.program(law, one) for one in (own, self.changes, first, ())]
+        return [one for n, one in enumerate(some) if one not in some[:n]]
+
+    def add(self, some: Iterable[Change], table: Table) -> None:
+        """Make changes certain for the law of a table."""
+        for one in list(some):
+            self.changes.setdefault(one, set()).add(table.friction)
+            self.levels.setdefault(one, table.level)
+
+    def given(self, table: Table, definitions: dict[str, Any], plain: bool = True) -> str:
+        """Take out the quantities that a program gives, or with ``plain`` false all by one thing that is said."""
+        for says, predict in PREDICTED.get(table.kind, {}).items():
+            if table.left.any() and plain != bool(says.strip()):
+                with np.errstate(all="ignore"):
+                    fits = fitted(*self.cells(table), table.picked(predict(base_of(definitions, table))))
+                if not plain and fits.all():
+                    table.left[:] = False
+                    return says
+                for stem in np.unique(table.stems[table.left]) if plain else ():
+                    mine = table.left & (table.stems == stem)
+                    table.left[mine] = not fits[mine].all()
+        return ""
+
+    def cells(self, table: Table) -> tuple[Array, Array, Array, Array]:
+        return table.answer, table.truth, table.allowed, table.left
+
+    def regressed(self, table: Table, deep: bool) -> None:
+        """Look for changes of the equations behind the quantities of a table that are wrong."""
+        known, before = list(self.changes), table.left.copy()
+        posed = list(problems(table, self.programs(table.friction)[0])) if table.left.any() else []
+        if not deep:
+            self.everywhere(table, [one for one in posed if one.wrong.any()])
+        sure = (Values(LINEAR, one.given).behind(one.definition) for one in posed if not one.wrong.any() and (one.name in PARTS or table.level > 1))
+        right = frozenset[str]().union(*sure)
+        for problem in (one for one in posed if one.wrong.any()):
+            mine = table.names == problem.name
+            self.advance(f"level {table.level}, {problem.name}", 1)
+            bases = [Values(one, problem.given) for one in self.programs(table.friction)]
+            fits = [n for n, base in enumerate(bases) if problem.fits(base)]
+            if fits[:1] == [1]:  # as under the other law
+                self.add(self.changes, table)
+            searched = (self.search(problem, base, deep, right) for base in bases if not fits)
+            found = next((one for one in searched if one), ())
+            for one in found:
+                self.add([self.best(one, table, posed)], table)
+            if fits or found:
+                table.left[mine] = False
+        if posed and table.level > 1:
+            for definitions in self.programs(table.friction):
+                self.given(table, definitions)
+            alone = table.kind == "slow-manifold" and before.sum() - table.left.sum() <= (table.names == posed[0].name).sum()
+            if table.left.any() and (table.kind == "equilibrium" or alone):  # one part alone proves nothing
+                self.changes = {one: laws for one, laws in self.changes.items() if one in known}
+                table.left[:] = before
+            elif table.kind == "slow-manifold" and table.left.any():
+                self.regressed(table, deep)  # the next order
+
+    def best(self, change: Change, table: Table, posed: Sequence[Problem]) -> Change:
+        """Of a change and those with the same effect on one quantity the one that explains most of the others."""
+        def score(one: Change) -> int:
+            program = self.program(table.friction, [*self.changes, one])
+            if table.level == 1:
+                return sum(problem.fits(Values(program, problem.given)) for problem in posed)
+            tried = replace(table, left=table.left.copy())
+            self.given(tried, program)
+            return -int(tried.left.sum())
+
+        return max((change, *change.others[:_ALIKE]), key=score) if change.others else change
+
+    def everywhere(self, table: Table, wrong: Sequence[Problem]) -> None:
+        """Make changes of a symbol or of an input that explain several quantities at once."""
+        while len(wrong) > 1:
+            program = self.programs(table.friction)[0]
+            left = [(problem, Values(program, problem.given)) for problem in wrong]
+            left = [(problem, values) for problem, values in left if not problem.fits(values)]
+            counts: dict[Change, int] = {}
+            for problem, values in left if len(left) > 1 else ():
+                for one in changes(values, values.behind(problem.definition)):
+                    if one.pieces[0][1] is None and problem.fits(values.changed(one.pieces)):
+                        counts[one] = counts.get(one, 0) + 1
+            best = max(counts, key=lambda one: (counts[one], -one.rank, -len(one.says)), default=None)
+            if best is None or counts[best] < 2:
+                return
+            self.add([best], table)
+
+    def lost(self, tables: Sequence[Table]) -> None:
+        """Take out quantities that a program gives up to the digits that a method loses."""
+        lost: dict[int, set[str]] = {}
+        for table in (table for table in tables if table.level <= _FORMULAS and table.left.any()):
+            for stem in np.unique(table.stems[table.left]):
+                mine, size = table.stems == stem, np.abs(table.answer - self.expected(table)) / table.scale
+                if np.median(size[mine]) < _LOST[0] and size[mine].max() < _LOST[1] and table.left[mine].mean() > _LOST[2]:
+                    law = f" ({table.friction} law)" if table.friction != "both" else ""
+                    lost.setdefault(int(-np.log10(np.median(size[mine]) + 1e-16)), set()).add(f"{stem}{law}")
+                    table.left[mine] = False
+        for digits, names in sorted(lost.items()):
+            way = "the digits that difference quotients leave" if all(name.startswith("d") for name in names) else "too few"
+            self.causes.append(Cause("digits", f"some {digits} digits of {', '.join(sorted(names))} are right: {way}"))
+
+    def expected(self, table: Table) -> Array:
+        """What the mended program gives, or the truth where it gives nothing."""
+        with np.errstate(all="ignore"):
+            predicted = table.picked(PREDICTED[table.kind][""](base_of(self.programs(table.friction)[0], table)))
+        return np.where(np.isfinite(predicted), predicted, table.truth)
+
+    def relations(self, tables: Sequence[Table], mended: bool = False, whole: bool = False, most: float = 99.0) -> None:
+        """Take out quantities whose answers are related to right ones, or to those of the mended program.
+
+        Args:
+            tables: The tables of a level.
+            mended: Take the values of the mended program for right.
+            whole: Only if one relation holds for all that is wrong.
+            most: The highest rank.
+        """
+        truths, some = dict(self.truths), list(tables)
+        if mended:
+            some = [replace(table, truth=self.expected(table)) for table in tables if table.kind in PREDICTED]
+            truths |= {id_: x for table in some for id_, x in zip(table.ids, table.truth.tolist(), strict=True)}
+        found = [(table, stem, *one) for table in some for stem, one in related(table, truths).items()]
+        found = [one for one in found if one[2] <= most]
+        total = {(table.friction, stem) for table in tables for stem in table.stems[table.left]}
+        if whole and (len(total) < _WHOLE or len(found) < len(total) or len({one[3] for one in found}) > 1):
+            return
+        groups: dict[str, list[tuple[str, str]]] = {}
+        for table, stem, _, says, mine in found:
+            groups.setdefault(says, []).append((table.friction, stem))
+            table.left[mine] = False
+        self.causes += [Cause("relation", _said(says, stems, total)) for says, stems in groups.items()]
+
+    def level(self, level: int, grades: Sequence[Grade]) -> Diagnosis:
+        """Diagnose one level; mistakes that are named at earlier ones are made in the program."""
+        tables = [table for table in self.tables if table.level == level]
+        numbers, old, self.causes = sum(int(table.left.sum()) for table in tables), len(self.changes), []
+        for table in tables if old else ():
+            for definitions in self.programs(table.friction)[:-1]:
+                self.given(table, definitions) if level <= _FORMULAS else motions(table, definitions)
+        follows = numbers - sum(int(table.left.sum()) for table in tables)
+        self.relations(tables, whole=True)
+        for table in tables:
+            says = self.given(table, self.programs(table.friction)[0], plain=False)
+            self.causes += [Cause("inputs", says)] if says else []
+        if 1 < level < _FORMULAS or level > _FORMULAS:
+            self.relations(tables, most=_PLAIN if level < _FORMULAS else 99.0)
+        for deep in (False, True) if level <= _FORMULAS else ():
+            for table in tables:
+                self.regressed(table, deep)
+            self.relations(tables)
+            self.lost(tables)
+        if len(self.changes):
+            self.relations(tables, mended=True)
+        for table in tables if level == _FORMULAS + 1 else ():
+            says = method(table, self.programs(table.friction)[0])
+            self.causes += [Cause("method", says)] if says else []
+        named = [Cause("equations", self.text(one)) for one in list(self.changes)[old:]]
+        failed = tuple(grade for grade in grades if grade.failed and grade.level == level)
+        sets, laws = (tuple(sorted({grade.id.split("/")[n] for grade in failed})) for n in (0, 1))
+        places = [where(table, base_of(LINEAR, table)["gamma_y"]) for table in tables if table.left.any()]
+        unexplained, causes = sum(int(table.left.sum()) for table in tables), (*named, *dict.fromkeys(self.causes))
+        return Diagnosis(level, sets, laws, failed, causes, follows, unexplained, len(failed) - numbers, "; ".join(places))
+
+    def text(self, change: Change) -> str:
+        """A change in words, with its friction law where the other one does not have it."""
+        laws = self.changes[change] - {"both"}
+        every = {table.friction for table in self.tables if table.level == self.levels[change]} - {"both"}
+        return f"{change.says}, under the {min(laws)} law" if len(laws) == 1 and laws != every and "both" not in self.changes[change] else change.says
+
+
+def _said(says: str, stems: Sequence[tuple[str, str]], total: set[tuple[str, str]]) -> str:
+    """A relation of some quantities, in words."""
+    names, laws = sorted({name for _, name in stems}), {law for law, _ in stems}
+    whole = set(stems) == total and len(stems) >= _WHOLE
+    text = "all answers" if whole else ", ".join(names[:-1]) + " and " * (len(names) > 1) + names[-1]
+    said = says.replace("{q}", text)
+    if len(names) > 1 or whole:
+        said = said.replace(f"{text} is ", f"{text} are ").replace(f"{text} has ", f"{text} have ").replace(f"{text} counts ", f"{text} count ")
+    others = {(law, name) for law, name in total if name in names} - set(stems)
+    return f"{said}, under the {min(laws)} law" if others and len(laws) == 1 else said
+
+
 def diagnosed(grades: Iterable[Grade], store: Store, advance: _Advance = lambda label, steps: None) -> list[Diagnosis]:
-    """For each set and law the first level that fails; sets and laws that fail at the same level together.
-
-    Digits that a method loses hide nothing: beside them the search goes on, at the same level and at later ones.
-    ``advance`` is told what is being tried.
-    """
+    """A diagnosis for each level that fails, in order. ``advance`` is told what is being tried."""
     grades = list(grades)
-    tables, failed = tables_of(grades, store), [grade for grade in grades if grade.failed]
-    answered = {tuple(grade.id.split("/", 2)[:2]) for grade in grades}
-    diagnoses: list[Diagnosis] = []
-    undone = {key for grade in failed for key in _places(grade, answered)}
-    while undone:
-        level = min(grade.level for grade in failed if _places(grade, answered) & undone)
-        mine = [grade for grade in failed if grade.level == level and _places(grade, answered) & undone]
-        here = {key for grade in mine for key in _places(grade, answered)} & undone
-        sets, laws = {name for name, _ in here}, {law for _, law in here}
-        advance(f"level {level}", 1)
-        undone -= here
-        if level > 1 and _common(mine) and sets <= {name for old in diagnoses if old.level == 1 for name in old.sets}:
-            continue  # wrong equations of one law, seen in what is common to both
-        parts = (table for table in tables if table.level == level and table.friction in laws | {"both"})
-        sheet = Sheet(tuple(parts)).where(partial(_rows, list(sets)))
-        about = partial(Diagnosis, level, tuple(sorted(sets)), tuple(sorted(laws)))
-        digits, causes = lost(sheet) if sheet.wrong.any() else None, list[Cause]()
-        if digits is not None:
-            ids = set(sheet.ids[digits[1]].tolist())
-            touched = tuple(grade for grade in mine if grade.id in ids)
-            diagnoses.append(about(touched, (Cause(digits[0], 0, "digits"),), len(touched)))
-            failed = [grade for grade in failed if grade.id not in ids]
-            tables = [table.without(np.isin(table.ids, list(ids))) for table in tables]
-            undone |= {key for grade in failed for key in _places(grade, answered)} & here
-            continue
-        if sheet.wrong.any():
-            causes = causes_of(sheet, _proved(tables, level), advance)
-        place, numbers = "" if causes or not sheet.tables else where(sheet), set(sheet.ids[sheet.wrong].tolist())
-        formulas = level < _ORBITS or any(g.id.endswith("/v_rate") and _places(g, answered) & here for g in grades)
-        count = sum(grade.id in numbers for grade in mine)
-        diagnoses.append(about(tuple(mine), tuple(causes), count, place, formulas))
-    return diagnoses
-
-
-def _places(grade: Grade, answered: set[tuple[str, ...]]) -> set[tuple[str, str]]:
-    """The parameter set with each friction law of an answer; what is common to both goes with those answered."""
-    name, friction, _ = grade.id.split("/", 2)
-    laws = (friction,) if friction != "both" else ("linear", "smooth")
-    return {(name, law) for law in laws if (name, law) in answered} or {(name, friction)}
-
-
-def _rows(sets: list[str], table: Table) -> Array:
-    return np.flatnonzero(np.isin(table.sets, sets))
-
-
-def _common(grades: Iterable[Grade]) -> bool:
-    return all(grade.id.split("/", 2)[1] == "both" for grade in grades)
-
-
-def _proved(tables: Sequence[Table], level: int) -> frozenset[str]:
-    """The specimen's functions behind kinds of questions of earlier levels that are answered right."""
-    plain, faulty = specimen(), {table.kind for table in tables if table.wrong.any()}
-    kinds = {table.kind for table in tables if table.level < level and len(table.names) >= _PROVED} - faulty
-    return frozenset[str]().union(*(plain.calls[plain.starts(kind)] for kind in kinds))
-
-
-def causes_of(sheet: Sheet, passed: frozenset[str], advance: _Advance) -> list[Cause]:
-    """From what is simple to say to what is less so; ``passed`` are functions that are beyond doubt."""
-    search = Search(sheet, advance, passed)
-    shares = (sheet.wrong[sheet.stems == stem].mean() for stem in np.unique(sheet.stems[sheet.wrong]))
-    if sheet.level < _ORBITS and max(shares) < _SELDOM:
-        return _named(related(sheet))
-    if sheet.level >= _ORBITS:
-        return _named(related(sheet) or (_orbit_causes(sheet) if sheet.level == _ORBITS else cycle_causes(search)))
-    outputs = related(sheet)
-    search.allow(_WORK)
-    found = search.inputs((0,)) or [one for one in outputs if one.rank <= 1]
-    found = found or search.causes(ways(), (0,)) or search.inputs((1,)) or outputs
-    for ranks, clean in (((1,), True), ((0,), False), ((1,), False), ((2, 3), True)):
-        search.allow(_WORK)
-        search.clean = clean
-        found = found or (search.inputs(ranks) if 1 not in ranks and clean else []) + search.causes(ways(), ranks)
-    search.allow(_WORK)
-    return _named(found or ([] if passed else search.solved()))
-
-
-def _orbit_causes(sheet: Sheet) -> list[Cause]:
-    """Wrong readings of right orbits, right ones of other inputs, and the errors of integrators."""
-    return Readings(sheet).causes() or other_inputs(Flights(sheet)) or integrator_errors(Flights(sheet))
-
-
-def _named(found: list[Cause]) -> list[Cause]:
-    """Those of the lowest rank, of a statement's equivalent changes one; of many what they have in common."""
-    lowest = [cause for cause in found if cause.rank == min(one.rank for one in found)]
-    places: dict[tuple[str, str], Cause] = {}
-    for cause in sorted(lowest, key=lambda cause: ("missing" not in cause.says, len(cause.says))):
-        places.setdefault((cause.where, cause.before or cause.says), cause)
-    named = list(places.values())
-    if len(named) <= _MOST:
-        return named
-    if not named[0].function:
-        return [replace(named[0], says=f"{named[0].says}, or one of {len(named) - 1} relations as simple")]
-    common = " or ".join(dict.fromkeys(cause.where.removeprefix("in ") for cause in named[:_MOST]))
-    common += " or elsewhere" * (len({cause.where for cause in named}) > _MOST)
-    return [replace(named[0], says=f"in {common}: one of {len(named)} changes that give the same answers")]
+    levels = sorted({grade.level for grade in grades if grade.failed})
+    sheet = _Sheet(tables_of(grades, store) if levels else [], advance)
+    return [sheet.level(level, grades) for level in levels]
