@@ -4,16 +4,20 @@ import os
 import re
 import sys
 from collections.abc import Iterator
+from dataclasses import is_dataclass
 from pathlib import Path
 
 from docutils import nodes
 from latex2mathml.converter import convert
 from sphinx import addnodes
 from sphinx.application import Sphinx
+from sphinx.pycode import ModuleAnalyzer
 from sphinx.transforms import SphinxTransform
 from sphinx.writers.html5 import HTML5Translator
 
 import tippedisk_verify
+from tippedisk_verify.commands.help import load_quantities
+from tippedisk_verify.model.results import Printable, quantities
 
 project = "tippedisk_verify"
 release = tippedisk_verify.__version__
@@ -115,8 +119,23 @@ def _display(self: HTML5Translator, node: nodes.math_block) -> None:
     raise nodes.SkipNode
 
 
+# ------------------------------------------------------------------------------------------ fields
+def _describe_quantities(kind: type = Printable) -> None:
+    """Give the fields of results their meaning and unit, as if a comment beside each said them."""
+    for below in kind.__subclasses__():
+        analyzer = ModuleAnalyzer.for_module(below.__module__)
+        analyzer.analyze()
+        inherited = quantities(kind) if is_dataclass(kind) else {}
+        for name, known in quantities(below).items() if is_dataclass(below) else ():
+            if inherited.get(name) is not known:
+                analyzer.attr_docs[below.__name__, name] = [f"{known.meaning} [{known.unit}]", ""]
+        _describe_quantities(below)
+
+
 def setup(app: Sphinx) -> None:
     """MathML, which browsers draw by themselves: no page needs a script or a network to show its formulas."""
     app.add_html_math_renderer("mathml", (_inline, None), (_display, None))
     app.add_transform(Symbols)
+    load_quantities()
+    _describe_quantities()
     app.parallel = max(app.parallel, 8)  # so few pages to a process that no two notebooks wait for each other

@@ -1,10 +1,10 @@
-"""Sheets of the programs that we run ourselves, graded: SciPy's five methods, heyoka in double, and the clients.
+"""Sheets of the programs that we run ourselves, graded: SciPy's five methods, heyoka in double, and the C client.
 
-    python -m results.make                  # in a checkout with a C and a Fortran compiler and Octave; ten minutes
+    python -m results.make                  # in a checkout with a C compiler; some minutes
     python -m results.make heyoka-double    # this one only
     python -m results.make --table          # the table in README.md only, after a file has been added
 
-SciPy and heyoka answer trajectories and librating cycles of the printed set from doubles; the clients answer all of
+SciPy and heyoka answer trajectories and librating cycles of the printed set from doubles; the client answers all of
 it. The grades by quantity are written as CSV, as `tippedisk-verify conformance grade ANSWERS --csv results/NAME.csv`
 writes them for any program.
 """
@@ -91,7 +91,6 @@ def _client(*commands: list[str]) -> dict[str, str]:
         return {row["id"]: row["answer"] for row in rows if row["answer"]}
 
 
-_OCTAVE = ["octave-cli", "--quiet", "--path", str(SOURCES), "--eval", "tippedisk_answers('sheet.csv', 'answers.csv')"]
 _RUN = ["./client", "sheet.csv", "answers.csv"]
 PROGRAMS = {
     f"scipy-{method}-{tolerance:.0e}".replace("e-0", "e-"): partial(_scipy, method, tolerance)
@@ -99,8 +98,6 @@ PROGRAMS = {
 } | {
     "heyoka-double": heyoka,
     "client-c": lambda: _client(["cc", "-O2", "-o", "client", str(SOURCES / CLIENTS["c"]), "-lm"], _RUN),
-    "client-fortran": lambda: _client(["gfortran", "-O1", "-o", "client", str(SOURCES / CLIENTS["fortran"])], _RUN),
-    "client-octave": lambda: _client(_OCTAVE),
 }
 
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from fractions import Fraction
-from typing import Any
+from typing import Any, NamedTuple
 
 import mpmath
 import numpy
@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from tests.model import transcription as paper
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.model.exact import Exact, exact
+from tippedisk_verify.model.exact import Exact, exact, quotient
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import NAMED_SETS, Parameters
 
@@ -58,24 +58,37 @@ def held(values: Iterable[Any], truths: Iterable[Any], widths: Iterable[Any]) ->
 states = st.tuples(decimals("0.3", "2.8"), decimals("-7", "7"), decimals("-10", "10"))
 
 
-def paper_rates(parameters: Parameters, omega: Fraction, state: tuple[mpmath.mpf, ...]) -> list[mpmath.mpf]:
-    """The linear law's field by the tests' own transcription of the paper, in the precision mpmath is set to."""
-    p = parameters
-    r, e, m, A, Bbar, g, mu, epsilon, speed = (
-        mpmath.mpf(value.numerator) / value.denominator
-        for value in (p.r, p.e, p.m, p.A, p.Bbar, p.g, p.mu, p.epsilon, omega)
-    )
+class PaperTerms(NamedTuple):
+    """The quantities of Eq. 3DOF by the tests' own transcription of the paper, sums as tuples of their terms."""
+
+    mass: tuple[Any, ...]
+    gyroscopic: tuple[Any, ...]
+    gravity: Any
+    direction: Any
+    friction: Any
+
+
+def paper_terms(parameters: Parameters, omega: Any, state: Sequence[Any]) -> PaperTerms:
+    """The paper's quantities at a state, under the disk's friction law, in the precision mpmath is set to.
+
+    The state may be complex.
+    """
+    c = parameters.within(mpmath.mp)
+    r, e, m, A, Bbar = c.r, c.e, c.m, c.A, c.Bbar
     beta, gamma, v = state
-    gamma_y = sum(paper.lateral_sliding_velocity(r, e, speed, beta, gamma, v))
-    return list(
-        paper.state_rates(
-            sum(paper.mass_matrix(A, Bbar, m, r, e, beta, gamma)),
-            sum(paper.gyroscopic_forces(A, Bbar, m, r, e, speed, beta, gamma, v)),
-            paper.gravitational_force(m, g, r, e, beta, gamma),
-            paper.force_direction(r, e, beta, gamma),
-            paper.linear_friction(mu, m, g, epsilon, gamma_y),
-            speed,
-            beta,
-            v,
-        )
+    gamma_y = sum(paper.lateral_sliding_velocity(r, e, omega, beta, gamma, v))
+    law = paper.linear_friction if parameters.friction == "linear" else paper.smooth_friction
+    return PaperTerms(
+        mass=paper.mass_matrix(A, Bbar, m, r, e, beta, gamma),
+        gyroscopic=paper.gyroscopic_forces(A, Bbar, m, r, e, omega, beta, gamma, v),
+        gravity=paper.gravitational_force(m, c.g, r, e, beta, gamma),
+        direction=paper.force_direction(r, e, beta, gamma),
+        friction=law(c.mu, m, c.g, c.epsilon, gamma_y),
     )
+
+
+def paper_rates(parameters: Parameters, omega: Fraction, state: Sequence[Any]) -> list[Any]:
+    """The vector field by `paper_terms`."""
+    speed, (beta, _, v) = quotient(mpmath.mp, omega), state
+    mass, gyroscopic, *forces = paper_terms(parameters, speed, state)
+    return list(paper.state_rates(sum(mass), sum(gyroscopic), *forces, speed, beta, v))

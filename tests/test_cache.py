@@ -6,13 +6,11 @@ import os
 import subprocess
 import sys
 import time
-from importlib.metadata import version
 from pathlib import Path
 
 import pytest
 
 from tippedisk_verify.cache import VARIABLE, Cache, code_folder, default_folder
-from tippedisk_verify.provenance import DRAWING, origin
 
 KEY = "ab" * 32
 VALUE = {"value": "30.88659268864356722", "width": None, "nested": [1, 2.5, "Ω", True]}
@@ -27,15 +25,6 @@ def test_what_was_put_comes_back(tmp_path: Path) -> None:
     assert fresh.get(KEY) is None
     fresh.put(KEY, "newer")
     assert Cache(folder).get(KEY) == "newer"
-
-
-def test_what_has_changed_is_said_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    cache = Cache(tmp_path)
-    assert cache.changes() == cache.changes() == Cache(None).changes() == []
-    newer = origin(DRAWING) | {"mpmath": "99.1"}
-    monkeypatch.setattr("tippedisk_verify.cache.origin", lambda packages: newer)
-    assert cache.changes() == [f"mpmath {version('mpmath')} -> 99.1"]
-    assert cache.changes() == []
 
 
 @pytest.mark.parametrize(

@@ -39,12 +39,12 @@ def test_integrate_prints_and_writes_a_motion(tmp_path: Path, capsys) -> None:
     for name in ("motion.csv", "motion.png"):
         assert main([*asked, "--times", "5", "--out", str(tmp_path / name), "--json"]) == 0
         found = json.loads(capsys.readouterr().out)
-    assert found["t"] == ["1.0", "1.25", "1.5", "1.75", "2.0"]
+    assert found["t"] == ["1", "1.25", "1.5", "1.75", "2"]
     assert [record["name"] for record in found["events"]] == ["turn", "section", "turn", "section"]
     assert {"t", "beta", "gamma", "v"} <= set(found["events"][0])
     header, first, *_ = (tmp_path / "motion.csv").read_text().splitlines()
     assert header == "t,beta,gamma,v,beta_uncertainty,gamma_uncertainty,v_uncertainty,event,t_uncertainty"
-    assert (first[:17], first[-2:]) == ("1.0,1.57079632679", ",,")
+    assert (first[:17], first[-2:]) == ("1,1.5707963267948", ",,")
     rows = list(csv.DictReader((tmp_path / "motion.csv").read_text().splitlines()))
     assert [row["event"] for row in rows] == [""] * 5 + ["turn", "section", "turn", "section"]
     assert all(row["t_uncertainty"] and 1 < float(row["t"]) < 2 for row in rows[5:])
@@ -52,7 +52,7 @@ def test_integrate_prints_and_writes_a_motion(tmp_path: Path, capsys) -> None:
     (tmp_path / "times").write_text("t\n1\n1.5,0\n")
     assert main([*asked, "--times", str(tmp_path / "times")]) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert [line.split(",")[0] for line in lines[-2:]] == ["  t 1.0", "  t 1.5"]
+    assert [line.split(",")[0] for line in lines[-2:]] == ["  t 1", "  t 1.5"]
     for wrong in ("--times 1", "--times nowhere", "--events flat", "--out x.txt", "--state 3.2,2,0"):
         assert main([*asked, *wrong.split()]) == 2
         assert capsys.readouterr().err.count("\n") == 1
@@ -64,12 +64,10 @@ def test_integrate_prints_and_writes_a_motion(tmp_path: Path, capsys) -> None:
         ("hopf --digits 0", "a whole number from 1 to 4000, not 0"),
         ("orbit --omega 30.4 --below-crit 0.5", "--above-het and --at-fold, not with several"),
         ("certify check nofile.json", "nofile.json"),
-        ("conformance grade names.csv", "it names name, value"),
-        ("reference generate --out x", "is now 'python reference_data/make'"),
-        ("basin --proved", "no --proved any more"),
+        ("conformance grade names.csv", "it has 'name', 'value'"),
     ],
 )
-def test_a_refusal_names_what_is_wrong_or_gone(asked: str, word: str, tmp_path: Path, monkeypatch, capsys) -> None:
+def test_a_refusal_names_what_is_wrong(asked: str, word: str, tmp_path: Path, monkeypatch, capsys) -> None:
     monkeypatch.chdir(tmp_path)
     Path("names.csv").write_text("name,value\n1,2\n")
     assert main(asked.split()) == 2

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import shlex
 from collections.abc import Iterator
+from dataclasses import is_dataclass
 from pathlib import Path
 
 import click
@@ -14,6 +15,7 @@ from tippedisk_verify.cli import cli, main
 from tippedisk_verify.commands import common
 from tippedisk_verify.model import results
 from tippedisk_verify.reference_values.store import stored
+from tippedisk_verify.theory.hopf import HopfPoint
 
 CONTEXT = click.Context(cli, info_name="tippedisk-verify", terminal_width=80)
 
@@ -51,7 +53,7 @@ EXAMPLES = {path: re.findall(r"^ +tippedisk-verify (.+)$", _help(path), re.MULTI
             for path, command in COMMANDS.items() if not command.hidden}  # fmt: skip
 #: What takes more than some seconds, by how the example begins; it is parsed.
 LONG = (
-    *("verify --out", "branch --paper-sets", "bench", "stress --quick", "atlas", "scene b d", "certify branch"),
+    *("verify --out", "branch --paper-sets", "bench", "stress --quick", "scene b d", "certify branch"),
     *("certify heteroclinic", "certify orbit", "certify check", "conformance run", "reference check"),
     *("sweep", "basin", "heteroclinic --digits", "orbit --rotating", "harmonic-balance --omega", "branch"),
 )
@@ -104,7 +106,7 @@ def test_verify_says_what_an_equation_and_a_printed_number_come_to(capsys: pytes
 
 
 @pytest.mark.parametrize("command", ["stress --list", "integrate --omega 30.4 --state pi/2,2,0 --time 1 --times 3",
-                                     "certify equilibria --omega 30.4", "hopf --bautin A --digits 50"])  # fmt: skip
+                                     "certify equilibria --omega 30.4", "hopf --digits 50"])  # fmt: skip
 def test_on_a_terminal_lines_end_between_words(
     command: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -130,12 +132,18 @@ def test_units_are_those_of_the_reference_data() -> None:
 
 
 def test_a_quantity_has_one_unit() -> None:
-    """Whatever class it stands in; and a meaning that the comment beside the field says."""
+    """Whatever class it stands in; and a meaning."""
     units: dict[str, set[str]] = {name: {what.unit} for name, what in results.COORDINATES.items()}
-    for module in results._RESULTS:
-        for name, what in results.quantities(module).items():
+    for kind in _results(results.Printable):
+        for name, what in results.quantities(kind).items() if is_dataclass(kind) else ():
             units.setdefault(name, set()).add(what.unit)
             assert what.meaning
     assert {name: said for name, said in units.items() if len(said) > 1} == {}
-    assert results.quantities("theory.hopf", "HopfPoint")["period"].unit == "s"
-    assert "harmonics" not in results.quantities("cycles.spectral", "SpectralFold")
+    assert results.quantities(HopfPoint)["period"].unit == "s"
+    assert len(units) > 40
+
+
+def _results(kind: type) -> Iterator[type]:
+    for below in kind.__subclasses__():
+        yield below
+        yield from _results(below)

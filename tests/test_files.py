@@ -10,7 +10,7 @@ import pytest
 
 from tippedisk_verify.cli import main
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.files import alone, output_file, printable, remains_of, write_bytes, write_text
+from tippedisk_verify.files import alone, output_file, printable, write_bytes, write_text
 
 
 def test_a_link_stays_and_its_target_is_replaced(tmp_path: Path) -> None:
@@ -45,13 +45,6 @@ def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path: Path, mon
         write_text(path, "new")
     assert [item.name for item in tmp_path.iterdir()] == ["data"]
     assert path.read_text() == "old"
-
-
-def test_only_own_remains_are_recognised(tmp_path: Path) -> None:
-    (tmp_path / ".data-abc_1234").write_text("x")
-    (tmp_path / ".data-base").write_text("x")
-    (tmp_path / ".data-ABCDEFGH").write_text("x")
-    assert [path.name for path in remains_of(tmp_path / "data")] == [".data-abc_1234"]
 
 
 def test_terminals_are_told_nothing() -> None:

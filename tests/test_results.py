@@ -22,7 +22,6 @@ RESULTS = {
     "omega_crit": lambda: DISK.omega_crit,
     "equilibrium": lambda: DISK.equilibrium("inverted", DISK.omega_crit - 0.5),
     "hopf": lambda: DISK.hopf(digits=50),
-    "bautin": lambda: DISK.bautin_points("A")[0],
     "solution": lambda: DISK.integrate(DISK.omega_crit - 0.5, START, DISK.hopf().period, events=(LEVEL,)),
     "basins": lambda: DISK.basins("30.4", count=20, duration=5.0),
     "limit cycle": lambda: DISK.limit_cycle(DISK.omega_crit - 0.5),

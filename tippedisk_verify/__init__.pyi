@@ -1,9 +1,9 @@
 # Which module has each public name, for type checkers; `__init__.py` fetches it from there when it is first used.
 
-from tippedisk_verify.answers import grade as grade
 from tippedisk_verify.atlas.cycles_at_speed import cycle_above as cycle_above
 from tippedisk_verify.audit.claims import Audit as Audit
 from tippedisk_verify.audit.claims import Verdict as Verdict
+from tippedisk_verify.conformance.answers import grade as grade
 from tippedisk_verify.conformance.grading import compare as compare
 from tippedisk_verify.connection.bisection import bisect_omega_h as bisect_omega_h
 from tippedisk_verify.connection.heteroclinic import heteroclinic as heteroclinic
@@ -42,8 +42,6 @@ from tippedisk_verify.theory.harmonic_balance import one_harmonic as one_harmoni
 from tippedisk_verify.theory.hopf import hopf_point as hopf_point
 from tippedisk_verify.theory.hopf import omega_crit as omega_crit
 from tippedisk_verify.theory.hopf import period_crit as period_crit
-from tippedisk_verify.theory.melnikov import limit_period as limit_period
-from tippedisk_verify.theory.melnikov import limit_speed as limit_speed
 from tippedisk_verify.theory.slow_manifold import analyse_slow_manifold as analyse_slow_manifold
 
 __version__: str

@@ -21,9 +21,9 @@ from typing import Any
 
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.files import read_bytes, write_bytes
-from tippedisk_verify.provenance import DRAWING, digest, origin
+from tippedisk_verify.provenance import digest
 
-__all__ = ["VARIABLE", "Cache", "code_folder", "default_folder", "read_checked", "write_checked"]
+__all__ = ["VARIABLE", "Cache", "code_folder", "default_folder"]
 
 VARIABLE = "TIPPEDISK_VERIFY_CACHE"
 _OFF = ("off", "0", "no", "")
@@ -51,56 +51,35 @@ def code_folder() -> Path | None:
     return base / "tippedisk-verify"
 
 
-def write_checked(path: Path, value: object) -> Path:
-    """Replace the file by the value's checksum and, on a second line, its JSON. Raises InputError as `write_bytes`."""
-    text = json.dumps(value, ensure_ascii=False).encode()
-    return write_bytes(path, digest(text).encode() + b"\n" + text)
-
-
-def read_checked(path: Path, largest: int) -> Any:
-    """What `write_checked` wrote; None if there is no such file, or it is damaged or larger than so many bytes."""
-    try:
-        checksum, _, text = read_bytes(path, largest).partition(b"\n")
-        return json.loads(text) if checksum.decode("ascii") == digest(text) else None
-    except (OSError, ValueError, RecursionError, MemoryError):
-        return None
-
-
 class Cache:
-    """JSON values by key. ``fresh`` finds nothing, and replaces what is there by what is put."""
+    """JSON values by key. With ``fresh`` nothing is found, and what is put replaces what there was."""
 
     def __init__(self, folder: Path | None, *, fresh: bool = False) -> None:
         self._folder = folder
         self._fresh = fresh
 
     def get(self, key: str) -> Any:
-        """The value, or None if there is none that can be trusted."""
+        """Return the value; None if there is none, or it is damaged."""
         if self._folder is None or self._fresh:
             return None
         path = self._folder / f"{key}.json"
-        with suppress(OSError):
+        try:
             os.utime(path)  # its last use, for `tidy`
-        return read_checked(path, _MOST_BYTES)
+            checksum, _, text = read_bytes(path, _MOST_BYTES).partition(b"\n")
+            return json.loads(text) if checksum.decode("ascii") == digest(text) else None
+        except (OSError, ValueError, RecursionError, MemoryError):
+            return None
 
     def put(self, key: str, value: Any) -> None:
-        """Keep the value, if that can be done."""
+        """Keep the value if the folder can be written: its checksum and, on a second line, its JSON."""
         if self._folder is not None:
+            text = json.dumps(value, ensure_ascii=False).encode()
             with suppress(OSError, InputError):
                 self._folder.mkdir(parents=True, exist_ok=True, mode=0o700)
-                write_checked(self._folder / f"{key}.json", value)
-
-    def changes(self) -> list[str]:
-        """What has changed since this was last asked, such as "mpmath 1.3.0 -> 1.4.0": no result from before is found.
-
-        Nothing is said of a folder without a note of that, which this leaves there.
-        """
-        now = origin(DRAWING)
-        before = None if self._folder is None else read_checked(self._folder / "origin.json", _MOST_BYTES)
-        self.put("origin", now)
-        return [f"{name} {old} -> {now[name]}" for name, old in (before or now).items() if now.get(name, old) != old]
+                write_bytes(self._folder / f"{key}.json", digest(text).encode() + b"\n" + text)
 
     def tidy(self) -> None:
-        """Remove what has not been used for long. Only files that are named like ours are touched."""
+        """Remove values that have not been used for 60 days. Only files that are named like ours are touched."""
         before = time.time() - _KEPT_DAYS * 86400
         with suppress(OSError):
             for path in () if self._folder is None else self._folder.iterdir():

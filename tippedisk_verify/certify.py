@@ -6,7 +6,7 @@ result too: its ``status`` says where it stopped.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import dataclass
 from fractions import Fraction
@@ -15,16 +15,14 @@ from typing import TYPE_CHECKING, Any, cast
 
 from tippedisk_verify.errors import AccuracyError, InputError, NoConnectionError, NoSuchCycleError
 from tippedisk_verify.model.exact import exact, shown
-from tippedisk_verify.parallel import as_done
+from tippedisk_verify.model.surroundings import undisturbed_methods
 from tippedisk_verify.progress import progress_of
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
 
     from tippedisk_verify.cycles.folds import Fold
-    from tippedisk_verify.cycles.limit_cycle import LimitCycle
     from tippedisk_verify.disk import Disk
-    from tippedisk_verify.model.parameters import Parameters
     from tippedisk_verify.proofs.closed_forms import ProvedEquilibrium, ProvedHopf, ProvedStability
     from tippedisk_verify.proofs.kernel.claims.family import Piece, Status
     from tippedisk_verify.proofs.search.branch import BranchProof
@@ -33,7 +31,6 @@ if TYPE_CHECKING:
     from tippedisk_verify.proofs.search.family import Interval
     from tippedisk_verify.proofs.search.fold import FoldProof
     from tippedisk_verify.proofs.search.heteroclinic import ProvedConnection
-    from tippedisk_verify.proofs.search.interval import IntervalProof
     from tippedisk_verify.theory.equilibria import EquilibriumName
 
 __all__ = ["Certifier"]
@@ -44,6 +41,7 @@ _NEAREST = Fraction(1, 10**7)  # rad/s from Omega_h; at 1e-5 a proof takes a min
 Workers = Callable[[bool], AbstractContextManager["Executor | None"]]
 
 
+@undisturbed_methods
 @dataclass(frozen=True)
 class Certifier:
     """The proofs of one disk: numbers as enclosures, each with the statement that is proved.
@@ -98,25 +96,6 @@ class Certifier:
             return OrbitProof(section, Status.NO_GUESS, str(fault), self.disk, speed, 0)
         return prove_cycle(self.disk, speed, start, digits=digits, section=section)
 
-    def limit_cycles(
-        self,
-        omega: object,
-        radius: object,
-        *,
-        stable: bool | None = None,
-        guess: tuple[object, object] | None = None,
-    ) -> IntervalProof:
-        """The limit cycles of all speeds within ``radius`` [rad/s] at once; their numbers are ranges."""
-        from tippedisk_verify.proofs.search.interval import failed_interval, prove_interval
-
-        speed = self.disk.speed(omega)
-        failed = failed_interval(self.disk, speed, radius)
-        try:
-            start = guess or self._start(speed, False, stable)
-        except NoSuchCycleError:
-            return failed
-        return prove_interval(self.disk, speed, radius, start)
-
     def _start(self, speed: Fraction, rotating: bool, stable: bool | None) -> tuple[object, object]:
         """Both coordinates of the cycle on its section. Raises InputError for a speed next to Omega_h."""
         from tippedisk_verify.atlas.locator import locator
@@ -156,30 +135,12 @@ class Certifier:
         if number is None and len(folds) > 1:
             raise InputError(f"this family has {len(folds)} folds, at {speeds} rad/s: choose one by its number")
         if not 1 <= (number := number or 1) <= len(folds):
-            raise InputError(f"there is no fold {number}: this family has {len(folds)} fold{'s' * (len(folds) > 1)}")
+            raise InputError(
+                f"there is no fold {number}: this family has {len(folds)} fold{'s' if len(folds) > 1 else ''}"
+            )
         omega, first, second, _ = names(section)
         near = [getattr(folds[number - 1], name).value for name in (first, second, omega)]
         return prove_fold(self.disk, near, digits=digits, section=section)
-
-    def each(
-        self,
-        cycles: Sequence[LimitCycle],
-        *,
-        digits: int = 12,
-        executor: Executor | None = None,
-        portions: int = 1,
-        progress: bool | None = None,
-    ) -> list[dict[str, object]]:
-        """The proofs of these cycles one by one, in their order, as JSON; with an ``executor`` so many at a time."""
-        told: dict[int, dict[str, object]] = {}
-        states = [(c.omega.value, (c.gamma_bar_0.value, c.v_0.value)) for c in cycles]
-        # Each portion has cycles from everywhere: those next to Omega_h take longest.
-        work = [tuple((n, *states[n]) for n in range(first, len(cycles), portions)) for first in range(portions)]
-        with progress_of(len(cycles), progress) as advance:
-            for job, proofs in as_done(partial(_proved, self.disk, digits), work, executor):
-                told |= dict(zip((n for n, *_ in job), proofs, strict=True))
-                advance("proof", len(proofs))
-        return [told[n] for n in range(len(cycles))]
 
     # ---------------------------------------------------------------------------------------- Omega_h and the family
     def heteroclinic(self, near: object = None, *, digits: int = 12, progress: bool | None = None) -> ProvedConnection:
@@ -271,10 +232,3 @@ def _amplitude(value: object) -> Fraction:
     if number.pi_multiple or not 0 < number.rational < _FURTHEST:
         raise InputError(f"an amplitude is a decimal between 0 and {float(_FURTHEST)} rad, not {shown(value)}")
     return number.rational
-
-
-def _proved(disk: Parameters, digits: int, job: Sequence[tuple[Any, ...]]) -> list[dict[str, object]]:
-    from tippedisk_verify.proofs.search.lane_cycles import prove_cycles
-
-    proofs = prove_cycles(disk, [speed for _, speed, _ in job], [guess for *_, guess in job], digits=digits)
-    return [proof.to_dict() for proof in proofs]  # Arb's balls do not travel between processes

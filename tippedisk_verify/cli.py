@@ -18,7 +18,7 @@ import click
 
 from tippedisk_verify import __version__
 from tippedisk_verify.commands import certify, conformance, one_disk, reference, studies, verify
-from tippedisk_verify.commands.help import Cli, complaint
+from tippedisk_verify.commands.help import Cli
 from tippedisk_verify.errors import AccuracyError, InputError
 
 __all__ = ["entry", "main"]
@@ -62,7 +62,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except (KeyboardInterrupt, click.Abort):
         return _told("interrupted", 130)
     except click.ClickException as fault:
-        return _told(complaint(fault), 2)
+        return _told(fault.format_message(), 2)
     except InputError as fault:
         return _told(str(fault), 2)
     except (AccuracyError, ArithmeticError) as shortfall:

@@ -22,10 +22,7 @@ from tippedisk_verify.model.parameters import Friction, Parameters
 from tippedisk_verify.progress import progress_of, watched
 
 if TYPE_CHECKING:
-    from concurrent.futures import Executor
-
     from tippedisk_verify.atlas.branch import Branch
-    from tippedisk_verify.atlas.plane import Atlas
     from tippedisk_verify.certify import Certifier
     from tippedisk_verify.connection.heteroclinic import Heteroclinic
     from tippedisk_verify.cycles.folds import Folds, RotationFold
@@ -37,7 +34,6 @@ if TYPE_CHECKING:
     from tippedisk_verify.motion.basins import Basins
     from tippedisk_verify.motion.scenes import Panel
     from tippedisk_verify.motion.solution import Solution
-    from tippedisk_verify.theory.bautin import BautinPoint
     from tippedisk_verify.theory.equilibria import Equilibrium, EquilibriumName
     from tippedisk_verify.theory.hopf import HopfPoint
     from tippedisk_verify.theory.slow_manifold import SlowManifold
@@ -130,12 +126,6 @@ class Disk(Parameters):
 
         return hopf_point(self, digits)
 
-    def bautin_points(self, parameter: str, *, digits: int = 12) -> tuple[BautinPoint, ...]:
-        """The disks with l_1 = 0 as A, B, m, r or e varies, the others held; mostly one. Raises as `hopf`."""
-        from tippedisk_verify.theory.bautin import bautin_points
-
-        return bautin_points(self, parameter, digits)
-
     def slow_manifold(
         self, order: int, omega: object = None, *, at: tuple[object, object] = ("1.2", "0.3"), digits: int = 12
     ) -> SlowManifold:
@@ -160,7 +150,9 @@ class Disk(Parameters):
         events: Event | str | Sequence[Event | str] = (),
         variations: str | Sequence[str] = (),
         shifted: bool = False,
+        max_steps: int = 100_000,
         engine: Engine | None = None,
+        progress: bool | None = None,
         **unknown: object,
     ) -> Solution:
         """The motion from ``state`` (beta, gamma, v) for a ``time`` [s], or from t0 to t1 of a pair; backward if less.
@@ -170,7 +162,9 @@ class Disk(Parameters):
         (beta = pi/2), "turn" (v = 0) and "surface" (the sliding velocity gamma_y is zero), whose crossings are
         recorded. ``variations`` of "state" and "omega" add the derivatives of the end by them. Texts such as
         "pi/2 + 0.4" are exact. Angles are beta_bar and gamma_bar, from pi/2, if ``shifted``.
-        Raises InputError for what makes no sense; a run that ends early does not raise.
+        A run takes at most ``max_steps`` steps, some 2800 s of motion if left out; one that ends early does not raise,
+        and its ``status`` says why. Long ones show progress, unless ``progress`` is False. Raises InputError for what
+        makes no sense.
 
         >>> sol = Disk("table1").integrate("30.4", ("pi/2", 2, 0), (0, 10), t_eval=[1, 2], events="section")
         >>> sol.y.shape, sol.end.time, len(sol.events)
@@ -183,7 +177,8 @@ class Disk(Parameters):
                 f"integrate has no {', '.join(unknown)}: `digits` says how exact the motion is to be, `engine` what "
                 "computes it, such as Baseline('DOP853'), and the solution itself, sol(t), is its dense output"
             )
-        return integrated(self, omega, state, time, t_eval, digits, events, self._engine(engine), variations, shifted)
+        how = (self._engine(engine), variations, shifted, max_steps, progress)
+        return integrated(self, omega, state, time, t_eval, digits, events, *how)
 
     def rhs(self, omega: object) -> Callable[[object, Any], Array]:
         """The equations of motion as ``f(t, y)`` in doubles, for `solve_ivp` and its like (Eq. 3DOF).
@@ -343,27 +338,6 @@ class Disk(Parameters):
         cycles = family(self, self._engine(engine), paper_sets=paper_sets, omegas=speeds)
         total = PAPER_COUNT if paper_sets else len(speeds or ()) or DEFAULT_COUNT
         return Branch.of(watched(cycles, "limit cycles", total, progress))
-
-    def atlas(
-        self,
-        plane: str = "A,Omega",
-        *,
-        ends: tuple[object, object] | None = None,
-        points: int = 200,
-        digits: int = 12,
-        executor: Executor | None = None,
-        progress: bool | None = None,
-    ) -> Atlas:
-        """Hopf, fold and heteroclinic curves in the plane of one parameter and the speed, with their special points.
-
-        The parameter runs between the ``ends``, a tenth to both sides if left out; each curve has so many ``points``.
-        With an ``executor`` they are computed on it. Raises InputError under the smooth law.
-        """
-        from tippedisk_verify.atlas.plane import atlas, plane_of
-
-        with progress_of(0, progress) as advance:
-            where = plane_of(self, plane, ends)
-            return atlas(where, points=points, digits=digits, executor=executor, advance=advance)
 
     def heteroclinic(
         self, *, digits: int = 12, method: str = "manifolds", engine: Engine | None = None

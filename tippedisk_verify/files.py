@@ -1,4 +1,8 @@
-"""Files: read only up to a size, and written so that nothing is ever half written, beside the target first."""
+"""Reading files up to a size, and writing them whole.
+
+A file is written under another name in the same folder and then renamed, so that no reader sees a part of it. click's
+atomic files do the same, but replace the old file by half of the new one when writing fails.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +13,6 @@ import tempfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from functools import partial
-from glob import escape
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -17,18 +20,19 @@ from tippedisk_verify.errors import InputError
 from tippedisk_verify.interrupts import unbroken, undoing
 
 __all__ = [
-    *(
-        "alone",
-        "csv_text",
-        "file_ending_in",
-        "output_file",
-        "output_folder",
-        "printable",
-        "read_bytes",
-        "read_text",
-        "remains_of",
-    ),
-    *("sole_writer", "write_bytes", "write_csv", "write_table", "write_text"),
+    "alone",
+    "csv_text",
+    "file_ending_in",
+    "output_file",
+    "output_folder",
+    "printable",
+    "read_bytes",
+    "read_text",
+    "sole_writer",
+    "write_bytes",
+    "write_csv",
+    "write_table",
+    "write_text",
 ]
 
 
@@ -76,11 +80,6 @@ def write_bytes(path: Path, content: bytes) -> Path:
                 os.unlink(beside)
             raise
     return path
-
-
-def remains_of(path: Path) -> list[Path]:
-    """What an interrupted `write_bytes` of this path left beside it."""
-    return sorted(path.parent.glob(f".{escape(path.name)}-" + "[a-z0-9_]" * 8))
 
 
 def write_text(path: Path, content: str) -> Path:

@@ -10,19 +10,20 @@ import click
 FOLDER = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(FOLDER.parent))  # for the processes that compute, too
 
-from tippedisk_verify.commands.common import Output, command, processes  # noqa: E402
+from tippedisk_verify.commands.common import Output, command, jobs_option, processes  # noqa: E402
 from tippedisk_verify.interrupts import answering  # noqa: E402
 
 
-@command
-@click.argument("prefixes", nargs=-1, metavar="[PREFIX]...")
-def make(output: Output, prefixes: tuple[str, ...], out: str = str(FOLDER), jobs: int | None = None) -> int:
+@command(
     """Make the reference values whose ids start with a PREFIX, such as printed/linear/hopf; all takes some CPU hours.
 
     What an interrupted run has computed is taken up again.
-
-    --out DIR  Where the files go.
     """
+)
+@click.argument("prefixes", nargs=-1, metavar="[PREFIX]...")
+@click.option("--out", default=str(FOLDER), show_default=True, metavar="DIR", help="Where the files go.")
+@jobs_option
+def make(output: Output, prefixes: tuple[str, ...], out: str, jobs: int | None) -> int:
     from reference_data.make.generation import generate
 
     with output.progress() as advance, processes(jobs) as pool:

@@ -217,12 +217,12 @@ def scipy(case: Case, values: Values) -> Values:
     if case.item.kind == "rotating-cycle":
         numbers = {"period": point.image.time, "beta_bar_top": point.point[0], "v_top": point.point[1]}
     else:
-        slopes = point.image.fixed_point_by_omega
+        slopes = point.image.slopes("speed")
         numbers = {
             "period": 2 * point.image.time,
             "gamma_bar_0": point.point[0],
             "v_0": point.point[1],
-            "dperiod_domega": 2 * point.image.time_along_family,
+            "dperiod_domega": 2 * slopes[3],
             "dgamma_bar_0_domega": slopes[0],
             "dv_0_domega": slopes[1],
         }

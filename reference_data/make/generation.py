@@ -20,7 +20,7 @@ from reference_data.make.recipes import answered
 from tippedisk_verify import __version__
 from tippedisk_verify.cache import Cache
 from tippedisk_verify.errors import AccuracyError, InputError
-from tippedisk_verify.files import csv_text, output_folder, read_bytes, read_text, remains_of, sole_writer, write_text
+from tippedisk_verify.files import csv_text, output_folder, read_bytes, read_text, sole_writer, write_text
 from tippedisk_verify.parallel import as_done
 from tippedisk_verify.provenance import code_version, digest
 from tippedisk_verify.reference_values.checking import entries_of
@@ -60,8 +60,6 @@ def generate(
     if not items:
         raise InputError(f"no entry starts with '{' or '.join(prefixes)[:100]}': try printed/linear/hopf")
     with sole_writer(out) as folder:
-        for path in (remains for name in (*FILES, MANIFEST) for remains in remains_of(folder / name)):
-            path.unlink()  # what a killed run left unfinished
         entries = _present(folder)  # damage is told before hours of work
         work = output_folder(folder / ".work")
         for (item, *_), answer in as_done(_computed, [(item, work, _code()) for item in items], executor):

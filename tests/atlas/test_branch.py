@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+from fractions import Fraction
 from itertools import pairwise
 from pathlib import Path
 
@@ -40,6 +41,14 @@ def test_command(tmp_path: Path, capsys) -> None:
     assert rows[1]["period"] == result["orbits"][1]["period"]["value"]
     assert main(["branch", "--omegas", "30.4", "--paper-sets"]) == 2
     assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_the_family_has_the_cycles_of_single_speeds_next_to_omega_crit(taylor) -> None:
+    # 7e-7 and 1e-7 rad/s below Omega_crit: the family's course ends before these speeds.
+    speeds = ["30.886592", "30.88659258"]
+    for cycle, speed in zip(family(GEOMETRY, taylor, omegas=speeds), speeds, strict=True):
+        assert cycle.omega == Fraction(speed)
+        assert (cycle.period - cycle_at(GEOMETRY, speed, taylor).period).holds(0)
 
 
 def test_cycles_are_those_of_single_speeds_where_the_family_is_lost(taylor, monkeypatch) -> None:

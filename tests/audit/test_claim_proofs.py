@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 import shlex
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from fractions import Fraction
 from functools import lru_cache
 from pathlib import Path
@@ -118,9 +118,9 @@ def _told(command: str) -> tuple[str, ...]:
     return tuple(answers)
 
 
-def _prove(claim: Claim, finding: Finding, proof: ClaimProof) -> None:
-    """Run the proof's commands: each proves the answer for its set, about the numbers that were computed."""
-    for name, command in proof.commands.items():
+def _prove(claim: Claim, finding: Finding, proof: ClaimProof, sets: Collection[str]) -> None:
+    """Run the proof's commands for these sets: each proves the answer, about the numbers that were computed."""
+    for name, command in ((name, proof.commands[name]) for name in sets):
         assert all(f"--parameters {shlex.quote(name)}" in part for part in command.split(" && "))
         told = [json.loads(answer) for answer in _told(command)]
         assert all(answer["proved"] is True for answer in told), (claim.name, name)
@@ -164,24 +164,34 @@ def test_closed_forms_are_proved_again(tmp_path: Path, monkeypatch: pytest.Monke
             assert (proof.grade == "proved") == (claim.name in PROVED["smooth"])
         if proof is not None:
             assert all(map(_closed_form, proof.commands.values()))
-            _prove(claim, finding, proof)
+            _prove(claim, finding, proof, proof.commands)
             proved += 1
     assert proved == (11 if friction == "linear" else 8)
 
 
-@pytest.mark.slow(minutes=22)
-def test_every_proof_is_proved_again() -> None:
-    """All claims, with the grades that they must have, and every command that they name."""
-    laws = {"linear": {*DECIDED, "homoclinic_identified", "amplitude_law"}, "smooth": {"both_connections"}}
-    for friction, wanted in laws.items():
-        found = _proofs(PRINTED.with_friction(friction), wanted)
-        grades = {name: proof.grade if proof else "computed" for name, (_, _, proof) in found.items()}
-        assert {name for name, grade in grades.items() if grade == "proved"} == PROVED[friction] & wanted
-        assert {name for name, grade in grades.items() if grade == "proved in part"} == IN_PART[friction] & wanted
-        for claim, finding, proof in found.values():
-            if proof is not None:
-                assert set(proof.commands) == set(finding.holds)
-                _prove(claim, finding, proof)
+@pytest.mark.parametrize("parameters", NAMED_SETS)
+@pytest.mark.parametrize(
+    ("friction", "wanted"),
+    [
+        pytest.param(
+            "linear",
+            {*DECIDED, "homoclinic_identified", "amplitude_law"},
+            marks=pytest.mark.slow(minutes=7),
+            id="linear",
+        ),
+        pytest.param("smooth", {"both_connections"}, marks=pytest.mark.slow(minutes=0.5), id="smooth"),
+    ],
+)
+def test_every_proof_is_proved_again(friction: Friction, wanted: set[str], parameters: str) -> None:
+    """All claims, with the grades that they must have, and every command that they name for one set."""
+    found = _proofs(PRINTED.with_friction(friction), wanted)
+    grades = {name: proof.grade if proof else "computed" for name, (_, _, proof) in found.items()}
+    assert {name for name, grade in grades.items() if grade == "proved"} == PROVED[friction] & wanted
+    assert {name for name, grade in grades.items() if grade == "proved in part"} == IN_PART[friction] & wanted
+    for claim, finding, proof in found.values():
+        if proof is not None:
+            assert set(proof.commands) == set(finding.holds)
+            _prove(claim, finding, proof, [parameters])
 
 
 def test_theorems_and_commands_exist(capsys: pytest.CaptureFixture[str]) -> None:

@@ -7,6 +7,7 @@ import re
 import shutil
 import subprocess
 from collections.abc import Callable
+from itertools import cycle
 from pathlib import Path
 
 import pytest
@@ -25,6 +26,11 @@ ASKED = (
     *("printed/both/equilibrium", "printed/linear/hopf", "printed/linear/harmonic-balance"),
     *("printed/linear/slow-manifold/0", "printed/linear/trajectory/d1/crossing", "printed/smooth/limit-cycle/crit-0.3"),
     *("printed/linear/heteroclinic", "printed/smooth/near-heteroclinic", "printed/linear/rotating-cycle"),
+)
+#: Texts that say that there is no number, or are none that is read.
+NO_NUMBERS = (
+    *("-nan(ind)", "1.#QNAN", "1.#INF", "-1.#IND00", "Inf32", "NA", "null", "nothing", "-Infinity", ".nan", "1.#J"),
+    *("30,88", "1.5-3", "30.88`5x", "*****", "1.5+3000", "15+003", "30.88(12)", "\u22125", "0x1p3", "1/3"),
 )
 #: What a program says: id -> (from, answer).
 Sheet = dict[str, tuple[str, str]]
@@ -77,6 +83,9 @@ def _sheets(chosen: list[Quantity]) -> dict[str, str]:
         "wrong ids": {id_.replace("omega_crit", "Omega_crit"): told for id_, told in right.items()},
         "shown by numpy": _changed(right, "hopf", lambda x: f"np.float64({x!r})"),
         "Fortran": _changed(right, "", lambda x: f"{x:.16e}".replace("e", "D")),
+        "Fortran without the letter": _changed(right, "", lambda x: re.sub("e(.)", r"\g<1>0", f"{x:.16e}")),
+        "Mathematica": _changed(right, "", lambda x: f"{x:.16e}".replace("e", "`15.95*^")),
+        "no numbers": dict(zip(right, (("", text) for text in cycle(NO_NUMBERS)), strict=False)),
     }
     texts = {
         name: csv_text(("id", "from", "answer"), ((id_, *told) for id_, told in sheet.items()))

@@ -47,6 +47,13 @@ def test_the_unstable_branch_on_both_sides(taylor) -> None:
     assert below.events[-1].name == "passes"
 
 
+def test_a_connection_of_neutral_saddles_is_found(taylor) -> None:
+    """The unstable direction's series has a resonance there; a distance of 1e-16 from it leaves no digit."""
+    disk = PRINTED.changed(epsilon="0.3", e="0.575279602327400e-3")
+    found, other = (heteroclinic(disk, taylor, digits=6, method=name).omega_h for name in ("manifolds", "bisection"))
+    assert abs(found.value - other.value) <= found.uncertainty + other.uncertainty
+
+
 def test_samples_run_from_saddle_to_saddle(taylor, tmp_path: Path) -> None:
     connection = heteroclinic(PRINTED, taylor)
     omega_h = connection.omega_h

@@ -13,6 +13,7 @@ from scipy import integrate, stats
 
 from tippedisk_verify.cycles import error_budget, interpolant
 from tippedisk_verify.cycles.error_budget import logarithms_bounded
+from tippedisk_verify.cycles.return_map import Image
 from tippedisk_verify.cycles.section import LIBRATING, ROTATING
 from tippedisk_verify.disk import Disk
 from tippedisk_verify.model.exact import fraction
@@ -100,10 +101,12 @@ def test_chord_steps_end_when_both_coordinates_rest() -> None:
     slopes = [precision.number(entry) - 1 for entry in ("0.5", "0.4995")]
     return_map = SimpleNamespace(
         precision=precision,
+        omega=1,
         flight=lambda point: SimpleNamespace(state=point),
         residual=lambda state, _: [a * (x - precision.number(t)) for a, x, t in zip(slopes, state, truth, strict=True)],
     )
-    start = SimpleNamespace(point=tuple(map(float, truth)), image=SimpleNamespace(matrix=rows))
+    image = Image(time=0, residual=(0, 0), matrix=rows, by_omega=(0, 0), time_by_state=(0, 0), time_by_omega=0, flow=())
+    start = SimpleNamespace(point=tuple(map(float, truth)), image=image)
     point, standing = error_budget._chords(return_map, start)
     assert max(abs(fraction(x) - t) for x, t in zip(point, truth, strict=True)) < Fraction(1, 10**55)
     assert standing == (0, 0)

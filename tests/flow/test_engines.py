@@ -39,17 +39,21 @@ def test_a_run_that_settles(taylor: Taylor) -> None:
 
 
 def test_error_follows_the_tolerance(taylor: Taylor) -> None:
-    """Convergence in the tolerance: over eight decades the error falls in proportion, for both engines."""
+    """Over eight decades of the tolerance the error falls like a power of it that follows from the method's orders.
+
+    A Taylor step's error is what the tolerance bounds: the power is 1. DOP853's steps follow an error estimate of order
+    5 to 8 (Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, II.10), its solution has order 8, so the
+    power lies between 1 and 8/5. Step-size control leaves a quarter over this range.
+    """
     truth = taylor(Request(PRINTED, "30.4", STARTS[1], 2, precision=QUADRUPLE)).state
     tolerances = [10.0**-k for k in range(4, 13, 2)]
-    for engine in (taylor, Baseline("DOP853")):
+    for engine, greatest in ((taylor, 1.0), (Baseline("DOP853"), 8 / 5)):
         errors = [
             float(distance(engine(Request(PRINTED, "30.4", STARTS[1], 2, tolerance=t)).state, truth))
             for t in tolerances
         ]
         slope = numpy.polyfit(numpy.log(tolerances), numpy.log(numpy.maximum(errors, 1e-16)), 1)[0]
-        # Proportional means slope 1; step-size control leaves it within a fifth over this range.
-        assert 0.8 < slope < 1.25, (engine.name, errors)
+        assert 1 / 1.25 < slope < 1.25 * greatest, (engine.name, errors)
 
 
 def test_more_bits_give_more_digits(taylor: Taylor) -> None:

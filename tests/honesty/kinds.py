@@ -31,9 +31,7 @@ from tippedisk_verify.proofs.closed_forms import proved_equilibrium, proved_hopf
 from tippedisk_verify.reference_values.entries import Case, Item
 from tippedisk_verify.reference_values.truths import compute, compute_again
 from tippedisk_verify.theory import slow_manifold
-from tippedisk_verify.theory.harmonic_balance import one_harmonic, slopes
 from tippedisk_verify.theory.hopf import criticality, omega_crit
-from tippedisk_verify.theory.melnikov import limit_period, limit_speed
 from tippedisk_verify.theory.slow_manifold import analyse_slow_manifold
 
 __all__ = ["KINDS", "kind_named"]
@@ -66,42 +64,11 @@ def right_hand_side(draw: Draw) -> Question:
     return Question(lambda: compute(case, 0), lambda known: compute_again(case, 0))
 
 
-def equilibria(draw: Draw) -> Question:
-    disk = draw.disk()
-    name, omega = draw.choice(("inverted", "noninverted")), draw.speed(disk)
-    return _with_more(partial(disk.equilibrium, name, omega), draw.choice((6, 12, 15, 30)))
-
-
 def hopf(draw: Draw) -> Question:
     """Against implicit differentiation and the consistent one-harmonic law."""
     disk, digits = draw.disk(), draw.choice((6, 12, 15, 30))
     case = Case(Item("drawn/linear/hopf/point", {}), disk, {})
     return Question(lambda: disk.hopf(digits=digits), lambda _: hopf_by_balance(case, {}))
-
-
-def bautin(draw: Draw) -> Question:
-    ask = partial(draw.disk().bautin_points, draw.choice(("A", "B", "m", "r", "e")))
-    return _with_more(ask, draw.choice((6, 12)))
-
-
-def one_harmonic_law(draw: Draw) -> Question:
-    disk, form = draw.disk(), draw.choice(("printed", "consistent"))
-    side = 1 if criticality(disk) == "subcritical" else -1
-    omega = draw.told(decimal(float(omega_crit(disk)) * (1 + side * draw.log_uniform(1e-6, 0.1)), 12))
-
-    def ask(digits: int) -> Any:
-        return one_harmonic(disk, omega, form, digits), slopes(disk, form, digits)
-
-    return _with_more(ask, draw.choice((6, 12, 15)), 30)
-
-
-def melnikov(draw: Draw) -> Question:
-    disk, size = draw.disk(), decimal(draw.choice((draw.uniform(0.1, 3.1), draw.log_uniform(1e-4, 1))))
-
-    def ask(digits: int) -> Any:
-        return limit_speed(disk, None, digits), limit_speed(disk, size, digits), limit_period(disk, size, digits)
-
-    return _with_more(ask, draw.choice((6, 12)), 24)
 
 
 def slow_manifold_series(draw: Draw) -> Question:
@@ -387,11 +354,7 @@ def basin_boundary(draw: Draw) -> Question:
 #: The kinds; draws in the default tests, those of the slow ones besides, and the minutes that these take.
 KINDS = (
     Kind("right-hand side", right_hand_side, 8, 150, 0.1, flown=False),
-    Kind("equilibria", equilibria, 6, 150, 0.1, flown=False),
     Kind("Hopf point", hopf, 5, 100, 0.1, flown=False),
-    Kind("Bautin points", bautin, 5, 100, 0.1, flown=False),
-    Kind("one-harmonic law", one_harmonic_law, 5, 100, 0.1, flown=False),
-    Kind("limit epsilon to 0", melnikov, 1, 4, 0.15, flown=False),
     Kind("slow manifold", slow_manifold_series, 1, 3, 0.15, flown=False),
     Kind("proved closed forms", proved_closed_forms, 2, 30, 0.1, flown=False),
     Kind("flow", motion, 8, 250, 0.4),

@@ -23,7 +23,7 @@ from tippedisk_verify.model.parameters import PRINTED
 SEED = int(os.environ.get("DRAWS_SEED", "1"))
 #: Draws that take some seconds each: what is planted there is noticed in the slow tests, by the draws of every run.
 LONG = (
-    *("limit epsilon to 0", "slow manifold", "limit cycle", "limit cycle in double", "branch", "next to Omega_h"),
+    *("slow manifold", "limit cycle", "limit cycle in double", "branch", "next to Omega_h"),
     *("Omega_h by manifolds", "Omega_h by limit cycles", "fold of rotating cycles", "basin boundary"),
 )
 

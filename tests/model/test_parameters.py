@@ -83,7 +83,7 @@ def test_a_file_is_never_taken_for_a_named_set(tmp_path: Path, monkeypatch: pyte
         (b"", "is empty"),
         (b"\x00\xff\xfe", "not a TOML text file"),
         (GOOD.replace("mu", "nu").encode(), "unknown key 'nu'"),
-        (GOOD.replace('"0.435"', '["0.435"]').encode(), "a number is needed"),
+        (GOOD.replace('"0.435"', '["0.435"]').encode(), "a real number is needed"),
         (GOOD.replace('"0.435"', '"-0.435"').encode(), "m must be positive"),
         (GOOD.replace('"0.0025"', '"0.045"').encode(), "smaller than the radius"),
         (GOOD.replace('m = "0.435"\n', "").encode(), "key 'm' is missing"),

@@ -62,6 +62,8 @@ def test_the_cycle_itself_lies_on_it(taylor) -> None:
 
 
 def test_the_command(capsys) -> None:
+    assert main(["basin", "--omega", "30.4", "--count", "16", "--seconds", "5", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["states"] >= 16
     assert main(["basin", "--omega", "30.5", "--margin", "pi/2 + 0.4,pi/2,0", "--json"]) == 0
     shown = json.loads(capsys.readouterr().out)
     assert shown["keeps_standing"] is True

@@ -29,9 +29,9 @@ def speed_below(parameters: Parameters, distance: str | Fraction) -> Fraction:
 
 @dataclass(frozen=True)
 class Flight:
-    """Where all orbits from a box are after a time, proved. Only Status.REACHED makes the rest mean anything."""
+    """Where all orbits from a box are after a time, proved. A status makes the rest mean nothing."""
 
-    status: Status
+    status: Status | None  #: why the time is not reached
     path: Path
     upright: bool = True  #: |beta_bar| < pi/2 throughout: the disk does not lie flat
     matrix: tuple[tuple[Any, ...], ...] | None = None  #: (3, 4): d(end)/d(beta, gamma, v at the start, Omega)
@@ -63,8 +63,13 @@ def carry(model: Model, start: Sequence[Any], duration: object, *, derivatives: 
         upright = upright and inside(step.enclosure[0], arb(0, 1.5707))
         if left <= step.length:
             path.take(step, left)
-            return Flight(Status.REACHED, path, upright, path.matrix if derivatives else None)
+            return Flight(None, path, upright, path.matrix if derivatives else None)
         path.take(step)
+
+
+def hull(low: object, high: object) -> Any:
+    """Return a ball that holds two numbers and what lies between them."""
+    return ball(low).union(ball(high))
 
 
 def half_flight(model: Model, gamma_bar: Any, v: Any, **options: Any) -> Return:

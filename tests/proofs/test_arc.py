@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import random
 from collections.abc import Callable
 from fractions import Fraction
 from functools import lru_cache
@@ -14,23 +13,19 @@ from typing import Any
 import pytest
 
 from tests.proofs.cases import carry, speed_below
-from tippedisk_verify.cli import main
 from tippedisk_verify.cycles.section import RETURNS
-from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.model.precision import Precision
 from tippedisk_verify.proofs.kernel import claims, curves
 from tippedisk_verify.proofs.kernel.balls import arb, ball, ball_constants, working_precision
-from tippedisk_verify.proofs.kernel.curves import GAMMA_BAR, UNKNOWNS, Arc, arc_test
-from tippedisk_verify.proofs.kernel.curves import OMEGA as SPEED
+from tippedisk_verify.proofs.kernel.curves import UNKNOWNS, Arc, arc_test
 from tippedisk_verify.proofs.kernel.flow import Model
 from tippedisk_verify.proofs.kernel.jets import Jet
 from tippedisk_verify.proofs.numbers import measured
 from tippedisk_verify.proofs.search.curve_choices import StepSearch, family_polynomials
 from tippedisk_verify.proofs.search.cycle import OrbitProof, prove_cycle
-from tippedisk_verify.proofs.search.interval import IntervalProof, prove_interval
 from tippedisk_verify.proofs.search.steps import axes_of_balls
 
 OMEGA = speed_below(PRINTED, "0.5")
@@ -176,23 +171,23 @@ def test_a_flight_ends_where_the_disk_lies_flat() -> None:
 
 
 # ----------------------------------------------------------------------------------------------------------- the cycles
-def arc_of(radius: str, over: int, share: str = "1e-3", off: int = 0) -> Arc:
+def arc_of(radius: str, share: str = "1e-3", off: int = 0) -> Arc:
     constants, length = ball_constants(PRINTED), ball(radius)
     start = [ball(part) for part in (*GUESS, OMEGA)]
-    polynomials, half = family_polynomials(constants, start, length, 2, ball(HALF), over, curves.Curve)
+    polynomials, half = family_polynomials(constants, start, length, 2, ball(HALF), curves.Curve)
     deviation = [arb(0), arb(0), arb(0)]
-    for k in UNKNOWNS[over]:
+    for k in UNKNOWNS:
         deviation[k] = arb(0, abs(polynomials[k].c[1]) * ball(share))
         polynomials[k] = polynomials[k] + off * deviation[k].rad()
     g, v, omega = polynomials
-    return arc_test(constants, curves.Curve(g, v, omega, deviation, half), over, StepSearch())
+    return arc_test(constants, curves.Curve(g, v, omega, deviation, half), StepSearch())
 
 
 @pytest.mark.slow
 def test_the_amplitude_as_the_parameter() -> None:
     """For each gamma_bar of an interval one pair of v and Omega; the cycle that is known lies where it should."""
     with working_precision(64):
-        found = arc_of("5e-3", GAMMA_BAR)
+        found = arc_of("5e-3")
         assert found.included
         assert found.stable() is True
         # det(P' - 1) along the curve, and by the trace and Liouville's formula.
@@ -204,7 +199,7 @@ def test_the_amplitude_as_the_parameter() -> None:
         assert found.slopes[1].range().overlaps(1 / by_omega)
         assert found.period_slope().range().overlaps(ball(numbers["dperiod_domega"].value) / by_omega)
         assert (found.falling(), found.slowing(), found.widening()) == (True, True, True)
-        assert not arc_of("1e-6", SPEED, off=3).included  # a box beside the family
+        assert not arc_of("1e-6", off=3).included  # a box beside the family
         truth = cycle(Fraction(1)).numbers()
         s = (ball(truth["gamma_bar_0"].value) - ball(found.curve.gamma_bar.c[0])) / ball("5e-3")
         for jet, off, value in zip(
@@ -219,123 +214,9 @@ def test_the_amplitude_as_the_parameter() -> None:
 
 def test_a_saddle_is_not_stable() -> None:
     """det(P' - 1) < 0; nor is an arc with a multiplier below -1. P' has a small determinant and a trace of 0.9."""
-    over = Jet([arb(0)]), Jet([arb(-1)])  # the unknowns' slopes: Omega falls
+    slopes = Jet([arb(0)]), Jet([arb(-1)])  # of the unknowns: Omega falls
     flight = SimpleNamespace(divergence=Jet([arb(-10)]), matrix=None)
     for determinant, trace, stable in ((-1, "0.9", True), (1, "0.9", None), (-1, "-1.5", False)):
         curve = SimpleNamespace(trace=lambda matrix, trace=trace: Jet([arb(trace)]))
-        arc = Arc(True, GAMMA_BAR, curve, flight, (), over, Jet([arb(determinant)]))
+        arc = Arc(True, curve, flight, (), slopes, Jet([arb(determinant)]))
         assert arc.stable() is stable
-
-
-# ---------------------------------------------------------------------------------- the cycles of an interval of speeds
-@lru_cache(maxsize=1)
-def proved() -> IntervalProof:
-    return prove_interval(PRINTED, OMEGA, RADIUS, GUESS)
-
-
-def test_an_interval_of_speeds() -> None:
-    proof = proved()
-    assert proof.proved, proof.statement
-    assert proof.claim["stable"] is True
-    numbers = proof.numbers
-    # dT/dOmega is about -0.79 s^2/rad: the range of the period can be no narrower, and is hardly wider.
-    assert Fraction("0.78e-3") < numbers["period"].uncertainty < Fraction("0.8e-3")
-    assert numbers["gamma_bar_0"].uncertainty <= Fraction("2.8e-3")
-    found = proof.to_dict()
-    assert (found["proved"], found["status"], found["radius"]) == (True, "PROVED", "0.001")
-    for word in ("for every Omega from", "exactly one fixed point", "asymptotically stable", PRINTED.definition()):
-        assert word in found["statement"]
-    for name in found["curve"]:
-        assert 0 < float(found["enclosed_within"][name]) <= float(found["unique_within"][name])
-
-
-@pytest.mark.slow(minutes=0.4)
-def test_a_true_cycle_at_a_speed_of_the_interval_lies_inside() -> None:
-    s = Fraction(random.Random(11).randint(-999, 999), 1000)
-    proof, truth = proved(), cycle(s).numbers()
-    for name, value in proof.numbers.items():
-        assert value.holds(truth[name].value), name
-    for name, near in proof.claim["enclosed_within"].items():
-        at_s = sum(Fraction(part) * s**k for k, part in enumerate(proof.claim["curve"][name]))
-        assert abs(truth[name].value - at_s) <= Fraction(near), name
-    assert truth["beta_max"].value < Fraction(proof.claim["beta_below"])
-
-
-def test_bad_input() -> None:
-    with pytest.raises(InputError, match="born below"):
-        prove_interval(PRINTED, OMEGA, "0.5", GUESS)
-    with pytest.raises(InputError, match="two components"):
-        prove_interval(PRINTED, OMEGA, RADIUS, ("1",))
-    with pytest.raises(InputError, match="smooth"):
-        prove_interval(PRINTED.with_friction("smooth"), OMEGA, RADIUS, GUESS)
-    with pytest.raises(InputError):
-        prove_interval(PRINTED, OMEGA, "0", GUESS)
-
-
-def test_the_command_writes_a_certificate_and_checks_it(capsys, monkeypatch, tmp_path) -> None:
-    monkeypatch.setattr("tippedisk_verify.proofs.search.interval.prove_interval", lambda *_: proved())
-    arguments = ["certify", "orbit", "--omega", "30.386592688644", "--radius", RADIUS, "--guess", *GUESS]
-    path = str(tmp_path / "interval.json")
-    assert main([*arguments, "--certificate", path]) == 0
-    assert "for every Omega from" in capsys.readouterr().out
-    assert main(["certify", "check", path]) == 0
-    assert proved().statement in capsys.readouterr().out
-    spoiled = json.loads(proved().certificate())
-    TAMPERED["nearer than shown"][0](spoiled["claim"], spoiled["evidence"])
-    with pytest.raises(claims.Unproved, match="digest"):
-        claims.proved(spoiled)
-    assert main([*arguments, "--rotating"]) == 2
-    assert "--radius" in capsys.readouterr().err
-
-
-#: of a certificate: what is done to its claim, evidence or both, and what is said
-TAMPERED: dict[str, tuple[Callable[[Any, Any], Any], str]] = {
-    "another speed": (lambda claim, evidence: claim.update(omega="30.3"), "other ends"),
-    "another interval": (
-        lambda claim, evidence: claim.update(omega="30.387", radius="0.001", low="30.386", high="30.388"), "Krawczyk"
-    ),
-    "no radius": (
-        lambda claim, evidence: claim.update(radius="0", low=claim["omega"], high=claim["omega"]), "interval is empty"
-    ),
-    "further off than it is alone": (lambda claim, evidence: claim["enclosed_within"].update(v_0="1"), "the only one"),
-    "a wider interval": (lambda claim, evidence: claim.update(high="30.4"), "other ends"),
-    "another disk": (lambda claim, evidence: claim["parameters"].update(e="0.0026"), "Krawczyk|return|move|section"),
-    "no disk": (lambda claim, evidence: claim["parameters"].update(e="0.05"), "no disk's"),
-    "a smaller box": (lambda claim, evidence: claim["unique_within"].update(v_0="1e-12"), "Krawczyk"),
-    "an empty box": (lambda claim, evidence: claim["unique_within"].update(v_0="0"), "empty"),
-    "nearer than shown": (lambda claim, evidence: claim["enclosed_within"].update(v_0="1e-13"), "v_0 is not"),
-    "another period": (lambda claim, evidence: claim["numbers"]["period"].update(value="1.094"), "period"),
-    "a multiplier with too many digits": (
-        lambda claim, evidence: claim["numbers"]["multiplier_slow"].update(uncertainty="1e-9"), "multiplier_slow"
-    ),
-    "beta too near": (lambda claim, evidence: claim.update(beta_below="0.2"), "upright"),
-    "unstable": (lambda claim, evidence: claim.update(stable=False), "stability"),
-    "the curve is moved": (lambda claim, evidence: _moved(claim["curve"]["gamma_bar_0"]), "Krawczyk"),
-    "the degrees differ": (lambda claim, evidence: claim["curve"]["v_0"].pop(), "unlike degrees"),
-    "half the period is another one": (lambda claim, evidence: evidence.update(half=["1", "0", "0", "0", "0"]),
-                                       "return|move|section|enclosure"),
-    "a step is missing": (lambda claim, evidence: evidence["steps"].pop(7), "return|move|section|missing"),
-}  # fmt: skip
-
-
-def _moved(coefficients: list[str]) -> None:
-    coefficients[0] = str(Fraction(coefficients[0]) + Fraction(1, 10**6))
-
-
-#: of which it is said early
-EARLY = ("another speed", "no radius", "a wider interval", "no disk", "an empty box", "the degrees differ",
-         "half the period is another one", "a step is missing", "unstable")  # fmt: skip
-
-
-@pytest.mark.parametrize(
-    "names", [EARLY, pytest.param([name for name in TAMPERED if name not in EARLY], marks=pytest.mark.slow)]
-)
-def test_what_is_tampered_with_is_not_accepted(names) -> None:
-    content = json.loads(proved().certificate())
-    for name in names:
-        spoil, said = TAMPERED[name]
-        spoiled = json.loads(json.dumps(content))
-        spoil(spoiled["claim"], spoiled["evidence"])
-        spoiled["sha256"] = claims.digest(spoiled)
-        with pytest.raises((claims.Unproved, claims.Refused), match=said):
-            claims.proved(spoiled)

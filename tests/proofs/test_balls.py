@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import random
 import sys
 import threading
@@ -12,8 +11,6 @@ from typing import Any
 
 import pytest
 from flint import acb_series, arb_series, ctx
-from hypothesis import given
-from hypothesis import strategies as st
 
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.exact import exact
@@ -27,7 +24,6 @@ from tippedisk_verify.proofs.kernel.balls import (
     ball,
     ball_constants,
     coefficient,
-    hull,
     inside,
     negative,
     positive,
@@ -36,7 +32,6 @@ from tippedisk_verify.proofs.kernel.balls import (
     working_precision,
 )
 from tippedisk_verify.proofs.kernel.field import field
-from tippedisk_verify.proofs.kernel.lanes import Lanes
 from tippedisk_verify.proofs.numbers import measured
 from tippedisk_verify.proofs.search.heteroclinic import prove_connection
 from tippedisk_verify.reference_values.lookup import reference
@@ -84,14 +79,6 @@ def test_a_ball_holds_its_exact_number(text, bits) -> None:
     assert found.uncertainty <= 8 * max(abs(low), 1) / Fraction(2) ** bits
 
 
-@given(st.fractions(), st.fractions(), st.integers(24, 120))
-def test_a_hull_holds_both_ends_and_what_lies_between(first, second, bits) -> None:
-    with working_precision(bits):
-        found = measured(hull(first, second))
-    for point in (first, second, (first + second) / 2):
-        assert found.holds(point)
-
-
 def test_what_a_ball_shares_with_an_interval_is_held() -> None:
     draw = random.Random(5)
     for _ in range(300):
@@ -100,17 +87,15 @@ def test_what_a_ball_shares_with_an_interval_is_held() -> None:
             max(Fraction(mid) - Fraction(rad), Fraction(0)),
             min(Fraction(mid) + Fraction(rad), Fraction(length)),
         )
-        for both in (shared(arb(mid, rad), hull(0, length)),
-                     shared(Lanes([mid], [rad]), Lanes([length / 2], [length / 2])).arb(0)):  # fmt: skip
-            if low > high:
-                assert not both.is_finite() or both.contains(arb(0)) or both.contains(arb(length))
-                continue
-            assert all(both.contains(arb(float(end))) for end in (low, high) if Fraction(float(end)) == end)
-            # An intersection's radius has 16 bits or more in python-flint; and the rounding of sums of doubles.
-            assert measured(both).uncertainty <= (high - low) / 2 * (1 + Fraction(1, 2**15)) + Fraction(1, 2**50)
-    assert shared(arb.nan(), hull(0, 1)).contains(hull(0, 1))
-    assert shared(Lanes([math.nan]), Lanes([0.5], [0.5])).arb(0).contains(hull(0, 1))
-    assert not shared(Lanes([5.0]), Lanes([0.5], [0.5])).is_finite().any()
+        both = shared(arb(mid, rad), arb(0).union(arb(length)))
+        if low > high:
+            assert not both.is_finite() or both.contains(arb(0)) or both.contains(arb(length))
+            continue
+        assert all(both.contains(arb(float(end))) for end in (low, high) if Fraction(float(end)) == end)
+        # An intersection's radius has 16 bits or more in python-flint; and the rounding of sums of doubles.
+        assert measured(both).uncertainty <= (high - low) / 2 * (1 + Fraction(1, 2**15)) + Fraction(1, 2**50)
+    unit = arb(0).union(arb(1))
+    assert shared(arb.nan(), unit).contains(unit)
 
 
 def test_the_precision_is_restored() -> None:

@@ -37,7 +37,7 @@ from tippedisk_verify.proofs.search.certificate import parameter_texts
 from tippedisk_verify.proofs.search.connection_end import ProvedEnd
 from tippedisk_verify.proofs.search.connection_end import Status as EndStatus
 from tippedisk_verify.proofs.search.curve_choices import BITS, StepSearch, prove_piece
-from tippedisk_verify.proofs.search.lane_cycles import prove_cycles
+from tippedisk_verify.proofs.search.cycle import prove_cycle
 from tippedisk_verify.reference_values.lookup import reference
 
 DISK = parameter_texts(PRINTED)
@@ -305,8 +305,8 @@ def test_the_whole_of_the_printed_disk(capsys, tmp_path) -> None:
     least, highest = (Fraction(said[name]["value"]) for name in ("omega_h", "omega_crit"))
     speeds = [round(least + (highest - least) * Fraction(rng.randint(1, 10**6 - 1), 10**6), 12) for _ in range(30)]
     cycles = list(family(PRINTED, default_engine(), omegas=speeds))
-    guesses = [(cycle.gamma_bar_0.value, cycle.v_0.value) for cycle in cycles]
-    for cycle in prove_cycles(PRINTED, [cycle.omega.value for cycle in cycles], guesses):
+    for start in cycles:
+        cycle = prove_cycle(PRINTED, start.omega.value, (start.gamma_bar_0.value, start.v_0.value))
         found = cycle.numbers()
         assert cycle.proved
         assert known(found["gamma_bar_0"], found["v_0"], Measured(cycle.omega, Fraction(0))), cycle.omega

@@ -61,7 +61,6 @@ def test_heteroclinic_about_a_given_speed(capsys) -> None:
         (["certify", "heteroclinic", "--near", "-1"], "between 1e-6 and 1e6"),
         (["certify", "heteroclinic", "--cycles", "1"], "between 0 and 1"),
         (["certify", "heteroclinic", "--cycles", "0.001", "--friction", "smooth"], "linear friction law"),
-        (["certify", "orbit", "--omega", "30.886", "--radius", "1e-3"], "born below Omega_crit = 30.8865926886 rad/s"),
     ],
 )
 def test_bad_input_gets_one_line(capsys, arguments: list[str], said: str) -> None:

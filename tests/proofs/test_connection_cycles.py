@@ -16,6 +16,7 @@ from flint import arb, arb_mat
 from tests.proofs.saddle_orbits import DIRECTIONS, DISK, OMEGA_H, Orbits
 from tests.proofs.test_passage import BITS, GIVEN, F, S, U, column, made_up
 from tippedisk_verify.model.parameters import PRINTED
+from tippedisk_verify.proofs.kernel.ball_array import BallArray
 from tippedisk_verify.proofs.kernel.balls import Unproved, ball, working_precision
 from tippedisk_verify.proofs.kernel.claims import connection_cycles as module
 from tippedisk_verify.proofs.kernel.claims import passage as flights_module
@@ -23,7 +24,6 @@ from tippedisk_verify.proofs.kernel.claims.connection_cycles import End, ReturnM
 from tippedisk_verify.proofs.kernel.claims.passage import Passage
 from tippedisk_verify.proofs.kernel.claims.passage import arrivals as flown
 from tippedisk_verify.proofs.kernel.claims.saddle import Saddle
-from tippedisk_verify.proofs.kernel.lanes import Lanes
 
 
 @pytest.fixture(autouse=True)
@@ -56,9 +56,9 @@ def arrival(omega: float, slow: float, fast: float) -> tuple[float, np.ndarray]:
 def flights(
     omega: Sequence[Any], slow: Sequence[Any], fast: Any, time: Any, count: int = STEPS, end: int = STEPS
 ) -> list[list[Any]]:
-    saddle = Saddle(DISK, "linear", Lanes.of(omega), DIRECTIONS)
+    saddle = Saddle(DISK, "linear", BallArray.of(omega), DIRECTIONS)
     lengths = np.asarray(time) / (count - 0.5)
-    return flown(saddle, [arb(x) for x in EXTENTS], Lanes.of(slow), fast, lengths, end)
+    return flown(saddle, [arb(x) for x in EXTENTS], BallArray.of(slow), fast, lengths, end)
 
 
 def test_flights_arrive_where_they_should() -> None:
@@ -89,7 +89,7 @@ def test_flights_that_end_before_the_arrival_or_after_it_are_refused(end: int, l
 
 
 @pytest.mark.parametrize("share", [-1, 10, math.nan])
-def test_steps_backwards_or_too_long_are_refused_with_their_lane(share: float) -> None:
+def test_steps_backwards_or_too_long_are_refused_with_their_flight(share: float) -> None:
     time = arrival(float(OMEGA_H), 0.01, 0.0)[0]
     with pytest.raises(Unproved, match="flight 2: the states and derivatives"):
         flights([arb(float(OMEGA_H))] * 2, [arb(0.01)] * 2, arb(0), [time, share * time])
@@ -108,8 +108,8 @@ def test_steps_backwards_or_too_long_are_refused_with_their_lane(share: float) -
 )
 def test_what_is_asked_of_a_step(beta: Any, v: Any, slows: float, line: Any) -> None:
     """beta_bar and v over it, and the sign of v'."""
-    model: Any = SimpleNamespace(rates=lambda state: (None, None, Lanes([float(slows)] * 2)))
-    step: Any = SimpleNamespace(enclosure=(Lanes(beta), None, Lanes.of(v)))
+    model: Any = SimpleNamespace(rates=lambda state: (None, None, BallArray([float(slows)] * 2)))
+    step: Any = SimpleNamespace(enclosure=(BallArray(beta), None, BallArray.of(v)))
     if isinstance(line, list):
         assert flights_module._climbs(model, step).tolist() == line
     else:
@@ -117,8 +117,8 @@ def test_what_is_asked_of_a_step(beta: Any, v: Any, slows: float, line: Any) -> 
             flights_module._climbs(model, step)
 
 
-def test_a_lane_in_which_beta_bar_has_no_largest_value_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    """After one step no v has changed its sign; were it shown of one lane, the other one would be missed."""
+def test_a_flight_in_which_beta_bar_has_no_largest_value_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    """After one step no v has changed its sign; were it shown of one flight, the other one would be missed."""
     for shown in ([False, False], [True, False]):
         monkeypatch.setattr(flights_module, "_climbs", lambda model, step, shown=shown: np.array(shown))
         with pytest.raises(Unproved, match=f"flight {1 + shown.count(True)}: beta_bar is not shown to have a largest"):
@@ -127,16 +127,19 @@ def test_a_lane_in_which_beta_bar_has_no_largest_value_is_refused(monkeypatch: p
 
 def test_a_flight_that_falls_is_refused() -> None:
     """From z_u = -u gamma falls."""
-    saddle = Saddle(DISK, "linear", Lanes.of([ball(OMEGA_H)]), DIRECTIONS)
+    saddle = Saddle(DISK, "linear", BallArray.of([ball(OMEGA_H)]), DIRECTIONS)
     with pytest.raises(Unproved, match="0 < beta_bar"):
-        flown(saddle, [arb(-0.2), arb(0.2), arb(0.3)], Lanes([0.0]), arb(0), np.array([0.005]), 201)
+        flown(saddle, [arb(-0.2), arb(0.2), arb(0.3)], BallArray([0.0]), arb(0), np.array([0.005]), 201)
 
 
 def test_the_flights_cover_all_exits_and_speeds(monkeypatch: pytest.MonkeyPatch) -> None:
     cells: list[tuple[Any, Any]] = []
 
     def told(saddle: Any, extents: Any, slow: Any, fast: Any, lengths: Any, count: int, watch: Any) -> None:
-        cells.extend((saddle.omega.arb(k), slow.arb(k)) for k in range(len(lengths)))
+        balls = (
+            [arb(*map(float, entry)) for entry in zip(x.midpoints, x.radii, strict=True)] for x in (saddle.omega, slow)
+        )
+        cells.extend(zip(*balls, strict=True))
 
     monkeypatch.setattr(module, "arrivals", told)
     n = SimpleNamespace(saddle=Saddle(DISK, "linear", arb(30), DIRECTIONS), extents=[arb(x) for x in GIVEN["extents"]])

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from tests.proofs.cases import NUMBERS, half_flight, included, speed_below, turn_flight
+from tests.proofs.cases import NUMBERS, half_flight, hull, included, speed_below, turn_flight
 from tippedisk_verify.atlas.cycles_at_speed import rotating_cycle
 from tippedisk_verify.cli import main
 from tippedisk_verify.cycles.return_map import ReturnMap
@@ -20,7 +20,7 @@ from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.equations import field, shifted
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import PRINTED
-from tippedisk_verify.proofs.kernel.balls import arb, ball, ball_constants, hull, positive, working_precision
+from tippedisk_verify.proofs.kernel.balls import arb, ball, ball_constants, positive, working_precision
 from tippedisk_verify.proofs.kernel.claims.cycle import names
 from tippedisk_verify.proofs.kernel.flow import Model
 from tippedisk_verify.proofs.kernel.section import Status as FlightStatus

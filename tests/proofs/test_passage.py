@@ -17,12 +17,13 @@ import numpy as np
 import pytest
 from flint import arb, arb_mat
 
+from tests.proofs.cases import hull
 from tests.proofs.saddle_orbits import DIRECTIONS, DISK, OMEGA_H, Orbits
 from tippedisk_verify.model.parameters import PRINTED
-from tippedisk_verify.proofs.kernel.balls import Unproved, ball, hull, working_precision
+from tippedisk_verify.proofs.kernel.ball_array import BallArray
+from tippedisk_verify.proofs.kernel.balls import Unproved, ball, working_precision
 from tippedisk_verify.proofs.kernel.claims.passage import Passage
 from tippedisk_verify.proofs.kernel.claims.saddle import FAST, SLOW, UNSTABLE, Saddle, products
-from tippedisk_verify.proofs.kernel.lanes import Lanes
 
 U, S, F = UNSTABLE, SLOW, FAST
 BITS = 64
@@ -102,13 +103,13 @@ def test_each_cell_counts_where_it_should(n: int, m: int) -> None:
     for cell in product(*places):
         middle = [float(extent * sum(ends) / 2) for extent, ends in zip(extents, cell, strict=True)]
 
-        def marked(z: Sequence[Lanes], at: Sequence[float] = middle) -> Any:
+        def marked(z: Sequence[BallArray], at: Sequence[float] = middle) -> Any:
             away = [np.abs(x.midpoints - point) <= x.radii for x, point in zip(z, at, strict=True)]
             here = np.logical_and.reduce(away) * 1.0
             if not len(z[0].radii.nonzero()[0]):  # in the middles F is asked for alone
-                return [Lanes(-1 + 0 * here), Lanes(0 * here), Lanes(0 * here)], None, None
-            rows = [[Lanes(here * float(slopes[i, k])) for k in range(3)] for i in range(3)]
-            return [], rows, [Lanes(0 * here), Lanes(here), Lanes(0 * here)]
+                return [BallArray(-1 + 0 * here), BallArray(0 * here), BallArray(0 * here)], None, None
+            rows = [[BallArray(here * float(slopes[i, k])) for k in range(3)] for i in range(3)]
+            return [], rows, [BallArray(0 * here), BallArray(here), BallArray(0 * here)]
 
         passage = Passage(SimpleNamespace(field=marked), [ball(x) for x in extents], (n, m))
         inner = [min(abs(low), abs(high)) for low, high in cell]

@@ -1,4 +1,4 @@
-"""Ctrl-C, or another signal, at a chosen step of the program, and at random moments after it has begun to listen.
+"""Ctrl-C, or a kill, at a chosen step of the program, and at random moments after it has begun to listen.
 
 Both need a hand inside the process: Python imports a module named ``sitecustomize`` when it starts, and the one written
 here watches what happens then.
@@ -22,11 +22,8 @@ INTERRUPTED = "tippedisk-verify: interrupted\n"
 
 
 def ended_by(number: int) -> tuple[int, str]:
-    """Exit status and standard error of a run that a signal has ended."""
-    if number == signal.SIGKILL:
-        return -number, ""
-    name = signal.Signals(number).name
-    return 128 + number, INTERRUPTED if name == "SIGINT" else f"tippedisk-verify: stopped by {name}\n"
+    """Return the exit status and the standard error of a run that a signal has ended."""
+    return (130, INTERRUPTED) if number == signal.SIGINT else (-number, "")
 
 
 _WATCH = '''
@@ -154,9 +151,8 @@ class Struck:
 
 
 def _hearing() -> None:
-    """Whatever runs the tests may ignore a signal, as nohup and a shell's background do; the program would too."""
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        signal.signal(number, signal.SIG_DFL)
+    """Whatever runs the tests may ignore Ctrl-C, as a shell's background does; the program would too."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 def _end(run: subprocess.Popen[str]) -> tuple[int | None, str, str]:

@@ -1,33 +1,41 @@
-"""Eigenvalues against the characteristic polynomial and the flow's own Jacobian; real roots against their products."""
+"""Eigenvalues against mpmath's, the linearisation against the flow's Jacobian, real roots against their products."""
 
 from __future__ import annotations
 
 import json
+from collections.abc import Callable, Sequence
 from fractions import Fraction
-from itertools import combinations
+from itertools import permutations
+from typing import Any
 
+import mpmath
 import numpy
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.problems import decimals, physical_parameters
+from tests.problems import decimals, paper_rates, physical_parameters
 from tippedisk_verify.cli import main
 from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.model import equations
-from tippedisk_verify.model.exact import fraction
-from tippedisk_verify.model.parameters import PRINTED
+from tippedisk_verify.model.exact import fraction, quotient
+from tippedisk_verify.model.parameters import PRINTED, Parameters
 from tippedisk_verify.model.precision import bits
+from tippedisk_verify.model.results import Eigenvalue
 from tippedisk_verify.theory.equilibria import (
+    EquilibriumName,
     Linearization,
     characteristic_polynomial,
     eigenvalues,
     equilibrium,
+    kind_changes,
     linearization,
     location,
     right_eigenvector,
+    saddle_value_sign,
 )
-from tippedisk_verify.theory.real_roots import real_roots, square_root, value_at
+from tippedisk_verify.theory.hopf import omega_crit
+from tippedisk_verify.theory.real_roots import real_roots, square_root
 
 
 @pytest.mark.parametrize("name", ["inverted", "noninverted"])
@@ -49,32 +57,107 @@ def test_linearization_is_the_jacobian_there(name, parameters, omega) -> None:
             assert abs(fraction(entry) - Fraction(value)) < size * Fraction(1, 2**170)
 
 
+Rows = list[list[Any]]
+
+
+def assert_eigenvalues(values: Sequence[Eigenvalue], rows: Callable[[], Rows], digits: int) -> None:
+    """In order, as narrow as promised, and around mpmath's eigenvalues of the matrix in its precision at the time.
+
+    mpmath's are those of a matrix that is off by less than 10^(12 - dps) of the norm. However near they lie, they are
+    off by at most 5 (2 norm)^(2/3) (10^(12 - dps) norm)^(1/3) < 10^(5 - dps/3) norm: Elsner's bound, and 5 for pairing
+    them. The precision makes that a hundredth of the smallest half-width.
+    """
+    parts = [(value.re, value.im) for value in values]
+    centres = [(re.value, im.value) for re, im in parts]
+    assert centres == sorted(centres, key=lambda centre: (-centre[0], -centre[1]))
+    for re, im in parts:
+        assert max(re.uncertainty, im.uncertainty) * 10**digits < max(abs(re.value), abs(im.value))
+    smallest = min(max(abs(re.value), abs(im.value)) for re, im in parts) / 10 ** (2 * digits + 40)  # of exact ones
+    width = min([part.uncertainty for pair in parts for part in pair if part.uncertainty] or [smallest])
+    norm = max(sum(abs(entry) for entry in row) for row in rows())
+    with mpmath.workdps(3 * (int(mpmath.log10(norm / quotient(mpmath.mp, width))) + 8)):
+        truths = mpmath.eig(mpmath.matrix(rows()), left=False, right=False)
+        spare = quotient(mpmath.mp, width / 100)
+
+        def inside(value: Eigenvalue, truth: Any) -> bool:
+            pairs = ((value.re, mpmath.re(truth)), (value.im, mpmath.im(truth)))
+            return all(abs(part.mpf() - true) <= quotient(mpmath.mp, part.uncertainty) + spare for part, true in pairs)
+
+        assert any(all(map(inside, values, order)) for order in permutations(truths)), (values, truths)
+
+
+def entries(matrix: Linearization) -> Rows:
+    """The matrix in mpmath's precision."""
+    omega, *last = (quotient(mpmath.mp, Fraction(entry)) for entry in matrix)
+    return [[0, 0, 1], [omega, 0, 0], last]
+
+
 _POWERS = st.integers(-15, 15)
 _ENTRIES = st.builds(lambda digits, power: digits * Fraction(10) ** power, st.integers(-99, 99).filter(bool), _POWERS)
 
 
-@given(matrix=st.builds(Linearization, st.builds(abs, _ENTRIES), _ENTRIES, _ENTRIES, _ENTRIES))
-def test_eigenvalues_of_any_size_are_found(matrix) -> None:
-    """Entries thirty orders of magnitude apart: what the half-widths hold has the matrix's trace and determinant."""
+@st.composite
+def nearly_double(draw: st.DrawFn) -> Linearization:
+    """A matrix with two eigenvalues, real or complex, that are nearly or exactly equal, and at times a third one."""
+    root = draw(st.fractions(-100, 100, max_denominator=1000).filter(bool))
+    gap, other_gap = (
+        root * draw(st.sampled_from((-1, 0, 1, 1, 1))) * Fraction(1, 10 ** draw(st.integers(3, 30))) for _ in range(2)
+    )
+    third = draw(st.one_of(_ENTRIES, st.just(root + other_gap / 7)))
+    square = draw(st.sampled_from((-1, 1))) * gap**2
+    omega = draw(decimals("0.001", "60"))
+    # (x - third) (x^2 - 2 root x + root^2 - square): the two are root +- sqrt(square).
+    product = root**2 - square
+    return Linearization(omega, -product - 2 * root * third, product * third / omega, 2 * root + third)
+
+
+@settings(max_examples=150)
+@given(
+    matrix=st.one_of(st.builds(Linearization, st.builds(abs, _ENTRIES), _ENTRIES, _ENTRIES, _ENTRIES), nearly_double()),
+    digits=st.sampled_from((6, 15, 40)),
+)
+def test_eigenvalues_of_any_matrix(matrix: Linearization, digits: int) -> None:
+    """Entries thirty orders of magnitude apart, and nearly double eigenvalues; only double ones are refused."""
     _, a2, a1, a0 = characteristic_polynomial(matrix)
-    try:
-        values = eigenvalues(matrix, 40)
-        discs = [(one.re.value, one.im.value, max(one.re.uncertainty, one.im.uncertainty)) for one in values]
-    except AccuracyError:
-        assert a2**2 * a1**2 - 4 * a1**3 - 4 * a2**3 * a0 + 18 * a2 * a1 * a0 - 27 * a0**2 == 0  # a double one
+    discriminant = a2**2 * a1**2 - 4 * a1**3 - 4 * a2**3 * a0 + 18 * a2 * a1 * a0 - 27 * a0**2
+    if not discriminant:
+        with pytest.raises(AccuracyError, match="no three different"):
+            eigenvalues(matrix, digits)
         return
-    assert discs == sorted(discs, key=lambda disc: (-disc[0], -disc[1]))
-    assert sum(im for _, im, radius in discs if abs(im) > radius) == 0
-    assert numpy.array(values, complex).tolist() == [complex(re, im) for re, im, _ in discs]
-    assert abs(sum(re for re, *_ in discs) + a2) <= sum(radius for *_, radius in discs)
-    product = (Fraction(1), Fraction(0))
-    for re, im, _ in discs:
-        product = (product[0] * re - product[1] * im, product[0] * im + product[1] * re)
-    # Each centre is off by less than 1e-40 of its size: three of them, and next to nothing from their products.
-    assert max(abs(product[0] + a0), abs(product[1])) <= 4 * Fraction(1, 10**40) * abs(a0)
-    pairs = [(one[0] * other[0] - one[1] * other[1]) for one, other in combinations(discs, 2)]
-    size = sum((abs(one[0]) + abs(one[1])) * (abs(other[0]) + abs(other[1])) for one, other in combinations(discs, 2))
-    assert abs(sum(pairs) - a1) <= 4 * Fraction(1, 10**40) * size
+    values = eigenvalues(matrix, digits)
+    assert numpy.array(values, complex).tolist() == [complex(value.re.value, value.im.value) for value in values]
+    assert_eigenvalues(values, lambda: entries(matrix), digits)
+
+
+@settings(max_examples=40)
+@given(
+    parameters=physical_parameters(),
+    name=st.sampled_from(("inverted", "noninverted")),
+    anywhere=decimals("1", "60"),
+    side=st.sampled_from((-1, 0, 1)),
+    nearness=st.integers(2, 40),
+    digits=st.sampled_from((6, 15, 30)),
+)
+def test_eigenvalues_of_an_equilibrium(parameters, name, anywhere, side, nearness, digits) -> None:
+    """Those of the Jacobian of the paper's equations, at any speed and next to Omega_crit and to double eigenvalues."""
+    special = [omega_crit(parameters, 50), *kind_changes(parameters, name, 50)]
+    omega = special[nearness % len(special)].value * (1 + Fraction(side, 10**nearness)) if side else anywhere
+
+    def jacobian() -> Rows:
+        """By complex steps, whose square is below the last digit."""
+        size = mpmath.mpf(10) ** -mpmath.mp.dps
+        start = (mpmath.pi / 2, mpmath.pi / 2 if name == "inverted" else -mpmath.pi / 2, 0)
+        columns = []
+        for moved in range(3):
+            state = [mpmath.mpc(at, size if axis == moved else 0) for axis, at in enumerate(start)]
+            columns.append([part.imag / size for part in paper_rates(parameters, omega, state)])
+        return [list(row) for row in zip(*columns, strict=True)]
+
+    found = equilibrium(parameters, omega, name, digits)
+    assert_eigenvalues(found.eigenvalues, jacobian, digits)
+    first = found.eigenvalues[0].re  # of the largest real part
+    if abs(first.value) > first.uncertainty:
+        assert found.stable is (first.value < 0)
 
 
 def test_eigenvectors_of_the_saddle() -> None:
@@ -103,6 +186,48 @@ def test_equilibria_command(capsys) -> None:
     assert result["inverted"]["stable"] is True
     assert result["noninverted"]["stable"] is False
     assert set(result["inverted"]["eigenvalues"][0]) == {"re", "im"}
+
+
+def discriminant(matrix: Linearization) -> Fraction:
+    """Of the characteristic polynomial: positive where all eigenvalues are real, negative where two are not."""
+    _, a2, a1, a0 = characteristic_polynomial(matrix)
+    return Fraction(18 * a2 * a1 * a0 - 4 * a2**3 * a0 + a2**2 * a1**2 - 4 * a1**3 - 27 * a0**2)
+
+
+@given(parameters=physical_parameters(), share=decimals("0.1", "2"))
+def test_saddle_value_and_kind_against_eigenvalues(parameters: Parameters, share: Fraction) -> None:
+    speed = round(omega_crit(parameters).value * share, 6)
+    unstable, slow, _ = equilibrium(parameters, speed, "noninverted").eigenvalues
+    value = unstable.re + slow.re
+    assert saddle_value_sign(parameters, speed) == (1 if value > 0 else -1)
+    for name in ("inverted", "noninverted"):
+        kinds = [part.im.value for part in equilibrium(parameters, speed, name).eigenvalues]  # type: ignore[arg-type]
+        assert (discriminant(linearization(parameters, speed, name)) < 0) == any(kinds)  # type: ignore[arg-type]
+
+
+def test_the_saddle_value_vanishes_where_it_should() -> None:
+    """lambda^2 = -a1 solves the cubic if a2 a1 = a0: then lambda_u = -lambda_s. Omega is rational for this disk."""
+    disk = PRINTED.changed(r="0.04", e="0.01", m=1, B="1.6e-3", A="2e-3", g="10", C=None)  # Bbar = 1.5e-3
+    square = disk.m * disk.g * (disk.r - disk.e) ** 2 / (disk.r * disk.Bbar)
+    disk = disk.changed(g=disk.g * 100 / square)
+    beside = (Fraction(10) + Fraction(side, 10**20) for side in (-1, 0, 1))
+    assert [saddle_value_sign(disk, speed) for speed in beside] == [1, 0, -1]
+
+
+@pytest.mark.parametrize("name", ["inverted", "noninverted"])
+@settings(max_examples=25)
+@given(parameters=physical_parameters())
+def test_eigenvalues_change_kind_at_these_speeds(name: EquilibriumName, parameters: Parameters) -> None:
+    speeds = kind_changes(parameters, name, 20)
+    kinds = [discriminant(linearization(parameters, Fraction(1, 10**9), name)) > 0]
+    for speed in speeds:
+        assert speed.uncertainty <= speed.value / 10**20
+        low, high = (speed.value * (1 + side * Fraction(1, 10**15)) for side in (-1, 1))
+        before, after = (discriminant(linearization(parameters, end, name)) > 0 for end in (low, high))
+        assert before is kinds[-1]
+        assert after is not before
+        kinds.append(after)
+    assert (discriminant(linearization(parameters, Fraction(10**6), name)) > 0) is kinds[-1]
 
 
 _DECIMALS = st.builds(
@@ -135,8 +260,6 @@ def test_decimals_are_exact_and_double_ones_found(roots: list[Fraction]) -> None
 @given(root=_RATIONALS, square=st.fractions("1e-9", 10**9))
 def test_what_has_no_other_root(root: Fraction, square: Fraction) -> None:
     """(x - root) (x^2 + square) has one, and x^2 = square the root that squares to it."""
-    cubic = [-root * square, square, -root, Fraction(1)]
-    assert not value_at(cubic, root)
-    (only,) = real_roots(cubic, 20)
+    (only,) = real_roots([-root * square, square, -root, Fraction(1)], 20)
     assert only.holds(root)
     assert (square_root(square, 20) ** 2 - square).holds(0)

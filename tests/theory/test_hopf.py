@@ -6,15 +6,17 @@ import json
 from fractions import Fraction
 
 import mpmath
+import pytest
 from hypothesis import given, settings
 
 from tests.problems import decimals, physical_parameters
 from tests.theory.formal_cycles import formal_cycles
 from tippedisk_verify.cli import main
-from tippedisk_verify.model.parameters import PRINTED
+from tippedisk_verify.model.parameters import PRINTED, Parameters
 from tippedisk_verify.theory.equilibria import characteristic_polynomial, equilibrium, linearization
 from tippedisk_verify.theory.hopf import (
     critical_frequency_squared,
+    criticality,
     hopf_point,
     omega_crit,
     omega_crit_squared,
@@ -65,6 +67,43 @@ def test_the_laws_follow_from_the_full_equations(parameters) -> None:
         assert (p.A / p.Bbar > bound) == (point.criticality == "supercritical")
     else:
         assert point.criticality == "subcritical"
+
+
+@settings(max_examples=8)
+@given(parameters=physical_parameters(), share=decimals("0.01", "0.3"))
+def test_where_the_first_coefficient_vanishes_the_second_follows_from_the_full_equations(
+    parameters: Parameters, share: Fraction
+) -> None:
+    """At a generalized Hopf point, A = Bbar r (2 r - e) / (2 (r + e) (r - 2 e)), by formal series."""
+    r, m, e = parameters.r, parameters.m, share * parameters.r
+    Bbar = parameters.B + m * r**2
+    A = Bbar * r * (2 * r - e) / (2 * (r + e) * (r - 2 * e))
+    disk = parameters.changed(e=e, B=Bbar + m * e**2, A=A, C=None)
+    assert criticality(disk) == "degenerate"
+    point = hopf_point(disk, 30)
+    assert point.first_lyapunov_coefficient.value == point.first_lyapunov_coefficient.uncertainty == 0
+    assert point.amplitude_squared_slope is point.period_slope is None
+    assert point.second_lyapunov_coefficient is not None
+    with mpmath.workdps(70):
+        frequency = 2 * mpmath.pi / hopf_point(disk, 60).period.mpf()
+        share = 1 / (1 + (frequency / omega_crit(disk, 60).mpf()) ** 2 * (1 + frequency**2))
+        second = mpmath.re(formal_cycles(disk, normal_form=True).kappa[1]) * share**2 / frequency
+        assert abs(point.second_lyapunov_coefficient.mpf() / second - 1) < mpmath.mpf(10) ** -30
+
+
+@pytest.mark.parametrize("distance", ["1e-30", "1e-100", "-1e-30"])
+def test_next_to_a_generalized_hopf_point_cancellation_costs_no_digits(distance: str) -> None:
+    """l_1 is linear in A, and so is c_1: a hundred digits nearer, both are as much smaller."""
+    # r = 4 e: l_1 = 0 where A = 7 Bbar / 5, a decimal.
+    degenerate = PRINTED.changed(r="0.04", e="0.01", m="0.4", A="0.224e-3", B="0.2e-3", C=None)
+    near, far = (degenerate.changed(A=degenerate.A + Fraction(shift)) for shift in (distance, "1e-6"))
+    ratio = Fraction(distance) * 10**6
+    found, reference = hopf_point(near, 20), hopf_point(far, 40)
+    for name in ("first_lyapunov_coefficient", "quadratic_coefficient"):
+        number = getattr(found, name)
+        assert (number - getattr(reference, name) * ratio).holds(0)
+        assert number.uncertainty * 10**20 <= abs(number.value)
+    assert found.criticality == ("supercritical" if ratio > 0 else "subcritical")
 
 
 @settings(max_examples=25)

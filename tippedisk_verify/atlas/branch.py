@@ -160,9 +160,9 @@ def family(
             raise InputError(f"a family has 1 to {_MOST} speeds, not {len(speeds)}")
 
     def singly(speed: Fraction) -> list[LimitCycle]:
-        if disk_locator.lost:  # the one-harmonic law may lead to a cycle all the same
-            return [cycle_at(parameters, speed, engine)]
-        return disk_locator.librating(speed).cycles()
+        location = disk_locator.librating(speed)
+        # The one-harmonic law may lead to a cycle where the family is not followed, or ends too close to the speed.
+        return location.cycles() if location.starts else [cycle_at(parameters, speed, engine)]
 
     return _at(disk_locator, LIBRATING, singly, speeds)
 

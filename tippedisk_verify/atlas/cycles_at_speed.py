@@ -21,6 +21,7 @@ from tippedisk_verify.model.equations import checked_speed
 from tippedisk_verify.model.exact import exact, shown
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import checked_digits
+from tippedisk_verify.model.surroundings import undisturbed
 from tippedisk_verify.theory.hopf import criticality, omega_crit
 
 __all__ = ["cycle_above", "cycle_at", "rotating_below", "rotating_cycle"]
@@ -79,6 +80,7 @@ def rotating_cycle(
     return cycle
 
 
+@undisturbed
 def cycle_above(parameters: Parameters, above: object, engine: Engine, *, digits: int = 12) -> LimitCycle:
     """The limit cycle at Omega_h + ``above`` [rad/s], to ``digits`` significant digits.
 

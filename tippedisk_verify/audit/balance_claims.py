@@ -23,7 +23,7 @@ def _expansion_part(part: str, audit: Audit, name: str, printed_text: str) -> An
 
 
 def _balance_constant(which: str, audit: Audit, name: str, printed_text: str) -> Answer:
-    """Printed kappa_1, kappa_2 or delta against what the expansion gives, which tests/theory derives in symbols."""
+    """Printed kappa_1, kappa_2 or delta against what the expansion gives, which tests/theory derives by projection."""
     constants, speed = audit.sets[name].rational(), Fraction("30.4")
     square = constants.e / (constants.r + constants.e) * speed**2
     inputs = (constants, speed) if which == "delta" else (constants, speed, square)

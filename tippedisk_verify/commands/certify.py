@@ -10,7 +10,21 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from tippedisk_verify.commands.common import Common, Output, alone_in, command, group, processes
+from tippedisk_verify.commands.common import (
+    Common,
+    Output,
+    alone_in,
+    below_crit_option,
+    certificate_option,
+    command,
+    decimal,
+    disk_command,
+    group,
+    jobs_option,
+    omega_option,
+    processes,
+    unstable_option,
+)
 from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.files import printable, write_text
 from tippedisk_verify.model.results import result_lines
@@ -22,14 +36,11 @@ if TYPE_CHECKING:
 __all__ = ["COMMANDS"]
 
 
-@command
-def equilibria(
-    common: Common, every_speed: bool = False, omega: str | None = None, below_crit: str | None = None
-) -> dict[str, Any]:
-    """Prove eigenvalues and stability of inverted and noninverted spinning (both friction laws).
-
-    --every-speed  Prove stability at every speed instead, and Omega_crit.
-    """
+@disk_command("Prove eigenvalues and stability of inverted and noninverted spinning (both friction laws).")
+@click.option("--every-speed", is_flag=True, help="Prove stability at every speed instead, and Omega_crit.")
+@omega_option
+@below_crit_option
+def equilibria(common: Common, every_speed: bool, omega: str | None, below_crit: str | None) -> dict[str, Any]:
     prover, digits = common.disk.certify, common.digits
     if every_speed:
         if omega is not None or below_crit is not None:
@@ -40,37 +51,37 @@ def equilibria(
     return {"proved": True, **{name: prover.equilibrium(name, speed, digits=digits).to_dict() for name in names}}
 
 
-@command
+@disk_command("Prove the Hopf point: where it is, its normal form, and on which side the limit cycles are.")
 def hopf(common: Common) -> dict[str, Any]:
-    """Prove the Hopf point: where it is, its normal form, and on which side the limit cycles are."""
     return {"proved": True, **common.disk.certify.hopf(digits=common.digits).to_dict()}
 
 
-@command
+@disk_command("Prove one limit cycle: existence, uniqueness nearby, its numbers, its stability.")
+@click.option(
+    "--guess",
+    nargs=2,
+    metavar="GAMMA_BAR V",
+    help="Start from this state [rad, rad/s] at beta = pi/2; of a rotating cycle beta_bar and v at gamma = pi/2.",
+)
+@click.option("--rotating", is_flag=True, help="The cycle on which gamma grows by 2 pi a period.")
+@unstable_option
+@click.option("--at-fold", is_flag=True, help="Prove a fold of the family: two of its cycles meet there and end.")
+@click.option("--fold", type=int, metavar="N", help="Its number, if there are several.")
+@certificate_option
+@omega_option
+@below_crit_option
 def orbit(
     common: Common,
-    guess: tuple[str, str] | None = None,
-    rotating: bool = False,
-    unstable: bool = False,
-    at_fold: bool = False,
-    fold: int | None = None,
-    radius: str | None = None,
-    certificate: Path | None = None,
-    omega: str | None = None,
-    below_crit: str | None = None,
+    guess: tuple[str, str] | None,
+    rotating: bool,
+    unstable: bool,
+    at_fold: bool,
+    fold: int | None,
+    certificate: Path | None,
+    omega: str | None,
+    below_crit: str | None,
 ) -> Any:
-    """Prove one limit cycle: existence, uniqueness nearby, its numbers, its stability.
-
-    --guess GAMMA_BAR V  Start from this state [rad, rad/s] at beta = pi/2; of a rotating cycle beta_bar and v at
-        gamma = pi/2.
-    --rotating  The cycle on which gamma grows by 2 pi a period.
-    --at-fold  Prove a fold of the family: two of its cycles meet there and end.
-    --fold N  Its number, if there are several.
-    --radius R  Prove the cycles of all speeds within R [rad/s] at once; numbers become ranges.
-    """
     prover, digits = common.disk.certify, common.digits
-    if radius is not None and (rotating or at_fold):
-        raise InputError("--radius belongs to librating cycles, and not to a fold: leave out --rotating and --at-fold")
     if fold is not None and not at_fold:
         raise InputError("--fold belongs to --at-fold")
     if at_fold:
@@ -78,20 +89,24 @@ def orbit(
             raise InputError("--at-fold finds the speed itself: leave out the other options")
         return _written(prover.fold(fold, rotating=rotating, digits=digits), certificate)
     speed, how = common.speed(omega, below_crit), {"stable": False if unstable else None, "guess": guess}
-    if radius is not None:
-        return _written(prover.limit_cycles(speed, radius, **how), certificate)
     return _written(prover.limit_cycle(speed, rotating=rotating, digits=digits, **how), certificate)
 
 
-@command
-def heteroclinic(
-    common: Common, near: str | None = None, cycles: str | None = None, certificate: Path | None = None
-) -> Any:
-    """Prove Omega_h in an interval no longer than 10^-DIGITS, and that it is the only one there.
-
-    --near X  Prove it about this speed [rad/s]; about the computed Omega_h if not given.
-    --cycles D  Prove also the limit cycle of every speed up to D [rad/s] above Omega_h (rounded to 4 decimals).
-    """
+@disk_command("Prove Omega_h in an interval no longer than 10^-DIGITS, and that it is the only one there.")
+@click.option(
+    "--near",
+    callback=decimal,
+    metavar="X",
+    help="Prove it about this speed [rad/s]; about the computed Omega_h if not given.",
+)
+@click.option(
+    "--cycles",
+    callback=decimal,
+    metavar="D",
+    help="Prove also the limit cycle of every speed up to D [rad/s] above Omega_h (rounded to 4 decimals).",
+)
+@certificate_option
+def heteroclinic(common: Common, near: str | None, cycles: str | None, certificate: Path | None) -> Any:
     prover, how = common.disk.certify, {"digits": common.digits, "progress": not common.quiet}
     if cycles is None:
         return _written(prover.heteroclinic(near, **how), certificate)
@@ -107,21 +122,17 @@ def _written(proof: Any, certificate: Path | None) -> Any:
     return proof
 
 
-@command
-def branch(
-    common: Common,
-    to: str | None = None,
-    out: str | None = None,
-    certificate: Path | None = None,
-    jobs: int | None = None,
-) -> int:
+@disk_command(
     """Prove the family of limit cycles from the Hopf point to the heteroclinic cycle: one curve, stable, Omega falls.
 
-    It takes some 6 minutes of CPU. `branch --proved` proves the cycles at single speeds one by one.
-
-    --to X  Only to this gamma_bar_0 [rad], without the end at Omega_h.
-    --out DIR  Write a picture of what is proved there.
+    It takes some 6 minutes of CPU.
     """
+)
+@click.option("--to", callback=decimal, metavar="X", help="Only to this gamma_bar_0 [rad], without the end at Omega_h.")
+@click.option("--out", metavar="DIR", help="Write a picture of what is proved there.")
+@certificate_option
+@jobs_option
+def branch(common: Common, to: str | None, out: str | None, certificate: Path | None, jobs: int | None) -> int:
 
     def workers(several: bool) -> Any:
         return processes(jobs, needed=several)
@@ -141,13 +152,15 @@ def branch(
     return 0 if proof.proved else 1
 
 
-@command
-@click.argument("file")
-def check(output: Output, file: str, jobs: int | None = None) -> int:
+@command(
     """Replay a certificate: its choices are tested again, without the search that found them.
 
     A family of limit cycles takes some four minutes of CPU, all else less than one.
     """
+)
+@click.argument("file")
+@jobs_option
+def check(output: Output, file: str, jobs: int | None) -> int:
     from tippedisk_verify.proofs.kernel import claims
 
     def mapped(shown: Callable[[Any], Any], arcs: Sequence[Any]) -> Iterator[Any]:

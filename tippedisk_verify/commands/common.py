@@ -1,8 +1,7 @@
-"""What the commands share: options, which are written in their docstrings, progress, printing, and processes."""
+"""What the commands share: options and what is checked of them, progress, printing, and processes."""
 
 from __future__ import annotations
 
-import inspect
 import json
 import os
 import re
@@ -13,54 +12,53 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import wraps
+from functools import partial, wraps
 from itertools import zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from tippedisk_verify.commands.help import load_quantities
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.files import file_ending_in, output_file, sole_writer
 from tippedisk_verify.interrupts import undoing
 from tippedisk_verify.model.results import result_lines
+from tippedisk_verify.model.surroundings import undisturbed
 from tippedisk_verify.parallel import usable_cores
 from tippedisk_verify.progress import Advance, progress_of
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
 
-__all__ = ["Common", "Output", "alone_in", "checked_jobs", "command", "group", "processes", "table", "workers_of"]
+__all__ = [
+    "Common",
+    "Output",
+    "alone_in",
+    "at_a_speed",
+    "below_crit_option",
+    "certificate_option",
+    "checked",
+    "checked_jobs",
+    "command",
+    "decimal",
+    "disk_command",
+    "file_for",
+    "group",
+    "jobs_option",
+    "known_executor",
+    "levels",
+    "omega_option",
+    "processes",
+    "rotating_option",
+    "table",
+    "unstable_option",
+    "workers_of",
+]
 
 _FEWEST_OFFERED = 16  # processes, each with a memory of its own
+Check = Callable[[click.Context, click.Parameter, Any], Any]  #: click's callback of an option
 _BETWEEN_WORDS: dict[str, Any] = {"break_long_words": False, "break_on_hyphens": False}
-#: Options that several commands have; a command takes those that its parameters name.
-_SHARED = """
---omega X  The spinning speed [rad/s].
---below-crit D  Omega_crit - D [rad/s].
---rotating  The rotating cycles, on which gamma grows by 2 pi a period.
---unstable  The unstable one, where a stable one has the same speed.
---executor serial|local|dask://HOST:PORT  One process, all cores of this machine, or a cluster.
---jobs N  Processes; as many as there are cores if not given.
---certificate FILE.json  Write what `certify check FILE.json` needs to prove it again.
---parameters NAME|FILE.toml  table1, calibrated, geometry, or a TOML file of decimals.
---friction linear|smooth  The friction law.
---digits N  Significant digits of each main result, at least.
---json  One JSON object on standard output.
---quiet  No progress and no table.
---set NAME  table1 or calibrated; both if not given.
---levels N-M  Levels of difficulty, such as 1-3,7; all ten if not given.
---states N  Fresh questions instead: N drawn states, ten to a drawn disk.
---seed S  What they are drawn from; 0 if not given.
---from decimals|doubles  What answers that do not say so were computed from.
---html FILE.html|.htm  Write a page with all grades there.
---csv FILE.csv  Write the grades by quantity there.
---badge FILE.svg  Write a picture there that says which levels agree.
---require N-M  Exit with 1 if one of these levels has no answer or a wrong one.
---expected-failures FILE  Ids that may fail, one to a line, * for any characters; exit with 1 if others do.
-"""
-_LINE = re.compile(r"^--([\w-]+)(?: (\S+(?: \S+)*))?  +(.+)$")
-_TYPES = {"int": int, "float": float}
 
 
 # ------------------------------------------------------------------------------------------ what a command is asked
@@ -83,6 +81,8 @@ class Output:
         if self.json:
             click.echo(json.dumps(result, indent=1))
         elif not self.quiet:
+            if lines is None:
+                load_quantities()
             for line in map(str, result_lines(result) if lines is None else lines):
                 indent = " " * (len(line) - len(line.lstrip()) + 4)
                 parts = textwrap.wrap(line, _width(), subsequent_indent=indent, **_BETWEEN_WORDS)
@@ -111,87 +111,26 @@ class Common(Output):
         return self.disk.speed(omega, below_crit=below_crit, digits=self.digits)  # type: ignore[no-any-return]
 
 
-# ------------------------------------------------------------------------------------------ options
-def command(function: Callable[..., Any]) -> click.Command:
-    """The command that a function is: its first parameter is a `Common` or an `Output`, the others are options.
-
-    Those are described in its docstring, a line ``--name METAVAR  text`` each, or in `_SHARED`; type and default are
-    the parameter's, and `_check` makes of the text what it stands for. ``omega: Fraction`` is the speed, from --omega
-    or --below-crit; keywords without names are what may be asked for beside grades. What has no line is an argument,
-    which a decorator below this one declares. What the function returns is shown, unless it is an exit status.
-    """
-    says, described = _described(inspect.cleandoc(function.__doc__ or ""))
-    (_, first), *others = inspect.signature(function).parameters.items()
-    by_speed = any(one.annotation == "Fraction" for _, one in others)
-    has_disk = first.annotation == "Common"
-
-    @wraps(function)
-    def checked(**options: Any) -> int:
-        output = Output(options.pop("json"), options.pop("quiet"))
-        if has_disk:
-            from tippedisk_verify.disk import Disk
-            from tippedisk_verify.model.precision import checked_digits
-
-            disk = Disk(options.pop("parameters"), friction=options.pop("friction"))
-            output = Common(output.json, output.quiet, disk, checked_digits(options.pop("digits")))
-            if by_speed:
-                options["omega"] = output.speed(options["omega"], options.pop("below_crit"))
-        return output.finish(function(output, **options))
-
-    known = _described(_SHARED)[1] | described
-    params = list(reversed(getattr(function, "__click_params__", [])))
-    for name, one in others:
-        if one.kind is one.VAR_KEYWORD or one.annotation == "Fraction":
-            names = _GRADING if one.kind is one.VAR_KEYWORD else ("omega", "below_crit")
-            params += [_option(name, *known[name], "str", None) for name in names]
-        elif name.rstrip("_") in known:
-            params.append(_option(name, *known[name.rstrip("_")], str(one.annotation), one.default))
-    params += [_option(name, *known[name], *told) for name, told in (_ABOUT if has_disk else _EVERY).items()]
-    return click.Command(function.__name__.rstrip("_").replace("_", "-"), params=params, callback=checked, help=says)
+# ------------------------------------------------------------------------------------------ what options take
+def checked(check: Callable[[Any], Any]) -> Check:
+    """Return the callback of an option whose value is what ``check`` returns; that raises InputError for nonsense."""
+    return lambda context, option, value: None if value is None else check(value)
 
 
-_GRADING = ("html", "csv", "badge", "require", "expected_failures")
-#: Types and defaults of the options that all commands have, and those about a disk.
-_EVERY = {"json": ("bool", False), "quiet": ("bool", False)}
-_ABOUT = {"parameters": ("str", "table1"), "friction": ("str", "linear"), "digits": ("int", 12)} | _EVERY
+def decimal(context: click.Context, option: click.Parameter, value: str | None) -> str | None:
+    """The text of a decimal, which stays a text: no value passes through a double. Raises InputError for any other."""
+    from tippedisk_verify.model.exact import exact
+
+    try:
+        exact("0" if value is None else value)
+    except InputError as fault:
+        raise InputError(f"{option.opts[0]}: {fault}") from None
+    return value
 
 
-def group(name: str, says: str, *commands: click.Command) -> click.Group:
-    """A group of commands, which prints its help when it is called by itself."""
-
-    def helped() -> None:
-        context = click.get_current_context()
-        if context.invoked_subcommand is None:
-            click.echo(context.get_help())
-
-    return click.Group(name, commands, callback=helped, invoke_without_command=True, help=says)
-
-
-def _described(docstring: str) -> tuple[str, dict[str, tuple[str, str | None, str]]]:
-    """A docstring without its lines of options, and these by parameter: name, metavar and text of each."""
-    lines = docstring.splitlines()
-    first = next((n for n, line in enumerate(lines) if line.startswith("--")), len(lines))
-    told = re.findall(r"^--.*(?:\n .*)*", "\n".join(lines[first:]), re.MULTILINE)
-    options = [_LINE.fullmatch(re.sub(r"\n +", " ", one)) for one in told]
-    by_name = {one[1].replace("-", "_"): (one[1], one[2], one[3]) for one in options if one}
-    return "\n".join(lines[:first]).strip(), by_name
-
-
-def _option(parameter: str, name: str, metavar: str | None, text: str, kind: str, default: Any) -> click.Option:
-    required = default is inspect.Parameter.empty
-    return click.Option(
-        [f"--{name}", parameter],
-        type=_TYPES.get(kind.removesuffix(" | None")),
-        default=None if required else default,
-        required=required,
-        show_default=not required and default not in (None, False, "", ()),
-        is_flag=metavar is None,
-        multiple=kind.startswith("tuple[str, ..."),
-        nargs=len(metavar.split()) if metavar else 1,
-        metavar=metavar,
-        help=text,
-        callback=_check(parameter, metavar or ""),
-    )
+def file_for(*endings: str) -> Check:
+    """Return the callback of an option that names a file to write; its name ends in one of these."""
+    return checked(lambda text: file_ending_in(text, *endings))
 
 
 def checked_jobs(jobs: int | None) -> int | None:
@@ -202,7 +141,8 @@ def checked_jobs(jobs: int | None) -> int | None:
     return jobs
 
 
-def _known_executor(executor: str) -> str:
+def known_executor(executor: str) -> str:
+    """The name of an executor. Raises InputError for any other text."""
     if executor not in ("serial", "local") and not executor.startswith("dask://"):
         raise InputError(f"executor '{executor[:60]}' is not known: use serial, local or dask://HOST:PORT")
     return executor
@@ -223,36 +163,112 @@ def _levels(text: str) -> tuple[int, ...]:
     return tuple(sorted(levels))
 
 
-def _known_reading(reading: str) -> str:
-    if reading not in ("decimals", "doubles"):
-        raise InputError(f"--from says decimals or doubles, not '{reading!s:.40}'")
-    return reading
+levels = checked(_levels)
+
+# ------------------------------------------------------------------------------------------ options
+_OUTPUT = (
+    click.Option(["--json"], is_flag=True, help="One JSON object on standard output."),
+    click.Option(["--quiet"], is_flag=True, help="No progress and no table."),
+)
+_ABOUT_A_DISK = (
+    click.Option(
+        ["--parameters"],
+        default="table1",
+        show_default=True,
+        metavar="NAME|FILE.toml",
+        help="table1, calibrated, geometry, or a TOML file of decimals.",
+    ),
+    click.Option(
+        ["--friction"], default="linear", show_default=True, metavar="linear|smooth", help="The friction law."
+    ),
+    click.Option(
+        ["--digits"],
+        type=int,
+        default=12,
+        show_default=True,
+        metavar="N",
+        help="Significant digits of each main result, at least.",
+    ),
+)
+
+omega_option = click.option("--omega", callback=decimal, metavar="X", help="The spinning speed [rad/s].")
+below_crit_option = click.option("--below-crit", callback=decimal, metavar="D", help="Omega_crit - D [rad/s].")
+rotating_option = click.option(
+    "--rotating", is_flag=True, help="The rotating cycles, on which gamma grows by 2 pi a period."
+)
+unstable_option = click.option(
+    "--unstable", is_flag=True, help="The unstable one, where a stable one has the same speed."
+)
+jobs_option = click.option(
+    "--jobs",
+    type=int,
+    metavar="N",
+    callback=checked(checked_jobs),
+    help="Processes; as many as there are cores if not given.",
+)
+certificate_option = click.option(
+    "--certificate",
+    callback=checked(output_file),
+    metavar="FILE.json",
+    help="Write what `certify check FILE.json` needs to prove it again.",
+)
 
 
-def _decimal(option: str, text: str) -> str:
-    """The text of a decimal, which stays one. Raises InputError, with the option's name, for what is none."""
-    from tippedisk_verify.model.exact import exact
+def at_a_speed(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Decorate a command with --omega and --below-crit; it takes ``omega``, the exact rational [rad/s] of either."""
 
-    try:
-        exact(text)
-    except InputError as fault:
-        raise InputError(f"{option}: {fault}") from None
-    return text
+    @wraps(function)
+    def with_speed(common: Common, omega: str | None, below_crit: str | None, **options: Any) -> Any:
+        return function(common, omega=common.speed(omega, below_crit), **options)
 
-
-_CHECKS: dict[str, Callable[[Any], Any]] = {
-    "jobs": checked_jobs, "executor": _known_executor, "certificate": output_file, "from_": _known_reading,
-    "levels": _levels, "require": _levels,
-}  # fmt: skip
+    return omega_option(below_crit_option(with_speed))
 
 
-def _check(parameter: str, metavar: str) -> Callable[[click.Context, click.Parameter, Any], Any]:
-    """What makes an option's value of its text, or raises InputError; FILE.x|.y is where a file of that kind may go."""
-    endings = re.findall(r"\.\w+", metavar) if metavar.startswith("FILE.") else []
-    if metavar in ("X", "D", "R"):
-        return lambda context, option, value: None if value is None else _decimal(option.opts[0], value)
-    check = _CHECKS.get(parameter) or (lambda value: file_ending_in(value, *endings) if endings else value)
-    return lambda context, option, value: None if value is None else check(value)
+def command(says: str) -> Callable[[Callable[..., Any]], click.Command]:
+    """Make a command of a function that takes an `Output` and what the decorators below this one declare.
+
+    ``says`` is its help. What the function returns is shown, unless it is an exit status.
+    """
+    return partial(_command, says, _OUTPUT, Output)
+
+
+def disk_command(says: str) -> Callable[[Callable[..., Any]], click.Command]:
+    """Make a command about one disk, as `command` does, of a function that takes a `Common`."""
+    return partial(_command, says, (*_ABOUT_A_DISK, *_OUTPUT), _common)
+
+
+def _command(
+    says: str, shared: Sequence[click.Option], shown_by: Callable[..., Output], function: Callable[..., Any]
+) -> click.Command:
+    names = [option.name for option in shared]
+
+    @wraps(function)
+    @undisturbed
+    def run(**options: Any) -> int:
+        output = shown_by(**{str(name): options.pop(str(name)) for name in names})
+        return output.finish(function(output, **options))
+
+    params = [*reversed(getattr(function, "__click_params__", [])), *shared]
+    name = function.__name__.rstrip("_").replace("_", "-")
+    return click.Command(name, params=params, callback=run, help=says)
+
+
+def _common(parameters: str, friction: Any, digits: int, json: bool, quiet: bool) -> Common:
+    from tippedisk_verify.disk import Disk
+    from tippedisk_verify.model.precision import checked_digits
+
+    return Common(json, quiet, Disk(parameters, friction=friction), checked_digits(digits))
+
+
+def group(name: str, says: str, *commands: click.Command) -> click.Group:
+    """A group of commands, which prints its help when it is called by itself."""
+
+    def helped() -> None:
+        context = click.get_current_context()
+        if context.invoked_subcommand is None:
+            click.echo(context.get_help())
+
+    return click.Group(name, commands, callback=helped, invoke_without_command=True, help=says)
 
 
 # ------------------------------------------------------------------------------------------ output
@@ -289,7 +305,7 @@ def alone_in(out: str | None) -> Path | None:
 def processes(jobs: int | None, *, needed: bool = True, beside: bool = False) -> Iterator[Executor | None]:
     """A pool of fresh processes, or None where one process does (unless it is to work beside this) or none is needed.
 
-    Ctrl-C and HUP reach this process only, and the pool ends with it, however it ends. Raises InputError for a number
+    Ctrl-C reaches this process only, and the pool ends with it, however it ends. Raises InputError for a number
     of processes that makes no sense.
     """
     workers = checked_jobs(jobs) or usable_cores()

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import reduce
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from tippedisk_verify.commands.common import Output, alone_in, command, group
+from tippedisk_verify.commands.common import Output, alone_in, checked, command, file_for, group, levels
 from tippedisk_verify.commands.conformance_sources import client, grader, guide
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.files import file_ending_in, printable, read_text, write_text
@@ -30,24 +31,81 @@ _UNWRAPPED = 100_000  # characters of a line in a file, more than any has
 _LARGEST = 64_000_000  # bytes of a file that --csv may replace
 
 
-@command
-@click.argument("file", metavar="[FILE.csv|FILE.json]", required=False)
-def questions(
-    output: Output,
-    file: str | None,
-    set_: tuple[str, ...] = (),
-    friction: tuple[str, ...] = (),
-    levels: tuple[int, ...] | None = None,
-    states: int | None = None,
-    seed: int | None = None,
-) -> int:
+def _known_reading(reading: str) -> str:
+    if reading not in ("decimals", "doubles"):
+        raise InputError(f"--from says decimals or doubles, not '{reading!s:.40}'")
+    return reading
+
+
+def _together(*options: Callable[[Any], Any]) -> Callable[[Any], Any]:
+    """Return several options as one decorator."""
+    return lambda function: reduce(lambda made, option: option(made), reversed(options), function)
+
+
+_question_options = _together(
+    click.option("--set", "set_", multiple=True, metavar="NAME", help="table1 or calibrated; both if not given."),
+    click.option("--friction", multiple=True, metavar="linear|smooth", help="One law only."),
+    click.option(
+        "--levels", callback=levels, metavar="N-M", help="Levels of difficulty, such as 1-3,7; all ten if not given."
+    ),
+    click.option(
+        "--states", type=int, metavar="N", help="Fresh questions instead: N drawn states, ten to a drawn disk."
+    ),
+    click.option("--seed", type=int, metavar="S", help="What they are drawn from; 0 if not given."),
+)
+_from_option = click.option(
+    "--from",
+    "from_",
+    callback=checked(_known_reading),
+    metavar="decimals|doubles",
+    help="What answers that do not say so were computed from.",
+)
+_grading_options = _together(
+    click.option(
+        "--html",
+        callback=file_for(".html", ".htm"),
+        metavar="FILE.html|.htm",
+        help="Write a page with all grades there.",
+    ),
+    click.option("--csv", callback=file_for(".csv"), metavar="FILE.csv", help="Write the grades by quantity there."),
+    click.option(
+        "--badge",
+        callback=file_for(".svg"),
+        metavar="FILE.svg",
+        help="Write a picture there that says which levels agree.",
+    ),
+    click.option(
+        "--require",
+        callback=levels,
+        metavar="N-M",
+        help="Exit with 1 if one of these levels has no answer or a wrong one.",
+    ),
+    click.option(
+        "--expected-failures",
+        metavar="FILE",
+        help="Ids that may fail, one to a line, * for any characters; exit with 1 if others do.",
+    ),
+)
+
+
+@command(
     """Write an answer sheet, to FILE or to standard output: inputs only, easiest first.
 
     With --states the questions are drawn, on every machine the same ones from the same seed. Their ids hold the seed,
     and `grade` computes the truths anew, with half-widths that hold them.
-
-    --friction linear|smooth  One law only.
     """
+)
+@click.argument("file", metavar="[FILE.csv|FILE.json]", required=False)
+@_question_options
+def questions(
+    output: Output,
+    file: str | None,
+    set_: tuple[str, ...],
+    friction: tuple[str, ...],
+    levels: tuple[int, ...] | None,
+    states: int | None,
+    seed: int | None,
+) -> int:
     from tippedisk_verify.conformance.sheet import questions as asked
     from tippedisk_verify.conformance.sheet import sheet_csv, sheet_json
     from tippedisk_verify.reference_values.store import stored
@@ -81,14 +139,17 @@ def _refuse_filled_in(target: Path, store: Store) -> None:
         raise InputError(f"{target} has {given} answers: give the questions another name, or remove it")
 
 
-@command
-@click.argument("file", metavar="FILE")
-def grade(output: Output, file: str, from_: str | None = None, **grading: Any) -> int:
+@command(
     """Grade the answers of a sheet, by level, and name the likely mistake at the first level that fails.
 
     A sheet is what `conformance questions` wrote, or any CSV with the columns id and answer. The exit status is 0
     whatever the grades, a poor one being a result, unless --require or --expected-failures ask for more.
     """
+)
+@click.argument("file", metavar="FILE")
+@_from_option
+@_grading_options
+def grade(output: Output, file: str, from_: str | None, **grading: Any) -> int:
     from tippedisk_verify.conformance.grading import graded
 
     with output.progress() as advance:
@@ -98,31 +159,40 @@ def grade(output: Output, file: str, from_: str | None = None, **grading: Any) -
     return wanted.report(output, store, asked, graded(answers, store), answers, printable(Path(file).name))
 
 
-@command
-@click.argument("command", nargs=-1, required=True, metavar="-- PROGRAM [ARGUMENT]...")
-def run(
-    output: Output,
-    command: tuple[str, ...],
-    set_: tuple[str, ...] = (),
-    friction: tuple[str, ...] = (),
-    levels: tuple[int, ...] | None = None,
-    states: int | None = None,
-    seed: int | None = None,
-    limit: float = 100.0,
-    out: str | None = None,
-    from_: str | None = None,
-    **grading: Any,
-) -> int:
+@command(
     """Ask a program over its standard input and output, one JSON object a line, and grade and time it.
 
     `docs/protocol.md` says what a line holds. A program that hangs or dies is graded on what it answered. The exit
     status is 0 whatever the grades, unless --require or --expected-failures ask for more. With --states the questions
     are drawn, and their truths computed first: in a few seconds, or in a quarter of a minute with all levels.
-
-    --friction linear|smooth  One law only.
-    --limit SECONDS  How long an answer may take; a limit cycle in plain Python with SciPy takes seven.
-    --out DIR  Write answers and grades there.
     """
+)
+@click.argument("command", nargs=-1, required=True, metavar="-- PROGRAM [ARGUMENT]...")
+@_question_options
+@click.option(
+    "--limit",
+    type=float,
+    default=100.0,
+    show_default=True,
+    metavar="SECONDS",
+    help="How long an answer may take; a limit cycle in plain Python with SciPy takes seven.",
+)
+@click.option("--out", metavar="DIR", help="Write answers and grades there.")
+@_from_option
+@_grading_options
+def run(
+    output: Output,
+    command: tuple[str, ...],
+    set_: tuple[str, ...],
+    friction: tuple[str, ...],
+    levels: tuple[int, ...] | None,
+    states: int | None,
+    seed: int | None,
+    limit: float,
+    out: str | None,
+    from_: str | None,
+    **grading: Any,
+) -> int:
     from tippedisk_verify.conformance.dialogue import started
     from tippedisk_verify.conformance.interview import Interview
     from tippedisk_verify.conformance.sheet import questions as chosen
@@ -170,15 +240,17 @@ def run(
     return wanted.report(output, store, asked, interview.grades, answers, source, broke_off, **told)
 
 
-@command
-@click.argument("old", metavar="OLD")
-@click.argument("new", metavar="NEW")
-def compare(output: Output, old: str, new: str, from_: str | None = None) -> int:
+@command(
     """Say which answers lost or gained a digit or more between two sheets of one program.
 
     Digits of doubles beyond the fourteenth are rounding, and do not count. The exit status is 1 if an answer that
     passed does not any more, or is gone.
     """
+)
+@click.argument("old", metavar="OLD")
+@click.argument("new", metavar="NEW")
+@_from_option
+def compare(output: Output, old: str, new: str, from_: str | None) -> int:
     from tippedisk_verify.conformance.grading import graded
     from tippedisk_verify.conformance.regression import changes
 

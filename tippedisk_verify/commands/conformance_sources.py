@@ -24,17 +24,15 @@ CLIENTS = {
 GRADERS = {"javascript": "grade.mjs", "octave": "tippedisk_grade.m"}
 
 
-@command
+@command("Print a program that answers a sheet; `octave` is MATLAB as well, and `auto` continues cycles in AUTO-07p.")
 @click.argument("language", metavar="|".join(CLIENTS))
 def client(output: Output, language: str) -> int:
-    """Print a program that answers a sheet; `octave` is MATLAB as well, and `auto` continues cycles in AUTO-07p."""
     return _printed(output, language, CLIENTS)
 
 
-@command
+@command("Print a program in this language that grades answers by the reference data's table.")
 @click.argument("language", metavar="|".join(GRADERS))
 def grader(output: Output, language: str) -> int:
-    """Print a program in this language that grades answers by the reference data's table."""
     return _printed(output, language, GRADERS)
 
 
@@ -46,9 +44,8 @@ def _printed(output: Output, language: str, files: dict[str, str]) -> int:
     return 0
 
 
-@command
+@command("Print how to have an implementation graded: the pages docs/grading*.md.")
 def guide(output: Output) -> int:
-    """Print how to have an implementation graded: the pages docs/grading*.md."""
     packed = FOLDER.parent / "guide"
     pages = sorted((packed if packed.exists() else FOLDER.parents[2] / "docs").glob("grading*.md"))
     text = "\n".join(page.read_text(encoding="utf-8") for page in pages)

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
+from importlib import import_module
 from textwrap import wrap
 
 import click
 
 from tippedisk_verify.model.results import COORDINATES, Quantity, heading, quantities
 
-__all__ = ["EXAMPLES", "Cli", "complaint"]
+__all__ = ["EXAMPLES", "Cli", "load_quantities"]
 
 #: Of each command two examples, cheap ones first; what they write is named so that it can be written anywhere.
 EXAMPLES: dict[str, tuple[str, str]] = {
@@ -21,7 +21,7 @@ EXAMPLES: dict[str, tuple[str, str]] = {
         "--omega 31 --state 1,2,0 --time 2 --out m.csv",
     ),
     "equilibria": ("--omega 30.4", "--below-crit 0.5 --digits 30"),
-    "hopf": ("--digits 50", "--bautin A"),
+    "hopf": ("--digits 50", "--parameters calibrated"),
     "slow-manifold": ("--order 3", "--order 2 --omega 30.4 --beta 1.2 --gamma 0.3"),
     "orbit": ("--below-crit 0.5", "--rotating --omega 30.0388"),
     "harmonic-balance": ("--below-crit 0.5", "--omega 30.8 --digits 30"),
@@ -48,7 +48,6 @@ EXAMPLES: dict[str, tuple[str, str]] = {
     "certify heteroclinic": ("--digits 10", "--certificate omega_h.json"),
     "certify branch": ("--to 0.5", "--certificate family.json"),
     "certify check": ("cycle.json", "omega_h.json --jobs 1"),
-    "atlas": ("--points 20", "--plane A,Omega --out atlas"),
     "sweep": (
         "hopf --over mu=0.2,0.3,0.4 --out hopf.csv",
         "orbit --over below-crit=0.1:0.7:7 --out cycles.csv",
@@ -56,30 +55,18 @@ EXAMPLES: dict[str, tuple[str, str]] = {
     "bench": ("--only cycle", "--out bench"),
     "stress": ("--list", "--quick"),
 }
-_MAKE = "'python reference_data/make', in a checkout of the source"
-#: Commands and options that there were, and what takes their place.
-_GONE = {
-    "reference generate": f"reference generate is now {_MAKE}",
-    "reference prove": f"reference prove is now {_MAKE}",
-    "certify table": "certify table is now 'certify hopf'",
-    "certify branch --executor": "certify branch has no --executor any more: it takes minutes on one machine",
-    "certify branch --box": "certify branch has no --box any more: it proves the family of one disk",
-    "certify heteroclinic --none-between": "certify heteroclinic has no --none-between any more",
-    "basin --proved": "basin has no --proved any more: 'basin --margin' says how far a start is from the boundary",
-}
 _CYCLES = ("cycles.limit_cycle", "Cycle", "LimitCycle", "RotatingCycle")
 #: The classes of what a command prints, each as its module and names there, or names of coordinates.
 _PRINTED: dict[str, tuple[tuple[str, ...], ...]] = {
     "integrate": (("", "beta", "gamma", "v"),),
     "equilibria": (("", "beta", "gamma", "v"), ("theory.equilibria", "Equilibrium")),
-    "hopf": (("theory.hopf", "HopfPoint"), ("theory.bautin", "BautinPoint")),
+    "hopf": (("theory.hopf", "HopfPoint"),),
     "slow-manifold": (("", "beta", "gamma"), ("theory.slow_manifold", "SlowManifold")),
     "orbit": (_CYCLES, ("cycles.folds", "Fold")),
     "harmonic-balance": (("cycles.spectral", "BalancedCycle"),),
     "branch": (_CYCLES,),
     "basin": (("", "margin"),),
     "heteroclinic": (("connection.heteroclinic", "Heteroclinic"),),
-    "atlas": (("atlas.plane", "CurvePoint"),),
 }
 
 
@@ -122,24 +109,23 @@ def _sentence(command: click.Command) -> str:
 def _defined(path: str) -> list[str]:
     known: dict[str, Quantity] = {}
     for module, *names in _PRINTED.get(path, ()):
-        of_class = quantities(module, *names) if module else {name: COORDINATES[name] for name in names}
-        known = known | {name: what for name, what in of_class.items() if name not in known}
+        for name in names:
+            if module:
+                found = quantities(getattr(import_module(f"tippedisk_verify.{module}"), name))
+            else:
+                found = {name: COORDINATES[name]}
+            known |= {each: what for each, what in found.items() if each not in known}
     told = [f"{heading(name)}: {what.meaning}" for name, what in known.items()]
     lines = [line for one in told for line in wrap(one, 76, initial_indent="    ", subsequent_indent="        ")]
     return ["Quantities (± is a half-width that holds the true value):", *lines] if told else []
 
 
+def load_quantities() -> None:
+    """Load all classes whose numbers are printed, so that each name has its unit whatever was computed."""
+    for module in {module for printed in _PRINTED.values() for module, *_ in printed if module}:
+        import_module(f"tippedisk_verify.{module}")
+
+
 def _examples(path: str) -> list[str]:
     lines = [f"  tippedisk-verify {path} {words}".rstrip() for words in EXAMPLES.get(path, ())]
     return ["Examples:", *lines] if lines else []
-
-
-def complaint(fault: click.ClickException) -> str:
-    """What is wrong with a command line, in a sentence; of what there was once, what takes its place."""
-    said = fault.format_message()
-    if not isinstance(fault, click.UsageError) or fault.ctx is None:
-        return said
-    names, context = re.findall(r"^No such (?:option|command)[: ]+'?([\w-]+)", said), fault.ctx
-    while context.parent is not None:
-        names, context = [str(context.info_name), *names], context.parent
-    return _GONE.get(" ".join(names), said)

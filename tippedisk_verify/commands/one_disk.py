@@ -7,13 +7,29 @@ from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tippedisk_verify.commands.common import Common, alone_in, command, processes, table
+import click
+
+from tippedisk_verify.commands.common import (
+    Common,
+    alone_in,
+    at_a_speed,
+    below_crit_option,
+    decimal,
+    disk_command,
+    file_for,
+    jobs_option,
+    omega_option,
+    processes,
+    rotating_option,
+    table,
+    unstable_option,
+)
 from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.files import read_text, write_bytes, write_csv, write_table
 from tippedisk_verify.model.exact import exact
+from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.precision import DOUBLE
 from tippedisk_verify.model.results import heading, result_lines
-from tippedisk_verify.parallel import usable_cores
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -25,30 +41,45 @@ __all__ = ["COMMANDS", "OMEGA_H"]
 
 _MOST_TIMES = 1_000_000
 _LARGEST_FILE = 2**25  # bytes
-_PROVED_DIGITS = 12  # what the cycles have that proofs start from
+_BRANCH_DIGITS = 12  # of the cycles of a family
 _MOTION = ("t", "beta", "gamma", "v")
 _STATES = ("inverted", "noninverted")
 
 
-@command
+@disk_command("Integrate one motion, with half-widths of its states and events; at 201 even times if none are given.")
+@at_a_speed
+@click.option("--state", required=True, metavar="BETA,GAMMA,V", help="The start, such as pi/2,pi/2+0.4,0.")
+@click.option("--time", required=True, metavar="T|T0,T1", help="How long, or from when to when [s].")
+@click.option("--times", metavar="N|FILE", help="So many even times, or the first column of a file.")
+@click.option(
+    "--events",
+    default="",
+    metavar="NAME,...",
+    help="Crossings to report: section (beta = pi/2), turn (v = 0), surface (the sliding velocity is zero).",
+)
+@click.option(
+    "--max-steps",
+    default=100_000,
+    show_default=True,
+    metavar="N",
+    help="Steps that the run may take; a run that needs more ends with exit status 1.",
+)
+@click.option(
+    "--out",
+    callback=file_for(".csv", ".parquet", ".png"),
+    metavar="FILE.csv|.parquet|.png",
+    help="Write the motion with its events there, or draw it.",
+)
 def integrate(
     common: Common,
     omega: Fraction,
-    *,
     state: str,
     time: str,
-    times: str | None = None,
-    events: str = "",
-    out: Path | None = None,
+    times: str | None,
+    events: str,
+    max_steps: int,
+    out: Path | None,
 ) -> int:
-    """Integrate one motion, with half-widths of its states and events; at 201 even times if none are given.
-
-    --state BETA,GAMMA,V  The start, such as pi/2,pi/2+0.4,0.
-    --time T|T0,T1  How long, or from when to when [s].
-    --times N|FILE  So many even times, or the first column of a file.
-    --events NAME,...  Crossings to report: section (beta = pi/2), turn (v = 0), surface (the sliding velocity is zero).
-    --out FILE.csv|.parquet|.png  Write the motion with its events there, or draw it.
-    """
     ends = time.split(",")
     solution = common.disk.integrate(
         omega,
@@ -57,18 +88,24 @@ def integrate(
         t_eval=None if times is None else _times(times, ends),
         digits=common.digits,
         events=events.split(",") if events else (),
+        max_steps=max_steps,
+        progress=not common.quiet,
     )
+    if solution.note:
+        click.echo(f"note: {solution.note}", err=True)
     entries = solution.to_dict()
     rows = [dict(zip(_MOTION, row, strict=True)) for row in zip(*(entries[name] for name in _MOTION), strict=True)]
     if out is not None:
         _write_motion(solution, rows + [{**one, "event": one["name"]} for one in entries["events"]], out)
     shown = {name: entries[name] for name in ("message", "end", "events")} | ({"samples": rows} if times else {})
     common.show(entries, result_lines(shown))
-    return 0
+    return 0 if solution.success else 1
 
 
 def _times(text: str, ends: list[str]) -> list[Any]:
-    """Even ones over the run, or those in the first column of a file, below ``t`` if that stands there."""
+    """Return even times over the run, exactly, or those in the first column of a file, with or without a heading t."""
+    from tippedisk_verify.motion.solution import even_times
+
     if not text.isdecimal():
         lines = read_text(Path(text), _LARGEST_FILE).splitlines()
         column = [line.split(",")[0].strip() for line in lines if line.strip()]
@@ -76,7 +113,7 @@ def _times(text: str, ends: list[str]) -> list[Any]:
     if not 2 <= (count := int(text[:20])) <= _MOST_TIMES:
         raise InputError(f"--times is a number from 2 to {_MOST_TIMES}, or a file, not '{text[:40]}'")
     first, last = exact(ends[0] if len(ends) > 1 else 0), exact(ends[-1])
-    return [float(first + (last - first) * Fraction(n, count - 1)) for n in range(count)]
+    return even_times(first, last, count)
 
 
 def _write_motion(solution: Solution, rows: list[dict[str, Any]], target: Path) -> None:
@@ -96,55 +133,54 @@ def _write_motion(solution: Solution, rows: list[dict[str, Any]], target: Path) 
     write_table(target, lines)
 
 
-@command
+@disk_command("Compute states, eigenvalues and stability of inverted and noninverted spinning.")
+@at_a_speed
 def equilibria(common: Common, omega: Fraction) -> dict[str, Any]:
-    """Compute states, eigenvalues and stability of inverted and noninverted spinning."""
     return {name: common.disk.equilibrium(name, omega, digits=common.digits).to_dict() for name in _STATES}
 
 
-@command
-def hopf(common: Common, bautin: str | None = None) -> dict[str, Any]:
-    """Compute the Hopf point: speed, period, first Lyapunov coefficient, laws of amplitude and period.
-
-    --bautin P  Also the Bautin points, where the first Lyapunov coefficient vanishes, as P of A, B, m, r and e varies.
-    """
-    entries: dict[str, Any] = common.disk.hopf(digits=common.digits).to_dict()
-    if bautin is None:
-        return entries
-    return entries | {"bautin": [p.to_dict() for p in common.disk.bautin_points(bautin, digits=common.digits)]}
+@disk_command("Compute the Hopf point: speed, period, first Lyapunov coefficient, laws of amplitude and period.")
+def hopf(common: Common) -> Any:
+    return common.disk.hopf(digits=common.digits)
 
 
-@command
-def slow_manifold(
-    common: Common, *, order: int, omega: str | None = None, beta: str = "1.2", gamma: str = "0.3"
-) -> Any:
-    """Compute the orders of the slow manifold, their residuals, and the reduced flow.
-
-    --order N  Highest order in epsilon, 0 to 40. Above 5 it takes long: 8 some ten seconds, 12 half a minute.
-    --omega X  The spinning speed [rad/s]; Omega_crit - 0.5 if not given.
-    --beta X  Where h is taken [rad].
-    --gamma X  Where h is taken [rad].
-    """
+@disk_command("Compute the orders of the slow manifold, their residuals, and the reduced flow.")
+@click.option(
+    "--order",
+    type=int,
+    required=True,
+    metavar="N",
+    help="Highest order in epsilon, 0 to 40. Above 5 it takes long: 8 some ten seconds, 12 half a minute.",
+)
+@click.option(
+    "--omega", callback=decimal, metavar="X", help="The spinning speed [rad/s]; Omega_crit - 0.5 if not given."
+)
+@click.option("--beta", callback=decimal, default="1.2", show_default=True, metavar="X", help="Where h is taken [rad].")
+@click.option(
+    "--gamma", callback=decimal, default="0.3", show_default=True, metavar="X", help="Where h is taken [rad]."
+)
+def slow_manifold(common: Common, order: int, omega: str | None, beta: str, gamma: str) -> Any:
     return common.disk.slow_manifold(order, omega, at=(beta, gamma), digits=common.digits)
 
 
-@command
+@disk_command("Compute one limit cycle by shooting: period, state, multipliers, sensitivities.")
+@omega_option
+@below_crit_option
+@click.option("--above-het", callback=decimal, metavar="D", help="Omega_h + D [rad/s], with D as small as 1e-100.")
+@click.option("--below-het", callback=decimal, metavar="D", help="The rotating cycle at Omega_h - D [rad/s].")
+@click.option("--at-fold", is_flag=True, help="Where two cycles of the family meet and end: each of its folds.")
+@rotating_option
+@unstable_option
 def orbit(
     common: Common,
-    omega: str | None = None,
-    below_crit: str | None = None,
-    above_het: str | None = None,
-    below_het: str | None = None,
-    at_fold: bool = False,
-    rotating: bool = False,
-    unstable: bool = False,
+    omega: str | None,
+    below_crit: str | None,
+    above_het: str | None,
+    below_het: str | None,
+    at_fold: bool,
+    rotating: bool,
+    unstable: bool,
 ) -> Any:
-    """Compute one limit cycle by shooting: period, state, multipliers, sensitivities.
-
-    --above-het D  Omega_h + D [rad/s], with D as small as 1e-100.
-    --below-het D  The rotating cycle at Omega_h - D [rad/s].
-    --at-fold  Where two cycles of the family meet and end: each of its folds.
-    """
     disk, digits = common.disk, common.digits
     if rotating and above_het is not None:
         raise InputError("--above-het is for cycles that do not rotate")
@@ -167,37 +203,25 @@ def orbit(
     return disk.limit_cycle(**speeds, stable=False if unstable else None, digits=digits)
 
 
-@command
-def harmonic_balance(common: Common, omega: Fraction, harmonics: int | None = None) -> Any:
-    """Compute a limit cycle by harmonic balance of the full equations, without an integrator.
-
-    --harmonics N  Number of odd harmonics; chosen for the digits if not given.
-    """
+@disk_command("Compute a limit cycle by harmonic balance of the full equations, without an integrator.")
+@at_a_speed
+@click.option("--harmonics", type=int, metavar="N", help="Number of odd harmonics; chosen for the digits if not given.")
+def harmonic_balance(common: Common, omega: Fraction, harmonics: int | None) -> Any:
     return common.disk.harmonic_balance(omega, harmonics=harmonics, digits=common.digits)
 
 
-@command
-def branch(
-    common: Common,
-    paper_sets: bool = False,
-    omegas: str | None = None,
-    rotating: bool = False,
-    proved: bool = False,
-    out: Path | None = None,
-) -> int:
-    """Compute the family of limit cycles from Omega_crit towards Omega_h, through any folds, or the rotating ones.
-
-    --paper-sets  The paper's sets A^in and A^de: 801 speeds.
-    --omegas X,X,...  These speeds [rad/s], in this order.
-    --proved  Replace the numbers by proved enclosures, where these exist.
-    --out FILE.csv  Write the family there as CSV.
-    """
-    if common.digits > _PROVED_DIGITS:
+@disk_command(
+    "Compute the family of limit cycles from Omega_crit towards Omega_h, through any folds, or the rotating ones."
+)
+@click.option("--paper-sets", is_flag=True, help="The paper's sets A^in and A^de: 801 speeds.")
+@click.option("--omegas", metavar="X,X,...", help="These speeds [rad/s], in this order.")
+@rotating_option
+@click.option("--out", callback=file_for(".csv"), metavar="FILE.csv", help="Write the family there as CSV.")
+def branch(common: Common, paper_sets: bool, omegas: str | None, rotating: bool, out: Path | None) -> int:
+    if common.digits > _BRANCH_DIGITS:
         raise InputError(f"a branch holds at most 12 digits, not {common.digits}: ask orbit for more at single speeds")
     if paper_sets and (omegas is not None or rotating):
         raise InputError("--paper-sets are speeds of their own, without rotating cycles: leave out the other option")
-    if proved and (rotating or out is not None):
-        raise InputError("--proved is for librating cycles, and for --json: leave out --rotating and --out")
     disk, speeds, seen = common.disk, None if omegas is None else omegas.split(","), not common.quiet
     cycles: Sequence[LimitCycle | RotatingCycle]
     if rotating:
@@ -205,18 +229,8 @@ def branch(
     else:
         cycles = disk.branch(speeds, paper_sets=paper_sets, progress=seen).cycles
     if out is not None:
-        from tippedisk_verify.report.tables import write_branch
-
-        write_branch(cycles, out)
+        write_csv(out, *_family_table(cycles))
     result: dict[str, Any] = {"orbits": [cycle.to_dict() for cycle in cycles]}
-    if proved:
-        portions = max(1, min(usable_cores(), len(cycles) // 20))
-        with processes(portions) as pool:
-            how = {"digits": common.digits, "executor": pool, "portions": portions, "progress": seen}
-            proofs = disk.certify.each(cycles, **how)
-        # What is not proved keeps its measured half-widths, and says so.
-        result["orbits"] = [entries | proof for entries, proof in zip(result["orbits"], proofs, strict=True)]
-        result["share_proved"] = sum(bool(proof["proved"]) for proof in proofs) / len(proofs)
     if rotating:
         result["fold"] = disk.rotation_fold(digits=common.digits).to_dict()
     else:
@@ -226,37 +240,39 @@ def branch(
     return 0
 
 
+def _family_table(cycles: Sequence[LimitCycle | RotatingCycle]) -> tuple[list[str], list[list[object]]]:
+    """Return a header and a row for each cycle: each number with its half-width, and the stability."""
+    names = [name for name, value in vars(cycles[0]).items() if isinstance(value, Measured)]
+    header = [part for name in names for part in (name, f"{name} uncertainty")]
+    rows = [[*(part for name in names for part in getattr(cycle, name).decimals()), cycle.stable] for cycle in cycles]
+    return [*header, "stable"], rows
+
+
 def _family_lines(result: dict[str, Any]) -> Iterator[str]:
     shown = ("omega", "period", "beta_max", "multiplier_slow")
-    headings = [heading(name) for name in shown] + ["half-widths"] * ("share_proved" in result)
-    rows = (
-        [f"{float(entries[name]['value']):.12g}" for name in shown]
-        + [{True: "proved", False: "measured"}[entries["proved"]] for _ in headings[len(shown) :]]
-        for entries in result["orbits"]
-    )
-    yield from table(headings, rows)
+    rows = ([f"{float(entries[name]['value']):.12g}" for name in shown] for entries in result["orbits"])
+    yield from table([heading(name) for name in shown], rows)
     yield from result_lines({name: entry for name, entry in result.items() if name != "orbits"})
 
 
-@command
+@disk_command("Compute what each of many initial states ends on: fractions with their sampling error, and a picture.")
+@at_a_speed
+@click.option("--count", type=int, default=100_000, show_default=True, metavar="N", help="Number of initial states.")
+@click.option("--seconds", type=float, default=20.0, show_default=True, metavar="T", help="How long each runs [s].")
+@click.option("--velocity", type=float, default=0.0, show_default=True, metavar="V", help="d(beta)/dt at the start.")
+@click.option("--margin", metavar="BETA,GAMMA,V", help="Only how far this start is from the boundary, in beta [rad].")
+@click.option("--out", metavar="DIR", help="Write picture and CSV there.")
+@jobs_option
 def basin(
     common: Common,
     omega: Fraction,
-    count: int = 100_000,
-    seconds: float = 20.0,
-    velocity: float = 0.0,
-    margin: str | None = None,
-    out: str | None = None,
-    jobs: int | None = None,
+    count: int,
+    seconds: float,
+    velocity: float,
+    margin: str | None,
+    out: str | None,
+    jobs: int | None,
 ) -> Any:
-    """Compute what each of many initial states ends on: fractions with their sampling error, and a picture.
-
-    --count N  Number of initial states.
-    --seconds T  How long each runs [s].
-    --velocity V  d(beta)/dt at the start.
-    --margin BETA,GAMMA,V  Only how far this start is from the boundary, in beta [rad].
-    --out DIR  Write picture and CSV there.
-    """
     disk = common.disk
     if margin is not None:
         if len(start := margin.split(",")) != 3:
@@ -270,23 +286,25 @@ def basin(
     if folder is not None:
         from tippedisk_verify.figures.basins import draw_basins
         from tippedisk_verify.figures.style import save
-        from tippedisk_verify.report.tables import write_basins
 
         boundary = None
         with suppress(InputError, AccuracyError):  # below the rotating cycles' fold everything lies flat
             boundary = disk.basin_boundary(omega)
         save(draw_basins(plane, boundary), folder, "basins")
-        write_basins(plane, folder)
+        write_csv(folder / "basins.csv", ("beta [rad]", "gamma [rad]", "v [rad/s]", "ends on"), plane.rows())
     return plane
 
 
-@command
-def heteroclinic(common: Common, method: str = "manifolds", out: Path | None = None) -> Any:
-    """Compute Omega_h, where the saddles are connected, by one of several methods.
-
-    --method NAME  manifolds, limit-cycles, bisection or scipy.
-    --out FILE.csv  Write samples of the connection there.
-    """
+@disk_command("Compute Omega_h, where the saddles are connected, by one of several methods.")
+@click.option(
+    "--method",
+    default="manifolds",
+    show_default=True,
+    metavar="NAME",
+    help="manifolds, limit-cycles, bisection or scipy.",
+)
+@click.option("--out", callback=file_for(".csv"), metavar="FILE.csv", help="Write samples of the connection there.")
+def heteroclinic(common: Common, method: str, out: Path | None) -> Any:
     connection = common.disk.heteroclinic(digits=common.digits, method=method)
     if out is not None:
         times, states = connection.orbit()

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from tippedisk_verify.commands.common import Output, command, group, processes
+from tippedisk_verify.commands.common import Output, command, group, jobs_option, processes
 from tippedisk_verify.model.results import heading
 
 if TYPE_CHECKING:
@@ -17,24 +17,18 @@ if TYPE_CHECKING:
 __all__ = ["COMMANDS"]
 
 
-@command
-def check(
-    output: Output,
-    data: str | None = None,
-    all_: bool = False,
-    sample: int = 20,
-    seed: int = 0,
-    jobs: int | None = None,
-) -> int:
+@command(
     """Hold the files against their hashes, and a sample of their numbers against new ones.
 
     The new ones are computed in another formulation or another precision.
-
-    --data DIR  The folder to check; the installed data if not given.
-    --all  Compute every number again (an hour).
-    --sample N  Compute so many entries again.
-    --seed N  Which ones.
     """
+)
+@click.option("--data", metavar="DIR", help="The folder to check; the installed data if not given.")
+@click.option("--all", "all_", is_flag=True, help="Compute every number again (an hour).")
+@click.option("--sample", type=int, default=20, show_default=True, metavar="N", help="Compute so many entries again.")
+@click.option("--seed", type=int, default=0, metavar="N", help="Which ones.")
+@jobs_option
+def check(output: Output, data: str | None, all_: bool, sample: int, seed: int, jobs: int | None) -> int:
     from tippedisk_verify.reference_values.checking import check as checked
     from tippedisk_verify.reference_values.manifest import data_folder
 
@@ -49,10 +43,9 @@ def check(
     return 1 if report.faults else 0
 
 
-@command
+@command("The ids that start with PREFIX, such as printed/linear/limit-cycle, after a line with the data's version.")
 @click.argument("prefix", default="")
 def list_(output: Output, prefix: str) -> int:
-    """The ids that start with PREFIX, such as printed/linear/limit-cycle, after a line with the data's version."""
     from tippedisk_verify.reference_values.lookup import references
     from tippedisk_verify.reference_values.manifest import data_folder, read_manifest
 
@@ -62,14 +55,15 @@ def list_(output: Output, prefix: str) -> int:
     return 0
 
 
-@command
-@click.argument("ids", nargs=-1, required=True, metavar="ID...")
-def show(output: Output, ids: tuple[str, ...]) -> int:
+@command(
     """Values with all that is known of them.
 
     The condition says by how much a value changes, in its own unit, per relative change of
     each parameter or input.
     """
+)
+@click.argument("ids", nargs=-1, required=True, metavar="ID...")
+def show(output: Output, ids: tuple[str, ...]) -> int:
     from tippedisk_verify.reference_values.lookup import reference as value_of
 
     quantities = [value_of(id_) for id_ in ids]
@@ -78,14 +72,18 @@ def show(output: Output, ids: tuple[str, ...]) -> int:
     return 0
 
 
-@command
+@command("Write the values whose ids start with PREFIX in another form.")
 @click.argument("prefix", default="")
-def export(output: Output, prefix: str, *, format_: str = "csv", out: str) -> int:
-    """Write the values whose ids start with PREFIX in another form.
-
-    --format csv|jsonl|parquet|c|fortran|julia|octave  A table, one JSON object to a line, or a test file to include.
-    --out FILE  Where the values go.
-    """
+@click.option(
+    "--format",
+    "format_",
+    default="csv",
+    show_default=True,
+    metavar="csv|jsonl|parquet|c|fortran|julia|octave",
+    help="A table, one JSON object to a line, or a test file to include.",
+)
+@click.option("--out", required=True, metavar="FILE", help="Where the values go.")
+def export(output: Output, prefix: str, format_: str, out: str) -> int:
     from tippedisk_verify.reference_values.export import export as exported
     from tippedisk_verify.reference_values.lookup import references
 

@@ -1,4 +1,4 @@
-"""The studies: the plane of one parameter and the speed, sweeps, run time against error, hard cases."""
+"""The studies: sweeps, run time against error, hard cases."""
 
 from __future__ import annotations
 
@@ -10,7 +10,20 @@ from typing import Any
 
 import click
 
-from tippedisk_verify.commands.common import Common, Output, alone_in, command, processes, table, workers_of
+from tippedisk_verify.commands.common import (
+    Common,
+    Output,
+    alone_in,
+    checked,
+    command,
+    disk_command,
+    file_for,
+    jobs_option,
+    known_executor,
+    processes,
+    table,
+    workers_of,
+)
 from tippedisk_verify.files import write_csv, write_text
 from tippedisk_verify.parallel import as_done
 from tippedisk_verify.progress import watched
@@ -18,91 +31,39 @@ from tippedisk_verify.progress import watched
 __all__ = ["COMMANDS"]
 
 
-# ------------------------------------------------------------------------------------------------ atlas
-@command
-def atlas(
-    common: Common,
-    plane: str = "A,Omega",
-    range_: tuple[str, str] | None = None,
-    points: int = 200,
-    out: str | None = None,
-    jobs: int | None = None,
-) -> int:
-    """Draw Hopf, fold and heteroclinic curves against one parameter, and their special points.
-
-    Special points are bautin (where cycles are no longer born stable), neutral-saddle (on Omega_h, where the saddle
-    value vanishes: curves of folds end there) and hopf-heteroclinic (where Omega_h = Omega_crit). A limit cycle is
-    here one about inverted spinning, not a rotating one.
-
-    --plane NAME,Omega  The two axes.
-    --range LOW HIGH  Of the parameter; a tenth to both sides if not given.
-    --points N  Points of each curve.
-    --out DIR  Write figure, CSV and JSON there.
-    """
-    folder = alone_in(out)
-    with processes(jobs) as pool:
-        how = {"ends": range_, "points": points, "digits": common.digits, "executor": pool}
-        drawn = common.disk.atlas(plane, progress=not common.quiet, **how)
-    result = drawn.to_dict()
-    if folder is not None:
-        from tippedisk_verify.figures.atlas import draw_atlas
-        from tippedisk_verify.figures.style import save
-
-        _write_atlas(result, folder)
-        save(draw_atlas(drawn), folder, "atlas")
-    common.show(result, _atlas_lines(result))
-    return 0
-
-
-def _write_atlas(result: dict[str, Any], folder: Path) -> None:
-    """``atlas.csv`` with all curves and points, and ``atlas.json``."""
-    names = [result["plane"][0], "omega"]
-    listed: list[tuple[str, object, Any]] = [
-        (curve["kind"], number, point) for number, curve in enumerate(result["curves"]) for point in curve["points"]
-    ]
-    listed += [(point["kind"], "", point) for point in result["points"]]
-    rows = [
-        (kind, number, *(part for name in names for part in (point[name]["value"], point[name]["uncertainty"])))
-        for kind, number, point in listed
-    ]
-    header = ["kind", "curve", *(part for name in names for part in (name, f"{name} uncertainty"))]
-    write_csv(folder / "atlas.csv", header, rows)
-    write_text(folder / "atlas.json", json.dumps(result, indent=1) + "\n")
-
-
-def _atlas_lines(result: dict[str, Any]) -> Iterator[str]:
-    name = result["plane"][0]
-
-    def shown(point: dict[str, Any]) -> list[str]:
-        return [f"{float(point[name]['value']):.9g}", f"{float(point['omega']['value']):.12g}"]
-
-    rows = [
-        [f"{curve['kind']} curve, {len(curve['points'])} points, {word}", *shown(point)]
-        for curve in result["curves"]
-        for word, point in zip(("from", "to"), curve["points"][:: max(1, len(curve["points"]) - 1)], strict=False)
-    ]
-    yield from table(("", name, "Omega [rad/s]"), [*rows, *([p["kind"], *shown(p)] for p in result["points"])])
-    for one in result["missing"]:
-        first, last = (f"{float(value):.9g}" for value in one["range"])
-        where = f"{name} = {first}" if one["count"] == 1 else f"{one['count']} values of {name} from {first} to {last}"
-        yield f"{one['kind']} missing at {where}: {one['reason']}"
-
-
 # ------------------------------------------------------------------------------------------------ sweep
-@command
-@click.argument("analysis", metavar="orbit|equilibria|hopf|heteroclinic|trajectory")
-def sweep(
-    common: Common, analysis: str, *, over: tuple[str, ...], out: Path, executor: str = "local", jobs: int | None = None
-) -> int:
+@disk_command(
     """Compute an analysis at every combination of the axes' values; interrupted, it goes on where it stopped.
 
     The table has the axes as they were given, the status, and each result beside its half-width (NAME_uncertainty); a
     trajectory ends at final_beta, final_gamma, final_v. Every worker of a cluster needs this version of the package.
-
-    --over NAME=FIRST:LAST:COUNT|NAME=X,X,...  An axis: omega, below-crit, a parameter, or beta, gamma, v, duration of a
-        trajectory.
-    --out FILE.csv|.parquet  Where the table goes.
     """
+)
+@click.argument("analysis", metavar="orbit|equilibria|hopf|heteroclinic|trajectory")
+@click.option(
+    "--over",
+    multiple=True,
+    required=True,
+    metavar="NAME=FIRST:LAST:COUNT|NAME=X,X,...",
+    help="An axis: omega, below-crit, a parameter, or beta, gamma, v, duration of a trajectory.",
+)
+@click.option(
+    "--out",
+    callback=file_for(".csv", ".parquet"),
+    required=True,
+    metavar="FILE.csv|.parquet",
+    help="Where the table goes.",
+)
+@click.option(
+    "--executor",
+    callback=checked(known_executor),
+    default="local",
+    show_default=True,
+    metavar="serial|local|dask://HOST:PORT",
+    help="One process, all cores of this machine, or a cluster.",
+)
+@jobs_option
+def sweep(common: Common, analysis: str, over: tuple[str, ...], out: Path, executor: str, jobs: int | None) -> int:
     from tippedisk_verify.sweep.plan import Plan, axis
     from tippedisk_verify.sweep.running import swept
 
@@ -115,14 +76,11 @@ def sweep(
 
 
 # ------------------------------------------------------------------------------------------------ bench
-@command
-def bench(output: Output, peers: bool = False, only: tuple[str, ...] = (), out: str | None = None) -> int:
-    """Measure run time against error: six initial-value problems.
-
-    --peers  Race the integrators of the extra `peers`, too.
-    --only PROBLEM  These only.
-    --out DIR  Write figure, CSV and JSON there.
-    """
+@command("Measure run time against error: six initial-value problems.")
+@click.option("--peers", is_flag=True, help="Race the integrators of the extra `peers`, too.")
+@click.option("--only", multiple=True, metavar="PROBLEM", help="These only.")
+@click.option("--out", metavar="DIR", help="Write figure, CSV and JSON there.")
+def bench(output: Output, peers: bool, only: tuple[str, ...], out: str | None) -> int:
     from tippedisk_verify.bench.methods import METHODS
     from tippedisk_verify.bench.peers import peer_methods
     from tippedisk_verify.bench.problems import PROBLEMS, problem_named
@@ -138,9 +96,13 @@ def bench(output: Output, peers: bool = False, only: tuple[str, ...] = (), out: 
     runs = [score.to_dict() for score in scores]
     result: dict[str, Any] = {"machine": machine(), "runs": runs, "ratios": ratios(scores)}
     if folder is not None:
-        from tippedisk_verify.report.tables import write_bench
+        from tippedisk_verify.figures.race import draw_bench, race_csv
+        from tippedisk_verify.figures.style import save
 
-        write_bench(folder, scores, result)
+        write_text(folder / "bench.json", json.dumps(result, indent=1) + "\n")
+        if scores:
+            write_csv(folder / "bench.csv", *race_csv(scores))
+            save(draw_bench(scores), folder, "bench")
     output.show(result, _bench_lines(result))
     return 0
 
@@ -166,16 +128,14 @@ def _bench_lines(result: dict[str, Any]) -> Iterator[str]:
 
 
 # ------------------------------------------------------------------------------------------------ stress
-@command
-def stress(
-    output: Output, only: tuple[str, ...] = (), quick: bool = False, list_: bool = False, jobs: int | None = None
-) -> int:
-    """Try extreme parameters, states, tolerances and speeds: each must give digits that hold, or say what it cannot.
-
-    --only CASE  These cases only.
-    --quick  The cases that take some seconds at most.
-    --list  Name the cases and the outcome that each must have.
-    """
+@command(
+    "Try extreme parameters, states, tolerances and speeds: each must give digits that hold, or say what it cannot."
+)
+@click.option("--only", multiple=True, metavar="CASE", help="These cases only.")
+@click.option("--quick", is_flag=True, help="The cases that take some seconds at most.")
+@click.option("--list", "list_", is_flag=True, help="Name the cases and the outcome that each must have.")
+@jobs_option
+def stress(output: Output, only: tuple[str, ...], quick: bool, list_: bool, jobs: int | None) -> int:
     from tippedisk_verify.stress.battery import cases_named, outcome_of
 
     cases = cases_named(only, quick)
@@ -209,4 +169,4 @@ def stress(
     return 1 if failed else 0
 
 
-COMMANDS = (atlas, sweep, bench, stress)
+COMMANDS = (sweep, bench, stress)

@@ -10,9 +10,18 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from tippedisk_verify.cache import Cache, default_folder
-from tippedisk_verify.commands.common import Common, alone_in, command, processes, table
+from tippedisk_verify.commands.common import (
+    Common,
+    alone_in,
+    checked,
+    checked_jobs,
+    decimal,
+    disk_command,
+    processes,
+    table,
+)
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.files import write_bytes, write_csv
+from tippedisk_verify.files import write_csv
 from tippedisk_verify.parallel import usable_cores
 
 if TYPE_CHECKING:
@@ -27,27 +36,32 @@ __all__ = ["COMMANDS"]
 _MOST_PROCESSES = 8  # there is no more to do at once
 
 
-@command
+@disk_command("Audit every claim of the paper; write the report, figures and data.")
 @click.argument("more", nargs=-1, metavar="[CLAIM]...")
+@click.option("--out", metavar="DIR", help="Write report, figures and data there.")
+@click.option(
+    "--only", multiple=True, metavar="CLAIM", help="Examine these only: by name, or by equation (eq.7, or 7)."
+)
+@click.option("--list", "list_", is_flag=True, help="Say which claims there are, and examine none.")
+@click.option("--fresh", is_flag=True, help="Compute everything anew, also what was kept from earlier runs.")
+@click.option("--long", is_flag=True, help="Say all there is to each verdict.")
+@click.option(
+    "--jobs",
+    type=int,
+    metavar="N",
+    callback=checked(checked_jobs),
+    help="Processes; as many as there are cores, at most 8, if not given.",
+)
 def verify(
     common: Common,
     more: Sequence[str],
-    out: str | None = None,
-    only: tuple[str, ...] = (),
-    list_: bool = False,
-    fresh: bool = False,
-    long: bool = False,
-    jobs: int | None = None,
+    out: str | None,
+    only: tuple[str, ...],
+    list_: bool,
+    fresh: bool,
+    long: bool,
+    jobs: int | None,
 ) -> int:
-    """Audit every claim of the paper; write the report, figures and data.
-
-    --out DIR  Write report, figures and data there.
-    --only CLAIM  Examine these only: by name, or by equation (eq.7, or 7).
-    --list  Say which claims there are, and examine none.
-    --fresh  Compute everything anew, also what was kept from earlier runs.
-    --long  Say all there is to each verdict.
-    --jobs N  Processes; as many as there are cores, at most 8, if not given.
-    """
     if more and not only:
         raise InputError(f"'{more[0][:40]}' stands alone: name claims with --only")
     if list_:
@@ -67,12 +81,8 @@ def verify(
     folder = alone_in(out)
     order = AuditJob(common.disk, common.digits, tuple(claim.name for claim in claims))
     tasks = tasks_for(order, figures=folder is not None)
-    cache = Cache(default_folder(), fresh=fresh)
-    if (changed := cache.changes()) and not common.quiet:
-        reason = f"since these have changed: {', '.join(changed)}"
-        click.echo(f"results kept from earlier runs are not used, {reason}", err=True)
     with common.progress(len(tasks) + (folder is not None)) as advance:
-        outcome = run(order, tasks, cache, lambda wanted: _pool(jobs, wanted), advance)
+        outcome = run(order, tasks, Cache(default_folder(), fresh=fresh), lambda wanted: _pool(jobs, wanted), advance)
         records = {task.name: record for task, record in outcome.records.items() if task.kind == "claim"}
         findings = [(claim, Finding.of_record(records[claim.name])) for claim in claims]
         figures = [outcome.records[task] for task in tasks if task.kind == "figure"]
@@ -173,21 +183,13 @@ def _verdict_words(entry: dict[str, Any], finding: Finding) -> str:
 
 
 # ------------------------------------------------------------------------------------------ scene
-@command
+@disk_command("The panels a to f of the paper's figures 3D and proj_3D.")
 @click.argument("names", nargs=-1, required=True, metavar="NAME...|all")
-def scene(
-    common: Common, names: Sequence[str], out: str | None = None, animate: bool = False, omega_h: str | None = None
-) -> int:
-    """The panels a to f of the paper's figures 3D and proj_3D.
-
-    --out DIR  Write figure and CSV data there.
-    --animate  Show the disk itself in motion, too: a GIF for each scene, in --out.
-    --omega-h X  Use this Omega_h [rad/s] instead of finding it.
-    """
+@click.option("--out", metavar="DIR", help="Write figure and CSV data there.")
+@click.option("--omega-h", callback=decimal, metavar="X", help="Use this Omega_h [rad/s] instead of finding it.")
+def scene(common: Common, names: Sequence[str], out: str | None, omega_h: str | None) -> int:
     if common.digits > 12:
         raise InputError(f"scenes hold at most 12 digits, not {common.digits}: their orbits run in double precision")
-    if animate and out is None:
-        raise InputError("--animate needs a folder to write the GIF to: give one with --out")
     from tippedisk_verify.motion.scenes import SCENES, scene_named
 
     every = [one.name for one in SCENES]
@@ -200,7 +202,7 @@ def scene(
             panels[name] = disk.scene(name, omega_h=omega_h)
             advance(f"scene {name}", 1)
         if folder is not None:
-            _write_scenes(list(panels.values()), folder, animate)
+            _write_scenes(list(panels.values()), folder)
     result = {
         "scenes": {name: panel.to_dict() for name, panel in panels.items()},
         "parameters": disk.name,
@@ -210,8 +212,7 @@ def scene(
     return 0
 
 
-def _write_scenes(panels: Sequence[Panel], folder: Path, animate: bool) -> None:
-    from tippedisk_verify.figures.disk import animated
+def _write_scenes(panels: Sequence[Panel], folder: Path) -> None:
     from tippedisk_verify.figures.state_space import draw_scenes_2d, draw_scenes_3d, scene_tables
     from tippedisk_verify.figures.style import save
 
@@ -220,8 +221,6 @@ def _write_scenes(panels: Sequence[Panel], folder: Path, animate: bool) -> None:
     for panel in panels:
         for name, (header, rows) in scene_tables(panel).items():
             write_csv(folder / name, header, rows)
-        if animate:
-            write_bytes(folder / f"scene_{panel.scene.name}.gif", animated(panel))
 
 
 def _endings(panel: Panel) -> list[str]:

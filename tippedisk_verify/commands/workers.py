@@ -35,7 +35,7 @@ _PATIENCE = 15.0  # s for a scheduler to answer, and for a first worker
 class Pool(ProcessPoolExecutor):
     """Fresh processes: what their parent has compiled, and its threads, are not for forking.
 
-    They never hear Ctrl-C or HUP, and end when their parent is gone, even if it was killed.
+    They never receive Ctrl-C, and end when their parent is gone, even if it was killed.
     """
 
     def __init__(self, count: int) -> None:

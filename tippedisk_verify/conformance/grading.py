@@ -6,16 +6,17 @@ import math
 import re
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from decimal import Decimal, InvalidOperation, localcontext
-from fractions import Fraction
+from dataclasses import dataclass, replace
+from decimal import Decimal
 from statistics import median
 from typing import Any
 
+from tippedisk_verify.conformance.answer_number import as_decimal
 from tippedisk_verify.conformance.sheet import Answers
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.files import printable
-from tippedisk_verify.model.measured import Bounded
+from tippedisk_verify.model.decimals import arithmetic
+from tippedisk_verify.model.exact import fraction, plain_number
 from tippedisk_verify.model.results import Printable
 from tippedisk_verify.reference_values.lookup import reference
 from tippedisk_verify.reference_values.questions import (
@@ -51,8 +52,8 @@ LEVEL_NAMES = {
     6: "trajectories", 7: "limit cycles", 8: "heteroclinic connection", 9: "near the connection",
     10: "rotating cycles",
 }  # fmt: skip
-_PRECISION = 140  # digits of the arithmetic; Omega_h has 102
 _SOME = 1.0  # digits that even rounded inputs must leave
+_LARGEST_EXPONENT = 100_000  # of an answer, in powers of ten; arithmetic with larger ones takes long
 _FEW = 0.5  # share of the digits needed that makes an answer imprecise rather than wrong
 
 
@@ -64,7 +65,9 @@ class Grade(Printable):
     level: int
     reading: str
     answer: str
-    digits: float  #: -log10 of the error relative to `scale_of`; at most what the reference itself has
+    #: -log10 of the error relative to `scale_of`; at most what the reference itself has. Without a truth for the
+    #: reading, of the error from the decimals' truth.
+    digits: float
     verdict: str  #: exact, agrees, rounding, few-digits, wrong, not-a-number, unreadable, no-truth
     truth: str = ""
     note: str = ""
@@ -152,43 +155,32 @@ def digits_between(answer: Decimal, truth: Decimal, scale: Decimal, most: float 
     return min(max(0.0 - near, -99.0), most)
 
 
-_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eEdD][+-]?\d{1,9})?|[+-]?(nan|inf(inity)?)", re.ASCII | re.IGNORECASE)
-
-
-def as_decimal(text: str) -> Decimal:
-    """The number that an answer says; Fortran's exponents too. Raises decimal.InvalidOperation."""
-    if not _NUMBER.fullmatch(text):
-        raise InvalidOperation
-    if text.lstrip("+-")[:1] in "nNiI":
-        return Decimal(text)
-    return Decimal(text.replace("d", "e").replace("D", "e"))
-
-
 def graded(answers: Answers, store: Mapping[str, Quantity]) -> list[Grade]:
     """A grade for each answer, in the order of the questions."""
-    with localcontext() as context:
-        context.prec = _PRECISION
-        context.Emax, context.Emin = 10**9, -(10**9)
+    with arithmetic():
         return [_grade(quantity, *answers.given[id_]) for id_, quantity in store.items() if id_ in answers.given]
 
 
 def _grade(quantity: Quantity, reading: str, text: str) -> Grade:
     def failed(verdict: str, note: str) -> Grade:
-        return Grade(quantity.id, quantity.level, reading, text, -math.inf, verdict, note=note, needs=needs)
+        return Grade(quantity.id, quantity.level, reading, shown, -math.inf, verdict, note=note, needs=needs)
 
-    needs = needed(quantity)
+    needs, shown = needed(quantity), printable(text)
     try:
         answer = as_decimal(text)
-    except InvalidOperation:
-        return failed("unreadable", "not a decimal number")
-    if not answer.is_finite() or (answer and abs(answer.adjusted()) > 100_000):
-        return failed("not-a-number", "not a finite number")
+    except InputError as fault:
+        return failed("unreadable", str(fault))
+    if not answer.is_finite():
+        return failed("not-a-number", "it says that there is no number" if answer.is_nan() else "it is infinite")
+    if answer and abs(answer.adjusted()) > _LARGEST_EXPONENT:
+        return failed("not-a-number", f"its exponent is beyond {_LARGEST_EXPONENT}")
     told = quantity.values.get(reading)  # type: ignore[call-overload]
     if told is None:
-        return Grade(
-            quantity.id, quantity.level, reading, text, math.nan, "no-truth",
-            note="doubles cannot tell the inputs apart: compute from the decimals", needs=needs,
-        )  # fmt: skip
+        note = (
+            "doubles cannot tell the inputs apart: compute from the decimals, by whose truth these digits are counted"
+        )
+        from_decimals = _grade(quantity, "decimals", text)
+        return replace(from_decimals, reading=reading, verdict="no-truth", note=note, off=math.nan)
     truth, uncertainty = Decimal(told[0]), Decimal(told[1])
     scale = scale_of(quantity, truth)
     most = digits_between(truth + uncertainty, truth, scale, 120.0)
@@ -211,7 +203,7 @@ def _grade(quantity: Quantity, reading: str, text: str) -> Grade:
         if abs(answer - other) <= width + half_unit:
             note = "the exact answer from doubles: the inputs were rounded"
     off = float(away / slopes) if slopes else math.nan
-    return Grade(quantity.id, quantity.level, reading, text, digits, verdict, told[0], note, needs, off)
+    return Grade(quantity.id, quantity.level, reading, shown, digits, verdict, told[0], note, needs, off)
 
 
 def _nearest_double(answer: Decimal, truth: Decimal) -> bool:
@@ -252,35 +244,26 @@ def compare(id_: str, answer: object, *, reading: Reading = "doubles") -> Grade:
     if reading not in ("decimals", "doubles"):
         raise InputError(f"an answer is computed from decimals or doubles, not from '{reading!s:.40}'")
     text = answer_text(answer)
-    with localcontext() as context:
-        context.prec = _PRECISION
+    with arithmetic():
         return _grade(quantity, reading, text)
 
 
-def answer_text(answer: Any) -> str:
+@arithmetic()
+def answer_text(answer: object) -> str:
     """An answer as the decimal that it stands for. Raises InputError for what is not one real number."""
-    if isinstance(answer, str):
-        text = answer.strip()[:2_001]
-        if len(text) > 2_000 or not _NUMBER.fullmatch(text):
-            raise InputError(f"an answer is a number or a decimal string, not '{printable(text)[:40]}'")
+    number = plain_number(answer)
+    if isinstance(number, str):
+        text = number.strip()
+        try:
+            as_decimal(text)
+        except InputError as fault:
+            raise InputError(
+                f"an answer is a number or a decimal string, not '{printable(text[:40])}': {fault}"
+            ) from None
         return text
-    if hasattr(answer, "flat"):  # NumPy takes an array of one element as a number in most places
-        if answer.size != 1:
-            raise InputError(f"an answer is one number, not an array of {answer.size}")
-        answer = answer.flat[0]
-    if isinstance(answer, Bounded):
-        answer = answer.value
-    if answer is None or isinstance(answer, bool | complex):
-        raise InputError(f"an answer is a real number, not {answer}")
-    if isinstance(answer, float):
-        return repr(float(answer))
-    if isinstance(answer, int | Decimal):
-        return str(Decimal(answer))
-    from tippedisk_verify.model.exact import fraction, mantissa_exponent
-
-    if not isinstance(answer, Fraction) and mantissa_exponent(answer) is None:
-        return "nan"  # an infinity or NaN of another kind of number
-    value = fraction(answer)
-    with localcontext() as context:
-        context.prec = _PRECISION
-        return str(Decimal(value.numerator) / value.denominator)
+    if isinstance(number, float):
+        return repr(number)
+    if isinstance(number, Decimal):
+        return str(number)
+    value = fraction(number)
+    return str(Decimal(value.numerator) / value.denominator)

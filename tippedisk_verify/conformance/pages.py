@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from tippedisk_verify.conformance.diagnosis import Diagnosis
 from tippedisk_verify.conformance.grading import FAILS_BELOW, TOLERANCES, Grade, Tally, by_quantity
-from tippedisk_verify.conformance.sheet import Answers, looks_like
+from tippedisk_verify.conformance.sheet import Answers
 from tippedisk_verify.files import csv_text
 from tippedisk_verify.model.results import Printable
 
@@ -18,14 +18,17 @@ if TYPE_CHECKING:
 
 __all__ = ["Report", "html_page", "print_report"]
 
-# From here down a colour; the words in the table say the same.
-_SHADES = ((14.0, "full"), (10.0, "high"), (6.0, "middle"), (3.0, "low"), (-math.inf, "none"))
-_TERMINAL = {"full": "bold green", "high": "green", "middle": "yellow", "low": "dark_orange", "none": "red"}
-_VERDICTS = {
-    "not answered": "dim", "agrees": "green", "partial": "cyan", "too few digits": "yellow", "fails": "bold red",
-}  # fmt: skip
+#: The colour of a verdict on an answer or on a level; a level's least answers have its own. Without one: not graded.
+_SHADES = {
+    **dict.fromkeys(("exact", "agrees", "rounding", "partial"), "enough"),
+    **dict.fromkeys(("few-digits", "too few digits"), "few"),
+    **dict.fromkeys(("wrong", "not-a-number", "unreadable", "fails"), "wrong"),
+}
+_TERMINAL = {"enough": "green", "few": "yellow", "wrong": "bold red", "": "dim"}
+#: What the colours mean, in the order of the page's legend.
+_LEGEND = {"enough": "enough digits for the question", "few": "too few digits", "wrong": "wrong, or no number"}
 _WORST = 12
-_MOSTLY = 0.9  # of the answers unreadable: the way they are written is at fault
+_MOST_REASONS = 5  # why answers are no numbers
 _MOST_ROWS = 2_000  # of a level on a page, failures first; the JSON has all
 
 
@@ -92,7 +95,6 @@ class Report(Printable):
     def remarks(self) -> list[str]:
         """What was noticed about the sheet itself."""
         answers = self.answers
-        unreadable = [grade for grade in self.grades if grade.verdict == "unreadable"]
         rounded = sum("inputs were rounded" in grade.note for grade in self.grades)
         untold = sum(grade.verdict == "no-truth" for grade in self.grades)
         said = list(self.noticed)
@@ -106,13 +108,8 @@ class Report(Printable):
         said += _remark(
             answers.missing, "entry has", "entries have", "NaN or NA only, such as {}: counted as not answered"
         )
-        if unreadable and len(unreadable) >= _MOSTLY * len(self.grades):
-            first = unreadable[0]
-            looks = looks_like(first.answer)
-            said.append(
-                f"{len(unreadable)} of {counted(len(self.grades), 'answer is', 'answers are')} no decimal number; the"
-                f" first is {first.answer[:60]!r} at {first.id}" + (f", which looks like {looks}" if looks else "")
-            )
+        said += _remark(answers.strange, "column or name is", "columns or names are", "not known, and not read: {all}")
+        said += self._unread()
         said += self._tolerance()
         said += _remark(
             self.mended, "answer passes", "answers pass", "though expected to fail, such as {}: mend the list"
@@ -121,6 +118,22 @@ class Report(Printable):
         said += _remark(rounded, "answer", "answers", "said to be from decimals: exactly what doubles give")
         doubles = "from doubles where doubles cannot tell the inputs apart: not graded"
         return said + _remark(untold, "answer", "answers", doubles)
+
+    def _unread(self) -> list[str]:
+        """Why answers are no numbers: a remark for each reason, with the first of these answers."""
+        by_reason: dict[str, list[Grade]] = {}
+        for grade in self.grades:
+            if grade.verdict in ("unreadable", "not-a-number"):
+                by_reason.setdefault(grade.note, []).append(grade)
+        said = [
+            f"{counted(len(grades), 'answer is', 'answers are')} no number, such as '{grades[0].answer[:60]}' at"
+            f" {grades[0].id}: {reason}"
+            for reason, grades in list(by_reason.items())[:_MOST_REASONS]
+        ]
+        more = len(by_reason) - _MOST_REASONS
+        return said + (
+            [f"{counted(more, 'more reason', 'more reasons')} why answers are no numbers"] if more > 0 else []
+        )
 
     def _tolerance(self) -> list[str]:
         """Where an integrator's tolerance shows: answers that are not wrong, but off by more than `TOLERANCES`."""
@@ -167,9 +180,9 @@ class Report(Printable):
 
 
 def _remark(which: int | Sequence[str], one: str, many: str, said: str) -> list[str]:
-    """A remark on so many things, or on things by name, of which it says the first; none where there are none."""
-    number, first = (which, "") if isinstance(which, int) else (len(which), which[0] if which else "")
-    return [f"{counted(number, one, many)} {said.format(first)}"] if number else []
+    """A remark on so many things, or on things by name, with the first of them or all; none where there are none."""
+    number, names = (which, ("",)) if isinstance(which, int) else (len(which), which)
+    return [f"{counted(number, one, many)} {said.format(*names[:1], all=', '.join(names))}"] if number else []
 
 
 def counted(number: int, one: str, many: str) -> str:
@@ -177,9 +190,9 @@ def counted(number: int, one: str, many: str) -> str:
     return f"{number} {one if number == 1 else many}"
 
 
-def shade(digits: float) -> str:
-    """The name of the colour for so many digits."""
-    return next((name for least, name in _SHADES if digits >= least), "none")
+def shade(verdict: str) -> str:
+    """The name of the colour for a verdict on an answer or on a level; empty where nothing was graded."""
+    return _SHADES.get(verdict, "")
 
 
 def shown_digits(digits: float) -> str:
@@ -201,19 +214,19 @@ def print_report(report: Report, console: Console) -> None:
     """The diagnosis, the tables, the worst answers coloured by agreeing digits, and what was required."""
     from rich.text import Text
 
-    def digits(number: float, answered: int = 1) -> Text:
-        return Text(shown_digits(number), style=_TERMINAL[shade(number)] if answered else "dim")
+    def coloured(text: str, verdict: str) -> Text:
+        return Text(text, style=_TERMINAL[shade(verdict)])
 
     def row(one: Tally, *about: str) -> list[Any]:
-        least = digits(one.least, one.answered)
+        least = coloured(shown_digits(one.least), one.verdict)
         return [*about, least, str(one.failed - one.few or ""), str(one.few or "")]
 
     rows = [
         [
             *row(one, f"{one.level} {one.name}", f"{one.answered}/{one.asked}"),
-            digits(one.middle),
+            shown_digits(one.middle),
             str(FAILS_BELOW[one.level]),
-            Text(one.verdict, style=_VERDICTS[one.verdict]),
+            coloured(one.verdict, one.verdict),
         ]
         for one in report.levels
     ]
@@ -233,8 +246,10 @@ def print_report(report: Report, console: Console) -> None:
         console.print(Text("\nleast digits", style="italic"))
     for grade in report.worst():
         right, wrong = split_where_wrong(grade.answer[:40], grade.truth)
-        console.print(Text(f"{grade.id}: {grade.verdict}").append(", ").append(digits(grade.digits)).append(" digits"))
-        console.print(Text("    ").append(right, "green").append(wrong, "red").append(f"  truth {grade.truth[:24]}"))
+        has = f"{shown_digits(grade.digits)} digits" if grade.truth else grade.note
+        console.print(Text(f"{grade.id}: ").append(coloured(grade.verdict, grade.verdict)).append(f", {has}"))
+        truth = f"  truth {grade.truth[:24]}" if grade.truth else ""
+        console.print(Text("    ").append(right, "green").append(wrong, "red").append(truth))
     if report.times:
         title = f"\nrun time [s]: {report.start_up or 0:.3g} to start up, then for each state, trajectory or cycle"
         rows = [
@@ -277,6 +292,7 @@ def html_page(report: Report) -> str:
         levels=[_level_section(level, report.grades) for level in report.levels],
         quantities=report.quantities,
         shade=shade,
+        legend=_LEGEND,
         split=split_where_wrong,
         needs=FAILS_BELOW,
     )
@@ -287,7 +303,6 @@ def _level_section(level: Tally, grades: Sequence[Grade]) -> dict[str, Any]:
     here = sorted((grade for grade in grades if grade.level == level.level), key=lambda grade: not grade.failed)
     return {
         "grade": level,
-        "shade": shade(level.least) if level.answered else "unasked",
         "failed": [grade for grade in here[:_MOST_ROWS] if grade.failed],
         "passed": [grade for grade in here[:_MOST_ROWS] if not grade.failed],
         "hidden": max(len(here) - _MOST_ROWS, 0),

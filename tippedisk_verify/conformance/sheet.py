@@ -1,8 +1,9 @@
 """Answer sheets: the questions of the reference data without the answers, as CSV or JSON, and back again.
 
 In CSV every row stands for itself, parameters included, and no field needs quotes, so that a sheet can be read with
-``strtok``; what comes back may be separated by tabs or semicolons as well. In JSON the same questions, or simply
-``{"from": "doubles", "answers": {id: number}}``, or ``{id: number}``, or one question to a line.
+``strtok``; what comes back may be separated by tabs or semicolons as well, and may begin with a spreadsheet's
+``sep=;``. In JSON the same questions, or simply ``{"from": "doubles", "answers": {id: number}}``, or ``{id: number}``,
+or one question to a line. A remark names the columns of CSV and the names of JSON that no sheet has.
 """
 
 from __future__ import annotations
@@ -13,12 +14,15 @@ import json
 import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
+from difflib import get_close_matches
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+from tippedisk_verify.conformance.answer_number import is_missing
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.files import csv_text, printable, read_text
-from tippedisk_verify.reference_values.questions import COLUMNS, placed, question_fields
+from tippedisk_verify.reference_values.questions import COLUMNS, TABLE, placed, question_fields
 from tippedisk_verify.reference_values.store import Quantity, Store
 
 __all__ = [
@@ -27,7 +31,6 @@ __all__ = [
     "Row",
     "answer_line",
     "collected",
-    "looks_like",
     "placed",
     "question_row",
     "questions",
@@ -43,22 +46,12 @@ _LARGEST = 64_000_000  # bytes; a sheet with every question and fifty digits eac
 _LONGEST = 2_000  # characters of an answer
 _MOST_UNKNOWN = 1_000
 _READINGS = ("decimals", "doubles")
-_MISSING = re.compile(r"[+-]?nan(\([^)]*\))?|-?1\.#(ind|qnan)0*|n/?a|null|none|missing|<na>", re.I)
-_NUMERAL = r"[+-]?(\d+\.?\d*|\.\d+)([eEdD][+-]?\d+)?"
-_LOOKS = (
-    (rf"(['\"`]).*{_NUMERAL}.*\1", "a number in quotes: write it without"),
-    (
-        rf"[A-Za-z_.]+\d*\(['\"]?{_NUMERAL}.*\)",
-        "how a language shows a number: print the number alone, as repr(float(x))",
-    ),
-    (r"[+-]?\d+,\d+([eEdD][+-]?\d+)?", "a decimal comma: write a point"),
-    (r"[+-]?\d{1,3}([,' ]\d{3})+(\.\d+)?", "a number with its thousands separated: write the digits alone"),
-    (rf"\[.*{_NUMERAL}.*\]", "a list or an array of one element: write the element"),
-    (rf"\(?{_NUMERAL}\s*[+-]\s*{_NUMERAL}\s*\*?[ij]\)?", "a complex number: write its real part"),
-    (r"[+-]?0x[0-9a-f.]+(p[+-]?\d+)?", "a hexadecimal number: write a decimal one"),
-    (rf"{_NUMERAL}\s*(±|\+/-|\+-).*", "a number with its uncertainty: write the number alone"),
-    (rf"{_NUMERAL}\s*[^\d\s].*", "a number with its unit: write the number alone"),
-)
+_SEPARATORS = ("\t", ";", ",")
+_DECLARED = re.compile(
+    r"sep=([^\"\s]|\t)", re.IGNORECASE
+)  # the first line with which a spreadsheet declares its separator
+_OF_JSON = ("format", "from", "questions", "answers")
+_MOST_STRANGE = 20  # names that are listed
 
 
 @dataclass
@@ -73,11 +66,7 @@ class Answers:
     undeclared: int = 0  #: answers that do not say what they were computed from; taken as from doubles
     short: int = 0  #: rows that end before the column answer
     missing: list[str] = field(default_factory=list)  #: entries all of whose answers are NaN or NA; not answered
-
-
-def looks_like(text: str) -> str | None:
-    """What an answer that is no decimal number looks like, and how to write it; None for what is not known."""
-    return next((said for pattern, said in _LOOKS if re.fullmatch(pattern, text.strip(), re.I)), None)
+    strange: list[str] = field(default_factory=list)  #: columns that no sheet has, each with the one that may be meant
 
 
 def questions(
@@ -195,6 +184,8 @@ def _json_rows(text: str, answers: Answers) -> Iterable[Row]:
     named = content if isinstance(content, dict) else {"questions": content}
     everywhere = named.get("from", "")
     flat = "questions" not in named and any("/" in name for name in named)
+    if not flat:
+        _note_strange(named, _OF_JSON, answers)
     given = {name: value for name, value in named.items() if name != "from"} if flat else named.get("answers")
     if isinstance(given, dict):
         for id_, answer in given.items():
@@ -202,10 +193,15 @@ def _json_rows(text: str, answers: Answers) -> Iterable[Row]:
         return
     rows = named.get("questions")
     if not isinstance(rows, list):
-        raise InputError('a JSON sheet has "questions" or "answers", or is an object of ids and numbers')
+        raise InputError(
+            'a JSON sheet has "questions" or "answers", or is an object of ids and numbers; this one has '
+            f"{_listed(named, _OF_JSON)}"
+        )
     for row in rows:
         if not isinstance(row, dict) or "id" not in row:
-            raise InputError('each question of a JSON sheet has an "id"')
+            has = f"; one has {_listed(row, TABLE)}" if isinstance(row, dict) else ""
+            raise InputError(f'each question of a JSON sheet has an "id"{has}')
+        _note_strange(row, TABLE, answers)
         yield _json_row(row, _said(row.get("from", "") or everywhere))
 
 
@@ -216,15 +212,17 @@ def _said(value: Any) -> str:
 def _csv_rows(text: str, answers: Answers) -> Iterable[Row]:
     if "\0" in text:
         raise InputError("neither a CSV nor a JSON sheet: it holds NUL characters")
-    first = text.partition("\n")[0]
-    mark = next((mark for mark in "\t;" if mark in first and "," not in first), ",")
-    table = csv.reader(io.StringIO(text, newline=""), delimiter=mark, strict=True)
+    first, _, rest = text.partition("\n")
+    declared = _DECLARED.fullmatch(first.strip('\r" '))
+    mark = declared[1] if declared else _separator(first)
+    table = csv.reader(io.StringIO(rest if declared else text, newline=""), delimiter=mark, strict=True)
     try:
         header = [name.strip() for name in next(table, [])]
+        _note_strange(header, TABLE, answers)
         if "id" not in header or "answer" not in header:
             raise InputError(
-                "neither a CSV nor a JSON sheet: the first line must name the columns id and answer, "
-                f"separated by commas or tabs; it names {printable(', '.join(header))[:100] or 'none'}"
+                "neither a CSV nor a JSON sheet: the first line must name the columns id and answer, separated by "
+                f"commas, semicolons or tabs; it has {_listed(header, TABLE)}"
             )
         id_at, answer_at = header.index("id"), header.index("answer")
         from_at = header.index("from") if "from" in header else None
@@ -232,9 +230,8 @@ def _csv_rows(text: str, answers: Answers) -> Iterable[Row]:
         asked_at = {name: header.index(name) for name in _QUESTION} if set(_QUESTION) <= set(header) else {}
         for row in table:
             if len(row) > len(header):
-                raise InputError(
-                    f"line {table.line_num} has {len(row)} fields, the header {len(header)}: is there a decimal comma?"
-                )
+                line, more = table.line_num + bool(declared), ": is there a decimal comma?" if mark == "," else ""
+                raise InputError(f"line {line} has {len(row)} fields, the header {len(header)}{more}")
             if len(row) <= max(id_at, answer_at):
                 answers.short += bool(row)
             else:
@@ -245,10 +242,40 @@ def _csv_rows(text: str, answers: Answers) -> Iterable[Row]:
         raise InputError(f"not a CSV sheet: {str(fault)[:120]}") from None
 
 
+def _separator(header: str) -> str:
+    """The first of the separators between which a header has the columns id and answer, in any case of letters."""
+
+    def columns(mark: str) -> set[str]:
+        return {name.strip('\r" ').lower() for name in header.split(mark)}
+
+    return next((mark for mark in _SEPARATORS if {"id", "answer"} <= columns(mark)), ",")
+
+
+def _note_strange(names: Iterable[str], known: tuple[str, ...], answers: Answers) -> None:
+    for name in names:
+        said = "" if not name or name in known else _with_likely(name, known)
+        if said and said not in answers.strange and len(answers.strange) < _MOST_STRANGE:
+            answers.strange.append(said)
+
+
+@lru_cache(maxsize=256)
+def _with_likely(name: str, known: tuple[str, ...]) -> str:
+    """A name in quotes; behind one that is not known, the known one that differs in few letters or in their case."""
+    by_lower = {one.lower(): one for one in known}
+    likely = [] if name in known else get_close_matches(name.lower(), by_lower, 1, 0.75)
+    meant = f" (written {by_lower[likely[0]]} here)" if likely else ""
+    return f"'{printable(name)[:40]}'{meant}"
+
+
+def _listed(names: Iterable[str], known: tuple[str, ...]) -> str:
+    """The names that a message says a sheet has, at most so many as it can hold."""
+    return ", ".join(_with_likely(name, known) for name in list(names)[:_MOST_STRANGE])[:400] or "none"
+
+
 def collected(rows: Iterable[Row], store: Store, default_reading: str | None, answers: Answers) -> Answers:
     """The answers with those of the rows. Raises InputError for a row that says something else of its inputs."""
     for id_, reading, answer, asked in rows:
-        id_, reading, answer = printable(id_.strip()), reading.strip().lower(), printable(answer.strip())
+        id_, reading, answer = printable(id_.strip()), reading.strip().lower(), answer.strip()
         if id_ in store:
             answers.sets.add(store[id_].set)
         if not answer:
@@ -277,7 +304,7 @@ def _without_missing(answers: Answers) -> Answers:
     for id_ in answers.given:
         by_entry.setdefault(id_.rsplit("/", 1)[0], []).append(id_)
     for entry, ids in by_entry.items():
-        if all(_MISSING.fullmatch(answers.given[id_][1]) for id_ in ids):
+        if all(is_missing(answers.given[id_][1]) for id_ in ids):
             answers.missing.append(entry)
             for id_ in ids:
                 del answers.given[id_]
@@ -291,7 +318,7 @@ def _altered(said: dict[str, str], store: Store, quantity: Quantity) -> str | No
         wanted, text = asked.get(name, ""), text.strip()
         if text and text != wanted:
             try:
-                if float(text) == float(wanted):
+                if float(text.replace(",", ".")) == float(wanted):  # of a sheet with decimal commas
                     continue
             except ValueError:
                 pass

@@ -18,6 +18,7 @@ from tippedisk_verify.model.measured import DISTANCES, Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, Precision, companion
 from tippedisk_verify.model.results import Printable
+from tippedisk_verify.model.surroundings import undisturbed
 from tippedisk_verify.theory.equilibria import equilibrium, linearization, location, right_eigenvector
 from tippedisk_verify.theory.hopf import omega_crit
 from tippedisk_verify.theory.saddle_manifolds import refuse_focus
@@ -82,6 +83,7 @@ def unstable_branch(
     )
 
 
+@undisturbed
 @lru_cache(maxsize=_KEPT)
 def bisect_omega_h(parameters: Parameters, engine: Engine, *, confirm: bool = True) -> Connection:
     """Omega_h by bisection on what the unstable branch does, to the last digits of double; kept once it is found.

@@ -25,7 +25,8 @@ from tippedisk_verify.model.exact import shown
 from tippedisk_verify.model.measured import DISTANCES, Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import checked_digits
-from tippedisk_verify.model.results import Printable
+from tippedisk_verify.model.results import Printable, quantity
+from tippedisk_verify.model.surroundings import undisturbed
 from tippedisk_verify.theory.equilibria import equilibrium
 from tippedisk_verify.theory.saddle_manifolds import Saddle
 
@@ -43,13 +44,21 @@ class Heteroclinic(Printable):
     Only the method `manifolds` has the splitting derivative and the budget.
     """
 
-    omega_h: Measured  #: the speed at which the two noninverted saddles are connected [rad/s]
-    saddle_eigenvalues: tuple[Measured, Measured, Measured]  #: unstable, slow and fast stable one there [1/s]
-    saddle_value: Measured  #: sum of the unstable and the slow stable one; below 0 cycles attract [1/s]
+    omega_h: Measured = field(
+        metadata=quantity("the speed at which the two noninverted saddles are connected", "rad/s")
+    )
+    saddle_eigenvalues: tuple[Measured, Measured, Measured] = field(
+        metadata=quantity("unstable, slow and fast stable one there", "1/s")
+    )
+    saddle_value: Measured = field(
+        metadata=quantity("sum of the unstable and the slow stable one; below 0 cycles attract", "1/s")
+    )
     method: Method
     parameters: Parameters  #: whose connection it is, with the friction law
     engine: str  #: what computed it
-    splitting_derivative: Measured | None = None  #: of the distance between the manifolds by Omega, at s = 1 [s/rad]
+    splitting_derivative: Measured | None = field(
+        default=None, metadata=quantity("of the distance between the manifolds by Omega, at s = 1", "s/rad")
+    )
     budget: dict[str, float] = field(default_factory=dict)  #: of what the half-width of Omega_h is the sum [rad/s]
 
     def orbit(self, count: int = 401, *, engine: Engine | None = None) -> tuple[Any, Any]:
@@ -80,6 +89,7 @@ class Heteroclinic(Printable):
         return chosen - middle, states
 
 
+@undisturbed
 def heteroclinic(
     parameters: Parameters,
     engine: Engine,

@@ -15,8 +15,9 @@ from typing import Any, TypeVar
 
 from tippedisk_verify.cycles.error_budget import cycle_in, numbers_at
 from tippedisk_verify.cycles.limit_cycle import Cycle
+from tippedisk_verify.cycles.newton import FixedPoint, Stop
 from tippedisk_verify.cycles.period_continuation import PeriodContinuation, log10, predicted_state, resolving
-from tippedisk_verify.cycles.return_map import FixedPoint, NewtonIteration, ReturnMap, newton_step
+from tippedisk_verify.cycles.return_map import ReturnMap
 from tippedisk_verify.cycles.section import LIBRATING, Section
 from tippedisk_verify.errors import NoSuchCycleError
 from tippedisk_verify.flow.contract import Engine
@@ -95,7 +96,7 @@ def _fixed_point(return_map: ReturnMap[C], point: tuple[Any, Any], matrix: Any, 
     (a, b), (c, d) = matrix
     # Rounding moves the splitting, and that is resolved against the distance from Omega_h.
     resolved = precision.number(precision.epsilon / distance)
-    iteration = NewtonIteration(_MOST_STEPS, lost, small=resolved, near=_NEAR)
+    stop = Stop(_MOST_STEPS, lost, small=resolved, near=_NEAR)
     step: tuple[Any, Any] | None = None
     while True:
         end = return_map.flight(point).state
@@ -106,16 +107,20 @@ def _fixed_point(return_map: ReturnMap[C], point: tuple[Any, Any], matrix: Any, 
             by = step[0] / norm, step[1] / norm
             a, b = a + residual[0] * by[0], b + residual[0] * by[1]
             c, d = c + residual[1] * by[0], d + residual[1] * by[1]
-        step = newton_step(((a, b), (c, d)), residual)
+        determinant = (1 - a) * (1 - d) - b * c
+        step = (
+            ((1 - d) * residual[0] + b * residual[1]) / determinant,
+            ((1 - a) * residual[1] + c * residual[0]) / determinant,
+        )
         point = point[0] + step[0], point[1] + step[1]
         # Librating cycles are next to the saddle on their section: their distances from it are the scale.
         scales = (pi - point[0], -point[1]) if section is LIBRATING else (precision.number(distance),) * 2
         if not all(float(scale) > 0 for scale in scales):
             raise lost
         size = max(abs(change / scale) for change, scale in zip(step, scales, strict=True))
-        before = iteration.sizes[-1] if iteration.sizes else size
-        if iteration.converged(size) or size * size / before < resolved:
-            return FixedPoint(return_map, point, return_map(point), tuple(map(float, iteration.sizes)))
+        before = stop.sizes[-1] if stop.sizes else size
+        if stop.converged(size) or size * size / before < resolved:
+            return FixedPoint(return_map, point, return_map(point), tuple(map(float, stop.sizes)))
 
 
 def with_speed(

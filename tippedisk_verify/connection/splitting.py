@@ -42,7 +42,6 @@ __all__ = [
     "SplittingFunction",
     "SplittingZero",
     "splitting_zero",
-    "splitting_zero_in_double",
 ]
 
 #: Digits of Omega_h that are offered; these take some hours, and the time grows like the power 2.5 of the digits.
@@ -53,7 +52,7 @@ _FAR = 0.02  # where double still sees the approach to the second saddle clearly
 _LONGEST = 30.0  # s
 _MOST_STEPS = 8  # of Newton's iteration in one arithmetic
 _BENDS = 10**8  # s/rad; how fast the slope changes with Omega, in units of itself, at most
-_KEPT = 256  # zeros; an atlas asks for some of them again
+_KEPT = 256  # zeros
 
 
 @dataclass(frozen=True)
@@ -188,14 +187,6 @@ def splitting_zero(parameters: Parameters, guess: Fraction, engine: Engine, digi
             raise AccuracyError(
                 f"only {float(zero.omega_h.uncertainty):.1e} rad/s could be had for Omega_h: ask for fewer digits"
             )
-
-
-def splitting_zero_in_double(parameters: Parameters, guess: Fraction, engine: Engine) -> Measured:
-    """Omega_h [rad/s] in double from an approximation good to some five digits, for curves of many of them.
-
-    Raises as `splitting_zero` does.
-    """
-    return _zero(parameters, guess, engine, [DOUBLE]).omega_h
 
 
 def _stages(wanted: int) -> list[Precision]:

@@ -29,7 +29,6 @@ _MOST_STEPS = 12
 _LONGEST = 60.0  # s; half a period within rounding of Omega_h takes less than 6 s
 # A step this small (relative) leaves, by quadratic convergence, an error below rounding.
 _SMALL_STEP = 1e-11
-_LEAST = 2.0**-1022  # of a multiplier that rounding has lost, so that it has a logarithm for all that
 _FIRST, _OMEGA = 0, 3  # which of the unknowns, the two coordinates, the flight time and Omega, is fixed
 
 
@@ -91,40 +90,18 @@ def shoot_batch(
     ``free_omega`` the first coordinate is fixed, and ``omegas`` [rad/s] are guesses.
     """
     unknowns = numpy.stack((*guess, omegas), axis=1).astype(float)
-    count, flights = len(unknowns), section.per_period
+    count = len(unknowns)
     constants = numpy.broadcast_to(constants, (count, len(PARAMETERS) - 1))
     batch = _Batch(section, constants, lanes, _FIRST if free_omega else _OMEGA)
     converged, last = batch.solve(unknowns, numpy.broadcast_to(tolerance, count))
-    (a, b), (c, d) = last.map.transpose(1, 2, 0)
-    trace, determinant = a + d, a * d - b * c
-    discriminant = trace**2 / 4 - determinant
-    root = numpy.copysign(numpy.sqrt(numpy.abs(discriminant)), trace)
-    # Of a complex pair the modulus, with the sign that the larger one has where they meet.
-    larger = numpy.where(discriminant >= 0, trace / 2 + root, numpy.copysign(numpy.sqrt(numpy.abs(determinant)), trace))
-    slow = larger**flights
-    log_slow = numpy.log(numpy.maximum(numpy.abs(slow), _LEAST))
-    measures = {name: numpy.full(count, numpy.nan) for name in (*(m.name for m in section.measures), "divergence")}
+    flown = {name: numpy.full(count, numpy.nan) for name in (*(m.name for m in section.measures), "divergence")}
     if whole and converged.any():
         for name, values in batch.measures(unknowns, numpy.flatnonzero(converged)).items():
-            measures[name][converged] = values
-    log_multipliers = flights * measures.pop("divergence")
-    first, second = section.names
-    numbers = {
-        "omega": unknowns[:, _OMEGA] if free_omega else numpy.asarray(omegas, dtype=float),
-        "period": flights * unknowns[:, 2],
-        first: unknowns[:, 0],
-        second: unknowns[:, 1],
-        **measures,
-        "multiplier_slow": slow,
-        "log_multiplier_slow": log_slow,
-        "log_multiplier_fast": log_multipliers - log_slow,
-        "log_multipliers": log_multipliers,
-        "trivial_multiplier_defect": abs(last.trivial**flights - 1),
-        f"d{first}_domega": last.by_omega[:, 0],
-        f"d{second}_domega": last.by_omega[:, 1],
-        "dperiod_domega": flights * last.by_omega[:, 2],
-        "residual": last.residual,
-    }
+            flown[name][converged] = values
+    first, second, flight, omega = unknowns.T
+    matrix, slopes = last.map.transpose(1, 2, 0), last.by_omega.T
+    numbers = section.table((first, second), flight, matrix, slopes, last.trivial, flown, numpy)
+    numbers |= {"omega": omega if free_omega else numpy.asarray(omegas, dtype=float), "residual": last.residual}
     return BatchCycles(section, numbers, converged, last.step)
 
 
@@ -148,7 +125,7 @@ class _Batch:
     def solve(self, unknowns: Array, tolerance: Array) -> tuple[Any, _Step]:
         """Which runs converge, and their last steps (NaN for others); ``unknowns`` become the solutions.
 
-        The stopping rule is not that of `NewtonIteration`: each run ends by its own step, and leaves.
+        Each run ends by its own step, and leaves the others.
         """
         count = len(unknowns)
         last = _Step(*(numpy.full((count, *shape), numpy.nan) for shape in ((3,), (3,), (2, 2), (), ())))

@@ -25,7 +25,8 @@ from itertools import count, islice
 from typing import Any, TypeVar
 
 from tippedisk_verify.cycles.limit_cycle import Cycle
-from tippedisk_verify.cycles.return_map import FixedPoint, Image, NewtonIteration, ReturnMap, newton_step
+from tippedisk_verify.cycles.newton import FixedPoint, Iterate, Stop, newton
+from tippedisk_verify.cycles.return_map import Image, ReturnMap
 from tippedisk_verify.cycles.section import Section
 from tippedisk_verify.errors import AccuracyError
 from tippedisk_verify.flow.system import nudged
@@ -148,35 +149,16 @@ def numbers_at(
     return_map: ReturnMap[C], point: tuple[Any, Any], image: Image, rounding: int | None = None
 ) -> dict[str, Any]:
     """All numbers of the cycle through a fixed point of the map, from the map's derivatives there."""
-    section, laps = return_map.section, return_map.section.per_period
-    flight = return_map.flight(point, rounding)
-    (a, b), (c, d) = image.matrix
-    trace, determinant = a + d, a * d - b * c
-    # The larger root of l^2 - trace l + determinant; mostly the determinant is some 1e-25 and only corrects it. Of a
-    # complex pair the modulus is what tells.
-    ops = return_map.precision.ops
-    discriminant = trace * trace / 4 - determinant
-    larger = abs(trace) / 2 + ops.sqrt(discriminant) if discriminant >= 0 else ops.sqrt(determinant)
-    slow = larger * larger if laps == 2 else larger if trace >= 0 else -larger
-    log_slow = ops.log(abs(slow))
-    by_omega = image.fixed_point_by_omega
-    trivial = return_map.trivial_multiplier(point, image)
-    first, second = section.names
-    return {
-        "period": laps * image.time,
-        first: point[0],
-        second: point[1],
-        **return_map.measures(flight),
-        "multiplier_slow": slow,
-        "log_multiplier_slow": log_slow,
-        # det of the flow over a period = slow * fast * 1 (trivial); Liouville gives its logarithm.
-        "log_multiplier_fast": laps * flight.divergence - log_slow,
-        "log_multipliers": laps * flight.divergence,
-        "trivial_multiplier_defect": abs((trivial * trivial if laps == 2 else trivial) - 1),
-        "dperiod_domega": laps * image.time_along_family,
-        f"d{first}_domega": by_omega[0],
-        f"d{second}_domega": by_omega[1],
-    }
+    flight, (first, second, _, time) = return_map.flight(point, rounding), image.slopes("speed")
+    return return_map.section.table(
+        point,
+        image.time,
+        image.matrix,
+        (first, second, time),
+        return_map.trivial_multiplier(point, image),
+        return_map.measures(flight) | {"divergence": flight.divergence},
+        return_map.precision.ops,
+    )
 
 
 def _draws(fixed_point: FixedPoint[C]) -> Iterator[dict[str, Any]]:
@@ -192,7 +174,7 @@ def _draws(fixed_point: FixedPoint[C]) -> Iterator[dict[str, Any]]:
         arrival = [now + before for now, before in zip(image.residual, point, strict=True)]
         moved = nudged(arrival, pattern + 2, DOUBLE)
         residual = [now + (other - whole) for now, whole, other in zip(image.residual, arrival, moved, strict=True)]
-        step = newton_step(image.matrix, residual)
+        step = image._replace(residual=tuple(residual)).newton_step()
         point = (point[0] + step[0], point[1] + step[1])
         later = image.time_by_state[0] * step[0] + image.time_by_state[1] * step[1]
         period = numbers["period"] + return_map.section.per_period * later
@@ -275,16 +257,17 @@ def _sharpened(
 def _chords(return_map: ReturnMap[C], fixed_point: FixedPoint[C]) -> tuple[tuple[Any, Any], tuple[Fraction, Fraction]]:
     """Chord steps with the fixed point's derivative, until they are below rounding; and the step where they stood."""
     precision = return_map.precision
-    point = (precision.number(fixed_point.point[0]), precision.number(fixed_point.point[1]))
-    matrix = tuple(tuple(precision.number(entry) for entry in row) for row in fixed_point.image.matrix)
+    point = [precision.number(coordinate) for coordinate in fixed_point.point]
+    (a, b), (c, d) = ([precision.number(entry) for entry in row] for row in fixed_point.image.matrix)
     # Below a thousand ulps only rounding is left; a step that has stopped shrinking says the same.
     small = 1000 * precision.epsilon
     failure = AccuracyError(f"the chord iteration has not converged in {precision.name} precision")
-    iteration = NewtonIteration(precision.bits // 8 + 8, failure, small=small, fewest=2)
-    while True:
-        residual = return_map.residual(return_map.flight(point).state, point)
-        step = newton_step(matrix, residual)
-        point = (point[0] + step[0], point[1] + step[1])
-        sizes = fraction(abs(step[0])), fraction(abs(step[1]))
-        if iteration.converged(sum(sizes)):
-            return point, (Fraction(0), Fraction(0)) if sum(sizes) < small else sizes
+    stop = Stop(precision.bits // 8 + 8, failure, small=small, fewest=2)
+
+    def size(iterate: Iterate[C]) -> Fraction:
+        return sum((fraction(abs(step)) for step in iterate.step[:2]), Fraction(0))
+
+    chord = fixed_point.image._replace(matrix=((a, b), (c, d)), by_omega=(0, 0))
+    found = newton(return_map, point, stop, size, chord=chord)
+    first, second = (Fraction(0) if size(found) < small else fraction(abs(step)) for step in found.step[:2])
+    return found.ahead[:2], (first, second)

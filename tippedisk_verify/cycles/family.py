@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from fractions import Fraction
 from functools import cached_property, partial
 from itertools import pairwise
 from typing import Any, ClassVar, NamedTuple
@@ -19,7 +18,8 @@ from typing import Any, ClassVar, NamedTuple
 import numpy
 
 from tippedisk_verify.cycles.batch_shooting import shoot_batch
-from tippedisk_verify.cycles.return_map import NewtonIteration, ReturnMap
+from tippedisk_verify.cycles.newton import Iterate, Stop, newton
+from tippedisk_verify.cycles.return_map import ReturnMap
 from tippedisk_verify.cycles.section import Section
 from tippedisk_verify.errors import NoSuchCycleError
 from tippedisk_verify.flow.contract import Engine
@@ -58,7 +58,6 @@ Solver = Callable[[Array, Array, Array, Array], Solved]
 class Place:
     """A cycle of a family, in double, as far as the polynomials tell."""
 
-    s: float
     start: tuple[float, float]  #: both coordinates on the section
     flight: float  #: flight time of the section's map [s]
     omega: float  #: [rad/s]
@@ -252,7 +251,7 @@ class Family:
         """The cycle at an abscissa."""
         ratio, flight, omega, _ = (float(value) for value in self.at(numpy.array([s]))[:, 0])
         first = float(self.coordinate(s))
-        return Place(s, (first, ratio * first), flight, omega, piece)
+        return Place((first, ratio * first), flight, omega, piece)
 
 
 def _powers_and_rates(x: Array, degree: int) -> tuple[Array, Array]:
@@ -315,20 +314,15 @@ def one_at_a_time(section: Section[Any], parameters: Parameters, engine: Engine)
 
 
 def _one(section: Section[Any], parameters: Parameters, engine: Engine, x: float, y: float, omega: float) -> Any:
-    failure = NoSuchCycleError(f"the iteration at fixed {section.names[0]} does not settle")
-    iteration = NewtonIteration(10, failure, small=_SETTLED)
-    while True:
-        if not 0 < omega < math.inf:
-            raise NoSuchCycleError(f"the iteration at fixed {section.names[0]} left the positive speeds")
-        image = ReturnMap(section, parameters, Fraction(omega), engine)((x, y))
-        (a, b), (c, d) = image.matrix
-        rows = numpy.array([[b, image.by_omega[0]], [d - 1, image.by_omega[1]]])
-        right = numpy.array([[image.residual[0], a - 1], [image.residual[1], c]])
-        if not numpy.isfinite(rows).all() or not numpy.linalg.det(rows):
-            raise NoSuchCycleError(f"the iteration at fixed {section.names[0]} met a singular matrix")
-        (y_step, y_slope), (omega_step, omega_slope) = -numpy.linalg.solve(rows, right)
-        y, omega = y + y_step, omega + omega_step
-        if iteration.converged(abs(y_step / y) + abs(omega_step / omega)):
-            by_x, by_y = image.time_by_state
-            rate = by_x + by_y * y_slope + image.time_by_omega * omega_slope
-            return y, image.time, omega, y_slope, rate, omega_slope
+    held = f"the iteration at fixed {section.names[0]}"
+
+    def size(iterate: Iterate[Any]) -> float:
+        _, second, speed = iterate.ahead
+        if not 0 < speed < math.inf:
+            raise NoSuchCycleError(f"{held} left the positive speeds")
+        return float(abs(iterate.step[1] / second) + abs(iterate.step[2] / speed))
+
+    stop = Stop(10, NoSuchCycleError(f"{held} does not settle"), small=_SETTLED)
+    found = newton(ReturnMap(section, parameters, omega, engine), (x, y), stop, size, held="coordinate")
+    (_, second, speed), (_, second_slope, omega_slope, flight_slope) = found.ahead, found.image.slopes("coordinate")
+    return second, found.image.time, speed, second_slope, flight_slope, omega_slope

@@ -1,24 +1,24 @@
 """Folds of limit cycles: where two cycles of a family, rotating or librating, meet and end.
 
-Of the two coordinates on the section, Omega and a parameter of the disk three are unknown: a fixed point of the
-section's map P is wanted at which det(1 - P') = 0. With a fixed parameter that is a fold of one family, with a
-fixed first coordinate a point on a curve of folds (`atlas.fold_curves`). The determinant's gradient is taken by
-differences, in double mostly. It serves in chord steps of any precision, each of which gains some seven digits, so that
-second derivatives of the flow are never needed to more digits than doubles give.
+The two coordinates on the section and Omega are unknown: a fixed point of the section's map P is wanted at which
+det(1 - P') = 0. The determinant's gradient is taken by differences, in double mostly. It serves in chord steps of any
+precision, each of which gains some seven digits, so that second derivatives of the flow are never needed to more digits
+than doubles give.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import Any, ClassVar
 
 import numpy
 
 from tippedisk_verify.cycles.librating_family import LibratingFamily
-from tippedisk_verify.cycles.return_map import Image, NewtonIteration, ReturnMap
+from tippedisk_verify.cycles.newton import Stop
+from tippedisk_verify.cycles.return_map import Image, ReturnMap
 from tippedisk_verify.cycles.rotating_family import RotatingFamily
 from tippedisk_verify.cycles.section import LIBRATING, ROTATING, Section
 from tippedisk_verify.errors import AccuracyError, NoSuchCycleError
@@ -27,7 +27,7 @@ from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, Precision, bits, bits_for_digits, checked_digits, companion
-from tippedisk_verify.model.results import Printable, as_json
+from tippedisk_verify.model.results import Printable, as_json, quantity
 from tippedisk_verify.theory.equilibria import saddle_value_sign
 from tippedisk_verify.theory.hopf import amplitude_law, critical_frequency_squared, criticality, omega_crit
 
@@ -36,10 +36,8 @@ __all__ = [
     "Folds",
     "LibrationFold",
     "RotationFold",
-    "fold_in",
     "fold_in_double",
     "fold_near",
-    "fold_system",
     "fold_to_digits",
     "libration_folds",
     "rotation_fold",
@@ -58,12 +56,14 @@ class Fold(Printable):
 
     section: ClassVar[Section[Any]]  #: whose map has the fold's cycle as a fixed point
 
-    omega: Measured  #: the speed, extreme on the family [rad/s]
-    period: Measured  #: T, the period of the cycle there [s]
-    v_0: Measured  #: v next to the saddle [rad/s]
-    beta_max: Measured  #: largest abs(beta - pi/2) [rad]
-    null_vector: Measured  #: d(v_0)/d(gamma_bar_0), or d(v_top)/d(beta_bar_top), along the family [1/s]
-    log_multiplier_fast: Measured  #: natural logarithm of the multiplier that is not 1 [1]
+    omega: Measured = field(metadata=quantity("the speed, extreme on the family", "rad/s"))
+    period: Measured = field(metadata=quantity("T, the period of the cycle there", "s"))
+    v_0: Measured = field(metadata=quantity("v next to the saddle", "rad/s"))
+    beta_max: Measured = field(metadata=quantity("largest abs(beta - pi/2)", "rad"))
+    null_vector: Measured = field(
+        metadata=quantity("d(v_0)/d(gamma_bar_0), or d(v_top)/d(beta_bar_top), along the family", "1/s")
+    )
+    log_multiplier_fast: Measured = field(metadata=quantity("natural logarithm of the multiplier that is not 1", "1"))
     parameters: Parameters  #: whose fold it is, with the friction law
     engine: str  #: what computed it
     precision: str  #: the arithmetic of its numbers
@@ -76,7 +76,7 @@ class LibrationFold(Fold):
     section = LIBRATING
     _first = ("omega", "period", *LIBRATING.names)
 
-    gamma_bar_0: Measured  #: gamma - pi/2 where beta = pi/2 and v < 0 [rad]; v_0 is v there
+    gamma_bar_0: Measured = field(metadata=quantity("gamma - pi/2 where beta = pi/2 and v < 0; v_0 is v there", "rad"))
 
 
 @dataclass(frozen=True, repr=False)
@@ -86,9 +86,9 @@ class RotationFold(Fold):
     section = ROTATING
     _first = ("omega", "period", *ROTATING.names)
 
-    beta_bar_top: Measured  #: beta - pi/2 at gamma = pi/2 [rad]
-    v_top: Measured  #: v there [rad/s]
-    beta_bar_0: Measured  #: beta - pi/2 at gamma = -pi/2 [rad]; v_0 is v there
+    beta_bar_top: Measured = field(metadata=quantity("beta - pi/2 at gamma = pi/2", "rad"))
+    v_top: Measured = field(metadata=quantity("v there", "rad/s"))
+    beta_bar_0: Measured = field(metadata=quantity("beta - pi/2 at gamma = -pi/2; v_0 is v there", "rad"))
 
 
 class Folds(tuple[LibrationFold, ...]):
@@ -150,7 +150,7 @@ def _asked_for(parameters: Parameters, omega_h: float) -> int:
 
 
 def _small_fold(parameters: Parameters) -> tuple[float, float, float] | None:
-    """Near which point of the section and speed a fold next to a Bautin point lies, by the law of fourth order."""
+    """The point of the section and the speed near which a small fold lies, by the law of fourth order."""
     quadratic, quartic = map(float, amplitude_law(parameters))
     square = -quadratic / (2 * quartic) if quartic else 0.0
     if not 0 < square < _SMALL_FOLD**2:
@@ -178,7 +178,7 @@ def fold_to_digits(
 
     Raises AccuracyError if it is not found, or the digits are not reached.
     """
-    fold = fold_in(kind, parameters, guess, engine, bits(bits_for_digits(digits + _GUARD)))
+    fold = _fold_in(kind, parameters, guess, engine, bits(bits_for_digits(digits + _GUARD)))
     for name in ("omega", "period", *kind.section.names):
         number = getattr(fold, name)
         if number.uncertainty > abs(number.value) / 10**digits:
@@ -186,7 +186,7 @@ def fold_to_digits(
     return fold
 
 
-def fold_in(
+def _fold_in(
     kind: type[Fold], parameters: Parameters, guess: tuple[float, float, float], engine: Engine, precision: Precision
 ) -> Any:
     """The fold of that kind next to a point, computed in ``precision`` and compared with the next wider arithmetic.
@@ -213,27 +213,22 @@ def _conditions(image: Image) -> tuple[Any, Any, Any]:
     return (*image.residual, (1 - a) * (1 - d) - b * c)
 
 
-def fold_system(
+def _fold_system(
     mapped: Callable[[Sequence[Any]], Image], at: Sequence[Any], shifts: Sequence[Any]
-) -> tuple[tuple[Any, Any, Any], list[Any]]:
-    """The conditions of a fold, the map's residual and det(1 - P'), and their derivatives as rows.
+) -> tuple[tuple[Any, Any, Any], list[list[Any]]]:
+    """Return the conditions of a fold and the matrix (3, 3) of their derivatives.
 
-    The derivatives are by both coordinates, Omega and any further unknowns.
-
-    ``mapped`` gives the image for such unknowns. Those of the residual by the first three come with the image, the
-    others by differences, each over its shift to either side; an unknown without shift (None) is fixed: it has no
-    column.
+    ``mapped`` gives the image at both coordinates and Omega. The residual's derivatives come with the image. Those of
+    the determinant are central differences, each over the unknown's entry of ``shifts``.
     """
-    image, columns = mapped(at), []
+    image, by_determinant = mapped(at), []
     (a, b), (c, d) = image.matrix
-    by_map = ((a - 1, c), (b, d - 1), image.by_omega)
     for axis, shift in enumerate(shifts):
-        if shift is not None:
-            beside = [[x + sign * shift * (k == axis) for k, x in enumerate(at)] for sign in (1, -1)]
-            above, below = (_conditions(mapped(unknowns)) for unknowns in beside)
-            column = [(high - low) / (2 * shift) for high, low in zip(above, below, strict=True)]
-            columns.append([*by_map[axis], column[2]] if axis < len(by_map) else column)
-    return _conditions(image), [list(row) for row in zip(*columns, strict=True)]
+        beside = [[x + sign * shift * (k == axis) for k, x in enumerate(at)] for sign in (1, -1)]
+        above, below = (_conditions(mapped(unknowns))[2] for unknowns in beside)
+        by_determinant.append((above - below) / (2 * shift))
+    by_first, by_second = image.by_omega
+    return _conditions(image), [[a - 1, b, by_first], [c, d - 1, by_second], by_determinant]
 
 
 def _mapped(
@@ -254,7 +249,7 @@ def fold_near(
     They are computed in ``precision``. Raises AccuracyError if the iteration does not settle.
     """
     lost = AccuracyError("the iteration for the fold of the limit cycles does not settle")
-    iteration = NewtonIteration(20, lost, small=1e-13 * min(1.0, abs(float(at[0]))), near=1e-9)
+    stop = Stop(20, lost, small=1e-13 * min(1.0, abs(float(at[0]))), near=1e-9)
     at, mapped = [precision.number(float(x)) for x in at], _mapped(section, parameters, engine, precision)
     share = _DIFFERENCE if precision == DOUBLE else float(precision.epsilon) ** (1 / 3)
     while True:
@@ -262,11 +257,11 @@ def fold_near(
         near_saddle = section.saddle_scale([float(x) for x in at])
         rooms = (min(1.0, abs(float(x)), near_saddle**power) for x, power in zip(at, (1, 1, 2), strict=True))
         shifts = [precision.number(share * room) for room in rooms]
-        conditions, rows = fold_system(mapped, at, shifts)
+        conditions, rows = _fold_system(mapped, at, shifts)
         jacobian = numpy.array([[float(x) for x in row] for row in rows])
         step = numpy.linalg.solve(jacobian, [float(x) for x in conditions])
         at = [x - precision.number(float(change)) for x, change in zip(at, step, strict=True)]
-        if iteration.converged(float(numpy.abs(step).max())):
+        if stop.converged(float(numpy.abs(step).max())):
             return (float(at[0]), float(at[1]), float(at[2])), jacobian
 
 
@@ -282,12 +277,12 @@ def _numbers(
     inverse = [[precision.number(float(entry)) for entry in row] for row in numpy.linalg.inv(jacobian)]
     at, mapped = [precision.number(float(x)) for x in start], _mapped(section, parameters, engine, precision)
     lost = AccuracyError(f"the iteration for the fold has not converged in {precision.name} precision")
-    iteration = NewtonIteration(precision.bits // 8 + 8, lost, small=1000 * precision.epsilon, fewest=2)
+    stop = Stop(precision.bits // 8 + 8, lost, small=1000 * precision.epsilon, fewest=2)
     while True:
         conditions = _conditions(mapped(at))
         steps = [sum(a * b for a, b in zip(row, conditions, strict=True)) for row in inverse]
         at = [x - step for x, step in zip(at, steps, strict=True)]
-        if iteration.converged(sum((fraction(abs(step)) for step in steps), Fraction(0))):
+        if stop.converged(sum((fraction(abs(step)) for step in steps), Fraction(0))):
             break
     return_map = ReturnMap(section, parameters, at[2], engine, precision)
     image = return_map(at[:2])

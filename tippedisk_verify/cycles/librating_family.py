@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import math
 from functools import cached_property
-from typing import Any
 
 import numpy
 
@@ -22,17 +21,12 @@ from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.theory.hopf import critical_frequency_squared, omega_crit
 
-__all__ = ["LibratingFamily", "amplitude"]
+__all__ = ["LibratingFamily"]
 
 _NODES = 20  # of a panel; the polynomials then err by rounding
 _CLOSEST = 1e-5  # rad/s; how close to its limit Omega is followed: beyond, doubles hold no more cycles
 _SLOWEST, _FASTEST = 1.5, 6.0  # rates at which the slope of Omega falls towards a connection: from 2 to 4, nearly
 _MOST_PANELS = 10  # the amplitude is then within 1e-5 of pi
-
-
-def amplitude(s: Any) -> Any:
-    """gamma_bar_0 [rad] at the abscissa."""
-    return numpy.pi * numpy.tanh(s)
 
 
 class LibratingFamily(Family):

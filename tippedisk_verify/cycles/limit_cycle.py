@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import cached_property
 from typing import Any, ClassVar
@@ -15,17 +15,18 @@ from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import STATE_VARIATIONS, Engine, Request, Result, raise_unless_usable
 from tippedisk_verify.model.arrays import doubles, workable
-from tippedisk_verify.model.exact import exact, fraction, shown
+from tippedisk_verify.model.exact import exact, fraction, shown, whole
 from tippedisk_verify.model.measured import DISTANCES, Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, bits
-from tippedisk_verify.model.results import Printable
+from tippedisk_verify.model.results import Printable, quantity
 
 __all__ = ["Cycle", "LimitCycle", "Monodromy", "RotatingCycle"]
 
 _NEXT_TO_A_SADDLE = 20  # bits below 1 of what tells the orbit from the saddle's manifolds; a double start misses that
 _DOUBLE_BITS = 60  # below 1, down to which what a cycle's numbers may be off lies beside a double's rounding
 _MORE_BITS = 16
+_MOST_POINTS = 10_000_000  # of an orbit
 _MOVED = 2**12  #: half-widths by which a number is moved, so that rounding does not hide what that does
 
 
@@ -39,17 +40,22 @@ class Cycle(Printable):
     coordinates: ClassVar[tuple[str, str]]  #: names of the two coordinates on the section
     fixed: ClassVar[int]  #: the component of the shifted state that is zero there
     symmetric: ClassVar[bool]  #: whether the cycle is its own image under the point symmetry
-    beside_the_saddle: ClassVar[tuple[str, ...]] = ()  #: names of coordinates that a power of Omega - Omega_h rules
 
-    omega: Measured  #: the spinning speed [rad/s]
-    period: Measured  #: T, the period [s]
-    v_0: Measured  #: v = beta' where gamma_bar_0 or beta_bar_0 is taken [rad/s]
-    beta_max: Measured  #: largest abs(beta - pi/2) on the cycle [rad]
-    multiplier_slow: Measured  #: the larger nontrivial Floquet multiplier, of a complex pair the modulus [1]
-    log_multiplier_slow: Measured  #: natural logarithm of its absolute value [1]
-    log_multiplier_fast: Measured  #: the same of the smaller one, which may lie below any double [1]
-    trivial_multiplier_defect: Measured  #: distance from 1 of the computed multiplier along the flow, a check [1]
-    dperiod_domega: Measured  #: dT/dOmega along the family of cycles [s^2/rad]
+    omega: Measured = field(metadata=quantity("the spinning speed", "rad/s"))
+    period: Measured = field(metadata=quantity("T, the period", "s"))
+    v_0: Measured = field(metadata=quantity("v = beta' where gamma_bar_0 or beta_bar_0 is taken", "rad/s"))
+    beta_max: Measured = field(metadata=quantity("largest abs(beta - pi/2) on the cycle", "rad"))
+    multiplier_slow: Measured = field(
+        metadata=quantity("the larger nontrivial Floquet multiplier, of a complex pair the modulus", "1")
+    )
+    log_multiplier_slow: Measured = field(metadata=quantity("natural logarithm of its absolute value", "1"))
+    log_multiplier_fast: Measured = field(
+        metadata=quantity("the same of the smaller one, which may lie below any double", "1")
+    )
+    trivial_multiplier_defect: Measured = field(
+        metadata=quantity("distance from 1 of the computed multiplier along the flow, a check", "1")
+    )
+    dperiod_domega: Measured = field(metadata=quantity("dT/dOmega along the family of cycles", "s^2/rad"))
     stable: bool | None  #: None if the multiplier's half-width holds 1
     residuals: tuple[float, ...]  #: of the Newton iteration
     parameters: Parameters  #: whose cycle it is, with the friction law
@@ -77,11 +83,11 @@ class Cycle(Printable):
         """Times (count,) [s] over one period, both ends included, and the states (3, count) there, in double.
 
         The states are (beta, gamma, v), or (beta_bar, gamma_bar, v) with ``shifted``. Next to Omega_h the flight is in
-        as many bits as its start needs. Raises InputError for a count below 2, ArithmeticError where the engine gives
-        up.
+        as many bits as its start needs. Raises InputError unless there are 2 to 10,000,000 points, ArithmeticError
+        where the engine gives up.
         """
-        if count < 2:
-            raise InputError(f"an orbit has at least its two ends, not {shown(count)} points")
+        if whole(count, 2, _MOST_POINTS) is None:
+            raise InputError(f"an orbit has 2 to {_MOST_POINTS} points, not {shown(count)}")
         times = numpy.linspace(0.0, float(self.period), count)
         states = self._states(times, engine or default_engine())
         if not shifted:
@@ -140,9 +146,11 @@ class LimitCycle(Cycle):
     coordinates, fixed, symmetric = ("gamma_bar_0", "v_0"), 0, True
     _first = ("omega", "period", *coordinates, "stable")
 
-    gamma_bar_0: Measured  #: gamma - pi/2 where beta = pi/2 and v < 0, its largest value [rad]
-    dgamma_bar_0_domega: Measured  #: d(gamma_bar_0)/dOmega along the family [s]
-    dv_0_domega: Measured  #: d(v_0)/dOmega along the family [1]
+    gamma_bar_0: Measured = field(
+        metadata=quantity("gamma - pi/2 where beta = pi/2 and v < 0, its largest value", "rad")
+    )
+    dgamma_bar_0_domega: Measured = field(metadata=quantity("d(gamma_bar_0)/dOmega along the family", "s"))
+    dv_0_domega: Measured = field(metadata=quantity("d(v_0)/dOmega along the family", "1"))
 
 
 @dataclass(frozen=True, repr=False)
@@ -154,14 +162,15 @@ class RotatingCycle(Cycle):
     """
 
     coordinates, fixed, symmetric = ("beta_bar_top", "v_top"), 1, False
-    beside_the_saddle = ("beta_bar_0", "v_0")
-    _first = ("omega", "period", *coordinates, *beside_the_saddle, "stable")
+    _first = ("omega", "period", *coordinates, "beta_bar_0", "v_0", "stable")
 
-    beta_bar_top: Measured  #: beta - pi/2 of a rotating cycle where gamma = pi/2 [rad]
-    v_top: Measured  #: v there [rad/s]
-    beta_bar_0: Measured  #: beta - pi/2 of a rotating cycle where gamma = -pi/2, next to the saddle [rad]
-    dbeta_bar_top_domega: Measured  #: d(beta_bar_top)/dOmega along the family [s]
-    dv_top_domega: Measured  #: d(v_top)/dOmega along the family [1]
+    beta_bar_top: Measured = field(metadata=quantity("beta - pi/2 of a rotating cycle where gamma = pi/2", "rad"))
+    v_top: Measured = field(metadata=quantity("v there", "rad/s"))
+    beta_bar_0: Measured = field(
+        metadata=quantity("beta - pi/2 of a rotating cycle where gamma = -pi/2, next to the saddle", "rad")
+    )
+    dbeta_bar_top_domega: Measured = field(metadata=quantity("d(beta_bar_top)/dOmega along the family", "s"))
+    dv_top_domega: Measured = field(metadata=quantity("d(v_top)/dOmega along the family", "1"))
 
 
 # ------------------------------------------------------------------------------------------------ the monodromy matrix

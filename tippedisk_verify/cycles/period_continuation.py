@@ -20,7 +20,9 @@ from itertools import pairwise
 from typing import Any
 
 from tippedisk_verify.cycles.librating_family import LibratingFamily
-from tippedisk_verify.cycles.return_map import NewtonIteration, ReturnMap, newton_step
+from tippedisk_verify.cycles.limit_cycle import LimitCycle
+from tippedisk_verify.cycles.newton import Iterate, Stop, newton
+from tippedisk_verify.cycles.return_map import ReturnMap
 from tippedisk_verify.cycles.section import LIBRATING
 from tippedisk_verify.errors import AccuracyError, NoSuchCycleError
 from tippedisk_verify.flow.contract import Engine
@@ -72,29 +74,27 @@ def cycle_at_half_period(
     """
     gamma_bar, v, omega = (precision.number(value) for value in guess)
     duration = precision.number(half_period)
+
+    def size(iterate: Iterate[LimitCycle]) -> float:
+        """Measure the state against its distance from the saddle, the speed against how fast it still changes."""
+        gamma_bar, v, _ = iterate.ahead
+        left, by_time = precision.pi - gamma_bar, iterate.image.slopes("time")[2]
+        parts = iterate.step[0] / left, iterate.step[1] / v, iterate.step[2] / by_time
+        largest = max(abs(float(part)) for part in parts)
+        if not (math.isfinite(largest) and 0 < float(left) < math.pi and float(v) < 0):
+            raise NoSuchCycleError("the iteration at fixed period left the well: take a smaller step in the period")
+        return largest
+
     # By quadratic convergence the cycle is then right to twice as many digits, its slopes to as many.
-    iteration = NewtonIteration(
+    stop = Stop(
         _MOST_STEPS,
         NoSuchCycleError(f"the iteration at fixed period has not converged after {_MOST_STEPS} steps"),
         small=1e-7 if precision == DOUBLE else 1e-10,
         near=1e-3,
     )
-    while True:
-        image = ReturnMap(LIBRATING, parameters, omega, engine, precision)((gamma_bar, v))
-        step = newton_step(image.matrix, image.residual)
-        lacking = duration - image.time - sum(a * b for a, b in zip(image.time_by_state, step, strict=True))
-        # Along the family the state follows the speed, and that the period.
-        by_omega, by_time = image.fixed_point_by_omega, 1 / image.time_along_family
-        slopes = (by_omega[0] * by_time, by_omega[1] * by_time, by_time)
-        moves = [now + slope * lacking for now, slope in zip((*step, 0), slopes, strict=True)]
-        gamma_bar, v, omega = gamma_bar + moves[0], v + moves[1], omega + moves[2]
-        left = precision.pi - gamma_bar
-        # The state matters against its distance from the saddle, the speed against how fast it still changes.
-        size = max(abs(float(moves[0] / left)), abs(float(moves[1] / v)), abs(float(lacking)))
-        if not (math.isfinite(size) and 0 < float(left) < math.pi and float(v) < 0):
-            raise NoSuchCycleError("the iteration at fixed period left the well: take a smaller step in the period")
-        if iteration.converged(size):
-            return PeriodPoint(duration, gamma_bar, v, omega, slopes, tuple(iteration.sizes))
+    return_map = ReturnMap(LIBRATING, parameters, omega, engine, precision)
+    found = newton(return_map, (gamma_bar, v), stop, size, held="time", time=duration)
+    return PeriodPoint(duration, *found.ahead, found.image.slopes("time")[:3], found.residuals)
 
 
 def lengthened(parameters: Parameters, first: PeriodPoint, engine: Engine, *, longest: float) -> Iterator[PeriodPoint]:

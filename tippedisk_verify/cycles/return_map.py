@@ -1,12 +1,19 @@
-"""The return map of a section, with derivatives, and the steps and the stopping rule of Newton's iteration on it."""
+"""The return map of a section with its derivatives, and the Newton steps that follow from them.
+
+The unknowns are the section's two coordinates and Omega. Two equations say that the map P returns to the start. A
+third one holds the speed, the first coordinate or the flight time. With the rows r_1, r_2 of (P' - 1 | dP/dOmega) and
+the row c of the third equation, which lacks g, the step is
+
+    (a r_2 x c + b c x r_1 + g r_1 x r_2) / (c . r_1 x r_2),      (a, b) = -residual.
+
+r_1 x r_2 is the direction of the family of cycles. It is defined where Omega turns round along the family as well.
+"""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from fractions import Fraction
-from typing import Any, Generic, NamedTuple, TypeVar
+from typing import Any, Generic, Literal, NamedTuple, TypeVar
 
 from tippedisk_verify.cycles.limit_cycle import Cycle
 from tippedisk_verify.cycles.section import VARIATIONS, Section
@@ -18,9 +25,12 @@ from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, Precision
 from tippedisk_verify.theory.saddle_manifolds import Saddle
 
-__all__ = ["FixedPoint", "Image", "NewtonIteration", "ReturnMap", "newton_step"]
+__all__ = ["Held", "Image", "ReturnMap"]
 
 C = TypeVar("C", bound=Cycle)
+
+#: What a Newton step holds: the speed, the first coordinate on the section or the flight time.
+Held = Literal["speed", "coordinate", "time"]
 
 _LONGEST_FLIGHT = 200.0  # s; half a period at Omega_h + 1e-280
 _BRANCH_ORDER = 7  # of the power series of a saddle's branch, 2^(-bits / 6) out
@@ -38,16 +48,43 @@ class Image(NamedTuple):
     time_by_omega: Any
     flow: Any  #: the flow's derivatives at fixed time, (beta, gamma, v) by (beta, gamma, v, Omega)
 
-    @property
-    def fixed_point_by_omega(self) -> tuple[Any, Any]:
-        """Derivatives of the coordinates by Omega along the family, if this is a fixed point."""
-        return newton_step(self.matrix, self.by_omega)
+    def newton_step(self, held: Held = "speed", lacking: Any = 0) -> tuple[Any, Any, Any]:
+        """Return the step of both coordinates and Omega after which the map returns to the start, to first order.
+
+        What is held grows by what is lacking, and not otherwise. Raises ZeroDivisionError if the equations are
+        singular.
+        """
+        (first, second), third = self._rows, self._held_row(held)
+        along = _cross(first, second)
+        determinant = _product(third, along)
+        if determinant == 0:
+            raise ZeroDivisionError("the equations of a Newton step are singular")
+        a, b = self.residual
+        columns = zip(_cross(second, third), _cross(third, first), along, strict=True)
+        x, y, omega = ((lacking * r - a * p - b * q) / determinant for p, q, r in columns)
+        return x, y, omega
+
+    def slopes(self, held: Held) -> tuple[Any, Any, Any, Any]:
+        """Return the derivatives of both coordinates, Omega and the flight time by what is held, along the family.
+
+        They are those of the family of cycles if the start is a fixed point.
+        """
+        along = _cross(*self._rows)
+        rate = _product(self._held_row(held), along)
+        first, second, omega = (component / rate for component in along)
+        return first, second, omega, _product(self._held_row("time"), (first, second, omega))
 
     @property
-    def time_along_family(self) -> Any:
-        """The derivative of the flight time by Omega along the family, if this is a fixed point."""
-        first, second = self.fixed_point_by_omega
-        return self.time_by_state[0] * first + self.time_by_state[1] * second + self.time_by_omega
+    def _rows(self) -> tuple[tuple[Any, Any, Any], tuple[Any, Any, Any]]:
+        """The rows of (P' - 1 | dP/dOmega)."""
+        (a, b), (c, d) = self.matrix
+        return (a - 1, b, self.by_omega[0]), (c, d - 1, self.by_omega[1])
+
+    def _held_row(self, held: Held) -> tuple[Any, Any, Any]:
+        """Return the derivatives of what is held by both coordinates and Omega."""
+        if held == "time":
+            return (*self.time_by_state, self.time_by_omega)
+        return (1, 0, 0) if held == "coordinate" else (0, 0, 1)
 
 
 class ReturnMap(Generic[C]):
@@ -78,6 +115,10 @@ class ReturnMap(Generic[C]):
     def within(self, precision: Precision) -> ReturnMap[C]:
         """The same map in another arithmetic."""
         return ReturnMap(self.section, self.parameters, self.omega, self.engine, precision)
+
+    def at_speed(self, omega: Any) -> ReturnMap[C]:
+        """The map at another speed [rad/s]."""
+        return ReturnMap(self.section, self.parameters, omega, self.engine, self.precision)
 
     def flight(self, point: Sequence[Any], rounding: int | None = None) -> Result:
         """From a point to the section's next crossing, its `recorded` events and the integral of the divergence."""
@@ -177,41 +218,9 @@ class ReturnMap(Generic[C]):
         return result
 
 
-@dataclass(frozen=True)
-class FixedPoint(Generic[C]):
-    """Where an iteration for a fixed point of a return map ended, and how it went."""
-
-    return_map: ReturnMap[C]
-    point: tuple[Any, Any]  #: the coordinates on the section
-    image: Image  #: of the point, or of one that it has not left by more than the last step
-    residuals: tuple[float, ...]  #: their sizes, step by step
+def _cross(p: Sequence[Any], q: Sequence[Any]) -> tuple[Any, Any, Any]:
+    return p[1] * q[2] - p[2] * q[1], p[2] * q[0] - p[0] * q[2], p[0] * q[1] - p[1] * q[0]
 
 
-def newton_step(matrix: Any, residual: Any) -> tuple[Any, Any]:
-    """Solve (1 - P') step = residual for the two unknowns, in the arithmetic of the residual."""
-    a, b, c, d = 1 - matrix[0][0], -matrix[0][1], -matrix[1][0], 1 - matrix[1][1]
-    determinant = a * d - b * c
-    return (d * residual[0] - b * residual[1]) / determinant, (a * residual[1] - c * residual[0]) / determinant
-
-
-class NewtonIteration:
-    """When a Newton or chord iteration has converged, by the sizes of its residuals or steps, and when it gives up.
-
-    It has converged when a size is below ``small``, or when a size below ``near`` is no longer half of the one before,
-    because then only rounding is left; that is looked at from the size number ``fewest`` on. ``failure`` is raised
-    after ``most`` sizes.
-    """
-
-    def __init__(self, most: int, failure: Exception, *, small: Any, near: Any = math.inf, fewest: int = 3) -> None:
-        self.sizes: list[Any] = []
-        self._most, self._failure = most, failure
-        self._small, self._near, self._fewest = small, near, fewest
-
-    def converged(self, size: Any) -> bool:
-        """Whether this size is the last one."""
-        self.sizes.append(size)
-        if size < self._small or (len(self.sizes) >= self._fewest and self.sizes[-2] / 2 <= size < self._near):
-            return True
-        if len(self.sizes) == self._most:
-            raise self._failure
-        return False
+def _product(p: Sequence[Any], q: Sequence[Any]) -> Any:
+    return sum(a * b for a, b in zip(p, q, strict=True))

@@ -87,7 +87,7 @@ class RotatingFamily(Family):
         for side in (True, False) if stable is None else (stable,):
             if side and self.nodes[0, 3] < omega < self.omega_h:
                 beta, v = ReturnMap(ROTATING, self.parameters, Fraction(omega), self.engine).end_of_branch()
-                yield Place(-math.inf, (float(beta), float(v)), math.nan, omega, 0)
+                yield Place((float(beta), float(v)), math.nan, omega, 0)
                 continue
             self.reach(0.0 if side else omega)
             yield from (place for place in self.places(omega) if self.falls[place.piece] is side)

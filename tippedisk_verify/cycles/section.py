@@ -11,9 +11,11 @@ All states are shifted, (beta_bar, gamma_bar, v).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Generic, Literal, NamedTuple, TypeVar
+
+import numpy
 
 from tippedisk_verify.cycles.limit_cycle import Cycle, LimitCycle, RotatingCycle
 from tippedisk_verify.flow.contract import SECTION, TURN, Event, Variation
@@ -21,6 +23,8 @@ from tippedisk_verify.flow.contract import SECTION, TURN, Event, Variation
 __all__ = ["BOTTOM", "EXTREME", "LIBRATING", "RETURNS", "ROTATING", "ROUND", "VARIATIONS", "Measure", "Section"]
 
 C = TypeVar("C", bound=Cycle)
+
+_LEAST_MULTIPLIER = 2.0**-1022  # the least normal double
 
 #: The next crossing of beta = pi/2 by a flight that starts there with v < 0.
 RETURNS = Event("returns", SECTION.function, direction=-1)
@@ -92,6 +96,56 @@ class Section(Generic[C]):
         multipliers = ("multiplier_slow", "log_multiplier_slow", "log_multiplier_fast")
         return ("period", *self.names, *(measure.name for measure in self.measures), *multipliers, *by_omega)
 
+    def table(
+        self,
+        point: Sequence[Any],
+        time: Any,
+        matrix: Any,
+        slopes: Any,
+        trivial: Any,
+        flight: Mapping[str, Any],
+        ops: Any,
+    ) -> dict[str, Any]:
+        """Return the numbers of a cycle by their names, or of many cycles as arrays (n,).
+
+        Args:
+            point: both coordinates on the section.
+            time: the flight time [s].
+            matrix: the derivative of the section's map.
+            slopes: derivatives of both coordinates and the flight time by Omega, along the family.
+            trivial: the multiplier of a flight along the flow, 1 but for rounding.
+            flight: the section's measures and the integral of the ``divergence`` over the flight.
+            ops: the functions of the arithmetic.
+        """
+        laps, choose = self.per_period, numpy.where if isinstance(time, numpy.ndarray) else _chosen
+        (a, b), (c, d) = matrix
+        trace, determinant = a + d, a * d - b * c
+        # The larger root of l^2 - trace l + determinant. Mostly the determinant is some 1e-25 and only corrects it.
+        # Of a complex pair it is the modulus, with the sign that the larger one has where they meet.
+        discriminant = trace * trace / 4 - determinant
+        real = abs(trace) / 2 + ops.sqrt(abs(discriminant))
+        size = choose(discriminant >= 0, real, ops.sqrt(abs(determinant))) ** laps
+        slow = size if laps == 2 else choose(trace >= 0, size, -size)
+        # A multiplier that rounding has lost has a logarithm for all that.
+        log_slow = ops.log(choose(size == 0, _LEAST_MULTIPLIER, size))
+        log_multipliers = laps * flight["divergence"]
+        first, second = self.names
+        return {
+            "period": laps * time,
+            first: point[0],
+            second: point[1],
+            **{measure.name: flight[measure.name] for measure in self.measures},
+            "multiplier_slow": slow,
+            "log_multiplier_slow": log_slow,
+            # det of the flow over a period = slow * fast * 1 (trivial); Liouville gives its logarithm.
+            "log_multiplier_fast": log_multipliers - log_slow,
+            "log_multipliers": log_multipliers,
+            "trivial_multiplier_defect": abs((trivial * trivial if laps == 2 else trivial) - 1),
+            "dperiod_domega": laps * slopes[2],
+            f"d{first}_domega": slopes[0],
+            f"d{second}_domega": slopes[1],
+        }
+
     def measured(self, events: Iterable[tuple[str, Any]], zero: Any) -> dict[str, Any]:
         """The measures, from (name, state) of the ``recorded`` events of one flight; ``zero`` is the arithmetic's."""
         numbers = dict.fromkeys((measure.name for measure in self.measures), zero)
@@ -101,6 +155,10 @@ class Section(Generic[C]):
                     value = state[measure.component]
                     numbers[measure.name] = max(numbers[measure.name], abs(value)) if measure.largest else value
         return numbers
+
+
+def _chosen(condition: Any, one: Any, other: Any) -> Any:
+    return one if condition else other
 
 
 _BETA_MAX = Measure("beta_max", EXTREME, 0, largest=True)

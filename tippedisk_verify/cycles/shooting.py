@@ -6,14 +6,14 @@ derivatives come from the variational equations. What the numbers may be off is 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from contextlib import suppress
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from tippedisk_verify.cycles.error_budget import cycle_in, cycle_to_digits
 from tippedisk_verify.cycles.limit_cycle import Cycle, LimitCycle
-from tippedisk_verify.cycles.return_map import FixedPoint, NewtonIteration, ReturnMap, newton_step
+from tippedisk_verify.cycles.newton import FixedPoint, Stop, newton, section_size
+from tippedisk_verify.cycles.return_map import ReturnMap
 from tippedisk_verify.cycles.section import LIBRATING
 from tippedisk_verify.cycles.spectral import approximate_cycle
 from tippedisk_verify.errors import InputError, NoSuchCycleError
@@ -21,6 +21,7 @@ from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.equations import checked_speed
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, Precision, checked_digits
+from tippedisk_verify.model.surroundings import undisturbed
 from tippedisk_verify.theory.harmonic_balance import section_start
 
 __all__ = ["LimitCycle", "limit_cycle", "shoot", "shoot_from_law"]
@@ -41,35 +42,14 @@ def shoot(return_map: ReturnMap[C], guess: Sequence[float]) -> FixedPoint[C]:
     if len(guess) != 2:
         raise InputError(f"a guess has two components: {' and '.join(return_map.section.names)}")
     point = (DOUBLE.number(guess[0]), DOUBLE.number(guess[1]))
-    scale = _size(point)
+    scale = section_size(point)
     failure = NoSuchCycleError(f"the shooting iteration has not converged after {_MOST_STEPS} steps")
     # Round-off of half a period: some hundred ulps of the state.
-    iteration = NewtonIteration(_MOST_STEPS, failure, small=1e-15 * scale, near=1e-12 * scale)
-    image = return_map(point)
-    while not iteration.converged(size := _size(image.residual)):
-        step, share = newton_step(image.matrix, image.residual), 1.0
-        while True:
-            ahead = (point[0] + share * step[0], point[1] + share * step[1])
-            if not all(map(math.isfinite, ahead)):
-                raise NoSuchCycleError("the shooting iteration left the finite numbers: start closer to the cycle")
-            if _size(ahead) < scale / 5:
-                raise NoSuchCycleError("the shooting iteration falls onto the equilibrium: start closer to the cycle")
-            with suppress(NoSuchCycleError):
-                image = return_map(ahead)
-                if _size(image.residual) < size or size < 1e-10 * scale:
-                    break
-            share /= 2
-            if share < 1e-3:
-                raise NoSuchCycleError("the shooting iteration stands still: start closer to the cycle")
-        point = ahead
-    return FixedPoint(return_map, point, image, tuple(iteration.sizes))
+    stop = Stop(_MOST_STEPS, failure, small=1e-15 * scale, near=1e-12 * scale)
+    return newton(return_map, point, stop, lambda iterate: section_size(iterate.image.residual), damped=True)
 
 
-def _size(vector: Sequence[Any]) -> float:
-    """Of a residual, or of a point; a cycle's second coordinate [rad/s] is some ten times the first [rad]."""
-    return abs(float(vector[0])) + abs(float(vector[1])) / 10
-
-
+@undisturbed
 def limit_cycle(
     parameters: Parameters,
     omega: object,

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import Any
 
@@ -32,7 +32,8 @@ from tippedisk_verify.model.exact import fraction, shown, whole
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import checked_digits
-from tippedisk_verify.model.results import Printable
+from tippedisk_verify.model.results import Printable, quantity
+from tippedisk_verify.model.surroundings import undisturbed
 
 __all__ = [
     "BalancedCycle",
@@ -58,13 +59,14 @@ class BalancedCycle(Printable):
     """A limit cycle from spectral harmonic balance; half-widths are from a balance of more harmonics."""
 
     omega: Fraction  #: the spinning speed [rad/s]
-    harmonics: int  #: number of odd harmonics [1]
-    period: Measured  #: T, the period [s]
-    gamma_bar_0: Measured  #: gamma - pi/2 where beta = pi/2 and v < 0 [rad]
-    v_0: Measured  #: v = beta' there [rad/s]
-    beta_max: Measured  #: largest abs(beta - pi/2) on the cycle [rad]
+    harmonics: int = field(metadata=quantity("number of odd harmonics", "1"))
+    period: Measured = field(metadata=quantity("T, the period", "s"))
+    gamma_bar_0: Measured = field(metadata=quantity("gamma - pi/2 where beta = pi/2 and v < 0", "rad"))
+    v_0: Measured = field(metadata=quantity("v = beta' there", "rad/s"))
+    beta_max: Measured = field(metadata=quantity("largest abs(beta - pi/2) on the cycle", "rad"))
 
 
+@undisturbed
 def balanced_cycle(
     parameters: Parameters, omega: object, *, digits: int = 12, harmonics: int | None = None
 ) -> BalancedCycle:

@@ -1,4 +1,4 @@
-"""The disk itself: in motion, and as it inverts (the paper's Figures intro_inversion_COG and intro_inversion).
+"""The disk itself as it inverts (the paper's Figures intro_inversion_COG and intro_inversion).
 
 The reduced model holds the centre of gravity S on a vertical line and the spinning speed constant;
 so do the pictures.
@@ -6,30 +6,22 @@ so do the pictures.
 
 from __future__ import annotations
 
-import io
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import partial
 from typing import Any
 
 from tippedisk_verify.audit.claims import Audit
 from tippedisk_verify.figures.exhibit import Drawing, Exhibit
-from tippedisk_verify.figures.state_space import draw_plane, orbits_within
-from tippedisk_verify.figures.style import BLACK, BLUE, GREEN, ORANGE, RED, pyplot
+from tippedisk_verify.figures.style import BLACK, BLUE, RED, pyplot
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.motion.scenes import Panel
 
-__all__ = ["animated", "inversion", "points_of"]
+__all__ = ["inversion", "points_of"]
 
 _HOLE_RADIUS, _HOLE_OFFSET = 0.33, 0.44  # of the disk's radius, as in the set `geometry`
-_FRONT, _BACK, _BACK_SEEN = "#bcd7ea", "#f4d9a0", "#f5ddaa"  # of the faces; the last as it shines through
+_FRONT, _BACK = "#bcd7ea", "#f4d9a0"  # of the faces
 _SHOWN_SECONDS = 12.0
 _ELEVATION, _AZIMUTH = 14, -62  # of the eye [degrees]
-_FIRST_SECONDS, _LAST_SECONDS = 2.6, 1.1  # shown of an orbit; a limit cycle's period lies between 0.8 and 3 s
-_FRAME = 50  # [ms]; a sample each 10 ms is shown five times slower, and the disk turns by some 18 degrees a frame
-_TRACE = 40  # samples, some two turns of the disk
-_ASIDE = -0.55  # alpha of the turning camera [rad]: the face is seen, and so is its lean
-_COLOURS = 24  # of all frames, beside those of thin lines and of the back, which are too rare to be chosen
 
 
 def points_of(parameters: Parameters, beta: float, gamma: float, alpha: float = 0.0) -> dict[str, Any]:
@@ -77,65 +69,6 @@ def _draw_disk(axis: Any, parameters: Parameters, points: dict[str, Any], zoom: 
     axis.set_box_aspect((2.5, 2.5, 2.2), zoom=zoom)
     axis.view_init(elev=_ELEVATION, azim=_AZIMUTH)
     axis.set_axis_off()
-
-
-def animated(panel: Panel, told: Callable[[str], None] = lambda place: None, moments: Sequence[int] = ()) -> bytes:
-    """The GIF: the disk as a camera sees it that turns with it, as the room sees it, and its angles.
-
-    ``told`` hears which frame is drawn. ``moments`` index samples of the panel's first orbit, which are 10 ms apart;
-    if none are given, its first and its last seconds are shown.
-    """
-    import numpy
-    from PIL import Image
-
-    orbit, speed = panel.orbits[0], float(panel.omega)
-    shown = (orbit.times <= _FIRST_SECONDS) | (orbit.times > orbit.times[-1] - _LAST_SECONDS)
-    moments = moments or numpy.flatnonzero(shown).tolist()
-    figure = pyplot().figure(figsize=(7.6, 2.9), dpi=100)
-    title = figure.text(0.012, 0.98, "", va="top")
-    figure.text(0.012, 0.02, "dot: centre of gravity S;  plus: centre G;  red: path of the contact point")
-    figure.text(0.21, 0.84, "seen by a camera that turns with it", ha="center")
-    figure.text(0.55, 0.84, "seen from the room", ha="center")
-    views = {
-        turning: figure.add_axes(place, projection="3d", computed_zorder=False)
-        for turning, place in ((0.0, (0.0, 0.05, 0.42, 0.8)), (speed, (0.4, 0.12, 0.3, 0.6)))
-    }
-    plane = figure.add_axes((0.755, 0.18, 0.155, 0.72))
-    draw_plane(plane, panel, orbits_within(panel, _FIRST_SECONDS)[:1])
-    for gamma, height in ((-math.pi / 2, "below"), (math.pi / 2, "above"), (3 * math.pi / 2, "below")):
-        plane.annotate(f"S {height} G", (1.06, gamma), xycoords=plane.get_yaxis_transform(), va="center", fontsize=8)
-    (dot,) = plane.plot([], [], "o", color=BLACK, ms=6, zorder=9)
-    frames = []
-    for number, moment in enumerate(moments, start=1):
-        told(f"frame {number} of {len(moments)}")
-        recent = slice(max(0, moment - _TRACE), moment + 1)
-        angles = orbit.states[recent, :2].tolist()
-        for turning, axis in views.items():
-            places = [
-                points_of(panel.parameters, beta, gamma, _ASIDE + turning * t)
-                for t, (beta, gamma) in zip(orbit.times[recent], angles, strict=True)
-            ]
-            axis.clear()
-            _draw_disk(axis, panel.parameters, places[-1], zoom=1.25)
-            axis.plot(*numpy.array([place["C"] for place in places]).T, color=RED, lw=1.0, zorder=0.5)
-        beta, gamma = angles[-1]
-        # gamma as an angle from -pi/2 to 3 pi/2; the start at -pi/2 is rounded.
-        dot.set_data([beta], [(gamma + math.pi / 2 + 1e-9) % (2 * math.pi) - math.pi / 2])
-        late = f"  (in the end: {orbit.ending.kind})" if orbit.times[moment] > _FIRST_SECONDS else ""
-        title.set_text(f"{panel.scene.title[4:]},  five times slower,  t = {orbit.times[moment]:.2f} s{late}")
-        figure.canvas.draw()
-        frames.append(numpy.array(figure.canvas.buffer_rgba())[..., :3])
-    pyplot().close(figure)
-    # One palette for all frames, of moments that show both faces, and no dithering: what stands still stays the same.
-    sample = Image.fromarray(numpy.concatenate(frames[:: max(1, len(frames) // 12)]))
-    palette = sample.quantize(_COLOURS, dither=Image.Dither.NONE)
-    levels = [255 if level > 245 else level for level in palette.getpalette() or ()]  # white stays white
-    thin = [level for colour in (RED, GREEN, BLUE, ORANGE, _BACK_SEEN) for level in bytes.fromhex(colour[1:])]
-    palette.putpalette([*levels[: 3 * _COLOURS], *thin])
-    first, *rest = [Image.fromarray(frame).quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
-    stream = io.BytesIO()
-    first.save(stream, "GIF", save_all=True, append_images=rest, duration=_FRAME, loop=0, optimize=True)
-    return stream.getvalue()
 
 
 def _drawn(parameters: Parameters, times: Any, states: Any, height: Any, across: int) -> Any:

@@ -31,6 +31,7 @@ from tippedisk_verify.flow.system import parameter_names
 from tippedisk_verify.model.equations import field, jacobian, shifted, terms
 from tippedisk_verify.model.exact import shown
 from tippedisk_verify.model.precision import DOUBLE
+from tippedisk_verify.model.surroundings import undisturbed_methods
 
 __all__ = ["METHODS", "Baseline", "Method"]
 
@@ -67,6 +68,7 @@ class _Counted:
         return self._rates(t, y)
 
 
+@undisturbed_methods
 class Baseline:
     """One of SciPy's methods as an engine."""
 

@@ -14,12 +14,14 @@ from fractions import Fraction
 from typing import Any, Literal, NamedTuple, Protocol
 
 from tippedisk_verify.errors import InputError
+from tippedisk_verify.model.exact import refuse_qualified, shown
 from tippedisk_verify.model.parameters import Constants, Friction, Parameters
 from tippedisk_verify.model.precision import DOUBLE, Precision
 from tippedisk_verify.model.results import Printable, with_widths
 
 __all__ = [
     "FLAT",
+    "MOST_STEPS",
     "SECTION",
     "SLIDING_REVERSAL",
     "TURN",
@@ -37,6 +39,8 @@ __all__ = [
 
 #: What derivatives can be taken with respect to: the initial state, and the parameters that the field knows.
 Variation = Literal["beta", "gamma", "v", "Omega", "r", "e", "a", "b", "g", "k"]
+#: Steps of a run, unless it asks for more: half an hour of ordinary motion. A run that needs more is mostly stuck.
+MOST_STEPS = 100_000
 STATE_VARIATIONS: tuple[Variation, ...] = ("beta", "gamma", "v")
 
 
@@ -47,7 +51,7 @@ class Status(Enum):
     EVENT = "a terminal event ended the run"
     FLAT = "the disk lies flat (sin beta <= 0): the model ends here; shorten the run or start elsewhere"
     NON_FINITE = "the state became infinite or NaN; check the start, or integrate in more bits"
-    STEP_LIMIT = "the step limit was reached before the final time; shorten the run, or raise max_steps of a Request"
+    STEP_LIMIT = "the step limit was reached before the final time; shorten the run, or raise max_steps"
     STEP_TOO_SMALL = "the step size fell below what this arithmetic resolves; integrate in more bits"
     FAILED = "the integrator gave up; try another method or a looser tolerance"
 
@@ -55,6 +59,22 @@ class Status(Enum):
     def usable(self) -> bool:
         """Whether the result is what was asked for (or the model's own end)."""
         return self in (Status.REACHED, Status.EVENT, Status.FLAT)
+
+
+class _Symbol:
+    """A number without a value: it takes part in arithmetic, so that an event's function can be tried out."""
+
+    def _combined(self, other: object = None) -> _Symbol:
+        return self
+
+    __add__ = __radd__ = __sub__ = __rsub__ = __mul__ = __rmul__ = __truediv__ = __rtruediv__ = _combined
+    __pow__ = __neg__ = _combined
+
+
+class _Symbols:
+    """The functions of `_Symbol`; anything else is not among those that an event may use."""
+
+    sin = cos = staticmethod(_Symbol._combined)
 
 
 @dataclass(frozen=True)
@@ -73,6 +93,17 @@ class Event:
     direction: Literal[-1, 0, 1] = 0
     terminal: bool = True
 
+    def __post_init__(self) -> None:
+        if self.direction not in (-1, 0, 1):
+            raise InputError(f"an event's direction is -1, 0 or 1, not {shown(self.direction)}")
+        try:
+            self.function(_Symbols, Constants(*[_Symbol()] * len(Constants._fields)), *[_Symbol() for _ in range(4)])
+        except (TypeError, AttributeError, ValueError) as fault:
+            raise InputError(
+                f"the event '{shown(self.name)}' needs a function of (ops, constants, omega, beta, gamma, v) made of "
+                f"arithmetic, ops.sin and ops.cos, such as lambda ops, c, omega, beta, gamma, v: ops.cos(beta): {fault}"
+            ) from None
+
     def __hash__(self) -> int:  # looked up in every run
         return hash(self.name)
 
@@ -85,7 +116,7 @@ SECTION = Event("section", lambda ops, constants, omega, beta, gamma, v: ops.cos
 TURN = Event("turn", lambda ops, constants, omega, beta, gamma, v: 1 * v)
 #: gamma_y / sin(beta) = 0: the sliding velocity changes sign.
 SLIDING_REVERSAL = Event(
-    "sliding reversal",
+    "surface",
     lambda ops, constants, omega, beta, gamma, v: (
         (constants.r + constants.e * ops.sin(gamma)) * v - constants.e * omega * (ops.sin(beta) * ops.cos(gamma))
     ),
@@ -124,7 +155,7 @@ class Request:
     digits: int = 12  #: beyond 12, in doubles and with an error estimate: the error is taken out of the result
     domain: Literal["event", "samples", "none"] = "event"
     rounding: int | None = None  #: a twin of the run: the pattern by which inputs' last bits move (`system.nudged`)
-    max_steps: int = 100_000  #: an hour of ordinary motion; what needs more is stuck, or asks for it
+    max_steps: int = MOST_STEPS
 
     def __post_init__(self) -> None:
         _check_state(self.state)
@@ -264,7 +295,12 @@ def raise_unless_usable(result: Result) -> Result:
 
 
 def _check_state(state: Sequence[object]) -> None:
-    if len(state) != 3:
+    refuse_qualified(state)
+    try:
+        count = len(state)
+    except TypeError:  # a number by itself
+        count = 1
+    if count != 3:
         raise InputError("a state has three components: beta, gamma, v")
 
 
@@ -272,10 +308,9 @@ def _check_times(times: Any, precision: Precision, duration: float) -> None:
     """Sample times must be strictly monotonic and lie between 0 and the duration."""
     if not len(times):
         raise InputError("the list of sample times is empty: leave it out instead")
-    native = hasattr(times, "dtype") and times.dtype.kind == "f"
     try:
         # Above double, times that a double cannot tell apart may well be meant.
-        values = times if native else precision.array(times)
+        values = precision.sequence(times)
     except (TypeError, ValueError) as fault:
         raise InputError(f"sample times must be numbers: {fault}") from None
     if values.ndim != 1:

@@ -18,7 +18,7 @@ from tippedisk_verify.model.equations import shifted
 from tippedisk_verify.model.measured import DISTANCES
 from tippedisk_verify.model.precision import DOUBLE, EXTENDED, QUADRUPLE, Precision, companion
 
-__all__ = ["CORRECTED_DIGITS", "PLAIN_DIGITS", "from_defect"]
+__all__ = ["CORRECTED_DIGITS", "EXTENDED_DIGITS", "PLAIN_DIGITS", "from_defect"]
 
 #: Digits up to which a run in doubles is left as it is.
 PLAIN_DIGITS = 12
@@ -42,6 +42,8 @@ _METHODS = (
 )
 #: Digits up to which a run in doubles is enough, its error added.
 CORRECTED_DIGITS = _METHODS[-1].digits
+#: Digits up to which extended numbers carry the estimate, where the machine has them; else doubles take their place.
+EXTENDED_DIGITS = max(method.digits for method in _METHODS if method.wide is EXTENDED)
 #: A quarter more than the error that is left in a result, for whatever the estimate has in common with it.
 _QUARTER_MORE = 1.25
 #: What three nodes leave out, in carried roundings, where they are enough: each rate times the step is below this, what
@@ -196,6 +198,8 @@ class _Run:
     def numbers(self, times: Any, at_end: Any) -> tuple[Any, Any]:
         """The states (3, k) at these times, of which the last is where the result has ``at_end``, and half-widths."""
         places, errors, left = self._at(times)
+        # A time is rounded to the wide arithmetic.
+        left = left + abs(self._defect.rates(places) * times).astype(float) * float(self.wide.epsilon)
         values = places.astype(float) if self.uncorrected else places + errors
         if self.uncorrected:
             values[:, -1] = at_end

@@ -26,12 +26,13 @@ from tippedisk_verify.flow.system import (
     parameter_names,
     system_of,
 )
-from tippedisk_verify.model.arrays import Array
+from tippedisk_verify.model.arrays import Array, numbers
 from tippedisk_verify.model.equations import shifted as _shifted
 from tippedisk_verify.model.exact import shown
 from tippedisk_verify.model.parameters import Friction, Parameters, checked_friction
 from tippedisk_verify.model.precision import DOUBLE, heyoka_module
 from tippedisk_verify.model.results import Printable
+from tippedisk_verify.model.surroundings import undisturbed_methods
 
 __all__ = ["BatchResult", "BatchTaylor", "field_constants"]
 
@@ -63,6 +64,7 @@ def field_constants(parameters: Parameters) -> Array:
 _MOST_LANES = 64  # eight times what the widest registers hold; compiling takes longer with each
 
 
+@undisturbed_methods
 class BatchTaylor:
     """The engine for many runs. What a call needs is compiled once per instance and kept.
 
@@ -97,12 +99,7 @@ class BatchTaylor:
         Raises InputError for what is no array of numbers, if the shapes do not match, or if an event is terminal.
         """
         names = parameter_names(checked_friction(friction))
-        try:
-            constants, omegas, states, durations = (
-                numpy.asarray(values, dtype=float) for values in (constants, omegas, states, durations)
-            )
-        except (TypeError, ValueError, OverflowError):
-            raise InputError("constants, speeds, states and durations of many runs are arrays of numbers") from None
+        constants, omegas, states, durations = map(numbers, (constants, omegas, states, durations))
         count = omegas.size
         if omegas.shape != (count,) or states.shape != (count, 3) or durations.shape != (count,):
             raise InputError(f"{count} speeds need states ({count}, 3) and as many durations")

@@ -19,6 +19,7 @@ __all__ = [
     "Start",
     "StartSurfaces",
     "at_rest",
+    "starts_on_a_surface",
     "surfaces",
 ]
 
@@ -97,6 +98,12 @@ def at_rest(request: Request) -> bool:
         return False
     start = Start.of(request, request.precision)
     return not any(start.rates(start.state))
+
+
+def starts_on_a_surface(request: Request) -> bool:
+    """Return True if the start lies on the surface of an event, up to rounding in the request's arithmetic."""
+    start, epsilon = Start.of(request, request.precision), float(request.precision.epsilon)
+    return any(start.lies_on(event, epsilon) for event in request.events)
 
 
 def surfaces(request: Request, start: Start) -> StartSurfaces:

@@ -7,6 +7,7 @@ parameters are runtime values, so one build serves every parameter set and speed
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import Any
 
@@ -19,12 +20,16 @@ from tippedisk_verify.flow.compiled import CompiledRunners
 from tippedisk_verify.flow.contract import FLAT, Build, Request, Result, Status
 from tippedisk_verify.flow.error_estimate import PLAIN_DIGITS, from_defect
 from tippedisk_verify.flow.integrator import Integrator
-from tippedisk_verify.flow.start import at_rest
+from tippedisk_verify.flow.start import at_rest, starts_on_a_surface
 from tippedisk_verify.model.precision import DOUBLE, bits, bits_for_digits
+from tippedisk_verify.model.surroundings import undisturbed_methods
 
 __all__ = ["Taylor"]
 
+_SURFACE_DIGITS = 20  # to which a run is corrected whose start doubles cannot tell from an event's surface
 
+
+@undisturbed_methods
 class Taylor:
     """The engine: adaptive Taylor series of the order that the tolerance asks for, in any precision.
 
@@ -34,7 +39,6 @@ class Taylor:
     because the rounding of the inputs dominates. ``fast_math`` lets the compiler reorder sums: in double a fifth less
     run time, and last digits that depend on the processor. ``compact`` overrides the measured choice between unrolled
     code (double: half the run time) and loops (above double, where compiling unrolled code would take minutes).
-    ``optimisation`` is the compiler's level, 0 to 3; 3 if left out.
     Raises InputError if sums are to be reordered and compensated at once.
     """
 
@@ -44,13 +48,10 @@ class Taylor:
         high_accuracy: bool = False,
         fast_math: bool = False,
         compact: bool | None = None,
-        optimisation: int | None = None,
     ) -> None:
         if high_accuracy and fast_math:
             raise InputError("fast_math would reorder the sums that high_accuracy compensates: choose one")
         self._options: dict[str, Any] = {"high_accuracy": high_accuracy, "fast_math": fast_math}
-        if optimisation is not None:
-            self._options["opt_level"] = optimisation
         self._compact = compact
         self._integrators = CompiledRunners()
 
@@ -98,18 +99,26 @@ class Taylor:
         return result
 
     def _with_error(self, request: Request, result: Result) -> Result:
-        """By the run's defect, or where that cannot tell by a wider run."""
+        """Return the result with half-widths, by the run's defect, or where that cannot tell by a wider run.
+
+        A run that did not get where it was to go has none. A start within rounding of an event's surface, for which
+        doubles have no half-widths, is corrected in wider arithmetic.
+        """
+        if not result.status.usable:
+            if request.estimated_by_defect:
+                result = result._replace(samples=result.series.samples(request, result.status))
+            return result._replace(series=None)
         refined = from_defect(request, result)
         if refined is None and request.digits > PLAIN_DIGITS:
-            return self(
-                replace(
-                    request, precision=bits(bits_for_digits(request.digits + 8)), tolerance=None, digits=PLAIN_DIGITS
-                )
-            )
+            precision = bits(bits_for_digits(request.digits + 8))
+            return self(replace(request, precision=precision, tolerance=None, digits=PLAIN_DIGITS))
         if refined is None:
             if request.estimated_by_defect:
                 result = result._replace(samples=result.series.samples(request, result.status))
             refined = compared(self, request, result)
+            assert refined.error is not None
+            if math.isinf(refined.error.time) and request.events and starts_on_a_surface(request):
+                refined = from_defect(replace(request, digits=_SURFACE_DIGITS), result) or refined
         return refined._replace(series=None)
 
 

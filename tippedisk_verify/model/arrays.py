@@ -10,10 +10,12 @@ from numpy.typing import NDArray
 
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.equations import checked_speed
+from tippedisk_verify.model.exact import refuse_qualified
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE
+from tippedisk_verify.model.surroundings import undisturbed_methods
 
-__all__ = ["Array", "OnArrays", "doubles", "half_widths", "workable"]
+__all__ = ["Array", "OnArrays", "doubles", "half_widths", "numbers", "workable"]
 
 Array = NDArray[numpy.float64]
 
@@ -23,6 +25,22 @@ def doubles(values: Any) -> Array:
     if values.dtype != object:
         return values.astype(float, copy=False)  # type: ignore[no-any-return]
     return numpy.array([float(value) for value in values.flat]).reshape(values.shape)
+
+
+def numbers(values: Any) -> Any:
+    """Return numbers of any kind, one of them or an array or nested lists of them, in doubles.
+
+    Raises InputError for what is no number, and for lists that are no array.
+    """
+    if type(values) is numpy.ndarray and values.dtype.kind == "f":
+        return values.astype(float, copy=False)
+    refuse_qualified(values)
+    if not isinstance(values, list | tuple) and not getattr(values, "ndim", 0):
+        return numpy.asarray(DOUBLE.number(values))
+    try:
+        return numpy.array([numbers(entry) for entry in values])
+    except ValueError as fault:
+        raise InputError(f"an array of numbers is needed: {fault}") from None
 
 
 def half_widths(values: Any) -> Array:
@@ -39,6 +57,7 @@ def workable(values: Any) -> Any:
     return values if values is None or values.dtype in (float, numpy.longdouble) else values.astype(object)
 
 
+@undisturbed_methods
 class OnArrays:
     """`field` or `jacobian` as ``f(t, y)`` of a state (3,) or of states (3, k) in doubles. It can be pickled."""
 
@@ -47,6 +66,7 @@ class OnArrays:
         self._function = made(numpy, parameters.at(DOUBLE), speed, parameters.friction)
 
     def __call__(self, t: object, y: Any) -> Array:
+        refuse_qualified(y)
         try:
             beta, gamma, v = y
         except (TypeError, ValueError):

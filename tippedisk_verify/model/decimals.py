@@ -1,15 +1,57 @@
-"""Exact numbers as decimals, with what their rounding changes."""
+"""Exact numbers as decimals, with what their rounding changes, and the context of all decimal arithmetic here."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from decimal import MAX_EMAX, MIN_EMIN, ROUND_DOWN, Context, Decimal
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from decimal import (
+    MAX_EMAX,
+    MIN_EMIN,
+    ROUND_DOWN,
+    ROUND_HALF_EVEN,
+    Context,
+    Decimal,
+    DivisionByZero,
+    InvalidOperation,
+    Overflow,
+    localcontext,
+)
 from fractions import Fraction
+from functools import cache
 
-__all__ = ["at_place", "decimal_magnitude", "exact_decimals", "exact_text", "rounded_down", "rounded_up"]
+__all__ = [
+    "arithmetic",
+    "at_place",
+    "decimal_magnitude",
+    "exact_decimals",
+    "exact_text",
+    "rounded_down",
+    "rounded_up",
+]
 
-_TRUNCATED = Context(prec=1, rounding=ROUND_DOWN, Emin=MIN_EMIN, Emax=MAX_EMAX)
+
+@cache
+def _context(digits: int, rounding: str) -> Context:
+    """A context with every setting stated: what is left out comes from `decimal.DefaultContext`, which anybody can set.
+
+    The exponents have the widest range, so that no number met here overflows.
+    """
+    traps = [InvalidOperation, DivisionByZero, Overflow]
+    return Context(digits, rounding, Emin=MIN_EMIN, Emax=MAX_EMAX, capitals=1, clamp=0, flags=[], traps=traps)
+
+
+_TRUNCATED = _context(1, ROUND_DOWN)
+
+
+@contextmanager
+def arithmetic(digits: int = 140, rounding: str = ROUND_HALF_EVEN) -> Iterator[None]:
+    """Compute with decimals of so many digits; Omega_h has 102. Also a decorator.
+
+    All arithmetic with decimals happens in it. The caller's context is neither read nor changed.
+    """
+    with localcontext(_context(digits, rounding)):
+        yield
 
 
 def exact_text(value: Fraction) -> str:

@@ -12,12 +12,12 @@ power divides by its base and cos(beta) vanishes at every equilibrium and sectio
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from fractions import Fraction
 from typing import Any, NamedTuple, Protocol
 
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.model.exact import exact, shown
+from tippedisk_verify.model.exact import entries, exact, shown
 from tippedisk_verify.model.parameters import Constants, Friction
 
 __all__ = [
@@ -67,7 +67,7 @@ def checked_speed(omega: object) -> Fraction:
 
     Raises InputError unless it is a decimal between 1e-300 and 1e6: slower or faster, doubles and the disk give out.
     """
-    if isinstance(omega, list | tuple) or getattr(omega, "ndim", False):
+    if isinstance(omega, list | tuple):
         raise InputError("one speed is needed, not several: `Disk.branch` takes a list of them")
     speed = exact(omega)
     if speed.pi_multiple or not _SLOWEST <= speed.rational < _FASTEST:
@@ -77,8 +77,7 @@ def checked_speed(omega: object) -> Fraction:
 
 def checked_speeds(omegas: object) -> list[Fraction]:
     """The speeds [rad/s] of a list, each as `checked_speed` has it; a text or a number by itself is one speed."""
-    listed = isinstance(omegas, Iterable) and not isinstance(omegas, str | bytes)
-    return [checked_speed(omega) for omega in (omegas if listed else [omegas])]  # type: ignore[attr-defined]
+    return [checked_speed(omega) for omega in entries(omegas)]
 
 
 class Terms(NamedTuple):

@@ -10,20 +10,40 @@ from __future__ import annotations
 import math
 import operator
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass
 from decimal import Decimal
 from fractions import Fraction
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from tippedisk_verify.errors import InputError
 
-__all__ = ["PI", "Approximate", "Exact", "exact", "fraction", "mantissa_exponent", "quotient", "shown", "whole"]
+__all__ = [
+    "PI",
+    "Approximate",
+    "Binary",
+    "Exact",
+    "entries",
+    "exact",
+    "fraction",
+    "mantissa_exponent",
+    "plain_number",
+    "quotient",
+    "refuse_qualified",
+    "shown",
+    "whole",
+]
 
 # A decimal exponent beyond this is a mistake, not a physical quantity, and would cost memory without bound.
 _LARGEST_DECIMAL_EXPONENT = 10_000
+# The same for powers of two; the widest arithmetic offered needs far less.
+_LARGEST_BINARY_EXPONENT = 100_000_000
 # Python converts integers of up to 4300 decimal digits; nothing here needs more.
 _LARGEST_TEXT = 4_000
+# Attributes by which the packages for physical units show that an object has one.
+_UNIT_ATTRIBUTES = ("unit", "units", "dimensionality", "dimensions")
+_HAS_UNIT = "'{}' has a unit: give it in rad/s, rad, s or other SI units, without a unit"
 
 _NUMBER = r"(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?"
 _TERM = re.compile(
@@ -97,31 +117,142 @@ class Approximate:
         def uncertainty(self) -> Fraction: ...
 
 
-def exact(value: object) -> Exact:
-    """The exact number that ``value`` stands for.
+class Binary(NamedTuple):
+    """The number ``mantissa * 2**exponent``, both integers."""
 
-    Accepts int, float, Fraction, Decimal, numpy long double, mpmath mpf, heyoka real and real128, `Exact`, and
-    strings: decimals (``"0.435"``, ``"1e-30"``), ratios (``"1/3"``) and sums with multiples of pi
+    mantissa: int
+    exponent: int
+
+
+def plain_number(value: object) -> Exact | Binary | Decimal | float | str:
+    """Return the number that an object stands for: the one place that decides what a number is.
+
+    Every speed, state, time, parameter and answer passes it. An object is asked what it says of itself before it is
+    unwrapped, and what is inside is asked again.
+
+    - A text (str) is returned as it is: the caller reads it.
+    - A float of Python's or NumPy's in double precision is a float, a Decimal a Decimal.
+    - Other floating-point numbers become `Binary`: NumPy's, mpmath's, gmpy2's, heyoka's, python-flint's and SymPy's.
+      An infinity or NaN of theirs becomes a float.
+    - Integers and rationals of every kind become `Exact`: whatever has ``__index__``, or a numerator and a denominator.
+    - A number with a half-width of this package stands for its value, exactly.
+    - An array of one element, of any shape, stands for that element; so does a scalar of JAX, PyTorch, xarray, pandas
+      or PyArrow.
+
+    Raises InputError for all else, and for what is no plain number by its own account: truth values, masked elements,
+    quantities with a unit, complex numbers, balls with a radius, and constants such as mpmath's pi, whose value depends
+    on the precision.
+    """
+    kind = type(value)
+    if kind in (float, str, Decimal, Exact, Binary):
+        return value  # type: ignore[return-value]
+    if kind in (int, Fraction):
+        return Exact(Fraction(value))  # type: ignore[call-overload]
+    if isinstance(value, Approximate):
+        return Exact(value.value)
+    refuse_qualified(value)
+    if isinstance(value, bool | complex | None):
+        raise InputError(f"a real number is needed, not {shown(value)}")
+    for base in (str, float, Decimal):
+        if isinstance(value, base):
+            return base(value)
+    found = _binary(value)
+    return _unwrapped(value) if found is None else found
+
+
+def refuse_qualified(value: Any) -> None:
+    """Raise InputError for a quantity with a unit, for what is masked, and for an array that has such elements."""
+    if not _can_be_qualified(type(value)):  # type: ignore[arg-type]
+        return
+    if any(hasattr(value, name) for name in _UNIT_ATTRIBUTES):
+        raise InputError(_HAS_UNIT.format(shown(value)))
+    mask = getattr(value, "mask", False)  # of pandas a method
+    if not callable(mask) and getattr(mask, "any", lambda: mask)():
+        raise InputError("a number is needed, not a masked one")
+
+
+@lru_cache(maxsize=256)
+def _can_be_qualified(kind: type) -> bool:
+    """Whether objects of a class can have a unit or a mask: it has such attributes, or its objects have their own."""
+    own = any("__dict__" in vars(base) for base in kind.__mro__)
+    return own or any(hasattr(kind, name) for name in (*_UNIT_ATTRIBUTES, "mask", "__getattr__"))
+
+
+def _binary(value: Any) -> Binary | float | None:
+    """A floating-point number of another kind than Python's; None for what is none."""
+    kind = type(value).__name__
+    if kind in ("real", "real128"):
+        return _heyoka_mantissa(value, getattr(value, "prec", 113))
+    if kind == "longdouble":
+        import numpy
+
+        if not numpy.isfinite(value):
+            return math.nan
+        mantissa, exponent = numpy.frexp(value)
+        return Binary(int(numpy.ldexp(mantissa, 64)), int(exponent) - 64)
+    if hasattr(value, "rad") and value.rad() != 0:
+        raise InputError(f"a number is needed, not the ball {shown(value)}: give its midpoint")
+    parts = None if callable(value) else getattr(value, "_mpf_", None)
+    if parts is None:
+        return None
+    sign, mantissa, exponent, _ = parts
+    if not mantissa and exponent:
+        return math.nan
+    return Binary(-int(mantissa) if sign else int(mantissa), int(exponent))
+
+
+def _unwrapped(value: Any) -> Exact | Binary | Decimal | float | str:
+    """What an array of one element or another package's scalar holds, or the ratio of integers that a number is."""
+    unknown = InputError(f"a real number is needed, not an object of type {type(value).__name__}")
+    if callable(value):
+        raise unknown
+    if hasattr(value, "item") and hasattr(value, "shape"):
+        if getattr(value.dtype, "kind", "") in ("m", "M"):  # NumPy's time spans and dates
+            raise InputError(_HAS_UNIT.format(shown(value)))
+        if (count := math.prod(value.shape)) != 1:
+            raise InputError(f"one number is needed, not an array of {count}")
+        return plain_number(value.item())
+    if hasattr(value, "as_py"):
+        return plain_number(value.as_py())
+    try:
+        if hasattr(value, "__index__"):
+            return Exact(Fraction(operator.index(value)))
+        if hasattr(value, "numerator"):
+            return Exact(Fraction(operator.index(value.numerator), operator.index(value.denominator)))
+        return Exact(Fraction(*map(int, value.as_integer_ratio())))
+    except (ValueError, OverflowError):  # how a number says that it is infinite, or not a number
+        return math.nan
+    except (TypeError, AttributeError):
+        raise unknown from None
+
+
+def entries(values: object) -> list[Any]:
+    """Return the entries of a list or an array of numbers; a number or a text by itself is the only entry.
+
+    Raises InputError as `refuse_qualified` does.
+    """
+    refuse_qualified(values)
+    single = isinstance(values, str | bytes) or getattr(values, "shape", None) == () or not isinstance(values, Iterable)
+    return [values] if single else list(values)  # type: ignore[call-overload]
+
+
+def exact(value: object) -> Exact:
+    """Return the exact number that ``value`` stands for: a number of any kind (`plain_number`), or a text.
+
+    Texts are decimals (``"0.435"``, ``"1e-30"``), ratios (``"1/3"``) and sums with multiples of pi
     (``"pi/2 + 0.4"``, ``"-3*pi/2"``). A float means its exact binary value. A computed number means the rational at
     its middle, ``value``: the same one at every precision, and not the rounded decimals that are printed. Its
-    half-width does not go in with it. What holds for a whole interval of speeds is for `certify orbit --radius` to say.
+    half-width does not go in with it.
 
     Raises InputError for anything else, for infinities and NaN.
     """
-    if isinstance(value, Exact):
-        return value
-    if isinstance(value, str):
-        return _parse(value)
-    if isinstance(value, bool):
-        raise InputError(f"a number is needed, not {value}")
-    if isinstance(value, int | Fraction):
-        return Exact(Fraction(value))
-    if isinstance(value, Decimal):
-        return _parse(str(value))
-    if isinstance(value, Approximate):
-        return Exact(value.value)
-    pair = mantissa_exponent(value)
-    if pair is None:
+    number = plain_number(value)
+    if isinstance(number, Exact):
+        return number
+    if isinstance(number, str | Decimal):
+        return _parse(str(number))
+    pair = mantissa_exponent(number)
+    if pair is None or abs(pair.exponent) > _LARGEST_BINARY_EXPONENT:
         raise InputError(f"a finite number is needed, not {shown(value)}")
     mantissa, exponent = pair
     return Exact(Fraction(mantissa << exponent) if exponent >= 0 else Fraction(mantissa, 1 << -exponent))
@@ -141,20 +272,23 @@ def quotient(ctx: Any, value: Fraction) -> Any:
 
 
 def whole(value: object, least: int, most: int) -> int | None:
-    """The integer that a number of Python's or NumPy's is, if it lies between these two; None for all else."""
+    """The integer that an integer of any kind is, if it lies between these two; None for all else."""
     try:
-        number = operator.index(value)  # type: ignore[arg-type]
-    except TypeError:
+        number = plain_number(value)
+    except InputError:
         return None
-    return number if least <= number <= most and not isinstance(value, bool) else None
+    if not isinstance(number, Exact) or number.pi_multiple or number.rational.denominator > 1:
+        return None
+    return int(number.rational) if least <= number.rational <= most else None
 
 
 def shown(value: object) -> str:
-    """The beginning of a value as text, for messages."""
+    """The beginning of a value as text, for messages of one line."""
     try:
-        return f"{value!s:.40}"
-    except ValueError:  # Python writes no integers of more than 4300 digits
-        return "a number of thousands of digits"
+        text = repr(value) if isinstance(value, bytes | bytearray) else str(value)  # `python -bb` has no str of these
+    except Exception:
+        return f"an object of type {type(value).__name__}"
+    return " ".join(text.split())[:40] if len(text) <= _LARGEST_TEXT else text[:40]
 
 
 @lru_cache(maxsize=1024)
@@ -174,9 +308,9 @@ def _parse(text: str) -> Exact:
             raise InputError(complaint)
         size = _decimal_fraction(term["number"] or term["factor"] or "1", shown)
         if term["divisor"]:
-            if not int(term["divisor"]):
+            if not (divisor := Fraction(Decimal(term["divisor"]))):
                 raise InputError(f"'{shown}' divides by zero")
-            size /= int(term["divisor"])
+            size /= divisor
         if term["sign"] == "-":
             size = -size
         total += Exact(Fraction(0), size) if term["pi"] else Exact(size)
@@ -188,7 +322,7 @@ def _decimal_fraction(text: str, shown: str) -> Fraction:
     exponent = re.split("[eE]", text)[1:]
     if exponent and (len(exponent[0]) > 8 or abs(int(exponent[0])) > _LARGEST_DECIMAL_EXPONENT):
         raise InputError(f"'{shown}' has a decimal exponent beyond {_LARGEST_DECIMAL_EXPONENT}")
-    return Fraction(text)
+    return Fraction(Decimal(text))  # unlike Fraction(text), without a limit of digits that a program may set
 
 
 @lru_cache(maxsize=64)
@@ -211,41 +345,27 @@ def _round_fraction(value: Fraction, mantissa_bits: int) -> tuple[int, int]:
 PI = Exact(Fraction(0), Fraction(1))
 
 
-def mantissa_exponent(value: Any) -> tuple[int, int] | None:
-    """Integers with ``value = mantissa * 2**exponent`` exactly; None for infinities and NaN."""
-    if isinstance(value, float):
-        if not math.isfinite(value):
-            return None
-        numerator, denominator = value.as_integer_ratio()
-        return numerator, 1 - denominator.bit_length()
-    if isinstance(value, int):
-        return int(value), 0
-    parts = getattr(value, "_mpf_", None)
-    if parts is not None:
-        sign, mantissa, exponent, _ = parts
-        if not mantissa and exponent:
-            return None
-        return (-int(mantissa) if sign else int(mantissa)), int(exponent)
-    kind = type(value).__name__
-    if kind == "longdouble":
-        import numpy
+def mantissa_exponent(value: object) -> Binary | None:
+    """Integers with ``value = mantissa * 2**exponent`` exactly; None for infinities and NaN.
 
-        if not numpy.isfinite(value):
+    Raises InputError unless ``value`` is a floating-point number.
+    """
+    number = plain_number(value)
+    if isinstance(number, float):
+        if not math.isfinite(number):
             return None
-        mantissa, exponent = numpy.frexp(value)
-        return int(numpy.ldexp(mantissa, 64)), int(exponent) - 64
-    if kind in ("real", "real128"):
-        return _heyoka_mantissa(value, getattr(value, "prec", 113))
-    if getattr(value, "shape", None) == () and getattr(value, "dtype", "object") != "object":
-        return mantissa_exponent(value.item())  # numpy's other scalars
-    raise InputError(f"a number is needed, not an object of type {kind}")
+        numerator, denominator = number.as_integer_ratio()
+        return Binary(numerator, 1 - denominator.bit_length())
+    if isinstance(number, Binary):
+        return number
+    raise InputError(f"a floating-point number is needed, not {shown(value)}")
 
 
-def _heyoka_mantissa(value: Any, precision_bits: int) -> tuple[int, int] | None:
+def _heyoka_mantissa(value: Any, precision_bits: int) -> Binary | float:
     if value != value or value - value != 0:
-        return None
+        return math.nan
     if value == 0:
-        return 0, 0
+        return Binary(0, 0)
     size = abs(float(value))
     # A shift by too much is harmless (the integer only gets zero bits at its end), by too little would lose bits.
     if 1e-290 < size < 1e290:
@@ -257,4 +377,4 @@ def _heyoka_mantissa(value: Any, precision_bits: int) -> tuple[int, int] | None:
     shift = precision_bits + 2 - magnitude
     half = shift // 2  # two factors: neither power leaves the exponent range
     two = type(value)(2, precision_bits) if hasattr(value, "prec") else type(value)(2)
-    return int(value * two**half * two ** (shift - half)), -shift
+    return Binary(int(value * two**half * two ** (shift - half)), -shift)

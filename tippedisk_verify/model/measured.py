@@ -9,13 +9,13 @@ import math
 import operator
 from collections.abc import Callable
 from dataclasses import dataclass
-from decimal import ROUND_UP, Decimal, localcontext
+from decimal import ROUND_UP, Decimal
 from fractions import Fraction
 from functools import partialmethod
 from typing import Any
 
 from tippedisk_verify.errors import AccuracyError, InputError
-from tippedisk_verify.model.decimals import at_place, decimal_magnitude, exact_decimals, rounded_up
+from tippedisk_verify.model.decimals import arithmetic, at_place, decimal_magnitude, exact_decimals, rounded_up
 from tippedisk_verify.model.exact import Approximate, fraction, quotient, shown
 
 __all__ = ["DISTANCES", "Bounded", "HalfWidth", "Measured"]
@@ -68,6 +68,7 @@ class Bounded(Approximate):
 
         return quotient(mpmath.mp, self.value)
 
+    @arithmetic()
     def __format__(self, spec: str) -> str:
         """The value as ``spec`` says, such as '.10g'; places beyond its decimals are zeros. Else as ``str``.
 
@@ -248,7 +249,7 @@ class HalfWidth(Fraction):
     __slots__ = ()
 
     def __format__(self, spec: str) -> str:
-        with localcontext(prec=50, rounding=ROUND_UP):
+        with arithmetic(50, ROUND_UP):
             return format(Decimal(self.numerator) / Decimal(self.denominator), spec)
 
 
@@ -325,7 +326,7 @@ def _operand(other: object) -> Measured | None:
     """The other side of an operation: a number with a half-width, or one of any other kind, which is exact."""
     if isinstance(other, Bounded):
         return other if isinstance(other, Measured) else Measured(other.value, other.uncertainty)
-    if isinstance(other, str | None):
+    if isinstance(other, str | None) or getattr(other, "ndim", None):  # an array is for NumPy, element by element
         return None
     try:
         return Measured(fraction(other), Fraction(0))

@@ -78,6 +78,8 @@ class Parameters(Printable):
     where there is a C, and an unknown friction law.
     """
 
+    _without_numpy = True
+
     r: Fraction = _quantity("m", "Table tab:dim_mass, disk radius")
     e: Fraction = _quantity("m", "Table tab:dim_mass, eccentricity")
     m: Fraction = _quantity("kg", "Table tab:dim_mass, mass")

@@ -17,7 +17,16 @@ from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, Literal
 
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.model.exact import PI, Approximate, Exact, exact, mantissa_exponent, shown, whole
+from tippedisk_verify.model.exact import (
+    PI,
+    Exact,
+    exact,
+    mantissa_exponent,
+    plain_number,
+    refuse_qualified,
+    shown,
+    whole,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -126,19 +135,19 @@ class Precision:
         An extended or quadruple number below 1e-4932, which has fewer bits, may be rounded once more. Raises InputError
         if the value is not a finite number, or too large for the type.
         """
+        number = plain_number(value)
         if self.kind == "double":
             try:
-                double = float(value if isinstance(value, float) else exact(value))
+                double = number if isinstance(number, float) else float(exact(number))
             except OverflowError:
                 raise InputError(f"{shown(value)} is too large for double precision") from None
             if not math.isfinite(double):
                 raise InputError(f"a finite number is needed, not {double}")
             return double
-        rational = isinstance(value, str | int | Fraction | Decimal | Exact | Approximate)
-        pair = None if rational else mantissa_exponent(value)
-        if pair is None or pair[0].bit_length() > self.bits:
-            pair = exact(value).rounded(self.bits)
-        return self._from_mantissa(*pair)
+        pair = None if isinstance(number, str | Decimal | Exact) else mantissa_exponent(number)
+        if pair is not None and pair.mantissa.bit_length() <= self.bits:
+            return self._from_mantissa(*pair)
+        return self._from_mantissa(*exact(number).rounded(self.bits))
 
     def array(self, values: Sequence[object]) -> Any:
         """A one-dimensional numpy array of `number` of each value (of objects, where they are MPFR's).
@@ -149,11 +158,16 @@ class Precision:
 
         if isinstance(values, str | bytes):
             raise InputError(f"a list of numbers is needed, not the text '{shown(values)}'")
+        refuse_qualified(values)
         return numpy.array([self.number(value) for value in values], dtype=self._element)
 
     def sequence(self, values: Any) -> Any:
         """The same of any sequence. An array of this arithmetic stays as it is, one of doubles is exact in it."""
-        if self.kind != "real" and getattr(values, "dtype", None) in (self.type, float):
+        import numpy
+
+        # Of other classes, such as masked arrays, each element is asked what it is.
+        plain = type(values) is numpy.ndarray and self.kind != "real"
+        if plain and (values.dtype in (self.type, float) or (self.kind == "double" and values.dtype.kind == "f")):
             return values.astype(self.type, copy=False)
         return self.array(values)
 

@@ -3,20 +3,30 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields
 from enum import Enum
 from fractions import Fraction
-from functools import cache
 from html import escape
-from pathlib import Path
 from typing import Any, ClassVar, NamedTuple
 
+from tippedisk_verify.model.decimals import exact_decimals
+from tippedisk_verify.model.exact import fraction, plain_number
 from tippedisk_verify.model.measured import Measured
+from tippedisk_verify.model.surroundings import undisturbed_methods
 
-__all__ = ["COORDINATES", "Eigenvalue", "Printable", "Quantity", "as_json", "heading", "quantities", "result_lines",
-           "with_widths"]  # fmt: skip
+__all__ = [
+    "COORDINATES",
+    "Eigenvalue",
+    "Printable",
+    "Quantity",
+    "as_json",
+    "heading",
+    "quantities",
+    "quantity",
+    "result_lines",
+    "with_widths",
+]
 
 _MOST_LINES, _WIDEST = 10, 100
 _LONGEST = 24  # of an exact number
@@ -25,7 +35,7 @@ _MOST_ENTRIES = 4  # of a list, before it is shown by its first and its last
 
 
 class Quantity(NamedTuple):
-    unit: str  #: empty for what has none
+    unit: str  #: "1" for what has none, "SI" for what depends on a normalisation
     meaning: str
 
 
@@ -39,31 +49,22 @@ COORDINATES = {
     "v": Quantity("rad/s", "beta'"),
     "margin": Quantity("rad", "distance in beta from the boundary of the basins; above 0 the disk keeps standing"),
 }
-_FIELD = re.compile(r"^    (\w+): .*\b(?:Measured|Eigenvalue|int)\b.*  #: (.+)$", re.MULTILINE)
-_UNIT = re.compile(r" \[([^]]+)\]")
-#: Where the results are whose numbers are printed; a name has one unit in all of them.
-_RESULTS = (
-    *("theory.equilibria", "theory.hopf", "theory.bautin", "theory.slow_manifold", "cycles.limit_cycle"),
-    *("cycles.folds", "cycles.spectral", "connection.heteroclinic", "proofs.closed_forms"),
-)
-_UNITLESS = ("1", "SI")  # what has none, and what depends on a normalisation or on which parameter varies
+_UNITLESS = ("1", "SI")  # not printed
+#: The unit of each name; one name has one unit in all results.
+_UNITS = {name: coordinate.unit for name, coordinate in COORDINATES.items()}
 
 
-@cache
-def quantities(module: str, *classes: str) -> dict[str, Quantity]:
-    """The numbers of a module's results, or of these classes in it, by name; the module is not imported.
+def quantity(meaning: str, unit: str) -> dict[str, Quantity]:
+    """Return the metadata of a number's dataclass field: its meaning and unit, "1" for none.
 
-    A field's meaning and unit stand once, in the comment ``#: meaning [unit]`` beside it, where Sphinx reads it too.
+    Help, printed tables and the site read them there.
     """
-    text = Path(__file__).parents[1].joinpath(*module.split(".")).with_suffix(".py").read_text(encoding="utf-8")
-    found: dict[str, Quantity] = {}
-    for block in re.split(r"^class ", text, flags=re.MULTILINE)[1:]:
-        if not classes or re.match(r"\w+", block)[0] in classes:  # type: ignore[index]
-            for name, says in _FIELD.findall(block):
-                if unit := _UNIT.search(says):
-                    told = Quantity("" if unit[1] in _UNITLESS else unit[1], says.replace(unit[0], "", 1))
-                    found.setdefault(name, told)
-    return found
+    return {"quantity": Quantity(unit, meaning)}
+
+
+def quantities(kind: type) -> dict[str, Quantity]:
+    """The numbers of a class of results, by name."""
+    return {item.name: item.metadata["quantity"] for item in fields(kind) if "quantity" in item.metadata}
 
 
 class Printable:
@@ -75,6 +76,15 @@ class Printable:
     _listed: ClassVar[tuple[str, ...]] = ()
     _first: ClassVar[tuple[str, ...]] = ()
     _untold: ClassVar[tuple[str, ...]] = ("parameters", "disk", "engine", "precision", "residuals")
+
+    #: Of a class whose own methods compute without NumPy, which is not loaded for them.
+    _without_numpy: ClassVar[bool] = False
+
+    def __init_subclass__(cls) -> None:
+        known = ((name, getattr(item, "metadata", {}).get("quantity")) for name, item in vars(cls).items())
+        _UNITS.update((name, told.unit) for name, told in known if told and told.unit not in _UNITLESS)
+        if not vars(cls).get("_without_numpy"):
+            undisturbed_methods(cls)
 
     def to_dict(self) -> dict[str, Any]:
         """As plain data for JSON. A number with a half-width is a value and an uncertainty, both decimals as texts."""
@@ -164,15 +174,16 @@ def with_widths(values: Any, widths: Any) -> Any:
     """Numbers and their half-widths as JSON, in lists as the arrays have them."""
     if hasattr(values, "__len__"):
         return [with_widths(*pair) for pair in zip(values, widths, strict=True)]
-    if not math.isfinite(widths):
-        return {"value": str(values), "uncertainty": "infinite"}
+    if not math.isfinite(widths):  # str() of NumPy's numbers is as the caller's print options have it
+        number = plain_number(values)
+        text = repr(number) if isinstance(number, float) else exact_decimals(fraction(number))[0]
+        return {"value": text, "uncertainty": "infinite"}
     return Measured.of(values, float(widths)).to_dict()
 
 
 def heading(name: str) -> str:
     """The quantity's name with its unit, if it has one."""
-    known = (COORDINATES, *(quantities(module) for module in _RESULTS))
-    unit = next((one[name].unit for one in known if name in one), "")
+    unit = _UNITS.get(name)
     return f"{name} [{unit}]" if unit else name
 
 

@@ -70,6 +70,7 @@ class BasinBoundary(Printable):
 
     def sheets(self, gamma: float, v: float) -> tuple[Measured, Measured]:
         """beta on both sheets at (gamma, v); 0 or pi with a sheet that is beyond the disk's lying flat."""
+        gamma, v = DOUBLE.number(gamma), DOUBLE.number(v)
         pi = Measured(Fraction(math.pi), Fraction(1, 2**52))
         return pi - self._upper(math.pi - gamma, -v), self._upper(gamma, v)
 

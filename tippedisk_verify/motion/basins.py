@@ -27,9 +27,11 @@ from tippedisk_verify.flow.contract import FLAT, SECTION, Event, Request, Status
 from tippedisk_verify.flow.lanes import field_constants
 from tippedisk_verify.model.arrays import Array
 from tippedisk_verify.model.equations import checked_speed
-from tippedisk_verify.model.exact import shown
+from tippedisk_verify.model.exact import shown, whole
 from tippedisk_verify.model.parameters import Parameters
+from tippedisk_verify.model.precision import DOUBLE
 from tippedisk_verify.model.results import Printable
+from tippedisk_verify.model.surroundings import undisturbed
 from tippedisk_verify.motion.scenes import from_inverted
 from tippedisk_verify.theory.equilibria import is_stable, linearization
 
@@ -73,6 +75,11 @@ class Basins(Printable):
             shares[name] = share, max(2 * math.sqrt(share * (1 - share) / count), 3 / count)
         return shares
 
+    def rows(self) -> list[tuple[float, float, float, str]]:
+        """Return of each initial state beta, gamma [rad], v [rad/s], and what it ended on."""
+        states = zip(*(part.ravel().tolist() for part in (self.beta, self.gamma, self.outcome)), strict=True)
+        return [(beta, gamma, self.v, OUTCOMES[outcome]) for beta, gamma, outcome in states]
+
     def to_dict(self) -> dict[str, object]:
         shares = self.fractions()
         return {
@@ -85,6 +92,7 @@ class Basins(Printable):
         }
 
 
+@undisturbed
 def basins(
     parameters: Parameters,
     omega: object,
@@ -104,16 +112,17 @@ def basins(
     seed or speed that makes no sense.
     """
     speed = checked_speed(omega)
-    if not isinstance(count, int) or not 1 <= count <= _MOST_STATES:
+    duration, v, known_count = DOUBLE.number(duration), DOUBLE.number(v), whole(count, 1, _MOST_STATES)
+    if known_count is None:
         raise InputError(f"1 to {_MOST_STATES} states can be run, not {shown(count)}")
     if not _LAST < duration <= 10_000:
-        raise InputError(f"the duration must lie between {_LAST:g} and 10000 s, not {duration:g}")
+        raise InputError(f"the duration must be more than {_LAST:g} s and at most 10000 s, not {duration:g}")
     if not abs(v) <= SPEEDS_OF_STATES:
         raise InputError(f"v must lie between -{SPEEDS_OF_STATES:g} and {SPEEDS_OF_STATES:g} rad/s, not {v:g}")
     if not isinstance(seed, int) or seed < 0:
         raise InputError(f"a seed is a whole number that is not negative, not {shown(seed)}")
-    columns = max(1, math.ceil(math.sqrt(2 * count)))  # gamma's range is twice beta's
-    rows = math.ceil(count / columns)
+    columns = max(1, math.ceil(math.sqrt(2 * known_count)))  # gamma's range is twice beta's
+    rows = math.ceil(known_count / columns)
     random = numpy.random.default_rng(seed)
     place = random.random((2, rows, columns))
     beta = (numpy.arange(rows)[:, None] + place[0]) / rows * math.pi

@@ -13,6 +13,7 @@ import numpy
 
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.contract import (
+    MOST_STEPS,
     SECTION,
     SLIDING_REVERSAL,
     STATE_VARIATIONS,
@@ -26,18 +27,24 @@ from tippedisk_verify.flow.contract import (
     Status,
     Variation,
 )
-from tippedisk_verify.flow.error_estimate import CORRECTED_DIGITS, PLAIN_DIGITS
+from tippedisk_verify.flow.error_estimate import CORRECTED_DIGITS, EXTENDED_DIGITS, PLAIN_DIGITS
 from tippedisk_verify.model.arrays import half_widths, workable
-from tippedisk_verify.model.exact import Exact, exact, shown
+from tippedisk_verify.model.decimals import at_place, decimal_magnitude, exact_decimals
+from tippedisk_verify.model.exact import Exact, entries, exact, shown
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.model.precision import DOUBLE, bits, bits_for_digits, checked_digits
+from tippedisk_verify.model.precision import DOUBLE, EXTENDED, bits, bits_for_digits, checked_digits, companion
 from tippedisk_verify.model.results import Printable, with_widths
+from tippedisk_verify.progress import progress_of
 
-__all__ = ["EVENTS", "Solution", "integrated"]
+__all__ = ["EVENTS", "Solution", "even_times", "integrated"]
 
 _STATE = ("beta", "gamma", "v")
 _SAMPLES = 201  # if no times are named
 _LATEST = 10**300  # s; doubles hold the times beyond any run
+_SHORTEST = 1e-300  # s; extended numbers tell the even times of longer runs apart
+_LONG = 60  # s; shorter motions take less time than it takes until progress is shown
+_LARGEST_ANGLE = 100  # rad, of gamma; a disk that rotates gets there in a minute, degrees are there at once
+_CUT_DIGITS, _CUT_BITS = 50, 400  # of a time that no decimal ends, and of what it is cut from
 #: The events that have a name: each crossing is recorded, and the run goes on.
 EVENTS = {
     name: replace(event, terminal=False)
@@ -50,10 +57,10 @@ _VARIATIONS: dict[str, tuple[Variation, ...]] = {"state": STATE_VARIATIONS, "ome
 class Solution(Printable):
     """A motion, as `scipy.integrate.solve_ivp` gives it, with half-widths that hold the truth.
 
-    ``t`` (n,) [s] are the times asked for that were reached, rounded once, ``y`` (3, n) the states at the exact times,
-    with rows beta, gamma [rad] and v [rad/s], and ``uncertainty`` (3, n) their half-widths, infinite where rounding
-    decides how the run ends. Up to 12 digits they are doubles, up to 16 numpy.longdouble, and beyond that arrays of
-    objects, heyoka's numbers: ``y.astype(float)`` rounds them to doubles.
+    ``t`` (n,) [s] are the times asked for that were reached, rounded once; ``times`` are the exact ones. ``y`` (3, n)
+    are the states at the exact times, with rows beta, gamma [rad] and v [rad/s], and ``uncertainty`` (3, n) their
+    half-widths, infinite where rounding decides how the run ends. Up to 12 digits they are doubles, up to 16
+    numpy.longdouble, and beyond that arrays of objects, heyoka's numbers: ``y.astype(float)`` rounds them to doubles.
     ``end`` is where the run ended, which is before the final time if the disk lies flat or a terminal event ends it:
     ``status`` and ``message`` say so. It and the ``events`` have half-widths of their time and state.
 
@@ -75,6 +82,8 @@ class Solution(Printable):
     by_omega_uncertainty: Any
     engine: str
     precision: str
+    times: tuple[Exact, ...]  #: the exact times that ``t`` rounds [s]
+    note: str  #: what to look at before the numbers are used; empty if nothing
     _watched: tuple[str, ...]  #: names of the events asked for
     _start: Exact
     _request: Request
@@ -92,8 +101,8 @@ class Solution(Printable):
 
     @property
     def message(self) -> str:
-        """How the run ended, in words."""
-        return self.status.value
+        """How the run ended, in words, and what to look at."""
+        return f"{self.status.value}; {self.note}" if self.note else self.status.value
 
     @property
     def t_events(self) -> list[Any]:
@@ -120,11 +129,9 @@ class Solution(Printable):
 
         The run is repeated with continuous output when this is first asked. Raises InputError outside the run.
         """
-        asked = numpy.asarray(t, dtype=object)
-        if asked.ndim > 1:
-            raise InputError("a solution is asked for at a time, or at a list of times")
+        asked = entries(t)
         end = exact(self._request.duration) + self._start if self.status is Status.REACHED else exact(self.end.time)
-        _, times = _since(self._start, end, numpy.atleast_1d(asked).tolist())
+        _, times = _since(self._start, end, asked)
         since, length = DOUBLE.array(times), float(end - self._start)
         if (since * length < 0).any() or (abs(since) > abs(length)).any():
             first, last = sorted((float(self._start), float(end)))
@@ -136,7 +143,7 @@ class Solution(Printable):
         else:
             states = self._dense(self._request.precision.array(times)).T
         states = workable(states)
-        return states if asked.ndim else states[:, 0]
+        return states if numpy.ndim(t) else states[:, 0]
 
     def to_dict(self) -> dict[str, Any]:
         """What the command prints: times and states with half-widths, the end, the events, the derivatives."""
@@ -147,12 +154,19 @@ class Solution(Printable):
         return {
             "status": self.status.name.lower(),
             "message": self.message,
-            "end": {name: entry for name, entry in self.end.to_dict().items() if name != "name"},
-            "t": [repr(float(t)) if self.precision == DOUBLE.name else with_widths(t, 0)["value"] for t in self.t],
+            "end": self._end_entries(),
+            "t": [_decimal(time) for time in self.times],
             **dict(zip(_STATE, with_widths(self.y, self.uncertainty), strict=True)),
             "events": [event.to_dict() for event in self.events],
             **{name: with_widths(values, widths) for name, values, widths in derivatives if values is not None},
         }
+
+    def _end_entries(self) -> dict[str, Any]:
+        """The end for JSON; of a run that got to its end the time is exact."""
+        entries = {name: entry for name, entry in self.end.to_dict().items() if name != "name"}
+        if self.status is Status.REACHED:
+            entries["t"] = {"value": _decimal(self._start + self._request.duration), "uncertainty": "0"}
+        return entries
 
 
 def integrated(
@@ -166,18 +180,20 @@ def integrated(
     engine: Engine,
     variations: str | Sequence[str] = (),
     shifted: bool = False,
+    max_steps: int = MOST_STEPS,
+    progress: bool | None = None,
 ) -> Solution:
     """`Disk.integrate`, which defines the arguments."""
     start, end = _span(time)
-    t_eval = t_eval if t_eval is None or numpy.ndim(t_eval) else [t_eval]
-    if t_eval is None and float(end - start):
-        t_eval = numpy.linspace(float(start), float(end), _SAMPLES)
-        if (numpy.diff(t_eval) == 0).any():  # doubles do not tell the times of so short a run apart
-            t_eval = [start + (end - start) * Fraction(n, _SAMPLES - 1) for n in range(_SAMPLES)]
-    times = t_eval
-    if t_eval is not None and (start != exact(0) or exact(float(end)) != end):
-        t_eval, times = _since(start, end, t_eval)
     corrected = engine.measures_error and checked_digits(digits) <= CORRECTED_DIGITS
+    asked, times = None, None
+    if t_eval is not None:
+        asked, times = _since(start, end, entries(t_eval))
+    elif length := float(end - start):
+        asked = even_times(start, end, _SAMPLES)
+        extended = companion(DOUBLE) == EXTENDED and digits <= EXTENDED_DIGITS
+        quick = corrected and extended and abs(length) > _SHORTEST
+        times = _rounded_even_times(end - start) if quick else even_times(exact(0), end - start, _SAMPLES)
     request = Request(
         parameters,
         omega,
@@ -190,12 +206,44 @@ def integrated(
         events=tuple(event if isinstance(event, Event) else _named(event, EVENTS) for event in _several(events)),
         error_estimate=engine.measures_error,
         digits=digits if corrected else PLAIN_DIGITS,
+        max_steps=max_steps,
     )
-    result = engine(request)
+    with progress_of(progress=progress if abs(float(end - start)) > _LONG else False) as advance:
+        advance("motion", 0)
+        result = engine(request)
     if result.status is Status.FLAT and not result.time:
         angle = float(exact(state[0])) + math.pi / 2 * shifted
         raise InputError(f"beta lies between 0 and pi, where the disk stands, not at {angle:g} as this start has it")
-    return _solution(request, result, engine, start, end, t_eval)
+    return _solution(request, result, engine, start, end, asked)
+
+
+def even_times(start: Exact, end: Exact, count: int) -> list[Exact]:
+    """Return so many even times from the start to the end, both included, exactly."""
+    length = end - start
+    return [start + length * Fraction(n, count - 1) for n in range(count)]
+
+
+def _rounded_even_times(length: Exact) -> Any:
+    """Return the times since the start, rounded to extended numbers as the estimate of the error takes them."""
+    return numpy.arange(_SAMPLES).astype(EXTENDED.type) * EXTENDED.number(length) / (_SAMPLES - 1)
+
+
+def _note(state: Sequence[object], shifted: bool) -> str:
+    """Return what is unusual about angles that may be degrees; nothing if they look like radians."""
+    beta, gamma = (abs(float(exact(angle))) for angle in state[:2])
+    if beta <= math.tau and gamma <= _LARGEST_ANGLE:
+        return ""
+    name, value = ("beta", state[0]) if beta > math.tau else ("gamma", state[1])
+    return f"angles are in radians, and {name}{'_bar' if shifted else ''} = {shown(value)} is many turns"
+
+
+def _decimal(time: Exact) -> str:
+    """Return the exact time as a decimal; one that no decimal ends is cut after fifty digits."""
+    if not time.pi_multiple:
+        return exact_decimals(time.rational)[0]
+    low, high = time.enclosed(_CUT_BITS)
+    middle = (low + high) / 2
+    return at_place(middle, decimal_magnitude(middle) - _CUT_DIGITS)[0] if middle else "0"
 
 
 def _span(time: Any) -> tuple[Exact, Exact]:
@@ -215,13 +263,13 @@ def _several(names: Any) -> Any:
 
 def _named(name: object, names: dict[str, Any]) -> Any:
     if not isinstance(name, str) or name not in names:
-        raise InputError(f"{shown(name)} is none of {', '.join(names)}{', and no Event' * ('section' in names)}")
+        raise InputError(f"{shown(name)} is not one of {', '.join(names)}")
     return names[name]
 
 
 def _since(start: Exact, end: Exact, times: Any) -> tuple[list[Exact], list[Exact]]:
     """The exact times, and how long after the start they are; outside the run its ends' doubles stand for the ends."""
-    asked, length = [exact(time) for time in times], float(end - start)
+    asked, length = list(map(exact, times)), float(end - start)
     for n, time in enumerate(asked):
         since, rounded = DOUBLE.number(time - start), DOUBLE.number(time)
         if since * length < 0 and rounded == float(start):
@@ -265,9 +313,11 @@ def _solution(request: Request, result: Result, engine: Engine, start: Exact, en
         last = replace(last, time=rounded, time_uncertainty=2 * abs(float(end - rounded)))
     if result.samples is None:
         times, samples, uncertainty = precision.array([last.time]), result.state[None], error.state[None]
+        asked = [end if result.status is Status.REACHED else exact(last.time)]
     else:
         samples, uncertainty = result.samples, widths(error.samples, result.samples)
-        times = precision.sequence(asked)[: len(samples)]
+        asked = asked[: len(samples)]
+        times = precision.sequence(asked)
     transition, transition_widths = derivative(STATE_VARIATIONS)
     by_omega, by_omega_widths = derivative(("Omega",))
     return Solution(
@@ -285,6 +335,8 @@ def _solution(request: Request, result: Result, engine: Engine, start: Exact, en
         by_omega_uncertainty=by_omega_widths,
         engine=engine.name,
         precision=precision.name,
+        times=tuple(asked),
+        note=_note(request.state, request.shifted),
         _watched=tuple(event.name for event in request.events),
         _start=start,
         _request=request,

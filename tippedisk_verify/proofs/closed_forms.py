@@ -22,7 +22,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import cache
 from typing import Any, Literal
@@ -35,7 +35,7 @@ from tippedisk_verify.model.equations import checked_speed
 from tippedisk_verify.model.exact import shown
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Constants, Parameters
-from tippedisk_verify.model.results import Eigenvalue, Printable
+from tippedisk_verify.model.results import Eigenvalue, Printable, quantity
 from tippedisk_verify.proofs.angles import INVERTED, NONINVERTED, linearization, rates
 from tippedisk_verify.proofs.kernel.balls import (
     ball,
@@ -66,7 +66,9 @@ class ProvedEquilibrium(Printable):
     _untold = ("name",)
 
     name: str
-    eigenvalues: tuple[Eigenvalue, ...]  #: exactly one in each rectangle, by descending real, then imaginary part
+    eigenvalues: tuple[Eigenvalue, ...] = field(
+        metadata=quantity("exactly one in each rectangle, by descending real, then imaginary part", "1/s")
+    )
     stable: bool
     unstable_directions: int  #: eigenvalues with positive real part
     statement: str
@@ -76,14 +78,16 @@ class ProvedEquilibrium(Printable):
 class ProvedHopf(Printable):
     """The Hopf point of inverted spinning; units and definitions as in `tippedisk_verify.theory.hopf.HopfPoint`."""
 
-    omega_crit: Measured  #: [rad/s], Eq. approx_omega_crit
-    period: Measured  #: [s] of the cycle at its birth
-    lambda_3: Measured  #: A33, Eq. closed_la3; at Omega_crit the third eigenvalue itself [1/s]
-    chi: Measured  #: the constant of the one-harmonic amplitude law, below Eq. Csol [kg m^3]
+    omega_crit: Measured = field(metadata=quantity("Eq. approx_omega_crit", "rad/s"))
+    period: Measured = field(metadata=quantity("of the cycle at its birth", "s"))
+    lambda_3: Measured = field(
+        metadata=quantity("A33, Eq. closed_la3; at Omega_crit the third eigenvalue itself", "1/s")
+    )
+    chi: Measured = field(metadata=quantity("the constant of the one-harmonic amplitude law, below Eq. Csol", "kg m^3"))
     first_lyapunov_coefficient: Measured  #: Kuznetsov's l_1, <q, q> = 1 in (beta, gamma, v), SI units
-    transversality: Measured  #: d(Re lambda)/d(Omega) of the critical pair [1/rad]
-    amplitude_squared_slope: Measured  #: limit of beta_max^2 / (Omega_crit - Omega) [rad s]
-    period_slope: Measured  #: limit of (T - T_crit) / (Omega_crit - Omega) [s^2/rad]
+    transversality: Measured = field(metadata=quantity("d(Re lambda)/d(Omega) of the critical pair", "1/rad"))
+    amplitude_squared_slope: Measured = field(metadata=quantity("limit of beta_max^2 / (Omega_crit - Omega)", "rad s"))
+    period_slope: Measured = field(metadata=quantity("limit of (T - T_crit) / (Omega_crit - Omega)", "s^2/rad"))
     criticality: Criticality
     statement: str
 
@@ -92,10 +96,12 @@ class ProvedHopf(Printable):
 class ProvedStability(Printable):
     """Linear stability at every speed (Theorem 1), with the numbers at Omega_crit; for both friction laws."""
 
-    omega_crit: Measured  #: [rad/s], Eq. approx_omega_crit
-    period: Measured  #: [s], 2 pi / omega for the pair +- i omega at Omega_crit
-    lambda_3: Measured  #: A33, Eq. closed_la3; at Omega_crit the third eigenvalue itself [1/s]
-    transversality: Measured  #: d(Re lambda)/d(Omega) of the critical pair [1/rad]
+    omega_crit: Measured = field(metadata=quantity("Eq. approx_omega_crit", "rad/s"))
+    period: Measured = field(metadata=quantity("2 pi / omega for the pair +- i omega at Omega_crit", "s"))
+    lambda_3: Measured = field(
+        metadata=quantity("A33, Eq. closed_la3; at Omega_crit the third eigenvalue itself", "1/s")
+    )
+    transversality: Measured = field(metadata=quantity("d(Re lambda)/d(Omega) of the critical pair", "1/rad"))
     statement: str
 
 

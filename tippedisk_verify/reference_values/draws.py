@@ -8,12 +8,13 @@ from __future__ import annotations
 import hashlib
 import re
 from dataclasses import dataclass
-from decimal import Decimal, localcontext
+from decimal import Decimal
 from fractions import Fraction
 from functools import lru_cache
 
 from tippedisk_verify.disk import Disk
 from tippedisk_verify.errors import InputError
+from tippedisk_verify.model.decimals import arithmetic
 from tippedisk_verify.model.parameters import SYMBOLS
 
 __all__ = ["DRAWN_SET", "Draw", "decimal_text", "disk_of", "drawn_disk"]
@@ -74,6 +75,5 @@ def disk_of(set_name: str) -> Disk:
 
 def decimal_text(value: Fraction, places: int) -> str:
     """The nearest decimal with at most so many places, written out."""
-    with localcontext() as context:
-        context.prec = 400
+    with arithmetic(400):
         return format((Decimal(round(value * 10**places)) / Decimal(10) ** places).normalize(), "f")

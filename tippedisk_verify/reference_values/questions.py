@@ -10,6 +10,7 @@ import re
 from collections.abc import Mapping
 from decimal import Decimal
 
+from tippedisk_verify.model.decimals import arithmetic
 from tippedisk_verify.model.parameters import SYMBOLS
 from tippedisk_verify.reference_values.store import Quantity
 
@@ -83,19 +84,21 @@ def scale_of(quantity: Quantity, value: Decimal) -> Decimal:
     At level 1 the largest condition number, if that is larger: it is the size of what cancelled. For angles, angular
     velocities and eigenvalues at least 1 in their unit.
     """
-    size = abs(value)
+    size = value.copy_abs()  # abs() would round
     if quantity.level == 1:
-        return max([size, *(abs(Decimal(slope)) for slope in quantity.condition.values())])
+        return max([size, *(Decimal(slope).copy_abs() for slope in quantity.condition.values())])
     if quantity.level == 2 or placed(quantity.name)[0].startswith(_UNIT_SIZED):
         return max(size, Decimal(1))
     return size
 
 
+@arithmetic()
 def slopes_of(quantity: Quantity) -> Decimal:
     """The change of the value per relative change of all inputs together, each in its worse direction."""
     return sum((abs(Decimal(slope)) for slope in quantity.condition.values()), Decimal(0))
 
 
+@arithmetic()
 def needed(quantity: Quantity) -> float:
     """Digits that an answer must have: its level's, or what `TOLERANCES` leaves of them.
 

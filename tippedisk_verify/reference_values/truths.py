@@ -13,7 +13,8 @@ from functools import partial
 from typing import Any
 
 from tippedisk_verify.cycles.error_budget import cycle_numbers
-from tippedisk_verify.cycles.return_map import FixedPoint, ReturnMap
+from tippedisk_verify.cycles.newton import FixedPoint
+from tippedisk_verify.cycles.return_map import ReturnMap
 from tippedisk_verify.cycles.section import LIBRATING, ROTATING
 from tippedisk_verify.cycles.shooting import limit_cycle, shoot
 from tippedisk_verify.errors import AccuracyError

@@ -31,11 +31,11 @@ def _below_hopf(distance: str) -> Fraction:
     return Fraction(omega_crit(PRINTED, 60).decimals()[0]) - exact(distance).rational
 
 
-def _near_hopf(distance: str, names: tuple[str, ...] = _MAIN) -> Callable[[], Found]:
+def _near_hopf(distance: str) -> Callable[[], Found]:
     def run() -> Found:
         speed = _below_hopf(distance)
         mine, sharp = (limit_cycle(PRINTED, speed, default_engine(), digits=digits) for digits in (12, 40))
-        return cycle_digits(mine, sharp, names)
+        return cycle_digits(mine, sharp, _MAIN)
 
     return run
 

@@ -9,7 +9,7 @@ For rational parameters and a rational speed the linearisation is rational, so s
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import Any, Literal, NamedTuple, get_args
 
@@ -19,7 +19,8 @@ from tippedisk_verify.model.exact import PI, Exact, shown
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import checked_digits
-from tippedisk_verify.model.results import Eigenvalue, Printable, as_json
+from tippedisk_verify.model.results import Eigenvalue, Printable, as_json, quantity
+from tippedisk_verify.model.surroundings import undisturbed
 from tippedisk_verify.theory.real_roots import real_roots, square_root
 
 __all__ = [
@@ -59,9 +60,13 @@ class Equilibrium(Printable):
 
     name: EquilibriumName
     state: tuple[Exact, Exact, Exact]  #: (beta, gamma, v) [rad, rad, rad/s]
-    eigenvalues: tuple[Eigenvalue, Eigenvalue, Eigenvalue]  #: by descending real part, then imaginary part [1/s]
+    eigenvalues: tuple[Eigenvalue, Eigenvalue, Eigenvalue] = field(
+        metadata=quantity("by descending real part, then imaginary part", "1/s")
+    )
     stable: bool  #: all eigenvalues in the open left half-plane, by the exact Routh-Hurwitz criterion
-    kind_changes: tuple[Measured, ...] | None = None  #: where eigenvalues turn from real to complex, or back [rad/s]
+    kind_changes: tuple[Measured, ...] | None = field(
+        default=None, metadata=quantity("where eigenvalues turn from real to complex, or back", "rad/s")
+    )
 
     def to_dict(self) -> dict[str, object]:
         told = {
@@ -133,6 +138,7 @@ def stiff_eigenvalue_estimate(parameters: Parameters) -> Fraction:
     return Fraction(linearization(parameters, Fraction(1)).A33)
 
 
+@undisturbed
 def equilibrium(parameters: Parameters, omega: object, name: EquilibriumName, digits: int = 15) -> Equilibrium:
     """State, eigenvalues to ``digits`` significant digits, and stability at the speed ``omega`` [rad/s].
 

@@ -19,6 +19,7 @@ from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import checked_digits
 from tippedisk_verify.model.results import Printable
+from tippedisk_verify.model.surroundings import undisturbed
 from tippedisk_verify.theory.hopf import frequency_ratio_squared, omega_crit_squared, period_of
 from tippedisk_verify.theory.real_roots import square_root
 
@@ -118,6 +119,7 @@ def section_start(constants: Any, omega: float) -> tuple[float, float, float] | 
     return omega * amplitude / frequency, -amplitude * frequency, math.pi / frequency
 
 
+@undisturbed
 def one_harmonic(parameters: Parameters, omega: object, form: Form = "printed", digits: int = 12) -> OneHarmonic:
     """Amplitude, frequency and period by the closed law at the speed ``omega`` [rad/s].
 

@@ -18,7 +18,7 @@ continuously differentiable, so it has no first Lyapunov coefficient.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import Literal, NamedTuple
 
@@ -28,7 +28,8 @@ from tippedisk_verify.model.exact import PI, exact
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import bits_for_digits, checked_digits
-from tippedisk_verify.model.results import Printable
+from tippedisk_verify.model.results import Printable, quantity
+from tippedisk_verify.model.surroundings import undisturbed
 from tippedisk_verify.theory.real_roots import square_root
 
 __all__ = [
@@ -54,16 +55,28 @@ Criticality = Literal["supercritical", "subcritical", "degenerate"]
 class HopfPoint(Printable):
     """Everything local about the Hopf point, to the digits asked for."""
 
-    omega_crit: Measured  #: where inverted spinning loses its stability, Eq. approx_omega_crit [rad/s]
-    period: Measured  #: limit of the cycle's period at Omega_crit [s]
-    first_lyapunov_coefficient: Measured  #: Kuznetsov's l_1, eigenvector of length 1 in (beta, gamma, v) [SI]
+    omega_crit: Measured = field(
+        metadata=quantity("where inverted spinning loses its stability, Eq. approx_omega_crit", "rad/s")
+    )
+    period: Measured = field(metadata=quantity("limit of the cycle's period at Omega_crit", "s"))
+    first_lyapunov_coefficient: Measured = field(
+        metadata=quantity("Kuznetsov's l_1, eigenvector of length 1 in (beta, gamma, v)", "SI")
+    )
     criticality: Criticality  #: of the first Lyapunov coefficient's sign, decided exactly
-    transversality: Measured  #: d(Re lambda)/dOmega of the critical pair [1/rad]
-    quadratic_coefficient: Measured  #: c_1 of Omega = Omega_crit + c_1 a^2 + c_2 a^4, a = gamma_bar_0 [1/(rad s)]
-    quartic_coefficient: Measured  #: c_2 of that [1/(rad^3 s)]
-    second_lyapunov_coefficient: Measured | None = None  #: Kuznetsov's l_2, likewise, where l_1 = 0 [SI]
-    amplitude_squared_slope: Measured | None = None  #: limit of beta_max^2 / (Omega_crit - Omega) [rad s], if l_1 != 0
-    period_slope: Measured | None = None  #: limit of (T - T_crit) / (Omega_crit - Omega) [s^2/rad], if l_1 != 0
+    transversality: Measured = field(metadata=quantity("d(Re lambda)/dOmega of the critical pair", "1/rad"))
+    quadratic_coefficient: Measured = field(
+        metadata=quantity("c_1 of Omega = Omega_crit + c_1 a^2 + c_2 a^4, a = gamma_bar_0", "1/(rad s)")
+    )
+    quartic_coefficient: Measured = field(metadata=quantity("c_2 of that", "1/(rad^3 s)"))
+    second_lyapunov_coefficient: Measured | None = field(
+        default=None, metadata=quantity("Kuznetsov's l_2, likewise, where l_1 = 0", "SI")
+    )
+    amplitude_squared_slope: Measured | None = field(
+        default=None, metadata=quantity("limit of beta_max^2 / (Omega_crit - Omega), if l_1 != 0", "rad s")
+    )
+    period_slope: Measured | None = field(
+        default=None, metadata=quantity("limit of (T - T_crit) / (Omega_crit - Omega), if l_1 != 0", "s^2/rad")
+    )
 
     def slopes(self) -> tuple[Measured, Measured]:
         """`amplitude_squared_slope` and `period_slope`. Raises AccuracyError where l_1 = 0."""
@@ -132,6 +145,7 @@ def criticality(parameters: Parameters) -> Criticality:
     return "supercritical" if quadratic < 0 else "subcritical"
 
 
+@undisturbed
 def omega_crit(parameters: Parameters, digits: int = 15) -> Measured:
     """The critical spinning speed [rad/s] to ``digits`` significant digits. Raises InputError as `checked_digits`."""
     return square_root(omega_crit_squared(parameters), checked_digits(digits) + 5)
@@ -150,6 +164,7 @@ def speed_below_crit(parameters: Parameters, distance: object, digits: int) -> F
     return checked_speed(Fraction(crit.decimals()[0]) - below.rational)
 
 
+@undisturbed
 def period_crit(parameters: Parameters, digits: int = 15) -> Measured:
     """The period 2 pi / omega [s] of the cycle at its birth, to ``digits`` significant digits.
 
@@ -165,11 +180,12 @@ def period_of(frequency: Measured, digits: int) -> Measured:
     return Measured(low + high, high - low) / frequency
 
 
+@undisturbed
 def hopf_point(parameters: Parameters, digits: int = 12) -> HopfPoint:
     """The Hopf point to ``digits`` significant digits.
 
-    Where l_1 = 0, the Bautin point, there is l_2 instead of the two slopes. Raises InputError as `checked_digits` does,
-    and under the smooth law.
+    Where l_1 = 0, at a generalized Hopf point, there is l_2 instead of the two slopes. Raises InputError as
+    `checked_digits` does, and under the smooth law.
     """
     parameters.refuse_smooth("the Hopf point's normal form is")
     law = amplitude_law(parameters)

@@ -17,7 +17,7 @@ from tippedisk_verify.model.exact import fraction, quotient
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.precision import bits, bits_for_digits
 
-__all__ = ["derivative", "real_roots", "square_root", "value_at"]
+__all__ = ["real_roots", "square_root"]
 
 
 def real_roots(polynomial: Sequence[Fraction], digits: int) -> list[Measured]:
@@ -45,38 +45,38 @@ def _cells(polynomial: list[int], bound: int) -> list[tuple[int, int]]:
     if len(polynomial) == 1:
         return []
     # Between the roots of the derivative the polynomial is monotonic.
-    turns = _cells(derivative(polynomial), bound)
-    cells = [turn for turn in turns if not value_at(polynomial, turn[0])]
+    turns = _cells(_derivative(polynomial), bound)
+    cells = [turn for turn in turns if not _value_at(polynomial, turn[0])]
     for low, high in pairwise([-bound, *(end for turn in turns for end in turn), bound]):
-        if value_at(polynomial, low) * value_at(polynomial, high) < 0:
+        if _value_at(polynomial, low) * _value_at(polynomial, high) < 0:
             cells.append(_cell(polynomial, low, high))
     return sorted(cells)
 
 
 def _cell(polynomial: list[int], low: int, high: int) -> tuple[int, int]:
     """The same of the one root between two integers at which the signs differ."""
-    rising, slope = value_at(polynomial, high) > 0, derivative(polynomial)
+    rising, slope = _value_at(polynomial, high) > 0, _derivative(polynomial)
     while high - low > 1:
         middle, width, size = (low + high) // 2, high - low, min(abs(low), abs(high))
-        value, steepness = value_at(polynomial, middle), value_at(slope, middle)
+        value, steepness = _value_at(polynomial, middle), _value_at(slope, middle)
         if not value:
             return middle, middle
         if width << 20 < size and steepness:  # Newton's step squares the relative width; signs decide
             guess, reach = middle - value // steepness, (width**2 << 8) // size + 1
             below, above = guess - reach, guess + reach
-            if low < below < above < high and value_at(polynomial, below) * value_at(polynomial, above) < 0:
+            if low < below < above < high and _value_at(polynomial, below) * _value_at(polynomial, above) < 0:
                 low, high = below, above
                 continue
         low, high = (low, middle) if (value > 0) == rising else (middle, high)
     return low, high
 
 
-def derivative(polynomial: Sequence[Any]) -> list[Any]:
+def _derivative(polynomial: Sequence[Any]) -> list[Any]:
     """The polynomial's derivative."""
     return [power * coefficient for power, coefficient in enumerate(polynomial)][1:]
 
 
-def value_at(polynomial: Sequence[Any], x: Any) -> Any:
+def _value_at(polynomial: Sequence[Any], x: Any) -> Any:
     """The polynomial's value."""
     total = 0
     for coefficient in reversed(polynomial):

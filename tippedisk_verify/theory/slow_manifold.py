@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import Any, NamedTuple
 
@@ -23,7 +23,8 @@ from tippedisk_verify.model.exact import exact, quotient, shown, whole
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Constants, Parameters
 from tippedisk_verify.model.precision import bits, bits_for_digits, checked_digits
-from tippedisk_verify.model.results import Printable
+from tippedisk_verify.model.results import Printable, quantity
+from tippedisk_verify.model.surroundings import undisturbed
 from tippedisk_verify.theory.equilibria import EquilibriumName, location
 from tippedisk_verify.theory.hopf import omega_crit
 from tippedisk_verify.theory.series import Angle, PowerSeries
@@ -248,15 +249,26 @@ class SlowManifold(Printable):
     omega: Fraction  #: [rad/s]
     beta: Fraction  #: where h is taken [rad]
     gamma: Fraction  #: where h is taken [rad]
-    h: tuple[Measured, ...]  #: the orders h_0, h_1, ... of v = h_0 + epsilon h_1 + ... there [rad s^(n-1)/m^n]
-    residual: tuple[Measured, ...]  #: largest residual of orders 0, 1, ... over twenty fixed points [m rad/s^3]
-    residual_slope: tuple[Measured, ...]  #: its exponent in epsilon as epsilon tends to 0, seen at 1e-5 ... 1e-6 [1]
-    best_order: int  #: the order whose term is smallest, at its largest over those points [1]
-    smallest_term: Measured  #: the size of that term [rad/s]
-    reduced_omega_crit: Measured | None  #: the Hopf speed of the flow on the truncated slow manifold [rad/s]
+    h: tuple[Measured, ...] = field(
+        metadata=quantity("the orders h_0, h_1, ... of v = h_0 + epsilon h_1 + ... there", "rad s^(n-1)/m^n")
+    )
+    residual: tuple[Measured, ...] = field(
+        metadata=quantity("largest residual of orders 0, 1, ... over twenty fixed points", "m rad/s^3")
+    )
+    residual_slope: tuple[Measured, ...] = field(
+        metadata=quantity("its exponent in epsilon as epsilon tends to 0, seen at 1e-5 ... 1e-6", "1")
+    )
+    best_order: int = field(
+        metadata=quantity("the order whose term is smallest, at its largest over those points", "1")
+    )
+    smallest_term: Measured = field(metadata=quantity("the size of that term", "rad/s"))
+    reduced_omega_crit: Measured | None = field(
+        metadata=quantity("the Hopf speed of the flow on the truncated slow manifold", "rad/s")
+    )
     warning: str | None
 
 
+@undisturbed
 def analyse_slow_manifold(
     parameters: Parameters, omega: object, order: int, digits: int = 12, *, at: tuple[object, object] = ("1.2", "0.3")
 ) -> SlowManifold:

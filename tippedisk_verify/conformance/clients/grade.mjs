@@ -29,14 +29,20 @@ for (const { id, answer, from } of rowsOf(answers)) {
   given.set(id, { answer, reading });
 }
 // An entry with nothing but NaN or NA has not been answered.
-const missing = /^([+-]?nan(\([^)]*\))?|-?1\.#(ind|qnan)0*|n\/?a|null|none|missing|<na>)$/i;
+const missing = RegExp(`^([+-]?[qs]?nan(\\([^)]*\\)|f|16|32|64)?|[+-]?1\\.#(([qs]nan|ind)0*|r|io)|\\.nan|n/?a|<na>`
+  + '|null|nil|none|nothing|missing|undefined)$', 'i');
+const infinite = /^[+-]?(inf(inity)?(f|16|32|64)?|1\.#(inf0*|j)|\.inf)$/i;
+// Fortran leaves out the letter before an exponent of three digits; Mathematica writes *^ for it.
+const plain = answer => answer.replace(/^([+-]?(?:\d+\.\d*|\.\d+))([+-]\d{3})$/, '$1e$2')
+  .replace(/^([+-]?(?:\d+\.?\d*|\.\d+))(?:`{1,2}[\d.]*)?\*\^/, '$1e').replace(/`{1,2}[\d.]*$/, '').replace(/[dq]/i, 'e');
 const entry = id => id.slice(0, id.lastIndexOf('/'));
 const answered = new Set([...given].filter(([, { answer }]) => !missing.test(answer)).map(([id]) => entry(id)));
 function verdictOf({ answer, reading }, row) {
   if (!row[`value_from_${reading}`]) return ['no-truth'];
-  if (/^[+-]?(nan|inf(inity)?)$/i.test(answer)) return ['not-a-number'];
-  if (!/^[+-]?(\d+\.?\d*|\.\d+)([eEdD][+-]?\d+)?$/.test(answer)) return ['unreadable'];
-  const away = Math.abs(Number(answer.replace(/d/i, 'e')) - row[`value_from_${reading}`]), needs = +row.digits_needed;
+  if (missing.test(answer) || infinite.test(answer)) return ['not-a-number'];
+  const number = plain(answer);
+  if (!/^[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?$/i.test(number)) return ['unreadable'];
+  const away = Math.abs(Number(number) - row[`value_from_${reading}`]), needs = +row.digits_needed;
   const digits = away === 0 ? 15 : +row.scale === 0 ? 0 : Math.min(-Math.log10(away / row.scale), 15);
   if (digits >= needs) return ['agrees', digits];
   if (digits >= 1 && away <= +row.rounding) return ['rounding', digits];

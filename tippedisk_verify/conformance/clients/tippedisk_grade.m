@@ -16,19 +16,25 @@ function tippedisk_grade(answers, truths)
   if ~all(decimals | strcmp(from, 'doubles')), error('the column from says doubles or decimals'), end
   % An entry with nothing but NaN or NA has not been answered.
   matches = @(pattern) ~cellfun(@isempty, regexpi(answer, pattern, 'once'));
-  missing = matches('^([+-]?nan(\([^)]*\))?|-?1\.#(ind|qnan)0*|n/?a|null|none|missing|<na>)$');
+  missing = matches(['^([+-]?[qs]?nan(\([^)]*\)|f|16|32|64)?|[+-]?1\.#(([qs]nan|ind)0*|r|io)|\.nan|n/?a|<na>' ...
+    '|null|nil|none|nothing|missing|undefined)$']);
+  infinite = matches('^[+-]?(inf(inity)?(f|16|32|64)?|1\.#(inf0*|j)|\.inf)$');
+  % Fortran leaves out the letter before an exponent of three digits; Mathematica writes *^ for it.
+  number = regexprep(answer, '^([+-]?(?:\d+\.\d*|\.\d+))([+-]\d{3})$', '$1e$2');
+  number = regexprep(number, '^([+-]?(?:\d+\.?\d*|\.\d+))(?:`{1,2}[\d.]*)?\*\^', '$1e');
+  number = regexprep(regexprep(number, '`{1,2}[\d.]*$', ''), '[dDqQ]', 'e');
+  is_number = ~cellfun(@isempty, regexpi(number, '^[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?$', 'once'));
   [~, ~, entry] = unique(regexprep(asked.id, '/[^/]*$', ''));
   some = accumarray(entry(:), double(is_given(:) & ~missing(:))) > 0; is_given(~some(entry)) = false;
   truth = str2double(asked.value_from_doubles); x = str2double(asked.value_from_decimals);
   truth(decimals) = x(decimals); needs = str2double(asked.digits_needed); scale = str2double(asked.scale);
-  away = abs(str2double(regexprep(answer, '[dD]', 'e')) - truth);
+  away = abs(str2double(number) - truth);
   digits = -log10(away ./ scale); digits(scale == 0) = 0; digits(away == 0) = 15; digits = min(digits, 15);
   verdict = repmat({'wrong'}, size(answer)); level = str2double(asked.level);
   verdict(digits >= needs / 2) = {'few-digits'};
   verdict(digits >= 1 & away <= str2double(asked.rounding)) = {'rounding'};
   verdict(digits >= needs) = {'agrees'};
-  verdict(~matches('^[+-]?(\d+\.?\d*|\.\d+)([ed][+-]?\d+)?$')) = {'unreadable'};
-  verdict(matches('^[+-]?(nan|inf(inity)?)$')) = {'not-a-number'};
+  verdict(~is_number) = {'unreadable'}; verdict(missing | infinite) = {'not-a-number'};
   verdict(isnan(truth) | ~is_given) = {'no-truth'};
   failed = ismember(verdict, {'few-digits', 'wrong', 'unreadable', 'not-a-number'});
   for k = find(failed(:)).'

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from decimal import Decimal, localcontext
+from decimal import Decimal
 from functools import cached_property
 from typing import Any
 
@@ -12,6 +12,7 @@ import numpy as np
 
 from tippedisk_verify.conformance.grading import Grade, as_decimal, scale_of
 from tippedisk_verify.conformance.sheet import placed
+from tippedisk_verify.model.decimals import arithmetic
 from tippedisk_verify.model.parameters import SYMBOLS
 from tippedisk_verify.reference_values.store import Quantity, Store
 
@@ -91,8 +92,7 @@ def _table(some: Sequence[tuple[Quantity, Grade]], store: Store) -> Table:
     given: dict[str, Any] = {x: np.array([float(one.get(x, "nan")) for one in inputs]) for x in (*SYMBOLS, *_NUMBERS)}
     given |= {word: np.array([one.get(word, "") for one in inputs]) for word in ("equilibrium", "form")}
     cells = []
-    with localcontext() as context:
-        context.Emax, context.Emin = 10**9, -(10**9)
+    with arithmetic():
         for quantity, grade in some:
             truth = Decimal(grade.truth)
             cells.append((float(as_decimal(grade.answer)), float(truth), float(scale_of(quantity, truth)), grade.needs))

@@ -34,10 +34,7 @@ __all__ = [
     "around_zero",
     "ball",
     "ball_constants",
-    "choice",
     "coefficient",
-    "exact",
-    "hull",
     "inside",
     "midpoint_and_radius",
     "need",
@@ -153,11 +150,6 @@ def _rational(value: Fraction) -> Any:
     return arb(fmpq(value.numerator, value.denominator))
 
 
-def hull(low: object, high: object) -> Any:
-    """The smallest ball found that holds both numbers (or balls) and what lies between them."""
-    return ball(low).union(ball(high))
-
-
 def ball_constants(parameters: Any) -> Any:
     """The field's constants as balls that hold the exact ones of ``parameters``, at the working precision."""
     exact = parameters.rational()
@@ -182,7 +174,7 @@ def inside(x: Any, y: Any) -> Any:
 
 
 def upper(x: Any) -> Any:
-    """A float, of lanes an array of them, near the largest absolute value in the ball: for choices, not for proofs."""
+    """Return a float near the largest absolute value in the ball, or an array of them: for choices, not for proofs."""
     return x.abs_upper().midpoints if side_by_side(x) else float(x.abs_upper())
 
 
@@ -203,34 +195,20 @@ def rough(x: Any) -> Any:
     return x.rough() if hasattr(x, "c") else x
 
 
-def exact(sample: Any, numbers: Any) -> Any:
-    """A float, or an array of them, as lengths of time stand beside ``sample``: floats beside a ball, else lanes."""
-    return type(sample)(numbers) if side_by_side(sample) else numbers
-
-
 def around_zero(radius: Any) -> Any:
     """A ball about 0 that reaches ``radius``, a number or ball that is not negative, or further."""
     return radius.around_zero() if side_by_side(radius) else arb(0, radius)
 
 
-def choice(mask: Any, x: Any, y: Any) -> Any:
-    """``x`` where the mask is true, ``y`` where it is not."""
-    if side_by_side(x):
-        return x.where(mask, y)
-    return x if mask else y
-
-
 def shared(x: Any, y: Any) -> Any:
     """A ball that holds what the balls ``x`` and ``y``, which is finite, share; not finite where they share nothing."""
-    if side_by_side(x):
-        return x.shared(y)
     if not x.is_finite():
         return y
     return x.intersection(y) if x.overlaps(y) else arb.nan()
 
 
 def side_by_side(x: object) -> bool:
-    """Whether these are `lanes.Lanes`, of which everything here is answered lane by lane."""
+    """Whether these are `ball_array.BallArray`, of which everything here is answered ball by ball."""
     return hasattr(x, "midpoints")
 
 

@@ -18,7 +18,7 @@ the return is at tau(s) - beta_bar(tau(s)) / w by the mean value theorem; w is E
 times so found. On the section time moves with the start by -d(beta)/v, and gamma' = 0.
 
 **An arc of the family of limit cycles**: for each value of a parameter exactly one cycle, by one Krawczyk test. Three
-numbers describe a cycle that S maps to itself: gamma_bar and v on the section, and Omega. One of them is the
+numbers describe a cycle that S maps to itself: gamma_bar and v on the section, and Omega. The first one is the
 arc's parameter p = p_0 + R s, |s| <= 1; the other two, u, are unknown, with the two equations F_p(u) = P - (gamma_bar,
 v) = 0 for the half map P (`section`). Let m(s) be polynomials near the family, r > 0 two numbers, X(s) the box of all u
 with |u - m(s)| <= r, and Y(s) regular matrices. *For each s by itself* `krawczyk` says: if
@@ -30,7 +30,7 @@ deviations |d| <= r about it gives F(m(s)) and F'(X(s)) as jets, functions enclo
 compares their ranges, for all s at once. u(s) is an analytic curve by the implicit function theorem, and u' =
 -(dF/du)^-1 dF/dp.
 
-With gamma_bar as the parameter the columns of P' - 1 and dP/dOmega are c_g, c_v and c_Omega, and differentiating the
+The columns of P' - 1 and dP/dOmega are c_g, c_v and c_Omega, and differentiating the
 equations along the curve gives c_g + c_v v' + c_Omega Omega' = 0. The determinants of both sides with c_v say that
 det(P' - 1) = Omega' det(c_v, c_Omega), which keeps its relative accuracy where Omega' is small. Let beta_max be the
 largest |beta_bar| of a cycle. Where it is taken v = 0, and the derivative of beta_bar by gamma_bar_0 *at a fixed time*
@@ -63,11 +63,22 @@ from tippedisk_verify.proofs.kernel.reading import as_float
 from tippedisk_verify.proofs.kernel.section import UPRIGHT
 from tippedisk_verify.proofs.kernel.step import Step, Trial
 
-__all__ = ["GAMMA_BAR", "OMEGA", "ORDERS", "UNKNOWNS", "Arc", "Curve", "CurveFlight", "CurvePath", "Matrix", "Replay",
-           "arc_test", "fly", "inverse", "turnings"]  # fmt: skip
+__all__ = [
+    "ORDERS",
+    "UNKNOWNS",
+    "Arc",
+    "Curve",
+    "CurveFlight",
+    "CurvePath",
+    "Matrix",
+    "Replay",
+    "arc_test",
+    "fly",
+    "inverse",
+    "turnings",
+]
 
-GAMMA_BAR, OMEGA = 0, 2  #: which of (gamma_bar, v, Omega) is the parameter
-UNKNOWNS = {GAMMA_BAR: (1, 2), OMEGA: (0, 1)}  #: and which are unknown
+UNKNOWNS = 1, 2  #: of (gamma_bar, v, Omega); the first one is the parameter
 ORDERS = 20, 12  #: of the series of the states, and of those of derivatives
 _FINEST = 2.0**-7  # part of a step in which an orbit turns
 
@@ -259,7 +270,6 @@ class Arc:
     """What one test says of an arc. Where ``included`` there is exactly one cycle for each s."""
 
     included: bool
-    over: int  #: the parameter, GAMMA_BAR or OMEGA
     curve: Curve  #: m(s) and r
     flight: CurveFlight
     within: Sequence[Any]  #: K(s) - m(s) for all s: balls of the two unknowns
@@ -269,15 +279,14 @@ class Arc:
     def period(self) -> Jet:
         """T [s]."""
         half: Jet = self.flight.own_time
-        for k, off in zip(UNKNOWNS[self.over], self.within, strict=True):
+        for k, off in zip(UNKNOWNS, self.within, strict=True):
             half = half + self.flight.time_by[k] * off
         return 2 * half
 
     def period_slope(self) -> Jet:
-        """dT/dp."""
-        first, second = UNKNOWNS[self.over]
+        """dT/d(gamma_bar_0)."""
         by = self.flight.time_by
-        return 2 * (by[self.over] + by[first] * self.slopes[0] + by[second] * self.slopes[1])
+        return 2 * (by[0] + by[1] * self.slopes[0] + by[2] * self.slopes[1])
 
     def trace(self) -> Jet:
         """Of the half map's derivative by gamma_bar and v."""
@@ -289,7 +298,7 @@ class Arc:
         Of scaled states True is said of all but that at the Hopf point.
         """
         trace, shrinking = self.trace().range(), self.flight.divergence.range().exp()
-        below = 1 - trace - shrinking if self.over == OMEGA else (self.slopes[1] * self.determinant).range()
+        below = (self.slopes[1] * self.determinant).range()
         if positive(below) and positive(1 + trace - shrinking):
             return True
         # delta > 0, so this is enough.
@@ -313,18 +322,17 @@ class Arc:
         return bool(self.flight.turning)
 
 
-def arc_test(constants: Constants, curve: Curve, over: int, choices: Any) -> Arc:
-    """Krawczyk's test on a curve of starts and speeds; number ``over`` of the three is the parameter.
+def arc_test(constants: Constants, curve: Curve, choices: Any) -> Arc:
+    """Krawczyk's test on a curve of starts and speeds, of which the first number has no deviation.
 
-    It has no deviation. Raises Unproved if the flight fails.
+    Raises Unproved if the flight fails.
     """
     flight = fly(constants, curve, choices)
-    first, second = UNKNOWNS[over]
-    radii = [curve.deviation[k] for k in (first, second)]
+    radii = [curve.deviation[k] for k in UNKNOWNS]
     value = [after - before for after, before in zip(flight.image, curve.start, strict=True)]
     jacobian = [[entry - own for entry, own in zip(*rows, strict=True)]
                 for rows in zip(flight.matrix, curve.unit, strict=True)]  # fmt: skip
-    by_unknowns = [[row[first], row[second]] for row in jacobian]
+    by_unknowns = [[row[k] for k in UNKNOWNS] for row in jacobian]
     chosen = [[entry.mid() for entry in row] for row in inverse([[x.mid() for x in row] for row in by_unknowns])]
     degree = chosen[0][0].degree
     value = [entry.cut(degree) for entry in value]
@@ -337,8 +345,8 @@ def arc_test(constants: Constants, curve: Curve, over: int, choices: Any) -> Arc
         within.append(image)
         included = included and bool(inside(image, radii[i]))
     (a, b), (c, d) = by_unknowns
-    slopes = [-(row[0] * jacobian[0][over] + row[1] * jacobian[1][over]) for row in inverse(by_unknowns)]
-    return Arc(included, over, curve, flight, within, slopes, a * d - b * c)
+    slopes = [-(row[0] * jacobian[0][0] + row[1] * jacobian[1][0]) for row in inverse(by_unknowns)]
+    return Arc(included, curve, flight, within, slopes, a * d - b * c)
 
 
 def inverse(matrix: Sequence[Sequence[Any]]) -> list[list[Any]]:

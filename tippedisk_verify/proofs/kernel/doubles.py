@@ -1,10 +1,10 @@
-"""What goes into lanes: numbers as doubles rounded outwards, and sine and cosine with proved bounds of their errors.
+"""Numbers as doubles rounded outwards, and sine and cosine with proved bounds of their errors, for arrays of balls.
 
 Numbers and Arb's balls become midpoints and radii by exact rational arithmetic, sine and cosine are computed from IEEE
 sums and products alone.
 
-u = 2^-53 and t as in `lanes`, whose assumptions are these: sums, differences and products of float64 arrays are rounded
-to nearest, up to an absolute error t of at most 2^-1022 where they underflow.
+u = 2^-53 and t as in `ball_array`, whose assumptions are these: sums, differences and products of float64 arrays are
+rounded to nearest, up to an absolute error t of at most 2^-1022 where they underflow.
 """
 
 from __future__ import annotations

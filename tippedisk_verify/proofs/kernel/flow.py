@@ -12,13 +12,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from copy import copy
-from dataclasses import replace
 from enum import Enum
-from typing import Any, ClassVar, Protocol, Self
+from typing import Any, Protocol
 
-from tippedisk_verify.proofs.kernel.balls import BallOps, alike, ball, need, negative, rough, side_by_side, upper, whole
-from tippedisk_verify.proofs.kernel.batch import chosen, replaced, some, some_model
+from tippedisk_verify.proofs.kernel.balls import BallOps, alike, ball, need, rough, upper, whole
 from tippedisk_verify.proofs.kernel.field import Law, field
 from tippedisk_verify.proofs.kernel.frame import Frame
 from tippedisk_verify.proofs.kernel.series import Graph, Node, System, with_derivatives
@@ -34,7 +31,6 @@ _MOST_STEPS = 20_000
 class Status(Enum):
     """How a proof that follows the flow ended. The value says what happened and what to try next."""
 
-    REACHED = "the end was reached"
     RETURNED = "the first return to the section is enclosed"
     NO_START = "v < 0 at the start is not proved: start on the other side of the section, or in a narrower box"
     NO_ENCLOSURE = "no step could be enclosed: work in more bits, or start from a narrower box"
@@ -55,8 +51,7 @@ class Proposer(Protocol):
     def step(self, path: Path, longest: Any) -> Step | None:
         """A step of the path, made by its `Path.trial`, of at most ``longest`` seconds; None to give up.
 
-        It is asked again, for a shorter one, if what the flight needs is not shown of the step. Of a batch a step for
-        each box; behind a change of side it is to be ``longest``, lanes.
+        It is asked again, for a shorter one, if what the flight needs is not shown of the step.
         """
         ...
 
@@ -80,8 +75,8 @@ class Model:
     """The equations of motion on balls (Eq. 3DOF, linear friction), with the systems that a step needs.
 
     ``constants`` as from `field.constants` or `balls.ball_constants`; ``omega`` [rad/s], a ball of any radius or a
-    `Jet` of such; or `Lanes` for both. Built once, used for any number of runs; every enclosure holds for all constants
-    and speeds in their balls. ``law`` replaces the equations, for tests with exact answers.
+    `Jet` of such; or `BallArray` for both. Built once, used for any number of runs; every enclosure holds for all
+    constants and speeds in their balls. ``law`` replaces the equations, for tests with exact answers.
     """
 
     def __init__(self, constants: Any, omega: Any, law: Law | None = None) -> None:
@@ -118,14 +113,12 @@ class Model:
 
 
 class Path:
-    """Follows all orbits from a box, or from many side by side, one proved step after the other.
+    """Follows all orbits from a box, one proved step after the other.
 
     ``derivatives``: to the working precision and accumulated over the path, with the divergence's integral; without,
-    they are computed roughly, for the mean-value form only. Boxes side by side have a step each; these have `Lanes`.
+    they are computed roughly, for the mean-value form only. The box's parts may be arrays of balls: such a path takes
+    steps that its caller has tested.
     """
-
-    #: what differs from one box of a batch to the other, besides the model
-    BATCHED: ClassVar[tuple[str, ...]] = ("frame", "box", "time", "divergence", "steps", "reversals")
 
     def __init__(self, model: Any, start: Sequence[Any] | Frame, proposer: Any, *, derivatives: bool = False) -> None:
         self.model, self.proposer, self.sharp = model, proposer, derivatives
@@ -135,8 +128,8 @@ class Path:
         self.middle: Sequence[Any] | None = None  #: where the midpoint's orbit begins, if that is known by itself
         self.box = self.frame.box()
         self.time, self.divergence = (alike(part, 0) for part in (self.box[0], rough(self.box[0])))
-        self.steps = 0 * negative(whole(self.time))  #: taken
-        self.reversals = self.steps  #: of the sliding velocity's sign; counted under the smooth law only
+        self.steps = 0  #: taken
+        self.reversals = 0  #: of the sliding velocity's sign; counted under the smooth law only
         self.tested: Step | None = None  #: by its latest trial
         self.status: Status | None = None  #: why it stopped, if it did
 
@@ -150,12 +143,8 @@ class Path:
         return Trial(self, orders)
 
     def step(self, longest: Any = None) -> Step | None:
-        """A step of at most ``longest`` seconds, not yet taken; None, with a status, if none is proved.
-
-        Of a batch it is a step for each box, which says itself where it is proved.
-        """
-        if not side_by_side(self.time):
-            self.status = self._spent()
+        """A step of at most ``longest`` seconds, not yet taken; None, with a status, if none is proved."""
+        self.status = self._spent()
         step = None if self.status else self.proposer.step(self, longest)
         if step is None:
             self.status = self.status or Status.NO_ENCLOSURE
@@ -163,11 +152,8 @@ class Path:
         own = self.tested
         if own is None or own.frame is not self.frame or own.length is not step.length:
             raise ValueError("a step from elsewhere was proposed")
-        # Of what was tested a proposer may want less, not more.
-        step = own if step is own else replace(own, included=own.included & step.included)
-        if not side_by_side(self.time):
-            need(step.included, "the states and derivatives over it are not shown to stay in its enclosure")
-        return step
+        need(own.included, "the states and derivatives over it are not shown to stay in its enclosure")
+        return own
 
     def _spent(self) -> Status | None:
         if not all(part.is_finite() for part in self.box):
@@ -182,29 +168,14 @@ class Path:
         centre, rows = step.end if time is None else (step.centre(time), step.rows_at(time))
         return step.frame.carried(centre, rows, lambda turned, sizes: self.proposer.axes(turned, sizes, stiffness))
 
-    def take(self, step: Step, time: Any = None, where: Any = True) -> None:
-        """Go to the step's end, or to ``time`` (a number or ball) within it; of a batch, ``where`` this is true."""
+    def take(self, step: Step, time: Any = None) -> None:
+        """Go to the step's end, or to ``time`` (a number or ball) within it."""
         moment = alike(self.time, step.length) if time is None else time
         frame = self.carried(step, time)
         self.proposer.took(step, [[*row] for row in frame.axes])
-        divergence = self.divergence + step.divergence_at(moment) if self.sharp else self.divergence
-        after = frame, frame.box(), self.time + moment, divergence, self.steps + 1, self.reversals
-        before = tuple(getattr(self, name) for name in Path.BATCHED)
-        for name, value in zip(Path.BATCHED, chosen(where, after, before), strict=True):
-            setattr(self, name, value)
-
-    def some(self, which: Any) -> Self:
-        """The path of some boxes of a batch, by mask or indices."""
-        path = copy(self)
-        for name in self.BATCHED:
-            setattr(path, name, some(getattr(self, name), which))
-        path.model = some_model(self.model, which)
-        return path
-
-    def put(self, which: Any, path: Path) -> None:
-        """What `some` had taken, back into its place."""
-        for name in self.BATCHED:
-            setattr(self, name, replaced(getattr(self, name), which, getattr(path, name)))
+        if self.sharp:
+            self.divergence = self.divergence + step.divergence_at(moment)
+        self.frame, self.box, self.time, self.steps = frame, frame.box(), self.time + moment, self.steps + 1
 
 
 def short_float(length: float) -> float:

@@ -18,28 +18,21 @@ Of every step it is shown that |beta_bar| < 1.5707: the disk does not lie flat. 
 changes (`sliding.Crossing`) v must keep its sign and gamma_bar must stay below 2 pi, so that neither the turn nor the
 section lies in it. A shorter step is asked for where none of this can be shown; if that does not help, the proof ends
 with a status that says so.
-
-One `Walk` does this for single balls and for batches, where every round tries a step for each start. What is proved
-moves on, and the rest stays where it is. What is proved of a start does not depend on those beside it, but for the
-orders of the series and the sums that numpy takes in another order.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from copy import copy
-from dataclasses import dataclass, replace
-from typing import Any, NamedTuple, Self
+from dataclasses import dataclass
+from enum import Enum
+from typing import Any, NamedTuple
 
-import numpy as np
-
-from tippedisk_verify.proofs.kernel.balls import alike, arb, choice, inside, negative, positive
-from tippedisk_verify.proofs.kernel.batch import among, replaced, some, some_model
+from tippedisk_verify.proofs.kernel.balls import alike, arb, inside, negative, positive
 from tippedisk_verify.proofs.kernel.flow import Model, Proposer, Status
 from tippedisk_verify.proofs.kernel.sliding import Crossing
 from tippedisk_verify.proofs.kernel.step import Step, enclosed_moment
 
-__all__ = ["HALF", "TURN", "UPRIGHT", "Return", "Round", "Section", "Status", "Walk", "returned"]
+__all__ = ["HALF", "TURN", "UPRIGHT", "Return", "Section", "returned"]
 
 UPRIGHT = 1.5706999  #: rad; as a radius, rounded up to 30 bits, still below 1.5707 and pi/2: sin(beta) > 0 within
 _MOST_CUTS = 40
@@ -114,7 +107,7 @@ def returned(
             before, tried = tried, walk.advance(length)
             if tried is None or tried.proved:
                 break
-            length = 0.7 * tried.step.length
+            length = 0.7 * tried.length
         if tried is None or not tried.proved:
             last = tried or before
             status = Status.FLAT if last and not last.upright else Status.UNRESOLVED if tried else path.status
@@ -124,138 +117,111 @@ def returned(
     return Return(Status.NO_RETURN, path.time, path.steps)
 
 
-@dataclass(frozen=True)
-class Round:
-    """What is proved of one step; of a batch, box by box."""
+class Case(Enum):
+    """What the orbits do in a step, by the cases of the module's docstring."""
 
-    step: Step
-    upright: Any  #: the disk does not lie flat
-    followed: Any  #: the step itself is proved, and what it does at gamma_y = 0
-    proved: Any  #: all that, with its case: the path has taken the step, or landed
-    arrived: Any  #: the section is reached
-    landing: Return | None  #: and what is proved of those that have reached it
+    ON = "they fall, or after the turn rise, and do not reach the section"
+    TURNS = "they turn"
+    CROSSES = "they cross the section"
 
 
-class Cases(NamedTuple):
-    """What is proved of a step; of a batch, box by box."""
+class Round(NamedTuple):
+    """What is proved of one step that was tried."""
 
-    upright: Any  #: beta_bar stays where it must
-    on: Any  #: it falls, or after the turn rises, and the section is not reached
-    turns: Any
-    crosses: Any
-    speed: Any  #: holds the rate of the section's component throughout a step that crosses
+    length: float  #: of the step [s]
+    upright: bool  #: the disk does not lie flat
+    proved: bool  #: its case as well; then the path has taken the step, or has landed
+    landing: Return | None = None  #: what is proved of the orbits, if they have reached the section
 
 
 class Walk:
-    """All orbits from a box on a section, or from each of a batch, on their way to the next crossing."""
+    """All orbits from a box on a section, on their way to the next crossing."""
 
     def __init__(
         self, model: Model, section: Section, box: Sequence[Any], proposer: Proposer, *, derivatives: bool = False
     ) -> None:
         self.section = section
         self.path = model.path(section.start(*box), proposer, derivatives=derivatives)
-        self.turned = 0 * self.path.steps != 0
+        self.turned = False
         #: least beta_bar, and its derivatives by (gamma_bar, v, Omega), where the path has turned
-        self.turn: tuple[Any, Any] = (self.path.time, (self.path.time,) * 3) if section == HALF else (None, None)
-
-    def some(self, which: Any) -> Self:
-        """The walk of some boxes of a batch, by mask or indices."""
-        walk = copy(self)
-        walk.path = self.path.some(which)
-        walk.turned, walk.turn = some((self.turned, self.turn), which)
-        return walk
+        self.turn: tuple[Any, Any] = (None, None)
 
     def advance(self, longest: float | None = None) -> Round | None:
-        """One step, taken where it is proved; None if the path has none."""
+        """Try one step and take it if it is proved; return None if the path has none."""
         step = self.path.step(longest)
         if step is None:
             return None
-        if step.aside is None:
-            return self._advance(step)
-        which, crossing = step.aside
-        others = self.some(which)  # they take a step of their own, and neither turn nor land
-        tried, theirs = self._advance(replace(step, aside=None)), others._advance(crossing)
-        self.path.put(which, others.path)
-        parts = ((tried.upright, theirs.upright), (tried.followed, theirs.followed), (tried.proved, theirs.proved))
-        upright, followed, proved = (replaced(old, which, new) for old, new in parts)
-        return Round(step, upright, followed, proved, tried.arrived, tried.landing)
+        upright, case = self._case(step)
+        if not upright or case is None:
+            return Round(step.length, upright, False)
+        if case is Case.CROSSES:
+            moment = self._crossing(step)
+            if moment is None:
+                return Round(step.length, upright, False)
+            self.path.take(step, moment)
+            return Round(step.length, upright, True, self._landed())
+        if case is Case.TURNS and not self._turn(step):
+            return Round(step.length, upright, False)
+        self.path.take(step)
+        return Round(step.length, upright, True)
 
-    def _advance(self, step: Step) -> Round:
-        case, followed = self._cases(step), step.included & step.followed
-        proved = followed & case.upright & (case.on | case.turns | case.crosses)
-        proved = self._turn(step, proved & case.turns, proved)
-        arrived, landing = self._land(step, proved & case.crosses, case.speed)
-        proved = proved & (arrived | (case.crosses ^ True))
-        moving = proved & (arrived ^ True)
-        if np.any(moving):
-            self.path.take(step, where=moving)
-        return Round(step, case.upright, followed, proved, arrived, landing)
-
-    def _cases(self, step: Step) -> Cases:
-        """The cases of the module's docstring."""
+    def _case(self, step: Step) -> tuple[bool, Case | None]:
+        """Whether the disk is shown not to lie flat, and the case that is shown; None if none is."""
         rates, (beta, _, v) = self.path.model.rates(step.enclosure), step.enclosure
         beta_end, gamma_end, v_end = step.at_end()
         one_law = not isinstance(step, Crossing)
         upright = inside(beta, alike(beta, arb(0, UPRIGHT)))
         if self.section == TURN:
             ahead = gamma_end - TURN.level()
-            passed = positive(ahead) & positive(rates[1]) & one_law
-            return Cases(upright & positive(beta), negative(ahead), False, passed, rates[1])
-        start, gains = self.path.box[2], positive(rates[2]) & one_law
-        falls = negative(v) | (gains & negative(v_end))
-        turns = gains & negative(start) & positive(v_end) & negative(beta_end)
-        rises = positive(v) | (gains & positive(start) & positive(v_end))
-        # v climbs from one to the other.
-        speed = choice(positive(v), v, start.union(v_end))
-        before = self.turned ^ True
-        return Cases(
-            upright,
-            (before & falls) | (self.turned & rises & negative(beta_end)),
-            before & turns,
-            self.turned & rises & positive(beta_end) & one_law,
-            speed,
-        )
+            crosses = positive(ahead) and positive(rates[1]) and one_law
+            return upright and positive(beta), Case.ON if negative(ahead) else Case.CROSSES if crosses else None
+        start, gains = self.path.box[2], positive(rates[2]) and one_law
+        if not self.turned:
+            if negative(v) or (gains and negative(v_end)):
+                return upright, Case.ON
+            turns = gains and negative(start) and positive(v_end) and negative(beta_end)
+            return upright, Case.TURNS if turns else None
+        if not (positive(v) or (gains and positive(start) and positive(v_end))):
+            return upright, None
+        if negative(beta_end):
+            return upright, Case.ON
+        return upright, Case.CROSSES if positive(beta_end) and one_law else None
 
-    def _turn(self, step: Step, turning: Any, proved: Any) -> Any:
-        """Notes turns; what is ``proved`` without those whose moment cannot be enclosed."""
-        if not np.any(turning):
-            return proved
-        part, model = some(step, turning), some_model(self.path.model, turning)
-        moment, sure = enclosed_moment(
-            part,
-            part.span(),
-            lambda time: part.component(2, time),
-            model.rates(part.enclosure)[2],
-            lambda time: model.rates(part.at(time))[2],
+    def _turn(self, step: Step) -> bool:
+        """Enclose the turn in the step; return False if its moment cannot be enclosed."""
+        model = self.path.model
+        moment = enclosed_moment(
+            step,
+            step.span(),
+            lambda time: step.component(2, time),
+            model.rates(step.enclosure)[2],
+            lambda time: model.rates(step.at(time))[2],
         )
-        enclosed = among(turning, sure)
+        if moment is None:
+            return False
         # At the turn beta' = 0: moving the moment does not change beta to first order.
-        turn = part.component(0, moment), part.derivatives_at(moment)[0][1:] if self.path.sharp else None
-        self.turn, self.turned = replaced(self.turn, enclosed, some(turn, sure)), self.turned | enclosed
-        return proved & (enclosed | (turning ^ True))
+        self.turn = step.component(0, moment), step.derivatives_at(moment)[0][1:] if self.path.sharp else None
+        self.turned = True
+        return True
 
-    def _land(self, step: Step, crossing: Any, speed: Any) -> tuple[Any, Return | None]:
-        """Which of those that are crossing have arrived, by an enclosed moment; and what is proved of these."""
-        if not np.any(crossing):
-            return crossing, None
-        part, model, section = some(step, crossing), some_model(self.path.model, crossing), self.section
-        level = section.level()
-        moment, sure = enclosed_moment(
-            part,
-            part.span(),
-            lambda time: part.component(section.zero, time) - level,
-            some(speed, crossing),
-            lambda time: model.rates(part.at(time))[section.zero],
+    def _crossing(self, step: Step) -> Any:
+        """Return a ball of times at which the orbits cross the section in the step; None if it cannot be enclosed."""
+        model, zero, level = self.path.model, self.section.zero, self.section.level()
+        if self.section == TURN:
+            speed = model.rates(step.enclosure)[zero]
+        else:
+            v = step.enclosure[2]
+            speed = v if positive(v) else self.path.box[2].union(step.at_end()[2])  # v climbs from one to the other
+        return enclosed_moment(
+            step,
+            step.span(),
+            lambda time: step.component(zero, time) - level,
+            speed,
+            lambda time: model.rates(step.at(time))[zero],
         )
-        arrived = among(crossing, sure)
-        if not np.any(arrived):
-            return arrived, None
-        there = self.some(arrived)
-        there.path.take(some(part, sure), some(moment, sure))
-        return arrived, there._landed()
 
     def _landed(self) -> Return:
-        """What is proved of orbits whose path has been taken to the section."""
+        """Return what is proved of orbits whose path has been taken to the section."""
         path, section = self.path, self.section
         first, sign = section.first, section.sign
         derivatives: dict[str, Any] = {}

@@ -11,8 +11,8 @@ an orbit S' = C x' and C' = -q S x', without a division by a. Of its derivatives
 has D' = (dC/dq) x' = -(x S) x' / 2. Where they start `jets.scaled_sine` says.
 
 On balls every coefficient is an enclosure: each step of a recurrence is an operation on balls, Arb's or those of
-`lanes`, which are inclusion-isotone. No ball is replaced by a point, a float or a midpoint in this file. An arithmetic
-that has sequences of its own (``series``) sums its convolutions itself.
+`ball_array`, which are inclusion-isotone. No ball is replaced by a point, a float or a midpoint in this file. An
+arithmetic that has sequences of its own (``series``) sums its convolutions itself.
 """
 
 from __future__ import annotations

@@ -34,24 +34,18 @@ Where a ball becomes a point or a float: pieces and the step's end are free.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from typing import Any, ClassVar
-
-import numpy as np
+from dataclasses import dataclass
+from typing import Any
 
 from tippedisk_verify.proofs.kernel.balls import (
     BallOps,
     alike,
     arb,
     ball_constants,
-    choice,
-    exact,
     negative,
     positive,
-    side_by_side,
     upper,
-)  # fmt: skip
-from tippedisk_verify.proofs.kernel.batch import among, some
+)
 from tippedisk_verify.proofs.kernel.field import Law, one_sided, sliding_motion
 from tippedisk_verify.proofs.kernel.flow import Model, Path, Proposer, Status
 from tippedisk_verify.proofs.kernel.series import Graph, System
@@ -90,20 +84,14 @@ class SmoothModel(Model):
         velocity, _ = sliding_motion(graph, numbers, speed, variables)
         self._with_path = System(graph, [*variables, graph.variable()], [*rates, velocity])
 
-    def of_side(self, side: Any) -> SmoothModel:
-        """The model with the other side's law, where ``side`` (of a batch, an array) is negative."""
-        if not np.any(side < 0):
+    def of_side(self, side: int) -> SmoothModel:
+        """Return the model with the other side's law if ``side`` is negative, else this one."""
+        if side >= 0:
             return self
-        if np.ndim(side) or self._other is None:
-            every = np.zeros(np.shape(side), int)
-            traction, epsilon = (
-                _signed(value[every] if np.ndim(side) and len(value) == 1 else value, side)
-                for value in (self.constants.traction, self.constants.epsilon)
-            )
-            other = SmoothModel(self.constants._replace(traction=traction, epsilon=epsilon), self.omega)
-            if np.ndim(side):
-                return other
-            self._other, other._other = other, self
+        if self._other is None:
+            traction, epsilon = -self.constants.traction, -self.constants.epsilon
+            self._other = SmoothModel(self.constants._replace(traction=traction, epsilon=epsilon), self.omega)
+            self._other._other = self
         return self._other
 
     def motion(self, state: Sequence[Any], *, middle: bool = False) -> tuple[Any, Any]:
@@ -136,8 +124,7 @@ class Crossing(Step):
     def at(self, time: Any, components: slice = slice(3)) -> tuple[Any, ...]:
         before, after = self.first.at(time, components), super().at(time, components)
         earlier, later = positive(self.tau - time), positive(time - self.tau)
-        states = zip(before, after, self.enclosure[components], strict=True)
-        return tuple(choice(earlier, x, choice(later, y, either)) for x, y, either in states)
+        return before if earlier else after if later else self.enclosure[components]
 
     def rows_at(self, time: Any, components: slice = slice(3)) -> tuple[tuple[Any, ...], ...]:
         before, after = self.first.rows_at(self.tau), self.second.rows_at(_since(self.tau, time), components)
@@ -155,7 +142,6 @@ class Crossing(Step):
 class SlidingPath(Path):
     """Follows all orbits from a box on which the sliding velocity has one sign, from side to side."""
 
-    BATCHED: ClassVar[tuple[str, ...]] = (*Path.BATCHED, "side")
     model: SmoothModel  #: the law of the present side
 
     def __init__(
@@ -167,104 +153,94 @@ class SlidingPath(Path):
         self.model = model.of_side(self.side)
 
     def step(self, longest: float | None = None) -> Step | None:
-        if side_by_side(self.time):
-            proposed = super().step(longest)
-            return proposed and self._followed(proposed)
         for _ in range(_MOST_CUTS):
             step = super().step(longest)
             if step is None:
                 return None
-            step = self._followed(step)
-            if step.aside is not None:
-                step = step.aside[1]
-            if step.followed and (longest is None or step.length <= longest):
-                return step
-            longest = step.length / 2
+            followed = self._followed(step)
+            if followed is not None and (longest is None or followed.length <= longest):
+                return followed
+            longest = (followed or step).length / 2
             if longest < _SHORTEST or not self.side:
                 break
         self.status = Status.GRAZING
         return None
 
-    def take(self, step: Step, time: Any = None, where: Any = True) -> None:
-        super().take(step, time, where)
+    def take(self, step: Step, time: Any = None) -> None:
+        super().take(step, time)
         if isinstance(step, Crossing):
-            moved = 1 * where + 0 * self.side
-            self.reversals = self.reversals + moved
-            self.side, self.model = self.side * (1 - 2 * moved), self.model.of_side(1 - 2 * moved)
+            self.reversals += 1
+            self.side, self.model = -self.side, self.model.of_side(-1)
 
-    def put(self, which: Any, path: Path) -> None:
-        turned = self.side
-        super().put(which, path)
-        self.model = self.model.of_side(turned * self.side)
-
-    def _followed(self, step: Step) -> Step:
-        """The step, followed where the sliding velocity keeps its sign; and aside the way through the crossings."""
-        if np.all((self.side != 0) & positive(_signed(self.model.motion(step.enclosure)[0], self.side))):
+    def _followed(self, step: Step) -> Step | None:
+        """Return the step if the sliding velocity keeps its sign, or the way through the crossing; None if neither."""
+        if not self.side:
+            return None
+        if positive(_signed(self.model.motion(step.enclosure)[0], self.side)):
             return step
-        kept, crossed, between, rate = self._by_pieces(step)
-        crossed = step.included & crossed
-        if not np.any(crossed):
-            return replace(step, followed=kept)
-        through = self.some(crossed)._crossing(*some((step, between, rate), crossed))
-        if through is None or not np.any(through.included):
-            return replace(step, followed=kept)
-        return replace(step, followed=kept, aside=(among(crossed, through.included), some(through, through.included)))
+        kept, crossing = self._by_pieces(step)
+        if kept:
+            return step
+        return None if crossing is None else self._crossing(step, *crossing)
 
-    def _by_pieces(self, step: Step) -> tuple[Any, Any, Any, Any]:
-        """Where the step is kept and where crossed; the times of the pieces in which it is, and the rate in them."""
+    def _by_pieces(self, step: Step) -> tuple[bool, tuple[Any, Any] | None]:
+        """Return whether the step is kept; and if it is crossed, the times of the crossing's pieces and the rate then.
+
+        These are the pieces since which s gamma_y falls to an end that is not known to be positive.
+        """
         start, throughout = self.model.velocity(self.box, _ORDER), self.model.velocity(step.enclosure, _ORDER + 1)
         velocity = [_signed(coefficient, self.side) for coefficient in (*start, throughout[-1])]
         rates = [k * coefficient for k, coefficient in enumerate(velocity)][1:]
-        kept, crossed, waits = (self.side != 0), False, False
-        length, between, slope = alike(self.time, step.length), step.span(), self.time
-        run, fall = between, slope  # the pieces since which it falls to an end that is not known to be positive
+        length, waits, run, fall = arb(step.length), False, arb(0), arb(0)
         for piece in range(_PIECES):
             low, high = (length * (n / _PIECES) for n in (piece, piece + 1))
             time = low.union(high)
             rate, last = polynomial(rates, time), polynomial(velocity, high)
             falls = negative(rate)
-            ahead = positive(polynomial(velocity, time)) | ((waits ^ True) & positive(rate)) | (falls & positive(last))
-            run, fall = choice(waits, run.union(time), time), choice(waits, fall.union(rate), rate)
-            open_ = kept & (crossed ^ True) & (ahead ^ True) & falls
-            crosses = open_ & negative(last)
-            waits = open_ & (crosses ^ True)
-            # What comes after the crossing is the other side's.
-            kept = kept & (crossed | ahead | open_)
-            crossed = crossed | crosses
-            between, slope = choice(crosses, run, between), choice(crosses, fall, slope)
-        return kept & ((crossed | waits) ^ True), kept & crossed, between, slope
+            run, fall = (run.union(time), fall.union(rate)) if waits else (time, rate)
+            if positive(polynomial(velocity, time)) or (not waits and positive(rate)) or (falls and positive(last)):
+                waits = False
+                continue
+            if not falls:
+                return False, None
+            if negative(last):  # what comes after the crossing is the other side's
+                return False, (run, fall)
+            waits = True
+        return not waits, None
 
     def _crossing(self, step: Step, between: Any, rate: Any) -> Crossing | None:
-        """The step as far as shortly after its crossing, which lies ``between`` two times."""
+        """Return the step as far as shortly after its crossing, which lies ``between`` two times."""
 
-        def zero(states: Callable[[Any], Any], *, middle: bool = False) -> tuple[Any, Any]:
+        def zero(states: Callable[[Any], Any], *, middle: bool = False) -> Any:
             def towards(time: Any, k: int) -> Any:
                 return -_signed(self.model.motion(states(time), middle=middle)[k], self.side)
 
             return enclosed_moment(step, between, lambda time: towards(time, 0), -rate, lambda time: towards(time, 1))
 
         # The middle's orbit is one of them; the rates of all hold for it.
-        (tau, sure), (middle_tau, known) = zero(step.at), zero(step.centre, middle=True)
-        until = exact(tau, upper(tau + _BEYOND * step.length))
+        tau, middle_tau = zero(step.at), zero(step.centre, middle=True)
+        if tau is None or middle_tau is None:
+            return None
+        until = upper(tau + _BEYOND * step.length)
         left = until - tau
-        other = self.model.of_side(-1 + 0 * self.side)
+        other = self.model.of_side(-1)
         onwards = Path(other, step.at(tau), self.proposer.beyond(), derivatives=self.sharp)
         onwards.middle = step.centre(middle_tau)
-        second = onwards.step(exact(tau, upper(left * _LONGER)))
-        if second is None:
+        second = onwards.step(upper(left * _LONGER))
+        if second is None or not (positive(left) and positive(second.length - left)):
             return None
-        falls = negative(_signed(other.motion(second.enclosure)[1], self.side))
-        shown = sure & known & positive(left) & positive(second.length - left) & second.included & falls
+        if not negative(_signed(other.motion(second.enclosure)[1], self.side)):
+            return None
         enclosure = tuple(a.union(b) for a, b in zip(step.enclosure, second.enclosure, strict=True))
-        own = step.begin, until, enclosure, step.frame, step.orders, step.polynomials, step.derivatives, shown
+        own = step.begin, until, enclosure, step.frame, step.orders, step.polynomials, step.derivatives
         return Crossing(*own, first=step, tau=tau, second=second, middle_tau=middle_tau)
 
 
 def _since(moment: Any, time: Any) -> Any:
-    """How long after the moment it is; not finite where it is not shown to be later."""
+    """Return how long after the moment it is; not finite where it is not shown to be later."""
     after = time - moment
-    return choice(positive(after), after, alike(after, arb.nan()))
+    return after if positive(after) else arb.nan()
 
 
-def _signed(x: Any, side: Any) -> Any:
-    return choice(side < 0, -x, x)
+def _signed(x: Any, side: int) -> Any:
+    return -x if side < 0 else x

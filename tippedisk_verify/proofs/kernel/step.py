@@ -33,13 +33,10 @@ from functools import cached_property, reduce
 from operator import and_
 from typing import Any
 
-import numpy as np
-
 from tippedisk_verify.proofs.kernel.balls import (
     alike,
     arb,
     around_zero,
-    choice,
     inside,
     negative,
     positive,
@@ -67,15 +64,13 @@ class Step:
     """One accepted step: what is proved over [0, length] from where the path stood."""
 
     begin: Any  #: time at its start [s]
-    length: Any  #: [s], exact: a float, or lanes
+    length: Any  #: [s], exact: a float, or an array of balls
     enclosure: tuple[Any, ...]  #: holds the state throughout, for every orbit from the box
     frame: Frame  #: of the states at its start
     orders: tuple[int, int]  #: of the midpoint's series, and of that over the box
     polynomials: list[list[Any]]  #: of the midpoint's orbit, the remainder's coefficient last
     derivatives: list[list[Any]]  #: of the derivatives, 3 to a column (and the divergence's integral), likewise
-    included: Any = True  #: where it is proved
-    followed: Any = True  #: where the equations hold throughout
-    aside: tuple[Any, Step] | None = None  #: the rest of a batch, if it takes another step, and that step
+    included: Any = True  #: whether it is proved; of an array of balls an array
 
     def rows_at(self, time: Any, components: slice = _ALL) -> tuple[tuple[Any, ...], ...]:
         """d(state at ``time``)/d(state at the start, Omega) for every orbit from the box; ``time`` in the step."""
@@ -148,14 +143,10 @@ class Trial:
         return system
 
     def tested(self, length: Any) -> Step:
-        """The step of that length, which is proved where it says so; the path knows it as its own."""
-        step = self.path.tested = self._step(length)
-        return step
-
-    def _step(self, length: Any) -> Step:
+        """Return the step of that length, which says whether it is proved; the path knows it as its own."""
         with working_precision(_REMAINDER_BITS):
             enclosure, fine, wider, included = self._test(length)
-        return Step(
+        step = self.path.tested = Step(
             self.path.time,
             length,
             enclosure,
@@ -165,6 +156,7 @@ class Trial:
             [[*c, alike(c[0], r)] for c, r in zip(self.wide[3:], wider[3:], strict=True)],
             included,
         )
+        return step
 
     def _test(self, length: Any) -> tuple[tuple[Any, ...], list[Any], list[Any], Any]:
         """The padded box E over [0, length], the remainders' coefficients over it, and whether the step is proved."""
@@ -190,24 +182,29 @@ class Trial:
 
 def enclosed_moment(
     step: Step, span: Any, value: Callable[[Any], Any], slope: Any, slope_over: Callable[[Any], Any]
-) -> tuple[Any, Any]:
-    """All zeros of growing functions of time, of which each has one in the step, and where they are shown to be held.
+) -> Any:
+    """Return a ball of times that holds all zeros of growing functions of time; None if that is not shown.
 
-    The zeros lie in the ball ``span``. ``value`` and ``slope_over`` enclose the functions and their derivatives at a
-    ball of times; ``slope`` holds the derivatives over the span. Interval Newton steps T -> t - x(t) / x'(T), where t,
-    any point of T that lies in the step, is T's midpoint; and the sign of x(t) tells on which side of t the zero is.
+    Each function has one zero in the step, and all zeros lie in the ball ``span``. ``value`` and ``slope_over`` enclose
+    the functions and their derivatives at a ball of times; ``slope`` holds the derivatives over the span. Interval
+    Newton steps T -> t - x(t) / x'(T), where t, any point of T that lies in the step, is T's midpoint. The sign of x(t)
+    tells on which side of t the zero is.
     """
-    moment, shown = span, True
+    moment = span
     for _ in range(_MOST_ITERATIONS):
-        guess, before = moment.mid(), upper(moment.rad())
-        shown = shown & positive(guess) & positive(step.length - guess)
-        there, reach = value(guess), moment.rad()
-        ahead = choice(negative(there), guess.union(guess + reach), moment)
-        moment = shared(guess - there / slope, choice(positive(there), guess.union(guess - reach), ahead))
-        if not np.any(1.5 * upper(moment.rad()) < before):  # at worst a step halves it, up to rounding
+        guess, reach = moment.mid(), moment.rad()
+        if not (positive(guess) and positive(step.length - guess)):
+            return None
+        there = value(guess)
+        if positive(there):
+            moment = guess.union(guess - reach)
+        elif negative(there):
+            moment = guess.union(guess + reach)
+        moment = shared(guess - there / slope, moment)
+        if not 1.5 * upper(moment.rad()) < upper(reach):  # at worst a step halves it, up to rounding
             break
         slope = slope_over(moment)
-    return moment, shown & moment.is_finite()
+    return moment if moment.is_finite() else None
 
 
 def _from_zero(length: Any) -> Any:

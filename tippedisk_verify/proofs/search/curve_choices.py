@@ -17,7 +17,7 @@ from tippedisk_verify.model.decimals import exact_text, rounded_up
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.proofs.kernel.balls import Unproved, arb, ball, need, working_precision
 from tippedisk_verify.proofs.kernel.claims.family import Piece, Status, box_test, signs, upper_bound
-from tippedisk_verify.proofs.kernel.curves import GAMMA_BAR, ORDERS, UNKNOWNS, Arc, Curve, CurvePath, Matrix, inverse
+from tippedisk_verify.proofs.kernel.curves import ORDERS, UNKNOWNS, Arc, Curve, CurvePath, Matrix, inverse
 from tippedisk_verify.proofs.kernel.field import Constants, constants
 from tippedisk_verify.proofs.kernel.jets import Jet
 from tippedisk_verify.proofs.kernel.scaled import ScaledCurve
@@ -136,17 +136,16 @@ def _moment(polynomials: Sequence[Sequence[Jet]], guess: Jet) -> Jet:
 
 
 def family_polynomials(
-    constants: Constants, start: Sequence[Any], radius: Any, degree: int, total: Any, over: int, kind: type[Curve]
+    constants: Constants, start: Sequence[Any], radius: Any, degree: int, total: Any, kind: type[Curve]
 ) -> tuple[list[Jet], Jet]:
     """Taylor polynomials in s of (gamma_bar, v, Omega) along the family, and of half the period: points.
 
-    ``start`` is near the cycle at s = 0; number ``over`` of the three moves by ``radius`` as s grows by 1. With Y
+    ``start`` is near the cycle at s = 0; the first of the three moves by ``radius`` as s grows by 1. With Y
     constant, a chord step finds the coefficient of s^k once those before it are known.
     """
     zero = 0 * start[0]
     point = [part.mid() for part in start]
-    free = UNKNOWNS[over]
-    columns = (_slope(constants, kind, point, total, k) for k in free)
+    columns = (_slope(constants, kind, point, total, k) for k in UNKNOWNS)
     chord = inverse(list(zip(*columns, strict=True)))
     polynomials = [[part] for part in point]
     half = Jet([total])
@@ -156,12 +155,12 @@ def family_polynomials(
                 part.append(zero)
             half = Jet([*half.c, zero])
             if k == 1:
-                polynomials[over][1] = radius
+                polynomials[0][1] = radius
         first, v, speed = map(Jet, polynomials)
         curve = kind(first, v, speed, [zero] * 3, half)
         image, half = glide(constants, curve)
         value = [after.c[k] - before.c[k] for after, before in zip(image, curve.start, strict=True)]
-        for row, index in zip(chord, free, strict=True):
+        for row, index in zip(chord, UNKNOWNS, strict=True):
             polynomials[index][k] = (polynomials[index][k] - row[0] * value[0] - row[1] * value[1]).mid()
     return [Jet(part) for part in polynomials], half
 
@@ -173,12 +172,10 @@ class Rows(NamedTuple):
     texts: list[list[str]]
 
 
-def family_rows(
-    constants: Constants, start: Sequence[Any], radius: Any, total: Any, over: int, kind: type[Curve]
-) -> Rows:
+def family_rows(constants: Constants, start: Sequence[Any], radius: Any, total: Any, kind: type[Curve]) -> Rows:
     """`family_polynomials` in decimals. Raises Stopped if there are none."""
-    polynomials, half = family_polynomials(constants, start, radius, _DEGREE, total, over, kind)
-    jets = [*(polynomials[k] for k in UNKNOWNS[over]), half]
+    polynomials, half = family_polynomials(constants, start, radius, _DEGREE, total, kind)
+    jets = [*(polynomials[k] for k in UNKNOWNS), half]
     if not all(entry.is_finite() for jet in jets for entry in jet.c):
         raise Stopped(Status.NOT_FOLLOWED)
     rows = [tuple(round(measured(part.mid()).value, _PLACES) for part in jet.c) for jet in jets]
@@ -235,7 +232,7 @@ def prove_piece(parameters: Parameters, low: Fraction, high: Fraction, guess: Gu
         start, half = [ball(number) for number in (middle, *guess[:2])], ball(guess[2]).mid()
         kind = Curve if low else ScaledCurve
         try:
-            rows = family_rows(constants(disk), start, ball(length), half, GAMMA_BAR, kind)
+            rows = family_rows(constants(disk), start, ball(length), half, kind)
             arc: dict[str, Any] = {"end": exact_text(high), "curve": rows.texts[:2], "half": rows.texts[2]}
             test: Test = lambda radii, choices: box_test(disk, low, arc, radii, choices)  # noqa: E731
             radii = [abs(row[1]) * share for row, share in zip(rows.numbers, _SHARES, strict=True)]

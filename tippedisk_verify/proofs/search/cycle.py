@@ -33,7 +33,7 @@ from tippedisk_verify.proofs.numbers import measured, widened
 from tippedisk_verify.proofs.search.certificate import Proof, Stopped, claim_of
 from tippedisk_verify.proofs.search.steps import Steps, midpoint_inverse, searched_test
 
-__all__ = ["HALF", "TURN", "Attempt", "OrbitProof", "Status", "prove_cycle"]
+__all__ = ["HALF", "TURN", "OrbitProof", "Status", "prove_cycle"]
 
 
 _GUARD_DIGITS = 6  # the box is that much smaller than the digits asked for

@@ -14,9 +14,6 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from tippedisk_verify.proofs.kernel.balls import arb, working_bits
 from tippedisk_verify.proofs.kernel.flow import Path, short_float
 from tippedisk_verify.proofs.kernel.krawczyk import Choices, FixedPoints, krawczyk_test
@@ -25,10 +22,9 @@ from tippedisk_verify.proofs.kernel.section import Return, Section
 from tippedisk_verify.proofs.kernel.sliding import Crossing
 from tippedisk_verify.proofs.kernel.step import Step, magnitude
 
-__all__ = ["Steps", "axes_of_balls", "axes_of_lanes", "midpoint_inverse", "searched_test"]
+__all__ = ["Steps", "axes_of_balls", "midpoint_inverse", "searched_test"]
 
 Matrix = Sequence[Sequence[Any]]
-Array = NDArray[np.float64]
 
 _LEAST_ORDER = 16  # of derivatives that only multiply radii
 #: Over a wide box, the order of the series and how often it decays along v in a step: balls add up what alternates, so
@@ -198,31 +194,3 @@ def axes_of_balls(turned: Matrix, sizes: Sequence[float], stiffness: float) -> M
         if left > 1e-8 * length and len(basis) < 3:
             basis.append([part / left for part in vector])
     return [[arb(axis[row] / weights[row]) for axis in basis] for row in range(3)]
-
-
-def axes_of_lanes(turned: Matrix, sizes: Sequence[Array], stiffness: Array) -> Matrix:
-    """The same of every lane [1]."""
-    weights = np.array([np.ones_like(stiffness), np.ones_like(stiffness), 1 / stiffness])
-    with np.errstate(all="ignore"):
-        columns = np.array([[entry.midpoints for entry in row] for row in turned]).swapaxes(0, 1) * weights
-        lengths = np.sqrt((columns * columns).sum(1)) * np.array(sizes)
-        ranked = np.take_along_axis(columns, np.argsort(-lengths, axis=0)[:, None], axis=0)
-        first = _unit(ranked[0], np.array([1.0, 0.0, 0.0])[:, None])
-        across = np.eye(3)[:, np.argmin(np.abs(first), axis=0)]  # far from parallel to the first
-        second = _unit(_orthogonal(ranked[1], first), _unit(_orthogonal(across, first), across))
-        axes = np.array([first, second, np.cross(first, second, axis=0)]).swapaxes(0, 1) / weights[:, None]
-    return [[type(turned[0][0])(entry) for entry in row] for row in axes]
-
-
-def _orthogonal(vector: Array, axis: Array) -> Array:
-    """The unit vector's part across the unit axis; zero where they are nearly parallel."""
-    left = _unit(vector, 0 * vector)
-    for _ in range(2):
-        left = left - (left * axis).sum(0) * axis
-    return np.where(np.sqrt((left * left).sum(0)) > 1e-8, left, 0.0)
-
-
-def _unit(vector: Array, otherwise: Array) -> Array:
-    """The vector divided by its length; another where it has none."""
-    length = np.sqrt((vector * vector).sum(0))
-    return np.where(length > 0, vector / length, otherwise)

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from tippedisk_verify.proofs.kernel.balls import Unproved, need, working_precision
-from tippedisk_verify.proofs.kernel.claims import connection, connection_cycles, cycle, family, fold, interval
+from tippedisk_verify.proofs.kernel.claims import connection, connection_cycles, cycle, family, fold
 from tippedisk_verify.proofs.kernel.field import UNITS
 from tippedisk_verify.proofs.kernel.reading import DISK, LAWS, Refused, content_of, digest, one_of, parsed, precision
 
@@ -17,7 +17,7 @@ FORMAT = "tippedisk certificate 3"
 #: Unproved if the evidence does not prove the claim; ``sentence`` says what is claimed of the disk, given the numbers
 #: with their half-widths.
 KINDS: dict[str, Any] = {
-    kind: module for module in (cycle, fold, interval, connection, connection_cycles, family) for kind in module.SHAPES
+    kind: module for module in (cycle, fold, connection, connection_cycles, family) for kind in module.SHAPES
 }
 
 

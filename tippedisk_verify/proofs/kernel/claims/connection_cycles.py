@@ -75,12 +75,12 @@ from typing import Any
 import numpy as np
 from flint import arb
 
+from tippedisk_verify.proofs.kernel.ball_array import BallArray
 from tippedisk_verify.proofs.kernel.balls import ball, need, positive
 from tippedisk_verify.proofs.kernel.claims import connection as connections
 from tippedisk_verify.proofs.kernel.claims.connection import Connection, Recorded, connection_shown
 from tippedisk_verify.proofs.kernel.claims.passage import Passage, arrivals
 from tippedisk_verify.proofs.kernel.claims.saddle import FAST, SLOW, UNSTABLE, Saddle, ask, most, products
-from tippedisk_verify.proofs.kernel.lanes import Lanes
 from tippedisk_verify.proofs.kernel.reading import MEASURED, count, decimal, dyadic, one_of, order
 
 __all__ = ["CLAIM", "EVIDENCE", "LID", "SHAPES", "End", "ReturnMap", "cycles_shown", "sentence", "show"]
@@ -254,9 +254,9 @@ def _flights(
             speeds.append(ends[0].union(ends[1]))
             slow.append(cell[0].union(cell[1]))
     saddle = returned.n.saddle
-    over = Saddle(saddle.disk, "linear", Lanes.of(speeds), saddle.directions.tolist())
+    over = Saddle(saddle.disk, "linear", BallArray.of(speeds), saddle.directions.tolist())
     lengths = np.array([float(length) for row in rows for length in row])
-    return arrivals(over, returned.n.extents, Lanes.of(slow), returned.exit_fast, lengths, entry["steps"], watch)
+    return arrivals(over, returned.n.extents, BallArray.of(slow), returned.exit_fast, lengths, entry["steps"], watch)
 
 
 def _connected(n: Passage, connection: Connection) -> None:

@@ -26,13 +26,13 @@ from typing import Any
 
 from tippedisk_verify.proofs.kernel.balls import Unproved, arb, ball, midpoint_and_radius, need, working_precision
 from tippedisk_verify.proofs.kernel.claims import connection_cycles
-from tippedisk_verify.proofs.kernel.curves import GAMMA_BAR, Arc, Curve, Replay, arc_test
+from tippedisk_verify.proofs.kernel.curves import Arc, Curve, Replay, arc_test
 from tippedisk_verify.proofs.kernel.field import constants
 from tippedisk_verify.proofs.kernel.jets import Jet
 from tippedisk_verify.proofs.kernel.reading import MEASURED, decimal, held, one_of, parsed, precision
 from tippedisk_verify.proofs.kernel.scaled import ScaledCurve
 
-__all__ = ["KINDS", "SHAPES", "STEPS", "Job", "Mapped", "Piece", "Status", "box_test", "curve_fault", "curve_test",
+__all__ = ["KINDS", "SHAPES", "STEPS", "Job", "Mapped", "Piece", "Status", "box_test", "curve_fault",
            "joined", "last_cycle", "omega_crit", "piece_shown", "sentence", "show", "signs", "unique_within",
            "upper_bound"]  # fmt: skip
 
@@ -114,38 +114,31 @@ def upper_bound(x: Any) -> Fraction:
     return abs(middle) + radius
 
 
-def curve_test(
-    disk: Mapping[str, str],
-    kind: Callable[..., Curve],
-    over: int,
-    parameter: Pair,
-    rows: Sequence[Sequence[str]],
-    radii: Sequence[Fraction],
-    choices: Any,
-) -> Arc:
-    """The test over a box about polynomials, decimals, at the working precision. Raises Unproved if the flight fails.
-
-    ``parameter`` is its middle and half the length of its interval, ``rows`` are the coefficients of the two unknown
-    numbers and of about half the period, ``radii`` the unknown numbers'.
-    """
-    first, second, half = map(polynomial, rows)
-    need(first.degree == second.degree == half.degree > 0, "its polynomials have unlike degrees")
-    need(min(radii) > 0, "a box is empty: a radius is not positive")
-    numbers, deviation = [first, second], [arb(0, ball(radius)) for radius in radii]
-    numbers.insert(over, Jet([*map(ball, parameter), *[arb(0)] * (half.degree - 1)]))
-    deviation.insert(over, arb(0))
-    return arc_test(constants(disk), kind(*numbers, deviation, half.mid()), over, choices)
-
-
 def box_test(
     disk: Mapping[str, str], low: Fraction, arc: Mapping[str, Any], radii: Sequence[Fraction], choices: Any
 ) -> Arc:
-    """The `curve_test` about an arc's polynomials, which begins at the amplitude ``low``."""
+    """Test a box about an arc's polynomials, at the working precision.
+
+    Args:
+        disk: The eight exact numbers.
+        low: The amplitude at which the arc begins [rad].
+        arc: Where the arc ends, and the coefficients of the two unknown numbers and of about half the period.
+        radii: Of the box, for the two unknown numbers.
+        choices: Of the flight.
+
+    Raises:
+        Unproved: If the flight fails.
+    """
     high = Fraction(arc["end"])
     need(0 <= low < high, "it ends where it must not")
-    first, last = (low, high) if low else (low, high**2)
-    parameter, kind = ((first + last) / 2, (last - first) / 2), Curve if low else ScaledCurve
-    return curve_test(disk, kind, GAMMA_BAR, parameter, [*arc["curve"], arc["half"]], radii, choices)
+    begin, end = (low, high) if low else (low, high**2)
+    first, second, half = map(polynomial, (*arc["curve"], arc["half"]))
+    need(first.degree == second.degree == half.degree > 0, "its polynomials have unlike degrees")
+    need(min(radii) > 0, "a box is empty: a radius is not positive")
+    parameter = Jet([ball((begin + end) / 2), ball((end - begin) / 2), *[arb(0)] * (half.degree - 1)])
+    deviation = [arb(0), *(arb(0, ball(radius)) for radius in radii)]
+    curve = (Curve if low else ScaledCurve)(parameter, first, second, deviation, half.mid())
+    return arc_test(constants(disk), curve, choices)
 
 
 def signs(arc: Arc) -> Status | None:

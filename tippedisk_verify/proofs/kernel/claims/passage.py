@@ -41,8 +41,8 @@ In it beta_bar = 0 means that z_s is about |lambda_u / lambda_s| z_u, and y_g, v
 beta_bar > 0 where z_s < 0.
 
 **The flights** go from one saddle to the next, many side by side: from z_u = u about the first to z_s = -s about the
-second. Each lane is a cell of starts (z_s, z_f) and of speeds, and all lanes take the
-same number of steps, each lane with its own length of step. A step is that of `kernel.flow`, in doubles.
+second. Each flight begins in a cell of starts (z_s, z_f) and of speeds. All take the same number of steps, each with
+its own length of step. A step is that of `kernel.flow`, in doubles.
 
 Of each step before the last z_s < -s is shown: over all of it, or at its end where F_s > 0 over all of it. The last
 step begins before the section and ends after it, with F_s > 0. So the arrival is the first moment at which z_s = -s. On
@@ -64,6 +64,7 @@ import numpy as np
 from flint import arb, arb_mat
 from numpy.typing import NDArray
 
+from tippedisk_verify.proofs.kernel.ball_array import BallArray
 from tippedisk_verify.proofs.kernel.balls import Unproved, ball, need
 from tippedisk_verify.proofs.kernel.claims.saddle import (
     FAST,
@@ -72,13 +73,12 @@ from tippedisk_verify.proofs.kernel.claims.saddle import (
     Saddle,
     ask,
     cones,
-    hull_of_lanes,
+    hull_of_array,
     most,
     others,
     products,
 )
 from tippedisk_verify.proofs.kernel.flow import Model, Path
-from tippedisk_verify.proofs.kernel.lanes import Lanes
 from tippedisk_verify.proofs.kernel.section import UPRIGHT
 from tippedisk_verify.proofs.kernel.step import Step
 
@@ -107,13 +107,13 @@ class Passage:
         for begin in range(0, len(i), _AT_ONCE):
             block = slice(begin, begin + _AT_ONCE)
             z = [
-                x * Lanes((2 * place[block] + 1 - 2 * count) / 2, 0.5) * (1 / arb(count))
+                x * BallArray((2 * place[block] + 1 - 2 * count) / 2, 0.5) * (1 / arb(count))
                 for x, place, count in zip(self.extents, (i, j, k), (n, n, m), strict=True)
             ]
             held, mixed = self._over(z, (k[block] == m) | (k[block] == m - 1))
             stirred += mixed
             for shell in np.unique(shells[block]):
-                whole[shell].append([hull_of_lanes(x[shells[block] == shell]) for x in held])
+                whole[shell].append([hull_of_array(x[shells[block] == shell]) for x in held])
         self.stirred = [most(reduce(arb.union, column)) for column in zip(*stirred, strict=True)]
         self._means([[reduce(arb.union, column) for column in zip(*parts, strict=True)] for parts in whole])
 
@@ -127,7 +127,7 @@ class Passage:
             middle = [x.mid() for x in z]
             changes = [[slope[central] * (x - y) for slope, x, y in zip(row, z, middle, strict=True)] for row in slopes]
             rates = [sum(row, point) for point, row in zip(self.saddle.field(middle)[0], changes, strict=True)]
-            mixed = [[hull_of_lanes(x) for x in products(rates, [x[central] for x in by_speed])]]
+            mixed = [[hull_of_array(x) for x in products(rates, [x[central] for x in by_speed])]]
         return [*d, d[0] + d[4], d[0] + d[8], d[4] + d[8], *by_speed], mixed
 
     def _means(self, shells: Sequence[Sequence[Any]]) -> None:
@@ -242,7 +242,7 @@ class Passage:
 def arrivals(
     saddle: Saddle,
     extents: Sequence[Any],
-    slow: Lanes,
+    slow: BallArray,
     fast: Any,
     lengths: NDArray[np.float64],
     count: int,
@@ -250,8 +250,8 @@ def arrivals(
 ) -> list[list[Any]]:
     """What holds for all the flights: z_u, z_f and the time on arrival, and the largest beta_bar, as balls of Arb's.
 
-    Each has its derivatives by z_s, z_f and the speed at the start besides. The saddle's speeds are lanes. Raises
-    Unproved with the first lane of which it is not shown.
+    Each has its derivatives by z_s, z_f and the speed at the start besides. The saddle's speeds are an array of balls.
+    Raises Unproved with the first flight of which it is not shown.
     """
     path, s = saddle.path([slow.constant(extents[U]), slow, slow.constant(fast)], _Axes()), extents[S]
     tops: list[list[Any]] = []
@@ -262,7 +262,7 @@ def arrivals(
         if turning.any():
             half = step.length / 2
             by = step.derivatives_at(half + half.around_zero())[0][1:]
-            tops.append([hull_of_lanes(x[turning]) for x in (step.enclosure[0], *by)])
+            tops.append([hull_of_array(x[turning]) for x in (step.enclosure[0], *by)])
         turned |= turning
         watch(number / count)
         if number == count:
@@ -276,7 +276,7 @@ def arrivals(
     time, *landed = _landed(saddle, path, step, s)
     begin = step.length * (count - 1)
     rows = [*landed, [begin + time[0], *time[1:]]]
-    return [*([hull_of_lanes(x) for x in row] for row in rows), beta]
+    return [*([hull_of_array(x) for x in row] for row in rows), beta]
 
 
 class _Axes:
@@ -290,20 +290,20 @@ class _Axes:
 
 
 def _all(what: str, *shown: NDArray[np.bool_]) -> None:
-    """Raises Unproved unless all is shown of all lanes."""
-    lanes = np.logical_and.reduce(shown)
-    if not lanes.all():
-        raise Unproved(f"flight {int(np.argmin(lanes)) + 1}: {what}")
+    """Raise Unproved unless all is shown of all flights."""
+    flights = np.logical_and.reduce(shown)
+    if not flights.all():
+        raise Unproved(f"flight {int(np.argmin(flights)) + 1}: {what}")
 
 
 def _step(path: Path, lengths: NDArray[np.float64]) -> Step:
-    step = path.trial((_ORDER, _ORDER)).tested(Lanes(lengths))
+    step = path.trial((_ORDER, _ORDER)).tested(BallArray(lengths))
     _all("the states and derivatives over a step are not shown to stay in its enclosure", step.included)
     return step
 
 
 def _climbs(model: Model, step: Step) -> NDArray[np.bool_]:
-    """Shown: gamma grows throughout and v has at most one zero. In which lanes it may have one."""
+    """Shown: gamma grows throughout and v has at most one zero. Return in which flights it may have one."""
     beta, _, v = step.enclosure
     _all("0 < beta_bar < 1.5707 is not shown", beta.positive(), (ball(UPRIGHT) - beta).positive())
     turning: NDArray[np.bool_] = ~(v.positive() | v.negative())

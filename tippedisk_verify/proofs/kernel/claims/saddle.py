@@ -53,14 +53,14 @@ from typing import Any
 import numpy as np
 from flint import arb, arb_mat, arb_series
 
+from tippedisk_verify.proofs.kernel.ball_array import BallArray
 from tippedisk_verify.proofs.kernel.balls import BallOps, Unproved, ball, coefficient, need, positive, series_length
 from tippedisk_verify.proofs.kernel.field import constants, field, sliding_motion
 from tippedisk_verify.proofs.kernel.flow import Model, Path
 from tippedisk_verify.proofs.kernel.frame import Frame
-from tippedisk_verify.proofs.kernel.lanes import Lanes
 from tippedisk_verify.proofs.kernel.sliding import law_model
 
-__all__ = ["FAST", "SLOW", "UNSTABLE", "Curve", "Saddle", "ask", "block", "cones", "hull_of_lanes", "leaving", "most",
+__all__ = ["FAST", "SLOW", "UNSTABLE", "Curve", "Saddle", "ask", "block", "cones", "hull_of_array", "leaving", "most",
            "others", "products"]  # fmt: skip
 
 UNSTABLE, SLOW, FAST = 0, 1, 2
@@ -94,8 +94,8 @@ def cones(matrix: Any, weights: Sequence[Any], by_speed: Sequence[Any] = (0, 0, 
     return [matrix[0, 0] - rest[0], -matrix[1, 1] - rest[1], -matrix[2, 2] - rest[2]]
 
 
-def hull_of_lanes(x: Lanes) -> Any:
-    """A ball of Arb's that holds all lanes. A difference rounded to the nearest is moved outwards by one step."""
+def hull_of_array(x: BallArray) -> Any:
+    """A ball of Arb's that holds all of an array. A difference, rounded to nearest, is moved outwards by a step."""
     if not x.is_finite().all():
         return arb.nan()
     low, high = np.nextafter(x.midpoints - x.radii, -np.inf).min(), np.nextafter(x.midpoints + x.radii, np.inf).max()

@@ -1,4 +1,4 @@
-"""Power series whose coefficients are lanes; u, t and the count of roundings are those of `lanes`."""
+"""Power series whose coefficients are arrays of balls; u, t and the count of roundings are those of `ball_array`."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tippedisk_verify.proofs.kernel.lanes import Lanes, made, quieted, rounded
+from tippedisk_verify.proofs.kernel.ball_array import BallArray, made, quieted, rounded
 
-__all__ = ["LaneSeries"]
+__all__ = ["BallArraySeries"]
 
 Array = NDArray[np.float64]
 
@@ -20,8 +20,8 @@ _LONGEST = 2**16  # terms of a convolution: the count of roundings in its proof
 _CAPACITY = 24  # coefficients that a series has room for at first
 
 
-class LaneSeries(Sequence[Lanes]):
-    """Coefficients of a power series in n lanes, stored so that `convolution` passes through memory once.
+class BallArraySeries(Sequence[BallArray]):
+    """Coefficients of a power series, arrays of n balls, stored so that `convolution` passes through memory once.
 
     For coefficient k there are five rows: the midpoints m, |m|, s = r + (k + 1/2) u |m|, |m| + r and the radii r, where
     the two sums are rounded.
@@ -35,11 +35,11 @@ class LaneSeries(Sequence[Lanes]):
 
     @property
     def width(self) -> int:
-        """Number of lanes."""
+        """Number of balls in an array."""
         return int(self._rows.shape[2])
 
     @quieted
-    def append(self, ball: Lanes) -> None:
+    def append(self, ball: BallArray) -> None:
         """Copy the ball behind the last coefficient."""
         if self._length == self._rows.shape[1]:
             self._rows = np.concatenate([self._rows, np.empty_like(self._rows)], axis=1)
@@ -68,17 +68,17 @@ class LaneSeries(Sequence[Lanes]):
         if isinstance(index, slice):
             if index.step is not None and index.step < 0:
                 raise ValueError("a part of a series keeps its order")
-            part = LaneSeries.__new__(LaneSeries)
+            part = BallArraySeries.__new__(BallArraySeries)
             part._rows = rows[:, index]
             part._length = part._rows.shape[1]
             return part
         return made(rows[0, index], rows[4, index])
 
-    def __iter__(self) -> Iterator[Lanes]:
+    def __iter__(self) -> Iterator[BallArray]:
         return (self[index] for index in range(self._length))
 
     @quieted
-    def convolution(self, other: LaneSeries) -> Lanes | int:
+    def convolution(self, other: BallArraySeries) -> BallArray | int:
         """a_0 b_(k-1) + … + a_(k-1) b_0 of two series of the same length k (the integer 0 for none).
 
         *Midpoint.* A sum of k products in an order that is left to numpy, with fused operations or without; a factor
@@ -88,8 +88,8 @@ class LaneSeries(Sequence[Lanes]):
 
         *Radius.* The sum of |a_i| rb_j + ra_i (|b_j| + rb_j) as in the product, and k u W. As k = i + j + 1, the sum of
         |a_i| s_j + s_i (|b_j| + rb_j) is at least both. Any term of it meets at most 2 k + 15 roundings: two in s, one
-        in |b| + rb, one as a product, 2 k - 1 as one of 2 k terms, and the few behind. As in the docstring of `lanes`,
-        1 + (4 k + 32) u outweighs them: (1 - m u) (1 + 2 (m + 1) u) > 1 for m = 2 k + 15 and k <= 2^16.
+        in |b| + rb, one as a product, 2 k - 1 as one of 2 k terms, and the few behind. As in the docstring of
+        `ball_array`, 1 + (4 k + 32) u outweighs them: (1 - m u) (1 + 2 (m + 1) u) > 1 for m = 2 k + 15 and k <= 2^16.
         """
         k = self._length
         if other._length != k:

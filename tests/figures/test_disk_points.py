@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import io
 import math
 
 import numpy
 import pytest
-from PIL import Image
 
-from tippedisk_verify.figures.disk import animated, points_of
+from tippedisk_verify.figures.disk import points_of
 from tippedisk_verify.model.equations import terms
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.model.precision import DOUBLE
-from tippedisk_verify.motion.scenes import compute, scene_named
 
 _OMEGA = 30.4
 
@@ -46,18 +43,3 @@ def test_the_contact_point_slides_as_the_model_says(beta: float, gamma: float, v
     assert velocity[2] == pytest.approx(0, abs=error)  # it touches the floor
     assert numpy.abs(now["S"][:2]).max() < 1e-16  # one rounding of its distance from C
     assert abs(now["C"][2]) < 1e-16
-
-
-def test_an_animation_repeats_to_the_byte_and_shows_each_moment(taylor) -> None:
-    panel = compute(scene_named("d"), PRINTED, taylor)
-    first, again = (animated(panel, moments=[0, 77, 11_950]) for _ in range(2))
-    assert first == again
-    with Image.open(io.BytesIO(first)) as gif:
-        assert (gif.n_frames, gif.info["duration"], gif.info["loop"]) == (3, 50, 0)
-        pictures = []
-        for frame in range(3):
-            gif.seek(frame)
-            pictures.append(numpy.asarray(gif.convert("RGB")).astype(int))
-    amber = [int((abs(picture - [244, 217, 160]).sum(axis=2) < 30).sum()) for picture in pictures]
-    assert all((picture[150, 2] == 255).all() for picture in pictures)  # on white, as the page around it
-    assert amber[0] == 0 < amber[1]  # the room sees the other face after 0.77 s, which are 3.7 turns

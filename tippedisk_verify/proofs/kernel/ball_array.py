@@ -1,9 +1,9 @@
-"""Many balls side by side in double precision: `Lanes`, a second arithmetic for proofs whose boxes are independent.
+"""Arrays of balls in double precision: `BallArray`, a second arithmetic for proofs whose boxes are independent.
 
-Lane i of a `Lanes` is the ball of all real numbers x with |x - mid[i]| <= rad[i]. Each operation returns lanes that
-hold its result for every choice of points in its operands' balls, like those of `arb`; a thousand balls at once cost a
-twentieth as much each. A radius of infinity says "nothing is known"; whatever overflows, is no
-number, or divides by a ball that holds 0 ends there, and no predicate is ever true of it.
+Entry i of a `BallArray` is the ball of all real numbers x with |x - mid[i]| <= rad[i]. Each operation returns balls
+that hold its result for every choice of points in its operands' balls, like those of `arb`. A thousand balls at once
+cost a twentieth as much each. A radius of infinity says "nothing is known": whatever overflows, is not a number, or
+divides by a ball that holds 0 ends there, and no predicate is ever true of it.
 
 **What the proofs assume.** numpy's sums, differences, products and quotients of float64 arrays are those of IEEE 754,
 rounded to nearest; another rounding mode is noticed and refused. With u = 2^-53 the computed result c of
@@ -12,9 +12,9 @@ one of them is, unless it overflows,
     c = exact (1 + d) + t,  |d| <= u,  |t| <= 2^-1022;     also  |c - exact| <= u |c| + 2^-1022.            (1)
 
 t is there for underflow. It is so large that (1) also holds on a processor set to flush subnormal results to zero. One
-that reads subnormal operands as zero is covered as well, because radii are 0 or at least 2^-1022 and each midpoint that
-is subnormal belongs to a radius that holds both readings: what comes in is cleaned by `Lanes`, and what an operation
-returns has 2^-1000 added to its radius. Absolute values, negation, comparisons, choices and scaling by 1 and -1 are
+that reads subnormal operands as zero is covered as well, because radii are 0 or at least 2^-1022 and each midpoint
+that is subnormal belongs to a radius that holds both readings: `BallArray` cleans what comes in, and an operation adds
+2^-1000 to the radius of what it returns. Absolute values, negation, comparisons, choices and scaling by 1 and -1 are
 exact. Fused multiply-adds leave out a rounding, which (1) allows too.
 
 **Radii.** Each is computed as an expression of sums, products and quotients of numbers that are not negative, in at
@@ -39,13 +39,13 @@ from typing import TYPE_CHECKING, Any, TypeVar, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tippedisk_verify.proofs.kernel.balls import DisturbedError, arb
+from tippedisk_verify.proofs.kernel.balls import DisturbedError
 from tippedisk_verify.proofs.kernel.doubles import outward, sine_and_cosine
 
 if TYPE_CHECKING:
-    from tippedisk_verify.proofs.kernel.lane_series import LaneSeries
+    from tippedisk_verify.proofs.kernel.ball_array_series import BallArraySeries
 
-__all__ = ["Lanes", "made", "quieted", "rounded"]
+__all__ = ["BallArray", "made", "quieted", "rounded"]
 
 Array = NDArray[np.float64]
 
@@ -70,8 +70,8 @@ def _require_rounding_to_nearest() -> None:
 def quiet() -> Iterator[None]:
     """Without numpy's warnings: what overflows or is no number ends in an infinite radius.
 
-    Every operation on lanes enters this by itself; entering it once around many saves time. Raises DisturbedError if
-    this process does not round to nearest.
+    Every operation on these arrays enters this by itself; entering it once around many saves time. Raises
+    DisturbedError if this process does not round to nearest.
     """
     _require_rounding_to_nearest()
     with np.errstate(all="ignore"):
@@ -83,7 +83,7 @@ def quiet() -> Iterator[None]:
 
 
 def quieted(function: _F) -> _F:
-    """An operation on lanes, which enters `quiet` by itself."""
+    """Have an operation on these arrays enter `quiet` by itself."""
 
     @wraps(function)
     def wrapped(*arguments: Any) -> Any:
@@ -95,11 +95,12 @@ def quieted(function: _F) -> _F:
     return cast(_F, wrapped)
 
 
-class Lanes:
-    """n balls, from midpoints and radii [shape (n,) or (1,)], which are taken exactly; lanes of shape (1,) go with any.
+class BallArray:
+    """n balls, from midpoints and radii [shape (n,) or (1,)], which are taken exactly; one ball goes with any number.
 
     A midpoint that is not finite, or a radius that is negative or no number, makes an infinite ball. Operands may be
-    lanes, integers, floats, Fractions and arb's balls. Raises TypeError for midpoints or radii that are not doubles.
+    arrays of balls, integers, floats, Fractions and arb's balls. Raises TypeError for midpoints or radii that are not
+    doubles.
     """
 
     __slots__ = ("_mid", "_rad")
@@ -110,7 +111,7 @@ class Lanes:
     def __init__(self, mid: ArrayLike, rad: ArrayLike = 0.0) -> None:
         given_mid, given_rad = np.broadcast_arrays(np.atleast_1d(_doubles(mid)), _doubles(rad))
         if given_mid.ndim != 1:
-            raise ValueError("lanes are one-dimensional")
+            raise ValueError("arrays of balls are one-dimensional")
         m, r = given_mid.copy(), given_rad.copy()
         # Read as bits, because a processor may be set to see zeros instead of subnormals.
         bits, r_bits = (part.view(np.uint64) & np.uint64(2**63 - 1) for part in (m, r))
@@ -123,8 +124,8 @@ class Lanes:
         self._mid, self._rad = m, r
 
     @classmethod
-    def of(cls, values: Iterable[Any]) -> Lanes:
-        """A lane for each number: arb's balls, Fractions, integers, floats; each ball holds its number or ball."""
+    def of(cls, values: Iterable[Any]) -> BallArray:
+        """A ball for each number: arb's balls, Fractions, integers, floats; each ball holds its number or ball."""
         pairs = [outward(value) for value in values]
         return cls([mid for mid, _ in pairs], [rad for _, rad in pairs])
 
@@ -138,42 +139,37 @@ class Lanes:
         """The radii: never negative, never NaN, infinite where nothing is known."""
         return self._rad
 
-    def mid(self) -> Lanes:
+    def mid(self) -> BallArray:
         """The midpoints as exact balls (infinite where the ball is)."""
-        return Lanes(np.where(self._rad < np.inf, self._mid, np.nan))
+        return BallArray(np.where(self._rad < np.inf, self._mid, np.nan))
 
-    def rad(self) -> Lanes:
+    def rad(self) -> BallArray:
         """The radii as exact balls (infinite where the ball is)."""
-        return Lanes(self._rad)
+        return BallArray(self._rad)
 
     def is_finite(self) -> NDArray[np.bool_]:
-        """Of each lane, whether its ball is finite."""
+        """Of each ball, whether it is finite."""
         return self._rad < np.inf
-
-    def arb(self, lane: int) -> Any:
-        """One lane as arb's ball: the midpoint exactly, the radius rounded up to arb's 30 bits."""
-        radius = float(self._rad[lane])
-        return arb(float(self._mid[lane]), radius) if radius < np.inf else arb(0, "inf")
 
     def __len__(self) -> int:
         return len(self._mid)
 
-    def __getitem__(self, lanes: Any) -> Lanes:
-        """The lanes of a slice, a mask or a list of indices."""
-        return made(self._mid[lanes], self._rad[lanes])
+    def __getitem__(self, places: Any) -> BallArray:
+        """The balls of a slice, a mask or a list of indices."""
+        return made(self._mid[places], self._rad[places])
 
-    def series(self, old: object = None) -> LaneSeries:
-        """An empty sequence for as many lanes, in the memory of the ``old`` one where that fits."""
-        from tippedisk_verify.proofs.kernel.lane_series import LaneSeries  # it is made of lanes
+    def series(self, old: object = None) -> BallArraySeries:
+        """An empty sequence for as many balls, in the memory of the ``old`` one where that fits."""
+        from tippedisk_verify.proofs.kernel.ball_array_series import BallArraySeries  # it is made of these arrays
 
-        if isinstance(old, LaneSeries) and old.width == len(self):
+        if isinstance(old, BallArraySeries) and old.width == len(self):
             old.clear()
             return old
-        return LaneSeries(len(self))
+        return BallArraySeries(len(self))
 
     # The triangle inequality and (1) for the midpoint: |x + y - c| <= ra + rb + u |c| + t.
     @quieted
-    def __add__(self, other: Any) -> Lanes:
+    def __add__(self, other: Any) -> BallArray:
         if isinstance(other, int) and other == 0:
             return self
         b = _operand(other)
@@ -182,21 +178,21 @@ class Lanes:
     __radd__ = __add__
 
     @quieted
-    def __sub__(self, other: Any) -> Lanes:
+    def __sub__(self, other: Any) -> BallArray:
         if isinstance(other, int) and other == 0:
             return self
         b = _operand(other)
         return rounded(self._mid - b._mid, self._rad + b._rad)
 
-    def __rsub__(self, other: Any) -> Lanes:
+    def __rsub__(self, other: Any) -> BallArray:
         return (-self).__add__(other)
 
-    def __neg__(self) -> Lanes:
+    def __neg__(self) -> BallArray:
         return made(-self._mid, self._rad)
 
     # (a + s)(b + t) - a b = a t + s (b + t), so with |s| <= ra, |t| <= rb at most |a| rb + ra (|b| + rb).
     @quieted
-    def __mul__(self, other: Any) -> Lanes:
+    def __mul__(self, other: Any) -> BallArray:
         factor = _exact_float(other)
         if factor is not None:
             return self._scaled(factor)
@@ -209,14 +205,14 @@ class Lanes:
 
     __rmul__ = __mul__
 
-    def _scaled(self, factor: float) -> Lanes:
+    def _scaled(self, factor: float) -> BallArray:
         """Times an exact float that is 0 or not subnormal."""
         if factor in (1.0, -1.0):
             return self if factor > 0 else -self
         return rounded(self._mid * factor, self._rad * abs(factor))
 
     @quieted
-    def square(self) -> Lanes:
+    def square(self) -> BallArray:
         """(a + s)^2 - a^2 = s (2 a + s): no wider than the product with itself, and fewer operations."""
         radius = np.abs(self._mid)
         radius += radius
@@ -225,7 +221,7 @@ class Lanes:
         return rounded(self._mid * self._mid, radius)
 
     @quieted
-    def __truediv__(self, other: Any) -> Lanes:
+    def __truediv__(self, other: Any) -> BallArray:
         """The quotient; infinite where the divisor's ball holds 0.
 
         (a + s) / (b + t) - a / b = (s - (a / b) t) / (b + t), at most (ra + |a / b| rb) / (|b| - rb) if |b| > rb.
@@ -245,19 +241,19 @@ class Lanes:
         radius += self._rad / distance
         return rounded(quotient, radius)
 
-    def __rtruediv__(self, other: Any) -> Lanes:
+    def __rtruediv__(self, other: Any) -> BallArray:
         return _operand(other) / self
 
-    def sin(self) -> Lanes:
+    def sin(self) -> BallArray:
         """The sine; infinite for midpoints beyond 2^18."""
         return self._turned(0)
 
-    def cos(self) -> Lanes:
+    def cos(self) -> BallArray:
         """The cosine; infinite for midpoints beyond 2^18."""
         return self._turned(1)
 
     @quieted
-    def _turned(self, quarters: int) -> Lanes:
+    def _turned(self, quarters: int) -> BallArray:
         """sin(x + quarters pi/2) = sin(y + j pi/2), where x = y + n pi/2 and j = n + quarters.
 
         With S and C for the sine and cosine of the midpoint plus the quarters, |sin(x + s) - S| <= min(r, |C| r +
@@ -275,7 +271,7 @@ class Lanes:
         radius = np.minimum(r, slope * r + 0.5 * r * r) + error
         return rounded(np.where(j >= 2, -value, value), radius)
 
-    def __pow__(self, power: int) -> Lanes:
+    def __pow__(self, power: int) -> BallArray:
         """A positive integer power, by repeated squaring."""
         half = self ** (power // 2) if power > 1 else self
         if power < 2:
@@ -283,52 +279,39 @@ class Lanes:
         return half.square() * self if power % 2 else half.square()
 
     @quieted
-    def abs_upper(self) -> Lanes:
+    def abs_upper(self) -> BallArray:
         """A number that no absolute value in the ball exceeds, as an exact ball (infinite where the ball is)."""
-        return Lanes((np.abs(self._mid) + self._rad) * _UP + _TINY)
+        return BallArray((np.abs(self._mid) + self._rad) * _UP + _TINY)
 
-    def around_zero(self) -> Lanes:
+    def around_zero(self) -> BallArray:
         """The ball about 0 that reaches `abs_upper`."""
-        return Lanes(np.zeros(len(self)), self.abs_upper()._mid)
+        return BallArray(np.zeros(len(self)), self.abs_upper()._mid)
 
-    def constant(self, value: Any) -> Lanes:
-        """As many balls that hold one number; lanes pass unchanged."""
-        return value if isinstance(value, Lanes) else Lanes.of([value])[np.zeros(len(self), int)]
+    def constant(self, value: Any) -> BallArray:
+        """As many balls that hold one number; an array of balls passes unchanged."""
+        return value if isinstance(value, BallArray) else BallArray.of([value])[np.zeros(len(self), int)]
 
     alike = constant
 
-    def where(self, mask: NDArray[np.bool_], other: Lanes) -> Lanes:
-        """These lanes where the mask is true, those of the other where it is not."""
-        return made(np.where(mask, self._mid, other._mid), np.where(mask, self._rad, other._rad))
-
     @quieted
-    def union(self, other: Any) -> Lanes:
+    def union(self, other: Any) -> BallArray:
         """A ball around both balls. Its midpoint may be any number: the radius is measured from it."""
         b = _operand(other)
         middle = 0.5 * self._mid + 0.5 * b._mid
         reach = np.abs(self._mid - middle) + self._rad
         return rounded(middle, np.maximum(reach, np.abs(b._mid - middle) + b._rad))
 
-    @quieted
-    def shared(self, other: Lanes) -> Lanes:
-        """Balls that hold what two balls share; infinite where nothing is. The other is finite, or nothing is known."""
-        # A sum to nearest is less than one double away from the exact one.
-        low = np.maximum(*(np.nextafter(x._mid - x._rad, -np.inf) for x in (self, other)))
-        high = np.minimum(*(np.nextafter(x._mid + x._rad, np.inf) for x in (self, other)))
-        low, high = (Lanes(np.where((low <= high) & other.is_finite(), end, np.nan)) for end in (low, high))
-        return low.union(high).where(self.is_finite(), other)
-
     def positive(self) -> NDArray[np.bool_]:
-        """Of each lane, whether every number of the ball is greater than zero: a comparison of two floats."""
+        """Of each ball, whether every number of it is greater than zero: a comparison of two floats."""
         return (self._mid > self._rad) & self.is_finite()
 
     def negative(self) -> NDArray[np.bool_]:
-        """Of each lane, whether every number of the ball is less than zero."""
+        """Of each ball, whether every number of it is less than zero."""
         return (-self._mid > self._rad) & self.is_finite()
 
     @quieted
     def inside(self, other: Any) -> NDArray[np.bool_]:
-        """Of each lane, whether the ball lies in the interior of the other; False if either is not finite."""
+        """Of each ball, whether it lies in the interior of the other; False if either is not finite."""
         b = _operand(other)
         reach = np.abs(self._mid - b._mid)
         reach += self._rad
@@ -341,18 +324,18 @@ def _doubles(values: Any) -> Array:
     """As an array. No other kind of number becomes a double here, because that may round it."""
     many = values if isinstance(values, Sequence) else [values]
     if not (values.dtype == np.float64 if isinstance(values, np.ndarray) else all(isinstance(x, float) for x in many)):
-        raise TypeError("midpoints and radii are doubles: Lanes.of takes other numbers")
+        raise TypeError("midpoints and radii are doubles: BallArray.of takes other numbers")
     return np.asarray(values, dtype=np.float64)
 
 
-def made(mid: Array, rad: Array) -> Lanes:
-    """Lanes of arrays that keep the module's rules already."""
-    ball = Lanes.__new__(Lanes)
+def made(mid: Array, rad: Array) -> BallArray:
+    """BallArray of arrays that keep the module's rules already."""
+    ball = BallArray.__new__(BallArray)
     ball._mid, ball._rad = mid, rad
     return ball
 
 
-def rounded(middle: Array, radius: Array, up: float = _UP) -> Lanes:
+def rounded(middle: Array, radius: Array, up: float = _UP) -> BallArray:
     """The ball of an operation: ``radius``, a new array, from its operands' radii; the midpoint's rounding is added.
 
     ``up`` makes good for the radius's roundings. If the midpoint is not finite, the radius is not; fmin makes infinity
@@ -373,5 +356,5 @@ def _exact_float(value: Any) -> float | None:
     return float(value) if isinstance(value, float) and _NORMAL <= abs(value) < np.inf else None
 
 
-def _operand(value: Any) -> Lanes:
-    return value if isinstance(value, Lanes) else Lanes.of([value])
+def _operand(value: Any) -> BallArray:
+    return value if isinstance(value, BallArray) else BallArray.of([value])

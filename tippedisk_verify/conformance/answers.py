@@ -10,6 +10,7 @@ from tippedisk_verify.conformance.grading import answer_text, graded, levels_of
 from tippedisk_verify.conformance.pages import Report
 from tippedisk_verify.conformance.sheet import Answers
 from tippedisk_verify.errors import InputError
+from tippedisk_verify.model.surroundings import undisturbed
 from tippedisk_verify.progress import progress_of
 from tippedisk_verify.reference_values.lookup import reference
 from tippedisk_verify.reference_values.store import Reading, stored
@@ -17,6 +18,7 @@ from tippedisk_verify.reference_values.store import Reading, stored
 __all__ = ["grade"]
 
 
+@undisturbed
 def grade(answers: Mapping[str, object], *, reading: Reading = "doubles", progress: bool | None = None) -> Report:
     """The grades of many answers by id, with a diagnosis; ``reading`` is what they were computed from.
 

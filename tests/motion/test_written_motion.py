@@ -1,0 +1,154 @@
+"""A motion as it is written: every number, read as a decimal, holds the truth at the time beside it."""
+
+from __future__ import annotations
+
+import csv
+import json
+from fractions import Fraction
+from pathlib import Path
+
+import pytest
+
+import tippedisk_verify as tv
+from tippedisk_verify.cli import main
+from tippedisk_verify.flow.contract import MOST_STEPS
+
+#: Arguments of `integrate`: even times that are not doubles, a late start, a ratio, both laws, 20 digits, backward.
+WRITTEN = [
+    "--omega 30.860 --state 1.270,1.846,0.64 --time 0.45 --times 4",
+    "--omega 30.860 --state 1.270,1.846,0.64 --time 0.45 --times 2",
+    "--omega 30.4 --state pi/2,pi/2+0.4,0 --time 1000,1003 --times 31",
+    "--omega 30.4 --state pi/2,pi/2+0.4,0 --time 1/3 --times 4",
+    "--omega 30.4 --state 1.2,2,0 --time 0.7 --times 8 --friction smooth",
+    "--omega 30.4 --state 1.2,2,0 --time 0.7 --times 8 --digits 20",
+    "--omega 30.4 --state 1.2,2,0 --time 0,-0.05 --times 3",
+]
+
+
+def _held(times: list[str], rows: list[list[tuple[str, str]]], words: str) -> None:
+    """Hold rows (value, half-width) of beta, gamma and v at these times against a run to 30 digits."""
+    options = dict(zip(words.split()[::2], words.split()[1::2], strict=True))
+    disk = tv.Disk("table1", friction=options.get("--friction", "linear"))
+    ends = options["--time"].split(",")
+    start, asked = Fraction(ends[0]) if len(ends) > 1 else Fraction(0), [Fraction(time) for time in times]
+    order = sorted(set(asked), reverse=Fraction(ends[-1]) < start)
+    span = (start, order[-1]) if order[-1] != start else (start, Fraction(ends[-1]))
+    truth = disk.integrate(options["--omega"], options["--state"].split(","), span, t_eval=order, digits=30)
+    for time, row in zip(asked, rows, strict=True):
+        true = truth.y[:, order.index(time)]
+        for (value, width), number in zip(row, true, strict=True):
+            away = abs(Fraction(value) - tv.exact(number).rational)
+            assert away <= Fraction(width) + Fraction(1, 10**28), (words, time, value, width)
+
+
+@pytest.mark.parametrize("words", WRITTEN)
+def test_what_is_written_holds_as_it_is_written(words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    table = tmp_path / "motion.csv"
+    assert main(["integrate", *words.split(), "--json", "--out", str(table)]) == 0
+    entries = json.loads(capsys.readouterr().out)
+    columns = [[(one["value"], one["uncertainty"]) for one in entries[name]] for name in ("beta", "gamma", "v")]
+    _held(entries["t"], [list(row) for row in zip(*columns, strict=True)], words)
+    end = entries["end"]
+    assert end["t"]["uncertainty"] == "0"
+    _held(
+        [end["t"]["value"]],
+        [[(end[name]["value"], end[name]["uncertainty"]) for name in ("beta", "gamma", "v")]],
+        words,
+    )
+    with table.open() as stream:
+        rows = list(csv.DictReader(stream))
+    assert [row["t"] for row in rows] == entries["t"]
+    written = [[(row[name], row[f"{name}_uncertainty"]) for name in ("beta", "gamma", "v")] for row in rows]
+    _held([row["t"] for row in rows], written, words)
+
+
+def test_even_times_are_exact_and_doubles_are_written_in_full() -> None:
+    disk, state = tv.Disk("table1"), ("1.2", 2, 0)
+    even = disk.integrate("30.4", state, "0.3")
+    assert even.to_dict()["t"][:3] == ["0", "0.0015", "0.003"]
+    assert even.times[1].rational == Fraction(3, 2000)
+    double = disk.integrate("30.4", state, "0.3", t_eval=[0.1])
+    assert double.to_dict()["t"] == ["0.1000000000000000055511151231257827021181583404541015625"]
+    (third,) = disk.integrate("30.4", state, "1/3", t_eval=["1/3"]).to_dict()["t"]
+    assert abs(Fraction(third) - Fraction(1, 3)) < Fraction(1, 10**49)
+
+
+# ------------------------------------------------------------------------------------------ what a run says of itself
+def test_a_run_that_needs_more_steps_says_so_at_once(capsys: pytest.CaptureFixture[str]) -> None:
+    disk, state = tv.Disk("table1"), ("pi/2", "pi/2 + 0.4", 0)
+    short = disk.integrate("30.4", state, 10, max_steps=20)
+    assert (short.status, short.success) == (tv.Status.STEP_LIMIT, False)
+    assert "raise max_steps" in short.message
+    assert disk.integrate("30.4", state, 10, max_steps=MOST_STEPS).success
+    words = ["integrate", "--omega", "30.4", "--state", "pi/2,2,0", "--time", "10", "--quiet"]
+    assert main([*words, "--max-steps", "20"]) == 1
+    assert main(words) == 0
+    with pytest.raises(tv.InputError, match="max_steps"):
+        disk.integrate("30.4", state, 10, max_steps=0)
+
+
+@pytest.mark.parametrize(
+    ("state", "shifted", "noted"),
+    [
+        ((90, 100, 0), False, "beta = 90"),
+        ((0, 180, 0), True, "gamma_bar = 180"),
+        (("1.2", "-270", 0), False, "gamma = -270"),
+        (("1.2", "99", 0), False, ""),
+        (("pi/2", "5*pi/2", 0), False, ""),
+    ],
+)
+def test_angles_that_may_be_degrees_are_noted(
+    state: tuple[object, ...], shifted: bool, noted: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    solution = tv.Disk("table1").integrate("30.4", state, "0.01", shifted=shifted)
+    assert (noted in solution.note, bool(solution.note), solution.success) == (True, bool(noted), True)
+    assert solution.message.endswith(solution.note)
+    if not shifted:
+        text = ",".join(map(str, state))
+        assert main(["integrate", "--omega", "30.4", "--state", text, "--time", "0.01", "--json"]) == 0
+        assert ("radians" in capsys.readouterr().err) == bool(noted)
+
+
+@pytest.mark.parametrize("name", ["section", "turn", "surface"])
+def test_an_event_has_the_name_it_was_asked_by(name: str) -> None:
+    found = tv.Disk("table1").integrate("30.4", ("pi/2", 2, 0), 2, events=name).events
+    assert {record.name for record in found} == {name}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ({"direction": 2}, "direction is -1, 0 or 1, not 2"),
+        ({"direction": "up"}, "not up"),
+        ({"function": lambda t, y: y[0]}, "ops, constants, omega, beta, gamma, v"),
+        ({"function": lambda ops, c, omega, beta, gamma, v: __import__("math").cos(beta)}, "ops.sin and ops.cos"),
+        ({"function": lambda ops, c, omega, beta, gamma, v: __import__("numpy").cos(beta)}, "ops.sin and ops.cos"),
+        ({"function": lambda ops, c, omega, beta, gamma, v: ops.exp(beta)}, "ops.sin and ops.cos"),
+        ({"function": lambda ops, c, omega, beta, gamma, v: c.radius * v}, "ops.sin and ops.cos"),
+        ({"function": 3}, "ops.sin and ops.cos"),
+    ],
+)
+def test_an_event_that_cannot_be_one_says_what_is_needed(arguments: dict[str, object], said: str) -> None:
+    right = {"function": lambda ops, c, omega, beta, gamma, v: c.r * ops.cos(beta) ** 2 - 1 / omega + v * gamma}
+    assert tv.Event("fine", **right).direction == 0  # type: ignore[arg-type]
+    with pytest.raises(tv.InputError) as refused:
+        tv.Event("x", **(right | arguments))  # type: ignore[arg-type]
+    assert said in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize("decimals", [12, 25, 30, 40])
+def test_a_start_within_rounding_of_the_surface_has_half_widths(decimals: int) -> None:
+    """Under the smooth law, with v on the surface gamma_y = 0 but for its last decimals."""
+    import mpmath
+
+    disk, beta, gamma = tv.Disk("table1", friction="smooth"), mpmath.mpf("1.1"), mpmath.mpf("0.7")
+    with mpmath.workdps(60):
+        beta, gamma, r, e = (mpmath.mpf(text) for text in ("1.1", "0.7", "0.045", "0.0025"))
+        v = e * mpmath.mpf("30.4") * mpmath.sin(beta) * mpmath.cos(gamma) / (r + e * mpmath.sin(gamma))
+        text = mpmath.nstr(v, decimals)
+    found = disk.integrate("30.4", ("1.1", "0.7", text), 1, events="surface")
+    truth = disk.integrate("30.4", ("1.1", "0.7", text), 1, digits=24)
+    assert max(map(float, found.uncertainty.ravel())) < 1e-11
+    for mine, width, true in zip(found.y[:, -1], found.uncertainty[:, -1], truth.y[:, -1], strict=True):
+        assert abs(tv.exact(mine).rational - tv.exact(true).rational) <= Fraction(float(width)) + Fraction(1, 10**22)

@@ -1,0 +1,326 @@
+"""A call of every public function with its result as text to the last bit, and the states that a caller may have set.
+
+As a program it prints the results of the quick calls as JSON, for an interpreter with other settings.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import decimal
+import inspect
+import io
+import json
+import locale
+import random
+import sys
+import tempfile
+import warnings
+from collections.abc import Callable, Iterator, Sequence
+from functools import _lru_cache_wrapper, cached_property, partial
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import flint
+import gmpy2
+import mpmath
+import numpy as np
+
+import tippedisk_verify as tv
+from tippedisk_verify.atlas import locator
+from tippedisk_verify.atlas.branch import Branch
+from tippedisk_verify.certify import Certifier
+from tippedisk_verify.cli import main
+from tippedisk_verify.connection.heteroclinic import Heteroclinic
+from tippedisk_verify.cycles.limit_cycle import Cycle
+from tippedisk_verify.motion.basin_boundary import BasinBoundary
+
+import_module("rich.style")  # it draws from Python's generator as it is loaded, for a call that takes long
+ID, START = "printed/linear/hopf/point/period", ("pi/2", "pi/2 + 0.4", 0)
+#: The classes whose public methods and properties are called, beside the package's functions.
+CLASSES = (
+    *(tv.Disk, Certifier, tv.Solution, Cycle, Branch, Heteroclinic, BasinBoundary, tv.Measured),
+    *(tv.Taylor, tv.Baseline, tv.BatchTaylor),
+)
+
+
+def public() -> Iterator[str]:
+    """Every public function, and every method and computed property of `CLASSES`."""
+    for name in tv.__all__:
+        if inspect.isroutine(getattr(tv, name)):
+            yield name
+    kinds = (property, cached_property, classmethod, staticmethod)
+    for kind in CLASSES:
+        for name, member in vars(kind).items():
+            if (name[0] != "_" or name == "__call__") and (inspect.isfunction(member) or isinstance(member, kinds)):
+                yield f"{kind.__name__}.{name}"
+
+
+def as_text(result: Any) -> str:
+    """A result to its last bit."""
+    if isinstance(result, np.ndarray):
+        return f"{result.shape} {[as_text(entry) for entry in result.ravel().tolist()]}"
+    if isinstance(result, tuple | list):
+        return f"{[as_text(entry) for entry in result]}"
+    if isinstance(result, float):
+        return result.hex()
+    if hasattr(result, "to_dict"):
+        return json.dumps(result.to_dict()) + repr(result)
+    if hasattr(result, "lines"):  # axes
+        return as_text([line.get_xydata() for line in result.lines])
+    try:
+        number = tv.exact(result)
+        return f"{number.rational.numerator:x}/{number.rational.denominator:x} + {number.pi_multiple} pi"
+    except tv.InputError:
+        return str(result)
+
+
+def command(line: str) -> str:
+    """What a command prints, and its status."""
+    out, err = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        status = main(line.split())
+    return f"{status} {out.getvalue()} {err.getvalue()}"
+
+
+DISK = tv.Disk("table1")
+LAW = tv.Disk("table1", friction="smooth")
+
+
+_CONSTANTS = [0.045, 0.0025, 5e-4, 5e-4, 9.81, 29.0]
+
+
+def _written(disk: tv.Disk) -> tv.Disk:
+    """The disk from a file."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "disk.toml"
+        file.write_text("".join(f'{name} = "{value}"\n' for name, value in disk.decimals().items()))
+        return tv.Disk.read(file)
+
+
+def _certified(proof: Any) -> str:
+    return proof.certificate() if hasattr(proof, "certificate") else as_text(proof)
+
+
+COMMANDS = (
+    "integrate --omega 30.4 --state pi/2,pi/2+0.4,0 --time 1 --times 4",
+    "hopf --digits 700 --json",
+    "equilibria --below-crit 0.5",
+    "verify --only omega_crit,kappa_2",
+    "reference show printed/linear/hopf/point/period",
+    "nothing",
+)
+#: A call of each, by its name. What a result can be asked is asked of a new one, so that nothing was computed before.
+CALLS: dict[str, Callable[[], Any]] = {
+    "analyse_slow_manifold": lambda: tv.analyse_slow_manifold(DISK, "30.4", 2),
+    "balanced_cycle": lambda: tv.balanced_cycle(DISK, "30.4"),
+    "basins": lambda: tv.basins(DISK, "30.4", count=30, duration=5),
+    "bisect_omega_h": lambda: tv.bisect_omega_h(DISK, tv.Taylor(), confirm=False),
+    "bits": lambda: tv.bits(100),
+    "compare": lambda: [tv.compare(ID, answer) for answer in (0.88, "0.886", tv.Measured.of("8867/10000", 0))],
+    "cycle_above": lambda: tv.cycle_above(DISK, "0.1", tv.Taylor()),
+    "equilibrium": lambda: tv.equilibrium(DISK, "30.4", "noninverted", 40),
+    "exact": lambda: [tv.exact(value) for value in ("1/3", "pi/2 + 0.4", 0.1, "0." + "3" * 1000 + "/7")],
+    "grade": lambda: tv.grade({q.id: 1.001 * q.for_doubles for q in tv.references("printed/linear/hopf")}),
+    "heteroclinic": lambda: tv.heteroclinic(DISK, tv.Taylor()),
+    "hopf_point": lambda: tv.hopf_point(DISK, 1000),
+    "limit_cycle": lambda: tv.limit_cycle(DISK, "30.4", tv.Taylor()),
+    "omega_crit": lambda: [tv.omega_crit(DISK, digits) for digits in (12, 50)],
+    "one_harmonic": lambda: tv.one_harmonic(DISK, "30.4"),
+    "period_crit": lambda: tv.period_crit(DISK),
+    "reference": lambda: tv.reference(ID),
+    "references": lambda: tv.references("printed/linear/hopf"),
+    "scene_named": lambda: tv.scene_named("a"),
+    "Disk.basin_boundary": lambda: DISK.basin_boundary("31.4"),
+    "Disk.basins": lambda: DISK.basins("30.4", count=30, duration=5),
+    "Disk.branch": lambda: DISK.branch(["30.4", "30.6"]),
+    "Disk.certify": lambda: DISK.certify,
+    "Disk.equilibrium": lambda: DISK.equilibrium("inverted", "30.4"),
+    "Disk.folds": lambda: tv.Disk("table1", A="0.2455e-3").folds(),
+    "Disk.harmonic_balance": lambda: DISK.harmonic_balance("30.4", digits=20),
+    "Disk.heteroclinic": lambda: DISK.heteroclinic(),
+    "Disk.hopf": lambda: DISK.hopf(),
+    "Disk.integrate": lambda: [
+        disk.integrate("30.4", START, 3, events=("section", "surface"), digits=digits, engine=engine)
+        for disk, digits, engine in ((DISK, 12, None), (LAW, 12, None), (DISK, 20, None), (DISK, 12, tv.Baseline()))
+    ],
+    "Disk.jacobian": lambda: DISK.jacobian("30.4")(0, [1.5, 1.6, 0]),
+    "Disk.limit_cycle": lambda: [
+        DISK.limit_cycle("30.4"),
+        LAW.limit_cycle("30.4"),
+        DISK.limit_cycle(below_crit="1e-9"),
+    ],
+    "Disk.omega_crit": lambda: f"{DISK.omega_crit:.30g} {DISK.omega_crit} {DISK.omega_crit.uncertainty:.3g}",
+    "Disk.read": lambda: _written(DISK).to_dict(),
+    "Disk.rhs": lambda: DISK.rhs("30.4")(0, [1e-310, 1.6, 1e-310]),
+    "Disk.rotating_branch": lambda: DISK.rotating_branch(["30.04"]),
+    "Disk.rotating_cycle": lambda: DISK.rotating_cycle("30.5", stable=False),
+    "Disk.rotation_fold": lambda: DISK.rotation_fold(),
+    "Disk.scene": lambda: DISK.scene("d"),
+    "Disk.slow_manifold": lambda: DISK.slow_manifold(1),
+    "Disk.speed": lambda: DISK.speed(above_het="1e-3"),
+    "Certifier.beside_omega_h": lambda: DISK.certify.beside_omega_h("1e-9", near="30.2", digits=4),
+    "Certifier.branch": lambda: _certified(DISK.certify.branch("0.05")),
+    "Certifier.equilibrium": lambda: DISK.certify.equilibrium("inverted", "30.4"),
+    "Certifier.fold": lambda: DISK.certify.fold(),
+    "Certifier.heteroclinic": lambda: _certified(DISK.certify.heteroclinic(digits=3)),
+    "Certifier.hopf": lambda: DISK.certify.hopf(),
+    "Certifier.limit_cycle": lambda: _certified(DISK.certify.limit_cycle("30.8")),
+    "Certifier.stability": lambda: DISK.certify.stability(),
+    "Solution.__call__": lambda: DISK.integrate("30.4", START, 2)([0.1, 1.3]),
+    "Solution.message": lambda: DISK.integrate("30.4", START, 1).message,
+    "Solution.success": lambda: DISK.integrate("30.4", START, 1).success,
+    "Solution.t_events": lambda: DISK.integrate("30.4", START, 2, events="turn").t_events,
+    "Solution.to_dict": lambda: DISK.integrate("30.4", START, 2, variations=("state", "omega")).to_dict(),
+    "Solution.y_events": lambda: DISK.integrate("30.4", START, 2, events="turn").y_events,
+    "Cycle.monodromy": lambda: DISK.limit_cycle("30.4").monodromy,
+    "Cycle.multipliers": lambda: DISK.limit_cycle("30.4").multipliers,
+    "Cycle.orbit": lambda: DISK.limit_cycle("30.4").orbit(20),
+    "Cycle.plot": lambda: DISK.limit_cycle("30.4").plot(),
+    "Branch.of": lambda: DISK.branch(["30.4"]).of([DISK.limit_cycle("30.5")]),
+    "Branch.plot": lambda: DISK.branch(["30.4", "30.5"]).plot(),
+    "Branch.to_dict": lambda: DISK.branch(["30.4"]).to_dict(),
+    "Heteroclinic.orbit": lambda: DISK.heteroclinic().orbit(20),
+    "BasinBoundary.margin": lambda: DISK.basin_boundary("31.4").margin((1.5, 1, 0)),
+    "BasinBoundary.sheets": lambda: DISK.basin_boundary("31.4").sheets(1.0, 0.0),
+    "Measured.compared": lambda: tv.Measured.compared("0.1", "0.100001", tv.DOUBLE.epsilon),
+    "Measured.contains": lambda: tv.Measured.of(1, "0.1").contains(tv.Measured.of(1, "0.01")),
+    "Measured.decimals": lambda: tv.Measured.of("1/3", "1e-300").decimals(),
+    "Measured.holds": lambda: tv.Measured.of(1, "0.1").holds("1.05"),
+    "Measured.of": lambda: [tv.Measured.of("2.5", "1e-9") ** 0.5, np.sqrt(tv.Measured.of("2.5", "1e-9"))],
+    "Measured.to_dict": lambda: tv.Measured.of("1/3", "1e-9").to_dict(),
+    "Taylor.builds": lambda: tv.Taylor().builds,
+    "Taylor.measures_error": lambda: tv.Taylor().measures_error,
+    "Taylor.name": lambda: tv.Taylor().name,
+    "Baseline.builds": lambda: tv.Baseline().builds,
+    "Baseline.measures_error": lambda: tv.Baseline().measures_error,
+    "Baseline.name": lambda: tv.Baseline().name,
+    "Taylor.__call__": lambda: tv.Taylor()(tv.Request(DISK, "30.4", START, 1, error_estimate=True)).state,
+    "Baseline.__call__": lambda: tv.Baseline()(tv.Request(DISK, "30.4", START, 1)).state,
+    "BatchTaylor.__call__": lambda: tv.BatchTaylor(1)(_CONSTANTS, [30.4], [[1.5, 1.6, 0.0]], [1.0], divergence=True),
+    **{line: partial(command, line) for line in COMMANDS},
+}
+
+#: What takes longer than two seconds, and longer than a fifth of one.
+SLOW = (
+    *("Certifier.beside_omega_h", "Certifier.branch", "Certifier.limit_cycle"),
+    *("Disk.rotation_fold", "Disk.slow_manifold", "analyse_slow_manifold"),
+)
+LONG = (
+    *SLOW,
+    *("balanced_cycle", "bisect_omega_h", "cycle_above", "grade", "heteroclinic", "limit_cycle", "Taylor.__call__"),
+    *("Disk.basin_boundary", "Disk.branch", "Disk.folds", "Disk.harmonic_balance", "Disk.heteroclinic"),
+    *("Disk.integrate", "Disk.limit_cycle", "Disk.rotating_branch", "Disk.rotating_cycle", "Disk.scene"),
+    *("Disk.speed", "Certifier.fold", "Certifier.heteroclinic", "Solution.to_dict"),
+    *("Cycle.monodromy", "Cycle.multipliers", "Cycle.orbit", "Cycle.plot", "Branch.of", "Branch.plot"),
+    *("Branch.to_dict", "Heteroclinic.orbit", "BasinBoundary.margin", "BasinBoundary.sheets"),
+)
+
+
+COMPUTING = tuple(f"tippedisk_verify.{name}." for name in ("model", "theory", "flow", "cycles", "connection", "proofs"))
+
+
+def computed(name: str) -> str:
+    """The result of a call as text, with nothing kept from calls before but compiled code."""
+    for module in [module for path, module in sys.modules.items() if path.startswith(COMPUTING)]:
+        for item in vars(module).values():
+            for kept in (item, getattr(item, "__wrapped__", None)):
+                if isinstance(kept, _lru_cache_wrapper):
+                    kept.cache_clear()
+    locator._OWN.locators.clear()
+    return as_text(CALLS[name]())
+
+
+# ------------------------------------------------------------------------------------------------ what a caller may set
+_SIGNALS = (
+    *(decimal.Inexact, decimal.Rounded, decimal.Subnormal, decimal.Clamped, decimal.FloatOperation),
+    *(decimal.InvalidOperation, decimal.DivisionByZero, decimal.Overflow, decimal.Underflow),
+)
+
+
+def _decimals(traps: Sequence[Any]) -> Any:
+    small = decimal.Context(3, decimal.ROUND_UP, Emin=-5, Emax=5, capitals=0, clamp=1, flags=[], traps=list(traps))
+    return decimal.localcontext(small)
+
+
+@contextlib.contextmanager
+def _mpmath() -> Iterator[None]:
+    before = mpmath.mp.prec, mpmath.mp.pretty, mpmath.iv.prec
+    mpmath.mp.prec, mpmath.mp.pretty, mpmath.iv.prec = 7, True, 7
+    try:
+        yield
+    finally:
+        mpmath.mp.prec, mpmath.mp.pretty, mpmath.iv.prec = before
+
+
+@contextlib.contextmanager
+def _flint() -> Iterator[None]:
+    before = flint.ctx.prec, flint.ctx.pretty, flint.ctx.unicode
+    flint.ctx.prec, flint.ctx.pretty, flint.ctx.unicode = 12, False, True
+    try:
+        yield
+    finally:
+        flint.ctx.prec, flint.ctx.pretty, flint.ctx.unicode = before
+
+
+@contextlib.contextmanager
+def _short_integers() -> Iterator[None]:
+    before = sys.get_int_max_str_digits()
+    sys.set_int_max_str_digits(640)
+    try:
+        yield
+    finally:
+        sys.set_int_max_str_digits(before)
+
+
+@contextlib.contextmanager
+def _warnings() -> Iterator[None]:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        yield
+
+
+@contextlib.contextmanager
+def _decimal_commas() -> Iterator[None]:
+    before = locale.setlocale(locale.LC_ALL)
+    with contextlib.suppress(locale.Error):  # where the machine has none
+        locale.setlocale(locale.LC_ALL, "de_DE.UTF-8")
+    try:
+        yield
+    finally:
+        locale.setlocale(locale.LC_ALL, before)
+
+
+def _fail(*_: Any) -> None:
+    raise FloatingPointError
+
+
+STATES: dict[str, Callable[[], Any]] = {
+    "NumPy raises": lambda: np.errstate(all="raise"),
+    "NumPy calls": lambda: np.errstate(all="call", call=_fail),
+    "NumPy prints": lambda: np.printoptions(precision=2, suppress=True, legacy="1.13"),
+    "decimals that trap": lambda: _decimals(_SIGNALS),
+    "decimals that trap nothing": lambda: _decimals(()),
+    "mpmath": _mpmath,
+    "gmpy2": lambda: gmpy2.context(
+        precision=5, round=gmpy2.RoundUp, emax=9, emin=-9, trap_inexact=True, trap_underflow=True, trap_invalid=True
+    ),
+    "python-flint": _flint,
+    "short integers": _short_integers,
+    "warnings": _warnings,
+    "decimal commas": _decimal_commas,
+}
+
+
+def snapshot() -> str:
+    """All that `STATES` can set, and the random generators."""
+    numpy_s = np.geterr(), np.geterrcall(), np.get_printoptions(), np.random.get_state()
+    decimals = repr(decimal.getcontext())
+    wide = mpmath.mp.prec, mpmath.mp.pretty, mpmath.iv.prec, gmpy2.get_context()
+    balls = flint.ctx.prec, flint.ctx.pretty, flint.ctx.unicode
+    python_s = sys.get_int_max_str_digits(), warnings.filters, locale.setlocale(locale.LC_ALL), random.getstate()
+    return repr((numpy_s, decimals, wide, balls, python_s))
+
+
+if __name__ == "__main__":
+    print(json.dumps({name: computed(name) for name in CALLS if name not in LONG}))

@@ -1,0 +1,148 @@
+"""Newton's iteration for a cycle as a fixed point of a section's return map.
+
+The steps are those of `return_map`; here is the loop, damped or not, with derivatives of its own at each point or with
+those of a chord.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Any, Generic, TypeVar
+
+from tippedisk_verify.cycles.limit_cycle import Cycle
+from tippedisk_verify.cycles.return_map import Held, Image, ReturnMap
+from tippedisk_verify.errors import NoSuchCycleError
+
+__all__ = ["FixedPoint", "Stop", "newton", "section_size"]
+
+C = TypeVar("C", bound=Cycle)
+
+_LEAST_SHARE = 1e-3  # of a Newton step; a damped iteration that would need less has met no smaller residual
+_ROUNDING = 1e-10  # of the start's size; a residual below it need not shrink, for rounding may decide
+_EQUILIBRIUM = 0.2  # of the start's size; a smaller point is on its way to the equilibrium, the trivial solution
+
+
+class Stop:
+    """The stopping rule of a Newton or chord iteration.
+
+    It has converged when a size is below ``small``, or when a size below ``near`` is no longer half of the one before,
+    because then only rounding is left. The second condition counts from the size number ``fewest`` on. ``failure`` is
+    raised after ``most`` sizes. The caller measures the size of a residual or of a step.
+    """
+
+    def __init__(self, most: int, failure: Exception, *, small: Any, near: Any = math.inf, fewest: int = 3) -> None:
+        self.sizes: list[Any] = []
+        self._most, self._failure = most, failure
+        self._small, self._near, self._fewest = small, near, fewest
+
+    def converged(self, size: Any) -> bool:
+        """Return True if this size is the last one."""
+        self.sizes.append(size)
+        if size < self._small or (len(self.sizes) >= self._fewest and self.sizes[-2] / 2 <= size < self._near):
+            return True
+        if len(self.sizes) == self._most:
+            raise self._failure
+        return False
+
+
+@dataclass(frozen=True)
+class FixedPoint(Generic[C]):
+    """Where an iteration for a fixed point of a return map ended, and how it went."""
+
+    return_map: ReturnMap[C]
+    point: tuple[Any, Any]  #: the coordinates on the section
+    image: Image  #: of the point, or of one that it has not left by more than the last step
+    residuals: tuple[float, ...] = ()  #: the sizes that the stopping rule has seen, step by step
+
+
+@dataclass(frozen=True)
+class Iterate(FixedPoint[C]):
+    """A point of the iteration with the step that leads to the next one."""
+
+    step: tuple[Any, Any, Any] = (0, 0, 0)  #: of both coordinates and Omega
+
+    @property
+    def ahead(self) -> tuple[Any, Any, Any]:
+        """Both coordinates and Omega after the step."""
+        omega = self.return_map.precision.number(self.return_map.omega)
+        return self.point[0] + self.step[0], self.point[1] + self.step[1], omega + self.step[2]
+
+
+def newton(
+    return_map: ReturnMap[C],
+    point: Sequence[Any],
+    stop: Stop,
+    size: Callable[[Iterate[C]], Any],
+    *,
+    held: Held = "speed",
+    time: Any = None,
+    chord: Image | None = None,
+    damped: bool = False,
+) -> Iterate[C]:
+    """Iterate from a point of the section until the stopping rule is met.
+
+    Args:
+        return_map: the map; where the speed is not held, its speed is the first guess.
+        point: both coordinates, in the map's arithmetic.
+        stop: the stopping rule.
+        size: the size that the stopping rule looks at.
+        held: what is held at its value at the start; the flight time is held at ``time`` [s].
+        time: the flight time wanted [s], if that is held.
+        chord: an image whose derivatives serve at all points, so that flights need no variational equations.
+        damped: whether steps are shortened until the residual shrinks, at a held speed.
+
+    Returns:
+        The last point, whose step has not been taken.
+
+    Raises:
+        NoSuchCycleError: if an orbit does not return, the equations are singular, or damping finds no smaller residual.
+        Exception: the failure of ``stop`` after its number of steps.
+    """
+
+    def at(here: ReturnMap[C], point: tuple[Any, Any]) -> Iterate[C]:
+        if chord is None:
+            image = here(point)
+        else:
+            image = chord._replace(residual=here.residual(here.flight(point).state, point))
+        try:
+            step = image.newton_step(held, 0 if time is None else time - image.time)
+        except ZeroDivisionError:
+            raise NoSuchCycleError(f"the iteration at fixed {held} met a singular matrix") from None
+        return Iterate(here, point, image, step=step)
+
+    iterate, scale = at(return_map, (point[0], point[1])), section_size(point)
+    while not stop.converged(size(iterate)):
+        if damped:
+            iterate = _damped(iterate, at, scale)
+        else:
+            x, y, omega = iterate.ahead
+            iterate = at(return_map if held == "speed" else return_map.at_speed(omega), (x, y))
+    return Iterate(iterate.return_map, iterate.point, iterate.image, tuple(map(float, stop.sizes)), iterate.step)
+
+
+def _damped(iterate: Iterate[C], at: Callable[[ReturnMap[C], tuple[Any, Any]], Iterate[C]], scale: float) -> Iterate[C]:
+    """Return the first point along the step, halved again and again, whose residual is smaller, or is rounding."""
+    before, share = section_size(iterate.image.residual), 1.0
+    while share >= _LEAST_SHARE:
+        point = (iterate.point[0] + share * iterate.step[0], iterate.point[1] + share * iterate.step[1])
+        if not all(map(math.isfinite, point)):
+            raise NoSuchCycleError("the shooting iteration left the finite numbers: start closer to the cycle")
+        if section_size(point) < _EQUILIBRIUM * scale:
+            raise NoSuchCycleError("the shooting iteration falls onto the equilibrium: start closer to the cycle")
+        with suppress(NoSuchCycleError):
+            ahead = at(iterate.return_map, point)
+            if section_size(ahead.image.residual) < before or before < _ROUNDING * scale:
+                return ahead
+        share /= 2
+    raise NoSuchCycleError("the shooting iteration stands still: start closer to the cycle")
+
+
+def section_size(vector: Sequence[Any]) -> float:
+    """Return the size of a residual or a point [rad].
+
+    A cycle's second coordinate [rad/s] is some ten times the first [rad].
+    """
+    return abs(float(vector[0])) + abs(float(vector[1])) / 10
