@@ -118,6 +118,15 @@ _DIFFERENCES = '''def gradient(p, Omega, smooth, y):
 _GRADIENT = TEXTS[1][TEXTS[1].index("def gradient") : TEXTS[1].index("        z = [*y, Omega]")]
 
 
+def rows(levels: range) -> list[dict[str, str]]:
+    """The questions of the printed set at some levels."""
+    asked = questions(stored(), sets=("printed",), frictions=(), levels=tuple(levels))
+    return list(csv.DictReader(sheet_csv(stored(), asked).splitlines()))
+
+
+FIRST = [row for row in rows(range(1, 2)) if int(row["id"].split("/")[3]) < 5]
+
+
 class Planted(NamedTuple):
     """What the diagnosis says of some kinds at once."""
 
@@ -126,12 +135,6 @@ class Planted(NamedTuple):
     false: tuple[str, ...]  #: statements that name none of them
     seconds: float
     diagnoses: list[Diagnosis]
-
-
-def rows(levels: range) -> list[dict[str, str]]:
-    """The questions of the printed set at some levels."""
-    asked = questions(stored(), sets=("printed",), frictions=(), levels=tuple(levels))
-    return list(csv.DictReader(sheet_csv(stored(), asked).splitlines()))
 
 
 def patched(patches: list[tuple[str, str]]) -> dict[str, Any] | None:
@@ -149,16 +152,16 @@ def patched(patches: list[tuple[str, str]]) -> dict[str, Any] | None:
     return sys.modules["program"].__dict__
 
 
-def grades_of(program: dict[str, Any], levels: range) -> list[Grade]:
-    """The grades of a program's answers."""
+def grades_of(program: dict[str, Any], levels: range, only: str = "") -> list[Grade]:
+    """The grades of a program's answers, or of those to some quantities only."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # what mistakes do to square roots and integrators
         answers = program["answered"](rows(levels), levels)
-    given = [(id_, "doubles", str(text), {}) for id_, text in answers.items()]
+    given = [(id_, "doubles", str(text), {}) for id_, text in answers.items() if not only or re.search(only, id_)]
     return graded(collected(given, stored(), None, Answers()), stored())
 
 
-def planted(names: tuple[str, ...], differences: tuple[bool, ...] = (), levels: range = range(1, 2)) -> Planted | None:
+def planted(names: tuple[str, ...], differences: tuple[bool, ...] = (), levels: range = range(1, 2), only: str = "") -> Planted | None:
     """Plant some kinds at once, with derivatives by differences under these laws; None where they do not fit together."""
     patches = [(KINDS[name].old, KINDS[name].new) for name in names]
     if differences:
@@ -166,7 +169,7 @@ def planted(names: tuple[str, ...], differences: tuple[bool, ...] = (), levels: 
     program = patched(patches)
     if program is None:
         return None
-    grades = grades_of(program, levels)
+    grades = grades_of(program, levels, only)
     start = time.process_time()
     diagnoses = diagnosed(grades, stored())
     seconds = time.process_time() - start
@@ -177,14 +180,20 @@ def planted(names: tuple[str, ...], differences: tuple[bool, ...] = (), levels: 
 
 
 def drawn(seed: int, count: int, size: int) -> Iterator[tuple[str, ...]]:
-    """So many sets of kinds that change different lines."""
+    """So many sets of kinds, none of which is hidden by the others."""
     draws, found = Random(seed), 0
     while found < count:
         names = tuple(sorted(draws.sample(list(KINDS), size)))
-        lines = [KINDS[name].old for name in names]
-        if patched([(KINDS[name].old, KINDS[name].new) for name in names]) and len(set(lines)) == size:
+        every = _first_answers(names)
+        if every and all(_first_answers(tuple(one for one in names if one != name)) != every for name in names):
             found += 1
             yield names
+
+
+def _first_answers(names: tuple[str, ...]) -> dict[str, str] | None:
+    """The answers to the first questions with some kinds planted; None where they do not fit together."""
+    program = patched([KINDS[name][:2] for name in names])
+    return program["answered"](FIRST, range(1, 2)) if program else None
 
 
 def main() -> None:
@@ -193,9 +202,10 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=100)
     parser.add_argument("--size", type=int, default=2, help="mistakes at once")
     parser.add_argument("--differences", choices=("none", "linear", "smooth", "both"), default="none")
+    parser.add_argument("--only", default="", help="pattern of the ids that are answered")
     asked = parser.parse_args()
     laws = {"none": (), "linear": (False,), "smooth": (True,), "both": (False, True)}[asked.differences]
-    found = [one for names in drawn(asked.seed, asked.count, asked.size) if (one := planted(names, laws))]
+    found = [one for names in drawn(asked.seed, asked.count, asked.size) if (one := planted(names, laws, only=asked.only))]
     for one in found:
         if len(one.named) < len(one.names) or one.false:
             print(*one.names, "| named:", *sorted(one.named), "| false:", *one.false, sep=" ")

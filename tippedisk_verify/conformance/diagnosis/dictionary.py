@@ -90,7 +90,7 @@ IN_PLACE: dict[str, tuple[str, ...]] = {
     "A": ("B", "Bbar"), "B": ("A", "Bbar"), "Bbar": ("B", "A", "(B + m e^2)", "M"),
     "Omega": ("v",), "v": ("Omega",), "epsilon": ("mu",), "M": ("inertia", "Bbar", "A"),
     "rho": ("r", "(r + e)", "e", "(r - e)", "(r - e sin(gamma))", "(r + e cos(gamma))", "(e + r sin(gamma))"),
-    "sin(beta)": ("cos(beta)", "sin(gamma)", "tan(beta)", "beta", "(2 sin(beta) cos(beta))"),
+    "sin(beta)": ("cos(beta)", "sin(gamma)", "beta", "(2 sin(beta) cos(beta))"),
     "cos(beta)": ("sin(beta)", "cos(gamma)", "(1 - 2 sin(beta)^2)"),
     "sin(gamma)": ("cos(gamma)", "sin(beta)", "(2 sin(gamma) cos(gamma))"),
     "cos(gamma)": ("sin(gamma)", "cos(beta)", "(1 - 2 sin(gamma)^2)"),
@@ -222,9 +222,9 @@ class Change:
     others: tuple[Change, ...] = field(default=(), compare=False, repr=False)  #: changes with the same effect
 
     @property
-    def order(self) -> tuple[int, bool, int]:
+    def order(self) -> tuple[int, bool, bool, int]:
         """What changes with the same effect are sorted by: the likelier, a missing term, the shorter."""
-        return self.rank, "term" not in self.says, len(self.says)
+        return self.rank, self.pieces[0][1] is not None or self.pieces[0][0][0] == "(", "term" not in self.says, len(self.says)
 
     @property
     def places(self) -> list[tuple[str, int | None]]:
@@ -316,7 +316,7 @@ def _replacements(term: Term, several: bool, local: Mapping[str, Iterable[str]])
         yield _named(term, term.times(1.0, name, sign), 1)
         yield _named(term, term.times(1.0, name, -2 * power), 1)
         yield _named(term, term.times(-1.0, name, -power), 3)
-        if abs(power) > 1 and name[:3] in ("sin", "cos"):
+        if abs(power) > 1 and name[:3] in ("sin", "cos") and "^" not in name:
             yield _named(term, term.put(name, f"{name[:-1]}^{abs(power)})", power).times(1.0, f"{name[:-1]}^{abs(power)})", sign - power), 0)
     for one, two in combinations([name for name, _ in term.factors], 2):
         powers = dict(term.factors)

@@ -56,8 +56,8 @@ class Table:
 
     def picked(self, results: Mapping[str, Any]) -> Array:
         """Of results by entry those that were answered; NaN for what is missing."""
-        nothing = np.full(len(self.entries), np.nan)
-        columns = {name: nothing + np.real(results.get(name, np.nan)) for name in np.unique(self.names)}
+        zeros = np.zeros(len(self.entries))
+        columns = {name: zeros + np.real(results.get(name, np.nan)) for name in np.unique(self.names)}
         return np.array([columns[name][row] for name, row in zip(self.names, self.rows, strict=True)], dtype=float)
 
     def column(self, name: str, values: Array) -> Array:

@@ -10,7 +10,7 @@ import numpy as np
 
 from tippedisk_verify.conformance.diagnosis.dictionary import LINEAR, SMOOTH, Change, changes, system
 from tippedisk_verify.conformance.diagnosis.entries import Array, Table, fitted, tables_of
-from tippedisk_verify.conformance.diagnosis.levels import PARTS, PREDICTED, base_of, problems
+from tippedisk_verify.conformance.diagnosis.levels import PREDICTED, base_of, problems
 from tippedisk_verify.conformance.diagnosis.orbits import method, motions
 from tippedisk_verify.conformance.diagnosis.regression import Problem, Search, made
 from tippedisk_verify.conformance.diagnosis.relations import related, where
@@ -101,6 +101,9 @@ class Diagnosis:
         }
 
 
+Posed = tuple[Table, Problem]
+
+
 class _Sheet:
     """The diagnosis of one sheet: what is certain so far, and which wrong answers it explains."""
 
@@ -149,28 +152,63 @@ class _Sheet:
     def cells(self, table: Table) -> tuple[Array, Array, Array, Array]:
         return table.answer, table.truth, table.allowed, table.left
 
+    def equations(self, tables: Sequence[Table]) -> None:
+        """Look for changes of the equations of motion behind the answers of level 1."""
+        posed = [(table, one) for table in tables for one in problems(table, LINEAR)]
+        values = [(table, one) for table, one in posed if not one.name.startswith("dv")]
+        derivatives = [(table, one) for table, one in posed if one.name.startswith("dv")]
+        for table in tables:
+            self.everywhere(table, [one for own, one in values if own is table and one.wrong.any()])
+        self.searched(values, values, deep=False)
+        self.relations(tables)
+        self.searched(values, values, deep=True)
+        self.pruned(values)
+        self.lost(tables)
+        for deep in (False, True):
+            self.searched(derivatives, posed, deep)
+            self.relations(tables, mended=bool(self.changes))
+
+    def searched(self, some: Sequence[Posed], posed: Sequence[Posed], deep: bool) -> None:
+        """Look for changes behind each of some quantities; ``posed`` are all that are answered."""
+        for table, problem in some:
+            mine = table.left & (table.names == problem.name)
+            if not mine.any():
+                continue
+            self.advance(f"level {table.level}, {problem.name}", 1)
+            bases = [Values(one, problem.given) for one in self.programs(table.friction)]
+            fits = [n for n, base in enumerate(bases) if problem.fits(base)]
+            if fits[:1] == [1]:  # as under the other law
+                self.add(self.changes, table)
+            own = [(other, one) for other, one in posed if other.friction in ("both", table.friction)]
+            right = frozenset[str]().union(*(Values(bases[0].definitions, one.given).behind(one.definition) for _, one in own if not one.wrong.any()))
+            found = next((one for one in (self.search(problem, base, deep, right) for base in bases) if one), ()) if not fits else ()
+            for one in found:
+                self.add([self.best(one, table, [one for _, one in own])], table)
+            if fits or found:
+                table.left[mine] = False
+
+    def pruned(self, posed: Sequence[Posed]) -> None:
+        """Drop changes without which the others give the same answers."""
+
+        def fitting(some: dict[Change, set[str]]) -> list[bool]:
+            programs = {law: self.program(law, [one for one, laws in some.items() if laws & {law, "both"}]) for law in _LAWS}
+            return [problem.fits(Values(programs[table.friction], problem.given)) for table, problem in posed]
+
+        whole = fitting(self.changes)
+        for one in list(self.changes):
+            rest = {other: laws for other, laws in self.changes.items() if other is not one}
+            if fitting(rest) == whole:
+                self.changes = rest
+
     def regressed(self, table: Table, deep: bool) -> None:
         """Look for changes of the equations behind the quantities of a table that are wrong."""
         known, before = list(self.changes), table.left.copy()
         posed = list(problems(table, self.programs(table.friction)[0])) if table.left.any() else []
         if not deep:
             self.everywhere(table, [one for one in posed if one.wrong.any()])
-        sure = (Values(LINEAR, one.given).behind(one.definition) for one in posed if not one.wrong.any() and (one.name in PARTS or table.level > 1))
-        right = frozenset[str]().union(*sure)
-        for problem in (one for one in posed if one.wrong.any()):
-            mine = table.names == problem.name
-            self.advance(f"level {table.level}, {problem.name}", 1)
-            bases = [Values(one, problem.given) for one in self.programs(table.friction)]
-            fits = [n for n, base in enumerate(bases) if problem.fits(base)]
-            if fits[:1] == [1]:  # as under the other law
-                self.add(self.changes, table)
-            searched = (self.search(problem, base, deep, right) for base in bases if not fits)
-            found = next((one for one in searched if one), ())
-            for one in found:
-                self.add([self.best(one, table, posed)], table)
-            if fits or found:
-                table.left[mine] = False
-        if posed and table.level > 1:
+        pairs = [(table, one) for one in posed]
+        self.searched(pairs, pairs, deep)
+        if posed:
             for definitions in self.programs(table.friction):
                 self.given(table, definitions)
             alone = table.kind == "slow-manifold" and before.sum() - table.left.sum() <= (table.names == posed[0].name).sum()
@@ -266,7 +304,9 @@ class _Sheet:
             self.causes += [Cause("inputs", says)] if says else []
         if 1 < level < _FORMULAS or level > _FORMULAS:
             self.relations(tables, most=_PLAIN if level < _FORMULAS else 99.0)
-        for deep in (False, True) if level <= _FORMULAS else ():
+        if level == 1:
+            self.equations(tables)
+        for deep in (False, True) if 1 < level <= _FORMULAS else ():
             for table in tables:
                 self.regressed(table, deep)
             self.relations(tables)
