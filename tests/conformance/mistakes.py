@@ -180,12 +180,13 @@ def planted(names: tuple[str, ...], differences: tuple[bool, ...] = (), levels: 
 
 
 def drawn(seed: int, count: int, size: int) -> Iterator[tuple[str, ...]]:
-    """So many sets of kinds, none of which is hidden by the others."""
+    """So many sets of kinds of different terms, none of which is hidden by the others."""
     draws, found = Random(seed), 0
     while found < count:
         names = tuple(sorted(draws.sample(list(KINDS), size)))
         every = _first_answers(names)
-        if every and all(_first_answers(tuple(one for one in names if one != name)) != every for name in names):
+        terms = {name.split("-")[0] for name in names}
+        if every and len(terms) == size and all(_first_answers(tuple(one for one in names if one != name)) != every for name in names):
             found += 1
             yield names
 
@@ -207,8 +208,8 @@ def main() -> None:
     laws = {"none": (), "linear": (False,), "smooth": (True,), "both": (False, True)}[asked.differences]
     found = [one for names in drawn(asked.seed, asked.count, asked.size) if (one := planted(names, laws, only=asked.only))]
     for one in found:
-        if len(one.named) < len(one.names) or one.false:
-            print(*one.names, "| named:", *sorted(one.named), "| false:", *one.false, sep=" ")
+        if len(one.named) < len(one.names) or one.false or one.seconds > 3:
+            print(f"{one.seconds:.1f} s", *one.names, "| named:", *sorted(one.named), "| false:", *one.false, sep=" ")
     complete, some = (sum(test(len(one.named), len(one.names)) for one in found) for test in (int.__eq__, lambda a, _: a > 0))
     times = [one.seconds for one in found]
     print(f"{len(found)} draws of {asked.size}: {complete} named completely, {some} at least in part,", end=" ")

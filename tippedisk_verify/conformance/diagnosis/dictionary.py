@@ -270,6 +270,9 @@ def changes(values: Values, names: Iterable[str]) -> list[Change]:
             for new, says, rank in _of_term(term, len(terms) > 1 or name in _SUMS, shared) if term.number else ():
                 late = name in _LATE or (name[0] == "(" and "(" in shown(new))
                 keep(f"in {name}: {says}", rank + late, (name, index, new))
+                if rank == 0 and new[0].number:
+                    minus = (new[0].times(-1.0),)
+                    keep(f"in {name}: {shown(minus)} for {shown((term,))}", 2, (name, index, minus))
         for text, factor in _WHOLE.items() if len(terms) > 1 and name[0] != "(" else ():
             new = [term.by(factor) for term in terms]
             keep(f"{name} has {text}", 1, *((name, n, (term,)) for n, term in enumerate(new)))

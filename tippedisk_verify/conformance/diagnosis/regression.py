@@ -112,10 +112,22 @@ class Search:
             for first in here.firsts():
                 start = base.changed(first.pieces)
                 more = columns(start)
-                rest = confirmed(more.sums(1, 2), start, 1) or confirmed(more.sums(2, 1), start, 1)
+                rest = confirmed((one for size in (1, 2) for one in more.sums(size, 3 - size)), start, 1)
                 if rest or self.left <= 0:
-                    return (first, *rest) if rest else None
+                    return _merged(first, rest, base) if rest else None
         return None
+
+
+def _merged(first: Change, rest: Set, base: Values) -> Set:
+    """A change and those behind it; two changes of the same term are one, of which the result is said."""
+    merged = []
+    for change in rest:
+        name, index, new = change.pieces[0]
+        if index is not None and (name, index) in first.places:
+            change = Change(change.pieces, f"in {name}: {shown(new)} for {shown((base.terms(name)[index],))}", change.rank)
+        merged.append(change)
+    hidden = all(any(place in change.places for change in rest) for place in first.places)
+    return tuple(merged) if hidden else (first, *merged)
 
 
 class _Columns:

@@ -153,39 +153,42 @@ class _Sheet:
         return table.answer, table.truth, table.allowed, table.left
 
     def equations(self, tables: Sequence[Table]) -> None:
-        """Look for changes of the equations of motion behind the answers of level 1."""
-        posed = [(table, one) for table in tables for one in problems(table, LINEAR)]
-        values = [(table, one) for table, one in posed if not one.name.startswith("dv")]
-        derivatives = [(table, one) for table, one in posed if one.name.startswith("dv")]
+        """Look for changes of the equations of motion behind the answers of level 1, in the order of the equations."""
+        posed = [(table, problem) for table in tables for problem in problems(table, LINEAR)]
+        values = [(table, problem) for table, problem in posed if not problem.name.startswith("dv")]
         for table in tables:
-            self.everywhere(table, [one for own, one in values if own is table and one.wrong.any()])
-        self.searched(values, values, deep=False)
-        self.relations(tables)
-        self.searched(values, values, deep=True)
+            self.everywhere(table, values)
+        self.searched(values, values)
         self.pruned(values)
         self.lost(tables)
-        for deep in (False, True):
-            self.searched(derivatives, posed, deep)
-            self.relations(tables, mended=bool(self.changes))
+        self.relations(tables, mended=bool(self.changes))
+        self.searched([pair for pair in posed if pair not in values], posed)
 
-    def searched(self, some: Sequence[Posed], posed: Sequence[Posed], deep: bool) -> None:
+    def searched(self, some: Sequence[Posed], posed: Sequence[Posed]) -> None:
         """Look for changes behind each of some quantities; ``posed`` are all that are answered."""
         for table, problem in some:
             mine = table.left & (table.names == problem.name)
             if not mine.any():
                 continue
             self.advance(f"level {table.level}, {problem.name}", 1)
-            bases = [Values(one, problem.given) for one in self.programs(table.friction)]
-            fits = [n for n, base in enumerate(bases) if problem.fits(base)]
-            if fits[:1] == [1]:  # as under the other law
+            bases = [Values(program, problem.given) for program in self.programs(table.friction)]
+            fits = [problem.fits(base) for base in bases]
+            if not any(fits):
+                right = self.right(table, posed)
+                sets = (self.search(problem, base, deep, right) for deep in (False, True) for base in bases)
+                for change in next((found for found in sets if found), ()):
+                    self.add([self.best(change, table, posed)], table)
+                    fits = [True]
+            elif not fits[0] and fits[1]:  # as under the other law
                 self.add(self.changes, table)
-            own = [(other, one) for other, one in posed if other.friction in ("both", table.friction)]
-            right = frozenset[str]().union(*(Values(bases[0].definitions, one.given).behind(one.definition) for _, one in own if not one.wrong.any()))
-            found = next((one for one in (self.search(problem, base, deep, right) for base in bases) if one), ()) if not fits else ()
-            for one in found:
-                self.add([self.best(one, table, [one for _, one in own])], table)
-            if fits or found:
+            if any(fits):
                 table.left[mine] = False
+
+    def right(self, table: Table, posed: Sequence[Posed]) -> frozenset[str]:
+        """The definitions behind right answers under a table's law."""
+        definitions = self.programs(table.friction)[0]
+        own = (problem for other, problem in posed if other.friction in ("both", table.friction) and not problem.wrong.any())
+        return frozenset[str]().union(*(Values(definitions, problem.given).behind(problem.definition) for problem in own))
 
     def pruned(self, posed: Sequence[Posed]) -> None:
         """Drop changes without which the others give the same answers."""
@@ -200,48 +203,49 @@ class _Sheet:
             if fitting(rest) == whole:
                 self.changes = rest
 
-    def regressed(self, table: Table, deep: bool) -> None:
-        """Look for changes of the equations behind the quantities of a table that are wrong."""
+    def regressed(self, table: Table) -> None:
+        """Look for changes of the equations behind the quantities of a table of levels 2 to 5."""
         known, before = list(self.changes), table.left.copy()
-        posed = list(problems(table, self.programs(table.friction)[0])) if table.left.any() else []
-        if not deep:
-            self.everywhere(table, [one for one in posed if one.wrong.any()])
-        pairs = [(table, one) for one in posed]
-        self.searched(pairs, pairs, deep)
-        if posed:
-            for definitions in self.programs(table.friction):
-                self.given(table, definitions)
-            alone = table.kind == "slow-manifold" and before.sum() - table.left.sum() <= (table.names == posed[0].name).sum()
-            if table.left.any() and (table.kind == "equilibrium" or alone):  # one part alone proves nothing
-                self.changes = {one: laws for one, laws in self.changes.items() if one in known}
+        posed = [(table, problem) for problem in problems(table, self.programs(table.friction)[0])] if table.left.any() else []
+        self.everywhere(table, posed)
+        self.searched(posed, posed)
+        for definitions in self.programs(table.friction) if posed else ():
+            self.given(table, definitions)
+        if posed and table.left.any():
+            alone = table.kind == "slow-manifold" and before.sum() - table.left.sum() <= (table.names == posed[0][1].name).sum()
+            if table.kind == "equilibrium" or alone:  # one part alone proves nothing
+                self.changes = {change: laws for change, laws in self.changes.items() if change in known}
                 table.left[:] = before
-            elif table.kind == "slow-manifold" and table.left.any():
-                self.regressed(table, deep)  # the next order
+            elif table.kind == "slow-manifold":
+                self.regressed(table)  # the next order
 
-    def best(self, change: Change, table: Table, posed: Sequence[Problem]) -> Change:
+    def best(self, change: Change, table: Table, posed: Sequence[Posed]) -> Change:
         """Of a change and those with the same effect on one quantity the one that explains most of the others."""
+
         def score(one: Change) -> int:
             program = self.program(table.friction, [*self.changes, one])
             if table.level == 1:
-                return sum(problem.fits(Values(program, problem.given)) for problem in posed)
+                own = (problem for other, problem in posed if other.friction in ("both", table.friction))
+                return sum(problem.fits(Values(program, problem.given)) for problem in own)
             tried = replace(table, left=table.left.copy())
             self.given(tried, program)
             return -int(tried.left.sum())
 
         return max((change, *change.others[:_ALIKE]), key=score) if change.others else change
 
-    def everywhere(self, table: Table, wrong: Sequence[Problem]) -> None:
+    def everywhere(self, table: Table, posed: Sequence[Posed]) -> None:
         """Make changes of a symbol or of an input that explain several quantities at once."""
+        right, wrong = self.right(table, posed), [problem for own, problem in posed if own is table and problem.wrong.any()]
         while len(wrong) > 1:
             program = self.programs(table.friction)[0]
             left = [(problem, Values(program, problem.given)) for problem in wrong]
             left = [(problem, values) for problem, values in left if not problem.fits(values)]
             counts: dict[Change, int] = {}
             for problem, values in left if len(left) > 1 else ():
-                for one in changes(values, values.behind(problem.definition)):
-                    if one.pieces[0][1] is None and problem.fits(values.changed(one.pieces)):
-                        counts[one] = counts.get(one, 0) + 1
-            best = max(counts, key=lambda one: (counts[one], -one.rank, -len(one.says)), default=None)
+                for change in changes(values, values.behind(problem.definition) - right):
+                    if change.pieces[0][1] is None and problem.fits(values.changed(change.pieces)):
+                        counts[change] = counts.get(change, 0) + 1
+            best = max(counts, key=lambda change: (counts[change], -change.rank, -len(change.says)), default=None)
             if best is None or counts[best] < 2:
                 return
             self.add([best], table)
@@ -306,11 +310,10 @@ class _Sheet:
             self.relations(tables, most=_PLAIN if level < _FORMULAS else 99.0)
         if level == 1:
             self.equations(tables)
-        for deep in (False, True) if 1 < level <= _FORMULAS else ():
-            for table in tables:
-                self.regressed(table, deep)
-            self.relations(tables)
-            self.lost(tables)
+        for table in tables if 1 < level <= _FORMULAS else ():
+            self.regressed(table)
+        self.relations(tables)
+        self.lost(tables if level <= _FORMULAS else ())
         if len(self.changes):
             self.relations(tables, mended=True)
         for table in tables if level == _FORMULAS + 1 else ():
