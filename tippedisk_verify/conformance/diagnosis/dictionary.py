@@ -227,6 +227,11 @@ class Change:
         return self.rank, self.pieces[0][1] is not None or self.pieces[0][0][0] == "(", "term" not in self.says, len(self.says)
 
     @property
+    def whole(self) -> bool:
+        """Whether it defines a symbol otherwise, and is no change of inputs."""
+        return self.pieces[0][1] is None and not self.says.startswith("the inputs")
+
+    @property
     def places(self) -> list[tuple[str, int | None]]:
         """The definitions that it changes, and which of their terms."""
         return [(name, index) for name, index, _ in self.pieces]
@@ -298,7 +303,7 @@ def _replacements(term: Term, several: bool, local: Mapping[str, Iterable[str]])
     if several:
         yield (NOTHING,), f"the term {shown((term,))} is missing", 0
         yield (term.times(2.0),), f"the term {shown((term,))} is doubled", 2
-    yield (term.times(-1.0),), f"the sign of {shown((term,))}", 0
+    yield (term.times(-1.0),), f"the sign of {shown((term,))}", 0 if several else 1
     size, plain = abs(term.number), 1 if len(term.factors) == 1 else 0
     numbers = {0.5: 1, 2.0: 1, 1.5: 2, 2 / 3: 2, 1 / 3: 2, 4.0: 2, 0.25: 2, 3.0: 2}
     for number, rank in numbers.items():

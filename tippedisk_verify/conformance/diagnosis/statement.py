@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
+
+from itertools import product
 
 import numpy as np
 
@@ -122,12 +124,16 @@ class _Sheet:
         early = made(Values(definitions, {}), (one for one in some if one not in late))
         return dict(made(Values(system(early.definitions), {}), late).definitions) if some else dict(definitions)
 
-    def programs(self, law: str) -> list[dict[str, Any]]:
-        """The programs that answers may come from: mended, as under the other law, as at level 1, right."""
-        own = [one for one, laws in self.changes.items() if laws & {law, "both"}]
-        first = [one for one in self.changes if self.levels[one] == 1]
-        some = [self.program(law, one) for one in (own, self.changes, first, ())]
+    def candidates(self, law: str) -> list[list[Change]]:
+        """The changes that answers may come with: those of their law, all, those of level 1, none."""
+        own = [change for change, laws in self.changes.items() if laws & {law, "both"}]
+        first = [change for change in self.changes if self.levels.get(change, 1) == 1]
+        some = [own, list(self.changes), first, []]
         return [one for n, one in enumerate(some) if one not in some[:n]]
+
+    def programs(self, law: str) -> list[dict[str, Any]]:
+        """The programs with these changes, the likeliest first."""
+        return [self.program(law, some) for some in self.candidates(law)]
 
     def add(self, some: Iterable[Change], table: Table) -> None:
         """Make changes certain for the law of a table."""
@@ -171,18 +177,22 @@ class _Sheet:
             if not mine.any():
                 continue
             self.advance(f"level {table.level}, {problem.name}", 1)
-            bases = [Values(program, problem.given) for program in self.programs(table.friction)]
-            fits = [problem.fits(base) for base in bases]
-            if not any(fits):
-                right = self.right(table, posed)
-                sets = (self.search(problem, base, deep, right) for deep in (False, True) for base in bases)
-                for change in next((found for found in sets if found), ()):
-                    self.add([self.best(change, table, posed)], table)
-                    fits = [True]
-            elif not fits[0] and fits[1]:  # as under the other law
-                self.add(self.changes, table)
-            if any(fits):
+            found = self.explained(table, problem, posed)
+            if found is not None:
+                self.add(found, table)
                 table.left[mine] = False
+
+    def explained(self, table: Table, problem: Problem, posed: Sequence[Posed]) -> list[Change] | None:
+        """Return the changes that give the answers to a quantity, or None; those that are known already come first."""
+        bases = [(some, Values(self.program(table.friction, some), problem.given)) for some in self.candidates(table.friction)]
+        for some, base in bases:
+            if problem.fits(base):
+                return some
+        right = self.right(table, posed)
+        for deep, (some, base) in product((False, True), bases):
+            if found := self.search(problem, base, deep, right):
+                return [*some, *(self.best(change, table, posed) for change in found)]
+        return None
 
     def right(self, table: Table, posed: Sequence[Posed]) -> frozenset[str]:
         """The definitions behind right answers under a table's law."""
@@ -191,17 +201,20 @@ class _Sheet:
         return frozenset[str]().union(*(Values(definitions, problem.given).behind(problem.definition) for problem in own))
 
     def pruned(self, posed: Sequence[Posed]) -> None:
-        """Drop changes without which the others give the same answers."""
+        """Drop changes without which the others, or one of the same effect in place of another, give the same answers."""
+        fitting = [self.fits(self.changes, *pair) for pair in posed]
+        for change in list(self.changes):
+            for one in (change, *change.others[:_ALIKE]):
+                some = {one if other is change else other: laws for other, laws in self.changes.items()}
+                for dropped in (other for other in list(some) if other is not one or one is change):
+                    rest = {other: laws for other, laws in some.items() if other is not dropped}
+                    if change in self.changes and all(self.fits(rest, *pair) for pair, fits in zip(posed, fitting, strict=True) if fits):
+                        self.changes, self.levels[one] = rest, self.levels[change]
 
-        def fitting(some: dict[Change, set[str]]) -> list[bool]:
-            programs = {law: self.program(law, [one for one, laws in some.items() if laws & {law, "both"}]) for law in _LAWS}
-            return [problem.fits(Values(programs[table.friction], problem.given)) for table, problem in posed]
-
-        whole = fitting(self.changes)
-        for one in list(self.changes):
-            rest = {other: laws for other, laws in self.changes.items() if other is not one}
-            if fitting(rest) == whole:
-                self.changes = rest
+    def fits(self, some: Mapping[Change, set[str]], table: Table, problem: Problem) -> bool:
+        """Return True if the program with some changes gives the answers to a quantity."""
+        own = (change for change, laws in some.items() if laws & {table.friction, "both"})
+        return problem.fits(made(Values(SMOOTH if table.friction == "smooth" else LINEAR, problem.given), own))
 
     def regressed(self, table: Table) -> None:
         """Look for changes of the equations behind the quantities of a table of levels 2 to 5."""
@@ -243,7 +256,7 @@ class _Sheet:
             counts: dict[Change, int] = {}
             for problem, values in left if len(left) > 1 else ():
                 for change in changes(values, values.behind(problem.definition) - right):
-                    if change.pieces[0][1] is None and problem.fits(values.changed(change.pieces)):
+                    if change.pieces[0][1] is None and change.rank <= 2 and problem.fits(values.changed(change.pieces)):
                         counts[change] = counts.get(change, 0) + 1
             best = max(counts, key=lambda change: (counts[change], -change.rank, -len(change.says)), default=None)
             if best is None or counts[best] < 2:
@@ -254,8 +267,11 @@ class _Sheet:
         """Take out quantities that a program gives up to the digits that a method loses."""
         lost: dict[int, set[str]] = {}
         for table in (table for table in tables if table.level <= _FORMULAS and table.left.any()):
+            self.given(table, self.programs(table.friction)[0])
+            expected = self.expected(table)
+            size = np.abs(table.answer - expected) / np.maximum(np.abs(expected), table.scale)
             for stem in np.unique(table.stems[table.left]):
-                mine, size = table.stems == stem, np.abs(table.answer - self.expected(table)) / table.scale
+                mine = table.stems == stem
                 if np.median(size[mine]) < _LOST[0] and size[mine].max() < _LOST[1] and table.left[mine].mean() > _LOST[2]:
                     law = f" ({table.friction} law)" if table.friction != "both" else ""
                     lost.setdefault(int(-np.log10(np.median(size[mine]) + 1e-16)), set()).add(f"{stem}{law}")
