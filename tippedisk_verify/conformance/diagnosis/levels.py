@@ -159,6 +159,7 @@ def orders(values: Values, last: int, closed: bool = True) -> tuple[list[Array],
         found |= {"dh_last": _slope(h[n - 1], 1), "h_zero": h[0], "dh_zero": _slope(h[0], 1), "dh_other": slopes[-1]}
         found |= {"h_h_last": h[n - 1] ** 2, "h_h_zero": h[0] * h[n - 1], "h_dh_zero": h[0] * slopes[-1]}
         found |= {"h_h_own": sum(a**2 for a in h[:n]), "h_dh_own": sum(a * b for a, b in zip(h, slopes, strict=False))}
+        found["h_dh_last"] = h[n - 1] * slopes[-1]
         return {**found, "h_dh_short": sum(products[:-1]) + 0 * h[0], "first": np.float64(n == 1)}
 
     base["recursion_parts"]  # kept for all orders

@@ -111,7 +111,7 @@ def _moved(table: Table, truths: Mapping[str, float]) -> Iterator[tuple[float, s
         yield 3, f"{{q}} counts crossings in one direction only ({text}, ...)", [re.sub(r"(?<=#)\d+$", lambda m, shift=shift: str(2 * int(m[0]) - shift), x) for x in table.ids]
 
 
-def _predicted(table: Table, truths: Mapping[str, float], answers: Mapping[str, Array]) -> Iterator[tuple[float, str, Array]]:
+def _predicted(table: Table, truths: Mapping[str, float]) -> Iterator[tuple[float, str, Array]]:
     """Rank, what is said (with {q} for the quantity), and what is predicted, NaN where there is nothing to compare with."""
     x, epsilon = table.truth, table.given["epsilon"][table.rows]
     for rank, functions in _OF_VALUE.items():
@@ -180,15 +180,14 @@ def _rounded(table: Table) -> Iterator[tuple[float, str, Array]]:
 
 
 @np.errstate(all="ignore")
-def related(table: Table, truths: Mapping[str, float]) -> dict[str, tuple[float, str, Array]]:
-    """The simplest relation of each quantity whose wrong answers it gives: rank, what is said, and which these are.
+def related(table: Table, truths: Mapping[str, float]) -> Iterator[tuple[float, str, str, Array]]:
+    """Yield the relations that give the wrong answers to a quantity: rank, what is said, its name, and which these are.
 
     ``truths`` are the right values by id, of this and of other tables.
     """
     stems, group = np.unique(table.stems, return_inverse=True)
     wrong, sides = np.bincount(group, table.left), list(_conditions(table))
-    found: dict[str, tuple[float, str, Array]] = {}
-    for rank, says, predicted in _predicted(table, truths, {}) if table.left.any() else ():
+    for rank, says, predicted in _predicted(table, truths) if table.left.any() else ():
         known = np.isfinite(predicted)
         fits = fitted(table.answer, table.truth, table.allowed, table.left, predicted) & known
         mine, against = fits & table.left, known & ~fits
@@ -198,11 +197,10 @@ def related(table: Table, truths: Mapping[str, float]) -> dict[str, tuple[float,
         enough = (explained == wrong) | ((explained >= _COVERED * wrong) & (explained >= _FEW))
         for n in np.flatnonzero(enough & (told > _EVIDENCE) & (spoken == 0)).tolist():
             here = group == n
-            held = next((text for text, mask in sides if not (here & np.where(mask, against, table.left)).any()), None)
-            total = rank + 5 * bool(held)
-            if held is not None and total < found.get(stems[n], (99.0,))[0]:
-                found[str(stems[n])] = total, says + held, here & table.left
-    return found
+            for text, mask in sides:
+                if not (here & np.where(mask, against, table.left)).any():
+                    yield rank + 5 * bool(text), says + text, str(stems[n]), here & table.left
+                    break
 
 
 def _conditions(table: Table) -> Iterator[tuple[str, Array]]:

@@ -24,6 +24,7 @@ __all__ = ["Cause", "Diagnosis", "diagnosed"]
 
 _BUDGET = 25_000  # changes evaluated for a sheet, some two seconds
 _LOST = (1e-5, 1e-2, 0.3)  # of the size: what a method may lose, in the median and at most; share of wrong answers
+_SAFETY = 4.0  # times: how much larger the errors of a mended program may be than those of the right one
 _ALIKE = 12  # changes with the same effect on a quantity that are tried on the others
 _PLAIN = 3.9  # rank of the relations that come before changes of equations, at levels 2 to 4
 _WHOLE = 3  # quantities with the same relation, before changes are looked for
@@ -115,6 +116,7 @@ class _Sheet:
         self.advance, self.search = advance, Search(_BUDGET)
         self.changes: dict[Change, set[str]] = {}  #: of the equations, by the friction laws that have them
         self.levels: dict[Change, int] = {}
+        self.errors: dict[Table, Array] = {}
         self.causes: list[Cause] = []  #: of this level, other than changes
 
     def program(self, law: str, some: Iterable[Change]) -> dict[str, Any]:
@@ -146,7 +148,9 @@ class _Sheet:
         for says, predict in PREDICTED.get(table.kind, {}).items():
             if table.left.any() and plain != bool(says.strip()):
                 with np.errstate(all="ignore"):
-                    fits = fitted(*self.cells(table), table.picked(predict(base_of(definitions, table))))
+                    room = table.allowed + self.own_errors(table)
+                    predicted = table.picked(predict(base_of(definitions, table)))
+                    fits = fitted(table.answer, table.truth, room, table.left, predicted)
                 if not plain and fits.all():
                     table.left[:] = False
                     return says
@@ -155,8 +159,14 @@ class _Sheet:
                     table.left[mine] = not fits[mine].all()
         return ""
 
-    def cells(self, table: Table) -> tuple[Array, Array, Array, Array]:
-        return table.answer, table.truth, table.allowed, table.left
+    def own_errors(self, table: Table) -> Array:
+        """The errors of what the right program predicts of the slow manifold, which is differentiated many times."""
+        if table.kind != "slow-manifold":
+            return 0.0 * table.truth
+        if table not in self.errors:
+            right = table.picked(PREDICTED[table.kind][""](base_of(LINEAR, table)))
+            self.errors[table] = _SAFETY * np.nan_to_num(np.abs(right - table.truth))
+        return self.errors[table]
 
     def equations(self, tables: Sequence[Table]) -> None:
         """Look for changes of the equations of motion behind the answers of level 1, in the order of the equations."""
@@ -189,7 +199,7 @@ class _Sheet:
             if problem.fits(base):
                 return some
         right = self.right(table, posed)
-        for deep, (some, base) in product((False, True), bases):
+        for deep, (some, base) in product((False, True)[: 2 if table.level == 1 else 1], bases):
             if found := self.search(problem, base, deep, right):
                 return [*some, *(self.best(change, table, posed) for change in found)]
         return None
@@ -244,7 +254,8 @@ class _Sheet:
             self.given(tried, program)
             return -int(tried.left.sum())
 
-        return max((change, *change.others[:_ALIKE]), key=score) if change.others else change
+        alike = () if table.kind == "slow-manifold" else change.others[:_ALIKE]  # whose prediction takes long
+        return max((change, *alike), key=score) if alike else change
 
     def everywhere(self, table: Table, posed: Sequence[Posed]) -> None:
         """Make changes of a symbol or of an input that explain several quantities at once."""
@@ -286,29 +297,36 @@ class _Sheet:
             predicted = table.picked(PREDICTED[table.kind][""](base_of(self.programs(table.friction)[0], table)))
         return np.where(np.isfinite(predicted), predicted, table.truth)
 
-    def relations(self, tables: Sequence[Table], mended: bool = False, whole: bool = False, most: float = 99.0) -> None:
+    def relations(self, tables: Sequence[Table], mended: bool = False, most: float = 99.0) -> None:
         """Take out quantities whose answers are related to right ones, or to those of the mended program.
+
+        A relation of many quantities comes before one of few. Eigenvalues belong together: all are explained, or none.
 
         Args:
             tables: The tables of a level.
             mended: Take the values of the mended program for right.
-            whole: Only if one relation holds for all that is wrong.
             most: The highest rank.
         """
-        truths, some = dict(self.truths), list(tables)
+        truths, some = dict(self.truths), [table for table in tables if table.left.any()]
         if mended:
-            some = [replace(table, truth=self.expected(table)) for table in tables if table.kind in PREDICTED]
+            some = [replace(table, truth=self.expected(table)) for table in some if table.kind in PREDICTED]
             truths |= {id_: x for table in some for id_, x in zip(table.ids, table.truth.tolist(), strict=True)}
-        found = [(table, stem, *one) for table in some for stem, one in related(table, truths).items()]
-        found = [one for one in found if one[2] <= most]
-        total = {(table.friction, stem) for table in tables for stem in table.stems[table.left]}
-        if whole and (len(total) < _WHOLE or len(found) < len(total) or len({one[3] for one in found}) > 1):
-            return
-        groups: dict[str, list[tuple[str, str]]] = {}
-        for table, stem, _, says, mine in found:
-            groups.setdefault(says, []).append((table.friction, stem))
-            table.left[mine] = False
-        self.causes += [Cause("relation", _said(says, stems, total)) for says, stems in groups.items()]
+        found = [(rank, says, table, stem, mine) for table in some for rank, says, stem, mine in related(table, truths) if rank <= most]
+        groups: dict[str, list[tuple[float, str, Table, str, Array]]] = {}
+        for one in found:
+            groups.setdefault(one[1], []).append(one)
+        before, causes = [(table, table.left.copy()) for table in tables], list(self.causes)
+        for says, group in sorted(groups.items(), key=lambda item: (-len(item[1]), min(one[0] for one in item[1]))):
+            new = [one for one in group if one[2].left[one[4]].all()]
+            if new:
+                total = {(table.friction, stem) for table in tables for stem in np.unique(table.stems)}
+                self.causes.append(Cause("relation", _said(says, [(one[2].friction, one[3]) for one in new], total)))
+            for one in new:
+                one[2].left[one[4]] = False
+        if any(table.kind == "equilibrium" and table.left.any() for table in tables):
+            self.causes = causes
+            for table, left in before:
+                table.left[:] = left
 
     def level(self, level: int, grades: Sequence[Grade]) -> Diagnosis:
         """Diagnose one level; mistakes that are named at earlier ones are made in the program."""
@@ -318,17 +336,17 @@ class _Sheet:
             for definitions in self.programs(table.friction)[:-1]:
                 self.given(table, definitions) if level <= _FORMULAS else motions(table, definitions)
         follows = numbers - sum(int(table.left.sum()) for table in tables)
-        self.relations(tables, whole=True)
+        if level > 1:
+            self.relations(tables, most=_PLAIN)
         for table in tables:
             says = self.given(table, self.programs(table.friction)[0], plain=False)
             self.causes += [Cause("inputs", says)] if says else []
-        if 1 < level < _FORMULAS or level > _FORMULAS:
-            self.relations(tables, most=_PLAIN if level < _FORMULAS else 99.0)
         if level == 1:
             self.equations(tables)
         for table in tables if 1 < level <= _FORMULAS else ():
             self.regressed(table)
-        self.relations(tables)
+        if level > 1:
+            self.relations(tables)
         self.lost(tables if level <= _FORMULAS else ())
         if len(self.changes):
             self.relations(tables, mended=True)
