@@ -50,8 +50,8 @@ transversality = rate_real
 first_lyapunov_coefficient = c_real / omega
 amplitude_squared_slope = 4 q_beta^2 rate_real / c_real
 period_slope = -2 pi c_imag rate_real / c_real / omega^2 + 2 pi rate_imag / omega^2
-chi = A (r - 2 e) - 1/2 Bbar bracket / (r + e)
-bracket = 2 r^2 + e (r + e) - consistent e^2
+chi = A (r - 2 e) - 1/2 Bbar bracket / (r + e) + 1/2 consistent Bbar e^2 / (r + e)
+bracket = 2 r^2 + e (r + e)
 delta = -1/8 Omega^2 (r - e + consistent e) / (r + e)
 excess = Bbar r Omega^2 - m g (r + e)^2
 denominator = chi Omega^2 + m g e (r + e)
@@ -131,13 +131,24 @@ REDEFINED: dict[str, tuple[str, ...]] = {
                   "-mu m g gamma_y / (abs(gamma_y) + epsilon)", "-mu m g gamma_y / abs(gamma_y) - epsilon",
                   "-mu m g gamma_y / abs(gamma_y) - mu m g epsilon", "-mu m g (1 - exp((-1 gamma_y / epsilon)))",
                   "-mu m g gamma_y / abs(gamma_y) + epsilon"),
-    "sin(beta)": ("sin(2 beta)", "sin(1/2 beta)"), "bracket": ("2 r^2 + e r", "2 r^2", "2 r^2 + e (r + e)"),
+    "sin(beta)": ("sin(2 beta)", "sin(1/2 beta)"), "bracket": ("2 r^2 + e r", "2 r^2"),
+    "denominator": ("chi omega_crit_squared + m g e (r + e)",),
+    "amplitude_squared": ("-4 e^2 excess / denominator / (r + e)^2",),
+    "frequency_squared": ("e omega_crit_squared / (r + e) - 1/8 omega_crit_squared (r - e + consistent e) answered_squared / (r + e)",
+                          "e omega_crit_squared / (r + e) + delta answered_squared"),
+    "omega_crit_squared": ("m g (r + 2 e) / Bbar",), "period_slope": ("c_imag rate_real / c_real - rate_imag",),
+    "residual": ("epsilon slope_beta v + epsilon slope_gamma gamma_rate - epsilon h - epsilon f_G + drag v - drag h_0",
+                 "slope_beta v + slope_gamma gamma_rate - h / M - f_G / M + drag v / M / epsilon - drag h_0 / M / epsilon",
+                 "epsilon slope_beta v + epsilon slope_gamma gamma_rate - epsilon h / M - epsilon f_G / M"),
 }  # fmt: skip
 _FORM = ("g_gamma", "g_v", "rate_21", "rate_31", "rate_32")  #: what the normal form at the Hopf point is made of
 _PAIRS = [f"{name}_{part}" for name in _FORM for part in ("real", "imag")]
 #: Other inputs, by what is said.
 INPUTS: dict[str, dict[str, str]] = {
     "the adjoint eigenvector p is not scaled to p q = 1": {name: f"given(bare_{name})" for name in _PAIRS},
+    "the adjoint eigenvector p is (i omega (i omega - A_33), A_32, i omega), not scaled to p q = 1": {
+        name: f"given(raw_{name})" for name in _PAIRS
+    },
     "the adjoint eigenvector is scaled by the conjugate of p q": {name: f"given(turned_{name})" for name in _PAIRS},
     "the eigenvector q in place of the adjoint one": {name: f"given(right_{name})" for name in _PAIRS},
     "A and B exchanged": {"A": "given(B)", "B": "given(A)"},
@@ -224,7 +235,7 @@ class Change:
     @property
     def order(self) -> tuple[int, bool, bool, int]:
         """What changes with the same effect are sorted by: the likelier, a missing term, the shorter."""
-        return self.rank, self.pieces[0][1] is not None or self.pieces[0][0][0] == "(", "term" not in self.says, len(self.says)
+        return self.rank, self.pieces[0][1] is not None or self.pieces[0][0][0] == "(", "term" not in self.says, -(self.pieces[0][1] or 0)
 
     @property
     def whole(self) -> bool:

@@ -30,7 +30,7 @@ _IDENTITIES = {
 }
 _TINY = 1e-30  #: [rad/s], of imaginary steps
 _ORDERS = range(6)
-_NODES, _RADIUS = 12, 0.08  #: of the circles [rad] on which the slow manifold is differentiated
+_NODES, _RADIUS = 16, 0.09  #: of the circles [rad] on which the slow manifold is differentiated
 _TURN = np.exp(2j * np.pi * np.arange(_NODES) / _NODES)
 
 
@@ -105,13 +105,14 @@ def normal_form(values: Values, speed: Array) -> dict[str, Array]:
     omega = np.sqrt(-j[:, 2, 0])
     q = np.array([1j * omega, j[:, 1, 0], -(omega**2)])
     p = np.array([1j * omega * (1j * omega - j[:, 2, 2]), j[:, 2, 1] + 0j, 1j * omega])
+    raw = p
     q, p = (x / np.sqrt((np.abs(x) ** 2).sum(axis=0)) for x in (q, p))
     c = [_cubic(values, speed, x) for x in (q + q.conj(), q - q.conj(), q.conj())]
     cubic, product = (c[0] - c[1] - 2 * c[2]) / 6, (p * q).sum(axis=0)
     by_speed = matrix(values, Omega=speed + _TINY * 1j).imag / _TINY
     found = {"hopf_speed": speed, "derived_omega": omega}
     found |= {f"q_{name}": np.abs(x) for name, x in zip(("beta", "gamma", "v"), q, strict=True)}
-    for prefix, a in {"": p / product, "bare_": p, "turned_": p / product.conj(), "right_": q.conj()}.items():
+    for prefix, a in {"": p / product, "bare_": p, "raw_": raw, "turned_": p / product.conj(), "right_": q.conj()}.items():
         sums = {"g_gamma": a[1] * cubic[0], "g_v": a[2] * cubic[1], "rate_21": a[1] * by_speed[:, 1, 0] * q[0]}
         sums |= {f"rate_3{n + 1}": a[2] * by_speed[:, 2, n] * q[n] for n in (0, 1)}
         found |= {f"{prefix}{name}_{part}": of(z) for name, z in sums.items() for part, of in (("real", np.real), ("imag", np.imag))}
@@ -134,15 +135,21 @@ def harmonic(values: Values) -> Results:
     return {"amplitude": np.sqrt(square), "frequency": frequency, "period": 2 * np.pi / frequency}
 
 
-def _slope(f: Array, axis: int) -> Array:
-    """The derivative by beta (axis 0) or gamma (1) of a function that is known on circles about a state."""
+def _slope(f: Array, axis: int, radius: Array) -> Array:
+    """The derivative by beta (axis 0) or gamma (1) of a function that is known on circles about each state."""
     k, shape = np.arange(_NODES), [-1 if n == axis else 1 for n in range(3)]
-    return np.asarray(np.fft.ifft(np.fft.fft(f, axis=axis) * k.reshape(shape), axis=axis) / (_RADIUS * _TURN.reshape(shape)))
+    return np.asarray(np.fft.ifft(np.fft.fft(f, axis=axis) * k.reshape(shape), axis=axis) / (radius * _TURN.reshape(shape)))
+
+
+def radius_of(values: Values) -> Array:
+    """The radius of the circles about each state: small where sin(beta) = 0, which h_0 and what follows diverge at, is near."""
+    return np.asarray(_RADIUS * np.abs(np.sin(values["beta"])))
 
 
 def orders(values: Values, last: int, closed: bool = True) -> tuple[list[Array], Callable[[int], dict[str, Any]]]:
     """The orders of the slow manifold on circles about each state, and what goes into the recursion for each."""
-    shifts = _RADIUS * _TURN[:, None, None], _RADIUS * _TURN[None, :, None]
+    radius = radius_of(values)
+    shifts = radius * _TURN[:, None, None], radius * _TURN[None, :, None]
     state = {x: values[x] + shift for x, shift in zip(("beta", "gamma"), shifts, strict=True)}
     definitions = {name: terms for name, terms in values.definitions.items() if name not in state}
     base, rest = (Values(definitions, {**values.given, **state, "v": v}) for v in (1.0, 0.0))
@@ -153,10 +160,10 @@ def orders(values: Values, last: int, closed: bool = True) -> tuple[list[Array],
     h = [base["h_0"] + 0 * drag]
 
     def sums(n: int) -> dict[str, Any]:
-        slopes, back = [_slope(one, 0) for one in h[:n]], list(reversed(h[:n]))
+        slopes, back = [_slope(one, 0, radius) for one in h[:n]], list(reversed(h[:n]))
         products = [a * b for a, b in zip(back, slopes, strict=True)]
         found = {"h_h": sum(a * b for a, b in zip(h, back, strict=False)), "h_dh": sum(products), "h_last": h[n - 1]}
-        found |= {"dh_last": _slope(h[n - 1], 1), "h_zero": h[0], "dh_zero": _slope(h[0], 1), "dh_other": slopes[-1]}
+        found |= {"dh_last": _slope(h[n - 1], 1, radius), "h_zero": h[0], "dh_zero": _slope(h[0], 1, radius), "dh_other": slopes[-1]}
         found |= {"h_h_last": h[n - 1] ** 2, "h_h_zero": h[0] * h[n - 1], "h_dh_zero": h[0] * slopes[-1]}
         found |= {"h_h_own": sum(a**2 for a in h[:n]), "h_dh_own": sum(a * b for a, b in zip(h, slopes, strict=False))}
         found["h_dh_last"] = h[n - 1] * slopes[-1]
@@ -173,7 +180,7 @@ def manifold(values: Values, closed: bool = True) -> Results:
     h, _ = orders(values, _ORDERS[-1], closed)
     found = {f"h_{n}": _centre(one) for n, one in enumerate(h)}
     name = "residual" if closed else "residual_of_v_rate"
-    sums = [Values(values.definitions, {**values.given, **_partial(values["epsilon"], h[: n + 1])}) for n in _ORDERS]
+    sums = [Values(values.definitions, {**values.given, **_partial(values, h[: n + 1])}) for n in _ORDERS]
     return found | {f"residual_{n}": one[name] for n, one in enumerate(sums)}
 
 
@@ -181,10 +188,10 @@ def _centre(x: Any) -> Any:
     return x.mean(axis=(0, 1)).real if np.ndim(x) == 3 else x
 
 
-def _partial(epsilon: Array, h: list[Array]) -> dict[str, Array]:
+def _partial(values: Values, h: list[Array]) -> dict[str, Array]:
     """v and its derivatives by the series up to an order, and those of its last term and without it."""
-    found = {}
-    for name, of in {"v": lambda x: x, "slope_beta": lambda x: _slope(x, 0), "slope_gamma": lambda x: _slope(x, 1)}.items():
+    epsilon, radius, found = values["epsilon"], radius_of(values), {}
+    for name, of in {"v": lambda x: x, "slope_beta": partial(_slope, axis=0, radius=radius), "slope_gamma": partial(_slope, axis=1, radius=radius)}.items():
         terms = [epsilon**k * _centre(of(one)) for k, one in enumerate(h)]
         found |= {name: sum(terms), f"{name}_last": terms[-1], f"{name}_before": sum(terms[:-1]) + 0 * epsilon}
     return found
@@ -298,4 +305,4 @@ def _first_order(base: Values, columns: Mapping[str, Cells]) -> Iterator[Problem
             more = {key: _centre(x) for key, x in orders(base, n - 1)[1](n).items()}
             yield _problem(name, base, columns[name], "h_next", v=1.0, **more)
         else:
-            yield _problem(name, base, columns[name], "residual", **_partial(base["epsilon"], orders(base, n)[0]))
+            yield _problem(name, base, columns[name], "residual", **_partial(base, orders(base, n)[0]))

@@ -104,7 +104,7 @@ class Search:
                 return None
             here = columns(base)
             if not deep:
-                own = [(one,) for one in changes(base, here.names) if one.pieces[0][0] == problem.definition or one.whole]
+                own = [(one,) for one in changes(base, here.names | {problem.definition}) if one.pieces[0][0] == problem.definition or one.whole]
                 found = confirmed(here.sums(1, 9), base) or confirmed(own, base) or confirmed(here.sums(2, 2), base)
                 return found or confirmed(here.factors(), base) or confirmed(here.solved(), base, 3)
             if found := confirmed(here.sums(3, 1), base):

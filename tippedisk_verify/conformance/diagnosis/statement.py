@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+import re
 from itertools import product
 
 import numpy as np
@@ -24,7 +25,7 @@ __all__ = ["Cause", "Diagnosis", "diagnosed"]
 
 _BUDGET = 25_000  # changes evaluated for a sheet, some two seconds
 _LOST = (1e-5, 1e-2, 0.3)  # of the size: what a method may lose, in the median and at most; share of wrong answers
-_SAFETY = 4.0  # times: how much larger the errors of a mended program may be than those of the right one
+_SAFETY = 10.0  # times: how much larger the errors of a mended program may be than those of the right one
 _ALIKE = 12  # changes with the same effect on a quantity that are tried on the others
 _PLAIN = 3.9  # rank of the relations that come before changes of equations, at levels 2 to 4
 _WHOLE = 3  # quantities with the same relation, before changes are looked for
@@ -165,7 +166,9 @@ class _Sheet:
             return 0.0 * table.truth
         if table not in self.errors:
             right = table.picked(PREDICTED[table.kind][""](base_of(LINEAR, table)))
-            self.errors[table] = _SAFETY * np.nan_to_num(np.abs(right - table.truth))
+            size = np.nan_to_num(np.abs(right - table.truth) / table.scale)
+            largest = {name: size[table.names == name].max() for name in np.unique(table.names)}
+            self.errors[table] = _SAFETY * np.array([largest[name] for name in table.names]) * table.scale
         return self.errors[table]
 
     def equations(self, tables: Sequence[Table]) -> None:
@@ -184,7 +187,7 @@ class _Sheet:
         """Look for changes behind each of some quantities; ``posed`` are all that are answered."""
         for table, problem in some:
             mine = table.left & (table.names == problem.name)
-            if not mine.any():
+            if not (mine.any() or problem.name not in table.names and problem.wrong.any()):
                 continue
             self.advance(f"level {table.level}, {problem.name}", 1)
             found = self.explained(table, problem, posed)
@@ -285,7 +288,8 @@ class _Sheet:
                 mine = table.stems == stem
                 if np.median(size[mine]) < _LOST[0] and size[mine].max() < _LOST[1] and table.left[mine].mean() > _LOST[2]:
                     law = f" ({table.friction} law)" if table.friction != "both" else ""
-                    lost.setdefault(int(-np.log10(np.median(size[mine]) + 1e-16)), set()).add(f"{stem}{law}")
+                    if table.kind != "slow-manifold" or not self.changes:
+                        lost.setdefault(int(-np.log10(np.median(size[mine]) + 1e-16)), set()).add(f"{stem}{law}")
                     table.left[mine] = False
         for digits, names in sorted(lost.items()):
             way = "the digits that difference quotients leave" if all(name.startswith("d") for name in names) else "too few"
@@ -297,7 +301,7 @@ class _Sheet:
             predicted = table.picked(PREDICTED[table.kind][""](base_of(self.programs(table.friction)[0], table)))
         return np.where(np.isfinite(predicted), predicted, table.truth)
 
-    def relations(self, tables: Sequence[Table], mended: bool = False, most: float = 99.0) -> None:
+    def relations(self, tables: Sequence[Table], mended: bool = False, whole: bool = False) -> None:
         """Take out quantities whose answers are related to right ones, or to those of the mended program.
 
         A relation of many quantities comes before one of few. Eigenvalues belong together: all are explained, or none.
@@ -305,25 +309,28 @@ class _Sheet:
         Args:
             tables: The tables of a level.
             mended: Take the values of the mended program for right.
-            most: The highest rank.
+            whole: Only if relations explain all that is wrong.
         """
         truths, some = dict(self.truths), [table for table in tables if table.left.any()]
         if mended:
             some = [replace(table, truth=self.expected(table)) for table in some if table.kind in PREDICTED]
             truths |= {id_: x for table in some for id_, x in zip(table.ids, table.truth.tolist(), strict=True)}
-        found = [(rank, says, table, stem, mine) for table in some for rank, says, stem, mine in related(table, truths) if rank <= most]
+        with np.errstate(all="ignore"):
+            found = [(rank, says, table, stem, mine) for table in some for rank, says, stem, mine in related(table, truths)]
         groups: dict[str, list[tuple[float, str, Table, str, Array]]] = {}
         for one in found:
             groups.setdefault(one[1], []).append(one)
         before, causes = [(table, table.left.copy()) for table in tables], list(self.causes)
         for says, group in sorted(groups.items(), key=lambda item: (-len(item[1]), min(one[0] for one in item[1]))):
             new = [one for one in group if one[2].left[one[4]].all()]
+            if len(new) < 2 and re.search(r"order|\^n|n!", says):
+                continue  # one order alone proves nothing
             if new:
                 total = {(table.friction, stem) for table in tables for stem in np.unique(table.stems)}
                 self.causes.append(Cause("relation", _said(says, [(one[2].friction, one[3]) for one in new], total)))
             for one in new:
                 one[2].left[one[4]] = False
-        if any(table.kind == "equilibrium" and table.left.any() for table in tables):
+        if any((whole or table.kind == "equilibrium") and table.left.any() for table in tables):
             self.causes = causes
             for table, left in before:
                 table.left[:] = left
@@ -337,7 +344,7 @@ class _Sheet:
                 self.given(table, definitions) if level <= _FORMULAS else motions(table, definitions)
         follows = numbers - sum(int(table.left.sum()) for table in tables)
         if level > 1:
-            self.relations(tables, most=_PLAIN)
+            self.relations(tables, whole=True)
         for table in tables:
             says = self.given(table, self.programs(table.friction)[0], plain=False)
             self.causes += [Cause("inputs", says)] if says else []
