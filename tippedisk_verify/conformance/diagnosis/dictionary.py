@@ -12,9 +12,11 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from itertools import combinations
 
-from tippedisk_verify.conformance.diagnosis.terms import NOTHING, Piece, Term, Values, derivative, parsed, shown, written
+import numpy as np
 
-__all__ = ["BY_HAND", "LINEAR", "SMOOTH", "Change", "changes", "inputs", "system"]
+from tippedisk_verify.conformance.diagnosis.terms import NOTHING, Piece, Term, Values, parsed, shown, written
+
+__all__ = ["BY_HAND", "LINEAR", "SMOOTH", "Change", "changes", "inputs"]
 
 _EQUATIONS = """
 Bbar = B - m e^2
@@ -33,6 +35,9 @@ gamma_y = rho v sin(beta) - e Omega sin(beta)^2 cos(gamma)
 gamma_rate = -Omega cos(beta)
 force = h + f_G + w_y lambda_Ty
 v_rate = force / M
+dv_rate_dbeta = d(force)/d(beta) / M - d(M)/d(beta) v_rate / M
+dv_rate_dgamma = d(force)/d(gamma) / M - d(M)/d(gamma) v_rate / M
+dv_rate_dv = d(force)/d(v) / M
 """
 _BY_HAND = """
 A_31 = m g (r + side e) / Bbar - Omega^2
@@ -64,7 +69,6 @@ recursion = first h_1 + first h_4 + first f_G + h_2 h_last + h_5 h_last + h_3 h_
 h_next = recursion / drag
 recursion_parts = M + h_1 + h_2 + h_3 + h_4 + h_5 + f_G + drag + gamma_rate
 residual = epsilon slope_beta v + epsilon slope_gamma gamma_rate - epsilon h / M - epsilon f_G / M + drag v / M - drag h_0 / M
-residual_of_v_rate = epsilon slope_beta v + epsilon slope_gamma gamma_rate - epsilon v_rate
 """
 BY_HAND = written(_BY_HAND)
 _LAWS = {
@@ -73,16 +77,7 @@ _LAWS = {
 }
 
 
-def system(definitions: Mapping[str, tuple[Term, ...]]) -> dict[str, tuple[Term, ...]]:
-    """The definitions with those of the derivatives of v' and gamma' that follow from them."""
-    made = {name: terms for name, terms in definitions.items() if not name.startswith("d")}
-    for x in ("beta", "gamma", "v"):
-        made |= derivative(definitions, x, ("v_rate", "gamma_rate"))
-        made[f"dv_rate_d{x}"] = parsed(f"d(v_rate)/d({x})" if f"d(v_rate)/d({x})" in made else "0")
-    return {**made, **{name: definitions[name] for name in ("delta", "denominator", "drag")}}
-
-
-LINEAR, SMOOTH = (system(written(_EQUATIONS + _LAWS[smooth]) | BY_HAND) for smooth in (False, True))
+LINEAR, SMOOTH = (written(_EQUATIONS + _LAWS[smooth]) | BY_HAND for smooth in (False, True))
 
 #: What is written for a factor of a term.
 IN_PLACE: dict[str, tuple[str, ...]] = {
@@ -212,6 +207,7 @@ INPUTS: dict[str, dict[str, str]] = {
     "Table 1's A": {"A": "0.000249"}, "Table 1's B": {"B": "0.000227"},
 }  # fmt: skip
 _EXTRA = ("Omega", "v", "m", "e", "r", "g", "rho", "mu", "epsilon", "M", "sin(beta)", "cos(beta)", "sin(gamma)", "cos(gamma)")
+_CONSTANTS = (np.pi, 1 / np.pi, 2 * np.pi, 1 / (2 * np.pi), np.pi / 180, 180 / np.pi, 0.75, 4 / 3, 6.0, 1 / 6, 8.0, 1 / 8)
 _LATE = ("recursion", "residual")  #: sums of parts that are likelier to be wrong themselves
 #: What may be written before or behind the bracket of a whole sum.
 _WHOLE = {
@@ -316,7 +312,7 @@ def _replacements(term: Term, several: bool, local: Mapping[str, Iterable[str]])
         yield (term.times(2.0),), f"the term {shown((term,))} is doubled", 2
     yield (term.times(-1.0),), f"the sign of {shown((term,))}", 0 if several else 1
     size, plain = abs(term.number), 1 if len(term.factors) == 1 else 0
-    numbers = {0.5: 1, 2.0: 1, 1.5: 2, 2 / 3: 2, 1 / 3: 2, 4.0: 2, 0.25: 2, 3.0: 2}
+    numbers = {0.5: 1, 2.0: 1, 1.5: 2, 2 / 3: 2, 1 / 3: 2, 4.0: 2, 0.25: 2, 3.0: 2, **dict.fromkeys(_CONSTANTS, 3)}
     for number, rank in numbers.items():
         new = term.times(number)
         said = f"the factor {size:g} is missing in {shown((term,))}" if abs(number * size) == 1 and term.factors else ""

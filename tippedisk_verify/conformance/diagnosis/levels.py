@@ -28,7 +28,6 @@ _IDENTITIES = {
     "amplitude_squared": "(r + e) denominator answer + 4 e excess",
     "h_next": "drag answer - recursion",
 }
-_TINY = 1e-30  #: [rad/s], of imaginary steps
 _ORDERS = range(6)
 _NODES, _RADIUS = 16, 0.09  #: of the circles [rad] on which the slow manifold is differentiated
 _TURN = np.exp(2j * np.pi * np.arange(_NODES) / _NODES)
@@ -50,7 +49,7 @@ def rates(values: Values) -> Results:
 def matrix(values: Values, **given: Any) -> Array:
     """The matrix of the linearised equations, at the equilibrium unless other inputs are given."""
     at = Values(values.definitions, {**values.given, "beta": np.pi / 2, "gamma": values["side"] * np.pi / 2, "v": 0.0, **given})
-    found = np.zeros((len(values["r"]), 3, 3), dtype=np.result_type(at["Omega"], float))
+    found = np.zeros((len(values["r"]), 3, 3))
     found[:, 0, 2], found[:, 1, 0] = 1.0, at["d(gamma_rate)/d(beta)"]
     found[:, 2] = np.moveaxis(np.array([at[f"dv_rate_d{x}"] + 0 * at["Omega"] for x in ("beta", "gamma", "v")]), 0, -1)
     return found
@@ -85,16 +84,10 @@ def _scaled(row: int, column: int | slice, factor: float, values: Values) -> Arr
     return found
 
 
-def hopf(values: Values, closed: bool = True) -> Results:
-    """Level 3, from the Taylor coefficients of the equations; the speed in closed form, or from the derived matrix."""
+def hopf(values: Values) -> Results:
+    """Level 3, from the Taylor coefficients of the equations."""
     speed = np.sqrt(values["omega_crit_squared"] + 0 * values["r"])
-    for _ in range(0 if closed else 8):  # Newton's iteration for the speed at which two eigenvalues add up to 0
-        j = matrix(values, Omega=speed + _TINY * 1j)
-        excess = j[:, 2, 0] * j[:, 2, 2] + j[:, 1, 0] * j[:, 2, 1]
-        speed = speed - excess.real / excess.imag * _TINY
     at = Values(values.definitions, {**values.given, **normal_form(values, speed)})
-    if not closed:
-        at = at.changed([("omega", None, parsed("derived_omega")), ("omega_crit", None, parsed("hopf_speed"))])
     return {name: at["hopf_period" if name == "period" else name] for name in _HOPF}
 
 
@@ -109,7 +102,7 @@ def normal_form(values: Values, speed: Array) -> dict[str, Array]:
     q, p = (x / np.sqrt((np.abs(x) ** 2).sum(axis=0)) for x in (q, p))
     c = [_cubic(values, speed, x) for x in (q + q.conj(), q - q.conj(), q.conj())]
     cubic, product = (c[0] - c[1] - 2 * c[2]) / 6, (p * q).sum(axis=0)
-    by_speed = matrix(values, Omega=speed + _TINY * 1j).imag / _TINY
+    by_speed = (matrix(values, Omega=1.5 * speed) - matrix(values, Omega=0.5 * speed)) / speed[:, None, None]  # of squares
     found = {"hopf_speed": speed, "derived_omega": omega}
     found |= {f"q_{name}": np.abs(x) for name, x in zip(("beta", "gamma", "v"), q, strict=True)}
     for prefix, a in {"": p / product, "bare_": p, "raw_": raw, "turned_": p / product.conj(), "right_": q.conj()}.items():
@@ -146,18 +139,14 @@ def radius_of(values: Values) -> Array:
     return np.asarray(_RADIUS * np.abs(np.sin(values["beta"])))
 
 
-def orders(values: Values, last: int, closed: bool = True) -> tuple[list[Array], Callable[[int], dict[str, Any]]]:
+def orders(values: Values, last: int) -> tuple[list[Array], Callable[[int], dict[str, Any]]]:
     """The orders of the slow manifold on circles about each state, and what goes into the recursion for each."""
     radius = radius_of(values)
     shifts = radius * _TURN[:, None, None], radius * _TURN[None, :, None]
     state = {x: values[x] + shift for x, shift in zip(("beta", "gamma"), shifts, strict=True)}
     definitions = {name: terms for name, terms in values.definitions.items() if name not in state}
-    base, rest = (Values(definitions, {**values.given, **state, "v": v}) for v in (1.0, 0.0))
-    drag = (base["lambda_Ty"] - rest["lambda_Ty"]) * base["w_y"] * -values["epsilon"]
-    if not closed:  # h_0 where gamma_y vanishes, and what friction does beside it
-        base.given = {**base.given, "drag": drag, "h_0": rest["gamma_y"] / (rest["gamma_y"] - base["gamma_y"])}
-        base.definitions = {name: terms for name, terms in definitions.items() if name not in ("drag", "h_0")}
-    h = [base["h_0"] + 0 * drag]
+    base = Values(definitions, {**values.given, **state, "v": 1.0})
+    h = [base["h_0"] + 0 * base["drag"]]
 
     def sums(n: int) -> dict[str, Any]:
         slopes, back = [_slope(one, 0, radius) for one in h[:n]], list(reversed(h[:n]))
@@ -175,13 +164,12 @@ def orders(values: Values, last: int, closed: bool = True) -> tuple[list[Array],
     return h, sums
 
 
-def manifold(values: Values, closed: bool = True) -> Results:
+def manifold(values: Values) -> Results:
     """Level 5: the orders of the slow manifold, and what they leave of the invariance equation."""
-    h, _ = orders(values, _ORDERS[-1], closed)
+    h, _ = orders(values, _ORDERS[-1])
     found = {f"h_{n}": _centre(one) for n, one in enumerate(h)}
-    name = "residual" if closed else "residual_of_v_rate"
     sums = [Values(values.definitions, {**values.given, **_partial(values, h[: n + 1])}) for n in _ORDERS]
-    return found | {f"residual_{n}": one[name] for n, one in enumerate(sums)}
+    return found | {f"residual_{n}": one["residual"] for n, one in enumerate(sums)}
 
 
 def _centre(x: Any) -> Any:
@@ -200,9 +188,9 @@ def _partial(values: Values, h: list[Array]) -> dict[str, Array]:
 #: By kind of question: what answers may be of, by what is said; first the right functions, of which nothing is said.
 PREDICTED: dict[str, dict[str, Callable[[Values], Results]]] = {
     "rhs": {"": rates},
-    "hopf": {"": hopf, " ": partial(hopf, closed=False)},
+    "hopf": {"": hopf},
     "harmonic-balance": {"": harmonic},
-    "slow-manifold": {"": manifold, " ": partial(manifold, closed=False)},
+    "slow-manifold": {"": manifold},
     "equilibrium": {
         "": partial(_spectrum, of=_closed_matrix), " ": partial(_spectrum, of=matrix),
         **{

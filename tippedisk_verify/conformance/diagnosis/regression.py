@@ -10,8 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from fractions import Fraction
-from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -29,8 +27,6 @@ _NOTHING = 1e-2  # of what is allowed: changes of less are none
 _DIRECTION = 0.15  # squared cosine to the residual that a change needs to be made first
 _FIRSTS = 24  # changes that are made first, where changes multiply
 _ASSUMED = (2.0, 3.0)  # digits that answers must tell to bear out changes: in all, and for each change
-_SNAPPED = 1e-7  # how near a factor is to the fraction that it is
-_DENOMINATOR = 16
 _CROWDED = 20_000  # sets with nearly the same sum: effects too small to tell them apart
 _TYPED = 6  # digits of a number that somebody types in
 Set = tuple[Change, ...]
@@ -106,7 +102,7 @@ class Search:
             if not deep:
                 own = [(one,) for one in changes(base, here.names | {problem.definition}) if one.pieces[0][0] == problem.definition or one.whole]
                 found = confirmed(here.sums(1, 9), base) or confirmed(own, base) or confirmed(here.sums(2, 2), base)
-                return found or confirmed(here.factors(), base) or confirmed(here.solved(), base, 3)
+                return found or confirmed(here.solved(), base, 3)
             if found := confirmed(here.sums(3, 1), base):
                 return found
             for first in here.firsts():
@@ -182,30 +178,6 @@ class _Columns:
             if (np.abs(self.residual + chosen.sum(axis=0)) <= room).all() and len(set(places)) == len(places):
                 sets.append(found)
         yield from sorted(sets, key=lambda one: [sum(parts) for parts in zip(*(change.order for change in one), strict=True)])
-
-    def factors(self) -> Iterator[Set]:
-        """One or two terms with a factor that is a small fraction, or one times or by pi."""
-        doubled = [n for n, one in enumerate(self.changes) if len(one.pieces) == 1 and self._doubles(one)]
-        for members in (*combinations(doubled, 1), *combinations(doubled, 2)):
-            columns = self.effects[list(members)].T
-            share, *_ = np.linalg.lstsq(columns, -self.residual, rcond=None)
-            if (np.abs(columns @ share + self.residual) <= 2.0 + 1e-9 * np.abs(self.residual)).all():
-                found = [self._scaled(self.changes[n], 1 + float(c)) for n, c in zip(members, share, strict=True)]
-                if all(found):
-                    yield tuple(one for one in found if one)
-
-    def _doubles(self, change: Change) -> bool:
-        name, index, new = change.pieces[0]
-        return index is not None and new[0] == self.values.terms(name)[index].times(2.0)
-
-    def _scaled(self, change: Change, factor: float) -> Change | None:
-        name, index, (new,) = change.pieces[0]
-        for text, unit in (("", 1.0), (" pi", np.pi), (" / pi", 1 / np.pi)):
-            share = Fraction(factor / unit).limit_denominator(_DENOMINATOR)
-            if 0 < abs(share.numerator) <= _DENOMINATOR and abs(float(share) * unit - factor) < _SNAPPED * abs(factor):
-                says = f"in {name}: {shown((new.times(0.5),))} has the factor {share}{text}"
-                return Change(((name, index, (new.times(float(share) * unit / 2),)),), says, 3)
-        return None
 
     def solved(self) -> Iterator[Set]:
         """One parameter with another value, the same for all, that is solved for by the secant method."""

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from tippedisk_verify.conformance.diagnosis.dictionary import LINEAR, SMOOTH, Change, system
+from tippedisk_verify.conformance.diagnosis.dictionary import LINEAR, SMOOTH, Change
 from tippedisk_verify.conformance.diagnosis.entries import Array, Table, fitted, tables_of
 from tippedisk_verify.conformance.diagnosis.levels import PREDICTED, base_of, problems
 from tippedisk_verify.conformance.diagnosis.methods import method
@@ -75,7 +75,7 @@ class Diagnosis:
         if self.follows:
             text += f"; {self.follows} follow from what is named at earlier levels"
         if self.unexplained and self.may_follow:
-            text += f"; {self.unexplained} may follow from what is named at earlier levels"
+            text += f"; {self.unexplained} unexplained that may follow from what is named at earlier levels"
         elif self.unexplained:
             text += f"; {self.unexplained} unexplained" + (f" ({self.where})" if self.where else "")
         return text
@@ -132,7 +132,7 @@ class _Sheet:
         failed = tuple(grade for grade in grades if grade.failed and grade.level == level)
         sets, laws = (tuple(sorted({grade.id.split("/")[n] for grade in failed})) for n in (0, 1))
         places = [where(table, base_of(LINEAR, table)["gamma_y"]) for table in tables if table.left.any()]
-        causes, may_follow = (*named, *dict.fromkeys(self.causes)), bool(earlier) and level > _FORMULAS
+        causes, may_follow = (*named, *dict.fromkeys(self.causes)), bool(earlier) and level > 1
         return Diagnosis(level, sets, laws, failed, causes, follows, _left(tables), len(failed) - numbers, "; ".join(places), may_follow)
 
     # ---- programs with changes
@@ -143,21 +143,18 @@ class _Sheet:
         return [one for n, one in enumerate(some) if one not in some[:n]]
 
     def program(self, law: str, some: Iterable[Change]) -> Mapping[str, Any]:
-        """The definitions under a law with some changes; those of derivatives are made last."""
-        some, definitions = list(some), SMOOTH if law == "smooth" else LINEAR
-        late = [change for change in some if change.places[0][0].startswith("d")]
-        early = made(Values(definitions, {}), (change for change in some if change not in late))
-        return made(Values(system(early.definitions), {}), late).definitions if some else definitions
+        """The definitions under a law with some changes."""
+        return made(Values(SMOOTH if law == "smooth" else LINEAR, {}), some).definitions
 
     def add(self, some: Iterable[Change], table: Table) -> None:
         """Make changes certain for the law of a table."""
         for change in some:
             self.changes.setdefault(change, set()).add(table.friction)
 
-    def predicted(self, table: Table, some: Iterable[Change]) -> Array:
+    def predicted(self, table: Table, some: Iterable[Change], says: str = "") -> Array:
         """The answers of a program with some changes; NaN where it gives none."""
         with np.errstate(all="ignore"):
-            return table.picked(PREDICTED[table.kind][""](base_of(self.program(table.friction, some), table)))
+            return table.picked(PREDICTED[table.kind][says](base_of(self.program(table.friction, some), table)))
 
     def take_out(self, table: Table, some: Iterable[Change]) -> None:
         """Take out the quantities that a program with some changes gives."""
@@ -167,20 +164,19 @@ class _Sheet:
         if table.kind == "slow-manifold":  # many derivatives, which lose digits in the right program as well
             size = np.nan_to_num(np.abs(self.predicted(table, ()) - table.truth) / table.scale)
             room = room + _SAFETY * table.scale * np.array([size[table.names == name].max() for name in table.names])
-        fits = fitted(table.answer, table.truth, room, table.left, self.predicted(table, some))
-        for stem in np.unique(table.stems[table.left]):
-            mine = table.left & (table.stems == stem)
-            table.left[mine] = not fits[mine].all()
+        for says in ("", " ") if " " in PREDICTED[table.kind] else ("",):
+            fits = fitted(table.answer, table.truth, room, table.left, self.predicted(table, some, says))
+            for stem in np.unique(table.stems[table.left]):
+                mine = table.left & (table.stems == stem)
+                table.left[mine] = not fits[mine].all()
 
     def variants(self, table: Table) -> None:
         """Take out all answers of a table if another program of its level gives them, and say which."""
-        for says, predict in list(PREDICTED.get(table.kind, {}).items())[1:] if table.left.any() else ():
-            with np.errstate(all="ignore"):
-                predicted = table.picked(predict(base_of(self.program(table.friction, self.candidates(table.friction)[0]), table)))
+        for says in filter(str.strip, PREDICTED.get(table.kind, {}) if table.left.any() else ()):
+            predicted = self.predicted(table, self.candidates(table.friction)[0], says)
             if fitted(table.answer, table.truth, table.allowed, table.left, predicted).all():
                 self.causes.append(("inputs", says))
                 table.left[:] = False
-                return
 
     # ---- changes of the equations
     def equations(self, tables: Sequence[Table]) -> None:
@@ -197,6 +193,8 @@ class _Sheet:
 
     def formulas(self, table: Table) -> None:
         """Look for changes behind the quantities of a table of levels 2 to 5; the slow manifold's order by order."""
+        if not table.left.any():
+            return
         known, before = dict(self.changes), table.left.copy()
         posed = [(table, problem) for problem in problems(table, self.program(table.friction, self.candidates(table.friction)[0]))]
         self.searched(posed, posed)
@@ -227,10 +225,19 @@ class _Sheet:
             if problem.fits(base):
                 return some
         own = [one for other, one in posed if other.friction in ("both", table.friction)]
-        right = frozenset[str]().union(*(Values(bases[0][1].definitions, one.given).behind(one.definition) for one in own if not one.wrong.any()))
-        for deep, (some, base) in product((False, True) if table.level == 1 else (False,), bases):
-            if found := self.search(problem, base, deep, right):
-                return [*some, *(self.best(change, [*some, *found], table, own) for change in found)]
+        derivative = problem.name.startswith("dv")
+        right = frozenset[str]()
+        for one in own if not derivative else ():
+            right |= frozenset() if one.wrong.any() else Values(bases[0][1].definitions, one.given).behind(one.definition)
+        for deep, (some, base) in product((False, True) if table.level == 1 and not derivative else (False,), bases):
+            found = self.search(problem, base, deep, right)
+            if found and derivative:
+                other = " and ".join(change.says for change in found)
+                self.causes.append(("equations", f"{problem.name} is the derivative of other equations: {other}"))
+            elif found:
+                some = [*some, *(self.best(change, [*some, *found], table, own) for change in found)]
+            if found:
+                return some
         return None
 
     def best(self, change: Change, some: Sequence[Change], table: Table, own: Sequence[Problem]) -> Change:

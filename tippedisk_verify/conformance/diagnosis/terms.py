@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-__all__ = ["NOTHING", "Piece", "Term", "Values", "derivative", "parsed", "replaced", "shown", "written"]
+__all__ = ["NOTHING", "Piece", "Term", "Values", "parsed", "replaced", "shown", "written"]
 
 
 class Term(NamedTuple):
@@ -124,13 +124,11 @@ FUNCTIONS: dict[str, Callable[[Any], Any]] = {
     "given": lambda x: x, "sin": np.sin, "cos": np.cos, "tan": np.tan, "tanh": np.tanh, "arctan": np.arctan,
     "exp": np.exp, "sqrt": lambda x: np.sqrt(x + 0j) if np.iscomplexobj(x) else np.sqrt(x), "abs": _modulus,
     "sgn": lambda x: np.sign(x.real), "first": lambda x: np.ravel(x)[0] + 0 * x, "previous": lambda x: np.roll(x, 1),
-    "next": lambda x: np.roll(x, -1), "single": lambda x: np.asarray(x.real, dtype="f4").astype(float),
+    "next": lambda x: np.roll(x, -1), "single": lambda x: x - x.real + np.asarray(x.real, dtype="f4").astype(float),
     "whole": lambda x: np.trunc(x.real), **{f"to{n}": partial(_rounded, n) for n in range(1, 7)},
 }  # fmt: skip
-_SLOPES = {
-    "sin": "cos({x})", "cos": "-sin({x})", "abs": "sgn({x})", "sqrt": "1/2 / sqrt({x})", "single": "1",
-    "tanh": "1 - tanh({x})^2", "tan": "1 + tan({x})^2", "exp": "exp({x})", "arctan": "1 / (1 + ({x})^2)",
-}  # fmt: skip
+_DERIVATIVE = re.compile(r"d\((.*)\)/d\((\w+)\)")
+_STEP = 1e-30  # of the imaginary step that differentiates: below it nothing is lost to rounding
 
 
 class Values:
@@ -174,8 +172,9 @@ class Values:
             value, names = self.total(terms)
         elif name.startswith("given("):
             return self.given[name[6:-1]], frozenset([name])
-        elif name.startswith("d("):
-            return np.float64(0.0), frozenset([name])  # a derivative that vanishes
+        elif slope := _DERIVATIVE.fullmatch(name):
+            at = Values(self.definitions, {**self.given, slope[2]: self.given[slope[2]] + _STEP * 1j})
+            return np.imag(at[slope[1]]) / _STEP, at.behind(slope[1]) | {name}
         elif name in self.given:
             return self.given[name], frozenset([name])
         else:
@@ -190,44 +189,6 @@ class Values:
         if names not in self.kept:
             self.kept[names] = {name: item for name, item in self.known.items() if not item[1] & names}
         return Values(replaced(self.definitions, pieces), self.given, self.kept[names])
-
-
-def derivative(definitions: Definitions, variable: str, names: Iterable[str]) -> dict[str, Terms]:
-    """Definitions ``d(name)/d(variable)`` of the names' derivatives, by the product rule."""
-    found: dict[str, Terms] = {}
-
-    def slope(name: str) -> Terms:
-        """The derivative of a factor: a term for each way in which it depends on the variable."""
-        if name == variable:
-            return (Term(1.0, ()),)
-        function, _, argument = name.partition("(")
-        if name in definitions or not function and argument:
-            return (Term(1.0, ((label(name), 1),)),) if made(name, definitions.get(name)) else ()
-        if not argument or function == "given":
-            return ()
-        inner = sum_of(parsed(argument[:-1]))
-        outer = parsed(_SLOPES[function].format(x=argument[:-1])) if inner and function in _SLOPES else ()
-        return tuple(a.by(b) for a in outer for b in inner)
-
-    def sum_of(terms: Terms) -> Terms:
-        return tuple(
-            term.times(power, name, -1).by(part)
-            for term in terms
-            for name, power in term.factors
-            for part in slope(name)
-        )
-
-    def label(name: str) -> str:
-        return f"d({name})/d({variable})"
-
-    def made(name: str, terms: Terms | None) -> bool:
-        if label(name) not in found:
-            found[label(name)] = sum_of(parsed(name[1:-1]) if terms is None else terms)
-        return bool(found[label(name)])
-
-    for name in names:
-        made(name, definitions.get(name))
-    return {name: terms for name, terms in found.items() if terms}
 
 
 def written(lines: str) -> dict[str, Terms]:
