@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -10,7 +11,7 @@ import numpy as np
 
 from tippedisk_verify.conformance.diagnosis.entries import Array, Table
 from tippedisk_verify.conformance.diagnosis.regression import Problem
-from tippedisk_verify.conformance.diagnosis.terms import Values, parsed
+from tippedisk_verify.conformance.diagnosis.terms import IMAGINARY_STEP, Values, parsed
 
 __all__ = ["PARTS", "PREDICTED", "base_of", "matrix", "problems"]
 
@@ -22,9 +23,6 @@ _HOPF = ("omega_crit", "period", "transversality", "first_lyapunov_coefficient",
 #: Sums that vanish, linear in the definitions' terms; of other quantities it is the answer less the definition.
 _IDENTITIES = {
     "v_rate": "M answer - force",
-    "dv_rate_dbeta": "M answer + d(M)/d(beta) v_rate - d(force)/d(beta)",
-    "dv_rate_dgamma": "M answer + d(M)/d(gamma) v_rate - d(force)/d(gamma)",
-    "dv_rate_dv": "M answer - d(force)/d(v)",
     "amplitude_squared": "(r + e) denominator answer + 4 e excess",
     "h_next": "drag answer - recursion",
 }
@@ -228,7 +226,8 @@ def problems(table: Table, definitions: Mapping[str, Any]) -> Iterator[Problem]:
         name: {x: table.column(name, getattr(table, x)) for x in ("answer", "truth", "allowed", "left")} for name in np.unique(table.names)
     }
     if table.kind == "rhs":
-        yield from (_problem(name, base, columns[name]) for name in _RATES if name in columns)
+        yield from (_problem(name, base, columns[name]) for name in _RATES[:-3] if name in columns)
+        yield from (_derivative(name, base, columns) for name in _RATES[-3:] if name in columns)
     elif table.kind == "equilibrium" and len(columns) == 6:
         yield from _coefficients(base, columns)
     elif table.kind == "hopf":
@@ -248,6 +247,15 @@ def _problem(name: str, base: Values, cells: Cells, definition: str = "", **give
     answer, truth, allowed = (cells[x][rows] for x in ("answer", "truth", "allowed"))
     identity = _IDENTITIES.get(definition, f"answer - {definition}")
     return Problem(name, definition, answer, truth, allowed, cells["left"][rows] > 0, identity, inputs)
+
+
+def _derivative(name: str, base: Values, columns: Mapping[str, Cells]) -> Problem:
+    """The problem of a derivative of v', with the answers to v' itself where there are some."""
+    variable = name.removeprefix("dv_rate_d")
+    rate = columns["v_rate"]["answer"] if "v_rate" in columns else base["v_rate"]
+    stepped = {variable: base[variable] + IMAGINARY_STEP * 1j, "rate": rate}
+    problem = _problem(name, base, columns[name], "v_rate", **stepped)
+    return replace(problem, rate=problem.given["rate"])
 
 
 def _coefficients(base: Values, columns: Mapping[str, Cells]) -> Iterator[Problem]:

@@ -16,7 +16,7 @@ import numpy as np
 
 from tippedisk_verify.conformance.diagnosis.dictionary import Change, changes
 from tippedisk_verify.conformance.diagnosis.entries import Array, fitted
-from tippedisk_verify.conformance.diagnosis.terms import Term, Values, parsed, shown
+from tippedisk_verify.conformance.diagnosis.terms import IMAGINARY_STEP, Term, Values, parsed, shown
 from tippedisk_verify.model.parameters import SYMBOLS
 
 __all__ = ["Problem", "Search", "made"]
@@ -44,11 +44,15 @@ class Problem:
     wrong: Array
     identity: str  #: the sum that vanishes for right answers, in which ``answer`` stands for them
     given: Mapping[str, Any]
+    rate: Array | None = None  #: v', where the answers are its derivatives by an input with an imaginary step
 
     def fits(self, values: Values) -> bool:
         """Whether the definitions give all answers, and the wrong ones much better than the truth does."""
         with np.errstate(all="ignore"):
             predicted = np.real(values[self.definition]) + 0 * self.answer
+            if self.rate is not None:  # of M v' - force = 0, whatever v' was answered
+                slopes = np.imag(values["force"]) - np.imag(values["M"]) * self.rate
+                predicted = slopes / IMAGINARY_STEP / np.real(values["M"])
         return bool(fitted(self.answer, self.truth, self.allowed, self.wrong, predicted).all())
 
     def evidence(self) -> float:
@@ -131,9 +135,11 @@ class _Columns:
 
     def __init__(self, problem: Problem, base: Values, rows: Array, kept: frozenset[str]) -> None:
         given = {name: x[rows] if np.ndim(x) else x for name, x in base.given.items()}
-        self.values = Values(base.definitions, {**given, "answer": problem.answer[rows]})
+        rate = None if problem.rate is None else problem.rate[rows]
+        self.differentiated = rate is not None
+        answers = (x if rate is None else rate + IMAGINARY_STEP * 1j * x for x in (problem.answer[rows], (problem.answer + problem.allowed)[rows]))
+        self.values, unit = (Values(base.definitions, {**given, "answer": answer}) for answer in answers)
         self.identity = parsed(problem.identity)
-        unit = Values(base.definitions, {**given, "answer": (problem.answer + problem.allowed)[rows]})
         residual = self._of(self.values)
         self.unit = np.abs(self._of(unit) - residual)
         self.residual = residual / self.unit
@@ -150,7 +156,8 @@ class _Columns:
         self.effects = np.array([some[0][1] for some in groups.values()]).reshape(-1, len(rows))
 
     def _of(self, values: Values) -> Array:
-        return np.real(values.total(self.identity)[0]) + 0 * self.values.given["answer"]
+        total = values.total(self.identity)[0] + 0 * self.values.given["answer"]
+        return np.asarray(np.imag(total) / IMAGINARY_STEP if self.differentiated else np.real(total))
 
     def sums(self, size: int, highest: int) -> Iterator[Set]:
         """Sets of changes whose effects cancel the residual, the likeliest first."""

@@ -229,7 +229,7 @@ class _Sheet:
         right = frozenset[str]()
         for one in own if not derivative else ():
             right |= frozenset() if one.wrong.any() else Values(bases[0][1].definitions, one.given).behind(one.definition)
-        for deep, (some, base) in product((False, True) if table.level == 1 and not derivative else (False,), bases):
+        for deep, (some, base) in product((False, True) if table.level == 1 and not derivative else (False,), bases[: 1 if derivative else 3]):
             found = self.search(problem, base, deep, right)
             if found and derivative:
                 other = " and ".join(change.says for change in found)

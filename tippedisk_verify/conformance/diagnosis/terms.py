@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-__all__ = ["NOTHING", "Piece", "Term", "Values", "parsed", "replaced", "shown", "written"]
+__all__ = ["IMAGINARY_STEP", "NOTHING", "Piece", "Term", "Values", "parsed", "replaced", "shown", "written"]
 
 
 class Term(NamedTuple):
@@ -128,7 +128,7 @@ FUNCTIONS: dict[str, Callable[[Any], Any]] = {
     "whole": lambda x: np.trunc(x.real), **{f"to{n}": partial(_rounded, n) for n in range(1, 7)},
 }  # fmt: skip
 _DERIVATIVE = re.compile(r"d\((.*)\)/d\((\w+)\)")
-_STEP = 1e-30  # of the imaginary step that differentiates: below it nothing is lost to rounding
+IMAGINARY_STEP = 1e-30  # of the imaginary step that differentiates: below it nothing is lost to rounding
 
 
 class Values:
@@ -173,8 +173,8 @@ class Values:
         elif name.startswith("given("):
             return self.given[name[6:-1]], frozenset([name])
         elif slope := _DERIVATIVE.fullmatch(name):
-            at = Values(self.definitions, {**self.given, slope[2]: self.given[slope[2]] + _STEP * 1j})
-            return np.imag(at[slope[1]]) / _STEP, at.behind(slope[1]) | {name}
+            at = Values(self.definitions, {**self.given, slope[2]: self.given[slope[2]] + IMAGINARY_STEP * 1j})
+            return np.imag(at[slope[1]]) / IMAGINARY_STEP, at.behind(slope[1]) | {name}
         elif name in self.given:
             return self.given[name], frozenset([name])
         else:
