@@ -102,6 +102,26 @@ KINDS: dict[str, Kind] = {
     "v-no-f_G": Kind("(h + f_G +", "(h +", r"force: the term f_G is missing"),
 }  # fmt: skip
 
+#: Mistakes at levels 2 to 5: what is replaced by what in the program, and what a statement that names it says.
+ELSEWHERE: dict[str, Kind] = {
+    "eigenvalues-by-modulus": Kind("key=lambda x: (-round(x.real, 9)", "key=lambda x: (-round(abs(x), 9)", "another order: descending moduli"),
+    "equilibrium-as-printed": Kind(
+        "jacobian(p, Omega, smooth, [HALF_PI, gamma, 0.0])",
+        "jacobian(p, Omega, smooth, [HALF_PI if gamma > 0 else 3 * HALF_PI, HALF_PI, 0.0])", r"taken at \(3 pi/2, pi/2, 0\)",
+    ),
+    "hopf-speed": Kind("m * g * (r + e) ** 2 / (Bbar * r)", "m * g * (r + e) / Bbar", r"omega_crit_squared: m g \(r \+ e\) / Bbar for"),
+    "hopf-slope": Kind("4 * abs(q[0]) ** 2 * square", "4 * abs(q[0]) * square", "4 q_beta rate_real / c_real for"),
+    "hopf-modulus": Kind("c1.real / omega", "abs(c1) / omega", r"sqrt\(c_real\^2 \+ c_imag\^2\)"),
+    "law-chi": Kind("A * (r - 2 * e)", "A * (r - e)", r"chi: A \(r - e\) for"),
+    "law-delta": Kind("C**2 / 8)", "C**2 / 4)", "delta: -1/4 Omega"),
+    "law-denominator": Kind("+ m * g * e * (r + e))\n    C", "+ m * g * (r + e))\n    C", "denominator: the factor e is missing"),
+    "law-hertz": Kind('"frequency": frequency,', '"frequency": frequency / (2 * math.pi),', r"frequency has the factor 1/\(2 pi\)"),
+    "manifold-h_0": Kind("h = [e * Omega * sb * cg / rho]", "h = [e * Omega * cg / rho]", r"h_0: the factor sin\(beta\) is missing"),
+    "manifold-h_4": Kind("+ m * e * Omega**2 * rho * sb * cb * cb * cb * sg - m", "- m", "h_4: the term .* is missing"),
+    "manifold-residual": Kind("total - by_gamma * Omega", "total + by_gamma * Omega", "residual: the sign of epsilon slope_gamma"),
+    "manifold-order": Kind('found[f"h_{n}"]', 'found[f"h_{n + 1}"]', "the values of the previous order"),
+}  # fmt: skip
+
 _DIFFERENCES = '''def gradient(p, Omega, smooth, y):
     """Derivatives of gamma' and v' by central differences under some laws, else with imaginary steps."""
     columns = []
@@ -195,6 +215,14 @@ def _first_answers(names: tuple[str, ...]) -> dict[str, str] | None:
     """The answers to the first questions with some kinds planted; None where they do not fit together."""
     program = patched([KINDS[name][:2] for name in names])
     return program["answered"](FIRST, range(1, 2)) if program else None
+
+
+#: The planted mistakes of the tests, and the laws under which derivatives are differences.
+LISTED: list[tuple[tuple[str, ...], tuple[bool, ...]]] = [
+    (names, laws)
+    for seed, (count, size, laws) in enumerate(((3, 1, ()), (12, 2, ()), (6, 3, ()), (4, 2, (False,)), (4, 3, (False, True))))
+    for names in drawn(seed, count, size)
+]
 
 
 def main() -> None:

@@ -100,7 +100,7 @@ class Search:
             return next((one for one in tellable if len(rows) >= len(one) and problem.fits(made(start, one))), None)
 
         with np.errstate(all="ignore"):
-            if self.left <= 0:
+            if self.left <= 0 or told <= sum(_ASSUMED):
                 return None
             here = columns(base)
             if not deep:

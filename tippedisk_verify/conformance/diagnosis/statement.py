@@ -24,6 +24,7 @@ __all__ = ["Diagnosis", "diagnosed"]
 
 _BUDGET = 25_000  # changes evaluated for a sheet, some two seconds
 _LOST = (1e-5, 1e-2, 0.3)  # of the size: what a method may lose, in the median and at most; share of wrong answers
+_EXACT = 1e-15  # of the size: nothing is lost
 _SAFETY = 10.0  # times: how much larger the errors of a mended program may be than those of the right one
 _ALIKE = 12  # changes with the same effect on a quantity that are tried on the others
 _MANY = 3  # quantities that may be called all answers
@@ -99,9 +100,10 @@ class Diagnosis:
 class _Sheet:
     """The diagnosis of one sheet: what is certain so far, and which wrong answers it explains."""
 
-    def __init__(self, tables: Sequence[Table], advance: Callable[[str, int], None]) -> None:
+    def __init__(self, tables: Sequence[Table], store: Store, advance: Callable[[str, int], None]) -> None:
         self.tables = sorted(tables, key=lambda table: (table.level, _LAWS.index(table.friction)))
-        self.truths = {id_: x for table in tables for id_, x in zip(table.ids, table.truth.tolist(), strict=True)}
+        levels = {table.level for table in tables}
+        self.truths = {one.id: float(one.for_doubles) for one in store.values() if one.level in levels and one.for_doubles is not None}
         self.advance, self.search = advance, Search(_BUDGET)
         self.changes: dict[Change, set[str]] = {}
         self.causes: list[tuple[str, str]] = []  #: of this level
@@ -114,10 +116,9 @@ class _Sheet:
             for some in self.candidates(table.friction)[:-1]:
                 self.take_out(table, some)
         follows = numbers - _left(tables)
+        self.relations(tables, whole=True)
         if level == 1:
             self.equations(tables)
-        else:
-            self.relations(tables, whole=True)
         for table in tables if 1 < level <= _FORMULAS else ():
             self.variants(table)
             self.formulas(table)
@@ -275,9 +276,9 @@ class _Sheet:
             for stem in np.unique(table.stems[table.left]):
                 mine = table.stems == stem
                 middle = float(np.median(size[mine]))
-                if middle < _LOST[0] and size[mine].max() < _LOST[1] and table.left[mine].mean() > _LOST[2]:
+                if _EXACT < middle < _LOST[0] and size[mine].max() < _LOST[1] and table.left[mine].mean() > _LOST[2]:
                     law = f" ({table.friction} law)" if table.friction != "both" else ""
-                    lost.setdefault((int(-np.log10(middle + 1e-16)), stem.startswith("dv")), set()).add(f"{stem}{law}")
+                    lost.setdefault((int(-np.log10(middle)), stem.startswith("dv")), set()).add(f"{stem}{law}")
                     table.left[mine] = False
         for (digits, derivative), names in sorted(lost.items()):
             way = "the digits that difference quotients leave" if derivative else "too few"
@@ -349,5 +350,5 @@ def diagnosed(grades: Iterable[Grade], store: Store, advance: Callable[[str, int
     """Return a diagnosis for each level that fails, in order. ``advance`` is told what is being tried."""
     grades = list(grades)
     levels = sorted({grade.level for grade in grades if grade.failed})
-    sheet = _Sheet(tables_of(grades, store) if levels else [], advance)
+    sheet = _Sheet(tables_of(grades, store) if levels else [], store, advance)
     return [sheet.level(level, grades) for level in levels]
