@@ -199,7 +199,7 @@ class _Columns:
                 x, last, off = x - now * (x - last) / (now - off), x, now
             value = float(f"{x:.{_TYPED}g}")
             if np.isfinite(value) and value != old:
-                says = f"the inputs: {name} = {value:g}, not {old:g}"
+                says = f"the inputs: {name} = {value:g}"
                 yield (Change(((name, None, (Term(value, ()),)),), says, 3),)
 
     def firsts(self) -> list[Change]:

@@ -103,7 +103,7 @@ class _Sheet:
     def __init__(self, tables: Sequence[Table], store: Store, advance: Callable[[str, int], None]) -> None:
         self.tables = sorted(tables, key=lambda table: (table.level, _LAWS.index(table.friction)))
         levels = {table.level for table in tables}
-        self.truths = {one.id: float(one.for_doubles) for one in store.values() if one.level in levels and one.for_doubles is not None}
+        self.truths = {one.id: one.for_doubles for one in store.values() if one.level in levels}
         self.advance, self.search = advance, Search(_BUDGET)
         self.changes: dict[Change, set[str]] = {}
         self.causes: list[tuple[str, str]] = []  #: of this level
