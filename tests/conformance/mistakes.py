@@ -100,27 +100,40 @@ KINDS: dict[str, Kind] = {
     "v-lever": Kind("w_y * lambda_Ty)", "lambda_Ty)", r"force: (lambda_Ty for|the factor w_y)"),
     "v-friction-sign": Kind("f_G + w_y", "f_G - w_y", r"force: the sign of w_y"),
     "v-no-f_G": Kind("(h + f_G +", "(h +", r"force: the term f_G is missing"),
-}  # fmt: skip
+}
 
 #: Mistakes at levels 2 to 5: what is replaced by what in the program, and what a statement that names it says.
 ELSEWHERE: dict[str, Kind] = {
-    "eigenvalues-by-modulus": Kind("key=lambda x: (-round(x.real, 9)", "key=lambda x: (-round(abs(x), 9)", "another order: descending moduli"),
+    "eigenvalues-by-modulus": Kind(
+        "key=lambda x: (-round(x.real, 9)", "key=lambda x: (-round(abs(x), 9)", "another order: descending moduli"
+    ),
     "equilibrium-as-printed": Kind(
         "jacobian(p, Omega, smooth, [HALF_PI, gamma, 0.0])",
-        "jacobian(p, Omega, smooth, [HALF_PI if gamma > 0 else 3 * HALF_PI, HALF_PI, 0.0])", r"taken at \(3 pi/2, pi/2, 0\)",
+        "jacobian(p, Omega, smooth, [HALF_PI if gamma > 0 else 3 * HALF_PI, HALF_PI, 0.0])",
+        r"taken at \(3 pi/2, pi/2, 0\)",
     ),
-    "hopf-speed": Kind("m * g * (r + e) ** 2 / (Bbar * r)", "m * g * (r + e) / Bbar", r"omega_crit_squared: m g \(r \+ e\) / Bbar for"),
+    "hopf-speed": Kind(
+        "m * g * (r + e) ** 2 / (Bbar * r)", "m * g * (r + e) / Bbar", r"omega_crit_squared: m g \(r \+ e\) / Bbar for"
+    ),
     "hopf-slope": Kind("4 * abs(q[0]) ** 2 * square", "4 * abs(q[0]) * square", "4 q_beta rate_real / c_real for"),
     "hopf-modulus": Kind("c1.real / omega", "abs(c1) / omega", r"sqrt\(c_real\^2 \+ c_imag\^2\)"),
     "law-chi": Kind("A * (r - 2 * e)", "A * (r - e)", r"chi: A \(r - e\) for"),
     "law-delta": Kind("C**2 / 8)", "C**2 / 4)", "delta: -1/4 Omega"),
-    "law-denominator": Kind("+ m * g * e * (r + e))\n    C", "+ m * g * (r + e))\n    C", "denominator: the factor e is missing"),
-    "law-hertz": Kind('"frequency": frequency,', '"frequency": frequency / (2 * math.pi),', r"frequency has the factor 1/\(2 pi\)"),
-    "manifold-h_0": Kind("h = [e * Omega * sb * cg / rho]", "h = [e * Omega * cg / rho]", r"h_0: the factor sin\(beta\) is missing"),
+    "law-denominator": Kind(
+        "+ m * g * e * (r + e))\n    C", "+ m * g * (r + e))\n    C", "denominator: the factor e is missing"
+    ),
+    "law-hertz": Kind(
+        '"frequency": frequency,', '"frequency": frequency / (2 * math.pi),', r"frequency has the factor 1/\(2 pi\)"
+    ),
+    "manifold-h_0": Kind(
+        "h = [e * Omega * sb * cg / rho]", "h = [e * Omega * cg / rho]", r"h_0: the factor sin\(beta\) is missing"
+    ),
     "manifold-h_4": Kind("+ m * e * Omega**2 * rho * sb * cb * cb * cb * sg - m", "- m", "h_4: the term .* is missing"),
-    "manifold-residual": Kind("total - by_gamma * Omega", "total + by_gamma * Omega", "residual: the sign of epsilon slope_gamma"),
+    "manifold-residual": Kind(
+        "total - by_gamma * Omega", "total + by_gamma * Omega", "transport: the sign of slope_gamma"
+    ),
     "manifold-order": Kind('found[f"h_{n}"]', 'found[f"h_{n + 1}"]', "the values of the previous order"),
-}  # fmt: skip
+}
 
 _DIFFERENCES = '''def gradient(p, Omega, smooth, y):
     """Derivatives of gamma' and v' by central differences under some laws, else with imaginary steps."""
@@ -181,8 +194,10 @@ def grades_of(program: dict[str, Any], levels: range, only: str = "") -> list[Gr
     return graded(collected(given, stored(), None, Answers()), stored())
 
 
-def planted(names: tuple[str, ...], differences: tuple[bool, ...] = (), levels: range = range(1, 2), only: str = "") -> Planted | None:
-    """Plant some kinds at once, with derivatives by differences under these laws; None where they do not fit together."""
+def planted(
+    names: tuple[str, ...], differences: tuple[bool, ...] = (), levels: range = range(1, 2), only: str = ""
+) -> Planted | None:
+    """Plant some kinds at once, with derivatives by differences under these laws; None where they do not fit."""
     patches = [(KINDS[name].old, KINDS[name].new) for name in names]
     if differences:
         patches.append((_GRADIENT, _DIFFERENCES.replace("DIFFERENCED", repr(differences))))
@@ -206,7 +221,11 @@ def drawn(seed: int, count: int, size: int) -> Iterator[tuple[str, ...]]:
         names = tuple(sorted(draws.sample(list(KINDS), size)))
         every = _first_answers(names)
         terms = {name.split("-")[0] for name in names}
-        if every and len(terms) == size and all(_first_answers(tuple(one for one in names if one != name)) != every for name in names):
+        if (
+            every
+            and len(terms) == size
+            and all(_first_answers(tuple(one for one in names if one != name)) != every for name in names)
+        ):
             found += 1
             yield names
 
@@ -217,12 +236,12 @@ def _first_answers(names: tuple[str, ...]) -> dict[str, str] | None:
     return program["answered"](FIRST, range(1, 2)) if program else None
 
 
-#: The planted mistakes of the tests, and the laws under which derivatives are differences.
-LISTED: list[tuple[tuple[str, ...], tuple[bool, ...]]] = [
-    (names, laws)
-    for seed, (count, size, laws) in enumerate(((3, 1, ()), (12, 2, ()), (6, 3, ()), (4, 2, (False,)), (4, 3, (False, True))))
-    for names in drawn(seed, count, size)
-]
+#: The planted mistakes of the tests: the laws under which derivatives are differences, by count and size of the draws.
+LISTED: dict[tuple[bool, ...], tuple[tuple[int, int], ...]] = {
+    (): ((3, 1), (12, 2), (6, 3)),
+    (False,): ((4, 2), (2, 3)),
+    (False, True): ((2, 2), (4, 3)),
+}
 
 
 def main() -> None:
@@ -234,11 +253,15 @@ def main() -> None:
     parser.add_argument("--only", default="", help="pattern of the ids that are answered")
     asked = parser.parse_args()
     laws = {"none": (), "linear": (False,), "smooth": (True,), "both": (False, True)}[asked.differences]
-    found = [one for names in drawn(asked.seed, asked.count, asked.size) if (one := planted(names, laws, only=asked.only))]
+    found = [
+        one for names in drawn(asked.seed, asked.count, asked.size) if (one := planted(names, laws, only=asked.only))
+    ]
     for one in found:
         if len(one.named) < len(one.names) or one.false or one.seconds > 3:
             print(f"{one.seconds:.1f} s", *one.names, "| named:", *sorted(one.named), "| false:", *one.false, sep=" ")
-    complete, some = (sum(test(len(one.named), len(one.names)) for one in found) for test in (int.__eq__, lambda a, _: a > 0))
+    complete, some = (
+        sum(test(len(one.named), len(one.names)) for one in found) for test in (int.__eq__, lambda a, _: a > 0)
+    )
     times = [one.seconds for one in found]
     print(f"{len(found)} draws of {asked.size}: {complete} named completely, {some} at least in part,", end=" ")
     print(f"{sum(bool(one.false) for one in found)} with a false name beside them;", end=" ")

@@ -15,6 +15,7 @@ from tests.conformance.mistakes import (
     ELSEWHERE,
     KINDS,
     LISTED,
+    drawn,
     grades_of,
     patched,
     planted,
@@ -29,7 +30,7 @@ from tippedisk_verify.model.parameters import Constants
 from tippedisk_verify.reference_values.store import Quantity, Store, stored
 
 STATE = {"beta": np.array([1.1, 0.4]), "gamma": np.array([0.3, 2.0]), "v": np.array([0.2, -1.5]), "Omega": 30.5}
-PARAMETERS = dict(r=0.045, e=0.0025, m=0.435, A=0.249e-3, B=0.227e-3, g=9.81, mu=0.3, epsilon=0.1)
+PARAMETERS = {"r": 0.045, "e": 0.0025, "m": 0.435, "A": 0.249e-3, "B": 0.227e-3, "g": 9.81, "mu": 0.3, "epsilon": 0.1}
 
 
 @pytest.fixture(scope="module")
@@ -46,9 +47,9 @@ def _changed(pattern: str, of: Callable[[Quantity], float], store: Store) -> lis
     return _diagnosed({one.id: repr(of(one)) for one in store.matching(pattern)}, store)
 
 
-@pytest.mark.parametrize("differences", [(), (False,), (False, True)], ids=["exact", "linear", "both"])
+@pytest.mark.parametrize("differences", LISTED, ids=["exact", "linear", "both"])
 def test_mistakes_in_the_equations_are_named_several_at_once(differences: tuple[bool, ...]) -> None:
-    draws = [names for names, laws in LISTED if laws == differences]
+    draws = [names for count, size in LISTED[differences] for names in drawn(1, count, size)]
     found = [one for names in draws if (one := planted(names, differences))]
     assert len(found) == len(draws)
     assert sum(len(one.named) == len(one.names) for one in found) >= 0.85 * len(found)
@@ -90,18 +91,36 @@ def test_fewer_answers_than_unknowns_name_nothing(store: Store) -> None:
 @pytest.mark.parametrize(
     ("pattern", "change", "says"),
     [
-        ("printed/linear/limit-cycle/", lambda q: q.for_doubles * (2 if q.name == "period" else 1), "period has the factor 2"),
-        ("printed/linear/limit-cycle/", lambda q: -q.for_doubles if q.name == "v_0" else q.for_doubles, "v_0 has the wrong sign"),
+        (
+            "printed/linear/limit-cycle/",
+            lambda q: q.for_doubles * (2 if q.name == "period" else 1),
+            "period has the factor 2",
+        ),
+        (
+            "printed/linear/limit-cycle/",
+            lambda q: -q.for_doubles if q.name == "v_0" else q.for_doubles,
+            "v_0 has the wrong sign",
+        ),
         (
             "printed/linear/limit-cycle/",
             lambda q: q.for_doubles / math.log(10) if q.name.startswith("log") else q.for_doubles,
             "log_multiplier_fast and log_multiplier_slow have the factor 1/(ln 10)",
         ),
-        ("printed/linear/trajectory/", lambda q: q.for_doubles + math.pi * (q.name[:6] == "gamma@"), "gamma is pi too large"),
-        ("printed/linear/trajectory/", lambda q: round(q.for_doubles, 2) if q.name[:5] == "beta@" else q.for_doubles, "beta is rounded to 2 decimals"),
+        (
+            "printed/linear/trajectory/",
+            lambda q: q.for_doubles + math.pi * (q.name[:6] == "gamma@"),
+            "gamma is pi too large",
+        ),
+        (
+            "printed/linear/trajectory/",
+            lambda q: round(q.for_doubles, 2) if q.name[:5] == "beta@" else q.for_doubles,
+            "beta is rounded to 2 decimals",
+        ),
     ],
-)  # fmt: skip
-def test_a_relation_to_right_answers_is_named(pattern: str, change: Callable[[Quantity], float], says: str, store: Store) -> None:
+)
+def test_a_relation_to_right_answers_is_named(
+    pattern: str, change: Callable[[Quantity], float], says: str, store: Store
+) -> None:
     (diagnosis,) = _changed(pattern, change, store)
     assert [cause for _, cause in diagnosis.causes] == [says]
     assert diagnosis.status == "explained"
@@ -116,8 +135,17 @@ def test_a_fixed_step_is_recognised_by_its_errors(store: Store) -> None:
     for answers in entries.values():
         p = {name: float(x) for name, x in store.parameters["printed"].items()}
         Bbar = p["B"] - p["m"] * p["e"] ** 2
-        constants = Constants(*(p[x] for x in "remAB"), Bbar, p["g"], p["mu"], p["epsilon"], p["A"] / p["m"], Bbar / p["m"],
-                              p["mu"] * p["g"] / p["epsilon"], p["mu"] * p["g"])  # fmt: skip
+        constants = Constants(
+            *(p[x] for x in "remAB"),
+            Bbar,
+            p["g"],
+            p["mu"],
+            p["epsilon"],
+            p["A"] / p["m"],
+            Bbar / p["m"],
+            p["mu"] * p["g"] / p["epsilon"],
+            p["mu"] * p["g"],
+        )
         inputs = next(iter(answers.values())).inputs
         rates = field(np, constants, float(inputs["Omega"]), "linear")
         y = np.array([float(inputs[name]) for name in ("beta", "gamma", "v")])
@@ -125,7 +153,9 @@ def test_a_fixed_step_is_recognised_by_its_errors(store: Store) -> None:
             y = y + 1e-3 * np.array(rates(*y))
         given |= {answers[name].id: repr(float(x)) for name, x in zip(("beta", "gamma", "v"), y, strict=True)}
     (diagnosis,) = _diagnosed(given, store)
-    assert [says for _, says in diagnosis.causes] == ["the trajectories have the errors of the explicit Euler method at a fixed step of 1 ms"]
+    assert [says for _, says in diagnosis.causes] == [
+        "the trajectories have the errors of the explicit Euler method at a fixed step of 1 ms"
+    ]
 
 
 @pytest.mark.parametrize("definitions", [LINEAR, SMOOTH], ids=["linear", "smooth"])
@@ -138,7 +168,10 @@ def test_derivatives_agree_with_differences(definitions: dict[str, tuple[object,
         np.testing.assert_allclose(at[f"dv_rate_d{name}"], slope, rtol=1e-6)  # a step squared, and rounding over it
 
 
-@pytest.mark.parametrize("text", ["-m g rho cos(beta)", "A cos(gamma)^2 + Bbar sin(gamma)^2", "1/2 e Omega / (r + e)", "(3 sin(beta)^2 - 2) v"])
+@pytest.mark.parametrize(
+    "text",
+    ["-m g rho cos(beta)", "A cos(gamma)^2 + Bbar sin(gamma)^2", "1/2 e Omega / (r + e)", "(3 sin(beta)^2 - 2) v"],
+)
 def test_sums_are_shown_as_they_are_read(text: str) -> None:
     assert shown(parsed(text)) == text
 

@@ -68,7 +68,8 @@ drag = mu m g rho^2 sin(beta)^2
 recursion = first h_1 + first h_4 + first f_G + h_2 h_last + h_5 h_last + h_3 h_h - M h_dh - M gamma_rate dh_last
 h_next = recursion / drag
 recursion_parts = M + h_1 + h_2 + h_3 + h_4 + h_5 + f_G + drag + gamma_rate
-residual = epsilon slope_beta v + epsilon slope_gamma gamma_rate - epsilon h / M - epsilon f_G / M + drag v / M - drag h_0 / M
+transport = slope_beta v + slope_gamma gamma_rate
+residual = epsilon transport - epsilon h / M - epsilon f_G / M + drag v / M - drag h_0 / M
 """
 BY_HAND = written(_BY_HAND)
 _LAWS = {
@@ -81,61 +82,156 @@ LINEAR, SMOOTH = (written(_EQUATIONS + _LAWS[smooth]) | BY_HAND for smooth in (F
 
 #: What is written for a factor of a term.
 IN_PLACE: dict[str, tuple[str, ...]] = {
-    "r": ("e", "(r + e)", "(r - e)"), "e": ("r", "(r + e)"), "m": ("g",), "g": ("m",), "mu": ("epsilon",),
-    "A": ("B", "Bbar"), "B": ("A", "Bbar"), "Bbar": ("B", "A", "(B + m e^2)", "M"),
-    "Omega": ("v",), "v": ("Omega",), "epsilon": ("mu",), "M": ("inertia", "Bbar", "A"),
+    "r": ("e", "(r + e)", "(r - e)"),
+    "e": ("r", "(r + e)"),
+    "m": ("g",),
+    "g": ("m",),
+    "mu": ("epsilon",),
+    "A": ("B", "Bbar"),
+    "B": ("A", "Bbar"),
+    "Bbar": ("B", "A", "(B + m e^2)", "M"),
+    "Omega": ("v",),
+    "v": ("Omega",),
+    "epsilon": ("mu",),
+    "M": ("inertia", "Bbar", "A"),
     "rho": ("r", "(r + e)", "e", "(r - e)", "(r - e sin(gamma))", "(r + e cos(gamma))", "(e + r sin(gamma))"),
     "sin(beta)": ("cos(beta)", "sin(gamma)", "beta", "(2 sin(beta) cos(beta))"),
     "cos(beta)": ("sin(beta)", "cos(gamma)", "(1 - 2 sin(beta)^2)"),
     "sin(gamma)": ("cos(gamma)", "sin(beta)", "(2 sin(gamma) cos(gamma))"),
     "cos(gamma)": ("sin(gamma)", "cos(beta)", "(1 - 2 sin(gamma)^2)"),
-    "gamma_y": ("v", "abs(gamma_y)", "w_y", "sgn(gamma_y)"), "w_y": ("gamma_y", "rho", "1"),
+    "gamma_y": ("v", "abs(gamma_y)", "w_y", "sgn(gamma_y)"),
+    "w_y": ("gamma_y", "rho", "1"),
     "(A - Bbar)": ("(A + Bbar)", "(Bbar - A)", "(A - B)", "(B - Bbar)"),
     "inertia": ("A", "Bbar", "M", "(A sin(gamma)^2 + Bbar cos(gamma)^2)", "(A + Bbar)"),
-    "(r + e)": ("(r - e)", "r", "e", "rho"), "(r - 2 e)": ("(r + 2 e)", "(r - e)", "(2 r - e)", "r"),
+    "(r + e)": ("(r - e)", "r", "e", "rho"),
+    "(r - 2 e)": ("(r + 2 e)", "(r - e)", "(2 r - e)", "r"),
     "(r + side e)": ("r", "(r - side e)", "(r + e)", "e", "rho"),
     "(r - e + consistent e)": ("(r + e)", "r", "(r - e)", "e"),
-    "excess": ("(m g (r + e)^2 - Bbar r Omega^2)",), "lambda_Ty": ("gamma_y",), "side": ("1",),
-    "h_h": ("h_h_last", "h_h_zero", "h_h_own"), "h_dh": ("h_dh_last", "h_dh_zero", "h_dh_own", "h_dh_short"),
-    "h_last": ("h_zero",), "dh_last": ("dh_zero", "dh_other"),
-    "slope_beta": ("slope_beta_last", "slope_beta_before"), "slope_gamma": ("slope_gamma_last", "slope_gamma_before"),
-    "c_real": ("c_imag", "sqrt(c_real^2 + c_imag^2)", "(c_real / q_beta^2)", "(c_real / q_gamma^2)", "(c_real / q_v^2)",
-               "(c_real / omega)", "(c_real q_beta^2)", "(c_real / q_beta^2 + c_real q_gamma^2 / q_beta^2)",
-               "(c_real / q_beta^2 / q_gamma^2)", "(c_real / q_beta)", "(1/2 c_real / q_beta^2)", "abs(c_real)",
-               "(c_real / (q_beta^2 + q_gamma^2))", "transversality"),
-    "rate_real": ("rate_imag", "sqrt(rate_real^2 + rate_imag^2)", "abs(rate_real)"), "c_imag": ("c_real",),
-    "rate_imag": ("rate_real",), "q_beta": ("q_gamma", "q_v"), "omega": ("hopf_speed", "hopf_period"),
-    "sqrt(e)": ("sqrt(r)",), "sqrt(r + e)": ("sqrt(r)", "sqrt(r - e)"), "consistent": ("1", "(1 - consistent)"),
-}  # fmt: skip
+    "excess": ("(m g (r + e)^2 - Bbar r Omega^2)",),
+    "lambda_Ty": ("gamma_y",),
+    "side": ("1",),
+    "h_h": ("h_h_last", "h_h_zero", "h_h_own"),
+    "h_dh": ("h_dh_last", "h_dh_zero", "h_dh_own", "h_dh_short"),
+    "h_last": ("h_zero",),
+    "dh_last": ("dh_zero", "dh_other"),
+    "slope_beta": ("slope_beta_last", "slope_beta_before"),
+    "slope_gamma": ("slope_gamma_last", "slope_gamma_before"),
+    "c_real": (
+        "c_imag",
+        "sqrt(c_real^2 + c_imag^2)",
+        "(c_real / q_beta^2)",
+        "(c_real / q_gamma^2)",
+        "(c_real / q_v^2)",
+        "(c_real / omega)",
+        "(c_real q_beta^2)",
+        "(c_real / q_beta^2 + c_real q_gamma^2 / q_beta^2)",
+        "(c_real / q_beta^2 / q_gamma^2)",
+        "(c_real / q_beta)",
+        "(1/2 c_real / q_beta^2)",
+        "abs(c_real)",
+        "(c_real / (q_beta^2 + q_gamma^2))",
+        "transversality",
+    ),
+    "rate_real": ("rate_imag", "sqrt(rate_real^2 + rate_imag^2)", "abs(rate_real)"),
+    "c_imag": ("c_real",),
+    "rate_imag": ("rate_real",),
+    "q_beta": ("q_gamma", "q_v"),
+    "omega": ("hopf_speed", "hopf_period"),
+    "sqrt(e)": ("sqrt(r)",),
+    "sqrt(r + e)": ("sqrt(r)", "sqrt(r - e)"),
+    "consistent": ("1", "(1 - consistent)"),
+}
 #: What a symbol means instead, wherever it stands.
 REDEFINED: dict[str, tuple[str, ...]] = {
-    "Bbar": ("B", "B + m e^2", "B - m e", "B - 2 m e^2", "B - m r^2", "B - m e r", "A - m e^2", "B - e^2", "A",
-             "B - m (r + e)^2", "B - 1/2 m e^2", "B + m r^2", "m e^2 - B"),
-    "rho": ("r", "r + e", "r - e", "e", "r + e cos(gamma)", "r - e sin(gamma)", "e + r sin(gamma)", "r sin(gamma)",
-            "e sin(gamma)", "r - e cos(gamma)", "r + e sin(beta)", "r + e sin(gamma)^2", "r + abs(e sin(gamma))",
-            "r + r sin(gamma)", "sqrt(r^2 + e^2 + 2 r e sin(gamma))"),
-    "inertia": ("A sin(gamma)^2 + Bbar cos(gamma)^2", "A cos(gamma) + Bbar sin(gamma)", "A + Bbar",
-                "A cos(beta)^2 + Bbar sin(beta)^2", "A cos(gamma^2) + Bbar sin(gamma^2)"),
-    "(3 sin(beta)^2 - 2)": ("3 cos(beta)^2 - 2", "2 sin(beta)^2 - 3", "2 - 3 sin(beta)^2", "1 - 3 cos(beta)^2 - 2",
-                            "3 sin(beta) - 2", "3 sin(beta)^2 - 2 cos(beta)^2", "sin(beta)^2", "3 sin(beta^2) - 2"),
-    "(abs(gamma_y) + epsilon)": ("gamma_y + epsilon", "gamma_y^2 + epsilon^2", "sqrt(gamma_y^2 + epsilon^2)",
-                                 "abs(gamma_y) - epsilon", "gamma_y^2 + epsilon", "abs(gamma_y) + mu", "abs(v) + epsilon",
-                                 "sqrt(gamma_y^2 + epsilon)", "abs(gamma_y) + epsilon^2", "abs(gamma_y) / epsilon + 1"),
-    "lambda_Ty": ("-mu m g tanh((gamma_y / epsilon))", "-2 mu m g arctan((gamma_y / epsilon)) / pi",
-                  "-mu m g arctan((gamma_y / epsilon))", "-mu m g sgn(gamma_y)", "-mu m g gamma_y / epsilon",
-                  "-mu m g gamma_y / (abs(gamma_y) + epsilon)", "-mu m g gamma_y / abs(gamma_y) - epsilon",
-                  "-mu m g gamma_y / abs(gamma_y) - mu m g epsilon", "-mu m g (1 - exp((-1 gamma_y / epsilon)))",
-                  "-mu m g gamma_y / abs(gamma_y) + epsilon"),
-    "sin(beta)": ("sin(2 beta)", "sin(1/2 beta)"), "bracket": ("2 r^2 + e r", "2 r^2"),
+    "Bbar": (
+        "B",
+        "B + m e^2",
+        "B - m e",
+        "B - 2 m e^2",
+        "B - m r^2",
+        "B - m e r",
+        "A - m e^2",
+        "B - e^2",
+        "A",
+        "B - m (r + e)^2",
+        "B - 1/2 m e^2",
+        "B + m r^2",
+        "m e^2 - B",
+    ),
+    "rho": (
+        "r",
+        "r + e",
+        "r - e",
+        "e",
+        "r + e cos(gamma)",
+        "r - e sin(gamma)",
+        "e + r sin(gamma)",
+        "r sin(gamma)",
+        "e sin(gamma)",
+        "r - e cos(gamma)",
+        "r + e sin(beta)",
+        "r + e sin(gamma)^2",
+        "r + abs(e sin(gamma))",
+        "r + r sin(gamma)",
+        "sqrt(r^2 + e^2 + 2 r e sin(gamma))",
+    ),
+    "inertia": (
+        "A sin(gamma)^2 + Bbar cos(gamma)^2",
+        "A cos(gamma) + Bbar sin(gamma)",
+        "A + Bbar",
+        "A cos(beta)^2 + Bbar sin(beta)^2",
+        "A cos(gamma^2) + Bbar sin(gamma^2)",
+    ),
+    "(3 sin(beta)^2 - 2)": (
+        "3 cos(beta)^2 - 2",
+        "2 sin(beta)^2 - 3",
+        "2 - 3 sin(beta)^2",
+        "1 - 3 cos(beta)^2 - 2",
+        "3 sin(beta) - 2",
+        "3 sin(beta)^2 - 2 cos(beta)^2",
+        "sin(beta)^2",
+        "3 sin(beta^2) - 2",
+    ),
+    "(abs(gamma_y) + epsilon)": (
+        "gamma_y + epsilon",
+        "gamma_y^2 + epsilon^2",
+        "sqrt(gamma_y^2 + epsilon^2)",
+        "abs(gamma_y) - epsilon",
+        "gamma_y^2 + epsilon",
+        "abs(gamma_y) + mu",
+        "abs(v) + epsilon",
+        "sqrt(gamma_y^2 + epsilon)",
+        "abs(gamma_y) + epsilon^2",
+        "abs(gamma_y) / epsilon + 1",
+    ),
+    "lambda_Ty": (
+        "-mu m g tanh((gamma_y / epsilon))",
+        "-2 mu m g arctan((gamma_y / epsilon)) / pi",
+        "-mu m g arctan((gamma_y / epsilon))",
+        "-mu m g sgn(gamma_y)",
+        "-mu m g gamma_y / epsilon",
+        "-mu m g gamma_y / (abs(gamma_y) + epsilon)",
+        "-mu m g gamma_y / abs(gamma_y) - epsilon",
+        "-mu m g gamma_y / abs(gamma_y) - mu m g epsilon",
+        "-mu m g (1 - exp((-1 gamma_y / epsilon)))",
+        "-mu m g gamma_y / abs(gamma_y) + epsilon",
+    ),
+    "sin(beta)": ("sin(2 beta)", "sin(1/2 beta)"),
+    "bracket": ("2 r^2 + e r", "2 r^2"),
     "denominator": ("chi omega_crit_squared + m g e (r + e)",),
     "amplitude_squared": ("-4 e^2 excess / denominator / (r + e)^2",),
-    "frequency_squared": ("e omega_crit_squared / (r + e) - 1/8 omega_crit_squared (r - e + consistent e) answered_squared / (r + e)",
-                          "e omega_crit_squared / (r + e) + delta answered_squared"),
-    "omega_crit_squared": ("m g (r + 2 e) / Bbar",), "period_slope": ("c_imag rate_real / c_real - rate_imag",),
-    "residual": ("epsilon slope_beta v + epsilon slope_gamma gamma_rate - epsilon h - epsilon f_G + drag v - drag h_0",
-                 "slope_beta v + slope_gamma gamma_rate - h / M - f_G / M + drag v / M / epsilon - drag h_0 / M / epsilon",
-                 "epsilon slope_beta v + epsilon slope_gamma gamma_rate - epsilon h / M - epsilon f_G / M"),
-}  # fmt: skip
+    "frequency_squared": (
+        "e omega_crit_squared / (r + e) - 1/8 omega_crit_squared (r - e + consistent e) answered_squared / (r + e)",
+        "e omega_crit_squared / (r + e) + delta answered_squared",
+    ),
+    "omega_crit_squared": ("m g (r + 2 e) / Bbar",),
+    "period_slope": ("c_imag rate_real / c_real - rate_imag",),
+    "residual": (
+        "epsilon transport - epsilon h - epsilon f_G + drag v - drag h_0",
+        "transport - h / M - f_G / M + drag v / M / epsilon - drag h_0 / M / epsilon",
+        "epsilon transport - epsilon h / M - epsilon f_G / M",
+    ),
+}
 _FORM = ("g_gamma", "g_v", "rate_21", "rate_31", "rate_32")  #: what the normal form at the Hopf point is made of
 _PAIRS = [f"{name}_{part}" for name in _FORM for part in ("real", "imag")]
 #: Other inputs, by what is said.
@@ -157,37 +253,60 @@ INPUTS: dict[str, dict[str, str]] = {
     "both angles shifted by -pi/2": {x: f"given({x}) - 1/2 pi" for x in ("beta", "gamma")},
     "Omega taken as turns per minute": {"Omega": "1/30 pi given(Omega)"},
     "Omega taken as turns per second": {"Omega": "2 pi given(Omega)"},
-    "A - m e^2 for A": {"A": "given(A) - m e^2"}, "A + m e^2 for A": {"A": "given(A) + m e^2"},
+    "A - m e^2 for A": {"A": "given(A) - m e^2"},
+    "A + m e^2 for A": {"A": "given(A) + m e^2"},
     "r for r + e": {"r": "given(r) + given(e)"},
     **{f"g = {g}": {"g": g} for g in ("9.8", "9.80665", "9.82", "10", "9.81")},
     "g = -9.81": {"g": "-9.81"},
-    "pi = 3.14159": {"pi": "3.14159"}, "pi = 3.1416": {"pi": "3.1416"}, "pi = 3.14": {"pi": "3.14"},
+    "pi = 3.14159": {"pi": "3.14159"},
+    "pi = 3.1416": {"pi": "3.1416"},
+    "pi = 3.14": {"pi": "3.14"},
     **{
         f"{x} {says}": {x: text.format(x=f"given({x})")}
         for x in ("beta", "gamma")
         for says, text in {
-            "taken as degrees": "1/180 pi {x}", "shifted by pi/2": "{x} + 1/2 pi", "shifted by -pi/2": "{x} - 1/2 pi",
-            "measured the other way from pi/2": "1/2 pi - {x}", "measured the other way from pi": "pi - {x}",
-            "shifted by pi": "{x} + pi", "turned into degrees": "180 {x} / pi",
+            "taken as degrees": "1/180 pi {x}",
+            "shifted by pi/2": "{x} + 1/2 pi",
+            "shifted by -pi/2": "{x} - 1/2 pi",
+            "measured the other way from pi/2": "1/2 pi - {x}",
+            "measured the other way from pi": "pi - {x}",
+            "shifted by pi": "{x} + pi",
+            "turned into degrees": "180 {x} / pi",
         }.items()
     },
     **{
         f"{says} {x}": {x: text.format(x=f"given({x})")}
         for x in ("Omega", "beta", "gamma", "v")
         for says, text in {
-            "the sign of": "-1 {x}", "the modulus of": "abs({x})", "the first entry's": "first({x})", "half of": "1/2 {x}",
-            "the previous entry's": "previous({x})", "the next entry's": "next({x})", "twice": "2 {x}",
-            "only the whole part of": "whole({x})", "nothing for": "0 {x}", "single precision in": "single({x})",
+            "the sign of": "-1 {x}",
+            "the modulus of": "abs({x})",
+            "the first entry's": "first({x})",
+            "half of": "1/2 {x}",
+            "the previous entry's": "previous({x})",
+            "the next entry's": "next({x})",
+            "twice": "2 {x}",
+            "only the whole part of": "whole({x})",
+            "nothing for": "0 {x}",
+            "single precision in": "single({x})",
         }.items()
     },
     **{
         f"{says} {x}": {x: text.format(x=f"given({x})")}
         for x in ("r", "e", "m", "A", "B", "g", "mu", "epsilon")
         for says, text in {
-            "half of": "1/2 {x}", "twice": "2 {x}", "a thousand times": "1000 {x}", "a thousandth of": "1/1000 {x}",
-            "nothing for": "0 {x}", "the square of": "{x}^2", "the reciprocal of": "1 / {x}",
-            "single precision in": "single({x})", "the sign of": "-1 {x}", "a tenth of": "1/10 {x}",
-            "ten times": "10 {x}", "a hundredth of": "1/100 {x}", "a hundred times": "100 {x}",
+            "half of": "1/2 {x}",
+            "twice": "2 {x}",
+            "a thousand times": "1000 {x}",
+            "a thousandth of": "1/1000 {x}",
+            "nothing for": "0 {x}",
+            "the square of": "{x}^2",
+            "the reciprocal of": "1 / {x}",
+            "single precision in": "single({x})",
+            "the sign of": "-1 {x}",
+            "a tenth of": "1/10 {x}",
+            "ten times": "10 {x}",
+            "a hundredth of": "1/100 {x}",
+            "a hundred times": "100 {x}",
         }.items()
     },
     **{
@@ -197,24 +316,62 @@ INPUTS: dict[str, dict[str, str]] = {
     },
     **{
         f"{names} in single precision": {x: f"single(given({x}))" for x in names.split(", ")}
-        for names in ("beta, gamma, v", "Omega, beta, gamma, v", "r, e, m, A, B, g, mu, epsilon",
-                      "r, e, m, A, B, g, mu, epsilon, Omega, beta, gamma, v")
+        for names in (
+            "beta, gamma, v",
+            "Omega, beta, gamma, v",
+            "r, e, m, A, B, g, mu, epsilon",
+            "r, e, m, A, B, g, mu, epsilon, Omega, beta, gamma, v",
+        )
     },
     "Table 1's parameters": dict(
-        zip(("r", "e", "m", "A", "B", "g", "mu", "epsilon"),
-            ("0.045", "0.0025", "0.435", "0.000249", "0.000227", "9.81", "0.3", "0.1"), strict=True)
+        zip(
+            ("r", "e", "m", "A", "B", "g", "mu", "epsilon"),
+            ("0.045", "0.0025", "0.435", "0.000249", "0.000227", "9.81", "0.3", "0.1"),
+            strict=True,
+        )
     ),
-    "Table 1's A": {"A": "0.000249"}, "Table 1's B": {"B": "0.000227"},
-}  # fmt: skip
-_EXTRA = ("Omega", "v", "m", "e", "r", "g", "rho", "mu", "epsilon", "M", "sin(beta)", "cos(beta)", "sin(gamma)", "cos(gamma)")
-_CONSTANTS = (np.pi, 1 / np.pi, 2 * np.pi, 1 / (2 * np.pi), np.pi / 180, 180 / np.pi, 0.75, 4 / 3, 6.0, 1 / 6, 8.0, 1 / 8)
+    "Table 1's A": {"A": "0.000249"},
+    "Table 1's B": {"B": "0.000227"},
+}
+_EXTRA = (
+    "Omega",
+    "v",
+    "m",
+    "e",
+    "r",
+    "g",
+    "rho",
+    "mu",
+    "epsilon",
+    "M",
+    "sin(beta)",
+    "cos(beta)",
+    "sin(gamma)",
+    "cos(gamma)",
+)
+_CONSTANTS = (
+    np.pi,
+    1 / np.pi,
+    2 * np.pi,
+    1 / (2 * np.pi),
+    np.pi / 180,
+    180 / np.pi,
+    0.75,
+    4 / 3,
+    6.0,
+    1 / 6,
+    8.0,
+    1 / 8,
+)
 _LATE = ("recursion", "residual")  #: sums of parts that are likelier to be wrong themselves
 #: What may be written before or behind the bracket of a whole sum.
 _WHOLE = {
-    "the wrong sign": Term(-1.0, ()), "the factor 2": Term(2.0, ()), "the factor 1/2": Term(0.5, ()),
+    "the wrong sign": Term(-1.0, ()),
+    "the factor 2": Term(2.0, ()),
+    "the factor 1/2": Term(0.5, ()),
     **{f"the factor {name}": Term(1.0, ((name, 1),)) for name in ("M", "Omega", "epsilon", "m")},
     **{f"the factor 1/{name}": Term(1.0, ((name, -1),)) for name in ("M", "Omega", "epsilon", "m")},
-}  # fmt: skip
+}
 _SHARED = ("Bbar", "rho", "inertia")  #: symbols that stand for sums, which may be wrong in one place only
 _SUMS = ("h_1", "h_2", "h_3", "h_4", "h_5")
 
@@ -231,7 +388,12 @@ class Change:
     @property
     def order(self) -> tuple[int, bool, bool, int]:
         """What changes with the same effect are sorted by: the likelier, a missing term, the shorter."""
-        return self.rank, self.pieces[0][1] is not None or self.pieces[0][0][0] == "(", "term" not in self.says, -(self.pieces[0][1] or 0)
+        return (
+            self.rank,
+            self.pieces[0][1] is not None or self.pieces[0][0][0] == "(",
+            "term" not in self.says,
+            -(self.pieces[0][1] or 0),
+        )
 
     @property
     def whole(self) -> bool:
@@ -269,10 +431,13 @@ def changes(values: Values, names: Iterable[str]) -> list[Change]:
 
     local = {name: [f"({text})" for text in texts] for name, texts in REDEFINED.items() if name in _SHARED}
     local["inertia"] = local["inertia"] + [
-        f"({shown((*terms[:n], new, *terms[n + 1:]))})"
-        for terms in [values.terms("inertia")] for n, term in enumerate(terms) if term.number
-        for (new,), _, rank in _of_term(term, True, ()) if rank < 2
-    ]  # fmt: skip
+        f"({shown((*terms[:n], new, *terms[n + 1 :]))})"
+        for terms in [values.terms("inertia")]
+        for n, term in enumerate(terms)
+        if term.number
+        for (new,), _, rank in _of_term(term, True, ())
+        if rank < 2
+    ]
     shared = tuple((name, tuple(texts)) for name, texts in local.items())
     for name in sorted(names):
         terms = values.terms(name)
@@ -285,15 +450,8 @@ def changes(values: Values, names: Iterable[str]) -> list[Change]:
                 if rank == 0 and new[0].number:
                     minus = (new[0].times(-1.0),)
                     keep(f"in {name}: {shown(minus)} for {shown((term,))}", 2, (name, index, minus))
-        for text, factor in _WHOLE.items() if len(terms) > 1 and name[0] != "(" else ():
-            new = [term.by(factor) for term in terms]
-            keep(f"{name} has {text}", 1, *((name, n, (term,)) for n, term in enumerate(new)))
-    sums = [(name, n, term) for name in _SUMS if name in names for n, term in enumerate(values.terms(name))]
-    for factor in sorted({factor for _, _, term in sums for factor, _ in term.factors}):
-        places = [(name, n, term) for name, n, term in sums if factor in dict(term.factors)]
-        for other in (*IN_PLACE.get(factor, ()), "") if len(places) > 1 else ():
-            says = f"{other} for {factor}" if other else f"no {factor}"
-            keep(f"in h: {says} throughout", 1, *((name, n, (term.put(factor, other, dict(term.factors)[factor]),)) for name, n, term in places))
+        for text, whole in _WHOLE.items() if len(terms) > 1 and name[0] != "(" else ():
+            keep(f"{name} has {text}", 1, *((name, n, (term.by(whole),)) for n, term in enumerate(terms)))
     for one in inputs():
         if any(piece[0] in names for piece in one.pieces):
             found.setdefault(one.pieces, one)
@@ -301,12 +459,16 @@ def changes(values: Values, names: Iterable[str]) -> list[Change]:
 
 
 @lru_cache(4096)
-def _of_term(term: Term, several: bool, local: tuple[tuple[str, tuple[str, ...]], ...]) -> tuple[tuple[tuple[Term, ...], str, int], ...]:
-    """What can happen to a term: its replacement, what is said, and the rank. ``local`` are further sums for a factor."""
+def _of_term(
+    term: Term, several: bool, local: tuple[tuple[str, tuple[str, ...]], ...]
+) -> tuple[tuple[tuple[Term, ...], str, int], ...]:
+    """What can happen to a term: its replacement, what is said, and the rank; ``local`` has more sums for a factor."""
     return tuple(_replacements(term, several, dict(local)))
 
 
-def _replacements(term: Term, several: bool, local: Mapping[str, Iterable[str]]) -> Iterator[tuple[tuple[Term, ...], str, int]]:
+def _replacements(
+    term: Term, several: bool, local: Mapping[str, Iterable[str]]
+) -> Iterator[tuple[tuple[Term, ...], str, int]]:
     if several:
         yield (NOTHING,), f"the term {shown((term,))} is missing", 0
         yield (term.times(2.0),), f"the term {shown((term,))} is doubled", 2
@@ -332,7 +494,13 @@ def _replacements(term: Term, several: bool, local: Mapping[str, Iterable[str]])
         yield _named(term, term.times(1.0, name, -2 * power), 1)
         yield _named(term, term.times(-1.0, name, -power), 3)
         if abs(power) > 1 and name[:3] in ("sin", "cos") and "^" not in name:
-            yield _named(term, term.put(name, f"{name[:-1]}^{abs(power)})", power).times(1.0, f"{name[:-1]}^{abs(power)})", sign - power), 0)
+            yield _named(
+                term,
+                term.put(name, f"{name[:-1]}^{abs(power)})", power).times(
+                    1.0, f"{name[:-1]}^{abs(power)})", sign - power
+                ),
+                0,
+            )
     for one, two in combinations([name for name, _ in term.factors], 2):
         powers = dict(term.factors)
         if powers[one] != powers[two] and powers[one] * powers[two] > 0:

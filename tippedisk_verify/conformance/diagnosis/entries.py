@@ -69,7 +69,7 @@ class Table:
 
 @np.errstate(all="ignore")
 def fitted(answer: Array, truth: Array, allowed: Array, wrong: Array, predicted: Array) -> Array:
-    """Which answers a prediction gives: as close as their questions ask, the wrong ones ten times closer than the truth."""
+    """Return which answers a prediction gives: as close as is asked, the wrong ones ten times closer than the truth."""
     away = np.abs(answer - predicted)
     close = away <= allowed * np.maximum(1.0, np.abs(predicted) / np.maximum(np.abs(truth), allowed))
     return np.asarray(close & (~wrong | (away * _CLOSER <= np.abs(answer - truth))))

@@ -11,7 +11,7 @@ import numpy as np
 
 from tippedisk_verify.conformance.diagnosis.entries import Array, Table
 from tippedisk_verify.conformance.diagnosis.regression import Problem
-from tippedisk_verify.conformance.diagnosis.terms import IMAGINARY_STEP, Values, parsed
+from tippedisk_verify.conformance.diagnosis.terms import IMAGINARY_STEP, Values
 
 __all__ = ["PARTS", "PREDICTED", "base_of", "matrix", "problems"]
 
@@ -19,7 +19,14 @@ Results = dict[str, Any]  #: by a quantity's name, one value to an entry
 Cells = Mapping[str, Array]  #: answer, truth, allowed and left of a quantity, by entry
 PARTS = ("Bbar", "gamma_rate", "w_y", "f_G", "gamma_y", "M", "h_1", "h_2", "h_3", "h_4", "h_5", "h")  #: in their order
 _RATES = (*PARTS, "lambda_Ty", "v_rate", "dv_rate_dbeta", "dv_rate_dgamma", "dv_rate_dv")
-_HOPF = ("omega_crit", "period", "transversality", "first_lyapunov_coefficient", "amplitude_squared_slope", "period_slope")
+_HOPF = (
+    "omega_crit",
+    "period",
+    "transversality",
+    "first_lyapunov_coefficient",
+    "amplitude_squared_slope",
+    "period_slope",
+)
 #: Sums that vanish, linear in the definitions' terms; of other quantities it is the answer less the definition.
 _IDENTITIES = {
     "v_rate": "M answer - force",
@@ -46,7 +53,9 @@ def rates(values: Values) -> Results:
 
 def matrix(values: Values, **given: Any) -> Array:
     """The matrix of the linearised equations, at the equilibrium unless other inputs are given."""
-    at = Values(values.definitions, {**values.given, "beta": np.pi / 2, "gamma": values["side"] * np.pi / 2, "v": 0.0, **given})
+    at = Values(
+        values.definitions, {**values.given, "beta": np.pi / 2, "gamma": values["side"] * np.pi / 2, "v": 0.0, **given}
+    )
     found = np.zeros((len(values["r"]), 3, 3))
     found[:, 0, 2], found[:, 1, 0] = 1.0, at["d(gamma_rate)/d(beta)"]
     found[:, 2] = np.moveaxis(np.array([at[f"dv_rate_d{x}"] + 0 * at["Omega"] for x in ("beta", "gamma", "v")]), 0, -1)
@@ -60,10 +69,13 @@ def _closed_matrix(values: Values) -> Array:
     return found
 
 
-def _spectrum(values: Values, of: Callable[[Values], Array], solve: Callable[[Array], Array] = np.linalg.eigvals) -> Results:
+def _spectrum(
+    values: Values, of: Callable[[Values], Array], solve: Callable[[Array], Array] = np.linalg.eigvals
+) -> Results:
     """Level 2: the eigenvalues of a matrix, by descending real part, then imaginary part."""
     here = of(values)
-    z = solve(np.where(np.isfinite(here).all(axis=(1, 2))[:, None, None], here, 0.0)).astype(complex)
+    finite = np.asarray(np.isfinite(here).all(axis=(1, 2)))
+    z = solve(np.where(finite[:, None, None], here, 0.0)).astype(complex)
     z = np.take_along_axis(z, np.lexsort((-z.imag, -np.round(z.real, 9)), axis=-1), axis=-1)
     return {f"lambda_{n + 1}_{part}": of(z[:, n]) for n in range(3) for part, of in (("re", np.real), ("im", np.imag))}
 
@@ -100,13 +112,25 @@ def normal_form(values: Values, speed: Array) -> dict[str, Array]:
     q, p = (x / np.sqrt((np.abs(x) ** 2).sum(axis=0)) for x in (q, p))
     c = [_cubic(values, speed, x) for x in (q + q.conj(), q - q.conj(), q.conj())]
     cubic, product = (c[0] - c[1] - 2 * c[2]) / 6, (p * q).sum(axis=0)
-    by_speed = (matrix(values, Omega=1.5 * speed) - matrix(values, Omega=0.5 * speed)) / speed[:, None, None]  # of squares
+    by_speed = (matrix(values, Omega=1.5 * speed) - matrix(values, Omega=0.5 * speed)) / speed[
+        :, None, None
+    ]  # of squares
     found = {"hopf_speed": speed, "derived_omega": omega}
     found |= {f"q_{name}": np.abs(x) for name, x in zip(("beta", "gamma", "v"), q, strict=True)}
-    for prefix, a in {"": p / product, "bare_": p, "raw_": raw, "turned_": p / product.conj(), "right_": q.conj()}.items():
+    for prefix, a in {
+        "": p / product,
+        "bare_": p,
+        "raw_": raw,
+        "turned_": p / product.conj(),
+        "right_": q.conj(),
+    }.items():
         sums = {"g_gamma": a[1] * cubic[0], "g_v": a[2] * cubic[1], "rate_21": a[1] * by_speed[:, 1, 0] * q[0]}
         sums |= {f"rate_3{n + 1}": a[2] * by_speed[:, 2, n] * q[n] for n in (0, 1)}
-        found |= {f"{prefix}{name}_{part}": of(z) for name, z in sums.items() for part, of in (("real", np.real), ("imag", np.imag))}
+        found |= {
+            f"{prefix}{name}_{part}": of(z)
+            for name, z in sums.items()
+            for part, of in (("real", np.real), ("imag", np.imag))
+        }
     return found
 
 
@@ -114,7 +138,10 @@ def _cubic(values: Values, speed: Array, q: Array) -> Array:
     """The third derivatives of gamma' and v' along a direction, from values on a circle."""
     turn = np.exp(2j * np.pi * np.arange(32) / 32)[:, None]
     radius = 0.2 / np.sqrt((np.abs(q) ** 2).sum(axis=0))
-    state = {x: place + turn * radius * part for x, place, part in zip(("beta", "gamma", "v"), (np.pi / 2, np.pi / 2, 0.0), q, strict=True)}
+    state = {
+        x: place + turn * radius * part
+        for x, place, part in zip(("beta", "gamma", "v"), (np.pi / 2, np.pi / 2, 0.0), q, strict=True)
+    }
     at = Values(values.definitions, {**values.given, **state, "Omega": speed})
     return np.array([np.mean(at[name] / turn**3, axis=0) * 6 / radius**3 for name in ("gamma_rate", "v_rate")])
 
@@ -129,11 +156,13 @@ def harmonic(values: Values) -> Results:
 def _slope(f: Array, axis: int, radius: Array) -> Array:
     """The derivative by beta (axis 0) or gamma (1) of a function that is known on circles about each state."""
     k, shape = np.arange(_NODES), [-1 if n == axis else 1 for n in range(3)]
-    return np.asarray(np.fft.ifft(np.fft.fft(f, axis=axis) * k.reshape(shape), axis=axis) / (radius * _TURN.reshape(shape)))
+    return np.asarray(
+        np.fft.ifft(np.fft.fft(f, axis=axis) * k.reshape(shape), axis=axis) / (radius * _TURN.reshape(shape))
+    )
 
 
 def radius_of(values: Values) -> Array:
-    """The radius of the circles about each state: small where sin(beta) = 0, which h_0 and what follows diverge at, is near."""
+    """The radius of the circles about each state: small near sin(beta) = 0, where the orders diverge."""
     return np.asarray(_RADIUS * np.abs(np.sin(values["beta"])))
 
 
@@ -150,7 +179,12 @@ def orders(values: Values, last: int) -> tuple[list[Array], Callable[[int], dict
         slopes, back = [_slope(one, 0, radius) for one in h[:n]], list(reversed(h[:n]))
         products = [a * b for a, b in zip(back, slopes, strict=True)]
         found = {"h_h": sum(a * b for a, b in zip(h, back, strict=False)), "h_dh": sum(products), "h_last": h[n - 1]}
-        found |= {"dh_last": _slope(h[n - 1], 1, radius), "h_zero": h[0], "dh_zero": _slope(h[0], 1, radius), "dh_other": slopes[-1]}
+        found |= {
+            "dh_last": _slope(h[n - 1], 1, radius),
+            "h_zero": h[0],
+            "dh_zero": _slope(h[0], 1, radius),
+            "dh_other": slopes[-1],
+        }
         found |= {"h_h_last": h[n - 1] ** 2, "h_h_zero": h[0] * h[n - 1], "h_dh_zero": h[0] * slopes[-1]}
         found |= {"h_h_own": sum(a**2 for a in h[:n]), "h_dh_own": sum(a * b for a, b in zip(h, slopes, strict=False))}
         found["h_dh_last"] = h[n - 1] * slopes[-1]
@@ -158,7 +192,7 @@ def orders(values: Values, last: int) -> tuple[list[Array], Callable[[int], dict
 
     base["recursion_parts"]  # kept for all orders
     for n in range(1, last + 1):
-        h.append(Values(base.definitions, {**base.given, **sums(n)}, base.known)["h_next"])
+        h += [Values(base.definitions, {**base.given, **sums(n)}, base.known)["h_next"]]
     return h, sums
 
 
@@ -174,15 +208,44 @@ def _centre(x: Any) -> Any:
     return x.mean(axis=(0, 1)).real if np.ndim(x) == 3 else x
 
 
-def _partial(values: Values, h: list[Array]) -> dict[str, Array]:
+def _partial(values: Values, h: list[Array]) -> dict[str, Any]:
     """v and its derivatives by the series up to an order, and those of its last term and without it."""
-    epsilon, radius, found = values["epsilon"], radius_of(values), {}
-    for name, of in {"v": lambda x: x, "slope_beta": partial(_slope, axis=0, radius=radius), "slope_gamma": partial(_slope, axis=1, radius=radius)}.items():
-        terms = [epsilon**k * _centre(of(one)) for k, one in enumerate(h)]
-        found |= {name: sum(terms), f"{name}_last": terms[-1], f"{name}_before": sum(terms[:-1]) + 0 * epsilon}
+    radius = radius_of(values)
+    found: dict[str, Any] = {}
+    series = {
+        "v": h,
+        "slope_beta": [_slope(one, 0, radius) for one in h],
+        "slope_gamma": [_slope(one, 1, radius) for one in h],
+    }
+    for name, orders_of in series.items():
+        terms = [values["epsilon"] ** k * _centre(one) for k, one in enumerate(orders_of)]
+        found |= {
+            name: sum(terms),
+            f"{name}_last": terms[-1],
+            f"{name}_before": sum(terms[:-1]) + 0 * values["epsilon"],
+        }
     return found
 
 
+#: Other matrices than that of the linearised equations, by what is said of the answers.
+_MATRICES: dict[str, Callable[[Values], Array]] = {
+    "noninverted spinning is taken at (3 pi/2, pi/2, 0)": partial(
+        _where_noninverted, beta=1.5 * np.pi, gamma=np.pi / 2
+    ),
+    "noninverted spinning is taken at gamma = 0": partial(_where_noninverted, gamma=0.0),
+    "inverted spinning is taken for both equilibria": partial(matrix, gamma=np.pi / 2),
+    "noninverted spinning is taken for both equilibria": partial(matrix, gamma=-np.pi / 2),
+    "both equilibria are taken at gamma = 0": partial(matrix, gamma=0.0),
+    "the equilibria are taken at beta = 0": partial(matrix, beta=0.0),
+    "the eigenvalues are at Omega_crit": _at_critical_speed,
+    "the eigenvalues are at Omega = 30.92": partial(matrix, Omega=30.92),
+    "the eigenvalues are at the first entry's Omega": lambda values: matrix(values, Omega=values["Omega"][0]),
+    "the matrix has the rows of gamma and v exchanged": lambda values: matrix(values)[:, [0, 2, 1]],
+    "the matrix has the rows of beta and gamma exchanged": lambda values: matrix(values)[:, [1, 0, 2]],
+    "the matrix has no d(gamma')/d(beta)": partial(_scaled, 1, 0, 0.0),
+    "d(gamma')/d(beta) has the wrong sign in the matrix": partial(_scaled, 1, 0, -1.0),
+    "the matrix has the wrong sign": lambda values: -matrix(values),
+}
 #: By kind of question: what answers may be of, by what is said; first the right functions, of which nothing is said.
 PREDICTED: dict[str, dict[str, Callable[[Values], Results]]] = {
     "rhs": {"": rates},
@@ -190,32 +253,17 @@ PREDICTED: dict[str, dict[str, Callable[[Values], Results]]] = {
     "harmonic-balance": {"": harmonic},
     "slow-manifold": {"": manifold},
     "equilibrium": {
-        "": partial(_spectrum, of=_closed_matrix), " ": partial(_spectrum, of=matrix),
-        **{
-            says: partial(_spectrum, of=of)
-            for says, of in {
-                "noninverted spinning is taken at (3 pi/2, pi/2, 0)": partial(_where_noninverted, beta=1.5 * np.pi, gamma=np.pi / 2),
-                "noninverted spinning is taken at gamma = 0": partial(_where_noninverted, gamma=0.0),
-                "inverted spinning is taken for both equilibria": partial(matrix, gamma=np.pi / 2),
-                "noninverted spinning is taken for both equilibria": partial(matrix, gamma=-np.pi / 2),
-                "both equilibria are taken at gamma = 0": partial(matrix, gamma=0.0),
-                "the equilibria are taken at beta = 0": partial(matrix, beta=0.0),
-                "the eigenvalues are at Omega_crit": _at_critical_speed,
-                "the eigenvalues are at Omega = 30.92": partial(matrix, Omega=30.92),
-                "the eigenvalues are at the first entry's Omega": lambda values: matrix(values, Omega=values["Omega"][0]),
-                "the matrix has the rows of gamma and v exchanged": lambda values: matrix(values)[:, [0, 2, 1]],
-                "the matrix has the rows of beta and gamma exchanged": lambda values: matrix(values)[:, [1, 0, 2]],
-                "the matrix has no d(gamma')/d(beta)": partial(_scaled, 1, 0, 0.0),
-                "d(gamma')/d(beta) has the wrong sign in the matrix": partial(_scaled, 1, 0, -1.0),
-                "the matrix has the wrong sign": lambda values: -matrix(values),
-            }.items()
-        },
-        "the eigenvalues are those of a symmetric matrix (lower part)": partial(_spectrum, of=matrix, solve=np.linalg.eigvalsh),
+        "": partial(_spectrum, of=_closed_matrix),
+        " ": partial(_spectrum, of=matrix),
+        **{says: partial(_spectrum, of=of) for says, of in _MATRICES.items()},
+        "the eigenvalues are those of a symmetric matrix (lower part)": partial(
+            _spectrum, of=matrix, solve=np.linalg.eigvalsh
+        ),
         "the eigenvalues are those of a symmetric matrix (upper part)": partial(
             _spectrum, of=matrix, solve=partial(np.linalg.eigvalsh, UPLO="U")
         ),
     },
-}  # fmt: skip
+}
 
 
 # ---- what is asked of the answers
@@ -223,7 +271,8 @@ def problems(table: Table, definitions: Mapping[str, Any]) -> Iterator[Problem]:
     """The quantities of a table that can be looked for alone, in the order of the equations."""
     base = base_of(definitions, table)
     columns = {
-        name: {x: table.column(name, getattr(table, x)) for x in ("answer", "truth", "allowed", "left")} for name in np.unique(table.names)
+        name: {x: table.column(name, getattr(table, x)) for x in ("answer", "truth", "allowed", "left")}
+        for name in np.unique(table.names)
     }
     if table.kind == "rhs":
         yield from (_problem(name, base, columns[name]) for name in _RATES[:-3] if name in columns)
@@ -233,7 +282,11 @@ def problems(table: Table, definitions: Mapping[str, Any]) -> Iterator[Problem]:
     elif table.kind == "hopf":
         speed = columns["omega_crit"]["answer"] if "omega_crit" in columns else np.sqrt(base["omega_crit_squared"])
         base = Values(definitions, {**base.given, **normal_form(base, speed)})
-        yield from (_problem(name, base, columns[name], "hopf_period" if name == "period" else name) for name in _HOPF if name in columns)
+        yield from (
+            _problem(name, base, columns[name], "hopf_period" if name == "period" else name)
+            for name in _HOPF
+            if name in columns
+        )
     elif table.kind == "harmonic-balance":
         yield from _law(base, columns)
     elif table.kind == "slow-manifold":
@@ -287,12 +340,18 @@ def _law(base: Values, columns: Mapping[str, Cells]) -> Iterator[Problem]:
         given = {"answered_squared": squares["amplitude"]["answer"]}
         yield _problem("frequency", base, squares["frequency"], "frequency_squared", **given)
     if "frequency" in columns and "period" in columns:
-        yield _problem("period", base, columns["period"], "law_period", answered_frequency=columns["frequency"]["answer"])
+        yield _problem(
+            "period", base, columns["period"], "law_period", answered_frequency=columns["frequency"]["answer"]
+        )
 
 
 def _first_order(base: Values, columns: Mapping[str, Cells]) -> Iterator[Problem]:
     """The first order that is wrong, with right ones before it; the first wrong residual if the orders are right."""
-    failing = [name for name in (*(f"h_{n}" for n in _ORDERS), *(f"residual_{n}" for n in _ORDERS)) if name in columns and (columns[name]["left"] > 0).any()]
+    failing = [
+        name
+        for name in (*(f"h_{n}" for n in _ORDERS), *(f"residual_{n}" for n in _ORDERS))
+        if name in columns and (columns[name]["left"] > 0).any()
+    ]
     for name in failing[:1]:
         n = int(name[-1])
         if name == "h_0":

@@ -28,25 +28,33 @@ _METHODS = {
 }
 
 
-def _flown(rates: Callable[..., Array], state: Array, time: float, step: float, scheme: tuple[int, tuple[float, ...], tuple[float, ...]]) -> Array:
+def _flown(
+    rates: Callable[..., Array],
+    state: Array,
+    time: float,
+    step: float,
+    scheme: tuple[int, tuple[float, ...], tuple[float, ...]],
+) -> Array:
     """Return the states after a time [s] by a method with a fixed step [s]."""
     _, shares, weights = scheme
     count = max(1, round(time / step))
     for _ in range(count):
         slopes = [rates(state)]
         for share in shares:
-            slopes.append(rates(state + step * share * slopes[-1]))
+            slopes = [*slopes, rates(state + step * share * slopes[-1])]
         state = state + step * sum(weight * slope for weight, slope in zip(weights, slopes, strict=True))
     return state
 
 
 def method(table: Table) -> str:
-    """Name the method whose own errors are those of the first samples, and take these answers out; "" if there is none."""
+    """Name the method whose own errors are those of the first samples, and take these out; "" if none has them."""
     times = [float(place["t"]) for place in table.places if "t" in place]
     if table.kind != "trajectory" or not times or not table.left.any():
         return ""
     first = f"{min(times):g}"
-    answers, truths = (np.array([table.column(f"{x}@{first}", of) for x in _STATE]) for of in (table.answer, table.truth))
+    answers, truths = (
+        np.array([table.column(f"{x}@{first}", of) for x in _STATE]) for of in (table.answer, table.truth)
+    )
     rows = np.flatnonzero(np.isfinite(answers + truths).all(axis=0))[:_TRIED]
     errors = (answers - truths)[:, rows]
     if not rows.size or not errors.any():

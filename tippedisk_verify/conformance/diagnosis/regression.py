@@ -104,7 +104,11 @@ class Search:
                 return None
             here = columns(base)
             if not deep:
-                own = [(one,) for one in changes(base, here.names | {problem.definition}) if one.pieces[0][0] == problem.definition or one.whole]
+                own = [
+                    (one,)
+                    for one in changes(base, here.names | {problem.definition})
+                    if one.pieces[0][0] == problem.definition or one.whole
+                ]
                 found = confirmed(here.sums(1, 9), base) or confirmed(own, base) or confirmed(here.sums(2, 2), base)
                 return found or confirmed(here.solved(), base, 3)
             if found := confirmed(here.sums(3, 1), base):
@@ -124,7 +128,9 @@ def _merged(first: Change, rest: Set, base: Values) -> Set:
     for change in rest:
         name, index, new = change.pieces[0]
         if index is not None and (name, index) in first.places:
-            change = Change(change.pieces, f"in {name}: {shown(new)} for {shown((base.terms(name)[index],))}", change.rank)
+            change = Change(
+                change.pieces, f"in {name}: {shown(new)} for {shown((base.terms(name)[index],))}", change.rank
+            )
         merged.append(change)
     hidden = all(any(place in change.places for change in rest) for place in first.places)
     return tuple(merged) if hidden else (first, *merged)
@@ -137,7 +143,10 @@ class _Columns:
         given = {name: x[rows] if np.ndim(x) else x for name, x in base.given.items()}
         rate = None if problem.rate is None else problem.rate[rows]
         self.differentiated = rate is not None
-        answers = (x if rate is None else rate + IMAGINARY_STEP * 1j * x for x in (problem.answer[rows], (problem.answer + problem.allowed)[rows]))
+        answers = (
+            x if rate is None else rate + IMAGINARY_STEP * 1j * x
+            for x in (problem.answer[rows], (problem.answer + problem.allowed)[rows])
+        )
         self.values, unit = (Values(base.definitions, {**given, "answer": answer}) for answer in answers)
         self.identity = parsed(problem.identity)
         residual = self._of(self.values)
@@ -145,7 +154,10 @@ class _Columns:
         self.residual = residual / self.unit
         behind = (self.values.behind(name) for term in self.identity for name, _ in term.factors)
         self.names = frozenset[str]().union(*behind) - {"answer"} - kept
-        pairs = [(one, (self._of(self.values.changed(one.pieces)) - residual) / self.unit) for one in changes(self.values, self.names)]
+        pairs = [
+            (one, (self._of(self.values.changed(one.pieces)) - residual) / self.unit)
+            for one in changes(self.values, self.names)
+        ]
         pairs = [(one, x) for one, x in pairs if np.isfinite(x).all() and np.abs(x).max() > _NOTHING]
         draws = np.random.default_rng(5).uniform(0.5, 1.5, (len(rows), 2)) / len(rows)
         self.signs = draws * np.where(np.arange(len(rows)) % 2, -1, 1)[:, None]
@@ -175,7 +187,11 @@ class _Columns:
         high = np.searchsorted(marks[order], total + room, side="right")
         if (high - low).sum() > _CROWDED:
             return
-        near = ({*groups[g].tolist(), place} for g in np.flatnonzero(high > low) for place in order[low[g] : high[g]].tolist())
+        near = (
+            {*groups[g].tolist(), place}
+            for g in np.flatnonzero(high > low)
+            for place in order[low[g] : high[g]].tolist()
+        )
         sets = []
         for members in {tuple(sorted(one)) for one in near if len(one) == size}:
             chosen = effects[list(members)]
@@ -184,7 +200,9 @@ class _Columns:
             room = 2.0 + 1e-11 * (np.abs(self.residual) + np.abs(chosen).sum(axis=0))
             if (np.abs(self.residual + chosen.sum(axis=0)) <= room).all() and len(set(places)) == len(places):
                 sets.append(found)
-        yield from sorted(sets, key=lambda one: [sum(parts) for parts in zip(*(change.order for change in one), strict=True)])
+        yield from sorted(
+            sets, key=lambda one: [sum(parts) for parts in zip(*(change.order for change in one), strict=True)]
+        )
 
     def solved(self) -> Iterator[Set]:
         """One parameter with another value, the same for all, that is solved for by the secant method."""
@@ -206,5 +224,7 @@ class _Columns:
         """The changes whose effects point along the residual, those first that leave least of it."""
         size = (self.effects**2).sum(axis=1) * float(self.residual @ self.residual)
         along = np.nan_to_num((self.effects @ self.residual) ** 2 / size)
-        likely = [n for n in np.argsort(-along, kind="stable").tolist() if along[n] > _DIRECTION and self.changes[n].rank < 2]
+        likely = [
+            n for n in np.argsort(-along, kind="stable").tolist() if along[n] > _DIRECTION and self.changes[n].rank < 2
+        ]
         return [self.changes[n] for n in likely[:_FIRSTS]]

@@ -2,7 +2,8 @@
 
 A definition is a line such as ``f_G = -m g rho cos(beta)``: terms between plus and minus signs, in each a number and
 factors with powers; a slash divides by the factor behind it. A factor is a symbol, another definition, a sum in
-parentheses, or a function of a sum. ``given(x)`` is the input x, where a definition has put something else in its place.
+parentheses, a function of a sum, or a derivative such as ``d(M)/d(beta)``. ``given(x)`` is the input x, where a
+definition has put something else in its place.
 """
 
 from __future__ import annotations
@@ -80,12 +81,12 @@ def _split(text: str) -> list[str]:
 @cache
 def parsed(text: str) -> Terms:
     """The terms of a sum that is written out."""
-    terms, sign, power, term = [], 1.0, 1, Term(1.0, ())
+    terms, power, term = [], 1, Term(1.0, ())
     words = _split(re.sub(r"^-(?=\S)", "- ", text.strip()))
     for word in words:
         if word in "+-":
             terms += [term] if word is not words[0] else []
-            sign, term = -1.0 if word == "-" else 1.0, Term(-1.0 if word == "-" else 1.0, ())
+            term = Term(-1.0 if word == "-" else 1.0, ())
         elif word == "/":
             power = -1
         elif re.fullmatch(r"[\d.]+(/\d+)?", word):
@@ -121,12 +122,23 @@ def _rounded(decimals: int, x: Any) -> Any:
 
 
 FUNCTIONS: dict[str, Callable[[Any], Any]] = {
-    "given": lambda x: x, "sin": np.sin, "cos": np.cos, "tan": np.tan, "tanh": np.tanh, "arctan": np.arctan,
-    "exp": np.exp, "sqrt": lambda x: np.sqrt(x + 0j) if np.iscomplexobj(x) else np.sqrt(x), "abs": _modulus,
-    "sgn": lambda x: np.sign(x.real), "first": lambda x: np.ravel(x)[0] + 0 * x, "previous": lambda x: np.roll(x, 1),
-    "next": lambda x: np.roll(x, -1), "single": lambda x: x - x.real + np.asarray(x.real, dtype="f4").astype(float),
-    "whole": lambda x: np.trunc(x.real), **{f"to{n}": partial(_rounded, n) for n in range(1, 7)},
-}  # fmt: skip
+    "given": lambda x: x,
+    "sin": np.sin,
+    "cos": np.cos,
+    "tan": np.tan,
+    "tanh": np.tanh,
+    "arctan": np.arctan,
+    "exp": np.exp,
+    "sqrt": lambda x: np.sqrt(x + 0j) if np.iscomplexobj(x) else np.sqrt(x),
+    "abs": _modulus,
+    "sgn": lambda x: np.sign(x.real),
+    "first": lambda x: np.ravel(x)[0] + 0 * x,
+    "previous": lambda x: np.roll(x, 1),
+    "next": lambda x: np.roll(x, -1),
+    "single": lambda x: x - x.real + np.asarray(x.real, dtype="f4").astype(float),
+    "whole": lambda x: np.trunc(x.real),
+    **{f"to{n}": partial(_rounded, n) for n in range(1, 7)},
+}
 _DERIVATIVE = re.compile(r"d\((.*)\)/d\((\w+)\)")
 IMAGINARY_STEP = 1e-30  # of the imaginary step that differentiates: below it nothing is lost to rounding
 
