@@ -3,8 +3,8 @@
 A mistake in an equation changes its terms, and the answers to M a - F = 0 are linear in such changes. `terms` evaluates
 equations that are written as sums of products, `dictionary` has them and what people write in their place, `regression`
 finds the fewest changes that give the answers, and `levels` applies it to what is asked at levels 1 to 5. `relations`
-are what answers are instead of right ones, and `methods` has integrators. This module asks them in turn, level by level,
-and says what follows from what.
+are what answers are instead of right ones, and `methods` has integrators. This module asks them in turn,
+level by level, and says what follows from what.
 """
 
 from __future__ import annotations
