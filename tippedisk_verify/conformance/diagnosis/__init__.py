@@ -122,7 +122,7 @@ class _Sheet:
         tables = [table for table in self.tables if table.level == level]
         numbers, earlier, self.causes = _left(tables), dict(self.changes), []
         for table in tables if level <= _FORMULAS else ():
-            for some in self.candidates(table.friction)[:-1]:
+            for some in filter(None, self.candidates(table.friction)):
                 self.take_out(table, some)
         follows = numbers - _left(tables)
         self.relations(tables, whole=True)
