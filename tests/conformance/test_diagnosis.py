@@ -77,7 +77,9 @@ def test_right_programs_have_no_diagnosis() -> None:
 @pytest.mark.parametrize("answer", [lambda: repr(random.gauss(0, 1)), lambda: "nan", lambda: "1"])
 def test_nothing_but_the_constant_is_said_of_answers_without_sense(answer: Callable[[], str], store: Store) -> None:
     random.seed(5)
-    diagnoses = _diagnosed({id_: answer() for id_ in store if id_.startswith(("printed/both/", "printed/linear/"))}, store)
+    diagnoses = _diagnosed(
+        {id_: answer() for id_ in store if id_.startswith(("printed/both/", "printed/linear/"))}, store
+    )
     assert len(diagnoses) == 10
     assert {says for one in diagnoses for _, says in one.causes} <= {"all answers are one"}
 
