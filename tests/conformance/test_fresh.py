@@ -130,7 +130,7 @@ def test_a_right_program_passes_and_a_number_of_its_own_is_named(
     assert level["least_digits"] > 12
     assert main(["conformance", "grade", str(tmp_path / "mu.csv"), "--json"]) == 0
     causes = [one["causes"] for one in json.loads(capsys.readouterr().out)["diagnoses"]]
-    assert [[cause["cause"] for cause in here] for here in causes] == [["mu = 0.3 of Table 1"]]
+    assert [[cause["cause"] for cause in here] for here in causes] == [["the inputs: mu = 0.3"]]
     assert main(["conformance", "compare", str(tmp_path / "right.csv"), str(tmp_path / "mu.csv"), "--quiet"]) == 1
     (tmp_path / "expected").write_text("fresh-8-*/linear/rhs/*/v_rate\nfresh-8-*/smooth/rhs/*/v_rate\n")
     expected = ["--expected-failures", str(tmp_path / "expected"), "--quiet"]

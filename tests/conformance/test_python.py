@@ -110,7 +110,7 @@ def test_grades_come_with_a_diagnosis() -> None:
     assert not report.passed
     (diagnosis,) = report.diagnoses
     lines = str(report).splitlines()
-    assert "in gamma_y: sin(beta) for sin(beta)^2 in e Omega sin(beta)^2 cos(gamma)" in diagnosis.says()
+    assert "in gamma_y: -e Omega sin(beta) cos(gamma) for -e Omega sin(beta)^2 cos(gamma)" in diagnosis.says()
     assert any(line.startswith("printed/both/rhs/0") and "digits, not 10; the truth is" in line for line in lines)
     assert len(lines) == 10
     assert lines[-1] == f"and {len(report.failed) - 7} more"  # beside the headline and the diagnosis

@@ -1,0 +1,272 @@
+"""Kinds of mistakes planted in an independent program, several at once, and how many the diagnosis names.
+
+    python -m tests.conformance.mistakes --count 200 --size 2 --differences linear
+
+`KINDS` is the table: what is replaced in the text of `blind_program.py`, by what, and a pattern that a statement which
+names the mistake matches. Draws take kinds that change different lines. A seed gives the same draws on every machine.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import re
+import statistics
+import sys
+import time
+import types
+import warnings
+from collections.abc import Iterator
+from pathlib import Path
+from random import Random
+from typing import Any, NamedTuple
+
+from tippedisk_verify.conformance.diagnosis import Diagnosis, diagnosed
+from tippedisk_verify.conformance.grading import Grade, graded
+from tippedisk_verify.conformance.sheet import Answers, collected, questions, sheet_csv
+from tippedisk_verify.reference_values.store import stored
+
+HERE = Path(__file__).parent
+TEXTS = [(HERE / name).read_text() for name in ("blind_theory.py", "blind_program.py")]
+_BBAR = "Bbar = B - m * e**2\n    sb, cb, sg"
+_RHO = "rho = r + e * sg\n    inertia = A * cg**2"
+
+
+class Kind(NamedTuple):
+    """What is replaced by what, and what a statement that names it says."""
+
+    old: str
+    new: str
+    says: str
+
+
+KINDS: dict[str, Kind] = {
+    "Bbar-plus": Kind(_BBAR, _BBAR.replace("-", "+"), r"Bbar.*(\+ m e\^2|sign of -m e\^2)"),
+    "Bbar-B": Kind(_BBAR, _BBAR.replace(" - m * e**2", ""), r"Bbar = B, not|Bbar: the term -m e\^2 is missing"),
+    "Bbar-e": Kind(_BBAR, _BBAR.replace("e**2", "e"), r"Bbar.*m e([, ]|$)"),
+    "rho-r": Kind(_RHO, _RHO.replace(" + e * sg", ""), r"rho = r, not|rho: the term e sin\(gamma\) is missing"),
+    "rho-cosine": Kind(_RHO, _RHO.replace("sg\n", "cg\n"), r"rho.*e cos\(gamma\)"),
+    "rho-minus": Kind(_RHO, _RHO.replace("+ e", "- e"), r"rho.*(r - e sin|sign of e sin)"),
+    "rho-exchanged": Kind(_RHO, _RHO.replace("r + e", "e + r"), r"rho = e \+ r sin|r and e exchanged"),
+    "inertia-exchanged": Kind("A * cg**2 + Bbar * sg**2", "A * sg**2 + Bbar * cg**2", r"inertia.*A sin\(gamma\)\^2"),
+    "inertia-B": Kind("A * cg**2 + Bbar * sg**2", "A * cg**2 + B * sg**2", r"B sin\(gamma\)\^2"),
+    "inertia-powers": Kind("A * cg**2 + Bbar * sg**2", "A * cg + Bbar * sg", r"inertia.*A cos\(gamma\)[^^]"),
+    "M-sine": Kind("m * rho**2 * cb**2", "m * rho**2 * sb**2", r"M.*m rho\^2 sin\(beta\)\^2"),
+    "M-power": Kind("m * rho**2 * cb**2", "m * rho**2 * cb", r"M.*m rho\^2 cos\(beta\) for"),
+    "M-rho": Kind("m * rho**2 * cb**2", "m * rho * cb**2", r"M.*m rho cos"),
+    "M-term": Kind("inertia + m * rho**2 * cb**2", "inertia", r"M: the term m rho\^2 cos\(beta\)\^2 is missing"),
+    "h1-sign": Kind("h = h1 +", "h = -h1 +", r"the sign of (h_1|inertia Omega)"),
+    "h1-Omega": Kind("h1 = inertia * Omega**2", "h1 = inertia * Omega", r"h_1: inertia Omega sin"),
+    "h1-missing": Kind("h = h1 +", "h = 0 +", r"term (h_1|inertia Omega\^2.*) is missing"),
+    "h2-sign": Kind("h2 = -2", "h2 = 2", r"the sign of (h_2|-2 \(A)"),
+    "h2-factor": Kind("h2 = -2", "h2 = -1", r"(factor 2 is missing in -2 \(A|1/2 h_2)"),
+    "h2-sum": Kind("(A - Bbar)", "(A + Bbar)", r"\(A \+ Bbar\)|\(A - Bbar\): the sign of -Bbar"),
+    "h2-B": Kind("(A - Bbar)", "(A - B)", r"\(A - B\)|\(A - Bbar\): -B for -Bbar"),
+    "h2-sine": Kind("v * cb * sg * cg", "v * sb * sg * cg", r"h_2: .*v sin\(beta\) sin\(gamma\) cos"),
+    "h3-sign": Kind("+ h3", "- h3", r"the sign of (h_3|m rho\^2 v)"),
+    "h3-v": Kind("rho**2 * v**2", "rho**2 * v", r"h_3: m rho\^2 v sin"),
+    "h3-rho": Kind("rho**2 * v**2", "rho * v**2", r"h_3: m rho v\^2"),
+    "h3-missing": Kind("+ h3", "", r"term (h_3|m rho\^2 v.*) is missing"),
+    "h4-sign": Kind("+ h4", "- h4", r"the sign of (h_4|m e rho)"),
+    "h4-square": Kind("cb**3", "cb**2", r"h_4: .*cos\(beta\)\^2"),
+    "h4-power": Kind("cb**3", "cb", r"h_4: .*cos\(beta\) sin"),
+    "h4-cosine": Kind("cb**3 * sg", "cb**3 * cg", r"h_4: .*cos\(gamma\) for"),
+    "h4-e": Kind("h4 = m * e * rho", "h4 = m * rho", r"h_4: the factor e is missing"),
+    "h5-sign": Kind("+ h5", "- h5", r"the sign of (h_5|-m e rho)"),
+    "h5-one": Kind("3 * sb**2 - 2", "3 * sb**2 - 1", r"-1 for -2"),
+    "h5-cosine": Kind("3 * sb**2 - 2", "3 * cb**2 - 2", r"3 cos\(beta\)\^2"),
+    "h5-sine": Kind("Omega * v * cb * cg", "Omega * v * cb * sg", r"h_5: .*cos\(beta\) sin\(gamma\) for"),
+    "h5-v": Kind("Omega * v * cb * cg", "Omega * cb * cg", r"h_5: the factor v is missing"),
+    "f_G-sign": Kind("f_G = -m", "f_G = m", r"the sign of (f_G|-m g rho)"),
+    "f_G-sine": Kind("g * rho * cb", "g * rho * sb", r"f_G: -?m g rho sin\(beta\)"),
+    "f_G-mass": Kind("f_G = -m * g", "f_G = -g", r"f_G: the factor m is missing"),
+    "f_G-r": Kind("g * rho * cb", "g * r * cb", r"f_G: -?m g r cos"),
+    "w_y-cosine": Kind("w_y = rho * sb", "w_y = rho * cb", r"w_y: rho cos\(beta\)"),
+    "w_y-r": Kind("w_y = rho * sb", "w_y = r * sb", r"w_y: r sin\(beta\)"),
+    "w_y-sine": Kind("w_y = rho * sb", "w_y = rho", r"w_y: the factor sin\(beta\) is missing"),
+    "gamma_y-sign": Kind("v * sb - e", "v * sb + e", r"gamma_y: the sign of -e Omega"),
+    "gamma_y-power": Kind("Omega * sb**2 * cg", "Omega * sb * cg", r"gamma_y: -e Omega sin\(beta\) cos"),
+    "gamma_y-misprint": Kind("Omega * sb**2 * cg", "Omega * o.sin(beta**2) * cg", r"sin\(beta\^2\)"),
+    "gamma_y-sine": Kind("Omega * sb**2 * cg", "Omega * sb**2 * sg", r"gamma_y: -e Omega sin\(beta\)\^2 sin"),
+    "gamma_y-r": Kind("gamma_y = rho", "gamma_y = r", r"gamma_y: r v sin"),
+    "linear-mu": Kind("-mu * m * g / eps", "-m * g / eps", r"lambda_Ty: the factor mu is missing.*linear"),
+    "linear-epsilon": Kind("-mu * m * g / eps", "-mu * m * g", r"lambda_Ty: the factor epsilon is missing.*linear"),
+    "linear-sign": Kind("-mu * m * g / eps", "mu * m * g / eps", r"the sign of (-mu m g gamma_y|w_y|mu).*linear"),
+    "smooth-modulus": Kind("(size + eps)", "(gamma_y + eps)", r"gamma_y \+ epsilon|abs\(gamma_y\)"),
+    "smooth-square": Kind("(size + eps)", "(size**2 + eps**2)", r"gamma_y\^2 \+ epsilon\^2"),
+    "smooth-root": Kind("(size + eps)", "o.sqrt(size**2 + eps**2)", r"sqrt\(gamma_y\^2 \+ epsilon\^2\)"),
+    "gamma-sign": Kind("gamma_rate = -Omega", "gamma_rate = Omega", r"gamma_rate: the sign"),
+    "gamma-sine": Kind("gamma_rate = -Omega * cb", "gamma_rate = -Omega * sb", r"gamma_rate: -?Omega sin"),
+    "v-lever": Kind("w_y * lambda_Ty)", "lambda_Ty)", r"force: (lambda_Ty for|the factor w_y)"),
+    "v-friction-sign": Kind("f_G + w_y", "f_G - w_y", r"force: the sign of w_y"),
+    "v-no-f_G": Kind("(h + f_G +", "(h +", r"force: the term f_G is missing"),
+}
+
+#: Mistakes at levels 2 to 5: what is replaced by what in the program, and what a statement that names it says.
+ELSEWHERE: dict[str, Kind] = {
+    "eigenvalues-by-modulus": Kind(
+        "key=lambda x: (-round(x.real, 9)", "key=lambda x: (-round(abs(x), 9)", "another order: descending moduli"
+    ),
+    "equilibrium-as-printed": Kind(
+        "jacobian(p, Omega, smooth, [HALF_PI, gamma, 0.0])",
+        "jacobian(p, Omega, smooth, [HALF_PI if gamma > 0 else 3 * HALF_PI, HALF_PI, 0.0])",
+        r"taken at \(3 pi/2, pi/2, 0\)",
+    ),
+    "hopf-speed": Kind(
+        "m * g * (r + e) ** 2 / (Bbar * r)", "m * g * (r + e) / Bbar", r"omega_crit_squared: m g \(r \+ e\) / Bbar for"
+    ),
+    "hopf-slope": Kind("4 * abs(q[0]) ** 2 * square", "4 * abs(q[0]) * square", "4 q_beta rate_real / c_real for"),
+    "hopf-modulus": Kind("c1.real / omega", "abs(c1) / omega", r"sqrt\(c_real\^2 \+ c_imag\^2\)"),
+    "law-chi": Kind("A * (r - 2 * e)", "A * (r - e)", r"chi: A \(r - e\) for"),
+    "law-delta": Kind("C**2 / 8)", "C**2 / 4)", "delta: -1/4 Omega"),
+    "law-denominator": Kind(
+        "+ m * g * e * (r + e))\n    C", "+ m * g * (r + e))\n    C", "denominator: the factor e is missing"
+    ),
+    "law-hertz": Kind(
+        '"frequency": frequency,', '"frequency": frequency / (2 * math.pi),', r"frequency has the factor 1/\(2 pi\)"
+    ),
+    "manifold-h_0": Kind(
+        "h = [e * Omega * sb * cg / rho]", "h = [e * Omega * cg / rho]", r"h_0: the factor sin\(beta\) is missing"
+    ),
+    "manifold-h_4": Kind("+ m * e * Omega**2 * rho * sb * cb * cb * cb * sg - m", "- m", "h_4: the term .* is missing"),
+    "manifold-residual": Kind(
+        "total - by_gamma * Omega", "total + by_gamma * Omega", "transport: the sign of slope_gamma"
+    ),
+    "manifold-order": Kind('found[f"h_{n}"]', 'found[f"h_{n + 1}"]', "the values of the previous order"),
+}
+
+_DIFFERENCES = '''def gradient(p, Omega, smooth, y):
+    """Derivatives of gamma' and v' by central differences under some laws, else with imaginary steps."""
+    columns = []
+    for k in range(4):
+        if smooth in DIFFERENCED:
+            ends = []
+            for side in (1, -1):
+                z = [*y, Omega]
+                z[k] = z[k] + side * 1e-6
+                ends.append(model(math, p, z[3], smooth, *z[:3]))
+            columns.append(tuple((ends[0][n] - ends[1][n]) / 2e-6 for n in (6, 7)))
+            continue
+'''
+_GRADIENT = TEXTS[1][TEXTS[1].index("def gradient") : TEXTS[1].index("        z = [*y, Omega]")]
+
+
+def rows(levels: range) -> list[dict[str, str]]:
+    """The questions of the printed set at some levels."""
+    asked = questions(stored(), sets=("printed",), frictions=(), levels=tuple(levels))
+    return list(csv.DictReader(sheet_csv(stored(), asked).splitlines()))
+
+
+FIRST = [row for row in rows(range(1, 2)) if int(row["id"].split("/")[3]) < 5]
+
+
+class Planted(NamedTuple):
+    """What the diagnosis says of some kinds at once."""
+
+    names: tuple[str, ...]
+    named: frozenset[str]
+    false: tuple[str, ...]  #: statements that name none of them
+    seconds: float
+    diagnoses: list[Diagnosis]
+
+
+def patched(patches: list[tuple[str, str]]) -> dict[str, Any] | None:
+    """The program with replacements in its texts; None where one does not fit in exactly one place."""
+    texts = list(TEXTS)
+    for old, new in patches:
+        counts = [text.count(old) for text in texts]
+        if sum(counts) != 1:
+            return None
+        texts = [text.replace(old, new) for text in texts]
+    for name, text in zip(("blind_theory", "program"), texts, strict=True):
+        sys.modules[name] = types.ModuleType(name)
+        sys.modules[name].__dict__["TEXT"] = text
+        exec(compile(text, name, "exec"), sys.modules[name].__dict__)
+    return sys.modules["program"].__dict__
+
+
+def grades_of(program: dict[str, Any], levels: range, only: str = "") -> list[Grade]:
+    """The grades of a program's answers, or of those to some quantities only."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # what mistakes do to square roots and integrators
+        answers = program["answered"](rows(levels), levels)
+    given = [(id_, "doubles", str(text), {}) for id_, text in answers.items() if not only or re.search(only, id_)]
+    return graded(collected(given, stored(), None, Answers()), stored())
+
+
+def planted(
+    names: tuple[str, ...], differences: tuple[bool, ...] = (), levels: range = range(1, 2), only: str = ""
+) -> Planted | None:
+    """Plant some kinds at once, with derivatives by differences under these laws; None where they do not fit."""
+    patches = [(KINDS[name].old, KINDS[name].new) for name in names]
+    if differences:
+        patches.append((_GRADIENT, _DIFFERENCES.replace("DIFFERENCED", repr(differences))))
+    program = patched(patches)
+    if program is None:
+        return None
+    grades = grades_of(program, levels, only)
+    start = time.process_time()
+    diagnoses = diagnosed(grades, stored())
+    seconds = time.process_time() - start
+    causes = [says for one in diagnoses for name, says in one.causes if name != "digits"]
+    named = frozenset(name for name in names if any(re.search(KINDS[name].says, says) for says in causes))
+    false = tuple(says for says in causes if not any(re.search(KINDS[name].says, says) for name in names))
+    return Planted(names, named, false, seconds, diagnoses)
+
+
+def drawn(seed: int, count: int, size: int) -> Iterator[tuple[str, ...]]:
+    """So many sets of kinds of different terms, none of which is hidden by the others."""
+    draws, found = Random(seed), 0
+    while found < count:
+        names = tuple(sorted(draws.sample(list(KINDS), size)))
+        every = _first_answers(names)
+        terms = {name.split("-")[0] for name in names}
+        if (
+            every
+            and len(terms) == size
+            and all(_first_answers(tuple(one for one in names if one != name)) != every for name in names)
+        ):
+            found += 1
+            yield names
+
+
+def _first_answers(names: tuple[str, ...]) -> dict[str, str] | None:
+    """The answers to the first questions with some kinds planted; None where they do not fit together."""
+    program = patched([KINDS[name][:2] for name in names])
+    return program["answered"](FIRST, range(1, 2)) if program else None
+
+
+#: The planted mistakes of the tests: the laws under which derivatives are differences, by count and size of the draws.
+LISTED: dict[tuple[bool, ...], tuple[tuple[int, int], ...]] = {
+    (): ((3, 1), (12, 2), (6, 3)),
+    (False,): ((4, 2), (2, 3)),
+    (False, True): ((2, 2), (4, 3)),
+}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description="How many planted mistakes the diagnosis names.")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--count", type=int, default=100)
+    parser.add_argument("--size", type=int, default=2, help="mistakes at once")
+    parser.add_argument("--differences", choices=("none", "linear", "smooth", "both"), default="none")
+    parser.add_argument("--only", default="", help="pattern of the ids that are answered")
+    asked = parser.parse_args()
+    laws = {"none": (), "linear": (False,), "smooth": (True,), "both": (False, True)}[asked.differences]
+    found = [
+        one for names in drawn(asked.seed, asked.count, asked.size) if (one := planted(names, laws, only=asked.only))
+    ]
+    for one in found:
+        if len(one.named) < len(one.names) or one.false or one.seconds > 3:
+            print(f"{one.seconds:.1f} s", *one.names, "| named:", *sorted(one.named), "| false:", *one.false, sep=" ")
+    complete, some = (
+        sum(test(len(one.named), len(one.names)) for one in found) for test in (int.__eq__, lambda a, _: a > 0)
+    )
+    times = [one.seconds for one in found]
+    print(f"{len(found)} draws of {asked.size}: {complete} named completely, {some} at least in part,", end=" ")
+    print(f"{sum(bool(one.false) for one in found)} with a false name beside them;", end=" ")
+    print(f"{statistics.median(times):.2f} s in the median, {max(times):.2f} s at most")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,526 @@
+"""The equations of all levels as definitions, and the dictionary of what people write in place of their parts.
+
+A kind of mistake is one entry: of `IN_PLACE` if another symbol or sum is written for a factor of a term, of
+`REDEFINED` if a symbol or a sum means something else wherever it stands, of `INPUTS` if inputs are taken otherwise.
+`changes` adds what can happen to every term and every factor: a sign, a term, a power, a factor lost or too many.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import lru_cache
+from itertools import combinations
+
+import numpy as np
+
+from tippedisk_verify.conformance.diagnosis.terms import NOTHING, Piece, Term, Values, parsed, shown, written
+
+__all__ = ["BY_HAND", "LINEAR", "SMOOTH", "Change", "changes", "inputs"]
+
+_EQUATIONS = """
+Bbar = B - m e^2
+rho = r + e sin(gamma)
+inertia = A cos(gamma)^2 + Bbar sin(gamma)^2
+M = inertia + m rho^2 cos(beta)^2
+h_1 = inertia Omega^2 sin(beta) cos(beta)
+h_2 = -2 (A - Bbar) Omega v cos(beta) sin(gamma) cos(gamma)
+h_3 = m rho^2 v^2 sin(beta) cos(beta)
+h_4 = m e rho Omega^2 sin(beta) cos(beta)^3 sin(gamma)
+h_5 = -m e rho (3 sin(beta)^2 - 2) Omega v cos(beta) cos(gamma)
+h = h_1 + h_2 + h_3 + h_4 + h_5
+f_G = -m g rho cos(beta)
+w_y = rho sin(beta)
+gamma_y = rho v sin(beta) - e Omega sin(beta)^2 cos(gamma)
+gamma_rate = -Omega cos(beta)
+force = h + f_G + w_y lambda_Ty
+v_rate = force / M
+dv_rate_dbeta = d(force)/d(beta) / M - d(M)/d(beta) v_rate / M
+dv_rate_dgamma = d(force)/d(gamma) / M - d(M)/d(gamma) v_rate / M
+dv_rate_dv = d(force)/d(v) / M
+"""
+_BY_HAND = """
+A_31 = m g (r + side e) / Bbar - Omega^2
+A_32 = -mu m g side e (r + side e) Omega / epsilon / Bbar
+A_33 = -mu m g (r + side e)^2 / epsilon / Bbar
+omega_crit_squared = m g (r + e)^2 / r / Bbar
+omega = sqrt(e) hopf_speed / sqrt(r + e)
+c_real = 1/2 g_gamma_real + 1/2 g_v_real
+c_imag = 1/2 g_gamma_imag + 1/2 g_v_imag
+rate_real = rate_21_real + rate_31_real + rate_32_real
+rate_imag = rate_21_imag + rate_31_imag + rate_32_imag
+omega_crit = sqrt(omega_crit_squared)
+hopf_period = 2 pi / omega
+transversality = rate_real
+first_lyapunov_coefficient = c_real / omega
+amplitude_squared_slope = 4 q_beta^2 rate_real / c_real
+period_slope = -2 pi c_imag rate_real / c_real / omega^2 + 2 pi rate_imag / omega^2
+chi = A (r - 2 e) - 1/2 Bbar bracket / (r + e) + 1/2 consistent Bbar e^2 / (r + e)
+bracket = 2 r^2 + e (r + e)
+delta = -1/8 Omega^2 (r - e + consistent e) / (r + e)
+excess = Bbar r Omega^2 - m g (r + e)^2
+denominator = chi Omega^2 + m g e (r + e)
+amplitude_squared = -4 e excess / denominator / (r + e)
+frequency_squared = e Omega^2 / (r + e) + delta answered_squared
+law_period = 2 pi / answered_frequency
+h_0 = e Omega sin(beta) cos(gamma) / rho
+drag = mu m g rho^2 sin(beta)^2
+recursion = first h_1 + first h_4 + first f_G + h_2 h_last + h_5 h_last + h_3 h_h - M h_dh - M gamma_rate dh_last
+h_next = recursion / drag
+recursion_parts = M + h_1 + h_2 + h_3 + h_4 + h_5 + f_G + drag + gamma_rate
+transport = slope_beta v + slope_gamma gamma_rate
+residual = epsilon transport - epsilon h / M - epsilon f_G / M + drag v / M - drag h_0 / M
+"""
+BY_HAND = written(_BY_HAND)
+_LAWS = {
+    False: "lambda_Ty = -mu m g gamma_y / epsilon",
+    True: "lambda_Ty = -mu m g gamma_y / (abs(gamma_y) + epsilon)",
+}
+
+
+LINEAR, SMOOTH = (written(_EQUATIONS + _LAWS[smooth]) | BY_HAND for smooth in (False, True))
+
+#: What is written for a factor of a term.
+IN_PLACE: dict[str, tuple[str, ...]] = {
+    "r": ("e", "(r + e)", "(r - e)"),
+    "e": ("r", "(r + e)"),
+    "m": ("g",),
+    "g": ("m",),
+    "mu": ("epsilon",),
+    "A": ("B", "Bbar"),
+    "B": ("A", "Bbar"),
+    "Bbar": ("B", "A", "(B + m e^2)", "M"),
+    "Omega": ("v",),
+    "v": ("Omega",),
+    "epsilon": ("mu",),
+    "M": ("inertia", "Bbar", "A"),
+    "rho": ("r", "(r + e)", "e", "(r - e)", "(r - e sin(gamma))", "(r + e cos(gamma))", "(e + r sin(gamma))"),
+    "sin(beta)": ("cos(beta)", "sin(gamma)", "beta", "(2 sin(beta) cos(beta))"),
+    "cos(beta)": ("sin(beta)", "cos(gamma)", "(1 - 2 sin(beta)^2)"),
+    "sin(gamma)": ("cos(gamma)", "sin(beta)", "(2 sin(gamma) cos(gamma))"),
+    "cos(gamma)": ("sin(gamma)", "cos(beta)", "(1 - 2 sin(gamma)^2)"),
+    "gamma_y": ("v", "abs(gamma_y)", "w_y", "sgn(gamma_y)"),
+    "w_y": ("gamma_y", "rho", "1"),
+    "(A - Bbar)": ("(A + Bbar)", "(Bbar - A)", "(A - B)", "(B - Bbar)"),
+    "inertia": ("A", "Bbar", "M", "(A sin(gamma)^2 + Bbar cos(gamma)^2)", "(A + Bbar)"),
+    "(r + e)": ("(r - e)", "r", "e", "rho"),
+    "(r - 2 e)": ("(r + 2 e)", "(r - e)", "(2 r - e)", "r"),
+    "(r + side e)": ("r", "(r - side e)", "(r + e)", "e", "rho"),
+    "(r - e + consistent e)": ("(r + e)", "r", "(r - e)", "e"),
+    "excess": ("(m g (r + e)^2 - Bbar r Omega^2)",),
+    "lambda_Ty": ("gamma_y",),
+    "side": ("1",),
+    "h_h": ("h_h_last", "h_h_zero", "h_h_own"),
+    "h_dh": ("h_dh_last", "h_dh_zero", "h_dh_own", "h_dh_short"),
+    "h_last": ("h_zero",),
+    "dh_last": ("dh_zero", "dh_other"),
+    "slope_beta": ("slope_beta_last", "slope_beta_before"),
+    "slope_gamma": ("slope_gamma_last", "slope_gamma_before"),
+    "c_real": (
+        "c_imag",
+        "sqrt(c_real^2 + c_imag^2)",
+        "(c_real / q_beta^2)",
+        "(c_real / q_gamma^2)",
+        "(c_real / q_v^2)",
+        "(c_real / omega)",
+        "(c_real q_beta^2)",
+        "(c_real / q_beta^2 + c_real q_gamma^2 / q_beta^2)",
+        "(c_real / q_beta^2 / q_gamma^2)",
+        "(c_real / q_beta)",
+        "(1/2 c_real / q_beta^2)",
+        "abs(c_real)",
+        "(c_real / (q_beta^2 + q_gamma^2))",
+        "transversality",
+    ),
+    "rate_real": ("rate_imag", "sqrt(rate_real^2 + rate_imag^2)", "abs(rate_real)"),
+    "c_imag": ("c_real",),
+    "rate_imag": ("rate_real",),
+    "q_beta": ("q_gamma", "q_v"),
+    "omega": ("hopf_speed", "hopf_period"),
+    "sqrt(e)": ("sqrt(r)",),
+    "sqrt(r + e)": ("sqrt(r)", "sqrt(r - e)"),
+    "consistent": ("1", "(1 - consistent)"),
+}
+#: What a symbol means instead, wherever it stands.
+REDEFINED: dict[str, tuple[str, ...]] = {
+    "Bbar": (
+        "B",
+        "B + m e^2",
+        "B - m e",
+        "B - 2 m e^2",
+        "B - m r^2",
+        "B - m e r",
+        "A - m e^2",
+        "B - e^2",
+        "A",
+        "B - m (r + e)^2",
+        "B - 1/2 m e^2",
+        "B + m r^2",
+        "m e^2 - B",
+    ),
+    "rho": (
+        "r",
+        "r + e",
+        "r - e",
+        "e",
+        "r + e cos(gamma)",
+        "r - e sin(gamma)",
+        "e + r sin(gamma)",
+        "r sin(gamma)",
+        "e sin(gamma)",
+        "r - e cos(gamma)",
+        "r + e sin(beta)",
+        "r + e sin(gamma)^2",
+        "r + abs(e sin(gamma))",
+        "r + r sin(gamma)",
+        "sqrt(r^2 + e^2 + 2 r e sin(gamma))",
+    ),
+    "inertia": (
+        "A sin(gamma)^2 + Bbar cos(gamma)^2",
+        "A cos(gamma) + Bbar sin(gamma)",
+        "A + Bbar",
+        "A cos(beta)^2 + Bbar sin(beta)^2",
+        "A cos(gamma^2) + Bbar sin(gamma^2)",
+    ),
+    "(3 sin(beta)^2 - 2)": (
+        "3 cos(beta)^2 - 2",
+        "2 sin(beta)^2 - 3",
+        "2 - 3 sin(beta)^2",
+        "1 - 3 cos(beta)^2 - 2",
+        "3 sin(beta) - 2",
+        "3 sin(beta)^2 - 2 cos(beta)^2",
+        "sin(beta)^2",
+        "3 sin(beta^2) - 2",
+    ),
+    "(abs(gamma_y) + epsilon)": (
+        "gamma_y + epsilon",
+        "gamma_y^2 + epsilon^2",
+        "sqrt(gamma_y^2 + epsilon^2)",
+        "abs(gamma_y) - epsilon",
+        "gamma_y^2 + epsilon",
+        "abs(gamma_y) + mu",
+        "abs(v) + epsilon",
+        "sqrt(gamma_y^2 + epsilon)",
+        "abs(gamma_y) + epsilon^2",
+        "abs(gamma_y) / epsilon + 1",
+    ),
+    "lambda_Ty": (
+        "-mu m g tanh((gamma_y / epsilon))",
+        "-2 mu m g arctan((gamma_y / epsilon)) / pi",
+        "-mu m g arctan((gamma_y / epsilon))",
+        "-mu m g sgn(gamma_y)",
+        "-mu m g gamma_y / epsilon",
+        "-mu m g gamma_y / (abs(gamma_y) + epsilon)",
+        "-mu m g gamma_y / abs(gamma_y) - epsilon",
+        "-mu m g gamma_y / abs(gamma_y) - mu m g epsilon",
+        "-mu m g (1 - exp((-1 gamma_y / epsilon)))",
+        "-mu m g gamma_y / abs(gamma_y) + epsilon",
+    ),
+    "sin(beta)": ("sin(2 beta)", "sin(1/2 beta)"),
+    "bracket": ("2 r^2 + e r", "2 r^2"),
+    "denominator": ("chi omega_crit_squared + m g e (r + e)",),
+    "amplitude_squared": ("-4 e^2 excess / denominator / (r + e)^2",),
+    "frequency_squared": (
+        "e omega_crit_squared / (r + e) - 1/8 omega_crit_squared (r - e + consistent e) answered_squared / (r + e)",
+        "e omega_crit_squared / (r + e) + delta answered_squared",
+    ),
+    "omega_crit_squared": ("m g (r + 2 e) / Bbar",),
+    "period_slope": ("c_imag rate_real / c_real - rate_imag",),
+    "residual": (
+        "epsilon transport - epsilon h - epsilon f_G + drag v - drag h_0",
+        "transport - h / M - f_G / M + drag v / M / epsilon - drag h_0 / M / epsilon",
+        "epsilon transport - epsilon h / M - epsilon f_G / M",
+    ),
+}
+_FORM = ("g_gamma", "g_v", "rate_21", "rate_31", "rate_32")  #: what the normal form at the Hopf point is made of
+_PAIRS = [f"{name}_{part}" for name in _FORM for part in ("real", "imag")]
+#: Other inputs, by what is said.
+INPUTS: dict[str, dict[str, str]] = {
+    "the adjoint eigenvector p is not scaled to p q = 1": {name: f"given(bare_{name})" for name in _PAIRS},
+    "the adjoint eigenvector p is (i omega (i omega - A_33), A_32, i omega), not scaled to p q = 1": {
+        name: f"given(raw_{name})" for name in _PAIRS
+    },
+    "the adjoint eigenvector is scaled by the conjugate of p q": {name: f"given(turned_{name})" for name in _PAIRS},
+    "the eigenvector q in place of the adjoint one": {name: f"given(right_{name})" for name in _PAIRS},
+    "A and B exchanged": {"A": "given(B)", "B": "given(A)"},
+    "r and e exchanged": {"r": "given(e)", "e": "given(r)"},
+    "mu and epsilon exchanged": {"mu": "given(epsilon)", "epsilon": "given(mu)"},
+    "beta and gamma exchanged": {"beta": "given(gamma)", "gamma": "given(beta)"},
+    "Omega and v exchanged": {"Omega": "given(v)", "v": "given(Omega)"},
+    "the angles taken as degrees": {x: f"1/180 pi given({x})" for x in ("beta", "gamma")},
+    "the angles turned into degrees": {x: f"180 given({x}) / pi" for x in ("beta", "gamma")},
+    "both angles shifted by pi/2": {x: f"given({x}) + 1/2 pi" for x in ("beta", "gamma")},
+    "both angles shifted by -pi/2": {x: f"given({x}) - 1/2 pi" for x in ("beta", "gamma")},
+    "Omega taken as turns per minute": {"Omega": "1/30 pi given(Omega)"},
+    "Omega taken as turns per second": {"Omega": "2 pi given(Omega)"},
+    "A - m e^2 for A": {"A": "given(A) - m e^2"},
+    "A + m e^2 for A": {"A": "given(A) + m e^2"},
+    "r for r + e": {"r": "given(r) + given(e)"},
+    **{f"g = {g}": {"g": g} for g in ("9.8", "9.80665", "9.82", "10", "9.81")},
+    "g = -9.81": {"g": "-9.81"},
+    "pi = 3.14159": {"pi": "3.14159"},
+    "pi = 3.1416": {"pi": "3.1416"},
+    "pi = 3.14": {"pi": "3.14"},
+    **{
+        f"{x} {says}": {x: text.format(x=f"given({x})")}
+        for x in ("beta", "gamma")
+        for says, text in {
+            "taken as degrees": "1/180 pi {x}",
+            "shifted by pi/2": "{x} + 1/2 pi",
+            "shifted by -pi/2": "{x} - 1/2 pi",
+            "measured the other way from pi/2": "1/2 pi - {x}",
+            "measured the other way from pi": "pi - {x}",
+            "shifted by pi": "{x} + pi",
+            "turned into degrees": "180 {x} / pi",
+        }.items()
+    },
+    **{
+        f"{says} {x}": {x: text.format(x=f"given({x})")}
+        for x in ("Omega", "beta", "gamma", "v")
+        for says, text in {
+            "the sign of": "-1 {x}",
+            "the modulus of": "abs({x})",
+            "the first entry's": "first({x})",
+            "half of": "1/2 {x}",
+            "the previous entry's": "previous({x})",
+            "the next entry's": "next({x})",
+            "twice": "2 {x}",
+            "only the whole part of": "whole({x})",
+            "nothing for": "0 {x}",
+            "single precision in": "single({x})",
+        }.items()
+    },
+    **{
+        f"{says} {x}": {x: text.format(x=f"given({x})")}
+        for x in ("r", "e", "m", "A", "B", "g", "mu", "epsilon")
+        for says, text in {
+            "half of": "1/2 {x}",
+            "twice": "2 {x}",
+            "a thousand times": "1000 {x}",
+            "a thousandth of": "1/1000 {x}",
+            "nothing for": "0 {x}",
+            "the square of": "{x}^2",
+            "the reciprocal of": "1 / {x}",
+            "single precision in": "single({x})",
+            "the sign of": "-1 {x}",
+            "a tenth of": "1/10 {x}",
+            "ten times": "10 {x}",
+            "a hundredth of": "1/100 {x}",
+            "a hundred times": "100 {x}",
+        }.items()
+    },
+    **{
+        f"{names} rounded to {n} decimals": {x: f"to{n}(given({x}))" for x in names.split(", ")}
+        for n in range(1, 7)
+        for names in ("beta, gamma, v", "Omega", "beta", "gamma", "v", "Omega, beta, gamma, v")
+    },
+    **{
+        f"{names} in single precision": {x: f"single(given({x}))" for x in names.split(", ")}
+        for names in (
+            "beta, gamma, v",
+            "Omega, beta, gamma, v",
+            "r, e, m, A, B, g, mu, epsilon",
+            "r, e, m, A, B, g, mu, epsilon, Omega, beta, gamma, v",
+        )
+    },
+    "Table 1's parameters": dict(
+        zip(
+            ("r", "e", "m", "A", "B", "g", "mu", "epsilon"),
+            ("0.045", "0.0025", "0.435", "0.000249", "0.000227", "9.81", "0.3", "0.1"),
+            strict=True,
+        )
+    ),
+    "Table 1's A": {"A": "0.000249"},
+    "Table 1's B": {"B": "0.000227"},
+}
+_EXTRA = (
+    "Omega",
+    "v",
+    "m",
+    "e",
+    "r",
+    "g",
+    "rho",
+    "mu",
+    "epsilon",
+    "M",
+    "sin(beta)",
+    "cos(beta)",
+    "sin(gamma)",
+    "cos(gamma)",
+)
+_CONSTANTS = (
+    np.pi,
+    1 / np.pi,
+    2 * np.pi,
+    1 / (2 * np.pi),
+    np.pi / 180,
+    180 / np.pi,
+    0.75,
+    4 / 3,
+    6.0,
+    1 / 6,
+    8.0,
+    1 / 8,
+)
+_LATE = ("recursion", "residual")  #: sums of parts that are likelier to be wrong themselves
+#: What may be written before or behind the bracket of a whole sum.
+_WHOLE = {
+    "the wrong sign": Term(-1.0, ()),
+    "the factor 2": Term(2.0, ()),
+    "the factor 1/2": Term(0.5, ()),
+    **{f"the factor {name}": Term(1.0, ((name, 1),)) for name in ("M", "Omega", "epsilon", "m")},
+    **{f"the factor 1/{name}": Term(1.0, ((name, -1),)) for name in ("M", "Omega", "epsilon", "m")},
+}
+_SHARED = ("Bbar", "rho", "inertia")  #: symbols that stand for sums, which may be wrong in one place only
+_SUMS = ("h_1", "h_2", "h_3", "h_4", "h_5")
+
+
+@dataclass(frozen=True)
+class Change:
+    """A mistake: what is put in the place of definitions or of their terms."""
+
+    pieces: tuple[Piece, ...]
+    says: str
+    rank: int = 0  #: lower is likelier
+    others: tuple[Change, ...] = field(default=(), compare=False, repr=False)  #: changes with the same effect
+
+    @property
+    def order(self) -> tuple[int, bool, bool, int]:
+        """What changes with the same effect are sorted by: the likelier, a missing term, the shorter."""
+        return (
+            self.rank,
+            self.pieces[0][1] is not None or self.pieces[0][0][0] == "(",
+            "term" not in self.says,
+            -(self.pieces[0][1] or 0),
+        )
+
+    @property
+    def whole(self) -> bool:
+        """Whether it defines a symbol otherwise, and is no change of inputs."""
+        return self.pieces[0][1] is None and not self.says.startswith("the inputs")
+
+    @property
+    def places(self) -> list[tuple[str, int | None]]:
+        """The definitions that it changes, and which of their terms."""
+        return [(name, index) for name, index, _ in self.pieces]
+
+
+def inputs() -> list[Change]:
+    """Other inputs than those that were asked for."""
+    return [
+        Change(
+            tuple((name, None, parsed(text)) for name, text in puts.items()),
+            says if "vector" in says else f"the inputs: {says}",
+            2 + ("ten" in says or "hundred" in says or "thousand" in says),
+        )
+        for says, puts in INPUTS.items()
+    ]
+
+
+def changes(values: Values, names: Iterable[str]) -> list[Change]:
+    """All single changes of some definitions, and of what goes into them."""
+    found: dict[tuple[Piece, ...], Change] = {}
+    names = frozenset(names)
+
+    def keep(says: str, rank: int, *pieces: Piece) -> None:
+        """Keep a change that is none of those so far, and in which nothing is defined by itself."""
+        new = ((name, factor) for name, _, terms in pieces for term in terms for factor, _ in term.factors)
+        if pieces not in found and not any(name in values.behind(factor) for name, factor in new):
+            found[pieces] = Change(pieces, says, rank)
+
+    local = {name: [f"({text})" for text in texts] for name, texts in REDEFINED.items() if name in _SHARED}
+    local["inertia"] = local["inertia"] + [
+        f"({shown((*terms[:n], new, *terms[n + 1 :]))})"
+        for terms in [values.terms("inertia")]
+        for n, term in enumerate(terms)
+        if term.number
+        for (new,), _, rank in _of_term(term, True, ())
+        if rank < 2
+    ]
+    shared = tuple((name, tuple(texts)) for name, texts in local.items())
+    for name in sorted(names):
+        terms = values.terms(name)
+        for text in REDEFINED.get(name, ()):
+            keep(f"{name} = {text}, not {shown(terms)}", 0, (name, None, parsed(text)))
+        for index, term in enumerate(terms):
+            for new, says, rank in _of_term(term, len(terms) > 1 or name in _SUMS, shared) if term.number else ():
+                late = name in _LATE or (name[0] == "(" and "(" in shown(new))
+                keep(f"in {name}: {says}", rank + late, (name, index, new))
+                if rank == 0 and new[0].number:
+                    minus = (new[0].times(-1.0),)
+                    keep(f"in {name}: {shown(minus)} for {shown((term,))}", 2, (name, index, minus))
+        for text, whole in _WHOLE.items() if len(terms) > 1 and name[0] != "(" else ():
+            keep(f"{name} has {text}", 1, *((name, n, (term.by(whole),)) for n, term in enumerate(terms)))
+    for one in inputs():
+        if any(piece[0] in names for piece in one.pieces):
+            found.setdefault(one.pieces, one)
+    return list(found.values())
+
+
+@lru_cache(4096)
+def _of_term(
+    term: Term, several: bool, local: tuple[tuple[str, tuple[str, ...]], ...]
+) -> tuple[tuple[tuple[Term, ...], str, int], ...]:
+    """What can happen to a term: its replacement, what is said, and the rank; ``local`` has more sums for a factor."""
+    return tuple(_replacements(term, several, dict(local)))
+
+
+def _replacements(
+    term: Term, several: bool, local: Mapping[str, Iterable[str]]
+) -> Iterator[tuple[tuple[Term, ...], str, int]]:
+    if several:
+        yield (NOTHING,), f"the term {shown((term,))} is missing", 0
+        yield (term.times(2.0),), f"the term {shown((term,))} is doubled", 2
+    yield (term.times(-1.0),), f"the sign of {shown((term,))}", 0 if several else 1
+    size, plain = abs(term.number), 1 if len(term.factors) == 1 else 0
+    numbers = {0.5: 1, 2.0: 1, 1.5: 2, 2 / 3: 2, 1 / 3: 2, 4.0: 2, 0.25: 2, 3.0: 2, **dict.fromkeys(_CONSTANTS, 3)}
+    for number, rank in numbers.items():
+        new = term.times(number)
+        said = f"the factor {size:g} is missing in {shown((term,))}" if abs(number * size) == 1 and term.factors else ""
+        yield (new,), said or f"{shown((new,))} for {shown((term,))}", rank + plain
+    for name, power in term.factors:
+        sign = 1 if power > 0 else -1
+        for other in dict.fromkeys((*IN_PLACE.get(name, ()), *local.get(name, ()))):
+            yield _named(term, term.put(name, other, power), 0)
+            if abs(power) > 1:
+                yield _named(term, term.put(name, other, sign), 1)
+        yield _missing(term, name, term.times(1.0, name, -power))
+        if abs(power) > 1:
+            yield _named(term, term.times(1.0, name, -sign), 0)
+        if abs(power) > 2:
+            yield _named(term, term.times(1.0, name, sign - power), 0)
+        yield _named(term, term.times(1.0, name, sign), 1)
+        yield _named(term, term.times(1.0, name, -2 * power), 1)
+        yield _named(term, term.times(-1.0, name, -power), 3)
+        if abs(power) > 1 and name[:3] in ("sin", "cos") and "^" not in name:
+            yield _named(
+                term,
+                term.put(name, f"{name[:-1]}^{abs(power)})", power).times(
+                    1.0, f"{name[:-1]}^{abs(power)})", sign - power
+                ),
+                0,
+            )
+    for one, two in combinations([name for name, _ in term.factors], 2):
+        powers = dict(term.factors)
+        if powers[one] != powers[two] and powers[one] * powers[two] > 0:
+            swapped = term.times(1.0, one, powers[two] - powers[one]).times(1.0, two, powers[one] - powers[two])
+            yield _named(term, swapped, 1)
+        pair = {one, two}
+        for angle in ("beta", "gamma"):
+            if pair == {f"sin({angle})", f"cos({angle})"} and powers[one] == powers[two]:
+                yield _named(term, term.times(1.0, one, powers[one]).times(1.0, two, -powers[two]), 2)
+    for name in _EXTRA:
+        if name not in dict(term.factors):
+            yield _named(term, term.times(1.0, name), 2)
+    for name in ("epsilon", "M", "Omega"):
+        if name not in dict(term.factors):
+            yield _named(term, term.times(1.0, name, -1), 2)
+
+
+def _missing(term: Term, name: str, new: Term) -> tuple[tuple[Term, ...], str, int]:
+    return (new,), f"the factor {name} is missing in {shown((term,))}", 0
+
+
+def _named(old: Term, new: Term, rank: int) -> tuple[tuple[Term, ...], str, int]:
+    return (new,), f"{shown((new,))} for {shown((old,))}", rank

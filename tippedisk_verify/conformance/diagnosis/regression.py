@@ -1,0 +1,230 @@
+"""Regression: the smallest set of changes of the equations that leaves only rounding of the answers to a quantity.
+
+An identity such as M a - F = 0, with the answers a to v', is linear in changes of most terms. So the effects of single
+changes add up, and a set of two or three of them is found as numbers with a given sum. Where two changes multiply, the
+likeliest one is made in the program and the others are sought again. What is found is made in the program, evaluated,
+and held against all answers; nothing is claimed for answers that tell less than the changes assume.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from tippedisk_verify.conformance.diagnosis.dictionary import Change, changes
+from tippedisk_verify.conformance.diagnosis.entries import Array, fitted
+from tippedisk_verify.conformance.diagnosis.terms import IMAGINARY_STEP, Term, Values, parsed, shown
+from tippedisk_verify.model.parameters import SYMBOLS
+
+__all__ = ["Problem", "Search", "made"]
+
+_SAMPLES = 40  # rows on which changes are tried; all others confirm
+_SAME = 1e-9  # relative difference of sums that are equal but for rounding
+_NOTHING = 1e-2  # of what is allowed: changes of less are none
+_DIRECTION = 0.15  # squared cosine to the residual that a change needs to be made first
+_FIRSTS = 24  # changes that are made first, where changes multiply
+_ASSUMED = (2.0, 3.0)  # digits that answers must tell to bear out changes: in all, and for each change
+_CROWDED = 20_000  # sets with nearly the same sum: effects too small to tell them apart
+_TYPED = 6  # digits of a number that somebody types in
+Set = tuple[Change, ...]
+
+
+@dataclass(eq=False)
+class Problem:
+    """The answers to one quantity, and the definition that predicts them."""
+
+    name: str
+    definition: str
+    answer: Array
+    truth: Array
+    allowed: Array
+    wrong: Array
+    identity: str  #: the sum that vanishes for right answers, in which ``answer`` stands for them
+    given: Mapping[str, Any]
+    rate: Array | None = None  #: v', where the answers are its derivatives by an input with an imaginary step
+
+    def fits(self, values: Values) -> bool:
+        """Whether the definitions give all answers, and the wrong ones much better than the truth does."""
+        with np.errstate(all="ignore"):
+            predicted = np.real(values[self.definition]) + 0 * self.answer
+            if self.rate is not None:  # of M v' - force = 0, whatever v' was answered
+                slopes = np.imag(values["force"]) - np.imag(values["M"]) * self.rate
+                predicted = slopes / IMAGINARY_STEP / np.real(values["M"])
+        return bool(fitted(self.answer, self.truth, self.allowed, self.wrong, predicted).all())
+
+    def evidence(self) -> float:
+        """Digits that an exact prediction explains, of answers that differ."""
+        with np.errstate(all="ignore"):
+            told = np.log10(np.abs(self.answer - self.truth) / self.allowed)[self.wrong]
+        _, first = np.unique([f"{x:.8e}" for x in self.answer[self.wrong]], return_index=True)
+        return float(np.clip(np.nan_to_num(told[first]), 0, 8).sum())
+
+
+def made(values: Values, some: Iterable[Change]) -> Values:
+    """The values after several changes, one after the other."""
+    for change in some:
+        values = values.changed(change.pieces)
+    return values
+
+
+class Search:
+    """Looks for sets of changes; what it may evaluate for a sheet is bounded, so that time does not depend on luck."""
+
+    def __init__(self, budget: int) -> None:
+        self.left = budget  #: changes that may still be evaluated
+
+    def __call__(self, problem: Problem, base: Values, deep: bool, kept: frozenset[str]) -> Set | None:
+        """Return the fewest changes of ``base`` with which it gives all answers, or None.
+
+        Args:
+            problem: The answers to one quantity.
+            base: The definitions that are changed, with the problem's inputs.
+            deep: Look for three changes at once, and for changes that multiply; otherwise for the others.
+            kept: Definitions that other, right answers come from.
+        """
+        order, wrong, told = np.argsort(~problem.wrong, kind="stable"), int(problem.wrong.sum()), problem.evidence()
+        spread = order[:wrong][:: max(1, wrong // _SAMPLES)][:_SAMPLES], order[wrong:][:: max(1, len(order) // 8)][:8]
+        rows = np.sort(np.concatenate(spread))
+
+        def columns(values: Values) -> _Columns:
+            found = _Columns(problem, values, rows, kept)
+            self.left -= len(found.changes)
+            return found
+
+        def confirmed(sets: Iterable[Set], start: Values, more: int = 0) -> Set | None:
+            """The first set that gives all answers, if these tell more than the set and ``more`` changes assume."""
+            tellable = (one for one in sets if told > _ASSUMED[0] + _ASSUMED[1] * (len(one) + more))
+            return next((one for one in tellable if len(rows) >= len(one) and problem.fits(made(start, one))), None)
+
+        with np.errstate(all="ignore"):
+            if self.left <= 0 or told <= sum(_ASSUMED):
+                return None
+            here = columns(base)
+            if not deep:
+                own = [
+                    (one,)
+                    for one in changes(base, here.names | {problem.definition})
+                    if one.pieces[0][0] == problem.definition or one.whole
+                ]
+                found = confirmed(here.sums(1, 9), base) or confirmed(own, base) or confirmed(here.sums(2, 2), base)
+                return found or confirmed(here.solved(), base, 3)
+            if found := confirmed(here.sums(3, 1), base):
+                return found
+            for first in here.firsts():
+                start = base.changed(first.pieces)
+                more = columns(start)
+                rest = confirmed((one for size in (1, 2) for one in more.sums(size, 3 - size)), start, 1)
+                if rest or self.left <= 0:
+                    return _merged(first, rest, base) if rest else None
+        return None
+
+
+def _merged(first: Change, rest: Set, base: Values) -> Set:
+    """A change and those behind it; two changes of the same term are one, of which the result is said."""
+    merged = []
+    for change in rest:
+        name, index, new = change.pieces[0]
+        if index is not None and (name, index) in first.places:
+            change = Change(
+                change.pieces, f"in {name}: {shown(new)} for {shown((base.terms(name)[index],))}", change.rank
+            )
+        merged.append(change)
+    hidden = all(any(place in change.places for change in rest) for place in first.places)
+    return tuple(merged) if hidden else (first, *merged)
+
+
+class _Columns:
+    """The effects of all single changes on the residual, in units of what is allowed."""
+
+    def __init__(self, problem: Problem, base: Values, rows: Array, kept: frozenset[str]) -> None:
+        given = {name: x[rows] if np.ndim(x) else x for name, x in base.given.items()}
+        rate = None if problem.rate is None else problem.rate[rows]
+        self.differentiated = rate is not None
+        answers = (
+            x if rate is None else rate + IMAGINARY_STEP * 1j * x
+            for x in (problem.answer[rows], (problem.answer + problem.allowed)[rows])
+        )
+        self.values, unit = (Values(base.definitions, {**given, "answer": answer}) for answer in answers)
+        self.identity = parsed(problem.identity)
+        residual = self._of(self.values)
+        self.unit = np.abs(self._of(unit) - residual)
+        self.residual = residual / self.unit
+        behind = (self.values.behind(name) for term in self.identity for name, _ in term.factors)
+        self.names = frozenset[str]().union(*behind) - {"answer"} - kept
+        pairs = [
+            (one, (self._of(self.values.changed(one.pieces)) - residual) / self.unit)
+            for one in changes(self.values, self.names)
+        ]
+        pairs = [(one, x) for one, x in pairs if np.isfinite(x).all() and np.abs(x).max() > _NOTHING]
+        draws = np.random.default_rng(5).uniform(0.5, 1.5, (len(rows), 2)) / len(rows)
+        self.signs = draws * np.where(np.arange(len(rows)) % 2, -1, 1)[:, None]
+        groups: dict[str, list[tuple[Change, Array]]] = {}  # changes with the same effect, the likeliest first
+        for one, x in sorted(pairs, key=lambda pair: pair[0].order):
+            groups.setdefault("{:.8e} {:.8e}".format(*(x @ self.signs)), []).append((one, x))
+        self.changes = [replace(some[0][0], others=tuple(one for one, _ in some[1:])) for some in groups.values()]
+        self.effects = np.array([some[0][1] for some in groups.values()]).reshape(-1, len(rows))
+
+    def _of(self, values: Values) -> Array:
+        total = values.total(self.identity)[0] + 0 * self.values.given["answer"]
+        return np.asarray(np.imag(total) / IMAGINARY_STEP if self.differentiated else np.real(total))
+
+    def sums(self, size: int, highest: int) -> Iterator[Set]:
+        """Sets of changes whose effects cancel the residual, the likeliest first."""
+        some = [n for n, change in enumerate(self.changes) if change.rank <= highest]
+        effects = self.effects[some]
+        marks, target = effects @ self.signs[:, 0], -float(self.residual @ self.signs[:, 0])
+        order = np.argsort(marks)
+        count = np.arange(len(some))
+        groups = {1: count[:0].reshape(1, 0), 2: count[:, None]}.get(size)
+        if groups is None:
+            groups = np.stack(np.triu_indices(len(some), 1), axis=1)
+        total = target - marks[groups].sum(axis=1)
+        room = _SAME * (abs(target) + np.abs(marks[groups]).sum(axis=1)) + 4.0
+        low = np.searchsorted(marks[order], total - room)
+        high = np.searchsorted(marks[order], total + room, side="right")
+        if (high - low).sum() > _CROWDED:
+            return
+        near = (
+            {*groups[g].tolist(), place}
+            for g in np.flatnonzero(high > low)
+            for place in order[low[g] : high[g]].tolist()
+        )
+        sets = []
+        for members in {tuple(sorted(one)) for one in near if len(one) == size}:
+            chosen = effects[list(members)]
+            found = tuple(self.changes[some[n]] for n in members)
+            places = [place for change in found for place in change.places]
+            room = 2.0 + 1e-11 * (np.abs(self.residual) + np.abs(chosen).sum(axis=0))
+            if (np.abs(self.residual + chosen.sum(axis=0)) <= room).all() and len(set(places)) == len(places):
+                sets.append(found)
+        yield from sorted(
+            sets, key=lambda one: [sum(parts) for parts in zip(*(change.order for change in one), strict=True)]
+        )
+
+    def solved(self) -> Iterator[Set]:
+        """One parameter with another value, the same for all, that is solved for by the secant method."""
+        row = int(np.argmax(np.abs(self.residual)))
+        for name in (one for one in SYMBOLS if one in self.names):
+            old = float(np.ravel(self.values.given[name])[0])
+            x, last, off = 1.001 * old, old, self.residual[row] * self.unit[row]
+            for _ in range(15):
+                now = self._of(self.values.changed([(name, None, (Term(float(x), ()),))]))[row]
+                if now == off or not np.isfinite(now):
+                    break
+                x, last, off = x - now * (x - last) / (now - off), x, now
+            value = float(f"{x:.{_TYPED}g}")
+            if np.isfinite(value) and value != old:
+                says = f"the inputs: {name} = {value:g}"
+                yield (Change(((name, None, (Term(value, ()),)),), says, 3),)
+
+    def firsts(self) -> list[Change]:
+        """The changes whose effects point along the residual, those first that leave least of it."""
+        size = (self.effects**2).sum(axis=1) * float(self.residual @ self.residual)
+        along = np.nan_to_num((self.effects @ self.residual) ** 2 / size)
+        likely = [
+            n for n in np.argsort(-along, kind="stable").tolist() if along[n] > _DIRECTION and self.changes[n].rank < 2
+        ]
+        return [self.changes[n] for n in likely[:_FIRSTS]]

@@ -1,0 +1,209 @@
+"""Equations as sums of products, in the paper's symbols, and their evaluation for any kind of number.
+
+A definition is a line such as ``f_G = -m g rho cos(beta)``: terms between plus and minus signs, in each a number and
+factors with powers; a slash divides by the factor behind it. A factor is a symbol, another definition, a sum in
+parentheses, a function of a sum, or a derivative such as ``d(M)/d(beta)``. ``given(x)`` is the input x, where a
+definition has put something else in its place.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from fractions import Fraction
+from functools import cache, partial
+from typing import Any, NamedTuple
+
+import numpy as np
+
+__all__ = ["IMAGINARY_STEP", "NOTHING", "Piece", "Term", "Values", "parsed", "replaced", "shown", "written"]
+
+
+class Term(NamedTuple):
+    """A number times factors, each with its power."""
+
+    number: float
+    factors: tuple[tuple[str, int], ...]
+
+    def text(self) -> str:
+        size = Fraction(abs(self.number)).limit_denominator(1000)
+        number = str(size) if abs(float(size) - abs(self.number)) < 1e-12 else f"{abs(self.number):g}"
+        parts = {1: [], -1: []}  # type: dict[int, list[str]]
+        for name, power in self.factors:
+            if power:
+                parts[1 if power > 0 else -1].append(name + (f"^{abs(power)}" if abs(power) != 1 else ""))
+        above = parts[1] if number == "1" and parts[1] else [number, *parts[1]]
+        return "-" * (self.number < 0) + " / ".join([" ".join(above), *parts[-1]])
+
+    def times(self, number: float, name: str = "", power: int = 1) -> Term:
+        """The term with a number and the power of a factor multiplied in; factors of power 0 vanish."""
+        powers = dict(self.factors)
+        if name:
+            powers[name] = powers.get(name, 0) + power
+        return Term(self.number * number, tuple(item for item in powers.items() if item[1]))
+
+    def by(self, other: Term) -> Term:
+        """The product of two terms."""
+        product = self.times(other.number)
+        for name, power in other.factors:
+            product = product.times(1.0, name, power)
+        return product
+
+    def put(self, old: str, new: str, power: int) -> Term:
+        """The term with another factor in the place of so many powers of one; "" and "1" are none."""
+        term = Term(self.number, ())
+        for name, count in self.factors:
+            if name == old and new not in ("", "1"):
+                term = term.times(1.0, new, power)
+            term = term.times(1.0, name, count - power * (name == old))
+        return term
+
+
+Terms = tuple[Term, ...]
+Definitions = Mapping[str, Terms]
+Piece = tuple[str, int | None, Terms]  #: a definition, which of its terms (None for all), and what takes its place
+NOTHING = Term(0.0, ())  #: in the place of a missing term, so that the numbers of the others stay
+
+
+def _split(text: str) -> list[str]:
+    """The words of a text; what stands in parentheses is one word with what is before it."""
+    words, depth, word = [], 0, ""
+    for character in text + " ":
+        depth += (character == "(") - (character == ")")
+        if character == " " and not depth:
+            words += [word] if word else []
+            word = ""
+        else:
+            word += character
+    return words
+
+
+@cache
+def parsed(text: str) -> Terms:
+    """The terms of a sum that is written out."""
+    terms, power, term = [], 1, Term(1.0, ())
+    words = _split(re.sub(r"^-(?=\S)", "- ", text.strip()))
+    for word in words:
+        if word in "+-":
+            terms += [term] if word is not words[0] else []
+            term = Term(-1.0 if word == "-" else 1.0, ())
+        elif word == "/":
+            power = -1
+        elif re.fullmatch(r"[\d.]+(/\d+)?", word):
+            term, power = term.times(float(Fraction(word)) ** power), 1
+        else:
+            name, _, exponent = word.rpartition("^") if re.search(r"\^\d+$", word) else (word, "", "1")
+            term, power = term.times(1.0, name, power * int(exponent)), 1
+    return (*terms, term)
+
+
+@cache
+def shown(terms: Terms) -> str:
+    """The sum as text, in the way that `parsed` reads."""
+    text = " + ".join(term.text() for term in terms if term.number).replace("+ -", "- ")
+    return re.sub(r"given\((\w+)\)", r"\1", text) or "0"
+
+
+def replaced(definitions: Definitions, pieces: Iterable[Piece]) -> dict[str, Terms]:
+    """The definitions with some terms replaced, each by one other."""
+    changed = dict(definitions)
+    for name, index, terms in pieces:
+        old = changed.get(name) or parsed(name[1:-1] if name.startswith("(") else name)
+        changed[name] = terms if index is None else (*old[:index], *terms, *old[index + 1 :])
+    return changed
+
+
+def _modulus(x: Any) -> Any:
+    return x * np.sign(x.real)
+
+
+def _rounded(decimals: int, x: Any) -> Any:
+    return np.round(x.real, decimals)
+
+
+FUNCTIONS: dict[str, Callable[[Any], Any]] = {
+    "given": lambda x: x,
+    "sin": np.sin,
+    "cos": np.cos,
+    "tan": np.tan,
+    "tanh": np.tanh,
+    "arctan": np.arctan,
+    "exp": np.exp,
+    "sqrt": lambda x: np.sqrt(x + 0j) if np.iscomplexobj(x) else np.sqrt(x),
+    "abs": _modulus,
+    "sgn": lambda x: np.sign(x.real),
+    "first": lambda x: np.ravel(x)[0] + 0 * x,
+    "previous": lambda x: np.roll(x, 1),
+    "next": lambda x: np.roll(x, -1),
+    "single": lambda x: x - x.real + np.asarray(x.real, dtype="f4").astype(float),
+    "whole": lambda x: np.trunc(x.real),
+    **{f"to{n}": partial(_rounded, n) for n in range(1, 7)},
+}
+_DERIVATIVE = re.compile(r"d\((.*)\)/d\((\w+)\)")
+IMAGINARY_STEP = 1e-30  # of the imaginary step that differentiates: below it nothing is lost to rounding
+
+
+class Values:
+    """What definitions are worth for given inputs; each is computed when it is asked for, and once."""
+
+    def __init__(self, definitions: Definitions, given: Mapping[str, Any], known: Mapping[str, Any] | None = None):
+        self.definitions = definitions
+        self.given = given
+        self.known: dict[str, tuple[Any, frozenset[str]]] = dict(known or {})  #: with the names that go into it
+        self.kept: dict[frozenset[str], dict[str, Any]] = {}  #: what is known, by the definitions that it does without
+
+    def __getitem__(self, name: str) -> Any:
+        if name not in self.known:
+            self.known[name] = self._computed(name)
+        return self.known[name][0]
+
+    def behind(self, name: str) -> frozenset[str]:
+        """The names that go into a definition, itself among them."""
+        self[name]
+        return self.known[name][1]
+
+    def terms(self, name: str) -> Terms:
+        """The terms of a definition; none for an input or a function."""
+        found = self.definitions.get(name, ())
+        return parsed(name[1:-1]) if name.startswith("(") and not found else found
+
+    def total(self, terms: Terms) -> tuple[Any, frozenset[str]]:
+        total: Any = np.float64(0.0)
+        names: frozenset[str] = frozenset()
+        for term in terms:
+            product: Any = term.number
+            for name, power in term.factors:
+                product = product * self[name] ** power if power != 1 else product * self[name]
+                names |= self.known[name][1]
+            total = total + product
+        return total, names
+
+    def _computed(self, name: str) -> tuple[Any, frozenset[str]]:
+        terms = self.terms(name)
+        if terms or name in self.definitions:
+            value, names = self.total(terms)
+        elif name.startswith("given("):
+            return self.given[name[6:-1]], frozenset([name])
+        elif slope := _DERIVATIVE.fullmatch(name):
+            at = Values(self.definitions, {**self.given, slope[2]: self.given[slope[2]] + IMAGINARY_STEP * 1j})
+            return np.imag(at[slope[1]]) / IMAGINARY_STEP, at.behind(slope[1]) | {name}
+        elif name in self.given:
+            return self.given[name], frozenset([name])
+        else:
+            function, _, argument = name[:-1].partition("(")
+            value, names = self.total(parsed(argument))
+            value = FUNCTIONS[function](value)
+        return value, names | {name}
+
+    def changed(self, pieces: Sequence[Piece]) -> Values:
+        """The values after a change of definitions; what does not depend on them is kept."""
+        names = frozenset(piece[0] for piece in pieces)
+        if names not in self.kept:
+            self.kept[names] = {name: item for name, item in self.known.items() if not item[1] & names}
+        return Values(replaced(self.definitions, pieces), self.given, self.kept[names])
+
+
+def written(lines: str) -> dict[str, Terms]:
+    """The definitions of a text, one to a line."""
+    pairs = (line.split(" = ", 1) for line in lines.strip().splitlines() if line.strip())
+    return {name.strip(): parsed(text) for name, text in pairs}
