@@ -175,7 +175,7 @@ def test_a_journal_is_taken_up_as_far_as_it_is_whole(interrupted: tuple[Path, by
 
 @pytest.mark.parametrize(
     ("what", "words"),
-    [("code_version", "other code, which its first line names"), ("_head", "another sweep")],
+    [("code_version", "other code, named in its first line"), ("_head", "another sweep")],
 )
 def test_a_journal_of_another_run_is_refused_and_kept(
     what: str, words: str, interrupted: tuple[Path, bytes, bytes], monkeypatch: pytest.MonkeyPatch
