@@ -182,7 +182,7 @@ def test_results_of_earlier_runs_are_told(
     says = []
     for more in ([], [], ["--fresh"], ["--json"]):
         assert main([*command, *more]) == 0
-        says.append("2 of 2 results were kept from earlier runs: --fresh computes anew\n" in capsys.readouterr().out)
+        says.append("2 of 2 results are from earlier runs: --fresh computes them again\n" in capsys.readouterr().out)
     assert says == [False, True, False, False]
 
 

@@ -71,7 +71,7 @@ def _table_2(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
 
 
 def _contact(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
-    """Find the smallest lambda_N / (m g) on the sampled orbits; contact is lost if it is negative."""
+    """Find the smallest lambda_N / (m g) on the sampled orbits; the contact is lost below 0."""
     import numpy
 
     constants, smallest = audit.sets[name].at(DOUBLE), math.inf
