@@ -21,7 +21,7 @@ from tippedisk_verify.model.results import Printable, quantities
 
 project = "tippedisk_verify"
 release = tippedisk_verify.__version__
-extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx_click"]
+extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx_click"]
 html_theme = "furo"
 html_title = f"tippedisk_verify {release}"
 html_math_renderer = "mathml"

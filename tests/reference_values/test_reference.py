@@ -173,7 +173,7 @@ def test_rows_that_contradict_themselves_are_told(folder: Path) -> None:
     text = (folder / "values.csv").read_text()
     faults = {
         ",10.0,3.13e-19,": (",9.0,3.13e-19,", "digits_needed does not follow from the other columns"),
-        "0x1.d1da5119ce076p+4": ("0x1.d1da5119ce077p+4", "Omega_hex is not"),
+        "0x1.d1da5119ce076p+4": ("0x1.d1da5119ce077p+4", "Omega_hex does not"),
         "30.8865926886435672782860900151017816823": ("30.8865926886435672782860900151017816824", "proved enclosure"),
     }
     for old, (new, _) in faults.items():
