@@ -1,4 +1,4 @@
-"""The command line as a user meets it: one JSON object, one line for each mistake, whole files."""
+"""The command line as a user sees it: JSON, one line for each mistake, complete files."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Sweeps on a Dask cluster: the bytes of a serial one, whatever is lost, and no row of other code."""
+"""Sweeps on a Dask cluster: the bytes of a serial sweep after any loss, no row of other code."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ _HOPF = ["sweep", "hopf", "--over", "g=9.7:9.9:41", "--quiet"]
 
 @pytest.fixture(scope="module")
 def host(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    """A scheduler and two workers with four threads each."""
+    """Start a scheduler and two workers with four threads each."""
     folder = tmp_path_factory.mktemp("cluster")
     with scheduler(folder) as (_, found), worker(found, folder, threads=4), worker(found, folder, threads=4):
         yield found
 
 
 class _Sweep:
-    """`_HOPF` into a file, with little handed out ahead."""
+    """A sweep of `_HOPF` into a file, with few points submitted ahead."""
 
     def __init__(self, folder: Path, serial: bytes) -> None:
         self.out, self.journal, self._serial = folder / "a.csv", folder / ".a.csv.journal", serial
@@ -45,7 +45,7 @@ class _Sweep:
         return len(points)
 
     def ends_well(self, executor: str) -> None:
-        """Started again it computes what is missing only, and the table is that of a serial run."""
+        """Run the sweep again: it computes only what is missing, and its table is the serial one."""
         kept = self.kept() if self.journal.exists() else 0
         with asked() as points:
             assert main(self.arguments(executor)) == 0
@@ -96,13 +96,13 @@ def test_a_lost_worker_changes_nothing(
 
 
 def _fails(sweep: _Sweep, host: str, status: int, capfd: pytest.CaptureFixture[str]) -> str:
-    """What a sweep there says on its only line."""
+    """Run a sweep that must fail, and return its only line."""
     capfd.readouterr()
     assert main(sweep.arguments(f"dask://{host}")) == status
-    said = capfd.readouterr()
-    assert (said.out, said.err.count("\n")) == ("", 1), said.err
+    output = capfd.readouterr()
+    assert (output.out, output.err.count("\n")) == ("", 1), output.err
     assert not sweep.out.exists()
-    return said.err
+    return output.err
 
 
 def test_a_lost_scheduler_is_one_line(
@@ -110,10 +110,10 @@ def test_a_lost_scheduler_is_one_line(
 ) -> None:
     with scheduler(tmp_path) as (process, host), worker(host, tmp_path), monkeypatch.context() as patch:
         after_rows(patch, 5, process.kill)
-        said = _fails(sweep, host, 1, capfd)
+        line = _fails(sweep, host, 1, capfd)
     kept = sweep.kept()
     assert kept >= 5
-    assert f"its scheduler is gone, or was started anew; {kept} of 41 points are kept: run again to go on" in said
+    assert f"its scheduler is gone, or was started anew; {kept} of 41 points are kept: run again to go on" in line
     sweep.ends_well("serial")
 
 
@@ -121,7 +121,7 @@ def test_a_lost_scheduler_is_one_line(
 def test_no_row_comes_from_a_worker_of_other_code(
     sweep: _Sweep, tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """It takes the place of the only worker in mid-run."""
+    """A worker with other code replaces the only worker in mid-run."""
     change = ("sweep/plan.py", '    row["status"] = "ok"', '    row["status"] = "old"')
     path = changed_package(tmp_path / "other", *change)
     with scheduler(tmp_path) as (_, host), worker(host, tmp_path) as good, monkeypatch.context() as patch:
@@ -133,11 +133,11 @@ def test_no_row_comes_from_a_worker_of_other_code(
 
         after_rows(patch, 5, replace)
         try:
-            said = _fails(sweep, host, 1, capfd)
+            line = _fails(sweep, host, 1, capfd)
         finally:
             stranger.__exit__(None, None, None)
-    assert "workers need the same code" in said
-    assert f"{sweep.kept()} of 41 points are kept: run again" in said
+    assert "workers need the same code" in line
+    assert f"{sweep.kept()} of 41 points are kept: run again" in line
     assert "old" not in sweep.journal.read_text()
     sweep.ends_well("serial")
 

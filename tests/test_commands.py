@@ -1,4 +1,4 @@
-"""The command line's promises: examples that run, whole sentences and words in 80 columns, the README's commands."""
+"""The promises of the command line: examples that run, whole sentences and 80 columns in help."""
 
 from __future__ import annotations
 
@@ -39,7 +39,12 @@ def _help(path: str) -> str:
 
 
 def parsed(words: list[str]) -> None:
-    """Raises click.ClickException, or InputError, for what is no command; nothing is computed."""
+    """Parse a command without running it.
+
+    Raises:
+        click.ClickException: If it is not a command.
+        InputError: If an option has a bad value.
+    """
     command, path, name = cli, CONTEXT, ""
     while isinstance(command, click.Group) and words and not words[0].startswith("-"):
         name, *words = words
@@ -55,7 +60,7 @@ EXAMPLES = {
     for path, command in COMMANDS.items()
     if not command.hidden
 }
-#: What takes more than some seconds, by how the example begins; it is parsed.
+#: The beginnings of examples that take more than some seconds; these are only parsed.
 LONG = (
     "verify --out",
     "branch --paper-sets",
@@ -79,7 +84,7 @@ LONG = (
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Where the examples run, with the files that they need of a user: answers, old and new."""
+    """Make a folder for the examples, with the answers that they need."""
     here = tmp_path_factory.mktemp("examples")
     for name in ("answers.csv", "old.csv", "new.csv"):
         (here / name).write_text("id,answer\nprinted/linear/hopf/point/omega_crit,30.886592688643568\n")
@@ -103,10 +108,10 @@ def test_each_command_has_two_examples_at_the_end_of_its_help() -> None:
 
 
 def test_help_is_whole_sentences_in_80_columns() -> None:
-    said = _help("")
-    listed = re.findall(r"^  ([a-z][\w-]+)  ", said, re.MULTILINE)
+    text = _help("")
+    listed = re.findall(r"^  ([a-z][\w-]+)  ", text, re.MULTILINE)
     assert sorted(listed) == sorted(cli.commands)
-    assert "..." not in said.split("Options:")[1]
+    assert "..." not in text.split("Options:")[1]
     for path in ("", *COMMANDS):
         assert max(map(len, _help(path).splitlines())) <= 80, path
         for command in getattr(COMMANDS.get(path, cli), "commands", {}).values():
@@ -118,7 +123,7 @@ def test_the_help_of_bench_names_its_problems() -> None:
     assert re.findall(r"[\w-]+", listed.partition(":")[2].replace(" or ", " ")) == [one.name for one in PROBLEMS]
 
 
-def test_the_main_job_takes_the_same_time_wherever_that_is_said() -> None:
+def test_all_texts_give_the_same_time_for_the_main_job() -> None:
     root = Path(__file__).parents[1]
     texts = [
         *((root / name).read_text(encoding="utf-8") for name in ("README.md", "docs/commands.md")),
@@ -172,13 +177,13 @@ def test_units_are_those_of_the_reference_data() -> None:
 
 
 def test_a_quantity_has_one_unit() -> None:
-    """Whatever class it stands in; and a meaning."""
+    """Each quantity has one unit in all classes, and a meaning."""
     units: dict[str, set[str]] = {name: {what.unit} for name, what in results.COORDINATES.items()}
     for kind in _results(results.Printable):
         for name, what in results.quantities(kind).items() if is_dataclass(kind) else ():
             units.setdefault(name, set()).add(what.unit)
             assert what.meaning
-    assert {name: said for name, said in units.items() if len(said) > 1} == {}
+    assert {name: several for name, several in units.items() if len(several) > 1} == {}
     assert results.quantities(HopfPoint)["period"].unit == "s"
     assert len(units) > 40
 

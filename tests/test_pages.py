@@ -1,4 +1,4 @@
-"""The README and the pages of the site: what they show runs, and says what they say that it says."""
+"""The README and the pages of the site: their commands, code, links and numbers are right."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").r
 
 
 def commands(page: str) -> list[str]:
-    """What a page asks to type after ``tippedisk-verify``: in code between backticks, or on indented lines."""
+    """Return the commands on a page: in code between backticks, or on indented lines."""
     code = [*re.findall(r"`([^`\n]+)`", page), *re.findall(r"^ {4}(.+)$", page, re.MULTILINE)]
-    return [told for line in code for told in re.findall(r"tippedisk-verify ((?:(?! &&| >| \|).)+)", line)]
+    return [words for line in code for words in re.findall(r"tippedisk-verify ((?:(?! &&| >| \|).)+)", line)]
 
 
 ROWS = commands("\n".join(line for line in README.splitlines() if line.startswith("| ")))
@@ -38,7 +38,7 @@ def test_the_readme_is_short() -> None:
 
 
 def test_the_lines_of_python_print_what_stands_beside_them() -> None:
-    """They are one of the examples, so mypy reads them too. Three dots stand for further digits."""
+    """The lines are one of the examples, so mypy reads them too. Three dots mean more digits."""
     (shown,) = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
     assert shown == (ROOT / "examples" / "from_python.py").read_text(encoding="utf-8").partition("\n\n")[2]
     lines = [line for line in shown.splitlines() if line]
@@ -63,8 +63,8 @@ def test_the_disk_file_of_the_readme_is_table_1(tmp_path: Path) -> None:
 
 
 def test_continuous_integration_runs_the_readmes_test_command() -> None:
-    (told,) = re.findall(r"^    python3 -m venv \.venv && (.*pytest)$", README, re.MULTILINE)
-    install, test = told.replace(".venv/bin/", "").split(" && ")
+    (line,) = re.findall(r"^    python3 -m venv \.venv && (.*pytest)$", README, re.MULTILINE)
+    install, test = line.replace(".venv/bin/", "").split(" && ")
     script = (ROOT / ".ci" / "run").read_text(encoding="utf-8").replace('"$work/venv/bin/', "").replace('"', "")
     assert test in script
     assert install.replace("[test]", "[test,docs]") in script
@@ -74,15 +74,15 @@ def test_continuous_integration_runs_the_readmes_test_command() -> None:
 # ------------------------------------------------------------------------------------------ all pages
 @pytest.mark.parametrize("path", PAGES, ids=lambda path: path.relative_to(ROOT).as_posix())
 def test_every_command_is_one(path: Path) -> None:
-    """By name, options and number of arguments; words in capitals stand for what a reader puts there."""
-    for told in commands(path.read_text(encoding="utf-8")):
-        words = shlex.split(told)
+    """Check name, options and number of arguments. Words in capitals are placeholders."""
+    for command in commands(path.read_text(encoding="utf-8")):
+        words = shlex.split(command)
         if len(words) > 1 and not words[0].isupper():
             parsed(words)
 
 
 def test_every_command_has_its_place_on_the_page_of_commands() -> None:
-    shown = {told.split()[0] for told in commands((ROOT / "docs" / "commands.md").read_text(encoding="utf-8"))}
+    shown = {command.split()[0] for command in commands((ROOT / "docs" / "commands.md").read_text(encoding="utf-8"))}
     assert shown == {*cli.list_commands(click.Context(cli)), "COMMAND"}
 
 
@@ -93,7 +93,7 @@ def test_links_lead_to_files(path: Path) -> None:
 
 
 def test_every_public_name_of_python_has_an_example() -> None:
-    """In a cell that runs as the site is built; a disk's methods as well."""
+    """The example is in a cell that runs when the site is built. A disk's methods need one too."""
     pages = [path.read_text(encoding="utf-8") for path in (ROOT / "docs" / "reference").glob("python*.md")]
     cells = "\n".join(re.findall(r"```\{code-cell\}\n(.*?)```", "\n".join(pages), re.DOTALL))
     assert {name for name in tv.__all__ if not re.search(rf"\btv\.{name}\b", cells)} == set()

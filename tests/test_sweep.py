@@ -1,4 +1,4 @@
-"""Sweeps: every point once, whatever is wrong with what was asked for or with what an earlier run has left."""
+"""Sweeps: every point is computed once, also after interruptions and damage."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def _rows(path: Path) -> list[dict[str, str]]:
 
 
 def after_rows(patch: pytest.MonkeyPatch, count: int, action: Callable[[], object]) -> None:
-    """Do something when so many rows have been computed; the last of them is not in the journal yet."""
+    """Do something when a number of rows has been computed, before the last is in the journal."""
     original, seen = running._line, []
 
     def line(index: int, row: dict[str, str]) -> bytes:
@@ -42,7 +42,7 @@ def after_rows(patch: pytest.MonkeyPatch, count: int, action: Callable[[], objec
 
 @contextmanager
 def asked() -> Iterator[list[int]]:
-    """The points that sweeps compute in here, one after the other."""
+    """Record the points that sweeps compute in this process, in order."""
     original, points = running._run, []
 
     def run(*given: Any) -> Iterator[Any]:
@@ -78,9 +78,9 @@ def test_what_makes_no_sense_is_refused(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     assert main(["sweep", "--out", "a.csv", *arguments.split()]) == 2
-    told = capsys.readouterr().err
-    assert says in told
-    assert told.count("\n") == 1
+    message = capsys.readouterr().err
+    assert says in message
+    assert message.count("\n") == 1
     assert list(tmp_path.iterdir()) == []
 
 
@@ -135,7 +135,7 @@ _TEN = Plan("hopf", PRINTED, (axis("g=9.0:9.9:10"),), digits=3)
 
 
 def _swept(out: Path) -> list[int]:
-    """Sweep `_TEN` in this process; the points that were computed."""
+    """Sweep `_TEN` in this process, and return the points that were computed."""
     with asked() as points:
         assert running.swept(_TEN, out, lambda: nullcontext(None)) == (10, 0)
     return points
@@ -143,7 +143,9 @@ def _swept(out: Path) -> list[int]:
 
 @pytest.fixture
 def interrupted(tmp_path: Path) -> tuple[Path, bytes, bytes]:
-    """A file that is not there yet, its journal with four rows, and the bytes that it will have."""
+    """Return an output file that does not exist yet, with four rows in its journal, and its future
+    bytes.
+    """
     assert _swept(tmp_path / "whole.csv") == list(range(10))
     lines = [running._line(n, row) for n, row in enumerate(_rows(tmp_path / "whole.csv")[:4])]
     (tmp_path / ".a.csv.journal").write_bytes(running._head(_TEN) + b"".join(lines))
@@ -151,7 +153,7 @@ def interrupted(tmp_path: Path) -> tuple[Path, bytes, bytes]:
 
 
 def test_a_journal_is_taken_up_as_far_as_it_is_whole(interrupted: tuple[Path, bytes, bytes]) -> None:
-    """A kill leaves a last line without its end; a line in which something has changed is not believed."""
+    """A kill leaves a last line without its end. A changed line is not accepted."""
     out, content, whole = interrupted
     lines = content.splitlines(keepends=True)
     assert len(lines) == 5

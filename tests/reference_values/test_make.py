@@ -1,4 +1,4 @@
-"""What makes the reference data: methods that agree with what is stored, and runs that may be interrupted."""
+"""The making of the reference data: methods that agree with the values, and interrupted runs."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ def test_a_false_value_is_excluded_by_another_method() -> None:
 
 # ------------------------------------------------------------------------------------------ runs
 def test_what_is_made_is_what_is_stored(tmp_path: Path) -> None:
-    """To the half-widths: the last digits depend on the libraries."""
+    """Compare to the half-widths, because the last digits depend on the libraries."""
     assert generate(tmp_path, QUICK) == 50
     made = Store(tmp_path)
     assert list(made) == [id_ for id_ in stored() if re.match("[a-z]+/(both/equilibrium|linear/(hopf|harm))", id_)]

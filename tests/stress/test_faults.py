@@ -1,4 +1,4 @@
-"""What happens to a machine: kills, full disks, folders without rights, damaged caches, little memory, odd locales."""
+"""Faults of a machine: kills, full disks, missing rights, damaged caches, little memory."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def _sheet(folder: Path) -> list[str]:
 
 
 def _whole(folder: Path) -> int:
-    """Every file that a user sees is there in full, old or new; returns how many there are."""
+    """Check that every visible file is complete, old or new, and return their number."""
     found = [
         path
         for path in folder.rglob("*")
@@ -58,7 +58,7 @@ def _whole(folder: Path) -> int:
 
 
 def _strikes(tmp_path: Path, count: int, number: int) -> Iterator[int]:
-    """Runs that write, struck at random moments one after the other into the same folder; then each runs to its end."""
+    """Strike runs that write into one folder at random moments, then let each run to its end."""
     folder = tmp_path / "out"
     folder.mkdir()
     struck = Struck(tmp_path / "hand")
