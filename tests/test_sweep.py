@@ -130,7 +130,7 @@ def test_a_table_in_the_order_of_the_points(tmp_path: Path, capsys: pytest.Captu
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.csv", "a.parquet", "b.csv"]
 
 
-# ------------------------------------------------------------------------------------------ journals
+# ---------------------------------------------------------------------------------------- journals
 _TEN = Plan("hopf", PRINTED, (axis("g=9.0:9.9:10"),), digits=3)
 
 
@@ -192,7 +192,7 @@ def test_a_journal_of_another_run_is_refused_and_kept(
     assert out.read_bytes() == whole
 
 
-# ------------------------------------------------------------------------------------------ processes
+# --------------------------------------------------------------------------------------- processes
 _HOPF = ["sweep", "hopf", "--over", "g=9.7:9.9:41", "--quiet", "--jobs", "2"]
 
 

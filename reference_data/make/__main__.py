@@ -17,7 +17,8 @@ from tippedisk_verify.interrupts import answering  # noqa: E402
 @command(
     """Make the reference values whose ids start with a PREFIX, such as printed/linear/hopf.
 
-    Without a PREFIX all values are made, which takes some CPU hours. The results of an interrupted run are reused.
+    Without a PREFIX all values are made, which takes some CPU hours. The results of an interrupted
+    run are reused.
     """
 )
 @click.argument("prefixes", nargs=-1, metavar="[PREFIX]...")

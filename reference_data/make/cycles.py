@@ -48,7 +48,7 @@ def omega_h_for(case: ExactItem) -> Fraction:
     return case.disk.heteroclinic(digits=digits).omega_h.value
 
 
-# ------------------------------------------------------------------------------------------ whole periods
+# ----------------------------------------------------------------------------------- whole periods
 def _rotates(case: ExactItem) -> bool:
     return case.item.kind in ("rotating-cycle", "rotation-fold")
 
@@ -223,8 +223,8 @@ def fold_from_the_bottom(case: ExactItem, values: Values) -> Values:
         step = period.solved([list(row) for row in zip(*columns, strict=True)], defect)
         at = [x - fraction(part) for x, part in zip(at, step, strict=True)]
     period = flown(*at)
-    # At its turn the family has the null vector of the bordered matrix as its tangent in beta, v and
-    # the period.
+    # At its turn the family's tangent in beta, v and the period is the null vector of the bordered
+    # matrix.
     by_beta, by_rest = [row[0] for row in period.bordered[:2]], [row[1:] for row in period.bordered[:2]]
     v_change, _ = period.solved(by_rest, [-entry for entry in by_beta])
     top = period.at_top([1, 0, v_change, 0], ("beta", "v"))
@@ -234,7 +234,7 @@ def fold_from_the_bottom(case: ExactItem, values: Values) -> Values:
     return _claimed(results | {"null_vector": slope, "log_multiplier_fast": divergence}, values)
 
 
-# ------------------------------------------------------------------------------------------ other methods
+# ----------------------------------------------------------------------------------- other methods
 def _attributes(result: Any, *names: str) -> Values:
     return {name: getattr(result, name) for name in names}
 

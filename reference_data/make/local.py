@@ -22,7 +22,7 @@ from tippedisk_verify.theory.equilibria import linearization
 __all__ = ["differences", "hopf_by_balance", "orbit_by_scipy", "symbolic"]
 
 
-# ------------------------------------------------------------------------------------------ right-hand side
+# --------------------------------------------------------------------------------- right-hand side
 @lru_cache(maxsize=4)
 def _compiled(law: Any, working: int) -> Any:
     """Compile the factored field and its symbolic derivatives with heyoka, for numbers of `working`
@@ -62,7 +62,7 @@ def _symbolic(case: ExactItem, ctx: Any) -> dict[str, Any]:
     return dict(zip(("v_rate", "dv_rate_dbeta", "dv_rate_dgamma", "dv_rate_dv"), outputs, strict=True))
 
 
-# ------------------------------------------------------------------------------------------ Hopf point
+# -------------------------------------------------------------------------------------- Hopf point
 def hopf_by_balance(case: ExactItem, values: Values) -> Values:
     """Compute the Hopf point without a normal form."""
     return in_two(partial(_hopf_by_balance, case), kept=BITS - 20)
@@ -93,7 +93,7 @@ def _hopf_by_balance(case: ExactItem, ctx: Any) -> dict[str, Any]:
     }
 
 
-# ------------------------------------------------------------------------------------------ slow manifold
+# ----------------------------------------------------------------------------------- slow manifold
 def differences(case: ExactItem, values: Values) -> Values:
     """Compute each order of the slow manifold from the lower ones and their difference quotients.
 

@@ -32,7 +32,7 @@ def _bytes(folder: Path) -> dict[str, bytes]:
     return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
-# ------------------------------------------------------------------------------------------ questions and methods
+# --------------------------------------------------------------------------- questions and methods
 def test_each_kind_has_the_methods_of_the_table() -> None:
     assert list(CONFIRM) == list(codebook())
     for kind, methods in CONFIRM.items():
@@ -85,7 +85,7 @@ def test_a_false_value_is_excluded_by_another_method() -> None:
         confirmed(case_of(entry.item, "decimals"), values)
 
 
-# ------------------------------------------------------------------------------------------ runs
+# -------------------------------------------------------------------------------------------- runs
 def test_what_is_made_is_what_is_stored(tmp_path: Path) -> None:
     """Compare to the half-widths, because the last digits depend on the libraries."""
     assert generate(tmp_path, QUICK) == 50

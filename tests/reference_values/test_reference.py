@@ -35,7 +35,7 @@ def store() -> Store:
     return stored()
 
 
-# ------------------------------------------------------------------------------------------ contents
+# ---------------------------------------------------------------------------------------- contents
 @pytest.mark.slow
 def test_the_files_are_those_of_the_manifest_and_of_the_form_of_the_schema() -> None:
     report = check(data_folder(), sample=0)
@@ -119,7 +119,7 @@ def test_what_rounding_to_doubles_does_is_what_the_condition_numbers_say(store: 
         assert abs(moved - sum(parts)) <= size / 10 + noise, quantity.id
 
 
-# ------------------------------------------------------------------------------------------ computed again
+# ---------------------------------------------------------------------------------- computed again
 @pytest.mark.parametrize("kind", ["rhs", "equilibrium", "hopf", "harmonic-balance", "slow-manifold"])
 def test_computed_again_they_agree(kind: str, store: Store) -> None:
     entries = [entry for entry in entries_of(store) if entry.item.kind == kind]
@@ -200,7 +200,7 @@ def test_forged_folders_are_reported(name: str, content: str, folder: Path) -> N
         Store(folder)
 
 
-# ------------------------------------------------------------------------------------------ reading
+# ----------------------------------------------------------------------------------------- reading
 def test_a_value_by_its_id() -> None:
     quantity = reference("printed/linear/hopf/point/omega_crit")
     assert quantity == reference("table1/linear/hopf/point/omega_crit")

@@ -28,7 +28,7 @@ ROOT = Path(__file__).parents[2]
 DATA = data_folder()
 
 
-# ------------------------------------------------------------------------------------------ version and citation
+# ---------------------------------------------------------------------------- version and citation
 def test_the_version_of_the_data_is_the_same_everywhere(capsys: pytest.CaptureFixture[str]) -> None:
     manifest = json.loads((DATA / "manifest.json").read_text())
     assert manifest["data_version"] == DATA_VERSION
@@ -52,7 +52,7 @@ def test_values_change_with_their_version() -> None:
     assert (DATA_VERSION, digest(values)[:16]) == ("1.1.0", "cc4c134dac3c7d25")
 
 
-# ------------------------------------------------------------------------------------------ the table
+# --------------------------------------------------------------------------------------- the table
 def test_the_schema_is_that_of_the_table() -> None:
     """The table schema follows the Frictionless standard: each column, with the pattern of its
     entries.
@@ -67,7 +67,7 @@ def test_the_schema_is_that_of_the_table() -> None:
     assert '"' not in (DATA / "values.csv").read_text()  # no field needs quotes
 
 
-# ------------------------------------------------------------------------------------------ other forms
+# ------------------------------------------------------------------------------------- other forms
 @pytest.mark.parametrize("form", ["csv", "jsonl", "parquet"])
 def test_exported_values_are_the_stored_ones(form: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / f"hopf.{form}"
@@ -147,7 +147,7 @@ def test_a_julia_test_file_has_the_doubles(tmp_path: Path) -> None:
         assert tv.compare(id_, float(value) + 1.1 * float(tolerance)).failed
 
 
-# ------------------------------------------------------------------------------------------ without the package
+# ----------------------------------------------------------------------------- without the package
 def test_right_hand_sides_and_a_cycle_from_the_columns_alone() -> None:
     """Use another transcription of the equations, and only the csv module."""
     with open(DATA / "values.csv", newline="") as table:
@@ -194,7 +194,7 @@ def test_the_programs_of_the_readme(language: str, runs: str, tmp_path: Path) ->
     assert abs(float(done[-1])) < 1e-11
 
 
-# ------------------------------------------------------------------------------------------ definitions
+# ------------------------------------------------------------------------------------- definitions
 def test_every_quantity_is_defined_where_it_is_shown(capsys: pytest.CaptureFixture[str]) -> None:
     page = (ROOT / "docs" / "grading_equations.md").read_text(encoding="utf-8")
     for quantity in stored().values():

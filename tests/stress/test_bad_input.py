@@ -27,7 +27,7 @@ from tippedisk_verify.cli import cli
 Wrong = tuple[Any, ...]
 Call = Callable[[Any], object]
 
-# ------------------------------------------------------------------------------------------ the command line
+# -------------------------------------------------------------------------------- the command line
 # What is wrong for an option. Where no word is right, words are drawn, too: no digits of any script, and no letters
 # of "pi", "nan", of a disk's parameters or of paths.
 WORDS = st.text(st.characters(exclude_categories=("Nd", "Cs"), exclude_characters="/\\.,-pialcremAB\0"), min_size=1)
@@ -175,7 +175,7 @@ def mistakes(draw: st.DrawFn) -> list[str]:
 
 @pytest.fixture
 def room(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Make a folder with obstacles: files, folders, pipes, circular links, a huge file, bad disks."""
+    """Make a folder with obstacles: files, folders, pipes, link circles, a huge file, bad disks."""
     folder = tmp_path_factory.mktemp("room")
     monkeypatch.chdir(folder)
     (folder / "folder").mkdir()
@@ -261,7 +261,7 @@ def test_what_a_command_cannot_do_it_says(words: str, room: Path) -> None:
     assert _contents(room) == before
 
 
-# ------------------------------------------------------------------------------------------ from Python
+# ------------------------------------------------------------------------------------- from Python
 _DISK, _LANES, _ID = tv.Disk("printed"), tv.BatchTaylor(1), "printed/linear/hopf/point/period"
 _ENGINE, _OTHER = tv.Taylor(), tv.Baseline()
 #: Values of every Python type that no parameter of a public function may take.

@@ -34,7 +34,7 @@ def _table(path: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(stream))
 
 
-# ------------------------------------------------------------------------------------------ kill -9 and Ctrl-C
+# ------------------------------------------------------------------------------ kill -9 and Ctrl-C
 def _sheet(folder: Path) -> list[str]:
     return ["conformance", "questions", str(folder / "sheet.csv"), "--quiet"]
 
@@ -104,7 +104,7 @@ def test_a_pool_that_is_killed_is_one_line(monkeypatch: pytest.MonkeyPatch, caps
         assert capsys.readouterr().err.count("\n") == 1
 
 
-# ------------------------------------------------------------------------------------------ disks
+# ------------------------------------------------------------------------------------------- disks
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
 @pytest.mark.parametrize("arguments", [["hopf", "--json"], ["--help"], ["reference", "list"]])
 def test_a_full_disk_under_standard_output(arguments: list[str]) -> None:
@@ -125,4 +125,4 @@ def test_standard_output_that_is_closed() -> None:
 
 
 # ------------------------------------------------------------------------------------------ rights
-# ------------------------------------------------------------------------------------------ two at once
+# ------------------------------------------------------------------------------------- two at once

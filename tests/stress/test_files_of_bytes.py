@@ -78,7 +78,7 @@ def _sheet(folder: Path, name: str) -> bytes:
     return filled.encode()
 
 
-# ------------------------------------------------------------------------------------------ one file at a time
+# ------------------------------------------------------------------------------ one file at a time
 def _parameter_files(folder: Path, draws: int) -> Iterator[Ran]:
     path, draw = folder / "disk.toml", random.Random(1)
     for _ in range(draws):
@@ -110,7 +110,7 @@ def test_damaged_files(what: str, draws: int, tmp_path: Path) -> None:
         _fine(done)
 
 
-# ------------------------------------------------------------------------------------------ shapes of trouble
+# ------------------------------------------------------------------------------- shapes of trouble
 @pytest.mark.parametrize("suffix", [".toml", ".csv"])
 def test_a_gigabyte_is_refused_unread(suffix: str, tmp_path: Path) -> None:
     path = tmp_path / f"huge{suffix}"

@@ -29,7 +29,7 @@ class MethodRun:
     """The result of one run, and its cost other than time."""
 
     status: str  #: "reached", or the reason why it was not
-    samples: Any  #: (n, 3) at the problem's times, in any arithmetic; fewer if the run stopped early
+    samples: Any  #: (n, 3) at the problem's times, in any arithmetic; fewer after an early stop
     steps: int | None = None
     evaluations: int | None = None  #: of the right-hand side
 
@@ -89,7 +89,7 @@ def _beyond_double(problem: Problem, precision: str) -> Prepared:
 
 
 def _with_half_widths(problem: Problem, digits: int) -> Prepared:
-    """Integrate as `Disk.integrate` does: estimate the error, and correct for it beyond 12 digits."""
+    """Integrate as `Disk.integrate` does: estimate the error, and beyond 12 digits remove it."""
     return _by_engine(Taylor(), problem, error_estimate=True, digits=digits)
 
 

@@ -63,7 +63,7 @@ Check = Callable[[click.Context, click.Parameter, Any], Any]  #: click's callbac
 _BETWEEN_WORDS: dict[str, Any] = {"break_long_words": False, "break_on_hyphens": False}
 
 
-# ------------------------------------------------------------------------------------------ common options
+# ---------------------------------------------------------------------------------- common options
 @dataclass(frozen=True)
 class Output:
     """The output options of a command that is not about one disk."""
@@ -129,7 +129,7 @@ class Common(Output):
         return self.disk.speed(omega, below_crit=below_crit, digits=self.digits)  # type: ignore[no-any-return]
 
 
-# ------------------------------------------------------------------------------------------ checks of options
+# ------------------------------------------------------------------------------- checks of options
 def checked(check: Callable[[Any], Any]) -> Check:
     """Return an option's callback whose value is ``check(text)``.
 
@@ -201,7 +201,7 @@ def _levels(text: str) -> tuple[int, ...]:
 
 levels = checked(_levels)
 
-# ------------------------------------------------------------------------------------------ options
+# ----------------------------------------------------------------------------------------- options
 _OUTPUT = (
     click.Option(["--json"], is_flag=True, help="Print one JSON object on standard output."),
     click.Option(["--quiet"], is_flag=True, help="Print no progress and no table."),
@@ -371,7 +371,7 @@ def alone_in(out: str | None) -> Path | None:
     return None if out is None else click.get_current_context().with_resource(sole_writer(out))
 
 
-# ------------------------------------------------------------------------------------------ processes
+# --------------------------------------------------------------------------------------- processes
 @contextmanager
 def processes(jobs: int | None, *, needed: bool = True, even_one: bool = False) -> Iterator[Executor | None]:
     """Make a pool of new processes, or give None if this process is enough.

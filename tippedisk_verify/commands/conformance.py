@@ -104,8 +104,8 @@ _grading_options = _together(
 @command(
     """Write an answer sheet, to FILE or to standard output: inputs only, easiest first.
 
-    With --states the questions are drawn from the seed, the same ones on every machine. Their ids hold the seed, so
-    `grade` can compute the true values, with half-widths.
+    With --states the questions are drawn from the seed, the same ones on every machine. Their ids
+    hold the seed, so `grade` can compute the true values, with half-widths.
     """
 )
 @click.argument("file", metavar="[FILE.csv|FILE.json]", required=False)
@@ -157,10 +157,11 @@ def _refuse_filled_in(target: Path, store: Store) -> None:
 
 
 @command(
-    """Grade the answers of a sheet, by level, and name the likely mistake at the first level that fails.
+    """Grade the answers of a sheet by level, and name the likely mistake at the first failing level.
 
-    A sheet comes from `conformance questions`, or is any CSV with the columns id and answer. The exit status is 0 for
-    all grades, because a poor grade is a result too, unless --require or --expected-failures demand more.
+    A sheet comes from `conformance questions`, or is any CSV with the columns id and answer. The
+    exit status is 0 for all grades, because a poor grade is a result too, unless --require or
+    --expected-failures demand more.
     """
 )
 @click.argument("file", metavar="FILE")
@@ -177,11 +178,12 @@ def grade(output: Output, file: str, from_: str | None, **grading: Any) -> int:
 
 
 @command(
-    """Ask a program over its standard input and output, one JSON object a line, and grade and time it.
+    """Ask a program over its standard input and output, one JSON object a line; grade and time it.
 
-    `docs/protocol.md` defines the lines. A program that hangs or dies is graded on the answers it gave. The exit status
-    is 0 for all grades, unless --require or --expected-failures demand more. With --states the questions are drawn, and
-    their true values are computed first, in a few seconds, or in a quarter of a minute with all levels.
+    `docs/protocol.md` defines the lines. A program that hangs or dies is graded on the answers it
+    gave. The exit status is 0 for all grades, unless --require or --expected-failures demand more.
+    With --states the questions are drawn, and their true values are computed first, in a few
+    seconds, or in a quarter of a minute with all levels.
     """
 )
 @click.argument("command", nargs=-1, required=True, metavar="-- PROGRAM [ARGUMENT]...")
@@ -260,8 +262,8 @@ def run(
 @command(
     """Compare two sheets of one program, and list the answers that lost or gained a digit or more.
 
-    Digits of doubles beyond the fourteenth are rounding and do not count. The exit status is 1 if an answer that passed
-    now fails or is missing.
+    Digits of doubles beyond the fourteenth are rounding and do not count. The exit status is 1 if
+    an answer that passed now fails or is missing.
     """
 )
 @click.argument("old", metavar="OLD")
@@ -307,7 +309,7 @@ def _read(file: str, reading: str | None, advance: Advance) -> tuple[Answers, St
     return answers, store
 
 
-# ------------------------------------------------------------------------------------------ reports
+# ----------------------------------------------------------------------------------------- reports
 def _blank_ones(states: int | None, seed: int | None, sets: Sequence[str]) -> Store | None:
     """Return the fresh questions that --states and --seed ask for, without answers, or None.
 

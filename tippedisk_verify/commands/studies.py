@@ -31,12 +31,13 @@ from tippedisk_verify.progress import watched
 __all__ = ["COMMANDS"]
 
 
-# ------------------------------------------------------------------------------------------------ sweep
+# ------------------------------------------------------------------------------------------- sweep
 @disk_command(
-    """Run an analysis at every combination of the axes' values. An interrupted sweep continues where it stopped.
+    """Run an analysis at every combination of the axes' values.
 
-    The table has the axes, the status, and each result with its half-width (NAME_uncertainty). A trajectory ends at
-    final_beta, final_gamma, final_v. Every worker of a cluster needs this version of the package.
+    An interrupted sweep continues where it stopped. The table has the axes, the status, and each
+    result with its half-width (NAME_uncertainty). A trajectory ends at final_beta, final_gamma,
+    final_v. Every worker of a cluster needs this version of the package.
     """
 )
 @click.argument("analysis", metavar="orbit|equilibria|hopf|heteroclinic|trajectory")
@@ -75,7 +76,7 @@ def sweep(common: Common, analysis: str, over: tuple[str, ...], out: Path, execu
     return 0
 
 
-# ------------------------------------------------------------------------------------------------ bench
+# ------------------------------------------------------------------------------------------- bench
 @command("Measure run time against error: six initial-value problems.")
 @click.option("--peers", is_flag=True, help="Include the integrators of the extra `peers`.")
 @click.option(
@@ -135,7 +136,7 @@ def _bench_lines(result: dict[str, Any]) -> Iterator[str]:
         yield f"{row['problem']}, error at most {row['error_at_most']:.0e}: {'; '.join([ours, *slower])}"
 
 
-# ------------------------------------------------------------------------------------------------ stress
+# ------------------------------------------------------------------------------------------ stress
 @command("Try extreme parameters, states, tolerances and speeds: each must give correct digits, or a clear refusal.")
 @click.option("--only", multiple=True, metavar="CASE", help="Run only this case.")
 @click.option("--quick", is_flag=True, help="Run only cases that take some seconds at most.")

@@ -174,7 +174,7 @@ def _computed(entry: dict[str, Any]) -> str:
     return f"{float(value['value']):.6g} {entry['unit']}{paper}"
 
 
-# ------------------------------------------------------------------------------------------ scene
+# ------------------------------------------------------------------------------------------- scene
 @disk_command("Compute the panels a to f of the paper's figures 3D and proj_3D.")
 @click.argument("names", nargs=-1, required=True, metavar="NAME...|all")
 @click.option("--out", metavar="DIR", help="Write the figures and CSV data there.")

@@ -87,7 +87,7 @@ def _drawn_items(set_name: str) -> Iterator[Item]:
         yield item(law, "limit-cycle", "1", Omega=near("cycle speed", "-0.01", "-0.001", 6))
 
 
-# ------------------------------------------------------------------------------------------ answers
+# ----------------------------------------------------------------------------------------- answers
 def blank_questions(states: int, seed: int) -> Store:
     """Return questions without answers.
 

@@ -174,7 +174,7 @@ def as_quantity(
     )
 
 
-# ------------------------------------------------------------------------------------------ closed forms
+# ------------------------------------------------------------------------------------ closed forms
 def _right_hand_side(case: ExactItem, ctx: Any, shift: bool = False) -> dict[str, Any]:
     """Evaluate the paper's terms as printed, and the Jacobian.
 
@@ -333,7 +333,7 @@ def _moved_orbit(case: ExactItem, values: Values) -> dict[str, Any]:
     return {name: value for name, (value, _) in orbit(case, 12, engine=PlainEngine(default_engine())).items()}
 
 
-# ------------------------------------------------------------------------------------------ cycles and Omega_h
+# ------------------------------------------------------------------------------ cycles and Omega_h
 def _named(case: ExactItem, result: Any) -> Values:
     """Return the numbers of a result that the data have for its kind."""
     return {name: getattr(result, name) for name in codebook()[case.item.kind]}

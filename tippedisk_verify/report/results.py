@@ -118,7 +118,7 @@ def _command(order: AuditJob) -> str:
 
 
 def summary(findings: Findings) -> dict[str, Any]:
-    """Count the claims by verdict, group those that do not follow, and list our own failed checks."""
+    """Count the claims by verdict, group those that do not follow, and list failed own checks."""
     counts = {verdict.value: 0 for verdict in Verdict}
     for _, finding in findings:
         counts[finding.verdict.value] += 1

@@ -37,7 +37,7 @@ _MOST_BITS = 1_000_000_000  # of all numbers of a range: some hundred megabytes
 _START = {"beta": "pi/2", "gamma": "pi/2 + 0.4", "v": "0"}
 
 
-# ------------------------------------------------------------------------------------------ analyses
+# ---------------------------------------------------------------------------------------- analyses
 def _orbit(parameters: Parameters, point: Mapping[str, str], digits: int) -> dict[str, Any]:
     speed = _speed(parameters, point, digits)
     cycle = replace(cycle_at(parameters, speed.value, default_engine(), digits=digits), omega=speed)
@@ -171,7 +171,7 @@ class Plan:
         return hashlib.sha256(asked.encode()).hexdigest()
 
 
-# ------------------------------------------------------------------------------------------ the row of a point
+# ------------------------------------------------------------------------------ the row of a point
 def computed(analysis: str, parameters: Parameters, digits: int, point: Mapping[str, str]) -> dict[str, str]:
     """Run an analysis at one point.
 

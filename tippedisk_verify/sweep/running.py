@@ -112,7 +112,7 @@ def _run(plan: Plan, missing: Iterator[tuple[int, Row]], executor: Executor | No
             yield waiting.pop(future), future.result()
 
 
-# ------------------------------------------------------------------------------------------ files
+# ------------------------------------------------------------------------------------------- files
 def _head(plan: Plan) -> bytes:
     return json.dumps({"plan": plan.key, "code": code_version()}).encode() + b"\n"
 
