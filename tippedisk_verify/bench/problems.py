@@ -110,7 +110,7 @@ def problem_named(name: str) -> Problem:
     """Return the problem with a name.
 
     Raises:
-        InputError: If there is none.
+        InputError: If the name is not known.
     """
     for problem in PROBLEMS:
         if problem.name == name:

@@ -244,7 +244,7 @@ def _panels(audit: Audit, examined: Sequence[str]) -> list[Panel]:
     """Return the audited set's panels that could be computed, for the scenes among the claims.
 
     Raises:
-        AccuracyError: If there is none.
+        AccuracyError: If no panel could be computed.
     """
     panels, reason = [], ""
     for scene in SCENES:

@@ -45,7 +45,7 @@ def data_folder() -> Path:
     checkout.
 
     Raises:
-        InputError: If there is none.
+        InputError: If the data are in neither place.
     """
     package = Path(__file__).resolve().parent.parent
     for folder in (package / "reference_data", package.parent / "reference_data"):

@@ -72,7 +72,7 @@ def _one_ulp_above() -> Found:
 
 
 def _one_ulp_below() -> Found:
-    """Use the next double below Omega_h as the speed: no cycle exists, and the run must say so."""
+    """Use the next double below Omega_h as the speed: no cycle exists, which it must report."""
     engine = default_engine()
     omega_h = heteroclinic(PRINTED, engine, digits=30).omega_h
     speed = Fraction(float(omega_h))

@@ -24,8 +24,8 @@ __all__ = ["CASES"]
 
 _START: tuple[Any, Any, Any] = ("1.4", "1.9", "0.5")
 _OMEGA = "30.4"
-_BROKEN_OFF = ("NON_FINITE", "STEP_LIMIT", "STEP_TOO_SMALL")  # outcomes of a run that stopped early
-_DIGITS_OR_NOT = ("digits", "no digits left", "rounding decides")  # outcomes if digits may be lost
+_STOPPED_EARLY = ("NON_FINITE", "STEP_LIMIT", "STEP_TOO_SMALL")  # outcomes of a run that stopped early
+_DIGITS_MAY_BE_LOST = ("digits", "no digits left", "rounding decides")  # outcomes
 
 
 def _run(duration: Any, parameters: Parameters = PRINTED, start: Any = _START, omega: Any = _OMEGA, **more: Any) -> Any:
@@ -141,21 +141,21 @@ def _start_cases() -> list[StressCase]:
             "sin(beta) = 1e-12 and v towards it: ends within 1e-12 s",
             _run("0.2", start=(tiny, "1.9", "-5"), domain="event"),
             3,
-            _DIGITS_OR_NOT,
+            _DIGITS_MAY_BE_LOST,
         ),
         StressCase(
             "flat",
             "starts at sin(beta) = 0: the model has no such state",
             _run("0.2", start=(0, "1.9", "5")),
             0,
-            ("FLAT", *_DIGITS_OR_NOT),
+            ("FLAT", *_DIGITS_MAY_BE_LOST),
         ),
         StressCase(
             "on the stable manifold",
             "passes the saddle within rounding, which then decides the side",
             _stable_manifold,
             0,
-            _DIGITS_OR_NOT,
+            _DIGITS_MAY_BE_LOST,
         ),
     ]
 
@@ -185,7 +185,7 @@ def _backward_cases() -> list[StressCase]:
 
     cases = []
     for duration, least in (("-0.05", 12.0), ("-0.1", 8.0), ("-0.2", 5.0), ("-0.3", 2.0), ("-0.5", 0.0)):
-        outcomes = ("digits",) if least else ("digits", "no digits left", "rounding decides", *_BROKEN_OFF)
+        outcomes = ("digits",) if least else (*_DIGITS_MAY_BE_LOST, *_STOPPED_EARLY)
         cases.append(
             StressCase(f"backward {duration} s", "backward from the cycle", partial(back, duration), least, outcomes)
         )
@@ -220,18 +220,22 @@ def _event_cases() -> list[StressCase]:
             "two surfaces an ulp apart, crossed one after the other",
             pair,
             10,
-            _DIGITS_OR_NOT,
+            _DIGITS_MAY_BE_LOST,
         ),
         StressCase("grazing, missed", "a surface 100 ulps above the highest point", partial(below, -100), 10),
         StressCase(
-            "grazing, touched", "a surface at the highest point, to rounding", partial(below, 0), 10, _DIGITS_OR_NOT
+            "grazing, touched",
+            "a surface at the highest point, to rounding",
+            partial(below, 0),
+            10,
+            _DIGITS_MAY_BE_LOST,
         ),
         StressCase(
             "grazing, cut",
             "crossed twice within some 1e-6 s, 1000 ulps below the top",
             partial(below, 1000),
             10,
-            _DIGITS_OR_NOT,
+            _DIGITS_MAY_BE_LOST,
         ),
         StressCase(
             "flat twice",
