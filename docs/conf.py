@@ -36,8 +36,8 @@ myst_heading_anchors = 3
 # The notebooks run commands: those of the environment that builds the site, active or not.
 os.environ["PATH"] = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
 nb_execution_in_temp = True
-nb_execution_mode = "force"  # what a page shows is what this version computes
-nb_execution_timeout = 300  # a cell that takes as long is stuck
+nb_execution_mode = "force"  # pages show the results of this version
+nb_execution_timeout = 300  # s; a cell that takes longer is stuck
 nb_execution_raise_on_error = True
 nb_merge_streams = True
 
@@ -48,8 +48,8 @@ autodoc_typehints = "none"  # the docstrings give types, shapes and units
 
 # ------------------------------------------------------------------------------------------ formulas
 _GREEK = "Omega|beta|gamma|delta|epsilon|eta|theta|kappa|lambda|mu|nu|xi|pi|rho|tau|phi|chi|omega"
-#: Symbols as pages and docstrings write them for terminals (gamma_bar_0, Omega_crit, c_2, T_crit, pi), powers, and
-#: numbers with an exponent, which no line breaks.
+#: Symbols in pages and docstrings (gamma_bar_0, Omega_crit, c_2, T_crit, pi), powers, and numbers with an
+#: exponent, which must not be broken at a line's end.
 _SYMBOL = re.compile(
     rf"(?<![\w.\\\"“])(d?)(?:({_GREEK})(_bar)?(?:_([A-Za-z]+|\d+))?|([A-Za-z])_(\d+|crit|end|G|y))('*)(?![\w(])"
     r"|(?<=[\w)])\^(-?\w+|\([^()]*\))|(?<![\w.])(\d[\d.]*e-\d+)"
@@ -72,7 +72,7 @@ def _formula(symbol: re.Match[str]) -> nodes.Node:
 
 
 class Symbols(SphinxTransform):
-    """Symbols in running text become formulas; sources and docstrings stay readable in a terminal."""
+    """The symbols in running text as formulas; sources and docstrings stay readable in a terminal."""
 
     default_priority = 480
     _VERBATIM = (
@@ -112,7 +112,7 @@ class Symbols(SphinxTransform):
 
 
 def _mathml(latex: str, display: str = "inline") -> str:
-    """The formula, with the spaces that TeX puts after functions and not around bars."""
+    """Return a formula as MathML, with TeX's spaces after functions and none around bars."""
     spaced = _FUNCTION.sub(r'<mspace width="0.1em"/>\1<mspace width="0.15em"/>', convert(latex, display=display))
     return _BAR.sub('<mo lspace="0" rspace="0"', spaced)
 
@@ -129,7 +129,7 @@ def _display(self: HTML5Translator, node: nodes.math_block) -> None:
 
 # ------------------------------------------------------------------------------------------ fields
 def _describe_quantities(kind: type = Printable) -> None:
-    """Give the fields of results their meaning and unit, as if a comment beside each said them."""
+    """Document each field of a result by its meaning and unit."""
     for below in kind.__subclasses__():
         analyzer = ModuleAnalyzer.for_module(below.__module__)
         analyzer.analyze()
@@ -141,9 +141,10 @@ def _describe_quantities(kind: type = Printable) -> None:
 
 
 def setup(app: Sphinx) -> None:
-    """MathML, which browsers draw by themselves: no page needs a script or a network to show its formulas."""
+    """Set up the site. Browsers draw MathML, so formulas need no script and no network."""
     app.add_html_math_renderer("mathml", (_inline, None), (_display, None))
     app.add_transform(Symbols)
     load_quantities()
     _describe_quantities()
-    app.parallel = max(app.parallel, 8)  # so few pages to a process that no two notebooks wait for each other
+
+    app.parallel = max(app.parallel, 8)  # so many processes that no two notebooks share one

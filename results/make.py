@@ -1,12 +1,13 @@
-"""Sheets of the programs that we run ourselves, graded: SciPy's five methods, heyoka in double, and the C client.
+"""Graded sheets of programs that we run ourselves: five SciPy methods, heyoka in double, and the C
+client.
 
     python -m results.make                  # in a checkout with a C compiler; some minutes
     python -m results.make heyoka-double    # this one only
-    python -m results.make --table          # the table in README.md only, after a file has been added
+    python -m results.make --table          # only the table in README.md, after a file has been added
 
-SciPy and heyoka answer trajectories and librating cycles of the printed set from doubles; the client answers all of
-it. The grades by quantity are written as CSV, as `tippedisk-verify conformance grade ANSWERS --csv results/NAME.csv`
-writes them for any program.
+SciPy and heyoka answer trajectories and librating cycles of the printed set from doubles; the
+client answers all questions. The grades by quantity are written as CSV, as `tippedisk-verify
+conformance grade ANSWERS --csv results/NAME.csv` writes them for any program.
 """
 
 from __future__ import annotations
@@ -34,7 +35,10 @@ _MARK = "<!-- made by results/make.py -->"
 
 
 def heyoka() -> dict[str, str]:
-    """Answers of heyoka's Taylor integrator in double, as this package drives it, from the doubles of the inputs."""
+    """Return the answers of heyoka's Taylor integrator in double, as this package uses it.
+
+    The inputs are the doubles nearest to the decimals.
+    """
     given: dict[str, str] = {}
     for law in ("linear", "smooth"):
         disk = tv.Disk(**{n: float(v) for n, v in tv.PRINTED.decimals().items() if n != "C"}, friction=law)
@@ -81,7 +85,10 @@ def _scipy(method: str, tolerance: float) -> dict[str, str]:
 
 
 def _client(*commands: list[str]) -> dict[str, str]:
-    """What a client answers of the printed set, run by the last of the commands in a folder with the sheet."""
+    """Run a client on the sheet of the printed set, and return its answers.
+
+    The commands run in a folder with the sheet; the last of them is the client.
+    """
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         write_text(folder / "sheet.csv", sheet_csv(stored(), questions(stored(), sets=("printed",))))
@@ -102,7 +109,7 @@ PROGRAMS = {
 
 
 def table() -> str:
-    """The files beside this one, by level: failures among the answers, and the digits of the worst."""
+    """Return the table of all graded files: failures and the worst digits of each level."""
     rows: dict[str, dict[int, list[dict[str, str]]]] = {}
     for path in sorted(HERE.glob("*.csv")):
         for row in csv.DictReader(path.read_text(encoding="utf-8").splitlines()):
@@ -123,6 +130,11 @@ def _cell(rows: list[dict[str, str]]) -> str:
 
 
 def main(names: list[str]) -> None:
+    """Grade the named programs and update the table in README.md.
+
+    Args:
+        names: Names of `PROGRAMS`; none for all programs, ``--table`` for the table only.
+    """
     for name in () if names == ["--table"] else names or PROGRAMS:
         given = PROGRAMS[name]()
         with tempfile.TemporaryDirectory() as folder:

@@ -1,7 +1,8 @@
-"""A program as a user would write it: plain SciPy at one tolerance, in doubles, from docs/grading_equations.md.
+"""A program as a user would write it: plain SciPy at one tolerance, in doubles.
 
-It answers trajectories and librating cycles, near the connection as well. Its crossings are those of `solve_ivp`'s
-events; its Floquet multipliers come from the variational equations with imaginary steps.
+It follows docs/grading_equations.md. It answers trajectories and librating cycles, also near the
+connection. Crossings are events of `solve_ivp`; Floquet multipliers come from the variational
+equations with imaginary steps.
 """
 
 from __future__ import annotations
@@ -17,12 +18,22 @@ from scipy.integrate import solve_ivp
 from tippedisk_verify.conformance.sheet import placed
 from tippedisk_verify.reference_values.store import Quantity, Store
 
-_TINY = 1e-30  # imaginary
+_TINY = 1e-30  # the imaginary step
 _SECTION = math.pi / 2
 
 
 def motion(ops: Any, p: dict[str, float], omega: Any, smooth: bool, state: Sequence[Any], side: float = 0.0) -> Any:
-    """gamma', v' and the sliding velocity; ``side`` is the sign of the latter where complex numbers hide it."""
+    """Return gamma', v' and the sliding velocity.
+
+    Args:
+        ops: The module with sin and cos (math or cmath).
+        p: The parameters by name [SI units].
+        omega: The speed [rad/s].
+        smooth: True for the smooth law.
+        state: beta, gamma [rad] and v [rad/s].
+        side: The sign of the sliding velocity, which a complex number hides; 0 to take it from the
+            velocity.
+    """
     beta, gamma, v = state
     r, e, m, A, eps = (p[name] for name in ("r", "e", "m", "A", "epsilon"))
     Bbar = p["B"] - m * e**2
@@ -76,7 +87,10 @@ def _trajectory(store: Store, asked: Sequence[Quantity], options: dict[str, Any]
 
 
 def _variational(p: dict[str, float], omega: float, smooth: bool) -> Callable[[float, Any], Any]:
-    """State, its derivative by (state, Omega), and the integral of the divergence."""
+    """Return the rates of the state, of its derivatives by (state, Omega), and of log det.
+
+    The last is the divergence of the field.
+    """
 
     def rates(t: float, y: Any) -> Any:
         state = y[:3].tolist()
@@ -95,7 +109,7 @@ def _variational(p: dict[str, float], omega: float, smooth: bool) -> Callable[[f
 
 
 def _cycle(store: Store, asked: Sequence[Quantity], options: dict[str, Any]) -> dict[str, float]:
-    """Newton on the half map, from the cycle itself and a millionth beside it."""
+    """Find a cycle by Newton's method on the half map, from a start a millionth off the cycle."""
     p, omega, smooth = _setting(store, asked[0])
     near = {quantity.name: quantity.for_doubles for quantity in asked}
     x = np.array([near["gamma_bar_0"] * (1 + 1e-6), near["v_0"] * (1 - 1e-6)])
@@ -138,7 +152,16 @@ def _cycle(store: Store, asked: Sequence[Quantity], options: dict[str, Any]) -> 
 
 
 def answered(store: Store, prefixes: Iterable[str], method: str, tolerance: float, **options: Any) -> dict[str, str]:
-    """Answers by id, for the trajectories and librating cycles whose ids start so."""
+    """Return answers by id, for the trajectories and librating cycles whose ids start with a
+    prefix.
+
+    Args:
+        store: The reference values.
+        prefixes: The beginnings of the ids.
+        method: A method of `solve_ivp`.
+        tolerance: The relative and absolute tolerance.
+        **options: Further options of `solve_ivp`.
+    """
     options |= {"method": method, "rtol": tolerance, "atol": tolerance}
     entries: dict[str, list[Quantity]] = {}
     for quantity in (quantity for prefix in prefixes for quantity in store.matching(prefix)):
@@ -146,6 +169,6 @@ def answered(store: Store, prefixes: Iterable[str], method: str, tolerance: floa
             entries.setdefault(quantity.id.rsplit("/", 1)[0], []).append(quantity)
     given = {}
     for asked in entries.values():
-        found = (_trajectory if asked[0].kind == "trajectory" else _cycle)(store, asked, options)
-        given |= {q.id: repr(float(found[q.name])) for q in asked if q.name in found}
+        numbers = (_trajectory if asked[0].kind == "trajectory" else _cycle)(store, asked, options)
+        given |= {q.id: repr(float(numbers[q.name])) for q in asked if q.name in numbers}
     return given

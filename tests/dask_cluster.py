@@ -1,4 +1,4 @@
-"""A Dask scheduler and workers as processes of their own, with this package or a changed one."""
+"""A Dask scheduler and workers as separate processes, with this package or a changed one."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _LONGEST = 120  # s; a process that is not ready by then hangs
 
 
 def changed_package(folder: Path, module: str, old: str, new: str) -> Path:
-    """A folder for PYTHONPATH with which one module says something else."""
+    """Make a folder for PYTHONPATH with which one module has other code."""
     shutil.copytree(PACKAGE, folder / "tippedisk_verify", ignore=shutil.ignore_patterns("__pycache__"))
     path = folder / "tippedisk_verify" / module
     text = path.read_text()
@@ -35,7 +35,7 @@ def surroundings(path: Path | None) -> dict[str, str]:
 
 @contextmanager
 def scheduler(folder: Path) -> Iterator[tuple[subprocess.Popen[bytes], str]]:
-    """A scheduler on a free port of this machine: the process, and HOST:PORT."""
+    """Start a scheduler on a free port of this machine; yield the process and HOST:PORT."""
     file = folder / "scheduler.json"
     options = ["--port", "0", "--no-dashboard", "--scheduler-file", str(file)]
     with _process("dask_scheduler", options, folder) as process:
@@ -45,7 +45,7 @@ def scheduler(folder: Path) -> Iterator[tuple[subprocess.Popen[bytes], str]]:
 
 @contextmanager
 def worker(host: str, folder: Path, path: Path | None = None, threads: int = 1) -> Iterator[subprocess.Popen[bytes]]:
-    """One more worker, in one process, as soon as the scheduler knows it."""
+    """Start a worker in one process, and wait until the scheduler knows it."""
     before = len(workers(host))
     options = [f"tcp://{host}", "--no-nanny", "--no-dashboard", "--nthreads", str(threads)]
     with _process("dask_worker", options, folder, path) as process:
@@ -54,7 +54,7 @@ def worker(host: str, folder: Path, path: Path | None = None, threads: int = 1) 
 
 
 def workers(host: str) -> list[str]:
-    """HOST:PORT of each worker that the scheduler knows."""
+    """Return HOST:PORT of each worker that the scheduler knows."""
     from distributed import rpc
 
     async def asked() -> list[str]:

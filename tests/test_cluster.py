@@ -61,7 +61,7 @@ def sweep(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> _Sweep:
     return _Sweep(tmp_path, (tmp_path / "serial.csv").read_bytes())
 
 
-# ------------------------------------------------------------------------------------------ the serial bytes
+# -------------------------------------------------------------------------------- the serial bytes
 def test_two_workers_with_four_threads_give_the_serial_bytes(host: str, tmp_path: Path) -> None:
     axes = ["trajectory", "--over", "omega=30.2:30.6:5", "--over", "v=0,3", "--over", "duration=1"]
     tables = [tmp_path / "serial.csv", tmp_path / "threads.csv"]
@@ -70,7 +70,7 @@ def test_two_workers_with_four_threads_give_the_serial_bytes(host: str, tmp_path
     assert tables[1].read_bytes() == tables[0].read_bytes()
 
 
-# ------------------------------------------------------------------------------------------ what is lost
+# ------------------------------------------------------------------------------------ what is lost
 @pytest.mark.parametrize(
     ("executor", "number"), [("serial", signal.SIGKILL), ("local", signal.SIGKILL), ("dask", signal.SIGINT)]
 )
@@ -120,7 +120,7 @@ def test_a_lost_scheduler_is_one_line(
     sweep.ends_well("serial")
 
 
-# ------------------------------------------------------------------------------------------ who answers
+# ------------------------------------------------------------------------------------- who answers
 def test_no_row_comes_from_a_worker_of_other_code(
     sweep: _Sweep, tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -59,7 +59,7 @@ EXAMPLES = {
     for path, command in COMMANDS.items()
     if not command.hidden
 }
-#: What takes more than some seconds, by how the example begins; it is parsed.
+#: The beginnings of examples that take more than some seconds; these are only parsed.
 LONG = (
     "verify --out",
     "branch --paper-sets",

@@ -131,7 +131,7 @@ def test_a_table_in_the_order_of_the_points(tmp_path: Path, capsys: pytest.Captu
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.csv", "a.parquet", "b.csv"]
 
 
-# ------------------------------------------------------------------------------------------ journals
+# ---------------------------------------------------------------------------------------- journals
 _TEN = Plan("hopf", PRINTED, (axis("g=9.0:9.9:10"),), digits=3)
 
 
@@ -176,7 +176,7 @@ def test_a_journal_is_continued_up_to_its_last_whole_line(interrupted: tuple[Pat
 
 @pytest.mark.parametrize(
     ("what", "words"),
-    [("code_version", "other code, which its first line names"), ("_head", "another sweep")],
+    [("code_version", "other code, named in its first line"), ("_head", "another sweep")],
 )
 def test_a_journal_of_another_run_is_refused_and_kept(
     what: str, words: str, interrupted: tuple[Path, bytes, bytes], monkeypatch: pytest.MonkeyPatch
@@ -191,7 +191,7 @@ def test_a_journal_of_another_run_is_refused_and_kept(
     assert out.read_bytes() == whole
 
 
-# ------------------------------------------------------------------------------------------ processes
+# --------------------------------------------------------------------------------------- processes
 _HOPF = ["sweep", "hopf", "--over", "g=9.7:9.9:41", "--quiet", "--jobs", "2"]
 
 

@@ -1,4 +1,4 @@
-"""``python reference_data/make [PREFIX]...``: make the entries whose ids start so, all if nothing is said."""
+"""The command ``python reference_data/make [PREFIX]...``."""
 
 from __future__ import annotations
 
@@ -8,20 +8,21 @@ from pathlib import Path
 import click
 
 FOLDER = Path(__file__).resolve().parents[1]
-sys.path.insert(0, str(FOLDER.parent))  # for the processes that compute, too
+sys.path.insert(0, str(FOLDER.parent))  # the processes that compute inherit it
 
 from tippedisk_verify.commands.common import Output, command, jobs_option, processes  # noqa: E402
 from tippedisk_verify.interrupts import answering  # noqa: E402
 
 
 @command(
-    """Make the reference values whose ids start with a PREFIX, such as printed/linear/hopf; all takes some CPU hours.
+    """Make the reference values whose ids start with a PREFIX, such as printed/linear/hopf.
 
-    What an interrupted run has computed is taken up again.
+    Without a PREFIX all values are made, which takes some CPU hours. The results of an interrupted
+    run are reused.
     """
 )
 @click.argument("prefixes", nargs=-1, metavar="[PREFIX]...")
-@click.option("--out", default=str(FOLDER), show_default=True, metavar="DIR", help="Where the files go.")
+@click.option("--out", default=str(FOLDER), show_default=True, metavar="DIR", help="The folder to write.")
 @jobs_option
 def make(output: Output, prefixes: tuple[str, ...], out: str, jobs: int | None) -> int:
     from reference_data.make.generation import generate

@@ -1,4 +1,4 @@
-"""Further methods for limit cycles, their folds and Omega_h, beside those of `Disk`."""
+"""Further methods for limit cycles, their folds and Omega_h, in addition to those of `Disk`."""
 
 from __future__ import annotations
 
@@ -31,31 +31,44 @@ __all__ = [
     "whole_period",
 ]
 
-_BALANCE_ABOVE = Fraction(1, 20)  # rad/s above Omega_h: closer, harmonic balance needs hundreds of harmonics
-# Digits asked of the collocation; the state at the top has some fewer, the null vector ten fewer, but 30 at least.
+# rad/s above Omega_h. Closer to it, harmonic balance needs hundreds of harmonics.
+_BALANCE_ABOVE = Fraction(1, 20)
+# Digits of harmonic balance and collocation. The state at the top has a few digits less, the null
+# vector ten less, but both have at least 30.
 _BALANCED, _COLLOCATED, _COLLOCATED_FOLD = 40, 34, 42
-_BITS = 180  # 54 digits; a period of rotating cycles amplifies errors by less than 10^6
-_HALF = _BITS // 2  # differences by 2^-_HALF leave a derivative the other half of the bits
+_BITS = 180  # 54 digits; a period of a rotating cycle amplifies errors by less than 10^6
+_HALF = _BITS // 2  # a difference quotient with the step 2^-_HALF keeps half of the bits
 _QUARTER = PI * Fraction(1, 2)
 _TOP = Event("top", ROUND.function, direction=ROUND.direction, terminal=False)
 
 
 def omega_h_for(case: ExactItem) -> Fraction:
-    """To enough digits to know how far from it a speed written with so many decimals lies."""
+    """Return Omega_h [rad/s], with enough digits for the distance of the case's speed from it."""
     digits = max(14, min(len(str(case.inputs["Omega"].denominator)), 90))
     return case.disk.heteroclinic(digits=digits).omega_h.value
 
 
-# ------------------------------------------------------------------------------------------ whole periods
+# ----------------------------------------------------------------------------------- whole periods
 def _rotates(case: ExactItem) -> bool:
     return case.item.kind in ("rotating-cycle", "rotation-fold")
 
 
 class _Period:
-    """A flight for a whole period, in the paper's angles and without the symmetry, with its derivatives.
+    """An integration over a whole period, in the paper's angles and without the symmetry, with
+    derivatives.
 
-    It starts at beta = pi/2 (librating cycles) or at gamma = -pi/2 next to the saddle (rotating ones), where `Disk`
-    never starts them; ``free`` are the other angle less pi/2, and v. Raises AccuracyError if the flight ends early.
+    It starts at beta = pi/2 for a librating cycle, and at gamma = -pi/2, next to the saddle, for a
+    rotating one. `Disk` never starts a cycle there.
+
+    Args:
+        case: The question in one reading.
+        precision: The working precision.
+        omega: The speed [rad/s].
+        free: The free angle minus pi/2 [rad], and v [rad/s], at the start.
+        time: The period [s].
+
+    Raises:
+        AccuracyError: If the integration ends early.
     """
 
     def __init__(
@@ -79,27 +92,36 @@ class _Period:
         if self.result.status is not Status.REACHED:
             raise AccuracyError(f"{case.item.id}: {self.result.status.value}")
         mpf, number, state = precision.mpf, precision.number, self.result.state
-        #: Derivatives of (beta, gamma, v) at the end by (beta, gamma, v, Omega).
+        #: Derivatives of (beta, gamma, v) at the end with respect to the start and Omega.
         self.rows = [[mpf(entry) for entry in row] for row in self.result.derivatives]
         rates = field(precision.ops, case.disk.at(precision), number(omega), case.disk.friction)
         self.flow = [mpf(rate) for rate in rates(*state)]  #: (beta', gamma', v') at the end
         aims = [angle, PI * Fraction(3, 2), free[1]] if rotating else start
-        #: The end less the start, of rotating cycles gamma by a turn less; and its derivatives by the free angle and v
-        #: at the start, and by the period.
+        #: The end minus the start (for a rotating cycle, with gamma reduced by a turn), and its
+        #: derivatives with respect to the free angle and v at the start, and the period.
         self.away = [mpf(end - number(aim)) for end, aim in zip(state, aims, strict=True)]
         axes = (0, 2) if rotating else (1, 2)
         self.bordered = [[self.rows[i][j] - (i == j) for j in axes] + [self.flow[i]] for i in range(3)]
 
     def solved(self, rows: Any, right: Sequence[Any]) -> list[Any]:
+        """Solve a linear system in the working precision."""
         ctx = self.precision.context
         return list(ctx.lu_solve(ctx.matrix(rows), ctx.matrix(list(right))))
 
     def beta_max(self) -> Fraction:
+        """Return the largest |beta - pi/2| [rad]."""
         quarter = self.precision.number(_QUARTER)
-        return max(fraction(abs(one.state[0] - quarter)) for one in self.result.events if one.name == EXTREME.name)
+        return max(
+            fraction(abs(event.state[0] - quarter)) for event in self.result.events if event.name == EXTREME.name
+        )
 
     def at_top(self, change: Sequence[Any], names: tuple[str, str]) -> dict[str, Fraction]:
-        """The state at gamma = pi/2, and by these names its change for one of (beta, gamma, v, Omega) at the start."""
+        """Return the state at gamma = pi/2, and its change with the start.
+
+        Args:
+            change: A change of (beta, gamma, v, Omega) at the start.
+            names: The names for the changes of beta and v at the top.
+        """
         (top,) = (record for record in self.result.events if record.name == _TOP.name)
         half = _Period(self.case, self.precision, self.omega, self.free, top.time)
         moved = [sum(a * b for a, b in zip(row, change, strict=True)) for row in half.rows]
@@ -112,13 +134,14 @@ class _Period:
         }
 
     def multipliers(self) -> dict[str, Fraction]:
-        """From the monodromy matrix, whose trace they are with 1, and its determinant's logarithm.
+        """Return the multipliers from the trace and the determinant of the monodromy matrix.
 
-        The trace is a sum of entries that may be far larger than the multiplier: nothing is said where too few digits
-        are left.
+        The trace is 1 plus the sum of both multipliers. The integral of the divergence is the
+        logarithm of the determinant. The entries that add up to the trace may be far larger than
+        the multiplier; if too few digits are left, the result is empty.
         """
         ctx, divergence = self.precision.context, self.precision.mpf(self.result.divergence)
-        half = (sum(self.rows[i][i] for i in range(3)) - 1) / 2  # of the sum of both
+        half = (sum(self.rows[i][i] for i in range(3)) - 1) / 2  # half the sum of both multipliers
         slow = half + ctx.sqrt(half * half - ctx.exp(divergence))  # the fast one may be as small as 1e-50
         largest = max(abs(entry) for row in self.rows for entry in row[:3])
         if fraction(largest) * self.precision.epsilon * 2**20 >= abs(fraction(slow)) / 10**36:
@@ -130,16 +153,25 @@ class _Period:
 
 
 def _claimed(numbers: dict[str, Fraction], values: Values) -> Values:
-    """All steps done, what is left is rounding; 35 digits are claimed."""
+    """Return the numbers with half-widths: only rounding is left after the last step, and 35 digits
+    are claimed.
+    """
     return {name: Measured(value, abs(value) / 10**35 + values[name].uncertainty) for name, value in numbers.items()}
 
 
 def whole_period(case: ExactItem, values: Values) -> Values:
-    """A librating cycle from beta = pi/2, a rotating one from gamma = -pi/2: Newton steps of the bordered system.
+    """Solve for a cycle over a whole period, by two Newton steps of the bordered system.
 
-    The first leads on from ``values``; where the second starts, the derivatives are those on the cycle.
+    A librating cycle starts at beta = pi/2, a rotating one at gamma = -pi/2. The first step starts
+    from `values`. The second starts on the cycle, to working accuracy, so its derivatives are the
+    cycle's.
+
+    Args:
+        case: The question in one reading.
+        values: The numbers to confirm.
     """
-    zeros = 0  # k for a speed 10^-k above Omega_h: each passage amplifies errors by about the inverse of the distance
+    # k for a speed 10^-k above Omega_h: each passage amplifies errors by about 10^k.
+    zeros = 0
     if case.item.kind == "near-heteroclinic":
         above = case.inputs["Omega"] - omega_h_for(case)
         zeros = len(str(above.denominator // above.numerator))
@@ -151,20 +183,25 @@ def whole_period(case: ExactItem, values: Values) -> Values:
         step = period.solved(period.bordered, period.away)
         numbers = [number - fraction(part) for number, part in zip(numbers, step, strict=True)]
     by_angle, by_v, by_time = period.solved(period.bordered, [-row[3] for row in period.rows])
-    found = dict(zip(names, numbers, strict=True)) | {"beta_max": period.beta_max()} | period.multipliers()
-    found |= {"dperiod_domega": fraction(by_time)}
+    results = dict(zip(names, numbers, strict=True)) | period.multipliers()
+    results |= {"beta_max": period.beta_max(), "dperiod_domega": fraction(by_time)}
     if _rotates(case):
-        found |= period.at_top([by_angle, 0, by_v, 1], ("dbeta_bar_top_domega", "dv_top_domega"))
+        results |= period.at_top([by_angle, 0, by_v, 1], ("dbeta_bar_top_domega", "dv_top_domega"))
     else:
-        found |= {"dgamma_bar_0_domega": fraction(by_angle), "dv_0_domega": fraction(by_v)}
-    return _claimed(found, values)
+        results |= {"dgamma_bar_0_domega": fraction(by_angle), "dv_0_domega": fraction(by_v)}
+    return _claimed(results, values)
 
 
 def fold_from_the_bottom(case: ExactItem, values: Values) -> Values:
-    """From gamma = -pi/2, Omega free: 1 is a double eigenvalue of the monodromy matrix.
+    """Solve for the fold of the rotating cycles from gamma = -pi/2, with Omega free.
 
-    Its trace is then 2 and the fast multiplier, which Liouville's integral gives. Newton steps with differences in a
-    wide arithmetic lead on from the doubles nearest to the values to confirm.
+    At a fold 1 is a double eigenvalue of the monodromy matrix, so its trace is 2 plus the fast
+    multiplier, which Liouville's integral gives. Newton steps, with difference quotients in a wide
+    arithmetic, start from the doubles nearest to `values`.
+
+    Args:
+        case: The question in one reading.
+        values: The numbers to confirm.
     """
     names, precision = ("beta_bar_0", "v_0", "period", "omega"), bits(_BITS)
     at = [Fraction(float(values[name])) for name in names]
@@ -181,27 +218,31 @@ def fold_from_the_bottom(case: ExactItem, values: Values) -> Values:
         defect = conditions(period)
         columns = []
         for axis in range(4):
-            beside = conditions(flown(*(x + Fraction(n == axis, 1 << _HALF) for n, x in enumerate(at))))
-            columns.append([(b - a) * (1 << _HALF) for a, b in zip(defect, beside, strict=True)])
+            moved = conditions(flown(*(x + Fraction(n == axis, 1 << _HALF) for n, x in enumerate(at))))
+            columns.append([(b - a) * (1 << _HALF) for a, b in zip(defect, moved, strict=True)])
         step = period.solved([list(row) for row in zip(*columns, strict=True)], defect)
         at = [x - fraction(part) for x, part in zip(at, step, strict=True)]
     period = flown(*at)
-    # Along the family at its turn beta, v and the period at the start change as the null vector of the bordered matrix.
+    # At its turn the family's tangent in beta, v and the period is the null vector of the bordered
+    # matrix.
     by_beta, by_rest = [row[0] for row in period.bordered[:2]], [row[1:] for row in period.bordered[:2]]
     v_change, _ = period.solved(by_rest, [-entry for entry in by_beta])
     top = period.at_top([1, 0, v_change, 0], ("beta", "v"))
     slope = top.pop("v") / top.pop("beta")
-    found = {**dict(zip(names, at, strict=True)), **top, "beta_max": period.beta_max()}
+    results = {**dict(zip(names, at, strict=True)), **top, "beta_max": period.beta_max()}
     divergence = fraction(period.result.divergence)
-    return _claimed(found | {"null_vector": slope, "log_multiplier_fast": divergence}, values)
+    return _claimed(results | {"null_vector": slope, "log_multiplier_fast": divergence}, values)
 
 
-# ------------------------------------------------------------------------------------------ without this integrator
+# ----------------------------------------------------------------------------------- other methods
 def _attributes(result: Any, *names: str) -> Values:
     return {name: getattr(result, name) for name in names}
 
 
 def balance(case: ExactItem, values: Values) -> Values:
+    """Compute a librating cycle by harmonic balance, under the linear law and not too close to
+    Omega_h.
+    """
     omega = case.inputs["Omega"]
     if case.disk.friction != "linear" or omega - omega_h_for(case) < _BALANCE_ABOVE:
         return {}
@@ -210,6 +251,7 @@ def balance(case: ExactItem, values: Values) -> Values:
 
 
 def collocation(case: ExactItem, values: Values) -> Values:
+    """Compute a rotating cycle by collocation, under the linear law."""
     if case.disk.friction != "linear":
         return {}
     stable = case.inputs["form"] == "stable"
@@ -220,6 +262,7 @@ def collocation(case: ExactItem, values: Values) -> Values:
 
 
 def fold_by_collocation(case: ExactItem, values: Values) -> Values:
+    """Compute the fold of the rotating cycles by collocation, under the linear law."""
     if case.disk.friction != "linear":
         return {}
     fold = spectral_fold(case.disk, digits=_COLLOCATED_FOLD)
@@ -227,7 +270,10 @@ def fold_by_collocation(case: ExactItem, values: Values) -> Values:
 
 
 def scipy(case: ExactItem, values: Values) -> Values:
-    """Shooting with another integrator, in double; its nine digits are a claim, the distance is on record."""
+    """Compute a cycle by shooting with SciPy in double precision.
+
+    The method claims nine digits; the data record its distance from the value.
+    """
     point = shot(case, values, Baseline())
     if case.item.kind == "rotating-cycle":
         numbers = {"period": point.image.time, "beta_bar_top": point.point[0], "v_top": point.point[1]}
@@ -245,7 +291,10 @@ def scipy(case: ExactItem, values: Values) -> Values:
 
 
 def fold_by_scipy(case: ExactItem, values: Values) -> Values:
-    """In double; its seven digits are a claim, the distance is on record."""
+    """Compute the fold of the rotating cycles with SciPy in double precision.
+
+    The method claims seven digits; the data record its distance from the value.
+    """
     names = ("beta_bar_top", "v_top", "omega")
     beta_bar, v, omega = (float(values[name]) for name in names)
     at, _ = fold_near(ROTATING, case.disk, (beta_bar, v, omega), Baseline())

@@ -1,9 +1,9 @@
-"""Making the reference files: entry by entry, on as many cores as there are.
+"""The making of the reference files, entry by entry, on several cores.
 
-An entry's answer goes to ``.work`` in the output folder as soon as it is computed, under a name made from what was
-asked and the code that answers; a later run of the same code takes it from there. The files are written when all
-answers exist, and renamed into place, the manifest last. Nothing in them depends on time or order, so a second run
-makes the same bytes on the same machine.
+An entry's answer is stored in ``.work`` in the output folder as soon as it is computed. Its name is
+a hash of the question and of the code that answers it, so that a later run of the same code can
+reuse it. The files are written when all answers exist, and renamed into place, the manifest last.
+Nothing in them depends on time or order, so a second run makes the same bytes on the same machine.
 """
 
 from __future__ import annotations
@@ -40,9 +40,9 @@ from tippedisk_verify.reference_values.store import stored, table_rows
 
 __all__ = ["DATA_VERSION", "generate", "items_of", "replace_files", "write_manifest"]
 
-#: Of the values, apart from the program's; reference_data/CHANGELOG.md says what each version changed.
+#: The version of the values, not of the program. reference_data/CHANGELOG.md lists its changes.
 DATA_VERSION = "1.1.0"
-Entries = dict[str, dict[str, Any]]  #: rows and proof by entry
+Entries = dict[str, dict[str, Any]]  #: the rows and the proof of each entry, by its id
 
 
 def generate(
@@ -51,16 +51,26 @@ def generate(
     executor: Executor | None = None,
     advance: Callable[[str, int], None] = lambda label, steps: None,
 ) -> int:
-    """Make the entries whose ids start so (all if nothing is said) and write the files; how many entries were made.
+    """Make entries and write the files. Other entries of the folder stay.
 
-    Other entries of the folder stay. Raises InputError if no id starts so or the folder cannot be written,
-    AccuracyError if two methods exclude each other.
+    Args:
+        out: The output folder.
+        prefixes: The beginnings of the ids of the entries to make; if empty, all entries.
+        executor: An executor for the computations; None for this process.
+        advance: A function that is called with an id and 1 after each entry.
+
+    Returns:
+        The number of entries made.
+
+    Raises:
+        InputError: If no id starts with a prefix, or the folder cannot be written.
+        AccuracyError: If two methods exclude each other.
     """
     items = items_of(prefixes)
     if not items:
         raise InputError(f"no entry starts with '{' or '.join(prefixes)[:100]}': try printed/linear/hopf")
     with sole_writer(out) as folder:
-        entries = _present(folder)  # damage is told before hours of work
+        entries = _present(folder)  # reports damage before hours of work
         work = output_folder(folder / ".work")
         for (item, *_), answer in as_done(_computed, [(item, work, _code()) for item in items], executor):
             entries[item.id] = answer
@@ -69,26 +79,27 @@ def generate(
         if folder.resolve() != data_folder().resolve():
             texts |= {name: read_text(data_folder() / name, LARGEST) for name in STATIC}
         replace_files(folder, texts)
-        # A worker of a killed run may still be writing into it; what it leaves is taken up or removed next time.
+        # A worker of a killed run may still write into it; the next run removes or reuses that.
         shutil.rmtree(work, ignore_errors=True)
         return len(items)
 
 
 def items_of(prefixes: Sequence[str] = ()) -> list[Item]:
-    """The questions of the table whose ids start so, in its order."""
+    """Return the questions of the table whose ids start with one of the prefixes, in its order."""
     return [entry.item for entry in entries_of(stored()) if entry.item.id.startswith(tuple(prefixes) or "")]
 
 
 def _code() -> str:
-    """The code that answers: this package's, and what stands beside this file."""
+    """Return a hash of the code that answers: this package's, and the files in this folder."""
     here = {path.name: digest(path.read_bytes()) for path in Path(__file__).parent.glob("*.py")}
     return digest([code_version(), here])
 
 
 def _computed(job: tuple[Item, Path, str]) -> dict[str, Any]:
-    """An entry's answer: from the work folder if it is there, otherwise computed and left there.
+    """Return an entry's answer, from the work folder or computed and stored there.
 
-    Raises AccuracyError if the code here is not that of the process that asks.
+    Raises:
+        AccuracyError: If the code here differs from that of the process that asks.
     """
     item, work, code = job
     if _code() != code:
@@ -102,7 +113,11 @@ def _computed(job: tuple[Item, Path, str]) -> dict[str, Any]:
 
 
 def _present(folder: Path) -> Entries:
-    """The entries that the folder has. Raises InputError if they are damaged."""
+    """Return the entries in the folder.
+
+    Raises:
+        InputError: If they are damaged.
+    """
     if not (folder / MANIFEST).exists():
         return {}
     texts = sound_files(folder, VALUES)
@@ -112,19 +127,23 @@ def _present(folder: Path) -> Entries:
 
 
 def _texts(entries: Entries) -> dict[str, str]:
-    """The files with values; one quantity or proof to a line, so that a changed number is a changed line."""
+    """Return the files with values; a line has one quantity or proof, to keep differences small."""
     ordered = [item.id for item in items_of() if item.id in entries]
     rows = [[row[name] for name in TABLE] for id_ in ordered for row in entries[id_]["rows"]]
     proofs = {id_: entries[id_]["proof"] for id_ in ordered if entries[id_]["proof"]}
-    lines = ",\n".join(f" {json.dumps(id_)}: {json.dumps(one, ensure_ascii=False)}" for id_, one in proofs.items())
+    lines = ",\n".join(f" {json.dumps(id_)}: {json.dumps(proof, ensure_ascii=False)}" for id_, proof in proofs.items())
     return {"values.csv": csv_text(TABLE, rows), "proofs.json": f"{{\n{lines}\n}}\n"}
 
 
 def replace_files(folder: Path, texts: Mapping[str, str]) -> None:
-    """Write these files and the manifest.
+    """Write files and the manifest, so that the folder is valid at every moment.
 
-    Wherever this is cut short, the files fit the manifest that is there, so nothing has to be made anew. In a folder
-    without a manifest it comes last, and shows that all is there.
+    If this is interrupted, the files match the manifest in the folder. In a folder without a
+    manifest, the manifest is written last, and shows that all files exist.
+
+    Args:
+        folder: The folder.
+        texts: The files' texts by name.
     """
     if (folder / MANIFEST).exists():
         write_manifest(folder, texts)
@@ -134,7 +153,13 @@ def replace_files(folder: Path, texts: Mapping[str, str]) -> None:
 
 
 def write_manifest(folder: Path, ahead: Mapping[str, str] | None = None) -> None:
-    """Hash the files and say so; ``ahead`` has those that are about to be replaced, which may be as before or so."""
+    """Write the manifest with the hashes of the files in a folder.
+
+    Args:
+        folder: The folder.
+        ahead: The texts of files that are about to be replaced. The manifest accepts such a file in
+            its old and its new form.
+    """
     files: dict[str, dict[str, Any]] = {}
     for name in (name for name in FILES if (folder / name).is_file()):
         read = read_bytes(folder / name, LARGEST)

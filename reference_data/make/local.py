@@ -22,10 +22,12 @@ from tippedisk_verify.theory.equilibria import linearization
 __all__ = ["differences", "hopf_by_balance", "orbit_by_scipy", "symbolic"]
 
 
-# ------------------------------------------------------------------------------------------ right-hand side
+# --------------------------------------------------------------------------------- right-hand side
 @lru_cache(maxsize=4)
 def _compiled(law: Any, working: int) -> Any:
-    """The factored field and its symbolic derivatives as heyoka's own code on heyoka's numbers."""
+    """Compile the factored field and its symbolic derivatives with heyoka, for numbers of `working`
+    bits.
+    """
     hy = heyoka_module()
     state = hy.make_vars("beta", "gamma", "v")
     names = (
@@ -41,6 +43,7 @@ def _compiled(law: Any, working: int) -> Any:
 
 
 def symbolic(case: ExactItem, values: Values) -> Values:
+    """Compute the acceleration and its slopes by heyoka's symbolic derivatives."""
     return {} if case.item.friction == "both" else in_two(partial(_symbolic, case), WIDER, WIDER)
 
 
@@ -53,19 +56,22 @@ def _symbolic(case: ExactItem, ctx: Any) -> dict[str, Any]:
     sliding = terms(ctx, case.disk.within(ctx), *place).sliding_velocity
     others = {"omega": number(case.inputs["Omega"]), "side": number(1 if sliding >= 0 else -1)}
     pars = [others[name] if name in others else getattr(constants, name) for name in names]
-    # heyoka's own arrays, which is all that compiled functions take.
+    # Compiled functions take heyoka's own arrays only.
     arrays = (numpy.array(numbers, dtype=precision.type) for numbers in (list(map(number, state)), pars))
     outputs = function(next(arrays), pars=next(arrays))
     return dict(zip(("v_rate", "dv_rate_dbeta", "dv_rate_dgamma", "dv_rate_dv"), outputs, strict=True))
 
 
-# ------------------------------------------------------------------------------------------ Hopf point
+# -------------------------------------------------------------------------------------- Hopf point
 def hopf_by_balance(case: ExactItem, values: Values) -> Values:
+    """Compute the Hopf point without a normal form."""
     return in_two(partial(_hopf_by_balance, case), kept=BITS - 20)
 
 
 def _hopf_by_balance(case: ExactItem, ctx: Any) -> dict[str, Any]:
-    """Without a normal form: Routh-Hurwitz, the polynomial's derivative, the consistent one-harmonic law's slopes."""
+    """Compute the Hopf point from Routh-Hurwitz, the characteristic polynomial's derivative, and
+    the slopes of the consistent one-harmonic law.
+    """
     speed = ctx.sqrt(quotient(ctx, hopf.omega_crit_squared(case.disk)))
     matrix = linearization(case.disk, fraction(speed))
     # lambda^3 - A33 lambda^2 - A31 lambda - Omega A32 with A31 = const - Omega^2 and A32 proportional to Omega.
@@ -87,12 +93,13 @@ def _hopf_by_balance(case: ExactItem, ctx: Any) -> dict[str, Any]:
     }
 
 
-# ------------------------------------------------------------------------------------------ slow manifold
+# ----------------------------------------------------------------------------------- slow manifold
 def differences(case: ExactItem, values: Values) -> Values:
-    """Each order from the lower ones and their difference quotients, with the paper's terms written out.
+    """Compute each order of the slow manifold from the lower ones and their difference quotients.
 
-    The invariance condition at order n needs h_0 ... h_(n-1) and their slopes; here these are central differences at a
-    distance of 1e-32 in 120 digits, good to 60, and g_1 is taken apart by evaluating M, h and f_G at three velocities.
+    The invariance condition at order n needs h_0 ... h_(n-1) and their slopes. The slopes are
+    central differences with a step of 1e-32 in 120 digits, accurate to 60. g_1 is separated by
+    evaluating M, h and f_G at three velocities.
     """
     ctx = bits(400).context
     c = case.disk.within(ctx)
@@ -103,7 +110,7 @@ def differences(case: ExactItem, values: Values) -> Values:
         return list(slow_manifold.orders(ctx, c, omega, b, g, ORDERS))
 
     def inertial(v: int) -> Any:
-        """(h + f_G) / M."""
+        """Return (h + f_G) / M at a velocity."""
         at_v = terms(ctx, c, omega, beta, gamma, ctx.mpf(v))
         return (at_v.gyroscopic + at_v.gravity) / at_v.mass
 
@@ -130,7 +137,10 @@ def differences(case: ExactItem, values: Values) -> Values:
 
 # ------------------------------------------------------------------------------------------ orbits
 def orbit_by_scipy(case: ExactItem, values: Values) -> Values:
-    """What a hundredfold looser tolerance changes bounds the error."""
+    """Integrate an orbit with SciPy.
+
+    The change that a hundredfold looser tolerance makes bounds the error.
+    """
     tight, loose = (orbit(case, 12, engine=PlainEngine(Baseline("DOP853"), tolerance)) for tolerance in (1e-13, 1e-11))
     return {
         name: Measured.of(value, 2 * abs(value - loose[name][0]) + 1e-11 * max(1.0, abs(value)))

@@ -1,7 +1,9 @@
-"""The grade *proved*: enclosures in ball arithmetic, with the statement and the command that proves it again.
+"""The proofs of reference values (grade *proved*): enclosures, statement, and the command that
+repeats the proof.
 
-Eigenvalues, the Hopf point, and, under both friction laws, limit cycles and Omega_h have them. A value's half-width
-must contain its enclosure. If it does not, the value is wrong or claims more than is proved, and nothing is written.
+Eigenvalues, the Hopf point, and limit cycles and Omega_h under both friction laws have proofs. The
+interval of a value must contain its enclosure. If it does not, the value is wrong or claims more
+than is proved, and nothing is written.
 """
 
 from __future__ import annotations
@@ -17,8 +19,8 @@ from tippedisk_verify.reference_values.store import codebook
 __all__ = ["proved"]
 
 _DIGITS = 52  # two more than most values claim
-_OMEGA_H_DIGITS = 104  # so that the enclosures lie within the half-widths of the 100 digits stored
-#: Closer to Omega_h a proof takes minutes.
+_OMEGA_H_DIGITS = 104  # so that the enclosures lie inside the intervals of the 100 digits stored
+#: The entries near Omega_h that have proofs. Closer to it a proof takes minutes.
 _NEAR = ("het+1e-1", "het+1e-2", "het+1e-3", "het+1e-4")
 
 
@@ -26,9 +28,18 @@ Proof = tuple[str, str, Values]  #: statement, command, enclosures
 
 
 def proved(case: ExactItem, values: Values) -> dict[str, Any] | None:
-    """The proof of an entry from its decimals, as proofs.json has it; None for what has none.
+    """Prove an entry's numbers.
 
-    Raises AccuracyError if the attempt ends without a proof, or a value's half-width does not contain its enclosure.
+    Args:
+        case: The question, with its inputs as decimals.
+        values: The numbers.
+
+    Returns:
+        The proof as in proofs.json, or None for a kind without proofs.
+
+    Raises:
+        AccuracyError: If the attempt ends without a proof, or an interval does not contain its
+            enclosure.
     """
     prove = _PROOFS.get(case.item.kind)
     if prove is None or (case.item.kind == "near-heteroclinic" and case.item.id.split("/")[3] not in _NEAR):
@@ -57,14 +68,15 @@ def _hopf(case: ExactItem, values: Values) -> Proof:
     from tippedisk_verify.proofs.closed_forms import proved_hopf
 
     proof = proved_hopf(case.disk, _DIGITS)
-    enclosures = {name: one for name in values if isinstance(one := getattr(proof, name, None), Measured)}
+    numbers = {name: getattr(proof, name, None) for name in values}
+    enclosures = {name: number for name, number in numbers.items() if isinstance(number, Measured)}
     return (proof.statement, _command("hopf", case), enclosures)
 
 
 def _connection(case: ExactItem, values: Values) -> Proof:
     from tippedisk_verify.proofs.search.heteroclinic import prove_connection
 
-    # As the command does it: the stored value has too few digits for so short an interval.
+    # Start as the command does: the stored value has too few digits for so short an interval.
     near = case.disk.heteroclinic(digits=_OMEGA_H_DIGITS + 5).omega_h.value
     proof = prove_connection(case.disk, near, _OMEGA_H_DIGITS)
     if not proof.proved or proof.omega_h is None:
@@ -85,10 +97,10 @@ def _cycle(case: ExactItem, values: Values) -> Proof:
     return (proof.statement, _command("orbit", case, f" --omega {omega}"), enclosures)
 
 
-def _command(what: str, case: ExactItem, options: str = "", digits: int = _DIGITS) -> str:
-    law = " --friction smooth" * (case.disk.friction == "smooth")
+def _command(subject: str, case: ExactItem, options: str = "", digits: int = _DIGITS) -> str:
+    law = " --friction smooth" if case.disk.friction == "smooth" else ""
     disk = case.item.id.partition("/")[0]
-    return f"tippedisk-verify certify {what} --parameters {disk}{law}{options} --digits {digits}"
+    return f"tippedisk-verify certify {subject} --parameters {disk}{law}{options} --digits {digits}"
 
 
 _PROOFS: dict[str, Callable[[ExactItem, Values], Proof]] = {

@@ -1,4 +1,4 @@
-"""What answers each kind of question: `Disk`'s method, and those that confirm it."""
+"""The methods that answer each kind of question: that of `Disk`, and others that confirm it."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ from tippedisk_verify.reference_values.questions import table_row
 
 __all__ = ["CONFIRM", "answered", "confirmed", "methods_of"]
 
-_DIGITS = {"heteroclinic": 104, "trajectory": 43}
+_DIGITS = {"heteroclinic": 104, "trajectory": 43}  # other kinds have `_USUAL_DIGITS`
 _USUAL_DIGITS = 36
-# What another method must confirm, relative to the number's size, to stand beside the first one.
+# The relative agreement with another method that the grade two-method needs.
 _CONFIRMED = Fraction(1, 10**30)
 
 
@@ -39,11 +39,14 @@ def _again(case: ExactItem, values: Values) -> Values:
 
 
 def _shifted(case: ExactItem, values: Values) -> Values:
-    """Its own error, of ten digits more, is far below the half-widths that it is held against."""
+    """Integrate in shifted angles, with ten digits more.
+
+    Its own error is then far below the half-widths that it is compared with.
+    """
     return truths.motion(case, _DIGITS["trajectory"] + 10, shift=True)
 
 
-#: The methods beside the first, by their names in methods.csv.
+#: The methods after the first of each kind, by their names in methods.csv.
 CONFIRM: dict[str, dict[str, Callable[[ExactItem, Values], Values]]] = {
     "rhs": {"shifted": _again, "symbolic": local.symbolic},
     "equilibrium": {"eigensolver": _again},
@@ -68,13 +71,25 @@ CONFIRM: dict[str, dict[str, Callable[[ExactItem, Values], Values]]] = {
 
 @lru_cache(maxsize=16)
 def methods_of(kind: str) -> dict[str, bool]:
-    """The kind's methods by name, the first of which gives the values; whether they share no integrator with it."""
+    """Return the methods of a kind by name; the first gives the values.
+
+    Returns:
+        True for each method that shares no integrator with the first.
+    """
     rows = csv.DictReader(sound_files(data_folder(), ["methods.csv"])["methods.csv"].splitlines())
     return {row["method"]: row["independent"] == "yes" for row in rows if row["kind"] == kind}
 
 
 def confirmed(case: ExactItem, values: Values) -> dict[str, Values]:
-    """The values by each further method. Raises AccuracyError if one excludes them."""
+    """Compute the numbers by each further method.
+
+    Args:
+        case: The question in one reading.
+        values: The numbers of the first method.
+
+    Raises:
+        AccuracyError: If a method excludes them.
+    """
     answers = {}
     for name, method in CONFIRM[case.item.kind].items():
         answers[name] = method(case, values)
@@ -84,7 +99,14 @@ def confirmed(case: ExactItem, values: Values) -> dict[str, Values]:
 
 
 def answered(item: Item) -> dict[str, Any]:
-    """The entry's rows of values.csv, and its proof if any. Raises AccuracyError if methods exclude each other."""
+    """Answer a question.
+
+    Returns:
+        Its ``rows`` in values.csv, and its ``proof`` or None.
+
+    Raises:
+        AccuracyError: If two methods exclude each other.
+    """
     kind, digits = item.kind, _DIGITS.get(item.kind, _USUAL_DIGITS)
     kept = max(KEPT, digits - 2)
     values: dict[Reading, Values] = {}
@@ -93,13 +115,13 @@ def answered(item: Item) -> dict[str, Any]:
     for reading in item.readings:
         case = case_of(item, reading)
         first = truths.compute(case, digits)
-        # As they will be written: a proof is of these.
+        # Take the numbers as they will be written, because the proof is about these.
         values[reading] = {name: Measured.of(*trimmed(value, kept).decimals()) for name, value in first.items()}
         for method, answers in confirmed(case, first).items():
             for name, other in answers.items():
                 away = abs(other.value - values[reading][name].value)
-                told = distances.setdefault(name, {})
-                told[method] = max(told.get(method, Fraction(0)), away)
+                by_method = distances.setdefault(name, {})
+                by_method[method] = max(by_method.get(method, Fraction(0)), away)
                 near = away + other.uncertainty <= _CONFIRMED * max(abs(other.value), Fraction(1, 10**6))
                 if near and reading == "decimals" and methods_of(kind)[method]:
                     twice.add(name)
@@ -119,12 +141,16 @@ def answered(item: Item) -> dict[str, Any]:
 
 
 def _slopes(case: ExactItem, values: Values) -> truths.Slopes:
-    """Condition numbers; next to Omega_h by steps that are small beside the distance from it."""
+    """Return condition numbers; next to Omega_h the steps are small compared with the distance from
+    it.
+    """
     if case.item.kind not in ("near-heteroclinic", "heteroclinic", "rotation-fold"):
         return truths.condition(case, values)
     step = Fraction(1, 10**8)
     if case.item.kind == "near-heteroclinic":
         step = (1 - cycles.omega_h_for(case) / case.inputs["Omega"]) / 10**5
     return truths.by_differences(
-        case, lambda moved: {name: one.value for name, one in truths.compute(moved, 17).items()}, step
+        case,
+        lambda moved: {name: number.value for name, number in truths.compute(moved, 17).items()},
+        step,
     )

@@ -1,4 +1,4 @@
-"""The published numbers, counted anew in the paper's outline, as LaTeX counts them."""
+"""The published numbers, compared with numbers counted in an outline of the paper as LaTeX does."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _PLACE = re.compile(r"\\(?:begin\{(\w+)\}|((?:sub)*section)\{\})(.*)")
 
 
 def counted() -> dict[str, str]:
-    """What each label is cited by; ``LABEL+n`` is the n-th numbered equation after a labelled one."""
+    """Return each label's number; ``LABEL+n`` is the n-th equation after it without a label."""
     numbers, sections, floats = {}, [0, 0, 0], {"figure": 0, "table": 0, "subfigure": 0}
     equation, latest, after = 0, "eq:", 0
     for kind, section, rest in (_PLACE.match(line).groups() for line in OUTLINE.read_text().splitlines()[3:]):

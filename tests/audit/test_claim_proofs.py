@@ -1,4 +1,4 @@
-"""A claim is called proved where the commands given prove its verdict, set by set: here they are run."""
+"""Claims called proved: the named commands run here, and must prove the verdict for each set."""
 
 from __future__ import annotations
 
@@ -48,13 +48,13 @@ IN_PART: dict[Friction, set[str]] = {"smooth": {"lambda_3", "critical_pair"}}
 IN_PART["linear"] = IN_PART["smooth"] | {"only_above_omega_h"}
 
 
-def _said(*words: str, of: str = "statement", verdict: bool = True) -> Callable[[list[Any], Claim], bool | None]:
-    """The verdict that a sentence of the (first) command entails; None if it does not say so."""
+def _stated(*words: str, of: str = "statement", verdict: bool = True) -> Callable[[list[Any], Claim], bool | None]:
+    """Return a test for words in a command's statement: the verdict that they entail, else None."""
     return lambda told, claim: verdict if all(word in (told[0][of] or "") for word in words) else None
 
 
 def _enclosed(name: str) -> Callable[[list[Any], Claim], bool | None]:
-    """Whether the enclosure that the command prints rounds to the number that the paper prints."""
+    """Return a test that a command's enclosure rounds to the number that the paper prints."""
     return lambda told, claim: rounds_to(_measured(told[0][name]), claim.printed)
 
 
@@ -68,7 +68,7 @@ def _omega_h(told: list[Any], claim: Claim) -> bool | None:
 
 
 def _of_table_1(told: list[Any], claim: Claim) -> bool | None:
-    """Whether the disk that the statement names rounds to the table, and all four numbers to what is printed."""
+    """Test that the stated disk rounds to the table, and all numbers to the printed ones."""
     found = {name: Fraction(text) for name, text in re.findall(r"\b([remABg]) = ([\d.e/-]+)", told[0]["statement"])}
     inside = all(low <= found[name] <= high for name, (low, high) in table_box().items())
     names = ("omega_crit", "period", "lambda_3", "chi")
@@ -80,23 +80,23 @@ def _of_table_1(told: list[Any], claim: Claim) -> bool | None:
 DECIDED: dict[str, Callable[[list[Any], Claim], bool | None]] = {
     "table_1": _of_table_1,
     "omega_crit": _enclosed("omega_crit"),
-    "omega_crit_friction": _said("whatever mu and epsilon are"),
+    "omega_crit_friction": _stated("whatever mu and epsilon are"),
     "lambda_3": _enclosed("lambda_3"),
-    "critical_pair": _said("a pair of complex conjugate eigenvalues", "crosses the imaginary axis", verdict=False),
-    "inverted_stable_above": _said("inverted spinning is asymptotically stable at every Omega > Omega_crit"),
-    "inverted_unstable_below": _said("and unstable", "at every Omega < Omega_crit"),
-    "noninverted_unstable": _said("noninverted spinning is unstable at every Omega > 0"),
+    "critical_pair": _stated("a pair of complex conjugate eigenvalues", "crosses the imaginary axis", verdict=False),
+    "inverted_stable_above": _stated("inverted spinning is asymptotically stable at every Omega > Omega_crit"),
+    "inverted_unstable_below": _stated("and unstable", "at every Omega < Omega_crit"),
+    "noninverted_unstable": _stated("noninverted spinning is unstable at every Omega > 0"),
     "period_crit": _enclosed("period"),
     "chi": _enclosed("chi"),
     "supercritical": lambda told, claim: told[0]["criticality"] == "supercritical",
     "omega_h": _omega_h,
-    "infinite_period": _said("a in (0, pi)", "the period tends to infinity"),
-    "only_above_omega_h": _said("each Omega with Omega_h < Omega < Omega_crit", "none but these cycles'"),
-    "stable_branch": _said(
+    "infinite_period": _stated("a in (0, pi)", "the period tends to infinity"),
+    "only_above_omega_h": _stated("each Omega with Omega_h < Omega < Omega_crit", "none but these cycles'"),
+    "stable_branch": _stated(
         "asymptotically stable", "Omega falls strictly, and the period and the largest |beta - pi/2| grow strictly"
     ),
-    "both_connections": _said("the connection back exists at the same speed"),
-    "attracting_cycle": _said("the orbit is asymptotically stable", of="limit_cycle"),
+    "both_connections": _stated("the connection back exists at the same speed"),
+    "attracting_cycle": _stated("the orbit is asymptotically stable", of="limit_cycle"),
 }
 #: Numbers of a command's answer that the audit computed, too.
 NUMBERS = {
@@ -113,8 +113,8 @@ def _measured(entry: dict[str, str]) -> Measured:
 
 
 @lru_cache(maxsize=32)
-def _told(command: str) -> tuple[str, ...]:
-    """What each part of a command prints: it is run as it stands, and must succeed."""
+def _answers_of(command: str) -> tuple[str, ...]:
+    """Return the output of each part of a command, which must succeed as it is written."""
     answers = []
     for part in command.split(" && "):
         program, *words = shlex.split(part)
@@ -128,10 +128,10 @@ def _told(command: str) -> tuple[str, ...]:
 
 
 def _prove(claim: Claim, finding: Finding, proof: ClaimProof, sets: Collection[str]) -> None:
-    """Run the proof's commands for these sets: each proves the answer, about the numbers that were computed."""
+    """Run the proof's commands for these sets: each must prove the answer about these numbers."""
     for name, command in ((name, proof.commands[name]) for name in sets):
         assert all(f"--parameters {shlex.quote(name)}" in part for part in command.split(" && "))
-        told = [json.loads(answer) for answer in _told(command)]
+        told = [json.loads(answer) for answer in _answers_of(command)]
         assert all(answer["proved"] is True for answer in told), (claim.name, name)
         assert DECIDED[claim.name](told, claim) is finding.holds[name], (claim.name, name)
         if claim.name in NUMBERS:
@@ -155,7 +155,7 @@ def _closed_form(command: str) -> bool:
 
 @pytest.mark.parametrize("friction", ["linear", "smooth"])
 def test_closed_forms_are_proved_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, friction: Friction) -> None:
-    """With a disk of its own as well: its name is a file's, to be read where the command is run."""
+    """Include a disk whose name is a file's, which is read where the command runs."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "my disk.toml").write_text(GOOD.replace("9.81", "9.79"), encoding="utf-8")
     parameters = Parameters.named("./my disk.toml").with_friction(friction)
@@ -192,7 +192,7 @@ def test_closed_forms_are_proved_again(tmp_path: Path, monkeypatch: pytest.Monke
     ],
 )
 def test_every_proof_is_proved_again(friction: Friction, wanted: set[str], parameters: str) -> None:
-    """All claims, with the grades that they must have, and every command that they name for one set."""
+    """Check the grades of all claims, and run every command for one set."""
     found = _proofs(PRINTED.with_friction(friction), wanted)
     grades = {name: proof.grade if proof else "computed" for name, (_, _, proof) in found.items()}
     assert {name for name, grade in grades.items() if grade == "proved"} == PROVED[friction] & wanted
@@ -220,7 +220,7 @@ def test_theorems_and_commands_exist(capsys: pytest.CaptureFixture[str]) -> None
 
 
 def _of(name: str, parameters: Parameters, **answers: bool | None) -> ClaimProof | None:
-    """The proof of a claim whose verdicts are given."""
+    """Return the proof of a claim with given verdicts."""
     (claim,) = selected([name])
     sets = sets_with(parameters)
     holds = dict.fromkeys(sets, True) | answers
@@ -232,10 +232,10 @@ def test_only_for_the_sets_and_the_law_that_the_theorem_is_about() -> None:
     assert _of("supercritical", GEOMETRY.with_friction("smooth")) is None
     assert _of("noninverted_unstable", PRINTED.with_friction("smooth")).friction == ("linear", "smooth")
     assert _of("convergent_series", PRINTED) is None
-    # Theorem 6 is about both laws, and its command must be told which; Theorem 7 is about the linear one.
-    told = _of("both_connections", PRINTED.with_friction("smooth"))
-    assert told.grade == "proved"
-    assert told.commands["table1"] == "tippedisk-verify certify heteroclinic --parameters table1 --friction smooth"
+    # Theorem 6 is about both laws, and its command needs the law; Theorem 7 is about the linear one.
+    proof = _of("both_connections", PRINTED.with_friction("smooth"))
+    assert proof.grade == "proved"
+    assert proof.commands["table1"] == "tippedisk-verify certify heteroclinic --parameters table1 --friction smooth"
     assert "--friction" not in _of("both_connections", PRINTED).commands["table1"]
     for name in ("attracting_cycle", "omega_h", "infinite_period", "stable_branch"):
         assert _of(name, PRINTED.with_friction("smooth")) is None
@@ -248,7 +248,7 @@ def test_only_for_the_sets_and_the_law_that_the_theorem_is_about() -> None:
 
 
 def test_a_number_next_to_a_rounding_boundary_is_not_called_proved() -> None:
-    """A_33 = -129.045 exactly rounds to -129.04, by half a unit: twelve digits cannot tell."""
+    """A_33 = -129.045 exactly rounds to -129.04, by half a unit: twelve digits cannot decide."""
     (claim,) = selected(["lambda_3"])
     sets = {"edge.toml": PRINTED.changed(name="edge.toml"), "table1": PRINTED}
     computed = {

@@ -1,4 +1,4 @@
-"""Verdicts follow from what was computed, and undecided is never called decided."""
+"""The verdicts on claims: they follow from the computed values, and undecided stays undecided."""
 
 from __future__ import annotations
 
@@ -96,8 +96,8 @@ def test_claims_are_found_by_equation() -> None:
     assert {claim.name for claim in selected(["eq. 7"])} == {"sliding_velocity"}
     assert {claim.name for claim in selected(["eq.30", "chi"])} == {"chi", "kappa_2"}
     assert selected(["eq (48)"]) == selected(["amplitude_law"])
-    for wrong, said in (("eq. 3", r"no claim is about eq\. \(3\)"), ("omega_krit", "omega_crit")):
-        with pytest.raises(InputError, match=said):
+    for wrong, message in (("eq. 3", r"no claim is about eq\. \(3\)"), ("omega_krit", "omega_crit")):
+        with pytest.raises(InputError, match=message):
             selected([wrong])
 
 

@@ -1,6 +1,6 @@
-"""No claim is unable to come out otherwise: each meets a fact that contradicts its verdict, and the verdict changes.
+"""Contrary facts: for each claim a fact that contradicts its verdict, and must change it.
 
-The fact is another thing printed, another disk, another formula, or another orbit than the true one.
+The fact is another printed text, another disk, another formula, or another orbit than the true one.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ true_cycle = friction_claims._cycle
 
 
 class OneDisk(Audit):
-    """An audit that looks at its own disk alone, which is a third of the work."""
+    """An audit of its own disk only, which takes a third of the time."""
 
     @property
     def sets(self) -> dict[str, Parameters]:  # type: ignore[override]
@@ -55,12 +55,12 @@ Plant = Callable[[pytest.MonkeyPatch, Audit, Claim], tuple[Audit, Claim]]
 
 
 def prints(text: str) -> Plant:
-    """Another thing printed."""
+    """Return a plant: another printed text."""
     return lambda patch, audit, claim: (audit, replace(claim, printed=text))
 
 
 def follows(place: Any, name: str, function: Callable[..., Any]) -> Plant:
-    """Another formula, or another computation."""
+    """Return a plant: another formula, or another computation."""
 
     def plant(patch: pytest.MonkeyPatch, audit: Audit, claim: Claim) -> tuple[Audit, Claim]:
         patch.setattr(place, name, function)
@@ -70,12 +70,12 @@ def follows(place: Any, name: str, function: Callable[..., Any]) -> Plant:
 
 
 def linearizes(change: Callable[[Any, Parameters], Any]) -> Plant:
-    """Another linearisation."""
+    """Return a plant: another linearisation."""
     return follows(linear_claims, "linearization", lambda p, *rest: change(linearization(p, *rest), p))
 
 
 def connects(change: Callable[[Any], dict[str, Any]]) -> Plant:
-    """Another heteroclinic connection."""
+    """Return a plant: another heteroclinic connection."""
 
     def plant(patch: pytest.MonkeyPatch, audit: Audit, claim: Claim) -> tuple[Audit, Claim]:
         true = audit.connection("table1")
@@ -86,7 +86,7 @@ def connects(change: Callable[[Any], dict[str, Any]]) -> Plant:
 
 
 def ends(scene: str, kind: Any) -> Plant:
-    """Another end of the first of a scene's orbits."""
+    """Return a plant: another end of the first of a scene's orbits."""
 
     def plant(patch: pytest.MonkeyPatch, audit: Audit, claim: Claim) -> tuple[Audit, Claim]:
         true = audit.panel(scene, "table1")
@@ -99,7 +99,7 @@ def ends(scene: str, kind: Any) -> Plant:
 
 
 def another_disk(**values: object) -> Plant:
-    """Another disk than the paper's."""
+    """Return a plant: another disk than the paper's."""
     return lambda patch, audit, claim: (OneDisk(PRINTED.changed(**values), audit.engine), claim)
 
 
@@ -111,7 +111,7 @@ def _a_longer_cycle(patch: pytest.MonkeyPatch, audit: Audit, claim: Claim) -> tu
 
 
 def _with(part: str, powers: tuple[int, int, int], factor: int) -> Callable[..., Any]:
-    """The printed expansion with one coefficient multiplied."""
+    """Return the printed expansion with one coefficient multiplied."""
 
     def printed(constants: Any, omega: Any) -> Any:
         true = expansion.printed(constants, omega)
@@ -122,12 +122,12 @@ def _with(part: str, powers: tuple[int, int, int], factor: int) -> Callable[...,
 
 
 def _consistent(function: Callable[..., Any]) -> Callable[..., Any]:
-    """As if the paper printed what follows."""
+    """Return the function with the consistent form in place of the printed one."""
     return lambda *inputs: function(*inputs[:-1], "consistent")
 
 
 def _turned_half(ops: Any, constants: Any, omega: Any, friction: Any) -> Callable[..., Any]:
-    """A field that has not the period 2 pi."""
+    """Return a field that does not have the period 2 pi."""
     true = equations.field(ops, constants, omega, friction)
 
     def rates(beta: Any, gamma: Any, v: Any) -> tuple[Any, Any, Any]:
@@ -137,15 +137,15 @@ def _turned_half(ops: Any, constants: Any, omega: Any, friction: Any) -> Callabl
     return rates
 
 
-def _roads_apart(parameters: Parameters, engine: Any, *, digits: int, method: str) -> Any:
-    """The second road ends a billionth of a rad/s away."""
+def _methods_apart(parameters: Parameters, engine: Any, *, digits: int, method: str) -> Any:
+    """Compute Omega_h, with the second method off by a billionth of a rad/s."""
     found = true_connection(parameters, engine, digits=digits, method=method)
     moved = Measured(found.omega_h.value + Fraction(1, 10**9), found.omega_h.uncertainty)
     return replace(found, omega_h=moved) if method == "limit-cycles" else found
 
 
 class _Drifting(baseline.Baseline):
-    """An integrator that is off by a millionth."""
+    """An integrator with an error of a millionth."""
 
     def __call__(self, request: Any) -> Any:
         result = super().__call__(request)
@@ -205,7 +205,7 @@ PLANTS: dict[str, Plant] = {
     ),
     "homoclinic_identified": follows(connection_claims, "field", _turned_half),
     "attracting_cycle": connects(lambda true: {"saddle_value": Measured(Fraction(1), Fraction(0))}),
-    "omega_h_two_roads": follows(connection_claims, "heteroclinic", _roads_apart),
+    "omega_h_two_roads": follows(connection_claims, "heteroclinic", _methods_apart),
     "stable_branch": _a_longer_cycle,
     "table_2": prints("guess 0.1, -0.1, 1.10"),
     "scene_a": ends("a", "limit cycle"),
@@ -231,7 +231,7 @@ PLANTS: dict[str, Plant] = {
 
 @pytest.fixture(scope="module")
 def audit(taylor: Taylor) -> Iterator[Audit]:
-    """One audit for all."""
+    """Make one audit for all tests."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(friction_claims, "heteroclinic", true_connection)
         patch.setattr(connection_claims, "heteroclinic", true_connection)
@@ -255,7 +255,7 @@ def test_a_contrary_fact_changes_the_verdict(claim: Claim, audit: Audit, monkeyp
 
 
 def test_each_fault_has_its_class() -> None:
-    """The paper itself shows what a slip means: its chi follows from the right terms only (tests/theory)."""
+    """The paper shows what a slip means: chi follows from the right terms only (tests/theory)."""
     faults = {claim.name: claim.fault for claim in CLAIMS if claim.fault}
     kinds = {kind: {name for name, fault in faults.items() if fault.kind == kind} for kind in get_args(FaultKind)}
     assert kinds["slip"] == {

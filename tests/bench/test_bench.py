@@ -1,4 +1,4 @@
-"""The race: truths that hold, errors that are true, failures that stay in the picture."""
+"""The comparison of integrators: honest true values, correct errors, and failures in the figure."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def test_more_bits_give_more_digits(scores: list[Score]) -> None:
     assert errors["50 digits"] < 1e-47
 
 
-def test_what_breaks_off_or_fails_is_told_and_drawn(tmp_path: Path) -> None:
+def test_runs_that_stop_early_or_fail_are_reported_and_drawn(tmp_path: Path) -> None:
     def broken(problem: object, setting: object) -> Prepared:
         if setting == "raises":
             raise ArithmeticError("no such luck")

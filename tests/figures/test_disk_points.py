@@ -1,4 +1,4 @@
-"""The disk in motion is the model's: what it moves by is what the equations say."""
+"""The disk in motion moves as the model's equations require."""
 
 from __future__ import annotations
 
@@ -16,13 +16,16 @@ _OMEGA = 30.4
 
 
 def _body(at: float, beta: float, gamma: float, v: float) -> dict[str, numpy.ndarray]:
-    """The disk a short time after the moment at which it has this state, to first order in that time."""
+    """Return the disk a short time after it has this state, to first order in that time."""
     return points_of(PRINTED, beta + v * at, gamma - _OMEGA * math.cos(beta) * at, 0.7 + _OMEGA * at)
 
 
 @pytest.mark.parametrize(("beta", "gamma", "v"), [(1.1, 0.6, 0.8), (1.5707963, -1.5, 2.0), (2.0, 4.0, -3.0)])
 def test_the_contact_point_slides_as_the_model_says(beta: float, gamma: float, v: float) -> None:
-    """gamma_y is the velocity of the disk's point at C across the line of nodes; along that line it does not slide."""
+    """gamma_y is the velocity of the disk's point at C across the line of nodes.
+
+    Along that line the point does not slide.
+    """
     step = 1e-5
     now, after, before = (_body(at, beta, gamma, v) for at in (0.0, step, -step))
     frame = [now[name] for name in ("body_x", "body_y", "normal")]

@@ -1,4 +1,4 @@
-"""What figures draw is what was computed, and the same picture gives the same file."""
+"""The figures draw the computed numbers, and the same picture gives the same file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the tests of the reference data share: a copy with few values."""
+"""The fixtures of these tests: a copy of the data with few values."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tippedisk_verify.reference_values.store import data_folder
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """All files that the data have, with the values of the Hopf points, the equilibria and one state."""
+    """Make a folder with all data files, and the values of Hopf points, equilibria and a state."""
     shutil.copytree(data_folder(), tmp_path / "data", ignore=shutil.ignore_patterns("make"))
     head, *rows = (tmp_path / "data" / "values.csv").read_text().splitlines(keepends=True)
     kept = [row for row in rows if any(part in row for part in ("/hopf/", "/equilibrium/", "/rhs/001/"))]

@@ -1,7 +1,8 @@
-"""Where the published questions are put, by the rules of the data's README: states, speeds and starts, as decimals.
+"""The rules for the inputs of the published questions, as in the data's README.
 
-States come from a Kronecker sequence (Roberts' generalised golden ratio), which fills a box evenly and has no pattern
-that a mistake could hide behind. Speeds are rounded to few decimals, so that they can be typed.
+States come from a Kronecker sequence (Roberts' generalised golden ratio), which fills a box evenly
+and has no pattern that a mistake could hide behind. Speeds are rounded to few decimals, so that
+they can be typed.
 """
 
 from __future__ import annotations
@@ -45,7 +46,7 @@ _QUARTER = "1.5707963267948966192313216916397514420985846996876"
 
 
 def _rhs(name: str) -> Iterator[Item]:
-    """The same 200 states and speeds for every set; a tenth of them close to beta = pi/2."""
+    """Return 200 states and speeds, the same for every set; a tenth are close to beta = pi/2."""
     for n in range(1, _STATES + 1):
         shares = _kronecker(n, 4)
         width = Fraction(1, 1000) if n % 10 == 0 else Fraction(1)
@@ -80,7 +81,7 @@ def _slow_manifolds(name: str) -> Iterator[Item]:
 
 
 def _trajectories(name: str) -> Iterator[Item]:
-    """The two orbits of each of the six scenes."""
+    """Return the two orbits of each of the six scenes."""
     starts = (
         (_QUARTER, f"-{_QUARTER}", "2"),
         (_QUARTER, decimal_text(exact(_QUARTER).rational + Fraction("0.4"), 50), "0"),
@@ -101,7 +102,10 @@ def _cycles(name: str) -> Iterator[Item]:
 
 
 def _near_heteroclinics(name: str) -> Iterator[Item]:
-    """Limit cycles at Omega_h + 10^-k. The speed is written out: doubles can tell it from Omega_h down to k = 8."""
+    """Return limit cycles at Omega_h + 10^-k.
+
+    The speed is written in full; doubles can distinguish it from Omega_h down to k = 8.
+    """
     for law in _LAWS:
         omega_h = _omega_h(name, law, max(_NEAR) + _NEAR_DIGITS + 4).value
         for k in _NEAR:
@@ -112,7 +116,7 @@ def _near_heteroclinics(name: str) -> Iterator[Item]:
 
 
 def _rotations(name: str) -> Iterator[Item]:
-    """Two stable cycles, and unstable ones below Omega_h, below Omega_crit and above it."""
+    """Return two stable cycles, and unstable ones below Omega_h, below Omega_crit and above it."""
     for law in _LAWS:
         for form, base, away in _ROTATIONS:
             speed = (_crit(name) if base == "crit" else _omega_h(name, law).value) + Fraction(away)
@@ -121,7 +125,7 @@ def _rotations(name: str) -> Iterator[Item]:
 
 
 def _points(kind: str, *laws: str) -> Callable[[str], Iterator[Item]]:
-    """What needs no input but the disk."""
+    """Return the questions that need only the disk."""
     return lambda name: (Item(f"{name}/{law}/{kind}/point", {}) for law in laws)
 
 
@@ -155,7 +159,7 @@ def _below_crit(name: str, below: str) -> str:
 
 
 def _kronecker(n: int, dimensions: int) -> list[Fraction]:
-    """Fractional parts of n phi^-1, n phi^-2, ... with phi^(d+1) = phi + 1."""
+    """Return the fractional parts of n phi^-1, n phi^-2, ... with phi^(d+1) = phi + 1."""
     phi = 2.0
     for _ in range(60):
         phi = (1 + phi) ** (1 / (dimensions + 1))

@@ -1,4 +1,4 @@
-"""Reference data with a turned bit: never read as the truth, whoever reads them."""
+"""Reference data with a changed bit: no reader takes them as right."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ pytest_plugins = ["pytester"]
 
 @pytest.fixture
 def installed(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
-    """The small folder in the place of the installed data."""
+    """Install the small folder in place of the data."""
     monkeypatch.setattr(reading, "data_folder", lambda: folder)
     reading.stored.cache_clear()
     yield folder
@@ -34,7 +34,7 @@ def installed(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
 
 
 def _flip(path: Path, draw: random.Random) -> bytes:
-    """Turn one bit of a file; returns what it was."""
+    """Turn one bit of a file, and return the old content."""
     content = path.read_bytes()
     changed = bytearray(content)
     changed[draw.randrange(len(content))] ^= 1 << draw.randrange(8)
@@ -49,7 +49,10 @@ def _one_line(fault: InputError) -> None:
 
 
 def _silent(folder: Path, draws: int) -> dict[str, int]:
-    """How reading ends after one flipped bit; one that a file with values lets pass is silent whatever it changes."""
+    """Read data with one changed bit, and return how that ends.
+
+    A file with values that is accepted is silent, even if the change is harmless.
+    """
     whole = Store(folder)
     paths = sorted(path for path in folder.rglob("*") if path.is_file())
     read = {folder / name for name in ("values.csv", "proofs.json", "manifest.json")}
@@ -126,8 +129,10 @@ def test_files_that_come_or_go(damage: object, says: str, folder: Path) -> None:
 
 
 @pytest.mark.parametrize("form", ["csv", "json"])
-def test_a_turned_bit_in_a_question_is_told(form: str, tmp_path: Path) -> None:
-    """Answers stay those of their questions, or something is said: an id may have become another one that there is."""
+def test_a_turned_bit_in_a_question_is_reported(form: str, tmp_path: Path) -> None:
+    """An answer stays that of its question, or a message appears: an id may turn into another valid
+    one.
+    """
     store = reading.stored()
     asked = questions(store, sets=["printed"], levels=[1])[::80]
     rows = {"csv": sheet_csv, "json": sheet_json}[form](store, asked).splitlines()
@@ -178,7 +183,7 @@ def test_a_remark_says_which_row_asks_something_else(tmp_path: Path, capsys: pyt
 
 
 def test_damage_gets_no_new_manifest(folder: Path) -> None:
-    """Whoever adds to a folder hashes all of it again, and would vouch for what was turned meanwhile."""
+    """A command that adds to a folder computes all hashes, and must not accept damaged files."""
     _flip(folder / "values.csv", random.Random(7))
     before = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
     with pytest.raises(InputError, match=r"values\.csv has been changed"):
@@ -189,7 +194,7 @@ def test_damage_gets_no_new_manifest(folder: Path) -> None:
 def test_at_every_step_of_a_replacement_the_files_fit_the_manifest(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """So a run that is killed there costs nobody their data."""
+    """A run that is killed at any step leaves valid data."""
     texts = {"values.csv": "id\n", "proofs.json": "{}\n", "methods.csv": "kind\n"}
     written, steps = generation.write_text, []
 

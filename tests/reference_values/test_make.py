@@ -1,4 +1,4 @@
-"""What makes the reference data: methods that agree with what is stored, and runs that may be interrupted."""
+"""The making of the reference data: methods that agree with the values, and interrupted runs."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def _bytes(folder: Path) -> dict[str, bytes]:
     return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
-# ------------------------------------------------------------------------------------------ questions and methods
+# --------------------------------------------------------------------------- questions and methods
 def test_each_kind_has_the_methods_of_the_table() -> None:
     assert list(CONFIRM) == list(codebook())
     for kind, methods in CONFIRM.items():
@@ -85,9 +85,9 @@ def test_a_false_value_is_excluded_by_another_method() -> None:
         confirmed(case_of(entry.item, "decimals"), values)
 
 
-# ------------------------------------------------------------------------------------------ runs
+# -------------------------------------------------------------------------------------------- runs
 def test_what_is_made_is_what_is_stored(tmp_path: Path) -> None:
-    """To the half-widths: the last digits depend on the libraries."""
+    """Compare to the half-widths, because the last digits depend on the libraries."""
     assert generate(tmp_path, QUICK) == 50
     made = Store(tmp_path)
     assert list(made) == [id_ for id_ in stored() if re.match("[a-z]+/(both/equilibrium|linear/(hopf|harm))", id_)]

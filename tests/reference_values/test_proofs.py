@@ -1,4 +1,4 @@
-"""Reference values with proofs: they contain their enclosures, and what contradicts or exceeds its proof is refused."""
+"""Reference values with proofs: they contain their enclosures, and no claim exceeds its proof."""
 
 from __future__ import annotations
 
@@ -46,12 +46,16 @@ def test_what_can_be_proved_is_proved_in_the_data() -> None:
     ],
 )
 def test_a_proof_is_found_again(id_: str) -> None:
-    """With the same sentence but for the decimals: doubles choose the steps, which may differ on another processor."""
+    """The sentence is the same except for decimals: doubles choose the steps, and processors may
+    differ.
+    """
     (entry,) = entries_of(stored(), f"{id_}/")
     proof = proved(case_of(entry.item, "decimals"), entry.values("decimals"))
     known = json.loads((data_folder() / "proofs.json").read_text())[id_]
-    said, told = (re.sub(r"-?\d+\.\d+( ± [\d.e-]+)?", "#", one.pop("statement")) for one in (proof, known))
-    assert (said, proof["command"]) == (told, known["command"])
+    statement, stored_statement = (
+        re.sub(r"-?\d+\.\d+( ± [\d.e-]+)?", "#", one.pop("statement")) for one in (proof, known)
+    )
+    assert (statement, proof["command"]) == (stored_statement, known["command"])
     assert proof["enclosures"].keys() == known["enclosures"].keys()
     for name, mine in proof["enclosures"].items():
         assert (Measured.of(**mine) - Measured.of(**known["enclosures"][name])).holds(0), name

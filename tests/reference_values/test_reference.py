@@ -1,4 +1,4 @@
-"""The reference data: whole, of the published form, twice derived, and honest."""
+"""The reference data: complete, of the published form, derived twice, and honest."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def store() -> Store:
     return stored()
 
 
-# ------------------------------------------------------------------------------------------ what is there
+# ---------------------------------------------------------------------------------------- contents
 @pytest.mark.slow
 def test_the_files_are_those_of_the_manifest_and_of_the_form_of_the_schema() -> None:
     report = check(data_folder(), sample=0)
@@ -80,7 +80,7 @@ def test_hexadecimal_numbers_are_the_doubles_nearest_to_the_decimals(store: Stor
         assert all(getattr(as_doubles(disk), symbol) == float(getattr(disk, symbol)) for symbol in SYMBOLS)
 
 
-# ------------------------------------------------------------------------------------------ what it says
+# ------------------------------------------------------------------------------------------ values
 @pytest.mark.parametrize("name", SETS)
 def test_the_right_hand_side_is_that_of_the_tests_own_transcription(name: str, store: Store) -> None:
     with mpmath.workdps(70):
@@ -94,7 +94,9 @@ def test_the_right_hand_side_is_that_of_the_tests_own_transcription(name: str, s
 
 @pytest.mark.slow
 def test_what_rounding_to_doubles_does_is_what_the_condition_numbers_say(store: Store) -> None:
-    """Two independent statements of each entry: the second truth, and the slopes in its inputs."""
+    """Compare two independent parts of each entry: the value from doubles, and the slopes in its
+    inputs.
+    """
     shifts: dict[tuple[str, str], dict[str, Fraction]] = {}
     for quantity in store.values():
         if "doubles" not in quantity.values:
@@ -117,7 +119,7 @@ def test_what_rounding_to_doubles_does_is_what_the_condition_numbers_say(store: 
         assert abs(moved - sum(parts)) <= size / 10 + noise, quantity.id
 
 
-# ------------------------------------------------------------------------------------------ computed again
+# ---------------------------------------------------------------------------------- computed again
 @pytest.mark.parametrize("kind", ["rhs", "equilibrium", "hopf", "harmonic-balance", "slow-manifold"])
 def test_computed_again_they_agree(kind: str, store: Store) -> None:
     entries = [entry for entry in entries_of(store) if entry.item.kind == kind]
@@ -165,15 +167,15 @@ def test_a_manifest_that_points_elsewhere_reads_nothing(folder: Path, tmp_path: 
     content = json.loads((folder / "manifest.json").read_text())
     content["files"]["../secret"] = content["files"]["LICENSE"]
     (folder / "manifest.json").write_text(json.dumps(content))
-    assert faults_in_files(folder) == ["manifest.json has been changed"]  # and nothing is said of the secret
+    assert faults_in_files(folder) == ["manifest.json has been changed"]  # the secret is not mentioned
 
 
-def test_rows_that_contradict_themselves_are_told(folder: Path) -> None:
-    """With a manifest that fits: damage of the file itself is told by its hash."""
+def test_rows_that_contradict_themselves_are_reported(folder: Path) -> None:
+    """The manifest fits the files, so only the rows show the damage."""
     text = (folder / "values.csv").read_text()
     faults = {
-        ",10.0,3.13e-19,": (",9.0,3.13e-19,", "digits_needed is not what follows from the rest"),
-        "0x1.d1da5119ce076p+4": ("0x1.d1da5119ce077p+4", "Omega_hex is not"),
+        ",10.0,3.13e-19,": (",9.0,3.13e-19,", "digits_needed does not follow from the other columns"),
+        "0x1.d1da5119ce076p+4": ("0x1.d1da5119ce077p+4", "Omega_hex does not"),
         "30.8865926886435672782860900151017816823": ("30.8865926886435672782860900151017816824", "proved enclosure"),
     }
     for old, (new, _) in faults.items():
@@ -181,16 +183,16 @@ def test_rows_that_contradict_themselves_are_told(folder: Path) -> None:
         text = text.replace(old, new, 1)
     (folder / "values.csv").write_text(text)
     write_manifest(folder)
-    told = check(folder, sample=0).faults
-    assert all(any(says in fault for fault in told) for _, says in faults.values())
+    reported = check(folder, sample=0).faults
+    assert all(any(text in fault for fault in reported) for _, text in faults.values())
 
 
 @pytest.mark.parametrize(
     ("name", "content"),
     [("proofs.json", "[" * 100_000), ("proofs.json", "5"), ("values.csv", "\udcff"), ("values.csv", "id,level\n,")],
 )
-def test_forged_folders_are_told(name: str, content: str, folder: Path) -> None:
-    """Damage with a manifest that fits is somebody's work; it still gives lines, not tracebacks."""
+def test_forged_folders_are_reported(name: str, content: str, folder: Path) -> None:
+    """A manifest that fits damaged files is forged; the check must give lines, not tracebacks."""
     (folder / name).write_bytes(content.encode(errors="surrogateescape"))
     write_manifest(folder)
     assert check(folder, sample=0).faults
@@ -198,7 +200,7 @@ def test_forged_folders_are_told(name: str, content: str, folder: Path) -> None:
         Store(folder)
 
 
-# ------------------------------------------------------------------------------------------ reading
+# ----------------------------------------------------------------------------------------- reading
 def test_a_value_by_its_id() -> None:
     quantity = reference("printed/linear/hopf/point/omega_crit")
     assert quantity == reference("table1/linear/hopf/point/omega_crit")
@@ -254,7 +256,7 @@ def test_bad_input(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     assert main(arguments) == 2
-    told = capsys.readouterr().err
-    assert says in told
-    assert told.count("\n") == 1
+    message = capsys.readouterr().err
+    assert says in message
+    assert message.count("\n") == 1
     assert not list(tmp_path.iterdir())

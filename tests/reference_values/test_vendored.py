@@ -1,4 +1,4 @@
-"""What others vendor: the data's version, tables and lines that follow from the values, definitions, how to cite."""
+"""The parts that others vendor: version, tables, exports, definitions and citation."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ ROOT = Path(__file__).parents[2]
 DATA = data_folder()
 
 
-# ------------------------------------------------------------------------------------------ version and citation
+# ---------------------------------------------------------------------------- version and citation
 def test_the_version_of_the_data_is_the_same_everywhere(capsys: pytest.CaptureFixture[str]) -> None:
     manifest = json.loads((DATA / "manifest.json").read_text())
     assert manifest["data_version"] == DATA_VERSION
@@ -44,14 +44,19 @@ def test_the_version_of_the_data_is_the_same_everywhere(capsys: pytest.CaptureFi
 
 
 def test_values_change_with_their_version() -> None:
-    """As in version 1.0.1. Where this fails, values were changed: raise the version, and put the new hash here."""
+    """Compare with the values of version 1.0.1.
+
+    If this fails, values have changed: raise the version, and put the new hash here.
+    """
     values = {id_: quantity.values["decimals"][0] for id_, quantity in stored().items()}
     assert (DATA_VERSION, digest(values)[:16]) == ("1.1.0", "cc4c134dac3c7d25")
 
 
-# ------------------------------------------------------------------------------------------ the table
+# --------------------------------------------------------------------------------------- the table
 def test_the_schema_is_that_of_the_table() -> None:
-    """A table schema in the form of the Frictionless standard: each column, with the pattern of its entries."""
+    """The table schema follows the Frictionless standard: each column, with the pattern of its
+    entries.
+    """
     fields = json.loads((DATA / "schema.json").read_text())["fields"]
     assert tuple(field["name"] for field in fields) == TABLE
     patterns = {one["name"]: re.compile(one.get("constraints", {}).get("pattern", ".*")) for one in fields}
@@ -62,7 +67,7 @@ def test_the_schema_is_that_of_the_table() -> None:
     assert '"' not in (DATA / "values.csv").read_text()  # no field needs quotes
 
 
-# ------------------------------------------------------------------------------------------ other forms
+# ------------------------------------------------------------------------------------- other forms
 @pytest.mark.parametrize("form", ["csv", "jsonl", "parquet"])
 def test_exported_values_are_the_stored_ones(form: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / f"hopf.{form}"
@@ -117,8 +122,8 @@ def test_a_test_file_is_a_program_s(form: str, compiler: str, suffix: str, tmp_p
     else:
         program = ["./use"]
         subprocess.run([compiler, "-o", "use", f"use.{suffix}"], check=True, cwd=tmp_path)
-    said = subprocess.run(program, check=True, cwd=tmp_path, capture_output=True, text=True).stdout
-    for line, quantity in zip(said.splitlines(), tv.references("printed/linear/rhs/001"), strict=True):
+    output = subprocess.run(program, check=True, cwd=tmp_path, capture_output=True, text=True).stdout
+    for line, quantity in zip(output.splitlines(), tv.references("printed/linear/rhs/001"), strict=True):
         id_, omega, value = line.split()
         number = float.fromhex if form == "c" else float
         assert (id_, number(value), number(omega)) == (
@@ -130,21 +135,21 @@ def test_a_test_file_is_a_program_s(form: str, compiler: str, suffix: str, tmp_p
 
 def test_a_julia_test_file_has_the_doubles(tmp_path: Path) -> None:
     export(tv.references("printed/linear/limit-cycle/crit-0.5"), "julia", str(tmp_path / "values.jl"))
-    told = re.findall(r'id = "(\S+)".* value = (\S+), tolerance = (\S+)\)', (tmp_path / "values.jl").read_text())
-    assert len(told) == 10
+    rows = re.findall(r'id = "(\S+)".* value = (\S+), tolerance = (\S+)\)', (tmp_path / "values.jl").read_text())
+    assert len(rows) == 10
     export(tv.references("printed/linear/slow-manifold/01/"), "julia", str(tmp_path / "values.jl"))
     orders = re.findall(r'quantity = "h_(\d)".* order = (\d)\.0, ', (tmp_path / "values.jl").read_text())
     assert orders == [(str(n), str(n)) for n in range(6)]
-    for id_, value, tolerance in told:
+    for id_, value, tolerance in rows:
         assert float(value) == tv.reference(id_).for_doubles
         # An answer that far off is the first that fails.
         assert not tv.compare(id_, float(value) + 0.9 * float(tolerance)).failed
         assert tv.compare(id_, float(value) + 1.1 * float(tolerance)).failed
 
 
-# ------------------------------------------------------------------------------------------ without the package
+# ----------------------------------------------------------------------------- without the package
 def test_right_hand_sides_and_a_cycle_from_the_columns_alone() -> None:
-    """With another transcription of the equations, and nothing but the csv module."""
+    """Use another transcription of the equations, and only the csv module."""
     with open(DATA / "values.csv", newline="") as table:
         rows = {row["id"]: row for row in csv.DictReader(table)}
 
@@ -155,7 +160,7 @@ def test_right_hand_sides_and_a_cycle_from_the_columns_alone() -> None:
     for n, law in product(range(1, 11), ("linear", "smooth")):
         row = rows[f"printed/{law}/rhs/{n:03d}/v_rate"]
         state = [float.fromhex(row[f"{name}_hex"]) for name in ("beta", "gamma", "v")]
-        # At level 1 an error is told from what cancelled.
+        # At level 1 an error is relative to the terms that cancelled.
         away = rates(row, state)[2] - float(row["value_from_doubles"])
         assert abs(away) < 1e-13 * float(row["scale"])
     cycle = [rows[f"calibrated/linear/limit-cycle/crit-0.3/{name}"] for name in ("period", "gamma_bar_0", "v_0")]
@@ -189,13 +194,13 @@ def test_the_programs_of_the_readme(language: str, runs: str, tmp_path: Path) ->
     assert abs(float(done[-1])) < 1e-11
 
 
-# ------------------------------------------------------------------------------------------ definitions
+# ------------------------------------------------------------------------------------- definitions
 def test_every_quantity_is_defined_where_it_is_shown(capsys: pytest.CaptureFixture[str]) -> None:
     page = (ROOT / "docs" / "grading_equations.md").read_text(encoding="utf-8")
     for quantity in stored().values():
-        told = definition_of(quantity.kind, quantity.name)
-        assert (told.level, told.unit) == (quantity.level, quantity.unit)
-        assert quantity.definition == told.meaning != ""
+        definition = definition_of(quantity.kind, quantity.name)
+        assert (definition.level, definition.unit) == (quantity.level, quantity.unit)
+        assert quantity.definition == definition.meaning != ""
     assert ":file: ../reference_data/quantities.csv\n" in page
     id_ = "printed/linear/trajectory/d1/crossing_time#3"
     assert main(["reference", "show", id_]) == 0
@@ -207,7 +212,7 @@ def test_every_quantity_is_defined_where_it_is_shown(capsys: pytest.CaptureFixtu
 
 
 def test_the_one_harmonic_law_is_the_documents() -> None:
-    """Both forms by the formulas of docs/grading_equations.md, which are read from there."""
+    """Read both forms from the formulas in docs/grading_equations.md."""
     page = (ROOT / "docs" / "grading_equations.md").read_text(encoding="utf-8")
     law = page.split("### The one-harmonic law")[1].split("\n## ")[0]
     displayed = re.findall(r"\$\$(.*?)\$\$", law, re.DOTALL)

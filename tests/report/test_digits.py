@@ -1,4 +1,4 @@
-"""Digits that agree are told from those that do not, to the printed places."""
+"""The digits that agree with the printed ones."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The report stands alone, says nothing that results.json does not, and lets nothing through unescaped."""
+"""The report's page: a single file, with numbers from results.json only, and escaped text."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ EMPTY = {"meta", "link", "img", "source", "br", "col", "path", "use"}
 
 
 class Page(HTMLParser):
-    """Elements in order with their attributes, and the text that a reader sees."""
+    """The elements of a page with their attributes, and the text that a reader sees."""
 
     def __init__(self, text: str) -> None:
         super().__init__()
@@ -52,7 +52,7 @@ class Page(HTMLParser):
 
 @pytest.fixture(scope="module", params=["part", pytest.param("whole", marks=pytest.mark.slow(minutes=0.7))])
 def folder(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A report on a part of the claims, and the whole one."""
+    """Write a report on some claims, and one on all."""
     folder = tmp_path_factory.mktemp(request.param)
     only = ["--only", ONLY, "--jobs", "1"] if request.param == "part" else []
     assert main(["verify", "--quiet", "--out", str(folder), *only]) == 0
@@ -60,7 +60,7 @@ def folder(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFact
 
 
 def test_every_number_on_the_page_is_in_the_results(folder: Path) -> None:
-    """As text, digit for digit; numbers with gaps in the page's markup are joined as a reader joins them."""
+    """Compare the texts digit for digit, after joining numbers that the markup splits."""
     known = set(NUMBER.findall((folder / "results.json").read_text(encoding="utf-8")))
     page = "".join(Page((folder / "report.html").read_text(encoding="utf-8")).text)
     text = (folder / "report.md").read_text(encoding="utf-8").replace("**", "")
@@ -103,7 +103,7 @@ def test_the_page_stands_alone_and_is_made_for_every_reader(folder: Path) -> Non
 
 
 def test_each_claim_has_a_row_that_jumps_to_it(folder: Path) -> None:
-    """What does not follow is open and says what is true instead; what holds is folded."""
+    """A claim that does not follow is open and shows what is true; the others are folded."""
     page = Page((folder / "report.html").read_text(encoding="utf-8"))
     results = json.loads((folder / "results.json").read_text(encoding="utf-8"))
     targets = {attributes.get("href") for tag, attributes in page.elements if tag == "a"}
@@ -158,7 +158,7 @@ def columns_of_doubles_have_a_unit(path: Path) -> None:
 def test_a_verdict_has_the_same_words_on_the_terminal_and_in_the_report(
     disk: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Among these are claims that differ between sets, that are proved, and that do not follow, in each way."""
+    """The claims include all verdicts: different between sets, proved, and each kind of fault."""
     monkeypatch.chdir(tmp_path)
     Path("own.toml").write_text(GOOD, encoding="utf-8")
     only = "omega_crit,lambda_3,chi,kappa_1,kappa_2,linearization,inverted_unstable_below,convergent_series"
@@ -174,7 +174,7 @@ def test_a_verdict_has_the_same_words_on_the_terminal_and_in_the_report(
         assert len(re.findall(rf"\b{name} .{{0,400}}?[✓◐✗?] {re.escape(words)} ", cells)) >= 2  # its row, and its claim
 
 
-def test_results_of_earlier_runs_are_told(
+def test_results_of_earlier_runs_are_reported(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("TIPPEDISK_VERIFY_CACHE", str(tmp_path))
@@ -182,7 +182,7 @@ def test_results_of_earlier_runs_are_told(
     says = []
     for more in ([], [], ["--fresh"], ["--json"]):
         assert main([*command, *more]) == 0
-        says.append("2 of 2 results were kept from earlier runs: --fresh computes anew\n" in capsys.readouterr().out)
+        says.append("2 of 2 results are from earlier runs: --fresh computes them again\n" in capsys.readouterr().out)
     assert says == [False, True, False, False]
 
 
@@ -200,7 +200,9 @@ def test_names_from_outside_are_text(tmp_path: Path) -> None:
 
 
 def test_an_odd_but_possible_disk_gets_its_report(tmp_path: Path) -> None:
-    """So little gravity that Omega_crit - 0.5 is negative: there is no scene d, and the figure says why."""
+    """With little gravity Omega_crit - 0.5 is negative: there is no scene d, and the figure has the
+    reason.
+    """
     path = tmp_path / "low.toml"
     path.write_text(GOOD.replace("9.81", "1e-9"), encoding="utf-8")
     out = tmp_path / "out"

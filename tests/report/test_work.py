@@ -1,4 +1,6 @@
-"""What is kept is what would be computed; what is unchanged is not computed again; cores change nothing."""
+"""The execution of the main job: stored results are right, reused when unchanged, on any number of
+cores.
+"""
 
 from __future__ import annotations
 
@@ -25,11 +27,11 @@ HEAVY = ("attraction", "slow_manifold_h1", "order_0_hopf", "order_0_noninverted"
 
 
 def quiet(label: str, steps: int) -> None:
-    """No bar."""
+    """Show no progress."""
 
 
 def alone(tasks: int) -> AbstractContextManager[None]:
-    """No processes."""
+    """Make no processes."""
     return nullcontext(None)
 
 

@@ -1,4 +1,4 @@
-"""What counts as the refusal of nonsense on the command line: status 2, one clear line, nothing on standard output."""
+"""The refusal of nonsense on the command line: status 2, one clear line, no standard output."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tippedisk_verify.cli import main
 
 @dataclass
 class Ran:
-    """What a command did."""
+    """The outcome of a command."""
 
     status: int
     out: str
@@ -22,7 +22,7 @@ class Ran:
 
 
 def ran(arguments: list[str]) -> Ran:
-    """The command line in this process; anything that it raises is a fault of the program."""
+    """Run the command line in this process; any exception is a fault of the program."""
     out, err = io.StringIO(), io.StringIO()
     begin = time.process_time()
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):

@@ -1,4 +1,4 @@
-"""The program as a process of its own."""
+"""The program as a separate process."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ SWEEP = ["sweep", "hopf", "--over", "g=9.7:9.9:300", "--executor", "serial", "--
 
 
 def program(arguments: Sequence[str]) -> list[str]:
-    """The command line of these arguments: the program's, or that of what makes the reference data."""
+    """Return the command line of the program, or of `reference_data/make`, with these arguments."""
     return [*(PROGRAM[:1] if arguments[0] in MAKE else PROGRAM), *arguments]
 
 

@@ -1,7 +1,7 @@
-"""Ctrl-C, or a kill, at a chosen step of the program, and at random moments after it has begun to listen.
+"""Ctrl-C, or a kill, at a chosen step of the program, or at random moments once it listens.
 
-Both need a hand inside the process: Python imports a module named ``sitecustomize`` when it starts, and the one written
-here watches what happens then.
+Both need code inside the process. Python imports a module named ``sitecustomize`` when it starts,
+and the one written here waits for the step.
 """
 
 from __future__ import annotations
@@ -88,7 +88,7 @@ sys.addaudithook(happened)
 
 
 class Struck:
-    """Runs of the program with that hand inside; ``folder`` is for what the hand needs."""
+    """Runs of the program with that module; ``folder`` holds the module's files."""
 
     def __init__(self, folder: Path, program: Sequence[str] = PROGRAM) -> None:
         self._program = program
@@ -98,11 +98,13 @@ class Struck:
         self._listens = folder / "listens"
 
     def at(self, step: str, arguments: Sequence[str], number: int = signal.SIGINT) -> tuple[int | None, str, str]:
-        """Exit status, standard output and error of a run struck at a step: "event name count [within]"."""
+        """Strike a run at a step, "event name count [within]"; return its exit status, output and
+        error.
+        """
         return _end(self._started(arguments, step, number))
 
     def lasts(self, arguments: Sequence[str]) -> float:
-        """How long a whole run takes from when it listens [s]; for drawing moments, not for judging."""
+        """Measure the time of a whole run from the moment it listens [s], to draw moments from."""
         run = self._listening(arguments)
         begin = time.monotonic()
         assert _end(run)[0] == 0
@@ -111,10 +113,12 @@ class Struck:
     def at_random(
         self, arguments: Sequence[str], number: int, lasts: float, seed: int = 0
     ) -> Iterator[tuple[int | None, str, str]]:
-        """The ends of runs that this signal has ended, at moments spread evenly over ``lasts`` seconds; without end.
+        """Yield the ends of runs that a signal has ended, at moments spread evenly over ``lasts``
+        seconds.
 
-        A run that is faster than its signal must be as good as any, and does not count: so many as the caller takes are
-        struck, whatever the machine's speed. What comes before the program listens is for Python's own start to answer.
+        A run that ends before its signal must have succeeded, and does not count. So the caller
+        gets as many struck runs as it takes, on any machine. Moments before the program listens are
+        left out, because Python's own start answers them.
         """
         draw = random.Random(seed)
         while True:
@@ -151,12 +155,12 @@ class Struck:
 
 
 def _hearing() -> None:
-    """Whatever runs the tests may ignore Ctrl-C, as a shell's background does; the program would too."""
+    """Reset the handling of Ctrl-C, which the process that runs the tests may ignore."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 def _end(run: subprocess.Popen[str]) -> tuple[int | None, str, str]:
-    """Standard error ends with the last process that could write to it, so none is left after this."""
+    """Read standard error to its end, which the last process of the run closes."""
     try:
         out, told = run.communicate(timeout=LONGEST)
     except subprocess.TimeoutExpired:

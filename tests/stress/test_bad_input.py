@@ -1,6 +1,7 @@
-"""Nonsense on the command line and from Python: refused at once, in one line, with nothing written.
+"""Nonsense on the command line and from Python is refused at once, in one line, and writes nothing.
 
-The commands and their options are those of the program: a new option needs a row that says what is wrong for it.
+The commands and options are read from the program: a new option needs a row with wrong values for
+it.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ from tippedisk_verify.cli import cli
 Wrong = tuple[Any, ...]
 Call = Callable[[Any], object]
 
-# ------------------------------------------------------------------------------------------ the command line
+# -------------------------------------------------------------------------------- the command line
 # What is wrong for an option. Where no word is right, words are drawn, too: no digits of any script, and no letters
 # of "pi", "nan", of a disk's parameters or of paths.
 WORDS = st.text(st.characters(exclude_categories=("Nd", "Cs"), exclude_characters="/\\.,-pialcremAB\0"), min_size=1)
@@ -134,7 +135,7 @@ RIGHT = {
 
 
 def _spoiled(words: list[str], parameter: click.Parameter, place: int, text: str) -> list[str]:
-    """The command with this text for the parameter; ``place`` is that of an argument among the words."""
+    """Return the command with a text for a parameter; ``place`` is an argument's index."""
     if isinstance(parameter, click.Argument):
         return [*words[:place], text, *words[place + 1 :]]
     name = parameter.opts[0]
@@ -143,7 +144,7 @@ def _spoiled(words: list[str], parameter: click.Parameter, place: int, text: str
 
 
 def _mistakes(command: click.Command, name: str = "") -> Iterator[tuple[str, Wrong, Callable[[str], list[str]]]]:
-    """For all parameters of all commands: the command's name, what is wrong, and the command with that."""
+    """Yield, for all parameters of all commands, the name, the wrong value, and the command."""
     if isinstance(command, click.Group):
         for inner in (inner for inner in command.commands.values() if not inner.hidden):
             yield from _mistakes(inner, f"{name} {inner.name}".strip())
@@ -166,7 +167,7 @@ MISTAKES = list(_mistakes(cli))
 
 @st.composite
 def mistakes(draw: st.DrawFn) -> list[str]:
-    """A command that is right but for one option or argument."""
+    """Draw a command that is right except for one option or argument."""
     _, wrong, spoiled = draw(st.sampled_from(MISTAKES))
     texts = st.sampled_from([text for text in wrong if text is not WORDS])
     return spoiled(draw(texts | WORDS if WORDS in wrong else texts))
@@ -174,7 +175,7 @@ def mistakes(draw: st.DrawFn) -> list[str]:
 
 @pytest.fixture
 def room(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A folder with things that are in the way: files, folders, pipes, links in a circle, a huge file, bad disks."""
+    """Make a folder with obstacles: files, folders, pipes, link circles, a huge file, bad disks."""
     folder = tmp_path_factory.mktemp("room")
     monkeypatch.chdir(folder)
     (folder / "folder").mkdir()
@@ -193,7 +194,7 @@ def room(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPat
 
 
 def _contents(folder: Path) -> dict[str, tuple[int, int, int]]:
-    """What is where, and when it was written, but for the folder of --out: it is made early, and may hold a lock."""
+    """Return the files with their times, without the folder of --out, which may hold a lock."""
     found = {str(path.relative_to(folder)): path.lstat() for path in folder.rglob("*")}
     kept = {name: (is_.st_mode, is_.st_size, is_.st_mtime_ns) for name, is_ in found.items()}
     return {name: what for name, what in kept.items() if not name.startswith("out")}
@@ -210,7 +211,7 @@ def test_every_option_of_every_command_is_checked(command: str, room: Path) -> N
 
 @pytest.mark.parametrize("draws", [60, pytest.param(1_000, marks=pytest.mark.slow)])
 def test_one_mistake_is_refused_and_nothing_is_written(room: Path, draws: int) -> None:
-    """A draw that is not refused may run for long: it is told as it is, not made shorter."""
+    """A draw that is not refused may run for long, so it is reported as it is, not made shorter."""
     before = _contents(room)
 
     @settings(max_examples=draws, phases=[Phase.generate], suppress_health_check=list(HealthCheck), deadline=None)
@@ -260,7 +261,7 @@ def test_what_a_command_cannot_do_it_says(words: str, room: Path) -> None:
     assert _contents(room) == before
 
 
-# ------------------------------------------------------------------------------------------ from Python
+# ------------------------------------------------------------------------------------- from Python
 _DISK, _LANES, _ID = tv.Disk("printed"), tv.BatchTaylor(1), "printed/linear/hopf/point/period"
 _ENGINE, _OTHER = tv.Taylor(), tv.Baseline()
 #: Values of every Python type that no parameter of a public function may take.
@@ -278,7 +279,7 @@ COUNTS = (*NUMBERS, 0, -1, 10**9, 10**400, -(10**400), 1e300, Fraction(1, 3), "1
 
 
 def _asked(law: Any = "linear", **changes: Any) -> object:
-    """Both engines must refuse the request, if it can be made."""
+    """Check that both engines refuse the request, if it can be made."""
     told = {"omega": "30.4", "state": ("pi/2", 2, 0), "duration": 1} | changes
     request = tv.Request(tv.PRINTED.with_friction(law), **told)
     with pytest.raises(tv.InputError):

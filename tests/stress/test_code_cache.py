@@ -1,4 +1,4 @@
-"""A damaged cache of compiled code: never run, and the run goes on without it; a sound one is not read again."""
+"""A damaged cache of compiled code is never run, and the program works without it."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ _DAMAGE = (_spoil_code, _spoil_bytes, _replace)
 
 @pytest.fixture(scope="module")
 def small_cache(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
-    """What two runs have left, the second without compiling anything: it has noted that all is sound."""
+    """Make a cache by two runs; the second compiles nothing and notes that all is sound."""
     folder = tmp_path_factory.mktemp("small")
     done = [run(_SCENE, XDG_CACHE_HOME=str(folder)) for _ in range(2)]
     assert done[0].stdout == done[1].stdout
@@ -71,7 +71,7 @@ def small_cache(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
     "seed", [*range(3), *(pytest.param(n, marks=pytest.mark.slow(minutes=0.1)) for n in range(3, 9))]
 )
 def test_damaged_code_is_not_run(seed: int, small_cache: tuple[Path, str], tmp_path: Path) -> None:
-    """Once with the damage, once with what that run has made of it."""
+    """Run once with the damage, and once with what that run has made of it."""
     filled, says = small_cache
     shutil.copytree(filled, tmp_path / "cache")
     _DAMAGE[seed % len(_DAMAGE)](tmp_path / "cache" / _FILE, random.Random(seed))
@@ -85,7 +85,7 @@ _COLUMNS = "bitcode, comp_flag, env_fingerprint, opt_bc, opt_ir, obj, size, last
 
 @pytest.fixture
 def entries(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A file of heyoka's form with five entries, by a run that has ended."""
+    """Make a file of heyoka's form with five entries, as a finished run leaves it."""
     path = tmp_path / "cache.db"
     row = "x'00', 3, 'version', x'', x'', zeroblob(100), 100, 7"
     _done(
@@ -106,7 +106,7 @@ def entries(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def _starts(path: Path) -> tuple[int, int]:
-    """How many entries a start leaves, and what heyoka takes for their size."""
+    """Return how many entries are left after a start, and their size according to heyoka."""
     heyoka = Mock()
     code_cache.guarded(heyoka)
     assert heyoka.set_diskcache_enabled.call_args.args == (True,)
@@ -117,7 +117,7 @@ def _starts(path: Path) -> tuple[int, int]:
 @pytest.mark.parametrize("ends", [False, True])
 @pytest.mark.parametrize("column", ["hash", *_COLUMNS.split(", ")])
 def test_changed_entries_are_removed_and_others_kept(column: str, ends: bool, entries: Path) -> None:
-    """Also those that change while a run goes on: at its end it notes what it found at its start, and has added."""
+    """Include entries that change during a run: at its end it notes what it found and added."""
     changed = "1003" if column == "hash" else "x'41'"
     _done(entries, f"UPDATE cache SET {column} = {changed} WHERE hash = 3")
     if ends and column != "hash":  # by another name it is a new one
@@ -128,7 +128,7 @@ def test_changed_entries_are_removed_and_others_kept(column: str, ends: bool, en
 
 
 def test_a_killed_run_leaves_what_it_has_compiled(tmp_path: Path) -> None:
-    """A checksum follows each entry at once, so that only what is damaged is compiled again."""
+    """A checksum follows each entry at once, so only damaged entries are compiled again."""
     program = (
         "import os, tippedisk_verify as tv\ntv.Taylor()(tv.Request(tv.PRINTED, '30.4', (1.2, 0.3, 0), 1))\nos._exit(9)"
     )

@@ -1,4 +1,4 @@
-"""What happens to a machine: kills, full disks, folders without rights, damaged caches, little memory, odd locales."""
+"""Faults of a machine: kills, full disks, missing rights, damaged caches, little memory."""
 
 from __future__ import annotations
 
@@ -34,13 +34,13 @@ def _table(path: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(stream))
 
 
-# ------------------------------------------------------------------------------------------ kill -9 and Ctrl-C
+# ------------------------------------------------------------------------------ kill -9 and Ctrl-C
 def _sheet(folder: Path) -> list[str]:
     return ["conformance", "questions", str(folder / "sheet.csv"), "--quiet"]
 
 
 def _whole(folder: Path) -> int:
-    """Every file that a user sees is there in full, old or new; returns how many there are."""
+    """Check that every visible file is complete, old or new, and return their number."""
     found = [
         path
         for path in folder.rglob("*")
@@ -58,7 +58,7 @@ def _whole(folder: Path) -> int:
 
 
 def _strikes(tmp_path: Path, count: int, number: int) -> Iterator[int]:
-    """Runs that write, struck at random moments one after the other into the same folder; then each runs to its end."""
+    """Strike runs that write into one folder at random moments, then let each run to its end."""
     folder = tmp_path / "out"
     folder.mkdir()
     struck = Struck(tmp_path / "hand")
@@ -104,7 +104,7 @@ def test_a_pool_that_is_killed_is_one_line(monkeypatch: pytest.MonkeyPatch, caps
         assert capsys.readouterr().err.count("\n") == 1
 
 
-# ------------------------------------------------------------------------------------------ disks
+# ------------------------------------------------------------------------------------------- disks
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
 @pytest.mark.parametrize("arguments", [["hopf", "--json"], ["--help"], ["reference", "list"]])
 def test_a_full_disk_under_standard_output(arguments: list[str]) -> None:
@@ -125,4 +125,4 @@ def test_standard_output_that_is_closed() -> None:
 
 
 # ------------------------------------------------------------------------------------------ rights
-# ------------------------------------------------------------------------------------------ two at once
+# ------------------------------------------------------------------------------------- two at once

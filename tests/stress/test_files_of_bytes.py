@@ -1,4 +1,4 @@
-"""Every file that is read, with its bytes damaged: data, never a program; one line, never a traceback."""
+"""Every file that is read, with damaged bytes: data only, one line, never a traceback."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _TOKENS = (
 
 
 def damaged(content: bytes, draw: random.Random) -> bytes:
-    """One to four of: a bit turned, a piece cut out, doubled, moved or replaced, a token put in, the end cut off."""
+    """Damage a file: turn bits, or cut, double, move or replace pieces, or truncate it."""
     found = bytearray(content)
     for _ in range(draw.randint(1, 4)):
         at = draw.randrange(len(found) + 1)
@@ -78,7 +78,7 @@ def _sheet(folder: Path, name: str) -> bytes:
     return filled.encode()
 
 
-# ------------------------------------------------------------------------------------------ one file at a time
+# ------------------------------------------------------------------------------ one file at a time
 def _parameter_files(folder: Path, draws: int) -> Iterator[Ran]:
     path, draw = folder / "disk.toml", random.Random(1)
     for _ in range(draws):
@@ -110,7 +110,7 @@ def test_damaged_files(what: str, draws: int, tmp_path: Path) -> None:
         _fine(done)
 
 
-# ------------------------------------------------------------------------------------------ shapes of trouble
+# ------------------------------------------------------------------------------- shapes of trouble
 @pytest.mark.parametrize("suffix", [".toml", ".csv"])
 def test_a_gigabyte_is_refused_unread(suffix: str, tmp_path: Path) -> None:
     path = tmp_path / f"huge{suffix}"
@@ -121,8 +121,10 @@ def test_a_gigabyte_is_refused_unread(suffix: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("spoil", ["bomb", "cut", "text"])
-def test_a_compressed_file_that_is_none_is_refused(spoil: str, tmp_path: Path) -> None:
-    """As the installed package has it; what would fill the memory is read up to a size."""
+def test_a_bad_compressed_file_is_refused(spoil: str, tmp_path: Path) -> None:
+    """The installed package has compressed files. A file that would fill the memory is read up to a
+    size.
+    """
     data = tmp_path / "data"
     shutil.copytree(data_folder(), data)
     text = (data / "values.csv").read_bytes()
@@ -137,7 +139,7 @@ def test_a_compressed_file_that_is_none_is_refused(spoil: str, tmp_path: Path) -
 
 
 def test_no_file_is_unpickled_or_evaluated() -> None:
-    """The package has no call that would run what a file says."""
+    """The package has no call that would execute the content of a file."""
     forbidden = {"eval", "exec", "compile", "__import__", "pickle", "marshal", "shelve", "dill", "yaml", "runpy"}
     found = set()
     for path in Path(tippedisk_verify.__file__).parent.rglob("*.py"):
@@ -153,7 +155,7 @@ def test_no_file_is_unpickled_or_evaluated() -> None:
 
 
 def test_links_in_a_data_folder_lead_nowhere_else(tmp_path: Path) -> None:
-    """A lock that is a link would be made, or emptied, elsewhere; so would a journal."""
+    """A lock or a journal that is a link would be made, or emptied, elsewhere."""
     (tmp_path / "secret").write_text("mine")
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / ".lock").symlink_to(tmp_path / "secret")

@@ -1,8 +1,9 @@
-"""Many high-precision orbits in one process: what they take is given back.
+"""Many high-precision orbits in one process return the memory that they take.
 
-heyoka does not free what the elements of its own arrays of MPFR numbers point to (its memory handler for numpy does
-nothing in version 7.13), nor all of their continuous output, so the flow makes neither. Measured is what the C
-library's allocator has handed out: the resident size hides some hundred bytes an orbit behind memory freed before.
+heyoka does not free the numbers in its own arrays of MPFR numbers (its memory handler for numpy
+does nothing in version 7.13), nor all of their continuous output, so the flow uses neither. The
+test measures what the C library's allocator has handed out. The resident size would hide some
+hundred bytes an orbit behind memory freed before.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The battery: its cases pass, and its judge can fail them. What is extreme and allowed is answered in one line."""
+"""The battery: its cases pass, and wrong results fail. Extreme but allowed input gets one line."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def test_the_whole_battery(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_a_wrong_claim_does_not_pass() -> None:
-    """An engine whose estimate is a hundred times too small is found out."""
+    """An engine whose estimate is a hundred times too small is detected."""
     from dataclasses import replace
 
     engine = default_engine()
@@ -74,7 +74,9 @@ def test_the_command_lists_runs_and_refuses(capsys: pytest.CaptureFixture[str]) 
 
 
 def test_the_most_digits_are_had() -> None:
-    """What is asked for is the bound, not what is computed beyond it; integers of over 4300 digits too."""
+    """The limit is the number of digits asked for, not of those computed beyond; also for integers
+    of over 4300 digits.
+    """
     for words in ("hopf", "equilibria --omega 30.4", "equilibria --below-crit 0.5"):
         done = ran([*words.split(), "--digits", "4000", "--json"])
         assert (done.status, done.err) == (0, "")
@@ -90,7 +92,7 @@ _SIZES = st.sampled_from(["1e-29", "1e-20", "1e-10", "1e-3", "0.3", "1", "1e3", 
     st.sampled_from(["hopf", "equilibria --omega 30.4"]),
 )
 def test_disks_beyond_any_workshop(tmp_path: Path, values: dict[str, str], words: str) -> None:
-    """Of the extremes that pass for a disk, an answer, a shortfall or a refusal: one line, and no traceback."""
+    """Extreme disks get an answer, a shortfall or a refusal: one line, and no traceback."""
     path = tmp_path / "disk.toml"
     path.write_text("".join(f'{name} = "{value}"\n' for name, value in values.items()))
     done = ran([*words.split(), "--parameters", str(path), "--json"])

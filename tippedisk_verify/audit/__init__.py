@@ -1,1 +1,1 @@
-"""The paper's claims: what each says, how it is examined, and which proof goes with it."""
+"""The paper's claims: what each states, how it is examined, and the proof that belongs to it."""

@@ -1,4 +1,4 @@
-"""Claims about the expansion to third order, the harmonic balance, and the Hopf point that they describe."""
+"""Claims about the third-order expansion, the harmonic balance, and the Hopf point."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ __all__ = ["BALANCE_CLAIMS"]
 
 
 def _expansion_part(part: str, audit: Audit, name: str, printed_text: str) -> Answer:
-    """One part of the printed expansion against what the expansion gives, coefficient by coefficient."""
+    """Compare a part of the printed expansion with the derived one, coefficient by coefficient."""
     constants, speed = audit.sets[name].rational(), Fraction("30.4")
     follows, claimed = (getattr(function(constants, speed), part) for function in (derived, printed))
     wrong = sorted(key for key in {*follows, *claimed} if follows.get(key, 0) != claimed.get(key, 0))
@@ -23,7 +23,10 @@ def _expansion_part(part: str, audit: Audit, name: str, printed_text: str) -> An
 
 
 def _balance_constant(which: str, audit: Audit, name: str, printed_text: str) -> Answer:
-    """Printed kappa_1, kappa_2 or delta against what the expansion gives, which tests/theory derives by projection."""
+    """Compare the printed kappa_1, kappa_2 or delta with the value that the expansion gives.
+
+    tests/theory derives the latter by projection.
+    """
     constants, speed = audit.sets[name].rational(), Fraction("30.4")
     square = constants.e / (constants.r + constants.e) * speed**2
     inputs = (constants, speed) if which == "delta" else (constants, speed, square)
@@ -32,7 +35,10 @@ def _balance_constant(which: str, audit: Audit, name: str, printed_text: str) ->
 
 
 def _slope(which: int, audit: Audit, name: str, printed_text: str) -> Answer:
-    """The printed one-harmonic law's slope at the Hopf point against the first Lyapunov coefficient's."""
+    """Compare the slope of the printed one-harmonic law at the Hopf point with the true slope.
+
+    The true slope follows from the first Lyapunov coefficient.
+    """
     parameters = audit.linear(name)
     law = harmonic_balance.slopes(parameters, "printed")[which]
     ratio = float(law) / float(hopf.hopf_point(parameters).slopes()[which])
@@ -46,17 +52,18 @@ def _supercritical(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
     return f"{kind}, l_1 = {float(hopf.hopf_point(parameters).first_lyapunov_coefficient):.6g}", kind == printed
 
 
-def _expansion(part: str, label: str, what: str, formula: str, fault: Fault | None = None) -> Claim:
-    """The claim that a part of the equations is expanded to third order as printed."""
+def _expansion(part: str, label: str, expanded: str, formula: str, fault: Fault | None = None) -> Claim:
+    """Return the claim that a part of the equations is expanded to third order as printed."""
     examine = partial(_expansion_part, part)
-    return Claim(f"expansion_{part}", label, f"{what} to third order", "formula", examine, formula=formula, fault=fault)
+    return Claim(
+        f"expansion_{part}", label, f"{expanded} to third order", "formula", examine, formula=formula, fault=fault
+    )
 
 
 _DROPPED = "the cubic term of gamma_bar' = Omega sin(beta_bar)"
-_BY_CHI = "the paper's chi follows from the right one and not from what is printed"
+_CHI_IS_RIGHT = "the paper's chi follows from the correct term, not from the printed one"
 
 
-#: In the order of the paper.
 BALANCE_CLAIMS: tuple[Claim, ...] = (
     _expansion(
         "mass",
@@ -79,7 +86,7 @@ BALANCE_CLAIMS: tuple[Claim, ...] = (
         ),
         fault=Fault(
             "slip",
-            f"a factor 2 stands before the whole bracket instead of its first term; {_BY_CHI}",
+            f"a factor 2 stands before the whole bracket instead of its first term; {_CHI_IS_RIGHT}",
             "the mixed term is -[2 (A - Bbar) + m e (r + e)] Omega v beta_bar gamma_bar",
         ),
     ),
@@ -94,7 +101,7 @@ BALANCE_CLAIMS: tuple[Claim, ...] = (
         ),
         fault=Fault(
             "slip",
-            f"gamma_bar^3 stands for gamma_bar^2; {_BY_CHI}",
+            f"gamma_bar^3 stands for gamma_bar^2; {_CHI_IS_RIGHT}",
             "the mixed term is -(1/2) m g e beta_bar gamma_bar^2",
         ),
     ),
@@ -121,7 +128,7 @@ BALANCE_CLAIMS: tuple[Claim, ...] = (
             r" + \tfrac{1}{8} m g e\frac{\Omega^2}{\omega^2} - \tfrac{1}{4}(\bar{B}-A)\frac{\Omega^4}{\omega^2}"
             r" + \tfrac{1}{8} m g(r+e)"
         ),
-        fault=Fault("slip", f"a sign; {_BY_CHI}", "the first bracket is [Bbar - 3 A + 2 m e (r + e)]"),
+        fault=Fault("slip", f"a sign; {_CHI_IS_RIGHT}", "the first bracket is [Bbar - 3 A + 2 m e (r + e)]"),
     ),
     Claim(
         "kappa_2",
@@ -133,8 +140,8 @@ BALANCE_CLAIMS: tuple[Claim, ...] = (
         "formula",
         partial(_balance_constant, "kappa_2"),
         note=(
-            "eqs. (27) to (30) are an ansatz, a choice that cannot fail; its D = -C Omega/omega drops the cubic term of"
-            " eq. (26), and gives the printed kappa_2"
+            "eqs. (27) to (30) are an ansatz, a choice that cannot fail; with D = -C Omega/omega it drops the"
+            " cubic term of eq. (26), which gives the printed kappa_2"
         ),
         formula=(
             r"\kappa_2 = -e\,\frac{r+4e}{2}\,\frac{\Omega^4}{\omega^2} + \tfrac{3}{2} e(r+e)\Omega^2"
@@ -169,7 +176,7 @@ BALANCE_CLAIMS: tuple[Claim, ...] = (
         "C is the amplitude up to O(C^4)",
         "C + O(C^4)",
         partial(_slope, 0),
-        note="the dropped term is of the order of what is kept and changes the leading order",
+        note="the dropped term is of the same order as those kept, so it changes the leading order",
         methods=("first Lyapunov coefficient", "closed form"),
         formula=(
             r"C = 2\sqrt{\frac{e}{r+e}}\sqrt{-\frac{\bar{B}r\Omega^2 - m g(r+e)^2}{\chi\Omega^2 + m g e(r+e)}}"

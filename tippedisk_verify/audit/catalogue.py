@@ -1,4 +1,4 @@
-"""All claims, in the order of the paper."""
+"""The list of all claims, in the order of the paper."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from tippedisk_verify.errors import InputError
 
 __all__ = ["CLAIMS", "GROUPS", "claims_drawn_in", "equations_named", "group_of", "selected"]
 
-#: What the claims are about, in the order of the paper.
+#: The claims by subject, in the order of the paper.
 GROUPS: dict[str, tuple[Claim, ...]] = {
     "Model, linear analysis and harmonic balance": (*linear_claims.LINEAR_CLAIMS, *balance_claims.BALANCE_CLAIMS),
     "Slow manifold": manifold_claims.MANIFOLD_CLAIMS,
@@ -31,31 +31,39 @@ CLAIMS: tuple[Claim, ...] = tuple(claim for claims in GROUPS.values() for claim 
 
 
 def group_of(name: str) -> str:
-    """What the claim is about."""
+    """Return the subject of a claim."""
     return next(group for group, claims in GROUPS.items() if any(claim.name == name for claim in claims))
 
 
 def claims_drawn_in(figure: str) -> tuple[str, ...]:
-    """The claims that the exhibit of that name goes with."""
+    """Return the names of the claims that an exhibit illustrates."""
     return tuple(claim.name for claim in CLAIMS if figure in claim.figures)
 
 
 def equations_named(names: Sequence[str]) -> list[str]:
-    """The numbers of the equations among these names, each as "eq. 30", "(30)" or "30"."""
-    return [found[1] for name in names if (found := re.fullmatch(r"(?:eq\.? ?)?\(?(\d{1,3})\)?", name.strip()))]
+    """Return the equation numbers among some names; one is written "eq. 30", "(30)" or "30"."""
+    return [match[1] for name in names if (match := re.fullmatch(r"(?:eq\.? ?)?\(?(\d{1,3})\)?", name.strip()))]
 
 
 def selected(names: Sequence[str]) -> tuple[Claim, ...]:
-    """The claims of those names or equations, in the table's order; all if none is named.
+    """Return the claims with these names, or about these equations.
 
-    Raises InputError for unknown names, and for an equation that no claim is about.
+    Args:
+        names: Names of claims, or equation numbers as `equations_named` takes them. If empty, all
+            claims are meant.
+
+    Returns:
+        The claims in the order of the paper.
+
+    Raises:
+        InputError: If a name is not known, or no claim is about an equation.
     """
     known, wanted = {claim.name for claim in CLAIMS}, set(names)
     for name in names:
         for number in equations_named([name]):
             about = {claim.name for claim in CLAIMS if f"({number})" in claim.source}
             if not about:
-                raise InputError(f"no claim is about eq. ({number}): verify --list says what the claims are about")
+                raise InputError(f"no claim is about eq. ({number}): verify --list shows all claims")
             wanted = wanted - {name} | about
         if name not in known and not equations_named([name]):
             near = get_close_matches(name, known, n=3, cutoff=0.6)

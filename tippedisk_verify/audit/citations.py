@@ -1,7 +1,8 @@
-"""What the paper's LaTeX labels are cited by: the published numbers, which LaTeX counts in document order.
+"""The published numbers of the paper's LaTeX labels; LaTeX counts them in document order.
 
-Each numbered equation, figure, table and section of the paper stands here by its label in the order of the source, so
-that its number is its place; "-" has a number and no label. tests/audit derives the same numbers from an outline.
+Each numbered equation, figure, table and section of the paper is listed by its label in the order
+of the source, so its number is its position. A "-" stands for a number without a label. tests/audit
+derives the same numbers from an outline.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ _SECTIONS = {
 
 
 def _numbers() -> dict[str, tuple[str, str]]:
-    """Kind and number by label."""
+    """Return the kind and the number of each label."""
     numbers, latest = {}, ("", 0)
     for place, name in enumerate(_EQUATIONS.split(), start=1):
         if name != "-":
@@ -54,15 +55,21 @@ _NUMBERS = _numbers()
 
 
 def cited(labels: str) -> str:
-    """The published numbers: "eq. (48)" for ``eq:Csol``, "eq. (13), Figure 7b" for ``eq:3DOF_lin, fig:hom``.
+    """Return the published numbers of some labels.
 
-    "eq:Csol+1" is the first numbered equation after eq:Csol, which has no label of its own; "below eq:Csol" the text
-    there; "from eq:Csol" says that what stands before is derived from it. Raises KeyError for a label that the paper
-    does not have.
+    ``eq:Csol`` gives "eq. (48)"; ``eq:3DOF_lin, fig:hom`` gives "eq. (13), Figure 7b". "eq:Csol+1"
+    is the first numbered equation after eq:Csol if it has no label. "below eq:Csol" is the text
+    there. "from eq:Csol" means that the items before it are derived from this equation.
+
+    Args:
+        labels: LaTeX labels, separated by ", ".
+
+    Raises:
+        KeyError: If the paper has no such label.
     """
-    said, before = [], [""]
+    citations, before = [], [""]
     for label in labels.split(", "):
         *how, name = label.split()
-        said.append(" ".join((*(how if how != before else ()), *_NUMBERS[name])))
+        citations.append(" ".join((*(how if how != before else ()), *_NUMBERS[name])))
         before = how
-    return ", ".join(said)
+    return ", ".join(citations)

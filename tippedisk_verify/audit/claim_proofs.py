@@ -1,8 +1,8 @@
-"""How far the proof in ball arithmetic that a claim offers decides it: for which sets, and by which commands.
+"""The proofs in ball arithmetic that belong to a claim, and how much of its verdict they decide.
 
-A claim is *proved* if the commands named, run as they stand, prove what its verdict says of each set that is audited.
-It is *proved in part* if they prove it for some of the sets, or a part of its sentence. Theorem 1 holds for every disk;
-of the other theorems only proofs for the named sets are spoken of here, because there a test runs them.
+A claim is *proved* if the commands named prove its verdict for each audited set. It is *proved in
+part* if they prove it for some of the sets, or a part of its statement. Theorem 1 holds for every
+disk. For the other theorems only proofs for the named sets count here, because a test runs them.
 """
 
 from __future__ import annotations
@@ -21,21 +21,31 @@ __all__ = ["ClaimProof", "proof_of"]
 
 @dataclass(frozen=True, repr=False)
 class ClaimProof(Printable):
-    """How far a claim's verdict is proved."""
+    """The proof of a claim's verdict, and what it leaves open."""
 
-    theorem: str  #: of docs/certified.md
+    theorem: str  #: its name in docs/certified.md
     friction: tuple[str, ...]  #: the laws that the theorem covers
     proves: str  #: what the commands prove
-    not_proved: str  #: what of the verdict they do not prove; empty if they prove all of it for all sets
+    not_proved: str  #: the rest of the verdict; empty if all of it is proved for all sets
     commands: Mapping[str, str]  #: by parameter set
 
     @property
     def grade(self) -> str:
+        """ "proved", or "proved in part"."""
         return "proved in part" if self.not_proved else "proved"
 
 
 def proof_of(claim: Claim, finding: Finding, sets: Mapping[str, Parameters]) -> ClaimProof | None:
-    """How far a claim's verdict on these sets is proved; None if nothing of it is."""
+    """Return the proof of a claim's verdict.
+
+    Args:
+        claim: The claim.
+        finding: Its outcome.
+        sets: The audited sets.
+
+    Returns:
+        The proof, or None if no part of the verdict is proved.
+    """
     offer = claim.proof
     if offer is None:
         return None
@@ -47,19 +57,22 @@ def proof_of(claim: Claim, finding: Finding, sets: Mapping[str, Parameters]) -> 
             or not _decides(finding.computed[name], claim.printed)
         ):
             continue
-        chosen = f"--parameters {quote(name)}" + " --friction smooth" * (sets[name].friction == "smooth")
-        commands[name] = " && ".join(f"tippedisk-verify {part} {chosen}" for part in offer.theorem.commands)
+        options = f"--parameters {quote(name)}"
+        if sets[name].friction == "smooth":
+            options += " --friction smooth"
+        parts = (f"tippedisk-verify {part} {options}" for part in offer.theorem.commands)
+        commands[name] = " && ".join(parts)
     if not commands:
         return None
     rests = [offer.rest] if offer.rest else []
-    if others := [name for name in finding.holds if name not in commands]:
-        rests.append(f"anything for {', '.join(others)}")
+    if open_sets := [name for name in finding.holds if name not in commands]:
+        rests.append(f"anything for {', '.join(open_sets)}")
     laws = ("linear", "smooth") if offer.theorem.law is None else (offer.theorem.law,)
     return ClaimProof(offer.theorem.name, laws, offer.proves, "; ".join(rests), commands)
 
 
 def _covered(theorem: Theorem, parameters: Parameters) -> bool:
-    """Whether the theorem speaks of the disk and its friction law, and a command can name it."""
+    """Return True if the theorem covers the disk and its law, and a command can name the disk."""
     if theorem.law not in (None, parameters.friction):
         return False
     if NAMED_SETS.get(parameters.name) == parameters.with_friction("linear"):
@@ -68,7 +81,10 @@ def _covered(theorem: Theorem, parameters: Parameters) -> bool:
 
 
 def _decides(computed: Measured | str, printed: str) -> bool:
-    """Whether a command's twelve digits tell if the number rounds as printed; it may lie next to a boundary."""
+    """Return True if a command's twelve digits decide whether the number rounds as printed.
+
+    They do not if the number lies next to a boundary.
+    """
     if isinstance(computed, str):
         return True
     twelve_digits = Measured(computed.value, computed.uncertainty + abs(computed.value) / 10**11)

@@ -1,7 +1,7 @@
-"""The paper's claims, one by one, and what becomes of each.
+"""The classes of the audit: a claim of the paper, its examination, and its verdict.
 
-A claim examines itself on every audited parameter set and returns a `Finding`. A claim that does not follow is a
-result; only the suite's own cross-checks (``own_check``) can fail.
+A claim is examined on every audited parameter set, which gives a `Finding`. A claim that does not
+follow is a result; only the suite's own cross-checks (``own_check``) can fail.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ T = TypeVar("T")
 
 
 class Verdict(Enum):
-    """What becomes of a claim."""
+    """The verdict on a claim."""
 
     HOLDS = "holds"
     HOLDS_FOR = "holds-for"
@@ -61,14 +61,15 @@ class Verdict(Enum):
 
 @dataclass(frozen=True)
 class Finding:
-    """The outcome of one claim: what was computed for each set, and for which sets it holds (None: undecided)."""
+    """The outcome of one claim."""
 
-    computed: dict[str, Measured | str]
-    holds: dict[str, bool | None]
+    computed: dict[str, Measured | str]  #: by parameter set
+    holds: dict[str, bool | None]  #: by parameter set; None: undecided
     note: str = ""
 
     @property
     def verdict(self) -> Verdict:
+        """The verdict over all sets."""
         answers = list(self.holds.values())
         if all(answers):
             return Verdict.HOLDS
@@ -78,11 +79,11 @@ class Finding:
 
     @property
     def sets(self) -> tuple[str, ...]:
-        """The sets for which it holds."""
+        """The sets for which the claim holds."""
         return tuple(name for name, answer in self.holds.items() if answer)
 
     def record(self) -> dict[str, Any]:
-        """As plain data that loses nothing: numbers as exact fractions."""
+        """Return the finding as plain data, with numbers as exact fractions."""
         computed = {
             name: value if isinstance(value, str) else [str(value.value), str(value.uncertainty)]
             for name, value in self.computed.items()
@@ -91,7 +92,7 @@ class Finding:
 
     @classmethod
     def of_record(cls, record: dict[str, Any]) -> Finding:
-        """What `record` gave."""
+        """Return the finding that `record` has written."""
         computed = {
             name: value if isinstance(value, str) else Measured(*map(Fraction, value))
             for name, value in record["computed"].items()
@@ -100,30 +101,32 @@ class Finding:
 
 
 class Theorem(NamedTuple):
-    """A theorem of docs/certified.md, and the commands that prove what it says of one disk."""
+    """A theorem of docs/certified.md, and the commands that prove it for one disk."""
 
     name: str
     commands: tuple[str, ...]
-    law: Friction | None = None  #: the only one that it covers; None: both
-    every_disk: bool = False
+
+    law: Friction | None = None  #: the only law that it covers; None: both
+    every_disk: bool = False  #: True if it holds for every disk
 
 
 class ProofOffer(NamedTuple):
-    """What a theorem has to say to a claim."""
+    """A theorem that proves a claim, or a part of it."""
 
     theorem: Theorem
     proves: str
-    rest: str = ""  #: what of the claim it leaves unproved
+    rest: str = ""  #: the part of the claim that it does not prove
 
 
 FaultKind = Literal["slip", "follows-from", "differs"]
 
 
 class Fault(NamedTuple):
-    """Why a claim does not follow, and what is true instead.
+    """The reason why a claim does not follow, and the true statement.
 
-    A ``slip`` is one of the pen: the paper itself shows what is meant. What ``follows-from`` another claim or a dropped
-    term has that one's name as its cause. Anything else ``differs``.
+    A ``slip`` is a slip of the pen: the paper itself shows what is meant. A fault that
+    ``follows-from`` another claim or a dropped term has the name of that claim or term as its
+    cause. Any other fault ``differs``.
     """
 
     kind: FaultKind
@@ -133,53 +136,56 @@ class Fault(NamedTuple):
 
 @dataclass(frozen=True)
 class Claim:
-    """One sentence, formula or number of the paper (or one cross-check of our own), with all that belongs to it."""
+    """A sentence, formula or number of the paper, or a cross-check of our own."""
 
     name: str
-    labels: str  #: LaTeX labels of the paper's equations, figures, tables and sections, as `cited` takes them
+    labels: str  #: LaTeX labels of equations, figures, tables and sections, as `cited` takes them
     statement: str
-    printed: str  #: what the paper prints
-    examine: Examination  #: of one set of the audit, against what is printed
+    printed: str  #: the word, number or formula that the paper prints
+    examine: Examination  #: compares one set with what is printed
     note: str = ""
     methods: tuple[str, ...] = ("exact arithmetic",)
-    formula: str = ""  #: what the paper writes, in LaTeX: its formula, or the sentence's mathematical content
-    unit: str = ""  #: of what is printed and computed, where that is a number
-    fault: Fault | None = None  #: where the claim follows for no disk
+    formula: str = ""  #: the paper's formula, or the sentence's mathematical content, in LaTeX
+    unit: str = ""  #: of the printed and the computed number
+    fault: Fault | None = None  #: if the claim follows for no disk
     own_check: bool = False
-    figures: tuple[str, ...] = ()  #: the exhibits that are drawn with it
+    figures: tuple[str, ...] = ()  #: the exhibits that illustrate it
     proof: ProofOffer | None = None
-    cost: float = 0.0  #: what examining three sets takes alone on one core [s], where that is two or more
+    cost: float = 0.0  #: time to examine three sets on one core [s], if that is two or more
 
     @property
     def cited(self) -> str:
-        """Published numbers: what the claim is about, and then what it uses."""
+        """The published numbers of the claim, then of the equations that it uses."""
         return "own cross-check" if self.own_check else cited(self.labels)
 
     @property
     def source(self) -> str:
-        """Published numbers, with the LaTeX labels behind."""
+        """The published numbers, followed by the LaTeX labels."""
         return self.cited if self.own_check else f"{self.cited}, {re.sub('below |from ', '', self.labels)}"
 
 
 @dataclass(repr=False)
 class Audit(Printable):
-    """What the claims are examined on: the parameter sets, and what several claims share, computed once."""
+    """The parameter sets that claims are examined on, and results that several claims share.
+
+    A shared result is computed once.
+    """
 
     parameters: Parameters
     engine: Engine
     digits: int = 12
     _kept: dict[tuple[str, ...], Any] = field(default_factory=dict)
 
-    def _once(self, what: tuple[str, ...], compute: Callable[[], T]) -> T:
-        """What is computed when it is first needed, and kept."""
-        if what not in self._kept:
-            self._kept[what] = compute()
-        kept: T = self._kept[what]
+    def _once(self, key: tuple[str, ...], compute: Callable[[], T]) -> T:
+        """Compute a result when it is first needed, and store it."""
+        if key not in self._kept:
+            self._kept[key] = compute()
+        kept: T = self._kept[key]
         return kept
 
     @cached_property
     def sets(self) -> dict[str, Parameters]:
-        """The selected set first, then those that describe the paper's disk."""
+        """The selected set, followed by the sets that describe the paper's disk."""
         return sets_with(self.parameters)
 
     def _set(self, name: str) -> Parameters:
@@ -188,40 +194,64 @@ class Audit(Printable):
         return self.sets[name]
 
     def linear(self, name: str) -> Parameters:
-        """A set under the linear law, for what is said of expansions where the disk rolls."""
+        """Return a set under the linear law, for claims about expansions where the disk rolls.
+
+        Raises:
+            InputError: If the set is not audited.
+        """
         return self._set(name).with_friction("linear")
 
     def connection(self, name: str) -> Heteroclinic:
-        """The heteroclinic connection of a set. Raises InputError for an unknown set, AccuracyError if it has none."""
+        """Return the heteroclinic connection of a set.
+
+        Raises:
+            InputError: If the set is not audited.
+            AccuracyError: If it has no connection.
+        """
         return self._once(("connection", name), lambda: heteroclinic(self._set(name), self.engine))
 
     def omega_h(self, name: str) -> Measured:
-        """Omega_h [rad/s] of a set. Raises AccuracyError if there is no connection."""
+        """Return Omega_h [rad/s] of a set.
+
+        Raises:
+            InputError: If the set is not audited.
+            AccuracyError: If it has no connection.
+        """
         return self.connection(name).omega_h
 
     def approach(self, name: str) -> PeriodContinuation:
-        """A set's limit cycles followed towards Omega_h in double. Raises NoSuchCycleError or AccuracyError."""
+        """Follow a set's limit cycles towards Omega_h in double precision.
+
+        Raises:
+            NoSuchCycleError: If there is no cycle to start from.
+            AccuracyError: If the continuation fails.
+        """
         return self._once(("approach", name), lambda: PeriodContinuation(self._set(name), self.engine))
 
     def family(self, name: str) -> tuple[LimitCycle, ...]:
-        """An overview of a set's limit cycles."""
+        """Return an overview of a set's limit cycles."""
         return self._once(("family", name), lambda: tuple(found(family(self._set(name), self.engine))))
 
     def panel(self, scene: str, name: str) -> Panel:
-        """One of the six scenes of a set."""
+        """Return the panel of one of the six scenes (a to f) for a set."""
         panel = scene_named(scene)
         omega_h = self.omega_h(name) if panel.base == "Omega_h" else None
         return self._once((scene, name), lambda: compute(panel, self._set(name), self.engine, omega_h=omega_h))
 
 
 def sets_with(parameters: Parameters) -> dict[str, Parameters]:
-    """The audited sets, all under one friction law: the selected one first, then `NAMED_SETS`."""
+    """Return the audited sets, all under one friction law: the selected one, then `NAMED_SETS`."""
     chosen = {parameters.name: parameters}
-    return chosen | {name: one.with_friction(parameters.friction) for name, one in NAMED_SETS.items()} | chosen
+    named = {name: disk.with_friction(parameters.friction) for name, disk in NAMED_SETS.items()}
+    return chosen | named | chosen
 
 
 def rounds_to(measured: Measured, printed: str) -> bool | None:
-    """Whether the true value rounds to the printed decimal; None if the half-width leaves that open."""
+    """Return whether the true value rounds to a printed decimal.
+
+    Returns:
+        None if the half-width leaves it open.
+    """
     target = Fraction(printed)
     exponent = Decimal(printed).as_tuple().exponent
     half_unit = Fraction(10) ** int(exponent) / 2
@@ -232,17 +262,17 @@ def rounds_to(measured: Measured, printed: str) -> bool | None:
 
 
 def examined(audit: Audit, claim: Claim) -> Finding:
-    """What becomes of one claim, set by set; our own checks look at the selected set only.
+    """Examine a claim on each audited set; our own checks use the selected set only.
 
-    A computation that falls short leaves its set undecided, with the reason, and the others' answers alone.
+    If a computation fails, its set is undecided, and the finding's note has the reason.
     """
     computed: dict[str, Measured | str] = {}
     holds: dict[str, bool | None] = {}
     notes = [claim.note]
     for name in (audit.parameters.name,) if claim.own_check else audit.sets:
         try:
-            computed[name], holds[name], *said = claim.examine(audit, name, claim.printed)
-            notes += said
+            computed[name], holds[name], *remarks = claim.examine(audit, name, claim.printed)
+            notes += remarks
         except (AccuracyError, ArithmeticError, InputError) as reason:
             computed[name], holds[name] = "-", False if claim.own_check else None
             notes.append(f"{name}: {reason}")
@@ -250,12 +280,12 @@ def examined(audit: Audit, claim: Claim) -> Finding:
 
 
 def word(compute: Callable[[Audit, str], str]) -> Examination:
-    """The examination of a printed word: whether what is computed comes to the same word."""
+    """Return the examination of a printed word: the computed word must be the same."""
     return _against(compute, str.__eq__)
 
 
 def number(compute: Callable[[Audit, str], Measured]) -> Examination:
-    """The examination of a printed number: whether the computed one rounds to it."""
+    """Return the examination of a printed number: the computed number must round to it."""
     return _against(compute, rounds_to)
 
 
@@ -267,7 +297,7 @@ def _against(compute: Callable[[Audit, str], Any], agrees: Callable[[Any, str], 
     return examine
 
 
-#: What is computed for one set, whether the claim holds for it, and what is to be noted.
+#: The computed value for one set, whether the claim holds for it, and an optional note.
 Answer = tuple[Measured | str, bool | None] | tuple[Measured | str, bool | None, str]
-#: From the audit, the name of one of its sets, and what is printed.
+#: A function of the audit, the name of one of its sets, and the printed text.
 Examination = Callable[[Audit, str, str], Answer]

@@ -1,4 +1,4 @@
-"""Claims about the heteroclinic connection: what happens to the limit cycles at Omega_h."""
+"""Claims about the heteroclinic connection, where the limit cycles end at Omega_h."""
 
 from __future__ import annotations
 
@@ -22,14 +22,18 @@ _FAMILY_TO_ITS_END = Theorem("Theorems 5b and 6", ("certify heteroclinic", "cert
 _CONNECTION = Theorem("Theorem 6", ("certify heteroclinic",))
 _STABILITY = Theorem("Theorem 7", ("certify heteroclinic",), "linear")
 
-_SHARE = Fraction(1, 1000)  # of the branch, how far from Omega_h both sides are looked at
-_OFFSET = Fraction(1, 10**6)  # rad, from the saddle; no quadratic terms there, so a start is off by its cube
+_SHARE = Fraction(1, 1000)  # relative distance from Omega_h of the speeds tried on both sides
+# Distance of a start from the saddle [rad]. The field has no quadratic terms there, so the start
+# misses the unstable manifold by the cube of this.
+_OFFSET = Fraction(1, 10**6)
 
 
 def _infinite_period(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
-    """The local slope of T against log(Omega - Omega_h) at the end of the family in double, against the law."""
+    """Compare the slope of T against log(Omega - Omega_h), at the family's end in double, with the
+    law.
+    """
     above, period, ratio = audit.approach(name).law_rows(float(audit.connection(name).saddle_eigenvalues[0]))[-1]
-    # The law's remainder falls like a power of D as small as 0.2, which leaves about a hundredth at D = 1e-8.
+    # The law's remainder may fall as slowly as D^0.2, which is about a hundredth at D = 1e-8.
     return f"T = {period:.2f} s at Omega_h + {above:.1e} rad/s, slope {ratio:.4f} of the law's", abs(ratio - 1) < 0.05
 
 
@@ -49,7 +53,7 @@ def _attracting(audit: Audit, name: str, printed: str) -> tuple[str, bool | None
 
 
 def _both_connections(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
-    """How close the unstable branch of each noninverted state comes to the other one at Omega_h, in double."""
+    """Measure how close each noninverted state's unstable branch comes to the other at Omega_h."""
     import numpy
 
     parameters, omega = audit.sets[name], audit.omega_h(name).value
@@ -64,24 +68,27 @@ def _both_connections(audit: Audit, name: str, printed: str) -> tuple[str, bool]
         request = Request(parameters, omega, start, 12, shifted=True, times=times, domain="none")
         distances = numpy.abs(audit.engine(request).samples - numpy.array([0, sign * numpy.pi, 0])).max(axis=1)
         closest.append(float(distances.min()))
-    # Omega_h itself leaves some 1e-8 rad, a speed 1e-5 rad/s away 0.004.
+    # The distance is about 1e-8 rad at Omega_h, and 0.004 at a speed 1e-5 rad/s away.
     return f"branches within {closest[0]:.0e} and {closest[1]:.0e} of the other state", max(closest) < 0.003
 
 
 def _identified(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
-    """The field at states a full turn of gamma apart, the two noninverted ones among them, in 400 bits."""
+    """Compare the field at states a full turn of gamma apart, in 400 bits.
+
+    Two of these are the noninverted states.
+    """
     ctx = bits(400).context
     rates = field(ctx, audit.sets[name].within(ctx), ctx.mpf("30.4"), audit.parameters.friction)
     apart = ctx.mpf(0)
     for beta, gamma, v in ((ctx.pi / 2, -ctx.pi / 2, ctx.mpf(0)), (ctx.mpf("1.7"), ctx.mpf("-1.5"), ctx.mpf("0.3"))):
         pairs = zip(rates(beta, gamma, v), rates(beta, gamma + 2 * ctx.pi, v), strict=True)
         apart = max(apart, *(abs(a - b) for a, b in pairs))
-    # Rounding of the angles, times the field's derivatives, however large.
+    # The bound leaves a factor 2^100 for the derivatives, which multiply the angles' rounding.
     return f"the field differs by {float(apart):.0e}", apart < 2.0**-300
 
 
 def _two_methods(audit: Audit, name: str, printed: str) -> Answer:
-    """Omega_h as the zero of the splitting, and as the limit of the limit cycles."""
+    """Compute Omega_h as the zero of the splitting and as the limit of the limit cycles."""
     taylor = audit.engine if audit.engine.measures_error else default_engine()
     ends, without = [], []
     for digits, method in ((12, "manifolds"), (14, "limit-cycles")):
@@ -90,18 +97,17 @@ def _two_methods(audit: Audit, name: str, printed: str) -> Answer:
         except (NoConnectionError, NoSuchCycleError) as reason:
             without.append(str(reason))
     if without:
-        said = "one method finds a connection, the other none" if ends else "no connection"
-        return said, not ends, "; ".join(without)
-    one, two = ends
-    apart = abs(one.value - two.value)
+        outcome = "one method finds a connection, the other none" if ends else "no connection"
+        return outcome, not ends, "; ".join(without)
+    splitting, limit = ends
+    apart = abs(splitting.value - limit.value)
     note = (
         f"the manifolds' splitting and the limit of the limit cycles lie {float(apart):.1e} rad/s apart, with"
-        f" half-widths of {float(one.uncertainty):.1e} and {float(two.uncertainty):.1e}"
+        f" half-widths of {float(splitting.uncertainty):.1e} and {float(limit.uncertainty):.1e}"
     )
-    return one, apart <= one.uncertainty + two.uncertainty, note
+    return splitting, apart <= splitting.uncertainty + limit.uncertainty, note
 
 
-#: In the order of the paper.
 CONNECTION_CLAIMS: tuple[Claim, ...] = (
     Claim(
         "omega_h",

@@ -1,4 +1,4 @@
-"""Claims about the two friction laws, and about what attracts what."""
+"""Claims about the two friction laws, and about attraction."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from tippedisk_verify.theory.slow_manifold import critical_manifold
 __all__ = ["FRICTION_CLAIMS"]
 
 _LAWS: tuple[Friction, ...] = ("linear", "smooth")
-_STATES = 2048
+_STATES = 2048  # starts in the plane; the sampling error of a fraction is about 1 %
 
 
 def _below(parameters: Parameters) -> Fraction:
@@ -34,7 +34,7 @@ def _cycle(parameters: Parameters, engine: Engine) -> LimitCycle:
 
 
 def _qualitative(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
-    """Same kind of Hopf point, stable cycles, and a connection, by both laws."""
+    """Compare the kind of Hopf point, the cycles' stability and the connection under both laws."""
     parameters, crit = audit.sets[name], float(omega_crit(audit.sets[name]))
     speeds = [float(heteroclinic(parameters.with_friction(law), audit.engine).omega_h) for law in _LAWS]
     cycles = [_cycle(parameters.with_friction(law), audit.engine) for law in _LAWS]
@@ -43,7 +43,7 @@ def _qualitative(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
     kinds = [criticality(parameters), _smooth_kind(parameters.with_friction("smooth"), audit.engine)]
     same = (
         kinds[0] == kinds[1]
-        and all(map(math.isclose, *rows))  # but for the sliding velocity that pi/2 in double leaves
+        and all(map(math.isclose, *rows))  # pi/2 in double leaves a tiny sliding velocity
         and all(speed < crit for speed in speeds)
         and all(cycle.stable for cycle in cycles)
     )
@@ -51,9 +51,10 @@ def _qualitative(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
 
 
 def _smooth_kind(parameters: Parameters, engine: Engine) -> str:
-    """The kind of the smooth law's Hopf point by its cycles: its field is too rough for a Lyapunov coefficient.
+    """Return the kind of the smooth law's Hopf point, as its cycles show it.
 
-    Supercritical if stable cycles below Omega_crit shrink towards it.
+    The smooth field is only C^1, which is not enough for a Lyapunov coefficient. The point is
+    supercritical if stable cycles below Omega_crit shrink towards it.
     """
     far, speed = _cycle(parameters, engine), omega_crit(parameters, 20).value - Fraction(1, 32)
     near = cycle_at(parameters, speed, engine, digits=12)
@@ -62,7 +63,7 @@ def _smooth_kind(parameters: Parameters, engine: Engine) -> str:
 
 
 def _asymptotic(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
-    """The attracting cycles of both laws at the same speed, and how far the sliding velocity is from small."""
+    """Compare the cycles of both laws at one speed, and measure the sliding velocity on them."""
     import numpy
 
     parameters = audit.sets[name]
@@ -77,10 +78,12 @@ def _asymptotic(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
 
 
 def _attractive(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
-    """Where neighbours in v fall together, a little off rolling, and at what rate, -d(v')/d(v), by both laws."""
+    """Return the rates -d(v')/d(v) at which neighbours in v approach, slightly off rolling, by both
+    laws.
+    """
     import numpy
 
-    parameters, said, falling = audit.sets[name], [], []
+    parameters, ranges, falling = audit.sets[name], [], []
     constants, speed = parameters.at(DOUBLE), float(_below(parameters))
     beta, gamma = numpy.mgrid[0.35 : math.pi - 0.35 : 24j, -math.pi / 2 : 3 * math.pi / 2 : 32j]
     v, distance = critical_manifold(numpy, constants, speed, beta, gamma) + 0.25, abs(beta - math.pi / 2)
@@ -89,12 +92,12 @@ def _attractive(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
         falling.append(bool((rates > 0).all()))
         edge = distance[rates <= 0].min(initial=distance.max())
         inside = rates[distance < edge]
-        said.append(f"{law}: {inside.min():.1f} to {inside.max():.1f} 1/s for |beta - pi/2| < {edge:.2f}")
-    return "; ".join(said), all(falling)
+        ranges.append(f"{law}: {inside.min():.1f} to {inside.max():.1f} 1/s for |beta - pi/2| < {edge:.2f}")
+    return "; ".join(ranges), all(falling)
 
 
 def _almost_all(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
-    """A plane of starts at rest above Omega_crit."""
+    """Find what the starts of a plane at rest end on, above Omega_crit."""
     parameters = audit.sets[name]
     omega = omega_crit(parameters, 20).value + Fraction(1, 2)
     plane = basins(parameters, omega, count=_STATES)
@@ -107,7 +110,6 @@ def _almost_all(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
     return text, 1 - inverted[0] < inverted[1]
 
 
-#: In the order of the paper.
 FRICTION_CLAIMS: tuple[Claim, ...] = (
     Claim(
         "globally_attractive",
@@ -115,11 +117,12 @@ FRICTION_CLAIMS: tuple[Claim, ...] = (
         "the slow manifold is globally attractive, with the smooth law as well",
         "globally attractive",
         _attractive,
-        note="rates at which neighbours in v fall together, a little off rolling",
+        note="rates at which neighbours in v approach each other, slightly off rolling",
         methods=("closed form",),
         fault=Fault(
             "differs",
-            "the attraction rate vanishes where the disk lies flat, and off rolling neighbours in v part before that",
+            "the attraction rate vanishes where the disk lies flat, and off rolling neighbours in v separate"
+            " before that",
             "the slow manifold attracts at an angle from lying flat, by both laws",
         ),
         formula=r"\mathcal{M}_s \;\text{attracts}\; \{0 < \beta < \pi\}",

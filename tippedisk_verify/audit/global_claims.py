@@ -1,4 +1,4 @@
-"""Claims about trajectories: the limit cycles, the six scenes, and the cross-check of the engines."""
+"""Claims about trajectories: limit cycles, the six scenes, and the comparison of the engines."""
 
 from __future__ import annotations
 
@@ -24,15 +24,18 @@ __all__ = ["GLOBAL_CLAIMS"]
 
 
 def _scene(scene: str, audit: Audit, name: str, printed: str) -> Answer:
-    """What a panel's orbits end on; what repels them from one well may end in turns for good."""
+    """Find what the orbits of a panel end on.
+
+    Orbits that are repelled from one well may also end on a rotating cycle.
+    """
     endings = [orbit.ending for orbit in audit.panel(scene, name).orbits]
     expected = ("flat", "rotating limit cycle") if printed == "repelled" else (printed,)
     undecided = any(ending.kind == "undecided" for ending in endings)
     outcome = None if undecided else all(ending.kind in expected for ending in endings)
-    return "; ".join(_said(ending) for ending in endings), outcome
+    return "; ".join(_ending_text(ending) for ending in endings), outcome
 
 
-def _said(ending: Ending) -> str:
+def _ending_text(ending: Ending) -> str:
     if ending.time is not None:
         return f"flat at {float(ending.time):.3f} s past {ending.wells_passed} noninverted states"
     if ending.amplitude is not None:
@@ -41,7 +44,7 @@ def _said(ending: Ending) -> str:
 
 
 def _branch(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
-    """The overview of the family: stable everywhere, amplitude and period monotone."""
+    """Check that all cycles of the family are stable, with monotone amplitude and period."""
     cycles = sorted(audit.family(name), key=lambda cycle: cycle.omega.value)
     steps = list(pairwise(cycles))
     falling = all(a.period.value > b.period.value and a.beta_max.value > b.beta_max.value for a, b in steps)
@@ -51,7 +54,10 @@ def _branch(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
 
 
 def _table_2(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
-    """Whether shooting from the printed guess (gamma_bar, v) ends on the family's cycle; T_0 is no unknown here."""
+    """Check that shooting from the printed guess (gamma_bar, v) ends on the family's cycle.
+
+    The printed T_0 is not used: the period is not an unknown of this shooting.
+    """
     speed = omega_crit(audit.sets[name], 40).value - Fraction(1, 2)
     truth = cycle_at(audit.sets[name], speed, audit.engine)
     gamma_bar, v, _ = map(float, printed.removeprefix("guess ").split(", "))
@@ -65,7 +71,7 @@ def _table_2(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
 
 
 def _contact(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
-    """The smallest lambda_N / (m g) along the sampled orbits; negative would mean that the contact opens."""
+    """Find the smallest lambda_N / (m g) on the sampled orbits; the contact is lost below 0."""
     import numpy
 
     constants, smallest = audit.sets[name].at(DOUBLE), math.inf
@@ -80,7 +86,7 @@ def _contact(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
 
 
 def _engines(audit: Audit, name: str, printed: str) -> Answer:
-    """The Taylor engine in double against itself in extended precision and against SciPy."""
+    """Compare the Taylor engine in double with itself in extended precision and with SciPy."""
     from tippedisk_verify.flow.baseline import Baseline
 
     taylor = audit.engine if audit.engine.measures_error else default_engine()
@@ -97,7 +103,7 @@ def _engines(audit: Audit, name: str, printed: str) -> Answer:
                 return "the engines end differently", False, note
             worst = max(worst, *(Fraction(abs(a - b)) for a, b in zip(mine.state, theirs.state, strict=True)))
             claimed = max(claimed, Fraction(mine.error.largest))
-    # SciPy's local tolerance of 1e-13 grows over 10 s by the passages near the saddles, which cost up to three digits.
+    # The passages near the saddles within 10 s turn SciPy's local 1e-13 into up to 1e-10.
     agreed = worst <= Fraction(1, 10**10) and claimed <= Fraction(1, 10**11)
     note = (
         f"six orbits of 10 s: SciPy's DOP853 differs by at most {float(worst):.1e}; the Taylor engine's own estimate of"
@@ -109,7 +115,6 @@ def _engines(audit: Audit, name: str, printed: str) -> Answer:
 _ON_THE_CYCLE = "the periodic solution attracts both orbits", "limit cycle"
 _INVERTED = "above Omega_crit inverted spinning attracts both orbits", "inverted spinning", "inversion"
 
-#: In the order of the paper.
 GLOBAL_CLAIMS: tuple[Claim, ...] = (
     Claim(
         "stable_branch",
@@ -155,7 +160,7 @@ GLOBAL_CLAIMS: tuple[Claim, ...] = (
             statement,
             ending,
             partial(_scene, name),
-            note="where each orbit ends; of a cycle, gamma's amplitude at beta = pi/2",
+            note="where each orbit ends; for a cycle, gamma's amplitude at beta = pi/2",
             methods=("trajectories",),
             formula=formula,
             figures=(*figures, "scenes_3d", "scenes_2d"),

@@ -1,4 +1,4 @@
-"""Claims about Table 1 and the model's linearisation: the two equilibria, their eigenvalues, the critical speed."""
+"""Claims about Table 1 and the linearisation: equilibria, eigenvalues and the critical speed."""
 
 from __future__ import annotations
 
@@ -22,7 +22,8 @@ __all__ = ["EVERY_SPEED", "LINEAR_CLAIMS", "NORMAL_FORM", "closed_form", "table_
 EVERY_SPEED = Theorem("Theorem 1", ("certify equilibria --every-speed",), every_disk=True)
 NORMAL_FORM = Theorem("Theorem 3", ("certify hopf",), "linear")
 
-#: Table tab:dim_mass in SI units, with half a unit of its last digits; g is not printed, mu and epsilon are choices.
+#: Table tab:dim_mass [SI units], with half a unit of each last digit. g is not printed; mu and
+#: epsilon are free choices.
 _TABLE = {
     "r": ("0.045", "0.5e-3"),
     "e": ("2.5e-3", "0.05e-3"),
@@ -32,7 +33,7 @@ _TABLE = {
     "g": ("9.81", "0.01"),
 }
 
-#: The numbers that the paper prints of closed forms, by claim, to so many digits.
+#: The closed forms whose values the paper prints, by claim: functions of the disk and the digits.
 _CLOSED_FORMS: dict[str, Callable[[Parameters, int], Measured]] = {
     "omega_crit": omega_crit,
     "period_crit": period_crit,
@@ -42,18 +43,18 @@ _CLOSED_FORMS: dict[str, Callable[[Parameters, int], Measured]] = {
 
 
 def closed_form(name: str) -> Callable[[Audit, str], Measured]:
-    """The number that a claim prints, of a set."""
+    """Return the function of the audit and a set's name that computes a claim's number."""
     return lambda audit, set_name: _CLOSED_FORMS[name](audit.sets[set_name], max(audit.digits, 12))
 
 
 def table_box() -> dict[str, tuple[Fraction, Fraction]]:
-    """The interval of r, e, m, A, B and g [SI units] of the disks that round to the table."""
+    """Return the intervals of r, e, m, A, B and g [SI units] that round to the table."""
     numbers = {name: (Fraction(text), Fraction(half)) for name, (text, half) in _TABLE.items()}
     return {name: (value - half, value + half) for name, (value, half) in numbers.items()}
 
 
 def _joint(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
-    """Whether the set lies inside Table 1's rounding and reproduces all printed closed-form numbers at once."""
+    """Check that a set rounds to Table 1 and gives all printed closed-form numbers."""
     pairs = zip(printed.split(", "), _CLOSED_FORMS, strict=True)
     missed = [text for text, claim in pairs if not rounds_to(closed_form(claim)(audit, name), text)]
     inside = all(low <= getattr(audit.sets[name], part) <= high for part, (low, high) in table_box().items())
@@ -65,7 +66,10 @@ _EIGHT_SPEEDS = "exact Routh-Hurwitz in rational arithmetic at eight speeds on e
 
 
 def _stability(which: EquilibriumName, sides: tuple[int, ...], audit: Audit, name: str) -> str:
-    """Stability at eight speeds on each of the given sides of Omega_crit (-1 below, 1 above), exactly."""
+    """Determine the stability at eight speeds on each given side of Omega_crit, exactly.
+
+    The sides are -1 (below) and 1 (above).
+    """
     # A rational within 1e-30 of Omega_crit; the shifts are far larger, so the side is certain.
     crit = omega_crit(audit.sets[name], 30).value
     speeds = [crit * (1 + side * Fraction(1, 2**power)) for side in sides for power in range(1, 9)]
@@ -74,7 +78,7 @@ def _stability(which: EquilibriumName, sides: tuple[int, ...], audit: Audit, nam
 
 
 def _friction_free(audit: Audit, name: str) -> str:
-    """With friction changed by large factors, the linearisation loses stability at the same speed."""
+    """Check that the linearisation loses stability at one speed for very different friction."""
     parameters = audit.sets[name]
     speed = omega_crit(parameters, 40).value
     nearby = Fraction(1, 10**30)
@@ -90,7 +94,7 @@ def _friction_free(audit: Audit, name: str) -> str:
 
 
 def _square_of_sine(audit: Audit, name: str) -> str:
-    """Which reading of the printed square makes gamma_y the contact point's velocity."""
+    """Find the reading of the printed square that makes gamma_y the contact point's velocity."""
     c, omega, beta, gamma, v = audit.sets[name].at(DOUBLE), 30.4, 1.2, 0.3, 0.7
     rest = (c.r + c.e * math.sin(gamma)) * v * math.sin(beta)
     velocity = terms(math, c, omega, beta, gamma, v).sliding_velocity
@@ -100,7 +104,7 @@ def _square_of_sine(audit: Audit, name: str) -> str:
 
 
 def _critical_pair(audit: Audit, name: str) -> str:
-    """The kind of the two eigenvalues that change the sign of their real part at Omega_crit."""
+    """Return the kind of the two eigenvalues whose real part changes sign at Omega_crit."""
     crit = omega_crit(audit.sets[name], 30).value
     below, above = (
         equilibrium(audit.sets[name], crit * (1 + side * Fraction(1, 1000)), "inverted", 20).eigenvalues
@@ -112,7 +116,7 @@ def _critical_pair(audit: Audit, name: str) -> str:
 
 
 def _jacobian_entries(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
-    """A31, A32, A33 against the derivative of the full equations, in 200 bits."""
+    """Compare A31, A32 and A33 with the derivative of the full equations, in 200 bits."""
     ctx, parameters, speed = bits(200).context, audit.sets[name], Fraction("30.4")
     state = ctx.pi / 2, ctx.pi / 2, ctx.mpf(0)
     row = jacobian(ctx, parameters.within(ctx), quotient(ctx, speed), "linear")(*state)[2]
@@ -123,7 +127,7 @@ def _jacobian_entries(audit: Audit, name: str, printed: str) -> tuple[str, bool]
 
 
 def _stiff_order(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
-    """The observed exponent of epsilon in lambda_3 - A33."""
+    """Measure the exponent of epsilon in lambda_3 - A33."""
     gaps = []
     for exponent in (4, 5):
         changed = audit.sets[name].changed(epsilon=Fraction(1, 10**exponent))
@@ -133,7 +137,6 @@ def _stiff_order(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
     return f"order {slope:.4f}", abs(slope - 1) < 0.01
 
 
-#: In the order of the paper.
 LINEAR_CLAIMS: tuple[Claim, ...] = (
     Claim(
         "table_1",
@@ -144,7 +147,8 @@ LINEAR_CLAIMS: tuple[Claim, ...] = (
         note="yes: calibrated does, with Omega_h = 30.07 as well (claim omega_h)",
         formula=r"r,\; e,\; m,\; A,\; B \;\mapsto\; \Omega_\text{crit},\; T_\text{crit},\; A_{33},\; \chi",
         proof=ProofOffer(
-            NORMAL_FORM, "enclosures of the four numbers; whether the disk rounds to Table 1 is seen from its decimals"
+            NORMAL_FORM,
+            "enclosures of the four numbers; the disk's decimals show whether it rounds to Table 1",
         ),
     ),
     Claim(
@@ -156,7 +160,7 @@ LINEAR_CLAIMS: tuple[Claim, ...] = (
         methods=("reading", "closed form"),
         fault=Fault(
             "slip",
-            "the square stands at the angle instead of its sine; the contact point's kinematics give no other reading",
+            "the square is at the angle instead of its sine; the contact point's kinematics allow no other reading",
             "gamma_y = (r + e sin gamma) v sin beta - e Omega sin^2(beta) cos gamma",
         ),
         formula=r"\gamma_y = (r + e\,\sin\gamma)\,\dot{\beta}\,\sin\beta - e\,\Omega\,\sin\beta^2\,\cos\gamma",
@@ -199,7 +203,7 @@ LINEAR_CLAIMS: tuple[Claim, ...] = (
             r"\frac{\partial\Omega_\text{crit}}{\partial\mu}"
             r" = \frac{\partial\Omega_\text{crit}}{\partial\varepsilon} = 0"
         ),
-        proof=ProofOffer(EVERY_SPEED, "that the formula is right whatever mu and epsilon are"),
+        proof=ProofOffer(EVERY_SPEED, "that the formula is right for all mu and epsilon"),
     ),
     Claim(
         "lambda_3",

@@ -26,7 +26,7 @@ __all__ = ["MANIFOLD_CLAIMS"]
 
 
 def _rolling_correction(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
-    """The paper's h_1 against the recursion's, at the twenty fixed points."""
+    """Compare the paper's h_1 with the recursion's at the twenty fixed points."""
     constants, speed = audit.sets[name].at(DOUBLE), 30.4
     worst = 0.0
     for beta, gamma in POINTS:
@@ -43,15 +43,21 @@ def _attraction(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
 
 
 def _order_0(which: EquilibriumName, audit: Audit, name: str, printed: str) -> Answer:
-    """Whether the flow on the critical manifold hides that the equilibrium gains or loses stability."""
+    """Find the kind of an equilibrium of the flow on the critical manifold.
+
+    If it is a centre, the flow does not show that the equilibrium gains or loses stability.
+    """
     reduced = reduced_equilibrium(audit.sets[name], Fraction("30.4"), which, 0)
-    # A trace that vanishes comes out as rounding of 120 bits; at order 1 it is a thirtieth of this size.
+    # A zero trace comes out as rounding of 120 bits; at order 1 it is a thirtieth of this size.
     centre = reduced.determinant > 0 and abs(reduced.trace) < 2.0**-80 * reduced.determinant**0.5
     return "a centre" if centre else "a saddle" if reduced.determinant < 0 else "a focus", centre
 
 
 def _growing_series(audit: Audit, name: str, printed: str) -> tuple[str, bool | None]:
-    """|h_n|^(1/n) at (1.2, 0.3): bounded for a convergent series; growth over twelve terms disproves nothing."""
+    """Compute |h_n|^(1/n) at (1.2, 0.3), which is bounded if the series converges.
+
+    Growth over twelve terms does not disprove convergence.
+    """
     ctx = bits(160).context
     terms = orders(ctx, audit.sets[name].within(ctx), ctx.mpf("30.4"), ctx.mpf("1.2"), ctx.mpf("0.3"), 12)
     roots = [float(abs(term)) ** (1 / n) for n, term in enumerate(terms) if n]
@@ -65,7 +71,7 @@ def _order_1_hopf(audit: Audit, name: str, printed: str) -> tuple[Measured, bool
 
 
 def _slow_variables(audit: Audit, name: str) -> str:
-    """How many eigenvalues stay where they are as epsilon tends to 0: the others belong to fast directions."""
+    """Count the eigenvalues that stay bounded as epsilon tends to 0; the others are fast."""
     large, small = (
         equilibrium(audit.sets[name].changed(epsilon=epsilon), "30.4", "inverted", 20).eigenvalues
         for epsilon in ("1e-4", "1e-5")
@@ -76,18 +82,17 @@ def _slow_variables(audit: Audit, name: str) -> str:
 
 
 def _second_state(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
-    """Whether the printed state is an equilibrium in the model's domain, and noninverted."""
+    """Check that the printed state is an equilibrium, in the model's domain, and noninverted."""
     constants = audit.sets[name].at(DOUBLE)
     state = [DOUBLE.number(exact(part)) for part in printed.strip("()").split(", ")]
     sin_beta = math.sin(state[0])
     # Rounding of the angles, times the field's derivatives of up to 1e4.
     still = max(map(abs, field(math, constants, 30.4, "linear")(*state))) < 1e-11
     attracts = is_stable(Linearization(30.4 * sin_beta, *jacobian(math, constants, 30.4, "linear")(*state)[2]))
-    said = f"sin(beta) = {sin_beta:.0f}" + (", and it attracts" if attracts else "")
-    return said if still else "no equilibrium", still and sin_beta > 0 and math.sin(state[1]) < 0
+    text = f"sin(beta) = {sin_beta:.0f}" + (", and it attracts" if attracts else "")
+    return text if still else "no equilibrium", still and sin_beta > 0 and math.sin(state[1]) < 0
 
 
-#: In the order of the paper.
 MANIFOLD_CLAIMS: tuple[Claim, ...] = (
     Claim(
         "convergent_series",
@@ -95,7 +100,8 @@ MANIFOLD_CLAIMS: tuple[Claim, ...] = (
         "the slow manifold's series in epsilon converges",
         "convergent series",
         _growing_series,
-        note="no proof is given; bounded for a convergent series. Units of h_n as such, at (beta, gamma) = (1.2, 0.3)",
+        note="the paper gives no proof; for a convergent series the values are bounded; h_n in its own unit, at"
+        " (beta, gamma) = (1.2, 0.3)",
         methods=("jets",),
         formula=r"h(x;\varepsilon) = h_0(x) + \varepsilon\,h_1(x) + \varepsilon^2 h_2(x) + \dots",
     ),

@@ -1,1 +1,4 @@
-"""Run time against error: the `problems`, the `methods` that solve them, the `peers`, the `race` between them."""
+"""The comparison of run time and error of integrators.
+
+`problems` are integrated by `methods` and `peers`; `race` measures them.
+"""

@@ -1,4 +1,4 @@
-"""What is raced: each method prepared for a problem at a setting, as something that runs and says how it went."""
+"""The methods that are compared, each prepared for a problem at one setting."""
 
 from __future__ import annotations
 
@@ -17,41 +17,44 @@ from tippedisk_verify.model.precision import DOUBLE, EXTENDED, QUADRUPLE, bits, 
 
 __all__ = ["METHODS", "Method", "MethodRun", "Prepared", "compiled_rates"]
 
+# Relative and absolute tolerances, loosest first.
 _TAYLOR_TOLERANCES = (1e-3, 1e-5, 1e-6, 1e-7, 1e-9, 1e-11, 1e-12, 1e-13, 1e-15)
 _TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12)
-_FINE_TOLERANCES = (1e-4, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 3e-11, 1e-11, 1e-12, 1e-13)  # for the strongest of them
+# For DOP853, the strongest of SciPy's methods.
+_FINE_TOLERANCES = (1e-4, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 3e-11, 1e-11, 1e-12, 1e-13)
 
 
 @dataclass(frozen=True)
 class MethodRun:
-    """What a run gave: samples as far as it came, and what it cost beside time."""
+    """The result of one run, and its cost other than time."""
 
-    status: str  #: reached, or why not
-    samples: Any  #: (n, 3) at the problem's times, in any arithmetic; fewer if it broke off
+    status: str  #: "reached", or the reason why it was not
+    samples: Any  #: (n, 3) at the problem's times, in any arithmetic; fewer after an early stop
     steps: int | None = None
     evaluations: int | None = None  #: of the right-hand side
 
 
 @dataclass(frozen=True)
 class Prepared:
-    """A method set up for a problem: ``run`` goes to a time and returns the state there, ``sampled`` gives samples."""
+    """A method set up for a problem."""
 
-    run: Callable[[float], Any]
-    sampled: Callable[[], MethodRun]
-    clock: Callable[[], float | None] | None = None  #: seconds of the last run by the method's own clock
+    run: Callable[[float], Any]  #: integrates to a time [s] and returns the state there
+    sampled: Callable[[], MethodRun]  #: integrates to the end and returns the samples
+    clock: Callable[[], float | None] | None = None  #: seconds of the last run by its own clock
 
 
 @dataclass(frozen=True)
 class Method:
-    """A competitor. ``prepare`` does what is done once: compiling, allocating."""
+    """A method that takes part in the comparison."""
 
     name: str
     family: str  #: heyoka, bare, half-widths, scipy, or the peer's name
     settings: tuple[Any, ...]  #: loosest first
-    prepare: Callable[[Problem, Any], Prepared]
-    fits: Callable[[Problem], bool] = lambda problem: True  #: whether it takes part
+    prepare: Callable[[Problem, Any], Prepared]  #: does what is done once: compiling, allocating
+    fits: Callable[[Problem], bool] = lambda problem: True  #: True if it can solve the problem
 
     def label(self, setting: Any) -> str:
+        """Return a setting as text."""
         return f"{setting:.0e}" if isinstance(setting, float) else str(setting)
 
 
@@ -74,12 +77,12 @@ def _by_engine(engine: Engine, problem: Problem, **options: Any) -> Prepared:
 
 
 def _engine(make: Callable[..., Engine], *options: str, **more: bool) -> Callable[[Problem, float], Prepared]:
-    """How an engine, made anew for each problem and tolerance, integrates."""
+    """Return a `prepare` that makes a new engine for each problem and tolerance."""
     return lambda problem, tolerance: _by_engine(make(*options, **more), problem, tolerance=tolerance)
 
 
 _PRECISIONS = {"double": DOUBLE, "extended": EXTENDED, "quadruple": QUADRUPLE, "50 digits": bits(170)}
-_DIGITS = (12, 14, 16, 18, 20, 22, 25)
+_DIGITS = (12, 14, 16, 18, 20, 22, 25)  # settings of the runs with half-widths
 
 
 def _beyond_double(problem: Problem, precision: str) -> Prepared:
@@ -87,12 +90,12 @@ def _beyond_double(problem: Problem, precision: str) -> Prepared:
 
 
 def _with_half_widths(problem: Problem, digits: int) -> Prepared:
-    """As `Disk.integrate` flies: the error is estimated, and beyond 12 digits taken out."""
+    """Integrate as `Disk.integrate` does: estimate the error, and beyond 12 digits remove it."""
     return _by_engine(Taylor(), problem, error_estimate=True, digits=digits)
 
 
 def _bare(problem: Problem, name: str) -> Prepared:
-    """heyoka as its manual has it, with nothing around it: the distance to it is what the suite adds."""
+    """Integrate with heyoka as its manual shows, to see what this package adds to the time."""
     precision = _PRECISIONS[name]
     constants, omega = problem.parameters.at(precision), precision.number(problem.omega)
     hy, state, rates = _in_symbols(problem, lambda ops, *_: vector_field(ops, constants, omega, problem.friction))
@@ -122,7 +125,7 @@ def _bare(problem: Problem, name: str) -> Prepared:
 
 
 def _in_symbols(problem: Problem, formula: Callable[..., Any]) -> tuple[Any, list[Any], Any]:
-    """heyoka, the state's symbols, and what a formula of the linear law gives for them."""
+    """Return heyoka, the symbols of the state, and a formula of the linear law in them."""
     hy = heyoka_module()
     state = hy.make_vars("beta", "gamma", "v")
     constants = Constants(*map(float, problem.parameters.rational()))
@@ -130,7 +133,12 @@ def _in_symbols(problem: Problem, formula: Callable[..., Any]) -> tuple[Any, lis
 
 
 def compiled_rates(problem: Problem) -> Callable[[float, Any], Any]:
-    """The linear law's right-hand side as machine code, for packages that call it from Python."""
+    """Compile the linear law's right-hand side to machine code, for packages that call it from
+    Python.
+
+    Returns:
+        A function of t and y, shape (3,), that returns dy/dt.
+    """
     import numpy
 
     hy, state, rates = _in_symbols(problem, vector_field)
@@ -139,7 +147,11 @@ def compiled_rates(problem: Problem) -> Callable[[float, Any], Any]:
 
 
 def compiled_jacobian(problem: Problem) -> Callable[[float, Any], Any]:
-    """Its Jacobian likewise."""
+    """Compile the linear law's Jacobian to machine code.
+
+    Returns:
+        A function of t and y, shape (3,), that returns a (3, 3) array.
+    """
     import numpy
 
     hy, state, rows = _in_symbols(problem, jacobian)

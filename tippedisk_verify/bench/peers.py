@@ -1,8 +1,12 @@
-"""What users would pick instead, of the extra ``peers``: SUNDIALS CVODE (scikit-sundae), diffrax and numbalsoda.
+"""Other integrators that users might choose: SUNDIALS CVODE (scikit-sundae), diffrax and
+numbalsoda.
 
-Each is set up as its authors advise: CVODE with an analytic Jacobian, Adams beside BDF and as many steps as it needs;
-diffrax compiled, in 64 bits, with a PID controller and an explicit method of order 8; numbalsoda with a right-hand side
-that numba compiles. numbalsoda comes as source, which takes a C++ and a Fortran compiler.
+The extra ``peers`` installs them. Each is set up as its authors advise:
+
+- CVODE has an analytic Jacobian, BDF and Adams methods, and as many steps as it needs.
+- diffrax is compiled, in 64 bits, with a PID controller and an explicit method of order 8.
+- numbalsoda has a right-hand side compiled by numba. It is built from source, which needs a C++ and
+  a Fortran compiler.
 """
 
 from __future__ import annotations
@@ -21,7 +25,7 @@ from tippedisk_verify.model.precision import DOUBLE
 __all__ = ["peer_methods"]
 
 _TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12)
-_MOST_STEPS = 1_000_000
+_MOST_STEPS = 1_000_000  # more than any of these runs takes
 
 
 def _cvode(kind: str) -> Callable[[Problem, float], Prepared]:
@@ -48,7 +52,7 @@ def _cvode(kind: str) -> Callable[[Problem, float], Prepared]:
             status = "reached" if solution.success else str(solution.message)
             return MethodRun(status, solution.y[1:], None, int(solution.nfev))
 
-        # Three times or more: otherwise every step is kept.
+        # With fewer than three times the solver would store every step.
         return Prepared(lambda end: solver.solve(numpy.array([0.0, end / 2, end]), start).y[-1], sampled)
 
     return prepare
@@ -123,7 +127,7 @@ def _numbalsoda(name: str) -> Callable[[Problem, float], Prepared]:
             states, reached = flown(*problem.times)
             return MethodRun("reached" if reached else "gave up before the end", states[1:])
 
-        # The machine code that it calls lives as long as `right` does.
+        # Keep `right`: it owns the machine code.
         return Prepared(lambda end: flown(end)[0][-1], sampled)
 
     return prepare
@@ -139,7 +143,11 @@ _METHODS = (
 
 
 def peer_methods() -> tuple[Method, ...]:
-    """The peers that are installed. Raises InputError if none is."""
+    """Return the peers that are installed.
+
+    Raises:
+        InputError: If none is installed.
+    """
     methods = tuple(method for module, method in _METHODS if find_spec(module) is not None)
     if not methods:
         raise InputError("no peer is installed: pip install '.[peers]'")

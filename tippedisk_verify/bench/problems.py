@@ -1,7 +1,8 @@
-"""What to race on: six initial-value problems, with truths whose own uncertainty is known.
+"""The six initial-value problems of the comparison, with true solutions of known uncertainty.
 
-The truth is integrated in 60 digits and seen against 80, or in quadruple precision and seen against 42 digits, at the
-inputs that doubles are: a method in doubles is not blamed for what rounding them does.
+A true solution is integrated in 60 digits and compared with 80, or in quadruple precision and
+compared with 42 digits. Its inputs are doubles, taken exactly, so no method in doubles is blamed
+for rounding them.
 """
 
 from __future__ import annotations
@@ -24,14 +25,14 @@ from tippedisk_verify.theory.hopf import omega_crit
 
 __all__ = ["PROBLEMS", "STOPS", "Problem", "Truth", "problem_named", "truth_of"]
 
-_SAMPLES = 20
-#: Samples at which a run of its own ends: one end alone may lie where an orbit happens to meet its error's zero.
+_SAMPLES = 20  # per problem
+#: Indices of the samples at which separate runs end. The error of a single end might be near zero.
 STOPS = (5, 12, 19)
 
 
 @dataclass(frozen=True)
 class Problem:
-    """What to integrate; all numbers are doubles, exactly."""
+    """An initial-value problem; all numbers are doubles, taken exactly."""
 
     name: str
     says: str
@@ -47,7 +48,7 @@ class Problem:
 
     @property
     def times(self) -> tuple[float, ...]:
-        """Sample times, the end included."""
+        """The sample times [s], including the end."""
         return (*(self.duration * n / _SAMPLES for n in range(1, _SAMPLES)), self.duration)
 
     @property
@@ -67,6 +68,7 @@ class Problem:
         return _SOURCES[language].format(*rows)
 
     def request(self, **options: Any) -> Request:
+        """Return the problem as a request to an engine, with further options of `Request`."""
         return Request(self.parameters, self.omega, self.start, self.duration, domain="none", **options)
 
 
@@ -132,10 +134,10 @@ void rhs(double t, const double *y, double *rates) {{
 
 @dataclass(frozen=True)
 class Truth:
-    """Samples, and the largest of their half-widths."""
+    """The true samples."""
 
     samples: tuple[tuple[Measured, ...], ...]  #: (n, 3)
-    uncertainty: float
+    uncertainty: float  #: the largest half-width
 
 
 def _with_epsilon(value: str) -> Parameters:
@@ -184,7 +186,11 @@ PROBLEMS: tuple[Problem, ...] = (
 
 
 def problem_named(name: str) -> Problem:
-    """The problem of that name. Raises InputError if there is none."""
+    """Return the problem with a name.
+
+    Raises:
+        InputError: If the name is not known.
+    """
     for problem in PROBLEMS:
         if problem.name == name:
             return problem
@@ -193,7 +199,15 @@ def problem_named(name: str) -> Problem:
 
 @lru_cache(maxsize=16)
 def truth_of(problem: Problem, sharp: bool = True) -> Truth:
-    """The samples to some 55 digits, or if not ``sharp`` 28. Raises ArithmeticError if an integration fails."""
+    """Compute the true samples.
+
+    Args:
+        problem: The problem.
+        sharp: True for about 55 digits, False for about 28.
+
+    Raises:
+        ArithmeticError: If an integration fails.
+    """
     working = (bits(200), bits(266)) if sharp else (QUADRUPLE, bits(140))
     rough, wider = (_samples(problem, precision) for precision in working)
     held = [

@@ -1,4 +1,7 @@
-"""Running the methods against each other: interleaved, so that a machine's moods meet them all, errors beside times."""
+"""The measurement of run time and error of several methods.
+
+The methods run in turns, so that a busy machine slows all of them alike.
+"""
 
 from __future__ import annotations
 
@@ -21,26 +24,30 @@ from tippedisk_verify.provenance import processor, versions
 __all__ = ["Score", "machine", "raced", "ratios"]
 
 _REPEATS = 5  # at most
-_BRIEF = 0.03  # s; what takes longer is repeated less
-_LONG = 0.3  # s; tighter settings of a method that took this long are not run
-_BOUNDS = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12, 1e-13)  # on the error, for the ratios
-_GROUPS = {"heyoka": "heyoka", "scipy": "scipy", "cvode": "peer", "diffrax": "peer", "numbalsoda": "peer"}  # by family
+_BRIEF = 0.03  # s; longer runs are repeated less often
+_LONG = 0.3  # s; after a longer run, a method's tighter settings are left out
+_BOUNDS = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12, 1e-13)  # of the error, for the ratios
+# The group that each family is compared in.
+_GROUPS = {"heyoka": "heyoka", "scipy": "scipy", "cvode": "peer", "diffrax": "peer", "numbalsoda": "peer"}
 
 
 @dataclass(frozen=True, repr=False)
 class Score(Printable):
-    """One method at one setting on one problem. Errors are absolute, in rad and rad/s; None where there is no end."""
+    """The result of one method at one setting on one problem.
+
+    Errors are absolute, in rad and rad/s. They are None if the run did not reach the end.
+    """
 
     problem: str
     method: str
     family: str
     setting: str
-    status: str  #: reached, or why not
+    status: str  #: "reached", or the reason why it was not
     error: float | None  #: largest over the components at the ends of runs of three lengths
-    error_over_samples: float | None  #: largest at the samples, interpolated as the method does
+    error_over_samples: float | None  #: largest at the samples, with the method's own interpolation
     seconds: float | None  #: median of the repeats, warm
     spread: float | None  #: (largest - smallest) / median of the repeats
-    preparation: float | None  #: [s] compiling (or taking from the code cache) and the first run; the others are warm
+    preparation: float | None  #: [s] compiling (or loading from the code cache) and the first run
     steps: int | None
     evaluations: int | None
     truth_uncertainty: float
@@ -54,7 +61,7 @@ class _Entry:
     status: str = ""
     prepared: Prepared | None = None
     outcome: MethodRun | None = None
-    ends: dict[int, Any] = field(default_factory=dict)  # by sample: the state where a run of its own stops
+    ends: dict[int, Any] = field(default_factory=dict)  # by sample index: the end of a separate run
     preparation: float | None = None
     seconds: list[float] = field(default_factory=list)
 
@@ -65,12 +72,20 @@ def raced(
     advance: Callable[[str, int], None] = lambda label, steps: None,
     mapping: Callable[..., Iterable[Any]] = map,
 ) -> list[Score]:
-    """Every method on every problem that it fits, at every setting. Failures are scores, too.
+    """Run every method at every setting on every problem that it can solve.
 
-    ``mapping`` is ``map``, or an executor's, so that another process computes the truths, which are not timed.
+    Args:
+        problems: The problems.
+        methods: The methods.
+        advance: A function that is called with a label and 1 before each method.
+        mapping: ``map``, or an executor's, which computes the true solutions in other processes.
+            They are not timed.
+
+    Returns:
+        A score for each run, failed ones included.
     """
     scores = []
-    # None but these has errors that quadruple precision does not tell from none.
+    # Quadruple precision is enough to measure the errors of all settings except these.
     sharp = any({"quadruple", "50 digits"} & set(method.settings) for method in methods)
     truths = iter(mapping(partial(truth_of, sharp=sharp), problems))
     for problem in problems:
@@ -83,7 +98,7 @@ def raced(
             for entry in entries:
                 if entry.prepared and entry.seconds and entry.seconds[0] <= (_BRIEF if repeat else _LONG):
                     if entry.seconds[0] <= _BRIEF:
-                        entry.prepared.run(problem.duration)  # what ran before has emptied the processor's caches
+                        entry.prepared.run(problem.duration)  # fill the caches again
                     entry.seconds.append(_timed_run(entry.prepared, problem.duration)[0])
         truth = next(truths)
         scores += [_score(entry, truth) for entry in entries]
@@ -104,7 +119,10 @@ def _timed_run(prepared: Prepared, duration: float) -> tuple[float, Any]:
 
 
 def _first_runs(problem: Problem, method: Method) -> list[_Entry]:
-    """Prepared, run once cold and once warm; a method that takes long is spared its tighter settings."""
+    """Prepare a method, and run it once cold and once warm, at each setting.
+
+    After a long run, the tighter settings are left out.
+    """
     entries = []
     longest = 0.0
     for setting in method.settings:
@@ -151,7 +169,10 @@ def _score(entry: _Entry, truth: Truth) -> Score:
 
 
 def _errors(outcome: MethodRun, stopped: dict[int, Any], truth: Truth) -> tuple[float | None, float | None]:
-    """(ends, samples) against the truth, which is exact: differences above double are taken exactly."""
+    """Return the largest errors at the ends and at the samples.
+
+    The true values are exact, so differences are exact in any precision.
+    """
     if len(outcome.samples) != len(truth.samples):
         return None, None
 
@@ -163,10 +184,15 @@ def _errors(outcome: MethodRun, stopped: dict[int, Any], truth: Truth) -> tuple[
 
 
 def ratios(scores: Sequence[Score]) -> list[dict[str, Any]]:
-    """Who is fastest within a bound on the error: for each problem and bound, the method and setting of each group.
+    """Compare the fastest runs within each bound of the error.
 
-    ``scipy_over_heyoka`` and ``peer_over_heyoka`` say how many times longer these take. None stands where none of a
-    group gets there or was raced; bounds that nobody reaches are left out.
+    Args:
+        scores: The scores.
+
+    Returns:
+        A row for each problem and bound, with the fastest method and setting of each group.
+        ``scipy_over_heyoka`` and ``peer_over_heyoka`` are ratios of run times. An entry is None if
+        no run of a group is within the bound. Bounds that no run reaches are left out.
     """
     rows: list[dict[str, Any]] = []
     for problem in dict.fromkeys(score.problem for score in scores):
@@ -176,7 +202,7 @@ def ratios(scores: Sequence[Score]) -> list[dict[str, Any]]:
                 within = score.problem == problem and score.error is not None and score.error <= bound
                 group = _GROUPS.get(score.family)
                 if within and group and score.seconds:
-                    best[group] = min(best.get(group, score), score, key=lambda one: one.seconds or 0.0)
+                    best[group] = min(best.get(group, score), score, key=lambda run: run.seconds or 0.0)
             if best:
                 rows.append({"problem": problem, "error_at_most": bound} | _row(best))
     return rows
@@ -194,7 +220,7 @@ def _row(best: dict[str, Score]) -> dict[str, Any]:
 
 
 def machine() -> dict[str, Any]:
-    """What the figures were measured on."""
+    """Return the processor, cores and package versions of this machine."""
     from tippedisk_verify.model.precision import heyoka_module
 
     return {

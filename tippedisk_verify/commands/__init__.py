@@ -1,1 +1,3 @@
-"""The commands, by subject; `tippedisk_verify.cli` puts them together. Each imports what it needs when it runs."""
+"""The commands, by subject. `tippedisk_verify.cli` assembles them; each imports what it needs when
+it runs.
+"""

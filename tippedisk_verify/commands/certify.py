@@ -1,6 +1,7 @@
-"""The commands of `certify`: numbers with a proof by ball arithmetic, and the check of a certificate.
+"""The commands of `certify`: proofs by ball arithmetic, and the check of certificates.
 
-Exit status 0: proved; 1: not proved, and the status says where the proof stopped; 2: bad input.
+The exit status is 0 if the statement is proved, 1 if the proof stopped (the status names the
+place), and 2 for bad input.
 """
 
 from __future__ import annotations
@@ -62,12 +63,13 @@ def hopf(common: Common) -> dict[str, Any]:
     "--guess",
     nargs=2,
     metavar="GAMMA_BAR V",
-    help="Start from this state [rad, rad/s] at beta = pi/2; of a rotating cycle beta_bar and v at gamma = pi/2.",
+    help="Start from this state [rad, rad/s] at beta = pi/2;"
+    " for a rotating cycle, from beta_bar and v at gamma = pi/2.",
 )
-@click.option("--rotating", is_flag=True, help="The cycle on which gamma grows by 2 pi a period.")
+@click.option("--rotating", is_flag=True, help="Prove the cycle on which gamma grows by 2 pi a period.")
 @unstable_option
-@click.option("--at-fold", is_flag=True, help="Prove a fold of the family: two of its cycles meet there and end.")
-@click.option("--fold", type=int, metavar="N", help="Its number, if there are several.")
+@click.option("--at-fold", is_flag=True, help="Prove a fold of the family, where two of its cycles meet and end.")
+@click.option("--fold", type=int, metavar="N", help="The fold's number, if there are several.")
 @certificate_option
 @omega_option
 @below_crit_option
@@ -98,13 +100,13 @@ def orbit(
     "--near",
     callback=decimal,
     metavar="X",
-    help="Prove it about this speed [rad/s]; about the computed Omega_h if not given.",
+    help="Look near this speed [rad/s]; if not given, near the computed Omega_h.",
 )
 @click.option(
     "--cycles",
     callback=decimal,
     metavar="D",
-    help="Prove also the limit cycle of every speed up to D [rad/s] above Omega_h (rounded to 4 decimals).",
+    help="Also prove the limit cycle of every speed up to D [rad/s] above Omega_h (rounded to 4 decimals).",
 )
 @certificate_option
 def heteroclinic(common: Common, near: str | None, cycles: str | None, certificate: Path | None) -> Any:
@@ -117,20 +119,24 @@ def heteroclinic(common: Common, near: str | None, cycles: str | None, certifica
 
 
 def _written(proof: Any, certificate: Path | None) -> Any:
-    """The proof; its certificate is written, if one is asked for and there is a proof."""
+    """Return the proof, after writing its certificate if one is asked for and it succeeded."""
     if proof.proved and certificate is not None:
         write_text(certificate, proof.certificate())
     return proof
 
 
 @disk_command(
-    """Prove the family of limit cycles from the Hopf point to the heteroclinic cycle: one curve, stable, Omega falls.
+    """Prove the family of limit cycles from the Hopf point to the heteroclinic cycle.
 
-    It takes some 6 minutes of CPU.
+    The family is proved to be one curve of stable cycles, on which Omega falls.
+
+    This takes about 6 minutes of CPU.
     """
 )
-@click.option("--to", callback=decimal, metavar="X", help="Only to this gamma_bar_0 [rad], without the end at Omega_h.")
-@click.option("--out", metavar="DIR", help="Write a picture of what is proved there.")
+@click.option(
+    "--to", callback=decimal, metavar="X", help="Stop at this gamma_bar_0 [rad], and leave out the end at Omega_h."
+)
+@click.option("--out", metavar="DIR", help="Write a picture of the proved family there.")
 @certificate_option
 @jobs_option
 def branch(common: Common, to: str | None, out: str | None, certificate: Path | None, jobs: int | None) -> int:
@@ -154,9 +160,9 @@ def branch(common: Common, to: str | None, out: str | None, certificate: Path | 
 
 
 @command(
-    """Replay a certificate: its choices are tested again, without the search that found them.
+    """Replay a certificate: test its choices again, without the search that found them.
 
-    A family of limit cycles takes some four minutes of CPU, all else less than one.
+    A family of limit cycles takes about four minutes of CPU, everything else less than one.
     """
 )
 @click.argument("file")
@@ -178,8 +184,8 @@ def check(output: Output, file: str, jobs: int | None) -> int:
         output.show({"accepted": False, "fails": str(fault)})
         return 1
     except certificates.Refused as fault:
-        raise InputError(f"{printable(file)} is no certificate: {fault}") from None
+        raise InputError(f"{printable(file)} is not a certificate: {fault}") from None
 
 
-_SAYS = "Prove numbers: enclosures by ball arithmetic, each with the statement proved."
-COMMANDS = (group("certify", _SAYS, equilibria, hopf, orbit, heteroclinic, branch, check),)
+_HELP = "Prove numbers: enclosures by ball arithmetic, each with the statement proved."
+COMMANDS = (group("certify", _HELP, equilibria, hopf, orbit, heteroclinic, branch, check),)

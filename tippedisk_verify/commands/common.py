@@ -1,4 +1,4 @@
-"""What the commands share: options and what is checked of them, progress, printing, and processes."""
+"""The common parts of the commands: options and their checks, progress, printing and processes."""
 
 from __future__ import annotations
 
@@ -58,27 +58,35 @@ __all__ = [
     "workers_of",
 ]
 
-_FEWEST_OFFERED = 16  # processes, each with a memory of its own
+_FEWEST_OFFERED = 16  # processes that --jobs allows on any machine
 Check = Callable[[click.Context, click.Parameter, Any], Any]  #: click's callback of an option
 _BETWEEN_WORDS: dict[str, Any] = {"break_long_words": False, "break_on_hyphens": False}
 
 
-# ------------------------------------------------------------------------------------------ what a command is asked
+# ---------------------------------------------------------------------------------- common options
 @dataclass(frozen=True)
 class Output:
-    """How a command shows what it does; for those that read or make files, whose contents say what they are for."""
+    """The output options of a command that is not about one disk."""
 
     json: bool
     quiet: bool
 
     def progress(self, total: int = 0) -> AbstractContextManager[Advance]:
-        """What the command has done is shown while this is entered, unless it is to be quiet; 0: nobody knows."""
+        """Show progress while the context is entered, unless the command is quiet.
+
+        Args:
+            total: The number of steps; 0 if it is not known.
+        """
         return progress_of(total, not self.quiet)
 
     def show(self, result: Any, lines: Iterable[object] | None = None) -> None:
-        """One JSON object, or these lines; its entries as lines, with units, if there are none of their own.
+        """Print a result as JSON, or as lines.
 
-        A terminal breaks lines anywhere, so that longer ones are broken here, between words.
+        Lines longer than the terminal's are broken between words.
+
+        Args:
+            result: The result, as plain data.
+            lines: The lines; None for the entries of the result, with units.
         """
         if self.json:
             click.echo(json.dumps(result, indent=1))
@@ -91,7 +99,12 @@ class Output:
                 click.echo("\n".join(parts) if len(line) > _width() else line)
 
     def finish(self, result: Any) -> int:
-        """The exit status of what a command returns; a result or data are shown first. 1: it is not proved."""
+        """Print a command's result, and return the exit status.
+
+        Args:
+            result: An exit status, which is returned; or a result to print. A result that is not
+                proved has the exit status 1.
+        """
         if isinstance(result, int):
             return result
         entries = result if isinstance(result, dict) else result.to_dict()
@@ -101,25 +114,39 @@ class Output:
 
 @dataclass(frozen=True)
 class Common(Output):
-    """And which disk it is asked about, with how many digits."""
+    """The common options of a command about one disk."""
 
     disk: Any
     digits: int
 
     def speed(self, omega: str | None, below_crit: str | None) -> Fraction:
-        """Omega as an exact rational [rad/s], from --omega or --below-crit."""
+        """Return the exact speed [rad/s] that --omega or --below-crit gives.
+
+        Raises:
+            InputError: If none of the options is given, or both.
+        """
         one_speed(**{"--omega": omega, "--below-crit": below_crit})
         return self.disk.speed(omega, below_crit=below_crit, digits=self.digits)  # type: ignore[no-any-return]
 
 
-# ------------------------------------------------------------------------------------------ what options take
+# ------------------------------------------------------------------------------- checks of options
 def checked(check: Callable[[Any], Any]) -> Check:
-    """Return the callback of an option whose value is what ``check`` returns; that raises InputError for nonsense."""
+    """Return an option's callback whose value is ``check(text)``.
+
+    Args:
+        check: A function that raises InputError for a bad value.
+    """
     return lambda context, option, value: None if value is None else check(value)
 
 
 def decimal(context: click.Context, option: click.Parameter, value: str | None) -> str | None:
-    """The text of a decimal, which stays a text: no value passes through a double. Raises InputError for any other."""
+    """Check that an option is a decimal, and return its text.
+
+    It stays a text, because no value may pass through a double.
+
+    Raises:
+        InputError: If it is not a decimal.
+    """
     from tippedisk_verify.model.exact import exact
 
     try:
@@ -130,12 +157,16 @@ def decimal(context: click.Context, option: click.Parameter, value: str | None) 
 
 
 def file_for(*endings: str) -> Check:
-    """Return the callback of an option that names a file to write; its name ends in one of these."""
+    """Return the callback of an option that names an output file with one of these endings."""
     return checked(lambda text: file_ending_in(text, *endings))
 
 
 def checked_jobs(jobs: int | None) -> int | None:
-    """A number of processes that this machine can be asked for. Raises InputError for any other."""
+    """Return the number of processes, if this machine can be asked for as many.
+
+    Raises:
+        InputError: If it is out of range.
+    """
     most = max(_FEWEST_OFFERED, 2 * (os.cpu_count() or 1))
     if jobs is not None and not 1 <= jobs <= most:
         raise InputError(f"--jobs must lie between 1 and {most} on this machine, not {str(jobs)[:40]}")
@@ -143,7 +174,11 @@ def checked_jobs(jobs: int | None) -> int | None:
 
 
 def known_executor(executor: str) -> str:
-    """The name of an executor. Raises InputError for any other text."""
+    """Return the name of an executor.
+
+    Raises:
+        InputError: If it is not known.
+    """
     if executor not in ("serial", "local") and not executor.startswith("dask://"):
         raise InputError(f"executor '{executor[:60]}' is not known: use serial, local or dask://HOST:PORT")
     return executor
@@ -154,10 +189,10 @@ def _levels(text: str) -> tuple[int, ...]:
 
     levels: set[int] = set()
     for part in text.split(","):
-        found = re.fullmatch(r"(\d{1,2})(?:-(\d{1,2}))?", part, re.ASCII)
-        if found is None:
+        match = re.fullmatch(r"(\d{1,2})(?:-(\d{1,2}))?", part, re.ASCII)
+        if match is None:
             raise InputError(f"levels are numbers and ranges such as 1-3,7, not '{text[:40]}'")
-        first, last = int(found[1]), int(found[2] or found[1])
+        first, last = int(match[1]), int(match[2] or match[1])
         if not 1 <= first <= last <= len(LEVEL_NAMES):
             raise InputError(f"levels go from 1 to {len(LEVEL_NAMES)}, not '{text[:40]}'")
         levels.update(range(first, last + 1))
@@ -166,10 +201,10 @@ def _levels(text: str) -> tuple[int, ...]:
 
 levels = checked(_levels)
 
-# ------------------------------------------------------------------------------------------ options
+# ----------------------------------------------------------------------------------------- options
 _OUTPUT = (
-    click.Option(["--json"], is_flag=True, help="One JSON object on standard output."),
-    click.Option(["--quiet"], is_flag=True, help="No progress and no table."),
+    click.Option(["--json"], is_flag=True, help="Print one JSON object on standard output."),
+    click.Option(["--quiet"], is_flag=True, help="Print no progress and no table."),
 )
 _ABOUT_A_DISK = (
     click.Option(
@@ -194,36 +229,42 @@ _ABOUT_A_DISK = (
 
 omega_option = click.option("--omega", callback=decimal, metavar="X", help="The spinning speed [rad/s].")
 below_crit_option = click.option(
-    "--below-crit", callback=decimal, metavar="D", help="Omega_crit - D [rad/s], as a decimal of 35 digits more."
+    "--below-crit",
+    callback=decimal,
+    metavar="D",
+    help="The speed Omega_crit - D [rad/s], as a decimal with 35 digits more than asked for.",
 )
 half_widths_option = click.option(
     "--half-widths/--no-half-widths",
     default=True,
-    help="Whether errors are measured; without, numbers come in a fraction of the time and have no half-widths.",
+    help="Compute half-widths. Without them, numbers take a fraction of the time.",
 )
 rotating_option = click.option(
-    "--rotating", is_flag=True, help="The rotating cycles, on which gamma grows by 2 pi a period."
+    "--rotating", is_flag=True, help="Compute rotating cycles, on which gamma grows by 2 pi a period."
 )
 unstable_option = click.option(
-    "--unstable", is_flag=True, help="The unstable one, where a stable one has the same speed."
+    "--unstable", is_flag=True, help="Choose the unstable cycle if a stable one has the same speed."
 )
 jobs_option = click.option(
     "--jobs",
     type=int,
     metavar="N",
     callback=checked(checked_jobs),
-    help="Processes; as many as there are cores if not given.",
+    help="Number of processes; the number of cores if not given.",
 )
 certificate_option = click.option(
     "--certificate",
     callback=checked(output_file),
     metavar="FILE.json",
-    help="Write what `certify check FILE.json` needs to prove it again.",
+    help="Write a certificate, with which `certify check FILE.json` repeats the proof.",
 )
 
 
 def at_a_speed(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Decorate a command with --omega and --below-crit; it takes ``omega``, the exact rational [rad/s] of either."""
+    """Decorate a command with --omega and --below-crit.
+
+    The function gets ``omega``, the exact rational [rad/s] that either option gives.
+    """
 
     @wraps(function)
     def with_speed(common: Common, omega: str | None, below_crit: str | None, **options: Any) -> Any:
@@ -232,33 +273,44 @@ def at_a_speed(function: Callable[..., Any]) -> Callable[..., Any]:
     return omega_option(below_crit_option(with_speed))
 
 
-def command(says: str) -> Callable[[Callable[..., Any]], click.Command]:
-    """Make a command of a function that takes an `Output` and what the decorators below this one declare.
+def command(help_text: str) -> Callable[[Callable[..., Any]], click.Command]:
+    """Make a command of a function that takes an `Output` and the options declared below this
+    decorator.
 
-    ``says`` is its help. What the function returns is shown, unless it is an exit status.
+    The function's result is printed, unless it is an exit status.
+
+    Args:
+        help_text: The help of the command.
     """
-    return partial(_command, says, _OUTPUT, Output)
+    return partial(_command, help_text, _OUTPUT, Output)
 
 
-def disk_command(says: str) -> Callable[[Callable[..., Any]], click.Command]:
-    """Make a command about one disk, as `command` does, of a function that takes a `Common`."""
-    return partial(_command, says, (*_ABOUT_A_DISK, *_OUTPUT), _common)
+def disk_command(help_text: str) -> Callable[[Callable[..., Any]], click.Command]:
+    """Make a command about one disk, as `command` does, of a function that takes a `Common`.
+
+    Args:
+        help_text: The help of the command.
+    """
+    return partial(_command, help_text, (*_ABOUT_A_DISK, *_OUTPUT), _common)
 
 
 def _command(
-    says: str, shared: Sequence[click.Option], shown_by: Callable[..., Output], function: Callable[..., Any]
+    help_text: str,
+    shared: Sequence[click.Option],
+    make_output: Callable[..., Output],
+    function: Callable[..., Any],
 ) -> click.Command:
     names = [option.name for option in shared]
 
     @wraps(function)
     @undisturbed
     def run(**options: Any) -> int:
-        output = shown_by(**{str(name): options.pop(str(name)) for name in names})
+        output = make_output(**{str(name): options.pop(str(name)) for name in names})
         return output.finish(function(output, **options))
 
     params = [*reversed(getattr(function, "__click_params__", [])), *shared]
     name = function.__name__.rstrip("_").replace("_", "-")
-    return click.Command(name, params=params, callback=run, help=says)
+    return click.Command(name, params=params, callback=run, help=help_text)
 
 
 def _common(parameters: str, friction: Any, digits: int, json: bool, quiet: bool) -> Common:
@@ -268,20 +320,27 @@ def _common(parameters: str, friction: Any, digits: int, json: bool, quiet: bool
     return Common(json, quiet, Disk(parameters, friction=friction), checked_digits(digits))
 
 
-def group(name: str, says: str, *commands: click.Command) -> click.Group:
-    """A group of commands, which prints its help when it is called by itself."""
+def group(name: str, help_text: str, *commands: click.Command) -> click.Group:
+    """Make a group of commands, which prints its help if it is called without one of them."""
 
-    def helped() -> None:
+    def show_help() -> None:
         context = click.get_current_context()
         if context.invoked_subcommand is None:
             click.echo(context.get_help())
 
-    return click.Group(name, commands, callback=helped, invoke_without_command=True, help=says)
+    return click.Group(name, commands, callback=show_help, invoke_without_command=True, help=help_text)
 
 
 # ------------------------------------------------------------------------------------------ output
 def table(headings: Sequence[str], rows: Iterable[Sequence[object]]) -> Iterator[str]:
-    """A table as lines: columns as wide as their cells; where a terminal is too narrow, cells are broken at words."""
+    """Yield the lines of a table with columns as wide as their cells.
+
+    On a terminal that is too narrow, cells are broken between words.
+
+    Args:
+        headings: The column headings.
+        rows: The cells of each row.
+    """
     cells = [headings, *(list(map(str, row)) for row in rows)]
     columns = list(zip(*cells, strict=True))
     widths = [max(map(len, column)) for column in columns]
@@ -296,28 +355,39 @@ def table(headings: Sequence[str], rows: Iterable[Sequence[object]]) -> Iterator
 
 
 def _width() -> int:
-    """The characters of a terminal's line; a file's are as long as they need be."""
+    """Return the number of characters in a terminal's line; a file's lines have no limit."""
     return shutil.get_terminal_size().columns if sys.stdout and sys.stdout.isatty() else sys.maxsize
 
 
 def alone_in(out: str | None) -> Path | None:
-    """The output folder, if one is given, with no other run writing into it until the command has ended.
+    """Return the output folder, locked for this run until the command ends.
 
-    Raises InputError if it cannot be used, or another run does so now.
+    Args:
+        out: The folder's path, or None.
+
+    Raises:
+        InputError: If it cannot be used, or another run is writing into it.
     """
     return None if out is None else click.get_current_context().with_resource(sole_writer(out))
 
 
-# ------------------------------------------------------------------------------------------ processes
+# --------------------------------------------------------------------------------------- processes
 @contextmanager
-def processes(jobs: int | None, *, needed: bool = True, beside: bool = False) -> Iterator[Executor | None]:
-    """A pool of fresh processes, or None where one process does (unless it is to work beside this) or none is needed.
+def processes(jobs: int | None, *, needed: bool = True, even_one: bool = False) -> Iterator[Executor | None]:
+    """Make a pool of new processes, or give None if this process is enough.
 
-    Ctrl-C reaches this process only, and the pool ends with it, however it ends. Raises InputError for a number
-    of processes that makes no sense.
+    Ctrl-C reaches this process only, and the pool always ends with it.
+
+    Args:
+        jobs: The number of processes; None for the number of cores.
+        needed: False to make none.
+        even_one: True to make a pool even for a single process.
+
+    Raises:
+        InputError: If `jobs` is out of range.
     """
     workers = checked_jobs(jobs) or usable_cores()
-    if (workers == 1 and not beside) or not needed:
+    if (workers == 1 and not even_one) or not needed:
         yield None
         return
     from tippedisk_verify.commands.workers import Pool, kill_workers
@@ -328,7 +398,19 @@ def processes(jobs: int | None, *, needed: bool = True, beside: bool = False) ->
 
 @contextmanager
 def workers_of(executor: str, jobs: int | None) -> Iterator[Executor | None]:
-    """What --executor names, with a check that its processes have this code; None where this process does it."""
+    """Make the executor that --executor names; its workers are checked to have this code.
+
+    Args:
+        executor: serial, local or dask://HOST:PORT.
+        jobs: The number of processes of a local executor.
+
+    Returns:
+        The executor, or None for this process.
+
+    Raises:
+        InputError: If no scheduler answers.
+        AccuracyError: If the cluster fails, or a worker has other code.
+    """
     from tippedisk_verify.commands.workers import Checked, cluster
 
     if executor.startswith("dask://"):

@@ -1,4 +1,6 @@
-"""The commands `conformance questions|grade|run|compare`, and those that print programs for other languages."""
+"""The commands `conformance questions|grade|run|compare`, and those that print programs in other
+languages.
+"""
 
 from __future__ import annotations
 
@@ -25,15 +27,15 @@ if TYPE_CHECKING:
 
 __all__ = ["COMMANDS"]
 
-_SHOWN = 40  # changes on a terminal
-_LONGEST = 86_400.0  # s
-_UNWRAPPED = 100_000  # characters of a line in a file, more than any has
+_SHOWN = 40  # changes that a terminal shows
+_LONGEST = 86_400.0  # s for an answer
+_UNWRAPPED = 100_000  # width of a file in characters, more than any line has
 _LARGEST = 64_000_000  # bytes of a file that --csv may replace
 
 
 def _known_reading(reading: str) -> str:
     if reading not in ("decimals", "doubles"):
-        raise InputError(f"--from says decimals or doubles, not '{reading!s:.40}'")
+        raise InputError(f"--from is decimals or doubles, not '{reading!s:.40}'")
     return reading
 
 
@@ -43,22 +45,28 @@ def _together(*options: Callable[[Any], Any]) -> Callable[[Any], Any]:
 
 
 _question_options = _together(
-    click.option("--set", "set_", multiple=True, metavar="NAME", help="table1 or calibrated; both if not given."),
-    click.option("--friction", multiple=True, metavar="linear|smooth", help="One law only."),
+    click.option(
+        "--set",
+        "set_",
+        multiple=True,
+        metavar="NAME",
+        help="The parameter set, table1 or calibrated; both if not given.",
+    ),
+    click.option("--friction", multiple=True, metavar="linear|smooth", help="Ask about one friction law only."),
     click.option(
         "--levels", callback=levels, metavar="N-M", help="Levels of difficulty, such as 1-3,7; all ten if not given."
     ),
     click.option(
-        "--states", type=int, metavar="N", help="Fresh questions instead: N drawn states, ten to a drawn disk."
+        "--states", type=int, metavar="N", help="Ask fresh questions instead: N drawn states, ten to a drawn disk."
     ),
-    click.option("--seed", type=int, metavar="S", help="What they are drawn from; 0 if not given."),
+    click.option("--seed", type=int, metavar="S", help="The seed of fresh questions; 0 if not given."),
 )
 _from_option = click.option(
     "--from",
     "from_",
     callback=checked(_known_reading),
     metavar="decimals|doubles",
-    help="What answers that do not say so were computed from.",
+    help="How the answers read their inputs, if the sheet does not say so.",
 )
 _grading_options = _together(
     click.option(
@@ -67,12 +75,17 @@ _grading_options = _together(
         metavar="FILE.html|.htm",
         help="Write a page with all grades there.",
     ),
-    click.option("--csv", callback=file_for(".csv"), metavar="FILE.csv", help="Write the grades by quantity there."),
+    click.option(
+        "--csv",
+        callback=file_for(".csv"),
+        metavar="FILE.csv",
+        help="Write the grades of each quantity there.",
+    ),
     click.option(
         "--badge",
         callback=file_for(".svg"),
         metavar="FILE.svg",
-        help="Write a picture there that says which levels agree.",
+        help="Write a badge there that shows which levels agree.",
     ),
     click.option(
         "--require",
@@ -83,7 +96,7 @@ _grading_options = _together(
     click.option(
         "--expected-failures",
         metavar="FILE",
-        help="Ids that may fail, one to a line, * for any characters; exit with 1 if others do.",
+        help="A list of ids that may fail, one a line, with * for any characters; exit with 1 if others fail.",
     ),
 )
 
@@ -91,8 +104,8 @@ _grading_options = _together(
 @command(
     """Write an answer sheet, to FILE or to standard output: inputs only, easiest first.
 
-    With --states the questions are drawn, on every machine the same ones from the same seed. Their ids hold the seed,
-    and `grade` computes the truths anew, with half-widths that hold them.
+    With --states the questions are drawn from the seed, the same ones on every machine. Their ids
+    hold the seed, so `grade` can compute the true values, with half-widths.
     """
 )
 @click.argument("file", metavar="[FILE.csv|FILE.json]", required=False)
@@ -126,7 +139,11 @@ def questions(
 
 
 def _refuse_filled_in(target: Path, store: Store) -> None:
-    """What somebody has filled in is not written over, nor what cannot be read: it may be answers with a mistake."""
+    """Raise InputError if writing the questions would overwrite answers, or a file that is not a
+    sheet.
+
+    A file that cannot be read may have answers with a mistake.
+    """
     from tippedisk_verify.conformance.sheet import read_answers
 
     if not target.exists() or not target.stat().st_size:
@@ -134,16 +151,17 @@ def _refuse_filled_in(target: Path, store: Store) -> None:
     try:
         answers = read_answers(target, store)
     except InputError as fault:
-        raise InputError(f"there is a file already, and no sheet without answers: {fault}; give another name") from None
+        raise InputError(f"the file exists and is not a sheet without answers: {fault}; give another name") from None
     if given := len(answers.given) + len(answers.unknown):
         raise InputError(f"{target} has {given} answers: give the questions another name, or remove it")
 
 
 @command(
-    """Grade the answers of a sheet, by level, and name the likely mistake at the first level that fails.
+    """Grade the answers of a sheet by level, and name the likely mistake at the first failing level.
 
-    A sheet is what `conformance questions` wrote, or any CSV with the columns id and answer. The exit status is 0
-    whatever the grades, a poor one being a result, unless --require or --expected-failures ask for more.
+    A sheet comes from `conformance questions`, or is any CSV with the columns id and answer. The
+    exit status is 0 for all grades, because a poor grade is a result too, unless --require or
+    --expected-failures demand more.
     """
 )
 @click.argument("file", metavar="FILE")
@@ -160,11 +178,12 @@ def grade(output: Output, file: str, from_: str | None, **grading: Any) -> int:
 
 
 @command(
-    """Ask a program over its standard input and output, one JSON object a line, and grade and time it.
+    """Ask a program over its standard input and output, one JSON object a line; grade and time it.
 
-    `docs/protocol.md` says what a line holds. A program that hangs or dies is graded on what it answered. The exit
-    status is 0 whatever the grades, unless --require or --expected-failures ask for more. With --states the questions
-    are drawn, and their truths computed first: in a few seconds, or in a quarter of a minute with all levels.
+    `docs/protocol.md` defines the lines. A program that hangs or dies is graded on the answers it
+    gave. The exit status is 0 for all grades, unless --require or --expected-failures demand more.
+    With --states the questions are drawn, and their true values are computed first, in a few
+    seconds, or in a quarter of a minute with all levels.
     """
 )
 @click.argument("command", nargs=-1, required=True, metavar="-- PROGRAM [ARGUMENT]...")
@@ -175,7 +194,7 @@ def grade(output: Output, file: str, from_: str | None, **grading: Any) -> int:
     default=100.0,
     show_default=True,
     metavar="SECONDS",
-    help="How long an answer may take; a limit cycle in plain Python with SciPy takes seven.",
+    help="Time for one answer; a limit cycle in plain Python with SciPy takes seven.",
 )
 @click.option("--out", metavar="DIR", help="Write answers and grades there.")
 @_from_option
@@ -208,10 +227,10 @@ def run(
     first = chosen(blank or store, sets=set_, levels=(1,))[0]
     folder = alone_in(out)
     if blank is not None:
-        ids = [one.id for one in (first, *asked)]
+        ids = [quantity.id for quantity in (first, *asked)]
         with output.progress(len({id_.rsplit("/", 1)[0] for id_ in ids})) as advance:
             store = with_fresh(store, "\n".join(ids), advance)
-        asked, first = [store[one.id] for one in asked], store[first.id]
+        asked, first = [store[quantity.id] for quantity in asked], store[first.id]
     with started(command, limit) as talk:
         interview = Interview(talk, store, from_)
 
@@ -230,21 +249,21 @@ def run(
             click.echo(f"{talk.name}: {line}", err=True)
     if folder is not None:
         wanted = replace(wanted, page=wanted.page or folder / "grades.html")
-    told: dict[str, Any] = {
+    timing: dict[str, Any] = {
         "start_up": interview.start_up,
         "times": interview.times(),
         "noticed": interview.remarks(),
     }
     source = printable(" ".join(Path(word).name for word in command))[:60]
     answers, broke_off = interview.answers(), interview.broke_off
-    return wanted.report(output, store, asked, interview.grades, answers, source, broke_off, **told)
+    return wanted.report(output, store, asked, interview.grades, answers, source, broke_off, **timing)
 
 
 @command(
-    """Say which answers lost or gained a digit or more between two sheets of one program.
+    """Compare two sheets of one program, and list the answers that lost or gained a digit or more.
 
-    Digits of doubles beyond the fourteenth are rounding, and do not count. The exit status is 1 if an answer that
-    passed does not any more, or is gone.
+    Digits of doubles beyond the fourteenth are rounding and do not count. The exit status is 1 if
+    an answer that passed now fails or is missing.
     """
 )
 @click.argument("old", metavar="OLD")
@@ -255,13 +274,14 @@ def compare(output: Output, old: str, new: str, from_: str | None) -> int:
     from tippedisk_verify.conformance.regression import changes
 
     with output.progress() as advance:
-        found = changes(*(graded(*_read(file, from_, advance)) for file in (old, new)))
-    counts = {kind: sum(change.kind == kind for change in found) for kind in ("broken", "gone", "lost", "gained")}
-    lines = [f"{change.kind:8}{change.id}  {_digits(change.to_dict())}" for change in found[:_SHOWN]]
-    if len(found) > _SHOWN:
-        lines.append(f"{len(found) - _SHOWN} more are in what --json prints")
+        listed = changes(*(graded(*_read(file, from_, advance)) for file in (old, new)))
+    kinds = ("broken", "gone", "lost", "gained")
+    counts = {kind: sum(change.kind == kind for change in listed) for kind in kinds}
+    lines = [f"{change.kind:8}{change.id}  {_digits(change.to_dict())}" for change in listed[:_SHOWN]]
+    if len(listed) > _SHOWN:
+        lines.append(f"{len(listed) - _SHOWN} more: use --json to see all")
     lines.append(", ".join(f"{count} {kind}" for kind, count in counts.items()))
-    output.show({**counts, "changes": [change.to_dict() for change in found]}, lines)
+    output.show({**counts, "changes": [change.to_dict() for change in listed]}, lines)
     return 1 if counts["broken"] or counts["gone"] else 0
 
 
@@ -271,7 +291,11 @@ def _digits(change: dict[str, Any]) -> str:
 
 
 def _read(file: str, reading: str | None, advance: Advance) -> tuple[Answers, Store]:
-    """The answers of a sheet, and the truths that they are graded by."""
+    """Read a sheet, and return its answers and the store with the true values.
+
+    Raises:
+        InputError: If the sheet cannot be read, or none of its ids is a question.
+    """
     from tippedisk_verify.conformance.sheet import read_answers, store_for
     from tippedisk_verify.reference_values.store import stored
 
@@ -279,34 +303,38 @@ def _read(file: str, reading: str | None, advance: Advance) -> tuple[Answers, St
     answers = read_answers(Path(file), store, reading)
     if answers.unknown and not answers.given:
         raise InputError(
-            f"{printable(Path(file).name)}: none of its ids is a question, such as {answers.unknown[0][:80]}: "
-            "`conformance questions` writes a sheet that has them"
+            f"{printable(Path(file).name)}: none of its ids is a question (the first is {answers.unknown[0][:80]}): "
+            "`conformance questions` writes a sheet with the right ids"
         )
     return answers, store
 
 
-# ------------------------------------------------------------------------------------------ what a report needs
+# ----------------------------------------------------------------------------------------- reports
 def _blank_ones(states: int | None, seed: int | None, sets: Sequence[str]) -> Store | None:
-    """The fresh questions that --states and --seed ask for, without truths. Raises InputError."""
+    """Return the fresh questions that --states and --seed ask for, without answers, or None.
+
+    Raises:
+        InputError: If the options do not go together.
+    """
     from tippedisk_verify.reference_values.fresh import blank_questions
 
     if states is None:
         if seed is not None:
-            raise InputError("--seed is for fresh questions: say with --states how many")
+            raise InputError("--seed is for fresh questions: give their number with --states")
         return None
     if sets:
-        raise InputError("--set is for the published questions: fresh ones are about disks of their own")
+        raise InputError("--set is for the published questions: fresh ones have their own disks")
     return blank_questions(states, seed or 0)
 
 
 @dataclass(frozen=True)
 class _Wanted:
-    """What is asked for beside the grades, checked: files, and what must pass."""
+    """The requested files, and the grades that are required."""
 
     page: Path | None
     table: Path | None
     picture: Path | None
-    required: tuple[int, ...] | None
+    required: tuple[int, ...] | None  #: levels that must pass
     expectable: frozenset[str] | None  #: ids that may fail
 
     @classmethod
@@ -319,7 +347,11 @@ class _Wanted:
         require: tuple[int, ...] | None,
         expected_failures: str | None,
     ) -> _Wanted:
-        """From the options. Raises InputError for what they cannot be."""
+        """Check the options.
+
+        Raises:
+            InputError: If a file cannot be written or read.
+        """
         from tippedisk_verify.conformance.regression import expected_failures as named
 
         if csv is not None:
@@ -338,7 +370,10 @@ class _Wanted:
         broke_off: str = "",
         **more: Any,
     ) -> int:
-        """Diagnose, print and write; the exit status. ``more`` is for the `Report`."""
+        """Diagnose the grades, print and write them, and return the exit status.
+
+        ``more`` is for the `Report`.
+        """
         from rich.console import Console
 
         from tippedisk_verify.conformance.diagnosis import diagnosed
@@ -352,7 +387,7 @@ class _Wanted:
         short, expectable = [], self.expectable or frozenset()
         if self.required is not None or self.expectable is not None:
             short = shortcomings(levels, grades, self.required, expectable) + [broke_off] * bool(broke_off)
-        mended = sorted(expectable & {one.id for one in grades if not one.failed})
+        mended = sorted(expectable & {grade.id for grade in grades if not grade.failed})
         report = Report(source, answers, grades, levels, diagnoses, short, mended, **more)
         if self.page is not None:
             write_text(self.page, html_page(report))
@@ -363,16 +398,19 @@ class _Wanted:
         if output.json:
             output.show(report.to_dict())
         elif not output.quiet:
-            terminal = Console()  # a file has no width of its own, and gets one at which nothing is wrapped
+            terminal = Console()  # a file gets a width at which nothing is wrapped
             print_report(report, terminal if terminal.is_terminal else Console(width=_UNWRAPPED))
         return 1 if short else 0
 
 
 def _over_grades(path: Path) -> None:
-    """A table of grades goes over another one, and over nothing else, since answers are CSV as well."""
+    """Raise InputError if --csv would overwrite anything but a table of grades.
+
+    Answers are CSV files as well.
+    """
     if path.exists() and not read_text(path, _LARGEST).startswith("level,quantity,"):
-        raise InputError(f"{path} is no table of grades: --csv would write over it; give another name")
+        raise InputError(f"{path} is not a table of grades, and --csv would overwrite it; give another name")
 
 
-_SAYS = "Ask another implementation, and grade its answers in digits."
-COMMANDS = (group("conformance", _SAYS, questions, grade, run, compare, client, grader, guide),)
+_HELP = "Ask another implementation, and grade its answers in digits."
+COMMANDS = (group("conformance", _HELP, questions, grade, run, compare, client, grader, guide),)

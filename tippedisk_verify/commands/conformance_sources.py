@@ -1,4 +1,4 @@
-"""The commands `conformance client|grader|guide`: what the package carries for programs in other languages."""
+"""The commands `conformance client|grader|guide`, which print programs in other languages."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tippedisk_verify.files import printable
 __all__ = ["CLIENTS", "FOLDER", "GRADERS", "client", "grader", "guide"]
 
 CLIENTS = {
-    "auto": "auto.f90",  # continues cycles, and answers no sheet
+    "auto": "auto.f90",  # continues cycles; it does not answer a sheet
     "c": "client.c",
     "fortran": "client.f90",
     "javascript": "client.mjs",
@@ -24,13 +24,13 @@ CLIENTS = {
 GRADERS = {"javascript": "grade.mjs", "octave": "tippedisk_grade.m"}
 
 
-@command("Print a program that answers a sheet; `octave` is MATLAB as well, and `auto` continues cycles in AUTO-07p.")
+@command("Print a program that answers a sheet; `octave` also runs in MATLAB, and `auto` continues cycles in AUTO-07p.")
 @click.argument("language", metavar="|".join(CLIENTS))
 def client(output: Output, language: str) -> int:
     return _printed(output, language, CLIENTS)
 
 
-@command("Print a program in this language that grades answers by the reference data's table.")
+@command("Print a program in this language that grades answers with the table of reference data.")
 @click.argument("language", metavar="|".join(GRADERS))
 def grader(output: Output, language: str) -> int:
     return _printed(output, language, GRADERS)
@@ -38,13 +38,13 @@ def grader(output: Output, language: str) -> int:
 
 def _printed(output: Output, language: str, files: dict[str, str]) -> int:
     if language not in files:
-        raise InputError(f"there is none in '{printable(language)[:40]}': use {', '.join(files)}")
+        raise InputError(f"there is no program in '{printable(language)[:40]}': use {', '.join(files)}")
     text = client_text(files[language])
     output.show({"language": language, "file": files[language], "text": text}, [text.removesuffix("\n")])
     return 0
 
 
-@command("Print how to have an implementation graded: the pages docs/grading*.md.")
+@command("Print the guide to grading an implementation: the pages docs/grading*.md.")
 def guide(output: Output) -> int:
     packed = FOLDER.parent / "guide"
     pages = sorted((packed if packed.exists() else FOLDER.parents[2] / "docs").glob("grading*.md"))

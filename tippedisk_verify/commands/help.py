@@ -1,4 +1,4 @@
-"""What help says beyond the commands' own sentences: sections, the quantities printed, and examples that tests run."""
+"""Additions to the commands' help: sections, quantities, and examples that tests run."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from tippedisk_verify.model.results import COORDINATES, QuantityMeaning, heading
 
 __all__ = ["EXAMPLES", "Cli", "load_quantities"]
 
-#: Of each command two examples, cheap ones first; what they write is named so that it can be written anywhere.
+#: Two examples of each command, the cheaper first. Their output files can be written in any folder.
 EXAMPLES: dict[str, tuple[str, str]] = {
     "verify": ("--only omega_crit lambda_3", "--out report"),
     "scene": ("d", "b d --out figures"),
@@ -56,7 +56,7 @@ EXAMPLES: dict[str, tuple[str, str]] = {
     "stress": ("--list", "--quick"),
 }
 _CYCLES = ("cycles.limit_cycle", "Cycle", "LimitCycle", "RotatingCycle")
-#: The classes of what a command prints, each as its module and names there, or names of coordinates.
+#: The classes that a command prints: a module and names in it, or "" and names of coordinates.
 _PRINTED: dict[str, tuple[tuple[str, ...], ...]] = {
     "integrate": (("", "beta", "gamma", "v"),),
     "equilibria": (("", "beta", "gamma", "v"), ("theory.equilibria", "Equilibrium")),
@@ -71,7 +71,7 @@ _PRINTED: dict[str, tuple[tuple[str, ...], ...]] = {
 
 
 class Cli(click.Group):
-    """The program's commands, listed in sections; help defines what is printed, and ends with examples."""
+    """The program's commands in sections; help defines what is printed, and ends with examples."""
 
     def __init__(self, *args: object, sections: Mapping[str, Sequence[click.Command]], **kwargs: object) -> None:
         super().__init__(*args, **kwargs)  # type: ignore[arg-type]
@@ -80,20 +80,23 @@ class Cli(click.Group):
             self.add_command(command)
 
     def list_commands(self, ctx: click.Context) -> list[str]:
+        """Return the names of the commands in the order of the sections."""
         return [str(command.name) for members in self.sections.values() for command in members]
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """Return a command with complete help, or None if the name is not known."""
         command = super().get_command(ctx, cmd_name)
         return None if command is None else _completed(command, cmd_name)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the list of commands, by section."""
         for title, members in self.sections.items():
             with formatter.section(title):
                 formatter.write_dl([(str(command.name), _sentence(command)) for command in members])
 
 
 def _completed(command: click.Command, path: str) -> click.Command:
-    """The command with its last paragraphs, and with whole sentences for what it lists itself."""
+    """Add quantities and examples to a command's help, and whole sentences to its list."""
     command.epilog = "\n\n".join("\b\n" + "\n".join(lines) for lines in (_defined(path), _examples(path)) if lines)
     if isinstance(command, click.Group):
         for name, inner in command.commands.items():
@@ -102,7 +105,7 @@ def _completed(command: click.Command, path: str) -> click.Command:
 
 
 def _sentence(command: click.Command) -> str:
-    """The first paragraph of what the command says of itself, on one line."""
+    """Return the first paragraph of a command's help, on one line."""
     return " ".join((command.help or "").partition("\n\n")[0].split())
 
 
@@ -111,17 +114,21 @@ def _defined(path: str) -> list[str]:
     for module, *names in _PRINTED.get(path, ()):
         for name in names:
             if module:
-                found = quantities(getattr(import_module(f"tippedisk_verify.{module}"), name))
+                meanings = quantities(getattr(import_module(f"tippedisk_verify.{module}"), name))
             else:
-                found = {name: COORDINATES[name]}
-            known |= {each: what for each, what in found.items() if each not in known}
-    told = [f"{heading(name)}: {what.meaning}" for name, what in known.items()]
-    lines = [line for one in told for line in wrap(one, 76, initial_indent="    ", subsequent_indent="        ")]
-    return ["Quantities (± is a half-width that holds the true value):", *lines] if told else []
+                meanings = {name: COORDINATES[name]}
+            known |= {key: entry for key, entry in meanings.items() if key not in known}
+    definitions = [f"{heading(name)}: {entry.meaning}" for name, entry in known.items()]
+    lines = [
+        line
+        for definition in definitions
+        for line in wrap(definition, 76, initial_indent="    ", subsequent_indent="        ")
+    ]
+    return ["Quantities (± is a half-width that contains the true value):", *lines] if lines else []
 
 
 def load_quantities() -> None:
-    """Load all classes whose numbers are printed, so that each name has its unit whatever was computed."""
+    """Load all classes whose numbers are printed, so that every name has its unit."""
     for module in {module for printed in _PRINTED.values() for module, *_ in printed if module}:
         import_module(f"tippedisk_verify.{module}")
 

@@ -1,4 +1,4 @@
-"""The commands about one disk: its states and cycles, its motion, and Omega_h."""
+"""The commands about one disk: its equilibria, cycles, motion, and Omega_h."""
 
 from __future__ import annotations
 
@@ -43,17 +43,17 @@ if TYPE_CHECKING:
 __all__ = ["COMMANDS", "OMEGA_H"]
 
 _MOTION = ("t", "beta", "gamma", "v")
-_MOST_TIMES = 1_000_000
-_LARGEST_FILE = 2**25  # bytes
+_MOST_TIMES = 1_000_000  # of one motion
+_LARGEST_FILE = 2**25  # bytes of a file of times
 _BRANCH_DIGITS = 12  # of the cycles of a family
 _STATES = ("inverted", "noninverted")
 
 
-@disk_command("Integrate one motion, with half-widths of its states and events; at 201 even times if none are given.")
+@disk_command("Integrate one motion, with half-widths of its states and events, at 201 even times if none are given.")
 @at_a_speed
-@click.option("--state", required=True, metavar="BETA,GAMMA,V", help="The start, such as pi/2,pi/2+0.4,0.")
-@click.option("--time", required=True, metavar="T|T0,T1", help="How long, or from when to when [s].")
-@click.option("--times", metavar="N|FILE", help="So many even times, or the first column of a file.")
+@click.option("--state", required=True, metavar="BETA,GAMMA,V", help="The initial state, such as pi/2,pi/2+0.4,0.")
+@click.option("--time", required=True, metavar="T|T0,T1", help="The duration, or the start and end time [s].")
+@click.option("--times", metavar="N|FILE", help="The number of even times, or a file whose first column has the times.")
 @click.option(
     "--events",
     default="",
@@ -65,14 +65,14 @@ _STATES = ("inverted", "noninverted")
     default=100_000,
     show_default=True,
     metavar="N",
-    help="Steps that the run may take; a run that needs more ends with exit status 1.",
+    help="The most steps; a run that needs more ends with exit status 1.",
 )
 @half_widths_option
 @click.option(
     "--out",
     callback=file_for(".csv", ".parquet", ".png"),
     metavar="FILE.csv|.parquet|.png",
-    help="Write the motion with its events there, or draw it.",
+    help="Write a table of the motion and its events there, or a figure.",
 )
 def integrate(
     common: Common,
@@ -102,14 +102,17 @@ def integrate(
     entries = solution.to_dict()
     rows = _motion_rows(*(entries[name] for name in _MOTION))
     if out is not None:
-        _write_motion(solution, rows + [{**one, "event": one["name"]} for one in entries["events"]], out)
+        _write_motion(solution, rows + [{**event, "event": event["name"]} for event in entries["events"]], out)
     shown = {name: entries[name] for name in ("message", "end", "events")} | ({"samples": rows} if times else {})
     common.show(entries, result_lines(shown))
     return 0 if solution.success else 1
 
 
 def _times(text: str, ends: list[str]) -> Sequence[Any]:
-    """Return even times over the run, exactly, or those in the first column of a file, with or without a heading t."""
+    """Return even times over the run, exactly, or the times in the first column of a file.
+
+    The column may have the heading t.
+    """
     from tippedisk_verify.motion.solution import EvenTimes
 
     if not text.isdecimal():
@@ -123,7 +126,7 @@ def _times(text: str, ends: list[str]) -> Sequence[Any]:
 
 
 def _write_motion(solution: Solution, rows: list[dict[str, Any]], target: Path) -> None:
-    """The picture, or the table: the samples, and below them the events with their names."""
+    """Write the figure, or the table of samples followed by the events with their names."""
     if target.suffix.lower() == ".png":
         from tippedisk_verify.figures.motion import draw_motion
         from tippedisk_verify.figures.style import encoded
@@ -134,12 +137,15 @@ def _write_motion(solution: Solution, rows: list[dict[str, Any]], target: Path) 
 
 
 def _motion_rows(*columns: Sequence[Any]) -> list[dict[str, Any]]:
-    """Return a row for each time of a motion, from its columns as JSON has them."""
+    """Return a row for each time of a motion, from its columns in JSON."""
     return [dict(zip(_MOTION, row, strict=True)) for row in zip(*columns, strict=True)]
 
 
 def _with_width_columns(rows: Sequence[dict[str, Any]]) -> list[dict[str, str]]:
-    """Return rows of a table, in which each half-width has a column of its own; an event has no second name."""
+    """Return the rows of a table in which each half-width has its own column.
+
+    An event's name is left out, because it is in the column ``event``.
+    """
     lines = []
     for row in rows:
         texts = {name: entry for name, entry in row.items() if isinstance(entry, str) and name != "name"}
@@ -166,14 +172,26 @@ def hopf(common: Common) -> Any:
     type=int,
     required=True,
     metavar="N",
-    help="Highest order in epsilon, 0 to 40. Above 5 it takes long: 8 some ten seconds, 12 half a minute.",
+    help="The highest order in epsilon, 0 to 40. Order 8 takes about ten seconds, 12 half a minute.",
 )
 @click.option(
     "--omega", callback=decimal, metavar="X", help="The spinning speed [rad/s]; Omega_crit - 0.5 if not given."
 )
-@click.option("--beta", callback=decimal, default="1.2", show_default=True, metavar="X", help="Where h is taken [rad].")
 @click.option(
-    "--gamma", callback=decimal, default="0.3", show_default=True, metavar="X", help="Where h is taken [rad]."
+    "--beta",
+    callback=decimal,
+    default="1.2",
+    show_default=True,
+    metavar="X",
+    help="The angle beta at which h is evaluated [rad].",
+)
+@click.option(
+    "--gamma",
+    callback=decimal,
+    default="0.3",
+    show_default=True,
+    metavar="X",
+    help="The angle gamma at which h is evaluated [rad].",
 )
 def slow_manifold(common: Common, order: int, omega: str | None, beta: str, gamma: str) -> Any:
     return common.disk.slow_manifold(order, omega, at=(beta, gamma), digits=common.digits)
@@ -182,9 +200,11 @@ def slow_manifold(common: Common, order: int, omega: str | None, beta: str, gamm
 @disk_command("Compute one limit cycle by shooting: period, state, multipliers, sensitivities.")
 @omega_option
 @below_crit_option
-@click.option("--above-het", callback=decimal, metavar="D", help="Omega_h + D [rad/s], with D as small as 1e-100.")
-@click.option("--below-het", callback=decimal, metavar="D", help="The rotating cycle at Omega_h - D [rad/s].")
-@click.option("--at-fold", is_flag=True, help="Where two cycles of the family meet and end: each of its folds.")
+@click.option(
+    "--above-het", callback=decimal, metavar="D", help="The speed Omega_h + D [rad/s], with D as small as 1e-100."
+)
+@click.option("--below-het", callback=decimal, metavar="D", help="The speed Omega_h - D [rad/s], of a rotating cycle.")
+@click.option("--at-fold", is_flag=True, help="Compute the folds of the family, where two cycles meet and end.")
 @rotating_option
 @unstable_option
 @half_widths_option
@@ -204,8 +224,8 @@ def orbit(
         raise InputError("--above-het is for cycles that do not rotate")
     if not rotating and below_het is not None:
         raise InputError("--below-het belongs to --rotating")
-    beside = {"below_het": below_het} if rotating else {"above_het": above_het}
-    speeds = {"omega": omega, "below_crit": below_crit, **beside}
+    distance = {"below_het": below_het} if rotating else {"above_het": above_het}
+    speeds = {"omega": omega, "below_crit": below_crit, **distance}
     one_speed(**{f"--{name.replace('_', '-')}": speed for name, speed in speeds.items()}, **{"--at-fold": at_fold})
     if unstable and omega is None and below_crit is None:
         raise InputError("--unstable goes with --omega or --below-crit")
@@ -226,8 +246,8 @@ def harmonic_balance(common: Common, omega: Fraction, harmonics: int | None) -> 
 @disk_command(
     "Compute the family of limit cycles from Omega_crit towards Omega_h, through any folds, or the rotating ones."
 )
-@click.option("--paper-sets", is_flag=True, help="The paper's sets A^in and A^de: 801 speeds.")
-@click.option("--omegas", metavar="X,X,...", help="These speeds [rad/s], in this order.")
+@click.option("--paper-sets", is_flag=True, help="Use the paper's sets A^in and A^de: 801 speeds.")
+@click.option("--omegas", metavar="X,X,...", help="Use these speeds [rad/s], in this order.")
 @rotating_option
 @click.option("--out", callback=file_for(".csv"), metavar="FILE.csv", help="Write the family there as CSV.")
 @half_widths_option
@@ -235,9 +255,9 @@ def branch(
     common: Common, paper_sets: bool, omegas: str | None, rotating: bool, out: Path | None, half_widths: bool
 ) -> int:
     if common.digits > _BRANCH_DIGITS:
-        raise InputError(f"a branch holds at most 12 digits, not {common.digits}: ask orbit for more at single speeds")
+        raise InputError(f"a branch has at most 12 digits, not {common.digits}: use orbit for more at single speeds")
     if paper_sets and (omegas is not None or rotating):
-        raise InputError("--paper-sets are speeds of their own, without rotating cycles: leave out the other option")
+        raise InputError("--paper-sets has its own speeds, and no rotating cycles: leave out the other option")
     disk, speeds, seen = common.disk, None if omegas is None else omegas.split(","), not common.quiet
     cycles: Sequence[LimitCycle | RotatingCycle | MissingCycle]
     if rotating:
@@ -250,16 +270,16 @@ def branch(
     if rotating:
         result["fold"] = disk.rotation_fold(digits=common.digits).to_dict()
     else:
-        with suppress(InputError, AccuracyError):  # none where the family is known at single speeds only
+        with suppress(InputError, AccuracyError):  # the family may be known at single speeds only
             result |= disk.folds(digits=common.digits).to_dict()
     common.show(result, _family_lines(result))
     return 0
 
 
 def _family_table(rows: Sequence[LimitCycle | RotatingCycle | MissingCycle]) -> tuple[list[str], list[list[object]]]:
-    """Return a header and a row for each cycle: each number with its half-width, the stability, and the status.
+    """Return a header, and a row for each cycle: numbers with half-widths, stability and status.
 
-    A speed without a cycle has empty cells, and its status says why.
+    A speed without a cycle has empty cells, and the reason as its status.
     """
     (first, *_) = (row for row in rows if hasattr(row, "stable"))
     names = [name for name, value in vars(first).items() if isinstance(value, Measured)]
@@ -283,12 +303,18 @@ def _family_lines(result: dict[str, Any]) -> Iterator[str]:
     yield from result_lines({name: entry for name, entry in result.items() if name != "orbits"})
 
 
-@disk_command("Compute what each of many initial states ends on: fractions with their sampling error, and a picture.")
+@disk_command("Compute what each of many initial states ends on: fractions with sampling errors, and a picture.")
 @at_a_speed
 @click.option("--count", type=int, default=100_000, show_default=True, metavar="N", help="Number of initial states.")
-@click.option("--seconds", type=float, default=20.0, show_default=True, metavar="T", help="How long each runs [s].")
-@click.option("--velocity", type=float, default=0.0, show_default=True, metavar="V", help="d(beta)/dt at the start.")
-@click.option("--margin", metavar="BETA,GAMMA,V", help="Only how far this start is from the boundary, in beta [rad].")
+@click.option(
+    "--seconds", type=float, default=20.0, show_default=True, metavar="T", help="The duration of each motion [s]."
+)
+@click.option(
+    "--velocity", type=float, default=0.0, show_default=True, metavar="V", help="The initial d(beta)/dt [rad/s]."
+)
+@click.option(
+    "--margin", metavar="BETA,GAMMA,V", help="Compute only the distance of this start from the boundary, in beta [rad]."
+)
 @click.option("--out", metavar="DIR", help="Write picture and CSV there.")
 @jobs_option
 def basin(
@@ -316,7 +342,7 @@ def basin(
         from tippedisk_verify.figures.style import save
 
         boundary = None
-        with suppress(InputError, AccuracyError):  # below the rotating cycles' fold everything lies flat
+        with suppress(InputError, AccuracyError):  # no boundary below the rotating cycles' fold
             boundary = disk.basin_boundary(omega)
         save(draw_basins(plane, boundary), folder, "basins")
         write_csv(folder / "basins.csv", ("beta [rad]", "gamma [rad]", "v [rad/s]", "ends on"), plane.rows())
@@ -331,7 +357,9 @@ def basin(
     metavar="NAME",
     help="manifolds, limit-cycles, bisection or scipy.",
 )
-@click.option("--out", callback=file_for(".csv"), metavar="FILE.csv", help="Write samples of the connection there.")
+@click.option(
+    "--out", callback=file_for(".csv"), metavar="FILE.csv", help="Write samples of the connecting orbit there."
+)
 @half_widths_option
 def heteroclinic(common: Common, method: str, out: Path | None, half_widths: bool) -> Any:
     connection = common.disk.heteroclinic(digits=common.digits, method=method, half_widths=half_widths)

@@ -18,15 +18,17 @@ __all__ = ["COMMANDS"]
 
 
 @command(
-    """Hold the files against their hashes, and a sample of their numbers against new ones.
+    """Compare the files with their hashes, and a sample of their numbers with new ones.
 
-    The new ones are computed in another formulation or another precision.
+    The new numbers are computed in another formulation or another precision.
     """
 )
 @click.option("--data", metavar="DIR", help="The folder to check; the installed data if not given.")
-@click.option("--all", "all_", is_flag=True, help="Compute every number again (an hour).")
-@click.option("--sample", type=int, default=20, show_default=True, metavar="N", help="Compute so many entries again.")
-@click.option("--seed", type=int, default=0, metavar="N", help="Which ones.")
+@click.option("--all", "all_", is_flag=True, help="Compute every number again (takes an hour).")
+@click.option(
+    "--sample", type=int, default=20, show_default=True, metavar="N", help="The number of entries to compute again."
+)
+@click.option("--seed", type=int, default=0, metavar="N", help="The seed that chooses the sample.")
 @jobs_option
 def check(output: Output, data: str | None, all_: bool, sample: int, seed: int, jobs: int | None) -> int:
     from tippedisk_verify.reference_values.checking import check as checked
@@ -43,7 +45,9 @@ def check(output: Output, data: str | None, all_: bool, sample: int, seed: int, 
     return 1 if report.faults else 0
 
 
-@command("The ids that start with PREFIX, such as printed/linear/limit-cycle, after a line with the data's version.")
+@command(
+    "List the ids that start with PREFIX, such as printed/linear/limit-cycle, after a line with the data's version."
+)
 @click.argument("prefix", default="")
 def list_(output: Output, prefix: str) -> int:
     from tippedisk_verify.reference_values.lookup import references
@@ -56,10 +60,10 @@ def list_(output: Output, prefix: str) -> int:
 
 
 @command(
-    """Values with all that is known of them.
+    """Show values with their definition, half-width, grade, proof and condition.
 
-    The condition says by how much a value changes, in its own unit, per relative change of
-    each parameter or input.
+    The condition is the change of a value, in its own unit, per relative change of each parameter
+    or input.
     """
 )
 @click.argument("ids", nargs=-1, required=True, metavar="ID...")
@@ -72,7 +76,7 @@ def show(output: Output, ids: tuple[str, ...]) -> int:
     return 0
 
 
-@command("Write the values whose ids start with PREFIX in another form.")
+@command("Write the values whose ids start with PREFIX to a file in another format.")
 @click.argument("prefix", default="")
 @click.option(
     "--format",
@@ -80,9 +84,9 @@ def show(output: Output, ids: tuple[str, ...]) -> int:
     default="csv",
     show_default=True,
     metavar="csv|jsonl|parquet|c|fortran|julia|octave",
-    help="A table, one JSON object to a line, or a test file to include.",
+    help="The format: a table, one JSON object a line, or a test file to include.",
 )
-@click.option("--out", required=True, metavar="FILE", help="Where the values go.")
+@click.option("--out", required=True, metavar="FILE", help="The file to write.")
 def export(output: Output, prefix: str, format_: str, out: str) -> int:
     from tippedisk_verify.reference_values.export import export as exported
     from tippedisk_verify.reference_values.lookup import references
@@ -99,8 +103,9 @@ def _lines(quantity: Quantity) -> Iterator[str]:
         yield f"  from {reading:8s} {value} ± {uncertainty}"
     inputs = ", ".join(f"{heading(name)} {text}" for name, text in quantity.inputs.items())
     yield f"  inputs        {inputs or 'the parameters only'}"
-    others = ", ".join(f"{name} within {away}" for name, away in quantity.methods.items() if away != "0")
-    yield f"  grade         {quantity.grade}: {', '.join(quantity.methods)}" + (f" ({others})" if others else "")
+    distances = ", ".join(f"{name} within {away}" for name, away in quantity.methods.items() if away != "0")
+    grade = f"{quantity.grade}: {', '.join(quantity.methods)}"
+    yield f"  grade         {grade}" + (f" ({distances})" if distances else "")
     if quantity.proof is not None:
         yield f"  proved in     {quantity.proof['value']} ± {quantity.proof['uncertainty']}"
         yield f"  by            {quantity.proof['command']}"
@@ -108,5 +113,5 @@ def _lines(quantity: Quantity) -> Iterator[str]:
     yield f"  condition     {slopes or 'depends on nothing'}"
 
 
-_SAYS = "Reference values: check them, read them, export them."
-COMMANDS = (group("reference", _SAYS, check, list_, show, export),)
+_HELP = "Check, show and export reference values."
+COMMANDS = (group("reference", _HELP, check, list_, show, export),)

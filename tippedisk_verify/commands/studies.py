@@ -1,4 +1,4 @@
-"""The studies: sweeps, run time against error, hard cases."""
+"""The commands for studies: sweeps, run time against error, hard cases."""
 
 from __future__ import annotations
 
@@ -32,12 +32,13 @@ from tippedisk_verify.progress import watched
 __all__ = ["COMMANDS"]
 
 
-# ------------------------------------------------------------------------------------------------ sweep
+# ------------------------------------------------------------------------------------------- sweep
 @disk_command(
-    """Compute an analysis at every combination of the axes' values; interrupted, it goes on where it stopped.
+    """Run an analysis at every combination of the axes' values.
 
-    The table has the axes as they were given, the status, and each result beside its half-width (NAME_uncertainty); a
-    trajectory ends at final_beta, final_gamma, final_v. Every worker of a cluster needs this version of the package.
+    An interrupted sweep continues where it stopped. The table has the axes, the status, and each
+    result with its half-width (NAME_uncertainty). A trajectory ends at final_beta, final_gamma,
+    final_v. Every worker of a cluster needs this version of the package.
     """
 )
 @click.argument("analysis", metavar="orbit|equilibria|hopf|heteroclinic|trajectory")
@@ -53,7 +54,7 @@ __all__ = ["COMMANDS"]
     callback=file_for(".csv", ".parquet"),
     required=True,
     metavar="FILE.csv|.parquet",
-    help="Where the table goes.",
+    help="The table to write.",
 )
 @click.option(
     "--executor",
@@ -61,7 +62,7 @@ __all__ = ["COMMANDS"]
     default="local",
     show_default=True,
     metavar="serial|local|dask://HOST:PORT",
-    help="One process, all cores of this machine, or a cluster.",
+    help="Run in one process, on all cores of this machine, or on a cluster.",
 )
 @jobs_option
 def sweep(common: Common, analysis: str, over: tuple[str, ...], out: Path, executor: str, jobs: int | None) -> int:
@@ -71,23 +72,23 @@ def sweep(common: Common, analysis: str, over: tuple[str, ...], out: Path, execu
     plan = Plan(analysis, common.disk, tuple(axis(text) for text in over), common.digits)
     with common.progress(len(plan)) as advance:
         points, without = swept(plan, out, lambda: workers_of(executor, jobs), advance)
-    line = f"{points} points, {without} of them without numbers (their status says why): {out}"
+    line = f"{points} points, {without} of them without results (see their status): {out}"
     common.show({"points": points, "without_numbers": without, "file": str(out)}, [line])
     return 0
 
 
-# ------------------------------------------------------------------------------------------------ bench
+# ------------------------------------------------------------------------------------------- bench
 @command("Measure run time against error: six initial-value problems.")
-@click.option("--peers", is_flag=True, help="Race the integrators of the extra `peers`, too.")
+@click.option("--peers", is_flag=True, help="Include the integrators of the extra `peers`.")
 @click.option(
     "--only",
     multiple=True,
     metavar="PROBLEM",
-    help="These only: cycle, transient, passage, smooth, epsilon-1e-3 or epsilon-1e-4.",
+    help="Run only this problem: cycle, transient, passage, smooth, epsilon-1e-3 or epsilon-1e-4.",
 )
 @click.option("--program", metavar="COMMAND", help="Race a program that answers over pipes, too.")
 @click.option("--answers", multiple=True, metavar="FILE.csv", help="Show runs made elsewhere, too.")
-@click.option("--out", metavar="DIR", help="Write figure, CSV and JSON there.")
+@click.option("--out", metavar="DIR", help="Write a figure, CSV and JSON there.")
 def bench(
     output: Output, peers: bool, only: tuple[str, ...], program: str | None, answers: tuple[str, ...], out: str | None
 ) -> int:
@@ -105,8 +106,8 @@ def bench(
         methods = (*METHODS, *(peer_methods() if peers else ()), *own)
         total = sum(method.fits(problem) for method in methods for problem in problems)
         advance = running.enter_context(output.progress(total))
-        # One process beside the one that is timed, for the truths.
-        pool = running.enter_context(processes(1, needed=len(problems) > 1, beside=True))
+        # A second process computes the true solutions while this one is timed.
+        pool = running.enter_context(processes(1, needed=len(problems) > 1, even_one=True))
         scores = [*raced(problems, methods, advance, map_of(pool)), *elsewhere]
     runs = [score.to_dict() for score in scores]
     result: dict[str, Any] = {"machine": machine(), "runs": runs, "ratios": ratios(scores)}
@@ -132,23 +133,21 @@ def _bench_lines(result: dict[str, Any]) -> Iterator[str]:
     yield from table(
         ("problem", "method", "setting", "time [ms]", "error", "status"), map(list, map(shown, result["runs"]))
     )
-    for one in result["ratios"]:
-        others = [
-            f"{label} {one[name + '_over_heyoka']:.3g} times longer ({one[name]})"
+    for row in result["ratios"]:
+        slower = [
+            f"{label} {row[name + '_over_heyoka']:.3g} times longer ({row[name]})"
             for name, label in (("scipy", "SciPy"), ("peer", "the best peer"))
-            if one[f"{name}_over_heyoka"] is not None
+            if row[f"{name}_over_heyoka"] is not None
         ]
-        ours = "heyoka does not get there" if one["heyoka"] is None else one["heyoka"]
-        yield f"{one['problem']}, error at most {one['error_at_most']:.0e}: {'; '.join([ours, *others])}"
+        ours = "heyoka does not reach it" if row["heyoka"] is None else row["heyoka"]
+        yield f"{row['problem']}, error at most {row['error_at_most']:.0e}: {'; '.join([ours, *slower])}"
 
 
-# ------------------------------------------------------------------------------------------------ stress
-@command(
-    "Try extreme parameters, states, tolerances and speeds: each must give digits that hold, or say what it cannot."
-)
-@click.option("--only", multiple=True, metavar="CASE", help="These cases only.")
-@click.option("--quick", is_flag=True, help="The cases that take some seconds at most.")
-@click.option("--list", "list_", is_flag=True, help="Name the cases and the outcome that each must have.")
+# ------------------------------------------------------------------------------------------ stress
+@command("Try extreme parameters, states, tolerances and speeds: each must give correct digits, or a clear refusal.")
+@click.option("--only", multiple=True, metavar="CASE", help="Run only this case.")
+@click.option("--quick", is_flag=True, help="Run only cases that take some seconds at most.")
+@click.option("--list", "list_", is_flag=True, help="List the cases and their required outcomes.")
 @jobs_option
 def stress(output: Output, only: tuple[str, ...], quick: bool, list_: bool, jobs: int | None) -> int:
     from tippedisk_verify.stress.battery import cases_named, outcome_of
@@ -156,10 +155,10 @@ def stress(output: Output, only: tuple[str, ...], quick: bool, list_: bool, jobs
     cases = cases_named(only, quick)
     if list_:
         listing = [{"name": case.name, "says": case.says, "expected": case.expected()} for case in cases]
-        lines = table(("case", "what it is", "expected"), (list(one.values()) for one in listing))
+        lines = table(("case", "what it is", "expected"), (list(entry.values()) for entry in listing))
         replace(output, quiet=False).show({"cases": listing}, lines)
         return 0
-    # The long ones first, so that none of them is left alone at the end.
+    # The long cases first, so that the cores are busy until the end.
     order = [case.name for case in sorted(cases, key=lambda case: case.quick)]
     with processes(jobs, needed=len(cases) > 1) as pool:
         by_name = dict(watched(as_done(outcome_of, order, pool), "cases", len(cases), not output.quiet))
@@ -167,16 +166,16 @@ def stress(output: Output, only: tuple[str, ...], quick: bool, list_: bool, jobs
     failed = [outcome.name for outcome in outcomes if not outcome.passed]
     rows = (
         (
-            "ok" if one.passed else "FAIL",
-            one.name,
-            one.outcome,
-            "" if one.digits is None else f"{one.digits:.1f}",
-            f"expected: {one.expected}" + (f" ({one.note})" if one.note else ""),
+            "ok" if result.passed else "FAIL",
+            result.name,
+            result.outcome,
+            "" if result.digits is None else f"{result.digits:.1f}",
+            f"expected: {result.expected}" + (f" ({result.note})" if result.note else ""),
         )
-        for one in outcomes
+        for result in outcomes
     )
     passed = len(outcomes) - len(failed)
-    last = f"{passed} of {len(outcomes)} cases have the outcome they must have"
+    last = f"{passed} of {len(outcomes)} cases have the required outcome"
     output.show(
         {
             "cases": [asdict(outcome) for outcome in outcomes],

@@ -33,27 +33,27 @@ if TYPE_CHECKING:
 
 __all__ = ["COMMANDS"]
 
-_MOST_PROCESSES = 8  # there is no more to do at once
+_MOST_PROCESSES = 8  # the main job has not enough tasks for more
 
 
 @disk_command(
     "Audit every claim of the paper; write the report, figures and data.\n\n"
-    "All claims take a minute on two cores, with figures. Results are kept, so that a second run takes seconds."
+    "All claims take a minute on two cores, with figures. Results are stored, so a second run takes seconds."
 )
 @click.argument("more", nargs=-1, metavar="[CLAIM]...")
 @click.option("--out", metavar="DIR", help="Write report, figures and data there.")
 @click.option(
-    "--only", multiple=True, metavar="CLAIM", help="Examine these only: by name, or by equation (eq.7, or 7)."
+    "--only", multiple=True, metavar="CLAIM", help="Examine only these claims, by name or by equation (eq.7, or 7)."
 )
-@click.option("--list", "list_", is_flag=True, help="Say which claims there are, and examine none.")
-@click.option("--fresh", is_flag=True, help="Compute everything anew, also what was kept from earlier runs.")
-@click.option("--long", is_flag=True, help="Say all there is to each verdict.")
+@click.option("--list", "list_", is_flag=True, help="List the claims without examining them.")
+@click.option("--fresh", is_flag=True, help="Compute everything again, without stored results.")
+@click.option("--long", is_flag=True, help="Print the details of each verdict.")
 @click.option(
     "--jobs",
     type=int,
     metavar="N",
     callback=checked(checked_jobs),
-    help="Processes; as many as there are cores, at most 8, if not given.",
+    help="Number of processes; the number of cores, at most 8, if not given.",
 )
 def verify(
     common: Common,
@@ -66,10 +66,10 @@ def verify(
     jobs: int | None,
 ) -> int:
     if more and not only:
-        raise InputError(f"'{more[0][:40]}' stands alone: name claims with --only")
+        raise InputError(f"'{more[0][:40]}' is not an option: name claims with --only")
     if list_:
         if out is not None or only or fresh:
-            raise InputError("--list stands alone")
+            raise InputError("--list goes with no other option")
         return _listed(common)
     from tippedisk_verify.audit.catalogue import equations_named, selected
     from tippedisk_verify.audit.claims import Finding
@@ -99,7 +99,7 @@ def verify(
             advance("report", 1)
     lines = list(_verdict_lines(order, findings, long, equations_named(names)))
     if outcome.kept:
-        lines.append(f"{len(outcome.kept)} of {len(tasks)} results were kept from earlier runs: --fresh computes anew")
+        lines.append(f"{len(outcome.kept)} of {len(tasks)} results are from earlier runs: --fresh computes them again")
     if folder is not None:
         lines.append(f"report, figures and data: {folder} (open {folder / 'report.html'})")
     common.show(results, lines)
@@ -110,7 +110,7 @@ def verify(
 
 
 def _pool(jobs: int | None, wanted: int) -> AbstractContextManager[Any]:
-    """Processes for so many tasks at once: as many as were asked for, or as there are cores."""
+    """Make processes for a number of tasks: as many as asked for, or as there are cores."""
     workers = jobs or min(usable_cores(), wanted, _MOST_PROCESSES)
     return processes(workers) if workers > 1 else nullcontext(None)
 
@@ -128,15 +128,15 @@ def _listed(common: Common) -> int:
 def _verdict_lines(
     order: AuditJob, findings: Sequence[tuple[Claim, Finding]], long: bool, equations: Sequence[str] = ()
 ) -> Iterator[str]:
-    """The verdict on each equation that was named, then a table of the claims.
+    """Yield the verdict on each named equation, then a table of the claims.
 
-    All there is to say of each claim is in the table's place if equations are named, or if that is wanted.
+    If equations are named, or ``long`` is true, the details of each claim replace the table.
     """
     from tippedisk_verify.report.results import claim_json, shown, summary, totals, verdict_words
 
-    told = [(claim, finding, claim_json(claim, finding, order)) for claim, finding in findings]
+    entries = [(claim, finding, claim_json(claim, finding, order)) for claim, finding in findings]
     for number in equations:
-        for claim, _, entry in told:
+        for claim, _, entry in entries:
             if f"({number})" in claim.cited:
                 words = f": {verdict_words(entry)}"
                 if f"eq. ({number})" in claim.cited.partition("from ")[2]:
@@ -145,15 +145,15 @@ def _verdict_lines(
                 yield f"eq. ({number}){words}, by the claim {claim.name}"
     yield f"Claims ({order.parameters.name}, {order.parameters.friction} friction)"
     if not (long or equations):
-        rows = [(claim.name, verdict_words(entry), _computed(entry)) for claim, _, entry in told]
+        rows = [(claim.name, verdict_words(entry), _computed(entry)) for claim, _, entry in entries]
         yield from table(("claim", "verdict", "computed"), rows)
         if any("(proved)" in words for _, words, _ in rows):
             yield "proved: by a theorem of docs/certified.md, whose proof is not repeated here"
-    for claim, finding, entry in told if long or equations else ():
+    for claim, finding, entry in entries if long or equations else ():
         yield f"{claim.name}: {verdict_words(entry)}"
         yield f"    {claim.statement} ({claim.cited})"
         unit = f" {claim.unit}" if claim.unit else ""
-        values = {name: str(shown(one)) for name, one in finding.computed.items()}
+        values = {name: str(shown(value)) for name, value in finding.computed.items()}
         if len(values) > 1 and len(set(values.values())) == 1:
             values = {"every set": next(iter(values.values()))}
         if claim.printed:
@@ -166,7 +166,7 @@ def _verdict_lines(
 
 
 def _computed(entry: dict[str, Any]) -> str:
-    """What is computed for the selected set, with the number that the paper prints behind it."""
+    """Return the value computed for the selected set, then the number that the paper prints."""
     value = entry["computed"]
     if isinstance(value, str):
         return value.partition("; ")[0]
@@ -174,17 +174,17 @@ def _computed(entry: dict[str, Any]) -> str:
     return f"{float(value['value']):.6g} {entry['unit']}{paper}"
 
 
-# ------------------------------------------------------------------------------------------ scene
-@disk_command("The panels a to f of the paper's figures 3D and proj_3D.")
+# ------------------------------------------------------------------------------------------- scene
+@disk_command("Compute the panels a to f of the paper's figures 3D and proj_3D.")
 @click.argument("names", nargs=-1, required=True, metavar="NAME...|all")
-@click.option("--out", metavar="DIR", help="Write figure and CSV data there.")
+@click.option("--out", metavar="DIR", help="Write the figures and CSV data there.")
 @click.option("--omega-h", callback=decimal, metavar="X", help="Use this Omega_h [rad/s] instead of finding it.")
 def scene(common: Common, names: Sequence[str], out: str | None, omega_h: str | None) -> int:
     if common.digits > 12:
-        raise InputError(f"scenes hold at most 12 digits, not {common.digits}: their orbits run in double precision")
+        raise InputError(f"scenes have at most 12 digits, not {common.digits}: their orbits run in double precision")
     from tippedisk_verify.motion.scenes import SCENES, scene_named
 
-    every = [one.name for one in SCENES]
+    every = [scene.name for scene in SCENES]
     disk, chosen = common.disk, every if "all" in names else dict.fromkeys(scene_named(name).name for name in names)
     panels = {}
     with common.progress(len(chosen)) as advance:
@@ -216,7 +216,7 @@ def _write_scenes(panels: Sequence[Panel], folder: Path) -> None:
 
 
 def _endings(panel: Panel) -> list[str]:
-    """What the panel's orbits end on, as lines."""
+    """Return lines that show what the panel's orbits end on."""
     lines = [f"scene {panel.scene.name}: Omega = {panel.omega} rad/s"]
     for start, orbit in enumerate(panel.orbits, start=1):
         ending = orbit.ending

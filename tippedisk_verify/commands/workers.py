@@ -1,8 +1,11 @@
-"""Who computes: fresh processes of this machine, or the workers of a Dask cluster.
+"""The processes that compute: new ones on this machine, or the workers of a Dask cluster.
 
-Dask watches over its workers itself: what a lost one had is given to another. Two things are left to do here. A port
-where something else listens is told from a scheduler, for which Dask's client would wait on. And calls travel as plain
-bytes, because a worker without the package ends when Dask sends it a function of it; so it says that it has none.
+Dask watches its workers itself and gives the work of a lost one to another. Two things remain to be
+done here:
+
+- A port where something else listens must be recognised, because Dask's client would wait for it.
+- Calls are sent as plain bytes. A worker without the package dies when Dask sends it a function of
+  the package; with bytes it can report that the package is missing.
 """
 
 from __future__ import annotations
@@ -28,36 +31,39 @@ from tippedisk_verify.provenance import code_version
 
 __all__ = ["Checked", "Pool", "cluster", "kill_workers"]
 
-_QUIET = "ignore::UserWarning:multiprocessing.resource_tracker"
-_PATIENCE = 15.0  # s for a scheduler to answer, and for a first worker
+_QUIET = "ignore::UserWarning:multiprocessing.resource_tracker"  # an entry of PYTHONWARNINGS
+_PATIENCE = 15.0  # s to wait for a scheduler's answer, and for a first worker
 
 
 class Pool(ProcessPoolExecutor):
-    """Fresh processes: what their parent has compiled, and its threads, are not for forking.
+    """A pool of new processes.
 
-    They never receive Ctrl-C, and end when their parent is gone, even if it was killed.
+    They are not forked, because compiled code and threads of the parent must not be copied. They
+    never receive Ctrl-C, and end with their parent, even if it is killed.
     """
 
     def __init__(self, count: int) -> None:
-        # Python's resource tracker removes the semaphores that an interrupted pool leaves; it need not say so.
-        if _QUIET not in (others := os.environ.get("PYTHONWARNINGS", "")):
-            os.environ["PYTHONWARNINGS"] = f"{others},{_QUIET}" if others else _QUIET
-        # They are made first and registered afterwards, with a process that must outlive this one.
+        # Python's resource tracker removes the semaphores of an interrupted pool; hide its warning.
+        if _QUIET not in (filters := os.environ.get("PYTHONWARNINGS", "")):
+            os.environ["PYTHONWARNINGS"] = f"{filters},{_QUIET}" if filters else _QUIET
+        # Semaphores are first made, then registered with a process that must outlive this one: an
+        # interrupt in between would leave them behind.
         with unbroken(), deaf_children():
             super().__init__(count, mp_context=get_context("spawn"), initializer=_end_with_parent)
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
-        with unbroken(), deaf_children():  # it may start a process, which prints a traceback if its orders break off
+        """Submit a call, without letting Ctrl-C interrupt the start of a process."""
+        with unbroken(), deaf_children():  # a process whose start is cut short prints a traceback
             return super().submit(fn, *args, **kwargs)
 
     def __exit__(self, *fault: object) -> None:
         if fault[0] is not None:
-            kill_workers()  # what is under way is of no use any more
+            kill_workers()  # their results are no longer needed
         self.shutdown(wait=True, cancel_futures=True)
 
 
 def kill_workers() -> None:
-    """End every process that this one has started through multiprocessing."""
+    """Kill every process that this one has started through multiprocessing."""
     for worker in active_children():
         worker.kill()
 
@@ -72,18 +78,19 @@ def _end_with_parent() -> None:
 
 
 class Checked(Executor):
-    """An executor that calls functions where the code is that of this process; elsewhere they raise AccuracyError."""
+    """An executor whose calls raise AccuracyError in a process with other code than this one's."""
 
     def __init__(self, executor: Executor) -> None:
         self._executor = executor
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        """Submit a call with a check of the worker's code."""
         return self._executor.submit(pickle.loads, pickle.dumps(_Call(partial(fn, *args, **kwargs))))
 
 
 @dataclass(frozen=True)
 class _Call:
-    """Pickled, it is the call itself: loading it gives what the function returns, or raises what it raises."""
+    """A call whose pickle executes it: loading gives the function's result, or raises its error."""
 
     call: Callable[[], Any]
 
@@ -100,23 +107,24 @@ def _checked(version: str, call: Callable[[], Any]) -> Any:
 
 @contextmanager
 def cluster(address: str) -> Iterator[Executor]:
-    """The workers of the Dask scheduler at ``dask://HOST:PORT``.
+    """Connect to the Dask scheduler at ``dask://HOST:PORT``, and yield an executor of its workers.
 
-    Raises InputError if there is none, AccuracyError if it has no worker, goes away, or a worker is without this
-    package.
+    Raises:
+        InputError: If no scheduler answers there, or Dask is not installed.
+        AccuracyError: If it has no worker, or goes away, or a worker lacks this package.
     """
     try:
         from distributed import Client, KilledWorker
     except ImportError:
         raise InputError("a Dask cluster needs distributed: pip install '.[cluster]'") from None
     host, before = address.removeprefix("dask://"), logging.root.manager.disable
-    logging.disable()  # what matters of Dask's own lines is said by the errors here
+    logging.disable()  # the errors raised here replace Dask's own messages
     try:
         try:
             asyncio.run(_refuse_others(f"tcp://{host}"))
-            with warnings.catch_warnings(action="ignore"):  # of versions: each call looks at those that matter
+            with warnings.catch_warnings(action="ignore"):  # about versions, which each call checks
                 client: Any = Client(f"tcp://{host}", timeout=_PATIENCE, set_as_default=False)  # type: ignore[no-untyped-call]
-        except Exception:  # what else listens there may answer anything
+        except Exception:  # another server may answer anything
             raise InputError(f"no Dask scheduler answers at {host[:80]}: give the address that it printed") from None
         with client:
             try:

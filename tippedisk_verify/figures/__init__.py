@@ -1,5 +1,6 @@
-"""Pictures. `style` is what all share; each other module has drawings, and the exhibits of the report made of them.
+"""The figures.
 
-An exhibit (`exhibit`) is a figure with all that belongs to it: what is computed for it, its data, and one line that
-says what to see. `catalogue` lists them. Matplotlib is imported here only, and only when something is drawn.
+`style` is common to all of them. Each other module has drawings, and the report's exhibits made of
+them. An exhibit (`exhibit`) is a figure with its data and a line that explains it; `catalogue`
+lists them. Matplotlib is imported only in this package, and only when something is drawn.
 """

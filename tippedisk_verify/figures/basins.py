@@ -1,4 +1,4 @@
-"""What the states of a plane end on, and the curves that separate them."""
+"""The basins of attraction in a plane of states, and the curves that separate them."""
 
 from __future__ import annotations
 
@@ -14,11 +14,19 @@ from tippedisk_verify.motion.basins import Basins
 __all__ = ["draw_basins"]
 
 _COLOURS = ("#d9d9d9", GREEN, ORANGE, PURPLE, BLACK)  # in the order of the outcomes
-_CURVE = 81  # points along gamma
+_CURVE = 81  # points of a boundary curve
 
 
 def draw_basins(plane: Basins, boundary: BasinBoundary | None = None) -> Any:
-    """What the states of a plane of constant v end on, and the boundary's two curves in it."""
+    """Draw the outcomes of a plane of starts with the same v, and the boundary's two curves in it.
+
+    Args:
+        plane: The outcomes.
+        boundary: The boundary, or None to leave it out.
+
+    Returns:
+        The Matplotlib figure.
+    """
     from matplotlib.colors import ListedColormap
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch

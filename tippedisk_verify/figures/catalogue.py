@@ -1,4 +1,4 @@
-"""All exhibits of the report, in the order of the paper, studies of our own after them."""
+"""The list of the report's exhibits, in the order of the paper, followed by our own studies."""
 
 from __future__ import annotations
 
@@ -22,5 +22,5 @@ EXHIBITS: tuple[Exhibit, ...] = (
 
 
 def exhibits_for(claims: Sequence[str]) -> tuple[Exhibit, ...]:
-    """The exhibits that go with these claims."""
-    return tuple(one for one in EXHIBITS if not set(claims_drawn_in(one.name)).isdisjoint(claims))
+    """Return the exhibits that illustrate some of these claims."""
+    return tuple(exhibit for exhibit in EXHIBITS if not set(claims_drawn_in(exhibit.name)).isdisjoint(claims))

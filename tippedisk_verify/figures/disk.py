@@ -1,7 +1,7 @@
 """The disk itself as it inverts (the paper's Figures intro_inversion_COG and intro_inversion).
 
-The reduced model holds the centre of gravity S on a vertical line and the spinning speed constant;
-so do the pictures.
+The reduced model keeps the centre of gravity S on a vertical line and the spinning speed constant,
+and so do the pictures.
 """
 
 from __future__ import annotations
@@ -18,18 +18,28 @@ from tippedisk_verify.model.parameters import Parameters
 
 __all__ = ["inversion", "points_of"]
 
-_HOLE_RADIUS, _HOLE_OFFSET = 0.33, 0.44  # of the disk's radius, as in the set `geometry`
+_HOLE_RADIUS, _HOLE_OFFSET = 0.33, 0.44  # in units of the disk's radius, as in the set `geometry`
 _FRONT, _BACK = "#bcd7ea", "#f4d9a0"  # of the faces
-_CSV_DECIMALS = 10  # what doubles are off by is smaller
+_CSV_DECIMALS = 10  # the error of the double-precision orbit is smaller
 _SHOWN_SECONDS = 12.0
-_ELEVATION, _AZIMUTH = 14, -62  # of the eye [degrees]
+_ELEVATION, _AZIMUTH = 14, -62  # of the viewpoint [degrees]
 
 
 def points_of(parameters: Parameters, beta: float, gamma: float, alpha: float = 0.0) -> dict[str, Any]:
-    """G, S and C [m] with the frames' unit vectors, in a frame at rest whose origin lies on the floor below S.
+    """Return the points G, S and C [m] and the frames' unit vectors.
 
-    The paper's z-x-z convention: the disk is turned by alpha about the vertical, leans by beta about ``along``, and
+    The frame is at rest, with its origin on the floor below S. The angles follow the paper's z-x-z
+    convention: the disk is turned by alpha about the vertical, leans by beta about ``along``, and
     is turned by gamma in its own plane. C is the lowest point.
+
+    Args:
+        parameters: The disk.
+        beta: The angle beta [rad].
+        gamma: The angle gamma [rad].
+        alpha: The angle alpha [rad].
+
+    Returns:
+        Arrays of shape (3,) under the names C, G, S, along, normal, body_x and body_y.
     """
     import numpy
 
@@ -46,7 +56,7 @@ def points_of(parameters: Parameters, beta: float, gamma: float, alpha: float = 
 
 
 def _draw_disk(axis: Any, parameters: Parameters, points: dict[str, Any], zoom: float) -> None:
-    """The disk with its hole, opposite to S, on the floor, from one and the same eye; its faces differ in colour."""
+    """Draw the disk on the floor, with its hole opposite to S; its two faces differ in colour."""
     import numpy
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
@@ -73,7 +83,10 @@ def _draw_disk(axis: Any, parameters: Parameters, points: dict[str, Any], zoom: 
 
 
 def _drawn(parameters: Parameters, times: Any, states: Any, height: Any, across: int) -> Any:
-    """The disk at four moments, so many beside each other, and below them the height of S [mm] against time."""
+    """Draw the disk at four moments, and below it the height of S [mm] against time.
+
+    ``across`` is the number of disks in a row.
+    """
     # The start, gamma at 0 and at pi/2 for the first time, the end.
     moments = (0, *(int((states[:, 1] >= gamma).argmax()) for gamma in (0.0, math.pi / 2)), -1)
     views = tuple(f"({number})" for number in (1, 2, 3, 4))
@@ -108,6 +121,7 @@ def _drawn(parameters: Parameters, times: Any, states: Any, height: Any, across:
     "them the height of its centre of gravity against time, which rises and settles.",
 )
 def inversion(audit: Audit, examined: Sequence[str]) -> Drawing:
+    """Draw the inversion from the paper's first start, at Omega_crit + 0.5 rad/s."""
     import numpy
 
     r, e = float(audit.parameters.r), float(audit.parameters.e)

@@ -1,4 +1,4 @@
-"""An exhibit of the report: a figure with its data, what it shows, and one line that reads it."""
+"""An exhibit of the report: a figure, its data, and one line that explains it."""
 
 from __future__ import annotations
 
@@ -14,50 +14,64 @@ from tippedisk_verify.files import csv_text
 
 __all__ = ["CSV", "Drawing", "Exhibit", "by_curve", "drawn"]
 
-CSV = tuple[Sequence[str], Sequence[Sequence[object]]]  #: header, with the unit of each number in brackets, and rows
+#: The header, with units in brackets, and the rows.
+CSV = tuple[Sequence[str], Sequence[Sequence[object]]]
 _MEDIA = {"svg": "image/svg+xml", "webp": "image/webp"}
 
 
 @dataclass(frozen=True)
 class Drawing:
-    """What an exhibit came to."""
+    """The result of drawing an exhibit."""
 
-    figure: Callable[[int], Any]  #: draws it in so many columns
-    columns: int  #: where there is room
+    figure: Callable[[int], Any]  #: draws it in a given number of columns
+    columns: int  #: the number of columns on a wide page
     reading: str  #: what to see, in one line
-    data: Mapping[str, CSV]  #: by file: all that is drawn
-    facts: dict[str, Any] = field(default_factory=dict)  #: more for results.json
-    embedded: str = "svg"  #: the form that the page holds: svg, or webp where an svg would be megabytes
+    data: Mapping[str, CSV]  #: everything that is drawn, by file
+    facts: dict[str, Any] = field(default_factory=dict)  #: further entries of results.json
+    embedded: str = "svg"  #: format on the page: svg, or webp if an svg would have megabytes
 
 
 @dataclass(frozen=True)
 class Exhibit:
-    """One figure of the report."""
+    """A figure of the report."""
 
-    draw: Callable[[Audit, Sequence[str]], Drawing]  #: from the audit and the names of the claims examined
+    draw: Callable[[Audit, Sequence[str]], Drawing]  #: takes the audit and the names of the claims
     name: str
     title: str
-    alternative: str  #: what the picture shows, for those who cannot see it
-    labels: str = ""  #: of the paper's figures that it redraws; empty for a study of our own
-    alone: bool = False  #: measures run times, so nothing else should run beside it
-    packages: tuple[str, ...] = ()  #: that it uses beside those of all figures, if they are installed
-    cost: float = 0.0  #: what drawing it takes alone on one core [s], where that is three or more
+    alternative: str  #: what the picture shows, for readers who cannot see it
+    labels: str = ""  #: labels of the paper's figures that it redraws; empty for our own studies
+    alone: bool = False  #: True if it measures run times, so that nothing else may run meanwhile
+    packages: tuple[str, ...] = ()  #: further packages that it uses if they are installed
+    cost: float = 0.0  #: time to draw it on one core [s], if that is three or more
 
     @property
     def source(self) -> str:
-        """The figures of the paper that it redraws, by their published numbers with the labels behind."""
+        """The published numbers of the figures that it redraws, followed by their labels."""
         return f"{cited(self.labels)}, {self.labels}" if self.labels else ""
 
 
 def by_curve(header: Sequence[str], curves: Mapping[str, Sequence[Sequence[object]]]) -> CSV:
-    """Several curves in one file: the first column names the curve."""
+    """Put several curves into one table, whose first column names the curve.
+
+    Args:
+        header: The names of the other columns.
+        curves: The rows of each curve.
+    """
     return ("curve", *header), [(name, *row) for name, rows in curves.items() for row in rows]
 
 
 def drawn(exhibit: Exhibit, audit: Audit, examined: Sequence[str]) -> dict[str, Any]:
-    """The exhibit as plain data: what results.json says of it, its files, and what the page embeds.
+    """Draw an exhibit and return it as plain data.
 
-    A figure that cannot be had for these parameters says why under ``missing``.
+    Args:
+        exhibit: The exhibit.
+        audit: The audit.
+        examined: The names of the claims that it illustrates.
+
+    Returns:
+        Its ``entry`` in results.json, further ``facts``, its ``files``, and the pictures
+        ``embedded`` in the page. If it cannot be drawn for these parameters, the entry has the
+        reason under ``missing``.
     """
     entry: dict[str, Any] = {name: getattr(exhibit, name) for name in ("name", "title", "source", "alternative")}
     entry["claims"] = list(examined)

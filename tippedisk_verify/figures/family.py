@@ -1,4 +1,4 @@
-"""The families of limit cycles: the librating one (the paper's Figures HBM and Shooting), and the whole scenario."""
+"""The families of limit cycles, librating (the paper's Figures HBM and Shooting) and rotating."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from tippedisk_verify.theory.hopf import omega_crit, period_crit
 __all__ = ["branch", "draw_branch", "draw_scenario", "law_rows", "scenario"]
 
 Rows = Sequence[tuple[float, ...]]
-_SPEEDS = 24  # of the scenario, on either side of Omega_h
+_SPEEDS = 24  # of the scenario, on each side of Omega_h
 _HEADER = ("Omega [rad/s]", "beta_max [rad]", "T [s]", "slow multiplier [1]")
 _AXES = ("largest |β − π/2| [rad]", "period T [s]", "slow Floquet multiplier [1]")
 _LAW_STYLES = (("-", GREEN), ("--", ORANGE), ("-.", BLUE))
@@ -34,18 +34,27 @@ _FAMILIES = {_LIBRATING: (GREEN, "-"), _STABLE: (ORANGE, "-"), _UNSTABLE: (ORANG
 
 
 def _rows(cycles: Sequence[LimitCycle | RotatingCycle], *ends: tuple[float, ...]) -> Rows:
-    """Omega, beta_max, T and slow multiplier of each cycle, and of where the family begins or ends, by the speed."""
+    """Return Omega, beta_max, T and slow multiplier of each cycle, sorted by the speed.
+
+    ``ends`` are further rows, where the family begins or ends.
+    """
     names = ("omega", "beta_max", "period", "multiplier_slow")
     return sorted([tuple(float(getattr(cycle, name)) for name in names) for cycle in cycles] + list(ends))
 
 
 def _birth(parameters: Parameters) -> tuple[float, ...]:
-    """The row of the Hopf point."""
+    """Return the row of the Hopf point."""
     return (float(omega_crit(parameters)), 0.0, float(period_crit(parameters)), 1.0)
 
 
 def law_rows(parameters: Parameters, speeds: Sequence[float], form: Form) -> Rows:
-    """Omega, amplitude and period by a one-harmonic law, where it has a cycle."""
+    """Return Omega [rad/s], amplitude [rad] and period [s] of a one-harmonic law.
+
+    Args:
+        parameters: The disk.
+        speeds: The speeds [rad/s]; those without a cycle are left out.
+        form: The form of the law.
+    """
     rows: list[tuple[float, ...]] = []
     for omega in speeds:
         with suppress(AccuracyError):
@@ -55,7 +64,17 @@ def law_rows(parameters: Parameters, speeds: Sequence[float], form: Form) -> Row
 
 
 def draw_branch(curves: Mapping[str, Rows], columns: int = 3) -> Any:
-    """Amplitude, period and slow multiplier of the family against Omega (the paper's Figures HBM and Shooting)."""
+    """Draw amplitude, period and slow multiplier of a family against Omega.
+
+    These are the paper's Figures HBM and Shooting.
+
+    Args:
+        curves: Rows of Omega, beta_max, T and (optionally) the slow multiplier, by label.
+        columns: The number of columns.
+
+    Returns:
+        The Matplotlib figure.
+    """
     figure, axes = grid(3, columns, (3.2, 3.0) if columns > 1 else (4.6, 3.0))
     for column, (axis, name) in enumerate(zip(axes, _AXES, strict=True), start=1):
         for (label, rows), (line, colour) in zip(curves.items(), _LAW_STYLES, strict=True):
@@ -69,13 +88,14 @@ def draw_branch(curves: Mapping[str, Rows], columns: int = 3) -> Any:
 @partial(
     Exhibit,
     name="branch",
-    title="The family of limit cycles, and what the closed-form laws make of it",
+    title="The family of limit cycles, and the closed-form laws",
     labels="fig:HBM, fig:Shooting",
     alternative="Three panels against Omega: amplitude and period of the cycles by shooting, with both one-harmonic "
     "laws, which start at the Hopf point with the true cycles and fall below them as Omega decreases; and the slow "
     "multiplier, which rises to one at the Hopf point.",
 )
 def branch(audit: Audit, examined: Sequence[str]) -> Drawing:
+    """Draw the audited disk's family with both one-harmonic laws."""
     parameters = audit.parameters
     rows = _rows(audit.family(parameters.name), _birth(parameters))
     speeds = [row[0] for row in rows]
@@ -91,13 +111,25 @@ def branch(audit: Audit, examined: Sequence[str]) -> Drawing:
         columns=3,
         reading=f"From the Hopf point down to Omega = {first[0]:.6g} rad/s the amplitude grows to {first[1]:.3g} "
         f"rad and the period to {first[2]:.3g} s; the slow multiplier is at most {largest:.4f}"
-        f"{': every cycle attracts' if largest < 1 else ''}. Away from the Hopf point both laws lose the period.",
+        f"{': every cycle attracts' if largest < 1 else ''}. Away from the Hopf point neither law gives the period.",
         data={"branch.csv": by_curve(_HEADER, padded)},
     )
 
 
 def draw_scenario(families: Mapping[str, Rows], scenes: Mapping[str, float], omega_h: float, columns: int = 2) -> Any:
-    """Largest lean and period of all families against Omega, with Hopf point, Omega_h, fold and the six scenes."""
+    """Draw largest lean and period of all families against Omega.
+
+    The Hopf point, Omega_h, the fold and the six scenes are marked.
+
+    Args:
+        families: The rows of each family, as `_rows` returns them.
+        scenes: The speed [rad/s] of each scene.
+        omega_h: Omega_h [rad/s].
+        columns: The number of columns.
+
+    Returns:
+        The Matplotlib figure.
+    """
     figure, axes = grid(2, columns, (4.6, 3.8), below=0.9 if columns > 1 else 1.5)
     birth, fold = families[_LIBRATING][-1], families[_STABLE][0]
     left, right = fold[0] - 0.12, families[_UNSTABLE][-1][0] + 0.05
@@ -113,9 +145,9 @@ def draw_scenario(families: Mapping[str, Rows], scenes: Mapping[str, float], ome
         axis.plot(fold[0], fold[column], "D", color=PURPLE, ms=6, label="fold", zorder=5)
         axis.axvline(omega_h, color=BLUE, lw=1.0, ls=":", label=r"$\Omega_\mathrm{h}$", zorder=1)
 
-    # Where the rotating cycles turn into the librating one the curves are drawn once more.
-    room = omega_h - fold[0]
-    near, far = fold[0] - room / 4, omega_h + room / 2
+    # An inset magnifies the range where rotating cycles turn into librating ones.
+    gap = omega_h - fold[0]
+    near, far = fold[0] - gap / 4, omega_h + gap / 2
     for column, place in ((1, (0.66, 0.27, 0.31, 0.34)), (2, (0.36, 0.46, 0.59, 0.46))):
         axis = axes[column - 1]
         draw(axis, column)
@@ -150,14 +182,18 @@ def draw_scenario(families: Mapping[str, Rows], scenes: Mapping[str, float], ome
     cost=8,
 )
 def scenario(audit: Audit, examined: Sequence[str]) -> Drawing:
-    """Every family of limit cycles of the audited disk. Raises NoSuchCycleError where no rotating ones are found."""
+    """Draw every family of limit cycles of the audited disk.
+
+    Raises:
+        NoSuchCycleError: If no rotating cycles are found.
+    """
     parameters, name, engine = audit.parameters, audit.parameters.name, audit.engine
     omega_h, birth = audit.omega_h(name), _birth(parameters)
     fold = fold_in_double(locator(parameters, engine).rotations)
     lowest = Fraction(fold["omega"])
-    room = omega_h.value - lowest
-    # Curves are steepest at the fold and on both sides of Omega_h: speeds lie closest together there.
-    steps = [room * Fraction((1 - math.cos(math.pi * n / _SPEEDS)) / 2) for n in range(1, _SPEEDS)]
+    gap = omega_h.value - lowest
+    # Curves are steepest at the fold and next to Omega_h, so the speeds are densest there.
+    steps = [gap * Fraction((1 - math.cos(math.pi * n / _SPEEDS)) / 2) for n in range(1, _SPEEDS)]
     librating = [*audit.family(name), *found(family(parameters, engine, omegas=[omega_h.value + s for s in steps]))]
     reach = Fraction(birth[0]) + Fraction(1, 2) - omega_h.value
     beyond = [omega_h.value + reach * Fraction(n, _SPEEDS) for n in range(1, _SPEEDS + 1)]
@@ -176,8 +212,8 @@ def scenario(audit: Audit, examined: Sequence[str]) -> Drawing:
         figure=lambda columns: draw_scenario(families, scenes, float(omega_h), columns),
         columns=2,
         reading=f"At Omega_h = {float(omega_h):.7g} rad/s the librating cycle is glued from two that rotate, one each "
-        f"way, which exist from a fold at {float(lowest):.7g} rad/s on; the unstable ones born there go on past "
-        f"Omega_crit = {birth[0]:.7g} rad/s, and what starts beyond their stable manifolds lies flat. The letters are "
+        f"way, which exist from a fold at {float(lowest):.7g} rad/s on. The unstable ones born there continue past "
+        f"Omega_crit = {birth[0]:.7g} rad/s, and starts beyond their stable manifolds end flat. The letters mark "
         "the speeds of the six scenes.",
         data={"scenario.csv": by_curve(_HEADER, {**families, **marks})},
     )

@@ -1,4 +1,4 @@
-"""Formulas as small vector drawings: they look the same in every browser, with or without fonts for mathematics."""
+"""Formulas as small vector drawings, which look the same in every browser."""
 
 from __future__ import annotations
 
@@ -9,20 +9,29 @@ from typing import Any
 
 __all__ = ["formulas_drawn"]
 
-#: Matplotlib's path codes: the letter of the same command in SVG, and how many points it takes.
+#: The SVG command for each of Matplotlib's path codes, and the number of points that it takes.
 _COMMANDS = {1: ("M", 1), 2: ("L", 1), 3: ("Q", 2), 4: ("C", 3), 79: ("Z", 1)}
 _RELATIONS = ("=", "<", ">", r"\approx", r"\mapsto")
 
 
 def formulas_drawn(latex: Iterable[str]) -> dict[str, Any]:
-    """Each formula as inline ``<svg>`` elements in the text's colour, and an element with the letters they share.
+    """Draw formulas as inline ``<svg>`` elements in the colour of the text.
 
-    A formula is cut where a line may break, so that it wraps like text. Raises ValueError for LaTeX that Matplotlib's
-    mathtext does not know.
+    A formula is cut where a line may break, so that it wraps like text.
+
+    Args:
+        latex: The formulas.
+
+    Returns:
+        The elements of each formula under ``drawn``, and an element with the outlines of all
+        letters under ``letters``.
+
+    Raises:
+        ValueError: If Matplotlib's mathtext does not know some of the LaTeX.
     """
     from matplotlib import rc_context
 
-    outlines: dict[Any, Any] = {}  # of letters, by Matplotlib's names
+    outlines: dict[Any, Any] = {}  # the letters' outlines, by Matplotlib's names
     with rc_context({"mathtext.fontset": "cm"}):
         drawn = {text: " ".join(_svg(piece, outlines) for piece in _pieces(text)) for text in latex}
     letters = "".join(f'<path id="g{n}" d="{_outline(*path)}"/>' for n, path in enumerate(outlines.values()))
@@ -31,12 +40,13 @@ def formulas_drawn(latex: Iterable[str]) -> dict[str, Any]:
 
 
 def _pieces(latex: str) -> list[str]:
-    """Cut before relations and sums, unless round or growing brackets are open, and after wide spaces."""
+    """Cut a formula before relations and sums and after wide spaces, but not inside brackets."""
     pieces, depth = [""], 0
     for token in re.findall(r"\\[A-Za-z]+|\\.|.", latex):
         depth += (token in ("{", "(", r"\left")) - (token in ("}", ")", r"\right"))
         if not depth and token in (*_RELATIONS, "+", "-") and pieces[-1].strip() not in ("", *_RELATIONS):
-            pieces.append("" if token in _RELATIONS else "{}")  # after {} a sign has space on both sides
+            # After {} a sign has space on both sides.
+            pieces.append("" if token in _RELATIONS else "{}")
         pieces[-1] += token
         if token == r"\quad":
             pieces.append("")
@@ -44,11 +54,11 @@ def _pieces(latex: str) -> list[str]:
 
 
 def _svg(latex: str, outlines: dict[Any, Any]) -> str:
-    """A piece in ems, on the line of the text around it; letters that are new go to the outlines."""
+    """Draw a piece in ems, on the baseline of the text; add new letters to the outlines."""
     from matplotlib.font_manager import FontProperties
     from matplotlib.textpath import text_to_path
 
-    # On a line of its own a fraction has room; mathtext writes LaTeX's small one as the usual one.
+    # Formulas have lines of their own, so \frac is drawn large. mathtext's \frac is LaTeX's \tfrac.
     text = "$" + latex.replace(r"\frac", r"\dfrac").replace(r"\tfrac", r"\frac") + "$"
     em = text_to_path.FONT_SCALE
     width, height, depth, *_ = text_to_path.mathtext_parser.parse(text, text_to_path.DPI, FontProperties(size=em))
@@ -70,7 +80,7 @@ def _svg(latex: str, outlines: dict[Any, Any]) -> str:
 
 
 def _outline(vertices: Any, codes: Any) -> str:
-    """A letter's outline, upwards negative."""
+    """Return a letter's outline as an SVG path, with y pointing down."""
     path, index = [], 0
     while index < len(codes):
         letter, count = _COMMANDS[int(codes[index])]

@@ -15,11 +15,11 @@ from tippedisk_verify.theory.hopf import omega_crit
 
 __all__ = ["draw_eigenvalues", "eigenvalue_rows", "eigenvalues"]
 
-_STEPS = 200  # up to Omega_crit; next to where the pair meets its parts change like a square root
+_STEPS = 200  # up to Omega_crit; where the two real eigenvalues meet they change like a square root
 
 
 def eigenvalue_rows(parameters: Parameters) -> list[tuple[float, ...]]:
-    """Omega, then Re and Im of each eigenvalue of inverted spinning, up to twice Omega_crit."""
+    """Return Omega, and Re and Im of the eigenvalues of inverted spinning, up to 2 Omega_crit."""
     rows, crit = [], float(omega_crit(parameters))
     for omega in (crit * step / _STEPS for step in range(1, 2 * _STEPS + 1)):
         eigenvalues = equilibrium(parameters, omega, "inverted", 12).eigenvalues
@@ -28,7 +28,16 @@ def eigenvalue_rows(parameters: Parameters) -> list[tuple[float, ...]]:
 
 
 def draw_eigenvalues(rows: Sequence[Sequence[float]], crit: float, columns: int = 2) -> Any:
-    """Eigenvalues of inverted spinning against Omega."""
+    """Draw the eigenvalues of inverted spinning against Omega.
+
+    Args:
+        rows: The rows of `eigenvalue_rows`.
+        crit: Omega_crit [rad/s].
+        columns: The number of columns.
+
+    Returns:
+        The Matplotlib figure.
+    """
     figure, axes = grid(2, columns, (4.6, 3.2))
     omega, *parts = zip(*rows, strict=True)
     for column, (axis, name) in enumerate(zip(axes, ("Re λ [1/s]", "Im λ [1/s]"), strict=True)):
@@ -50,6 +59,7 @@ def draw_eigenvalues(rows: Sequence[Sequence[float]], crit: float, columns: int 
     "become a complex pair, and cross to negative real part at Omega_crit.",
 )
 def eigenvalues(audit: Audit, examined: Sequence[str]) -> Drawing:
+    """Draw the eigenvalues of the audited disk."""
     rows = eigenvalue_rows(audit.parameters)
     crit = float(omega_crit(audit.parameters))
     third = [row[5] for row in rows]

@@ -1,4 +1,4 @@
-"""A motion against time."""
+"""The figure of a motion against time."""
 
 from __future__ import annotations
 
@@ -15,7 +15,11 @@ __all__ = ["draw_motion"]
 
 
 def draw_motion(solution: Solution) -> Any:
-    """beta, gamma and v against t, one below the other; events as dots."""
+    """Draw beta, gamma and v against t, with events as dots.
+
+    Returns:
+        The Matplotlib figure.
+    """
     times = numpy.linspace(float(solution.t[0]), float(solution.t[-1]), 4001)
     states = doubles(solution(times))
     figure, axes = pyplot().subplots(3, sharex=True, figsize=(7.5, 5.5), layout="constrained")

@@ -1,4 +1,4 @@
-"""The proved family of limit cycles: its curve and arcs, the width of what is proved, and both ends magnified."""
+"""The proved family of limit cycles: its arcs, the width of the proved tube, and both ends."""
 
 from __future__ import annotations
 
@@ -15,23 +15,27 @@ from tippedisk_verify.proofs.search.branch import BranchProof, omega_crit
 __all__ = ["draw_proved_family"]
 
 _POINTS = 40  # of each arc
-_LEAST = 1e-5  # rad: how near to pi amplitudes are shown
+_LEAST = 1e-5  # the least distance of an amplitude from pi that is shown [rad]
 _AMPLITUDE, _SPEED = r"$\bar{\gamma}_0$ [rad]", "Ω [rad/s]"
 
 
 def draw_proved_family(proof: BranchProof) -> Any:
-    """The figure of a proof whose Hopf end is closed."""
+    """Draw a proof whose Hopf end is closed.
+
+    Returns:
+        The Matplotlib figure.
+    """
     figure, axes = grid(4, 2, (4.5, 3.4))
     crit = float(omega_crit(proof.parameters).value)
-    known = proof.connection.omega_h if proof.connection is not None else None
-    omega_h = math.nan if known is None else float(known.value)
+    enclosure = proof.connection.omega_h if proof.connection is not None else None
+    omega_h = math.nan if enclosure is None else float(enclosure.value)
     for draw, axis in zip((_family, _widths, _hopf_end, _connection_end), axes, strict=True):
         draw(axis, proof, crit, omega_h)
     return figure
 
 
 def _arcs(proof: BranchProof) -> list[tuple[Piece, str, Any, Any]]:
-    """Each arc with its colour, amplitudes [rad] and speeds [rad/s]."""
+    """Return each arc with its colour, amplitudes [rad] and speeds [rad/s]."""
     arcs = []
     for count, piece in enumerate(proof.pieces):
         a = numpy.linspace(float(piece.low), float(piece.high), _POINTS)
@@ -71,7 +75,7 @@ def _widths(axis: Any, proof: BranchProof, crit: float, omega_h: float) -> None:
             axis.stairs(sizes, edges, baseline=None, color=colour, ls=style, lw=1.5, label=f"{manner}: {unit}")
     axis.set_yscale("log")
     low, high = axis.get_ylim()
-    axis.set_ylim(low / (high / low) ** 0.45, high)  # room for the legend
+    axis.set_ylim(low / (high / low) ** 0.45, high)  # space for the legend
     axis.set(xlabel=_AMPLITUDE, title="How wide the proved tube is")
     axis.legend(loc="lower left")
 

@@ -1,4 +1,4 @@
-"""Run time against error: the work-precision diagram, one panel a problem, readable without colour."""
+"""The work-precision diagram of run time and error, with one panel for each problem."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from tippedisk_verify.figures.style import BLACK, BLUE, GREEN, ORANGE, PURPLE, R
 
 __all__ = ["draw_bench", "race", "race_csv"]
 
-#: Colour and line by family; each method has its own mark, so that colours are only a help.
+#: Colour and line by family. Each method has its own mark, so no reader needs the colours.
 _FAMILIES = {
     "heyoka": (BLUE, "-"),
     "bare": (BLACK, "none"),
@@ -38,9 +38,9 @@ _UNITS = dict.fromkeys(("error", "error_over_samples", "truth_uncertainty"), "ra
     "spread": "1",
     "preparation": "s",
 }
-_LEAST = 1e-27  # of the errors shown; a run with more digits sits on the lower edge
+_LEAST = 1e-27  # the least error shown; a smaller one is drawn on the lower edge
 
-#: What the report races: seconds in all. `bench` has the other problems and methods.
+#: The problems and settings of the report, which take seconds in all. `bench` has all of them.
 _PROBLEMS = ("cycle", "passage")
 _METHODS: dict[str, tuple[Any, ...]] = {
     "bare heyoka": ("double", "extended"),
@@ -53,7 +53,15 @@ _METHODS: dict[str, tuple[Any, ...]] = {
 
 
 def draw_bench(scores: Sequence[Score], most_columns: int = 4) -> Any:
-    """The figure. Runs that failed or were not finished stand as crosses on the upper edge."""
+    """Draw the work-precision diagram; failed and unfinished runs are crosses on the upper edge.
+
+    Args:
+        scores: The scores.
+        most_columns: The most columns.
+
+    Returns:
+        The Matplotlib figure.
+    """
     names = list(dict.fromkeys(score.problem for score in scores))
     methods = list(dict.fromkeys((score.method, score.family) for score in scores))
     columns = min(most_columns, len(names))
@@ -85,7 +93,7 @@ def draw_bench(scores: Sequence[Score], most_columns: int = 4) -> Any:
 
 
 def _brief_methods() -> list[Method]:
-    """What the report races: ours, the strongest of SciPy's, and compiled peers, at settings that take seconds."""
+    """Return the report's methods: ours, SciPy's strongest and compiled peers, at fast settings."""
     chosen = [method for method in METHODS if method.name in _METHODS]
     with suppress(InputError):
         chosen += [method for method in peer_methods() if method.family == "numbalsoda"]
@@ -102,6 +110,7 @@ def _brief_methods() -> list[Method]:
     packages=("numbalsoda",),
 )
 def race(audit: Audit, examined: Sequence[str]) -> Drawing:
+    """Run the report's comparison and draw it."""
     scores = raced([problem_named(name) for name in _PROBLEMS], _brief_methods())
     return Drawing(
         figure=lambda columns: draw_bench(scores, columns),
@@ -113,27 +122,27 @@ def race(audit: Audit, examined: Sequence[str]) -> Drawing:
 
 
 def race_csv(scores: Sequence[Score]) -> CSV:
-    """All that is measured."""
+    """Return all measured numbers as a table."""
     rows = [score.to_dict() for score in scores]
     header = [f"{name.replace('_', ' ')} [{_UNITS[name]}]" if name in _UNITS else name for name in rows[0]]
     return header, [list(row.values()) for row in rows]
 
 
 def _compared(scores: Sequence[Score]) -> str:
-    """How much longer the fastest compiled peer takes than the Taylor engine, and the fastest of SciPy."""
-    said = []
+    """Compare the fastest compiled peer's and SciPy's times with the Taylor engine's, in words."""
+    comparisons = []
     rows = [row for row in ratios(scores) if row["error_at_most"] == 1e-6 and row["heyoka_seconds"]]
-    for group, named in (("peer", "the fastest compiled peer"), ("scipy", "SciPy's fastest, called from Python,")):
+    for group, subject in (("peer", "the fastest compiled peer"), ("scipy", "SciPy's fastest, called from Python,")):
         times = [
             f"{float(format(row[group + '_over_heyoka'], '.2g')):g} times on the {row['problem']}"
             for row in rows
             if row[group]
         ]
         if times:
-            said.append(f"{named} takes " + " and ".join(times))
+            comparisons.append(f"{subject} takes " + " and ".join(times))
     missing = (
         ""
         if any(score.family == "numbalsoda" for score in scores)
         else (" No compiled peer is installed here; the extra `peers` brings numbalsoda.")
     )
-    return f"To an error of 1e-6, as a multiple of the Taylor engine's time, {'; '.join(said)}.{missing}"
+    return f"To an error of 1e-6, as a multiple of the Taylor engine's time, {'; '.join(comparisons)}.{missing}"

@@ -1,4 +1,4 @@
-"""The six scenes in state space and projected (the paper's Figures 3D and proj_3D)."""
+"""The six scenes in state space and in projection (the paper's Figures 3D and proj_3D)."""
 
 from __future__ import annotations
 
@@ -34,12 +34,16 @@ _UNSTABLE = _STABLE | {"color": BLACK, "mfc": "white"}
 _MESH = "#606060"
 _DRAWN_SECONDS = 30.0
 _CSV_SECONDS = 60.0
-_CSV_DECIMALS = 10  # what doubles are off by after a minute is smaller
-_CSV_EVERY = 2  # of the 100 samples a second
+_CSV_DECIMALS = 10  # the error of the double-precision orbit after a minute is smaller
+_CSV_EVERY = 2  # each second sample is written; there are 100 a second
 
 
 def orbits_within(panel: Panel, seconds: float = _DRAWN_SECONDS) -> list[Any]:
-    """The first states of each orbit, within one well to either side: further wells repeat it."""
+    """Return the states of each orbit up to a time, and only within the nearest well on either
+    side.
+
+    Further wells repeat the picture.
+    """
     import numpy
 
     orbits = []
@@ -51,9 +55,12 @@ def orbits_within(panel: Panel, seconds: float = _DRAWN_SECONDS) -> list[Any]:
 
 
 def last_turn(panel: Panel) -> Any:
-    """One period of the limit cycle, from the end of the orbit that has settled best; None elsewhere.
+    """Return one period of the limit cycle, from the end of the orbit that has settled best.
 
-    A rotating one is taken from one noninverted state to the next, in the middle well.
+    A rotating cycle is taken from one noninverted state to the next, in the middle well.
+
+    Returns:
+        States of shape (n, 3), or None if no orbit ends on a cycle.
     """
     import numpy
 
@@ -70,7 +77,10 @@ def last_turn(panel: Panel) -> Any:
 
 
 def _draw_panel(axis: Any, panel: Panel, orbits: Sequence[Any], dimensions: int) -> tuple[float, float]:
-    """Orbits, limit cycle and equilibria, in the plane or in space; the range of gamma [rad] that they take."""
+    """Draw orbits, limit cycle and equilibria in two or three dimensions.
+
+    Return the range of gamma [rad] that they occupy.
+    """
     gammas = [gamma for states in orbits for gamma in (float(states[:, 1].min()), float(states[:, 1].max()))]
     low, high = min(-math.pi / 2, *gammas), max(3 * math.pi / 2, *gammas)
 
@@ -94,7 +104,7 @@ def _draw_panel(axis: Any, panel: Panel, orbits: Sequence[Any], dimensions: int)
 
 
 def _angle_axis(axis: Any, low: float, high: float) -> None:
-    """Ticks at multiples of pi/2 from ``low`` to ``high`` [rad]."""
+    """Set ticks at multiples of pi/2 from ``low`` to ``high`` [rad]."""
     first, last = math.ceil(low / (math.pi / 2)), math.floor(high / (math.pi / 2))
     halves = [half for half in range(first, last + 1) if last - first <= 6 or half % 2]
     names = {0: "0", 1: "π/2", 2: "π", -1: "−π/2", -2: "−π"}
@@ -103,14 +113,28 @@ def _angle_axis(axis: Any, low: float, high: float) -> None:
 
 
 def draw_plane(axis: Any, panel: Panel, orbits: Sequence[Any]) -> None:
-    """These states of orbits, limit cycle and equilibria in the plane of beta and gamma."""
+    """Draw orbits, the limit cycle and equilibria in the plane of beta and gamma.
+
+    Args:
+        axis: The Matplotlib axes.
+        panel: The panel.
+        orbits: States of shape (n, 3) for each orbit.
+    """
     _draw_panel(axis, panel, orbits, 2)
     axis.set_xlim(0, math.pi)
     _angle_axis(axis.xaxis, 0, math.pi)
 
 
 def draw_scenes_2d(panels: Sequence[Panel], columns: int = 2) -> Any:
-    """The panels projected onto the (beta, gamma) plane (the paper's Figure proj_3D)."""
+    """Draw the panels projected onto the (beta, gamma) plane (the paper's Figure proj_3D).
+
+    Args:
+        panels: The panels.
+        columns: The most columns.
+
+    Returns:
+        The Matplotlib figure.
+    """
     figure, axes = grid(len(panels), columns, (4.6, 2.9), below=0.6)
     for panel, axis in zip(panels, axes, strict=True):
         draw_plane(axis, panel, orbits_within(panel))
@@ -139,27 +163,35 @@ def _legend(figure: Any, columns: int, surface: bool = False) -> None:
 
 
 def draw_scenes_3d(panels: Sequence[Panel], columns: int = 2) -> Any:
-    """The panels in (beta, gamma, v) with the slow manifold of orders 0 and 1 (the paper's Figure 3D)."""
+    """Draw the panels in space, with the slow manifold of orders 0 and 1 (the paper's Figure 3D).
+
+    Args:
+        panels: The panels.
+        columns: The most columns.
+
+    Returns:
+        The Matplotlib figure.
+    """
     figure, axes = grid(len(panels), columns, (4.6, 3.4), below=0.7, projection="3d", computed_zorder=False)
     for panel, axis in zip(panels, axes, strict=True):
         orbits = orbits_within(panel)
         low, high = _draw_panel(axis, panel, orbits, 3)
         reach = max(0.75, *(float(abs(states[:, 0] - math.pi / 2).max()) for states in orbits))
-        # Close to sin(beta) = 0 the order-1 term diverges: the surface ends where it stops being an approximation.
+        # The order-1 term diverges at sin(beta) = 0, so the surface ends before that.
         beta, gamma, critical, slow = _surfaces(panel, min(reach + 0.05, 1.0), low, high)
         sheet = axis.plot_surface(beta, gamma, slow, color=GREY, alpha=0.45, lw=0, rstride=1, cstride=1, zorder=1)
-        sheet.set_rasterized(True)  # thousands of facets: a vector file of them would be megabytes
+        sheet.set_rasterized(True)  # thousands of facets would make a vector file of megabytes
         axis.plot_wireframe(beta, gamma, critical, color=_MESH, lw=0.3, alpha=0.6, rstride=8, cstride=8, zorder=1)
         axis.set_title(panel.scene.title, y=1.03)
         axis.set_zlabel("dβ/dt [rad/s]", labelpad=0)
         axis.xaxis.labelpad, axis.yaxis.labelpad = 1, 3
         axis.set_xticks([math.pi / 2 - 0.5, math.pi / 2, math.pi / 2 + 0.5], ["π/2−0.5", "π/2", "π/2+0.5"])
         axis.tick_params(pad=0, labelsize=8)
-        # Near inverted spinning the manifold falls with gamma: seen from this side the orbits on it lie open.
+        # Near inverted spinning the manifold falls with gamma: its orbits are visible from here.
         axis.view_init(elev=30, azim=32)
         axis.set_box_aspect((1, 1.35, 0.8), zoom=1.02)
     _legend(figure, columns if len(panels) > 1 else 1, surface=True)
-    # Before Matplotlib 3.11.2 the layout takes ticks in 3D from where the last drawing put them: let there be one.
+    # Before Matplotlib 3.11.2 the layout takes 3D ticks from the last drawing, so draw once first.
     layout = figure.get_layout_engine()
     figure.set_layout_engine("none")
     figure.draw_without_rendering()
@@ -168,7 +200,10 @@ def draw_scenes_3d(panels: Sequence[Panel], columns: int = 2) -> Any:
 
 
 def _surfaces(panel: Panel, reach: float, low: float, high: float) -> tuple[Any, ...]:
-    """beta, gamma, and v on the slow manifold of orders 0 and 1, on a grid within ``reach`` of beta = pi/2."""
+    """Return beta, gamma, and v on the slow manifold of orders 0 and 1.
+
+    The grid reaches ``reach`` [rad] from beta = pi/2.
+    """
     import numpy
 
     beta, gamma = numpy.meshgrid(
@@ -179,9 +214,11 @@ def _surfaces(panel: Panel, reach: float, low: float, high: float) -> tuple[Any,
 
 
 def scene_tables(panel: Panel) -> dict[str, CSV]:
-    """Return header and rows of ``scene_X_orbit_N.csv`` for each orbit and of ``scene_X_slow_manifold.csv``.
+    """Return header and rows of each orbit's file, and of the slow manifold's.
 
-    States and heights are rounded to `_CSV_DECIMALS`: a picture's data have no half-widths, and `integrate` has them.
+    The files are ``scene_X_orbit_N.csv`` and ``scene_X_slow_manifold.csv``. States and heights are
+    rounded to `_CSV_DECIMALS`: a picture's data have no half-widths. `integrate` gives states with
+    half-widths.
     """
     import numpy
 
@@ -204,7 +241,11 @@ def scene_tables(panel: Panel) -> dict[str, CSV]:
 
 
 def _panels(audit: Audit, examined: Sequence[str]) -> list[Panel]:
-    """The audited set's panels among the claims; one that could not be computed is undecided in the table."""
+    """Return the audited set's panels that could be computed, for the scenes among the claims.
+
+    Raises:
+        AccuracyError: If no panel could be computed.
+    """
     panels, reason = [], ""
     for scene in SCENES:
         if f"scene_{scene.name}" in examined:
@@ -227,6 +268,7 @@ def _panels(audit: Audit, examined: Sequence[str]) -> list[Panel]:
     cost=4,
 )
 def scenes_3d(audit: Audit, examined: Sequence[str]) -> Drawing:
+    """Draw the scenes in space."""
     panels = _panels(audit, examined)
     rate = -float(stiff_eigenvalue_estimate(audit.parameters))
     return Drawing(
@@ -249,6 +291,7 @@ def scenes_3d(audit: Audit, examined: Sequence[str]) -> Drawing:
     "spinning, leave the well in panel a, and spiral into the equilibrium in panel f.",
 )
 def scenes_2d(audit: Audit, examined: Sequence[str]) -> Drawing:
+    """Draw the scenes in the plane of beta and gamma."""
     panels = _panels(audit, examined)
     orbits = {name: table for panel in panels for name, table in scene_tables(panel).items() if "orbit" in name}
     return Drawing(

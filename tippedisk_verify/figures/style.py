@@ -1,4 +1,4 @@
-"""The style that all figures share, and how they become files."""
+"""The style that all figures share, and their encoding as files."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from tippedisk_verify.files import write_bytes
 
 __all__ = ["BLACK", "BLUE", "GREEN", "GREY", "ORANGE", "PURPLE", "RED", "encoded", "grid", "pyplot", "save"]
 
-# Okabe and Ito's palette: told apart by readers with any colour vision, and of different lightness in grey.
+# Okabe and Ito's palette: distinct for all colour vision, and of different lightness in grey.
 BLUE, ORANGE, GREEN, RED, PURPLE, BLACK = "#0072B2", "#E69F00", "#009E73", "#D55E00", "#CC79A7", "#000000"
 GREY = "#B0B0B0"
 
@@ -35,7 +35,7 @@ _STYLE: dict[Any, Any] = {
 
 
 def pyplot() -> Any:
-    """Matplotlib's pyplot without a screen and in the style of all figures."""
+    """Return Matplotlib's pyplot without a screen, in the style of all figures."""
     import matplotlib
 
     matplotlib.use("Agg", force=False)
@@ -49,7 +49,18 @@ def pyplot() -> Any:
 def grid(
     count: int, columns: int, size: tuple[float, float], below: float = 0.0, **subplot: Any
 ) -> tuple[Any, list[Any]]:
-    """A figure with ``count`` axes of ``size`` [inches] in so many columns, and the axes; ``below`` is for a legend."""
+    """Make a figure with several axes.
+
+    Args:
+        count: The number of axes.
+        columns: The most columns.
+        size: The width and height of each of the axes [inches].
+        below: Height for a legend below them [inches].
+        **subplot: Options of `add_subplot`.
+
+    Returns:
+        The figure and its axes.
+    """
     columns = min(columns, count)
     rows = math.ceil(count / columns)
     figure = pyplot().figure(figsize=(size[0] * columns, size[1] * rows + below), layout="constrained")
@@ -57,7 +68,12 @@ def grid(
 
 
 def encoded(figure: Any, kind: str) -> bytes:
-    """The figure as the bytes of a png, svg or webp file; it stays open."""
+    """Return the figure as the bytes of a file, and leave it open.
+
+    Args:
+        figure: The figure.
+        kind: png, svg or webp.
+    """
     stream = io.BytesIO()
     options: dict[str, dict[str, Any]] = {
         "png": {},
@@ -69,19 +85,30 @@ def encoded(figure: Any, kind: str) -> bytes:
             if axis.get_scale() == "log":
                 axis.set_major_formatter(_power_of_ten)
     figure.savefig(stream, format=kind, **options[kind])
-    figure.set_layout_engine("none")  # every form has the same layout, and finding it takes a third of the time
+    # All formats share the layout; computing it takes a third of the time.
+    figure.set_layout_engine("none")
     return stream.getvalue()
 
 
 def _power_of_ten(value: float, place: int | None = None) -> str:
-    """A label of a logarithmic axis as text: parsing Matplotlib's own as formulas takes half the time of a figure."""
+    """Return the label of a logarithmic axis as plain text.
+
+    Matplotlib's own labels are formulas, and parsing them takes half the time of a figure.
+    """
     exponent = round(math.log10(value)) if value > 0 else 0
     power = str(exponent).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
     return f"10{power}" if math.isclose(value, 10.0**exponent) else f"{value:g}"
 
 
 def save(figure: Any, folder: Path, name: str) -> list[Path]:
-    """Write ``name.png`` and ``name.svg`` into ``folder`` and close the figure; returns the paths."""
+    """Write ``name.png`` and ``name.svg`` into ``folder``, and close the figure.
+
+    Returns:
+        The paths.
+
+    Raises:
+        InputError: If a file cannot be written.
+    """
     written = [write_bytes(folder / f"{name}.{kind}", encoded(figure, kind)) for kind in ("png", "svg")]
     pyplot().close(figure)
     return written

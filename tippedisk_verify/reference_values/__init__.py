@@ -1,6 +1,10 @@
-"""Reference values: read, asked for, drawn anew and checked. `reference_data/make` in a checkout makes them.
+"""The reference values: reading, looking up, drawing, checking and exporting them.
 
-`manifest` finds the files and holds each against its hash, `store` reads the values and what they are, `lookup` finds
-one, `export` writes them in other forms. `entries` has questions, `truths` computes what they ask;
-`draws` and `fresh` make new questions, `checking` computes published values again. `questions` is what grading needs.
+- `manifest` finds the data files and compares each with its hash. `store` reads the values.
+- `lookup` finds a value by its id. `export` writes values in other formats.
+- `entries` defines questions. `truths` computes their answers.
+- `draws` and `fresh` make new questions from a seed. `checking` computes published values again.
+- `questions` has everything that grading needs to know about a question.
+
+`reference_data/make` in a source checkout makes the published values.
 """

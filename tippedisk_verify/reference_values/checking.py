@@ -1,4 +1,4 @@
-"""Checking reference data: bytes against the manifest, rows against themselves, numbers against new ones."""
+"""The check of reference data: files against hashes, rows against each other, values recomputed."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ __all__ = ["CheckReport", "StoredItem", "check", "entries_of", "recomputed"]
 
 # Above this level an entry costs seconds: at most a twentieth of a sample.
 _CHEAP_LEVEL = 5
-_DIGITS = 20  # of what takes an integrator; the published values come from wider arithmetic
+_DIGITS = 20  # of numbers that need an integrator; the published values come from wider arithmetic
 
 
 @dataclass(frozen=True, repr=False)
 class CheckReport(Printable):
-    """What was looked at, and a line for each thing that is wrong."""
+    """The result of a check: how much was checked, and a line for each fault."""
 
     files: int
-    numbers: int  #: of the files
-    recomputed: int
+    numbers: int  #: stored in the files, in all readings
+    recomputed: int  #: of them that were computed again
     faults: tuple[str, ...]
 
 
@@ -44,11 +44,20 @@ class StoredItem:
     quantities: tuple[Quantity, ...]
 
     def values(self, reading: Reading) -> Values:
+        """Return the stored numbers by name, as `reading` takes the inputs."""
         return {quantity.name: quantity.measured(reading) for quantity in self.quantities}
 
 
 def entries_of(store: Store, prefix: str = "") -> list[StoredItem]:
-    """The store's values by question, in order of difficulty."""
+    """Group a store's values by question.
+
+    Args:
+        store: The store.
+        prefix: The beginning of the ids to include.
+
+    Returns:
+        The questions with their stored numbers, in order of difficulty.
+    """
     entries = []
     for id_, group in groupby(store.matching(prefix), key=lambda quantity: quantity.id.rsplit("/", 1)[0]):
         quantities = tuple(group)
@@ -64,9 +73,17 @@ def check(
     executor: Executor | None = None,
     advance: Callable[[str, int], None] = lambda label, steps: None,
 ) -> CheckReport:
-    """Check a folder; ``sample`` entries are computed again, all of them if it is None.
+    """Check a folder of reference data.
 
-    Raises InputError for a folder that holds no reference data.
+    Args:
+        folder: The folder.
+        sample: The number of questions to compute again; None for all.
+        seed: The seed that chooses the sample.
+        executor: An executor for the computations; None for this process.
+        advance: A function that is called with an id and 1 after each question.
+
+    Raises:
+        InputError: If the folder holds no reference data, or `sample` is negative.
     """
     if sample is not None and sample < 0:
         raise InputError(f"the sample must not be negative, not {sample}")
@@ -84,17 +101,24 @@ def check(
         redone += count
         faults += wrong
         advance(entry.item.id, 1)
-    return CheckReport(len(FILES), sum(len(one.values) for one in store.values()), redone, tuple(faults))
+    numbers = sum(len(quantity.values) for quantity in store.values())
+    return CheckReport(len(FILES), numbers, redone, tuple(faults))
 
 
 def _faults_in_rows(folder: Path, store: Store) -> list[str]:
-    """Rows that contradict themselves, and values that are wrong by their own proof or claim more than it proves."""
+    """Return the faults of the rows of values.csv.
+
+    A fault is a derived column that does not follow from the others, or an interval that does not
+    contain the proved enclosure.
+    """
     faults = []
     rows = table_rows(sound_files(folder, ["values.csv"])["values.csv"])
     for row, quantity in zip(rows, store.values(), strict=True):
-        told = table_row(store.parameters[quantity.set], quantity)
+        derived = table_row(store.parameters[quantity.set], quantity)
         faults += [
-            f"{quantity.id}: {name} is not what follows from the rest" for name in told if told[name] != row[name]
+            f"{quantity.id}: {name} does not follow from the other columns"
+            for name, text in derived.items()
+            if text != row[name]
         ]
         proof = quantity.proof
         if proof and not quantity.measured().contains(Measured.of(proof["value"], proof["uncertainty"])):
@@ -113,7 +137,11 @@ def _chosen(entries: list[StoredItem], sample: int | None, seed: int) -> list[St
 
 
 def recomputed(entry: StoredItem) -> tuple[int, list[str]]:
-    """The entry once more, in each reading: how many numbers, and which of them exclude those stored."""
+    """Compute a question again in each of its readings.
+
+    Returns:
+        How many numbers were computed, and a line for each that excludes the stored one.
+    """
     count, faults = 0, []
     for reading in entry.item.readings:
         try:

@@ -1,6 +1,7 @@
-"""Disks drawn from a seed: decimals that are the same on every machine, because they come from SHA-256.
+"""Disks drawn from a seed, the same on every machine because their decimals come from SHA-256.
 
-A drawn disk is a parameter set by the name ``fresh-SEED-NUMBER``, so a question's id says all that it depends on.
+A drawn disk is the parameter set ``fresh-SEED-NUMBER``, so a question's id determines all its
+inputs.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ __all__ = ["DRAWN_SET", "Draw", "decimal_text", "disk_of", "drawn_disk"]
 
 #: The name of a drawn set: its seed and its number.
 DRAWN_SET = re.compile(r"fresh-(0|[1-9][0-9]{0,8})-([1-9][0-9]{0,2})")
-# Least and greatest value, and decimals. The inertias follow from their ratio below.
+# Least value, greatest value (SI units) and decimal places. A follows from `_RATIO` below.
 _RANGES = {
     "r": ("0.038", "0.052", 4),
     "m": ("0.3", "0.6", 3),
@@ -30,32 +31,42 @@ _RANGES = {
     "mu": ("0.2", "0.45", 3),
     "epsilon": ("0.06", "0.16", 3),
 }
-_ECCENTRICITY = ("0.04", "0.07")  # of the radius
-#: A / Bbar in units of the least ratio for which cycles are born stable. Close to 1 they turn round in a fold.
+_ECCENTRICITY = ("0.04", "0.07")  # e / r
+#: A / Bbar, divided by the least ratio for which the cycles born at Omega_crit are stable. Close
+#: to 1 their family turns round in a fold.
 _RATIO = ("1.05", "1.12")
 
 
 @dataclass(frozen=True)
 class Draw:
-    """Decimals by name, from a seed: the first twelve hexadecimal digits of the SHA-256 of ``SEED/NUMBER/NAME``."""
+    """The decimals that a seed and a number determine.
+
+    A decimal comes from the first twelve hexadecimal digits of the SHA-256 of ``SEED/NUMBER/NAME``.
+    """
 
     seed: int
     number: int
 
     def share(self, name: str) -> Fraction:
-        """A number from 0 up to 1."""
+        """Return the rational number in [0, 1) that belongs to a name."""
         text = f"{self.seed}/{self.number}/{name}"
         return Fraction(int(hashlib.sha256(text.encode()).hexdigest()[:12], 16), 16**12)
 
     def between(self, name: str, low: object, high: object, places: int) -> str:
-        """A decimal between two numbers, with at most so many places."""
+        """Return the decimal between `low` and `high` that belongs to a name, with at most `places`
+        places.
+        """
         ends = [Fraction(str(end)) for end in (low, high)]
         return decimal_text(ends[0] + self.share(name) * (ends[1] - ends[0]), places)
 
 
 @lru_cache(maxsize=4096)
 def drawn_disk(seed: int, number: int) -> Disk:
-    """A disk whose limit cycles are born stable at Omega_crit, as the paper's are; Table 1 lies among such disks."""
+    """Return a drawn disk.
+
+    Its limit cycles are born stable at Omega_crit, as the paper's are. Table 1 lies among these
+    disks.
+    """
     draw = Draw(seed, number)
     values = {name: draw.between(name, *bounds) for name, bounds in _RANGES.items()}
     r, m, B = (Fraction(values[name]) for name in ("r", "m", "B"))
@@ -69,15 +80,19 @@ def drawn_disk(seed: int, number: int) -> Disk:
 
 
 def disk_of(set_name: str) -> Disk:
-    """The disk of a set of questions, drawn or named. Raises InputError if there is none."""
+    """Return the disk of a parameter set, drawn or named.
+
+    Raises:
+        InputError: If there is no such set.
+    """
     if (drawn := DRAWN_SET.fullmatch(set_name)) is not None:
         return drawn_disk(int(drawn[1]), int(drawn[2]))
     if set_name.startswith("fresh-"):
-        raise InputError(f"'{set_name[:40]}' is no drawn set: its name is fresh-SEED-NUMBER, such as fresh-7-1")
+        raise InputError(f"'{set_name[:40]}' is not a drawn set: the name is fresh-SEED-NUMBER, such as fresh-7-1")
     return Disk(set_name)
 
 
 def decimal_text(value: Fraction, places: int) -> str:
-    """The nearest decimal with at most so many places, written out."""
+    """Return the nearest decimal with at most `places` decimal places, without an exponent."""
     with arithmetic(400):
         return format((Decimal(round(value * 10**places)) / Decimal(10) ** places).normalize(), "f")

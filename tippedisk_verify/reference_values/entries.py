@@ -1,7 +1,7 @@
-"""What a reference value is the answer to: a question (item), and the question in one reading (case).
+"""Questions (items), and questions with their inputs read in one way (cases).
 
-An item's inputs are decimals. A user may take them as they stand or as the IEEE doubles nearest to them: each is a
-*reading*, with its own truth.
+An item's inputs are decimals. A user may take them exactly, or as the IEEE doubles nearest to them.
+Each of the two is a *reading*, with an answer of its own.
 """
 
 from __future__ import annotations
@@ -33,48 +33,51 @@ __all__ = [
 
 READINGS: tuple[Reading, ...] = ("decimals", "doubles")
 Values = dict[str, Measured]
-KEPT = 50  #: digits of a number; Omega_h keeps more
+KEPT = 50  #: significant digits of a stored number; Omega_h has more
 
 
 @dataclass(frozen=True)
 class Item:
-    """One question: a state to evaluate at, a cycle to find, ..."""
+    """A question: a state to evaluate at, a cycle to find, ..."""
 
     id: str  #: ``set/friction/kind/name``
-    inputs: Mapping[str, str]  #: beside the parameters: numbers as decimals, other inputs as words
-    readings: tuple[Reading, ...] = READINGS  #: "doubles" is left out where doubles cannot tell the inputs apart
+    inputs: Mapping[str, str]  #: other than the parameters: numbers as decimals, the rest as words
+    #: Without "doubles" if different inputs would round to the same doubles.
+    readings: tuple[Reading, ...] = READINGS
 
     @property
     def set(self) -> str:
+        """The parameter set."""
         return self.id.split("/")[0]
 
     @property
     def friction(self) -> str:
-        """Linear, smooth, or both where the law does not enter."""
+        """The friction law: linear, smooth, or both if the law does not matter."""
         return self.id.split("/")[1]
 
     @property
     def kind(self) -> str:
+        """The kind of question, such as ``limit-cycle``."""
         return self.id.split("/")[2]
 
 
 @dataclass(frozen=True)
 class ExactItem:
-    """An item in one reading: the disk and the inputs, exact."""
+    """An item in one reading: its disk and inputs as exact numbers."""
 
     item: Item
     disk: Disk
-    inputs: Mapping[str, Any]  #: exact rationals; words stay words
+    inputs: Mapping[str, Any]  #: exact rationals, and words
 
 
 def as_doubles(disk: Disk) -> Disk:
-    """The disk whose parameters are the IEEE doubles nearest to these, each rounded once."""
+    """Return the disk whose parameters are the IEEE doubles nearest to those of `disk`."""
     rounded: dict[str, Any] = {name: Fraction(float(getattr(disk, name))) for name in SYMBOLS}
     return Disk(**rounded, name=disk.name, friction=disk.friction)
 
 
 def case_of(item: Item, reading: Reading) -> ExactItem:
-    """The item's disk and inputs as that reading takes them."""
+    """Return an item's disk and inputs as exact numbers, in one reading."""
     disk = replace(disk_of(item.set), friction="smooth" if item.friction == "smooth" else "linear")
     inputs: dict[str, Any] = {}
     for name, text in item.inputs.items():
@@ -88,14 +91,19 @@ def case_of(item: Item, reading: Reading) -> ExactItem:
 
 
 def trimmed(measured: Measured, digits: int) -> Measured:
-    """The value rounded to ``digits`` significant digits; what the rounding takes away is added to the half-width."""
+    """Round a number to ``digits`` significant digits; add the rounding error to its half-width."""
     size = abs(measured.value)
     places = len(str(size.denominator)) - len(str(size.numerator)) + digits
     return round(measured, places) if size else measured
 
 
 def disagreements(values: Values, others: Values) -> list[str]:
-    """The quantities whose intervals do not meet, each said in a line."""
+    """Return a line for each quantity whose two intervals do not meet.
+
+    Args:
+        values: Numbers by name.
+        others: Numbers by name; names that `values` lacks are ignored.
+    """
     return [
         f"{name}: {values[name]} and {other} exclude each other"
         for name, other in others.items()

@@ -1,4 +1,4 @@
-"""Reference values in other forms: tables, JSON, and test files in C, Fortran, Julia and Octave."""
+"""The export of reference values as tables, JSON, and text in C, Fortran, Julia and Octave."""
 
 from __future__ import annotations
 
@@ -20,29 +20,43 @@ __all__ = ["FORMATS", "export"]
 _TEXTS = ("id", "set", "kind", "friction", "quantity", "unit", "equilibrium", "form")
 _INPUTS = (*SYMBOLS, "Omega", "beta", "gamma", "v", "t", "n", "order")
 _FIELDS = (*_INPUTS, "value", "tolerance")
-_SAYS = (
-    "Reference values of the tippedisk; a good answer in doubles is off by `tolerance` at most. 0 where no input is."
+_HEADER = (
+    "Reference values of the tippedisk. A good answer in doubles is off by `tolerance` at most."
+    " An input that does not apply is 0."
 )
-_LONGEST = 63  # characters of a name, in Fortran and in MATLAB
-Row = tuple[list[str], list[float]]  #: for each of `_TEXTS` and each of `_FIELDS`
+_LONGEST = 63  # characters of a name, the limit of Fortran and of MATLAB
+Row = tuple[list[str], list[float]]  #: the values of `_TEXTS` and of `_FIELDS`
 
 
 def export(quantities: Sequence[Quantity], form: str, path: str) -> Path:
-    """Write these values to a file. A test file has the values from doubles, and how far an answer may be off.
+    """Write reference values to a file.
 
-    The array, in Fortran the module, is named after the file: tippedisk_hopf in hopf.h.
-    Raises InputError if the file cannot be written, the form is not known, or a test file would have no value.
+    A test file has the values computed from doubles, and how far an answer may be off. Its array
+    (in Fortran its module) is named after the file: tippedisk_hopf in hopf.h.
+
+    Args:
+        quantities: The values.
+        form: The format, one of `FORMATS`.
+        path: The file's path.
+
+    Returns:
+        The path of the file.
+
+    Raises:
+        InputError: If the file cannot be written, the format is not known, or a test file would
+            have no value.
     """
     if form not in FORMATS:
         raise InputError(f"a form is one of {', '.join(FORMATS)}, not '{form[:40]}'")
     if form in ("csv", "parquet"):
-        return write_table(file_ending_in(path, f".{form}"), [_row(one) for one in quantities])
+        return write_table(file_ending_in(path, f".{form}"), [_row(quantity) for quantity in quantities])
     file = output_file(path)
     if form == "jsonl":
-        return write_text(file, "".join(f"{json.dumps(one.to_dict(), ensure_ascii=False)}\n" for one in quantities))
-    rows = [_fields(one) for one in quantities if "doubles" in one.values]
+        lines = (json.dumps(quantity.to_dict(), ensure_ascii=False) for quantity in quantities)
+        return write_text(file, "".join(f"{line}\n" for line in lines))
+    rows = [_fields(quantity) for quantity in quantities if "doubles" in quantity.values]
     if not rows:
-        raise InputError("doubles cannot tell the inputs of these apart: a test file would have no value")
+        raise InputError("doubles cannot tell the inputs of these values apart: a test file would be empty")
     name = re.sub(r"\W", "_", f"tippedisk_{file.stem}", flags=re.ASCII)[:_LONGEST]
     return write_text(file, "\n".join([*_LANGUAGES[form](rows, name), ""]))
 
@@ -60,42 +74,42 @@ def _fields(quantity: Quantity) -> Row:
 
 
 def _c(rows: Sequence[Row], name: str) -> Iterator[str]:
-    yield f"/* {_SAYS} */"
+    yield f"/* {_HEADER} */"
     yield "#ifndef TIPPEDISK_VALUE"
     yield "#define TIPPEDISK_VALUE"
     yield f"struct tippedisk_value {{ const char *{', *'.join(_TEXTS)}; double {', '.join(_FIELDS)}; }};"
     yield "#endif"
     yield f"static const struct tippedisk_value {name}[{len(rows)}] = {{"
     for texts, numbers in rows:
-        told = [f'"{text}"' for text in texts] + [number.hex() for number in numbers]
-        yield f"  {{{', '.join(told)}}},"
+        literals = [f'"{text}"' for text in texts] + [number.hex() for number in numbers]
+        yield f"  {{{', '.join(literals)}}},"
     yield "};"
 
 
 def _julia(rows: Sequence[Row], name: str) -> Iterator[str]:
-    yield f"# {_SAYS}"
+    yield f"# {_HEADER}"
     yield f"const {name} = ["
-    yield from (f"  ({', '.join(map(' = '.join, _told(row)))})," for row in rows)
+    yield from (f"  ({', '.join(map(' = '.join, _literals(row)))})," for row in rows)
     yield "]"
 
 
 def _octave(rows: Sequence[Row], name: str) -> Iterator[str]:
-    yield f"% {_SAYS}"
+    yield f"% {_HEADER}"
     yield f"{name} = ["
     for row in rows:
-        told = [f"'{field}', {value}" for field, value in _told(row)]
-        yield f"  struct({', '.join(told)})"
+        arguments = [f"'{field}', {value}" for field, value in _literals(row)]
+        yield f"  struct({', '.join(arguments)})"
     yield "];"
 
 
-def _told(row: Row) -> Iterator[tuple[str, str]]:
-    """Each field of a value, and what it is."""
+def _literals(row: Row) -> Iterator[tuple[str, str]]:
+    """Return each field's name with its value as a literal."""
     texts, numbers = row
     return zip((*_TEXTS, *_FIELDS), [*(f'"{text}"' for text in texts), *map(repr, numbers)], strict=True)
 
 
 def _fortran(rows: Sequence[Row], name: str) -> Iterator[str]:
-    yield f"! {_SAYS}"
+    yield f"! {_HEADER}"
     yield f"module {name}"
     yield "  implicit none"
     yield "  type tippedisk_value"

@@ -1,8 +1,9 @@
-"""Fresh questions: states, speeds and disks drawn from a seed, with truths that are computed when they are asked for.
+"""Fresh questions: states, speeds and disks drawn from a seed, with answers computed on demand.
 
-They are of levels 1 to 7, ten states to a disk. A question's id holds the seed and the disk's number, so whoever has
-the id can draw the same inputs again: grading needs nothing but the answers. Each truth is the value of its kind's
-first method (an orbit's and a cycle's in double), with the half-width that this method gives.
+They are of levels 1 to 7, with ten states for each disk. A question's id holds the seed and the
+disk's number, so the same inputs can be drawn again from the id: grading needs only the answers.
+Each true value comes from its kind's first method (in double for an orbit or a cycle), with the
+half-width that this method gives.
 """
 
 from __future__ import annotations
@@ -23,18 +24,18 @@ from tippedisk_verify.theory.hopf import omega_crit
 __all__ = ["MOST_STATES", "STATES_PER_DISK", "blank_questions", "entries_of", "with_fresh"]
 
 STATES_PER_DISK = 10
-MOST_STATES = 1000
+MOST_STATES = 1000  #: on one sheet
 _LAWS: tuple[Friction, ...] = ("linear", "smooth")
 _TIMES = ("0.5", "1", "1.5", "2")
-_DIGITS = 12  # of orbits and cycles, which doubles give
+_DIGITS = 12  # of orbits and cycles, which double precision reaches
 _HALF_PI = Fraction("1.5708")
 _ENTRY = re.compile(rf"(?<![\w-]){DRAWN_SET.pattern}/(both|linear|smooth)/[a-z-]+/[A-Za-z0-9.+-]+")
-_MOST_ENTRIES = 42 * MOST_STATES // STATES_PER_DISK  # of so many states
+_MOST_ENTRIES = 42 * MOST_STATES // STATES_PER_DISK  # of a sheet; a disk has 42
 
 
 @lru_cache(maxsize=MOST_STATES // STATES_PER_DISK)
 def _items(set_name: str) -> tuple[Item, ...]:
-    """All questions of a drawn disk, easiest first."""
+    """Return all questions of a drawn disk, easiest first."""
     return tuple(_drawn_items(set_name))
 
 
@@ -45,7 +46,7 @@ def _drawn_items(set_name: str) -> Iterator[Item]:
     crit = omega_crit(drawn_disk(draw.seed, draw.number), 40).value
 
     def near(name: str, below: str, above: str, places: int) -> str:
-        """A speed, by its relative distance from Omega_crit."""
+        """Draw a speed by its relative distance from Omega_crit."""
         return draw.between(name, crit * (1 + Fraction(below)), crit * (1 + Fraction(above)), places)
 
     def item(law: str, kind: str, name: str, **inputs: str) -> Item:
@@ -53,7 +54,8 @@ def _drawn_items(set_name: str) -> Iterator[Item]:
 
     for n in range(1, STATES_PER_DISK + 1):
         place = f"{n:02d}"
-        # A fourth of the speeds is from a wide range, the rest near Omega_crit; a tenth of the states near beta = pi/2.
+        # A quarter of the speeds come from a wide range, the others lie near Omega_crit. A tenth of
+        # the states lie near beta = pi/2.
         speed = draw.between(f"Omega {n}", 5, 60, 4) if n % 4 == 0 else near(f"Omega {n}", "-0.05", "0.05", 4)
         width = Fraction("0.0015") if n % 10 == 0 else Fraction("1.5")
         state = {
@@ -72,7 +74,7 @@ def _drawn_items(set_name: str) -> Iterator[Item]:
         yield item("linear", "harmonic-balance", form, Omega=speed, form=form)
     angles = {"beta": draw.between("slow beta", "0.8", "2.3", 4), "gamma": draw.between("slow gamma", "-1.5", "4.5", 4)}
     yield item("linear", "slow-manifold", "1", Omega=near("slow speed", "-0.03", "0.03", 4), **angles)
-    # About inverted spinning: no such orbit lies flat within two seconds.
+    # Near inverted spinning: from there the disk does not lie flat within two seconds.
     start = {
         "beta": draw.between("orbit beta", _HALF_PI - Fraction("0.3"), _HALF_PI + Fraction("0.3"), 4),
         "gamma": draw.between("orbit gamma", _HALF_PI - Fraction("0.8"), _HALF_PI + Fraction("0.8"), 4),
@@ -85,9 +87,18 @@ def _drawn_items(set_name: str) -> Iterator[Item]:
         yield item(law, "limit-cycle", "1", Omega=near("cycle speed", "-0.01", "-0.001", 6))
 
 
-# ------------------------------------------------------------------------------------------ their truths
+# ----------------------------------------------------------------------------------------- answers
 def blank_questions(states: int, seed: int) -> Store:
-    """So many states and what else is asked of their disks, without the truths. Raises InputError for other numbers."""
+    """Return questions without answers.
+
+    Args:
+        states: The number of states, from 1 to `MOST_STATES`. There are ten to a disk, with the
+            other questions about that disk.
+        seed: The seed, from 0 to 999999999.
+
+    Raises:
+        InputError: If a number is out of its range.
+    """
     if not 1 <= states <= MOST_STATES:
         raise InputError(f"--states is a number from 1 to {MOST_STATES}, not {states}")
     if not 0 <= seed < 10**9:
@@ -103,16 +114,27 @@ def blank_questions(states: int, seed: int) -> Store:
 
 
 def entries_of(prefix: str) -> str:
-    """The entries whose ids start so, or the one that a quantity with this id belongs to, one to a line."""
+    """Return the drawn entries whose ids start with a prefix, one a line.
+
+    For the id of a quantity, return the entry that the quantity belongs to.
+    """
     drawn = re.match(rf"{DRAWN_SET.pattern}(?=/)", prefix)
     items = () if drawn is None else _items(drawn[0])
     return "\n".join(item.id for item in items if item.id.startswith(prefix) or prefix.startswith(f"{item.id}/"))
 
 
 def with_fresh(store: Store, text: str, advance: Callable[[str, int], None] = lambda label, steps: None) -> Store:
-    """The store with the truths of the fresh questions whose ids a text holds; computed once in a process.
+    """Add to a store the true values of all fresh questions whose ids occur in a text.
 
-    Ids that no draw gives are left alone. Raises InputError for more than `MOST_STATES` give.
+    Ids that no seed gives are ignored. A true value is computed once in a process.
+
+    Args:
+        store: The store to extend.
+        text: Any text, such as a sheet of answers.
+        advance: A function that is called with an id and 1 after each question.
+
+    Raises:
+        InputError: If there are more questions than `MOST_STATES` states give.
     """
     named = {found[0] for found in _ENTRY.finditer(text)}
     if len(named) > _MOST_ENTRIES:
@@ -132,15 +154,19 @@ def _truths(item_id: str) -> tuple[Quantity, ...]:
     values = {reading: compute(case_of(item, reading), _DIGITS) for reading in READINGS}
     slopes = condition(case_of(item, "decimals"), values["decimals"])
 
-    def told(name: str) -> dict[Reading, tuple[str, str]]:
+    def rounded(name: str) -> dict[Reading, tuple[str, str]]:
         return {reading: trimmed(values[reading][name], KEPT).decimals() for reading in READINGS}
 
-    return tuple(as_quantity(item, name, told(name), slopes[name]) for name in _names(item.kind, item.friction))
+    names = _names(item.kind, item.friction)
+    return tuple(as_quantity(item, name, rounded(name), slopes[name]) for name in names)
 
 
 @lru_cache(maxsize=32)
 def _names(kind: str, friction: str) -> tuple[str, ...]:
-    """The quantities that the published data have of such an entry; of orbits those at the times of a drawn one."""
+    """Return the quantities that the published data have for such an entry.
+
+    For orbits, keep those at the times of a drawn orbit.
+    """
     published = stored().matching(f"printed/{friction}/{kind}/")
     first = published[0].id.rsplit("/", 1)[0]
     names = [quantity.name for quantity in published if quantity.id.startswith(f"{first}/")]

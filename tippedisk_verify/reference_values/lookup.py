@@ -1,4 +1,4 @@
-"""A reference value by its id, or all whose ids start alike: stored ones, and drawn ones, whose truths are computed."""
+"""The search for reference values by id, whether stored or drawn and computed on demand."""
 
 from __future__ import annotations
 
@@ -9,14 +9,21 @@ from tippedisk_verify.reference_values.store import Quantity, Reading, Store, st
 
 __all__ = ["full_id", "reference", "references"]
 
-_MOST_NEAR = 5  # ids that an error suggests
+_MOST_NEAR = 5  # ids that an error message suggests
 
 
 def references(prefix: str = "", *, reading: Reading = "decimals") -> list[Quantity]:
-    """The installed reference values whose id starts with ``prefix``, in order of difficulty.
+    """Return all installed reference values whose id starts with ``prefix``, in order of
+    difficulty.
 
-    ``fresh-7-1/`` is the first disk that seed 7 draws, whose truths are computed here. From doubles, those are left
-    out whose inputs doubles cannot tell apart. Raises InputError if none is left.
+    Args:
+        prefix: The beginning of the ids. ``fresh-7-1/`` is the first disk that seed 7 draws, whose
+            values are computed here.
+        reading: "decimals" takes the inputs exactly, "doubles" as the doubles nearest to them. With
+            "doubles", values whose inputs doubles cannot tell apart are left out.
+
+    Raises:
+        InputError: If no value is left.
     """
     if not isinstance(prefix, str):
         raise InputError(f"the ids of reference values start with a string, not with {type(prefix).__name__}")
@@ -29,10 +36,14 @@ def references(prefix: str = "", *, reading: Reading = "decimals") -> list[Quant
 
 
 def reference(id_: str, *, reading: Reading = "decimals") -> Quantity:
-    """The installed reference value of that id, for example ``printed/linear/limit-cycle/crit-0.5/period``.
+    """Return the installed reference value with an id.
 
-    ``reading`` says what its inputs are taken as: the decimals as they stand, or the doubles nearest to them. Raises
-    InputError if there is no such value, with the nearest ids.
+    Args:
+        id_: The id, for example ``printed/linear/limit-cycle/crit-0.5/period``.
+        reading: "decimals" takes the inputs exactly, "doubles" as the doubles nearest to them.
+
+    Raises:
+        InputError: If there is no such value. The message suggests the nearest ids.
     """
     if not isinstance(id_, str):
         raise InputError(f"the id of a reference value is a string, not {type(id_).__name__}")
@@ -46,12 +57,15 @@ def reference(id_: str, *, reading: Reading = "decimals") -> Quantity:
 
 
 def full_id(id_: str) -> str:
-    """The id with its set's name in the data: ``table1`` is there as ``printed``."""
+    """Replace the set name ``table1`` by ``printed``, its name in the data."""
     return re.sub("^table1(?=/|$)", "printed", id_)
 
 
 def _near(asked: str) -> list[str]:
-    """At most five ids that end as a wrong one, or else share its longest beginning; the most similar of them first."""
+    """Return at most five ids that resemble a wrong one, the most similar first.
+
+    Ids with the same ending are preferred to those that share its longest beginning.
+    """
     from difflib import get_close_matches
 
     known, parts = list(stored()), asked.split("/")
@@ -63,7 +77,7 @@ def _near(asked: str) -> list[str]:
 
 
 def _with_drawn(prefix: str) -> Store:
-    """What is stored, and the truths of a drawn disk if ids start with its name."""
+    """Return the stored values, and those of a drawn disk if `prefix` starts with its name."""
     if not prefix.startswith("fresh-"):
         return stored()
     from tippedisk_verify.reference_values.fresh import entries_of, with_fresh  # slow to import

@@ -1,7 +1,8 @@
-"""The data's files, each held against its hash in the manifest before it is read, and the manifest against its own.
+"""The data files and the manifest with their hashes.
 
-One turned bit of a disk would be a wrong truth otherwise. A file may lie there compressed, as NAME.gz; the hash is that
-of what it holds.
+Each file is compared with its hash before it is read, because one changed bit could turn into a
+wrong reference value. The manifest also holds its own hash. A file may be compressed, as NAME.gz;
+its hash is that of the uncompressed content.
 """
 
 from __future__ import annotations
@@ -30,19 +31,21 @@ __all__ = [
     "sound_files",
 ]
 
-#: What the manifest vouches for: the values, what is known of them, and what was written by hand.
-VALUES = ("values.csv", "proofs.json")
+VALUES = ("values.csv", "proofs.json")  #: files that `reference_data/make` writes
+#: Files that are written by hand.
 STATIC = ("quantities.csv", "methods.csv", "schema.json", "README.md", "CHANGELOG.md", "CITATION.cff", "LICENSE")
-FILES = (*VALUES, *STATIC)
+FILES = (*VALUES, *STATIC)  #: all files with a hash in the manifest
 MANIFEST = "manifest.json"
-LARGEST = 64_000_000  #: bytes of a file; the largest has some ten million
-_LARGEST_MANIFEST = 1_000_000
+LARGEST = 64_000_000  #: bytes that a file may have; the largest has about ten million
+_LARGEST_MANIFEST = 1_000_000  # bytes
 
 
 def data_folder() -> Path:
-    """Where the reference data lie: inside the installed package, or beside it in a source checkout.
+    """Return the folder of the reference data: in the installed package, or next to it in a
+    checkout.
 
-    Raises InputError if they are in neither place.
+    Raises:
+        InputError: If the data are in neither place.
     """
     package = Path(__file__).resolve().parent.parent
     for folder in (package / "reference_data", package.parent / "reference_data"):
@@ -52,7 +55,15 @@ def data_folder() -> Path:
 
 
 def sound_files(folder: Path, names: Iterable[str]) -> dict[str, str]:
-    """The text of these files by name; every byte is as the manifest says. Raises InputError in one line otherwise."""
+    """Return the texts of some files by name, after comparing each with its hash.
+
+    Args:
+        folder: The folder of the reference data.
+        names: The files' names.
+
+    Raises:
+        InputError: If a file is missing, has been changed, or is not UTF-8.
+    """
     contents, faults = _contents(folder, names)
     try:
         if not faults:
@@ -67,7 +78,7 @@ def _damaged(folder: Path, fault: str) -> InputError:
 
 
 def faults_in_files(folder: Path) -> list[str]:
-    """A line for each file that is missing or changed; the manifest's own bytes are held against its hash."""
+    """Return a line for each file that is missing or changed, the manifest included."""
     try:
         return _contents(folder, FILES)[1]
     except InputError as fault:
@@ -86,28 +97,39 @@ def _contents(folder: Path, names: Iterable[str]) -> tuple[dict[str, bytes], lis
 
 
 def read_manifest(folder: Path) -> tuple[dict[str, Any], list[str]]:
-    """What the manifest says, and what is wrong with its own bytes. Raises InputError if it cannot be read."""
+    """Read the manifest.
+
+    Returns:
+        Its content, and a line if its own bytes do not match its hash.
+
+    Raises:
+        InputError: If it cannot be read.
+    """
     text = read_bytes(folder / MANIFEST, _LARGEST_MANIFEST)
     try:
         content = json.loads(text)
         if not isinstance(content, dict) or not isinstance(content.get("files"), dict):
             raise ValueError
     except (ValueError, RecursionError):
-        raise _damaged(folder, f"{MANIFEST} is no manifest") from None
-    told = {name: value for name, value in content.items() if name != "sha256"}
-    changed = text != manifest_text(told).encode(errors="replace")
+        raise _damaged(folder, f"{MANIFEST} is not a manifest") from None
+    hashed = {name: value for name, value in content.items() if name != "sha256"}
+    changed = text != manifest_text(hashed).encode(errors="replace")
     return content, [f"{MANIFEST} has been changed"] * changed
 
 
 def manifest_text(content: dict[str, Any]) -> str:
-    """With the hash of everything before it as its last entry."""
+    """Return the manifest's text: the content, followed by its hash."""
     return json.dumps({**content, "sha256": digest(content)}, indent=1) + "\n"
 
 
 def _sound(folder: Path, name: str, manifest: dict[str, Any]) -> bytes:
-    """The bytes of a file. Raises ValueError, with what is wrong, if they are not as the manifest says."""
+    """Return the bytes of a file.
+
+    Raises:
+        ValueError: If its hash is not in the manifest; the message names the fault.
+    """
     path, packed = folder / name, folder / f"{name}.gz"
-    told = manifest["files"].get(name)
+    entry = manifest["files"].get(name)
     if not path.is_file() and not packed.is_file():
         raise ValueError(f"{name} is missing")
     try:
@@ -118,8 +140,9 @@ def _sound(folder: Path, name: str, manifest: dict[str, Any]) -> bytes:
                 content = stream.read(LARGEST + 1)
     except (OSError, EOFError, zlib.error, InputError):
         raise ValueError(f"{name} has been changed") from None
-    # A run that makes values anew first says what each file is becoming, so that none is damaged at any moment.
-    hashes = [told.get("sha256"), told.get("becoming")] if isinstance(told, dict) else []
+    # A run that makes new values first writes the hash that each file is going to have
+    # ("becoming"), so that the data are valid at every moment.
+    hashes = [entry.get("sha256"), entry.get("becoming")] if isinstance(entry, dict) else []
     if digest(content) not in hashes:
         raise ValueError(f"{name} has been changed: its SHA-256 is not the manifest's")
     return content

@@ -1,6 +1,8 @@
-"""What each reference value is asked as, how far off an answer may be, and its row in values.csv, which says both.
+"""The question behind a reference value, the error that an answer may have, and the row of
+values.csv.
 
-Everything that grading takes from the data is there, so that a sheet can be graded from one table in any language.
+The row holds everything that grading takes from the data, so a program in any language can grade a
+sheet from this one table.
 """
 
 from __future__ import annotations
@@ -47,18 +49,19 @@ COLUMNS = (
     "from",
     "answer",
 )
-#: Digits that an answer must have at each level: what a careful implementation in doubles passes easily and a wrong
-#: equation does not reach by chance.
+#: Correct digits that an answer must have, by level. A careful implementation in doubles passes
+#: easily; a wrong equation does not reach them by chance.
 FAILS_BELOW = {1: 10, 2: 8, 3: 8, 4: 8, 5: 8, 6: 4, 7: 6, 8: 6, 9: 4, 10: 6}
-# Angles and speeds are told from zero by their own size where they pass through it.
+# Quantities that pass through zero. If they are below 1 in their unit, errors are relative to 1.
 _UNIT_SIZED = ("beta", "gamma", "v", "crossing_gamma", "crossing_v", "lambda_", "log_multiplier_slow")
-#: The relative change of all inputs together whose effect no level holds against an answer. Closed forms in doubles
-#: leave ten thousand roundings below 1e-12. What an integrator leaves was measured at rtol = atol = 1e-12 and 1e-13 on
-#: all orbits and librating cycles of the printed set: at most 5.3e-11 with SciPy's LSODA, 5.0e-11 with DOP853.
+#: A relative change of all inputs whose effect on an answer is allowed, by level. 1e-12 allows
+#: closed forms in doubles about ten thousand roundings. For integrators the equivalent change was
+#: measured at rtol = atol = 1e-12 and 1e-13, on all orbits and librating cycles of the printed set.
+#: It is at most 5.3e-11 with SciPy's LSODA and 5.0e-11 with DOP853.
 TOLERANCES = {level: 1e-12 if level < 6 else 1e-10 for level in FAILS_BELOW}
-_LEAST = 0.3  # digits that every question asks for: the value to within its half
+_LEAST = 0.3  # digits that every question asks for: an error of half the value
 ROUNDING = 2.0**-52  #: twice the relative change that rounding to a double makes
-#: Of values.csv: a question's columns, its numbers as doubles in hexadecimal, the value, and what is known of it.
+#: Columns of values.csv: the question, its numbers as hexadecimal doubles, the value, its grade.
 TABLE = (
     *COLUMNS,
     *(f"{name}_hex" for name in (*SYMBOLS, *_INPUTS, "t")),
@@ -76,7 +79,7 @@ TABLE = (
 
 
 def placed(name: str) -> tuple[str, dict[str, str]]:
-    """A quantity's name without its place, and the place: ``beta@0.5`` is beta at t = 0.5."""
+    """Split a quantity's name into plain name and place: ``beta@0.5`` is beta at t = 0.5."""
     if "@" in name:
         plain, place = name.split("@", 1)
         return plain, {"t": place}
@@ -89,7 +92,12 @@ def placed(name: str) -> tuple[str, dict[str, str]]:
 
 
 def question_fields(parameters: Mapping[str, str], quantity: Quantity) -> dict[str, str]:
-    """A question by `COLUMNS`, without those that do not apply; ``parameters`` are decimals."""
+    """Return a question's fields by column, without the columns that do not apply.
+
+    Args:
+        parameters: The disk's parameters as decimals.
+        quantity: The reference value.
+    """
     plain, place = placed(quantity.name)
     return {
         "id": quantity.id,
@@ -108,10 +116,11 @@ def question_fields(parameters: Mapping[str, str], quantity: Quantity) -> dict[s
 
 
 def scale_of(quantity: Quantity, value: Decimal) -> Decimal:
-    """What an error is measured against: the value's size.
+    """Return the size that an error is measured against.
 
-    At level 1 the largest condition number, if that is larger: it is the size of what cancelled. For angles, angular
-    velocities and eigenvalues at least 1 in their unit.
+    This is the size of the value. At level 1 it is the largest condition number if that is larger,
+    because that is the size of the terms that cancelled. For angles, angular velocities and
+    eigenvalues it is at least 1 in their unit.
     """
     size = value.copy_abs()  # abs() would round
     if quantity.level == 1:
@@ -123,15 +132,19 @@ def scale_of(quantity: Quantity, value: Decimal) -> Decimal:
 
 @arithmetic()
 def slopes_of(quantity: Quantity) -> Decimal:
-    """The change of the value per relative change of all inputs together, each in its worse direction."""
+    """Return the change of the value per relative change of all inputs, each in its worse
+    direction.
+    """
     return sum((abs(Decimal(slope)) for slope in quantity.condition.values()), Decimal(0))
 
 
 @arithmetic()
 def needed(quantity: Quantity) -> float:
-    """Digits that an answer must have: its level's, or what `TOLERANCES` leaves of them.
+    """Return the number of correct digits that an answer must have.
 
-    Where doubles cannot tell the inputs apart, only programs with more digits are asked, and asked for the level's.
+    It is the level's number, or less if a change of the inputs by `TOLERANCES` spoils more digits.
+    If doubles cannot tell the inputs apart, only programs with more digits are asked, and they need
+    the level's number.
     """
     digits = float(FAILS_BELOW[quantity.level])
     scale = scale_of(quantity, Decimal(quantity.values["decimals"][0]))
@@ -142,7 +155,12 @@ def needed(quantity: Quantity) -> float:
 
 
 def table_row(parameters: Mapping[str, str], quantity: Quantity) -> dict[str, str]:
-    """The quantity's row in values.csv."""
+    """Return the quantity's row in values.csv.
+
+    Args:
+        parameters: The disk's parameters as decimals.
+        quantity: The reference value.
+    """
     row = question_fields(parameters, quantity)
     if "doubles" in quantity.values:
         row |= {f"{name}_hex": float(row[name]).hex() for name in (*SYMBOLS, *_INPUTS, "t") if name in row}

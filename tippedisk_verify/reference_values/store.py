@@ -1,6 +1,6 @@
-"""Reading reference data: the rows of values.csv as numbers, by id. Imports nothing heavy.
+"""The reference values in values.csv, by id. This module imports nothing heavy.
 
-Every byte is held against the manifest on the way in, once in a process.
+Every file is compared with its hash in the manifest before it is read, once in a process.
 """
 
 from __future__ import annotations
@@ -26,46 +26,55 @@ from tippedisk_verify.reference_values.manifest import data_folder, sound_files
 
 __all__ = ["Quantity", "Reading", "Store", "codebook", "definition_of", "quantity_of", "stored", "table_rows"]
 
-Reading = Literal["decimals", "doubles"]
+Reading = Literal["decimals", "doubles"]  #: inputs exactly as written, or rounded to doubles
 
 
 class Definition(NamedTuple):
-    level: int  #: of difficulty, from 1
+    """The level, unit and meaning of a quantity."""
+
+    level: int  #: of difficulty, from 1 to 10
     unit: str
     meaning: str
 
 
 @lru_cache(maxsize=1)
 def codebook() -> dict[str, dict[str, Definition]]:
-    """By kind, in order of difficulty, then by name; ``n`` stands for a number in it. Raises InputError if damaged."""
+    """Return the definitions of all quantities, by kind in order of difficulty, then by name.
+
+    In a name, ``n`` stands for a number.
+
+    Raises:
+        InputError: If the file is damaged.
+    """
     kinds: dict[str, dict[str, Definition]] = {}
     text = sound_files(data_folder(), ["quantities.csv"])["quantities.csv"]
     for row in csv.DictReader(text.splitlines()):
-        told = Definition(int(row["level"]), row["unit"], row["definition"])
-        kinds.setdefault(row["kind"], {})[row["quantity"]] = told
+        definition = Definition(int(row["level"]), row["unit"], row["definition"])
+        kinds.setdefault(row["kind"], {})[row["quantity"]] = definition
     return kinds
 
 
 def definition_of(kind: str, quantity: str) -> Definition:
-    """Of a quantity of that kind, by its name with or without a place."""
+    """Return the definition of a quantity; its name may include a place such as ``@0.5``."""
     name, of_kind = re.split("[@#]", quantity)[0], codebook()[kind]
     if name in of_kind:
         return of_kind[name]
     number = re.search(r"(?<=_)\d+(?=_|$)", name)
-    told = of_kind[name if number is None else f"{name[: number.start()]}n{name[number.end() :]}"]
-    if number is None or "^n" not in told.unit:
-        return told
+    generic = name if number is None else f"{name[: number.start()]}n{name[number.end() :]}"
+    definition = of_kind[generic]
+    if number is None or "^n" not in definition.unit:
+        return definition
     n = int(number[0])
-    return told._replace(unit=("rad/s", "rad/m")[n] if n < 2 else f"rad s^{n - 1}/m^{n}")
+    return definition._replace(unit=("rad/s", "rad/m")[n] if n < 2 else f"rad s^{n - 1}/m^{n}")
 
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Quantity(Printable, Bounded):
-    """One reference value with what is known of it.
+    """A reference value, with its inputs, half-width and grade.
 
-    It behaves as a number: the value, with its half-width, of one of its two readings. ``reading`` says which, and
-    everything goes by it: float(), `measured`, `mpf`, str(), format(), arithmetic and comparisons, NumPy's functions,
-    numpy.testing.assert_allclose, pytest.approx.
+    It behaves as a number: the value of one of its two readings, with its half-width. ``reading``
+    chooses the reading for float(), `measured`, `mpf`, str(), format(), arithmetic, comparisons,
+    NumPy's functions, numpy.testing.assert_allclose and pytest.approx.
     """
 
     id: str  #: ``set/friction/kind/entry/quantity``
@@ -75,18 +84,23 @@ class Quantity(Printable, Bounded):
     friction: str
     name: str
     unit: str
-    inputs: Mapping[str, str]  #: decimals; with `parameters` all that the value depends on
+    inputs: Mapping[str, str]  #: decimals; the value depends on these and `parameters` only
     values: Mapping[Reading, tuple[str, str]]  #: (value, uncertainty) as decimals, for each reading
     grade: str  #: proved, two-method, agreed, or single
-    methods: Mapping[str, str]  #: how far each method's value lies from the one given, in the worse reading
+    methods: Mapping[str, str]  #: each method's distance from the value, in the worse reading
     condition: Mapping[str, str]  #: change of the value per relative change of a parameter or input
-    proof: Mapping[str, str] | None = None  #: the enclosure's value and uncertainty, the statement and the command
-    reading: Reading = "decimals"  #: which of `values` this is as a number
+    #: The proved enclosure's value and uncertainty, the statement and the command.
+    proof: Mapping[str, str] | None = None
+    reading: Reading = "decimals"  #: the entry of `values` that it stands for as a number
 
     def read_from(self, reading: Reading) -> Quantity:
-        """The same from the decimals as they stand, or from the doubles nearest to them.
+        """Return the same quantity in another reading.
 
-        Raises InputError where there is no value for that reading.
+        Args:
+            reading: "decimals" takes the inputs exactly, "doubles" as the doubles nearest to them.
+
+        Raises:
+            InputError: If there is no value for that reading.
         """
         if reading not in ("decimals", "doubles"):
             raise InputError(f"a value is from decimals or doubles, not from '{reading!s:.40}'")
@@ -96,7 +110,7 @@ class Quantity(Printable, Bounded):
 
     @property
     def definition(self) -> str:
-        """What it is, in a sentence."""
+        """The definition of the quantity, in a sentence."""
         return definition_of(self.kind, self.name).meaning
 
     @property
@@ -107,33 +121,44 @@ class Quantity(Printable, Bounded):
 
     @property
     def value(self) -> Fraction:
+        """The value, exactly as its decimal is written."""
         return Fraction(self.values[self.reading][0])
 
     @property
     def uncertainty(self) -> Fraction:
+        """The absolute half-width, exactly as its decimal is written."""
         return HalfWidth(self.values[self.reading][1])
 
     def measured(self, reading: Reading | None = None) -> Measured:
-        """Value and half-width alone, from ``reading`` if one is given. Raises InputError as `read_from`."""
+        """Return the value and half-width alone.
+
+        Args:
+            reading: Another reading than this one's, or None.
+
+        Raises:
+            InputError: If there is no value for that reading.
+        """
         chosen = self if reading is None else self.read_from(reading)
         return Measured(chosen.value, chosen.uncertainty)
 
     @property
     def for_doubles(self) -> float:
-        """What a program in doubles should say: the double nearest to the value from doubles.
+        """The answer that a program in doubles should give: the double nearest to the value from
+        doubles.
 
-        It is the one from decimals where doubles cannot tell the inputs apart.
+        If doubles cannot tell the inputs apart, it is the double nearest to the value from
+        decimals.
         """
         return float(self.values.get("doubles", self.values["decimals"])[0])
 
-    real = property(float)  # these two are asked of a number by pytest.approx
+    real = property(float)  # pytest.approx asks numbers for `real` and `imag`
     imag = 0.0
 
     def __hash__(self) -> int:
         return hash((self.id, self.reading))
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """For other processes: views of mappings do not travel."""
+        """Pickle the mappings as dictionaries, because mapping proxies cannot be pickled."""
         values = (getattr(self, item.name) for item in fields(self))
         return Quantity, tuple(dict(value) if isinstance(value, Mapping) else value for value in values)
 
@@ -141,10 +166,11 @@ class Quantity(Printable, Bounded):
         return type(self).__name__
 
     def __str__(self) -> str:
-        """The value with its half-width."""
+        """Return the value with its half-width."""
         return " ± ".join(self.values[self.reading])
 
     def to_dict(self) -> dict[str, Any]:
+        """Return the quantity as in JSON, with both readings."""
         value, uncertainty = self.values["decimals"]
         entry: dict[str, Any] = {"id": self.id, "definition": self.definition, "unit": self.unit}
         entry |= {"value": value, "uncertainty": uncertainty}
@@ -154,15 +180,22 @@ class Quantity(Printable, Bounded):
         return entry | {name: as_json(getattr(self, name)) for name in names}
 
 
-numbers.Real.register(Quantity)  # pytest.approx compares what is a number by this name, inside lists too
+numbers.Real.register(Quantity)  # so that pytest.approx compares it as a number, inside lists too
 
 
-#: Beside the parameters and the time, in the order of every entry.
+#: Inputs other than the parameters and the time, in the order of every entry.
 _INPUTS = ("Omega", "beta", "gamma", "v", "equilibrium", "form")
 
 
 class Store(Mapping[str, Quantity]):
-    """All reference values, by id, in order of difficulty. Raises InputError for a folder without them, or damaged."""
+    """The reference values by id, in order of difficulty.
+
+    Args:
+        folder: The folder of the reference data.
+
+    Raises:
+        InputError: If the folder has no reference data, or they are damaged.
+    """
 
     def __init__(self, folder: Path) -> None:
         texts = sound_files(folder, ("values.csv", "proofs.json"))
@@ -176,18 +209,22 @@ class Store(Mapping[str, Quantity]):
 
     @classmethod
     def of(cls, quantities: Iterable[Quantity]) -> Store:
-        """These values."""
+        """Return a store of the given values."""
         store = cls.__new__(cls)
         store._quantities = {quantity.id: quantity for quantity in quantities}
         return store
 
     def joined(self, other: Store) -> Store:
-        """These values and those of another store."""
+        """Return a store of these values and those of another store."""
         return Store.of((*self.values(), *other.values()))
 
     @cached_property
     def parameters(self) -> dict[str, dict[str, str]]:
-        """Of each set's disk, as decimals. Raises InputError for a set that is neither named nor drawn."""
+        """The parameters of each set's disk, as decimals, by the name of the set.
+
+        Raises:
+            InputError: If a set is neither named nor drawn.
+        """
         return {name: disk_of(name).decimals() for name in {quantity.set: 0 for quantity in self.values()}}
 
     def __getitem__(self, id_: str) -> Quantity:
@@ -200,18 +237,27 @@ class Store(Mapping[str, Quantity]):
         return len(self._quantities)
 
     def matching(self, prefix: str) -> list[Quantity]:
-        """Those whose id starts with ``prefix``."""
+        """Return the values whose id starts with ``prefix``."""
         return [quantity for id_, quantity in self._quantities.items() if id_.startswith(prefix)]
 
 
 def table_rows(text: str) -> list[dict[str, str]]:
-    """The rows of values.csv by column. Raises ValueError if one is longer or shorter than the header."""
+    """Return the rows of values.csv, each by column.
+
+    Raises:
+        ValueError: If a row is longer or shorter than the header.
+    """
     header, *rows = csv.reader(text.splitlines())
     return [dict(zip(header, row, strict=True)) for row in rows]
 
 
 def quantity_of(row: Mapping[str, str], proofs: Mapping[str, Any]) -> Quantity:
-    """A row of values.csv, and its entry's proof if there is one."""
+    """Return the reference value in a row of values.csv.
+
+    Args:
+        row: The row, by column.
+        proofs: The content of proofs.json.
+    """
     entry, name = row["id"].rsplit("/", 1)
     values: dict[Reading, tuple[str, str]] = {
         "decimals": (row["value_from_decimals"], row["uncertainty_from_decimals"])
@@ -233,11 +279,11 @@ def quantity_of(row: Mapping[str, str], proofs: Mapping[str, Any]) -> Quantity:
 
 
 def _pairs(text: str) -> dict[str, str]:
-    """``r=0.05 e=-0.004`` by name."""
+    """Parse ``r=0.05 e=-0.004``."""
     return dict(pair.split("=") for pair in text.split())
 
 
 @lru_cache(maxsize=2)
 def stored(folder: Path | None = None) -> Store:
-    """The reference data of a folder (the installed ones if None), read once."""
+    """Return the reference data of a folder (None: the installed ones), read once in a process."""
     return Store(folder if folder is not None else data_folder())

@@ -1,7 +1,8 @@
-"""Truths: the numbers of a question, through `Disk` and the equations, and how far inputs move them.
+"""The true answers of a question, and the effect of each input on them.
 
-`compute` gives the numbers that the published data and fresh questions have. `compute_again` gives those that a check
-holds against them: in another formulation where there is one, else by the same method in another precision.
+`compute` gives the numbers of the published data and of fresh questions. `compute_again` gives the
+numbers that a check compares them with: from another formulation if there is one, otherwise from
+the same method in another precision.
 """
 
 from __future__ import annotations
@@ -49,36 +50,60 @@ __all__ = [
     "shot",
 ]
 
-DIGITS = 56  #: of closed forms, for 50 that are kept
-BITS, WIDER = 240, 304  #: 72 digits: near beta = pi/2 some cancel; and more, to see the error
+DIGITS = 56  #: of closed forms, so that 50 can be stored
+#: Bits of the working precision, and of the wider one that shows its error. 240 bits are 72 digits;
+#: some cancel near beta = pi/2.
+BITS, WIDER = 240, 304
 ORDERS = 5  #: of the slow manifold
-_STEP = Fraction(1, 10**12)  # relative, of the differences that give condition numbers
-# The starts lie on the section, up to rounding, half of them with v = 0: a crossing before this time [s] is the start
-# itself, also when the start is moved by 1e-7 to see what that does.
+_STEP = Fraction(1, 10**12)  # relative step of the differences that give condition numbers
+# [s] Orbits start on the section up to rounding, half of them with v = 0. A crossing before this
+# time is the start itself, even after a start is moved by 1e-7 to find its effect.
 _START = 0.01
 _STATE = ("beta", "gamma", "v")
 _QUARTER = PI * Fraction(1, 2)
-Slopes = dict[str, dict[str, Any]]  #: of each quantity, by parameter or input
+Slopes = dict[str, dict[str, Any]]  #: by quantity, then by parameter or input
 
 
 def compute(case: ExactItem, digits: int) -> Values:
-    """The numbers of a question: closed forms to `DIGITS`, what takes an integrator to ``digits``."""
+    """Compute the numbers of a question.
+
+    Args:
+        case: The question in one reading.
+        digits: Significant digits of the numbers that need an integrator. Closed forms have
+            `DIGITS`.
+    """
     return _COMPUTE[case.item.kind](case, digits)
 
 
 def compute_again(case: ExactItem, digits: int) -> Values:
-    """The same, in another formulation where there is one."""
+    """Compute the numbers of a question in another formulation, if there is one.
+
+    Args:
+        case: The question in one reading.
+        digits: Significant digits of the numbers that need an integrator.
+    """
     return {**_COMPUTE, **_COMPUTE_AGAIN}[case.item.kind](case, digits)
 
 
 def condition(case: ExactItem, values: Values) -> Slopes:
-    """The change of each number per relative change of each parameter and input, next to ``values``."""
+    """Return the change of each number per relative change of each parameter and input.
+
+    Args:
+        case: The question in one reading.
+        values: Its numbers, which shooting starts from.
+    """
     plain, step = _PLAIN[case.item.kind]
     return by_differences(case, lambda moved: plain(moved, values), step)
 
 
 def by_differences(case: ExactItem, plain: Callable[[ExactItem], Mapping[str, Any]], step: Fraction = _STEP) -> Slopes:
-    """dq / (dp / p) by central differences of a function that is cheap to evaluate."""
+    """Return dq / (dp / p) for each quantity q and parameter or input p, by central differences.
+
+    Args:
+        case: The question in one reading.
+        plain: A function of the case that is cheap to evaluate.
+        step: The relative step.
+    """
     slopes: Slopes = {}
     moving = [name for name, value in case.inputs.items() if isinstance(value, Fraction) and value]
     for name in (*SYMBOLS, *moving):
@@ -97,13 +122,19 @@ def _moved(case: ExactItem, name: str, factor: Fraction) -> ExactItem:
 
 
 def in_two(evaluate: Callable[[Any], Mapping[str, Any]], narrow: int = BITS, kept: int = BITS) -> Values:
-    """What a function of an mpmath context gives in ``narrow`` bits, its error seen in 64 more; ``kept`` are right."""
+    """Evaluate a function in two precisions, and return the values with the error that this shows.
+
+    Args:
+        evaluate: A function of an mpmath context.
+        narrow: Bits of the lower precision; the higher one has 64 more.
+        kept: Bits of the values that may be taken as right.
+    """
     rough, sharp = (evaluate(bits(working).context) for working in (narrow, narrow + WIDER - BITS))
     return {name: Measured.compared(value, sharp[name], Fraction(2, 1 << kept)) for name, value in rough.items()}
 
 
 def _in(ctx: Any, case: ExactItem, *names: str) -> tuple[Any, ...]:
-    """The disk's constants and these inputs in a context."""
+    """Return the disk's constants and the named inputs in a context."""
     return (case.disk.within(ctx), *(quotient(ctx, case.inputs[name]) for name in names))
 
 
@@ -115,7 +146,17 @@ def as_quantity(
     grade: str = "single",
     methods: Mapping[str, str] | None = None,
 ) -> Quantity:
-    """A computed number as a reference value; the slopes to three digits, without those that are 0."""
+    """Return computed numbers as a reference value.
+
+    Args:
+        item: The question.
+        name: The quantity's name.
+        values: Value and half-width as decimals, by reading.
+        slopes: The change of the value per relative change of each input. Zeros are left out; the
+            others are kept to three digits.
+        grade: proved, two-method, agreed, or single.
+        methods: The distance of each method's value from the one given.
+    """
     level, unit, _ = definition_of(item.kind, name)
     return Quantity(
         id=f"{item.id}/{name}",
@@ -133,9 +174,12 @@ def as_quantity(
     )
 
 
-# ------------------------------------------------------------------------------------------ closed forms
+# ------------------------------------------------------------------------------------ closed forms
 def _right_hand_side(case: ExactItem, ctx: Any, shift: bool = False) -> dict[str, Any]:
-    """The paper's terms as they stand and the Jacobian by hand; with ``shift`` in angles less pi/2."""
+    """Evaluate the paper's terms as printed, and the Jacobian.
+
+    With ``shift`` the calculation uses the angles minus pi/2.
+    """
     c, omega, beta, gamma, v = _in(ctx, case, "Omega", *_STATE)
     ops, quarter = (shifted(ctx), ctx.pi / 2) if shift else (ctx, 0)
     beta, gamma = beta - quarter, gamma - quarter
@@ -164,7 +208,7 @@ def _equilibrium(case: ExactItem, digits: int) -> Values:
 
 
 def _eigenvalues(case: ExactItem, ctx: Any) -> dict[str, Any]:
-    """Eigenvalues of the Jacobian of the full equations, by the QR algorithm."""
+    """Compute the eigenvalues of the full Jacobian by the QR algorithm."""
     c, omega = _in(ctx, case, "Omega")
     gamma = ctx.pi / 2 if case.inputs["equilibrium"] == "inverted" else -ctx.pi / 2
     rows = jacobian(ctx, c, omega, "linear")(ctx.pi / 2, gamma, ctx.mpf(0))
@@ -184,7 +228,7 @@ def _of_places(pairs: Iterable[tuple[Any, Any]]) -> dict[str, Any]:
 
 
 def _law(case: ExactItem, ctx: Any) -> dict[str, Any]:
-    """The one-harmonic law in floating point."""
+    """Evaluate the one-harmonic law in floating point."""
     c, omega = _in(ctx, case, "Omega")
     square, frequency_squared = harmonic_balance.squares(c, omega, case.inputs["form"])
     frequency = ctx.sqrt(frequency_squared)
@@ -192,7 +236,7 @@ def _law(case: ExactItem, ctx: Any) -> dict[str, Any]:
 
 
 def _manifold(case: ExactItem, ctx: Any) -> dict[str, Any]:
-    """The slow manifold's orders and residuals, by the recursion on truncated power series."""
+    """Compute the slow manifold's orders and residuals by recursion on truncated power series."""
     arguments = (ctx, *_in(ctx, case, "Omega", "beta", "gamma"), ORDERS)
     orders, residuals = slow_manifold.orders(*arguments), slow_manifold.invariance_residuals(*arguments)
     return {f"h_{n}": h for n, h in enumerate(orders)} | {f"residual_{n}": h for n, h in enumerate(residuals)}
@@ -201,7 +245,7 @@ def _manifold(case: ExactItem, ctx: Any) -> dict[str, Any]:
 # ------------------------------------------------------------------------------------------ motion
 @dataclass(frozen=True)
 class PlainEngine:
-    """An engine at a tolerance, without half-widths."""
+    """An engine at a fixed tolerance, without half-widths."""
 
     engine: Engine
     tolerance: float | None = None
@@ -222,9 +266,20 @@ class PlainEngine:
 def orbit(
     case: ExactItem, digits: int, *, shift: bool = False, engine: Engine | None = None
 ) -> Mapping[str, tuple[Any, Any]]:
-    """An orbit's samples, its crossings of beta = pi/2, and when the disk lies flat, each with its half-width.
+    """Integrate an orbit.
 
-    With ``shift`` angles are less pi/2. Raises AccuracyError if it ends otherwise.
+    Args:
+        case: The question in one reading.
+        digits: Significant digits.
+        shift: True to integrate in the angles minus pi/2.
+        engine: The engine; None for the default.
+
+    Returns:
+        Samples, crossings of beta = pi/2 and the time at which the disk lies flat, each as (value,
+        half-width).
+
+    Raises:
+        AccuracyError: If the orbit neither reaches its end nor lies flat.
     """
     duration = 2 if DRAWN_SET.fullmatch(case.item.set) else 10
     times = [Fraction(n, 2) for n in range(1, 2 * duration + 1)]
@@ -249,15 +304,22 @@ def orbit(
         for time, *sample in samples
         for name, pair in zip(_STATE, zip(*sample, strict=True), strict=True)
     }
-    for n, one in enumerate((one for one in run.events if one.time > _START), start=1):
-        numbers[f"crossing_time#{n}"] = one.time, one.time_uncertainty
-        for name, *pair in zip(_STATE[1:], one.state[1:], one.uncertainty[1:], strict=True):
+    crossings = (event for event in run.events if event.time > _START)
+    for n, crossing in enumerate(crossings, start=1):
+        numbers[f"crossing_time#{n}"] = crossing.time, crossing.time_uncertainty
+        for name, *pair in zip(_STATE[1:], crossing.state[1:], crossing.uncertainty[1:], strict=True):
             numbers[f"crossing_{name}#{n}"] = tuple(pair)
     return numbers | ({"flat_time": (run.end.time, run.end.time_uncertainty)} if run.status is Status.FLAT else {})
 
 
 def motion(case: ExactItem, digits: int, *, shift: bool = False) -> Values:
-    """The orbit's numbers; with ``shift`` they come from angles less pi/2."""
+    """Return the numbers of an orbit in the paper's angles.
+
+    Args:
+        case: The question in one reading.
+        digits: Significant digits.
+        shift: True to integrate in the angles minus pi/2.
+    """
     quarter = sum(_QUARTER.enclosed(WIDER)) / 2 if shift else Fraction(0)
     return {
         name: Measured.of(
@@ -271,14 +333,14 @@ def _moved_orbit(case: ExactItem, values: Values) -> dict[str, Any]:
     return {name: value for name, (value, _) in orbit(case, 12, engine=PlainEngine(default_engine())).items()}
 
 
-# ------------------------------------------------------------------------------------------ cycles and Omega_h
+# ------------------------------------------------------------------------------ cycles and Omega_h
 def _named(case: ExactItem, result: Any) -> Values:
-    """The numbers of a result that its kind is asked for."""
+    """Return the numbers of a result that the data have for its kind."""
     return {name: getattr(result, name) for name in codebook()[case.item.kind]}
 
 
 def shot(case: ExactItem, values: Mapping[str, Any], engine: Engine) -> FixedPoint[Any]:
-    """The cycle's point on its section, by shooting in double from its numbers."""
+    """Find a cycle's point on its section by shooting in double precision from known numbers."""
     section = ROTATING if case.item.kind == "rotating-cycle" else LIBRATING
     names = ("beta_bar_top", "v_top") if section is ROTATING else ("gamma_bar_0", "v_0")
     return shoot(ReturnMap(section, case.disk, case.inputs["Omega"], engine), [float(values[name]) for name in names])
@@ -290,7 +352,13 @@ def _cycle_in_double(case: ExactItem, values: Values) -> dict[str, Any]:
 
 
 def connection(case: ExactItem, digits: int, method: str = "manifolds") -> Values:
-    """Omega_h and the saddle's eigenvalues there."""
+    """Return Omega_h and the saddle's eigenvalues there.
+
+    Args:
+        case: The question in one reading.
+        digits: Significant digits.
+        method: The method of `Disk.heteroclinic`.
+    """
     point = case.disk.heteroclinic(digits=digits, method=method)
     return dict(zip(codebook()["heteroclinic"], (point.omega_h, *point.saddle_eigenvalues), strict=True))
 
@@ -304,7 +372,7 @@ _COMPUTE: dict[str, Callable[[ExactItem, int], Values]] = {
     ),
     "slow-manifold": lambda case, digits: in_two(partial(_manifold, case), kept=BITS - 20),
     "trajectory": motion,
-    # By the law's guess where that leads to the cycle, as on all drawn disks.
+    # On drawn disks the one-harmonic law is a good enough guess.
     "limit-cycle": lambda case, digits: _named(
         case,
         limit_cycle(case.disk, case.inputs["Omega"], default_engine(), digits=digits)
@@ -320,14 +388,16 @@ _COMPUTE: dict[str, Callable[[ExactItem, int], Values]] = {
 }
 _COMPUTE_AGAIN: dict[str, Callable[[ExactItem, int], Values]] = {
     "rhs": lambda case, digits: in_two(partial(_right_hand_side, case, shift=True), WIDER, WIDER),
-    # A pair that nearly coincides costs the algorithm half its digits; just below Omega_crit a numerator cancels.
+    # Two nearly equal eigenvalues cost the algorithm half its digits. Just below Omega_crit a
+    # numerator cancels.
     "equilibrium": lambda case, digits: in_two(partial(_eigenvalues, case), kept=BITS // 2),
     "harmonic-balance": lambda case, digits: in_two(partial(_law, case), kept=BITS - 40),
     "trajectory": partial(motion, shift=True),
 }
 Plain = Callable[[ExactItem, Values], Mapping[str, Any]]
-#: What is cheap to evaluate, and the step of its differences. 1e-7 of a parameter moves an orbit of ten seconds by some
-#: 1e-4 after the passages, and rounding by 1e-9 of that change; 1e-8 moves Omega_crit by 1e-7 and the fold by 1e-6.
+#: A cheap function for each kind, and the relative step of its differences. A step of 1e-7 moves an
+#: orbit of ten seconds by about 1e-4 after the passages, and rounding by 1e-9 of that. A step of
+#: 1e-8 moves Omega_crit by 1e-7 and the fold by 1e-6.
 _PLAIN: dict[str, tuple[Plain, Fraction]] = {
     "rhs": (lambda case, values: _right_hand_side(case, bits(BITS).context), _STEP),
     "equilibrium": (lambda case, values: _eigenvalues(case, bits(BITS).context), _STEP),

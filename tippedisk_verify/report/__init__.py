@@ -1,5 +1,6 @@
-"""What the main job writes, from findings to pages.
+"""The report of the main job.
 
-`work` carries out claims and figures, on cores and with what was kept from before; `results` gathers them into one JSON
-object; `pages` writes that object as HTML and as Markdown: every number on them is in results.json.
+- `work` examines claims and draws figures, on several cores, and reuses earlier results.
+- `results` collects the results in one JSON object.
+- `pages` writes that object as HTML and as Markdown. Every number on the pages is in results.json.
 """

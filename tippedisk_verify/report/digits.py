@@ -1,4 +1,4 @@
-"""Which digits of a computed number agree with the printed one."""
+"""The comparison of a computed number with the printed one, digit by digit."""
 
 from __future__ import annotations
 
@@ -10,9 +10,15 @@ __all__ = ["agreed_digits", "shortened"]
 
 
 def agreed_digits(value: str, printed: str) -> tuple[int, int] | None:
-    """(significant digits that agree, significant digits printed), or None if one of them is no number.
+    """Count the digits in which two decimals agree, after rounding the first to the places of the
+    second.
 
-    The value is rounded to the printed places first.
+    Args:
+        value: The computed decimal.
+        printed: The printed decimal.
+
+    Returns:
+        The significant digits that agree and those printed, or None if a text is not a number.
     """
     try:
         mine, theirs = Decimal(value), Decimal(printed)
@@ -23,14 +29,17 @@ def agreed_digits(value: str, printed: str) -> tuple[int, int] | None:
     place = Fraction(10) ** int(theirs.as_tuple().exponent)
     texts = [f"{round(Fraction(number) / place):+d}" for number in (mine, theirs)]
     pairs = zip(*texts, strict=False) if len(texts[0]) == len(texts[1]) else iter(())
-    same = sum(1 for _ in takewhile(lambda pair: pair[0] == pair[1], pairs))  # the sign is one of them
+    same = sum(1 for _ in takewhile(lambda pair: pair[0] == pair[1], pairs))  # counts the sign too
     return max(0, same - 1), len(texts[1]) - 1
 
 
 def shortened(value: str, printed: str = "", longest: int = 24) -> tuple[str, str]:
-    """The number's text in two pieces: the digits that agree with the printed ones, and the rest.
+    """Split a number's text into the digits that agree with the printed ones, and the rest.
 
-    Digits are left out, before the exponent if there is one, where it has more characters.
+    Args:
+        value: The computed decimal.
+        printed: The printed decimal.
+        longest: The most characters to show; a longer mantissa is cut.
     """
     mantissa, e, power = value.partition("e")
     left = longest - len(e + power)

@@ -1,4 +1,4 @@
-"""The report as files in a folder. Each is whole or absent."""
+"""The report as files in a folder, each complete or absent."""
 
 from __future__ import annotations
 
@@ -22,7 +22,18 @@ def write_report(
     figures: Sequence[dict[str, Any]],
     formulas: dict[str, Any],
 ) -> None:
-    """Figures and their data first, then the numbers, then the pages that show them."""
+    """Write the figures and their data, then the numbers, then the pages that show them.
+
+    Args:
+        folder: The output folder.
+        results: The content of results.json.
+        findings: The claims with their findings, in the order of ``results["claims"]``.
+        figures: The figures, as `figures.exhibit.drawn` returns them.
+        formulas: The formulas, as `formulas_drawn` returns them.
+
+    Raises:
+        InputError: If a file cannot be written.
+    """
     for figure in figures:
         for name, content in figure["files"].items():
             write_bytes(folder / name, b64decode(content))

@@ -1,6 +1,6 @@
-"""results.json as pages: one in HTML that needs no other file, and the same in Markdown.
+"""The pages that show results.json: a single HTML file, and the same in Markdown.
 
-Nothing is computed here, and no number is made up.
+Nothing is computed here.
 """
 
 from __future__ import annotations
@@ -25,21 +25,24 @@ _GREEK = dict(
         strict=True,
     )
 )
-#: Symbols as running text has them: Omega_crit, gamma_bar_0, dOmega, A_33, Bbar; the names of claims stand alone.
+#: Symbols in running text: Omega_crit, gamma_bar_0, dOmega, A_33, Bbar; not the name after "claim".
 _SYMBOL = re.compile(rf"(?<!claim )(?:\b|(?<=\bd))({'|'.join(_GREEK)}|[A-Za-z])(_?bar)?(?:_(\w+))?(?!\w)")
 
 
 def html_page(results: dict[str, Any], pictures: dict[str, dict[str, Any]], formulas: dict[str, Any]) -> str:
-    """The page. ``pictures`` holds for each figure the wide one and, for small screens, the narrow one.
+    """Return the HTML page.
 
-    ``formulas`` are those of `formulas_drawn`. Their LaTeX is the package's own: nothing that a user gives gets into a
-    page unescaped.
+    Args:
+        results: The content of results.json.
+        pictures: For each figure the wide picture, and the narrow one for small screens.
+        formulas: The formulas, as `formulas_drawn` returns them. Their LaTeX is the package's own;
+            text from users is always escaped.
     """
     return _page("page.html", results, pictures=pictures, formulas=formulas)
 
 
 def markdown_page(results: dict[str, Any]) -> str:
-    """The report for a terminal, a repository or a mail; figures are linked, as PNG files beside it."""
+    """Return the report in Markdown, with links to the figures as PNG files in the same folder."""
     return re.sub(r"\n{3,}", "\n\n", _page("page.md", results))
 
 
@@ -70,16 +73,19 @@ def _page(template: str, results: dict[str, Any], **more: Any) -> str:
 
 
 def _reason(fault: dict[str, Any]) -> str:
-    """Why a claim, or several, do not follow."""
+    """Return the reason why one claim, or a group of claims, does not follow."""
     if fault["class"] == "follows-from":  # another claim, by its name, or a dropped term
         return f"Follows from {'dropping ' if ' ' in fault['cause'] else ''}{fault['cause']}"
-    if fault["cause"] is None:  # of several
+    if fault["cause"] is None:  # a group of claims
         return "Slips of the pen" if fault["class"] == "slip" else "What is true differs"
     return f"{'A slip of the pen' if fault['class'] == 'slip' else 'What is true differs'}: {fault['cause']}"
 
 
 def _pieces(value: Any, printed: str, longest: int) -> list[tuple[str, str]]:
-    """A number's text in pieces, what agrees with the printed one first; a sentence in one piece."""
+    """Split a number's text into the digits that agree with the printed ones, and the rest.
+
+    A sentence stays in one piece.
+    """
     if not isinstance(value, dict):
         return [("text", value or "")]
     pieces = zip(("agreed", "rest"), shortened(value["value"], printed, longest), strict=True)
@@ -87,13 +93,13 @@ def _pieces(value: Any, printed: str, longest: int) -> list[tuple[str, str]]:
 
 
 def _alike(values: dict[str, Any]) -> bool:
-    """Whether all sets have the same sentence: it is then said once."""
-    said = list(values.values())
-    return len(said) > 1 and all(isinstance(value, str) and value == said[0] for value in said)
+    """Return True if all sets have the same sentence, which is then shown once."""
+    sentences = list(values.values())
+    return len(sentences) > 1 and all(isinstance(value, str) and value == sentences[0] for value in sentences)
 
 
 def _symbols(text: str) -> Markup:
-    """Text with its symbols as such: Greek letters, bars, indices, powers and roots."""
+    """Mark up the symbols of a text: Greek letters, bars, indices, powers and roots."""
 
     def drawn(match: re.Match[str]) -> str:
         letter, bar, index = match.groups()
@@ -107,5 +113,5 @@ def _symbols(text: str) -> Markup:
 
 
 def _plain(text: str) -> str:
-    """Text that Markdown shows as it stands, in a table as well."""
+    """Escape a text so that Markdown shows it unchanged, in a table too."""
     return re.sub(r"([\\`*<\[\]|])", r"\\\1", " ".join(text.split()))

@@ -1,4 +1,4 @@
-"""The main job's JSON object: claims, figures, parameters, and what it was computed with."""
+"""The JSON object of the main job: claims, figures, parameters and provenance."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _NAMES = {claim.name for claim in CLAIMS}
 
 
 def shown(value: Measured | str) -> str:
-    """A computed value as a cell of the terminal's table: at most twelve decimals' worth of a number."""
+    """Return a computed value as text for the terminal; a number has at most twelve digits."""
     if isinstance(value, str):
         return value
     text, width = value.decimals()
@@ -34,7 +34,13 @@ def shown(value: Measured | str) -> str:
 
 
 def claim_json(claim: Claim, finding: Finding, order: AuditJob) -> dict[str, Any]:
-    """One entry of ``claims`` in the promised shape, with the value for every audited set beside it."""
+    """Return one entry of ``claims``, with the values for all audited sets.
+
+    Args:
+        claim: The claim.
+        finding: Its outcome.
+        order: The audit that it belongs to.
+    """
     by_set = as_json(finding.computed)
     agreed = {
         name: digits
@@ -69,15 +75,17 @@ def claim_json(claim: Claim, finding: Finding, order: AuditJob) -> dict[str, Any
 
 
 def verdict_words(entry: dict[str, Any]) -> str:
-    """Say the verdict of an entry of ``claims``; the terminal and the report have no other words for it.
+    """Return the verdict of an entry of ``claims`` in words, as the terminal and the report show
+    it.
 
-    Where sets differ, it is the verdict on the user's own disk, or it names the sets that are the fewest.
+    If the sets differ, the words are the verdict on the user's own disk, or they name the smaller
+    group of sets.
     """
     if entry["verdict"] == "holds-for":
         selected, own = next(iter(entry["holds"].items()))
         holds = entry["holds"] if selected in NAMED_SETS else {selected: own}
         words = {True: "holds", False: "fails", None: "undecided"}
-        named = {words[one]: ", ".join(name for name in holds if holds[name] is one) for one in holds.values()}
+        named = {words[answer]: ", ".join(name for name in holds if holds[name] is answer) for answer in holds.values()}
         return min((f"{word} for {names}" for word, names in named.items()), key=len)
     why = {"slip": " (slip)", "follows-from": " (term)"}.get(entry["class"], "")
     proved = " (proved)" if entry["grade"] == "proved" else ""
@@ -85,7 +93,7 @@ def verdict_words(entry: dict[str, Any]) -> str:
 
 
 def _fault(claim: Claim, finding: Finding) -> Fault | None:
-    """Why the claim does not follow, if it does not."""
+    """Return the reason why the claim does not follow, or None if it follows."""
     if finding.verdict is not Verdict.DOES_NOT_FOLLOW:
         return None
     return claim.fault or Fault("differs", "what is computed differs from what is printed", "")
@@ -110,7 +118,7 @@ def _command(order: AuditJob) -> str:
 
 
 def summary(findings: Findings) -> dict[str, Any]:
-    """How many claims met each verdict, why some do not follow, and which of our own checks fell short."""
+    """Count the claims by verdict, group those that do not follow, and list failed own checks."""
     counts = {verdict.value: 0 for verdict in Verdict}
     for _, finding in findings:
         counts[finding.verdict.value] += 1
@@ -130,7 +138,7 @@ def summary(findings: Findings) -> dict[str, Any]:
 
 
 def totals(counts: dict[str, Any]) -> str:
-    """The summary as a sentence."""
+    """Return the summary as a sentence."""
 
     faults = ", ".join(_counted_fault(fault) for fault in counts["not_following"])
     verdicts = {
@@ -139,12 +147,12 @@ def totals(counts: dict[str, Any]) -> str:
         "undecided": ("is", "are", " undecided"),
         "does-not-follow": ("does", "do", f" not follow: {faults}"),
     }
-    said = [
-        f"{counts[verdict]} {one if counts[verdict] == 1 else many}{rest}"
-        for verdict, (one, many, rest) in verdicts.items()
+    parts = [
+        f"{counts[verdict]} {singular if counts[verdict] == 1 else plural}{rest}"
+        for verdict, (singular, plural, rest) in verdicts.items()
         if counts[verdict]
     ]
-    return f"{counts['claims']} {'claim' if counts['claims'] == 1 else 'claims'}: {', '.join(said)}"
+    return f"{counts['claims']} {'claim' if counts['claims'] == 1 else 'claims'}: {', '.join(parts)}"
 
 
 def _counted_fault(fault: dict[str, Any]) -> str:
@@ -159,9 +167,14 @@ def _counted_fault(fault: dict[str, Any]) -> str:
 def results_json(
     order: AuditJob, findings: Findings, figures: Sequence[dict[str, Any]] = (), run: dict[str, Any] | None = None
 ) -> dict[str, Any]:
-    """The main job's JSON object. ``run`` is about this run alone; all else is the same whenever it is computed.
+    """Return the JSON object of the main job.
 
-    (A figure of run times is what was measured when it was drawn.)
+    Args:
+        order: The audit.
+        findings: The claims with their findings.
+        figures: The figures, as `figures.exhibit.drawn` returns them.
+        run: Facts about this run alone. All other entries are the same in every run, except that a
+            figure of run times has the times measured when it was drawn.
     """
     from dataclasses import fields
 
@@ -187,7 +200,13 @@ def results_json(
 
 
 def run_facts(began: float, tasks: int, kept: int) -> dict[str, Any]:
-    """What is to be said of one run alone; ``began`` is what time.monotonic() was at its start."""
+    """Return the facts about this run alone.
+
+    Args:
+        began: The value of time.monotonic() at the start [s].
+        tasks: The number of tasks.
+        kept: The number of results reused from earlier runs.
+    """
     return {
         "ended": time.strftime("%Y-%m-%d %H:%M UTC", time.gmtime()),
         "seconds": f"{time.monotonic() - began:.1f}",

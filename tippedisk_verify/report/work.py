@@ -1,4 +1,7 @@
-"""Carrying out the main job: each claim and each figure is a task, kept by what it depends on, done on many cores."""
+"""The execution of the main job: each claim and each figure is a task.
+
+Results are stored under a hash of everything they depend on, and tasks run on several cores.
+"""
 
 from __future__ import annotations
 
@@ -17,13 +20,13 @@ from tippedisk_verify.provenance import DRAWING, fingerprint
 
 __all__ = ["AuditJob", "AuditRecords", "Task", "compute", "key", "run", "tasks_for"]
 
-_FEW = 4  # tasks up to which starting processes costs more than it saves
-_TICK = 0.2  # s between two looks at what is at hand
+_MOST_TASKS_HERE = 4  # for so few heavy tasks, starting processes costs more than it saves
+_TICK = 0.2  # s between two updates of the progress
 
 
 @dataclass(frozen=True)
 class AuditJob:
-    """What is audited."""
+    """An audit: the disk, the digits and the names of the claims."""
 
     parameters: Parameters
     digits: int
@@ -32,7 +35,7 @@ class AuditJob:
 
 @dataclass(frozen=True)
 class Task:
-    """One claim, one figure, or the formulas of all claims."""
+    """A task: one claim, one figure, or the formulas of all claims."""
 
     kind: Literal["claim", "figure", "formulas"]
     name: str
@@ -40,14 +43,19 @@ class Task:
 
 @dataclass(frozen=True)
 class AuditRecords:
-    """What came of the tasks: plain data each, and which of them were kept from before."""
+    """The results of the tasks as plain data."""
 
     records: dict[Task, Any]
-    kept: frozenset[Task]
+    kept: frozenset[Task]  #: the tasks whose results were reused from an earlier run
 
 
 def tasks_for(order: AuditJob, *, figures: bool) -> tuple[Task, ...]:
-    """The claims, and the figures that go with them if they are wanted."""
+    """Return the tasks of an audit.
+
+    Args:
+        order: The audit.
+        figures: True to include the figures of these claims, and the formulas.
+    """
     tasks = [Task("claim", name) for name in order.claims]
     if figures:
         from tippedisk_verify.figures.catalogue import exhibits_for
@@ -58,7 +66,7 @@ def tasks_for(order: AuditJob, *, figures: bool) -> tuple[Task, ...]:
 
 
 def key(order: AuditJob, task: Task) -> str:
-    """Names the task's result by all that it depends on."""
+    """Return a hash of everything that a task's result depends on."""
     inputs: dict[str, Any] = {
         "task": asdict(task),
         "parameters": {
@@ -90,18 +98,19 @@ def _exhibit(name: str) -> Any:
 
 @lru_cache(maxsize=1)
 def _audit(parameters: Parameters, name: str, digits: int) -> Audit:
-    """What this process's tasks share: connections, families and panels are computed once in it.
+    """Return the audit that all tasks of this process share.
 
-    Equal disks may differ by name.
+    It computes connections, families and panels once. Equal disks may have different names.
     """
     from tippedisk_verify.flow.taylor import Taylor
 
-    # Loops: what is compiled here is run a few times only, and unrolled code takes longer to compile than these runs.
+    # Compact code (loops): each compiled function runs only a few times here, and unrolled code
+    # would take longer to compile than these runs.
     return Audit(parameters, Taylor(compact=True), digits)
 
 
 def compute(order: AuditJob, task: Task) -> Any:
-    """The task's result as plain data."""
+    """Compute a task and return its result as plain data."""
     if task.kind == "formulas":
         from tippedisk_verify.figures.formula import formulas_drawn
 
@@ -122,7 +131,16 @@ def run(
     pool: Callable[[int], AbstractContextManager[Executor | None]],
     advance: Callable[[str, int], None],
 ) -> AuditRecords:
-    """Every task's result. ``pool`` makes an executor for so many tasks at once, or None for this process alone."""
+    """Compute all tasks, or reuse their earlier results.
+
+    Args:
+        order: The audit.
+        tasks: The tasks.
+        cache: The store of earlier results.
+        pool: A function that makes an executor for a number of tasks, or None to use this process
+            alone.
+        advance: A function that is called with a label and a number of finished tasks.
+    """
     records: dict[Task, Any] = {}
     keys = {task: key(order, task) for task in tasks}
     for task in tasks:
@@ -140,16 +158,16 @@ def run(
     alone = [task for task in ahead if task.kind == "figure" and _exhibit(task.name).alone]
     heavy = [task for task in ahead if task not in alone and not _light(task)]
     light = [task for task in ahead if _light(task)]
-    if len(heavy) <= _FEW:
+    if len(heavy) <= _MOST_TASKS_HERE:
         _here(order, [*light, *heavy, *alone], keep, advance)
     else:
-        heavy.sort(key=_cost, reverse=True)  # what is started last should be short
+        heavy.sort(key=_cost, reverse=True)  # so that the tasks started last are short
         with pool(len(heavy)) as executor:
             if executor is None:
                 _here(order, [*light, *heavy, *alone], keep, advance)
             else:
                 _there(order, heavy, light, executor, keep, advance)
-                # What measures run times has the machine to itself.
+                # Measurements of run time must not share the machine with other tasks.
                 _there(order, alone, [], executor, keep, advance)
     if ahead:
         cache.tidy()
@@ -157,7 +175,7 @@ def run(
 
 
 def _light(task: Task) -> bool:
-    """Closed forms: done before a process has started."""
+    """Return True for the claims with closed forms, which are done before a process has started."""
     return task.kind == "claim" and group_of(task.name) == next(iter(GROUPS))
 
 
@@ -184,7 +202,7 @@ def _there(
     keep: Callable[[Task, Any], None],
     advance: Callable[[str, int], None],
 ) -> None:
-    """The heavy tasks on the executor, the light ones here meanwhile."""
+    """Compute the heavy tasks on the executor, and meanwhile the light ones in this process."""
     waiting: dict[Future[Any], Task] = {}
     try:
         waiting |= {executor.submit(compute, order, task): task for task in heavy}
@@ -197,6 +215,6 @@ def _there(
                 task = waiting.pop(future)
                 keep(task, record)
                 advance(task.name, 1)
-    except BrokenExecutor:  # a process was killed, for want of memory perhaps: what is left is done here
+    except BrokenExecutor:  # a process was killed, perhaps for lack of memory: do the rest here
         done_here = set(waiting.values())
         _here(order, [task for task in heavy if task in done_here], keep, advance)

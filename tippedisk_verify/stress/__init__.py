@@ -1,1 +1,3 @@
-"""Cases that are numerically hard: digits that hold, or a word why not. `battery` lists them."""
+"""The cases that are numerically hard. Each must give correct digits or a clear refusal; `battery`
+lists them.
+"""

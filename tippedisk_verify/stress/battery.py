@@ -1,4 +1,4 @@
-"""All cases together, and running them."""
+"""The list of all cases, and functions to choose and run them."""
 
 from __future__ import annotations
 
@@ -13,7 +13,15 @@ _BY_NAME = {case.name: case for case in CASES}
 
 
 def cases_named(names: tuple[str, ...], quick: bool = False) -> list[StressCase]:
-    """Those cases, or all (the quick ones only). Raises InputError for a name that no case has."""
+    """Return the cases with these names, or all cases if there are no names.
+
+    Args:
+        names: The names of cases.
+        quick: True to leave out cases that take more than some seconds.
+
+    Raises:
+        InputError: If no case has one of the names.
+    """
     for name in names:
         if name not in _BY_NAME:
             raise InputError(f"case '{name[:40]}' is not known: `stress --list` names them all")
@@ -22,5 +30,5 @@ def cases_named(names: tuple[str, ...], quick: bool = False) -> list[StressCase]
 
 
 def outcome_of(name: str) -> StressResult:
-    """Run one case; by name, so that another process can do it."""
+    """Run the case with a name. (A name can be sent to another process.)"""
     return StressResult.of(_BY_NAME[name])

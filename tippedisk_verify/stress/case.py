@@ -1,4 +1,4 @@
-"""What a case of the battery is: something hard to compute, the outcome it must have, and how that is seen."""
+"""A case of the battery: a hard computation and the outcome that is required."""
 
 from __future__ import annotations
 
@@ -17,39 +17,40 @@ from tippedisk_verify.model.precision import Precision, bits
 
 __all__ = ["Found", "StressCase", "StressResult", "against", "cycle_digits", "digits_between", "flown", "refused"]
 
-_TRUTH = bits(200)
-_MOST_DIGITS = 16.0  # what is closer than this is not told apart in doubles
+_TRUTH = bits(200)  # 60 digits, the precision of the true solution
+_MOST_DIGITS = 16.0  # closer values cannot be distinguished in doubles
 
 
 @dataclass(frozen=True)
 class Found:
-    """What a case came to."""
+    """The outcome of a case."""
 
-    outcome: str  #: "digits", or the status or kind of error that was named
-    digits: float | None = None  #: correct ones, of the worst number; None where the outcome is no number
-    honest: bool = True  #: every claimed half-width held the distance to the higher precision
+    outcome: str  #: "digits", or the name of the status or error
+    digits: float | None = None  #: correct digits of the worst number; None without a number
+    honest: bool = True  #: True if no claimed half-width is smaller than the true error
     note: str = ""
 
 
 @dataclass(frozen=True)
 class StressCase:
-    """One of the battery. The outcome must be one of ``may``; where it is digits, at least ``least`` of them."""
+    """A case with the outcomes that it may have."""
 
     name: str
     says: str
     run: Callable[[], Found]
-    least: float = 0.0
-    may: tuple[str, ...] = ("digits",)
-    quick: bool = True  #: some seconds at most
+    least: float = 0.0  #: correct digits that are required if the outcome is "digits"
+    may: tuple[str, ...] = ("digits",)  #: the outcomes that pass
+    quick: bool = True  #: False if it takes more than some seconds
 
     def expected(self) -> str:
+        """Return the required outcome in words."""
         texts = [f"{self.least:g} digits or more" if name == "digits" else name for name in self.may]
         return " or ".join(texts)
 
 
 @dataclass(frozen=True)
 class StressResult:
-    """A case with what was found."""
+    """The result of a case."""
 
     name: str
     says: str
@@ -64,13 +65,16 @@ class StressResult:
 
     @classmethod
     def of(cls, case: StressCase) -> StressResult:
-        """Run it. What no case may do, raise something unforeseen, is an outcome too: it never passes."""
+        """Run a case.
+
+        An unexpected exception is an outcome too, one that never passes.
+        """
         begin = time.perf_counter()
         try:
             answer = case.run()
-        except (InputError, NoSuchCycleError, AccuracyError) as said:
-            answer = Found(type(said).__name__, note=str(said))
-        except Exception as fault:  # the battery reports it; nothing is hidden
+        except (InputError, NoSuchCycleError, AccuracyError) as refusal:
+            answer = Found(type(refusal).__name__, note=str(refusal))
+        except Exception as fault:  # the battery reports it
             answer = Found(f"unforeseen {type(fault).__name__}", honest=False, note=str(fault)[:200])
         enough = answer.outcome != "digits" or (answer.digits is not None and answer.digits >= case.least)
         return cls(
@@ -88,7 +92,13 @@ class StressResult:
 
 
 def digits_between(value: Any, truth: Any, scale: Any = None) -> float:
-    """Agreed digits, relative to ``scale`` or the truth; at most 16."""
+    """Return the number of digits in which two values agree, at most 16.
+
+    Args:
+        value: The value.
+        truth: The true value.
+        scale: The size that the error is relative to; None for the true value's.
+    """
     away = abs(fraction(value) - fraction(truth))
     size = abs(fraction(truth)) if scale is None else abs(fraction(scale))
     if not away:
@@ -99,16 +109,21 @@ def digits_between(value: Any, truth: Any, scale: Any = None) -> float:
 
 
 def _log10(ratio: Fraction) -> float:
-    """Also of what no double holds."""
+    """Return log10 of a ratio, which may be outside the range of doubles."""
     top, bottom = ratio.numerator, ratio.denominator
     return (math.log2(top) - math.log2(bottom)) / math.log2(10)
 
 
 def flown(request: Request, truth: Precision = _TRUTH, engine: Engine | None = None) -> Found:
-    """A run in double with its error estimate, against one in many more bits.
+    """Compare a run in double precision, with its error estimate, with one in higher precision.
 
-    Digits are of the largest component's size, the angles' scale being 1 rad. Where the estimate says that the digits
-    are gone, or that rounding decides the end, that is the outcome, and honest unless the status is wrong.
+    Digits are relative to the largest component, or to 1 if that is larger. If the estimate is
+    infinite or leaves no digit, that is the outcome. It is honest unless the status is wrong.
+
+    Args:
+        request: The run.
+        truth: The higher precision.
+        engine: The engine; None for the default.
     """
     engine = engine or default_engine()
     mine = engine(replace(request, error_estimate=True))
@@ -124,7 +139,7 @@ def flown(request: Request, truth: Precision = _TRUTH, engine: Engine | None = N
 
 
 def against(mine: Result, sharp: Result) -> Found:
-    """The claimed half-widths of a result against the same in more bits."""
+    """Compare a result and its claimed half-widths with the same run in higher precision."""
     error = mine.error
     assert error is not None
     pairs = list(zip(mine.state, sharp.state, error.state, strict=True))
@@ -138,13 +153,20 @@ def against(mine: Result, sharp: Result) -> Found:
     honest &= all(abs(fraction(a) - fraction(b)) <= fraction(float(width)) for a, b, width in times)
     digits = min(digits_between(a, b, scale) for a, b, _ in pairs)
     claimed = max(float(width) for *_, width in pairs) / scale
-    if claimed > 0.1:  # not one decimal digit is sure
+    if claimed > 0.1:  # not one decimal digit is certain
         return Found("no digits left", honest=honest, note=f"claimed error {claimed:.1e} of the state's size")
     return Found("digits", digits, honest, f"claimed error {claimed:.1e}; ended: {mine.status.name}")
 
 
 def cycle_digits(mine: Any, sharp: Any, names: Sequence[str]) -> Found:
-    """Measured numbers of two results of the same kind: honest if each pair's half-widths overlap."""
+    """Compare two results of the same kind; they are honest if the half-widths of each pair
+    overlap.
+
+    Args:
+        mine: The result to judge.
+        sharp: The same in higher precision.
+        names: The attributes to compare.
+    """
     digits, honest = _MOST_DIGITS, True
     for name in names:
         a, b = getattr(mine, name), getattr(sharp, name)
@@ -154,10 +176,15 @@ def cycle_digits(mine: Any, sharp: Any, names: Sequence[str]) -> Found:
 
 
 def refused(action: Callable[[], Any], *kinds: type[Exception]) -> Found:
-    """What must be refused with one clear line."""
+    """Check that an action is refused with one clear line.
+
+    Args:
+        action: The action.
+        *kinds: The exceptions that count as a refusal.
+    """
     try:
         action()
-    except kinds as said:
-        text = str(said)
-        return Found(type(said).__name__, honest=0 < len(text) < 300, note=text)
+    except kinds as refusal:
+        text = str(refusal)
+        return Found(type(refusal).__name__, honest=0 < len(text) < 300, note=text)
     return Found("not refused", honest=False)

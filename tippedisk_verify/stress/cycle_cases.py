@@ -1,4 +1,6 @@
-"""Limit cycles where they are hard to have: next to both ends of the family, and with multipliers that underflow."""
+"""Limit cycles that are hard to compute: near both ends of the family, or with multipliers that
+underflow.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +29,7 @@ _EXPONENTS = ("log_multiplier_slow", "log_multiplier_fast")
 
 
 def _below_hopf(distance: str) -> Fraction:
-    # The speed is an exact decimal: Omega_crit rounded far below the distance.
+    # The speed is an exact decimal, so Omega_crit is rounded to far less than the distance.
     return Fraction(omega_crit(PRINTED, 60).decimals()[0]) - exact(distance).rational
 
 
@@ -50,15 +52,15 @@ def _near_omega_h(distance: str) -> Callable[[], Found]:
     return run
 
 
-def _omega_h_by_two_roads() -> Found:
-    """The double next to Omega_h: bisection in double must hold what 40 digits say."""
+def _omega_h_by_two_methods() -> Found:
+    """Compare bisection in double precision with 40 digits."""
     return cycle_digits(
         bisect_omega_h(PRINTED, default_engine()), heteroclinic(PRINTED, default_engine(), digits=40), ("omega_h",)
     )
 
 
 def _one_ulp_above() -> Found:
-    """Omega given as the double next above Omega_h: T must be right for that double, or it must be said."""
+    """Use the next double above Omega_h as the speed: T must be right for exactly this double."""
     engine = default_engine()
     omega_h = heteroclinic(PRINTED, engine, digits=50).omega_h
     speed = Fraction(float(omega_h))
@@ -70,7 +72,7 @@ def _one_ulp_above() -> Found:
 
 
 def _one_ulp_below() -> Found:
-    """There is no cycle there: it must be said, and nothing found."""
+    """Use the next double below Omega_h as the speed: no cycle exists, which it must report."""
     engine = default_engine()
     omega_h = heteroclinic(PRINTED, engine, digits=30).omega_h
     speed = Fraction(float(omega_h))
@@ -80,7 +82,7 @@ def _one_ulp_below() -> Found:
 
 
 def _underflow() -> Found:
-    """epsilon = 1e-3: the fast multiplier is some 1e-5000, its logarithm a number like any other."""
+    """Set epsilon = 1e-3: the fast multiplier underflows (about 1e-5000), not its logarithm."""
     parameters = PRINTED.changed(epsilon="1e-3")
     mine, sharp = (limit_cycle(parameters, _below_hopf("0.3"), default_engine(), digits=digits) for digits in (12, 30))
     answer = cycle_digits(mine, sharp, (*_MAIN, *_EXPONENTS))
@@ -89,7 +91,10 @@ def _underflow() -> Found:
 
 
 def _subcritical() -> Parameters:
-    """A / Bbar = 1.02 is below the limit of 1.036 for this disk: cycles are born above Omega_crit, unstable."""
+    """Return a disk with A / Bbar = 1.02, below the limit of 1.036.
+
+    Its cycles are born above Omega_crit, unstable.
+    """
     return PRINTED.changed(A=PRINTED.Bbar * Fraction(102, 100))
 
 
@@ -111,7 +116,7 @@ def _subcritical_connection() -> Found:
 
 
 def _cases() -> list[Any]:
-    said = ("digits", "NoSuchCycleError", "AccuracyError")
+    may = ("digits", "NoSuchCycleError", "AccuracyError")
     return [
         *(
             StressCase(f"Hopf - {text}", "the cycle this close below Omega_crit [rad/s]", _near_hopf(text), 11)
@@ -123,7 +128,7 @@ def _cases() -> list[Any]:
                 "amplitude about its square root; Newton's matrix nearly singular",
                 _near_hopf(text),
                 11,
-                said,
+                may,
                 quick=False,
             )
             for text in ("1e-10", "1e-14")
@@ -138,17 +143,17 @@ def _cases() -> list[Any]:
             )
             for text in ("1e-6", "1e-12", "1e-30")
         ),
-        StressCase("Omega_h in double", "bisection in double against 40 digits", _omega_h_by_two_roads, 14),
+        StressCase("Omega_h in double", "bisection in double against 40 digits", _omega_h_by_two_methods, 14),
         StressCase(
             "an ulp above Omega_h",
-            "the next double: its distance has no digits unless Omega_h has more",
+            "the next double: its distance is known only if Omega_h is known beyond double",
             _one_ulp_above,
             11,
             quick=False,
         ),
         StressCase(
             "an ulp below Omega_h",
-            "no cycle: it must be refused",
+            "no cycle exists: the request must be refused",
             _one_ulp_below,
             0,
             ("NoSuchCycleError", "AccuracyError"),
@@ -169,7 +174,11 @@ def _cases() -> list[Any]:
         ),
         StressCase("above Omega_crit", "no cycle of the printed disk", _no_cycle_above, 0, ("NoSuchCycleError",)),
         StressCase(
-            "connection of a subcritical disk", "there is one all the same", _subcritical_connection, 11, quick=False
+            "connection of a subcritical disk",
+            "a connection exists for such a disk too",
+            _subcritical_connection,
+            11,
+            quick=False,
         ),
     ]
 

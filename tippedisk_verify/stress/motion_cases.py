@@ -1,4 +1,8 @@
-"""Runs that are hard: extreme parameters and states, backward time, events that hardly happen, odd tolerances."""
+"""Motions that are hard to compute.
+
+They have extreme parameters and states, backward time, events that barely happen, or extreme
+tolerances.
+"""
 
 from __future__ import annotations
 
@@ -20,12 +24,14 @@ __all__ = ["CASES"]
 
 _START: tuple[Any, Any, Any] = ("1.4", "1.9", "0.5")
 _OMEGA = "30.4"
-_BROKEN = ("NON_FINITE", "STEP_LIMIT", "STEP_TOO_SMALL")
-_GONE = ("digits", "no digits left", "rounding decides")
+_STOPPED_EARLY = ("NON_FINITE", "STEP_LIMIT", "STEP_TOO_SMALL")  # outcomes of a run that stopped early
+_DIGITS_MAY_BE_LOST = ("digits", "no digits left", "rounding decides")  # outcomes
 
 
 def _run(duration: Any, parameters: Parameters = PRINTED, start: Any = _START, omega: Any = _OMEGA, **more: Any) -> Any:
-    """The case's action: the run in double against 60 digits (or ``truth``)."""
+    """Return the action of a case: a run in double precision, compared with 60 digits (or
+    ``truth``).
+    """
     engine_options = {name: more.pop(name) for name in ("truth",) if name in more}
     request = Request(parameters, omega, start, duration, **{"max_steps": 1_000_000, **more})
     return partial(flown, request, **engine_options)
@@ -36,12 +42,12 @@ def _parameters(**values: object) -> Callable[[], Parameters]:
 
 
 def _later(duration: Any, make: Callable[[], Parameters], **more: Any) -> Callable[[], Found]:
-    """Parameters made when the case runs: what refuses them is then an outcome."""
+    """Return an action that makes the parameters when it runs; a refusal of them is an outcome."""
     return lambda: _run(duration, make(), **more)()
 
 
 def _thin(share: str) -> Callable[[], Parameters]:
-    """An eccentricity that is nearly the radius, e = r (1 - share), with inertias that such a body can have."""
+    """Return a disk with e = r (1 - share), with inertias that such a body can have."""
 
     def make() -> Parameters:
         e = PRINTED.r * (1 - Fraction(share))
@@ -53,7 +59,7 @@ def _thin(share: str) -> Callable[[], Parameters]:
 
 def _friction_cases() -> list[StressCase]:
     cases = []
-    # A tenth of a second is 13 times the decay time at epsilon = 0.1; at 1e-6 some 1e4 decay times are 0.001 s.
+    # At epsilon = 0.1 a tenth of a second is 13 decay times; at 1e-6, 0.001 s is about 1e4.
     for text, duration in (
         ("1e-6", "0.001"),
         ("1e-5", "0.01"),
@@ -81,7 +87,7 @@ def _shape_cases() -> list[StressCase]:
     near = PRINTED.Bbar * (1 + Fraction(1, 10**12))
     sets: tuple[tuple[str, str, Callable[[], Parameters]], ...] = (
         ("e 1e-6 m", "hardly eccentric", _parameters(e="1e-6")),
-        ("e 1e-15 m", "an eccentricity that rounding removes beside the radius", _parameters(e="1e-15")),
+        ("e 1e-15 m", "an eccentricity that rounding loses in r + e", _parameters(e="1e-15")),
         ("e near r", "e = r (1 - 1e-6)", _thin("1e-6")),
         ("A next to Bbar", "A = Bbar (1 + 1e-12)", lambda: PRINTED.changed(A=near + PRINTED.m * PRINTED.e**2)),
     )
@@ -108,7 +114,7 @@ def _start_cases() -> list[StressCase]:
     return [
         StressCase(
             "next to inverted spinning",
-            "1e-12 from the equilibrium, in shifted angles, where it has digits",
+            "1e-12 from the equilibrium, in shifted angles, which keep its digits",
             _run("2", start=(tiny, -tiny, 0), **shift),
             10,
         ),
@@ -135,36 +141,41 @@ def _start_cases() -> list[StressCase]:
             "sin(beta) = 1e-12 and v towards it: ends within 1e-12 s",
             _run("0.2", start=(tiny, "1.9", "-5"), domain="event"),
             3,
-            _GONE,
+            _DIGITS_MAY_BE_LOST,
         ),
         StressCase(
             "flat",
             "starts at sin(beta) = 0: the model has no such state",
             _run("0.2", start=(0, "1.9", "5")),
             0,
-            ("FLAT", *_GONE),
+            ("FLAT", *_DIGITS_MAY_BE_LOST),
         ),
         StressCase(
             "on the stable manifold",
             "passes the saddle within rounding, which then decides the side",
             _stable_manifold,
             0,
-            _GONE,
+            _DIGITS_MAY_BE_LOST,
         ),
     ]
 
 
 def _stable_manifold() -> Found:
-    """From the heteroclinic cycle's own speed to double, along the unstable manifold to the other saddle and beyond."""
+    """Follow the unstable manifold to the other saddle and beyond.
+
+    The speed is the double that bisection finds for Omega_h.
+    """
     omega = bisect_omega_h(PRINTED, default_engine()).omega_h.value
     start = (exact("pi/2") - exact("1e-9"), exact("-pi/2"), 0)
     return flown(Request(PRINTED, omega, start, "12", domain="none"), bits(400))
 
 
 def _backward_cases() -> list[StressCase]:
-    """From the limit cycle errors grow by some e^100t backward: after 0.5 s hardly a digit is left, as must be said.
+    """Return cases that run backward from the limit cycle.
 
-    Whether one is depends on the start's last bits: how far they are from the cycle, beside the rounding on the way.
+    Errors grow by about e^(100 t) there, so after 0.5 s hardly a digit is left, and this must be
+    reported. Whether a digit is left depends on the last bits of the start: on their distance from
+    the cycle, and on rounding.
     """
 
     def back(duration: str) -> Found:
@@ -174,7 +185,7 @@ def _backward_cases() -> list[StressCase]:
 
     cases = []
     for duration, least in (("-0.05", 12.0), ("-0.1", 8.0), ("-0.2", 5.0), ("-0.3", 2.0), ("-0.5", 0.0)):
-        outcomes = ("digits",) if least else ("digits", "no digits left", "rounding decides", *_BROKEN)
+        outcomes = ("digits",) if least else (*_DIGITS_MAY_BE_LOST, *_STOPPED_EARLY)
         cases.append(
             StressCase(f"backward {duration} s", "backward from the cycle", partial(back, duration), least, outcomes)
         )
@@ -187,7 +198,7 @@ def _crossing(level: float) -> Event:
 
 def _event_cases() -> list[StressCase]:
     engine = default_engine()
-    # A turning point of beta on a run of half a second, to graze and to cut a little below.
+    # A maximum of beta within half a second, for a surface to touch or to cut just below it.
     turn = Event("turn", lambda ops, c, omega, beta, gamma, v: 1 * v, direction=-1)
 
     def peak() -> tuple[Any, float]:
@@ -205,12 +216,26 @@ def _event_cases() -> list[StressCase]:
 
     return [
         StressCase(
-            "events a rounding apart", "two surfaces an ulp apart, crossed one after the other", pair, 10, _GONE
+            "events a rounding apart",
+            "two surfaces an ulp apart, crossed one after the other",
+            pair,
+            10,
+            _DIGITS_MAY_BE_LOST,
         ),
         StressCase("grazing, missed", "a surface 100 ulps above the highest point", partial(below, -100), 10),
-        StressCase("grazing, touched", "a surface at the highest point, to rounding", partial(below, 0), 10, _GONE),
         StressCase(
-            "grazing, cut", "crossed twice within some 1e-6 s, 1000 ulps below the top", partial(below, 1000), 10, _GONE
+            "grazing, touched",
+            "a surface at the highest point, to rounding",
+            partial(below, 0),
+            10,
+            _DIGITS_MAY_BE_LOST,
+        ),
+        StressCase(
+            "grazing, cut",
+            "crossed twice within some 1e-6 s, 1000 ulps below the top",
+            partial(below, 1000),
+            10,
+            _DIGITS_MAY_BE_LOST,
         ),
         StressCase(
             "flat twice",
@@ -222,7 +247,9 @@ def _event_cases() -> list[StressCase]:
 
 
 def _tolerance_cases() -> list[StressCase]:
-    """The estimate must hold at every tolerance: it compares with a run at round-off."""
+    """Return cases at several tolerances; the estimate must hold at each, by comparison at
+    round-off.
+    """
     cases = []
     for tolerance, least in ((0.1, 0.5), (1e-3, 2.0), (1e-6, 5.0), (1e-9, 8.0), (1e-13, 12.0), (2.0**-53, 12.0)):
         run = _run("1", tolerance=tolerance, domain="none")
@@ -235,10 +262,10 @@ def _tolerance_cases() -> list[StressCase]:
 
 
 def _long_run() -> Found:
-    """The error of the phase after N periods of the limit cycle, for N up to some 1e5 s of motion.
+    """Measure the phase error after N periods of the limit cycle, up to about 1e5 s of motion.
 
-    The truth needs no integration: after N periods the cycle is where it was. Rounding acts on the period, so the
-    error grows linearly; a worse law would be a fault of the integrator.
+    The true solution needs no integration: after N periods the cycle is where it was. Rounding acts
+    on the period, so the error grows linearly. A faster growth would be a fault of the integrator.
     """
     import numpy
 
@@ -252,13 +279,14 @@ def _long_run() -> Found:
         request = Request(PRINTED, _OMEGA, start, duration, shifted=True, domain="none", max_steps=10**8)
         end = engine(request).state
         late = float(Fraction(duration) - periods * cycle.period.value)
-        # On the section beta_bar moves with v: its distance is the error of time; rounding the duration is known.
+        # On the section beta_bar changes at the rate v, so beta_bar / v is the error of time. The
+        # rounding of the duration is known.
         points.append((10.0**decade, abs(float(end[0]) / start[2] - late)))
     far = points[-1][1]
     times, errors = numpy.log10([(time, max(error, 1e-16)) for time, error in points]).T
     slope = float(numpy.polyfit(times, errors, 1)[0])
     note = f"phase error {far:.1e} s after 1e5 s, growing with exponent {slope:.2f}"
-    # The random part of the errors at short times leaves the fitted exponent uncertain by some 0.1.
+    # The random errors at short times make the fitted exponent uncertain by about 0.1.
     return Found("digits", digits_between(far + 1.0, 1.0), slope < 1.15, note)
 
 

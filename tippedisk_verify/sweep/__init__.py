@@ -1,1 +1,4 @@
-"""Any analysis over many points, on one core, all cores or a cluster: `plan` says what, `running` does it."""
+"""Analyses at many points, on one core, all cores or a cluster.
+
+`plan` defines a sweep, `running` carries it out.
+"""

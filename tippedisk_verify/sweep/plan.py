@@ -1,7 +1,8 @@
-"""What a sweep computes: an analysis, the axes whose every combination is a point, and the row of one point.
+"""The plan of a sweep: an analysis, the axes whose combinations are the points, and the row of a
+point.
 
-A point is a set of exact decimals. Its row has what was given in columns named after the axes, and the results in
-columns of their own.
+A point is a set of exact decimals. Its row has the inputs in columns named after the axes, and the
+results in other columns.
 """
 
 from __future__ import annotations
@@ -32,11 +33,11 @@ from tippedisk_verify.theory.hopf import hopf_point, speed_below_crit
 __all__ = ["Plan", "axis", "computed"]
 
 _MOST_POINTS = 1_000_000
-_MOST_BITS = 1_000_000_000  # of a range's numbers
+_MOST_BITS = 1_000_000_000  # of all numbers of a range: some hundred megabytes
 _START = {"beta": "pi/2", "gamma": "pi/2 + 0.4", "v": "0"}
 
 
-# ------------------------------------------------------------------------------------------ what can be swept
+# ---------------------------------------------------------------------------------------- analyses
 def _orbit(parameters: Parameters, point: Mapping[str, str], digits: int) -> dict[str, Any]:
     speed = _speed(parameters, point, digits)
     cycle = replace(cycle_at(parameters, speed.value, default_engine(), digits=digits), omega=speed)
@@ -48,10 +49,10 @@ def _orbit(parameters: Parameters, point: Mapping[str, str], digits: int) -> dic
 def _equilibria(parameters: Parameters, point: Mapping[str, str], digits: int) -> dict[str, Any]:
     numbers: dict[str, Any] = {}
     for name in get_args(EquilibriumName):
-        found = equilibrium(parameters, _speed(parameters, point, digits).value, name, digits)
-        for n, value in enumerate(found.eigenvalues, start=1):
+        state = equilibrium(parameters, _speed(parameters, point, digits).value, name, digits)
+        for n, value in enumerate(state.eigenvalues, start=1):
             numbers |= {f"{name}_{n}_re": value.re, f"{name}_{n}_im": value.im}
-        numbers[f"{name}_stable"] = found.stable
+        numbers[f"{name}_stable"] = state.stable
     return numbers
 
 
@@ -63,14 +64,15 @@ def _heteroclinic(parameters: Parameters, point: Mapping[str, str], digits: int)
 def _trajectory(parameters: Parameters, point: Mapping[str, str], digits: int) -> dict[str, Any]:
     state, duration = [point.get(name, start) for name, start in _START.items()], point.get("duration", "10")
     omega = _speed(parameters, point, digits).value
-    found = integrated(parameters, omega, state, duration, [duration], digits, (), default_engine())
-    if not found.success:
-        raise AccuracyError(found.status.value)
-    if not max(map(float, found.end.uncertainty)) < float("inf"):
+    motion = integrated(parameters, omega, state, duration, [duration], digits, (), default_engine())
+    if not motion.success:
+        raise AccuracyError(motion.status.value)
+    if not max(map(float, motion.end.uncertainty)) < float("inf"):
         raise AccuracyError("rounding decides how this orbit ends: ask for more digits")
-    ends = zip(_START, found.end.state, found.end.uncertainty, strict=True)
+    ends = zip(_START, motion.end.state, motion.end.uncertainty, strict=True)
     numbers = {f"final_{name}": Measured.of(value, width) for name, value, width in ends}
-    return {"ended": found.status.name, "time": Measured.of(found.end.time, found.end.time_uncertainty), **numbers}
+    time = Measured.of(motion.end.time, motion.end.time_uncertainty)
+    return {"ended": motion.status.name, "time": time, **numbers}
 
 
 def _speed(parameters: Parameters, point: Mapping[str, str], digits: int) -> Measured:
@@ -79,7 +81,7 @@ def _speed(parameters: Parameters, point: Mapping[str, str], digits: int) -> Mea
     return speed_below_crit(parameters, point["below-crit"], digits)
 
 
-#: What is done at a point, and what a point may say beside the parameters.
+#: Each analysis with the inputs that a point may have in addition to the parameters.
 _ANALYSES: dict[str, tuple[Callable[[Parameters, Mapping[str, str], int], dict[str, Any]], tuple[str, ...]]] = {
     "orbit": (_orbit, ("omega", "below-crit")),
     "equilibria": (_equilibria, ("omega", "below-crit")),
@@ -91,9 +93,16 @@ _ANALYSES: dict[str, tuple[Callable[[Parameters, Mapping[str, str], int], dict[s
 
 # ------------------------------------------------------------------------------------------ points
 def axis(text: str) -> tuple[str, tuple[str, ...]]:
-    """``name=first:last:count`` or ``name=value,value,...`` as (name, exact decimals or ratios).
+    """Parse an axis of a sweep.
 
-    Raises InputError with what is wrong.
+    Args:
+        text: ``name=first:last:count`` or ``name=value,value,...``.
+
+    Returns:
+        The name, and the values as exact decimals or ratios.
+
+    Raises:
+        InputError: If the text is not an axis.
     """
     name, _, values = text.partition("=")
     name = name.strip()
@@ -111,13 +120,18 @@ def axis(text: str) -> tuple[str, tuple[str, ...]]:
         raise InputError(f"a range has decimal ends and 2 to {_MOST_POINTS} points, not '{values[:60]}'")
     step = (last.rational - first.rational) / (count - 1)
     if count * max(step.denominator.bit_length(), step.numerator.bit_length()) > _MOST_BITS:
-        raise InputError(f"the ends of '{values[:60]}' are too long for so many points: round them")
+        raise InputError(f"the ends of '{values[:60]}' have too many digits for {count} points: round them")
     return name, tuple(exact_text(first.rational + n * step) for n in range(count))
 
 
 @dataclass(frozen=True)
 class Plan:
-    """A sweep: the analysis, what stays, and the axes whose every combination is a point."""
+    """A sweep: an analysis, a disk, and the axes whose combinations are the points.
+
+    Raises:
+        InputError: If the analysis or an axis is not known, or the number of points is out of
+            range.
+    """
 
     analysis: str
     parameters: Parameters
@@ -144,22 +158,33 @@ class Plan:
         return math.prod(len(values) for _, values in self.axes)
 
     def points(self) -> Iterator[dict[str, str]]:
-        """Every combination, the last axis fastest."""
+        """Yield every combination of the axes' values; the last axis varies fastest."""
         names = [name for name, _ in self.axes]
         for values in itertools.product(*(values for _, values in self.axes)):
             yield dict(zip(names, values, strict=True))
 
     @property
     def key(self) -> str:
-        """A hash of all that is asked for."""
+        """A hash of everything that determines the sweep."""
         fixed = [exact_text(getattr(self.parameters, name)) for name in SYMBOLS]
         asked = repr((self.analysis, fixed, self.parameters.friction, self.digits, self.axes))
         return hashlib.sha256(asked.encode()).hexdigest()
 
 
-# ------------------------------------------------------------------------------------------ the row of a point
+# ------------------------------------------------------------------------------ the row of a point
 def computed(analysis: str, parameters: Parameters, digits: int, point: Mapping[str, str]) -> dict[str, str]:
-    """A row: the point, the numbers with their half-widths, and ``status``: ok, or why there are no numbers."""
+    """Run an analysis at one point.
+
+    Args:
+        analysis: The name of the analysis.
+        parameters: The disk; a point may replace its parameters.
+        digits: Significant digits.
+        point: The inputs by name.
+
+    Returns:
+        The row: the point, the numbers with their half-widths, and ``status``. This is ok, or the
+            reason why there are no numbers.
+    """
     row = dict(point)
     changes = {name: value for name, value in point.items() if name in SYMBOLS}
     try:

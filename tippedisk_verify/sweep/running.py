@@ -1,8 +1,9 @@
-"""Doing a sweep: points run on any `concurrent.futures.Executor`, and nothing that has been computed is lost.
+"""The execution of a sweep on any `concurrent.futures.Executor`.
 
-Each row goes to a journal beside the output as soon as it is there, so that an interrupted sweep goes on where it
-stopped and no point is computed twice. The journal begins with what was asked for and which code its rows come from.
-The output is written once, whole, in the order of the points, when all are there.
+Each row is written to a journal next to the output as soon as it is computed. An interrupted sweep
+continues where it stopped, and no point is computed twice. The journal's first line identifies the
+plan and the code that computed the rows. The output is written when all rows exist, in the order of
+the points.
 """
 
 from __future__ import annotations
@@ -23,8 +24,8 @@ from tippedisk_verify.sweep.plan import Plan, computed
 
 __all__ = ["swept"]
 
-_LONGEST_LINE = 1_000_000  # bytes of a journal's line
-_MOST_AHEAD = 256  # points that are handed out at a time
+_LONGEST_LINE = 1_000_000  # bytes of a line of the journal
+_MOST_AHEAD = 256  # points submitted at a time, so that a long sweep does not fill the memory
 Row = dict[str, str]
 Workers = Callable[[], AbstractContextManager[Executor | None]]
 
@@ -35,11 +36,22 @@ def swept(
     workers: Workers,
     advance: Callable[[str, int], None] = lambda label, steps: None,
 ) -> tuple[int, int]:
-    """Run the plan and write ``out`` (.csv or .parquet); returns (points, those of them that have no numbers).
+    """Run a sweep and write its table.
 
-    ``workers`` makes the executor, anew if its processes died; None stands for this process. What an interrupted run of
-    the same plan left in the journal is taken up. Raises InputError for a journal of another plan or
-    other code, AccuracyError where the executor fails or has other code.
+    Args:
+        plan: The sweep.
+        out: The output file, .csv or .parquet. The rows of an interrupted run of the same plan are
+            reused.
+        workers: A function that makes the executor, called again if its processes die. None as the
+            executor means this process.
+        advance: A function that is called with a label and a number of points.
+
+    Returns:
+        The number of points, and the number of them without results.
+
+    Raises:
+        InputError: If the journal belongs to another plan or to other code.
+        AccuracyError: If the executor fails, or its workers have other code.
     """
     journal = out.with_name(f".{out.name}.journal")
     with alone(journal, f"another run is sweeping into {out}: wait for it, or give another --out"):
@@ -62,7 +74,7 @@ def swept(
 
 
 def _kept_rows(plan: Plan, journal: Path, rows: dict[int, Row], workers: Workers) -> Iterator[Row]:
-    """The rows that are missing, each once it is in the journal."""
+    """Yield the missing rows, each after it has been written to the journal."""
     with open(journal, "ab") as stream:
         if not stream.tell():
             stream.write(_head(plan))
@@ -85,7 +97,7 @@ def _kept_rows(plan: Plan, journal: Path, rows: dict[int, Row], workers: Workers
 
 
 def _run(plan: Plan, missing: Iterator[tuple[int, Row]], executor: Executor | None) -> Iterator[tuple[int, Row]]:
-    """Each point's row as soon as it is there."""
+    """Yield each point's row as soon as it is computed."""
     asked = plan.analysis, plan.parameters, plan.digits
     if executor is None:
         yield from ((index, computed(*asked, point)) for index, point in missing)
@@ -100,7 +112,7 @@ def _run(plan: Plan, missing: Iterator[tuple[int, Row]], executor: Executor | No
             yield waiting.pop(future), future.result()
 
 
-# ------------------------------------------------------------------------------------------ files
+# ------------------------------------------------------------------------------------------- files
 def _head(plan: Plan) -> bytes:
     return json.dumps({"plan": plan.key, "code": code_version()}).encode() + b"\n"
 
@@ -111,16 +123,19 @@ def _line(index: int, row: Mapping[str, str]) -> bytes:
 
 
 def _taken_up(journal: Path, plan: Plan) -> dict[int, Row]:
-    """Rows that an interrupted run has left; the file is cut off from the first line on that `_line` did not write.
+    """Read the rows of an interrupted run.
 
-    Raises InputError if it does not begin as a journal of this plan and this code: it is another's.
+    The file is truncated at the first line that `_line` did not write.
+
+    Raises:
+        InputError: If the first line does not match this plan and this code.
     """
     rows: dict[int, Row] = {}
     with open(journal, "r+b") as stream:
         first, head = stream.readline(_LONGEST_LINE), _head(plan)
         if not head.startswith(first):
             same_plan = first.partition(b",")[0] == head.partition(b",")[0]
-            whose = "other code, which its first line names" if same_plan else "another sweep"
+            whose = "other code, named in its first line" if same_plan else "another sweep"
             raise InputError(f"{journal} has rows of {whose}: go on with that, remove the file, or give another --out")
         whole = len(first) if first == head else 0
         for line in iter(lambda: stream.readline(_LONGEST_LINE), b"") if whole else ():
