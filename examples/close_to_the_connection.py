@@ -4,14 +4,14 @@ import math
 
 import tippedisk_verify as tv
 
-saddle = tv.reference("printed/linear/heteroclinic/point/lambda_u").measured()
+saddle = tv.reference("table1/linear/heteroclinic/point/lambda_u").measured()
 decade = 2 * math.log(10) / float(saddle)
 print(f"a decade should add {decade:.6f} s")
 
 steps = []
 for near, far in ((4, 3), (8, 6), (12, 10)):
     periods = [
-        tv.reference(f"printed/linear/near-heteroclinic/het+1e-{zeros}/period").measured() for zeros in (near, far)
+        tv.reference(f"table1/linear/near-heteroclinic/het+1e-{zeros}/period").measured() for zeros in (near, far)
     ]
     step = float(periods[0].value - periods[1].value) / (near - far)
     steps.append(abs(step / decade - 1))

@@ -39,10 +39,10 @@ _, gamma, v = run.y_events[0][-1]
 
 report = tv.grade(
     {
-        "printed/linear/hopf/point/omega_crit": omega_crit,
-        "printed/linear/limit-cycle/crit-0.5/period": period,
-        "printed/linear/limit-cycle/crit-0.5/gamma_bar_0": gamma - math.pi / 2,
-        "printed/linear/limit-cycle/crit-0.5/v_0": v,
+        "table1/linear/hopf/point/omega_crit": omega_crit,
+        "table1/linear/limit-cycle/crit-0.5/period": period,
+        "table1/linear/limit-cycle/crit-0.5/gamma_bar_0": gamma - math.pi / 2,
+        "table1/linear/limit-cycle/crit-0.5/v_0": v,
     }
 )
 for grade in report.grades:
@@ -50,6 +50,6 @@ for grade in report.grades:
 assert report.passed, report
 
 # A reference value is a number wherever Python takes one.
-truth = tv.reference("printed/linear/limit-cycle/crit-0.5/period")
+truth = tv.reference("table1/linear/limit-cycle/crit-0.5/period")
 print(f"the period is off by {period - truth:.2g} s, and known to {float(truth.uncertainty):.1e} s")
 assert math.isclose(period, truth, rel_tol=1e-7)

@@ -29,7 +29,7 @@ from tippedisk_verify.reference_values.store import stored
 
 HERE = Path(__file__).parent
 KINDS = ("trajectory", "limit-cycle", "near-heteroclinic")
-PREFIXES = tuple(f"printed/{law}/{kind}/" for law in ("linear", "smooth") for kind in KINDS)
+PREFIXES = tuple(f"table1/{law}/{kind}/" for law in ("linear", "smooth") for kind in KINDS)
 SCIPY = (("RK45", 1e-9), ("DOP853", 1e-12), ("LSODA", 1e-12), ("Radau", 1e-8), ("BDF", 1e-8))
 _MARK = "<!-- made by results/make.py -->"
 
@@ -44,7 +44,7 @@ def heyoka() -> dict[str, str]:
         disk = tv.Disk(**{n: float(v) for n, v in tv.PRINTED.decimals().items() if n != "C"}, friction=law)
         entries: dict[str, list[tv.Measured]] = {}
         for kind in KINDS:
-            for quantity in tv.references(f"printed/{law}/{kind}/", reading="doubles"):
+            for quantity in tv.references(f"table1/{law}/{kind}/", reading="doubles"):
                 entries.setdefault(quantity.id.rsplit("/", 1)[0], []).append(quantity)
         for entry, asked in entries.items():
             numbers = _motion(disk, asked[0].inputs) if "/trajectory/" in entry else _cycle(disk, asked[0].inputs)
@@ -76,7 +76,7 @@ def _motion(disk: tv.Disk, inputs: dict[str, str]) -> dict[str, float]:
 
 def _cycle(disk: tv.Disk, inputs: dict[str, str]) -> dict[str, float]:
     cycle = disk.limit_cycle(float(inputs["Omega"]))
-    names = [quantity.name for quantity in tv.references("printed/linear/limit-cycle/crit-0.5/")]
+    names = [quantity.name for quantity in tv.references("table1/linear/limit-cycle/crit-0.5/")]
     return {name: float(getattr(cycle, name)) for name in names}
 
 
@@ -91,7 +91,7 @@ def _client(*commands: list[str]) -> dict[str, str]:
     """
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        write_text(folder / "sheet.csv", sheet_csv(stored(), questions(stored(), sets=("printed",))))
+        write_text(folder / "sheet.csv", sheet_csv(stored(), questions(stored(), sets=("table1",))))
         for command in commands:
             subprocess.run(command, check=True, cwd=folder)
         rows = csv.DictReader((folder / "answers.csv").read_text(encoding="utf-8").splitlines())

@@ -36,7 +36,7 @@ from tippedisk_verify.cycles.limit_cycle import Cycle
 from tippedisk_verify.motion.basin_boundary import BasinBoundary
 
 import_module("rich.style")  # it draws from Python's generator as it is loaded, for a call that takes long
-ID, START = "printed/linear/hopf/point/period", ("pi/2", "pi/2 + 0.4", 0)
+ID, START = "table1/linear/hopf/point/period", ("pi/2", "pi/2 + 0.4", 0)
 #: The classes whose public methods and properties are called, beside the package's functions.
 CLASSES = (
     *(tv.Disk, Certifier, tv.Solution, Cycle, Branch, Heteroclinic, BasinBoundary, tv.Measured),
@@ -107,7 +107,7 @@ COMMANDS = (
     "hopf --digits 700 --json",
     "equilibria --below-crit 0.5",
     "verify --only omega_crit,kappa_2",
-    "reference show printed/linear/hopf/point/period",
+    "reference show table1/linear/hopf/point/period",
     "nothing",
 )
 #: A call of each, by its name. What a result can be asked is asked of a new one, so that nothing was computed before.
@@ -121,7 +121,7 @@ CALLS: dict[str, Callable[[], Any]] = {
     "cycle_above": lambda: tv.cycle_above(DISK, "0.1", tv.Taylor()),
     "equilibrium": lambda: tv.equilibrium(DISK, "30.4", "noninverted", 40),
     "exact": lambda: [tv.exact(value) for value in ("1/3", "pi/2 + 0.4", 0.1, "0." + "3" * 1000 + "/7")],
-    "grade": lambda: tv.grade({q.id: 1.001 * q.for_doubles for q in tv.references("printed/linear/hopf")}),
+    "grade": lambda: tv.grade({q.id: 1.001 * q.for_doubles for q in tv.references("table1/linear/hopf")}),
     "heteroclinic": lambda: tv.heteroclinic(DISK, tv.Taylor()),
     "hopf_point": lambda: tv.hopf_point(DISK, 1000),
     "limit_cycle": lambda: tv.limit_cycle(DISK, "30.4", tv.Taylor()),
@@ -129,7 +129,7 @@ CALLS: dict[str, Callable[[], Any]] = {
     "one_harmonic": lambda: tv.one_harmonic(DISK, "30.4"),
     "period_crit": lambda: tv.period_crit(DISK),
     "reference": lambda: tv.reference(ID),
-    "references": lambda: tv.references("printed/linear/hopf"),
+    "references": lambda: tv.references("table1/linear/hopf"),
     "scene_named": lambda: tv.scene_named("a"),
     "Disk.basin_boundary": lambda: DISK.basin_boundary("31.4"),
     "Disk.basins": lambda: DISK.basins("30.4", count=30, duration=5),

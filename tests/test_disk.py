@@ -23,7 +23,7 @@ LAWS = ("linear", "smooth")
 
 # ---------------------------------------------------------------------------------------------- the disk itself
 def test_a_disk_is_its_parameters_with_the_friction_law() -> None:
-    disk, smooth = tv.Disk("printed"), tv.Disk("printed", friction="smooth")
+    disk, smooth = tv.Disk("table1"), tv.Disk("table1", friction="smooth")
     assert disk == tv.PRINTED
     assert hash(disk) == hash(tv.PRINTED)
     assert smooth != disk
@@ -35,15 +35,15 @@ def test_a_disk_is_its_parameters_with_the_friction_law() -> None:
 
 
 def test_a_named_disk_with_another_number_is_no_longer_the_named_one() -> None:
-    changed = tv.Disk("printed", mu="0.4", friction="smooth")
+    changed = tv.Disk("table1", mu="0.4", friction="smooth")
     assert changed == tv.PRINTED.changed(mu="0.4", friction="smooth")
     assert (changed.name, changed.mu, changed.C) == ("custom", Fraction("0.4"), tv.PRINTED.C)
-    assert tv.Disk("printed", A="0.5e-3", C=None).C is None
-    assert tv.Disk("printed", friction="smooth").name == "table1"
+    assert tv.Disk("table1", A="0.5e-3", C=None).C is None
+    assert tv.Disk("table1", friction="smooth").name == "table1"
 
 
 def test_a_text_for_a_list_is_one_number_or_refused() -> None:
-    disk = tv.Disk("printed")
+    disk = tv.Disk("table1")
     assert [*disk.branch("30.4").omega] == [float(cycle.omega) for cycle in disk.rotating_branch("30.4")] == [30.4]
     for ask in (
         lambda: disk.branch("30.4,30.5"),
@@ -58,17 +58,17 @@ def test_a_text_for_a_list_is_one_number_or_refused() -> None:
 @pytest.mark.parametrize(
     ("make", "word"),
     [
-        (lambda: tv.Disk("printed", nu="0.4"), "no 'nu'"),
+        (lambda: tv.Disk("table1", nu="0.4"), "no 'nu'"),
         (lambda: tv.Disk(r="0.045"), "needs e"),
-        (lambda: tv.Disk("printed").limit_cycle(), "one of omega, below_crit and above_het"),
+        (lambda: tv.Disk("table1").limit_cycle(), "one of omega, below_crit and above_het"),
         (
-            lambda: tv.Disk("printed").speed("30.4", below_het="0.5"),
+            lambda: tv.Disk("table1").speed("30.4", below_het="0.5"),
             "one of omega, below_crit, above_het and below_het",
         ),
-        (lambda: tv.Disk("printed").rhs("30.4")(0, (1.5, 1.6)), "three entries"),
-        (lambda: tv.Disk("printed").certify.limit_cycle(tv.Disk("printed").heteroclinic().omega_h), "from Omega_h"),
-        (lambda: tv.Disk("printed").heteroclinic(engine="taylor"), r"Taylor\(\) or Baseline\(\)"),
-        (lambda: tv.Disk("printed").branch([]), "1 to"),
+        (lambda: tv.Disk("table1").rhs("30.4")(0, (1.5, 1.6)), "three entries"),
+        (lambda: tv.Disk("table1").certify.limit_cycle(tv.Disk("table1").heteroclinic().omega_h), "from Omega_h"),
+        (lambda: tv.Disk("table1").heteroclinic(engine="taylor"), r"Taylor\(\) or Baseline\(\)"),
+        (lambda: tv.Disk("table1").branch([]), "1 to"),
     ],
 )
 def test_invalid_arguments_give_one_line(make, word) -> None:
@@ -81,7 +81,7 @@ def test_invalid_arguments_give_one_line(make, word) -> None:
 @pytest.mark.parametrize("friction", LAWS)
 def test_a_solution_agrees_with_scipys(friction) -> None:
     """Compare times, shape and numbers with `solve_ivp`'s on the same equations."""
-    disk = tv.Disk("printed", friction=friction)
+    disk = tv.Disk("table1", friction=friction)
     constants = disk.at(DOUBLE)
     times = numpy.linspace(0, 2, 21)
     mine = disk.integrate("30.4", START, 2, t_eval=times)
@@ -105,7 +105,7 @@ def test_a_solution_agrees_with_scipys(friction) -> None:
 
 
 def test_a_run_that_ends_early_ends_with_its_end() -> None:
-    disk = tv.Disk("printed")
+    disk = tv.Disk("table1")
     lying = disk.integrate("29.9", START, 20)
     assert lying.status is tv.Status.FLAT
     assert lying.success
@@ -124,7 +124,7 @@ def test_a_run_that_ends_early_ends_with_its_end() -> None:
 @pytest.mark.parametrize("friction", LAWS)
 def test_a_motion_may_begin_at_any_time(friction) -> None:
     """Check that a later start changes no state: the equations do not know the time."""
-    disk, names = tv.Disk("printed", friction=friction), ("section", "turn", "surface")
+    disk, names = tv.Disk("table1", friction=friction), ("section", "turn", "surface")
     early = disk.integrate("30.4", START, 2, t_eval=[0.5, 2], events=names)
     late = disk.integrate("30.4", START, (8, 10), t_eval=[8.5, 10], events=names)
     assert late.t.tolist() == [8.5, 10.0]
@@ -148,7 +148,7 @@ def test_a_motion_may_begin_at_any_time(friction) -> None:
 @pytest.mark.parametrize("span", [("1e6", "1e6 + 0.1"), ("1/3", "0.3"), ("pi", "pi + 0.1")])
 def test_times_are_exact(span) -> None:
     """Check states at exact times, however far from zero and whatever the doubles of the ends."""
-    disk, start, end = tv.Disk("printed"), *map(tv.exact, span)
+    disk, start, end = tv.Disk("table1"), *map(tv.exact, span)
     share = (end - start) * Fraction(1, 32)
     early = disk.integrate("30.4", START, end - start, t_eval=[share, end - start], digits=20)
     late = disk.integrate("30.4", START, span, t_eval=[start + share, span[1]], digits=20)
@@ -164,7 +164,7 @@ def test_times_are_exact(span) -> None:
 @pytest.mark.parametrize("friction", LAWS)
 def test_derivatives_of_the_end_are_those_of_difference_quotients(friction) -> None:
     """Compare with motions to thirty digits, moved by 1e-10: the quotients have some 18 digits."""
-    disk, step = tv.Disk("printed", friction=friction), Fraction(1, 10**10)
+    disk, step = tv.Disk("table1", friction=friction), Fraction(1, 10**10)
     start, omega = [Fraction("1.2"), Fraction("1.5"), Fraction("0.3")], Fraction("30.4")
     mine = disk.integrate(omega, start, "0.3", variations=("state", "omega"))
     columns = []
@@ -183,7 +183,7 @@ def test_derivatives_of_the_end_are_those_of_difference_quotients(friction) -> N
 
 @pytest.mark.parametrize("friction", LAWS)
 def test_the_equations_serve_other_solvers(friction) -> None:
-    disk = tv.Disk("printed", friction=friction)
+    disk = tv.Disk("table1", friction=friction)
     rhs, jac = pickle.loads(pickle.dumps((disk.rhs("30.4"), disk.jacobian("30.4"))))
     start = [math.pi / 2, math.pi / 2 + 0.4, 0.0]
     theirs = solve_ivp(rhs, (0, 2), start, "Radau", jac=jac, rtol=1e-9, atol=1e-9, vectorized=True)  # of a step
@@ -198,7 +198,7 @@ def test_the_equations_serve_other_solvers(friction) -> None:
 
 
 def test_one_event_or_time_needs_no_list_and_others_are_refused() -> None:
-    disk = tv.Disk("printed")
+    disk = tv.Disk("table1")
     assert disk.integrate("30.4", START, 1, t_eval="0.5", events="section", variations="omega").y.shape == (3, 1)
     assert disk.integrate("30.4", START, 1, events=None).events == ()
     for wrong in (len, "section,turn", ["turn", 1]):
@@ -208,7 +208,7 @@ def test_one_event_or_time_needs_no_list_and_others_are_refused() -> None:
 
 def test_keywords_of_solve_ivp_are_explained() -> None:
     with pytest.raises(UnknownKeywordError, match=r"no rtol: `digits`.*`engine`"):
-        tv.Disk("printed").integrate("30.4", START, 1, rtol=1e-9)
+        tv.Disk("table1").integrate("30.4", START, 1, rtol=1e-9)
 
 
 # ---------------------------------------------------------------------------------------------- limit cycles
@@ -218,7 +218,7 @@ def test_an_orbit_closes_and_follows_the_equations(friction) -> None:
 
     The second half is drawn by the symmetry and must be where the flow goes.
     """
-    disk = tv.Disk("printed", friction=friction)
+    disk = tv.Disk("table1", friction=friction)
     cycle = disk.limit_cycle("30.4")
     t, y = cycle.orbit(9)
     assert t[-1] == float(cycle.period)
@@ -240,7 +240,7 @@ def test_an_orbit_closes_and_follows_the_equations(friction) -> None:
 
 
 def test_a_speed_next_to_omega_h_is_accepted_as_a_speed() -> None:
-    disk = tv.Disk("printed")
+    disk = tv.Disk("table1")
     sharp = disk.heteroclinic(digits=40).omega_h
     for way, sign in (("above_het", 1), ("below_het", -1)):
         distance = sign * (disk.speed(**{way: "1e-20"}) - sharp.value)  # type: ignore[arg-type]

@@ -39,7 +39,7 @@ def test_a_link_stays_and_its_target_is_replaced(tmp_path: Path) -> None:
         "integrate --omega 30.4 --state pi/2,2,0 --time 1 --out",
         "branch --omegas 30.5 --out",
         "sweep hopf --over mu=0.3 --out",
-        "reference export printed/linear/hopf --out",
+        "reference export table1/linear/hopf --out",
         "heteroclinic --out",
         "conformance questions",
     ],

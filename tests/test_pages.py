@@ -64,7 +64,7 @@ def test_the_disk_file_of_the_readme_is_table_1(tmp_path: Path) -> None:
     (tmp_path / "disk.toml").write_text("\n".join(lines))
     assert (
         tv.Disk.read(tmp_path / "disk.toml").decimals() | {"C": tv.PRINTED.decimals()["C"]}
-        == tv.Disk("printed").decimals()
+        == tv.Disk("table1").decimals()
     )
 
 

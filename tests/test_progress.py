@@ -17,9 +17,9 @@ from tippedisk_verify import progress
 from tippedisk_verify.cli import main
 
 _CALLS = {
-    "basins": lambda wanted: tv.Disk("printed").basins("30.4", count=50, progress=wanted),
-    "branch": lambda wanted: tv.Disk("printed").branch("30.4", progress=wanted),
-    "grade": lambda wanted: tv.grade({"printed/linear/hopf/point/period": 1.0}, progress=wanted),
+    "basins": lambda wanted: tv.Disk("table1").basins("30.4", count=50, progress=wanted),
+    "branch": lambda wanted: tv.Disk("table1").branch("30.4", progress=wanted),
+    "grade": lambda wanted: tv.grade({"table1/linear/hopf/point/period": 1.0}, progress=wanted),
     "stress": lambda wanted: main(["stress", "--only", "epsilon 1, linear", *["--quiet"] * (wanted is False)]),
 }
 

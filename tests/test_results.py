@@ -17,7 +17,7 @@ from tippedisk_verify.model.results import Printable
 
 START = ("pi/2", "pi/2 + 0.4", 0)
 LEVEL = tv.Event("level", lambda ops, constants, omega, beta, gamma, v: gamma - 2, terminal=False)
-DISK, CRIT = tv.Disk("printed"), "printed/linear/hopf/point/omega_crit"
+DISK, CRIT = tv.Disk("table1"), "table1/linear/hopf/point/omega_crit"
 
 
 class Lines(Printable):
@@ -43,7 +43,7 @@ RESULTS = {
     "connection": lambda: DISK.heteroclinic(method="bisection"),
     "reference": lambda: tv.reference(CRIT),
     "grade": lambda: tv.compare(CRIT, DISK.omega_crit),
-    "report": lambda: tv.grade({q.id: 1.001 * q.for_doubles for q in tv.references("printed/linear/hopf")}),
+    "report": lambda: tv.grade({q.id: 1.001 * q.for_doubles for q in tv.references("table1/linear/hopf")}),
     "one harmonic": lambda: tv.one_harmonic(DISK, "30.4"),
     "balanced cycle": lambda: tv.balanced_cycle(DISK, "30.4"),
     "slow manifold": lambda: tv.analyse_slow_manifold(DISK, "30.4", 1),
@@ -64,7 +64,7 @@ def test_a_repr_is_cut_only_where_that_saves_more_than_a_line(count: int) -> Non
         assert (len(lines), lines[-1]) == (10, f"  and {count - 9} more lines: print shows them")
 
 
-@pytest.mark.parametrize("disk", [DISK, tv.Disk("geometry", friction="smooth"), tv.Disk("printed", mu="0.4", C=None)])
+@pytest.mark.parametrize("disk", [DISK, tv.Disk("geometry", friction="smooth"), tv.Disk("table1", mu="0.4", C=None)])
 def test_the_repr_of_a_disk_is_whole(disk: tv.Disk) -> None:
     assert repr(disk) == str(disk)
     assert disk.name in repr(disk)

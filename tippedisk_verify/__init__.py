@@ -30,9 +30,9 @@ False
 ('the final time was reached', (3, 201), True)
 >>> print(f"{disk.limit_cycle('30.4').period:.9g}")
 1.08255527
->>> print(tv.reference("printed/linear/limit-cycle/crit-0.5/v_0").values["doubles"][0][:20])
+>>> print(tv.reference("table1/linear/limit-cycle/crit-0.5/v_0").values["doubles"][0][:20])
 -1.71000216164390253
->>> tv.compare("printed/linear/hopf/point/omega_crit", 30.9).verdict
+>>> tv.compare("table1/linear/hopf/point/omega_crit", 30.9).verdict
 'wrong'
 
 Importing the package loads nothing heavy: each name is imported on first use. The stub file

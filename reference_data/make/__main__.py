@@ -15,7 +15,7 @@ from tippedisk_verify.interrupts import answering  # noqa: E402
 
 
 @command(
-    """Make the reference values whose ids start with a PREFIX, such as printed/linear/hopf.
+    """Make the reference values whose ids start with a PREFIX, such as table1/linear/hopf.
 
     Without a PREFIX all values are made, which takes some CPU hours. The results of an interrupted
     run are reused.

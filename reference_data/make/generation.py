@@ -25,6 +25,7 @@ from tippedisk_verify.parallel import as_done
 from tippedisk_verify.provenance import code_version, digest
 from tippedisk_verify.reference_values.checking import entries_of
 from tippedisk_verify.reference_values.entries import Item
+from tippedisk_verify.reference_values.lookup import full_id
 from tippedisk_verify.reference_values.manifest import (
     FILES,
     LARGEST,
@@ -41,7 +42,7 @@ from tippedisk_verify.reference_values.store import stored, table_rows
 __all__ = ["DATA_VERSION", "generate", "items_of", "replace_files", "write_manifest"]
 
 #: The version of the values, not of the program. reference_data/CHANGELOG.md lists its changes.
-DATA_VERSION = "1.1.0"
+DATA_VERSION = "2.0.0"
 Entries = dict[str, dict[str, Any]]  #: the rows and the proof of each entry, by its id
 
 
@@ -66,9 +67,9 @@ def generate(
         InputError: If no id starts with a prefix, or the folder cannot be written.
         AccuracyError: If two methods exclude each other.
     """
-    items = items_of(prefixes)
+    items = items_of([full_id(prefix) for prefix in prefixes])
     if not items:
-        raise InputError(f"no entry starts with '{' or '.join(prefixes)[:100]}': try printed/linear/hopf")
+        raise InputError(f"no entry starts with '{' or '.join(prefixes)[:100]}': try table1/linear/hopf")
     with sole_writer(out) as folder:
         entries = _present(folder)  # reports damage before hours of work
         work = output_folder(folder / ".work")

@@ -38,8 +38,8 @@ def test_questions_are_answered_line_by_line(file: str, tmp_path: Path) -> None:
     if build:
         subprocess.run(build, check=True, cwd=tmp_path)
     store = stored()
-    asked = store.matching("printed/both/rhs/001/")
-    lines = [json.dumps(question_fields(store.parameters["printed"], quantity)) for quantity in asked]
+    asked = store.matching("table1/both/rhs/001/")
+    lines = [json.dumps(question_fields(store.parameters["table1"], quantity)) for quantity in asked]
     done = subprocess.run(
         command, input="\n".join(lines) + "\n", check=True, cwd=tmp_path, capture_output=True, text=True, timeout=60
     )

@@ -17,7 +17,7 @@ from tippedisk_verify.reference_values.store import Store, stored
 
 TEXT = (FOLDER / CLIENTS["auto"]).read_text(encoding="utf-8")
 FORTRAN = shutil.which("gfortran")
-START = "printed/linear/limit-cycle/crit-0.5"
+START = "table1/linear/limit-cycle/crit-0.5"
 NAMES = ("Omega", "r", "e", "m", "A", "B", "g", "mu", "epsilon")
 RATES = ("gamma_rate", "v_rate", "dv_rate_dbeta", "dv_rate_dgamma", "dv_rate_dv")
 # Some fifty operations in doubles, whose sums cancel by a factor of a thousand at most.
@@ -51,7 +51,7 @@ end function GETP
 def states(law: str) -> tuple[Store, list[dict[str, str]]]:
     """The questions about v' of the printed set."""
     store = stored()
-    asked = [q for q in store.matching(f"printed/{law}/rhs/") if q.name == "v_rate"]
+    asked = [q for q in store.matching(f"table1/{law}/rhs/") if q.name == "v_rate"]
     return store, [question_row(store, q) for q in asked]
 
 
@@ -95,7 +95,7 @@ def test_the_constants_are_cut_out_and_the_speeds_are_reference_speeds() -> None
     assert {"NDIM = 3", "IPS = 2", "JAC = 1"} <= set(re.split(r", |\n", constants))
     asked = {float(number) for number in re.findall(r"\d+\.\d{9,}", constants)}
     near = {
-        float(q.inputs["Omega"]) for q in tv.references("printed/linear/") if q.name == "period" and q.level in (7, 9)
+        float(q.inputs["Omega"]) for q in tv.references("table1/linear/") if q.name == "period" and q.level in (7, 9)
     }
     assert len(asked) == 6
     assert asked <= near

@@ -80,13 +80,13 @@ def _least(grades: list[Grade], level: int) -> float:
     return min(grade.digits for grade in grades if grade.level == level)
 
 
-RHS = ("printed/both/rhs", "printed/linear/rhs", "printed/smooth/rhs", "printed/both/equilibrium")
+RHS = ("table1/both/rhs", "table1/linear/rhs", "table1/smooth/rhs", "table1/both/equilibrium")
 
 
 def test_the_c_client_has_the_digits_of_its_arithmetic(c_client: Path, store: Store, tmp_path: Path) -> None:
     motion = tuple(
         f"{name}/{law}/{kind}"
-        for name in ("printed", "calibrated")
+        for name in ("table1", "calibrated")
         for law in ("linear", "smooth")
         for kind in ("trajectory/d", "limit-cycle/crit-0.3", "limit-cycle/crit-0.5")
     )
@@ -118,16 +118,16 @@ def test_each_fault_of_the_c_client_is_named(fault: int, c_client: Path, store: 
     "asked",
     [
         (
-            "printed/both/",
-            "printed/linear/rhs",
-            "printed/smooth/rhs",
-            "printed/linear/hopf",
-            "printed/linear/harmonic",
-            "printed/linear/slow-manifold",
-            "printed/smooth/trajectory/d1",
-            "printed/linear/limit-cycle/crit-0.5",
+            "table1/both/",
+            "table1/linear/rhs",
+            "table1/smooth/rhs",
+            "table1/linear/hopf",
+            "table1/linear/harmonic",
+            "table1/linear/slow-manifold",
+            "table1/smooth/trajectory/d1",
+            "table1/linear/limit-cycle/crit-0.5",
         ),
-        pytest.param(("printed/",), marks=pytest.mark.slow(minutes=3)),
+        pytest.param(("table1/",), marks=pytest.mark.slow(minutes=3)),
     ],
     ids=["pieces", "printed"],
 )
@@ -164,10 +164,10 @@ STARTERS = {
 }
 #: Of levels 1 and 6, and one question that a starter leaves open.
 FOR_STARTERS = (
-    *(f"printed/{law}/rhs/00" for law in ("both", "linear", "smooth")),
-    "printed/linear/trajectory/d1",
-    "printed/smooth/trajectory/d1",
-    "printed/linear/hopf/point/period",
+    *(f"table1/{law}/rhs/00" for law in ("both", "linear", "smooth")),
+    "table1/linear/trajectory/d1",
+    "table1/smooth/trajectory/d1",
+    "table1/linear/hopf/point/period",
 )
 
 

@@ -22,16 +22,16 @@ from tippedisk_verify.reference_values.store import Quantity, Store, data_folder
 NODE = shutil.which("node")
 OCTAVE = shutil.which("octave-cli") or shutil.which("octave")
 ASKED = (
-    *(f"printed/{law}/rhs/00" for law in ("both", "linear", "smooth")),
-    "printed/both/equilibrium",
-    "printed/linear/hopf",
-    "printed/linear/harmonic-balance",
-    "printed/linear/slow-manifold/0",
-    "printed/linear/trajectory/d1/crossing",
-    "printed/smooth/limit-cycle/crit-0.3",
-    "printed/linear/heteroclinic",
-    "printed/smooth/near-heteroclinic",
-    "printed/linear/rotating-cycle",
+    *(f"table1/{law}/rhs/00" for law in ("both", "linear", "smooth")),
+    "table1/both/equilibrium",
+    "table1/linear/hopf",
+    "table1/linear/harmonic-balance",
+    "table1/linear/slow-manifold/0",
+    "table1/linear/trajectory/d1/crossing",
+    "table1/smooth/limit-cycle/crit-0.3",
+    "table1/linear/heteroclinic",
+    "table1/smooth/near-heteroclinic",
+    "table1/linear/rotating-cycle",
 )
 #: Texts that say that there is no number, or are none that is read.
 NO_NUMBERS = (
@@ -138,7 +138,7 @@ def _expected(path: Path, store: Store, chosen: list[Quantity]) -> Said:
 
 
 def _said(text: str) -> Said:
-    failed = {(found[1], found[2]) for found in re.finditer(r"^([a-z-]+) +(printed/\S+)  .*instead of", text, re.M)}
+    failed = {(found[1], found[2]) for found in re.finditer(r"^([a-z-]+) +(table1/\S+)  .*instead of", text, re.M)}
     pattern = r"level (\d+): (\d+) of \d+ answered, (\d+) failed(?:, least digits (\S+))?: (.*)"
     levels = {
         int(found[1]): (int(found[2]), int(found[3]), found[5].strip(), float(found[4] or "nan"))

@@ -153,7 +153,7 @@ _GRADIENT = TEXTS[1][TEXTS[1].index("def gradient") : TEXTS[1].index("        z 
 
 def rows(levels: range) -> list[dict[str, str]]:
     """The questions of the printed set at some levels."""
-    asked = questions(stored(), sets=("printed",), frictions=(), levels=tuple(levels))
+    asked = questions(stored(), sets=("table1",), frictions=(), levels=tuple(levels))
     return list(csv.DictReader(sheet_csv(stored(), asked).splitlines()))
 
 

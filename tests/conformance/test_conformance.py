@@ -31,7 +31,7 @@ from tippedisk_verify.conformance.sheet import (
 )
 from tippedisk_verify.reference_values.store import Store, stored
 
-OMEGA_CRIT = "printed/linear/hopf/point/omega_crit"
+OMEGA_CRIT = "table1/linear/hopf/point/omega_crit"
 
 
 @pytest.fixture(scope="module")
@@ -55,13 +55,13 @@ def test_a_csv_sheet_needs_no_quotes_and_says_everything(store: Store) -> None:
     crossing = next(row for row in rows if row["id"].endswith("trajectory/d1/crossing_time#3"))
     assert (crossing["quantity"], crossing["n"], crossing["t"]) == ("crossing_time", "3", "")
     # No truth leaks into the questions.
-    period = store["printed/linear/limit-cycle/crit-0.5/period"].values["decimals"][0]
+    period = store["table1/linear/limit-cycle/crit-0.5/period"].values["decimals"][0]
     assert period[:12] not in text
 
 
 @pytest.mark.parametrize("write", [sheet_csv, sheet_json])
 def test_the_truth_gets_full_marks_in_either_form_and_reading(write, store: Store, tmp_path: Path) -> None:
-    asked = questions(store, sets=["printed"])
+    asked = questions(store, sets=["table1"])
     text = write(store, asked)
     path = tmp_path / "sheet"
     if write is sheet_csv:
@@ -107,12 +107,12 @@ def test_what_is_exact_and_what_agrees(store: Store) -> None:
         grade = compare(OMEGA_CRIT, answer, reading="decimals")
         assert (grade.verdict, grade.digits < 60) == (verdict, True)
         assert "inputs were rounded" in grade.note or answer != doubles
-    for quantity in store.matching("printed/both/rhs/00"):
+    for quantity in store.matching("table1/both/rhs/00"):
         assert compare(quantity.id, quantity.for_doubles).verdict == "exact"
         assert compare(quantity.id, f"{quantity.for_doubles * (1 + 1e-14):.16e}").verdict == "agrees"
     # Next to the connection rounded inputs can change everything; that makes nonsense no answer.
-    assert compare("printed/linear/near-heteroclinic/het+1e-30/period", "-1000", reading="decimals").verdict == "wrong"
-    assert compare("printed/linear/near-heteroclinic/het+1e-20/period", 25.1).verdict == "no-truth"
+    assert compare("table1/linear/near-heteroclinic/het+1e-30/period", "-1000", reading="decimals").verdict == "wrong"
+    assert compare("table1/linear/near-heteroclinic/het+1e-20/period", 25.1).verdict == "no-truth"
 
 
 # ------------------------------------------------------------------------------------------ damaged sheets
@@ -127,7 +127,7 @@ def _graded(tmp_path: Path, content: bytes, name: str = "a.csv") -> int:
     [
         b"", b"\0\0\0", b"\xff\xfe\x00", b"a,b\n1,2\n", b"{", b"{}", b'{"questions": 3}', b'{"questions": [1]}', b"[1]",
         b'{"a":' * 100_000, b"id,answe", b'id,from,answer\nprinted/both/rhs/001/M,guess,1\n',
-        b'id,answer\n"' + b"x" * 200_000, b"id,answer\nprinted/both/rhs/001/M,0,5\n", b'id,answer\n"printed/both,1\n',
+        b'id,answer\n"' + b"x" * 200_000, b"id,answer\nprinted/both/rhs/001/M,0,5\n", b'id,answer\n"table1/both,1\n',
         b"id,answer\nprinted/linear/hopf/omega_crit,30.9\n", b"cposix\nsystem\n(S'false'\ntR.",
         b'{"answers": {"a": ' + b"[" * 200_000 + b"]" * 200_000 + b"}}", "id,answer\n".encode("utf-16"),
     ],
@@ -169,7 +169,7 @@ def test_partial_repeated_and_unknown_answers(tmp_path: Path, capsys: pytest.Cap
 # ------------------------------------------------------------------------------------------ diagnosis
 @pytest.mark.parametrize("entry", ["both/rhs/00", "linear/trajectory/d1/beta@", "smooth/limit-cycle/crit-0.5"])
 def test_nonsense_has_no_cause_and_breaks_nothing(entry: str, store: Store) -> None:
-    questions, nonsense = store.matching(f"printed/{entry}")[:40], ["1e99999", "1e-99999", "1", "abc"]
+    questions, nonsense = store.matching(f"table1/{entry}")[:40], ["1e99999", "1e-99999", "1", "abc"]
     given = {quantity.id: nonsense[n % len(nonsense)] for n, quantity in enumerate(questions)}
     grades = graded(_answers(given), store)
     (diagnosis,) = diagnosed(grades, store)
@@ -218,7 +218,7 @@ def test_a_page_shows_what_failed_and_folds_what_is_right(store: Store) -> None:
     ],
 )
 def test_the_colour_follows_what_the_question_needs(name: str, error: float, colour: str, store: Store) -> None:
-    quantity = store[f"printed/{name}"]
+    quantity = store[f"table1/{name}"]
     answers = _answers({quantity.id: repr(quantity.for_doubles * (1 + error))})
     grades = graded(answers, store)
     text = html_page(Report("a.csv", answers, grades, levels_of(grades, [quantity]), []))
@@ -248,14 +248,12 @@ def test_the_documented_example_runs(tmp_path: Path) -> None:
 
 
 def test_no_word_of_a_table_is_broken_in_80_columns(store: Store) -> None:
-    given = {
-        q.id: repr(q.for_doubles * (1 + 1e-3 * (q.level == 9))) for q in store.matching("printed/") if q.level != 5
-    }
+    given = {q.id: repr(q.for_doubles * (1 + 1e-3 * (q.level == 9))) for q in store.matching("table1/") if q.level != 5}
     answers = _answers(given)
     grades = graded(answers, store)
     names = {"level": 9, "kind": "near-heteroclinic", "longest": "calibrated/linear/near-heteroclinic/het+1e-30"}
     times = dict.fromkeys(("answered", "entries", "total", "median", "largest"), 12345.6) | names
-    levels = levels_of(grades, questions(store, sets=["printed"]))
+    levels = levels_of(grades, questions(store, sets=["table1"]))
     report = Report("answers.csv", answers, grades, levels, [], times=[times], start_up=0.5)
     texts = []
     for width in (80, 400):

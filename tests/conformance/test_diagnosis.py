@@ -78,14 +78,14 @@ def test_right_programs_have_no_diagnosis() -> None:
 def test_nothing_but_the_constant_is_said_of_answers_without_sense(answer: Callable[[], str], store: Store) -> None:
     random.seed(5)
     diagnoses = _diagnosed(
-        {id_: answer() for id_ in store if id_.startswith(("printed/both/", "printed/linear/"))}, store
+        {id_: answer() for id_ in store if id_.startswith(("table1/both/", "table1/linear/"))}, store
     )
     assert len(diagnoses) == 10
     assert {says for one in diagnoses for _, says in one.causes} <= {"all answers are one"}
 
 
 def test_fewer_answers_than_unknowns_name_nothing(store: Store) -> None:
-    (diagnosis,) = _diagnosed({"printed/linear/rhs/001/v_rate": "12.345678901234567"}, store)
+    (diagnosis,) = _diagnosed({"table1/linear/rhs/001/v_rate": "12.345678901234567"}, store)
     assert diagnosis.causes == ()
     assert diagnosis.unexplained == 1
 
@@ -94,27 +94,27 @@ def test_fewer_answers_than_unknowns_name_nothing(store: Store) -> None:
     ("pattern", "change", "says"),
     [
         (
-            "printed/linear/limit-cycle/",
+            "table1/linear/limit-cycle/",
             lambda q: q.for_doubles * (2 if q.name == "period" else 1),
             "period has the factor 2",
         ),
         (
-            "printed/linear/limit-cycle/",
+            "table1/linear/limit-cycle/",
             lambda q: -q.for_doubles if q.name == "v_0" else q.for_doubles,
             "v_0 has the wrong sign",
         ),
         (
-            "printed/linear/limit-cycle/",
+            "table1/linear/limit-cycle/",
             lambda q: q.for_doubles / math.log(10) if q.name.startswith("log") else q.for_doubles,
             "log_multiplier_fast and log_multiplier_slow have the factor 1/(ln 10)",
         ),
         (
-            "printed/linear/trajectory/",
+            "table1/linear/trajectory/",
             lambda q: q.for_doubles + math.pi * (q.name[:6] == "gamma@"),
             "gamma is pi too large",
         ),
         (
-            "printed/linear/trajectory/",
+            "table1/linear/trajectory/",
             lambda q: round(q.for_doubles, 2) if q.name[:5] == "beta@" else q.for_doubles,
             "beta is rounded to 2 decimals",
         ),
@@ -130,12 +130,12 @@ def test_a_relation_to_right_answers_is_named(
 
 def test_a_fixed_step_is_recognised_by_its_errors(store: Store) -> None:
     entries: dict[str, dict[str, Quantity]] = {}
-    for one in store.matching("printed/linear/trajectory/"):
+    for one in store.matching("table1/linear/trajectory/"):
         if one.name in ("beta@0.5", "gamma@0.5", "v@0.5"):
             entries.setdefault(one.id.rsplit("/", 1)[0], {})[one.name[:-4]] = one
     given = {}
     for answers in entries.values():
-        p = {name: float(x) for name, x in store.parameters["printed"].items()}
+        p = {name: float(x) for name, x in store.parameters["table1"].items()}
         Bbar = p["B"] - p["m"] * p["e"] ** 2
         constants = Constants(
             *(p[x] for x in "remAB"),

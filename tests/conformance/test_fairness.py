@@ -15,7 +15,7 @@ from tippedisk_verify.conformance.sheet import Answers, read_answers
 from tippedisk_verify.reference_values.store import Store, stored
 
 HET = "near-heteroclinic/het+1e-8"
-CRIT = "printed/linear/hopf/point/omega_crit"
+CRIT = "table1/linear/hopf/point/omega_crit"
 
 
 @pytest.fixture(scope="module")
@@ -33,32 +33,32 @@ def _report(given: dict[str, str], store: Store) -> Report:
 
 
 def test_a_tight_tolerance_passes_where_the_condition_is_worst(store: Store) -> None:
-    given = answered(store, [f"printed/linear/{HET}", "printed/smooth/trajectory/d2"], "LSODA", 1e-12)
+    given = answered(store, [f"table1/linear/{HET}", "table1/smooth/trajectory/d2"], "LSODA", 1e-12)
     assert not [grade.id for grade in _grades(given, store) if grade.failed]
     assert _report(given, store).remarks() == []
 
 
 def test_a_loose_tolerance_is_told_and_where(store: Store) -> None:
     """The smooth law's kink makes an explicit method's tolerance visible; nothing is wrong with the answers."""
-    given = answered(store, ["printed/smooth/trajectory/f2"], "DOP853", 1e-9)
+    given = answered(store, ["table1/smooth/trajectory/f2"], "DOP853", 1e-9)
     report = _report(given, store)
     assert report.first_failure is None
     (said,) = report.remarks()
     assert said.startswith("level 6: a tolerance shows")
-    assert "printed/smooth/trajectory/f2/" in said
+    assert "table1/smooth/trajectory/f2/" in said
 
 
 def test_a_question_asks_for_what_its_condition_leaves(store: Store) -> None:
     """By the definition: the error that a relative change of all inputs by the allowance makes, in digits."""
-    worst = store[f"printed/linear/{HET}/multiplier_slow"]
+    worst = store[f"table1/linear/{HET}/multiplier_slow"]
     slopes = sum(abs(float(slope)) for slope in worst.condition.values())
     assert needed(worst) == round(-math.log10(slopes * 1e-10 / float(worst)), 3)  # the table has three decimals
     assert needed(worst) < 0.5  # next to nothing can be asked for
-    period = store[f"printed/linear/{HET}/period"]
+    period = store[f"table1/linear/{HET}/period"]
     slopes = sum(abs(float(slope)) for slope in period.condition.values())
     assert needed(period) == round(-math.log10(slopes * 1e-10 / float(period)), 3)
     # Programs that keep all digits are asked for the level's, and well-conditioned questions ask for no less.
-    assert needed(store["printed/linear/near-heteroclinic/het+1e-30/multiplier_slow"]) == FAILS_BELOW[9]
+    assert needed(store["table1/linear/near-heteroclinic/het+1e-30/multiplier_slow"]) == FAILS_BELOW[9]
 
 
 def test_too_few_digits_are_not_wrong(store: Store) -> None:
@@ -91,7 +91,7 @@ def test_a_level_agrees_only_if_all_of_it_was_answered(store: Store) -> None:
         f'{{"{CRIT}": 30.9}}',
         f'{{"from": "doubles", "{CRIT}": 30.9}}',
         f'[{{"id": "{CRIT}", "answer": 30.9}}]',
-        f'{{"id": "{CRIT}", "answer": 30.9}}\n{{"id": "printed/linear/hopf/point/period", "answer": null}}\n',
+        f'{{"id": "{CRIT}", "answer": 30.9}}\n{{"id": "table1/linear/hopf/point/period", "answer": null}}\n',
         f'\n{{"id": "{CRIT}", "answer": "30.9"}}\n',
     ],
 )
@@ -102,13 +102,13 @@ def test_other_forms_of_a_sheet(text: str, store: Store, tmp_path: Path) -> None
 
 
 def test_an_entry_of_nothing_but_nan_is_not_answered(store: Store, tmp_path: Path) -> None:
-    rows = ["printed/linear/hopf/point/period,NaN", f"{CRIT},NA"]
-    other = "printed/linear/limit-cycle/crit-0.5"
+    rows = ["table1/linear/hopf/point/period,NaN", f"{CRIT},NA"]
+    other = "table1/linear/limit-cycle/crit-0.5"
     rows += [f"{other}/period,nan", f"{other}/v_0,{store[f'{other}/v_0'].for_doubles!r}"]
     path = tmp_path / "a.csv"
     path.write_text("id,answer\n" + "\n".join(rows) + "\n")
     answers = read_answers(path, store)
-    assert answers.missing == ["printed/linear/hopf/point"]
+    assert answers.missing == ["table1/linear/hopf/point"]
     verdicts = {grade.id.rsplit("/", 1)[1]: grade.verdict for grade in graded(answers, store)}
     assert verdicts == {"period": "not-a-number", "v_0": "exact"}
     assert any("not answered" in said for said in Report("a", answers, [], [], []).remarks())

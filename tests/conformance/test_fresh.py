@@ -180,7 +180,7 @@ def test_bad_numbers_of_states_and_seeds(tmp_path: Path, capsys: pytest.CaptureF
     target = str(tmp_path / "q.csv")
     for words, says in (
         (["--states", "0"], "from 1 to 1000"), (["--states", "1001"], "from 1 to 1000"), (["--seed", "3"], "--states"),
-        (["--states", "5", "--seed", "-1"], "from 0 to 999999999"), (["--states", "5", "--set", "printed"], "--set"),
+        (["--states", "5", "--seed", "-1"], "from 0 to 999999999"), (["--states", "5", "--set", "table1"], "--set"),
         (["--states", "5", "--levels", "9"], "level '9'"), (["--states", "five"], "not a valid integer"),
     ):  # fmt: skip
         assert main(["conformance", "questions", target, *words]) == 2

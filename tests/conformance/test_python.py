@@ -14,8 +14,8 @@ import tippedisk_verify as tv
 from tippedisk_verify.conformance.regression import changes
 from tippedisk_verify.errors import InputError
 
-OMEGA_CRIT = "printed/linear/hopf/point/omega_crit"
-NEAR = "printed/linear/near-heteroclinic/het+1e-8/period"
+OMEGA_CRIT = "table1/linear/hopf/point/omega_crit"
+NEAR = "table1/linear/near-heteroclinic/het+1e-8/period"
 pytest_plugins = ["pytester"]
 
 # Six roundings of doubles and a root: far fewer than the 45 that this allows.
@@ -44,7 +44,7 @@ def test_a_value_is_of_one_reading_in_all_that_it_does(reading) -> None:
     assert quantity.for_doubles == float(tv.reference(NEAR, reading="doubles"))
 
 
-@pytest.mark.parametrize("place", ["printed/both/rhs/001", "calibrated/both/rhs/002", "fresh-7-1/both/rhs/01"])
+@pytest.mark.parametrize("place", ["table1/both/rhs/001", "calibrated/both/rhs/002", "fresh-7-1/both/rhs/01"])
 def test_a_value_says_all_that_it_depends_on(place: str) -> None:
     """A formula in the published names, on the decimals of the value alone, gives the value."""
     quantity = tv.reference(f"{place}/gamma_y")
@@ -62,7 +62,7 @@ def test_a_value_says_all_that_it_depends_on(place: str) -> None:
 @pytest.mark.parametrize("distance", ["1e-16", "1e-20", "1e-30"])
 @pytest.mark.parametrize("name", ["period", "multiplier_slow", "dperiod_domega"])
 def test_where_doubles_have_no_truth_the_digits_are_those_of_the_decimals(distance: str, name: str) -> None:
-    id_ = f"printed/linear/near-heteroclinic/het+{distance}/{name}"
+    id_ = f"table1/linear/near-heteroclinic/het+{distance}/{name}"
     truth = tv.reference(id_)
     answer = truth.for_doubles * (1 + 1e-3)
     grade, from_decimals = (tv.compare(id_, answer, reading=reading) for reading in ("doubles", "decimals"))
@@ -92,7 +92,7 @@ def test_numpy_and_pytest_compare_on_either_side() -> None:
 
 # ------------------------------------------------------------------------------------------ many answers
 def test_grades_by_id() -> None:
-    answers = {q.id: q.for_doubles for q in tv.references("printed/linear/rhs/00")}
+    answers = {q.id: q.for_doubles for q in tv.references("table1/linear/rhs/00")}
     report = tv.grade(answers)
     assert report.passed, report
     assert str(report).startswith(f"{len(answers)} answers agree")
@@ -106,12 +106,12 @@ def test_grades_come_with_a_diagnosis() -> None:
         rho = 0.045 + 2.5e-3 * math.sin(gamma)
         return rho * v * math.sin(beta) - 2.5e-3 * omega * math.sin(beta) * math.cos(gamma)
 
-    report = tv.grade({q.id: slip(q) for q in tv.references("printed/both/rhs/0") if q.name == "gamma_y"})
+    report = tv.grade({q.id: slip(q) for q in tv.references("table1/both/rhs/0") if q.name == "gamma_y"})
     assert not report.passed
     (diagnosis,) = report.diagnoses
     lines = str(report).splitlines()
     assert "in gamma_y: -e Omega sin(beta) cos(gamma) for -e Omega sin(beta)^2 cos(gamma)" in diagnosis.says()
-    assert any(line.startswith("printed/both/rhs/0") and "digits, not 10; the truth is" in line for line in lines)
+    assert any(line.startswith("table1/both/rhs/0") and "digits, not 10; the truth is" in line for line in lines)
     assert len(lines) == 10
     assert lines[-1] == f"and {len(report.failed) - 7} more"  # beside the headline and the diagnosis
 
@@ -131,7 +131,7 @@ def test_what_is_no_number_is_one_failure(answer: object, says: str) -> None:
     with pytest.raises(InputError, match=says) as refused:
         tv.compare(OMEGA_CRIT, answer)
     assert "\n" not in str(refused.value)
-    report = tv.grade({OMEGA_CRIT: answer, "printed/linear/hopf/point/period": 0.886720334405982})
+    report = tv.grade({OMEGA_CRIT: answer, "table1/linear/hopf/point/period": 0.886720334405982})
     (failed,) = report.failed
     assert (failed.id, failed.verdict) == (OMEGA_CRIT, "unreadable")
     assert str(report).splitlines()[-1].startswith(f"{OMEGA_CRIT} = ({type(answer).__name__}): ")
@@ -151,13 +151,13 @@ def test_what_is_a_number_by_another_name() -> None:
     ):
         assert tv.compare(OMEGA_CRIT, answer).answer == str(Decimal(mine))
     assert tv.compare(OMEGA_CRIT, tv.reference(OMEGA_CRIT), reading="decimals").verdict == "exact"
-    assert tv.compare(OMEGA_CRIT, tv.Disk("printed").omega_crit, reading="decimals").digits > 15
+    assert tv.compare(OMEGA_CRIT, tv.Disk("table1").omega_crit, reading="decimals").digits > 15
     for answer in (np.array([np.nan]), math.nan, "nan", "-inf", "1e999999999"):
         grade = tv.compare(OMEGA_CRIT, answer)
         assert (grade.verdict, grade.failed) == ("not-a-number", True)
 
 
-@pytest.mark.parametrize("answers", [{}, None, 3, [(OMEGA_CRIT, 3.0)], {"printed/linear/hopf": 3.0}, {7: 3.0}])
+@pytest.mark.parametrize("answers", [{}, None, 3, [(OMEGA_CRIT, 3.0)], {"table1/linear/hopf": 3.0}, {7: 3.0}])
 def test_answers_that_belong_to_no_question(answers) -> None:
     with pytest.raises(InputError) as refused:
         tv.grade(answers)

@@ -15,9 +15,9 @@ from tippedisk_verify.conformance.grading import Tally, compare
 from tippedisk_verify.conformance.regression import badge, changes, expected_failures
 from tippedisk_verify.reference_values.store import stored
 
-RHS = "printed/both/rhs/001"
-CRIT = "printed/linear/hopf/point/omega_crit"
-CROSSING = "printed/linear/trajectory/d1/crossing_time#3"
+RHS = "table1/both/rhs/001"
+CRIT = "table1/linear/hopf/point/omega_crit"
+CROSSING = "table1/linear/trajectory/d1/crossing_time#3"
 WORKFLOWS = sorted((Path(__file__).parents[2] / "examples" / "ci").iterdir())
 
 
@@ -65,7 +65,7 @@ def test_expected_failures_are_let_pass(tmp_path: Path, capsys: pytest.CaptureFi
     assert said[0].startswith("b.csv: level 1, right-hand side, is the first that fails")
     assert any(line.startswith("note: 5 answers pass though expected to fail") for line in said)
     assert said.index("least digits") > next(n for n, line in enumerate(said) if "likely cause" in line)
-    known.write_text("printed/both/rhs/001/N\n")
+    known.write_text("table1/both/rhs/001/N\n")
     assert _grade(wrong, "--expected-failures", str(known)) == 2
     assert "no question is" in capsys.readouterr().err
 

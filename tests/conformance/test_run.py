@@ -30,8 +30,8 @@ EXAMPLES = Path(__file__).parents[2] / "examples" / "answerers"
 
 
 #: What the programs below are asked: six quantities of one entry, after a first question of the right-hand side.
-ASKED = [quantity.id for quantity in stored().values() if quantity.level == 3 and quantity.set == "printed"]
-RUN = ["conformance", "run", "--set", "printed", "--levels", "3"]
+ASKED = [quantity.id for quantity in stored().values() if quantity.level == 3 and quantity.set == "table1"]
+RUN = ["conformance", "run", "--set", "table1", "--levels", "3"]
 _HEAD = f"""
 import json, os, signal, sys, time
 TRUTHS = {json.dumps({id_: stored()[id_].for_doubles for id_ in ASKED})}
@@ -109,7 +109,7 @@ def test_a_program_is_graded_and_timed(
     assert _agree(graded) == len(ASKED) == 6
     (kind,) = graded["seconds"]["kinds"]
     assert (kind["level"], kind["kind"], kind["answered"], kind["entries"]) == (3, "hopf", 6, 1)
-    assert kind["longest"] == "printed/linear/hopf/point"
+    assert kind["longest"] == "table1/linear/hopf/point"
     assert graded["seconds"]["start_up"] > 0 < kind["median"] == kind["total"]
     # What it wrote is a sheet with the same grades.
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["answers.jsonl", "grades.html"]
@@ -123,8 +123,8 @@ def test_a_program_is_graded_and_timed(
     [
         ("ids = [asked() for _ in range(6)]\nfor id_ in ids[::-1]: said(id_)\nasked()", None),
         ("for _ in range(6): id_ = asked(); said(id_); said(id_)\nasked()", "second answers, of which the first"),
-        ("said(asked()); said('printed/linear/hopf/point/none')\n" + WELL, "answers to what was not asked"),
-        ("said('printed/both/rhs/002/M')\n" + WELL, "answers to what was not asked"),
+        ("said(asked()); said('table1/linear/hopf/point/none')\n" + WELL, "answers to what was not asked"),
+        ("said('table1/both/rhs/002/M')\n" + WELL, "answers to what was not asked"),
         ("print('rubbish'); print('{\"id\": 3}'); print('\\x00\\x1b[2J\\xff'); print('[' * 5000)\n" + WELL,
          "lines that are no answer: 4, the first 'rubbish'"),
         ("said(ASKED := asked(), **{'from': 'singles'}); said(ASKED)\n" + WELL, "lines that are no answer: 1"),
@@ -277,10 +277,10 @@ def test_a_program_that_never_answers_is_bad_input(capsys: pytest.CaptureFixture
     assert main([*RUN, "--", sys.executable, "nowhere.py"]) == 2
     out, err = capsys.readouterr()
     assert (out, err.count("\n")) == ("", 1)
-    assert "ended with status 2 before it answered printed/both/rhs/001/M: " in err
+    assert "ended with status 2 before it answered table1/both/rhs/001/M: " in err
     assert "nowhere.py" in err
     assert main([*RUN, "--limit", "0.01", "--", "sleep", "1000"]) == 2
-    assert "did not answer printed/both/rhs/001/M within 0.01 s" in capsys.readouterr().err
+    assert "did not answer table1/both/rhs/001/M within 0.01 s" in capsys.readouterr().err
 
 
 def test_ctrl_c_loses_no_answer(program: Callable[[str], list[str]], tmp_path: Path) -> None:

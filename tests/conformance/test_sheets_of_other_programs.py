@@ -18,8 +18,8 @@ from tippedisk_verify.conformance.sheet import questions, read_answers, sheet_cs
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.reference_values.store import stored
 
-CRIT, PERIOD = "printed/linear/hopf/point/omega_crit", "printed/linear/hopf/point/period"
-RIGHT = {quantity.id: repr(quantity.for_doubles) for quantity in stored().matching("printed/linear/hopf/")}
+CRIT, PERIOD = "table1/linear/hopf/point/omega_crit", "table1/linear/hopf/point/period"
+RIGHT = {quantity.id: repr(quantity.for_doubles) for quantity in stored().matching("table1/linear/hopf/")}
 
 READ = {
     "-8.7913543067821860-003": "-0.0087913543067821860",  # Fortran
@@ -126,7 +126,7 @@ def test_a_line_says_digits_and_truth_where_there_are_some(text: str, tmp_path: 
 
 def test_reasons_are_counted_and_not_too_many(tmp_path: Path) -> None:
     texts = ["30,9", "3,9", *(texts.split(" | ")[0] for texts in list(REASONS.values())[:9])]
-    ids = [quantity.id for quantity in stored().matching("printed/both/rhs/")]
+    ids = [quantity.id for quantity in stored().matching("table1/both/rhs/")]
     rows = "".join(f'{{"id": "{id_}", "answer": "{text}"}}\n' for id_, text in zip(ids, texts, strict=False))
     remarks = [remark for remark in _report(tmp_path / "a.jsonl", rows).remarks() if "no number" in remark]
     assert remarks[0] == f"2 answers are no number, such as '30,9' at {ids[0]}: a decimal comma; write a point"
@@ -189,7 +189,7 @@ def test_a_column_that_is_not_read_is_named(text: str, says: str, tmp_path: Path
 
 
 def test_a_semicolon_sheet_with_decimal_commas_asks_the_same_and_is_helped(tmp_path: Path) -> None:
-    asked = questions(stored(), sets=["printed"], levels=[3])
+    asked = questions(stored(), sets=["table1"], levels=[3])
     rows = list(csv.DictReader(io.StringIO(sheet_csv(stored(), asked))))
     lines = [";".join(rows[0])]
     for row in rows:

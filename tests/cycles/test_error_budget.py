@@ -158,7 +158,7 @@ def test_steps_end_when_both_coordinates_rest(second: str, newton: bool, off: fl
 )
 def test_twins_in_double_measure_a_wider_arithmetic(kind, omega, few, many, arithmetic) -> None:
     """Every number holds that of many more digits, by half-widths that leave most of the arithmetic's digits."""
-    disk = Disk("printed")
+    disk = Disk("table1")
     ask = disk.limit_cycle if kind == "librating" else disk.rotating_cycle
     cycle, sharp = (ask(omega, digits=digits) for digits in (few, many))
     assert cycle.precision == arithmetic.name

@@ -196,7 +196,7 @@ def test_a_disk_says_its_folds_and_both_cycles(folding, taylor) -> None:
     stable = disk.limit_cycle("30.9", engine=taylor)
     assert (unstable.stable, stable.stable) == (False, True)
     assert unstable.gamma_bar_0 < stable.gamma_bar_0
-    assert Disk("printed").folds(engine=taylor) == ()
+    assert Disk("table1").folds(engine=taylor) == ()
     with pytest.raises(NoSuchCycleError, match="the one found is stable"):
         disk.limit_cycle("30.8", stable=False, engine=taylor)
     with pytest.raises(InputError, match="choose with stable at a speed omega"):

@@ -14,7 +14,7 @@ _FIELDS = ("r", "e", "m", "A", "B", "g", "mu", "epsilon", "C", "friction")
 
 
 def _cycle(kind: str, digits: int) -> Cycle:
-    disk = tv.Disk("printed", friction="smooth" if kind == "smooth" else "linear")
+    disk = tv.Disk("table1", friction="smooth" if kind == "smooth" else "linear")
     return (
         disk.rotating_cycle("30.02", digits=digits) if kind == "rotating" else disk.limit_cycle("30.4", digits=digits)
     )

@@ -112,7 +112,7 @@ def test_the_orbit_turns_once_and_its_image_turns_back(taylor, friction) -> None
 def test_the_period_grows_like_one_passage_of_the_saddle(taylor) -> None:
     """T = -ln(Omega_h - Omega) / lambda_u + const on this side: one passage a period, two on the other side."""
     growth = float(
-        equilibrium(PRINTED, tv.Disk("printed").heteroclinic().omega_h.value, "noninverted").eigenvalues[0].re
+        equilibrium(PRINTED, tv.Disk("table1").heteroclinic().omega_h.value, "noninverted").eigenvalues[0].re
     )
     constants = []
     for zeros in (3, 5, 7):
@@ -136,7 +136,7 @@ def test_the_branch_goes_through_the_fold(taylor) -> None:
     at_speeds = list(rotating_branch(PRINTED, taylor, ["30.02", "30.5"]))
     assert [(float(cycle.omega), cycle.stable) for cycle in at_speeds] == [(30.02, True), (30.02, False), (30.5, False)]
     # Next to Omega_h, on either side, where doubles do not see which side it is.
-    omega_h = tv.Disk("printed").heteroclinic(digits=20, engine=taylor).omega_h.value
+    omega_h = tv.Disk("table1").heteroclinic(digits=20, engine=taylor).omega_h.value
     sides = [omega_h - Fraction(1, 10**12), omega_h + Fraction(1, 10**12)]
     assert [cycle.stable for cycle in rotating_branch(PRINTED, taylor, sides)] == [True, False, False]
 

@@ -93,7 +93,7 @@ def test_the_branch_passes_its_fold_in_order(inertia: str) -> None:
 
 def test_the_branch_goes_on_where_periods_are_long() -> None:
     """As far as the speed at which they are five times the shortest, 1e-5 rad/s above Omega_h."""
-    speed = float(reference("printed/linear/near-heteroclinic/het+1e-5/period").inputs["Omega"])
+    speed = float(reference("table1/linear/near-heteroclinic/het+1e-5/period").inputs["Omega"])
     assert any(point[-1] < speed for point, _ in _librating_branch(PRINTED, speed))
 
 

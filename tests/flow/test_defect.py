@@ -111,7 +111,7 @@ def test_half_widths_hold_without_extended_arithmetic(taylor: Taylor, monkeypatc
 @pytest.mark.parametrize("law", LAWS)
 def test_digits_beyond_the_defect_come_from_wider_runs(taylor: Taylor, law: Friction) -> None:
     """Run backward along the stiff direction: errors in doubles are as large as the state."""
-    disk = Disk("printed", friction=law)
+    disk = Disk("table1", friction=law)
     sol = disk.integrate("30.4", ("1.3", "2", "0.3"), "-0.4", digits=20)
     truth = taylor(Request(disk, "30.4", ("1.3", "2", "0.3"), "-0.4", precision=bits(400)))
     for value, width, true in zip(sol.end.state, sol.end.uncertainty, truth.state, strict=True):

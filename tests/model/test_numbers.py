@@ -25,7 +25,7 @@ import sympy
 
 import tippedisk_verify as tv
 
-ID = "printed/linear/hopf/point/period"
+ID = "table1/linear/hopf/point/period"
 DISK = tv.Disk("table1")
 _BATCH = tv.BatchTaylor(1)
 NEAR = 0.88671875  # a float of few bits, which narrower kinds of number hold as well

@@ -289,7 +289,7 @@ def test_the_whole_of_the_printed_disk(capsys, tmp_path) -> None:
         return beside or any(on_curve(part, gamma_bar, v, omega) for part in proved)
 
     for name in ("limit-cycle/crit-0.01", "limit-cycle/crit-0.7", *(f"near-heteroclinic/het+1e-{k}" for k in NEAR)):
-        v, gamma_bar = (reference(f"printed/linear/{name}/{part}") for part in ("v_0", "gamma_bar_0"))
+        v, gamma_bar = (reference(f"table1/linear/{name}/{part}") for part in ("v_0", "gamma_bar_0"))
         assert known(gamma_bar.measured(), v.measured(), Measured(Fraction(v.inputs["Omega"]), Fraction(0))), name
     rng = random.Random(24)
     least, highest = (Fraction(said[name]["value"]) for name in ("omega_h", "omega_crit"))

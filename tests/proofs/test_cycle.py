@@ -28,7 +28,7 @@ from tippedisk_verify.proofs.search.cycle import TURN, OrbitProof, OrbitStatus, 
 from tippedisk_verify.reference_values.lookup import reference
 
 OMEGA = Fraction("30.386592688644")  # the reference data's speed half a radian per second below Omega_crit
-PLACE = "printed/linear/limit-cycle/crit-0.5"
+PLACE = "table1/linear/limit-cycle/crit-0.5"
 TRUTH = tuple(reference(f"{PLACE}/{name}").measured() for name in ("gamma_bar_0", "v_0"))
 GUESS = tuple(f"{float(part):.12g}" for part in TRUTH)
 ABOVE = "31.386592688643567"  # where unstable rotating cycles are

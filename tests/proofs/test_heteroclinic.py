@@ -27,7 +27,7 @@ from tippedisk_verify.proofs.search.heteroclinic import (
 )
 from tippedisk_verify.reference_values.lookup import reference
 
-TRUTH = {name: reference(f"{name}/linear/heteroclinic/point/omega_h").measured() for name in ("printed", "calibrated")}
+TRUTH = {name: reference(f"{name}/linear/heteroclinic/point/omega_h").measured() for name in ("table1", "calibrated")}
 DIGITS = 9  #: of `proved_connection`
 
 
@@ -36,12 +36,12 @@ def test_the_proof_holds_the_reference_values() -> None:
     assert (proof.proved, proof.unique, proof.upright) == (True, True, True)
     assert proof.omega_h is not None
     assert 2 * proof.omega_h.uncertainty <= Fraction(1, 10**DIGITS)
-    assert proof.omega_h.holds(TRUTH["printed"].value)
+    assert proof.omega_h.holds(TRUTH["table1"].value)
     assert "there is exactly one Omega with" in proof.statement
     assert proof.saddle_value is not None
     assert proof.saddle_value.value + proof.saddle_value.uncertainty < 0
     for mine, theirs in zip(proof.saddle_eigenvalues, ("u", "s", "ss"), strict=True):
-        entry = reference(f"printed/linear/heteroclinic/point/lambda_{theirs}").measured()
+        entry = reference(f"table1/linear/heteroclinic/point/lambda_{theirs}").measured()
         assert abs(mine.value - entry.value) <= mine.uncertainty + entry.uncertainty
     # The interval printed is the interval of the statement, to the last digit.
     result = json.loads(json.dumps(proof.to_dict()))
@@ -84,7 +84,7 @@ def test_an_interval_beside_the_truth_is_not_proved(monkeypatch, side: int) -> N
     """The interval ends a fiftieth of its length short of Omega_h: as near as that, and still no proof."""
     monkeypatch.setattr(certified, "_MOST_PASSES", 1)
     half = proved_connection().omega_h.uncertainty
-    found = prove_connection(PRINTED, TRUTH["printed"].value + side * half * Fraction(104, 100), DIGITS)
+    found = prove_connection(PRINTED, TRUTH["table1"].value + side * half * Fraction(104, 100), DIGITS)
     assert found.status is ConnectionStatus.SIDES
     assert "nothing is proved" in found.statement
     assert (found.omega_h, found.proved) == (None, False)
@@ -123,7 +123,7 @@ def test_what_is_said_of_the_cycles_next_to_it() -> None:
         assert part in end.statement
     assert json.loads(json.dumps(end.to_dict()))["to"] == "30.0569"
     for k in (3, 5, 8, 12):
-        name = f"printed/linear/near-heteroclinic/het+1e-{k}"
+        name = f"table1/linear/near-heteroclinic/het+1e-{k}"
         omega = OMEGA_H + Fraction(1, 10**k)
         with working_precision(64):
             speed, *cycle = map(

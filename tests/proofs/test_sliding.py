@@ -43,7 +43,7 @@ from tippedisk_verify.theory.saddle_manifolds import Saddle as Series
 
 SMOOTH = PRINTED.with_friction("smooth")
 OMEGA = Fraction("30.386592688644")
-PLACE = "printed/smooth/limit-cycle/crit-0.5"
+PLACE = "table1/smooth/limit-cycle/crit-0.5"
 GUESS = tuple(f"{float(reference(f'{PLACE}/{name}').measured()):.12g}" for name in ("gamma_bar_0", "v_0"))
 #: A hundredth of a second before the first sliding reversal of the limit cycle, and until as long after it.
 START, SPAN, SIZE = ("0", "1.725", "-1.7105"), "0.02", Fraction(1, 10**6)
@@ -180,7 +180,7 @@ def test_a_moment_in_doubt_has_no_derivatives() -> None:
     ("place", "digits"),
     [
         (PLACE, 8),
-        pytest.param("printed/smooth/near-heteroclinic/het+1e-3", 30, marks=pytest.mark.slow(minutes=2)),
+        pytest.param("table1/smooth/near-heteroclinic/het+1e-3", 30, marks=pytest.mark.slow(minutes=2)),
         pytest.param("calibrated/smooth/limit-cycle/crit-0.01", 30, marks=pytest.mark.slow(minutes=2)),
     ],
 )
@@ -201,7 +201,7 @@ def test_reference_cycles_lie_in_the_proved_intervals(place: str, digits: int) -
 
 
 # ---------------------------------------------------------------------------------------------- Omega_h and the saddles
-TRUTH = reference("printed/smooth/heteroclinic/point/omega_h").measured()
+TRUTH = reference("table1/smooth/heteroclinic/point/omega_h").measured()
 
 
 @pytest.fixture(scope="module")

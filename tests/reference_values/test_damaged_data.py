@@ -20,7 +20,7 @@ from tippedisk_verify.reference_values.lookup import reference
 from tippedisk_verify.reference_values.manifest import faults_in_files
 from tippedisk_verify.reference_values.store import Store
 
-_ID = "printed/linear/hopf/point/omega_crit"
+_ID = "table1/linear/hopf/point/omega_crit"
 pytest_plugins = ["pytester"]
 
 
@@ -134,7 +134,7 @@ def test_a_turned_bit_in_a_question_is_reported(form: str, tmp_path: Path) -> No
     one.
     """
     store = reading.stored()
-    asked = questions(store, sets=["printed"], levels=[1])[::80]
+    asked = questions(store, sets=["table1"], levels=[1])[::80]
     rows = {"csv": sheet_csv, "json": sheet_json}[form](store, asked).splitlines()
     filled = []
     for n, quantity in enumerate(asked, start=1):
@@ -168,12 +168,12 @@ def test_a_turned_bit_in_a_question_is_reported(form: str, tmp_path: Path) -> No
 
 def test_a_remark_says_which_row_asks_something_else(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     store = reading.stored()
-    text = sheet_csv(store, [store[_ID], store["printed/both/rhs/001/M"]]).replace(",,\n", ",,1\n")
+    text = sheet_csv(store, [store[_ID], store["table1/both/rhs/001/M"]]).replace(",,\n", ",,1\n")
     path = tmp_path / "sheet.csv"
     for change, remark in (
         (("0.0025", "2.50e-3"), None),
-        (("-0.93072", "-0.93073"), "1 row does not ask what the id stands for, such as printed/both/rhs/001/M, gamma:"),
-        (("rhs/001", "rhs/002"), "such as printed/both/rhs/002/M, Omega:"),
+        (("-0.93072", "-0.93073"), "1 row does not ask what the id stands for, such as table1/both/rhs/001/M, gamma:"),
+        (("rhs/001", "rhs/002"), "such as table1/both/rhs/002/M, Omega:"),
     ):
         path.write_text(text.replace(*change))
         assert main(["conformance", "grade", str(path), "--json"]) == 0
@@ -187,7 +187,7 @@ def test_damage_gets_no_new_manifest(folder: Path) -> None:
     _flip(folder / "values.csv", random.Random(7))
     before = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
     with pytest.raises(InputError, match=r"values\.csv has been changed"):
-        generate(folder, ("printed/linear/hopf",))
+        generate(folder, ("table1/linear/hopf",))
     assert {path: path.read_bytes() for path in before} == before
 
 

@@ -22,9 +22,9 @@ from tippedisk_verify.reference_values.checking import check, entries_of
 from tippedisk_verify.reference_values.entries import case_of
 from tippedisk_verify.reference_values.store import Store, codebook, stored
 
-SETS = ("printed", "calibrated")
+SETS = ("table1", "calibrated")
 INTEGRATED = ("trajectory", "near-heteroclinic", "rotating-cycle")
-HOPF = ("printed/linear/hopf", "calibrated/linear/hopf")
+HOPF = ("table1/linear/hopf", "calibrated/linear/hopf")
 QUICK = (*HOPF, *(f"{name}/{kind}" for name in SETS for kind in ("both/equilibrium/", "linear/harmonic")))
 
 
@@ -62,7 +62,7 @@ def test_the_further_methods_agree() -> None:
 
 
 @pytest.mark.slow(minutes=3)
-@pytest.mark.parametrize("id_", ["calibrated/linear/limit-cycle/crit-0.3", "printed/linear/rotation-fold/point"])
+@pytest.mark.parametrize("id_", ["calibrated/linear/limit-cycle/crit-0.3", "table1/linear/rotation-fold/point"])
 def test_the_further_methods_agree_where_integrators_are_needed(id_: str) -> None:
     (entry,) = entries_of(stored(), f"{id_}/")
     answers = confirmed(case_of(entry.item, "decimals"), entry.values("decimals"))
@@ -79,7 +79,7 @@ def test_a_false_thirtieth_digit_is_seen_from_another_section() -> None:
 
 
 def test_a_false_value_is_excluded_by_another_method() -> None:
-    (entry,) = entries_of(stored(), "printed/linear/hopf/")
+    (entry,) = entries_of(stored(), "table1/linear/hopf/")
     values = {**entry.values("decimals"), "omega_crit": Measured.of("30.9", "0.001")}
     with pytest.raises(AccuracyError, match="by balance: omega_crit"):
         confirmed(case_of(entry.item, "decimals"), values)
@@ -90,7 +90,7 @@ def test_what_is_made_is_what_is_stored(tmp_path: Path) -> None:
     """Compare to the half-widths, because the last digits depend on the libraries."""
     assert generate(tmp_path, QUICK) == 50
     made = Store(tmp_path)
-    assert list(made) == [id_ for id_ in stored() if re.match("[a-z]+/(both/equilibrium|linear/(hopf|harm))", id_)]
+    assert list(made) == [id_ for id_ in stored() if re.match("[a-z0-9]+/(both/equilibrium|linear/(hopf|harm))", id_)]
     for id_, quantity in made.items():
         known = stored()[id_]
         assert (quantity.unit, quantity.inputs, quantity.grade) == (known.unit, known.inputs, known.grade)
@@ -101,7 +101,7 @@ def test_what_is_made_is_what_is_stored(tmp_path: Path) -> None:
 
 
 def test_threads_and_parts_make_the_same_bytes(tmp_path: Path) -> None:
-    prefixes = (*HOPF, "printed/both/equilibrium/inverted-30.4")
+    prefixes = (*HOPF, "table1/both/equilibrium/inverted-30.4")
     with ThreadPoolExecutor(8) as pool:
         generate(tmp_path / "threads", prefixes, pool)
     for prefix in reversed(prefixes):
@@ -135,7 +135,7 @@ def test_damaged_answers_are_computed_again(left: str, tmp_path: Path, monkeypat
 @pytest.mark.parametrize(
     ("arguments", "status", "says"),
     [
-        (["printed/linear/hopf", "--out", "{folder}", "--jobs", "1"], 0, "1 entries made"),
+        (["table1/linear/hopf", "--out", "{folder}", "--jobs", "1"], 0, "1 entries made"),
         (["nothing", "--out", "{folder}", "--jobs", "1"], 2, "no entry starts with 'nothing'"),
         (["--jobs", "0", "--out", "{folder}"], 2, "--jobs"),
     ],

@@ -37,11 +37,11 @@ def test_what_can_be_proved_is_proved_in_the_data() -> None:
 @pytest.mark.parametrize(
     "id_",
     [
-        "printed/linear/hopf/point",
+        "table1/linear/hopf/point",
         "calibrated/both/equilibrium/noninverted-30.4",
         *(
             pytest.param(id_, marks=pytest.mark.slow(minutes=2.5))
-            for id_ in ("printed/linear/limit-cycle/crit-0.5", "printed/linear/heteroclinic/point")
+            for id_ in ("table1/linear/limit-cycle/crit-0.5", "table1/linear/heteroclinic/point")
         ),
     ],
 )
@@ -62,7 +62,7 @@ def test_a_proof_is_found_again(id_: str) -> None:
 
 
 def test_values_that_are_wrong_or_claim_too_much_are_not_proved() -> None:
-    (entry,) = entries_of(stored(), "printed/linear/hopf/point/")
+    (entry,) = entries_of(stored(), "table1/linear/hopf/point/")
     case, values = case_of(entry.item, "decimals"), entry.values("decimals")
     period = values["period"]
     for spoilt in (
@@ -74,6 +74,6 @@ def test_values_that_are_wrong_or_claim_too_much_are_not_proved() -> None:
 
 
 def test_what_has_no_proof_gets_none() -> None:
-    for id_ in ("printed/smooth/rotating-cycle/stable-het-0.01", "printed/linear/near-heteroclinic/het+1e-5"):
+    for id_ in ("table1/smooth/rotating-cycle/stable-het-0.01", "table1/linear/near-heteroclinic/het+1e-5"):
         (entry,) = entries_of(stored(), f"{id_}/")
         assert proved(case_of(entry.item, "decimals"), entry.values("decimals")) is None

@@ -12,6 +12,7 @@ from pathlib import Path
 import mpmath
 import pytest
 
+import tippedisk_verify as tv
 from reference_data.make.generation import write_manifest
 from tests.problems import paper_rates
 from tippedisk_verify.cli import main
@@ -27,7 +28,7 @@ from tippedisk_verify.reference_values.manifest import faults_in_files
 from tippedisk_verify.reference_values.store import Store, codebook, data_folder, stored, table_rows
 from tippedisk_verify.reference_values.truths import shot
 
-SETS = ("printed", "calibrated")
+SETS = ("table1", "calibrated")
 
 
 @pytest.fixture(scope="module")
@@ -141,7 +142,7 @@ def test_what_takes_an_integrator_agrees_computed_again(kind: str, store: Store)
 
 @pytest.mark.parametrize("id_", ["limit-cycle/crit-0.5", "rotating-cycle/unstable-crit+0.5"])
 def test_a_cycle_is_shot_for_from_its_numbers(id_: str, store: Store) -> None:
-    (entry,) = entries_of(store, f"printed/linear/{id_}/")
+    (entry,) = entries_of(store, f"table1/linear/{id_}/")
     case, values = case_of(entry.item, "decimals"), {q.name: float(q) for q in entry.quantities}
     found = shot(case, values, Baseline())
     names = found.return_map.section.names
@@ -149,7 +150,7 @@ def test_a_cycle_is_shot_for_from_its_numbers(id_: str, store: Store) -> None:
 
 
 def test_a_false_digit_is_found(store: Store) -> None:
-    (entry,) = entries_of(store, "printed/linear/hopf/")
+    (entry,) = entries_of(store, "table1/linear/hopf/")
     changed = []
     for quantity in entry.quantities:
         value, uncertainty = quantity.values["decimals"]
@@ -202,24 +203,24 @@ def test_forged_folders_are_reported(name: str, content: str, folder: Path) -> N
 
 # ----------------------------------------------------------------------------------------- reading
 def test_a_value_by_its_id() -> None:
-    quantity = reference("printed/linear/hopf/point/omega_crit")
+    quantity = reference("table1/linear/hopf/point/omega_crit")
     assert quantity == reference("table1/linear/hopf/point/omega_crit")
     assert quantity.unit == "rad/s"
     assert float(quantity) == pytest.approx(30.8866, abs=1e-4)  # a look at the leading digits
     assert (quantity.real, quantity.imag) == (float(quantity), 0)
-    with pytest.raises(InputError, match="did you mean printed/linear/hopf/point/omega_crit"):
-        reference("printed/linear/hopf/point/omega-crit")
+    with pytest.raises(InputError, match="did you mean table1/linear/hopf/point/omega_crit"):
+        reference("table1/linear/hopf/point/omega-crit")
     with pytest.raises(InputError, match="no value from doubles"):
-        reference("printed/linear/near-heteroclinic/het+1e-30/period").measured("doubles")
+        reference("table1/linear/near-heteroclinic/het+1e-30/period").measured("doubles")
 
 
 @pytest.mark.parametrize(
     ("id_", "beginning"),
     [
-        ("printed/linear/limit-cycle/crit-0.5/perod", "printed/linear/limit-cycle/crit-0.5/"),
-        ("printed/linear/limit-cycle/crit-9/period", "printed/linear/limit-cycle/"),
+        ("table1/linear/limit-cycle/crit-0.5/perod", "table1/linear/limit-cycle/crit-0.5/"),
+        ("table1/linear/limit-cycle/crit-9/period", "table1/linear/limit-cycle/"),
         ("calibrated/smooth/hopf/point/omega_h", "calibrated/smooth/"),
-        ("printed/linear/limit-cycle/crit-0.5", "printed/linear/limit-cycle/crit-0.5/"),
+        ("table1/linear/limit-cycle/crit-0.5", "table1/linear/limit-cycle/crit-0.5/"),
     ],
 )
 def test_suggested_ids_share_the_beginning_of_a_wrong_one(id_: str, beginning: str) -> None:
@@ -231,9 +232,9 @@ def test_suggested_ids_share_the_beginning_of_a_wrong_one(id_: str, beginning: s
 
 
 def test_the_commands(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["reference", "list", "printed/linear/hopf", "--json"]) == 0
+    assert main(["reference", "list", "table1/linear/hopf", "--json"]) == 0
     ids = json.loads(capsys.readouterr().out)["ids"]
-    assert "printed/linear/hopf/point/period" in ids
+    assert "table1/linear/hopf/point/period" in ids
     assert main(["reference", "show", ids[0], "--json"]) == 0
     shown = json.loads(capsys.readouterr().out)["values"][0]
     assert Decimal(shown["uncertainty"]) < Decimal("1e-40")
@@ -246,7 +247,7 @@ def test_the_commands(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        (["reference", "show", "omega_crit"], "did you mean printed/linear/hopf/point/omega_crit"),
+        (["reference", "show", "omega_crit"], "did you mean table1/linear/hopf/point/omega_crit"),
         (["reference", "prove"], "No such command 'prove'"),
         (["reference", "export", "nothing", "--out", "a.csv"], "starts with"),
     ],
@@ -260,3 +261,22 @@ def test_bad_input(
     assert says in message
     assert message.count("\n") == 1
     assert not list(tmp_path.iterdir())
+
+
+def test_ids_of_versions_before_2_are_taken_and_answered_with_the_new_ones(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    new = "table1/linear/hopf/point/omega_crit"
+    old = new.replace("table1", "printed")
+    truth = tv.reference(old)
+    assert truth.id == new
+    assert tv.compare(old, float(truth)).id == new
+    assert {quantity.id for quantity in tv.references("printed/linear/hopf/point/omega")} == {new}
+    (grade,) = tv.grade({old: float(truth)}).grades
+    assert (grade.id, grade.verdict) == (new, "exact")
+    sheet = tmp_path / "answers.csv"
+    sheet.write_text(f"id,answer\n{old},{float(truth)!r}\n")
+    assert main(["conformance", "grade", str(sheet), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["grades"][0]["id"] == new
+    assert main(["conformance", "questions", str(tmp_path / "sheet.csv"), "--set", "printed", "--levels", "3"]) == 0
+    assert "printed/" not in (tmp_path / "sheet.csv").read_text()

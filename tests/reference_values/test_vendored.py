@@ -34,12 +34,12 @@ def test_the_version_of_the_data_is_the_same_everywhere(capsys: pytest.CaptureFi
     assert manifest["data_version"] == DATA_VERSION
     assert re.findall(r"^## (\S+)$", (DATA / "CHANGELOG.md").read_text(), re.MULTILINE)[0] == DATA_VERSION
     assert f"\nversion: {DATA_VERSION}\n" in (DATA / "CITATION.cff").read_text()
-    assert main(["reference", "list", "printed/linear/hopf"]) == 0
+    assert main(["reference", "list", "table1/linear/hopf"]) == 0
     assert capsys.readouterr().out.splitlines()[:2] == [
         f"# reference data {DATA_VERSION}",
-        "printed/linear/hopf/point/omega_crit",
+        "table1/linear/hopf/point/omega_crit",
     ]
-    assert main(["reference", "list", "printed/linear/hopf", "--json"]) == 0
+    assert main(["reference", "list", "table1/linear/hopf", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["data_version"] == DATA_VERSION
 
 
@@ -49,7 +49,7 @@ def test_values_change_with_their_version() -> None:
     If this fails, values have changed: raise the version, and put the new hash here.
     """
     values = {id_: quantity.values["decimals"][0] for id_, quantity in stored().items()}
-    assert (DATA_VERSION, digest(values)[:16]) == ("1.1.0", "cc4c134dac3c7d25")
+    assert (DATA_VERSION, digest(values)[:16]) == ("2.0.0", "287c815a349ae66b")
 
 
 # --------------------------------------------------------------------------------------- the table
@@ -73,12 +73,12 @@ def test_exported_values_are_the_stored_ones(form: str, tmp_path: Path, capsys: 
     path = tmp_path / f"hopf.{form}"
     assert main(["reference", "export", "table1/linear/hopf", "--format", form, "--out", str(path)]) == 0
     assert capsys.readouterr().out == f"{path}\n"
-    known = tv.references("printed/linear/hopf")
+    known = tv.references("table1/linear/hopf")
     if form == "jsonl":
         assert [json.loads(line) for line in path.read_text().splitlines()] == [one.to_dict() for one in known]
     elif form == "csv":
         lines = (DATA / "values.csv").read_text().splitlines()
-        assert path.read_text().splitlines() == [lines[0], *(line for line in lines if "printed/linear/hopf" in line)]
+        assert path.read_text().splitlines() == [lines[0], *(line for line in lines if "table1/linear/hopf" in line)]
     else:
         import pyarrow.parquet
 
@@ -115,7 +115,7 @@ def test_a_test_file_is_a_program_s(form: str, compiler: str, suffix: str, tmp_p
     if shutil.which(compiler) is None:
         pytest.skip(f"no {compiler} here")
     for name in ("values.h", "more.h"):
-        export(tv.references("printed/linear/rhs/001"), form, str(tmp_path / name))
+        export(tv.references("table1/linear/rhs/001"), form, str(tmp_path / name))
     (tmp_path / f"use.{suffix}").write_text(_USES[form])
     if form == "octave":
         program = [compiler, "use.m"]
@@ -123,7 +123,7 @@ def test_a_test_file_is_a_program_s(form: str, compiler: str, suffix: str, tmp_p
         program = ["./use"]
         subprocess.run([compiler, "-o", "use", f"use.{suffix}"], check=True, cwd=tmp_path)
     output = subprocess.run(program, check=True, cwd=tmp_path, capture_output=True, text=True).stdout
-    for line, quantity in zip(output.splitlines(), tv.references("printed/linear/rhs/001"), strict=True):
+    for line, quantity in zip(output.splitlines(), tv.references("table1/linear/rhs/001"), strict=True):
         id_, omega, value = line.split()
         number = float.fromhex if form == "c" else float
         assert (id_, number(value), number(omega)) == (
@@ -134,10 +134,10 @@ def test_a_test_file_is_a_program_s(form: str, compiler: str, suffix: str, tmp_p
 
 
 def test_a_julia_test_file_has_the_doubles(tmp_path: Path) -> None:
-    export(tv.references("printed/linear/limit-cycle/crit-0.5"), "julia", str(tmp_path / "values.jl"))
+    export(tv.references("table1/linear/limit-cycle/crit-0.5"), "julia", str(tmp_path / "values.jl"))
     rows = re.findall(r'id = "(\S+)".* value = (\S+), tolerance = (\S+)\)', (tmp_path / "values.jl").read_text())
     assert len(rows) == 10
-    export(tv.references("printed/linear/slow-manifold/01/"), "julia", str(tmp_path / "values.jl"))
+    export(tv.references("table1/linear/slow-manifold/01/"), "julia", str(tmp_path / "values.jl"))
     orders = re.findall(r'quantity = "h_(\d)".* order = (\d)\.0, ', (tmp_path / "values.jl").read_text())
     assert orders == [(str(n), str(n)) for n in range(6)]
     for id_, value, tolerance in rows:
@@ -158,7 +158,7 @@ def test_right_hand_sides_and_a_cycle_from_the_columns_alone() -> None:
         return [state[2], *motion(math, p, float.fromhex(row["Omega_hex"]), row["friction"] == "smooth", state)[:2]]
 
     for n, law in product(range(1, 11), ("linear", "smooth")):
-        row = rows[f"printed/{law}/rhs/{n:03d}/v_rate"]
+        row = rows[f"table1/{law}/rhs/{n:03d}/v_rate"]
         state = [float.fromhex(row[f"{name}_hex"]) for name in ("beta", "gamma", "v")]
         # At level 1 an error is relative to the terms that cancelled.
         away = rates(row, state)[2] - float(row["value_from_doubles"])
@@ -202,7 +202,7 @@ def test_every_quantity_is_defined_where_it_is_shown(capsys: pytest.CaptureFixtu
         assert (definition.level, definition.unit) == (quantity.level, quantity.unit)
         assert quantity.definition == definition.meaning != ""
     assert ":file: ../reference_data/quantities.csv\n" in page
-    id_ = "printed/linear/trajectory/d1/crossing_time#3"
+    id_ = "table1/linear/trajectory/d1/crossing_time#3"
     assert main(["reference", "show", id_]) == 0
     printed = capsys.readouterr().out
     assert "time of the n-th crossing of beta = pi/2" in printed
@@ -229,7 +229,7 @@ def test_the_one_harmonic_law_is_the_documents() -> None:
         return float(eval(re.sub(r"(?<=[\w)]) (?=[\w(])", " * ", text), dict(names)))
 
     for form, (chi, delta) in {"printed": formulas[3:5], "consistent": formulas[5:7]}.items():
-        for quantity in tv.references(f"printed/linear/harmonic-balance/{form}"):
+        for quantity in tv.references(f"table1/linear/harmonic-balance/{form}"):
             p = {name: float(text) for name, text in tv.PRINTED.decimals().items()}
             p |= {"Omega": float(quantity.inputs["Omega"]), "Bbar": p["B"] - p["m"] * p["e"] ** 2}
             p |= {"chi": value(chi[1], p), "delta": value(delta[1], p)}

@@ -12,7 +12,7 @@ PROGRAM = [sys.executable, "-m", "tippedisk_verify"]
 LONGEST = 240  # s; a run that is still there then hangs
 ROOT = Path(__file__).parents[2]
 MAKE = [str(ROOT / "reference_data" / "make")]
-GENERATE = [*MAKE, "printed/linear/hopf", "--jobs", "1", "--quiet", "--out"]
+GENERATE = [*MAKE, "table1/linear/hopf", "--jobs", "1", "--quiet", "--out"]
 SWEEP = ["sweep", "hopf", "--over", "g=9.7:9.9:300", "--executor", "serial", "--quiet", "--out"]
 
 

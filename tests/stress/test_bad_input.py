@@ -126,7 +126,7 @@ RIGHT = {
     "certify orbit": "--omega 30.4 | --below-crit 0.5 | --at-fold --fold 1",
     "certify heteroclinic": " | --cycles 1e-3 --certificate c.json",
     "certify branch": "--certificate c.json | --to 3 --out out",
-    "reference export": "printed/linear/hopf --out o.csv",
+    "reference export": "table1/linear/hopf --out o.csv",
     "conformance questions": "q.csv --levels 3 | q.csv --states 2 --seed 7",
     "conformance grade": "answered.csv",
     "conformance run": "cat --levels 3 | cat --states 2 --seed 7",
@@ -262,7 +262,7 @@ def test_what_a_command_cannot_do_it_says(words: str, room: Path) -> None:
 
 
 # ------------------------------------------------------------------------------------- from Python
-_DISK, _LANES, _ID = tv.Disk("printed"), tv.BatchTaylor(1), "printed/linear/hopf/point/period"
+_DISK, _LANES, _ID = tv.Disk("table1"), tv.BatchTaylor(1), "table1/linear/hopf/point/period"
 _ENGINE, _OTHER = tv.Taylor(), tv.Baseline()
 #: Values of every Python type that no parameter of a public function may take.
 OBJECTS: Wrong = (
@@ -372,7 +372,7 @@ CALLS: list[tuple[Wrong, list[Call]]] = [
     (
         TEXTS,
         [
-            lambda x: tv.Disk("printed", friction=x),
+            lambda x: tv.Disk("table1", friction=x),
             lambda x: _asked(x),
             lambda x: _asked(domain=x),
             lambda x: tv.Audit(tv.PRINTED, _ENGINE).panel("d", x),

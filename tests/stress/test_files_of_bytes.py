@@ -22,7 +22,7 @@ from tippedisk_verify.reference_values.store import Store, data_folder
 _TOML = (
     b'r = "0.045"\ne = "0.0025"\nm = "0.435"\nA = "0.249e-3"\nB = "0.227e-3"\ng = "9.81"\nmu = "0.3"\nepsilon = "0.1"\n'
 )
-_ID = "printed/linear/hopf/point/omega_crit"
+_ID = "table1/linear/hopf/point/omega_crit"
 _TOKENS = (
     *(bytes([code]) for code in b"\0\"'\\\n\r,;{}[]=-#"),
     *(b"\xff\xfe", b"\xef\xbb\xbf", b"\xed\xa0\x80", b"\xe2\x80\xae", b"\x1b[31m", b"\x80\x04", b"'''", b'"""'),
@@ -69,11 +69,11 @@ def _fine(done: Ran) -> None:
 
 def _sheet(folder: Path, name: str) -> bytes:
     path = folder / name
-    assert ran(["conformance", "questions", str(path), "--set", "printed", "--levels", "4"]).status == 0
+    assert ran(["conformance", "questions", str(path), "--set", "table1", "--levels", "4"]).status == 0
     text = path.read_text(encoding="utf-8")
     filled = text.replace(',"answer": ""', ', "answer": "30.9"').replace(', "answer": ""', ', "answer": "30.9"')
     if name.endswith(".csv"):
-        filled = "".join(line + ("30.9" if line.startswith("printed/") else "") + "\n" for line in text.splitlines())
+        filled = "".join(line + ("30.9" if line.startswith("table1/") else "") + "\n" for line in text.splitlines())
     path.unlink()
     return filled.encode()
 
@@ -160,7 +160,7 @@ def test_links_in_a_data_folder_lead_nowhere_else(tmp_path: Path) -> None:
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / ".lock").symlink_to(tmp_path / "secret")
     with pytest.raises(InputError):
-        generate(tmp_path / "out", ("printed/linear/hopf",))
+        generate(tmp_path / "out", ("table1/linear/hopf",))
     (tmp_path / ".a.csv.journal").symlink_to(tmp_path / "elsewhere")
     assert_refused(["sweep", "hopf", "--over", "mu=0.3", "--executor", "serial", "--out", str(tmp_path / "a.csv")])
     assert (tmp_path / "secret").read_text() == "mine"

@@ -46,7 +46,7 @@ def check(output: Output, data: str | None, all_: bool, sample: int, seed: int, 
 
 
 @command(
-    "List the ids that start with PREFIX, such as printed/linear/limit-cycle, after a line with the data's version."
+    "List the ids that start with PREFIX, such as table1/linear/limit-cycle, after a line with the data's version."
 )
 @click.argument("prefix", default="")
 def list_(output: Output, prefix: str) -> int:

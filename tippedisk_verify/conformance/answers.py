@@ -12,7 +12,7 @@ from tippedisk_verify.conformance.sheet import Answers
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.surroundings import undisturbed
 from tippedisk_verify.progress import progress_of
-from tippedisk_verify.reference_values.lookup import reference
+from tippedisk_verify.reference_values.lookup import full_id, reference
 from tippedisk_verify.reference_values.store import Reading, stored
 
 __all__ = ["grade"]
@@ -42,7 +42,8 @@ def grade(answers: Mapping[str, object], *, reading: Reading = "doubles", progre
         with progress_of(progress=progress) as advance:
             store = with_fresh(store, "\n".join(map(str, answers)), advance)
     given, notes = Answers(), {}
-    for id_, answer in answers.items():
+    for asked_id, answer in answers.items():
+        id_ = full_id(asked_id) if isinstance(asked_id, str) else asked_id
         given.sets.add((store.get(id_) or reference(id_)).set)  # which says what is wrong with an unknown id
         try:
             text = answer_text(answer)

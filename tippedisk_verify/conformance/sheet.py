@@ -22,6 +22,7 @@ from typing import Any
 from tippedisk_verify.conformance.answer_number import is_missing
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.files import csv_text, printable, read_text
+from tippedisk_verify.reference_values.lookup import full_id
 from tippedisk_verify.reference_values.questions import COLUMNS, TABLE, placed, question_fields
 from tippedisk_verify.reference_values.store import Quantity, Store
 
@@ -74,9 +75,9 @@ def questions(
 ) -> list[Quantity]:
     """The questions of the sets, laws and levels named (all where none is), in order of difficulty.
 
-    `table1` is the set whose ids start with `printed/`. Raises InputError for names that no question has.
+    Raises InputError for names that no question has.
     """
-    sets = ["printed" if name == "table1" else name for name in sets]
+    sets = [full_id(name) for name in sets]
     for asked, known, what in (
         (sets, {quantity.set for quantity in store.values()}, "parameter set"),
         (frictions, {"linear", "smooth"}, "friction law"),
@@ -275,7 +276,7 @@ def _listed(names: Iterable[str], known: tuple[str, ...]) -> str:
 def collected(rows: Iterable[Row], store: Store, default_reading: str | None, answers: Answers) -> Answers:
     """The answers with those of the rows. Raises InputError for a row that says something else of its inputs."""
     for id_, reading, answer, asked in rows:
-        id_, reading, answer = printable(id_.strip()), reading.strip().lower(), answer.strip()
+        id_, reading, answer = full_id(printable(id_.strip())), reading.strip().lower(), answer.strip()
         if id_ in store:
             answers.sets.add(store[id_].set)
         if not answer:

@@ -167,7 +167,7 @@ def _names(kind: str, friction: str) -> tuple[str, ...]:
 
     For orbits, keep those at the times of a drawn orbit.
     """
-    published = stored().matching(f"printed/{friction}/{kind}/")
+    published = stored().matching(f"table1/{friction}/{kind}/")
     first = published[0].id.rsplit("/", 1)[0]
     names = [quantity.name for quantity in published if quantity.id.startswith(f"{first}/")]
     return tuple(name for name in names if kind != "trajectory" or name.partition("@")[2] in _TIMES)

@@ -31,7 +31,7 @@ def references(prefix: str = "", *, reading: Reading = "decimals") -> list[Quant
     store = _with_drawn(prefix)
     found = [q.read_from(reading) for q in store.matching(prefix) if reading != "doubles" or reading in q.values]
     if not found:
-        raise InputError(f"no reference value starts with '{prefix[:100]}': try printed/ or calibrated/")
+        raise InputError(f"no reference value starts with '{prefix[:100]}': try table1/ or calibrated/")
     return found
 
 
@@ -39,7 +39,7 @@ def reference(id_: str, *, reading: Reading = "decimals") -> Quantity:
     """Return the installed reference value with an id.
 
     Args:
-        id_: The id, for example ``printed/linear/limit-cycle/crit-0.5/period``.
+        id_: The id, for example ``table1/linear/limit-cycle/crit-0.5/period``.
         reading: "decimals" takes the inputs exactly, "doubles" as the doubles nearest to them.
 
     Raises:
@@ -57,8 +57,8 @@ def reference(id_: str, *, reading: Reading = "decimals") -> Quantity:
 
 
 def full_id(id_: str) -> str:
-    """Replace the set name ``table1`` by ``printed``, its name in the data."""
-    return re.sub("^table1(?=/|$)", "printed", id_)
+    """Return the id as the data have it: before version 2.0 the set ``table1`` was called ``printed``."""
+    return re.sub("^printed(?=/|$)", "table1", id_)
 
 
 def _near(asked: str) -> list[str]:

@@ -4,7 +4,7 @@
 !     sed -n 's/^!c //p' tippedisk.f90 > c.tippedisk
 !     @r tippedisk                                     (or, in AUTO's Python:  run('tippedisk'))
 !
-! The start is printed/linear/limit-cycle/crit-0.5, half a rad/s below Omega_crit; AUTO follows it down to Omega_h.
+! The start is table1/linear/limit-cycle/crit-0.5, half a rad/s below Omega_crit; AUTO follows it down to Omega_h.
 ! Beside AUTO's own files, cycles.txt gets Omega, the period and the Floquet multipliers (real and imaginary parts)
 ! with all digits, one line for each converged solution. These are the constants; docs/auto07p.md gives the reasons:
 !
