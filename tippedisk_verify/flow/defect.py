@@ -44,7 +44,8 @@ _SMALL_TERM = 2.0**-10
 #: The number of steps on both sides over which a distance between two numbers of nodes counts. At a
 #: single step it may be small by chance.
 _NEIGHBOURS = 8
-#: The shares of a step at which it is taken: errors inside a step are less exact than at its ends.
+#: The places of the distance, as shares of a step: inside a step errors are less exact than at its
+#: ends.
 _PLACES = numpy.linspace(0, 1, 9)
 
 

@@ -113,7 +113,7 @@ class StartSurfaces(NamedTuple):
     """The surfaces on which a start lies."""
 
     names: tuple[str, ...]
-    window: float = 0.0  #: the time for which it lies there [s]
+    window: float = 0.0  #: the duration of its stay there [s]
     exactly: bool = False  #: True if one of the functions is zero to the last bit
 
 
