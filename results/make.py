@@ -1,5 +1,4 @@
-"""Graded sheets of programs that we run ourselves: five SciPy methods, heyoka in double, and the C
-client.
+"""Graded sheets of our own runs: five SciPy methods, heyoka in double, and the C client.
 
     python -m results.make                  # in a checkout with a C compiler; some minutes
     python -m results.make heyoka-double    # this one only

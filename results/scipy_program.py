@@ -152,8 +152,7 @@ def _cycle(store: Store, asked: Sequence[Quantity], options: dict[str, Any]) -> 
 
 
 def answered(store: Store, prefixes: Iterable[str], method: str, tolerance: float, **options: Any) -> dict[str, str]:
-    """Return answers by id, for the trajectories and librating cycles whose ids start with a
-    prefix.
+    """Return answers by id for trajectories and librating cycles whose ids start with a prefix.
 
     Args:
         store: The reference values.

@@ -54,8 +54,7 @@ def _rotates(case: ExactItem) -> bool:
 
 
 class _Period:
-    """An integration over a whole period, in the paper's angles and without the symmetry, with
-    derivatives.
+    """An integration over a period with derivatives, in the paper's angles, without symmetry.
 
     It starts at beta = pi/2 for a librating cycle, and at gamma = -pi/2, next to the saddle, for a
     rotating one. `Disk` never starts a cycle there.
@@ -153,9 +152,7 @@ class _Period:
 
 
 def _claimed(numbers: dict[str, Fraction], values: Values) -> Values:
-    """Return the numbers with half-widths: only rounding is left after the last step, and 35 digits
-    are claimed.
-    """
+    """Return the numbers with 35 digits claimed; after the last step only rounding is left."""
     return {name: Measured(value, abs(value) / 10**35 + values[name].uncertainty) for name, value in numbers.items()}
 
 
@@ -240,9 +237,7 @@ def _attributes(result: Any, *names: str) -> Values:
 
 
 def balance(case: ExactItem, values: Values) -> Values:
-    """Compute a librating cycle by harmonic balance, under the linear law and not too close to
-    Omega_h.
-    """
+    """Compute a librating cycle by harmonic balance (linear law, not too close to Omega_h)."""
     omega = case.inputs["Omega"]
     if case.disk.friction != "linear" or omega - omega_h_for(case) < _BALANCE_ABOVE:
         return {}

@@ -25,9 +25,7 @@ __all__ = ["differences", "hopf_by_balance", "orbit_by_scipy", "symbolic"]
 # --------------------------------------------------------------------------------- right-hand side
 @lru_cache(maxsize=4)
 def _compiled(law: Any, working: int) -> Any:
-    """Compile the factored field and its symbolic derivatives with heyoka, for numbers of `working`
-    bits.
-    """
+    """Compile the factored field and its symbolic derivatives for numbers of `working` bits."""
     hy = heyoka_module()
     state = hy.make_vars("beta", "gamma", "v")
     names = (
@@ -69,8 +67,10 @@ def hopf_by_balance(case: ExactItem, values: Values) -> Values:
 
 
 def _hopf_by_balance(case: ExactItem, ctx: Any) -> dict[str, Any]:
-    """Compute the Hopf point from Routh-Hurwitz, the characteristic polynomial's derivative, and
-    the slopes of the consistent one-harmonic law.
+    """Compute the Hopf point without a normal form.
+
+    The equations are Routh-Hurwitz, the derivative of the characteristic polynomial, and the slopes
+    of the consistent one-harmonic law.
     """
     speed = ctx.sqrt(quotient(ctx, hopf.omega_crit_squared(case.disk)))
     matrix = linearization(case.disk, fraction(speed))

@@ -1,5 +1,4 @@
-"""The proofs of reference values (grade *proved*): enclosures, statement, and the command that
-repeats the proof.
+"""The proofs of reference values: enclosures, the statement, and the command to repeat it.
 
 Eigenvalues, the Hopf point, and limit cycles and Omega_h under both friction laws have proofs. The
 interval of a value must contain its enclosure. If it does not, the value is wrong or claims more

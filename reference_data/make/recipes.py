@@ -141,9 +141,7 @@ def answered(item: Item) -> dict[str, Any]:
 
 
 def _slopes(case: ExactItem, values: Values) -> truths.Slopes:
-    """Return condition numbers; next to Omega_h the steps are small compared with the distance from
-    it.
-    """
+    """Return condition numbers; next to Omega_h by steps far smaller than the distance."""
     if case.item.kind not in ("near-heteroclinic", "heteroclinic", "rotation-fold"):
         return truths.condition(case, values)
     step = Fraction(1, 10**8)

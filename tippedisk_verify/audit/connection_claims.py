@@ -29,9 +29,7 @@ _OFFSET = Fraction(1, 10**6)
 
 
 def _infinite_period(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
-    """Compare the slope of T against log(Omega - Omega_h), at the family's end in double, with the
-    law.
-    """
+    """Compare the law with the slope of T against log(Omega - Omega_h) at the end of the family."""
     above, period, ratio = audit.approach(name).law_rows(float(audit.connection(name).saddle_eigenvalues[0]))[-1]
     # The law's remainder may fall as slowly as D^0.2, which is about a hundredth at D = 1e-8.
     return f"T = {period:.2f} s at Omega_h + {above:.1e} rad/s, slope {ratio:.4f} of the law's", abs(ratio - 1) < 0.05

@@ -78,9 +78,7 @@ def _asymptotic(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
 
 
 def _attractive(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
-    """Return the rates -d(v')/d(v) at which neighbours in v approach, slightly off rolling, by both
-    laws.
-    """
+    """Return by both laws the rates -d(v')/d(v) at which neighbours in v approach, near rolling."""
     import numpy
 
     parameters, ranges, falling = audit.sets[name], [], []

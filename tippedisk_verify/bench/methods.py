@@ -133,8 +133,7 @@ def _in_symbols(problem: Problem, formula: Callable[..., Any]) -> tuple[Any, lis
 
 
 def compiled_rates(problem: Problem) -> Callable[[float, Any], Any]:
-    """Compile the linear law's right-hand side to machine code, for packages that call it from
-    Python.
+    """Compile the linear law's right-hand side to machine code that Python can call.
 
     Returns:
         A function of t and y, shape (3,), that returns dy/dt.

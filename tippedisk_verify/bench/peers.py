@@ -1,5 +1,4 @@
-"""Other integrators that users might choose: SUNDIALS CVODE (scikit-sundae), diffrax and
-numbalsoda.
+"""Other integrators to compare with: SUNDIALS CVODE (scikit-sundae), diffrax and numbalsoda.
 
 The extra ``peers`` installs them. Each is set up as its authors advise:
 

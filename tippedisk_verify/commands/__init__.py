@@ -1,3 +1,1 @@
-"""The commands, by subject. `tippedisk_verify.cli` assembles them; each imports what it needs when
-it runs.
-"""
+"""The commands by subject, each with imports at run time; `tippedisk_verify.cli` assembles them."""

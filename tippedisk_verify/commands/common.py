@@ -274,8 +274,7 @@ def at_a_speed(function: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def command(help_text: str) -> Callable[[Callable[..., Any]], click.Command]:
-    """Make a command of a function that takes an `Output` and the options declared below this
-    decorator.
+    """Make a command of a function of an `Output` and the options declared below the decorator.
 
     The function's result is printed, unless it is an exit status.
 

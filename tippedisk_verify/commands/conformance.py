@@ -1,6 +1,4 @@
-"""The commands `conformance questions|grade|run|compare`, and those that print programs in other
-languages.
-"""
+"""The commands of `conformance`, which ask, grade and compare programs."""
 
 from __future__ import annotations
 
@@ -139,8 +137,7 @@ def questions(
 
 
 def _refuse_filled_in(target: Path, store: Store) -> None:
-    """Raise InputError if writing the questions would overwrite answers, or a file that is not a
-    sheet.
+    """Raise InputError if the questions would overwrite answers, or a file that is not a sheet.
 
     A file that cannot be read may have answers with a mistake.
     """

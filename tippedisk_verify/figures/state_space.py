@@ -39,8 +39,7 @@ _CSV_EVERY = 2  # each second sample is written; there are 100 a second
 
 
 def orbits_within(panel: Panel, seconds: float = _DRAWN_SECONDS) -> list[Any]:
-    """Return the states of each orbit up to a time, and only within the nearest well on either
-    side.
+    """Return each orbit's states up to a time, within the nearest well on either side.
 
     Further wells repeat the picture.
     """

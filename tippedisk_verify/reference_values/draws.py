@@ -53,9 +53,7 @@ class Draw:
         return Fraction(int(hashlib.sha256(text.encode()).hexdigest()[:12], 16), 16**12)
 
     def between(self, name: str, low: object, high: object, places: int) -> str:
-        """Return the decimal between `low` and `high` that belongs to a name, with at most `places`
-        places.
-        """
+        """Return a name's decimal between `low` and `high`, with at most `places` places."""
         ends = [Fraction(str(end)) for end in (low, high)]
         return decimal_text(ends[0] + self.share(name) * (ends[1] - ends[0]), places)
 

@@ -13,8 +13,7 @@ _MOST_NEAR = 5  # ids that an error message suggests
 
 
 def references(prefix: str = "", *, reading: Reading = "decimals") -> list[Quantity]:
-    """Return all installed reference values whose id starts with ``prefix``, in order of
-    difficulty.
+    """Return all reference values whose id starts with ``prefix``, in order of difficulty.
 
     Args:
         prefix: The beginning of the ids. ``fresh-7-1/`` is the first disk that seed 7 draws, whose

@@ -41,8 +41,7 @@ _LARGEST_MANIFEST = 1_000_000  # bytes
 
 
 def data_folder() -> Path:
-    """Return the folder of the reference data: in the installed package, or next to it in a
-    checkout.
+    """Return the folder of the reference data, in the package or next to it in a checkout.
 
     Raises:
         InputError: If the data are in neither place.

@@ -1,5 +1,4 @@
-"""The question behind a reference value, the error that an answer may have, and the row of
-values.csv.
+"""The question of a reference value, the error allowed, and the row of values.csv.
 
 The row holds everything that grading takes from the data, so a program in any language can grade a
 sheet from this one table.
@@ -132,9 +131,7 @@ def scale_of(quantity: Quantity, value: Decimal) -> Decimal:
 
 @arithmetic()
 def slopes_of(quantity: Quantity) -> Decimal:
-    """Return the change of the value per relative change of all inputs, each in its worse
-    direction.
-    """
+    """Return the value's change per relative change of all inputs, each in its worse direction."""
     return sum((abs(Decimal(slope)) for slope in quantity.condition.values()), Decimal(0))
 
 

@@ -143,8 +143,7 @@ class Quantity(Printable, Bounded):
 
     @property
     def for_doubles(self) -> float:
-        """The answer that a program in doubles should give: the double nearest to the value from
-        doubles.
+        """The best answer of a program in doubles: the double nearest to the value from doubles.
 
         If doubles cannot tell the inputs apart, it is the double nearest to the value from
         decimals.

@@ -10,8 +10,7 @@ __all__ = ["agreed_digits", "shortened"]
 
 
 def agreed_digits(value: str, printed: str) -> tuple[int, int] | None:
-    """Count the digits in which two decimals agree, after rounding the first to the places of the
-    second.
+    """Count the digits in which two decimals agree, once the first has the second's places.
 
     Args:
         value: The computed decimal.

@@ -75,8 +75,7 @@ def claim_json(claim: Claim, finding: Finding, order: AuditJob) -> dict[str, Any
 
 
 def verdict_words(entry: dict[str, Any]) -> str:
-    """Return the verdict of an entry of ``claims`` in words, as the terminal and the report show
-    it.
+    """Return the verdict of an entry of ``claims`` in words, for the terminal and the report.
 
     If the sets differ, the words are the verdict on the user's own disk, or they name the smaller
     group of sets.

@@ -1,3 +1,1 @@
-"""The cases that are numerically hard. Each must give correct digits or a clear refusal; `battery`
-lists them.
-"""
+"""The numerically hard cases, listed in `battery`: each gives correct digits or a refusal."""

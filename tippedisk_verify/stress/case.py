@@ -159,8 +159,7 @@ def against(mine: Result, sharp: Result) -> Found:
 
 
 def cycle_digits(mine: Any, sharp: Any, names: Sequence[str]) -> Found:
-    """Compare two results of the same kind; they are honest if the half-widths of each pair
-    overlap.
+    """Compare two results of a kind, which are honest if the intervals of each pair overlap.
 
     Args:
         mine: The result to judge.

@@ -1,6 +1,4 @@
-"""Limit cycles that are hard to compute: near both ends of the family, or with multipliers that
-underflow.
-"""
+"""Limit cycles that are hard to compute: near the family's ends, or with tiny multipliers."""
 
 from __future__ import annotations
 

@@ -29,9 +29,7 @@ _DIGITS_MAY_BE_LOST = ("digits", "no digits left", "rounding decides")  # outcom
 
 
 def _run(duration: Any, parameters: Parameters = PRINTED, start: Any = _START, omega: Any = _OMEGA, **more: Any) -> Any:
-    """Return the action of a case: a run in double precision, compared with 60 digits (or
-    ``truth``).
-    """
+    """Return a case's action: a run in double precision, compared with 60 digits or ``truth``."""
     engine_options = {name: more.pop(name) for name in ("truth",) if name in more}
     request = Request(parameters, omega, start, duration, **{"max_steps": 1_000_000, **more})
     return partial(flown, request, **engine_options)
@@ -247,9 +245,7 @@ def _event_cases() -> list[StressCase]:
 
 
 def _tolerance_cases() -> list[StressCase]:
-    """Return cases at several tolerances; the estimate must hold at each, by comparison at
-    round-off.
-    """
+    """Return cases at several tolerances; the error estimate must hold at each."""
     cases = []
     for tolerance, least in ((0.1, 0.5), (1e-3, 2.0), (1e-6, 5.0), (1e-9, 8.0), (1e-13, 12.0), (2.0**-53, 12.0)):
         run = _run("1", tolerance=tolerance, domain="none")

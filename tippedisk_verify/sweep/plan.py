@@ -1,5 +1,4 @@
-"""The plan of a sweep: an analysis, the axes whose combinations are the points, and the row of a
-point.
+"""The plan of a sweep: an analysis, and the axes whose combinations are the points.
 
 A point is a set of exact decimals. Its row has the inputs in columns named after the axes, and the
 results in other columns.
