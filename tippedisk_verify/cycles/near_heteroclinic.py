@@ -70,11 +70,13 @@ class NearHeteroclinic(Printable):
 
             _, axes = pyplot.subplots()
         distances = [float(row.distance) for row in self.rows]
-        for terms in range(3):
+        for terms, name in enumerate(("one term", "two terms", "three terms")):
             left = [abs(float(row.period - row.law[terms])) for row in self.rows]
-            axes.loglog(distances, left, ".-", label=f"left of T by {terms + 1} term{'s' if terms else ''}")
-        axes.loglog(distances, [row.double_resolves for row in self.rows], "--", label="half an ulp of a double Ω")
-        axes.set(xlabel="Ω - Ω_h [rad/s]", ylabel="[s]")
+            axes.loglog(distances, left, ".-", label=f"error of the law with {name}")
+        axes.loglog(
+            distances, [row.double_resolves for row in self.rows], "--", label="effect of half an ulp of Ω in double"
+        )
+        axes.set(xlabel=r"$\Omega - \Omega_h$ [rad/s]", ylabel="error of T [s]")
         axes.legend()
         return axes
 
