@@ -193,6 +193,8 @@ CALLS: dict[str, Callable[[], Any]] = {
     "Measured.contains": lambda: tv.Measured.of(1, "0.1").contains(tv.Measured.of(1, "0.01")),
     "Measured.decimals": lambda: tv.Measured.of("1/3", "1e-300").decimals(),
     "Measured.holds": lambda: tv.Measured.of(1, "0.1").holds("1.05"),
+    "Measured.is_measured": lambda: tv.Measured.of(1, "0.1").is_measured,
+    "Measured.without_half_width": lambda: str(tv.Measured.without_half_width("1/3", 20)),
     "Measured.of": lambda: [tv.Measured.of("2.5", "1e-9") ** 0.5, np.sqrt(tv.Measured.of("2.5", "1e-9"))],
     "Measured.to_dict": lambda: tv.Measured.of("1/3", "1e-9").to_dict(),
     "Taylor.builds": lambda: tv.Taylor().builds,

@@ -39,9 +39,9 @@ def test_what_a_double_resolves_and_answers_at_their_own_speeds(taylor) -> None:
     answers = [(omega, 7), (further, "7.5")]
     study = disk.near_heteroclinic(str(Fraction(distance)), answers=answers)
     one, other = study.answers
-    assert (one.omega.value, one.answer.value, other.answer.value) == (Fraction(omega), 7, Fraction("7.5"))
+    assert (one.omega.value, one.period_found.value, other.period_found.value) == (Fraction(omega), 7, Fraction("7.5"))
     for row in study.answers:
-        assert row.error.value == row.answer.value - row.period.value
+        assert row.error.value == row.period_found.value - row.period.value
     # A unit in the last place is twice half a unit; the period's second derivative adds its share of the distance.
     (row,) = study.rows
     moved = float(one.period - other.period)

@@ -110,7 +110,8 @@ WRONG: list[tuple[Wrong, str]] = [
     (TARGET, "--certificate, --html, --csv, --badge"),
     ((*TARGET, "x.txt"), "sweep --out, integrate --out, reference export --out, branch --out, heteroclinic --out"),
     ((*TARGET, "answered.csv"), "conformance questions file"),
-    (SOURCE, "--expected-failures, file, old, new, command"),
+    (SOURCE, "--expected-failures, --answers, --program, file, old, new, command"),
+    (("x", "", "1:2", "1:2:0", "0:1:3", "1:x:2", "nan:1:2", "1:2:1001", "1:2:3:4"), "heteroclinic --near"),
     ((*SOURCE, *NAME, "nan.toml", "hexadecimal.toml", "long.toml", "nested.toml"), "--parameters"),
 ]
 #: What makes a command right, in one way or another. Spoiled is what it names, and in the first all other options.
@@ -124,6 +125,7 @@ RIGHT = {
     "basin": "--omega 30.4 --count 4 --seconds 5 | --omega 31.4 --margin 1.5,1,0 | --below-crit 0.5 --count 4",
     "sweep": "hopf --over mu=0.3 --out o.csv",
     "certify orbit": "--omega 30.4 | --below-crit 0.5 | --at-fold --fold 1",
+    "heteroclinic": " | --near 1e-2:1e-3:2",
     "certify heteroclinic": " | --cycles 1e-3 --certificate c.json",
     "certify branch": "--certificate c.json | --to 3 --out out",
     "reference export": "table1/linear/hopf --out o.csv",

@@ -148,10 +148,8 @@ def test_no_file_is_unpickled_or_evaluated() -> None:
             names += [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
             names += [node.module or ""] if isinstance(node, ast.ImportFrom) else []
             found |= {(path.name, name.split(".")[0]) for name in names}
-    # What a cluster's workers are sent; here only Dask itself reads what they answer. And formulas that the package
-    # itself has as texts; no file and no answer becomes a part of them.
-    allowed = {("workers.py", "pickle"), *(("specimen.py", call) for call in ("compile", "eval", "exec"))}
-    assert {one for one in found if one[1] in forbidden} == allowed
+    # A cluster's workers are sent pickles; here only Dask itself reads what they answer.
+    assert {one for one in found if one[1] in forbidden} == {("workers.py", "pickle")}
 
 
 def test_links_in_a_data_folder_lead_nowhere_else(tmp_path: Path) -> None:

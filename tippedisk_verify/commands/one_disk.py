@@ -435,7 +435,7 @@ def _near_lines(study: NearHeteroclinic) -> Iterator[str]:
             (
                 [
                     f"{float(row.omega):.17g}",
-                    f"{float(row.answer):.15g}",
+                    f"{float(row.period_found):.15g}",
                     f"{row.period:.13g}",
                     f"{float(row.error):.1e}",
                 ]

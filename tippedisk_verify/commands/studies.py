@@ -102,7 +102,7 @@ def bench(
     elsewhere = [score for file in answers for score in answered_elsewhere(Path(file))]
     folder = alone_in(out)
     with ExitStack() as running:
-        own = (running.enter_context(program_method(program)),) if program else ()
+        own = () if program is None else (running.enter_context(program_method(program)),)
         methods = (*METHODS, *(peer_methods() if peers else ()), *own)
         total = sum(method.fits(problem) for method in methods for problem in problems)
         advance = running.enter_context(output.progress(total))

@@ -42,7 +42,7 @@ class AnswerRow(Printable):
     """A period that somebody found, beside that of the limit cycle at exactly the speed it was found at."""
 
     omega: Measured = field(metadata=quantity("the spinning speed", "rad/s"))
-    answer: Measured = field(metadata=quantity("the period that was given", "s"))
+    period_found: Measured = field(metadata=quantity("the period that was given", "s"))
     period: Measured = field(metadata=quantity("T, the period", "s"))
     error: Measured = field(metadata=quantity("the period that was given less T", "s"))
 

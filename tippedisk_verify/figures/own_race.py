@@ -103,7 +103,10 @@ def program_method(command: str, tolerances: Sequence[float] = TOLERANCES) -> It
     It reads a line of JSON with the keys of `bench.own.question` for each run, and writes one with the ``states``
     (n, 3) at the ``times``, and with ``seconds`` if its own clock counts. Raises InputError if it cannot be started.
     """
-    words = shlex.split(command)
+    try:
+        words = shlex.split(command)
+    except ValueError as fault:
+        raise InputError(f"the command {shown(command)} cannot be split into words: {fault}") from None
     if not words:
         raise InputError("a program needs a command")
     with started(words, _PATIENCE) as program:

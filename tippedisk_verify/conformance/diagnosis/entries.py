@@ -75,6 +75,7 @@ def fitted(answer: Array, truth: Array, allowed: Array, wrong: Array, predicted:
     return np.asarray(close & (~wrong | (away * _CLOSER <= np.abs(answer - truth))))
 
 
+@arithmetic()
 def tables_of(grades: Iterable[Grade], store: Store) -> list[Table]:
     """The answers that are numbers, by kind and friction law; one pass over the sheet."""
     groups: dict[tuple[str, str], list[tuple[Quantity, Grade]]] = {}
