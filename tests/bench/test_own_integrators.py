@@ -121,6 +121,7 @@ def test_the_text_of_the_equations_is_the_right_hand_side(problem: Problem) -> N
 
 
 @pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler")
+@pytest.mark.slow(minutes=0.3)
 def test_a_program_in_c_races_over_pipes(tmp_path: Path) -> None:
     source, program = tmp_path / "rk4.c", tmp_path / "rk4"
     source.write_text("#include <stdlib.h>\n#include <string.h>\n" + TRANSIENT.source("c") + C_PROGRAM)

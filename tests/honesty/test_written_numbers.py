@@ -108,7 +108,7 @@ def test_a_branchs_table_holds_the_cycles_with_more_digits(kind: str, omega: str
             _assert_held(row[name], row[f"{name} uncertainty"], *getattr(truth, name).decimals(), name)
 
 
-@pytest.mark.parametrize("friction", ["linear", "smooth"])
+@pytest.mark.parametrize("friction", ["linear", pytest.param("smooth", marks=pytest.mark.slow(minutes=0.3))])
 def test_the_connections_table_holds_a_run_at_a_sharper_omega_h(friction: tv.Friction, tmp_path: Path) -> None:
     out = tmp_path / "connection.csv"
     assert main(["heteroclinic", "--friction", friction, "--out", str(out), "--quiet"]) == 0

@@ -77,7 +77,7 @@ def orbits_at(omega, parameters, engine):
     return compute(scene_named("a"), parameters, engine, omega_h=Measured(omega + Fraction(1, 10), Fraction(0))).orbits
 
 
-@pytest.mark.parametrize("friction", ["linear", "smooth"])
+@pytest.mark.parametrize("friction", ["linear", pytest.param("smooth", marks=pytest.mark.slow(minutes=0.3))])
 def test_between_fold_and_omega_h_orbits_rotate_for_good(taylor, friction) -> None:
     """Compare their lean at the top with shooting, which does not use the orbit."""
     disk = PRINTED.with_friction(friction)

@@ -55,6 +55,7 @@ def flown() -> tuple[curves.Curve, curves.CurveFlight, list[dict[str, Any]]]:
         return line, curves.fly(ball_constants(WIDE), line, choices), choices.log
 
 
+@pytest.mark.slow(minutes=0.3)
 def test_points_of_the_box_return_as_the_integrator_finds() -> None:
     """With the numbers of the flight's first return, in 200 bits, from ends and from inside of the box."""
     line, flight, _ = flown()
@@ -108,6 +109,7 @@ SPOILED: dict[str, tuple[Callable[[list[Any]], Any], str]] = {
 }
 
 
+@pytest.mark.slow(minutes=0.4)
 def test_a_log_gives_the_flight_again_and_a_spoiled_one_gives_none() -> None:
     line, flight, log = flown()
     with working_precision(64):

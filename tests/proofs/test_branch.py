@@ -181,6 +181,7 @@ def _end(parameters: Parameters, low: str, high: str, gamma: str, status: EndSta
 
 
 @pytest.mark.usefixtures("quick")
+@pytest.mark.slow(minutes=0.3)
 def test_the_other_end_closes_only_what_it_reaches() -> None:
     """The last piece ends at NEXT, at a speed about 0.00307 below Omega_crit."""
     proof = BranchProof(PRINTED, (piece(), second()))

@@ -252,7 +252,9 @@ def rejected(kind: str, name: str, act: Callable[[Any], None]) -> str:
     return line
 
 
-@pytest.mark.parametrize("kind", ["cycle", "rotation", "fold"])
+@pytest.mark.parametrize(
+    "kind", ["cycle", *(pytest.param(kind, marks=pytest.mark.slow(minutes=0.3)) for kind in ("rotation", "fold"))]
+)
 def test_the_kernel_refuses_a_member_that_nothing_tests(kind: str, remembered, monkeypatch: pytest.MonkeyPatch) -> None:
     """Whatever a shape allows: what the kernel has not looked at is not in a sentence that is proved."""
     content = fresh(kind)

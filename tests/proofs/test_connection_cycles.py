@@ -66,6 +66,7 @@ def flights(
     return flown(saddle, [arb(x) for x in EXTENTS], BallArray.of(slow), fast, lengths, end)
 
 
+@pytest.mark.slow(minutes=0.3)
 def test_flights_arrive_where_they_should() -> None:
     """Against the Runge-Kutta method: interpolation over a step errs by STEP^2 z'' / 2, z'' < 66 s, so 8e-6.
 

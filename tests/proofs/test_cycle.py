@@ -160,6 +160,7 @@ def test_differences_of_flights_lie_in_the_enclosed_derivatives(flight, section,
 
 
 # ---------------------------------------------------------------------------------------------- what must not be proved
+@pytest.mark.slow(minutes=0.2)
 def test_boxes_beside_the_cycle_are_not_included() -> None:
     """Nor those of other equations."""
 

@@ -50,6 +50,7 @@ def subcritical_fold(taylor) -> LibrationFold:
 
 
 # ------------------------------------------------------------------------------------------------------- what is proved
+@pytest.mark.slow(minutes=0.3)
 def test_a_largest_speed_is_proved() -> None:
     """v is given to 16 digits: the box is wider than what they leave open."""
     proof = prove_fold(SUBCRITICAL, SUBCRITICAL_FOLD, digits=5)
