@@ -268,7 +268,7 @@ def computed(name: str) -> str:
             for kept in (item, getattr(item, "__wrapped__", None)):
                 if isinstance(kept, _lru_cache_wrapper):
                     kept.cache_clear()
-    locator._OWN.locators.clear()
+    locator._LOCATORS.locators.clear()
     return as_text(CALLS[name]())
 
 

@@ -1,4 +1,4 @@
-"""How long a cycle takes past the saddles, and how long between them."""
+"""The time that a cycle spends past the saddles, and between them."""
 
 from __future__ import annotations
 
@@ -14,10 +14,13 @@ from tippedisk_verify.model.precision import bits
 
 
 def passage_times(cycle: LimitCycle, engine: Engine, distance: Fraction) -> tuple[Any, Any]:
-    """(time of one passage, time of one flight) [s]: within ``distance`` of a saddle, and outside, twice a period each.
+    """Return the times [s] of one passage and of one flight: within ``distance`` of a saddle, and
+    outside.
 
-    The distance is sqrt(cos(beta)^2 + 2 (1 + sin(gamma))), for small values that of the angles to the nearest saddle
-    [rad]. Raises NoSuchCycleError if the cycle does not come that near.
+    A period has two of each. The distance is sqrt(cos(beta)^2 + 2 (1 + sin(gamma))). If it is
+    small, it is that of the angles to the nearest saddle [rad].
+
+    Raises NoSuchCycleError if the cycle does not come that near.
     """
     held = cycle.gamma_bar_0.uncertainty
     precision = bits(max(113, 40 + math.ceil(-math.log2(held.numerator) + math.log2(held.denominator))))
@@ -42,7 +45,10 @@ def passage_times(cycle: LimitCycle, engine: Engine, distance: Fraction) -> tupl
 
 @lru_cache(maxsize=8)
 def _rim(distance: Fraction) -> Event:
-    """Where the orbit crosses a saddle's neighbourhood; kept, so that engines keep what they build for it."""
+    """Return the event at which the orbit crosses a saddle's neighbourhood.
+
+    It is cached, so that engines keep what they build for it.
+    """
     square = float(distance) ** 2
 
     def function(ops: Any, constants: Any, omega: Any, beta: Any, gamma: Any, v: Any) -> Any:

@@ -1,4 +1,4 @@
-"""Omega_h: nested digits, by bisection and two other methods, invariances, and what is refused."""
+"""Omega_h: nested digits, other methods, invariances and refusals."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from tippedisk_verify.model.parameters import PRINTED, Parameters
 from tippedisk_verify.theory.equilibria import equilibrium
 
 
-def test_two_roads_agree(taylor) -> None:
+def test_two_methods_agree(taylor) -> None:
     manifolds, cycles = (
         heteroclinic(PRINTED, taylor, digits=18, method=method).omega_h for method in ("manifolds", "limit-cycles")
     )
@@ -31,7 +31,9 @@ def test_two_roads_agree(taylor) -> None:
 
 
 def test_the_unstable_branch_on_both_sides(taylor) -> None:
-    """Above it turns back, later by the law the closer it is; below it passes to the next well."""
+    """The branch turns back above Omega_h, later by the law the closer the speed is. Below, it
+    passes to the next well.
+    """
     connection = heteroclinic(PRINTED, taylor)
     growth = float(connection.saddle_eigenvalues[0])
     times = []
@@ -48,7 +50,9 @@ def test_the_unstable_branch_on_both_sides(taylor) -> None:
 
 
 def test_a_connection_of_neutral_saddles_is_found(taylor) -> None:
-    """The unstable direction's series has a resonance there; a distance of 1e-16 from it leaves no digit."""
+    """The series of the unstable direction has a resonance there. A distance of 1e-16 from it
+    leaves no digit.
+    """
     disk = PRINTED.changed(epsilon="0.3", e="0.575279602327400e-3")
     found, other = (heteroclinic(disk, taylor, digits=6, method=name).omega_h for name in ("manifolds", "bisection"))
     assert abs(found.value - other.value) <= found.uncertainty + other.uncertainty
@@ -88,14 +92,18 @@ def test_command(tmp_path: Path, capsys) -> None:
     assert len(list(csv.reader(out.read_text(encoding="utf-8").splitlines()))) == 402
 
 
-def test_a_set_without_connection_is_told_so(taylor) -> None:
-    """A disk eight times as inert about one axis: the branch turns back at every speed down to Omega_crit / 2."""
+def test_a_disk_without_connection_is_refused(taylor) -> None:
+    """This disk is eight times as inert about one axis. The branch turns back at every speed down
+    to Omega_crit / 2.
+    """
     with pytest.raises(NoConnectionError, match="connection"):
         bisect_omega_h(PRINTED.changed(A="2e-3", C=None), taylor)
 
 
-def test_an_engine_without_half_widths_is_asked_again_at_looser_tolerances() -> None:
-    """Each time the branch changes sides elsewhere, by some 1e-9 of the speed or a third of that."""
+def test_an_engine_without_half_widths_runs_again_at_looser_tolerances() -> None:
+    """Each time the branch changes sides at another speed, by some 1e-9 of the speed or a third of
+    that.
+    """
     speeds = [30 * (1 + Fraction(k, 10**10)) for k in (0, 12, -3, 5, -9, 1)]
     answers = dict(zip((None, *bisection._TOLERANCES), speeds, strict=True))
 
@@ -112,7 +120,7 @@ def test_an_engine_without_half_widths_is_asked_again_at_looser_tolerances() -> 
 
 @pytest.mark.slow
 def test_scipys_half_width_holds_with_the_smooth_law(taylor) -> None:
-    """Its steps run over the kinks of this law's field, and the error does not follow the tolerance."""
+    """Its steps cross the kinks of this law's field, so the error does not follow the tolerance."""
     disk = Parameters(
         r="0.1331", e="0.01809", m="0.01754", A="1.99344e-4", B="1.90668e-4", g="9.80665", mu="0.484", epsilon="0.0275"
     )

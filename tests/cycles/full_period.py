@@ -1,4 +1,6 @@
-"""Librating cycles over whole periods, without the symmetry: a section of its own, from v < 0 to the next v < 0."""
+"""Librating cycles over whole periods, without the symmetry, on a section from v < 0 to the next v
+< 0.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The family of limit cycles: the paper's sets, predictors, and the table that is written."""
+"""The family of limit cycles: the paper's sets, single speeds and the table that is written."""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""The budget of limit cycles: its risk for normal errors, and what it says where rounding leaves nothing."""
+"""The budget of limit cycles: its risk for normal errors, and its bounds where rounding leaves no
+digit.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,7 @@ from tippedisk_verify.model.precision import DOUBLE, EXTENDED, QUADRUPLE, bits, 
 
 
 def beyond(twins: int, factor: float) -> float:
-    """P(|x| > factor * range) for x and its twins, independent and normal."""
+    """Return P(|x| > factor * range) for x and its twins, independent and normal."""
     density, below = stats.norm.pdf, stats.norm.cdf
 
     def all_within(x: float) -> float:
@@ -36,7 +38,7 @@ def beyond(twins: int, factor: float) -> float:
     return integrate.quad(all_within, 0, 10, epsabs=1e-14)[0]  # far below the probability
 
 
-def test_the_risk_is_what_the_budget_says() -> None:
+def test_the_risk_is_the_budgets() -> None:
     assert 1.5e-6 < beyond(error_budget.TWINS, error_budget.TWIN_FACTOR) < 2e-6
     errors = numpy.random.default_rng(1).standard_normal((200_000, error_budget.TWINS + 1))
     ratio = error_budget.TWIN_FACTOR * numpy.ptp(errors, axis=1) / numpy.abs(errors[:, 0])
@@ -58,7 +60,7 @@ def test_the_risk_in_the_next_wider_arithmetic_is_the_same() -> None:
     assert 16 < numpy.median(factor * spreads / numpy.abs(random.standard_normal(200_000))) < 19
 
 
-def test_the_risk_on_the_branch_is_what_its_budget_says() -> None:
+def test_the_risk_on_the_branch_is_its_budgets() -> None:
     random = numpy.random.default_rng(2)
     spreads = numpy.ptp(random.standard_normal((600_000, interpolant.TWINS + 1)), axis=1).reshape(-1, 3).max(axis=1)
     widths = interpolant.TWIN_FACTOR * spreads
@@ -67,8 +69,10 @@ def test_the_risk_on_the_branch_is_what_its_budget_says() -> None:
     assert 13 < numpy.median(widths / numpy.abs(random.standard_normal(len(widths)))) < 14
 
 
-def test_a_lost_multiplier_is_bounded_by_what_is_known() -> None:
-    """exp(-104) beside a rounding of 1e-15: the logarithm is said to lie between half of the sum and that of 1e-15."""
+def test_a_lost_multiplier_is_bounded_by_its_rounding() -> None:
+    """The multiplier is exp(-104), rounding is 1e-15. The logarithm lies between half of the sum
+    and that of 1e-15.
+    """
     measured = {
         "multiplier_slow": Measured.of(1e-15, 2e-15),
         "log_multiplier_slow": Measured.of(-34.5, 2),
@@ -85,7 +89,7 @@ def test_a_lost_multiplier_is_bounded_by_what_is_known() -> None:
 
 @pytest.mark.parametrize(("share", "precision"), [("0.49", DOUBLE), ("0.51", companion(DOUBLE))])
 def test_an_arithmetic_answers_that_has_a_factor_of_two_to_spare(monkeypatch, share: str, precision) -> None:
-    """Half-widths differ from draw to draw, and which arithmetic answers is to be no matter of that."""
+    """Half-widths differ from draw to draw. That must not decide which arithmetic answers."""
 
     def by_twins(_, arithmetic, doubles):
         number = Measured(Fraction(1), Fraction(share) / 10**12 * arithmetic.epsilon / DOUBLE.epsilon)
@@ -138,7 +142,9 @@ def derivatives(matrix: Any, residual: Any = (0, 0)) -> Image:
 )
 @pytest.mark.parametrize("off", [1e-16, 1e-3])
 def test_steps_end_when_both_coordinates_rest(second: str, newton: bool, off: float) -> None:
-    """Of a linear map whose chord is right in the first one, and however wrong in the second one."""
+    """The map is linear. Its chord is right in the first coordinate and wrong by any amount in the
+    second.
+    """
     return_map, truth = LinearMap("-0.5", second), LinearMap.truth
     rows = ((0.5, 0.0), (0.0, 0.5))
     start = SimpleNamespace(point=tuple(float(t) + off for t in truth), image=derivatives(rows))
@@ -157,7 +163,9 @@ def test_steps_end_when_both_coordinates_rest(second: str, newton: bool, off: fl
     ],
 )
 def test_twins_in_double_measure_a_wider_arithmetic(kind, omega, few, many, arithmetic) -> None:
-    """Every number holds that of many more digits, by half-widths that leave most of the arithmetic's digits."""
+    """Every half-width holds the number with many more digits, and leaves most of the arithmetic's
+    digits.
+    """
     disk = Disk("table1")
     ask = disk.limit_cycle if kind == "librating" else disk.rotating_cycle
     cycle, sharp = (ask(omega, digits=digits) for digits in (few, many))

@@ -1,4 +1,4 @@
-"""Folds of librating cycles, against the spectral method; families of disks of every kind."""
+"""Folds of librating cycles against the spectral method, for families of disks of every kind."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from tippedisk_verify.theory.equilibria import equilibrium
 from tippedisk_verify.theory.hopf import criticality, hopf_point
 
 FOLDING = PRINTED.changed(A="0.229e-3")
-# Of Table 1's disks, the A at which l_1 = 0: Bbar r (2 r - e) / (2 (r + e) (r - 2 e)) [kg m^2]; and the slope of
+# The A of Table 1's disks at which l_1 = 0: Bbar r (2 r - e) / (2 (r + e) (r - 2 e)) [kg m^2]; and the slope of
 # gamma_bar_0^2 at the fold by A there [1/(kg m^2)]. docs/disks.md has both laws.
 A_B, FOLD_AMPLITUDE_SLOPE = Fraction("0.00023239668996710526315789473684"), -2798494.76137316
 POSITIVE_SADDLE_VALUE = PRINTED.changed(r="0.0346", e="0.00064", mu="0.385", epsilon="0.0395", B="0.2124e-3")
@@ -73,7 +73,9 @@ def test_the_spectral_method_finds_no_fold_where_there_is_none() -> None:
 
 # ------------------------------------------------------------------------------------------------ what a fold is
 def test_cycles_meet_at_the_fold(taylor) -> None:
-    """Next to it both are there, at distances that go with the root of the speed's; beyond it none is."""
+    """Next to the fold both cycles exist, at distances that go with the root of the speed's. Beyond
+    it there is no cycle.
+    """
     (fold,) = libration_folds(FOLDING, taylor)
     known = locator(FOLDING, taylor)
     apart = []
@@ -88,7 +90,9 @@ def test_cycles_meet_at_the_fold(taylor) -> None:
 
 
 def test_a_positive_saddle_value_folds_below_omega_h(taylor) -> None:
-    """Cycles are born stable, and next to the connection they are unstable: in between the speed is smallest."""
+    """Cycles are born stable and are unstable next to the connection. In between the speed is
+    smallest.
+    """
     (fold,) = libration_folds(POSITIVE_SADDLE_VALUE, taylor)
     known = LibratingFamily(POSITIVE_SADDLE_VALUE, taylor)
     assert fold.omega.value < known.limit < known.omega_crit
@@ -98,7 +102,9 @@ def test_a_positive_saddle_value_folds_below_omega_h(taylor) -> None:
 
 
 def test_a_small_fold_that_doubles_see_as_well_is_one(monkeypatch, taylor) -> None:
-    """Next to l_1 = 0 it is on the family's polynomials, and the law of fourth order has it too."""
+    """Next to l_1 = 0 the fold is on the family's polynomials, and the law of fourth order has it
+    too.
+    """
     disk = PRINTED.changed(A=A_B - Fraction("3e-9"))
     family = LibratingFamily(disk, taylor)
     assert len(family.folds) == 1
@@ -114,7 +120,7 @@ def test_a_small_fold_that_doubles_see_as_well_is_one(monkeypatch, taylor) -> No
 
 @pytest.mark.slow
 def test_next_to_a_generalized_hopf_point_folds_follow_the_closed_form(taylor) -> None:
-    """There doubles see their rounding only."""
+    """Doubles only see their rounding there."""
     below = "1e-16"
     disk = PRINTED.changed(A=A_B - Fraction(below))
     (fold,) = libration_folds(disk, taylor)
@@ -126,14 +132,16 @@ def test_next_to_a_generalized_hopf_point_folds_follow_the_closed_form(taylor) -
 
 @pytest.mark.slow
 def test_another_orbit_is_not_taken_for_one_of_the_family(taylor) -> None:
-    """With little friction there are others close by: one of them among the nodes made one fold into five."""
+    """With little friction other orbits are close by. One of them among the nodes turned one fold
+    into five.
+    """
     first, second = libration_folds(PRINTED.changed(mu="0.015"), taylor)
     assert second.omega.value - first.omega.value > Fraction(1, 10)
 
 
 # ------------------------------------------------------------------------------------------------ the page of documents
 def rows(heading: str) -> list[list[str]]:
-    """The table of docs/disks.md whose first column has this heading."""
+    """Return the table of docs/disks.md whose first column has this heading."""
     text = (Path(__file__).parents[2] / "docs" / "disks.md").read_text(encoding="utf-8")
     lines = text[text.index(f"| {heading} |") :].split("\n\n")[0].splitlines()[2:]
     return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
@@ -188,7 +196,7 @@ def folding(tmp_path: Path) -> str:
     return str(path)
 
 
-def test_a_disk_says_its_folds_and_both_cycles(folding, taylor) -> None:
+def test_a_disk_has_its_folds_and_both_cycles(folding, taylor) -> None:
     disk = Disk.read(folding)
     (fold,) = disk.folds(engine=taylor)
     assert abs(float(fold.omega) - 30.95690583) < 1e-6
@@ -204,7 +212,7 @@ def test_a_disk_says_its_folds_and_both_cycles(folding, taylor) -> None:
 
 
 def test_branch_has_both_cycles_at_a_speed(taylor) -> None:
-    """One by one and in lanes alike."""
+    """Single speeds and lanes give the same cycles."""
     few = list(family(FOLDING, taylor, omegas=["30.9", "30.8"]))
     many = list(family(FOLDING, taylor, omegas=["30.9"] * 60 + ["30.8"] * 60))
     assert [cycle.stable for cycle in few] == [False, True, True]
@@ -214,8 +222,10 @@ def test_branch_has_both_cycles_at_a_speed(taylor) -> None:
 
 
 def test_many_speeds_where_lanes_do_not_hold_them_all(taylor, monkeypatch) -> None:
-    """Next to Omega_h, which lies inside the family's speeds, and of a disk whose saddles are foci."""
-    monkeypatch.setattr("tippedisk_verify.cycles.branch._MANY", 3)
+    """One case is next to Omega_h, which lies inside the family's speeds. The other is a disk whose
+    saddles are foci.
+    """
+    monkeypatch.setattr("tippedisk_verify.cycles.branch._FEWEST_FOR_LANES", 3)
     known = LibratingFamily(POSITIVE_SADDLE_VALUE, taylor)
     close = float(known.limit) + 1e-4
     cycles = list(family(POSITIVE_SADDLE_VALUE, taylor, omegas=[str(known.omega_crit - 0.01)] * 2 + [str(close)]))
@@ -240,7 +250,7 @@ def test_command(folding, capsys) -> None:
 
 
 def random_disks(count: int, seed: int) -> Iterator[Parameters]:
-    """Disks that differ from the paper's in the geometry, the inertia and the friction."""
+    """Yield disks that differ from the paper's in the geometry, the inertia and the friction."""
     random = numpy.random.default_rng(seed)
     while count:
         r = 0.045 * math.exp(random.uniform(-0.4, 0.4))

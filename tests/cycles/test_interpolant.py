@@ -1,4 +1,4 @@
-"""Cycles solved together: the paper's sets, and what is left to single speeds."""
+"""Cycles solved together: the paper's sets, and the speeds that are left to single solutions."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def test_cycles_are_sharp_and_meet_the_hopf_point(taylor) -> None:
 
 
 def test_speeds_whose_cycles_doubles_do_not_hold_are_left_out(taylor) -> None:
-    """Outside the family, between its last nodes and its ends, and next to a fold."""
+    """They lie outside the family, between its last nodes and its ends, and next to a fold."""
     branch = followed(PRINTED.changed(A="0.229e-3"), taylor)
     fold = branch.place(branch.folds[0]).omega
     speeds = [fold + 0.1, fold, 30.9, branch.limit + 1e-9, branch.limit - 0.1]

@@ -1,4 +1,4 @@
-"""What the locator answers: which cycles a speed has, on which side of Omega_h it lies, and what it keeps."""
+"""The locator: the cycles of a speed, its side of Omega_h, and the families in the cache."""
 
 from __future__ import annotations
 
@@ -24,19 +24,19 @@ def test_families_are_kept_for_a_disk_and_its_law(taylor) -> None:
 
 
 @pytest.mark.parametrize(
-    ("omega", "told"),
+    ("omega", "message"),
     [
         ("29", "1 rad/s below the family, which lies between Omega_h = 30.04887 rad/s and Omega_crit = 30.88659 rad/s"),
         ("31.5", "0.61 rad/s above the family, which lies between Omega_h = 30.04887 rad/s and Omega_crit"),
     ],
 )
-def test_a_refused_speed_is_told_where_the_family_lies(taylor, monkeypatch, omega, told) -> None:
-    """By the family alone: nothing is shot for, and Omega_h is not searched."""
+def test_a_refusal_names_the_ends_of_the_family(taylor, monkeypatch, omega, message) -> None:
+    """The family alone decides: no cycle is shot for, and Omega_h is not sought."""
     known = locator(PRINTED, taylor)
     assert known.family.connected
     for name in ("cycles.locator.shoot", "cycles.locator.bisect_omega_h", "cycles.locator.splitting_zero"):
         monkeypatch.setattr(f"tippedisk_verify.{name}", None)
-    with pytest.raises(NoSuchCycleError, match=told):
+    with pytest.raises(NoSuchCycleError, match=message):
         cycle_at(PRINTED, omega, taylor)
 
 
@@ -48,8 +48,10 @@ def test_a_speed_has_as_many_starts_as_pieces_reach_it(taylor) -> None:
         assert [start.piece for start in locator(PRINTED, taylor).rotating(Fraction(omega)).starts] == pieces
 
 
-def test_next_to_omega_h_its_digits_tell_the_side(taylor) -> None:
-    """A millionth of what doubles resolve there, librating cycles lie above it and rotating ones below."""
+def test_next_to_omega_h_its_digits_show_the_side(taylor) -> None:
+    """At a millionth of the resolution of doubles, librating cycles lie above Omega_h and rotating
+    ones below.
+    """
     known, near = locator(PRINTED, taylor), Fraction(1, 10**20)
     omega_h = known.librating(known.omega_h).omega_h
     assert omega_h is not None

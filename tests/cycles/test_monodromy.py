@@ -21,7 +21,9 @@ def _cycle(kind: str, digits: int) -> Cycle:
 
 
 def _quotients(sharp: Cycle, since: Fraction) -> numpy.typing.NDArray[numpy.float64]:
-    """By motions of 25 digits over a period from a point of the cycle, with each number of that moved by 1e-10."""
+    """Return difference quotients in 25 digits over a period from a point of the cycle, each
+    component moved by 1e-10.
+    """
     step, disk = Fraction(1, 10**10), tv.Disk(**{name: getattr(sharp.parameters, name) for name in _FIELDS})
 
     def end(point: list[Fraction], time: Fraction) -> numpy.typing.NDArray[numpy.object_]:

@@ -1,4 +1,4 @@
-"""Limit cycles close to Omega_h: closed, on the laws, and refused where there are none."""
+"""Limit cycles close to Omega_h: closure, laws and refusals."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from tippedisk_verify.theory.hopf import omega_crit
 @pytest.mark.slow(minutes=0.8)
 @pytest.mark.parametrize("distance", ["1e-10", "1e-60"])
 def test_cycles_close(taylor, distance: str) -> None:
-    """Re-integrated at higher precision, half a period maps the state onto its image to what its half-width allows."""
+    """In a higher precision, half a period maps the state onto its image, up to its half-width."""
     cycle = cycle_above(CALIBRATED, distance, taylor, digits=15)
     assert cycle.period.uncertainty <= cycle.period.value / 10**15
     zeros = -math.log10(float(Fraction(distance)))
@@ -43,8 +43,10 @@ def test_cycles_close(taylor, distance: str) -> None:
 
 
 @pytest.mark.parametrize("above", ["1e-7", "0.01", "0.8"])
-def test_the_speeds_uncertainty_is_in_every_number(taylor, above) -> None:
-    """Against the cycle at a speed that is off by so much, near Omega_h, between, and near Omega_crit."""
+def test_every_half_width_holds_the_speeds_uncertainty(taylor, above) -> None:
+    """The reference is the cycle at a speed moved by its half-width, near Omega_h, between, and
+    near Omega_crit.
+    """
     omega_h = heteroclinic(PRINTED, taylor, digits=20).omega_h
     distance = Fraction(above)
     room = omega_crit(PRINTED, 20).value - omega_h.value
@@ -63,7 +65,9 @@ def test_the_speeds_uncertainty_is_in_every_number(taylor, above) -> None:
 
 @pytest.mark.slow(minutes=0.9)
 def test_laws_near_omega_h(taylor) -> None:
-    """Slopes of T and log mu_slow against log D, and the power that the remainder falls with."""
+    """The slopes of T and log mu_slow against log D follow the laws, and so does the power of the
+    remainder.
+    """
     unstable, slow, _ = (float(v) for v in heteroclinic(PRINTED, taylor).saddle_eigenvalues)
     cycles = {power: cycle_above(PRINTED, f"1e-{power}", taylor, digits=15) for power in (10, 15, 30, 50)}
     log_distance = math.log(10) * 20
@@ -78,7 +82,9 @@ def test_laws_near_omega_h(taylor) -> None:
 
 
 def test_the_periods_slope_tends_to_the_laws(taylor) -> None:
-    """Cycle by cycle in double, what the slope lacks falls with the power of the law's remainder."""
+    """Cycle by cycle in double, the difference of the slopes falls with the power of the law's
+    remainder.
+    """
     unstable, slow, _ = (float(v) for v in heteroclinic(PRINTED, taylor).saddle_eigenvalues)
     rows = PeriodContinuation(PRINTED, taylor).law_rows(unstable)
     lacking = [ratio - 1 for _, _, ratio in rows]

@@ -18,8 +18,10 @@ DISTANCES = ["1e-9", "1e-11", "1e-13"]
 
 
 @pytest.mark.parametrize("law", ["linear", "smooth"])
-def test_what_the_law_leaves_falls_with_its_next_powers(law) -> None:
-    """One term leaves the constant, two the power nu - 1, and three twice that power, a hundredth short of the next."""
+def test_the_laws_remainder_falls_with_its_next_powers(law) -> None:
+    """One term leaves the constant, two the power nu - 1, and three twice that power, a hundredth
+    short of the next.
+    """
     study = Disk("table1", friction=law).near_heteroclinic(DISTANCES)
     terms = study.period_law
     for row in study.rows:
@@ -32,7 +34,7 @@ def test_what_the_law_leaves_falls_with_its_next_powers(law) -> None:
     assert abs(float(last.period - last.law[1]) / factor - 1) < 2e-3
 
 
-def test_what_a_double_resolves_and_answers_at_their_own_speeds(taylor) -> None:
+def test_the_resolution_of_a_double_and_answers_at_their_own_speeds(taylor) -> None:
     disk, distance = Disk("table1"), Fraction(1, 10**9)
     omega = float(disk.heteroclinic(digits=27).omega_h.value + distance)
     further = math.nextafter(omega, math.inf)

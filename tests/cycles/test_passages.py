@@ -21,7 +21,9 @@ pytestmark = pytest.mark.skipif(companion(DOUBLE) != EXTENDED, reason="needs num
 
 
 def compare(taylor, parameters, section: Section, distance: str) -> None:
-    """Each number's half-width holds the same number to ten more digits, and is not 10,000 times too wide."""
+    """Assert that each half-width holds the number with ten more digits, and is not 10,000 times
+    too wide.
+    """
     guess = bisect_omega_h(parameters, taylor, confirm=False).omega_h.value
     omega_h = splitting_zero(parameters, guess, taylor, 37).omega_h.value
     omega = omega_h + (1 if section is LIBRATING else -1) * Fraction(distance)
@@ -50,14 +52,18 @@ def test_more_half_widths_hold(taylor, name, law, section, distance) -> None:
 
 
 def test_orbits_close(taylor) -> None:
-    """Half a period leads to the image of the start, in doubles and in the bits that a closer start needs."""
+    """Half a period leads to the image of the start, in doubles and in the bits that a closer start
+    needs.
+    """
     for distance in ("1e-6", "1e-12"):
         _, states = cycle_above(PRINTED, distance, taylor).orbit(3, shifted=True)
         assert abs(states[:, 1] + states[:, 0]).max() < 1e-9
 
 
-def test_where_passages_do_not_answer(taylor) -> None:
-    """More digits than 64 bits have, the other side of Omega_h, and an engine without numbers of 64 bits."""
+def test_passages_give_no_answer_beyond_their_reach(taylor) -> None:
+    """They fail for more digits than 64 bits have, on the other side of Omega_h, and without
+    numbers of 64 bits.
+    """
     above = Fraction(1, 10**7)
     for place, engine, digits in ((above, taylor, 16), (-above, taylor, 12), (above, Baseline("DOP853"), 12)):
         assert cycle_by_passages(LIBRATING, PRINTED, place, engine, digits, from_omega_h=True) is None
@@ -67,7 +73,9 @@ def test_where_passages_do_not_answer(taylor) -> None:
 @pytest.mark.slow(minutes=1.5)
 @pytest.mark.parametrize("law", ["linear", "smooth"])
 def test_monodromy_matrix(taylor, law) -> None:
-    """Against the variational equations along a whole period, from a start of more digits."""
+    """The reference is a run of the variational equations along a whole period, from a start of
+    more digits.
+    """
     parameters = PRINTED.changed(friction=law)
     quick = cycle_above(parameters, "1e-6", taylor).monodromy
     flown = replace(cycle_above(parameters, "1e-6", taylor, digits=20), _start_matrix=None).monodromy

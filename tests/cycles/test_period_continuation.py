@@ -52,7 +52,7 @@ def test_lengthening_leads_to_omega_h(taylor, parameters) -> None:
     assert abs(2 * points[-4].half_period - float(alone.period)) < loss
 
 
-def test_it_says_where_double_drowns(taylor) -> None:
+def test_a_message_names_the_period_at_which_double_drowns(taylor) -> None:
     with pytest.raises(NoSuchCycleError, match="drowns in rounding"):
         list(lengthened(PRINTED, first_of(PRINTED, taylor)[1], taylor, longest=14.0))
 

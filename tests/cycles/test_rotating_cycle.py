@@ -1,4 +1,6 @@
-"""Rotating limit cycles: two roads, both laws, both sides of the fold, and up to Omega_h."""
+"""Rotating limit cycles by two methods, under both laws, on both sides of the fold, and up to
+Omega_h.
+"""
 
 from __future__ import annotations
 
@@ -39,7 +41,7 @@ SHARED = ("period", "beta_bar_top", "v_top", "multiplier_slow")
 
 
 def agree(one: tv.Measured, other: tv.Measured, digits: int) -> bool:
-    """Whether the half-widths overlap, and are below so many digits."""
+    """Return True if the half-widths overlap and allow ``digits`` digits."""
     apart = abs(one.value - other.value)
     width = one.uncertainty + other.uncertainty
     return apart <= width <= abs(one.value) / 10**digits
@@ -57,7 +59,7 @@ def test_shooting_and_collocation_agree(taylor, omega, stable) -> None:
 
 
 @pytest.mark.slow
-def test_the_fold_by_two_roads(taylor) -> None:
+def test_the_fold_by_two_methods(taylor) -> None:
     shot, other = rotation_fold(locator(PRINTED, taylor).rotations), spectral_fold(PRINTED, digits=16)
     for name, same in FOLD:
         assert agree(getattr(shot, name), getattr(other, same), 11), name
@@ -65,7 +67,9 @@ def test_the_fold_by_two_roads(taylor) -> None:
 
 @pytest.mark.parametrize("friction", ["linear", pytest.param("smooth", marks=pytest.mark.slow(minutes=0.5))])
 def test_the_fold_is_the_end_of_both_families(taylor, friction) -> None:
-    """By the square-root law: sqrt(Omega - Omega_fold) falls with the distance of both states, and T is its mean."""
+    """The square-root law holds: sqrt(Omega - Omega_fold) falls with the distance of both states,
+    and T is its mean.
+    """
     disk = PRINTED.with_friction(friction)
     fold = rotation_fold(locator(disk, taylor).rotations)
     apart = []
@@ -143,7 +147,9 @@ def test_the_branch_goes_through_the_fold(taylor) -> None:
 
 @pytest.mark.parametrize("omega", [30.4, 33.0, 60.0])
 def test_the_unstable_cycles_stay_within_the_model(taylor, omega) -> None:
-    """At higher speeds too the disk does not lie flat, and the contact, which only pushes, does not open."""
+    """At higher speeds too the disk does not lie flat. The contact only pushes, and it does not
+    open.
+    """
     cycle = rotating_cycle(PRINTED, omega, taylor, stable=False)
     assert cycle.beta_max < 1.5
     constants = PRINTED.at(DOUBLE)

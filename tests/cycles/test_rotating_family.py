@@ -1,4 +1,4 @@
-"""Rotating cycles in lanes: their half-widths hold, and what lanes cannot do is shot one at a time."""
+"""Rotating cycles in lanes: their half-widths hold, and other cycles are shot one at a time."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def family(taylor) -> RotatingFamily:
     return locator(PRINTED, taylor).rotations
 
 
-def test_many_speeds_through_lanes_are_those_of_the_single_road(taylor, family) -> None:
+def test_many_speeds_through_lanes_are_those_of_single_solutions(taylor, family) -> None:
     fold, omega_h = 30.00346, float(family.omega_h)
     inside = numpy.linspace(fold + 1e-3, omega_h - 0.006, 40).tolist()
     beyond = numpy.linspace(omega_h + 1e-4, fold + _FAR, 58).tolist()
@@ -48,7 +48,9 @@ def test_many_speeds_through_lanes_are_those_of_the_single_road(taylor, family) 
 
 @pytest.mark.parametrize("changes", [{"friction": "smooth"}, {"e": "5e-3"}], ids=str)
 def test_the_family_is_found_from_omega_h_on(taylor, changes) -> None:
-    """It falls to one fold and rises from there; a place on it is a cycle but for what few nodes leave."""
+    """The family falls to one fold and rises from there. A place on it is a cycle up to the error
+    of few nodes.
+    """
     disk = PRINTED.with_friction("smooth") if "friction" in changes else PRINTED.changed(**changes)
     known = locator(disk, taylor)
     family = known.rotations

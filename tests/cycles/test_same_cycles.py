@@ -44,7 +44,9 @@ def test_branch_sweep_and_limit_cycle_find_the_same(law: str, tmp_path: Path) ->
 
 
 def test_a_long_list_keeps_all_others(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    """A hundred speeds are solved together; one between the Hopf point and the first node, and some without a cycle."""
+    """A hundred speeds are solved together. One lies between the Hopf point and the first node;
+    some have no cycle.
+    """
     speeds = [f"{30.1 + 0.007 * n:.3f}" for n in range(110)]
     asked = [*speeds[:50], "30.886592", *EMPTY, *speeds[50:]]
     branch = tv.Disk("table1").branch(asked, progress=False)
@@ -81,7 +83,9 @@ def _slow(distance: str) -> object:
 
 @pytest.mark.parametrize("distance", ["1e-14", *map(_slow, ("1e-13", "1e-15", "1e-16", "1e-20", "1e-40"))])
 def test_a_cycle_next_to_the_hopf_point_follows_the_normal_form(distance: str) -> None:
-    """To the next order of the amplitude law, gamma_bar_0^2 = (Omega - Omega_crit) / c_1, and of the period's."""
+    """The law gamma_bar_0^2 = (Omega - Omega_crit) / c_1 and the period's law hold to their next
+    order.
+    """
     disk = tv.Disk("table1")
     hopf, cycle, below = disk.hopf(digits=60), disk.limit_cycle(below_crit=distance), Fraction(distance)
     for name, law in (
@@ -99,7 +103,7 @@ def test_a_cycle_next_to_the_hopf_point_follows_the_normal_form(distance: str) -
     "distance", ["0.5", "1e-3", "1/3", *map(_slow, ("1e-9", "1e-14", "1e-30", "0.83772442792105", "0.837724427921066"))]
 )
 def test_digits_are_consistent_below_omega_crit(distance: str) -> None:
-    """The speed is Omega_crit - D with its half-width, so what 12 and 20 digits give holds for the same speed."""
+    """The speed is Omega_crit - D with its half-width, so 12 and 20 digits describe the same speed."""
     disk = tv.Disk("table1")
     crit = speed_below_crit(disk, distance, 60)
     few, more = (disk.limit_cycle(below_crit=distance, digits=digits) for digits in (12, 20))

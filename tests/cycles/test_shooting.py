@@ -1,4 +1,4 @@
-"""Limit cycles: three roads, four precisions, and what Newton does from bad starts."""
+"""Limit cycles by three methods in four precisions, and Newton's iteration from bad starts."""
 
 from __future__ import annotations
 
@@ -66,7 +66,9 @@ def test_half_period_full_period_and_balance_agree(share, which) -> None:
     ids=lambda value: getattr(value, "name", ""),
 )
 def test_derivatives_of_the_return_map_against_differences(taylor, section, point) -> None:
-    """By both coordinates and by Omega. Of 33 digits the flight loses four, and the step twelve of the quotient's."""
+    """The derivatives are by both coordinates and Omega. The flight loses four of 33 digits, and
+    the quotient's step twelve.
+    """
     origin, precision = (*map(Fraction, point), Fraction("30.4")), QUADRUPLE
 
     def image(first: Fraction, second: Fraction, omega: Fraction) -> Image:
@@ -101,8 +103,8 @@ def test_table_2_converges_quadratically(taylor) -> None:
 
 @settings(max_examples=40)
 @given(gamma=decimals("-3.1", "3.1", 3), v=decimals("-12", "3", 3))
-def test_newton_from_anywhere_finds_the_cycle_or_says_that_it_did_not(gamma, v) -> None:
-    """Around the cycle: a start of its size times up to two, either way. The truth is harmonic balance's."""
+def test_newton_from_anywhere_finds_the_cycle_or_fails(gamma, v) -> None:
+    """Starts lie around the cycle, up to twice its size away. The truth is harmonic balance's."""
     size = approximate_cycle(PRINTED, below(PRINTED, "0.5"))
     guess = (float(gamma) / 1.55 * size[0], -float(v) / 6 * size[1])
     try:

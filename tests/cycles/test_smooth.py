@@ -23,7 +23,9 @@ def below(parameters, distance) -> Fraction:
 
 @pytest.mark.slow
 def test_the_laws_cycles_part_faster_than_they_grow(taylor) -> None:
-    """gamma_y vanishes on the critical eigenspace: the relative difference falls like the distance's power 2.5."""
+    """gamma_y vanishes on the critical eigenspace, so the relative difference falls like the
+    distance's power 2.5.
+    """
     apart = []
     for distance in ("0.004", "0.001"):
         linear, smooth = (

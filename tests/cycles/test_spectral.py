@@ -43,7 +43,7 @@ def test_the_consistent_law_is_the_limit_and_the_printed_is_not() -> None:
 
 
 def test_cycles_close_under_the_flow(taylor) -> None:
-    """The defining property, by an integrator: after T the state is back, to the digits claimed."""
+    """An integrator tests the defining property: after T the state is back, to the digits claimed."""
     speed = below(PRINTED, "0.7")
     cycle = balanced_cycle(PRINTED, speed, digits=25)
     half = Fraction(1, 2)
@@ -56,7 +56,7 @@ def test_cycles_close_under_the_flow(taylor) -> None:
 
 @pytest.mark.parametrize("harmonics", [3, 6])
 def test_few_harmonics_are_honest(harmonics) -> None:
-    """The estimate bounds the true error also where it is large."""
+    """The estimate bounds the true error even if that is large."""
     speed = below(PRINTED, "0.5")
     truth = balanced_cycle(PRINTED, speed, digits=30)
     rough = balanced_cycle(PRINTED, speed, harmonics=harmonics)
@@ -82,7 +82,7 @@ def test_subcritical_disks_have_their_cycles_above() -> None:
 
 @pytest.mark.parametrize("inertia", ["0.228e-3", "0.229e-3", "0.23e-3"])
 def test_the_branch_passes_its_fold_in_order(inertia: str) -> None:
-    """Of the points before and after a fold either may be the nearer one."""
+    """Either of the points before and after a fold may be the nearer one."""
     points = [point for point, _ in _librating_branch(PRINTED.changed(A=inertia), math.inf)]
     amplitudes = [abs(point[:-2]).max() for point in points]
     assert amplitudes == sorted(amplitudes)
@@ -92,7 +92,7 @@ def test_the_branch_passes_its_fold_in_order(inertia: str) -> None:
 
 
 def test_the_branch_goes_on_where_periods_are_long() -> None:
-    """As far as the speed at which they are five times the shortest, 1e-5 rad/s above Omega_h."""
+    """It reaches the speed at which periods are five times the shortest, 1e-5 rad/s above Omega_h."""
     speed = float(reference("table1/linear/near-heteroclinic/het+1e-5/period").inputs["Omega"])
     assert any(point[-1] < speed for point, _ in _librating_branch(PRINTED, speed))
 

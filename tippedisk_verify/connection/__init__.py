@@ -1,1 +1,1 @@
-"""The heteroclinic connection: Omega_h, and cycles close to it."""
+"""The heteroclinic connection: Omega_h and the orbit of the connection."""

@@ -1,7 +1,8 @@
-"""Omega_h by bisection: at which speed noninverted spinning's unstable branch reaches its own copy.
+"""Omega_h by bisection, from the side that the unstable branch of noninverted spinning takes.
 
-Below Omega_h the branch that leaves (pi/2, -pi/2, 0) towards growing gamma passes the copy at gamma = 3 pi/2 and goes
-on from well to well; above it the branch turns back before. By the point symmetry the other branch does the same.
+Below Omega_h the branch that leaves (pi/2, -pi/2, 0) towards growing gamma passes the copy at gamma
+= 3 pi/2. It then goes on from well to well. Above Omega_h the branch turns back before the copy. By
+the point symmetry the other branch does the same.
 """
 
 from __future__ import annotations
@@ -30,14 +31,17 @@ _TURNS_BACK = Event("turns back", SECTION.function, direction=1)
 # sin(gamma/2) + cos(gamma/2) vanishes at gamma = -pi/2 + 2 pi n, the noninverted states, and needs no pi.
 _PASSES = Event("passes", lambda ops, c, omega, beta, gamma, v: ops.sin(gamma / 2) + ops.cos(gamma / 2))
 
-# The branch starts this far from the saddle, along the eigenvector. The symmetry about the saddle leaves no quadratic
-# terms, so the start misses the unstable manifold by the cube, most of it along directions that decay.
+# The distance of the start from the saddle, along the eigenvector. The symmetry about the saddle
+# leaves no quadratic terms, so the start misses the unstable manifold by the cube of the distance,
+# most of it along directions that decay.
 _OFFSET = Fraction(1, 2**17)
-#: At which the baseline is asked again: its own is 1e-13.
+#: Relative tolerances of the repeated runs of the baseline, looser than its own, which is 1e-13.
 _TOLERANCES = (1.3e-13, 1.7e-13, 2.2e-13, 2.8e-13, 3.6e-13)
+#: The half-width in spreads of those runs, as in `error_budget`.
 _SPREADS = 4
-_KEPT = 256  # connections
-_LONGEST = 60.0  # s; a passage within 1e-16 of the saddle takes less than 12 s at these eigenvalues
+_KEPT = 256  # connections in the cache
+# The longest flight [s]. A passage within 1e-16 of the saddle takes less than 12 s.
+_LONGEST = 60.0
 
 
 @dataclass(frozen=True, repr=False)
@@ -57,10 +61,21 @@ def unstable_branch(
     offset: Fraction = _OFFSET,
     tolerance: float | None = None,
 ) -> Result:
-    """Follow the unstable branch of (pi/2, -pi/2, 0) with growing gamma until it turns back or passes the next saddle.
+    """Follow the unstable branch of (pi/2, -pi/2, 0) with growing gamma.
 
-    The result's status is EVENT and its last event named ``turns back`` or ``passes``; FLAT if the disk lies flat
-    before either.
+    The flight ends when the branch turns back or passes the next saddle.
+
+    Args:
+        parameters: The disk and its friction law.
+        omega: The speed [rad/s].
+        engine: The engine of the flight.
+        precision: The arithmetic of the flight.
+        offset: The distance of the start from the saddle, along the eigenvector.
+        tolerance: The engine's relative tolerance; None for its own.
+
+    Returns:
+        The flight. Its status is EVENT, and its last event is named ``turns back`` or ``passes``.
+        The status is FLAT if the disk lies flat before either.
     """
     matrix = linearization(parameters, omega, "noninverted")
     growth = equilibrium(parameters, omega, "noninverted", digits=20).eigenvalues[0].re.value
@@ -86,14 +101,28 @@ def unstable_branch(
 @undisturbed
 @lru_cache(maxsize=_KEPT)
 def bisect_omega_h(parameters: Parameters, engine: Engine, *, confirm: bool = True) -> Connection:
-    """Omega_h by bisection on what the unstable branch does, to the last digits of double; kept once it is found.
+    """Return Omega_h by bisection on the side that the unstable branch takes.
 
-    With the Taylor engine the bracket is then confirmed: at both its ends the branch is followed again in a wider
-    arithmetic, from a start eight times closer to the saddle, and the half-width grows until both outcomes stand.
-    Without ``confirm`` the bracket is returned as double sees it, as a start for better methods.
-    Another engine has no wider arithmetic; there looser tolerances say how far the answer is off.
-    Raises NoConnectionError if the branch does not change sides between Omega_crit / 2 and 3/2 Omega_crit, or where it
-    does the saddle is a saddle-focus.
+    The answer is good to the last digits of double, and it is cached.
+
+    With the Taylor engine the bracket is confirmed. At both its ends the branch is followed again
+    in a wider arithmetic, from a start eight times closer to the saddle. The half-width grows until
+    both outcomes hold. Another engine has no wider arithmetic. There the spread over looser
+    tolerances measures the error.
+
+    Args:
+        parameters: The disk and its friction law.
+        engine: The engine of the flights.
+        confirm: If False, return the bracket as double sees it, as a start for better methods.
+
+    Returns:
+        Omega_h [rad/s] and the method.
+
+    Raises:
+        NoConnectionError: If the branch does not change sides between Omega_crit / 2 and 3/2
+            Omega_crit, or if the saddle is a saddle-focus where it does.
+        AccuracyError: If a branch cannot be followed, or the wider arithmetic does not confirm the
+            bracket.
     """
     passes = partial(_passes, parameters, engine)
     lower, upper = _bracket(passes, Fraction(float(omega_crit(parameters))))
@@ -121,7 +150,7 @@ def _passes(
     offset: Fraction = _OFFSET,
     tolerance: float | None = None,
 ) -> bool:
-    """Whether the unstable branch passes the next saddle at a speed, or turns back."""
+    """Return True if the unstable branch passes the next saddle, False if it turns back."""
     result = unstable_branch(parameters, omega, engine, precision=precision, offset=offset, tolerance=tolerance)
     if result.status not in (Status.EVENT, Status.FLAT):
         raise AccuracyError(f"the unstable branch at Omega = {float(omega):.12g} rad/s: {result.status.value}")
@@ -129,12 +158,14 @@ def _passes(
 
 
 def _spread_of_tolerances(passes: Callable[..., bool], centre: Fraction) -> Fraction:
-    """What the baseline's truncation may move Omega_h by.
+    """Return the half-width of Omega_h [rad/s] that holds the baseline's truncation error.
 
-    At its tightest tolerance it is near round-off, and where the smooth law's field has its kinks the error no longer
-    follows the tolerance: it is another one for every sequence of steps. Each tolerance is a draw of it, all of them
-    larger than the one at hand, and their spread with the answer, taken so many times, holds it as in `error_budget`.
-    To it sixteen ulps of the speed for what the passage does to rounding.
+    At its tightest tolerance the baseline is near round-off. Under the smooth law the field has
+    kinks, so the error there does not follow the tolerance: every sequence of steps gives another
+    error. Each tolerance is a draw of that error. All of them are looser than the baseline's own.
+    The half-width is the spread of the draws and the answer, times `_SPREADS`, as in
+    `error_budget`. It includes sixteen ulps of the speed for the rounding that the passage
+    amplifies.
     """
     values = [centre]
     for tolerance in _TOLERANCES:
@@ -150,9 +181,10 @@ def _spread_of_tolerances(passes: Callable[..., bool], centre: Fraction) -> Frac
 
 
 def _bracket(passes: Callable[..., bool], top: Fraction) -> tuple[Fraction, Fraction]:
-    """Two neighbouring doubles between which the branch changes sides.
+    """Return two neighbouring doubles [rad/s] between which the branch changes sides.
 
-    Raises NoConnectionError where it does not between Omega_crit / 2 and 3/2 Omega_crit; ``top`` is Omega_crit.
+    Raises NoConnectionError if it does not between Omega_crit / 2 and 3/2 Omega_crit. ``top`` is
+    Omega_crit.
     """
     upper, lower = top, top * Fraction(63, 64)
     while passes(upper):
@@ -171,7 +203,7 @@ def _bracket(passes: Callable[..., bool], top: Fraction) -> tuple[Fraction, Frac
 
 
 def _narrowed(passes: Callable[..., bool], lower: Fraction, upper: Fraction) -> tuple[Fraction, Fraction]:
-    """Two neighbouring doubles between which the branch changes sides."""
+    """Return two neighbouring doubles [rad/s] between which the branch changes sides."""
     while (middle := Fraction(float((lower + upper) / 2))) not in (lower, upper):
         lower, upper = (middle, upper) if passes(middle) else (lower, middle)
     return lower, upper

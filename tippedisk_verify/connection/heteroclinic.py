@@ -1,4 +1,6 @@
-"""The heteroclinic connection between noninverted spinning and its copy, at its speed Omega_h, and its orbit."""
+"""The heteroclinic connection of noninverted spinning with its copy: its speed Omega_h and its
+orbit.
+"""
 
 from __future__ import annotations
 
@@ -26,57 +28,85 @@ from tippedisk_verify.theory.saddle_manifolds import Saddle
 __all__ = ["Heteroclinic", "Method", "connection_at"]
 
 Method = Literal["manifolds", "limit-cycles", "bisection", "scipy"]
-_BEGINNING = Fraction(1, 10**6)  # from the first saddle; there the series of its branch is exact to 30 digits
+# The start's distance from the first saddle. There the series of the branch is exact to 30 digits.
+_BEGINNING = Fraction(1, 10**6)
 _SADDLE_BITS, _SADDLE_ORDER = 120, 6
-_FOLLOWED = 12.0  # s; after it doubles have long left the connection
-_LOOKS = 6001  # at the overview, 0.002 s apart
+_FOLLOWED = 12.0  # s; by then doubles have long left the connection
+_OVERVIEW_POINTS = 6001  # samples of the first flight, 0.002 s apart
 _ORBIT_DIGITS = 20  # so that the samples are right to a double's last place
 _UPRIGHT = Event("upright", lambda ops, c, omega, beta, gamma, v: ops.cos(gamma), direction=-1, terminal=False)
 
 
 @dataclass(frozen=True, repr=False)
 class Heteroclinic(Printable):
-    """The connection from (pi/2, -pi/2, 0) to (pi/2, 3 pi/2, 0); by the point symmetry the way back exists too.
+    """The connection from (pi/2, -pi/2, 0) to (pi/2, 3 pi/2, 0).
 
-    Only the method `manifolds` has the splitting derivative and the budget.
+    By the point symmetry the way back exists too. Only the method `manifolds` has the splitting
+    derivative and the budget.
     """
 
     omega_h: Measured = field(
         metadata=quantity("the speed at which the two noninverted saddles are connected", "rad/s")
     )
     saddle_eigenvalues: tuple[Measured, Measured, Measured] = field(
-        metadata=quantity("unstable, slow and fast stable one there", "1/s")
+        metadata=quantity("unstable, slow stable and fast stable eigenvalue there", "1/s")
     )
     saddle_value: Measured = field(
-        metadata=quantity("sum of the unstable and the slow stable one; below 0 cycles attract", "1/s")
+        metadata=quantity("sum of the unstable and the slow stable eigenvalue; below 0 cycles attract", "1/s")
     )
     method: Method
     parameters: Parameters  #: whose connection it is, with the friction law
     engine: str  #: what computed it
     splitting_derivative: Measured | None = field(
-        default=None, metadata=quantity("of the distance between the manifolds by Omega, at s = 1", "s/rad")
+        default=None, metadata=quantity("derivative of the distance between the manifolds by Omega, at s = 1", "s/rad")
     )
-    budget: dict[str, float] = field(default_factory=dict)  #: of what the half-width of Omega_h is the sum [rad/s]
+    #: the parts of the half-width of Omega_h, by name [rad/s]
+    budget: dict[str, float] = field(default_factory=dict)
 
     def orbit(self, count: int = 401, *, engine: Engine | None = None) -> tuple[Any, Any]:
-        """Return times (count,) [s], zero where gamma = pi/2, and the states (3, count) along the connection.
+        """Return times and states along the connection.
 
-        It runs from a distance of 1e-6 to the first saddle to where doubles leave the connection, some 1e-4 before the
-        second one. Raises InputError for a count below 2, AccuracyError if the branch cannot be followed.
+        The orbit begins at a distance of 1e-6 from the first saddle. It ends where doubles leave
+        the connection, some 1e-4 before the second saddle.
+
+        Args:
+            count: The number of points, at least 2.
+            engine: The engine of the flight; None for the default one.
+
+        Returns:
+            The times (count,) [s], zero where gamma = pi/2, and the states (3, count) [rad, rad,
+            rad/s].
+
+        Raises:
+            InputError: If ``count`` is below 2.
+            AccuracyError: If the branch cannot be followed.
         """
         times, states, _ = self.samples(count, engine=engine)
         return times, states
 
     def samples(self, count: int = 401, *, engine: Engine | None = None) -> tuple[Any, Any, Any]:
-        """Return times and states as `orbit` does, and the states' half-widths (3, count) at exactly these times.
+        """Return times and states as `orbit` does, and the states' half-widths at exactly these
+        times.
 
-        They hold what the half-width of Omega_h does to a state, which grows towards the second saddle. With an engine
-        that does not measure its error they are infinite. Raises as `orbit` does.
+        The half-widths hold the effect of the half-width of Omega_h on a state. It grows towards
+        the second saddle. With an engine that does not measure its error they are infinite.
+
+        Args:
+            count: The number of points, at least 2.
+            engine: The engine of the flight; None for the default one.
+
+        Returns:
+            The times (count,) [s], the states (3, count) and their half-widths (3, count) [rad,
+            rad, rad/s].
+
+        Raises:
+            InputError: If ``count`` is below 2.
+            AccuracyError: If the branch cannot be followed.
         """
         if count < 2:
             raise InputError(f"an orbit has at least its two ends, not {shown(count)} points")
         engine, omega_h = engine or default_engine(), self.omega_h
-        overview = numpy.linspace(0, _FOLLOWED, _LOOKS)
+        overview = numpy.linspace(0, _FOLLOWED, _OVERVIEW_POINTS)
         run = self._branch(omega_h.value, overview, engine, measured=False)
         distances = numpy.abs(run.samples - numpy.array([0, math.pi, 0])).max(axis=1)
         since = numpy.linspace(0, overview[int(numpy.argmin(distances))], count)
@@ -95,9 +125,10 @@ class Heteroclinic(Printable):
         return times, states, widths + DISTANCES * rates * late + numpy.spacing(2 * numpy.abs(states))
 
     def _branch(self, omega: Fraction, times: Any, engine: Engine, *, measured: bool = True) -> Result:
-        """Fly from the first saddle along its unstable branch, in shifted angles, with the event gamma = pi/2.
+        """Fly from the first saddle along its unstable branch, in shifted angles, with the event
+        gamma = pi/2.
 
-        Raises AccuracyError if the flight does not get to the last time.
+        Raises AccuracyError if the flight does not reach the last time.
         """
         start = Saddle(self.parameters, omega, _SADDLE_BITS, _SADDLE_ORDER).start_on_branch(_BEGINNING)
         request = Request(
@@ -127,7 +158,16 @@ def connection_at(
     engine: Engine,
     zero: SplittingZero | None = None,
 ) -> Heteroclinic:
-    """Return the connection at a known Omega_h with its eigenvalues to ``digits`` significant digits."""
+    """Return the connection at a known Omega_h.
+
+    Args:
+        parameters: The disk and its friction law.
+        omega_h: The speed of the connection [rad/s].
+        digits: The significant digits of the eigenvalues.
+        method: The method that found Omega_h.
+        engine: The engine that found it.
+        zero: The zero of the splitting, for its derivative and budget.
+    """
     eigenvalues = _eigenvalues(parameters, omega_h, digits)
     unstable, slow, _ = eigenvalues
     return Heteroclinic(
@@ -143,10 +183,14 @@ def connection_at(
 
 
 def _eigenvalues(parameters: Parameters, omega_h: Measured, digits: int) -> tuple[Measured, Measured, Measured]:
-    """With what the uncertainty of Omega_h does to them: they are smooth in it, so their change is linear."""
+    """Return the saddle's eigenvalues [1/s] at Omega_h.
+
+    Their half-widths hold the effect of the half-width of Omega_h. The eigenvalues are smooth in
+    Omega, so that effect is linear.
+    """
     if not omega_h.is_measured:
         there = equilibrium(parameters, omega_h.value, "noninverted", digits + 6).eigenvalues
-        first, second, third = (Measured.without_half_width(one.re.value, digits) for one in there)
+        first, second, third = (Measured.without_half_width(eigenvalue.re.value, digits) for eigenvalue in there)
         return first, second, third
     there, moved = (
         equilibrium(parameters, omega, "noninverted", digits + 6).eigenvalues

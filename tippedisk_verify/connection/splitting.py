@@ -1,12 +1,20 @@
 """Omega_h to any number of digits: where the saddles' manifolds meet.
 
-The unstable branch of (pi/2, -pi/2, 0) starts on its power series, a fixed distance out, flows for a fixed time, and
-ends next to (pi/2, 3 pi/2, 0), where the power series of the stable manifold says how far off it is. That distance, the
-splitting u(Omega), is an analytic function with a simple zero at Omega_h. Along the flow u grows like exp(lambda_u t)
-and the coordinate s on the stable curve falls like exp(lambda_s t), so u |s|^(-lambda_u / lambda_s), the splitting
-carried back to s = 1, depends neither on the flight time nor on the starts. Its zero is found by Newton's iteration in
-stages of growing precision. A wider arithmetic, with longer series and starts closer to the saddles, then computes the
-splitting once more, and how far that moves the zero is the error.
+**The splitting.** The unstable branch of (pi/2, -pi/2, 0) starts on its power series, at a fixed
+distance. It flows for a fixed time and ends next to (pi/2, 3 pi/2, 0). There the power series of
+the stable manifold gives its distance from that manifold. This distance, the splitting u(Omega), is
+an analytic function with a simple zero at Omega_h.
+
+**The invariant.** Along the flow u grows like exp(lambda_u t). The coordinate s on the stable curve
+falls like exp(lambda_s t). So the splitting carried back to s = 1,
+
+    u |s|^(-lambda_u / lambda_s),
+
+depends neither on the flight time nor on the starts.
+
+**The iteration.** Newton's iteration finds its zero in stages of growing precision. A wider
+arithmetic, with longer series and starts closer to the saddles, then computes the splitting once
+more. The shift of the zero is the error.
 """
 
 from __future__ import annotations
@@ -44,15 +52,17 @@ __all__ = [
     "splitting_zero",
 ]
 
-#: Digits of Omega_h that are offered; these take some hours, and the time grows like the power 2.5 of the digits.
+#: The most digits of Omega_h that are offered. They take some hours. The time grows like the power
+#: 2.5 of the digits.
 MOST_DIGITS = 1000
 
-_GUARD = 6  # digits lost on the way, to begin with: the passages amplify rounding, and the starts cancel
-_FAR = 0.02  # where double still sees the approach to the second saddle clearly
-_LONGEST = 30.0  # s
-_MOST_STEPS = 8  # of Newton's iteration in one arithmetic
-_BENDS = 10**8  # s/rad; how fast the slope changes with Omega, in units of itself, at most
-_KEPT = 256  # zeros
+# Guard digits of the first attempt: the passages amplify rounding, and the starts cancel.
+_GUARD = 6
+_FAR = 0.02  # distance from the second saddle at which double still sees the approach clearly
+_LONGEST = 30.0  # s, the longest flight
+_MOST_STEPS = 8  # Newton steps in one arithmetic
+_MOST_CURVATURE = 10**8  # s/rad; a bound of the slope's relative change with Omega
+_KEPT = 256  # zeros in the cache
 
 
 @dataclass(frozen=True)
@@ -72,10 +82,18 @@ class Splitting:
 
 
 class SplittingFunction:
-    """The splitting as a function of Omega in one arithmetic, with series and flight time chosen for its digits.
+    """The splitting as a function of Omega in one arithmetic.
 
-    ``closer`` brings start and end closer to the saddles by that factor. ``coarser`` is the same function in a coarser
-    arithmetic, and tells how long the fast coordinate takes to decay.
+    Its series and flight time are chosen for the digits of the arithmetic.
+
+    Args:
+        parameters: The disk and its friction law.
+        speed: A speed near Omega_h [rad/s], at which series and flight time are chosen.
+        engine: The engine of the flights.
+        precision: The arithmetic of the flights.
+        closer: The factor by which start and end are closer to the saddles.
+        coarser: The same function in a coarser arithmetic. It shows how long the fast coordinate
+            takes to decay.
     """
 
     def __init__(
@@ -104,9 +122,14 @@ class SplittingFunction:
             too_large = math.log(abs(float(coarser.latest.t)) + 1e-300) + (digits + 2) / 2 * math.log(10)
             longer = Fraction(max(0, math.ceil(-100 * too_large / float(saddle.eigenvalues[2]))), 100)
             self.duration = max(self.duration, coarser.duration + longer)
-        self.latest: Splitting = Splitting(speed, 0, 0, 0, 0)  #: at the speed asked for last, but for slopes
+        self.latest: Splitting = Splitting(speed, 0, 0, 0, 0)  #: at the last speed, slopes apart
 
     def __call__(self, omega: Fraction) -> Splitting:
+        """Return the splitting at a speed [rad/s].
+
+        Raises:
+            AccuracyError: If the flight fails.
+        """
         saddle = self._saddle
         if saddle.omega != omega:
             saddle = Saddle(self.parameters, omega, self.bits, self.order)
@@ -121,25 +144,35 @@ class SplittingFunction:
         return self.latest
 
     def _flown(self, saddle: Saddle, precision: Precision, duration: object, times: Any = None) -> Result:
-        """A flight along the saddle's unstable branch, from the chosen distance on."""
+        """Fly along the saddle's unstable branch, from the chosen distance on."""
         wanted: dict[str, Any] = {"times": times, "precision": precision, "shifted": True, "domain": "none"}
         state = saddle.start_on_branch(self.start)
         return self.engine(Request(self.parameters, saddle.omega, state, duration, **wanted))
 
     @property
     def step(self) -> Fraction:
-        """Of a central difference [rad/s]: between the resolution and where curvature shows, half of the digits."""
+        """The step of a central difference [rad/s], half of the digits.
+
+        It lies between the resolution and the step at which curvature shows.
+        """
         return Fraction(1, 10 ** (int(self.precision.bits * math.log10(2)) // 2))
 
     def slope(self, omega: Fraction) -> Fraction:
-        """d(u)/d(Omega), carried back to s = 1 [s/rad]."""
+        """Return d(u)/d(Omega), carried back to s = 1 [s/rad].
+
+        Args:
+            omega: The speed [rad/s].
+        """
         latest = self.latest
         change = self(omega + self.step).carried - self(omega - self.step).carried
         self.latest = latest
         return change / (2 * self.step)
 
     def _flight_time(self, saddle: Saddle) -> Fraction:
-        """From the start until the slow stable coordinate is the end's, to a hundredth of a second."""
+        """Return the flight time [s] until the slow stable coordinate is that of the end.
+
+        It is rounded to a hundredth of a second.
+        """
         times = numpy.arange(0, _LONGEST, 0.01)
         samples = self._flown(saddle, DOUBLE, float(times[-1]), times).samples
         distances = numpy.abs(samples - numpy.array([0.0, math.pi, 0.0])).max(axis=1)
@@ -153,10 +186,10 @@ class SplittingFunction:
 
 @dataclass(frozen=True)
 class SplittingZero:
-    """Omega_h, how the splitting depends on Omega there, and what the error consists of."""
+    """Omega_h, the splitting near it, and the parts of its error."""
 
     omega_h: Measured  #: [rad/s]
-    budget: dict[str, float]  #: of what the half-width of omega_h is the sum [rad/s], by name
+    budget: dict[str, float]  #: the parts of the half-width of omega_h, by name [rad/s]
     splitting_at: SplittingFunction  #: in the arithmetic of omega_h
     finer: SplittingFunction  #: in the wider arithmetic that measured its error
 
@@ -164,18 +197,28 @@ class SplittingZero:
     def derivative(self) -> Measured:
         """d(u)/d(Omega) [s/rad], carried back along the flow to s = 1.
 
-        With another step and at another distance from the saddles the slope is another one by as much as it is wrong.
+        Another step and another distance from the saddles change the slope by as much as it is
+        wrong.
         """
-        finer, slope = (one.slope(one.latest.omega) for one in (self.finer, self.splitting_at))
+        functions = (self.finer, self.splitting_at)
+        finer, slope = (function.slope(function.latest.omega) for function in functions)
         return Measured.compared(finer, slope, self.splitting_at.precision.epsilon)
 
 
 @lru_cache(maxsize=_KEPT)
 def splitting_zero(parameters: Parameters, guess: Fraction, engine: Engine, digits: int) -> SplittingZero:
-    """Omega_h [rad/s] to ``digits`` significant digits from an approximation good to some five; kept once found.
+    """Return Omega_h to ``digits`` significant digits; the answer is cached.
 
-    Raises AccuracyError if the iteration does not settle or the branch does not arrive, or if the digits are not
-    reached, NoConnectionError where there are no saddles to connect.
+    Args:
+        parameters: The disk and its friction law.
+        guess: An approximation of Omega_h [rad/s], good to some five digits.
+        engine: The engine of the flights.
+        digits: The significant digits of Omega_h.
+
+    Raises:
+        AccuracyError: If the iteration does not settle, the branch does not arrive, or the digits
+            are not reached.
+        NoConnectionError: If there are no saddles to connect.
     """
     guard = _GUARD
     while True:
@@ -190,7 +233,9 @@ def splitting_zero(parameters: Parameters, guess: Fraction, engine: Engine, digi
 
 
 def _stages(wanted: int) -> list[Precision]:
-    """Arithmetics from cheap to the one that holds the digits wanted, each with about twice those of the one before."""
+    """Return arithmetics from cheap to one that holds the digits, each with about twice those
+    before.
+    """
     if wanted <= EXTENDED.digits and companion(DOUBLE) == EXTENDED:
         return [EXTENDED]
     stages: list[Precision] = []
@@ -201,9 +246,17 @@ def _stages(wanted: int) -> list[Precision]:
 
 
 def unmeasured_zero(parameters: Parameters, guess: Fraction, engine: Engine, digits: int) -> Measured:
-    """Return Omega_h [rad/s] to ``digits`` significant digits as `splitting_zero` finds it, without a half-width.
+    """Return Omega_h as `splitting_zero` finds it, without a half-width.
 
-    Raises as that does, but for digits that are not reached.
+    Args:
+        parameters: The disk and its friction law.
+        guess: An approximation of Omega_h [rad/s], good to some five digits.
+        engine: The engine of the flights.
+        digits: The significant digits of Omega_h.
+
+    Raises:
+        AccuracyError: If the iteration does not settle, or the branch does not arrive.
+        NoConnectionError: If there are no saddles to connect.
     """
     _, omega, _ = _root(parameters, guess, engine, _stages(digits + _GUARD))
     return Measured.without_half_width(omega, digits)
@@ -245,17 +298,18 @@ def _zero(parameters: Parameters, guess: Fraction, engine: Engine, stages: Seque
 
 
 class _Slope(NamedTuple):
-    """d(u)/d(Omega), carried back to s = 1 [s/rad], and what it may be off, relative to itself."""
+    """d(u)/d(Omega), carried back to s = 1 [s/rad], and a bound of its relative error."""
 
     value: Fraction
     error: Fraction
 
 
 def _newton(splitting_at: SplittingFunction, omega: Fraction, slope: _Slope | None) -> tuple[Fraction, _Slope]:
-    """The zero in one arithmetic and the slope next to it, from the slope of a coarser arithmetic or a difference.
+    """Return the zero [rad/s] in one arithmetic and the slope next to it.
 
-    Chords come first; from the second one on the slope is the secant's. The iteration ends where the next step would
-    be below a thousand roundings: what is left then is measured by the wider run.
+    The iteration starts from the slope of a coarser arithmetic, or else from a difference. From the
+    second step on it uses the secant's slope if that is better. It ends where the next step would
+    be below a thousand roundings. The wider run measures the rest.
     """
     resolution = omega * splitting_at.precision.epsilon
     previous: tuple[Fraction, Fraction] | None = None
@@ -265,24 +319,25 @@ def _newton(splitting_at: SplittingFunction, omega: Fraction, slope: _Slope | No
             slope = _Slope(splitting_at.slope(omega), 1000 * splitting_at.step)
         elif previous is not None and previous[0] != omega:
             step = omega - previous[0]
-            secant = _Slope((value - previous[1]) / step, _BENDS * abs(step) + 1000 * resolution / abs(step))
-            slope = min(slope, secant, key=lambda one: one.error)
+            error = _MOST_CURVATURE * abs(step) + 1000 * resolution / abs(step)
+            secant = _Slope((value - previous[1]) / step, error)
+            slope = min(slope, secant, key=lambda candidate: candidate.error)
         if not slope.value:
             raise AccuracyError("the splitting does not depend on Omega: there is no isolated connection")
         change = -value / slope.value
         previous = omega, value
         omega = _cut(omega + change, splitting_at.precision)
-        if abs(change) * max(_BENDS * abs(change), slope.error) < 1000 * resolution:
+        if abs(change) * max(_MOST_CURVATURE * abs(change), slope.error) < 1000 * resolution:
             return omega, slope
     raise AccuracyError("the iteration for Omega_h does not settle: is the approximation it starts from one?")
 
 
 def _short(value: float) -> Fraction:
-    """The same to three digits: exact in every arithmetic, and the same in each."""
+    """Round to three digits, so that the value is exact, and the same, in every arithmetic."""
     return Fraction(f"{value:.2e}")
 
 
 def _cut(omega: Fraction, precision: Precision) -> Fraction:
-    """Rounded to a few bits more than the arithmetic has, so that the rational does not grow."""
+    """Round to a few bits more than the arithmetic has, so that the rational does not grow."""
     scale = 1 << (precision.bits + 8)
     return Fraction(round(omega * scale), scale)

@@ -29,7 +29,7 @@ __all__ = ["cycle_above", "cycle_at", "cycles_at", "rotating_below", "rotating_c
 
 C = TypeVar("C", bound=Cycle)
 
-_SMALLEST = 800  # zeros after the point that a distance from Omega_h may have
+_MOST_ZEROS = 800  # the most zeros after the point of a distance from Omega_h
 
 
 def cycle_at(
@@ -41,16 +41,28 @@ def cycle_at(
     stable: bool | None = None,
     half_widths: bool = True,
 ) -> LimitCycle:
-    """Return the limit cycle at ``omega`` [rad/s], to ``digits`` significant digits, however close to Omega_h that is.
+    """Return the limit cycle at ``omega``, to ``digits`` significant digits, however close to
+    Omega_h the speed is.
 
-    Where a speed has several it is the stable one, or the one that ``stable`` asks for. Raises InputError for a speed
-    that is not positive, NoSuchCycleError where the search fails, AccuracyError if the digits are not reached.
+    Args:
+        parameters: The disk and its friction law.
+        omega: The speed [rad/s].
+        engine: The engine of the flights.
+        digits: The significant digits wanted.
+        stable: True for a stable cycle, False for an unstable one. None prefers the stable one of
+            several.
+        half_widths: If False, the numbers have no half-widths.
+
+    Raises:
+        InputError: If the speed is not positive.
+        NoSuchCycleError: If the search fails.
+        AccuracyError: If the digits are not reached.
     """
     speed = checked_speed(omega)
     digits = checked_digits(digits)
     cycle: LimitCycle | None = None
     newborn = abs(distance_below_crit(parameters, speed)) < NEWBORN and not locator(parameters, engine).lost
-    if stable is not False and not newborn:  # mostly the law leads to a stable cycle, and nothing else is asked
+    if stable is not False and not newborn:  # mostly the law leads to a stable cycle, and nothing else is needed
         fixed_point = shoot_from_law(ReturnMap(LIBRATING, parameters, speed, engine))
         if fixed_point is not None:
             cycle = cycle_to_digits(fixed_point, digits, half_widths=half_widths)
@@ -68,9 +80,20 @@ def cycle_at(
 
 
 def cycles_at(parameters: Parameters, omega: Fraction, *, engine: Engine, half_widths: bool = True) -> list[LimitCycle]:
-    """Return all limit cycles at a speed [rad/s] to 12 digits, from the smallest amplitude on.
+    """Return all limit cycles at a speed to 12 digits, from the smallest amplitude on.
 
-    Where the family has none there may be one that `cycle_at` finds by itself. Raises as that does.
+    If the family has no cycle at the speed, `cycle_at` searches for one outside the family.
+
+    Args:
+        parameters: The disk and its friction law.
+        omega: The speed [rad/s].
+        engine: The engine of the flights.
+        half_widths: If False, the numbers have no half-widths.
+
+    Raises:
+        InputError: If the speed is not positive.
+        NoSuchCycleError: If the search fails.
+        AccuracyError: If the digits are not reached.
     """
     location = locator(parameters, engine).librating(omega)
     if location.starts:
@@ -87,10 +110,22 @@ def rotating_cycle(
     digits: int = 12,
     half_widths: bool = True,
 ) -> RotatingCycle:
-    """Return the rotating limit cycle at ``omega`` [rad/s], to ``digits`` significant digits.
+    """Return the rotating limit cycle at ``omega``, to ``digits`` significant digits.
 
-    Stable ones lie between the family's fold and Omega_h, unstable ones from the fold upward. Raises InputError for a
-    speed that is not positive, NoSuchCycleError where the search fails, AccuracyError if the digits are not reached.
+    Stable ones lie between the family's fold and Omega_h, unstable ones from the fold upward.
+
+    Args:
+        parameters: The disk and its friction law.
+        omega: The speed [rad/s].
+        engine: The engine of the flights.
+        stable: True for the stable cycle, False for the unstable one.
+        digits: The significant digits wanted.
+        half_widths: If False, the numbers have no half-widths.
+
+    Raises:
+        InputError: If the speed is not positive.
+        NoSuchCycleError: If the search fails.
+        AccuracyError: If the digits are not reached.
     """
     speed = checked_speed(omega)
     digits = checked_digits(digits)
@@ -109,25 +144,44 @@ def rotating_cycle(
 
 @undisturbed
 def cycle_above(parameters: Parameters, above: object, engine: Engine, *, digits: int = 12) -> LimitCycle:
-    """The limit cycle at Omega_h + ``above`` [rad/s], to ``digits`` significant digits.
+    """Return the limit cycle at Omega_h + ``above``, to ``digits`` significant digits.
 
-    Raises InputError unless ``above`` is a positive decimal, NoSuchCycleError where the family does not reach as far or
-    the search fails, AccuracyError if the digits are not reached.
+    Args:
+        parameters: The disk and its friction law.
+        above: The distance from Omega_h [rad/s], a positive decimal.
+        engine: The engine of the flights.
+        digits: The significant digits wanted.
+
+    Raises:
+        InputError: If ``above`` is not a positive decimal.
+        NoSuchCycleError: If the family does not reach as far, or the search fails.
+        AccuracyError: If the digits are not reached.
     """
-    return _beside_omega_h(LIBRATING, parameters, above, engine, digits)
+    return _next_to_omega_h(LIBRATING, parameters, above, engine, digits)
 
 
 def rotating_below(parameters: Parameters, below: object, engine: Engine, *, digits: int = 12) -> RotatingCycle:
-    """The stable rotating limit cycle at Omega_h - ``below`` [rad/s], to ``digits`` significant digits.
+    """Return the stable rotating limit cycle at Omega_h - ``below``, to ``digits`` significant
+    digits.
 
-    Raises InputError unless ``below`` is a positive decimal, NoSuchCycleError beyond the fold, AccuracyError if the
-    digits are not reached.
+    Args:
+        parameters: The disk and its friction law.
+        below: The distance from Omega_h [rad/s], a positive decimal.
+        engine: The engine of the flights.
+        digits: The significant digits wanted.
+
+    Raises:
+        InputError: If ``below`` is not a positive decimal.
+        NoSuchCycleError: If the speed lies beyond the fold.
+        AccuracyError: If the digits are not reached.
     """
-    return _beside_omega_h(ROTATING, parameters, below, engine, digits)
+    return _next_to_omega_h(ROTATING, parameters, below, engine, digits)
 
 
-def _beside_omega_h(section: Section[C], parameters: Parameters, offset: object, engine: Engine, digits: int) -> C:
-    """The cycle at a distance from Omega_h, on the piece of the section's family that ends there."""
+def _next_to_omega_h(section: Section[C], parameters: Parameters, offset: object, engine: Engine, digits: int) -> C:
+    """Return the cycle at a distance from Omega_h, on the piece of the section's family that ends
+    there.
+    """
     above = section is LIBRATING
     side, cycles = ("above", "limit cycles") if above else ("below", "stable rotating cycles")
     distance, omega_h_digits = _checked_distance(offset, side, digits)
@@ -137,9 +191,11 @@ def _beside_omega_h(section: Section[C], parameters: Parameters, offset: object,
         if passing is not None:
             return passing
     disk_locator = locator(parameters, engine)
-    room = _room(section, disk_locator)
-    if distance >= room:
-        raise NoSuchCycleError(f"{cycles} lie less than {float(room):.6g} rad/s {side} Omega_h, not {shown(offset)}")
+    branch_length = _branch_length(section, disk_locator)
+    if distance >= branch_length:
+        raise NoSuchCycleError(
+            f"{cycles} lie less than {float(branch_length):.6g} rad/s {side} Omega_h, not {shown(offset)}"
+        )
     omega_h = splitting_zero(parameters, disk_locator.omega_h, engine, omega_h_digits).omega_h
     omega = omega_h.value + (distance if above else -distance)
     at_speed: Any
@@ -154,14 +210,14 @@ def _beside_omega_h(section: Section[C], parameters: Parameters, offset: object,
         if not location.starts:
             raise NoSuchCycleError(location.refusal)
         at_speed = location.cycle(location.starts[-1], digits)
-    cycle: C = with_speed(at_speed, section, omega_h, distance, room, engine)
+    cycle: C = with_speed(at_speed, section, omega_h, distance, branch_length, engine)
     if cycle.period.uncertainty > cycle.period.value / 10**digits:
         raise AccuracyError(f"T has fewer than {digits} digits this close to Omega_h: ask for {digits + 10}")
     return cycle
 
 
-def _room(section: Section[Any], disk_locator: Locator) -> Fraction:
-    """How far from Omega_h [rad/s] the piece of the section's family reaches that ends there."""
+def _branch_length(section: Section[Any], disk_locator: Locator) -> Fraction:
+    """Return the length [rad/s] of the piece of the section's family that ends at Omega_h."""
     omega_h = disk_locator.omega_h
     if section is ROTATING:
         return omega_h - Fraction(disk_locator.rotations.near_fold().omega)
@@ -178,9 +234,10 @@ def _room(section: Section[Any], disk_locator: Locator) -> Fraction:
 
 
 def _checked_distance(offset: object, side: str, digits: int) -> tuple[Fraction, int]:
-    """A distance from Omega_h [rad/s], and the digits of Omega_h that a cycle there needs for ``digits`` of its own.
+    """Return a distance from Omega_h [rad/s], and the digits of Omega_h that a cycle there needs.
 
-    Raises InputError unless it is a positive decimal that is not too small.
+    ``digits`` are those wanted of the cycle. Raises InputError unless the distance is a positive
+    decimal that is not too small.
     """
     distance = exact(offset)
     if distance.pi_multiple or distance.rational <= 0:
@@ -188,8 +245,8 @@ def _checked_distance(offset: object, side: str, digits: int) -> tuple[Fraction,
     digits = checked_digits(digits)
     value = distance.rational
     zeros = max(0, math.ceil(math.log10(value.denominator) - math.log10(value.numerator)))  # of huge integers too
-    if zeros > _SMALLEST:
-        raise InputError(f"distances {side} Omega_h are offered down to 1e-{_SMALLEST} rad/s, not 1e-{zeros}")
+    if zeros > _MOST_ZEROS:
+        raise InputError(f"distances {side} Omega_h are offered down to 1e-{_MOST_ZEROS} rad/s, not 1e-{zeros}")
     if zeros + digits > MOST_DIGITS:
         raise InputError(
             f"Omega_h is offered to {MOST_DIGITS} digits: {digits} at 1e-{zeros} rad/s {side} it need more"

@@ -1,11 +1,14 @@
 """Limit cycles at many speeds at once, in double, one in each SIMD lane.
 
-With the flight time as an unknown: the flow over tau followed by the section's symmetry must return to the start. For
-librating cycles that is the point symmetry S after half a period, for rotating ones a turn of gamma back after a whole
-one. Without an event to stop at, a Newton step costs one variational flight per lane and nothing else. Runs that have
-converged leave; the others go on.
+The flight time is an unknown. The flow over this time, followed by the section's symmetry, must
+return to the start. For librating cycles the symmetry is the point symmetry S after half a period.
+For rotating ones it is a turn of gamma back after a whole period.
 
-Either Omega is fixed, or the first coordinate, and Omega is an unknown: a family of cycles may turn round in Omega.
+Without an event to stop at, a Newton step costs one variational flight per lane and nothing else.
+Runs that have converged leave the batch; the others go on.
+
+Either Omega or the first coordinate is fixed. With a fixed coordinate Omega is an unknown, because
+a family of cycles may turn round in Omega.
 """
 
 from __future__ import annotations
@@ -27,24 +30,27 @@ __all__ = ["BatchCycles", "shoot_batch"]
 
 _MOST_STEPS = 12
 _LONGEST = 60.0  # s; half a period within rounding of Omega_h takes less than 6 s
-# A step this small (relative) leaves, by quadratic convergence, an error below rounding.
+# The relative step that leaves, by quadratic convergence, an error below rounding.
 _SMALL_STEP = 1e-11
-_FIRST, _OMEGA = 0, 3  # which of the unknowns, the two coordinates, the flight time and Omega, is fixed
+# The places of the unknowns that may be fixed, among the two coordinates, the flight time and Omega.
+_FIRST, _OMEGA = 0, 3
 
 
 @dataclass(frozen=True)
 class BatchCycles:
-    """n limit cycles of a section in double; ``cycles[name]`` is a number of each, (n,), NaN where Newton failed.
+    """n limit cycles of a section in double. ``cycles[name]`` is a number of each, (n,), NaN where
+    Newton failed.
 
-    Besides omega, the section's `numbers` and the trivial multiplier's defect these are ``log_multipliers``, the sum of
-    both logarithms, which is the integral of the divergence, and ``residual``, |image of the flight's end - start| of
-    (beta_bar, gamma_bar, v / 10), summed [rad].
+    The names are omega, the section's `numbers` and the trivial multiplier's defect.
+    ``log_multipliers`` is the sum of both logarithms, which is the integral of the divergence.
+    ``residual`` is |image of the flight's end - start| of (beta_bar, gamma_bar, v / 10), summed
+    [rad].
     """
 
     section: Section[Any]
     numbers: Mapping[str, Array]
-    converged: Any  #: (n,) whether Newton's iteration ended
-    last_step: Array  #: (n, 3) the last Newton step, of the unknowns: derivatives were taken before it
+    converged: Any  #: (n,) True where Newton's iteration ended
+    last_step: Array  #: (n, 3) the last Newton step of the unknowns: derivatives were taken before it
 
     def __getitem__(self, name: str) -> Array:
         return self.numbers[name]
@@ -61,12 +67,18 @@ class BatchCycles:
 
     @property
     def guess(self) -> Any:
-        """(3, n): what Newton's iteration starts from to find these cycles again."""
+        """The start (3, n) of Newton's iteration that finds these cycles again: coordinates and
+        flight time.
+        """
         first, second = (self.numbers[name] for name in self.section.names)
         return numpy.stack((first, second, self.numbers["period"] / self.section.per_period))
 
     def only(self, which: Any) -> BatchCycles:
-        """Some of them."""
+        """Select a subset of the batch.
+
+        Args:
+            which: The indices or the mask (n,) of the cycles.
+        """
         numbers = {name: values[which] for name, values in self.numbers.items()}
         return BatchCycles(self.section, numbers, self.converged[which], self.last_step[which])
 
@@ -82,12 +94,21 @@ def shoot_batch(
     tolerance: Any = _SMALL_STEP,
     free_omega: bool = False,
 ) -> BatchCycles:
-    """Newton's iteration for every speed, then all numbers of its cycle.
+    """Solve for a cycle at every speed, then compute all its numbers.
 
-    ``constants`` is (6,) or (n, 6), see `flow.lanes.field_constants`, and ``guess`` (3, n): the section's coordinates
-    and the flight time. With ``whole=False`` the section's measures and the fast multiplier, which take another
-    flight, are left out (NaN). ``tolerance``, one or (n,), is the relative step after which it ends. With
-    ``free_omega`` the first coordinate is fixed, and ``omegas`` [rad/s] are guesses.
+    Args:
+        section: The section.
+        constants: The constants (6,) or (n, 6), see `flow.lanes.field_constants`.
+        omegas: The speeds (n,) [rad/s]; guesses with ``free_omega``.
+        guess: The section's coordinates and the flight time, (3, n).
+        lanes: The engine of the flights.
+        whole: If False, leave out (NaN) the section's measures and the fast multiplier, which take
+            another flight.
+        tolerance: The relative step that ends the iteration, one or (n,).
+        free_omega: If True, fix the first coordinate instead of Omega.
+
+    Returns:
+        The cycles, NaN where the iteration failed.
     """
     unknowns = numpy.stack((*guess, omegas), axis=1).astype(float)
     count = len(unknowns)
@@ -106,9 +127,9 @@ def shoot_batch(
 
 
 class _Step(NamedTuple):
-    """One Newton step of n runs, and what their derivatives tell."""
+    """One Newton step of n runs, and the numbers that their derivatives give."""
 
-    step: Array  #: (n, 3) of the three free unknowns
+    step: Array  #: (n, 3) the step of the three free unknowns
     by_omega: Array  #: (n, 3) derivatives of coordinates and flight time along the family
     map: Array  #: (n, 2, 2) the derivative of the section's map
     residual: Array  #: (n,)
@@ -116,22 +137,24 @@ class _Step(NamedTuple):
 
 
 class _SectionBatch:
-    """Runs of one section with constants (n, 6), of whose unknowns (n, 4) the one numbered ``held`` is fixed."""
+    """The runs of one section with constants (n, 6). The unknown (n, 4) numbered ``held`` is fixed."""
 
     def __init__(self, section: Section[Any], constants: Array, lanes: BatchTaylor, held: int) -> None:
         self._section, self._constants, self._lanes, self._held = section, constants, lanes, held
         self._free = numpy.delete(numpy.arange(4), held)
 
     def solve(self, unknowns: Array, tolerance: Array) -> tuple[Any, _Step]:
-        """Which runs converge, and their last steps (NaN for others); ``unknowns`` become the solutions.
+        """Solve all runs; ``unknowns`` become the solutions.
 
-        Each run ends by its own step, and leaves the others.
+        Each run ends by its own step and leaves the others. Returns a mask of the runs that
+        converge, and their last steps (NaN for others).
         """
         count = len(unknowns)
         last = _Step(*(numpy.full((count, *shape), numpy.nan) for shape in ((3,), (3,), (2, 2), (), ())))
         converged = numpy.zeros(count, dtype=bool)
         active = numpy.flatnonzero(self._possible(unknowns))
-        smallest = numpy.abs(unknowns[:, 0]) / 5  # below this the iteration is on its way to the equilibrium
+        # Below this the iteration is on its way to the equilibrium.
+        smallest = numpy.abs(unknowns[:, 0]) / 5
         for _ in range(_MOST_STEPS):
             if not len(active):
                 break
@@ -152,7 +175,7 @@ class _SectionBatch:
         return converged, last
 
     def _possible(self, unknowns: Array) -> Any:
-        """Which runs may go on: within the section, and forward in time."""
+        """Return a mask of the runs that may go on: within the section, and forward in time."""
         first, second, flight, omega = unknowns.T
         inside = self._section.possible(first, second) & (flight > 0) & (flight < _LONGEST) & (omega > 0)
         return inside & numpy.isfinite(unknowns).all(axis=1)
@@ -167,7 +190,7 @@ class _SectionBatch:
         constants, starts, omegas = self._constants[runs], self._starts(unknowns), unknowns[:, _OMEGA]
         flights = self._lanes(constants, omegas, starts, unknowns[:, 2], shifted=True, variations=VARIATIONS)
         rows, rates = flights.derivatives, _rates(constants, omegas, flights.states)
-        # How far the image of each flight's end is from its start: (n, 3) of (beta_bar, gamma_bar, v).
+        # The image of each flight's end less its start, (n, 3): (beta_bar, gamma_bar, v).
         errors = section.image * flights.states - starts
         for growth in section.growth:
             errors[:, section.fixed] -= growth
@@ -182,7 +205,7 @@ class _SectionBatch:
         # The map on the section: time moves with the start, dt = -d(fixed component) / its rate.
         times = -rows[:, section.fixed, axes] / rates[:, section.fixed, None]
         moved = [rows[:, axis, axes] + rates[:, axis, None] * times for axis in axes]
-        # The Rayleigh quotient of flow and image on the flow's direction.
+        # The Rayleigh quotient of the flow and the symmetry, on the flow's direction.
         direction = _rates(constants, omegas, starts)
         images = (rows[:, :, :3] * direction[:, None]).sum(axis=2)
         return _Step(
@@ -194,7 +217,9 @@ class _SectionBatch:
         )
 
     def measures(self, unknowns: Array, runs: Any) -> dict[str, Any]:
-        """The section's measures, and the integral of the ``divergence`` over a flight, of these runs."""
+        """Return the section's measures, and the integral of the ``divergence`` over a flight, of
+        these runs.
+        """
         states = unknowns[runs]
         flights = self._lanes(
             self._constants[runs],
@@ -214,7 +239,7 @@ class _SectionBatch:
 
 
 def _rates(constants: Array, omegas: Array, states: Array) -> Array:
-    """(n, 3): the field at shifted states."""
+    """Return the field (n, 3) at shifted states."""
     by_name = Constants(**dict.fromkeys(Constants._fields) | dict(zip(PARAMETERS[1:], constants.T, strict=True)))
     return numpy.stack(field(shifted(numpy), by_name, omegas, "linear")(*states.T), axis=1)
 

@@ -1,4 +1,4 @@
-"""Many limit cycles of a family: at speeds that are asked for, at the paper's, or at those of an overview."""
+"""Many limit cycles of a family: at given speeds, at the paper's, or at those of an overview."""
 
 from __future__ import annotations
 
@@ -49,22 +49,26 @@ __all__ = [
 C = TypeVar("C", bound=Cycle)
 _SHOWN = ("omega", "period", "gamma_bar_0", "beta_max", "multiplier_slow")
 
-DEFAULT_COUNT = 41  #: speeds of the family that is shown if none are named
-DEFAULT_ROTATIONS = 40  #: the same of the rotating cycles
-_FEWEST = 5  # of them on a piece between folds
-_UNRESOLVED = 1e-10  # of a speed; closer to the Hopf point or a fold doubles do not tell cycles apart
-_MOST = 1_000_000
-_DIGITS_IN_LANES = {"librating": 0, "rotating": 12}  #: fewer, and a speed is solved by itself
-_STEPS = 400  # of each of the paper's sets
-PAPER_COUNT = 2 * _STEPS + 1  #: speeds of both
-_MANY = 100  # speeds from which on it pays to compile for all lanes of the SIMD registers
+DEFAULT_COUNT = 41  #: the number of speeds in the overview of the librating cycles
+DEFAULT_ROTATIONS = 40  #: the number of speeds in the overview of the rotating cycles
+_FEWEST_ON_PIECE = 5  # the least number of speeds on a piece between folds
+# A relative distance of speeds. Closer to the Hopf point or a fold doubles do not separate cycles.
+_UNRESOLVED = 1e-10
+_MOST_SPEEDS = 1_000_000
+# The digits that a cycle from the lanes must have. With fewer a speed is solved alone.
+_DIGITS_IN_LANES = {"librating": 0, "rotating": 12}
+_STEPS = 400  # the steps of each of the paper's sets
+PAPER_COUNT = 2 * _STEPS + 1  #: the number of speeds in both of the paper's sets
+# The number of speeds from which on it pays to compile for all lanes of the SIMD registers.
+_FEWEST_FOR_LANES = 100
 
 
 @dataclass(frozen=True, repr=False)
 class Branch(Printable):
-    """A family of limit cycles as arrays (n,) in the order of its speeds; ``cycles`` has each with all its numbers.
+    """A family of limit cycles as arrays (n,) in the order of its speeds.
 
-    A speed at which none was found has a `MissingCycle` there, whose ``status`` says why, and NaN in the arrays.
+    ``cycles`` has each cycle with all its numbers. A speed without a cycle has a `MissingCycle`
+    there, whose ``status`` gives the reason, and NaN in the arrays.
     """
 
     cycles: tuple[LimitCycle | MissingCycle, ...]
@@ -80,7 +84,11 @@ class Branch(Printable):
 
     @classmethod
     def of(cls, cycles: Iterable[LimitCycle | MissingCycle]) -> Branch:
-        """The arrays of these cycles."""
+        """Return the branch of these cycles.
+
+        Args:
+            cycles: The cycles in the order of the speeds.
+        """
         kept = tuple(cycles)
         names = [item.name for item in fields(cls) if item.name not in ("cycles", "uncertainty")]
         numbers = {name: [getattr(cycle, name, math.nan) for cycle in kept] for name in names}
@@ -97,11 +105,18 @@ class Branch(Printable):
         return len(self.cycles)
 
     def __getitem__(self, index: Any) -> Any:
-        """A cycle, or the cycles of a slice; a missing one as in ``cycles``."""
+        """Return a cycle, or the cycles of a slice; a missing one as in ``cycles``."""
         return self.cycles[index]
 
     def plot(self, axes: Any = None) -> Any:
-        """The period against the speed, on these matplotlib axes or on new ones; returns the axes."""
+        """Plot the period against the speed.
+
+        Args:
+            axes: The matplotlib axes; None for new ones.
+
+        Returns:
+            The axes.
+        """
         if axes is None:
             from matplotlib import pyplot
 
@@ -114,7 +129,7 @@ class Branch(Printable):
         return {"orbits": as_json(self.cycles)}
 
     def _rows(self) -> list[list[str]]:
-        """A heading, and the numbers of the first and last cycles, as many as fit into ten lines with it."""
+        """Return a heading and the numbers of the first and last cycles, in at most ten lines."""
         chosen = range(len(self)) if len(self) <= 8 else (0, 1, 2, None, -3, -2, -1)
         columns = [getattr(self, name) for name in _SHOWN]
         rows = (["…"] * len(columns) if n is None else [f"{x[n]:.10g}" for x in columns] for n in chosen)
@@ -128,18 +143,29 @@ class Branch(Printable):
         return "\n".join([f"Branch{whose}: {len(cycles)} limit cycles{without}", *lines])
 
     def _repr_html_(self) -> str:
-        """A table, for notebooks."""
+        """Return a table, for notebooks."""
         rows = ("".join(f"<td>{escape(cell)}</td>" for cell in row) for row in self._rows())
         return f"<table><tr>{'</tr><tr>'.join(rows)}</tr></table>"
 
 
 def found(rows: Iterable[C | MissingCycle]) -> list[C]:
-    """Return the cycles, without the speeds that have none."""
+    """Return the cycles, without the missing ones.
+
+    Args:
+        rows: Cycles and missing cycles.
+    """
     return [row for row in rows if not isinstance(row, MissingCycle)]
 
 
 def not_all_missing(rows: Iterable[C | MissingCycle]) -> list[C | MissingCycle]:
-    """Return the rows. Raises the error of the first one if none of them has a cycle."""
+    """Return the rows if any of them is a cycle.
+
+    Args:
+        rows: Cycles and missing cycles.
+
+    Raises:
+        Exception: The error of the first row, if no row is a cycle.
+    """
     kept = list(rows)
     if kept and isinstance(kept[0], MissingCycle) and not found(kept):
         raise kept[0].fault
@@ -147,7 +173,9 @@ def not_all_missing(rows: Iterable[C | MissingCycle]) -> list[C | MissingCycle]:
 
 
 def _in_double(number: Measured | float) -> float:
-    """A half-width for the value as a double: its rounding is added, and the sum is rounded up."""
+    """Return a half-width for the value as a double. It includes the value's rounding and is
+    rounded up.
+    """
     if isinstance(number, float):  # not a number, where a cycle is missing
         return number
     if not number.is_measured:
@@ -157,11 +185,22 @@ def _in_double(number: Measured | float) -> float:
 
 
 def paper_speeds(parameters: Parameters, omega_h: Fraction) -> tuple[float, ...]:
-    """The paper's speeds [rad/s]: Omega_0 = Omega_crit - 0.5, A^in towards Omega_crit and A^de towards ``omega_h``.
+    """Return the paper's speeds [rad/s]: Omega_0 = Omega_crit - 0.5, A^in towards Omega_crit and
+    A^de towards Omega_h.
 
-    Each set has 400 steps, each a hundredth of the rest. As doubles, because the paper's are. The paper's index set
-    I = {1, ..., 400} leaves Omega_1 undefined; this Omega_1 follows from Omega_0 by the same rule. Raises
-    NoSuchCycleError for a disk with which the sets do not make sense.
+    Each set has 400 steps, each a hundredth of the rest. The speeds are doubles, because the
+    paper's are. The paper's index set I = {1, ..., 400} leaves Omega_1 undefined. This Omega_1
+    follows from Omega_0 by the same rule.
+
+    Args:
+        parameters: The disk.
+        omega_h: The speed of the connection [rad/s].
+
+    Returns:
+        The 801 speeds.
+
+    Raises:
+        NoSuchCycleError: If the sets make no sense for the disk.
     """
     crit = omega_crit(parameters, 40).value
     start = crit - Fraction(1, 2)
@@ -183,10 +222,21 @@ def family(
     omegas: Sequence[object] | None = None,
     half_widths: bool = True,
 ) -> Iterator[LimitCycle | MissingCycle]:
-    """The paper's 801 cycles, those at these speeds [rad/s], or an overview from the Hopf point to the connection.
+    """Return the paper's 801 cycles, those at given speeds, or an overview from the Hopf point to
+    the connection.
 
-    A speed at which several cycles coexist gives all of them, from the smallest amplitude on; one at which none is
-    found gives a `MissingCycle`. Raises InputError for speeds that are no positive decimals.
+    A speed at which several cycles coexist gives all of them, from the smallest amplitude on. A
+    speed without a cycle gives a `MissingCycle`.
+
+    Args:
+        parameters: The disk and its friction law.
+        engine: The engine of the flights.
+        paper_sets: If True, take the paper's speeds.
+        omegas: The speeds [rad/s], positive decimals; None for the overview.
+        half_widths: If False, the numbers have no half-widths.
+
+    Raises:
+        InputError: If a speed is not a positive decimal, or there are too many.
     """
     disk_locator = locator(parameters, engine)
     if paper_sets:
@@ -195,22 +245,23 @@ def family(
         return _overview(disk_locator)
     else:
         speeds = checked_speeds(omegas)
-        if not 0 < len(speeds) <= _MOST:
-            raise InputError(f"a family has 1 to {_MOST} speeds, not {len(speeds)}")
+        if not 0 < len(speeds) <= _MOST_SPEEDS:
+            raise InputError(f"a family has 1 to {_MOST_SPEEDS} speeds, not {len(speeds)}")
     return _at(disk_locator, LIBRATING, partial(cycles_at, parameters, engine=engine, half_widths=half_widths), speeds)
 
 
 def _at(
     disk_locator: Locator, section: Section[C], singly: Callable[[Fraction], list[C]], speeds: Sequence[Fraction]
 ) -> Iterator[C | MissingCycle]:
-    """All cycles of a kind at these speeds; many, of the linear law, as doubles in lanes of the Taylor engine.
+    """Yield all cycles of a kind at these speeds.
 
-    A speed whose cycles lanes do not hold, rotating ones to twelve digits, is solved by itself. One at which none is
-    found gives a `MissingCycle`, and the others go on.
+    Many speeds of the linear law are solved as doubles, in lanes of the Taylor engine. A speed
+    whose cycles do not have `_DIGITS_IN_LANES` there is solved alone. A speed without a cycle gives
+    a `MissingCycle`, and the others go on.
     """
     parameters, engine = disk_locator.parameters, disk_locator.engine
     by_speed: list[list[C] | None] = [None] * len(speeds)
-    if len(speeds) >= _MANY and parameters.friction == "linear":
+    if len(speeds) >= _FEWEST_FOR_LANES and parameters.friction == "linear":
         lanes, doubles = default_lanes(), [float(speed) for speed in speeds]
         speeds = [Fraction(speed) for speed in doubles]
         solve = in_batches(section, parameters, lanes)
@@ -232,18 +283,19 @@ def _at(
 
 
 def _overview(disk_locator: Locator) -> Iterator[LimitCycle]:
-    """Cycles along the family, closer together towards the ends of its pieces and a thousandth short of them.
+    """Yield cycles along the family, closer together towards the ends of its pieces.
 
-    Not closer to them than doubles can follow; pieces that are too short for that are left out.
+    They stay a thousandth of a piece, or as far as doubles need, from its ends. A piece that is too
+    short for that is left out.
     """
     try:
         family = disk_locator.family
-    except NoSuchCycleError as fault:  # no speed was asked for
+    except NoSuchCycleError as fault:  # the caller named no speed
         raise AccuracyError(str(fault)) from None
     breaks, closest = family.breaks, 2 * float(DOUBLE_SHOOTS)
     for piece, ((_, begin), (name, end)) in enumerate(pairwise(family.ends)):
         share = (breaks[piece + 1] - breaks[piece]) / (breaks[-1] - breaks[0])
-        count = max(_FEWEST, round(DEFAULT_COUNT * share))
+        count = max(_FEWEST_ON_PIECE, round(DEFAULT_COUNT * share))
         margin = (end - begin) / 1000
         first = begin + math.copysign(max(abs(margin), _UNRESOLVED * begin), margin)
         last = end - math.copysign(max(abs(margin), closest if name == "Omega_h" else _UNRESOLVED * end), margin)
@@ -260,11 +312,20 @@ def _overview(disk_locator: Locator) -> Iterator[LimitCycle]:
 def rotating_branch(
     parameters: Parameters, engine: Engine, omegas: Sequence[object] | None = None
 ) -> Iterator[RotatingCycle | MissingCycle]:
-    """The family in double: at each of these speeds [rad/s] the stable cycle, then the unstable one; or an overview.
+    """Return the family in double: at each speed the stable cycle, then the unstable one; or an
+    overview.
 
-    The overview goes from just below Omega_h through the fold to half a rad/s above Omega_crit. A hundred speeds and
-    more, of the linear law, count as doubles and are solved together. A speed at which none is found gives a
-    `MissingCycle`. Raises InputError for speeds that are no positive decimals.
+    The overview goes from just below Omega_h through the fold to half a rad/s above Omega_crit.
+    From a hundred speeds on those of the linear law are taken as doubles and solved together. A
+    speed without a cycle gives a `MissingCycle`.
+
+    Args:
+        parameters: The disk and its friction law.
+        engine: The engine of the flights.
+        omegas: The speeds [rad/s], positive decimals; None for the overview.
+
+    Raises:
+        InputError: If a speed is not a positive decimal.
     """
     disk_locator = locator(parameters, engine)
     if omegas is None:
@@ -273,7 +334,10 @@ def rotating_branch(
 
 
 def _rotating_overview(disk_locator: Locator) -> Iterator[RotatingCycle]:
-    """Cycles lie closest together, for their speeds, where the family turns round, and Omega_h is never reached."""
+    """Yield an overview of the rotating cycles.
+
+    Speeds lie closest together where the family turns round. They never reach Omega_h.
+    """
     family, half = disk_locator.rotations, DEFAULT_ROTATIONS // 2
     fold = Fraction(float(rotation_fold(family).omega))
     below, beyond = family.omega_h - fold, omega_crit(disk_locator.parameters, 20).value + Fraction(1, 2) - fold

@@ -1,18 +1,24 @@
-"""The numbers of a limit cycle, and the budget of their half-widths (derived in docs/error_budgets.md).
+"""The numbers of a limit cycle, and the budget of their half-widths (derived in
+docs/error_budgets.md).
 
-In double *twins* measure the error. Newton's iteration goes on for a few steps, each with the last bits of constants
-and speed moved: every step is solved anew with rounding of its own, its derivatives are taken at a state as far off
-as the solution itself, and with the parameters it moves what their rounding moves. So each number of each twin is
-another draw of the same error, and
+**Twins.** In double *twins* measure the error. Newton's iteration goes on for a few steps, each
+with the last bits of constants and speed moved. Every step is solved anew with rounding of its own.
+Its derivatives are taken at a state as far off as the solution itself. With the parameters it moves
+the numbers by the rounding of the parameters. So each number of each twin is another draw of the
+same error, and
 
     half-width = TWIN_FACTOR * spread + ulp(q).
 
-Nothing else is in it: truncation is far below rounding at the integrator's own tolerance, and Newton's iteration is at
-rest to rounding. Where the equations amplify rounding the cycle is solved in the next wider arithmetic, whose error is
-the same one, smaller by the ratio of the roundings: the twins in double measure that too.
+There is no other part. Truncation is far below rounding at the integrator's own tolerance, and
+Newton's iteration is at rest to rounding.
 
-With many more bits the same numbers are computed twice, in an arithmetic and in one with 64 bits more. The distance is
-the error, and what the wider run itself may be off is what its iteration leaves.
+**The next arithmetic.** Where the equations amplify rounding the cycle is solved in the next wider
+arithmetic. Its error is the same one, smaller by the ratio of the roundings. The twins in double
+measure that too.
+
+**Many bits.** With many more bits the same numbers are computed twice, in an arithmetic and in one
+with 64 bits more. The distance is the error. The wider run's own error comes from the last step of
+its iteration.
 """
 
 from __future__ import annotations
@@ -49,34 +55,46 @@ __all__ = [
 C = TypeVar("C", bound=Cycle)
 
 _LOST = 3  # digits of an arithmetic that rounding, and the factor of a half-width, mostly take
-_DOUBLE_DIGITS = 12  # what doubles honestly give; fewer, and the equations amplify rounding
-#: With these, and the cycle itself, an error beyond TWIN_FACTOR times the spread has a probability of 2e-6 for normal
-#: errors as large as the twins', and the half-width is 14 times the error in the median
-#: (tests/cycles/test_error_budget.py integrates both). What a unit more or less in constants and arrival does to a twin
-#: is twice what rounding does there.
+_DOUBLE_DIGITS = 12  # digits that doubles give unless the equations amplify rounding
+#: The number of twins of a cycle in double, and the half-width in units of the spread. The spread is
+#: that of the twins and the cycle itself. For normal errors as large as the twins' an error beyond the
+#: half-width has a probability of 2e-6. The half-width is 14 times the error in the median.
+#: tests/cycles/test_error_budget.py integrates both. Perturbing constants and arrival by one unit in
+#: the last place has twice the effect of rounding.
 TWINS = 5
 TWIN_FACTOR = 4
-#: The error of the next wider arithmetic is not among the values whose spread measures it. With so many twins, and the
-#: cycle in double itself, it exceeds TWIN_FACTOR times the spread brought to its arithmetic with the same risk.
+#: The number of twins for the next wider arithmetic, whose error is not among the values whose spread
+#: measures it. With the cycle in double they give the same risk: the error exceeds TWIN_FACTOR times
+#: the spread brought to its arithmetic.
 TWINS_OF_WIDER = 8
-#: Half-widths of the same cycle differ by up to 1.6 from draw to draw. With this factor to spare it is no matter of
-#: last bits which arithmetic answers.
-_TO_SPARE = 2
-#: What an iteration that stands still leaves undecided, in units of its step: the steps' ratio is at least 1/2.
-_STANDING = 4
-#: More than asked for, in which a cycle is solved that doubles do not hold.
+#: A factor by which half-widths must stay below the digits wanted. Half-widths of the same cycle differ
+#: by up to 1.6 from draw to draw. With this factor last bits do not decide which arithmetic answers.
+_SAFETY_OF_CHOICE = 2
+#: The error of an iteration that no longer shrinks, in units of its step: the ratio of two steps is at
+#: least 1/2.
+_STALLED_STEPS = 4
+#: The digits beyond those wanted in which a cycle is solved that doubles do not hold.
 MORE_DIGITS = 20
-_MOST_WIDENINGS = 4  # of that arithmetic, each time by twice as many digits; the last one takes a minute
-_FAR = Fraction(1, 10)  # of the cycle's size, for a chord step: then its derivative is too far off
+# The number of attempts, each with twice as many extra digits. The last takes a minute.
+_MOST_WIDENINGS = 4
+# The largest chord step, relative to the cycle's size. With a longer one the derivative is too far off.
+_LARGEST_CHORD_STEP = Fraction(1, 10)
 _MOST_NEWTON_STEPS = 20  # each doubles the digits
-_LEFT = 5  # times smaller than it began, an iteration falls onto the equilibrium, which is the trivial solution
+# The factor of shrinking at which an iteration falls onto the equilibrium, the trivial solution.
+_MOST_SHRINKAGE = 5
 
 
 def cycle_to_digits(fixed_point: FixedPoint[C], digits: int, *, half_widths: bool = True) -> C:
-    """Return the cycle that Newton's iteration in double has led to, to ``digits`` significant digits.
+    """Return the cycle of a fixed point in double, to ``digits`` significant digits.
 
-    Without ``half_widths`` its numbers are those of the first arithmetic that holds the digits, and have none. Raises
-    AccuracyError if the digits are not reached.
+    Args:
+        fixed_point: The end of Newton's iteration in double.
+        digits: The significant digits wanted.
+        half_widths: If False, return the numbers of the first arithmetic that holds the digits,
+            without half-widths.
+
+    Raises:
+        AccuracyError: If the digits are not reached.
     """
     if not half_widths:
         precision = DOUBLE if digits <= _DOUBLE_DIGITS else bits(bits_for_digits(digits + MORE_DIGITS))
@@ -89,16 +107,25 @@ def cycle_to_digits(fixed_point: FixedPoint[C], digits: int, *, half_widths: boo
         if wanted + _LOST <= precision.digits:
             doubles += islice(draws, 1 + twins - len(doubles))
             cycle = _by_twins(fixed_point, precision, doubles)
-            if cycle is not None and _lacking(cycle, wanted, _TO_SPARE) is None:
+            if cycle is not None and _lacking(cycle, wanted, _SAFETY_OF_CHOICE) is None:
                 return cycle
     return wider_cycle(fixed_point, digits)
 
 
 def wider_cycle(fixed_point: FixedPoint[C], digits: int, more: int = MORE_DIGITS) -> C:
-    """Return the cycle in an arithmetic beyond doubles, of ``more`` digits than asked for or as many as it takes.
+    """Return the cycle in an arithmetic beyond doubles, to ``digits`` significant digits.
 
-    Slow convergence next to the Hopf point and the passages of the saddles cost digits. Raises AccuracyError if
-    ``_MOST_WIDENINGS`` times twice as many more are not enough.
+    Slow convergence next to the Hopf point and the passages of the saddles cost digits. The first
+    arithmetic has ``more`` extra digits. They are doubled until the digits are reached, in at most
+    `_MOST_WIDENINGS` attempts.
+
+    Args:
+        fixed_point: The end of Newton's iteration in double.
+        digits: The significant digits wanted.
+        more: The extra digits of the first arithmetic.
+
+    Raises:
+        AccuracyError: If the widest arithmetic does not reach the digits.
     """
     name: str | None = None
     for extra in (more * 2**widening for widening in range(_MOST_WIDENINGS)):
@@ -109,9 +136,16 @@ def wider_cycle(fixed_point: FixedPoint[C], digits: int, more: int = MORE_DIGITS
 
 
 def cycle_in(fixed_point: FixedPoint[C], precision: Precision, wider: Precision | None = None) -> C:
-    """The cycle in one arithmetic, its half-widths from twins in double, or else from a wider arithmetic.
+    """Return the cycle in one arithmetic, with half-widths from twins in double or from a wider
+    arithmetic.
 
-    Raises AccuracyError if the iteration does not settle.
+    Args:
+        fixed_point: The end of Newton's iteration in double.
+        precision: The arithmetic.
+        wider: The arithmetic that measures the error; None for the companion of ``precision``.
+
+    Raises:
+        AccuracyError: If the iteration does not settle.
     """
     if precision == DOUBLE:
         doubles = list(islice(_draws(fixed_point), 1 + TWINS))
@@ -122,9 +156,10 @@ def cycle_in(fixed_point: FixedPoint[C], precision: Precision, wider: Precision 
 
 
 def _by_twins(fixed_point: FixedPoint[C], precision: Precision, doubles: Sequence[dict[str, Any]]) -> C | None:
-    """The cycle in double, or in an arithmetic a little wider, its half-widths from as many draws in double.
+    """Return the cycle in double, or in an arithmetic a little wider, with half-widths from draws
+    in double.
 
-    None if the wider iteration does not settle, or stands still above what rounding explains.
+    None if the wider iteration does not settle, or stalls above the level that rounding explains.
     """
     if precision == DOUBLE:
         numbers, doubt = doubles[0], dict[str, Fraction]()
@@ -140,7 +175,7 @@ def _by_twins(fixed_point: FixedPoint[C], precision: Precision, doubles: Sequenc
 
 
 def _lacking(cycle: Cycle, digits: int, to_spare: int = 1) -> str | None:
-    """The first main result that has fewer digits than asked for, with this factor to spare."""
+    """Return the first main result that has fewer digits than wanted, with this factor to spare."""
     for name in ("period", *cycle.coordinates, "beta_max"):
         measured: Measured = getattr(cycle, name)
         if to_spare * measured.uncertainty > abs(measured.value) * Fraction(1, 10**digits):
@@ -149,7 +184,7 @@ def _lacking(cycle: Cycle, digits: int, to_spare: int = 1) -> str | None:
 
 
 def _as_cycle(fixed_point: FixedPoint[C], measured: dict[str, Measured], precision: Precision) -> C:
-    """The result, its numbers in this arithmetic."""
+    """Return the result, its numbers in this arithmetic."""
     return_map = fixed_point.return_map
     return cycle_of(
         return_map.section,
@@ -163,7 +198,14 @@ def _as_cycle(fixed_point: FixedPoint[C], measured: dict[str, Measured], precisi
 
 
 def cycle_of(section: Section[C], omega: Fraction, measured: dict[str, Measured], **others: Any) -> C:
-    """The cycle with these numbers, the sum ``log_multipliers`` of the logarithms among them, and other attributes."""
+    """Return the cycle with these numbers.
+
+    Args:
+        section: The section of the kind of cycle.
+        omega: The speed [rad/s].
+        measured: The numbers by name. The sum ``log_multipliers`` of the logarithms is among them.
+        others: Other attributes of the result.
+    """
     logarithms_bounded(measured)
     # The true multiplier along the flow is 1: its computed distance from 1 is all error.
     defect = measured["trivial_multiplier_defect"]
@@ -176,14 +218,29 @@ def cycle_of(section: Section[C], omega: Fraction, measured: dict[str, Measured]
 
 # ------------------------------------------------------------------------------------------------ the numbers
 def cycle_numbers(fixed_point: FixedPoint[C], precision: Precision) -> dict[str, Any]:
-    """All numbers of the cycle in one arithmetic."""
+    """Return all numbers of the cycle in one arithmetic, by name.
+
+    Args:
+        fixed_point: The end of Newton's iteration in double.
+        precision: The arithmetic.
+
+    Raises:
+        AccuracyError: If the iteration does not settle.
+    """
     return _sharpened(fixed_point, precision)[0]
 
 
 def numbers_at(
     return_map: ReturnMap[C], point: tuple[Any, Any], image: Image, rounding: int | None = None
 ) -> dict[str, Any]:
-    """All numbers of the cycle through a fixed point of the map, from the map's derivatives there."""
+    """Return all numbers of the cycle through a fixed point, from the map's derivatives there.
+
+    Args:
+        return_map: The map.
+        point: The fixed point, both coordinates.
+        image: The image of the point.
+        rounding: The pattern by which last bits are moved; None for no move.
+    """
     flight, (first, second, _, time) = return_map.flight(point, rounding), image.slopes("speed")
     return return_map.section.table(
         point,
@@ -197,15 +254,16 @@ def numbers_at(
 
 
 def _draws(fixed_point: FixedPoint[C]) -> Iterator[dict[str, Any]]:
-    """The numbers of the cycle in double, then those of its twins, each with other last bits."""
+    """Yield the numbers of the cycle in double, then those of its twins, each with other last bits."""
     return_map, point = fixed_point.return_map, fixed_point.point
     first, second = return_map.section.names
     yield numbers_at(return_map, point, fixed_point.image)
     for pattern in count(1):
         image = return_map(point, pattern)
         numbers = numbers_at(return_map, point, image, pattern)
-        # The arrival is a double, and where a cycle attracts weakly that hides what rounding does: the residual is the
-        # same, often zero, over many starts. One unit more or less in the arrival's last place brings it to light.
+        # The arrival is a double. Where a cycle attracts weakly this hides the effect of rounding: the
+        # residual is the same, often zero, over many starts. A change of the arrival by one unit in the last
+        # place shows it.
         arrival = [now + before for now, before in zip(image.residual, point, strict=True)]
         moved = nudged(arrival, pattern + 2, DOUBLE)
         residual = [now + (other - whole) for now, whole, other in zip(image.residual, arrival, moved, strict=True)]
@@ -220,12 +278,18 @@ def _draws(fixed_point: FixedPoint[C]) -> Iterator[dict[str, Any]]:
 def half_widths_by_twins(
     numbers: dict[str, Any], doubles: Sequence[dict[str, Any]], precision: Precision = DOUBLE
 ) -> dict[str, Measured]:
-    """Numbers in double, or in an arithmetic a little wider, with half-widths from as many draws in double."""
+    """Return numbers with half-widths from draws in double.
+
+    Args:
+        numbers: The numbers in double, or in an arithmetic a little wider.
+        doubles: As many draws of the numbers in double as the arithmetic needs.
+        precision: The arithmetic of the numbers.
+    """
     share = TWIN_FACTOR * 2.0 ** (DOUBLE.bits - precision.bits)
     ulp, measured = float(precision.epsilon), {}
     for name, number in numbers.items():
         values = [float(draw[name]) for draw in doubles]
-        # In doubles: what that rounds is far below what a width of five deviations knows.
+        # Doubles suffice: their rounding is far below the uncertainty of a width from a few draws.
         width = share * (max(values) - min(values)) + abs(values[0]) * ulp
         measured[name] = Measured(fraction(number), Fraction(width))
     return measured
@@ -234,10 +298,15 @@ def half_widths_by_twins(
 def half_widths_by_wider_run(
     rough: dict[str, Any], sharp: dict[str, Any], doubt: dict[str, Fraction], precision: Precision
 ) -> dict[str, Measured]:
-    """The rough numbers with half-widths from the sharp ones, and from what these may be off themselves.
+    """Return the rough numbers with half-widths from the sharp ones, and from the error of these.
 
-    ``doubt`` is what the wider iteration leaves undecided of state and period. The two runs show how far the other
-    numbers move with the state.
+    The two runs show how far the other numbers move with the state.
+
+    Args:
+        rough: The numbers in ``precision``.
+        sharp: The numbers of the wider run.
+        doubt: The error of state and period that the wider iteration leaves.
+        precision: The arithmetic of the rough numbers.
     """
     measured = {name: Measured.compared(number, sharp[name], precision.epsilon) for name, number in rough.items()}
     unknowns = [name for name in doubt if name != "period"]
@@ -253,9 +322,13 @@ def half_widths_by_wider_run(
 
 
 def logarithms_bounded(measured: dict[str, Measured]) -> None:
-    """Bounds for the logarithms of multipliers that are lost in rounding.
+    """Replace the logarithms of multipliers that are lost in rounding by bounds.
 
-    The slow one is at most what rounding leaves of it, and the fast one is no larger; their sum has its own half-width.
+    The slow multiplier is at most the size that rounding leaves of it. The fast one is no larger.
+    Their sum has its own half-width.
+
+    Args:
+        measured: The numbers by name; changed in place. ``log_multipliers`` is removed.
     """
     slow, both = measured["multiplier_slow"], measured.pop("log_multipliers")
     if 2 * slow.uncertainty < abs(slow.value) or not slow.is_measured:
@@ -271,7 +344,8 @@ def logarithms_bounded(measured: dict[str, Measured]) -> None:
 def _sharpened(
     fixed_point: FixedPoint[C], precision: Precision
 ) -> tuple[dict[str, Any], dict[str, Fraction], FixedPoint[C]]:
-    """All numbers of the cycle, what the iteration leaves undecided of its point and period, and where it ended.
+    """Return all numbers of the cycle, the errors of its point and period that the iteration
+    leaves, and its end.
 
     Raises AccuracyError if the iteration does not settle.
     """
@@ -281,7 +355,7 @@ def _sharpened(
     return_map = return_map.within(precision)
     point, standing = _settled(return_map, fixed_point)
     image = return_map(point)
-    undecided = [_STANDING * step for step in standing]
+    undecided = [_STALLED_STEPS * step for step in standing]
     times = (fraction(abs(a)) * b for a, b in zip(image.time_by_state, undecided, strict=True))
     doubt = dict(zip(return_map.section.names, undecided, strict=True))
     doubt["period"] = return_map.section.per_period * sum(times, Fraction(0))
@@ -290,30 +364,35 @@ def _sharpened(
 
 
 def _settled(return_map: ReturnMap[C], fixed_point: FixedPoint[C]) -> tuple[tuple[Any, Any], tuple[Fraction, Fraction]]:
-    """Iterate for the fixed point in the map's arithmetic, until a step is below rounding or stands still at it.
+    """Iterate for the fixed point in the map's arithmetic, until a step is below rounding or no
+    longer shrinks.
 
-    Chord steps with the fixed point's own derivative come first: each takes a flight without variational equations.
-    That derivative is too far off where a step is not half of the one before, as next to a bifurcation, where a step is
-    long, or where there are many. Newton's steps then follow. Where one of these is not half of the one before, only
-    rounding is left. Returns the point and the step where it stood.
+    Chord steps with the fixed point's own derivative come first: each takes a flight without
+    variational equations. That derivative is too far off if a step is not half of the one before,
+    as next to a bifurcation. It is too far off as well if a step is long, or if there are many.
+    Newton's steps then follow. If one of these is not half of the one before, only rounding is
+    left.
+
+    Returns the point, and the step at which it stalled.
 
     Raises AccuracyError if neither happens, or if the iteration shrinks towards the equilibrium.
     """
     precision = return_map.precision
     point = tuple(precision.number(coordinate) for coordinate in fixed_point.point)
     scale = min(Fraction(1), _length(point))
-    # Below a thousand ulps only rounding is left; a step that has stopped shrinking says the same.
+    # Below a thousand ulps only rounding is left. A step that has stopped shrinking shows the same.
     small = 1000 * precision.epsilon * scale
     failure = AccuracyError(f"the iteration for the cycle has not converged in {precision.name} precision")
 
     def size(iterate: Iterate[C]) -> Fraction:
-        if not all(map(math.isfinite, map(float, iterate.step))) or _length(iterate.ahead[:2]) < scale / _LEFT:
+        is_finite = all(map(math.isfinite, map(float, iterate.step)))
+        if not is_finite or _length(iterate.ahead[:2]) < scale / _MOST_SHRINKAGE:
             raise failure
         return _length(iterate.step[:2])
 
     def size_of_chord(iterate: Iterate[C]) -> Fraction:
         length = size(iterate)
-        if length > _FAR * scale:
+        if length > _LARGEST_CHORD_STEP * scale:
             raise failure
         return length
 

@@ -1,9 +1,12 @@
 """A family of limit cycles, librating or rotating, by the first coordinate on its section.
 
-Omega may turn round along a family, the first coordinate does not. The abscissa is s, of which that coordinate is the
-function middle + half tanh(s): its ratio to the second coordinate, the flight time and Omega are then analytic in s,
-and so they are towards the connection, where the distance from the saddle goes like exp(-2 |s|). They are polynomials
-through Chebyshev nodes on panels of s, each solved from the panel before.
+Omega may turn round along a family; the first coordinate does not. The abscissa is s, with
+
+    first coordinate = middle + half tanh(s).
+
+The ratio of the two coordinates, the flight time and Omega are analytic in s. They are analytic
+towards the connection as well, where the distance from the saddle goes like exp(-2 |s|). They are
+polynomials through Chebyshev nodes on panels of s, each solved from the panel before.
 """
 
 from __future__ import annotations
@@ -32,16 +35,18 @@ __all__ = ["Family", "Place", "Solved", "Solver", "in_batches", "one_at_a_time"]
 
 _SHORT, _LONG, _SHORT_PANELS = 0.4, 0.8, 3  # lengths of the first few panels and of the others
 _GROUP = 8  # nodes that are solved together
-_DEGREE = 7  # of the extrapolation to the next ones, through values and slopes
-_JUMPED = 0.3  # relative; a cycle farther than this from its guess is another family's
-_UNCONTINUED = 0.15  # of the change between neighbours
-_NEXT_TO_A_NODE = 1e-3  # of s; where nodes would have to be closer together the family is lost
-_MOST_STEPS = 10  # of Newton's iteration for an abscissa
-_SETTLED = 1e-9  # a relative step that rounding follows
+_DEGREE = 7  # degree of the extrapolation to the next nodes, through values and slopes
+_JUMPED = 0.3  # relative distance from the guess; a cycle farther away belongs to another family
+_UNCONTINUED = 0.15  # largest misfit of values and slopes, relative to the change between neighbours
+_NEXT_TO_A_NODE = 1e-3  # in s; the family is lost if nodes would have to be closer together
+_MOST_STEPS = 10  # steps of Newton's iteration for an abscissa
+_SETTLED = 1e-9  # a relative step after which only rounding is left
 
 
 class Solved(NamedTuple):
-    """Cycles of chosen first coordinates as (n,) arrays; NaN where the search failed. Slopes are by that coordinate."""
+    """Cycles of chosen first coordinates as (n,) arrays; NaN where the search failed. Slopes are by
+    that coordinate.
+    """
 
     second: Array  #: the section's other coordinate [rad/s]
     flight: Array  #: flight time of the section's map [s]
@@ -51,38 +56,54 @@ class Solved(NamedTuple):
     omega_slope: Array
 
 
-#: (first coordinate, second one, flight time, Omega), the first fixed and the others guessed, as (n,) arrays.
+#: A function of the first coordinate, the second one, the flight time and Omega, as (n,) arrays. The
+#: first is fixed, the others are guesses.
 Solver = Callable[[Array, Array, Array, Array], Solved]
 
 
 @dataclass(frozen=True)
 class Place:
-    """A cycle of a family as doubles have it: where to shoot for the cycle itself."""
+    """A cycle of a family in double, from which to shoot for the cycle itself."""
 
-    start: tuple[float, float]  #: both coordinates on the section; NaN next to Omega_h, where doubles have none
+    start: tuple[float, float]  #: both coordinates; NaN next to Omega_h, where doubles do not have them
     omega: float  #: [rad/s]
     piece: int  #: counted from where the family begins, one more after each fold
-    falls: bool  #: whether Omega falls along that piece, with a rising first coordinate
+    falls: bool  #: True if Omega falls along that piece, with a rising first coordinate
     flight: float = math.nan  #: flight time of the section's map [s]
-    zeros: int = 0  #: after the point, of the distance from the Hopf point, where that is too small for doubles
+    #: zeros after the point of the distance from the Hopf point, if it is too small for doubles
+    zeros: int = 0
 
     @classmethod
     def next_to_omega_h(cls, omega: Fraction, piece: int = 0) -> Place:
-        """Return the place of the cycle that doubles cannot tell from the connection."""
+        """Return the place of the cycle that doubles cannot separate from the connection.
+
+        Args:
+            omega: The speed [rad/s].
+            piece: The piece that ends at the connection.
+        """
         return cls((math.nan, math.nan), float(omega), piece, falls=True)
 
     @property
     def is_in_double(self) -> bool:
-        """Whether doubles tell the cycle from the connection."""
+        """True if doubles separate the cycle from the connection."""
         return not math.isnan(self.start[0])
 
 
 class Family:
-    """The family of one disk under its friction law, in double, on panels of ``nodes`` each.
+    """The family of one disk under its friction law, in double, on panels of nodes.
 
-    ``middle`` and ``half`` [rad] say what the first coordinate is as a function of s, and ``begin`` describes one
-    cycle: s, second coordinate / first, flight time, Omega and their derivatives by s. ``solve`` finds cycles of
-    chosen first coordinates. Raises NoSuchCycleError where the family cannot be followed.
+    Args:
+        parameters: The disk and its friction law.
+        engine: The engine of the flights.
+        solve: Finds cycles of chosen first coordinates.
+        nodes: The number of nodes of a panel.
+        middle: The first coordinate at s = 0 [rad].
+        half: The factor of tanh(s) in the first coordinate [rad].
+        begin: One cycle: s, second coordinate / first, flight time, Omega, and their derivatives by
+            s.
+
+    Raises:
+        NoSuchCycleError: If the family cannot be followed.
     """
 
     section: ClassVar[Section[Any]]
@@ -96,7 +117,7 @@ class Family:
     ) -> None:
         self.parameters, self.engine, self.nodes_per_panel = parameters, engine, nodes
         self._solve, self._middle, self._half = solve, middle, half
-        self._rows = numpy.array([begin], dtype=float)  # what the next panel is solved from
+        self._rows = numpy.array([begin], dtype=float)  # the rows from which the next panel is solved
         self._begin = float(begin[0])
         self._panels = numpy.empty((0, nodes, 7))
         angles = (2 * numpy.arange(nodes)[::-1] + 1) * numpy.pi / (2 * nodes)
@@ -104,20 +125,24 @@ class Family:
         self._weights = (-1.0) ** numpy.arange(nodes) * numpy.sin(angles)
 
     def coordinate(self, s: Any) -> Any:
-        """The first coordinate [rad] at the abscissa."""
+        """Return the first coordinate [rad] at an abscissa."""
         return self._middle + self._half * numpy.tanh(s)
 
     def coordinate_rate(self, s: Any) -> Any:
-        """Its derivative."""
+        """Return the derivative of the first coordinate by the abscissa [rad]."""
         return self._half / numpy.cosh(s) ** 2
 
     def abscissa(self, coordinate: Any) -> Any:
-        """The inverse of `coordinate`."""
+        """Return the abscissa of a first coordinate [rad], the inverse of `coordinate`."""
         return numpy.arctanh((coordinate - self._middle) / self._half)
 
     # ------------------------------------------------------------------------------------------------ the panels
     def extend(self) -> None:
-        """One more panel. Raises NoSuchCycleError where the family is lost."""
+        """Add one more panel.
+
+        Raises:
+            NoSuchCycleError: If the family is lost.
+        """
         index = len(self._panels)
         start, end = self._edge(index), self._edge(index + 1)
         wanted, rows = start + (end - start) * self._chebyshev, numpy.empty((self.nodes_per_panel, 7))
@@ -136,11 +161,13 @@ class Family:
             self.__dict__.pop(name, None)
 
     def _edge(self, index: int) -> float:
-        """Where the panel of that number begins."""
+        """Return the abscissa at which the panel of that number begins."""
         return self._begin + _SHORT * min(index, _SHORT_PANELS) + _LONG * max(0, index - _SHORT_PANELS)
 
     def _between(self, rows: Array, target: float) -> Array:
-        """More cycles on the way to a node that was not reached; the last of them is halfway there."""
+        """Add more cycles on the way to a node that was not reached. The last of them is halfway
+        there.
+        """
         begin = rows[-1, 0]
         if target - begin < _NEXT_TO_A_NODE:
             raise NoSuchCycleError(self._lost(target))
@@ -150,7 +177,9 @@ class Family:
         return numpy.concatenate((rows, group))
 
     def _solved(self, s: Array, rows: Array) -> Array:
-        """Rows as those of the panels, up to the first abscissa that has no cycle of the family."""
+        """Return rows as those of the panels, up to the first abscissa that has no cycle of the
+        family.
+        """
         guess = self._guess(s, rows)
         x, rate = self.coordinate(s), self.coordinate_rate(s)
         with numpy.errstate(invalid="ignore"):
@@ -164,7 +193,9 @@ class Family:
         return new[: int(numpy.argmin(numpy.append(good, False)))]
 
     def _guess(self, s: Array, rows: Array) -> Any:
-        """(3, n): second coordinate / first, flight time and Omega on the polynomials through the last rows."""
+        """Return second coordinate / first, flight time and Omega (3, n) on the polynomials through
+        the last rows.
+        """
         last = rows[-_GROUP:]
         offset, size = last[:, 0] - s[0], last[-1, 0] - last[0, 0] + s[0] - last[-1, 0]
         size = size or 1.0
@@ -178,21 +209,26 @@ class Family:
         name, first = self.section.names[0], self.coordinate(s)
         return f"the family of {self.section.name} limit cycles could not be followed to {name} = {first:.6g} rad"
 
-    # ------------------------------------------------------------------------------------------------ what it tells
+    # ------------------------------------------------------------------------------------------------ its numbers
     @property
     def nodes(self) -> Array:
-        """(n, 7) rows of all nodes: s, second coordinate / first, flight time, Omega and their slopes by s."""
+        """The rows (n, 7) of all nodes: s, second coordinate / first, flight time, Omega and their
+        slopes by s.
+        """
         return self._panels.reshape(-1, 7)
 
     def at(self, s: Array) -> Any:
-        """(4, k): second coordinate / first, flight time, Omega and dOmega/ds at abscissas (k,)."""
+        """Return second coordinate / first, flight time, Omega and dOmega/ds, (4, k), at abscissas
+        (k,).
+        """
         panels = numpy.searchsorted([self._edge(k) for k in range(1, len(self._panels))], s)
         offset = s[:, None] - self._panels[panels, :, 0]
-        offset[offset == 0] = 2.0**-80  # at a node nothing else counts
+        offset[offset == 0] = 2.0**-80  # at a node only its own value counts
         ratios = self._weights / offset
         ratios /= ratios.sum(axis=1, keepdims=True)
         by_panel = self._panels[:, :, [1, 2, 3, 6]].transpose(2, 0, 1)
-        middle = by_panel[:, :, self.nodes_per_panel // 2]  # without it the sum rounds what varies on the panel only
+        # Without the middle the sum rounds only the variation on the panel.
+        middle = by_panel[:, :, self.nodes_per_panel // 2]
         return middle[:, panels] + ((by_panel - middle[:, :, None])[:, panels] * ratios).sum(axis=-1)
 
     @cached_property
@@ -210,7 +246,9 @@ class Family:
         return tuple(turns)
 
     def to_fold(self, s: Array) -> Any:
-        """How far from a fold the first coordinate is at abscissas (k,) [rad]; infinite if there is none."""
+        """Return the distance of the first coordinate from a fold [rad] at abscissas (k,); infinite
+        without a fold.
+        """
         folds = numpy.array([*self.folds, numpy.inf])
         return numpy.abs(s[:, None] - folds).min(axis=1) * self.coordinate_rate(s)
 
@@ -222,13 +260,13 @@ class Family:
 
     @property
     def falls(self) -> list[bool]:
-        """Whether Omega falls with s, on each piece: there cycles are stable."""
+        """True for each piece on which Omega falls with s: there cycles are stable."""
         omega = self.at(numpy.array(self.breaks))[2]
         return [bool(end < begin) for begin, end in pairwise(omega)]
 
     @cached_property
     def _sampled(self) -> list[tuple[Array, Array]]:
-        """Omega, rising, and s on each piece: what inversion starts from."""
+        """Omega, rising, and s on each piece: the starts of the inversion."""
         samples = []
         for low, high in pairwise(self.breaks):
             # Closer together towards both ends, at which Omega may be flat.
@@ -238,7 +276,14 @@ class Family:
         return samples
 
     def abscissas(self, omegas: Array) -> Any:
-        """(pieces, n): where each piece has these speeds [rad/s]; NaN where it does not."""
+        """Return the abscissa of each speed on each piece.
+
+        Args:
+            omegas: The speeds (n,) [rad/s].
+
+        Returns:
+            The abscissas (pieces, n); NaN if a piece does not reach the speed.
+        """
         rows = []
         for (speeds, abscissas), (low, high) in zip(self._sampled, pairwise(self.breaks), strict=True):
             s = numpy.interp(omegas, speeds, abscissas, left=numpy.nan, right=numpy.nan)
@@ -255,20 +300,22 @@ class Family:
         return numpy.stack(rows)
 
     def places(self, omega: float) -> Iterator[Place]:
-        """The family's cycles at a speed [rad/s], from the smallest first coordinate on."""
+        """Yield the family's cycles at a speed [rad/s], from the smallest first coordinate on."""
         for piece, (s,) in enumerate(self.abscissas(numpy.array([omega]))):
             if math.isfinite(s):
                 yield self.place(float(s), piece)
 
     def place(self, s: float, piece: int = 0) -> Place:
-        """The cycle at an abscissa."""
+        """Return the cycle at an abscissa of a piece."""
         ratio, flight, omega, _ = (float(value) for value in self.at(numpy.array([s]))[:, 0])
         first = float(self.coordinate(s))
         return Place((first, ratio * first), omega, piece, self.falls[piece], flight)
 
 
 def _powers_and_rates(x: Array, degree: int) -> tuple[Array, Array]:
-    """What a polynomial's coefficients are multiplied by for its values and for its derivatives at x (n,)."""
+    """Return the matrices that map a polynomial's coefficients to its values and derivatives at x
+    (n,).
+    """
     powers = numpy.vander(x, degree + 1)
     rates = numpy.zeros_like(powers)
     rates[:, :-1] = powers[:, 1:] * numpy.arange(degree, 0, -1)
@@ -276,9 +323,11 @@ def _powers_and_rates(x: Array, degree: int) -> tuple[Array, Array]:
 
 
 def _uncontinued(new: Array, rows: Array) -> Any:
-    """(n,) whether a row does not continue the one before: no value has changed by what the slopes say.
+    """Return a mask (n,) of the rows that do not continue the one before.
 
-    Over so short a way the trapezoidal rule is off by a few percent of the change on a family; on another orbit by all.
+    In such a row at least two values do not change as the slopes predict. Over so short a way the
+    trapezoidal rule is off by a few percent of the change on a family; on another orbit it is off
+    by all of it. A row after such a row is masked as well.
     """
     chain = numpy.concatenate((rows[-1:], new))
     step = numpy.diff(chain[:, 0])[:, None]
@@ -292,7 +341,15 @@ def _uncontinued(new: Array, rows: Array) -> Any:
 
 # ---------------------------------------------------------------------------------------------------- the solvers
 def in_batches(section: Section[Any], parameters: Parameters, lanes: BatchTaylor) -> Solver:
-    """Newton's iteration on all flights at once, with the second coordinate, flight time and Omega as the unknowns."""
+    """Return a solver that runs Newton's iteration on all flights at once.
+
+    The second coordinate, the flight time and Omega are the unknowns.
+
+    Args:
+        section: The section.
+        parameters: The disk, under the linear law.
+        lanes: The engine of the flights.
+    """
     return partial(_in_batches, section, field_constants(parameters), lanes)
 
 
@@ -312,13 +369,21 @@ def _in_batches(section: Section[Any], constants: Array, lanes: BatchTaylor, *gu
 
 
 def one_at_a_time(section: Section[Any], parameters: Parameters, engine: Engine) -> Solver:
-    """Newton's iteration on the return map for each first coordinate, with the second one and Omega as the unknowns."""
+    """Return a solver that runs Newton's iteration on the return map for each first coordinate.
+
+    The second coordinate and Omega are the unknowns.
+
+    Args:
+        section: The section.
+        parameters: The disk and its friction law.
+        engine: The engine of the flights.
+    """
 
     def solve(first: Array, second: Array, flight: Array, omega: Array) -> Solved:
         rows = numpy.full((len(first), len(Solved._fields)), numpy.nan)
         for index, (x, *guess) in enumerate(zip(first.tolist(), second.tolist(), omega.tolist(), strict=True)):
             try:
-                rows[index] = _one(section, parameters, engine, x, *guess)
+                rows[index] = _solved_singly(section, parameters, engine, x, *guess)
             except NoSuchCycleError:
                 break
         return Solved(*rows.T)
@@ -326,7 +391,9 @@ def one_at_a_time(section: Section[Any], parameters: Parameters, engine: Engine)
     return solve
 
 
-def _one(section: Section[Any], parameters: Parameters, engine: Engine, x: float, y: float, omega: float) -> Any:
+def _solved_singly(
+    section: Section[Any], parameters: Parameters, engine: Engine, x: float, y: float, omega: float
+) -> Any:
     held = f"the iteration at fixed {section.names[0]}"
 
     def size(iterate: Iterate[Any]) -> float:

@@ -1,9 +1,9 @@
 """Folds of limit cycles: where two cycles of a family, rotating or librating, meet and end.
 
-The two coordinates on the section and Omega are unknown: a fixed point of the section's map P is wanted at which
-det(1 - P') = 0. The determinant's gradient is taken by differences, in double mostly. It serves in chord steps of any
-precision, each of which gains some seven digits, so that second derivatives of the flow are never needed to more digits
-than doubles give.
+The two coordinates on the section and Omega are the unknowns. A fold is a fixed point of the
+section's map P at which det(1 - P') = 0. The determinant's gradient is taken by differences, mostly
+in double. It serves in chord steps of any precision, which gain some seven digits each. So second
+derivatives of the flow are never needed to more digits than doubles give.
 """
 
 from __future__ import annotations
@@ -43,18 +43,21 @@ __all__ = [
     "rotation_fold",
 ]
 
-_DIFFERENCE = 1e-5  # of unknowns of order one: rounding and the third derivatives then err alike, by some 1e-9
-_ASTRAY = 0.01
-_WIDE = bits(192)
-_SMALL_FOLD = 0.1  # rad; for smaller ones the law of fourth order is a better start than doubles are
+# The step of the differences, for unknowns of order one. Rounding and the third derivatives then err
+# alike, by some 1e-9.
+_DIFFERENCE = 1e-5
+_ASTRAY = 0.01  # the largest relative distance of a fold from its start
+_WIDE = bits(192)  # the arithmetic of the second attempt
+# The amplitude [rad] below which the law of fourth order is a better start than doubles are.
+_SMALL_FOLD = 0.1
 _GUARD = 12  # digits that two nearly parallel conditions and the flight cost
 
 
 @dataclass(frozen=True, repr=False)
 class Fold(Printable):
-    """What folds have in common; each number's half-width holds the truth."""
+    """A fold. Each number's half-width holds the truth."""
 
-    section: ClassVar[Section[Any]]  #: whose map has the fold's cycle as a fixed point
+    section: ClassVar[Section[Any]]  #: the section whose map has the fold's cycle as a fixed point
 
     omega: Measured = field(metadata=quantity("the speed, extreme on the family", "rad/s"))
     period: Measured = field(metadata=quantity("T, the period of the cycle there", "s"))
@@ -64,8 +67,8 @@ class Fold(Printable):
         metadata=quantity("d(v_0)/d(gamma_bar_0), or d(v_top)/d(beta_bar_top), along the family", "1/s")
     )
     log_multiplier_fast: Measured = field(metadata=quantity("natural logarithm of the multiplier that is not 1", "1"))
-    parameters: Parameters  #: whose fold it is, with the friction law
-    engine: str  #: what computed it
+    parameters: Parameters  #: the disk, with the friction law
+    engine: str  #: the engine that computed it
     precision: str  #: the arithmetic of its numbers
 
 
@@ -94,16 +97,23 @@ class RotationFold(Fold):
 class Folds(tuple[LibrationFold, ...]):
     """The folds of a family of librating cycles, in their order from the Hopf point on."""
 
-    followed_to: str  #: where the family ends
+    followed_to: str  #: the end of the family
 
     def to_dict(self) -> dict[str, Any]:
         return {"folds": as_json(tuple(self)), "followed_to": self.followed_to}
 
 
 def rotation_fold(family: RotatingFamily, *, digits: int = 12) -> RotationFold:
-    """The fold of the rotating limit cycles, to ``digits`` significant digits of its speed and cycle.
+    """Return the fold of the rotating limit cycles, to ``digits`` significant digits of its speed
+    and cycle.
 
-    Raises NoSuchCycleError where the family has none, AccuracyError if the digits are not reached.
+    Args:
+        family: The rotating cycles.
+        digits: The significant digits wanted.
+
+    Raises:
+        NoSuchCycleError: If the family has no fold.
+        AccuracyError: If the digits are not reached.
     """
     digits = checked_digits(digits)
     place = family.near_fold()
@@ -116,10 +126,19 @@ def rotation_fold(family: RotatingFamily, *, digits: int = 12) -> RotationFold:
 def libration_folds(
     parameters: Parameters, engine: Engine, *, digits: int = 12, family: LibratingFamily | None = None
 ) -> Folds:
-    """The folds of the librating limit cycles from the Hopf point on, to ``digits`` significant digits; often none.
+    """Return the folds of the librating limit cycles from the Hopf point on; often there are none.
 
-    They are those that `LibratingFamily` passes. Raises AccuracyError where it cannot be
-    followed, the digits are not reached, or doubles do not see a fold that the exact signs at the ends ask for.
+    They are those that `LibratingFamily` passes.
+
+    Args:
+        parameters: The disk and its friction law.
+        engine: The engine of the flights.
+        digits: The significant digits wanted.
+        family: The disk's family, if it has been followed already.
+
+    Raises:
+        AccuracyError: If the family cannot be followed, or the digits are not reached. Also if
+            doubles do not see a fold that the exact signs at the ends require.
     """
     digits = checked_digits(digits)
     try:
@@ -129,13 +148,14 @@ def libration_folds(
     starts = [(*place.start, place.omega) for place in map(family.place, family.folds)]
     if parameters.friction == "linear":
         small = _small_fold(parameters)
-        if small is not None:  # next to it doubles see their rounding
+        if small is not None:  # near a small fold doubles only see their rounding
             starts = [small, *(start for start in starts if start[0] > 2 * _SMALL_FOLD)]
-        if family.connected and len(starts) % 2 != _asked_for(parameters, family.limit):
-            raise AccuracyError("this family has a fold too close to its end for doubles: they have no digits of it")
+        if family.connected and len(starts) % 2 != _parity_of_folds(parameters, family.limit):
+            raise AccuracyError("this family has a fold too close to its end for doubles: they give no digits of it")
     folds = [fold_to_digits(LibrationFold, parameters, start, engine, digits) for start in starts]
     for fold, (a, _, omega) in zip(folds, starts, strict=True):
-        # A start on polynomials through twenty nodes is right to some digits; what is far from it is something else.
+        # A start on polynomials through twenty nodes is right to some digits. A fold far from it is another
+        # one.
         if abs(float(fold.gamma_bar_0) - a) > _ASTRAY * a or abs(float(fold.omega) - omega) > _ASTRAY * omega:
             raise AccuracyError(f"the fold near {omega:.8g} rad/s was not found again in a finer arithmetic")
     result = Folds(folds)
@@ -143,14 +163,21 @@ def libration_folds(
     return result
 
 
-def _asked_for(parameters: Parameters, omega_h: float) -> int:
-    """1 if Omega falls at one end of the family and rises at the other, by exact signs: the folds' number is odd."""
+def _parity_of_folds(parameters: Parameters, omega_h: float) -> int:
+    """Return 1 if the number of folds is odd, by exact signs, otherwise 0.
+
+    It is odd if Omega falls at one end of the family and rises at the other.
+    """
     born_below = criticality(parameters) == "supercritical"
     return int(born_below is not (saddle_value_sign(parameters, Fraction(omega_h)) < 0))
 
 
 def _small_fold(parameters: Parameters) -> tuple[float, float, float] | None:
-    """The point of the section and the speed near which a small fold lies, by the law of fourth order."""
+    """Return the point of the section and the speed near which a small fold lies, by the law of
+    fourth order.
+
+    None if there is no small fold.
+    """
     quadratic, quartic = map(float, amplitude_law(parameters))
     square = -quadratic / (2 * quartic) if quartic else 0.0
     if not 0 < square < _SMALL_FOLD**2:
@@ -161,9 +188,16 @@ def _small_fold(parameters: Parameters) -> tuple[float, float, float] | None:
 
 
 def fold_in_double(family: RotatingFamily) -> dict[str, float]:
-    """The numbers of the family's fold to some ten digits, by their names in `RotationFold`. Raises as that does.
+    """Return the numbers of the family's fold to some ten digits, by their names in `RotationFold`.
 
-    Nothing is compiled for them that the cycles' family does not need.
+    It compiles nothing that the cycles' family does not need.
+
+    Args:
+        family: The rotating cycles.
+
+    Raises:
+        NoSuchCycleError: If the family has no fold.
+        AccuracyError: If the iteration does not settle.
     """
     place = family.near_fold()
     start, jacobian = fold_near(ROTATING, family.parameters, (*place.start, place.omega), family.engine)
@@ -174,9 +208,17 @@ def fold_in_double(family: RotatingFamily) -> dict[str, float]:
 def fold_to_digits(
     kind: type[Fold], parameters: Parameters, guess: tuple[float, float, float], engine: Engine, digits: int
 ) -> Any:
-    """The fold of that kind next to a point (both coordinates on the section, Omega), to ``digits`` significant digits.
+    """Return the fold of that kind next to a point, to ``digits`` significant digits.
 
-    Raises AccuracyError if it is not found, or the digits are not reached.
+    Args:
+        kind: The class of the fold.
+        parameters: The disk and its friction law.
+        guess: Both coordinates on the section and Omega [rad/s].
+        engine: The engine of the flights.
+        digits: The significant digits wanted.
+
+    Raises:
+        AccuracyError: If the fold is not found, or the digits are not reached.
     """
     fold = _fold_in(kind, parameters, guess, engine, bits(bits_for_digits(digits + _GUARD)))
     for name in ("omega", "period", *kind.section.names):
@@ -189,11 +231,12 @@ def fold_to_digits(
 def _fold_in(
     kind: type[Fold], parameters: Parameters, guess: tuple[float, float, float], engine: Engine, precision: Precision
 ) -> Any:
-    """The fold of that kind next to a point, computed in ``precision`` and compared with the next wider arithmetic.
+    """Return the fold of that kind next to a point, in ``precision``, compared with the next wider
+    arithmetic.
 
     Raises AccuracyError if it is not found.
     """
-    for arithmetic in (DOUBLE, _WIDE):  # the second where conditions nearly coincide
+    for arithmetic in (DOUBLE, _WIDE):  # the second serves if the conditions nearly coincide
         try:
             start, jacobian = fold_near(kind.section, parameters, guess, engine, arithmetic)
             rough = _numbers(kind.section, parameters, start, jacobian, engine, precision)
@@ -208,7 +251,7 @@ def _fold_in(
 
 
 def _conditions(image: Image) -> tuple[Any, Any, Any]:
-    """The map's residual and det(1 - P'), which are zero at the fold."""
+    """Return the map's residual and det(1 - P'), which are zero at the fold."""
     (a, b), (c, d) = image.matrix
     return (*image.residual, (1 - a) * (1 - d) - b * c)
 
@@ -224,8 +267,8 @@ def _fold_system(
     image, by_determinant = mapped(at), []
     (a, b), (c, d) = image.matrix
     for axis, shift in enumerate(shifts):
-        beside = [[x + sign * shift * (k == axis) for k, x in enumerate(at)] for sign in (1, -1)]
-        above, below = (_conditions(mapped(unknowns))[2] for unknowns in beside)
+        moved = [[x + sign * shift * (k == axis) for k, x in enumerate(at)] for sign in (1, -1)]
+        above, below = (_conditions(mapped(unknowns))[2] for unknowns in moved)
         by_determinant.append((above - below) / (2 * shift))
     by_first, by_second = image.by_omega
     return _conditions(image), [[a - 1, b, by_first], [c, d - 1, by_second], by_determinant]
@@ -244,19 +287,31 @@ def fold_near(
     engine: Engine,
     precision: Precision = DOUBLE,
 ) -> tuple[tuple[float, float, float], Any]:
-    """Both coordinates and Omega of the fold next to a point, and the derivative of its conditions there, as doubles.
+    """Solve for the fold next to a point.
 
-    They are computed in ``precision``. Raises AccuracyError if the iteration does not settle.
+    Args:
+        section: The section of the kind of cycle.
+        parameters: The disk and its friction law.
+        at: Both coordinates on the section and Omega [rad/s].
+        engine: The engine of the flights.
+        precision: The arithmetic of the computation.
+
+    Returns:
+        Both coordinates and Omega of the fold, and the derivative (3, 3) of its conditions there,
+        as doubles.
+
+    Raises:
+        AccuracyError: If the iteration does not settle.
     """
     lost = AccuracyError("the iteration for the fold of the limit cycles does not settle")
     stop = Stop(20, lost, small=1e-13 * min(1.0, abs(float(at[0]))), near=1e-9)
     at, mapped = [precision.number(float(x)) for x in at], _mapped(section, parameters, engine, precision)
     share = _DIFFERENCE if precision == DOUBLE else float(precision.epsilon) ** (1 / 3)
     while True:
-        # A cycle next to the Hopf point is small, one that comes close to a saddle must not miss it.
+        # A cycle next to the Hopf point is small. One that comes close to a saddle must not miss it.
         near_saddle = section.saddle_scale([float(x) for x in at])
-        rooms = (min(1.0, abs(float(x)), near_saddle**power) for x, power in zip(at, (1, 1, 2), strict=True))
-        shifts = [precision.number(share * room) for room in rooms]
+        scales = (min(1.0, abs(float(x)), near_saddle**power) for x, power in zip(at, (1, 1, 2), strict=True))
+        shifts = [precision.number(share * scale) for scale in scales]
         conditions, rows = _fold_system(mapped, at, shifts)
         jacobian = numpy.array([[float(x) for x in row] for row in rows])
         step = numpy.linalg.solve(jacobian, [float(x) for x in conditions])
@@ -273,7 +328,7 @@ def _numbers(
     engine: Engine,
     precision: Precision,
 ) -> dict[str, Any]:
-    """All numbers of the fold in one arithmetic, by chord steps from doubles."""
+    """Return all numbers of the fold in one arithmetic, by chord steps from doubles."""
     inverse = [[precision.number(float(entry)) for entry in row] for row in numpy.linalg.inv(jacobian)]
     at, mapped = [precision.number(float(x)) for x in start], _mapped(section, parameters, engine, precision)
     lost = AccuracyError(f"the iteration for the fold has not converged in {precision.name} precision")

@@ -1,16 +1,25 @@
-"""Fourier collocation in time: a limit cycle's equation of motion at samples of its period, and how many it needs.
+"""Fourier collocation in time: a limit cycle's equation of motion at samples of its period, and how
+many it needs.
 
-One discretisation serves both kinds of cycles, which differ in what of the period is sampled and in how often gamma
-turns round. The point symmetry makes a librating cycle odd under a shift by half a period: half of it is sampled, and
-the harmonics are odd. A rotating cycle is sampled over the whole period and has all harmonics. A *point* is an array
-of n + 2: beta_bar at the n samples [rad], the angular frequency [rad/s] and Omega [rad/s]. gamma follows from
-gamma' = Omega sin(beta_bar) by spectral integration, v by differentiation. The equations are that of motion at the
-samples and one that closes the system, Omega w sin(beta_bar) = turns * frequency with the weights w of a mean: a
-rotating cycle's gamma grows by 2 pi a period; that of a librating one does not turn, and it is beta_bar = 0 at the
-first sample that closes its system. Harmonic balance has the same solutions, for these samples determine the
-harmonics; collocation is kept since its derivative has a closed form at any kind of cycle.
+**The samples.** One discretisation serves both kinds of cycles. The point symmetry makes a
+librating cycle odd under a shift by half a period: half of it is sampled, and the harmonics are
+odd. A rotating cycle is sampled over the whole period and has all harmonics.
 
-No integrator is used: that shooting agrees is evidence.
+**The unknowns.** A *point* is an array of n + 2: beta_bar at the n samples [rad], the angular
+frequency [rad/s] and Omega [rad/s]. gamma follows from gamma' = Omega sin(beta_bar) by spectral
+integration, v by differentiation.
+
+**The equations.** They are the equation of motion at the samples and one that closes the system,
+
+    Omega w sin(beta_bar) = turns * frequency,
+
+with the weights w of a mean. A rotating cycle's gamma grows by 2 pi a period. A librating cycle's
+gamma does not turn, and beta_bar = 0 at the first sample closes its system.
+
+**The choice.** Harmonic balance has the same solutions, because these samples determine the
+harmonics. Collocation is kept since its derivative has a closed form for every kind of cycle.
+
+No integrator is used. Its agreement with shooting is evidence.
 """
 
 from __future__ import annotations
@@ -31,11 +40,11 @@ from tippedisk_verify.model.precision import DOUBLE, bits, bits_for_digits
 
 __all__ = ["MOST_SAMPLES", "Collocation", "Kind", "resampled", "samples_for", "sizes"]
 
-MOST_SAMPLES = 2048
+MOST_SAMPLES = 2048  #: the most samples of a collocation
 
 _SPARE = 20  # bits below an arithmetic's last one, in which sums of a thousand products are taken
-_COMPLEX_STEP = 1e-40
-_FEWEST_SAMPLES = 24  # for the digits asked for; a cycle next to the Hopf point has hardly any harmonics
+_COMPLEX_STEP = 1e-40  # rad/s; a complex step this small differentiates without cancellation
+_FEWEST_SAMPLES = 24  # samples; a cycle next to the Hopf point has hardly any harmonics
 
 
 class Kind(Enum):
@@ -46,16 +55,25 @@ class Kind(Enum):
 
     @property
     def turns(self) -> int:
-        """By how many times 2 pi gamma grows in a period."""
+        """The growth of gamma in a period, in units of 2 pi."""
         return self.value - 1
 
     def samples(self, count: float) -> int:
-        """The least admissible number of samples from ``count`` on: even for half a period, odd for a whole one."""
+        """Return the least admissible number of samples from ``count`` on: even for half a period,
+        odd for a whole one.
+        """
         return 2 * math.ceil(count / 2) + self.turns
 
 
 class Collocation:
-    """The equations at n samples, in double or in mpmath numbers of so many digits."""
+    """The equations at n samples, in double or in mpmath numbers.
+
+    Args:
+        parameters: The disk, under the linear law.
+        kind: The kind of cycle.
+        count: The number of samples.
+        digits: The digits of the mpmath numbers; None for double.
+    """
 
     def __init__(self, parameters: Parameters, kind: Kind, count: int, digits: int | None = None) -> None:
         self.ctx: Any = None if digits is None else bits(bits_for_digits(digits)).context
@@ -79,17 +97,20 @@ class Collocation:
         return Collocation(self.parameters, self.kind, self.count)
 
     def number(self, value: Any) -> Any:
-        """A rational, or the numbers of another arithmetic, in this one."""
+        """Convert a rational, or the numbers of another arithmetic, to this one."""
         if isinstance(value, Fraction):
             return float(value) if self.ctx is None else quotient(self.ctx, value)
         return value.astype(float) if self.ctx is None else numpy.array([self.ctx.mpf(x) for x in value])
 
     def differentiated(self, samples: Any) -> Any:
-        """The derivative of a function by the angle, at the samples."""
+        """Return the derivative of a function by the angle, at the samples."""
         return self._applied(self.slope, samples)
 
     def _applied(self, rows: Any, samples: Any) -> Any:
-        """A matrix times samples of order one; above double in whole numbers, which are far faster than mpmath's."""
+        """Return a matrix times samples of order one.
+
+        Above double the product is in whole numbers, which are far faster than mpmath's.
+        """
         if self.ctx is None:
             return rows @ samples
         places = self.ctx.prec + _SPARE
@@ -101,13 +122,15 @@ class Collocation:
         return (self._weights * samples).sum() / self._weights.sum()
 
     def motion(self, point: Any) -> tuple[Any, Any]:
-        """gamma_bar [rad] and v [rad/s] at the samples."""
+        """Return gamma_bar [rad] and v [rad/s] at the samples."""
         beta, frequency, omega = point[:-2], point[-2], point[-1]
         swing = omega / frequency * self._applied(self.integral, self.sin(beta))
         return self._growth + swing, frequency * self.differentiated(beta)
 
     def residual(self, point: Any) -> Any:
-        """v' less the acceleration at the samples [rad/s^2], and the closing equation: (n + 1,)."""
+        """Return v' less the acceleration at the samples [rad/s^2], and the closing equation: (n +
+        1,).
+        """
         beta, frequency, omega = point[:-2], point[-2], point[-1]
         gamma, v = self.motion(point)
         rate = field(self._ops, self.constants, omega, "linear")(beta, gamma, v)[2]
@@ -115,20 +138,30 @@ class Collocation:
         return numpy.append(frequency * self.differentiated(v) - rate, closing)
 
     def slopes(self, point: Any) -> tuple[Any, Any, Any]:
-        """The acceleration's derivatives by beta, gamma and v at the samples."""
+        """Return the acceleration's derivatives by beta, gamma and v at the samples."""
         derivatives = jacobian(self._ops, self.constants, point[-1], "linear")
         by_beta, by_gamma, by_v = derivatives(point[:-2], *self.motion(point))[2]
         return by_beta, by_gamma, by_v
 
     def motion_along(self, point: Any, change: Any) -> tuple[Any, Any]:
-        """The derivatives of gamma and v in a direction of beta_bar and the frequency, (n + 1,), at fixed Omega."""
+        """Return the derivatives of gamma and v at fixed Omega.
+
+        Args:
+            point: The point (n + 2,).
+            change: The direction (n + 1,), in beta_bar and the frequency.
+        """
         beta, frequency, omega = point[:-2], point[-2], point[-1]
         tilt = self.cos(beta) * change[:-1] - self.sin(beta) * (change[-1] / frequency)
         rate = frequency * self.differentiated(change[:-1]) + change[-1] * self.differentiated(beta)
         return omega / frequency * self._applied(self.integral, tilt), rate
 
     def along(self, point: Any, change: Any) -> Any:
-        """The residual's derivative in such a direction: (n + 1,)."""
+        """Return the residual's derivative (n + 1,) in such a direction.
+
+        Args:
+            point: The point (n + 2,).
+            change: The direction (n + 1,), in beta_bar and the frequency.
+        """
         beta, frequency, omega = point[:-2], point[-2], point[-1]
         by_beta, by_gamma, by_v = self.slopes(point)
         turned, rate = self.motion_along(point, change)
@@ -137,7 +170,7 @@ class Collocation:
         return numpy.append(acceleration - by_beta * change[:-1] - by_gamma * turned - by_v * rate, closing)
 
     def matrix(self, point: Any) -> Any:
-        """The residual's derivative by the point, in double: (n + 1, n + 2)."""
+        """Return the residual's derivative by the point, in double: (n + 1, n + 2)."""
         beta, w, omega, n = point[:-2], point[-2], point[-1], self.count
         gamma, v = self.motion(point)
         by_beta, by_gamma, by_v = self.slopes(point)
@@ -157,11 +190,19 @@ class Collocation:
 
 @lru_cache(maxsize=64)
 def _operators(kind: Kind, count: int, precision: int | None) -> tuple[Any, Any]:
-    """Differentiation by the angle, and integration of functions without mean, at the samples.
+    """Return the matrices of differentiation by the angle, and of integration of functions without
+    mean.
 
-    With the samples at j h, h = pi s / n and s the kind's half periods, D_jl = (-1)^(j-l) / (s sin(pi (j - l) / n)),
-    and the integral is (2 s / n) sum over k of sin(pi k (j - l) / n) / k, k odd below n for half a period and even for
-    a whole one. Above double they are whole numbers, in units of 2^-(precision + _SPARE).
+    The samples lie at j h, h = pi s / n, where s is the kind's number of half periods. Then
+
+        D_jl = (-1)^(j-l) / (s sin(pi (j - l) / n)),
+
+    and the integral is
+
+        (2 s / n) sum over k of sin(pi k (j - l) / n) / k,
+
+    with k below n, odd for half a period and even for a whole one. Above double the matrices are
+    whole numbers, in units of 2^-(precision + _SPARE).
     """
     ctx = None if precision is None else bits(precision).context
     pi, sin, zero = (math.pi, math.sin, 0.0) if ctx is None else (ctx.pi, ctx.sin, ctx.zero)
@@ -189,7 +230,13 @@ def _spectrum(kind: Kind, beta: Any) -> Any:
 
 
 def resampled(kind: Kind, point: Any, count: int) -> Any:
-    """A point in double with the same trigonometric polynomial at another number of samples."""
+    """Return a point in double with the same trigonometric polynomial at another number of samples.
+
+    Args:
+        kind: The kind of cycle.
+        point: The point (n + 2,).
+        count: The new number of samples.
+    """
     old = len(point) - 2
     amplitudes = _spectrum(kind, point[:old])
     total = 2 * count // kind.value
@@ -201,15 +248,26 @@ def resampled(kind: Kind, point: Any, count: int) -> Any:
 
 
 def sizes(kind: Kind, beta: Any) -> Any:
-    """The amplitudes of beta_bar's harmonics [rad], in double: odd ones, or all from the first on."""
+    """Return the amplitudes of beta_bar's harmonics [rad], in double: odd ones, or all from the
+    first on.
+
+    Args:
+        kind: The kind of cycle.
+        beta: beta_bar at the samples [rad].
+    """
     half_periods = len(beta) * (2 // kind.value)
     return 2 * numpy.abs(_spectrum(kind, beta))[1 :: 2 // kind.value] / half_periods
 
 
 def samples_for(kind: Kind, point: Any, digits: int) -> int:
-    """So many samples as the decay of the harmonics needs for the digits.
+    """Return the number of samples that the decay of the harmonics requires for the digits.
 
     The decay is the mean factor between neighbours, over the later ones that stand above rounding.
+
+    Args:
+        kind: The kind of cycle.
+        point: The point (n + 2,) in double.
+        digits: The digits wanted.
     """
     amplitudes = sizes(kind, point[:-2])
     logarithms = numpy.log10(amplitudes[amplitudes > 1e-13 * amplitudes[0]])

@@ -1,16 +1,20 @@
-"""Many cycles of a family at once: predicted by polynomials through its nodes, and corrected by `batch_shooting`.
+"""Many cycles of a family at once: predicted by polynomials through its nodes, and corrected by
+`batch_shooting`.
 
-All numbers of a family's cycles at its nodes are solved to rounding. Omega(s) is inverted piece by piece, so that a
-speed at which two cycles coexist gives both.
+**The cycles.** All numbers of a family's cycles at its nodes are solved to rounding. Omega(s) is
+inverted piece by piece, so that a speed at which two cycles coexist gives both.
 
-Half-widths are derived in docs/error_budgets.md. On every fourth node of the family, and at both ends, the cycle is
-solved again a few times with other last bits of the constants, each time from the solution before (the twins of
-`error_budget`, in lanes). The largest spread of three neighbours is the measure of rounding, of the parameters' too.
-What has a pole at a fold is multiplied by what vanishes there. Between those nodes it is interpolated by chords, which
-lie above what grows like a power of Omega - Omega_h, and hold what vanishes at Omega_crit.
+**The half-widths.** docs/error_budgets.md derives them. On every fourth node of the family, and at
+both ends, the cycle is solved again a few times with other last bits of the constants. Each
+solution starts from the one before (the twins of `error_budget`, in lanes). The largest spread of
+three neighbours measures rounding, that of the parameters included.
 
-What follows from derivatives is taken before the last Newton step: how it changes with the start is measured as well,
-by starts moved much farther than rounding moves them.
+**Interpolation.** A number that has a pole at a fold is multiplied by a factor that vanishes there.
+Between those nodes spreads are interpolated by chords. Chords lie above a function that grows like
+a power of Omega - Omega_h, and hold one that vanishes at Omega_crit.
+
+**Derivatives.** Numbers that follow from derivatives are taken before the last Newton step. Their
+change with the start is measured as well, by starts moved much farther than rounding moves them.
 """
 
 from __future__ import annotations
@@ -33,27 +37,41 @@ from tippedisk_verify.model.precision import DOUBLE
 
 __all__ = ["FamilyInterpolant"]
 
-_FLAT = 0.05  # of the way in the first coordinate to a fold, an error that is no longer linear
-#: With them, and the node itself, nine values each on three neighbouring nodes.
+# The error of the first coordinate, relative to its distance from a fold, from which on the error is
+# no longer linear.
+_FLAT = 0.05
+#: The twins of a node. With the node itself they give nine values on each of three neighbouring nodes.
 TWINS = 8
-#: An error beyond so many times the largest of three spreads of nine values has a probability of 2e-8 for normal
-#: errors, one beyond half of that 2e-4: a branch has thousands of numbers. The half-width is 13 times the error in the
-#: median. Five twins, with a factor of 3.5, have the same risk, but half-widths a quarter wider that scatter more.
+#: The half-width in units of the largest of three spreads of nine values. For normal errors an error
+#: beyond it has a probability of 2e-8, and one beyond half of it 2e-4: a branch has thousands of
+#: numbers. The half-width is 13 times the error in the median. Five twins with a factor of 3.5 have
+#: the same risk, but half-widths a quarter wider that scatter more.
 TWIN_FACTOR = 2.5
-_EVERY = 4  # nodes between those where rounding is measured
-#: The share of the constants that a twin moves up; as many move down. They then err by half a place, as by rounding.
+_EVERY = 4  # the spacing, in nodes, of those where rounding is measured
+#: The share of the constants that a twin moves up; as many move down. Each then errs by half a place,
+#: as by rounding.
 _SHARE_MOVED = 1 / 8
-_START_SHIFT = 1e-5  # of the distance to the nearer end; Newton's iteration then ends after one step
-#: What the slope for a moved start may be off, as a factor: the start's effect is linear but for parts of 1e-5.
+# The move of a start, relative to the distance from the nearer end. Newton's iteration then ends after
+# one step.
+_START_SHIFT = 1e-5
+#: A factor for the error of the slope by the start. The start's effect is linear but for parts of 1e-5.
 _SLOPE = 2
-_POLE = 3  # of derivatives by Omega at a fold, where each error of Omega counts as 1 / (dOmega/dx)^3
-_UNIT = 2.0**-53
+# The order of the pole of a derivative by Omega at a fold: an error of Omega counts as
+# 1 / (dOmega/dx)^3.
+_POLE = 3
+_UNIT = 2.0**-53  # the unit round-off of a double
 
 
 class FamilyInterpolant:
     """The cycles of a family of the linear law, as far as it is followed.
 
-    Raises InputError for another law, NoSuchCycleError where one of the family's nodes is lost.
+    Args:
+        family: The family.
+        lanes: The engine of the flights.
+
+    Raises:
+        InputError: If the law is not linear.
+        NoSuchCycleError: If one of the family's nodes is lost.
     """
 
     def __init__(self, family: Family, lanes: BatchTaylor) -> None:
@@ -68,8 +86,8 @@ class FamilyInterpolant:
         self.nodes = self._shot(nodes[3], guess, tolerance=1e-9, free_omega=True)
         if not self.nodes.converged.all():
             raise NoSuchCycleError(f"the family of {self._section.name} cycles could not be followed")
-        #: The numbers that are taken before the last Newton step. (The fast multiplier's logarithm moves with the slow
-        #: one's: their sum is not taken from derivatives.)
+        #: The numbers that are taken before the last Newton step. (The fast multiplier's logarithm moves
+        #: with the slow one's: their sum does not come from derivatives.)
         self._by_omega = tuple(f"d{name}_domega" for name in ("period", *self._section.names))
         self._before = ("multiplier_slow", "log_multiplier_slow", *self._by_omega)
         self._measured = (*self._section.numbers, "log_multipliers")
@@ -80,10 +98,19 @@ class FamilyInterpolant:
 
     # ------------------------------------------------------------------------------------------------ the cycles
     def results(self, omegas: Sequence[float], digits: int) -> list[list[Any] | None]:
-        """All cycles at each speed [rad/s], from the smallest first coordinate on, as single speeds give them.
+        """Return all cycles at each speed, from the smallest first coordinate on, as single speeds
+        give them.
 
-        None for a speed that has none, or not only cycles that doubles hold: their period, coordinates and largest lean
-        to so many digits, and clear of a fold, where the multiplier says on which side of it they lie.
+        A cycle must have its period, coordinates and largest lean to ``digits`` digits. It must be
+        clear of a fold, so that the multiplier shows the side of the fold.
+
+        Args:
+            omegas: The speeds [rad/s].
+            digits: The significant digits that a cycle must have.
+
+        Returns:
+            For each speed its cycles. None if a speed has no cycle, or has one that doubles do not
+            hold.
         """
         speeds = numpy.asarray(omegas, dtype=float)
         s = self.family.abscissas(speeds)
@@ -101,12 +128,10 @@ class FamilyInterpolant:
         lost = numpy.zeros(len(speeds), dtype=bool)
         for gap in self.family.gaps:
             lost |= (min(gap) <= speeds) & (speeds <= max(gap))
-        return [
-            None if missing or None in some or not some else some for some, missing in zip(by_speed, lost, strict=True)
-        ]
+        return [None if missing or None in own or not own else own for own, missing in zip(by_speed, lost, strict=True)]
 
     def _cycles(self, cycles: BatchCycles, widths: dict[str, Any]) -> Iterator[Any]:
-        """The result objects that single speeds give, with these half-widths."""
+        """Yield the result objects that single speeds give, with these half-widths."""
         widths["trivial_multiplier_defect"] = 2 * cycles["trivial_multiplier_defect"] + 2 * _UNIT
         columns = [(name, cycles[name].tolist(), width.tolist()) for name, width in widths.items()]
         for index, (omega, residual) in enumerate(zip(cycles["omega"], cycles["residual"], strict=True)):
@@ -125,7 +150,12 @@ class FamilyInterpolant:
             )
 
     def solved(self, speeds: Array, s: Array) -> BatchCycles:
-        """The cycles at these speeds (n,), next to these abscissas, corrected by Newton's iteration."""
+        """Return the cycles at these speeds, corrected by Newton's iteration.
+
+        Args:
+            speeds: The speeds (n,) [rad/s].
+            s: Abscissas (n,) next to them.
+        """
         first, (ratio, flight, _, slope) = self.family.coordinate(s), self.family.at(s)
         # The relative step after which only rounding is left grows towards Omega_h and towards a fold.
         resolved = 1e-11 * numpy.maximum(1.0, 4e-4 / numpy.abs(slope))
@@ -136,9 +166,14 @@ class FamilyInterpolant:
 
     # ------------------------------------------------------------------------------------------------ the half-widths
     def half_widths(self, cycles: BatchCycles) -> dict[str, Any]:
-        """For each number of n cycles on this family the half-width that holds the truth, as (n,) arrays.
+        """Return the half-width that holds the truth for each number of n cycles on this family.
 
-        Infinite next to a fold, where errors in double reach beyond it.
+        Args:
+            cycles: The cycles.
+
+        Returns:
+            The half-widths (n,) by name. They are infinite next to a fold, where errors in double
+            reach beyond it.
         """
         s = self.family.abscissa(cycles.coordinate)
         nodes, spreads, slopes = self._sources
@@ -155,12 +190,14 @@ class FamilyInterpolant:
         return {name: numpy.where(lost, numpy.inf, width) for name, width in widths.items()}
 
     def _pole(self, name: str, cycles: BatchCycles) -> Any:
-        """What a spread of that number is multiplied by where it is interpolated."""
+        """Return the factor of a number's spread under which it is interpolated."""
         return cycles.slope ** (_POLE if name in self._by_omega else 1)
 
     @cached_property
     def _sources(self) -> tuple[Any, dict[str, Any], dict[str, list[Any]]]:
-        """On some nodes, in rising s: the spread of each number, and its change with the start."""
+        """Some abscissas in rising order, the spread of each number there, and its change with the
+        start.
+        """
         # Both ends among them: towards the Hopf point sensitivities grow without bound.
         every = numpy.append(numpy.arange(len(self._s) - 1, 0, -_EVERY), 0)[::-1]
         nodes = self.nodes.only(every)
@@ -185,7 +222,7 @@ class FamilyInterpolant:
             for name in self._before:
                 slopes[name].append(numpy.abs(shifted[name] - nodes[name]) / shift[index] * poles[name])
         slopes["log_multiplier_fast"] = slopes["log_multiplier_slow"]
-        # A node next to a fold is lost at its speed; what is interpolated is smooth there.
+        # A node next to a fold is lost at its speed. The interpolated numbers are smooth there.
         rows = [*spreads.values(), *(slope for of_name in slopes.values() for slope in of_name)]
         solved = numpy.isfinite(rows).all(axis=0)
         spreads = {name: _largest_nearby(spread[solved]) for name, spread in spreads.items()}
@@ -194,7 +231,9 @@ class FamilyInterpolant:
 
     @property
     def _to_the_end(self) -> Any:
-        """How far each node is from the Hopf point, a fold or the connection [rad/s], as the slope there foretells."""
+        """The distance of each node from the Hopf point, a fold or the connection [rad/s],
+        predicted by its slope.
+        """
         slope = numpy.abs(self.family.nodes[:, 6])
         bend = numpy.abs(numpy.gradient(self.family.nodes[:, 6], self._s))
         way = numpy.minimum(numpy.minimum((self._s - self.family.origin) / 2, 0.25), slope / (2 * bend))
@@ -202,6 +241,6 @@ class FamilyInterpolant:
 
 
 def _largest_nearby(values: Array) -> Any:
-    """The largest of three neighbours."""
+    """Return the largest of three neighbours, for each value."""
     padded = numpy.pad(values, 1, mode="edge")
     return numpy.max([padded[k : k + len(values)] for k in range(3)], axis=0)

@@ -1,10 +1,10 @@
-"""The family of librating limit cycles: where it begins, at the Hopf point, and where it ends, at the connection.
+"""The family of librating limit cycles, from the Hopf point to the connection.
 
-The amplitude is gamma_bar_0 = pi tanh(s): s = 0 is the Hopf point, and infinite s the connection. v_0 / gamma_bar_0
-and beta_max / gamma_bar_0, the period and Omega are analytic there.
+The amplitude is gamma_bar_0 = pi tanh(s): s = 0 is the Hopf point, and infinite s the connection.
+v_0 / gamma_bar_0 and beta_max / gamma_bar_0, the period and Omega are analytic there.
 
-Towards a saddle whose stable eigenvalues are complex, orbits wind: the amplitude then reaches pi at v_0 != 0, short of
-the connection. There this family ends.
+Towards a saddle whose stable eigenvalues are complex, orbits wind. The amplitude then reaches pi at
+v_0 != 0, short of the connection. There this family ends.
 """
 
 from __future__ import annotations
@@ -23,17 +23,25 @@ from tippedisk_verify.theory.hopf import critical_frequency_squared, omega_crit
 
 __all__ = ["LibratingFamily"]
 
-_NODES = 20  # of a panel; the polynomials then err by rounding
-_CLOSEST = 1e-5  # rad/s; how close to its limit Omega is followed: beyond, doubles hold no more cycles
-_SLOWEST, _FASTEST = 1.5, 6.0  # rates at which the slope of Omega falls towards a connection: from 2 to 4, nearly
-_MOST_PANELS = 10  # the amplitude is then within 1e-5 of pi
+_NODES = 20  # nodes of a panel, with which the polynomials err by rounding only
+# The distance [rad/s] from its limit to which Omega is followed. Closer, doubles hold no cycles.
+_CLOSEST = 1e-5
+# Bounds of the rate at which the slope of Omega falls towards a connection. It is nearly 2 to 4.
+_SLOWEST, _FASTEST = 1.5, 6.0
+_MOST_PANELS = 10  # panels, after which the amplitude is within 1e-5 of pi
 
 
 class LibratingFamily(Family):
-    """The family of one disk under its friction law, in double.
+    """The librating family of one disk under its friction law, in double.
 
-    It is followed until Omega is within ``closest`` [rad/s] of its limit. ``solve`` finds cycles of chosen amplitudes,
-    by default one at a time. Raises NoSuchCycleError where the family cannot be followed.
+    Args:
+        parameters: The disk and its friction law.
+        engine: The engine of the flights.
+        solve: Finds cycles of chosen amplitudes; None for one at a time.
+        closest: The distance [rad/s] from its limit to which Omega is followed.
+
+    Raises:
+        NoSuchCycleError: If the family cannot be followed.
     """
 
     section = LIBRATING
@@ -56,10 +64,12 @@ class LibratingFamily(Family):
 
     @property
     def _left(self) -> float:
-        """How far Omega is from its limit at the last node, by how fast its slope falls.
+        """The distance of Omega from its limit at the last node [rad/s], from the rate at which its
+        slope falls.
 
-        Infinite if it does not fall as it does towards a connection: there Omega - Omega_h goes with the distance from
-        the saddle to the power 1 + min(q, 1 / q), where q = |lambda_s| / lambda_u, and the distance like exp(-2 s).
+        It is infinite if the slope does not fall as towards a connection. There Omega - Omega_h
+        goes with the distance from the saddle to the power 1 + min(q, 1 / q), where q = |lambda_s|
+        / lambda_u. The distance goes like exp(-2 s).
         """
         s, slopes = self.nodes[-3:, 0], numpy.abs(self.nodes[-3:, 6])
         rate = math.log(slopes[0] / slopes[2]) / (s[2] - s[0]) if slopes.all() else 0.0
@@ -67,14 +77,19 @@ class LibratingFamily(Family):
 
     @property
     def limit(self) -> float:
-        """Where Omega tends to at the end [rad/s], to a fraction of its distance from there."""
+        """The limit of Omega at the family's end [rad/s], to a fraction of the last node's distance
+        from it.
+        """
         return float(self.nodes[-1, 3] + math.copysign(self._left, self.nodes[-1, 6]))
 
     def newborn(self, distance: float) -> Place:
-        """Return the cycle so far [rad/s] from the Hopf point, nearer to it than the first node, as far as a law tells.
+        """Return the place of a cycle nearer to the Hopf point than the first node, by a power law.
 
-        Next to the Hopf point the distance goes like a power of the amplitude, in general the second, under the smooth
-        law the first. The first node has that power and its factor.
+        Next to the Hopf point the distance goes like a power of the amplitude: in general the
+        second, under the smooth law the first. The first node has that power and its factor.
+
+        Args:
+            distance: The distance of the speed from the Hopf point [rad/s].
         """
         s, _, _, omega, _, _, slope = self.nodes[0].tolist()
         away = self.omega_crit - omega
@@ -82,15 +97,16 @@ class LibratingFamily(Family):
 
     @cached_property
     def connected(self) -> bool:
-        """Whether the family is followed to the connection: v_0 falls towards its end as the distance from pi does."""
+        """True if the family is followed to the connection: v_0 falls as the distance from pi does."""
         s, ratio = self.nodes[[-3, -1], :2].T
         return bool(math.log(ratio[0] / ratio[1]) > s[1] - s[0])  # the distance falls twice as fast
 
     @cached_property
     def ends(self) -> tuple[tuple[str, float], ...]:
-        """What bounds the pieces, by name, and its speed [rad/s]: the Hopf point, the folds and the connection.
+        """The ends of the pieces by name, with their speeds [rad/s]: the Hopf point, the folds and
+        the connection.
 
-        The last one is the amplitude pi, if the family is not `connected`.
+        If the family is not `connected`, the last one is the amplitude pi.
         """
         turns = (("a fold", self.place(s).omega) for s in self.folds)
         return ("Omega_crit", self.omega_crit), *turns, ("Omega_h" if self.connected else "that amplitude", self.limit)

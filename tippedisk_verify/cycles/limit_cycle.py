@@ -23,50 +23,57 @@ from tippedisk_verify.model.results import Printable, quantity
 
 __all__ = ["Cycle", "LimitCycle", "MissingCycle", "Monodromy", "RotatingCycle"]
 
-_NEXT_TO_A_SADDLE = 20  # bits below 1 of what tells the orbit from the saddle's manifolds; a double start misses that
-_DOUBLE_BITS = 60  # below 1, down to which what a cycle's numbers may be off lies beside a double's rounding
-_MORE_BITS = 16
-_MOST_POINTS = 10_000_000  # of an orbit
-_MOVED = 2**12  #: half-widths by which a number is moved, so that rounding does not hide what that does
+# Bits needed below 1 to separate the orbit from the saddle's manifolds, from which on a start rounded
+# to double loses them.
+_NEXT_TO_A_SADDLE = 20
+# Bits below 1 of the smallest half-width for which the monodromy matrix is computed in double.
+_DOUBLE_BITS = 60
+_MORE_BITS = 16  # bits of the wider arithmetic beyond those of the half-width
+_MOST_POINTS = 10_000_000  # the most points of an orbit
+# The move of a number, in half-widths. It is large, so that rounding does not hide its effect.
+_MOVED = 2**12
 
 
 @dataclass(frozen=True, repr=False)
 class Cycle(Printable):
-    """What the results have in common; each number's half-width holds the truth.
+    """A limit cycle. Each number's half-width holds the truth.
 
-    A subclass says where on the cycle its coordinates are taken.
+    A subclass names the point of the cycle at which its coordinates are taken.
     """
 
     coordinates: ClassVar[tuple[str, str]]  #: names of the two coordinates on the section
     fixed: ClassVar[int]  #: the component of the shifted state that is zero there
-    symmetric: ClassVar[bool]  #: whether the cycle is its own image under the point symmetry
+    symmetric: ClassVar[bool]  #: True if the cycle is its own image under the point symmetry
 
     omega: Measured = field(metadata=quantity("the spinning speed", "rad/s"))
     period: Measured = field(metadata=quantity("T, the period", "s"))
     v_0: Measured = field(metadata=quantity("v = beta' where gamma_bar_0 or beta_bar_0 is taken", "rad/s"))
     beta_max: Measured = field(metadata=quantity("largest abs(beta - pi/2) on the cycle", "rad"))
     multiplier_slow: Measured = field(
-        metadata=quantity("the larger nontrivial Floquet multiplier, of a complex pair the modulus", "1")
+        metadata=quantity("the larger nontrivial Floquet multiplier; for a complex pair the modulus", "1")
     )
     log_multiplier_slow: Measured = field(metadata=quantity("natural logarithm of its absolute value", "1"))
     log_multiplier_fast: Measured = field(
-        metadata=quantity("the same of the smaller one, which may lie below any double", "1")
+        metadata=quantity("the same for the smaller multiplier, which may lie below any double", "1")
     )
     trivial_multiplier_defect: Measured = field(
         metadata=quantity("distance from 1 of the computed multiplier along the flow, a check", "1")
     )
     dperiod_domega: Measured = field(metadata=quantity("dT/dOmega along the family of cycles", "s^2/rad"))
     stable: bool | None  #: None if the multiplier's half-width holds 1
-    residuals: tuple[float, ...]  #: of the Newton iteration
-    parameters: Parameters  #: whose cycle it is, with the friction law
-    engine: str  #: what computed it
+    residuals: tuple[float, ...]  #: the residuals of the Newton iteration
+    parameters: Parameters  #: the disk, with the friction law
+    engine: str  #: the engine that computed it
     precision: str  #: the arithmetic of its numbers
-    #: the monodromy matrix at the start of the orbit and its half-widths, where a method has them without a flight
+    #: the monodromy matrix at the start of the orbit and its half-widths, if a method has them
+    #: without a flight
     _start_matrix: Callable[[], tuple[Any, Any]] | None = field(default=None, kw_only=True, compare=False)
 
     @property
     def multipliers(self) -> tuple[Measured, Measured, Measured]:
-        """The Floquet multipliers [1]: 1 along the flow, the slow and the fast one; of a complex pair the modulus."""
+        """The Floquet multipliers [1]: 1 along the flow, the slow and the fast one; for a complex
+        pair the modulus.
+        """
         return Measured(Fraction(1), Fraction(0)), self.multiplier_slow, self.log_multiplier_fast.exp()
 
     @property
@@ -78,15 +85,27 @@ class Cycle(Printable):
 
     @cached_property
     def monodromy(self) -> Monodromy:
-        """The monodromy matrix there; ``cycle.monodromy(t)`` is that at another time [s]."""
+        """The monodromy matrix at the start of `orbit`. ``cycle.monodromy(t)`` is the matrix at
+        another time [s].
+        """
         return _monodromy(self)
 
     def orbit(self, count: int = 400, *, shifted: bool = False, engine: Engine | None = None) -> tuple[Any, Any]:
-        """Times (count,) [s] over one period, both ends included, and the states (3, count) there, in double.
+        """Return times over one period, both ends included, and the states there, in double.
 
-        The states are (beta, gamma, v), or (beta_bar, gamma_bar, v) with ``shifted``. Next to Omega_h the flight is in
-        as many bits as its start needs. Raises InputError unless there are 2 to 10,000,000 points, ArithmeticError
-        where the engine gives up.
+        Next to Omega_h the flight is in as many bits as its start needs.
+
+        Args:
+            count: The number of points, 2 to 10,000,000.
+            shifted: If True, the states are (beta_bar, gamma_bar, v); otherwise (beta, gamma, v).
+            engine: The engine of the flight; None for the default one.
+
+        Returns:
+            The times (count,) [s] and the states (3, count) [rad, rad, rad/s].
+
+        Raises:
+            InputError: If ``count`` is not such a number, or the engine has no continuous output.
+            ArithmeticError: If the engine gives up.
         """
         if whole(count, 2, _MOST_POINTS) is None:
             raise InputError(f"an orbit has 2 to {_MOST_POINTS} points, not {shown(count)}")
@@ -97,7 +116,10 @@ class Cycle(Printable):
         return times, states
 
     def _states(self, times: Any, engine: Engine) -> Any:
-        """The shifted states (3, n) at times within the period, the second half of a symmetric cycle as the image."""
+        """Return the shifted states (3, n) at times within the period.
+
+        The second half of a symmetric cycle is the image of the first.
+        """
         laps = 2 if self.symmetric else 1
         flight = float(self.period) / laps
         lap = numpy.minimum(times // flight, laps - 1)
@@ -109,7 +131,9 @@ class Cycle(Printable):
         return states
 
     def _flown(self, duration: Fraction, engine: Engine) -> Any:
-        """The continuous output of a flight from the start, in the arithmetic that its start needs."""
+        """Return the continuous output of a flight from the start, in the arithmetic that its start
+        needs.
+        """
         needed = max(0, math.ceil(-math.log2(abs(self.v_0.value)))) if self.v_0.value else 0
         request = Request(
             self.parameters,
@@ -127,7 +151,14 @@ class Cycle(Printable):
         return result.dense
 
     def plot(self, axes: Any = None) -> Any:
-        """The orbit in the (gamma_bar, beta_bar) plane, on these matplotlib axes or on new ones; returns the axes."""
+        """Plot the orbit in the (gamma_bar, beta_bar) plane.
+
+        Args:
+            axes: The matplotlib axes; None for new ones.
+
+        Returns:
+            The axes.
+        """
         if axes is None:
             from matplotlib import pyplot
 
@@ -140,9 +171,10 @@ class Cycle(Printable):
 
 @dataclass(frozen=True, repr=False)
 class LimitCycle(Cycle):
-    """A limit cycle about inverted spinning, with its multipliers and sensitivities; each number's half-width holds it.
+    """A limit cycle about inverted spinning, with its multipliers and sensitivities.
 
-    gamma oscillates about pi/2 (libration), and the cycle is its own image under the point symmetry.
+    Each number's half-width holds the truth. gamma oscillates about pi/2 (libration), and the cycle
+    is its own image under the point symmetry.
     """
 
     coordinates, fixed, symmetric = ("gamma_bar_0", "v_0"), 0, True
@@ -157,10 +189,11 @@ class LimitCycle(Cycle):
 
 @dataclass(frozen=True, repr=False)
 class RotatingCycle(Cycle):
-    """A rotating limit cycle with its multipliers and sensitivities; each number's half-width holds it.
+    """A rotating limit cycle with its multipliers and sensitivities.
 
-    The disk leans to one side, beta > pi/2, and gamma grows by 2 pi a period. The point symmetry takes it to a cycle
-    that leans to the other side, with falling gamma.
+    Each number's half-width holds the truth. The disk leans to one side, beta > pi/2, and gamma
+    grows by 2 pi a period. The point symmetry takes it to a cycle that leans to the other side,
+    with falling gamma.
     """
 
     coordinates, fixed, symmetric = ("beta_bar_top", "v_top"), 1, False
@@ -177,14 +210,14 @@ class RotatingCycle(Cycle):
 
 @dataclass(frozen=True, repr=False)
 class MissingCycle(Printable):
-    """A speed of a list at which no limit cycle was found, in the place of the cycle."""
+    """A placeholder for a speed of a list at which no limit cycle was found."""
 
     omega: Measured = field(metadata=quantity("the spinning speed", "rad/s"))
-    fault: Exception  #: what was raised there
+    fault: Exception  #: the error that was raised there
 
     @property
     def status(self) -> str:
-        """Why there is no cycle."""
+        """The reason why there is no cycle."""
         return str(self.fault)
 
     def to_dict(self) -> dict[str, Any]:
@@ -194,11 +227,13 @@ class MissingCycle(Printable):
 # ------------------------------------------------------------------------------------------------ the monodromy matrix
 @dataclass(frozen=True, eq=False, repr=False)
 class Monodromy(Printable):
-    """d(state at ``time`` + T)/d(state at ``time``) along a limit cycle, both (beta, gamma, v) [rad, rad, rad/s].
+    """d(state at ``time`` + T)/d(state at ``time``) along a limit cycle, both (beta, gamma, v)
+    [rad, rad, rad/s].
 
-    ``matrix`` (3, 3) has the half-widths ``uncertainty`` (3, 3); `numpy.asarray` gives it in doubles. Its eigenvalues
-    are the Floquet multipliers, the same at every point. Those below its half-widths cannot be seen in it, but in
-    ``log_multipliers``, the natural logarithms of their absolute values.
+    ``matrix`` (3, 3) has the half-widths ``uncertainty`` (3, 3). `numpy.asarray` converts it to
+    doubles. Its eigenvalues are the Floquet multipliers, the same at every point. Multipliers below
+    its half-widths cannot be seen in it. ``log_multipliers`` has the natural logarithms of their
+    absolute values.
 
     >>> import tippedisk_verify as tv
     >>> monodromy = tv.Disk("printed").limit_cycle("30.4").monodromy
@@ -208,13 +243,20 @@ class Monodromy(Printable):
 
     _listed = ("time", "matrix", "uncertainty", "log_multipliers")
 
-    cycle: Cycle  #: whose matrix it is
-    time: Any  #: [s] since the start of ``cycle.orbit()``
+    cycle: Cycle  #: the cycle along which it is taken
+    time: Any  #: the time [s] since the start of ``cycle.orbit()``
     matrix: Any
     uncertainty: Any
 
     def __call__(self, time: object) -> Monodromy:
-        """The matrix at another time [s] of the cycle. Raises InputError unless it lies within a period."""
+        """Return the matrix at another time of the cycle.
+
+        Args:
+            time: The time [s], within a period.
+
+        Raises:
+            InputError: If the time does not lie within a period.
+        """
         return _monodromy(self.cycle, time)
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> Any:
@@ -225,15 +267,17 @@ class Monodromy(Printable):
 
     @property
     def log_multipliers(self) -> tuple[Measured, Measured, Measured]:
-        """Along the flow (0), of the slow and of the fast one [1]."""
+        """The logarithms [1]: along the flow (0), of the slow and of the fast multiplier."""
         return Measured(Fraction(0), Fraction(0)), self.cycle.log_multiplier_slow, self.cycle.log_multiplier_fast
 
 
 def _monodromy(cycle: Cycle, time: object = 0) -> Monodromy:
-    """The matrix at a ``time`` [s] within a period, by the variational equations over a whole period from there.
+    """Return the matrix at a ``time`` [s] within a period, by the variational equations over a
+    whole period.
 
-    Its half-widths are the flight's, by wider arithmetic, and what those of the cycle's numbers make of it, by flights
-    with each number moved. Next to Omega_h the matrix at the start comes without a flight.
+    Its half-widths have two parts. One is the flight's own error, by wider arithmetic. The other is
+    the effect of the half-widths of the cycle's numbers, by flights with each number moved. Next to
+    Omega_h the matrix at the start comes without a flight.
     """
     since, period = exact(time), cycle.period
     if not 0 <= float(since) <= float(period):
@@ -273,7 +317,7 @@ def _monodromy(cycle: Cycle, time: object = 0) -> Monodromy:
 
 
 def _each_moved(values: list[Fraction], moves: list[Fraction]) -> Iterator[list[Fraction]]:
-    """The values, one of them moved at a time."""
+    """Yield the values with one of them moved at a time."""
     for place, move in enumerate(moves):
         if move:
             yield [value + _MOVED * move * (n == place) for n, value in enumerate(values)]

@@ -1,8 +1,9 @@
-"""Which limit cycles a disk has at a speed, where to shoot for them, and what is said where there are none.
+"""The limit cycles of a disk at a speed: the starts for shooting, or the reason why there is no
+cycle.
 
-The Hopf point, the folds and Omega_h bound the pieces of a disk's families. A `Locator` finds these families in double
-when a question first needs them, and keeps them; Omega_h is taken to more digits where a speed is so close to it that
-doubles do not tell the side.
+The Hopf point, the folds and Omega_h bound the pieces of a disk's families. A `Locator` finds these
+families in double when it first needs them, and keeps them. It computes Omega_h to more digits if a
+speed is so close to Omega_h that doubles do not show the side.
 """
 
 from __future__ import annotations
@@ -38,39 +39,64 @@ __all__ = ["NEWBORN", "Location", "Locator", "locator"]
 
 C = TypeVar("C", bound=Cycle)
 
-_UNFOLLOWED = Fraction(1, 100)  # rad/s; so close to Omega_h its law leads to cycles of a family that was not followed
-_ABOUT_TO_MEET = 1e-4  # of the first coordinate; two cycles so close together are next to a fold
-#: rad/s from the Hopf point. There the slow multiplier is some 1e-12 short of 1, and the rounding of half a period,
-#: some 1e-14, moves the amplitude by a percent in double. Closer, the law is nearer to the cycle than shooting.
+# The distance [rad/s] from Omega_h within which its law leads to cycles of a family that was not
+# followed.
+_UNFOLLOWED = Fraction(1, 100)
+_ABOUT_TO_MEET = 1e-4  # rad, in the first coordinate; two cycles that close are next to a fold
+#: A distance [rad/s] from the Hopf point. There the slow multiplier is some 1e-12 short of 1. The
+#: rounding of half a period, some 1e-14, moves the amplitude by a percent in double. Closer, the law
+#: is nearer to the cycle than shooting.
 NEWBORN = Fraction(1, 10**12)
-_NEWEST = 100  # zeros after the point that a distance from the Hopf point may have; a cycle there takes half a minute
-_TWICE = 2  # as far as the first node, where the family's own doubles begin
-_MOST_DISKS = 16  # whose families are kept
+# The most zeros after the point of a distance from the Hopf point. A cycle there takes half a minute.
+_MOST_NEWBORN_ZEROS = 100
+# The reach of the law from the Hopf point, in distances of the first node, where the family's own
+# doubles begin.
+_LAW_REACH = 2
+_MOST_DISKS = 16  # disks in the cache
 
 
 @dataclass(frozen=True)
 class Location(Generic[C]):
-    """The cycles of one kind at one speed: where to shoot for them, or why there are none."""
+    """The cycles of one kind at one speed: the starts for shooting, or the reason why there are no
+    cycles.
+    """
 
     section: Section[C]
     parameters: Parameters
     engine: Engine
     omega: Fraction  #: [rad/s]
-    starts: tuple[Place, ...]  #: in the order of their pieces
-    refusal: str = ""  #: what is said if there are none
-    omega_h: Fraction | None = None  #: [rad/s], to digits that tell the side, where a start has no guess
+    starts: tuple[Place, ...]  #: the starts, in the order of their pieces
+    refusal: str = ""  #: the message if there is no start
+    omega_h: Fraction | None = None  #: [rad/s], to digits that show the side, if a start has no guess
 
     def cycles(self, digits: int = 12, *, half_widths: bool = True) -> list[C]:
-        """All of them, to ``digits`` digits. Raises NoSuchCycleError if there are none, and as `cycle` does."""
+        """Return all cycles, to ``digits`` digits.
+
+        Args:
+            digits: The significant digits wanted.
+            half_widths: If False, the numbers have no half-widths.
+
+        Raises:
+            NoSuchCycleError: If there is no cycle, or a search fails.
+            AccuracyError: If doubles cannot separate two cycles at a fold, or the digits are not
+                reached.
+        """
         if not self.starts:
             raise NoSuchCycleError(self.refusal)
         return [self.cycle(start, digits, half_widths=half_widths) for start in self.starts]
 
     def cycle(self, start: Place, digits: int = 12, *, half_widths: bool = True) -> C:
-        """The cycle of one start, to ``digits`` digits.
+        """Return the cycle of one start, to ``digits`` digits.
 
-        Raises NoSuchCycleError if the search fails, AccuracyError if doubles do not tell it from its neighbour at a
-        fold, or the digits are not reached.
+        Args:
+            start: One of the starts.
+            digits: The significant digits wanted.
+            half_widths: If False, the numbers have no half-widths.
+
+        Raises:
+            NoSuchCycleError: If the search fails.
+            AccuracyError: If doubles cannot separate the cycle from its neighbour at a fold, or the
+                digits are not reached.
         """
         if not start.is_in_double:
             passing = cycle_by_passages(self.section, self.parameters, self.omega, self.engine, digits)
@@ -99,29 +125,46 @@ class Location(Generic[C]):
 
 
 class Locator:
-    """The families of one disk under its friction law, and Omega_h."""
+    """The families of one disk under its friction law, and Omega_h.
+
+    Args:
+        parameters: The disk and its friction law.
+        engine: The engine of the flights.
+    """
 
     def __init__(self, parameters: Parameters, engine: Engine) -> None:
         self.parameters, self.engine = parameters, engine
 
     @cached_property
     def omega_h(self) -> Fraction:
-        """As doubles see it [rad/s]. Raises NoConnectionError if there is none."""
+        """Omega_h in double [rad/s].
+
+        Raises:
+            NoConnectionError: If there is no connection.
+        """
         return bisect_omega_h(self.parameters, self.engine, confirm=False).omega_h.value
 
     @cached_property
     def attracts(self) -> bool:
-        """Whether the connection attracts: librating cycles then begin above Omega_h. Raises as `omega_h` does."""
+        """True if the connection attracts, so that librating cycles begin above Omega_h.
+
+        Raises:
+            NoConnectionError: If there is no connection.
+        """
         return saddle_value_sign(self.parameters, self.omega_h) < 0
 
     @cached_property
     def family(self) -> LibratingFamily:
-        """The librating cycles. Raises NoSuchCycleError where they cannot be followed."""
+        """The librating cycles.
+
+        Raises:
+            NoSuchCycleError: If they cannot be followed.
+        """
         return LibratingFamily(self.parameters, self.engine)
 
     @cached_property
     def lost(self) -> str:
-        """Why the librating cycles cannot be followed; nothing if they can."""
+        """The reason why the librating cycles cannot be followed; "" if they can."""
         try:
             self.family  # noqa: B018
         except NoSuchCycleError as fault:
@@ -130,16 +173,29 @@ class Locator:
 
     @cached_property
     def rotations(self) -> RotatingFamily:
-        """The rotating cycles. Raises NoSuchCycleError or NoConnectionError where they cannot be followed."""
+        """The rotating cycles.
+
+        Raises:
+            NoSuchCycleError: If they cannot be followed.
+            NoConnectionError: If there is no connection.
+        """
         return RotatingFamily(self.parameters, self.engine, self.omega_h)
 
     def librating(self, omega: Fraction, omega_h: Fraction | None = None) -> Location[LimitCycle]:
-        """The cycles about inverted spinning at a speed [rad/s]; ``omega_h`` is the caller's better Omega_h."""
+        """Locate the cycles about inverted spinning at a speed.
+
+        Args:
+            omega: The speed [rad/s].
+            omega_h: A better Omega_h than the locator's own [rad/s], if the caller has one.
+
+        Raises:
+            AccuracyError: If the speed is closer to Omega_crit than cycles are offered.
+        """
         location = Location(LIBRATING, self.parameters, self.engine, omega, (), self.lost, omega_h)
         if self.lost:
             with suppress(NoConnectionError, AccuracyError):
                 if abs(omega - self.omega_h) < _UNFOLLOWED:
-                    return self._beside_omega_h(location, 0, above=self.attracts)
+                    return self._next_to_omega_h(location, 0, above=self.attracts)
             return location
         family = self.family
         refusal, places = _no_libration(family, float(omega)), family.places(float(omega))
@@ -149,32 +205,42 @@ class Locator:
         location = replace(location, refusal=refusal, starts=tuple(starts))
         if family.connected and abs(omega - Fraction(family.limit)) < 2 * DOUBLE_SHOOTS:
             with suppress(NoConnectionError, AccuracyError):
-                return self._beside_omega_h(location, len(family.folds), above=self.attracts)
+                return self._next_to_omega_h(location, len(family.folds), above=self.attracts)
         return location
 
     def rotating(
         self, omega: Fraction, *, stable: bool | None = None, omega_h: Fraction | None = None
     ) -> Location[RotatingCycle]:
-        """The rotating cycles at a speed [rad/s], the stable one before the fold first; or only one of them.
+        """Locate the rotating cycles at a speed, the stable one before the fold first.
 
-        Raises NoSuchCycleError or NoConnectionError where the family cannot be followed.
+        Args:
+            omega: The speed [rad/s].
+            stable: True for the stable cycle only, False for the unstable one only, None for both.
+            omega_h: A better Omega_h than the locator's own [rad/s], if the caller has one.
+
+        Raises:
+            NoSuchCycleError: If the family cannot be followed.
+            NoConnectionError: If there is no connection.
+            AccuracyError: If Omega_h has too few digits.
         """
         family, speed = self.rotations, float(omega)
-        beside = stable is not False and abs(omega - family.omega_h) < DOUBLE_SHOOTS
+        too_close = stable is not False and abs(omega - family.omega_h) < DOUBLE_SHOOTS
         starts, refusal = list[Place](), ""
-        if not beside or stable is None:
+        if not too_close or stable is None:
             try:
-                starts.extend(family.followed_places(speed, stable=False if beside else stable))
+                starts.extend(family.followed_places(speed, stable=False if too_close else stable))
                 refusal = _no_rotation(family, omega, stable)
             except NoSuchCycleError as fault:
                 refusal = str(fault)
         location = Location(ROTATING, self.parameters, self.engine, omega, tuple(starts), refusal, omega_h)
-        return self._beside_omega_h(location, 0, above=False) if beside else location
+        return self._next_to_omega_h(location, 0, above=False) if too_close else location
 
-    def _beside_omega_h(self, location: Location[C], piece: int, *, above: bool) -> Location[C]:
-        """The location where doubles see neither the side of Omega_h nor the cycles of the piece that ends there.
+    def _next_to_omega_h(self, location: Location[C], piece: int, *, above: bool) -> Location[C]:
+        """Locate the cycles where doubles see neither the side of Omega_h nor the piece of cycles
+        that ends there.
 
-        That piece lies ``above`` Omega_h, or below. Raises AccuracyError where Omega_h has too few digits.
+        That piece lies ``above`` Omega_h, or below. Raises AccuracyError if Omega_h has too few
+        digits.
         """
         omega, omega_h, digits = location.omega, location.omega_h, FIRST_DIGITS
         while omega_h is None:  # to six digits of its distance
@@ -194,24 +260,28 @@ class Locator:
 
 
 def _newborn(family: LibratingFamily, below_crit: Fraction) -> list[Place]:
-    """Return where to shoot for the cycle between the Hopf point and the family's first node, if it is there.
+    """Return the start for the cycle between the Hopf point and the family's first node, if it is
+    there.
 
     Raises AccuracyError at a distance that is not offered.
     """
     away = Fraction(family.omega_crit - float(family.nodes[0, 3]))
-    if not 0 < below_crit / away < _TWICE:
+    if not 0 < below_crit / away < _LAW_REACH:
         return []
     distance = abs(below_crit)
     zeros = max(0, -decimal_magnitude(distance))
-    if zeros > _NEWEST:
+    if zeros > _MOST_NEWBORN_ZEROS:
         raise AccuracyError(
-            f"limit cycles are offered down to 1e-{_NEWEST} rad/s from Omega_crit: ask for one farther away"
+            f"limit cycles are offered down to 1e-{_MOST_NEWBORN_ZEROS} rad/s from Omega_crit: ask for one farther away"
         )
     return [replace(family.newborn(float(distance)), zeros=zeros if distance < NEWBORN else 0)]
 
 
 def _no_libration(family: LibratingFamily, omega: float) -> str:
-    """Why there is no cycle at a speed, if it lies outside the family; that the search failed, if not."""
+    """Return the message that there is no cycle at a speed.
+
+    It names the family's ends if the speed lies outside them. Otherwise the search has failed.
+    """
     lowest, *_, highest = sorted(family.ends, key=lambda end: end[1])
     text = f"no limit cycle found at {omega:.10g} rad/s"
     if lowest[1] <= omega <= highest[1]:
@@ -227,7 +297,10 @@ def _no_libration(family: LibratingFamily, omega: float) -> str:
 
 
 def _no_rotation(family: RotatingFamily, omega: Fraction, stable: bool | None) -> str:
-    """Why there is no such cycle at a speed. Raises NoSuchCycleError where the family has no fold."""
+    """Return the message that there is no such cycle at a speed.
+
+    Raises NoSuchCycleError if the family has no fold.
+    """
     if stable and omega >= family.omega_h:
         return (
             f"no stable rotating cycle found at {float(omega):.10g} rad/s: they are looked for below Omega_h, "
@@ -238,18 +311,23 @@ def _no_rotation(family: RotatingFamily, omega: Fraction, stable: bool | None) -
 
 
 class _ThreadLocators(threading.local):
-    """A thread's locators: engines are a thread's own."""
+    """The locators of a thread: engines belong to one thread."""
 
     def __init__(self) -> None:
         self.locators: dict[tuple[type, Parameters, str], Locator] = {}
 
 
-_OWN = _ThreadLocators()
+_LOCATORS = _ThreadLocators()
 
 
 def locator(parameters: Parameters, engine: Engine) -> Locator:
-    """The disk's locator, the same whenever disk, law and engine's name are."""
-    key, locators = (type(parameters), parameters, engine.name), _OWN.locators
+    """Return the disk's locator, the same one for the same disk, law and engine name.
+
+    Args:
+        parameters: The disk and its friction law.
+        engine: The engine of the flights.
+    """
+    key, locators = (type(parameters), parameters, engine.name), _LOCATORS.locators
     if key not in locators:
         if len(locators) >= _MOST_DISKS:
             del locators[next(iter(locators))]

@@ -1,9 +1,12 @@
-"""Limit cycles next to Omega_h, librating above it and rotating below, at distances D down to 1e-800 rad/s.
+"""Limit cycles next to Omega_h, librating above it and rotating below, at distances D down to
+1e-800 rad/s.
 
-Omega_h itself is needed to more digits than D has zeros; the manifolds' splitting provides it. A cycle passes the
-saddles so closely that it leaves them along the unstable branch. Where the saddle value is negative the return map
-contracts like D^(-lambda_s / lambda_u - 1), so that the branch itself arrives next to the fixed point, and Broyden's
-iteration needs no derivative to begin with. Else the family followed in its period predicts the cycle.
+Omega_h itself is needed to more digits than D has zeros; the manifolds' splitting provides it. A
+cycle passes the saddles so closely that it leaves them along the unstable branch.
+
+If the saddle value is negative, the return map contracts like D^(-lambda_s / lambda_u - 1). The
+branch itself then arrives next to the fixed point, and Broyden's iteration needs no derivative to
+begin with. Otherwise the family followed in its period predicts the cycle.
 """
 
 from __future__ import annotations
@@ -34,10 +37,11 @@ C = TypeVar("C", bound=Cycle)
 DOUBLE_SHOOTS = Fraction(1, 10**5)  # rad/s; closer, shooting in double does not settle reliably
 _STRONG = -1.0  # decimal logarithm of a contraction that needs no derivative
 _MOST_STEPS = 25
-_NEAR = 1e-6  # relative; a step that no longer shrinks below it is rounding
-_WIDER = 24  # bits; that the wider run is more than half as wrong by chance has a probability of 2^-23
-_MOVED = Fraction(1, 1000)  # of the distance from the nearer end of the branch
-_KEPT = 64  # cycles; each takes some seconds
+_NEAR = 1e-6  # relative size of a step below which only rounding keeps it from shrinking
+# Extra bits of the wider run. By chance it is more than half as wrong with a probability of 2^-23.
+_WIDER = 24
+_MOVED = Fraction(1, 1000)  # move of the speed, relative to its distance from the branch's nearer end
+_KEPT = 64  # cycles in the cache; each takes some seconds
 
 
 def cycle_near(
@@ -49,10 +53,23 @@ def cycle_near(
     *,
     digits: int = 12,
 ) -> C:
-    """The cycle of the section's kind at exactly ``omega`` [rad/s], next to ``omega_h``: their distance needs digits.
+    """Return the cycle of the section's kind at exactly ``omega``, next to ``omega_h``; it is
+    cached.
 
-    Librating cycles lie above, or below where the saddle value is positive, stable rotating ones below. The cycle is
-    kept once it is found. Raises NoSuchCycleError where there is none, AccuracyError if the digits are not reached.
+    Librating cycles lie above, or below if the saddle value is positive. Stable rotating ones lie
+    below.
+
+    Args:
+        section: The section of the kind of cycle.
+        parameters: The disk and its friction law.
+        omega: The speed [rad/s].
+        omega_h: Omega_h [rad/s], to more digits than its distance from the speed has zeros.
+        engine: The engine of the flights.
+        digits: The significant digits wanted.
+
+    Raises:
+        NoSuchCycleError: If there is no such cycle.
+        AccuracyError: If the digits are not reached.
     """
     cycle: C = _cycle_near(section, parameters, omega, omega_h, engine, digits)
     return cycle
@@ -77,7 +94,10 @@ def _cycle_near(
 
 
 def _predicted(return_map: ReturnMap[C], above: Fraction) -> tuple[Any, Any]:
-    """(gamma_bar_0, v_0) next to the cycle, by the family followed in its period to about the root of ``above``."""
+    """Return (gamma_bar_0, v_0) next to the cycle.
+
+    The family is followed in its period to about the root of ``above``.
+    """
     family = PeriodContinuation(return_map.parameters, return_map.engine)
     while 100 * family.change >= abs(above) and abs(above) < abs(family.above):
         family.further(4 * abs(above))
@@ -86,7 +106,8 @@ def _predicted(return_map: ReturnMap[C], above: Fraction) -> tuple[Any, Any]:
 
 
 def _fixed_point(return_map: ReturnMap[C], point: tuple[Any, Any], matrix: Any, distance: Fraction) -> FixedPoint[C]:
-    """Broyden's iteration in the map's arithmetic until the next step would be rounding (as in `shooting`).
+    """Solve for the fixed point by Broyden's iteration in the map's arithmetic, until the next step
+    would be rounding.
 
     Raises NoSuchCycleError if it does not converge, or leaves the neighbourhood of the connection.
     """
@@ -102,7 +123,7 @@ def _fixed_point(return_map: ReturnMap[C], point: tuple[Any, Any], matrix: Any, 
         end = return_map.flight(point).state
         residual = return_map.residual(end, point)
         if step is not None:
-            # The residual's derivative is the map's less 1: what the step left over is the error of that.
+            # The residual's derivative is the map's less 1. The residual after the step shows its error.
             norm = step[0] * step[0] + step[1] * step[1]
             by = step[0] / norm, step[1] / norm
             a, b = a + residual[0] * by[0], b + residual[0] * by[1]
@@ -124,17 +145,25 @@ def _fixed_point(return_map: ReturnMap[C], point: tuple[Any, Any], matrix: Any, 
 
 
 def with_speed(
-    cycle: C, section: Section[C], omega_h: Measured, distance: Fraction, room: Fraction, engine: Engine
+    cycle: C, section: Section[C], omega_h: Measured, distance: Fraction, branch_length: Fraction, engine: Engine
 ) -> C:
-    """The cycle at a ``distance`` from Omega_h, its half-widths with what the uncertainty of Omega_h does to them.
+    """Return the cycle with half-widths that hold the uncertainty of Omega_h.
 
-    ``room`` is how far the branch reaches from Omega_h [rad/s]. All numbers are computed once more at a speed that is
-    moved by a thousandth of the distance from the nearer end of the branch. Up to a thousandth they change in
-    proportion to the speed (docs/error_budgets.md), and twice the share of the change is added.
+    All numbers are computed once more at another speed, moved by a thousandth of the distance from
+    the nearer end of the branch. Up to a thousandth they change in proportion to the speed
+    (docs/error_budgets.md). Twice the share of the change is added.
+
+    Args:
+        cycle: The cycle at exactly Omega_h plus or minus the distance.
+        section: Its section.
+        omega_h: Omega_h [rad/s].
+        distance: The distance of the speed from Omega_h [rad/s].
+        branch_length: The length of the branch from Omega_h on [rad/s].
+        engine: The engine of the flights.
     """
-    moved = min(distance, room - distance) * _MOVED
-    beside = distance < DOUBLE_SHOOTS
-    precision = resolving(cycle.parameters, omega_h.value, distance, 0) if beside else DOUBLE
+    moved = min(distance, branch_length - distance) * _MOVED
+    too_close = distance < DOUBLE_SHOOTS
+    precision = resolving(cycle.parameters, omega_h.value, distance, 0) if too_close else DOUBLE
     # Away from Omega_h, towards which everything is steeper.
     ahead = moved if cycle.omega.value > omega_h.value else -moved
     return_map = ReturnMap(section, cycle.parameters, cycle.omega.value + ahead, engine, precision)

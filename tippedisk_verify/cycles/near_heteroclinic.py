@@ -1,4 +1,6 @@
-"""The accuracy study next to Omega_h: periods, their law with its corrections, and what other programs make of them."""
+"""The accuracy study next to Omega_h: periods, their law with its corrections, and other programs'
+answers.
+"""
 
 from __future__ import annotations
 
@@ -33,37 +35,45 @@ class DistanceRow(Printable):
     )
     multiplier_slow: Measured = field(metadata=quantity("the larger nontrivial Floquet multiplier", "1"))
     double_resolves: float = field(
-        metadata=quantity("what half a unit in the last place of Omega as a double changes T by", "s")
+        metadata=quantity("change of T by half a unit in the last place of Omega as a double", "s")
     )
 
 
 @dataclass(frozen=True, repr=False)
 class AnswerRow(Printable):
-    """A period that somebody found, beside that of the limit cycle at exactly the speed it was found at."""
+    """A period from another program, with that of the limit cycle at exactly the same speed."""
 
     omega: Measured = field(metadata=quantity("the spinning speed", "rad/s"))
-    period_found: Measured = field(metadata=quantity("the period that was given", "s"))
+    period_found: Measured = field(metadata=quantity("the other program's period", "s"))
     period: Measured = field(metadata=quantity("T, the period", "s"))
-    error: Measured = field(metadata=quantity("the period that was given less T", "s"))
+    error: Measured = field(metadata=quantity("the other program's period less T", "s"))
 
 
 @dataclass(frozen=True, repr=False)
 class NearHeteroclinic(Printable):
-    """T = slope log(D) + constant + coefficient D^exponent + ... and its rows, D above Omega_h in rad/s.
+    """T = slope log(D) + constant + coefficient D^exponent + ... and its rows, D above Omega_h in
+    rad/s.
 
-    A fit of T against log(D) misses the slope by about ``exponent * coefficient / slope * D^exponent``, relative.
+    A fit of T against log(D) misses the slope by a relative error of about ``exponent * coefficient
+    / slope * D^exponent``.
     """
 
     period_law: PeriodLaw  #: the four numbers above
     rows: tuple[DistanceRow, ...]  #: in the order of the distances
     answers: tuple[AnswerRow, ...]  #: in the order of the answers
-    parameters: Parameters  #: whose study it is, with the friction law
-    engine: str  #: what computed it
+    parameters: Parameters  #: the disk, with the friction law
+    engine: str  #: the engine that computed it
 
     def plot(self, axes: Any = None) -> Any:
-        """What each number of terms leaves of T against the distance, on these matplotlib axes or on new ones.
+        """Plot the remainder of T after one, two and three terms of the law, against the distance.
 
-        Beside it what a double of Omega resolves. Returns the axes.
+        A dashed line shows the resolution of a double of Omega.
+
+        Args:
+            axes: The matplotlib axes; None for new ones.
+
+        Returns:
+            The axes.
         """
         if axes is None:
             from matplotlib import pyplot
@@ -84,19 +94,28 @@ class NearHeteroclinic(Printable):
 def near_heteroclinic(
     parameters: Parameters, distances: object, engine: Engine, *, answers: Sequence[Sequence[object]] | None = None
 ) -> NearHeteroclinic:
-    """The study at these distances above Omega_h [rad/s], each number to twelve digits.
+    """Return the study at these distances above Omega_h, each number to twelve digits.
 
-    ``answers`` are pairs of a speed [rad/s] and the period [s] that was found there, each taken as the exact decimal
-    or double that it is. Raises InputError for what is no positive decimal or no pair, NoSuchCycleError where there is
-    no such cycle or law, NoConnectionError without a connection, AccuracyError if the digits are not reached.
+    Args:
+        parameters: The disk and its friction law.
+        distances: The distances [rad/s], positive decimals.
+        engine: The engine of the flights.
+        answers: Pairs of a speed [rad/s] and the period [s] that a program found there. Each is
+            taken as the exact decimal or double that it is.
+
+    Raises:
+        InputError: If a number is not a positive decimal, or an answer is not a pair.
+        NoSuchCycleError: If there is no such cycle or law.
+        NoConnectionError: If there is no connection.
+        AccuracyError: If the digits are not reached.
     """
     pairs = list(answers or ())
     if any(isinstance(pair, str) or len(pair) != 2 for pair in pairs):
         raise InputError("an answer is a pair of a speed and a period, such as ('30.05', '5.27')")
-    given = [(checked_speed(omega), fraction(period)) for omega, period in pairs]
+    checked_answers = [(checked_speed(omega), fraction(period)) for omega, period in pairs]
     law = period_law(parameters, engine)
     rows = tuple(_at(parameters, distance, engine, law) for distance in entries(distances))
-    compared = tuple(_compared(parameters, *answer, engine) for answer in given)
+    compared = tuple(_compared(parameters, *answer, engine) for answer in checked_answers)
     return NearHeteroclinic(law, rows, compared, parameters, engine.name)
 
 
@@ -115,5 +134,5 @@ def _at(parameters: Parameters, distance: object, engine: Engine, law: PeriodLaw
 
 def _compared(parameters: Parameters, omega: Fraction, answer: Fraction, engine: Engine) -> AnswerRow:
     period = cycle_at(parameters, omega, engine).period
-    given = Measured(answer, Fraction(0))
-    return AnswerRow(Measured(omega, Fraction(0)), given, period, given - period)
+    answered = Measured(answer, Fraction(0))
+    return AnswerRow(Measured(omega, Fraction(0)), answered, period, answered - period)

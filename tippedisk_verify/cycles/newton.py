@@ -1,7 +1,7 @@
 """Newton's iteration for a cycle as a fixed point of a section's return map.
 
-The steps are those of `return_map`; here is the loop, damped or not, with derivatives of its own at each point or with
-those of a chord.
+`return_map` has the steps. This module has the loop. It may be damped, and it takes its derivatives
+at each point or from a chord.
 """
 
 from __future__ import annotations
@@ -20,17 +20,27 @@ __all__ = ["FixedPoint", "Stop", "newton", "section_size"]
 
 C = TypeVar("C", bound=Cycle)
 
-_LEAST_SHARE = 1e-3  # of a Newton step; a damped iteration that would need less has met no smaller residual
-_ROUNDING = 1e-10  # of the start's size; a residual below it need not shrink, for rounding may decide
-_EQUILIBRIUM = 0.2  # of the start's size; a smaller point is on its way to the equilibrium, the trivial solution
+# The least share of a Newton step. A damped iteration that would need less finds no smaller residual.
+_LEAST_SHARE = 1e-3
+# The size of a residual, relative to the start's, below which rounding may keep it from shrinking.
+_ROUNDING = 1e-10
+# The size of a point, relative to the start's, below which it is on its way to the equilibrium.
+_EQUILIBRIUM = 0.2
 
 
 class Stop:
     """The stopping rule of a Newton or chord iteration.
 
-    It has converged when a size is below ``small``, or when a size below ``near`` is no longer half of the one before,
-    because then only rounding is left. The second condition counts from the size number ``fewest`` on. ``failure`` is
-    raised after ``most`` sizes. The caller measures the size of a residual or of a step.
+    The caller measures the size of a residual or of a step. The iteration has converged when a size
+    is below ``small``. It has also converged when a size below ``near`` is no longer half of the
+    one before, because then only rounding is left.
+
+    Args:
+        most: The number of sizes after which ``failure`` is raised.
+        failure: The error of an iteration that does not converge.
+        small: The size that ends the iteration at once.
+        near: The size below which an iteration that no longer shrinks has converged.
+        fewest: The number of sizes from which the second rule counts.
     """
 
     def __init__(self, most: int, failure: Exception, *, small: Any, near: Any = math.inf, fewest: int = 3) -> None:
@@ -39,7 +49,14 @@ class Stop:
         self._small, self._near, self._fewest = small, near, fewest
 
     def converged(self, size: Any) -> bool:
-        """Return True if this size is the last one."""
+        """Return True if this size is the last one.
+
+        Args:
+            size: The size of the present residual or step.
+
+        Raises:
+            Exception: The rule's ``failure``, after its number of sizes.
+        """
         self.sizes.append(size)
         if size < self._small or (len(self.sizes) >= self._fewest and self.sizes[-2] / 2 <= size < self._near):
             return True
@@ -50,19 +67,19 @@ class Stop:
 
 @dataclass(frozen=True)
 class FixedPoint(Generic[C]):
-    """Where an iteration for a fixed point of a return map ended, and how it went."""
+    """The result of an iteration for a fixed point of a return map."""
 
     return_map: ReturnMap[C]
     point: tuple[Any, Any]  #: the coordinates on the section
     image: Image  #: of the point, or of one that it has not left by more than the last step
-    residuals: tuple[float, ...] = ()  #: the sizes that the stopping rule has seen, step by step
+    residuals: tuple[float, ...] = ()  #: the sizes seen by the stopping rule, step by step
 
 
 @dataclass(frozen=True)
 class Iterate(FixedPoint[C]):
     """A point of the iteration with the step that leads to the next one."""
 
-    step: tuple[Any, Any, Any] = (0, 0, 0)  #: of both coordinates and Omega
+    step: tuple[Any, Any, Any] = (0, 0, 0)  #: the step of both coordinates and Omega
 
     @property
     def ahead(self) -> tuple[Any, Any, Any]:
@@ -85,33 +102,35 @@ def newton(
     """Iterate from a point of the section until the stopping rule is met.
 
     Args:
-        return_map: the map; where the speed is not held, its speed is the first guess.
-        point: both coordinates, in the map's arithmetic.
-        stop: the stopping rule.
-        size: the size that the stopping rule looks at.
-        held: what is held at its value at the start; the flight time is held at ``time`` [s].
-        time: the flight time wanted [s], if that is held.
-        chord: an image whose derivatives serve at all points, so that flights need no variational equations.
-        damped: whether steps are shortened until the residual shrinks, at a held speed.
+        return_map: The map. If the speed is not held, the map's speed is the first guess.
+        point: Both coordinates, in the map's arithmetic.
+        stop: The stopping rule.
+        size: Returns the size that the stopping rule looks at.
+        held: The quantity held at its value at the start; the flight time is held at ``time``.
+        time: The flight time wanted [s], if that is held.
+        chord: An image whose derivatives serve at all points, so that flights need no variational
+            equations.
+        damped: If True, shorten steps until the residual shrinks, at a held speed.
 
     Returns:
         The last point, whose step has not been taken.
 
     Raises:
-        NoSuchCycleError: if an orbit does not return, the equations are singular, or damping finds no smaller residual.
-        Exception: the failure of ``stop`` after its number of steps.
+        NoSuchCycleError: If an orbit does not return, the equations are singular, or damping finds
+            no smaller residual.
+        Exception: The failure of ``stop`` after its number of steps.
     """
 
-    def at(here: ReturnMap[C], point: tuple[Any, Any]) -> Iterate[C]:
+    def at(own_map: ReturnMap[C], point: tuple[Any, Any]) -> Iterate[C]:
         if chord is None:
-            image = here(point)
+            image = own_map(point)
         else:
-            image = chord._replace(residual=here.residual(here.flight(point).state, point))
+            image = chord._replace(residual=own_map.residual(own_map.flight(point).state, point))
         try:
             step = image.newton_step(held, 0 if time is None else time - image.time)
         except ZeroDivisionError:
             raise NoSuchCycleError(f"the iteration at fixed {held} met a singular matrix") from None
-        return Iterate(here, point, image, step=step)
+        return Iterate(own_map, point, image, step=step)
 
     iterate, scale = at(return_map, (point[0], point[1])), section_size(point)
     while not stop.converged(size(iterate)):
@@ -124,7 +143,10 @@ def newton(
 
 
 def _damped(iterate: Iterate[C], at: Callable[[ReturnMap[C], tuple[Any, Any]], Iterate[C]], scale: float) -> Iterate[C]:
-    """Return the first point along the step, halved again and again, whose residual is smaller, or is rounding."""
+    """Return the first point along the step whose residual is smaller, or is rounding.
+
+    The step is halved again and again.
+    """
     before, share = section_size(iterate.image.residual), 1.0
     while share >= _LEAST_SHARE:
         point = (iterate.point[0] + share * iterate.step[0], iterate.point[1] + share * iterate.step[1])
@@ -137,7 +159,7 @@ def _damped(iterate: Iterate[C], at: Callable[[ReturnMap[C], tuple[Any, Any]], I
             if section_size(ahead.image.residual) < before or before < _ROUNDING * scale:
                 return ahead
         share /= 2
-    raise NoSuchCycleError("the shooting iteration stands still: start closer to the cycle")
+    raise NoSuchCycleError("the shooting iteration does not reduce its residual: start closer to the cycle")
 
 
 def section_size(vector: Sequence[Any]) -> float:

@@ -1,8 +1,11 @@
 """Omega_h, the speed of the heteroclinic connection, by four methods.
 
-*manifolds* finds the zero of the splitting between the unstable and the stable manifold, to any number of digits.
-*limit-cycles* follows the limit cycles to infinite period. They share the integrator and nothing else. *bisection* only
-looks at which side the unstable branch takes, in double; *scipy* does the same with another integrator.
+- *manifolds* finds the zero of the splitting between the unstable and the stable manifold, to any
+  number of digits.
+- *limit-cycles* follows the limit cycles to infinite period. It shares only the integrator with
+  *manifolds*.
+- *bisection* looks at the side that the unstable branch takes, in double.
+- *scipy* does the same with another integrator.
 """
 
 from __future__ import annotations
@@ -23,8 +26,9 @@ from tippedisk_verify.model.surroundings import undisturbed
 
 __all__ = ["METHODS", "heteroclinic"]
 
+#: The names of the methods.
 METHODS: tuple[Method, ...] = get_args(Method)
-_DOUBLE_DIGITS = 12
+_DOUBLE_DIGITS = 12  # the most digits of the methods that run in double
 
 
 @undisturbed
@@ -36,12 +40,19 @@ def heteroclinic(
     method: str = "manifolds",
     half_widths: bool = True,
 ) -> Heteroclinic:
-    """Return the connection with Omega_h to ``digits`` significant digits, by one of `METHODS`.
+    """Return the connection with Omega_h to ``digits`` significant digits.
 
-    Without ``half_widths`` the method manifolds does not measure its error by a wider run.
+    Args:
+        parameters: The disk and its friction law.
+        engine: The engine of the flights.
+        digits: The significant digits of Omega_h.
+        method: One of `METHODS`.
+        half_widths: If False, the method manifolds does not measure its error by a wider run.
 
-    Raises InputError for an unknown method or more digits than it can have, NoConnectionError where there is no
-    connection, AccuracyError if the digits are not reached.
+    Raises:
+        InputError: If the method is unknown, or cannot give that many digits.
+        NoConnectionError: If there is no connection.
+        AccuracyError: If the digits are not reached.
     """
     if method not in METHODS:
         raise InputError(f"method '{shown(method)}' is not known: use {', '.join(METHODS)}")

@@ -1,8 +1,8 @@
 """Limit cycles next to Omega_h by passages, in milliseconds, with half-widths.
 
-`passages` has the maps. The numbers of a cycle are computed with one choice of sections, series and flights in 64 bits,
-and with others that round some four times as much. Where the digits do not come, or the maps do not exist,
-`near_connection` follows the flow itself.
+`passages` has the maps. The numbers of a cycle are computed with one choice of sections, series and
+flights in 64 bits, and with others that round some four times as much. If the digits do not come,
+or the maps do not exist, `near_connection` follows the flow itself.
 """
 
 from __future__ import annotations
@@ -43,29 +43,31 @@ __all__ = ["FIRST_DIGITS", "PeriodLaw", "cycle_by_passages", "period_law"]
 
 C = TypeVar("C", bound=Cycle)
 
-_CHOICE = Choice(order=20, bands=5, share=0.10, reach=0.25, speeds=9, sigma=0.016, beside=1e-5)
-#: What these leave out is more. Their flights lie closer together, so that rounding weighs some four times as much in
-#: the derivatives of u by the speed and by sigma, which matter most.
+_CHOICE = Choice(order=20, bands=5, share=0.10, reach=0.25, speeds=9, sigma=0.016, cycle_reach=1e-5)
+#: Choices with a larger truncation error. Their flights lie closer together, so that rounding weighs
+#: some four times as much in the derivatives of u by the speed and by sigma, which matter most.
 _OTHERS = tuple(
-    Choice(order=17, bands=4, share=share, reach=reach, speeds=7, sigma=0.004, beside=beside, rounding=k)
-    for k, (share, reach, beside) in enumerate(
+    Choice(order=17, bands=4, share=share, reach=reach, speeds=7, sigma=0.004, cycle_reach=cycle_reach, rounding=k)
+    for k, (share, reach, cycle_reach) in enumerate(
         ((0.09, 0.06, 3e-5), (0.08, 0.07, 5e-5), (0.075, 0.065, 4e-5), (0.07, 0.075, 6e-5)), start=1
     )
 )
-#: An error beyond so many times the largest distance to the others has a probability of some 1e-6 for normal errors, of
-#: which theirs are four times as large.
+#: The half-width in units of the largest distance to the others. An error beyond it has a probability of
+#: some 1e-6 for normal errors, if those of the others are four times as large.
 _DISTANCES = 8
 _ULPS = 2.0**-60  # relative; the maps' constants and logarithms are rounded alike in all choices
-_LARGEST_POWER = 20  # of the distance from Omega_h, in any number of a cycle
-_IMAGINARY = 2.0**-100  # of the distance; its square is far below rounding
-_CUT = 2**72  # 1 / [rad/s]; where the maps are made does not depend on the digits of Omega_h beyond
-_KEPT = 64  # disks
-_MOST_DIGITS = 15  # that 64 bits give with some certainty
-_PI_BITS = 96  # beyond those of the half-width
-#: Digits of Omega_h: so many, or a multiple more.
+_LARGEST_POWER = 20  # the largest power of the distance from Omega_h in any number of a cycle
+_IMAGINARY = 2.0**-100  # an imaginary part, relative to the distance; its square is far below rounding
+# 1 / the grid [rad/s] of the maps' origin, so that it does not depend on further digits of Omega_h.
+_CUT = 2**72
+_KEPT = 64  # disks in the cache
+_MOST_DIGITS = 15  # digits that 64 bits give with some certainty
+_PI_BITS = 96  # bits of pi beyond those of the half-width
+#: The digits of Omega_h for the first attempt, and the steps by which they grow.
 FIRST_DIGITS, _MORE_DIGITS = 27, 10
 _GUARD_DIGITS = 4
-_DISTANCE_DIGITS = 18  # of the distance from Omega_h; then no number shows what is not known of it
+# The digits of the distance from Omega_h with which no number shows the distance's uncertainty.
+_DISTANCE_DIGITS = 18
 
 
 @undisturbed
@@ -78,48 +80,49 @@ def cycle_by_passages(
     *,
     from_omega_h: bool = False,
 ) -> C | None:
-    """The cycle of the section's kind next to Omega_h, to ``digits`` significant digits.
+    """Return the cycle of the section's kind next to Omega_h, to ``digits`` significant digits.
 
     Args:
-        section: librating cycles lie above Omega_h, stable rotating ones below.
-        parameters: the disk and its friction law.
-        place: the exact speed [rad/s].
-        engine: the engine of the flights.
-        digits: of the period, the coordinates and beta_max.
-        from_omega_h: the place is a distance from Omega_h, and the speed as uncertain as that.
+        section: Librating cycles lie above Omega_h, stable rotating ones below.
+        parameters: The disk and its friction law.
+        place: The exact speed [rad/s].
+        engine: The engine of the flights.
+        digits: The digits of the period, the coordinates and beta_max.
+        from_omega_h: If True, the place is a distance from Omega_h, and the speed is as uncertain
+            as Omega_h.
 
     Returns:
-        The cycle; None where another method may know more. That is where the digits do not come, the machine has no
+        The cycle. None if another method may succeed: if the digits do not come, the machine has no
         numbers of 64 bits, the saddle value is not negative, or a series or an iteration fails.
     """
     if digits > _MOST_DIGITS or not engine.measures_error:
         return None
     try:
         zero = _omega_h(parameters, place, engine, from_omega_h)
-        off = place if from_omega_h else place - zero.value
-        if (off > 0) != (section is LIBRATING) or not _offered(parameters, engine, zero.value):
+        distance = place if from_omega_h else place - zero.value
+        if (distance > 0) != (section is LIBRATING) or not _offered(parameters, engine, zero.value):
             return None
         origin = Fraction(round(zero.value * _CUT), _CUT)
-        first, *others = (_numbers(section, flights, off) for flights in _maps(parameters, origin, engine))
+        first, *others = (_numbers(section, flights, distance) for flights in _maps(parameters, origin, engine))
     except (AccuracyError, NoConnectionError, ArithmeticError, StopIteration):
         return None
     numbers, sizes = first
     if not all(numpy.isfinite(number) for row, _ in (first, *others) for number in row.values()):
         return None
-    measured = _measured(numbers, [row for row, _ in others], zero.uncertainty / abs(off))
+    measured = _measured(numbers, [row for row, _ in others], zero.uncertainty / abs(distance))
     if section is LIBRATING:
         gap = measured["gamma_bar_0"]
         pi = fraction(bits(_PI_BITS + gap.uncertainty.denominator.bit_length()).pi)
         measured["gamma_bar_0"] = Measured(pi + gap.value, gap.uncertainty)
     cycle = cycle_of(
         section,
-        zero.value + off,
+        zero.value + distance,
         measured,
         residuals=tuple(sizes),
         parameters=parameters,
         engine=engine.name,
         precision=EXTENDED.name,
-        _start_matrix=partial(monodromy_by_passages, parameters, origin, off) if section is LIBRATING else None,
+        _start_matrix=partial(monodromy_by_passages, parameters, origin, distance) if section is LIBRATING else None,
     )
     main = [measured[name] for name in ("period", *section.names, "beta_max")]
     if any(number.uncertainty > abs(number.value) / 10**digits for number in main) or not cycle.stable:
@@ -128,31 +131,35 @@ def cycle_by_passages(
 
 
 def _omega_h(parameters: Parameters, place: Fraction, engine: Engine, from_omega_h: bool) -> Measured:
-    """Omega_h [rad/s] to what the distance needs."""
+    """Return Omega_h [rad/s] to the digits that the distance needs."""
     guess = bisect_omega_h(parameters, engine, confirm=False).omega_h.value
     wanted = _digits_for(place) if from_omega_h else FIRST_DIGITS
     while True:
         zero = splitting_zero(parameters, guess, engine, wanted).omega_h
-        off = place if from_omega_h else place - zero.value
-        if zero.uncertainty * 10**_DISTANCE_DIGITS < abs(off):
+        distance = place if from_omega_h else place - zero.value
+        if zero.uncertainty * 10**_DISTANCE_DIGITS < abs(distance):
             return zero
         # A speed may be Omega_h itself to many digits.
-        wanted = max(wanted + _MORE_DIGITS, _digits_for(off)) if abs(off) > zero.uncertainty else 2 * wanted
+        resolved = abs(distance) > zero.uncertainty
+        wanted = max(wanted + _MORE_DIGITS, _digits_for(distance)) if resolved else 2 * wanted
         if wanted > MOST_DIGITS:
             raise AccuracyError("the distance from Omega_h needs more digits than Omega_h is offered to")
 
 
 def _digits_for(distance: Fraction) -> int:
-    """Digits of Omega_h for a distance from it [rad/s], on a grid that most distances share.
+    """Return the digits of Omega_h for a distance from it [rad/s], on a grid that most distances
+    share.
 
-    Guard digits make Omega_h better than asked for, mostly by those that are missing here.
+    Guard digits make Omega_h better than requested, mostly by those that are missing here.
     """
     lacking = _DISTANCE_DIGITS - _GUARD_DIGITS - decimal_magnitude(distance) - FIRST_DIGITS
     return FIRST_DIGITS + _MORE_DIGITS * max(0, math.ceil(lacking / _MORE_DIGITS))
 
 
 def _measured(numbers: dict[str, Any], others: list[dict[str, Any]], share: Fraction) -> dict[str, Measured]:
-    """The numbers with half-widths; ``share`` is what is not known of the distance from Omega_h, relative."""
+    """Return the numbers with half-widths; ``share`` is the relative uncertainty of the distance
+    from Omega_h.
+    """
     measured = {}
     for name, number in numbers.items():
         apart = max(abs(number - row[name]) for row in others)
@@ -164,7 +171,9 @@ def _measured(numbers: dict[str, Any], others: list[dict[str, Any]], share: Frac
 
 
 class PeriodLaw(NamedTuple):
-    """T = slope log(D) + constant + coefficient D^exponent + ..., of librating cycles a distance D above Omega_h."""
+    """T = slope log(D) + constant + coefficient D^exponent + ..., of librating cycles a distance D
+    above Omega_h.
+    """
 
     slope: Measured  #: -2 / lambda_u [s]
     constant: Measured  #: [s], with D in rad/s
@@ -172,18 +181,32 @@ class PeriodLaw(NamedTuple):
     exponent: Measured  #: -lambda_s / lambda_u - 1; the powers that are left out begin with its double
 
     def at(self, distance: Fraction) -> tuple[Measured, Measured, Measured]:
-        """T [s] by one, two and three terms."""
+        """Return T [s] by one, two and three terms of the law.
+
+        Args:
+            distance: The distance above Omega_h [rad/s].
+        """
         size = Measured(distance, Fraction(0))
-        one = self.slope * size.log()
-        return one, one + self.constant, one + self.constant + self.coefficient * size**self.exponent
+        first = self.slope * size.log()
+        return first, first + self.constant, first + self.constant + self.coefficient * size**self.exponent
 
 
 @undisturbed
 def period_law(parameters: Parameters, engine: Engine) -> PeriodLaw:
-    """The law from the maps: sigma = -s (u / u_1)^nu, with u and s where the unstable manifold arrives.
+    """Return the law of the period from the maps.
 
-    With u = a D + b sigma the third term is the first power of sigma in -log(u). Raises NoSuchCycleError where passages
-    are not offered, NoConnectionError where there is no connection, AccuracyError where the flights fail.
+    The maps give sigma = -s (u / u_1)^nu, with u and s where the unstable manifold arrives. With u
+    = a D + b sigma the third term is the first power of sigma in -log(u).
+
+    Args:
+        parameters: The disk and its friction law.
+        engine: The engine of the flights.
+
+    Raises:
+        NoSuchCycleError: If the saddle value is not negative, or the machine has no numbers of 64
+            bits.
+        NoConnectionError: If there is no connection.
+        AccuracyError: If the flights fail.
     """
     guess = bisect_omega_h(parameters, engine, confirm=False).omega_h.value
     zero = splitting_zero(parameters, guess, engine, FIRST_DIGITS).omega_h.value
@@ -213,9 +236,12 @@ def _maps(parameters: Parameters, omega_h: Fraction, engine: Engine) -> tuple[Gl
 
 @undisturbed
 def monodromy_by_passages(parameters: Parameters, origin: Fraction, distance: Fraction) -> tuple[Any, Any]:
-    """The monodromy matrix (3, 3) of a librating cycle at its section, and its half-widths.
+    """Return the monodromy matrix (3, 3) of a librating cycle at its section, and its half-widths.
 
-    ``origin`` is where the maps are made, and the distance that from Omega_h [rad/s].
+    Args:
+        parameters: The disk and its friction law.
+        origin: The speed at which the maps are made [rad/s].
+        distance: The distance of the speed from Omega_h [rad/s].
     """
     first, *others = (_period_matrix(flights, distance) for flights in _maps(parameters, origin, default_engine()))
     apart = numpy.max([abs(first - other) for other in others], axis=0)
@@ -235,9 +261,10 @@ def _period_matrix(flights: GlobalMap, distance: Fraction) -> Any:
 
 
 def _numbers(section: Section[Any], flights: GlobalMap, distance: Fraction) -> tuple[dict[str, Any], list[float]]:
-    """The numbers of a cycle, gamma_bar_0 less pi, and the sizes of the iteration's steps.
+    """Return the numbers of a cycle, gamma_bar_0 less pi, and the sizes of the iteration's steps.
 
-    The speed has an imaginary part far below rounding, and the imaginary parts are derivatives by it.
+    The speed has an imaginary part far below rounding. The imaginary parts of the numbers are
+    derivatives by the speed.
     """
     image = section.image
     at = EXTENDED.number(distance)
@@ -248,14 +275,14 @@ def _numbers(section: Section[Any], flights: GlobalMap, distance: Fraction) -> t
     passage = moved(sigma)
     arrival, pieces = passage.arrival, passage.pieces
     part, _ = to_section(pieces, section.fixed)
-    beside = part.image * part.chart.at(part.end)
-    point = (beside[1], beside[2]) if section is LIBRATING else (arrival[5], arrival[6])
+    near_saddle = part.image * part.chart.at(part.end)
+    point = (near_saddle[1], near_saddle[2]) if section is LIBRATING else (arrival[5], arrival[6])
     time = EXTENDED.number(flights.duration) + passage.time
     along = numpy.prod([moved.along_the_flow(piece) for piece in pieces])
     measures = {
         "beta_max": arrival[4].real,
-        "beta_bar_0": beside[0].real,
-        "v_0": beside[2].real,
+        "beta_bar_0": near_saddle[0].real,
+        "v_0": near_saddle[2].real,
         "divergence": (arrival[3] + integral_of_divergence(pieces)).real,
     }
     return section.table(

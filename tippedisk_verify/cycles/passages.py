@@ -1,14 +1,18 @@
-"""The flow next to the heteroclinic connection, as a flight between the saddles and a passage by one of them.
+"""The flow next to the heteroclinic connection, as a flight between the saddles and a passage by
+one of them.
 
-A cycle at a distance D from Omega_h spends most of its time next to the saddles, where doubles lose it. There the
-charts of `theory.saddle_chart` make the flow linear, so that a passage is a logarithm (Shilnikov's local map). The
-rest is a flight of fixed length (the global map). It leads from u = u_1 and a small s = sigma next to one saddle to a
-point (u, s, f) next to the other one, and depends analytically on sigma and on the speed. Its polynomials are fitted
-once, to some twenty flights in 64 bits about Omega_h, where u = 0 at sigma = 0 by definition. So u keeps its relative
-accuracy however small D is, and no flight grows longer with 1 / D.
+**The local map.** A cycle at a distance D from Omega_h spends most of its time next to the saddles,
+where doubles lose it. There the charts of `theory.saddle_chart` make the flow linear, so that a
+passage is a logarithm (Shilnikov's local map).
 
-The cycle is a fixed point of sigma. Both maps take complex numbers: an imaginary part far below rounding carries
-the derivative by sigma, which is the multiplier, or by the speed.
+**The global map.** The rest is a flight of fixed length. It leads from u = u_1 and a small s =
+sigma next to one saddle to a point (u, s, f) next to the other one. It depends analytically on
+sigma and on the speed. Its polynomials are fitted once, to some twenty flights in 64 bits about
+Omega_h, where u = 0 at sigma = 0 by definition. So u keeps its relative accuracy however small D
+is, and no flight grows longer with 1 / D.
+
+**The cycle.** It is a fixed point of sigma. Both maps take complex numbers. An imaginary part far
+below rounding carries the derivative by sigma, which is the multiplier, or by the speed.
 """
 
 from __future__ import annotations
@@ -34,32 +38,33 @@ from tippedisk_verify.theory.saddle_manifolds import Saddle
 #: gamma = pi/2 modulo 2 pi, passed upward, on the way from saddle to saddle.
 _TOP = Event("top", ROUND.function, direction=-1, terminal=False)
 
-_SIGMAS = (-1.0, -0.5, 0.5, 1.0)  # of the largest one, where flights start beside the unstable manifold
-_BESIDE = (-1.0, 0.0, 1.0)  # of their own reach: the speeds of those flights
-_LONGEST = 30.0  # s
-_FAST = 2.0**-22  # of the fast coordinate, where the flight may end
-_PROBE = 1e-5  # of Omega_h, for the splitting's derivative
-_PLACES = 2**30  # 1 / distances of the flights' speeds, so that 64 bits hold these exactly
+# The starts of flights off the unstable manifold, in units of the largest sigma.
+_SIGMAS = (-1.0, -0.5, 0.5, 1.0)
+_OFF_MANIFOLD_SPEEDS = (-1.0, 0.0, 1.0)  # the speeds of those flights, in units of their reach
+_LONGEST = 30.0  # s, the longest flight
+_FAST = 2.0**-22  # the largest fast coordinate at which the flight may end
+_PROBE = 1e-5  # the step of the splitting's derivative, relative to Omega_h
+_PLACES = 2**30  # 1 / the grid [rad/s] of the flights' speeds, so that 64 bits hold these exactly
 _MOST_STEPS = 30
-_SETTLED = 2.0**-60  # relative, for sigma and for times next to a saddle
-_IMAGINARY = 2.0**-100  # relative; its square is far below rounding
-_NEAR = 2.0**-40  # relative; below it a step that does not shrink is rounding
-_DECAYED = 2.0**-60  # of u_1; what is left of the fast coordinate where a passage ends
+_SETTLED = 2.0**-60  # the last relative step of sigma, and of times next to a saddle
+_IMAGINARY = 2.0**-100  # a relative imaginary part; its square is far below rounding
+_NEAR = 2.0**-40  # a relative step below which only rounding keeps it from shrinking
+_DECAYED = 2.0**-60  # the largest fast coordinate at the end of a passage, in units of u_1
 
 
 _charts = lru_cache(maxsize=16)(ChartFamily)
 
 
 class Choice(NamedTuple):
-    """What a global map is computed with."""
+    """The parameters with which a global map is computed."""
 
-    order: int  #: of the charts
-    bands: int  #: of the charts
-    share: float  #: of the charts' radius of convergence, at which the sections lie
-    reach: float  #: abs(u / s) up to which flights on the unstable manifold arrive, at the outermost of their speeds
-    speeds: int  #: of these
-    sigma: float  #: of u_1; other flights start so far from the unstable manifold
-    beside: float  #: rad/s from Omega_h, as far as cycles are; within it lie their speeds
+    order: int  #: the order of the charts
+    bands: int  #: the bands of the charts
+    share: float  #: the place of the sections, in units of the charts' radius of convergence
+    reach: float  #: abs(u / s) at which flights on the unstable manifold arrive, at their outermost speed
+    speeds: int  #: the number of speeds of these flights
+    sigma: float  #: the largest distance of other flights' starts from the unstable manifold, in units of u_1
+    cycle_reach: float  #: the reach [rad/s] of the other flights' speeds from Omega_h, and so of cycles
     rounding: int | None = None  #: the pattern by which the last bits of parameters and starts move
 
 
@@ -69,7 +74,7 @@ class ChartFlight(NamedTuple):
     chart: SaddleChart
     start: Any  #: (3,) the point (u, s, f)
     time: Any  #: [s]
-    image: int  #: -1 if the chart shows the point symmetry's image
+    image: int  #: -1 if the part is the point symmetry's image of the one in the chart, otherwise 1
 
     @property
     def end(self) -> Any:
@@ -77,16 +82,27 @@ class ChartFlight(NamedTuple):
 
 
 class LinearPassage(NamedTuple):
-    """From one saddle's exit to the next one's."""
+    """A passage from one saddle's exit to the next one's."""
 
-    sigma: Any  #: where it leaves, in the coordinates of the start
-    time: Any  #: of the passage alone [s]
+    sigma: Any  #: the exit, in the coordinates of the start
+    time: Any  #: the time of the passage alone [s]
     arrival: Any  #: (7,) u, s, f, the integral of the divergence, beta_max, beta_bar and v at the top
     pieces: list[ChartFlight]
 
 
 class GlobalMap:
-    """The flights from one saddle to the next, as polynomials in sigma and in the distance from Omega_h."""
+    """The flights from one saddle to the next, as polynomials in sigma and in the distance from
+    Omega_h.
+
+    Args:
+        parameters: The disk and its friction law.
+        omega_h: Omega_h [rad/s].
+        engine: The engine of the flights.
+        choice: The parameters of the computation.
+
+    Raises:
+        AccuracyError: If a flight fails.
+    """
 
     def __init__(self, parameters: Parameters, omega_h: Fraction, engine: Engine, choice: Choice) -> None:
         self.parameters, self.choice = parameters, choice
@@ -103,13 +119,13 @@ class GlobalMap:
         above, below = (self._arrival(distance, 0.0) for distance in (probe, -probe))
         reach = choice.reach * float(2 * probe * fraction(abs(above[1] / (above[0] - below[0]))))
         # 64 bits hold the flights' speeds exactly: short distances from a double.
-        off = Fraction(float(omega_h)) - omega_h
-        many = [_short(reach * x) + off for x in _nodes(choice.speeds)]
-        beside = [_short(choice.beside * x) + off for x in _BESIDE]
-        self._polynomials = self._fitted(many, beside)
+        offset = Fraction(float(omega_h)) - omega_h
+        on_manifold = [_short(reach * x) + offset for x in _nodes(choice.speeds)]
+        off_manifold = [_short(choice.cycle_reach * x) + offset for x in _OFF_MANIFOLD_SPEEDS]
+        self._polynomials = self._fitted(on_manifold, off_manifold)
 
     def at(self, distance: Any) -> Any:
-        """The polynomials in sigma (5, 7) at a distance from Omega_h [rad/s]."""
+        """Return the polynomials in sigma (5, 7) at a distance from Omega_h [rad/s]."""
         return polynomial(self._polynomials, distance)
 
     @property
@@ -123,7 +139,11 @@ class GlobalMap:
         return Request(self.parameters, omega, state, shifted=True, domain="none", **needs)
 
     def _duration(self, chart: SaddleChart, end: float) -> Fraction:
-        """Until the flight on the unstable manifold is next to the other saddle, to a hundredth of a second."""
+        """Return the time [s] until the flight on the unstable manifold is next to the other
+        saddle.
+
+        It is rounded to a hundredth of a second.
+        """
         times = numpy.arange(0, _LONGEST, 0.01)
         request = self._request(chart, self._omega_h, 0.0, duration=float(times[-1]), times=times)
         samples = self._engine(request).samples
@@ -138,7 +158,7 @@ class GlobalMap:
         return Fraction(first + math.ceil(100 * longer), 100)
 
     def _arrival(self, distance: Fraction, sigma: float) -> list[Any]:
-        """The numbers of `LinearPassage.arrival` after a flight."""
+        """Return the numbers of `LinearPassage.arrival` after a flight."""
         at = EXTENDED.number(distance)
         request = self._request(
             self.leaving.at(at),
@@ -159,14 +179,17 @@ class GlobalMap:
         top = next(event.state for event in flight.events if event.name == _TOP.name)
         return [*point, flight.divergence, extreme, top[0], top[2]]
 
-    def _fitted(self, distances: list[Fraction], beside: list[Fraction]) -> Any:
-        """Coefficients (speeds, 5, 7); u vanishes at sigma = 0 and Omega_h, whatever rounding says."""
+    def _fitted(self, distances: list[Fraction], off_manifold: list[Fraction]) -> Any:
+        """Return the polynomials' coefficients (speeds, 5, 7).
+
+        u vanishes exactly at sigma = 0 and Omega_h; the fit's rounding there is dropped.
+        """
         count, reach = len(distances), EXTENDED.number(max(distances))
         largest = float(self.u_1) * self.choice.sigma
         places = [(distance, 0.0) for distance in distances]
-        places += [(distance, largest * x) for distance in beside for x in _SIGMAS]
+        places += [(distance, largest * x) for distance in off_manifold for x in _SIGMAS]
         powers = [(k, 0) for k in range(count)]
-        powers += [(k, n) for k in range(len(beside)) for n in range(1, len(_SIGMAS) + 1)]
+        powers += [(k, n) for k in range(len(off_manifold)) for n in range(1, len(_SIGMAS) + 1)]
         scaled = [(EXTENDED.number(distance) / reach, EXTENDED.number(sigma) / largest) for distance, sigma in places]
         matrix = numpy.array([[x**k * y**n for k, n in powers] for x, y in scaled])
         values = numpy.array([self._arrival(*place) for place in places])
@@ -178,9 +201,13 @@ class GlobalMap:
 
 
 class HalfMap:
-    """From sigma at one saddle to sigma at the next, at one distance from Omega_h [rad/s], which may be complex.
+    """The map from sigma at one saddle to sigma at the next, at one distance from Omega_h.
 
-    ``image`` is -1 for librating cycles, which turn back at each saddle, and 1 for rotating ones, which pass.
+    Args:
+        flights: The global map.
+        distance: The distance from Omega_h [rad/s]; it may be complex.
+        image: -1 for librating cycles, which turn back at each saddle; 1 for rotating ones, which
+            pass.
     """
 
     def __init__(self, flights: GlobalMap, distance: Any, image: int) -> None:
@@ -193,6 +220,12 @@ class HalfMap:
         self._omega = EXTENDED.number(flights._omega_h) + distance
 
     def __call__(self, sigma: Any) -> LinearPassage:
+        """Return the passage that starts at sigma.
+
+        Raises:
+            ArithmeticError: If the orbit leaves the saddle on the other side, or the fast
+                coordinate has not decayed.
+        """
         arrival = polynomial(self._arrivals, sigma)
         point, chart, pieces = arrival[:3], self.arriving, list[ChartFlight]()
         if self._crosses:
@@ -214,9 +247,13 @@ class HalfMap:
         return SLIDING_REVERSAL.function(ANGLE_OPS, self._constants, self._omega, *angles(y))
 
     def fixed_point(self) -> tuple[Any, Any, list[float]]:
-        """sigma, the map's derivative there, and the relative sizes of Newton's steps. The distance must be real.
+        """Solve for the fixed point of the map. The distance must be real.
 
-        Raises ArithmeticError where Newton's iteration does not settle.
+        Returns:
+            sigma, the map's derivative there, and the relative sizes of Newton's steps.
+
+        Raises:
+            ArithmeticError: If Newton's iteration does not settle.
         """
         sigma, sizes = self._omega * 0, list[float]()
         imaginary = abs(self._distance) * _IMAGINARY
@@ -231,7 +268,12 @@ class HalfMap:
         raise ArithmeticError("the iteration for sigma does not settle")
 
     def along_the_flow(self, piece: ChartFlight) -> Any:
-        """The multiplier along the flow from the start to the end of a piece, divided by the ratio of speeds; 1."""
+        """Return the multiplier along the flow over a piece, divided by the ratio of speeds. It is
+        1.
+
+        Args:
+            piece: A piece of a passage.
+        """
         rates_of = field(ANGLE_OPS, self._constants, self._omega, self.flights.parameters.friction)
         along = []
         for point in (piece.start, piece.end):
@@ -243,8 +285,16 @@ class HalfMap:
 def to_section(pieces: Sequence[ChartFlight], component: int) -> tuple[ChartFlight, Sequence[ChartFlight]]:
     """Split a passage where a component of y vanishes.
 
+    Args:
+        pieces: The passage.
+        component: The component of y.
+
     Returns:
-        The part up to there of the piece in which that is, and what is left of the passage.
+        The part up to the section, and the rest of the passage. The part begins where the piece
+        with the section begins.
+
+    Raises:
+        ArithmeticError: If the passage does not meet its section.
     """
     gradient = numpy.eye(3)[component]
     for place, piece in enumerate(pieces):
@@ -256,12 +306,19 @@ def to_section(pieces: Sequence[ChartFlight], component: int) -> tuple[ChartFlig
 
 
 def half_period_matrix(rest: Sequence[ChartFlight], multiplier: Any, time_by_sigma: Any) -> Any:
-    """The derivative (3, 3) of the flow over half a period, and the point symmetry, of a librating cycle in y.
+    """Return the derivative (3, 3) of half a librating cycle in y: the flow, then the point
+    symmetry.
 
-    It is taken where the rest of a passage begins. There F along the flow, w in the chart's direction of s, and the
-    fast direction L are a basis. L is the one that contracts most in all that follows, so it is that of the last chart,
-    carried back. What L becomes is far below rounding. At the exit w = kappa x_sigma + rho F, and the cycle's half maps
-    x_sigma to multiplier * x_sigma - time_by_sigma * F.
+    It is taken where the rest of a passage begins. There a basis consists of F along the flow, w in
+    the chart's direction of s, and the fast direction L. L contracts most in all that follows, so
+    it is that of the last chart, carried back. The image of L is far below rounding. At the exit w
+    = kappa x_sigma + rho F. The cycle's half maps x_sigma to multiplier * x_sigma - time_by_sigma *
+    F.
+
+    Args:
+        rest: The rest of the passage.
+        multiplier: The derivative of the half map by sigma.
+        time_by_sigma: The derivative of the passage's time by sigma [s].
     """
     first, last = rest[0], rest[-1]
     slow, fast = numpy.eye(3)[1:].astype(EXTENDED.type)
@@ -281,10 +338,11 @@ def half_period_matrix(rest: Sequence[ChartFlight], multiplier: Any, time_by_sig
 
 
 def _until(chart: SaddleChart, start: Any, function: Callable[[Any], Any], gradient: Any) -> ChartFlight:
-    """The piece from a point to where a function of y vanishes, between a stable and an unstable manifold.
+    """Return the piece from a point to where a function of y vanishes, between a stable and an
+    unstable manifold.
 
-    The gradient is the function's at the saddle. Its linear part is solved at once; the rest by chords, which gain a
-    factor of the distance from the saddle each.
+    The gradient is the function's at the saddle. Its linear part is solved at once. Chords solve
+    the rest, and each gains a factor of the distance from the saddle.
     """
     row = chart.along(gradient)
     growth = chart.eigenvalues[0] - chart.eigenvalues[1]
@@ -302,7 +360,13 @@ def _until(chart: SaddleChart, start: Any, function: Callable[[Any], Any], gradi
 
 
 def integral_of_divergence(pieces: Sequence[ChartFlight]) -> Any:
-    """Over a passage [1]: the logarithm of the determinant of the flow, by way of the charts' determinants."""
+    """Return the integral over a passage [1], the logarithm of the flow's determinant.
+
+    It uses the charts' determinants.
+
+    Args:
+        pieces: The passage.
+    """
     total = 0
     for piece in pieces:
         ends = (_determinant(piece.chart.slopes(point)) for point in (piece.end, piece.start))
@@ -315,7 +379,7 @@ def _determinant(rows: Any) -> Any:
 
 
 def _nodes(count: int) -> Any:
-    """Chebyshev's between -1 and 1, falling."""
+    """Return Chebyshev's nodes between -1 and 1, falling."""
     return numpy.cos(numpy.pi * (numpy.arange(count) + 0.5) / count)
 
 

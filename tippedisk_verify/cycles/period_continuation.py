@@ -1,13 +1,15 @@
-"""The family with the period as its parameter: the way to follow it to Omega_h, and Omega_h as its limit.
+"""The family with the period as its parameter: the way to follow it to Omega_h, and Omega_h as its
+limit.
 
-Close to Omega_h the speed hardly changes while the period grows without bound, so Omega becomes an unknown and half the
-period T / 2 is given. The state then leaves the saddle's neighbourhood and Omega its limit like exponentials of T / 2,
-and predictions are made in their logarithms. With the saddle's unstable and slow stable eigenvalues
+Close to Omega_h the speed hardly changes while the period grows without bound. So Omega becomes an
+unknown and half the period T / 2 is given. The state then leaves the saddle's neighbourhood, and
+Omega its limit, like exponentials of T / 2. Predictions are made in their logarithms. With the
+saddle's unstable and slow stable eigenvalues
 
     Omega(T) = Omega_h + C exp(-lambda_u T / 2) + B exp(lambda_s T / 2) + ...,
 
-so two solved cycles give C, B and Omega_h. Each new cycle is as much longer as that prediction allows, in an arithmetic
-that resolves it. Nothing of the saddles' manifolds enters.
+so two solved cycles give C, B and Omega_h. Each new cycle is as much longer as that prediction
+allows, in an arithmetic that resolves it. The saddles' manifolds do not enter.
 """
 
 from __future__ import annotations
@@ -47,9 +49,9 @@ __all__ = [
 
 _MOST_STEPS = 15
 _FIRST_STEP, _SHORTEST_STEP = 0.02, 5e-4  # s
-_FOLLOWED = 1e-3  # rad/s; as close to Omega_h as folds are looked for
+_FOLLOWED = 1e-3  # rad/s; the distance from Omega_h down to which folds are sought
 _LEAST_IN_DOUBLE = 1e-8  # rad/s; closer to Omega_h double has few digits of the slopes
-_LONGEST = 30.0  # s
+_LONGEST = 30.0  # s, the longest period in double
 _MOST_CYCLES = 60
 
 
@@ -62,15 +64,23 @@ class PeriodPoint:
     v_0: Any  #: [rad/s]
     omega: Any  #: [rad/s]
     slopes: tuple[Any, Any, Any]  #: d(gamma_bar_0, v_0, Omega) / d(T / 2)
-    residuals: tuple[float, ...]  #: size of the Newton steps
+    residuals: tuple[float, ...]  #: the sizes of the Newton steps
 
 
 def cycle_at_half_period(
     parameters: Parameters, half_period: Any, guess: Sequence[Any], engine: Engine, precision: Precision = DOUBLE
 ) -> PeriodPoint:
-    """Newton's iteration for (gamma_bar_0, v_0, Omega) at the half period T / 2 [s].
+    """Solve for (gamma_bar_0, v_0, Omega) at a half period, by Newton's iteration.
 
-    Raises NoSuchCycleError if it does not converge or leaves the well.
+    Args:
+        parameters: The disk and its friction law.
+        half_period: T / 2 [s].
+        guess: The first guess of (gamma_bar_0, v_0, Omega).
+        engine: The engine of the flights.
+        precision: The arithmetic.
+
+    Raises:
+        NoSuchCycleError: If the iteration does not converge, or leaves the well.
     """
     gamma_bar, v, omega = (precision.number(value) for value in guess)
     duration = precision.number(half_period)
@@ -85,7 +95,7 @@ def cycle_at_half_period(
             raise NoSuchCycleError("the iteration at fixed period left the well: take a smaller step in the period")
         return largest
 
-    # By quadratic convergence the cycle is then right to twice as many digits, its slopes to as many.
+    # By quadratic convergence the cycle is then right to twice as many digits, and its slopes to as many.
     stop = Stop(
         _MOST_STEPS,
         NoSuchCycleError(f"the iteration at fixed period has not converged after {_MOST_STEPS} steps"),
@@ -98,10 +108,20 @@ def cycle_at_half_period(
 
 
 def lengthened(parameters: Parameters, first: PeriodPoint, engine: Engine, *, longest: float) -> Iterator[PeriodPoint]:
-    """Cycles of longer and longer period, in double, from ``first`` on, up to the period ``longest`` [s].
+    """Yield cycles of longer and longer period, in double.
 
-    The step in the half period adapts: it grows by half after a quick solution and is halved after a failed one. Raises
-    NoSuchCycleError when it has become less than half a millisecond, where Omega - Omega_h drowns in rounding.
+    The step in the half period adapts: it grows by half after a quick solution and is halved after
+    a failed one.
+
+    Args:
+        parameters: The disk and its friction law.
+        first: The first cycle, which is not yielded.
+        engine: The engine of the flights.
+        longest: The longest period [s].
+
+    Raises:
+        NoSuchCycleError: If the step is below half a millisecond, where Omega - Omega_h drowns in
+            rounding.
     """
     point, before, step = first, first, _FIRST_STEP
     while 2 * point.half_period < longest:
@@ -120,7 +140,14 @@ def lengthened(parameters: Parameters, first: PeriodPoint, engine: Engine, *, lo
 
 
 def predicted_state(point: PeriodPoint, half_period: Any, precision: Precision) -> tuple[Any, Any]:
-    """(gamma_bar_0, v_0) at another half period [s]: along the tangent, in logarithms of distances from the saddle."""
+    """Return (gamma_bar_0, v_0) at another half period, along the tangent in logarithms of
+    distances from the saddle.
+
+    Args:
+        point: The cycle to start from.
+        half_period: T / 2 [s].
+        precision: The arithmetic.
+    """
     number, exp = precision.number, precision.ops.exp
     ahead = half_period - number(point.half_period)
     gamma_slope, v_slope = number(point.slopes[0]), number(point.slopes[1])
@@ -129,10 +156,12 @@ def predicted_state(point: PeriodPoint, half_period: Any, precision: Precision) 
 
 
 def _predicted_speed(point: PeriodPoint, before: PeriodPoint, half_period: float) -> Any:
-    """Along the tangent, in the logarithm of the distance from the limit that the last two slopes have in common."""
+    """Return Omega [rad/s] along the tangent, in the logarithm of the distance from the limit of
+    the last two slopes.
+    """
     ahead = half_period - point.half_period
     falls = point.slopes[2] / before.slopes[2]
-    if not 0 < falls < 1:  # the first one, and where the speed is not on its way to a limit yet
+    if not 0 < falls < 1:  # at the first cycle, and where the speed does not tend to a limit yet
         return point.omega + point.slopes[2] * ahead
     rate = math.log(falls) / (point.half_period - before.half_period)
     return point.omega + point.slopes[2] * (math.exp(rate * ahead) - 1) / rate
@@ -140,7 +169,14 @@ def _predicted_speed(point: PeriodPoint, before: PeriodPoint, half_period: float
 
 # ------------------------------------------------------------------------------------------------ the limit
 class PeriodAsymptotics:
-    """The three-term law of Omega(T) through two cycles."""
+    """The three-term law of Omega(T) through two cycles.
+
+    Args:
+        parameters: The disk and its friction law.
+        first: The cycle of the shorter period.
+        second: The cycle of the longer period.
+        precision: The arithmetic of the cycles.
+    """
 
     def __init__(self, parameters: Parameters, first: PeriodPoint, second: PeriodPoint, precision: Precision) -> None:
         ctx = self._ctx = bits(precision.bits + 16).context
@@ -162,9 +198,13 @@ class PeriodAsymptotics:
         self.omega_h = fraction(mpf(second.omega) - self._c - self._b)
 
     def half_period(self, above: Fraction) -> Fraction:
-        """T / 2 [s] of the cycle that far above Omega_h [rad/s], below it if negative."""
+        """Return T / 2 [s] of the cycle at a distance from Omega_h.
+
+        Args:
+            above: Omega - Omega_h [rad/s]; negative below Omega_h.
+        """
         ctx, target = self._ctx, quotient(self._ctx, above)
-        # Of the two terms that which prevails tells where to begin.
+        # The larger of the two terms gives the start.
         ahead = max(
             ctx.log(term / target) / rate
             for term, rate in ((self._c, self._unstable), (self._b, -self._stable))
@@ -180,7 +220,12 @@ class PeriodAsymptotics:
 
 
 class PeriodContinuation:
-    """The family followed towards Omega_h, cycle by cycle, with what its limit looks like so far."""
+    """The family followed towards Omega_h, cycle by cycle, with the present estimate of its limit.
+
+    Args:
+        parameters: The disk and its friction law.
+        engine: The engine of the flights.
+    """
 
     def __init__(self, parameters: Parameters, engine: Engine) -> None:
         self.parameters, self.engine = parameters, engine
@@ -204,10 +249,17 @@ class PeriodContinuation:
         return self.points[-1]
 
     def law_rows(self, unstable: float) -> list[tuple[float, float, float]]:
-        """Of each cycle Omega - Omega_h [rad/s], the period [s], and the slope of T over its law's.
+        """Return Omega - Omega_h [rad/s], the period [s], and the slope of T over its law's, for
+        each cycle.
 
-        By the law T = c - (2 / lambda_u) log(Omega - Omega_h) + O((Omega - Omega_h)^p), p = |lambda_s| / lambda_u - 1,
-        that ratio tends to 1; ``unstable`` is lambda_u [1/s].
+        The law is
+
+            T = c - (2 / lambda_u) log(Omega - Omega_h) + O((Omega - Omega_h)^p),    p = |lambda_s| / lambda_u - 1.
+
+        By this law the ratio tends to 1.
+
+        Args:
+            unstable: lambda_u [1/s].
         """
         rows = []
         for point in self.points:
@@ -218,15 +270,20 @@ class PeriodContinuation:
 
     @property
     def above(self) -> Fraction:
-        """Omega - Omega_h of the last cycle [rad/s], negative where cycles lie below."""
+        """Omega - Omega_h of the last cycle [rad/s], negative if cycles lie below."""
         return fraction(self.latest.omega) - self.asymptotics.omega_h
 
     def further(self, least: Fraction) -> None:
-        """One more cycle, as far ahead as the law allows, but not closer to Omega_h than ``least`` [rad/s].
+        """Add one more cycle, as far ahead as the law allows.
 
-        Raises AccuracyError if it is not found.
+        Args:
+            least: The least distance of the cycle from Omega_h [rad/s].
+
+        Raises:
+            AccuracyError: If the cycle is not found, or there are too many cycles.
         """
-        # The prediction is off by about the last change of the limit: a cycle a hundred times further out is within it.
+        # The prediction is off by about the last change of the limit. A cycle at a hundred times that
+        # distance from Omega_h is within reach.
         ahead = max(100 * self.change, least)
         if not ahead < abs(self.above):
             ahead = abs(self.above) / 4
@@ -247,11 +304,22 @@ class PeriodContinuation:
 
 
 def limit_of_cycles(parameters: Parameters, engine: Engine, digits: int) -> Measured:
-    """Omega_h [rad/s] to ``digits`` significant digits.
+    """Return Omega_h to ``digits`` significant digits.
 
-    The answer is the limit before the last one, and its distance to the last one its error: that falls by a growing
-    factor from cycle to cycle, a hundredfold and more, so twice the distance holds what the last one is off itself.
-    Raises AccuracyError if the family ends before.
+    The answer is the limit before the last one, and its distance from the last one is the error.
+    The distance falls from cycle to cycle by a growing factor, a hundredfold and more. So twice the
+    distance also holds the error of the last limit.
+
+    Args:
+        parameters: The disk and its friction law.
+        engine: The engine of the flights.
+        digits: The significant digits wanted.
+
+    Returns:
+        Omega_h [rad/s].
+
+    Raises:
+        AccuracyError: If the family ends before.
     """
     family = PeriodContinuation(parameters, engine)
     while True:
@@ -263,10 +331,17 @@ def limit_of_cycles(parameters: Parameters, engine: Engine, digits: int) -> Meas
 
 
 def resolving(parameters: Parameters, omega_h: Fraction, above: Fraction, digits: int) -> Precision:
-    """The arithmetic for a cycle at ``omega_h`` + ``above`` with so many digits left.
+    """Return the arithmetic for a cycle next to Omega_h.
 
-    Rounding grows over a passage like 1 / above, and must be small against the state's distance from the saddle, which
-    is of the order of ``above`` to the power lambda_u / (lambda_u - lambda_s).
+    Rounding grows over a passage like 1 / above. It must be small against the state's distance from
+    the saddle. That distance is of the order of ``above`` to the power lambda_u / (lambda_u -
+    lambda_s).
+
+    Args:
+        parameters: The disk and its friction law.
+        omega_h: Omega_h [rad/s].
+        above: Omega - Omega_h [rad/s].
+        digits: The digits that must be left.
     """
     unstable, slow, _ = (float(value.re) for value in equilibrium(parameters, omega_h, "noninverted").eigenvalues)
     power = 1 + unstable / (unstable - slow)

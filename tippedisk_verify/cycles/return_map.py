@@ -1,12 +1,14 @@
 """The return map of a section with its derivatives, and the Newton steps that follow from them.
 
-The unknowns are the section's two coordinates and Omega. Two equations say that the map P returns to the start. A
-third one holds the speed, the first coordinate or the flight time. With the rows r_1, r_2 of (P' - 1 | dP/dOmega) and
-the row c of the third equation, which lacks g, the step is
+The unknowns are the section's two coordinates and Omega. Two equations close the orbit: the map P
+returns to the start. A third equation holds the speed, the first coordinate or the flight time. Let
+r_1, r_2 be the rows of (P' - 1 | dP/dOmega), c the row of the third equation, and g the amount that
+this equation lacks. The step is
 
     (a r_2 x c + b c x r_1 + g r_1 x r_2) / (c . r_1 x r_2),      (a, b) = -residual.
 
-r_1 x r_2 is the direction of the family of cycles. It is defined where Omega turns round along the family as well.
+r_1 x r_2 is the direction of the family of cycles. It is defined where Omega turns round along the
+family as well.
 """
 
 from __future__ import annotations
@@ -33,26 +35,38 @@ C = TypeVar("C", bound=Cycle)
 Held = Literal["speed", "coordinate", "time"]
 
 _LONGEST_FLIGHT = 200.0  # s; half a period at Omega_h + 1e-280
-_BRANCH_ORDER = 7  # of the power series of a saddle's branch, 2^(-bits / 6) out
-_OFF = 1.0  # rad; the section's copies are at least a quarter of a turn apart
+# The order of the power series of a saddle's branch. Flights start 2^(-bits / 6) from the saddle.
+_BRANCH_ORDER = 7
+_MAX_SECTION_MISS = 1.0  # rad; the section's copies are at least a quarter of a turn apart
 
 
 class Image(NamedTuple):
-    """One point's image under the return map P, with P's derivatives by the section's two coordinates and by Omega."""
+    """The image of a point under the return map P, with P's derivatives by the coordinates and
+    Omega.
+    """
 
     time: Any  #: flight time [s]
     residual: tuple[Any, Any]  #: the coordinates after the map minus before
     matrix: tuple[tuple[Any, Any], tuple[Any, Any]]  #: P'
-    by_omega: tuple[Any, Any]  #: of P
+    by_omega: tuple[Any, Any]  #: dP/dOmega
     time_by_state: tuple[Any, Any]  #: derivatives of the flight time by the coordinates
     time_by_omega: Any
     flow: Any  #: the flow's derivatives at fixed time, (beta, gamma, v) by (beta, gamma, v, Omega)
 
     def newton_step(self, held: Held = "speed", lacking: Any = 0) -> tuple[Any, Any, Any]:
-        """Return the step of both coordinates and Omega after which the map returns to the start, to first order.
+        """Return the step of both coordinates and Omega after which the map returns to the start.
 
-        What is held grows by what is lacking, and not otherwise. Raises ZeroDivisionError if the equations are
-        singular.
+        The step is exact to first order.
+
+        Args:
+            held: The quantity that the step holds.
+            lacking: The amount by which that quantity grows instead.
+
+        Returns:
+            The steps of the first coordinate, the second coordinate and Omega.
+
+        Raises:
+            ZeroDivisionError: If the equations are singular.
         """
         (first, second), third = self._rows, self._held_row(held)
         along = _cross(first, second)
@@ -65,9 +79,16 @@ class Image(NamedTuple):
         return x, y, omega
 
     def slopes(self, held: Held) -> tuple[Any, Any, Any, Any]:
-        """Return the derivatives of both coordinates, Omega and the flight time by what is held, along the family.
+        """Return derivatives along the family, by the quantity held.
 
         They are those of the family of cycles if the start is a fixed point.
+
+        Args:
+            held: The quantity by which to differentiate.
+
+        Returns:
+            The derivatives of the first coordinate, the second coordinate, Omega and the flight
+            time.
         """
         along = _cross(*self._rows)
         rate = _product(self._held_row(held), along)
@@ -81,7 +102,7 @@ class Image(NamedTuple):
         return (a - 1, b, self.by_omega[0]), (c, d - 1, self.by_omega[1])
 
     def _held_row(self, held: Held) -> tuple[Any, Any, Any]:
-        """Return the derivatives of what is held by both coordinates and Omega."""
+        """Return the derivatives of the quantity held by both coordinates and Omega."""
         if held == "time":
             return (*self.time_by_state, self.time_by_omega)
         return (1, 0, 0) if held == "coordinate" else (0, 0, 1)
@@ -90,8 +111,15 @@ class Image(NamedTuple):
 class ReturnMap(Generic[C]):
     """The return map of one disk at one speed, in one arithmetic.
 
-    Flights and images raise NoSuchCycleError for a start with coordinates that the section does not have, and where the
-    orbit does not come back to the section.
+    Flights and images raise NoSuchCycleError if the start has coordinates that the section does not
+    have, or if the orbit does not come back to the section.
+
+    Args:
+        section: The section.
+        parameters: The disk and its friction law.
+        omega: The speed [rad/s].
+        engine: The engine of the flights.
+        precision: The arithmetic.
     """
 
     def __init__(
@@ -104,28 +132,48 @@ class ReturnMap(Generic[C]):
     ) -> None:
         self.section, self.parameters, self.omega = section, parameters, omega
         self.engine, self.precision = engine, precision
-        self._omega = precision.number(omega)  # once, not at every start
+        self._omega = precision.number(omega)  # converted once, not at every start
         self._rates = field(shifted(precision.ops), parameters.at(precision), self._omega, parameters.friction)
         self._growth = precision.number(0) + 2 * section.turns * precision.pi
-        # Past the section by far less than rounding: of a function that is zero to the last bit at the start, heyoka
-        # sees no other crossing in its first step. (With the fourth power MPFR's numbers would lose memory.)
+        # The start lies past the section by far less than rounding. If the section's function were zero
+        # to the last bit there, heyoka would see no other crossing in its first step. (With the fourth
+        # power MPFR's numbers would lose memory.)
         self._edge = precision.number(section.passed * precision.epsilon**2)
         self._requests: dict[tuple[Event, ...], Request] = {}
 
     def within(self, precision: Precision) -> ReturnMap[C]:
-        """The same map in another arithmetic."""
+        """Return the same map in another arithmetic."""
         return ReturnMap(self.section, self.parameters, self.omega, self.engine, precision)
 
     def at_speed(self, omega: Any) -> ReturnMap[C]:
-        """The map at another speed [rad/s]."""
+        """Return the map at another speed [rad/s]."""
         return ReturnMap(self.section, self.parameters, omega, self.engine, self.precision)
 
     def flight(self, point: Sequence[Any], rounding: int | None = None) -> Result:
-        """From a point to the section's next crossing, its `recorded` events and the integral of the divergence."""
+        """Fly from a point to the section's next crossing.
+
+        Args:
+            point: Both coordinates on the section.
+            rounding: The pattern by which last bits are moved; None for no move.
+
+        Returns:
+            The flight, with the section's `recorded` events and the integral of the divergence.
+
+        Raises:
+            NoSuchCycleError: If the orbit does not come back to the section.
+        """
         return self._run(point, rounding, self.section.recorded, divergence=True)
 
     def __call__(self, point: Sequence[Any], rounding: int | None = None) -> Image:
-        """The image of a point, by the variational equations."""
+        """Return the image of a point, by the variational equations.
+
+        Args:
+            point: Both coordinates on the section.
+            rounding: The pattern by which last bits are moved; None for no move.
+
+        Raises:
+            NoSuchCycleError: If the orbit does not come back to the section.
+        """
         result = self._run(point, rounding, (), variations=VARIATIONS)
         rows, end = result.derivatives, result.state
         if self.precision == DOUBLE:  # Python's own floats: arithmetic on numpy's scalars takes longer
@@ -152,19 +200,28 @@ class ReturnMap(Generic[C]):
         )
 
     def residual(self, end: Sequence[Any], point: Sequence[Any]) -> tuple[Any, Any]:
-        """The image's coordinates, from where the flow arrives, less those of the point."""
+        """Return the coordinates of the image less those of the point.
+
+        Args:
+            end: The state (3,) in which the flow arrives.
+            point: Both coordinates of the start.
+        """
         (a, b), image = self.section.free, self.section.image
         return image * end[a] - point[0], image * end[b] - point[1]
 
     def measures(self, flight: Result) -> dict[str, Any]:
-        """What a flight with the section's ``recorded`` events tells of the cycle besides its coordinates."""
-        return self.section.measured(((one.name, one.state) for one in flight.events), abs(0 * flight.time))
+        """Return the section's measures by name, from a flight with its ``recorded`` events."""
+        return self.section.measured(((event.name, event.state) for event in flight.events), abs(0 * flight.time))
 
     def trivial_multiplier(self, point: Sequence[Any], image: Image) -> Any:
-        """The multiplier along the flow, 1 but for rounding.
+        """Return the multiplier along the flow, 1 but for rounding.
 
-        It is the Rayleigh quotient of the flow followed by the derivative of the symmetry, on the flow's direction at
-        the start.
+        It is the Rayleigh quotient of the flow followed by the derivative of the symmetry, on the
+        flow's direction at the start.
+
+        Args:
+            point: Both coordinates of the start.
+            image: The image of the point.
         """
         rates = self._rates(*self._state(point))
         moved = (sum(entry * rate for entry, rate in zip(row, rates, strict=False)) for row in image.flow)
@@ -172,22 +229,26 @@ class ReturnMap(Generic[C]):
         return self.section.image * along / sum(rate * rate for rate in rates)
 
     def end_of_branch(self) -> tuple[Any, Any]:
-        """Where a saddle's unstable branch meets the section, as the coordinates of a point.
+        """Return the coordinates at which a saddle's unstable branch meets the section.
 
-        The branch starts on its power series, so far out that its truncation is below rounding. Raises NoSuchCycleError
-        if it does not arrive.
+        The branch starts on its power series, so close to the saddle that truncation is below
+        rounding.
+
+        Raises:
+            NoSuchCycleError: If the branch does not arrive.
         """
         saddle = Saddle(self.parameters, fraction(self.omega), self.precision.bits + 16, _BRANCH_ORDER)
-        # A flight from the librating section starts next to the saddle at gamma_bar = pi: the other's image.
+        # A flight from the librating section starts next to the saddle at gamma_bar = pi: the other's
+        # image.
         state = saddle.start_on_branch(Fraction(1, 1 << (self.precision.bits // 6)), self.section.image)
-        # As the cycle's own flights are built.
+        # The request is built like those of the cycle's own flights.
         result = self.engine(self._request(state, divergence=True, events=(self.section.ends, *self.section.recorded)))
         if result.status is not Status.EVENT:
             raise NoSuchCycleError(f"the saddle's unstable branch does not come to the section: {result.status.value}")
         return self.residual(result.state, (0, 0))
 
     def _state(self, point: Any) -> list[Any]:
-        """(beta_bar, gamma_bar, v) of a point on the section."""
+        """Return (beta_bar, gamma_bar, v) of a point on the section."""
         state = [*point]
         state.insert(self.section.fixed, self._edge)
         return state
@@ -213,7 +274,7 @@ class ReturnMap(Generic[C]):
         result = self.engine(self._requests[events].starting_at(state, rounding))
         if result.status is not Status.EVENT:
             raise NoSuchCycleError(f"{section.no_return}: {result.status.value}")
-        if abs(float(result.state[section.fixed] - self._growth)) > _OFF:
+        if abs(float(result.state[section.fixed] - self._growth)) > _MAX_SECTION_MISS:
             raise NoSuchCycleError(section.no_return)
         return result
 

@@ -1,8 +1,9 @@
-"""The family of rotating limit cycles: where it begins, beside the connection, and where it ends.
+"""The family of rotating limit cycles, from the connection through its fold.
 
-Below Omega_h the unstable branch of the saddle goes over the top and leads to the stable rotating cycle. From there on
-the disk leans more and more at the top of its turn: beta_bar_top rises from what it is at the connection towards pi/2,
-through the fold in Omega, beyond which the cycles are unstable and lie at rising speeds. s goes over the whole line.
+Below Omega_h the unstable branch of the saddle goes over the top and leads to the stable rotating
+cycle. From there on the disk leans more and more at the top of its turn. beta_bar_top rises from
+its value at the connection towards pi/2, through the fold in Omega. Beyond the fold the cycles are
+unstable and lie at rising speeds. s goes over the whole line.
 """
 
 from __future__ import annotations
@@ -22,17 +23,26 @@ from tippedisk_verify.model.parameters import Parameters
 
 __all__ = ["RotatingFamily"]
 
-_NODES = 20  # of a panel; the polynomials then err by rounding
-_GUESSING_NODES = 10  # where they only guess: by some 1e-8
-_FIRST = 1 - Fraction(12, 10**5)  # of Omega_h; closer, and doubles do not hold T to twelve digits
-_MOST_PANELS = 16  # beta_bar_top is then within 1e-5 of pi/2
+_NODES = 20  # nodes of a panel, with which the polynomials err by rounding only
+_GUESSING_NODES = 10  # nodes of a panel whose polynomials only guess: they err by some 1e-8
+# The first speed, relative to Omega_h. Closer, doubles do not hold T to twelve digits.
+_FIRST = 1 - Fraction(12, 10**5)
+_MOST_PANELS = 16  # panels, after which beta_bar_top is within 1e-5 of pi/2
 
 
 class RotatingFamily(Family):
-    """The family of one disk below ``omega_h`` [rad/s], its own, and beyond the fold as far as it has been asked for.
+    """The rotating family of one disk, followed below Omega_h, and beyond the fold as far as
+    needed.
 
-    ``solve`` finds cycles of chosen beta_bar_top, on nodes that leave rounding only; without it the engine does, one at
-    a time, on fewer nodes, for guesses. Raises NoSuchCycleError where the family does not begin.
+    Args:
+        parameters: The disk and its friction law.
+        engine: The engine of the flights.
+        omega_h: The disk's Omega_h [rad/s].
+        solve: Finds cycles of chosen beta_bar_top, on nodes that leave rounding only. If None, the
+            engine finds them one at a time, on fewer nodes, for guesses.
+
+    Raises:
+        NoSuchCycleError: If the family does not begin.
     """
 
     section = ROTATING
@@ -62,7 +72,14 @@ class RotatingFamily(Family):
         self.gaps = ((float(self.nodes[0, 3]), float(omega_h)),)
 
     def reach(self, omega: float) -> None:
-        """Follow the family beyond its fold to a speed [rad/s]. Raises NoSuchCycleError if it ends before."""
+        """Follow the family beyond its fold to a speed.
+
+        Args:
+            omega: The speed [rad/s].
+
+        Raises:
+            NoSuchCycleError: If the family ends before.
+        """
         while self.nodes[-1, 6] < 0 or self.nodes[-1, 3] < omega:
             try:
                 if len(self._panels) == _MOST_PANELS:
@@ -73,16 +90,28 @@ class RotatingFamily(Family):
                 raise NoSuchCycleError(end) from None
 
     def near_fold(self) -> Place:
-        """The fold, where Omega is smallest, to some digits. Raises NoSuchCycleError where there is none."""
+        """Return the fold, where Omega is smallest, to some digits.
+
+        Raises:
+            NoSuchCycleError: If the family has no fold.
+        """
         self.reach(0.0)
         if not self.folds:
             raise NoSuchCycleError("the speeds of the rotating cycles rise from Omega_h on: they have no fold")
         return self.place(self.folds[0])
 
     def followed_places(self, omega: float, *, stable: bool | None = None) -> Iterator[Place]:
-        """The cycles at a speed [rad/s], the family followed as far: before the fold, where they are stable, beyond it.
+        """Yield the cycles at a speed: the stable one before the fold, then the unstable one beyond
+        it.
 
-        With ``stable`` only those, or only the others. Raises NoSuchCycleError where the family ends before.
+        The family is followed as far as the speed.
+
+        Args:
+            omega: The speed [rad/s].
+            stable: True for the stable cycle only, False for the unstable one only, None for both.
+
+        Raises:
+            NoSuchCycleError: If the family ends before.
         """
         for side in (True, False) if stable is None else (stable,):
             if side and self.nodes[0, 3] < omega < self.omega_h:

@@ -1,9 +1,12 @@
-"""The sections of the state space on which limit cycles are fixed points, one for each kind of cycle.
+"""The sections of the state space on which limit cycles are fixed points, one for each kind of
+cycle.
 
-From a point of the section the flow goes on to the section's next crossing, and a symmetry of the equations takes it
-back: that is the return map, see `return_map`. Librating cycles are their own image under the point symmetry
-S: (beta_bar, gamma_bar, v) -> -(beta_bar, gamma_bar, v), so half a period holds all of them. Rotating ones close after
-one turn of gamma, and the symmetry is the shift by 2 pi.
+From a point of the section the flow goes on to the section's next crossing. A symmetry of the
+equations takes it back. That is the return map, see `return_map`.
+
+Librating cycles are their own image under the point symmetry S: (beta_bar, gamma_bar, v) ->
+-(beta_bar, gamma_bar, v), so half a period determines them. Rotating cycles close after one turn of
+gamma, and their symmetry is the shift by 2 pi.
 
 All states are shifted, (beta_bar, gamma_bar, v).
 """
@@ -32,37 +35,41 @@ RETURNS = Event("returns", SECTION.function, direction=-1)
 ROUND = Event("round", lambda ops, constants, omega, beta, gamma, v: ops.cos(gamma), direction=-1)
 #: gamma = -pi/2 modulo 2 pi, passed upward: next to the saddle.
 BOTTOM = Event("bottom", ROUND.function, direction=1, terminal=False)
-#: Where beta is extreme.
+#: beta is extreme.
 EXTREME = Event("extreme", TURN.function, terminal=False)
-#: By what flights are differentiated. beta too: with four, heyoka differentiates in reverse, with less work.
+#: The variables by which flights are differentiated. beta is among them: with four variables heyoka
+#: differentiates in reverse, with less work.
 VARIATIONS: tuple[Variation, ...] = ("beta", "gamma", "v", "Omega")
 
 
 class Measure(NamedTuple):
-    """A number of the cycle that an event of a flight tells: a component of the state there."""
+    """A number of the cycle that an event of a flight gives: a component of the state there."""
 
-    name: str  #: as the result calls it
+    name: str  #: the name in the result
     event: Event
     component: int
-    largest: bool = False  #: the largest absolute value over all such events of a flight
+    largest: bool = False  #: True for the largest absolute value over all such events of a flight
 
 
 @dataclass(frozen=True, eq=False)
 class Section(Generic[C]):
-    """Where the cycles of a kind start, and what closes them. Sections compare by identity."""
+    """A section for one kind of cycle, with the symmetry that closes it. Sections compare by
+    identity.
+    """
 
     name: str
-    result: type[C]  #: what a fixed point of the return map is
+    result: type[C]  #: the class of the cycle through a fixed point of the return map
     passed: Literal[-1, 1]  #: the sign of the fixed component's rate where a flight starts
     ends: Event  #: ends a flight
-    turns: int  #: by how many times 2 pi the fixed component grows in a flight
+    turns: int  #: the growth of the fixed component in a flight, in units of 2 pi
     image: Literal[-1, 1]  #: the derivative of the symmetry that follows the flow
     per_period: int  #: flights that make up a period of the cycle
     possible: Callable[[Any, Any], Any]  #: which coordinates a start may have; of doubles or of arrays (n,)
     impossible: str  #: the message for a start with other coordinates
     no_return: str  #: the message for an orbit that does not come back
-    measures: tuple[Measure, ...]  #: what the events of a flight tell
-    saddle_scale: Callable[[Any], float]  #: of coordinates next to a saddle, at most 1; its square is the speed's
+    measures: tuple[Measure, ...]  #: the numbers that the events of a flight give
+    #: the scale of the coordinates next to a saddle, at most 1; its square is the scale of the speed
+    saddle_scale: Callable[[Any], float]
 
     @property
     def fixed(self) -> int:
@@ -71,12 +78,12 @@ class Section(Generic[C]):
 
     @property
     def free(self) -> tuple[int, int]:
-        """The other two, a point's coordinates."""
+        """The other two components, a point's coordinates."""
         return (1, 2) if self.fixed == 0 else (0, 2)
 
     @property
     def names(self) -> tuple[str, str]:
-        """Names of the two coordinates."""
+        """The names of the two coordinates."""
         return self.result.coordinates
 
     @property
@@ -86,12 +93,14 @@ class Section(Generic[C]):
 
     @property
     def growth(self) -> tuple[float, float]:
-        """By how much the fixed component grows in a flight, and what rounding left of it [rad]."""
+        """The growth of the fixed component in a flight, and the rounding error of that double
+        [rad].
+        """
         return self.turns * math.tau, self.turns * 2.4492935982947064e-16
 
     @property
     def numbers(self) -> tuple[str, ...]:
-        """Names of all numbers of a cycle that have half-widths."""
+        """The names of all numbers of a cycle that have half-widths."""
         by_omega = (f"d{name}_domega" for name in ("period", *self.names))
         multipliers = ("multiplier_slow", "log_multiplier_slow", "log_multiplier_fast")
         return ("period", *self.names, *(measure.name for measure in self.measures), *multipliers, *by_omega)
@@ -109,24 +118,26 @@ class Section(Generic[C]):
         """Return the numbers of a cycle by their names, or of many cycles as arrays (n,).
 
         Args:
-            point: both coordinates on the section.
-            time: the flight time [s].
-            matrix: the derivative of the section's map.
-            slopes: derivatives of both coordinates and the flight time by Omega, along the family.
-            trivial: the multiplier of a flight along the flow, 1 but for rounding.
-            flight: the section's measures and the integral of the ``divergence`` over the flight.
-            ops: the functions of the arithmetic.
+            point: Both coordinates on the section.
+            time: The flight time [s].
+            matrix: The derivative (2, 2) of the section's map.
+            slopes: The derivatives of both coordinates and the flight time by Omega, along the
+                family.
+            trivial: The multiplier of a flight along the flow, 1 but for rounding.
+            flight: The section's measures and the integral of the ``divergence`` over the flight.
+            ops: The functions of the arithmetic.
         """
         laps, choose = self.per_period, numpy.where if isinstance(time, numpy.ndarray) else _chosen
         (a, b), (c, d) = matrix
         trace, determinant = a + d, a * d - b * c
-        # The larger root of l^2 - trace l + determinant. Mostly the determinant is some 1e-25 and only corrects it.
-        # Of a complex pair it is the modulus, with the sign that the larger one has where they meet.
+        # The larger root of l^2 - trace l + determinant. Mostly the determinant is some 1e-25 and only
+        # corrects it. For a complex pair the value is the modulus, with the sign that the larger root has
+        # where the two meet.
         discriminant = trace * trace / 4 - determinant
         real = abs(trace) / 2 + ops.sqrt(abs(discriminant))
         size = choose(discriminant >= 0, real, ops.sqrt(abs(determinant))) ** laps
         slow = size if laps == 2 else choose(trace >= 0, size, -size)
-        # A multiplier that rounding has lost has a logarithm for all that.
+        # A multiplier that rounding has lost still gets a logarithm.
         log_slow = ops.log(choose(size == 0, _LEAST_MULTIPLIER, size))
         log_multipliers = laps * flight["divergence"]
         first, second = self.names
@@ -147,7 +158,12 @@ class Section(Generic[C]):
         }
 
     def measured(self, events: Iterable[tuple[str, Any]], zero: Any) -> dict[str, Any]:
-        """The measures, from (name, state) of the ``recorded`` events of one flight; ``zero`` is the arithmetic's."""
+        """Return the measures by name.
+
+        Args:
+            events: The (name, state) pairs of the ``recorded`` events of one flight.
+            zero: The zero of the arithmetic.
+        """
         numbers = dict.fromkeys((measure.name for measure in self.measures), zero)
         for name, state in events:
             for measure in self.measures:
@@ -157,13 +173,13 @@ class Section(Generic[C]):
         return numbers
 
 
-def _chosen(condition: Any, one: Any, other: Any) -> Any:
-    return one if condition else other
+def _chosen(condition: Any, value: Any, otherwise: Any) -> Any:
+    return value if condition else otherwise
 
 
 _BETA_MAX = Measure("beta_max", EXTREME, 0, largest=True)
 
-#: beta = pi/2 with v < 0, to the next crossing (v > 0), then S. gamma is extreme there, for gamma' vanishes.
+#: beta = pi/2 with v < 0, to the next crossing (v > 0), then S. gamma is extreme there: gamma' vanishes.
 LIBRATING = Section(
     name="librating",
     result=LimitCycle,
@@ -172,15 +188,15 @@ LIBRATING = Section(
     turns=0,
     image=-1,
     per_period=2,
-    # As a double gamma_bar may be the saddle's, pi, which it is not.
+    # gamma_bar rounds to the saddle's pi next to Omega_h, so pi itself is allowed.
     possible=lambda gamma_bar, v: (abs(gamma_bar) <= math.pi) & (gamma_bar != 0) & (v < 0),
     impossible="shooting starts at beta = pi/2 with v < 0, within half a turn of gamma = pi/2: the guess does not",
     no_return="the orbit does not return to beta = pi/2",
     measures=(_BETA_MAX,),
     saddle_scale=lambda point: abs(1 - (point[0] / math.pi) ** 2),
 )
-#: gamma = pi/2 with a lean to one side, to the same place a turn of gamma later. It lies opposite the saddle, where
-#: gamma' is far from zero.
+#: gamma = pi/2 with a lean to one side, to the same place a turn of gamma later. The section lies
+#: opposite the saddle, where gamma' is far from zero.
 ROTATING = Section(
     name="rotating",
     result=RotatingCycle,

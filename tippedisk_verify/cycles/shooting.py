@@ -1,7 +1,8 @@
 """Limit cycles by Newton shooting: fixed points of a section's return map.
 
-T is the flight time times the flights of a period, and the multipliers are the map's to that power. The flow's
-derivatives come from the variational equations. What the numbers may be off is the subject of `error_budget`.
+The period is the flight time times the number of flights in a period. The multipliers are the map's
+to that power. The flow's derivatives come from the variational equations. `error_budget` has the
+half-widths.
 """
 
 from __future__ import annotations
@@ -29,22 +30,34 @@ __all__ = ["LimitCycle", "limit_cycle", "shoot", "shoot_from_law"]
 C = TypeVar("C", bound=Cycle)
 
 _MOST_STEPS = 25
-_LAW_SERVES = 2.5  # rad; beyond, harmonic balance takes fewer steps than shooting from the law
-_NEAR_THE_LAW = 0.4  # relative; the law's own error at that amplitude is a fifth
+# The largest amplitude [rad] at which shooting starts from the law. Beyond it harmonic balance takes
+# fewer steps.
+_LARGEST_LAW_AMPLITUDE = 2.5
+# The largest relative distance of the amplitude from the law's. The law's own error at
+# `_LARGEST_LAW_AMPLITUDE` is a fifth.
+_NEAR_THE_LAW = 0.4
 
 
 def shoot(return_map: ReturnMap[C], guess: Sequence[float]) -> FixedPoint[C]:
-    """Damped Newton iteration in double from a guess of the section's two coordinates.
+    """Solve for a fixed point by damped Newton iteration in double.
 
-    Raises NoSuchCycleError if it does not converge, or if it shrinks towards the equilibrium, which is the trivial
-    solution: an amplitude below a fifth of the guess's is not followed.
+    The iteration does not follow an amplitude below a fifth of the guess's: it then shrinks towards
+    the equilibrium, which is the trivial solution.
+
+    Args:
+        return_map: The map at the speed wanted, in double.
+        guess: The section's two coordinates.
+
+    Raises:
+        InputError: If the guess does not have two components.
+        NoSuchCycleError: If the iteration does not converge, or shrinks towards the equilibrium.
     """
     if len(guess) != 2:
         raise InputError(f"a guess has two components: {' and '.join(return_map.section.names)}")
     point = (DOUBLE.number(guess[0]), DOUBLE.number(guess[1]))
     scale = section_size(point)
     failure = NoSuchCycleError(f"the shooting iteration has not converged after {_MOST_STEPS} steps")
-    # Round-off of half a period: some hundred ulps of the state.
+    # The round-off of half a period is some hundred ulps of the state.
     stop = Stop(_MOST_STEPS, failure, small=1e-15 * scale, near=1e-12 * scale)
     return newton(return_map, point, stop, lambda iterate: section_size(iterate.image.residual), damped=True)
 
@@ -59,13 +72,25 @@ def limit_cycle(
     guess: Sequence[float] | None = None,
     precision: Precision | None = None,
 ) -> LimitCycle:
-    """The limit cycle at ``omega`` [rad/s], each number to about ``digits`` significant digits.
+    """Return the limit cycle at ``omega``, each number to about ``digits`` significant digits.
 
-    Without a ``guess`` (gamma_bar, v) harmonic balance of the linear law provides one: the laws' cycles differ little.
-    Up to 12 digits everything runs in double if that holds them (close to the Hopf point it does not); a wider
-    arithmetic measures the error only where the budget in double is too wide for the digits. ``precision`` fixes the
-    arithmetic, and then the digits are what it gives. Raises InputError for a speed that is not positive,
-    NoSuchCycleError where the search fails, AccuracyError if the digits are not reached.
+    Up to 12 digits everything runs in double if that holds them; close to the Hopf point it does
+    not. A wider arithmetic measures the error only where the budget in double is too wide for the
+    digits.
+
+    Args:
+        parameters: The disk and its friction law.
+        omega: The speed [rad/s].
+        engine: The engine of the flights.
+        digits: The significant digits wanted.
+        guess: (gamma_bar, v) [rad, rad/s] on the section. Without it harmonic balance of the linear
+            law provides one: the laws' cycles differ little.
+        precision: The arithmetic. If given, the digits are those of this arithmetic.
+
+    Raises:
+        InputError: If the speed is not positive.
+        NoSuchCycleError: If the search fails.
+        AccuracyError: If the digits are not reached.
     """
     return_map = ReturnMap(LIBRATING, parameters, checked_speed(omega), engine)
     digits = checked_digits(digits)
@@ -77,12 +102,19 @@ def limit_cycle(
 
 
 def shoot_from_law(return_map: ReturnMap[LimitCycle]) -> FixedPoint[LimitCycle] | None:
-    """Newton's iteration from the one-harmonic law, which costs nothing and is good where cycles are small.
+    """Solve for the cycle by Newton's iteration from the one-harmonic law.
 
-    None where it leads nowhere; a cycle far from its guess is not trusted.
+    The law costs nothing and is good where cycles are small.
+
+    Args:
+        return_map: The map at the speed wanted, in double.
+
+    Returns:
+        The fixed point. None if the iteration fails, or if it ends far from its guess: such a cycle
+        is not trusted.
     """
     law = section_start(return_map.parameters.at(DOUBLE), float(return_map.omega))
-    if law is not None and law[0] < _LAW_SERVES:
+    if law is not None and law[0] < _LARGEST_LAW_AMPLITUDE:
         with suppress(NoSuchCycleError):
             fixed_point = shoot(return_map, law[:2])
             if abs(fixed_point.point[0] / law[0] - 1) < _NEAR_THE_LAW:

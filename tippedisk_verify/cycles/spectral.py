@@ -1,7 +1,7 @@
 """Limit cycles and their folds by Fourier collocation in time, to any number of digits.
 
-No integrator is used. Each answer is computed at two resolutions. `fourier` has the equations, `spectral_branch` the
-way to a cycle in double, from which chord steps lead on.
+No integrator is used. Each answer is computed at two resolutions. `fourier` has the equations.
+`spectral_branch` leads to a cycle in double, from which chord steps continue.
 """
 
 from __future__ import annotations
@@ -46,17 +46,19 @@ __all__ = [
 ]
 
 _MOST_HARMONICS = MOST_SAMPLES // 2
-_WORTHLESS = 0.02  # a relative half-width of the period above this says that there may be no cycle at all
-_GUARD = 15  # digits
-_FINER = 6  # digits that the finer collocation has more: more samples alone would add to rounding
+_WORTHLESS = 0.02  # a relative half-width of the period above which there may be no cycle at all
+_GUARD = 15  # guard digits
+_FINER = 6  # extra digits of the finer collocation: more samples alone would add to rounding
 _MOST_PASSES = 60
-_SETTLED = 1e-9  # a step that rounding in double follows
+_SETTLED = 1e-9  # a step after which only rounding in double is left
 
 
 # ------------------------------------------------------------------------------------------------ librating cycles
 @dataclass(frozen=True, repr=False)
 class BalancedCycle(Printable):
-    """A limit cycle from spectral harmonic balance; half-widths are from a balance of more harmonics."""
+    """A limit cycle from spectral harmonic balance. Half-widths are from a balance of more
+    harmonics.
+    """
 
     omega: Fraction  #: the spinning speed [rad/s]
     harmonics: int = field(metadata=quantity("number of odd harmonics", "1"))
@@ -70,12 +72,22 @@ class BalancedCycle(Printable):
 def balanced_cycle(
     parameters: Parameters, omega: object, *, digits: int = 12, harmonics: int | None = None
 ) -> BalancedCycle:
-    """The limit cycle of the linear law at the speed ``omega`` [rad/s], to ``digits`` significant digits of its period.
+    """Return the limit cycle of the linear law at a speed, to ``digits`` significant digits of its
+    period.
 
-    ``harmonics`` fixes the number of odd harmonics; otherwise it grows until the half-widths allow the digits. Of
-    several cycles at a speed it is the first one from the Hopf point on. Raises InputError for a speed that is not
-    positive or harmonics outside 1 ... 1024; NoSuchCycleError if there is no cycle at this speed or the balance does
-    not converge.
+    If a speed has several cycles, it is the first one from the Hopf point on.
+
+    Args:
+        parameters: The disk, under the linear law.
+        omega: The speed [rad/s].
+        digits: The significant digits of the period.
+        harmonics: The number of odd harmonics, 1 to 1024. If None, it grows until the half-widths
+            allow the digits.
+
+    Raises:
+        InputError: If the law is not linear, the speed is not positive, or the number of harmonics
+            is out of range.
+        NoSuchCycleError: If there is no cycle at this speed, or the balance does not converge.
     """
     parameters.refuse_smooth("harmonic balance is")
     speed = checked_speed(omega)
@@ -108,10 +120,13 @@ def balanced_cycle(
 
 
 def _largest(a: Collocation, beta: Any, digits: int) -> Any:
-    """The largest |beta_bar| between the samples of a librating cycle, by Newton's iteration on the derivative.
+    """Return the largest |beta_bar| between the samples of a librating cycle, by Newton's iteration
+    on the derivative.
 
-    The trigonometric polynomial with odd harmonics through n samples f_j at the angles t_j = pi j / n is the sum of
-    (-1)^j f_j sin(n t) / (n sin(t - t_j)).
+    Let f_j be n samples at the angles t_j = pi j / n. The trigonometric polynomial with odd
+    harmonics through them is
+
+        sum over j of (-1)^j f_j sin(n t) / (n sin(t - t_j)).
     """
     n, first = a.count, int(abs(beta).argmax())
     at, signs = a.pi * numpy.arange(n) / n, (-1) ** numpy.arange(n)
@@ -125,9 +140,15 @@ def _largest(a: Collocation, beta: Any, digits: int) -> Any:
 
 
 def approximate_cycle(parameters: Parameters, omega: Fraction) -> tuple[float, float]:
-    """(gamma_bar, v) at beta = pi/2, v < 0, of the limit cycle at ``omega``, good enough to start shooting from.
+    """Return (gamma_bar, v) at beta = pi/2, v < 0, of a limit cycle, good enough to start shooting
+    from.
 
-    Raises NoSuchCycleError as `balanced_cycle` does.
+    Args:
+        parameters: The disk.
+        omega: The speed [rad/s].
+
+    Raises:
+        NoSuchCycleError: If there is no cycle at this speed, or the balance does not converge.
     """
     point = branch_to(parameters, omega)
     gamma, v = Collocation(parameters, Kind.LIBRATING, len(point) - 2).motion(point)
@@ -151,9 +172,18 @@ class SpectralRotation:
 def spectral_rotation(
     parameters: Parameters, omega: object, *, stable: bool = True, digits: int = 12
 ) -> SpectralRotation:
-    """The rotating limit cycle of the linear law at ``omega`` [rad/s], to about ``digits`` digits of its period.
+    """Return the rotating limit cycle of the linear law at a speed, to about ``digits`` digits of
+    its period.
 
-    Raises InputError for a speed that is not positive, NoSuchCycleError where collocation finds none.
+    Args:
+        parameters: The disk, under the linear law.
+        omega: The speed [rad/s].
+        stable: True for the stable cycle, False for the unstable one.
+        digits: The digits of the period.
+
+    Raises:
+        InputError: If the law is not linear, or the speed is not positive.
+        NoSuchCycleError: If collocation finds no such cycle.
     """
     parameters.refuse_smooth("spectral collocation is")
     speed = checked_speed(omega)
@@ -176,15 +206,17 @@ def spectral_rotation(
 
 
 def _exponent(a: Collocation, cycle: Any) -> Any:
-    """The slow Floquet exponent in the arithmetic of the cycle, in units of the frequency."""
+    """Return the slow Floquet exponent in the arithmetic of the cycle, in units of the frequency."""
     exponent, mode, rows = floquet_mode(a.double, cycle.astype(float))
-    largest, one = int(abs(mode).argmax()), numpy.eye(3 * a.count)
-    system = numpy.block([[rows - exponent * one, -mode[:, None]], [one[largest], 0.0]])
+    largest, identity = int(abs(mode).argmax()), numpy.eye(3 * a.count)
+    system = numpy.block([[rows - exponent * identity, -mode[:, None]], [identity[largest], 0.0]])
     by_beta, by_gamma, by_v = a.slopes(cycle)
     turning = cycle[-1] * a.cos(cycle[:-2])
 
     def residual(unknowns: Any) -> Any:
-        """What a mode that grows like exp(exponent * angle) leaves of the variational equation."""
+        """Return the residual of the variational equation for a mode that grows like exp(exponent *
+        angle).
+        """
         mode, exponent = unknowns[:-1], unknowns[-1]
         beta, gamma, v = mode.reshape(3, -1)
         rates = numpy.concatenate((v, turning * beta, by_beta * beta + by_gamma * gamma + by_v * v)) / cycle[-2]
@@ -197,9 +229,10 @@ def _exponent(a: Collocation, cycle: Any) -> Any:
 # ------------------------------------------------------------------------------------------------ folds
 @dataclass(frozen=True)
 class SpectralFold:
-    """A fold of limit cycles; half-widths are twice the distance from a finer collocation.
+    """A fold of limit cycles. Half-widths are twice the distance from a finer collocation.
 
-    The state is (beta_bar, v) at gamma = pi/2 of a rotating cycle, (gamma_bar, v) at beta = pi/2 of a librating one.
+    The state is (beta_bar, v) at gamma = pi/2 of a rotating cycle, (gamma_bar, v) at beta = pi/2 of
+    a librating one.
     """
 
     samples: int
@@ -211,10 +244,20 @@ class SpectralFold:
 
 
 def spectral_fold(parameters: Parameters, kind: Kind = Kind.ROTATING, *, digits: int = 12) -> SpectralFold:
-    """The fold of the linear law's rotating limit cycles, or the first one of the librating cycles.
+    """Return the fold of the linear law's rotating limit cycles, or the first one of the librating
+    cycles.
 
-    ``digits`` are about those of its numbers. At a fold the variational equation has a second periodic solution: the
-    null vector of the collocation's derivative is unknown too. Raises NoSuchCycleError where collocation finds none.
+    At a fold the variational equation has a second periodic solution. So the null vector of the
+    collocation's derivative is an unknown too.
+
+    Args:
+        parameters: The disk, under the linear law.
+        kind: The kind of cycle.
+        digits: The approximate digits of the fold's numbers.
+
+    Raises:
+        InputError: If the law is not linear.
+        NoSuchCycleError: If collocation finds no fold.
     """
     parameters.refuse_smooth("spectral collocation is")
     digits = checked_digits(digits)
@@ -247,10 +290,12 @@ def spectral_fold(parameters: Parameters, kind: Kind = Kind.ROTATING, *, digits:
 def _at_two_resolutions(
     parameters: Parameters, kind: Kind, count: int, digits: int, numbers: Callable[[Collocation], dict[str, Any]]
 ) -> dict[str, Measured]:
-    """``numbers`` of the collocation at ``count`` samples, with twice the distance from a finer one as half-widths.
+    """Return ``numbers`` of the collocation at ``count`` samples, with half-widths from a finer
+    one.
 
-    The error falls geometrically with the samples. No relative half-width of a librating cycle, which may have few, is
-    less than the frequency's: a number whose error is small by chance has that error all the same.
+    The half-width is twice the distance. The error falls geometrically with the samples. A
+    librating cycle may have few samples. No relative half-width of such a cycle is less than the
+    frequency's: a number with an error that is small by chance gets that half-width all the same.
     """
     finer = kind.samples(count + max(0.3 * count, min(count, 12)))
     rough = numbers(Collocation(parameters, kind, count, digits + _GUARD))
@@ -260,7 +305,9 @@ def _at_two_resolutions(
 
 
 def _cycle(a: Collocation, start: Any, speed: Fraction) -> Any:
-    """The point of the cycle at a speed, in the arithmetic of the collocation, from one in double next to it."""
+    """Return the point of the cycle at a speed, in the arithmetic of the collocation, from one in
+    double next to it.
+    """
     double, exact = a.double, a.number(speed)
     point = newton(double, resampled(a.kind, start, a.count))
     if point is None:
@@ -270,9 +317,10 @@ def _cycle(a: Collocation, start: Any, speed: Fraction) -> Any:
 
 
 def _chord(a: Collocation, system: Any, start: Any, residual: Callable[[Any], Any]) -> Any:
-    """Newton's iteration above double with the derivative ``system`` in double: each pass gains some ten digits.
+    """Solve above double by Newton's iteration with the derivative ``system`` in double.
 
-    Raises NoSuchCycleError if the passes do not settle below what doubles see.
+    Each pass gains some ten digits. Raises NoSuchCycleError if the passes do not settle below the
+    resolution of doubles.
     """
     from scipy.linalg import lu_factor, lu_solve
 

@@ -1,7 +1,9 @@
-"""Spectral cycles in double: Newton's iteration, the branch through folds, and where both kinds of cycles start.
+"""Spectral cycles in double: Newton's iteration, the branch through folds, and the first cycles of
+both kinds.
 
-One Newton iteration solves for a point of a branch within a plane: that of a speed, that across the branch, or that of
-a mean lean. The stopping rules are not those of shooting: the two methods share nothing, so that their agreement tells.
+One Newton iteration solves for a point of a branch within a plane: that of a speed, that across the
+branch, or that of a mean lean. The stopping rules are not those of shooting. The two methods share
+nothing, so that their agreement is evidence.
 """
 
 from __future__ import annotations
@@ -31,23 +33,27 @@ __all__ = [
 ]
 
 _FIRST_SAMPLES = 24
-_FIRST_AMPLITUDE = 0.005  # rad; rounding then moves the speed by some 1e-11
+_FIRST_AMPLITUDE = 0.005  # rad; with it rounding moves the speed by some 1e-11
 _MOST_PASSES = 25
 _LONGEST_STEP = 0.3  # rad
-_SETTLED = 1e-8  # relative; quadratic convergence leaves rounding only
-_STALLED = 1e-5  # relative; steps below that no longer shrink are rounding
-_DIFFERENCE = 1e-6  # of a number of order one: a derivative by differences in double is then good to some 1e-10
+_SETTLED = 1e-8  # a relative step after which quadratic convergence leaves rounding only
+_STALLED = 1e-5  # a relative step below which only rounding keeps it from shrinking
+# The step of a difference, for a number of order one. The derivative is then good to some 1e-10.
+_DIFFERENCE = 1e-6
 _MOST_STEPS = 120
-_SMALL = 1e-6  # of the first harmonic; the last ones are smaller, which moves the speed by 1e-9 of itself at most
+# The largest last harmonics, relative to the first. They move the speed by 1e-9 of itself at most.
+_SMALL = 1e-6
 _FLAT = 1.5  # rad; the disk lies flat at pi/2
-# Once periods are _LONG times the shortest, each step brings the speed at least ten times as close to Omega_h as it
-# was: what lies _FAR steps ahead is beyond the end. From _LONGEST times the shortest on, the speed changes by no more
-# than what the last harmonics do, and would turn by chance.
+# Once periods are _LONG times the shortest, each step brings the speed at least ten times as close to
+# Omega_h as before: a speed _FAR steps ahead is beyond the end. From _LONGEST times the shortest on,
+# the last harmonics change the speed as much as the branch does, and it would turn by chance.
 _LONG, _FAR, _LONGEST = 4.0, 300, 8.0
 _ROTATION_SAMPLES = 41
-_REAL = 0.4  # in units of the frequency; the next copies of a Floquet exponent are one off
-_LEANS = (0.04, 0.08, 0.02, 0.12, 0.2, 0.35, 0.6)  # rad; the first ones lead to the stable cycle, the last to the other
-_LOWER = 0.999  # of the speed, from the first cycle to the second on the way to the rotating cycles' fold
+_REAL = 0.4  # in units of the frequency; the next copies of a Floquet exponent differ by one
+# Leans [rad] of the starts. The first ones lead to the stable cycle, the last ones to the unstable one.
+_LEANS = (0.04, 0.08, 0.02, 0.12, 0.2, 0.35, 0.6)
+# The ratio of the speeds of the second and the first cycle on the way to the rotating cycles' fold.
+_LOWER = 0.999
 
 
 def unconverged(samples: int) -> NoSuchCycleError:
@@ -57,9 +63,16 @@ def unconverged(samples: int) -> NoSuchCycleError:
 
 
 def newton(a: Collocation, start: Any, normal: Any = None) -> Any | None:
-    """The cycle in the plane through ``start`` with that normal, by default that of its speed.
+    """Solve for the cycle in the plane through ``start`` with that normal.
 
-    None if the iteration does not converge, or loses what makes a cycle of this kind.
+    Args:
+        a: The collocation, in double.
+        start: The first guess (n + 2,).
+        normal: The normal (n + 2,) of the plane; None for the plane of the start's speed.
+
+    Returns:
+        The point (n + 2,). None if the iteration does not converge, or leaves the cycles of this
+        kind.
     """
     if normal is None:
         normal = numpy.eye(1, a.count + 2, a.count + 1)[0]
@@ -72,20 +85,21 @@ def newton(a: Collocation, start: Any, normal: Any = None) -> Any | None:
 
 
 def _solved(a: Collocation, start: Any, matrix: Callable[[Any], Any], residual: Callable[[Any], Any]) -> Any | None:
-    """Newton's iteration for a point, and for what may follow it among the unknowns."""
+    """Solve by Newton's iteration for a point, and for further unknowns behind it."""
     n = a.count
     amplitude = abs(start[:n]).max()
     unknowns, smallest = start, math.inf
     for _ in range(_MOST_PASSES):
         try:
             step = numpy.linalg.solve(matrix(unknowns), residual(unknowns))
-        except numpy.linalg.LinAlgError:  # even at a fold an oblique plane leaves it regular: there are too few samples
+        except numpy.linalg.LinAlgError:
+            # There are too few samples: even at a fold an oblique plane leaves the matrix regular.
             return None
         longest = abs(step[:n]).max()
         unknowns = unknowns - min(1.0, _LONGEST_STEP / max(longest, 1e-300)) * step
         beta, others = unknowns[:n], unknowns[n : n + 2]
         size = longest / amplitude + abs(step[n : n + 2] / others).max()
-        if a.kind is Kind.ROTATING:  # leans to one side
+        if a.kind is Kind.ROTATING:  # the disk leans to one side
             is_cycle = beta.min() > 0 and beta.max() < math.pi / 2
         else:
             is_cycle = abs(beta).max() >= amplitude / 4 and (others > 0).all()
@@ -99,7 +113,15 @@ def _solved(a: Collocation, start: Any, matrix: Callable[[Any], Any], residual: 
 
 # ------------------------------------------------------------------------------------------------ folds
 def fold_near(a: Collocation, start: Any) -> Any | None:
-    """The fold's point and null vector, (2 n + 3,); None if Newton's iteration leads to none."""
+    """Solve for a fold near a point.
+
+    Args:
+        a: The collocation, in double.
+        start: The first guess (n + 2,).
+
+    Returns:
+        The fold's point and null vector (2 n + 3,). None if Newton's iteration leads to no fold.
+    """
     # The branch's tangent is the null vector where Omega is extreme.
     null = numpy.linalg.svd(a.matrix(start))[2][-1][:-1]
     largest = abs(null).argmax()
@@ -110,16 +132,30 @@ def fold_near(a: Collocation, start: Any) -> Any | None:
 
 
 def fold_residual(a: Collocation, fold: Any, largest: int) -> Any:
-    """The equations of the cycle, those of a null vector of their derivative, and the scale of that: (2 n + 3,)."""
+    """Return the equations of a fold (2 n + 3,).
+
+    They are the equations of the cycle, those of a null vector of their derivative, and the null
+    vector's scale.
+
+    Args:
+        a: The collocation.
+        fold: The fold's point and null vector (2 n + 3,).
+        largest: The place of the null vector's entry that is 1.
+    """
     point, null = fold[: a.count + 2], fold[a.count + 2 :]
     return numpy.concatenate((a.residual(point), a.along(point, null), [null[largest] - 1]))
 
 
 def fold_system(a: Collocation, fold: Any, largest: int) -> Any:
-    """The derivative of `fold_residual`, in double: (2 n + 3, 2 n + 3).
+    """Return the derivative of `fold_residual`, in double: (2 n + 3, 2 n + 3).
 
-    Second derivatives are symmetric: what the null vector's equations change with the point is what the matrix changes
-    along the null vector.
+    Second derivatives are symmetric. So the derivative of the null vector's equations by the point
+    is the change of the matrix along the null vector.
+
+    Args:
+        a: The collocation, in double.
+        fold: The fold's point and null vector (2 n + 3,).
+        largest: The place of the null vector's entry that is 1.
     """
     n = a.count
     point, moved = fold[: n + 2], numpy.append(_DIFFERENCE * fold[n + 2 :], 0.0)
@@ -133,9 +169,15 @@ def fold_system(a: Collocation, fold: Any, largest: int) -> Any:
 
 
 def first_fold(parameters: Parameters, kind: Kind) -> Any:
-    """The first fold of the librating cycles from the Hopf point on, or that of the rotating ones.
+    """Return the first fold of the librating cycles from the Hopf point on, or that of the rotating
+    ones.
 
-    Raises NoSuchCycleError where there is none before periods are long.
+    Args:
+        parameters: The disk, under the linear law.
+        kind: The kind of cycle.
+
+    Raises:
+        NoSuchCycleError: If there is no fold before periods are long.
     """
     if kind is Kind.LIBRATING:
         points = _librating_branch(parameters, math.inf)
@@ -155,11 +197,13 @@ def first_fold(parameters: Parameters, kind: Kind) -> Any:
 
 # ------------------------------------------------------------------------------------------------ the branch
 def _walk(parameters: Parameters, kind: Kind, before: Any, point: Any, target: float) -> Iterator[tuple[Any, bool]]:
-    """The branch from its first two points on, with the folds; each with whether the speed turns there.
+    """Yield the branch from its first two points on, with the folds; each with True if the speed
+    turns there.
 
-    Pseudo-arclength steps pass folds, and leave the trivial solution behind for good. The number of samples grows once
-    the last harmonics are no longer small. The branch is followed until its cycles would lie flat, or until the speed
-    comes to rest next to the connection, so far from ``target`` [rad/s] that it does not get there.
+    Pseudo-arclength steps pass folds, and leave the trivial solution behind for good. The number of
+    samples grows once the last harmonics are no longer small. The branch ends where its cycles
+    would lie flat. It also ends where the speed comes to rest next to the connection, too far from
+    ``target`` [rad/s] to get there.
     """
     length, fastest = 2.0, 0.0  # the next step, in units of the last one
     yield before, True
@@ -168,10 +212,11 @@ def _walk(parameters: Parameters, kind: Kind, before: Any, point: Any, target: f
         a = Collocation(parameters, kind, n)
         before = resampled(kind, before, n)
         along = point - before
-        # The plane across the branch, with frequency and speed in units of their own size, beta_bar by its mean square.
+        # The plane across the branch, with frequency and speed in units of their own size, and beta_bar by
+        # its mean square.
         units = numpy.append(numpy.full(n, math.sqrt(n)), point[-2:])
         ahead = newton(a, point + length * along, along / units**2)
-        if ahead is None:  # too long a step, or too few harmonics for what the cycle has become: mend both
+        if ahead is None:  # the step is too long, or the cycle needs more harmonics: change both
             length /= 2
             if length < 1e-3:
                 raise unconverged(n)
@@ -203,8 +248,9 @@ def _grown(kind: Kind, point: Any, small: float) -> Any:
 
 # ------------------------------------------------------------------------------------------------ librating cycles
 def _librating_branch(parameters: Parameters, target: float) -> Iterator[tuple[Any, bool]]:
-    """The branch of librating cycles from the Hopf point on, as `_walk` gives it."""
-    share = float(parameters.e / (parameters.r + parameters.e))  # of the square of gamma's amplitude is that of beta's
+    """Return the branch of librating cycles from the Hopf point on, as `_walk` yields it."""
+    # The square of beta's amplitude over that of gamma's.
+    share = float(parameters.e / (parameters.r + parameters.e))
     quadratic, frequency = float(amplitude_law(parameters)[0]), 2 * math.pi / float(period_crit(parameters))
     speed, at = float(omega_crit(parameters, 40).value), numpy.pi * numpy.arange(_FIRST_SAMPLES) / _FIRST_SAMPLES
     birth, first = (
@@ -218,9 +264,17 @@ def _librating_branch(parameters: Parameters, target: float) -> Iterator[tuple[A
 
 
 def branch_to(parameters: Parameters, target: Fraction) -> Any:
-    """The librating cycle where the branch from the Hopf point first crosses the speed.
+    """Return the librating cycle where the branch from the Hopf point first crosses a speed.
 
-    Raises NoSuchCycleError if it does not.
+    Args:
+        parameters: The disk, under the linear law.
+        target: The speed [rad/s].
+
+    Returns:
+        The point (n + 2,).
+
+    Raises:
+        NoSuchCycleError: If the branch does not cross the speed.
     """
     crit, speed = omega_crit(parameters, 40).value, float(target)
     nowhere = f"no limit cycle found at Omega = {speed:.12g} rad/s"
@@ -252,9 +306,19 @@ def branch_to(parameters: Parameters, target: Fraction) -> Any:
 
 # ------------------------------------------------------------------------------------------------ rotating cycles
 def rotation_at(parameters: Parameters, omega: float, stable: bool) -> Any:
-    """The stable rotating cycle at a speed [rad/s], or the unstable one.
+    """Return the stable rotating cycle at a speed, or the unstable one.
 
-    Raises NoSuchCycleError where Newton's iteration leads from none of the rolling disk's rotations to it.
+    Args:
+        parameters: The disk, under the linear law.
+        omega: The speed [rad/s].
+        stable: True for the stable cycle, False for the unstable one.
+
+    Returns:
+        The point (n + 2,).
+
+    Raises:
+        NoSuchCycleError: If Newton's iteration does not get there from any of the rolling disk's
+            rotations.
     """
     a = Collocation(parameters, Kind.ROTATING, _ROTATION_SAMPLES)
     for lean in _LEANS if stable else _LEANS[::-1]:
@@ -265,7 +329,10 @@ def rotation_at(parameters: Parameters, omega: float, stable: bool) -> Any:
 
 
 def _rolling(parameters: Parameters, omega: float, lean: float) -> Any:
-    """A rotation of the rolling disk, which conserves (r + e sin gamma) sin beta; beta_bar = lean at the bottom."""
+    """Return a rotation of the rolling disk with beta_bar = lean at the bottom.
+
+    The rolling disk conserves (r + e sin gamma) sin beta.
+    """
     r, e = float(parameters.r), float(parameters.e)
     gamma = numpy.linspace(0.0, 2 * math.pi, 4001)  # gamma_bar, from the top
     beta = numpy.arccos((r - e) * math.cos(lean) / (r + e * numpy.cos(gamma)))
@@ -276,10 +343,16 @@ def _rolling(parameters: Parameters, omega: float, lean: float) -> Any:
 
 
 def floquet_mode(a: Collocation, point: Any) -> tuple[float, Any, Any]:
-    """The slow Floquet exponent of a rotating cycle in units of the frequency, its mode, and what they belong to.
+    """Return the slow Floquet exponent of a rotating cycle and its mode.
 
-    The mode (3 n,) is that of (beta, gamma, v); it and the exponent are an eigenvector and eigenvalue of the returned
-    matrix (3 n, 3 n), the variational equation by the angle.
+    Args:
+        a: The collocation, in double.
+        point: The cycle's point (n + 2,).
+
+    Returns:
+        The exponent in units of the frequency, the mode (3 n,) of (beta, gamma, v), and the matrix
+        (3 n, 3 n) of the variational equation by the angle. The exponent and the mode are an
+        eigenvalue and eigenvector of this matrix.
     """
     by_beta, by_gamma, by_v = (numpy.diag(slope / point[-2]) for slope in a.slopes(point))
     turning, zero = numpy.diag(point[-1] * numpy.cos(point[:-2]) / point[-2]), numpy.zeros((a.count, a.count))
@@ -291,7 +364,8 @@ def floquet_mode(a: Collocation, point: Any) -> tuple[float, Any, Any]:
         ]
     )
     values, vectors = numpy.linalg.eig(rows)
-    # One exponent of each is as good as real, the others differ from it by multiples of i; the one of the flow is 0.
+    # One copy of each exponent is as good as real; the others differ from it by multiples of i. The flow's
+    # exponent is 0.
     real = numpy.flatnonzero(abs(values.imag) < _REAL)
     chosen = real[abs(values[real].real).argsort()][1]
     mode = vectors[:, chosen]
