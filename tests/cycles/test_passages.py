@@ -60,6 +60,7 @@ def test_orbits_close(taylor) -> None:
         assert abs(states[:, 1] + states[:, 0]).max() < 1e-9
 
 
+@pytest.mark.slow(minutes=0.3)
 def test_passages_give_no_answer_beyond_their_reach(taylor) -> None:
     """They fail for more digits than 64 bits have, on the other side of Omega_h, and without
     numbers of 64 bits.

@@ -26,7 +26,7 @@ def _agree(one: Measured, other: Measured) -> bool:
     return abs(one.value - other.value) <= one.uncertainty + other.uncertainty
 
 
-@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("law", ["linear", pytest.param("smooth", marks=pytest.mark.slow(minutes=0.3))])
 def test_branch_sweep_and_limit_cycle_find_the_same(law: str, tmp_path: Path) -> None:
     disk, table = tv.Disk("table1", friction=law), tmp_path / "sweep.csv"
     branch = disk.branch(SPEEDS)
@@ -69,6 +69,7 @@ def test_a_long_list_keeps_all_others(capsys: pytest.CaptureFixture[str], tmp_pa
         tv.Disk("table1").branch(["31.4", "31.5"])
 
 
+@pytest.mark.slow(minutes=0.3)
 def test_rotating_cycles_keep_all_others_too(capsys: pytest.CaptureFixture[str]) -> None:
     rows = tv.Disk("table1").rotating_branch(["30.04", "29", "30.5"])
     assert [getattr(row, "status", "ok") == "ok" for row in rows] == [True, True, False, True]
