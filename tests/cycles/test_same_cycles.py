@@ -19,7 +19,6 @@ from tippedisk_verify.theory.hopf import speed_below_crit
 SPEEDS = ["30.886592", "30.88659258", "30.8865915", "30.4"]
 #: Speeds without a cycle: above Omega_crit, and below Omega_h.
 EMPTY = ["30.8866", "31.4", "30"]
-LAWS = ("linear", "smooth")
 
 
 def _agree(one: Measured, other: Measured) -> bool:
