@@ -1,7 +1,11 @@
-"""Grading another implementation in digits, and saying what is wrong with it where that can be told.
+"""The grading of another implementation in digits, with a diagnosis of its mistakes.
 
-`sheet` writes questions and reads answers, `grading` counts digits, `diagnosis` changes a right program until it gives
-the answers that fail, `pages` shows the result, `regression` makes a gate of it. `clients` has programs to copy.
+- `sheet` writes questions and reads answers.
+- `grading` counts digits.
+- `diagnosis` changes a right program until it gives the answers that fail.
+- `pages` shows the result.
+- `regression` makes a gate of it.
+- `clients` has programs to copy.
 """
 
 from pathlib import Path
@@ -12,6 +16,12 @@ CLIENTS_FOLDER = Path(__file__).resolve().parent / "clients"
 
 
 def client_text(name: str) -> str:
-    """The program of a file among the clients, with its further parts: of client.py that is client_orbits.py."""
+    """Return the program of a file among the clients, with its further parts.
+
+    The further part of client.py is client_orbits.py.
+
+    Args:
+        name: The file's name.
+    """
     parts = (CLIENTS_FOLDER / name, *sorted(CLIENTS_FOLDER.glob(name.replace(".", "_*."))))
     return "\n\n".join(part.read_text(encoding="utf-8") for part in parts)

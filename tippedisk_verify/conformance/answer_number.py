@@ -1,8 +1,9 @@
-"""The number that the text of an answer stands for, or what the text is instead.
+"""The number that the text of an answer stands for, or the reason why it is not a number.
 
-`as_decimal` is the only reader. It takes what is unambiguous: decimal numbers with the exponents of C, Fortran and
-Mathematica, and every spelling of infinities and NaN. What else programs and spreadsheets write has a row in
-`_REASONS`, and is refused with that row's words. An answer is written in ASCII characters; another character is named.
+`as_decimal` is the only reader. It takes every unambiguous text: decimal numbers with the exponents
+of C, Fortran and Mathematica, and every spelling of infinities and NaN. Other texts that programs
+and spreadsheets write have a row in `_REASONS`, and are refused with that row's words. An answer is
+written in ASCII characters; the message names any other character.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from tippedisk_verify.errors import InputError
 
 __all__ = ["as_decimal", "is_missing"]
 
-_LONGEST = 2_000  # characters; more than any value has
+_LONGEST = 2_000  # characters of an answer; more than any value has
 _SIZE = r"(?:\d+(?:\.\d*)?|\.\d+)"
 _MANTISSA = rf"[+-]?{_SIZE}"
 _NUMBER = rf"{_MANTISSA}(?:[edq][+-]?\d+)?"
@@ -36,7 +37,7 @@ _READ = (
     _pattern(rf"(?P<mantissa>{_MANTISSA})(?:`{{1,2}}{_SIZE}?)?(?:\*\^(?P<exponent>[+-]?\d{{1,9}}))?"),
 )
 _INFINITE = _pattern(r"(?P<sign>[+-]?)(?:inf(?:inity)?(?:f|16|32|64)?|1\.#(?:inf0*|j)|\.inf)")
-#: What says that there is no number: NaN in C's, Microsoft's and Julia's spelling, and names for a missing value.
+#: The texts for a missing number: NaN in C's, Microsoft's and Julia's spelling, and other names.
 _MISSING = _pattern(
     r"[+-]?[qs]?nan(\([^)]*\)|f|16|32|64)?|[+-]?1\.#(([qs]nan|ind)0*|r|io)|\.nan"
     r"|n/?a|<na>|null|nil|none|nothing|missing|undefined"
@@ -57,7 +58,7 @@ _INTERVAL = "an interval or a list of two; write one number"
 _LITERAL = "a literal of a programming language; write the digits alone"
 _THOUSANDS = "a number with its thousands separated; write the digits alone"
 _UNCERTAIN = f"a number with its uncertainty; {_ALONE}"
-#: What a text is, and what to write. The first row that fits counts.
+#: Patterns of texts, each with a description and advice. The first row that fits counts.
 _REASONS = [
     (rf"{_MANTISSA}[edq][+-]?\d{{10,}}", "an exponent of more than nine digits; write a number that doubles can hold"),
     (r"\(longer than \d+ characters\)", "more characters than an answer has; write one number"),
@@ -71,7 +72,7 @@ _REASONS = [
     (r"#[\w/]+[!?]?|err:\d+", "an error of a spreadsheet; mend the cell, or leave it empty"),
     (r"\(?(?:true|false|bool|yes|no|wahr|falsch|vrai|faux)\)?", "a truth value; write a number"),
     (r"\((?:list|dict)\)", "a list or an object of JSON; write one number"),
-    # A number with more beside it, and several numbers.
+    # A number with other text, and several numbers.
     (rf"\(?(?:{_VALUE}\s*[+-]\s*)?[+-]?\s*(?:{_IMAGINARY}\s*\*?\s*)?{_I}\s*\)?", _COMPLEX),
     (rf"\(?(?:{_VALUE}\s*[+-]\s*)?[+-]?\s*{_I}\s*\*?\s*{_IMAGINARY}\s*\)?", _COMPLEX),
     (rf"#c\({_ANY}\)|{_NUMBER}\s*:\+{_ANY}|\(\s*{_VALUE}\s*,\s*{_VALUE}\s*\)", _COMPLEX),
@@ -110,7 +111,7 @@ _REASONS = [
     (rf"[<>~=]+\s*{_ANY}\d{_ANY}", f"a bound, an estimate or a formula; {_ALONE}"),
     (rf"[\[{{(]{_ANY}[\])}}]", f"a list, an array or a number in brackets; {_ALONE}"),
 ]
-#: Rows for what is left, once characters beyond ASCII are named.
+#: Rows for the remaining texts, after characters beyond ASCII have been named.
 _REST = [
     (r"[^\d]*", "no digit in it; write a number, or leave it empty"),
     (rf"{_NUMBER}\s*[^\d\s]{_ANY}", f"a number with more behind it; {_ALONE}"),
@@ -118,16 +119,24 @@ _REST = [
 
 
 def is_missing(text: str) -> bool:
-    """Return True if a text says that there is no number: NaN in any spelling, NA, null and the like."""
+    """Return True if a text stands for a missing number: NaN in any spelling, NA, null and the
+    like.
+
+    Args:
+        text: The text of an answer, without space at its ends.
+    """
     return _MISSING.fullmatch(text) is not None
 
 
 @lru_cache(maxsize=4096)
 def as_decimal(text: str) -> Decimal:
-    """Read the number that the text of an answer stands for, exactly; NaN where it says that there is none.
+    """Return the number that the text of an answer stands for, exactly; NaN for a missing number.
+
+    Args:
+        text: The text of an answer, without space at its ends.
 
     Raises:
-        InputError: for any other text, with the reason: what it is, and what to write.
+        InputError: If the text is not a number, with a description of the text and advice.
     """
     if len(text) > _LONGEST:
         raise InputError("more characters than an answer has; write one number")
@@ -142,7 +151,7 @@ def as_decimal(text: str) -> Decimal:
 
 
 def _reason(text: str) -> str:
-    """What a text is that is no number, and what to write."""
+    """Return a description of a text that is not a number, with advice."""
     text = re.sub(" +", " ", text)  # a thousand spaces would have every row tried at each of them
     for row, reason in _REASONS:
         if _pattern(row).fullmatch(text):

@@ -20,14 +20,19 @@ __all__ = ["grade"]
 
 @undisturbed
 def grade(answers: Mapping[str, object], *, reading: Reading = "doubles", progress: bool | None = None) -> Report:
-    """The grades of many answers by id, with a diagnosis; ``reading`` is what they were computed from.
+    """Return the grades of many answers, with a diagnosis.
 
-    What takes longer than two seconds shows its progress, unless ``progress`` is False.
+    Anything but a number (None, a complex number, an array of several) is a failure with a note.
+    The result's ``passed`` and ``failed`` serve a test, and str() of the result is the reason.
 
-    An answer is what `compare` takes. Anything else (None, a complex number, an array of several) is a failure with a
-    note. The result's ``passed`` and ``failed`` are for a test, and str() of it is the reason.
+    Args:
+        answers: The answers by id, each as `compare` takes it.
+        reading: The inputs from which the answers were computed, decimals or doubles.
+        progress: False to show no progress. Otherwise a computation of more than two seconds shows
+            it.
 
-    Raises InputError for an unknown id, and where there is no answer at all.
+    Raises:
+        InputError: If an id is unknown, or there is no answer at all.
     """
     if not isinstance(answers, Mapping):
         raise InputError(f"answers are given by id, as a dictionary, not as {type(answers).__name__}")
@@ -41,16 +46,19 @@ def grade(answers: Mapping[str, object], *, reading: Reading = "doubles", progre
 
         with progress_of(progress=progress) as advance:
             store = with_fresh(store, "\n".join(map(str, answers)), advance)
-    given, notes = Answers(), {}
+    collected, notes = Answers(), {}
     for asked_id, answer in answers.items():
         id_ = full_id(asked_id) if isinstance(asked_id, str) else asked_id
-        given.sets.add((store.get(id_) or reference(id_)).set)  # which says what is wrong with an unknown id
+        # `reference` raises the error for an unknown id.
+        collected.sets.add((store.get(id_) or reference(id_)).set)
         try:
             text = answer_text(answer)
         except InputError as fault:
             notes[id_], text = str(fault), f"({type(answer).__name__})"
-        given.given[id_] = reading, text
-    grades = [replace(one, note=notes[one.id]) if one.id in notes else one for one in graded(given, store)]
-    asked = [quantity for quantity in store.values() if quantity.set in given.sets]
+        collected.given[id_] = reading, text
+    grades = [
+        replace(grade_, note=notes[grade_.id]) if grade_.id in notes else grade_ for grade_ in graded(collected, store)
+    ]
+    asked = [quantity for quantity in store.values() if quantity.set in collected.sets]
     with progress_of(progress=progress) as advance:
-        return Report("answers", given, grades, levels_of(grades, asked), diagnosed(grades, store, advance))
+        return Report("answers", collected, grades, levels_of(grades, asked), diagnosed(grades, store, advance))

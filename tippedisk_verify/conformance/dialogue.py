@@ -1,7 +1,9 @@
-"""A program of somebody else's, spoken to in lines over pipes. Whatever it does, it neither blocks nor outlives this.
+"""A conversation in lines over pipes with another program, which can neither block nor outlive this
+one.
 
-One thread does it all: it writes only what the pipe takes, and reads whatever there is. The program gets a process
-group of its own, so that Ctrl-C on the terminal does not reach it, and its children end with it.
+One thread does everything. It writes only as much as the pipe takes, and reads whenever there is
+output. The program gets a process group of its own: Ctrl-C on the terminal does not reach it, and
+its children end with it.
 """
 
 from __future__ import annotations
@@ -23,14 +25,22 @@ from tippedisk_verify.interrupts import unbroken, undoing
 __all__ = ["Program", "started"]
 
 _LONGEST = 100_000  # bytes of a line that are kept; an answer has two thousand at most
-_SHOWN, _WIDEST = 20, 300  # lines of standard error, and bytes of each
-_AT_ONCE = 65_536  # bytes
-_LOOK = 0.02  # s between looks at whether the program is still there
-_PATIENCE = 5.0  # s, at most, that a program has to end when its input does
+_SHOWN, _WIDEST = 20, 300  # lines of standard error that are kept, and bytes of each
+_AT_ONCE = 65_536  # bytes of one read or write
+_LOOK = 0.02  # s between checks that the program still runs
+_PATIENCE = 5.0  # s, the longest time for a program to end after its input has ended
 
 
 class Program:
-    """A running program. `started` makes one, and sees to its end."""
+    """A running program. `started` starts it, and ensures that it ends.
+
+    Args:
+        command: The command and its arguments.
+        limit: The time limit for each answer [s].
+
+    Raises:
+        InputError: If the program cannot be started.
+    """
 
     def __init__(self, command: Sequence[str], limit: float) -> None:
         self.name = printable(command[0])[-60:]
@@ -45,7 +55,7 @@ class Program:
             reason = (isinstance(fault, OSError) and fault.strerror) or fault
             raise InputError(f"the program '{self.name}' cannot be started: {reason}") from None
         pipes = (self._process.stdin, self._process.stdout, self._process.stderr)
-        self._pipes = tuple(stream for stream in pipes if stream is not None)  # all, as they were asked for
+        self._pipes = tuple(stream for stream in pipes if stream is not None)  # all three exist
         self._input, output, errors = self._pipes
         self._unsent = self._rest = self._murmur = b""
         self._errors: deque[str] = deque(maxlen=_SHOWN)
@@ -58,10 +68,18 @@ class Program:
         self._selector.register(errors, selectors.EVENT_READ, self._overhear)
 
     def ask(self, text: str, waiting: Collection[str], take: Callable[[str], None]) -> str:
-        """Write ``text``, and hand each line read to ``take`` until that has emptied ``waiting``.
+        """Write ``text``, and pass each line read to ``take`` until that has emptied ``waiting``.
 
-        Returns why it never will be, or nothing. The limit is for each answer: the clock starts anew when ``waiting``
-        gets shorter, and not with other lines.
+        The time limit is for each answer: the clock restarts when ``waiting`` gets shorter, not
+        with other lines.
+
+        Args:
+            text: The questions, one to a line.
+            waiting: The ids without an answer, from which ``take`` removes.
+            take: Is called with each line.
+
+        Returns:
+            "", or the reason why no more answers will come.
         """
         if text and not self._input.closed:
             if not self._unsent:  # a program may answer what it has not read
@@ -82,24 +100,31 @@ class Program:
         return ""
 
     def finish(self, take: Callable[[str], None]) -> str:
-        """End its input, and hand what it still says to ``take``. Returns what was wrong with its end, or nothing."""
+        """End the program's input, and pass its remaining lines to ``take``.
+
+        Args:
+            take: Is called with each line.
+
+        Returns:
+            "", or a description of an end that is not normal.
+        """
         self._close_input()
         if not self._ends(take):
             return f"{self.name} went on when its input had ended, and was ended"
         return "" if (how := self._fate()) == "status 0" else f"{self.name} ended with {how}"
 
     def errors(self) -> list[str]:
-        """The last lines of its standard error."""
+        """Return the last lines of its standard error."""
         before = [f"({self._errors_before} lines before)"] if self._errors_before else []
         return [*before, *self._errors, *([_shown(self._murmur)] if self._murmur else [])]
 
     def kill(self) -> None:
-        """End the whole group: the program's children, too, may hold the pipes."""
+        """End the whole group: the program's children may hold the pipes too."""
         with suppress(ProcessLookupError, PermissionError):
             os.killpg(self._process.pid, signal.SIGKILL)
 
     def close(self) -> None:
-        """Leave nothing behind: no process, no zombie, no open pipe. The end of its input asked it to end before."""
+        """Release the process and its pipes. The end of its input asked it to end before."""
         self.kill()
         self._process.wait()
         self._selector.close()
@@ -107,7 +132,7 @@ class Program:
             stream.close()
 
     def _fate(self) -> str:
-        """How the program has ended; nothing while it runs."""
+        """Return a description of how the program has ended; "" while it runs."""
         code = self._process.poll()
         if code is None:
             return ""
@@ -128,7 +153,7 @@ class Program:
         self._input.close()
 
     def _listen(self, take: Callable[[str], None]) -> None:
-        """One look at all pipes."""
+        """Check all pipes once."""
         ready = self._selector.select(_LOOK)
         lines = [line for key, _ in ready for line in key.data(key.fileobj)]
         # A child of the program's may keep the pipe open when the program has ended.
@@ -142,7 +167,7 @@ class Program:
             self._unsent = self._unsent[os.write(stream.fileno(), self._unsent[:_AT_ONCE]) :]
         except BlockingIOError:
             return []
-        except OSError:  # it does not listen any more; it may still answer
+        except OSError:  # it no longer reads its input; it may still answer
             self._close_input()
         else:
             if not self._unsent:
@@ -156,7 +181,7 @@ class Program:
         return whole if content else self._last()
 
     def _last(self) -> list[bytes]:
-        """What there is at the end of standard output; a last line need not be ended."""
+        """Return the rest at the end of standard output; a last line may lack its end."""
         self._closed = True
         rest, self._rest = self._rest, b""
         return [rest]
@@ -181,7 +206,15 @@ def _shown(line: bytes) -> str:
 
 @contextmanager
 def started(command: Sequence[str], limit: float) -> Iterator[Program]:
-    """The program, running; ``limit`` [s] is for each answer. Raises InputError if it cannot be started."""
+    """Start a program, and end it on exit.
+
+    Args:
+        command: The command and its arguments.
+        limit: The time limit for each answer [s].
+
+    Raises:
+        InputError: If the program cannot be started.
+    """
     running: list[Program] = []
 
     def kill() -> None:

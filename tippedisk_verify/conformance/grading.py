@@ -1,4 +1,6 @@
-"""Counting the digits of answers: how far from the truth, relative to what size, and whether that is a failure."""
+"""The digits of answers: their distance from the truth, the size it is relative to, and whether
+that is a failure.
+"""
 
 from __future__ import annotations
 
@@ -59,26 +61,27 @@ LEVEL_NAMES = {
     9: "near the connection",
     10: "rotating cycles",
 }
-_SOME = 1.0  # digits that even rounded inputs must leave
-_LARGEST_EXPONENT = 100_000  # of an answer, in powers of ten; arithmetic with larger ones takes long
-_FEW = 0.5  # share of the digits needed that makes an answer imprecise rather than wrong
+_LEAST_DIGITS = 1.0  # digits that even rounded inputs must leave
+_LARGEST_EXPONENT = 100_000  # the largest power of ten of an answer; arithmetic with larger ones takes long
+# The share of the digits needed from which on an answer is imprecise rather than wrong.
+_IMPRECISE_SHARE = 0.5
 
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Grade(Printable):
-    """One answer against the truth for what it was computed from."""
+    """One answer compared with the truth for the inputs that it was computed from."""
 
     id: str
     level: int
     reading: str
     answer: str
-    #: -log10 of the error relative to `scale_of`; at most what the reference itself has. Without a truth for the
-    #: reading, of the error from the decimals' truth.
+    #: -log10 of the error relative to `scale_of`; at most the digits of the reference itself. Without a
+    #: truth for the reading, the error is that from the decimals' truth.
     digits: float
     verdict: str  #: exact, agrees, rounding, few-digits, wrong, not-a-number, unreadable, no-truth
     truth: str = ""
     note: str = ""
-    needs: float = math.nan  #: digits that the question asks for
+    needs: float = math.nan  #: digits that the question requires
     off: float = math.nan  #: the error as a relative change of all inputs together
 
     @property
@@ -86,7 +89,7 @@ class Grade(Printable):
         return self.verdict in ("few-digits", "wrong", "not-a-number", "unreadable")
 
     def shortfall(self, wanted: float) -> str:
-        """In one line how it falls short of ``wanted`` digits."""
+        """Return one line on how the answer falls short of ``wanted`` digits."""
         short = f"{self.digits:.1f} digits, not {wanted:.3g}; the truth is {self.truth}"
         return f"{self.id} = {self.answer[:40]}: {short if math.isfinite(self.digits) else self.note}"
 
@@ -112,16 +115,25 @@ class Tally(Printable):
     asked: int
     answered: int
     failed: int
-    few: int  #: of the failed ones, those with too few digits only
-    rounded: int  #: answers as far off as rounding the inputs explains
-    unread: int  #: of the failed ones, those that are no numbers
-    least: float  #: digits of the numbers; NaN where no answer is one
-    middle: float  #: median of the digits
-    quantity: str = ""  #: without its place: beta stands for beta@0.5 as well
+    few: int  #: failed answers that only have too few digits
+    rounded: int  #: answers with an error that rounding the inputs explains
+    unread: int  #: failed answers that are not numbers
+    least: float  #: the least digits of the numbers; NaN if no answer is a number
+    middle: float  #: the median of the digits
+    quantity: str = ""  #: the quantity without its place: beta stands for beta@0.5 as well
     friction: str = ""
 
     @classmethod
     def of(cls, grades: Sequence[Grade], level: int, asked: int, quantity: str = "", friction: str = "") -> Tally:
+        """Count the grades of a level or of one quantity.
+
+        Args:
+            grades: The grades.
+            level: Their level.
+            asked: The number of questions.
+            quantity: The quantity without its place; "" for a level.
+            friction: The friction law; "" for a level.
+        """
         digits = [grade.digits for grade in grades if math.isfinite(grade.digits)]
         failed, few = sum(grade.failed for grade in grades), sum(grade.verdict == "few-digits" for grade in grades)
         rounded, middle = sum(grade.verdict == "rounding" for grade in grades), median(digits or [math.nan])
@@ -135,7 +147,7 @@ class Tally(Printable):
 
     @property
     def verdict(self) -> str:
-        """In words; *partial* where nothing failed, and some questions were left out."""
+        """The verdict in words; *partial* if nothing failed, and some questions were left out."""
         if not self.answered:
             return "not answered"
         if self.failed:
@@ -143,7 +155,7 @@ class Tally(Printable):
         return "agrees" if self.answered == self.asked else "partial"
 
     def to_dict(self) -> dict[str, Any]:
-        least, middle = (None if math.isnan(one) else round(one, 1) for one in (self.least, self.middle))
+        least, middle = (None if math.isnan(digits) else round(digits, 1) for digits in (self.least, self.middle))
         counts = {"failed": self.failed, "too_few_digits": self.few}
         if self.quantity:
             about = {"level": self.level, "quantity": self.quantity, "friction": self.friction}
@@ -153,7 +165,14 @@ class Tally(Printable):
 
 
 def digits_between(answer: Decimal, truth: Decimal, scale: Decimal, most: float = math.inf) -> float:
-    """-log10(|answer - truth| / scale), between -99 and ``most``."""
+    """Return -log10(|answer - truth| / scale), between -99 and ``most``.
+
+    Args:
+        answer: The answer.
+        truth: The true value.
+        scale: The size that digits are counted from.
+        most: The most digits, and the result for an exact answer.
+    """
     away = abs(answer - truth)
     if not away:
         return most
@@ -165,7 +184,12 @@ def digits_between(answer: Decimal, truth: Decimal, scale: Decimal, most: float 
 
 
 def graded(answers: Answers, store: Mapping[str, Quantity]) -> list[Grade]:
-    """A grade for each answer, in the order of the questions."""
+    """Return a grade for each answer, in the order of the questions.
+
+    Args:
+        answers: The answers of a sheet.
+        store: The questions with their truths.
+    """
     with arithmetic():
         return [_grade(quantity, *answers.given[id_]) for id_, quantity in store.items() if id_ in answers.given]
 
@@ -183,14 +207,14 @@ def _grade(quantity: Quantity, reading: str, text: str) -> Grade:
         return failed("not-a-number", "it says that there is no number" if answer.is_nan() else "it is infinite")
     if answer and abs(answer.adjusted()) > _LARGEST_EXPONENT:
         return failed("not-a-number", f"its exponent is beyond {_LARGEST_EXPONENT}")
-    told = quantity.values.get(reading)  # type: ignore[call-overload]
-    if told is None:
+    value = quantity.values.get(reading)  # type: ignore[call-overload]
+    if value is None:
         note = (
             "doubles cannot tell the inputs apart: compute from the decimals, by whose truth these digits are counted"
         )
         from_decimals = _grade(quantity, "decimals", text)
         return replace(from_decimals, reading=reading, verdict="no-truth", note=note, off=math.nan)
-    truth, uncertainty = Decimal(told[0]), Decimal(told[1])
+    truth, uncertainty = Decimal(value[0]), Decimal(value[1])
     scale = scale_of(quantity, truth)
     most = digits_between(truth + uncertainty, truth, scale, 120.0)
     digits = digits_between(answer, truth, scale, most)
@@ -203,25 +227,30 @@ def _grade(quantity: Quantity, reading: str, text: str) -> Grade:
         verdict = "exact"
     elif digits >= needs:
         verdict = "agrees"
-    elif digits >= _SOME and away <= slopes * Decimal(ROUNDING):
+    elif digits >= _LEAST_DIGITS and away <= slopes * Decimal(ROUNDING):
         verdict, note = "rounding", "as far off as rounding the inputs to doubles makes it"
-    elif digits >= _FEW * needs:
+    elif digits >= _IMPRECISE_SHARE * needs:
         verdict = "few-digits"
     if reading == "decimals" and verdict != "exact" and "doubles" in quantity.values:
         other, width = (Decimal(part) for part in quantity.values["doubles"])
         if abs(answer - other) <= width + half_unit:
             note = "the exact answer from doubles: the inputs were rounded"
     off = float(away / slopes) if slopes else math.nan
-    return Grade(quantity.id, quantity.level, reading, shown, digits, verdict, told[0], note, needs, off)
+    return Grade(quantity.id, quantity.level, reading, shown, digits, verdict, value[0], note, needs, off)
 
 
 def _nearest_double(answer: Decimal, truth: Decimal) -> bool:
-    """Whether a double has no better answer: its seventeenth digit is not always the truth's."""
+    """Return True if no double is a better answer: its seventeenth digit is not always the truth's."""
     return 16 <= len(answer.as_tuple().digits) <= 17 and float(answer) == float(truth)
 
 
 def levels_of(grades: Iterable[Grade], asked: Iterable[Quantity]) -> list[Tally]:
-    """The grades by level, for all levels that were asked."""
+    """Return the tallies of all levels that have questions.
+
+    Args:
+        grades: The grades of a sheet.
+        asked: The questions.
+    """
     counts = Counter(quantity.level for quantity in asked)
     by_level: dict[int, list[Grade]] = {level: [] for level in counts}
     for grade in grades:
@@ -231,7 +260,11 @@ def levels_of(grades: Iterable[Grade], asked: Iterable[Quantity]) -> list[Tally]
 
 
 def by_quantity(grades: Iterable[Grade]) -> list[Tally]:
-    """The grades by level, quantity and friction law, in the order of the questions."""
+    """Return the tallies by level, quantity and friction law, in the order of the questions.
+
+    Args:
+        grades: The grades of a sheet.
+    """
     groups: dict[tuple[int, str, str], list[Grade]] = {}
     for grade in grades:
         if grade.verdict != "no-truth":
@@ -244,10 +277,16 @@ def by_quantity(grades: Iterable[Grade]) -> list[Tally]:
 
 
 def compare(id_: str, answer: object, *, reading: Reading = "doubles") -> Grade:
-    """The grade of one answer: a number of any kind or a decimal string. ``reading`` is what it was computed from.
+    """Return the grade of one answer.
 
-    Of a number with a half-width the value is graded; an array of one element stands for that element. Raises
-    InputError for an unknown id or something that is not a number.
+    Args:
+        id_: The question's id.
+        answer: A number of any kind or a decimal string. A number with a half-width counts by its
+            value, an array of one element by that element.
+        reading: The inputs from which the answer was computed, decimals or doubles.
+
+    Raises:
+        InputError: If the id is unknown, or the answer is not a number.
     """
     quantity = reference(id_)
     if reading not in ("decimals", "doubles"):
@@ -259,7 +298,14 @@ def compare(id_: str, answer: object, *, reading: Reading = "doubles") -> Grade:
 
 @arithmetic()
 def answer_text(answer: object) -> str:
-    """An answer as the decimal that it stands for. Raises InputError for what is not one real number."""
+    """Return an answer as the decimal that it stands for.
+
+    Args:
+        answer: A number of any kind or a decimal string.
+
+    Raises:
+        InputError: If the answer is not one real number.
+    """
     number = plain_number(answer)
     if isinstance(number, str):
         text = number.strip()

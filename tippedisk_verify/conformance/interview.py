@@ -1,4 +1,4 @@
-"""Asking a program question by question: what it answers, how long it takes, and what it does beside answering."""
+"""A program asked question by question: its answers, its run time, and the other things it does."""
 
 from __future__ import annotations
 
@@ -21,7 +21,13 @@ __all__ = ["Interview"]
 
 
 class Interview:
-    """A conversation with a program about the questions asked; everything that it said that counts."""
+    """A conversation with a program: the questions asked, and every answer that counts.
+
+    Args:
+        program: The running program.
+        store: The questions with their truths.
+        reading: The inputs of answers that do not name them, decimals or doubles.
+    """
 
     def __init__(self, program: Program, store: Store, reading: str | None = None) -> None:
         self.program = program
@@ -34,12 +40,19 @@ class Interview:
         self._counted: set[str] = set()
         self._open: dict[str, None] = {}
         self._got: list[Row] = []
-        self._noted: dict[str, tuple[int, str]] = {}  # what it said beside: how often, and the first
-        self._times: list[tuple[Quantity, int, float]] = []  # one question of an entry, its answers, seconds
+        self._noted: dict[str, tuple[int, str]] = {}  # other output: how often, and the first
+        self._times: list[tuple[Quantity, int, float]] = []  # question, answers, seconds, by entry
         self._end = ""
 
     def exchange(self, questions: Iterable[Mapping[str, str]]) -> tuple[list[Row], float]:
-        """The answers to questions that are asked at once, and the seconds until the last; fewer if it breaks off."""
+        """Ask questions at once.
+
+        Args:
+            questions: The questions, each by columns.
+
+        Returns:
+            The answers, fewer if the program breaks off, and the seconds until the last one.
+        """
         self._got = []
         if self.broke_off:
             return [], math.nan
@@ -57,25 +70,32 @@ class Interview:
         return self._got, seconds
 
     def conduct(self, asked: Sequence[Quantity], first: Quantity, advance: Callable[[str, int], None]) -> None:
-        """Ask all; ``first`` is asked before, by itself, and its answer counts only if it is one of them.
+        """Ask all questions.
 
-        Raises InputError for a program that breaks off before it has answered anything.
+        Args:
+            asked: The questions.
+            first: The question that is asked before them, alone. Its answer counts only if it is
+                one of them.
+            advance: Is called with the progress in words and the number of new questions.
+
+        Raises:
+            InputError: If the program breaks off before it has answered anything.
         """
         self._counted = {quantity.id for quantity in asked}
         opening, _ = self.exchange([question_row(self._store, first)])
         if not opening:
-            said = self.program.errors()
-            raise InputError(self.broke_off + (f": {said[-1]}" if said else ""))
+            errors = self.program.errors()
+            raise InputError(self.broke_off + (f": {errors[-1]}" if errors else ""))
         self.start_up = time.perf_counter() - self.program.begun
         failed = 0
         for _, group in groupby(asked, key=lambda quantity: quantity.id.rsplit("/", 1)[0]):
             questions = {quantity.id: quantity for quantity in group}
             mine = [row for row in opening if row[0] in questions]
             got, seconds = self.exchange(
-                question_row(self._store, one) for one in questions.values() if one.id != first.id
+                question_row(self._store, question) for question in questions.values() if question.id != first.id
             )
-            if (given := sum(bool(row[2]) for row in got)) and not self.broke_off:
-                self._times.append((next(iter(questions.values())), given, seconds))
+            if (answered := sum(bool(row[2]) for row in got)) and not self.broke_off:
+                self._times.append((next(iter(questions.values())), answered, seconds))
             grades = graded(collected([*mine, *got], self._store, self._reading, Answers()), questions)
             self.grades += grades
             failed += sum(grade.failed for grade in grades)
@@ -90,41 +110,43 @@ class Interview:
             self._end = self.program.finish(self._take)
 
     def answers(self) -> Answers:
-        """All answers to the reference questions, those of a program that has broken off included."""
+        """Return all answers to the reference questions, including those of a program that has
+        broken off.
+        """
         return collected(self.rows, self._store, self._reading, Answers())
 
     def sheet(self) -> str:
-        """The answers as a sheet that `conformance grade` reads, one to a line."""
+        """Return the answers as a sheet that `conformance grade` reads, one to a line."""
         return "".join(json.dumps({"id": row[0], "from": row[1], "answer": row[2]}) + "\n" for row in self.rows)
 
     def times(self) -> list[dict[str, Any]]:
-        """Seconds by level and kind, in the order asked.
+        """Return the seconds by level and kind, in the order of the questions.
 
-        An entry is what the questions whose ids differ only in their last part are about: a state, a trajectory, a
-        cycle. Those with no other answer than null do not count.
+        The questions about one state, trajectory or cycle are one entry. Their ids differ only in
+        the last part. An entry with no answer but null does not count.
         """
         kinds: dict[tuple[int, str], list[tuple[Quantity, int, float]]] = {}
-        for one in self._times:
-            kinds.setdefault((one[0].level, one[0].kind), []).append(one)
+        for timing in self._times:
+            kinds.setdefault((timing[0].level, timing[0].kind), []).append(timing)
         return [
             {
                 "level": level,
                 "kind": kind,
-                "answered": sum(answered for _, answered, _ in ones),
-                "entries": len(ones),
-                "total": math.fsum(seconds for *_, seconds in ones),
-                "median": median(seconds for *_, seconds in ones),
-                "largest": max(seconds for *_, seconds in ones),
-                "longest": max(ones, key=lambda one: one[2])[0].id.rsplit("/", 1)[0],
+                "answered": sum(answered for _, answered, _ in timings),
+                "entries": len(timings),
+                "total": math.fsum(seconds for *_, seconds in timings),
+                "median": median(seconds for *_, seconds in timings),
+                "largest": max(seconds for *_, seconds in timings),
+                "longest": max(timings, key=lambda timing: timing[2])[0].id.rsplit("/", 1)[0],
             }
-            for (level, kind), ones in kinds.items()
+            for (level, kind), timings in kinds.items()
         ]
 
     def remarks(self) -> list[str]:
-        """What the program did beside answering."""
-        said = [self.broke_off or self._end]
-        said += [f"{what}: {count}, the first {first}" for what, (count, first) in self._noted.items()]
-        return [one for one in said if one]
+        """Return remarks on everything that the program did apart from answering."""
+        remarks = [self.broke_off or self._end]
+        remarks += [f"{what}: {count}, the first {first}" for what, (count, first) in self._noted.items()]
+        return [remark for remark in remarks if remark]
 
     def _take(self, line: str) -> None:
         row = answer_line(line)

@@ -1,4 +1,4 @@
-"""Showing grades: a table for the terminal, a page for the browser, an object for programs."""
+"""The display of grades: a table for the terminal, a page for the browser, an object for programs."""
 
 from __future__ import annotations
 
@@ -18,34 +18,34 @@ if TYPE_CHECKING:
 
 __all__ = ["Report", "html_page", "print_report"]
 
-#: The colour of a verdict on an answer or on a level; a level's least answers have its own. Without one: not graded.
+#: The colour of a verdict on an answer or on a level. A verdict without a colour means not graded.
 _SHADES = {
     **dict.fromkeys(("exact", "agrees", "rounding", "partial"), "enough"),
     **dict.fromkeys(("few-digits", "too few digits"), "few"),
     **dict.fromkeys(("wrong", "not-a-number", "unreadable", "fails"), "wrong"),
 }
 _TERMINAL = {"enough": "green", "few": "yellow", "wrong": "bold red", "": "dim"}
-#: What the colours mean, in the order of the page's legend.
+#: The meanings of the colours, in the order of the page's legend.
 _LEGEND = {"enough": "enough digits for the question", "few": "too few digits", "wrong": "wrong, or no number"}
-_WORST = 12
-_MOST_REASONS = 5  # why answers are no numbers
-_MOST_ROWS = 2_000  # of a level on a page, failures first; the JSON has all
+_WORST = 12  # failures in the list of the worst answers
+_MOST_REASONS = 5  # reasons listed why answers are not numbers
+_MOST_ROWS = 2_000  # rows of a level on a page, failures first; the JSON has all
 
 
 @dataclass(frozen=True, repr=False)
 class Report(Printable):
-    """Everything about one graded sheet."""
+    """A graded sheet with its diagnosis and remarks."""
 
     source: str
     answers: Answers
     grades: Sequence[Grade]
     levels: Sequence[Tally]
     diagnoses: Sequence[Diagnosis]
-    shortcomings: Sequence[str] = ()  #: what keeps it from passing, where levels are required
+    shortcomings: Sequence[str] = ()  #: the reasons why it does not pass, where levels are required
     mended: Sequence[str] = ()  #: ids that were expected to fail, and pass
-    noticed: Sequence[str] = ()  #: what a program did beside answering
+    noticed: Sequence[str] = ()  #: remarks on what a program did apart from answering
     start_up: float | None = None  #: [s] until a program's first answer
-    times: Sequence[Mapping[str, Any]] = ()  #: how long a program took, by level and kind
+    times: Sequence[Mapping[str, Any]] = ()  #: a program's run times, by level and kind
 
     @property
     def failed(self) -> list[Grade]:
@@ -54,11 +54,13 @@ class Report(Printable):
 
     @property
     def passed(self) -> bool:
-        """Whether there are graded answers, and none failed."""
+        """True if there are graded answers, and none failed."""
         return any(grade.verdict != "no-truth" for grade in self.grades) and not self.failed
 
     def __str__(self) -> str:
-        """The result in a sentence, the diagnosis, what was noticed, and the failures, in ten lines at most."""
+        """Return the result in a sentence, the diagnosis, the remarks and the failures, in ten
+        lines at most.
+        """
         lines = [self.headline(), *(diagnosis.says() for diagnosis in self.diagnoses), *self.remarks()]
         lines += [grade.shortfall(grade.needs) for grade in self.failed]
         return "\n".join(lines if len(lines) <= 10 else [*lines[:9], f"and {len(lines) - 9} more"])
@@ -68,7 +70,7 @@ class Report(Printable):
         return next((level for level in self.levels if level.failed), None)
 
     def headline(self) -> str:
-        """The result in one sentence."""
+        """Return the result in one sentence."""
         if not self.grades:
             return "no question was answered"
         first = self.first_failure
@@ -79,8 +81,9 @@ class Report(Printable):
             least = min(level.least for level in reached)
             answers = counted(sum(level.answered for level in reached), "answer agrees", "answers agree")
             rounded = sum(level.rounded for level in reached)
-            said = f"{answers}, the least with {least:.1f} digits"
-            return said + (f"; {counted(rounded, 'is', 'are')} off by what rounding the inputs does" if rounded else "")
+            sentence = f"{answers}, the least with {least:.1f} digits"
+            by_rounding = f"; {counted(rounded, 'is', 'are')} off by what rounding the inputs does"
+            return sentence + by_rounding if rounded else sentence
         answers = counted(first.answered, "answer", "answers")
         how = "is the first with too few digits" if first.few == first.failed else "is the first that fails"
         few = f", {first.few} of them with too few digits only" if 0 < first.few < first.failed else ""
@@ -88,15 +91,15 @@ class Report(Printable):
 
     @property
     def quantities(self) -> list[Tally]:
-        """By quantity, at the levels that fail."""
+        """The tallies by quantity, at the levels that fail."""
         failing = {level.level for level in self.levels if level.failed}
         return [row for row in by_quantity(self.grades) if row.level in failing]
 
     def remarks(self) -> list[str]:
-        """What was noticed about the sheet itself."""
+        """Return remarks on the sheet itself."""
         answers = self.answers
         rounded = sum("inputs were rounded" in grade.note for grade in self.grades)
-        untold = sum(grade.verdict == "no-truth" for grade in self.grades)
+        ungraded = sum(grade.verdict == "no-truth" for grade in self.grades)
         said = list(self.noticed)
         said += _remark(
             answers.undeclared, "answer does", "answers do", "not say from which inputs; graded as from doubles"
@@ -117,10 +120,12 @@ class Report(Printable):
         said += _remark(answers.short, "row ends", "rows end", "before the column answer")
         said += _remark(rounded, "answer", "answers", "said to be from decimals: exactly what doubles give")
         doubles = "from doubles where doubles cannot tell the inputs apart: not graded"
-        return said + _remark(untold, "answer", "answers", doubles)
+        return said + _remark(ungraded, "answer", "answers", doubles)
 
     def _unread(self) -> list[str]:
-        """Why answers are no numbers: a remark for each reason, with the first of these answers."""
+        """Return a remark for each reason why answers are not numbers, with the first of these
+        answers.
+        """
         by_reason: dict[str, list[Grade]] = {}
         for grade in self.grades:
             if grade.verdict in ("unreadable", "not-a-number"):
@@ -136,7 +141,9 @@ class Report(Printable):
         )
 
     def _tolerance(self) -> list[str]:
-        """Where an integrator's tolerance shows: answers that are not wrong, but off by more than `TOLERANCES`."""
+        """Return remarks on an integrator's tolerance: answers that are not wrong, but off by more
+        than `TOLERANCES`.
+        """
         said = []
         for level in self.levels:
             if level.level < 6 or level.failed > level.few:
@@ -152,7 +159,7 @@ class Report(Printable):
         return said
 
     def csv(self) -> str:
-        """The grades by level, quantity and friction law, as a table."""
+        """Return the tallies by level, quantity and friction law, as a table."""
         columns = list(Tally.of((), 0, 0, "any").to_dict())
         return csv_text(columns, (list(row.to_dict().values()) for row in by_quantity(self.grades)))
 
@@ -175,38 +182,69 @@ class Report(Printable):
         }
 
     def worst(self) -> list[Grade]:
-        """Failures, those of the first failing level first, then by digits."""
+        """Return the worst failures, those of the first failing level first, then by digits."""
         return sorted(self.failed, key=lambda grade: (grade.level, grade.digits))[:_WORST]
 
 
-def _remark(which: int | Sequence[str], one: str, many: str, said: str) -> list[str]:
-    """A remark on so many things, or on things by name, with the first of them or all; none where there are none."""
+def _remark(which: int | Sequence[str], one: str, many: str, text: str) -> list[str]:
+    """Format a remark about a list of items, naming the first one or all of them.
+
+    ``which`` is the number of items or their names. Returns [] without an item.
+    """
     number, names = (which, ("",)) if isinstance(which, int) else (len(which), which)
-    return [f"{counted(number, one, many)} {said.format(*names[:1], all=', '.join(names))}"] if number else []
+    return [f"{counted(number, one, many)} {text.format(*names[:1], all=', '.join(names))}"] if number else []
 
 
 def counted(number: int, one: str, many: str) -> str:
-    """A number of things, in words that agree with it."""
+    """Return a number of things, in words that agree with it.
+
+    Args:
+        number: The number.
+        one: The words for one thing.
+        many: The words for several things.
+    """
     return f"{number} {one if number == 1 else many}"
 
 
 def shade(verdict: str) -> str:
-    """The name of the colour for a verdict on an answer or on a level; empty where nothing was graded."""
+    """Return the name of the colour for a verdict on an answer or on a level; "" for one that was
+    not graded.
+
+    Args:
+        verdict: The verdict.
+    """
     return _SHADES.get(verdict, "")
 
 
 def shown_digits(digits: float) -> str:
-    """One decimal, never "-0.0"; nothing for what has no digits."""
+    """Return digits with one decimal, never "-0.0"; "" if they are not finite.
+
+    Args:
+        digits: The digits.
+    """
     return f"{round(digits, 1) + 0.0:.1f}" if math.isfinite(digits) else ""
 
 
 def shown_least(tally: Tally) -> str:
-    """The least digits of a level or a quantity; "none" where one of its answers is no number."""
+    """Return the least digits of a level or a quantity; "none" if one of its answers is not a
+    number.
+
+    Args:
+        tally: The tally of the level or the quantity.
+    """
     return "none" if tally.unread else shown_digits(tally.least)
 
 
 def split_where_wrong(answer: str, truth: str) -> tuple[str, str]:
-    """The answer's characters up to where it leaves the truth, and the rest; the whole if it never does."""
+    """Split an answer where it leaves the truth.
+
+    Args:
+        answer: The answer's text.
+        truth: The truth's text.
+
+    Returns:
+        The characters before that place, and the rest.
+    """
     same = 0
     for mine, right in zip(answer, truth, strict=False):
         if mine != right:
@@ -216,24 +254,30 @@ def split_where_wrong(answer: str, truth: str) -> tuple[str, str]:
 
 
 def print_report(report: Report, console: Console) -> None:
-    """The diagnosis, the tables, the worst answers coloured by agreeing digits, and what was required."""
+    """Print the diagnosis, the tables, the worst answers coloured by agreeing digits, and the unmet
+    requirements.
+
+    Args:
+        report: The report.
+        console: The console to print on.
+    """
     from rich.text import Text
 
     def coloured(text: str, verdict: str) -> Text:
         return Text(text, style=_TERMINAL[shade(verdict)])
 
-    def row(one: Tally, *about: str) -> list[Any]:
-        least = coloured(shown_least(one), one.verdict)
-        return [*about, least, str(one.failed - one.few or ""), str(one.few or "")]
+    def row(tally: Tally, *about: str) -> list[Any]:
+        least = coloured(shown_least(tally), tally.verdict)
+        return [*about, least, str(tally.failed - tally.few or ""), str(tally.few or "")]
 
     rows = [
         [
-            *row(one, f"{one.level} {one.name}", f"{one.answered}/{one.asked}"),
-            shown_digits(one.middle),
-            str(FAILS_BELOW[one.level]),
-            coloured(one.verdict, one.verdict),
+            *row(level, f"{level.level} {level.name}", f"{level.answered}/{level.asked}"),
+            shown_digits(level.middle),
+            str(FAILS_BELOW[level.level]),
+            coloured(level.verdict, level.verdict),
         ]
-        for one in report.levels
+        for level in report.levels
     ]
     console.print(Text(f"{report.source}: {report.headline()}", style="bold"))
     for diagnosis in report.diagnoses:
@@ -241,7 +285,10 @@ def print_report(report: Report, console: Console) -> None:
     headings = "level =answered =least =wrong =few =median =needs verdict"
     _print_table(console, "\nby level (least, median, needs: digits; few: answers with too few)", headings, rows)
     if report.quantities:
-        rows = [row(one, str(one.level), one.quantity, one.friction, str(one.answered)) for one in report.quantities]
+        rows = [
+            row(tally, str(tally.level), tally.quantity, tally.friction, str(tally.answered))
+            for tally in report.quantities
+        ]
         headings = "level quantity law =answered =least =wrong =few"
         _print_table(console, "\nby quantity, at the levels that fail", headings, rows)
     console.print()
@@ -259,21 +306,24 @@ def print_report(report: Report, console: Console) -> None:
         title = f"\nrun time [s]: {report.start_up or 0:.3g} to start up, then for each state, trajectory or cycle"
         rows = [
             [
-                f"{one['level']} {one['kind']}",
-                *(str(one[name]) for name in ("answered", "entries")),
-                *(f"{one[name]:.3g}" for name in ("total", "median", "largest")),
-                one["longest"].replace("/", " "),
+                f"{kind['level']} {kind['kind']}",
+                *(str(kind[name]) for name in ("answered", "entries")),
+                *(f"{kind[name]:.3g}" for name in ("total", "median", "largest")),
+                kind["longest"].replace("/", " "),
             ]
-            for one in report.times
+            for kind in report.times
         ]
         headings = "level =answers =entries =total =median =largest longest"
         _print_table(console, title, headings, rows)
-    for said in report.shortcomings:
-        console.print(Text(said, style="bold red"))
+    for shortcoming in report.shortcomings:
+        console.print(Text(shortcoming, style="bold red"))
 
 
 def _print_table(console: Console, title: str, headings: str, rows: Sequence[Sequence[Any]]) -> None:
-    """A table for a terminal of 80 columns, in which no word is broken; a heading that starts with = is of numbers."""
+    """Print a table for a terminal of 80 columns, in which no word is broken.
+
+    A heading that starts with = is that of a column of numbers.
+    """
     from rich.table import Table
     from rich.text import Text
 
@@ -286,7 +336,12 @@ def _print_table(console: Console, title: str, headings: str, rows: Sequence[Seq
 
 
 def html_page(report: Report) -> str:
-    """One self-contained page; what is right is folded away, and so stays off paper."""
+    """Return one self-contained page. Right answers are folded away, so they do not appear on
+    paper.
+
+    Args:
+        report: The report.
+    """
     from tippedisk_verify.web import rendered
 
     return rendered(
@@ -305,11 +360,13 @@ def html_page(report: Report) -> str:
 
 
 def _level_section(level: Tally, grades: Sequence[Grade]) -> dict[str, Any]:
-    """A level on the page: its failures, the answers that did not fail, and how many are beyond what a page holds."""
-    here = sorted((grade for grade in grades if grade.level == level.level), key=lambda grade: not grade.failed)
+    """Return a level for the page: its failures, its other answers, and the number of rows beyond a
+    page's limit.
+    """
+    own = sorted((grade for grade in grades if grade.level == level.level), key=lambda grade: not grade.failed)
     return {
         "grade": level,
-        "failed": [grade for grade in here[:_MOST_ROWS] if grade.failed],
-        "passed": [grade for grade in here[:_MOST_ROWS] if not grade.failed],
-        "hidden": max(len(here) - _MOST_ROWS, 0),
+        "failed": [grade for grade in own[:_MOST_ROWS] if grade.failed],
+        "passed": [grade for grade in own[:_MOST_ROWS] if not grade.failed],
+        "hidden": max(len(own) - _MOST_ROWS, 0),
     }

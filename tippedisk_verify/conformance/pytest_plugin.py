@@ -1,8 +1,9 @@
-"""Fixtures for the test suites of other implementations; pytest finds them where this package is installed.
+"""Fixtures for the test suites of other implementations. pytest finds them where this package is
+installed.
 
-``tippedisk_reference(id)`` is a reference value; ``tippedisk_agrees(id, answer, digits=10)`` fails a test with
-one line that says how many digits the answer has. An unknown id, and what is not one real number, fail it with one line
-as well. Nothing is loaded until a test asks for one of them.
+``tippedisk_reference(id)`` is a reference value. ``tippedisk_agrees(id, answer, digits=10)`` fails
+a test with one line that names the answer's digits. An unknown id, or an answer that is not one
+real number, fails it with one line as well. Nothing is loaded until a test requests one of them.
 """
 
 from __future__ import annotations
@@ -23,7 +24,10 @@ __all__ = ["tippedisk_agrees", "tippedisk_reference"]
 
 @pytest.fixture(scope="session")
 def tippedisk_reference() -> Callable[[str], Quantity]:
-    """The function (id, reading="decimals") -> reference value, a number that has ``.parameters`` and ``.inputs``."""
+    """Return the function (id, reading="decimals") -> reference value.
+
+    The value is a number that has ``.parameters`` and ``.inputs``.
+    """
     from tippedisk_verify.reference_values.lookup import reference
 
     return _in_one_line(reference)
@@ -31,9 +35,10 @@ def tippedisk_reference() -> Callable[[str], Quantity]:
 
 @pytest.fixture(scope="session")
 def tippedisk_agrees() -> Callable[..., Grade]:
-    """The function (id, answer, digits=..., reading="doubles") that fails the test unless the answer has the digits.
+    """Return the function (id, answer, digits=..., reading="doubles") that fails a test with too
+    few digits.
 
-    ``digits`` is what the question needs if it is not given. Returns the grade.
+    Without ``digits`` it requires those that the question needs. It returns the grade.
     """
     from tippedisk_verify.conformance.grading import compare
 
@@ -52,7 +57,7 @@ def tippedisk_agrees() -> Callable[..., Grade]:
 
 
 def _in_one_line(function: Callable[..., Any]) -> Callable[..., Any]:
-    """The function, with a failed test in place of an InputError."""
+    """Return the function with a failed test in place of an InputError."""
 
     def called(id_: str, *given: Any, **options: Any) -> Any:
         __tracebackhide__ = True

@@ -1,4 +1,4 @@
-"""Grades as a gate: levels that must pass, failures that are expected, and what changed between two sheets."""
+"""Grades as a gate: levels that must pass, expected failures, and the changes between two sheets."""
 
 from __future__ import annotations
 
@@ -17,15 +17,22 @@ from tippedisk_verify.reference_values.store import Store
 __all__ = ["Change", "badge", "changes", "expected_failures", "shortcomings"]
 
 _LARGEST = 4_000_000  # bytes of a list of expected failures
-_LOST = 1.0  # digits
+_LOST = 1.0  # digits that count as a change
 _ROUNDING = 14.0  # digits beyond which doubles differ by rounding alone
 _COLOURS = {"passes": "#2e7d32", "partly": "#9a6700", "fails": "#b3261e"}
 
 
 def expected_failures(path: Path, store: Store) -> frozenset[str]:
-    """The ids that a file lists, one to a line; ``*`` is for any characters, and a ``#`` after a space for a comment.
+    """Return the ids that a file lists, one to a line.
 
-    Raises InputError for a line that no question matches: it would hide nothing, or be a slip.
+    ``*`` stands for any characters, and a ``#`` after a space begins a comment.
+
+    Args:
+        path: The file.
+        store: The questions.
+
+    Raises:
+        InputError: If a line matches no question: it would hide nothing, or be a slip.
     """
     ids: set[str] = set()
     for line in read_text(path, _LARGEST).splitlines():
@@ -42,21 +49,28 @@ def expected_failures(path: Path, store: Store) -> frozenset[str]:
 def shortcomings(
     levels: Sequence[Tally], grades: Sequence[Grade], required: Iterable[int] | None, expected: frozenset[str]
 ) -> list[str]:
-    """What keeps a sheet from passing: at the levels required (those answered if None), beside expected failures."""
-    said = []
+    """Return the reasons why a sheet does not pass.
+
+    Args:
+        levels: The tallies of the levels.
+        grades: The grades.
+        required: The levels that must pass; None for those that were answered.
+        expected: The ids of answers that may fail.
+    """
+    reasons = []
     wanted = [level.level for level in levels if level.answered] if required is None else list(required)
     by_level = {level.level: level for level in levels}
     for number in wanted:
         level = by_level.get(number)
         if level is None or not level.answered:
-            said.append(f"level {number} is required, and was not answered")
+            reasons.append(f"level {number} is required, and was not answered")
             continue
         failed = [grade.id for grade in grades if grade.level == number and grade.failed and grade.id not in expected]
         if failed:
-            said.append(
+            reasons.append(
                 f"level {number}, {level.name}, fails at {len(failed)} of {level.answered}, such as {failed[0]}"
             )
-    return said
+    return reasons
 
 
 @dataclass(frozen=True)
@@ -69,7 +83,7 @@ class Change:
 
     @property
     def kind(self) -> str:
-        """Broken (passed, and does not now), gone, mended, added, lost or gained; "" for none of them."""
+        """Broken (passed, and fails now), gone, mended, added, lost or gained; "" for no change."""
         if self.old is None or self.new is None:
             return "added" if self.old is None else "gone"
         if self.old.failed != self.new.failed:
@@ -91,7 +105,12 @@ def _shown(grade: Grade | None) -> float | None:
 
 
 def changes(old: Iterable[Grade], new: Iterable[Grade]) -> list[Change]:
-    """What changed between two sheets, worst first."""
+    """Return the changes between two sheets, worst first.
+
+    Args:
+        old: The grades of the earlier sheet.
+        new: The grades of the later sheet.
+    """
     before, after = {grade.id: grade for grade in old}, {grade.id: grade for grade in new}
     every = [Change(id_, before.get(id_), after.get(id_)) for id_ in dict.fromkeys((*before, *after))]
     order = ("broken", "gone", "lost", "gained", "mended", "added")
@@ -99,7 +118,13 @@ def changes(old: Iterable[Grade], new: Iterable[Grade]) -> list[Change]:
 
 
 def badge(levels: Sequence[Tally]) -> str:
-    """An SVG picture that says up to which level all answers agree; *partial* if questions of these were left out."""
+    """Return an SVG picture that names the levels up to which all answers agree.
+
+    It shows *partial* if questions of these levels were left out.
+
+    Args:
+        levels: The tallies of the levels.
+    """
     answered = [level for level in levels if level.answered]
     failing = next((level.level for level in answered if level.failed), math.inf)
     passed = [level for level in answered if level.level < failing]
@@ -107,17 +132,17 @@ def badge(levels: Sequence[Tally]) -> str:
         span = passed[-1].level - passed[0].level + 1
         whole = len(passed) == span and all(level.verdict == "agrees" for level in passed)
         ends = dict.fromkeys((str(passed[0].level), str(passed[-1].level)))
-        many = len(ends) > 1
-        said = f"level{'s' * many} {'-'.join(ends)} {'partial' if not whole else 'agree' if many else 'agrees'}"
+        noun, verb = ("levels", "agree") if len(ends) > 1 else ("level", "agrees")
+        text = f"{noun} {'-'.join(ends)} {verb if whole else 'partial'}"
         colour = _COLOURS["passes" if whole and failing == math.inf else "partly"]
     else:
-        said, colour = f"fails at level {failing}" if answered else "not answered", _COLOURS["fails"]
-    left, right = 68, 12 + 7 * len(said)  # a letter is seven units wide at this size, or less
+        text, colour = f"fails at level {failing}" if answered else "not answered", _COLOURS["fails"]
+    left, right = 68, 12 + 7 * len(text)  # a letter is at most seven units wide at this size
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" width="{left + right}" height="20" role="img" '
-        f'aria-label="tippedisk: {said}"><title>tippedisk: {said}</title>'
+        f'aria-label="tippedisk: {text}"><title>tippedisk: {text}</title>'
         f'<rect width="{left}" height="20" fill="#444"/>'
         f'<rect x="{left}" width="{right}" height="20" fill="{colour}"/>'
         '<g fill="#fff" text-anchor="middle" font-family="Verdana, DejaVu Sans, sans-serif" font-size="11">'
-        f'<text x="{left / 2:g}" y="14">tippedisk</text><text x="{left + right / 2:g}" y="14">{said}</text></g></svg>\n'
+        f'<text x="{left / 2:g}" y="14">tippedisk</text><text x="{left + right / 2:g}" y="14">{text}</text></g></svg>\n'
     )

@@ -1,9 +1,14 @@
-"""Answer sheets: the questions of the reference data without the answers, as CSV or JSON, and back again.
+"""Answer sheets: the questions of the reference data without the answers, as CSV or JSON, and back
+again.
 
-In CSV every row stands for itself, parameters included, and no field needs quotes, so that a sheet can be read with
-``strtok``; what comes back may be separated by tabs or semicolons as well, and may begin with a spreadsheet's
-``sep=;``. In JSON the same questions, or simply ``{"from": "doubles", "answers": {id: number}}``, or ``{id: number}``,
-or one question to a line. A remark names the columns of CSV and the names of JSON that no sheet has.
+**CSV.** Every row is complete, parameters included, and no field needs quotes, so that ``strtok``
+can read a sheet. An answered sheet may be separated by tabs or semicolons as well, and may begin
+with a spreadsheet's ``sep=;``.
+
+**JSON.** It has the same questions, or simply ``{"from": "doubles", "answers": {id: number}}``, or
+``{id: number}``, or one question to a line.
+
+A remark names the columns of CSV and the names of JSON that no sheet has.
 """
 
 from __future__ import annotations
@@ -41,8 +46,8 @@ __all__ = [
     "store_for",
 ]
 
-_QUESTION = COLUMNS[1:-2]  # what says what is asked, beside the id
-Row = tuple[str, str, str, dict[str, str]]  #: id, reading, answer, and what else the row says
+_QUESTION = COLUMNS[1:-2]  # the columns that describe the question, apart from the id
+Row = tuple[str, str, str, dict[str, str]]  #: id, reading, answer, and the other columns of the row
 _LARGEST = 64_000_000  # bytes; a sheet with every question and fifty digits each has some ten million
 _LONGEST = 2_000  # characters of an answer
 _MOST_UNKNOWN = 1_000
@@ -51,31 +56,39 @@ _SEPARATORS = ("\t", ";", ",")
 _DECLARED = re.compile(
     r"sep=([^\"\s]|\t)", re.IGNORECASE
 )  # the first line with which a spreadsheet declares its separator
-_OF_JSON = ("format", "from", "questions", "answers")
+_JSON_NAMES = ("format", "from", "questions", "answers")
 _MOST_STRANGE = 20  # names that are listed
 
 
 @dataclass
 class Answers:
-    """What a sheet says: id -> (reading, text), and what could not be used."""
+    """The answers of a sheet, id -> (reading, text), and the parts that could not be used."""
 
     given: dict[str, tuple[str, str]] = field(default_factory=dict)
     sets: set[str] = field(default_factory=set)  #: parameter sets of the questions, answered or not
-    unknown: list[str] = field(default_factory=list)  #: ids that are no question
+    unknown: list[str] = field(default_factory=list)  #: ids that belong to no question
     repeated: list[str] = field(default_factory=list)  #: ids answered more than once; the first answer counts
     altered: list[str] = field(default_factory=list)  #: rows whose columns are not those of the question: id, column
-    undeclared: int = 0  #: answers that do not say what they were computed from; taken as from doubles
+    undeclared: int = 0  #: answers that do not name their inputs; taken as from doubles
     short: int = 0  #: rows that end before the column answer
-    missing: list[str] = field(default_factory=list)  #: entries all of whose answers are NaN or NA; not answered
-    strange: list[str] = field(default_factory=list)  #: columns that no sheet has, each with the one that may be meant
+    missing: list[str] = field(default_factory=list)  #: entries with answers of NaN or NA only; not answered
+    #: columns that no sheet has, each with the one that may be meant
+    strange: list[str] = field(default_factory=list)
 
 
 def questions(
     store: Store, *, sets: Sequence[str] = (), frictions: Sequence[str] = (), levels: Sequence[int] = ()
 ) -> list[Quantity]:
-    """The questions of the sets, laws and levels named (all where none is), in order of difficulty.
+    """Return the questions of the sets, laws and levels named, in order of difficulty.
 
-    Raises InputError for names that no question has.
+    Args:
+        store: The questions with their truths.
+        sets: The parameter sets; () for all. ``printed`` is taken for `table1`.
+        frictions: The friction laws; () for all.
+        levels: The levels; () for all.
+
+    Raises:
+        InputError: If a name belongs to no question, or no question is left.
     """
     sets = [full_id(name) for name in sets]
     for asked, known, what in (
@@ -101,24 +114,48 @@ def questions(
 
 
 def question_row(store: Store, quantity: Quantity) -> dict[str, str]:
-    """A question by columns, without those that do not apply."""
+    """Return a question by columns, without those that do not apply.
+
+    Args:
+        store: The questions with their parameters.
+        quantity: The question.
+    """
     return question_fields(store.parameters[quantity.set], quantity)
 
 
 def sheet_csv(store: Store, asked: Iterable[Quantity]) -> str:
-    """The sheet as CSV. Where only decimals make sense, ``from`` is filled in."""
+    """Return the sheet as CSV. Where only decimals make sense, ``from`` is filled in.
+
+    Args:
+        store: The questions with their parameters.
+        asked: The questions of the sheet.
+    """
     rows = (question_row(store, quantity) for quantity in asked)
     return csv_text(COLUMNS, ([row.get(name, "") for name in COLUMNS] for row in rows))
 
 
 def sheet_json(store: Store, asked: Iterable[Quantity]) -> str:
-    """The sheet as JSON: one question to a line."""
+    """Return the sheet as JSON, one question to a line.
+
+    Args:
+        store: The questions with their parameters.
+        asked: The questions of the sheet.
+    """
     lines = [json.dumps(question_row(store, quantity), ensure_ascii=False) for quantity in asked]
     return '{"format": 1, "from": "", "questions": [\n' + ",\n".join(lines) + "\n]}\n"
 
 
 def store_for(path: Path, store: Store, advance: Callable[[str, int], None] = lambda label, steps: None) -> Store:
-    """The store with the truths of the fresh questions that a sheet names. Raises InputError for an unreadable file."""
+    """Return the store with the truths of the fresh questions that a sheet names.
+
+    Args:
+        path: The sheet.
+        store: The published questions.
+        advance: Is called with the progress in words and in steps.
+
+    Raises:
+        InputError: If the file cannot be read.
+    """
     text = read_text(path, _LARGEST)
     if "fresh-" not in text:
         return store
@@ -128,10 +165,15 @@ def store_for(path: Path, store: Store, advance: Callable[[str, int], None] = la
 
 
 def read_answers(path: Path, store: Store, default_reading: str | None = None) -> Answers:
-    """The answers of a sheet in either form; rows without an answer are left out.
+    """Return the answers of a sheet in either form. Rows without an answer are left out.
 
-    ``default_reading`` is for answers that do not say what they were computed from. Raises InputError for a file that
-    cannot be read as a sheet at all.
+    Args:
+        path: The sheet.
+        store: The questions with their truths.
+        default_reading: The inputs of answers that do not name them, decimals or doubles.
+
+    Raises:
+        InputError: If the file cannot be read as a sheet at all.
     """
     text = read_text(path, _LARGEST)
     answers = Answers()
@@ -143,20 +185,24 @@ def read_answers(path: Path, store: Store, default_reading: str | None = None) -
 
 
 def answer_line(line: str) -> Row | None:
-    """The answer that one line of JSON gives; None if it gives none."""
+    """Return the answer that one line of JSON gives; None if it gives no answer.
+
+    Args:
+        line: The line.
+    """
     try:
         row = json.loads(line, parse_float=str, parse_int=str, parse_constant=str)
     except (ValueError, RecursionError):
         return None
     if not isinstance(row, dict) or not isinstance(row.get("id"), str) or "answer" not in row:
         return None
-    reading = _said(row.get("from", "")).strip().lower()
+    reading = _as_text(row.get("from", "")).strip().lower()
     return _json_row(row, reading) if reading in ("", *_READINGS) else None
 
 
 def _json_row(row: dict[str, Any], reading: str) -> Row:
-    asked = {name: _said(row[name]) for name in _QUESTION if name in row}
-    return _said(row["id"]), reading, _said(row.get("answer", "")), asked
+    asked = {name: _as_text(row[name]) for name in _QUESTION if name in row}
+    return _as_text(row["id"]), reading, _as_text(row.get("answer", "")), asked
 
 
 def _json_rows(text: str, answers: Answers) -> Iterable[Row]:
@@ -186,27 +232,27 @@ def _json_rows(text: str, answers: Answers) -> Iterable[Row]:
     everywhere = named.get("from", "")
     flat = "questions" not in named and any("/" in name for name in named)
     if not flat:
-        _note_strange(named, _OF_JSON, answers)
+        _note_strange(named, _JSON_NAMES, answers)
     given = {name: value for name, value in named.items() if name != "from"} if flat else named.get("answers")
     if isinstance(given, dict):
         for id_, answer in given.items():
-            yield id_, _said(everywhere), _said(answer), {}
+            yield id_, _as_text(everywhere), _as_text(answer), {}
         return
     rows = named.get("questions")
     if not isinstance(rows, list):
         raise InputError(
             'a JSON sheet has "questions" or "answers", or is an object of ids and numbers; this one has '
-            f"{_listed(named, _OF_JSON)}"
+            f"{_listed(named, _JSON_NAMES)}"
         )
     for row in rows:
         if not isinstance(row, dict) or "id" not in row:
             has = f"; one has {_listed(row, TABLE)}" if isinstance(row, dict) else ""
             raise InputError(f'each question of a JSON sheet has an "id"{has}')
         _note_strange(row, TABLE, answers)
-        yield _json_row(row, _said(row.get("from", "") or everywhere))
+        yield _json_row(row, _as_text(row.get("from", "") or everywhere))
 
 
-def _said(value: Any) -> str:
+def _as_text(value: Any) -> str:
     return value if isinstance(value, str) else "" if value is None else f"({type(value).__name__})"
 
 
@@ -227,7 +273,7 @@ def _csv_rows(text: str, answers: Answers) -> Iterable[Row]:
             )
         id_at, answer_at = header.index("id"), header.index("answer")
         from_at = header.index("from") if "from" in header else None
-        # Single columns of such names may be somebody's own.
+        # Single columns of such names may be the user's own.
         asked_at = {name: header.index(name) for name in _QUESTION} if set(_QUESTION) <= set(header) else {}
         for row in table:
             if len(row) > len(header):
@@ -244,7 +290,9 @@ def _csv_rows(text: str, answers: Answers) -> Iterable[Row]:
 
 
 def _separator(header: str) -> str:
-    """The first of the separators between which a header has the columns id and answer, in any case of letters."""
+    """Return the first separator between which a header has the columns id and answer, in any case
+    of letters.
+    """
 
     def columns(mark: str) -> set[str]:
         return {name.strip('\r" ').lower() for name in header.split(mark)}
@@ -261,20 +309,36 @@ def _note_strange(names: Iterable[str], known: tuple[str, ...], answers: Answers
 
 @lru_cache(maxsize=256)
 def _with_likely(name: str, known: tuple[str, ...]) -> str:
-    """A name in quotes; behind one that is not known, the known one that differs in few letters or in their case."""
-    by_lower = {one.lower(): one for one in known}
+    """Return a name in quotes, followed by the known name that may be meant.
+
+    That one differs in few letters or in their case.
+    """
+    by_lower = {known_name.lower(): known_name for known_name in known}
     likely = [] if name in known else get_close_matches(name.lower(), by_lower, 1, 0.75)
     meant = f" (written {by_lower[likely[0]]} here)" if likely else ""
     return f"'{printable(name)[:40]}'{meant}"
 
 
 def _listed(names: Iterable[str], known: tuple[str, ...]) -> str:
-    """The names that a message says a sheet has, at most so many as it can hold."""
+    """Return the names that a sheet has, at most as many as a message can hold."""
     return ", ".join(_with_likely(name, known) for name in list(names)[:_MOST_STRANGE])[:400] or "none"
 
 
 def collected(rows: Iterable[Row], store: Store, default_reading: str | None, answers: Answers) -> Answers:
-    """The answers with those of the rows. Raises InputError for a row that says something else of its inputs."""
+    """Add the answers of rows.
+
+    Args:
+        rows: The rows of a sheet.
+        store: The questions with their truths.
+        default_reading: The inputs of answers that do not name them, decimals or doubles.
+        answers: The answers so far; changed in place.
+
+    Returns:
+        The answers.
+
+    Raises:
+        InputError: If a row names other inputs than decimals or doubles.
+    """
     for id_, reading, answer, asked in rows:
         id_, reading, answer = full_id(printable(id_.strip())), reading.strip().lower(), answer.strip()
         if id_ in store:
@@ -300,7 +364,11 @@ def collected(rows: Iterable[Row], store: Store, default_reading: str | None, an
 
 
 def _without_missing(answers: Answers) -> Answers:
-    """A program that says NaN throughout an entry has not answered it; one that says it here and there is wrong."""
+    """Remove entries without an answer.
+
+    A program that writes NaN throughout an entry has not answered it. One that writes NaN here and
+    there is wrong.
+    """
     by_entry: dict[str, list[str]] = {}
     for id_ in answers.given:
         by_entry.setdefault(id_.rsplit("/", 1)[0], []).append(id_)
@@ -312,14 +380,16 @@ def _without_missing(answers: Answers) -> Answers:
     return answers
 
 
-def _altered(said: dict[str, str], store: Store, quantity: Quantity) -> str | None:
-    """The first column that says something else than the question of that id; a number may be written otherwise."""
-    asked = question_row(store, quantity) if said else {}
-    for name, text in said.items():
+def _altered(columns: dict[str, str], store: Store, quantity: Quantity) -> str | None:
+    """Return the first column that differs from the question of that id. A number may be written
+    otherwise.
+    """
+    asked = question_row(store, quantity) if columns else {}
+    for name, text in columns.items():
         wanted, text = asked.get(name, ""), text.strip()
         if text and text != wanted:
             try:
-                if float(text.replace(",", ".")) == float(wanted):  # of a sheet with decimal commas
+                if float(text.replace(",", ".")) == float(wanted):  # a sheet may have decimal commas
                     continue
             except ValueError:
                 pass

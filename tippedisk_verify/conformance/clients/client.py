@@ -172,7 +172,7 @@ def hopf_eigenvectors(p, Omega, omega):
 
 
 def triple(q_1, q_2, q_3):
-    """What the product of three variables gives in C(q, q, conj(q))."""
+    """The contribution of the product of three variables to C(q, q, conj(q))."""
     return 2 * (q_1 * q_2 * q_3.conj() + q_1 * q_2.conj() * q_3 + q_1.conj() * q_2 * q_3)
 
 
@@ -370,7 +370,7 @@ def slow_manifold_orders(p, Omega, beta, gamma, last):
 
 
 def invariance_residual(p, Omega, beta, gamma, h):
-    """What the series of the orders h leaves of the invariance equation."""
+    """The residual of the invariance equation for the series of the orders h."""
     epsilon = p[7]
     series = manifold_terms(p, Omega, beta, gamma, 1)
     M, free, linear, square, drag, h_0, cos_beta = [one[0, 0] for one in series]

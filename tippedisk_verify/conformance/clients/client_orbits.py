@@ -113,7 +113,7 @@ def trajectory(p, smooth, given, asked):
 
 # ---- cycles, from a section to itself: beta = pi/2 with the symmetry (index 0), gamma = pi/2 + 2 pi (index 1) ----
 
-# Returns to a period, and what is asked of x and v.
+# Returns to a period, and the questions about x and v.
 SECTIONS = (2, "gamma_bar_0", "v_0"), (1, "beta_bar_top", "v_top")
 
 
@@ -134,7 +134,9 @@ def section_return(rates, p, Omega, smooth, index, x, v, h=FLIGHT_STEP):
 
 
 def return_derivative(p, Omega, smooth, index, end):
-    """How the time of the return, and x and v there, change with x, v and Omega of the start."""
+    """The derivatives of the time of the return, and of x and v there, by x, v and Omega of the
+    start.
+    """
     end_rate = flow(p, Omega, smooth, end[:3])
     delta = end[3:12].reshape((3, 3) + Omega.shape)
     dtime = -delta[index] / end_rate[index]
@@ -171,7 +173,9 @@ def cycle_extremes(p, Omega, smooth, index, end):
 
 
 def cycle_answers(p, Omega, smooth, index, time, x, v, end):
-    """All that is asked of a cycle, from its start on the section and from where and when it returned."""
+    """The answers to all questions about a cycle, from its start on the section and the place and
+    time of its return.
+    """
     parts, x_name, v_name = SECTIONS[index]
     answers = {"omega": Omega, "period": parts * time, x_name: x, v_name: v}
     answers.update(cycle_derivatives(p, Omega, smooth, index, end))
