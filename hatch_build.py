@@ -17,7 +17,11 @@ class PackedData(BuildHookInterface):
         data, packed = Path(self.root, "reference_data"), Path(self.directory, "values.csv.gz")
         packed.parent.mkdir(parents=True, exist_ok=True)
         packed.write_bytes(gzip.compress((data / "values.csv").read_bytes(), mtime=0))
-        files = {path.name: path for path in data.iterdir() if path.is_file() and path.name != "values.csv"}
+        files = {
+            path.name: path
+            for path in data.iterdir()
+            if path.is_file() and path.name != "values.csv"
+        }
         for name, path in {**files, packed.name: packed}.items():
             build_data["force_include"][str(path)] = f"tippedisk_verify/reference_data/{name}"
 

@@ -1,8 +1,8 @@
 """The tests before a release: `nox`.
 
-With the newest packages on each Python that pyproject.toml names and this machine has, and at the lowest versions that
-it allows, on the oldest of these; the slow tests run once, on the newest. `nox -s newest-3.13 -- tests/theory` runs a
-part, and `nox -s site` builds the site alone.
+With the newest packages on each Python that pyproject.toml names and this machine has, and at the
+lowest versions that it allows, on the oldest of these; the slow tests run once, on the newest. `nox
+-s newest-3.13 -- tests/theory` runs a part, and `nox -s site` builds the site alone.
 """
 
 import nox
@@ -33,4 +33,6 @@ def slow(session: nox.Session) -> None:
 @nox.session
 def site(session: nox.Session) -> None:
     session.install(".[docs]")
-    session.run("sphinx-build", "--fail-on-warning", "--keep-going", "docs", "build/site", *session.posargs)
+    session.run(
+        "sphinx-build", "--fail-on-warning", "--keep-going", "docs", "build/site", *session.posargs
+    )

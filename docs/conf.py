@@ -41,20 +41,23 @@ nb_execution_timeout = 300  # s; a cell that takes longer is stuck
 nb_execution_raise_on_error = True
 nb_merge_streams = True
 
-default_role = "py:obj"  # single backticks in docstrings: a link where the name has a place on the site
+# Single backticks in docstrings: a link where the name has a place on the site
+default_role = "py:obj"
 autodoc_member_order = "bysource"
 autodoc_typehints = "none"  # the docstrings give types, shapes and units
 
 
-# ------------------------------------------------------------------------------------------ formulas
+# ----------------------------------------------------------------------------------------- formulas
 _GREEK = "Omega|beta|gamma|delta|epsilon|eta|theta|kappa|lambda|mu|nu|xi|pi|rho|tau|phi|chi|omega"
-#: Symbols in pages and docstrings (gamma_bar_0, Omega_crit, c_2, T_crit, pi), powers, and numbers with an
-#: exponent, which must not be broken at a line's end.
+#: Symbols in pages and docstrings (gamma_bar_0, Omega_crit, c_2, T_crit, pi), powers, and numbers
+#: with an exponent, which must not be broken at a line's end.
 _SYMBOL = re.compile(
     rf"(?<![\w.\\\"“])(d?)(?:({_GREEK})(_bar)?(?:_([A-Za-z]+|\d+))?|([A-Za-z])_(\d+|crit|end|G|y))('*)(?![\w(])"
     r"|(?<=[\w)])\^(-?\w+|\([^()]*\))|(?<![\w.])(\d[\d.]*e-\d+)"
 )
-_FUNCTION = re.compile(r"(<mi>(?:sin|cos|log|ln|exp)</mi>|<msup><mi>(?:sin|cos)</mi><mn>\d</mn></msup>)")
+_FUNCTION = re.compile(
+    r"(<mi>(?:sin|cos|log|ln|exp)</mi>|<msup><mi>(?:sin|cos)</mi><mn>\d</mn></msup>)"
+)
 _BAR = re.compile(r"<mo(?=[^>]*>&#x0007C;</mo>)")
 
 
@@ -72,7 +75,9 @@ def _formula(symbol: re.Match[str]) -> nodes.Node:
 
 
 class Symbols(SphinxTransform):
-    """The symbols in running text as formulas; sources and docstrings stay readable in a terminal."""
+    """The symbols in running text as formulas; sources and docstrings stay readable in a
+    terminal.
+    """
 
     default_priority = 480
     _VERBATIM = (
@@ -86,7 +91,9 @@ class Symbols(SphinxTransform):
     )
 
     def apply(self, **_: object) -> None:
-        for table in self.document.findall(lambda node: "names" in getattr(node, "attributes", {}).get("classes", ())):
+        for table in self.document.findall(
+            lambda node: "names" in getattr(node, "attributes", {}).get("classes", ())
+        ):
             for row in [row for body in table.findall(nodes.tbody) for row in body]:
                 for cell in row[1:3]:  # the kind and the quantity are strings of an id
                     cell[0].children = [nodes.literal("", cell.astext())]
@@ -98,7 +105,8 @@ class Symbols(SphinxTransform):
                 text.parent.replace(text, list(self._pieces(text.astext())))
         for formula in self.document.findall(nodes.math):
             after = formula.next_node(nodes.Text, descend=False, siblings=True)
-            if after is not None and after.astext()[:1] in {*",.;:?!)'"}:  # no line begins with these
+            # No line begins with these
+            if after is not None and after.astext()[:1] in {*",.;:?!)'"}:
                 after.parent.replace(after, nodes.Text("\N{WORD JOINER}" + after.astext()))
 
     @staticmethod
@@ -113,7 +121,9 @@ class Symbols(SphinxTransform):
 
 def _mathml(latex: str, display: str = "inline") -> str:
     """Return a formula as MathML, with TeX's spaces after functions and none around bars."""
-    spaced = _FUNCTION.sub(r'<mspace width="0.1em"/>\1<mspace width="0.15em"/>', convert(latex, display=display))
+    spaced = _FUNCTION.sub(
+        r'<mspace width="0.1em"/>\1<mspace width="0.15em"/>', convert(latex, display=display)
+    )
     return _BAR.sub('<mo lspace="0" rspace="0"', spaced)
 
 

@@ -1,4 +1,6 @@
-"""The law of the period close to Omega_h, from the reference values: each decade of the distance adds the same."""
+"""The law of the period close to Omega_h, from the reference values: each decade of the
+distance adds the same.
+"""
 
 import math
 
@@ -11,7 +13,8 @@ print(f"a decade should add {decade:.6f} s")
 steps = []
 for near, far in ((4, 3), (8, 6), (12, 10)):
     periods = [
-        tv.reference(f"table1/linear/near-heteroclinic/het+1e-{zeros}/period").measured() for zeros in (near, far)
+        tv.reference(f"table1/linear/near-heteroclinic/het+1e-{zeros}/period").measured()
+        for zeros in (near, far)
     ]
     step = float(periods[0].value - periods[1].value) / (near - far)
     steps.append(abs(step / decade - 1))

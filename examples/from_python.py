@@ -1,4 +1,6 @@
-"""The ten lines of the README: the critical speed, a limit cycle, a motion, and an answer graded."""
+"""The ten lines of the README: the critical speed, a limit cycle, a motion, and an answer
+graded.
+"""
 
 import tippedisk_verify as tv
 

@@ -19,8 +19,15 @@ def tippedisk(t: float, state: Sequence[float]) -> tuple[float, float, float]:
     rho = r + e * sg
     inertia = A * cg**2 + Bbar * sg**2
     mass = inertia + m * rho**2 * cb**2
-    h = inertia * omega**2 * sb * cb - 2 * (A - Bbar) * omega * v * cb * sg * cg + m * rho**2 * v**2 * sb * cb
-    h += m * e * rho * omega**2 * sb * cb**3 * sg - m * e * rho * (3 * sb**2 - 2) * omega * v * cb * cg
+    h = (
+        inertia * omega**2 * sb * cb
+        - 2 * (A - Bbar) * omega * v * cb * sg * cg
+        + m * rho**2 * v**2 * sb * cb
+    )
+    h += (
+        m * e * rho * omega**2 * sb * cb**3 * sg
+        - m * e * rho * (3 * sb**2 - 2) * omega * v * cb * cg
+    )
     sliding = rho * v * sb - e * omega * sb**2 * cg
     friction = -mu * m * g / epsilon * sliding
     return v, -omega * cb, (h - m * g * rho * cb + rho * sb * friction) / mass
@@ -32,7 +39,13 @@ def upright(t: float, state: Sequence[float]) -> float:
 
 upright.direction = -1  # type: ignore[attr-defined]  # SciPy reads it there
 run = solve_ivp(
-    tippedisk, (0, 120), (math.pi / 2, math.pi / 2 + 1.7, -1.7), "LSODA", events=upright, rtol=1e-9, atol=1e-10
+    tippedisk,
+    (0, 120),
+    (math.pi / 2, math.pi / 2 + 1.7, -1.7),
+    "LSODA",
+    events=upright,
+    rtol=1e-9,
+    atol=1e-10,
 )
 period = run.t_events[0][-1] - run.t_events[0][-2]
 _, gamma, v = run.y_events[0][-1]

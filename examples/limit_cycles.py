@@ -1,4 +1,6 @@
-"""A limit cycle and the multipliers of its family against the speed, as `limit_cycles.py [FILE.png]`."""
+"""A limit cycle and the multipliers of its family against the speed, as `limit_cycles.py
+[FILE.png]`.
+"""
 
 import sys
 

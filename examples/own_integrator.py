@@ -1,4 +1,6 @@
-"""An integrator of one's own in the work-precision diagram: SciPy's solve_ivp and a Runge-Kutta method."""
+"""An integrator of one's own in the work-precision diagram: SciPy's solve_ivp and a
+Runge-Kutta method.
+"""
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -10,7 +12,9 @@ from tippedisk_verify.bench.problems import Problem
 def vode(problem: Problem, tolerance: float) -> np.ndarray:
     options = {"method": "BDF", "rtol": tolerance, "atol": tolerance}
     span = (0, problem.duration)
-    return np.array(solve_ivp(problem.rhs, span, problem.start, t_eval=problem.times, **options).y.T)
+    return np.array(
+        solve_ivp(problem.rhs, span, problem.start, t_eval=problem.times, **options).y.T
+    )
 
 
 def runge_kutta(problem: Problem, tolerance: float) -> np.ndarray:

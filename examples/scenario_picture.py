@@ -1,4 +1,6 @@
-"""The picture of docs/scenario.md: all families of limit cycles, as `scenario_picture.py [FILE.png]`."""
+"""The picture of docs/scenario.md: all families of limit cycles, as `scenario_picture.py
+[FILE.png]`.
+"""
 
 import sys
 

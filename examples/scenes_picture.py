@@ -1,4 +1,6 @@
-"""The picture of docs/index.md: two of the paper's scenes in state space, as `scenes_picture.py [FILE.png]`."""
+"""The picture of docs/index.md: two of the paper's scenes in state space, as
+`scenes_picture.py [FILE.png]`.
+"""
 
 import sys
 

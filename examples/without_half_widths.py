@@ -1,4 +1,6 @@
-"""What half-widths cost: one motion, cycle and connection with them and without, in milliseconds."""
+"""What half-widths cost: one motion, cycle and connection with them and without, in
+milliseconds.
+"""
 
 from collections.abc import Callable
 from statistics import median

@@ -1,8 +1,8 @@
 """Graded sheets of our own runs: five SciPy methods, heyoka in double, and the C client.
 
-    python -m results.make                  # in a checkout with a C compiler; some minutes
-    python -m results.make heyoka-double    # this one only
-    python -m results.make --table          # only the table in README.md, after a file has been added
+    python -m results.make                  # in a checkout with a C compiler; some minutes python
+    -m results.make heyoka-double    # this one only python -m results.make --table          # only
+    the table in README.md, after a file has been added
 
 SciPy and heyoka answer trajectories and librating cycles of the printed set from doubles; the
 client answers all questions. The grades by quantity are written as CSV, as `tippedisk-verify
@@ -40,13 +40,19 @@ def heyoka() -> dict[str, str]:
     """
     given: dict[str, str] = {}
     for law in ("linear", "smooth"):
-        disk = tv.Disk(**{n: float(v) for n, v in tv.PRINTED.decimals().items() if n != "C"}, friction=law)
+        disk = tv.Disk(
+            **{n: float(v) for n, v in tv.PRINTED.decimals().items() if n != "C"}, friction=law
+        )
         entries: dict[str, list[tv.Measured]] = {}
         for kind in KINDS:
             for quantity in tv.references(f"table1/{law}/{kind}/", reading="doubles"):
                 entries.setdefault(quantity.id.rsplit("/", 1)[0], []).append(quantity)
         for entry, asked in entries.items():
-            numbers = _motion(disk, asked[0].inputs) if "/trajectory/" in entry else _cycle(disk, asked[0].inputs)
+            numbers = (
+                _motion(disk, asked[0].inputs)
+                if "/trajectory/" in entry
+                else _cycle(disk, asked[0].inputs)
+            )
             given |= {q.id: repr(numbers[q.name]) for q in asked if q.name in numbers}
     return given
 
@@ -103,7 +109,9 @@ PROGRAMS = {
     for method, tolerance in SCIPY
 } | {
     "heyoka-double": heyoka,
-    "client-c": lambda: _client(["cc", "-O2", "-o", "client", str(SOURCES / CLIENTS["c"]), "-lm"], _RUN),
+    "client-c": lambda: _client(
+        ["cc", "-O2", "-o", "client", str(SOURCES / CLIENTS["c"]), "-lm"], _RUN
+    ),
 }
 
 
@@ -114,9 +122,14 @@ def table() -> str:
         for row in csv.DictReader(path.read_text(encoding="utf-8").splitlines()):
             rows.setdefault(path.stem, {}).setdefault(int(row["level"]), []).append(row)
     levels = sorted({level for by_level in rows.values() for level in by_level})
-    lines = [f"| program | {' | '.join(f'level {level}' for level in levels)} |", "|---" * (len(levels) + 1) + "|"]
+    lines = [
+        f"| program | {' | '.join(f'level {level}' for level in levels)} |",
+        "|---" * (len(levels) + 1) + "|",
+    ]
     for name, by_level in rows.items():
-        lines.append(f"| `{name}` | {' | '.join(_cell(by_level.get(level, [])) for level in levels)} |")
+        lines.append(
+            f"| `{name}` | {' | '.join(_cell(by_level.get(level, [])) for level in levels)} |"
+        )
     return "\n".join(lines)
 
 
@@ -138,8 +151,17 @@ def main(names: list[str]) -> None:
         given = PROGRAMS[name]()
         with tempfile.TemporaryDirectory() as folder:
             rows = ((id_, "doubles", answer) for id_, answer in given.items())
-            sheet = write_text(Path(folder) / f"{name}.csv", csv_text(("id", "from", "answer"), rows))
-            command = ["conformance", "grade", str(sheet), "--csv", str(HERE / f"{name}.csv"), "--quiet"]
+            sheet = write_text(
+                Path(folder) / f"{name}.csv", csv_text(("id", "from", "answer"), rows)
+            )
+            command = [
+                "conformance",
+                "grade",
+                str(sheet),
+                "--csv",
+                str(HERE / f"{name}.csv"),
+                "--quiet",
+            ]
             subprocess.run([sys.executable, "-m", "tippedisk_verify", *command], check=True)
         print(name, len(given), flush=True)
     before, _, after = (HERE / "README.md").read_text(encoding="utf-8").split(_MARK)

@@ -22,7 +22,9 @@ _TINY = 1e-30  # the imaginary step
 _SECTION = math.pi / 2
 
 
-def motion(ops: Any, p: dict[str, float], omega: Any, smooth: bool, state: Sequence[Any], side: float = 0.0) -> Any:
+def motion(
+    ops: Any, p: dict[str, float], omega: Any, smooth: bool, state: Sequence[Any], side: float = 0.0
+) -> Any:
     """Return gamma', v' and the sliding velocity.
 
     Args:
@@ -58,7 +60,9 @@ def _setting(store: Store, quantity: Quantity) -> tuple[dict[str, float], float,
     return parameters, float(quantity.inputs["Omega"]), quantity.friction == "smooth"
 
 
-def _trajectory(store: Store, asked: Sequence[Quantity], options: dict[str, Any]) -> dict[str, float]:
+def _trajectory(
+    store: Store, asked: Sequence[Quantity], options: dict[str, Any]
+) -> dict[str, float]:
     p, omega, smooth = _setting(store, asked[0])
 
     def rates(t: float, y: Any) -> list[float]:
@@ -151,7 +155,9 @@ def _cycle(store: Store, asked: Sequence[Quantity], options: dict[str, Any]) -> 
     }
 
 
-def answered(store: Store, prefixes: Iterable[str], method: str, tolerance: float, **options: Any) -> dict[str, str]:
+def answered(
+    store: Store, prefixes: Iterable[str], method: str, tolerance: float, **options: Any
+) -> dict[str, str]:
     """Return answers by id for trajectories and librating cycles whose ids start with a prefix.
 
     Args:

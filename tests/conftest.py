@@ -1,6 +1,7 @@
 """Profiles for the property tests: ``ci`` by default, ``full`` with HYPOTHESIS_PROFILE=full.
 
-``ci`` draws the same examples each time, so that a run can be repeated; ``full`` draws more, and fresh ones.
+``ci`` draws the same examples each time, so that a run can be repeated; ``full`` draws more, and
+fresh ones.
 """
 
 from __future__ import annotations
@@ -21,13 +22,20 @@ __all__ = ["pytest_addoption", "pytest_collection_modifyitems", "pytest_terminal
 
 # What was kept from earlier runs must not stand in for what a test computes.
 os.environ["TIPPEDISK_VERIFY_CACHE"] = "code"
-# Each worker has a core: threads for linear algebra would wait for those of the others. NumPy reads this as it loads.
+# Each worker has a core: threads for linear algebra would wait for those of the others. NumPy reads
+# this as it loads.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 # The first call of a test compiles; that is not a slow example.
 settings.register_profile(
-    "ci", max_examples=100, deadline=None, suppress_health_check=[HealthCheck.too_slow], derandomize=True
+    "ci",
+    max_examples=100,
+    deadline=None,
+    suppress_health_check=[HealthCheck.too_slow],
+    derandomize=True,
 )
-settings.register_profile("full", max_examples=500, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.register_profile(
+    "full", max_examples=500, deadline=None, suppress_health_check=[HealthCheck.too_slow]
+)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "ci"))
 
 

@@ -21,7 +21,9 @@ _LONGEST = 120  # s; a process that is not ready by then hangs
 
 def changed_package(folder: Path, module: str, old: str, new: str) -> Path:
     """Make a folder for PYTHONPATH with which one module has other code."""
-    shutil.copytree(PACKAGE, folder / "tippedisk_verify", ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copytree(
+        PACKAGE, folder / "tippedisk_verify", ignore=shutil.ignore_patterns("__pycache__")
+    )
     path = folder / "tippedisk_verify" / module
     text = path.read_text()
     assert text.count(old) == 1
@@ -30,7 +32,11 @@ def changed_package(folder: Path, module: str, old: str, new: str) -> Path:
 
 
 def surroundings(path: Path | None) -> dict[str, str]:
-    return {**os.environ, "OPENBLAS_NUM_THREADS": "1", **({} if path is None else {"PYTHONPATH": str(path)})}
+    return {
+        **os.environ,
+        "OPENBLAS_NUM_THREADS": "1",
+        **({} if path is None else {"PYTHONPATH": str(path)}),
+    }
 
 
 @contextmanager
@@ -44,7 +50,9 @@ def scheduler(folder: Path) -> Iterator[tuple[subprocess.Popen[bytes], str]]:
 
 
 @contextmanager
-def worker(host: str, folder: Path, path: Path | None = None, threads: int = 1) -> Iterator[subprocess.Popen[bytes]]:
+def worker(
+    host: str, folder: Path, path: Path | None = None, threads: int = 1
+) -> Iterator[subprocess.Popen[bytes]]:
     """Start a worker in one process, and wait until the scheduler knows it."""
     before = len(workers(host))
     options = [f"tcp://{host}", "--no-nanny", "--no-dashboard", "--nthreads", str(threads)]
@@ -70,7 +78,9 @@ def _process(
 ) -> Iterator[subprocess.Popen[bytes]]:
     command = [sys.executable, "-m", f"distributed.cli.{name}", "--host", "127.0.0.1", *options]
     with open(folder / f"{name}.log", "ab") as log:
-        process = subprocess.Popen(command, stdout=log, stderr=log, env=surroundings(path), cwd=folder)
+        process = subprocess.Popen(
+            command, stdout=log, stderr=log, env=surroundings(path), cwd=folder
+        )
     try:
         yield process
     finally:

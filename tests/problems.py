@@ -16,7 +16,8 @@ from tippedisk_verify.model.exact import Exact, exact, quotient
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import NAMED_SETS, Parameters
 
-#: Speeds below, between and above the two critical ones, for the three sets that describe the paper's disk [rad/s].
+#: Speeds below, between and above the two critical ones, for the three sets that describe the
+#: paper's disk [rad/s].
 SPEEDS = ("29.9", "30.2", "30.4", "30.8", "31.4")
 #: The paper's two initial states.
 STARTS: tuple[tuple[Exact, Exact, Exact], ...] = (
@@ -29,12 +30,16 @@ SETS = tuple(NAMED_SETS.values())
 def decimals(low: str, high: str, places: int = 6) -> st.SearchStrategy[Fraction]:
     """Decimals with that many places between two bounds."""
     unit = 10**places
-    return st.integers(int(Fraction(low) * unit), int(Fraction(high) * unit)).map(lambda n: Fraction(n, unit))
+    return st.integers(int(Fraction(low) * unit), int(Fraction(high) * unit)).map(
+        lambda n: Fraction(n, unit)
+    )
 
 
 @st.composite
 def physical_parameters(draw: st.DrawFn) -> Parameters:
-    """Any tippedisk that can exist: random lengths, mass, inertias with B <= A, and friction over two decades."""
+    """Any tippedisk that can exist: random lengths, mass, inertias with B <= A, and friction
+    over two decades.
+    """
     r = draw(decimals("0.005", "0.5"))
     e = r * draw(decimals("0.01", "0.9"))
     m = draw(decimals("0.01", "10"))
@@ -43,15 +48,20 @@ def physical_parameters(draw: st.DrawFn) -> Parameters:
     mu = draw(decimals("0.02", "2"))
     epsilon = draw(decimals("0.01", "1"))
     try:
-        return Parameters(r=r, e=e, m=m, A=A, B=B, g=draw(decimals("1", "20")), mu=mu, epsilon=epsilon)
-    except InputError as fault:  # pragma: no cover - the construction above satisfies every condition
+        return Parameters(
+            r=r, e=e, m=m, A=A, B=B, g=draw(decimals("1", "20")), mu=mu, epsilon=epsilon
+        )
+    # Pragma: no cover - the construction above satisfies every condition
+    except InputError as fault:
         raise AssertionError(fault) from fault
 
 
 def held(values: Iterable[Any], truths: Iterable[Any], widths: Iterable[Any]) -> bool:
     """Whether each half-width holds the truth."""
     numbers = (numpy.ravel(part) for part in (values, truths, widths))
-    return all(Measured.of(value, width).holds(truth) for value, truth, width in zip(*numbers, strict=True))
+    return all(
+        Measured.of(value, width).holds(truth) for value, truth, width in zip(*numbers, strict=True)
+    )
 
 
 #: States well inside the domain.
@@ -59,7 +69,9 @@ states = st.tuples(decimals("0.3", "2.8"), decimals("-7", "7"), decimals("-10", 
 
 
 class PaperTerms(NamedTuple):
-    """The quantities of Eq. 3DOF by the tests' own transcription of the paper, sums as tuples of their terms."""
+    """The quantities of Eq. 3DOF by the tests' own transcription of the paper, sums as tuples
+    of their terms.
+    """
 
     mass: tuple[Any, ...]
     gyroscopic: tuple[Any, ...]
@@ -69,7 +81,8 @@ class PaperTerms(NamedTuple):
 
 
 def paper_terms(parameters: Parameters, omega: Any, state: Sequence[Any]) -> PaperTerms:
-    """The paper's quantities at a state, under the disk's friction law, in the precision mpmath is set to.
+    """The paper's quantities at a state, under the disk's friction law, in the precision mpmath is
+    set to.
 
     The state may be complex.
     """

@@ -1,6 +1,8 @@
-"""A call of every public function with its result as text to the last bit, and the states that a caller may have set.
+"""A call of every public function with its result as text to the last bit, and the states that a
+caller may have set.
 
-As a program it prints the results of the quick calls as JSON, for an interpreter with other settings.
+As a program it prints the results of the quick calls as JSON, for an interpreter with other
+settings.
 """
 
 from __future__ import annotations
@@ -35,7 +37,8 @@ from tippedisk_verify.cycles.branch import Branch
 from tippedisk_verify.cycles.limit_cycle import Cycle
 from tippedisk_verify.motion.basin_boundary import BasinBoundary
 
-import_module("rich.style")  # it draws from Python's generator as it is loaded, for a call that takes long
+# It draws from Python's generator as it is loaded, for a call that takes long
+import_module("rich.style")
 ID, START = "table1/linear/hopf/point/period", ("pi/2", "pi/2 + 0.4", 0)
 #: The classes whose public methods and properties are called, beside the package's functions.
 CLASSES = (
@@ -52,7 +55,9 @@ def public() -> Iterator[str]:
     kinds = (property, cached_property, classmethod, staticmethod)
     for kind in CLASSES:
         for name, member in vars(kind).items():
-            if (name[0] != "_" or name == "__call__") and (inspect.isfunction(member) or isinstance(member, kinds)):
+            if (name[0] != "_" or name == "__call__") and (
+                inspect.isfunction(member) or isinstance(member, kinds)
+            ):
                 yield f"{kind.__name__}.{name}"
 
 
@@ -110,18 +115,25 @@ COMMANDS = (
     "reference show table1/linear/hopf/point/period",
     "nothing",
 )
-#: A call of each, by its name. What a result can be asked is asked of a new one, so that nothing was computed before.
+#: A call of each, by its name. What a result can be asked is asked of a new one, so that nothing
+#: was computed before.
 CALLS: dict[str, Callable[[], Any]] = {
     "analyse_slow_manifold": lambda: tv.analyse_slow_manifold(DISK, "30.4", 2),
     "balanced_cycle": lambda: tv.balanced_cycle(DISK, "30.4"),
     "basins": lambda: tv.basins(DISK, "30.4", count=30, duration=5),
     "bisect_omega_h": lambda: tv.bisect_omega_h(DISK, tv.Taylor(), confirm=False),
     "bits": lambda: tv.bits(100),
-    "compare": lambda: [tv.compare(ID, answer) for answer in (0.88, "0.886", tv.Measured.of("8867/10000", 0))],
+    "compare": lambda: [
+        tv.compare(ID, answer) for answer in (0.88, "0.886", tv.Measured.of("8867/10000", 0))
+    ],
     "cycle_above": lambda: tv.cycle_above(DISK, "0.1", tv.Taylor()),
     "equilibrium": lambda: tv.equilibrium(DISK, "30.4", "noninverted", 40),
-    "exact": lambda: [tv.exact(value) for value in ("1/3", "pi/2 + 0.4", 0.1, "0." + "3" * 1000 + "/7")],
-    "grade": lambda: tv.grade({q.id: 1.001 * q.for_doubles for q in tv.references("table1/linear/hopf")}),
+    "exact": lambda: [
+        tv.exact(value) for value in ("1/3", "pi/2 + 0.4", 0.1, "0." + "3" * 1000 + "/7")
+    ],
+    "grade": lambda: tv.grade(
+        {q.id: 1.001 * q.for_doubles for q in tv.references("table1/linear/hopf")}
+    ),
     "heteroclinic": lambda: tv.heteroclinic(DISK, tv.Taylor()),
     "hopf_point": lambda: tv.hopf_point(DISK, 1000),
     "limit_cycle": lambda: tv.limit_cycle(DISK, "30.4", tv.Taylor()),
@@ -141,8 +153,15 @@ CALLS: dict[str, Callable[[], Any]] = {
     "Disk.heteroclinic": lambda: DISK.heteroclinic(),
     "Disk.hopf": lambda: DISK.hopf(),
     "Disk.integrate": lambda: [
-        disk.integrate("30.4", START, 3, events=("section", "surface"), digits=digits, engine=engine)
-        for disk, digits, engine in ((DISK, 12, None), (LAW, 12, None), (DISK, 20, None), (DISK, 12, tv.Baseline()))
+        disk.integrate(
+            "30.4", START, 3, events=("section", "surface"), digits=digits, engine=engine
+        )
+        for disk, digits, engine in (
+            (DISK, 12, None),
+            (LAW, 12, None),
+            (DISK, 20, None),
+            (DISK, 12, tv.Baseline()),
+        )
     ],
     "Disk.jacobian": lambda: DISK.jacobian("30.4")(0, [1.5, 1.6, 0]),
     "Disk.limit_cycle": lambda: [
@@ -151,7 +170,9 @@ CALLS: dict[str, Callable[[], Any]] = {
         DISK.limit_cycle(below_crit="1e-9"),
     ],
     "Disk.near_heteroclinic": lambda: DISK.near_heteroclinic(["1e-3", "1e-7"]),
-    "Disk.omega_crit": lambda: f"{DISK.omega_crit:.30g} {DISK.omega_crit} {DISK.omega_crit.uncertainty:.3g}",
+    "Disk.omega_crit": lambda: (
+        f"{DISK.omega_crit:.30g} {DISK.omega_crit} {DISK.omega_crit.uncertainty:.3g}"
+    ),
     "Disk.read": lambda: _written(DISK).to_dict(),
     "Disk.rhs": lambda: DISK.rhs("30.4")(0, [1e-310, 1.6, 1e-310]),
     "Disk.rotating_branch": lambda: DISK.rotating_branch(["30.04"]),
@@ -172,7 +193,9 @@ CALLS: dict[str, Callable[[], Any]] = {
     "Solution.message": lambda: DISK.integrate("30.4", START, 1).message,
     "Solution.success": lambda: DISK.integrate("30.4", START, 1).success,
     "Solution.t_events": lambda: DISK.integrate("30.4", START, 2, events="turn").t_events,
-    "Solution.to_dict": lambda: DISK.integrate("30.4", START, 2, variations=("state", "omega")).to_dict(),
+    "Solution.to_dict": lambda: DISK.integrate(
+        "30.4", START, 2, variations=("state", "omega")
+    ).to_dict(),
     "Solution.y_events": lambda: DISK.integrate("30.4", START, 2, events="turn").y_events,
     "Cycle.monodromy": lambda: DISK.limit_cycle("30.4").monodromy,
     "Cycle.multipliers": lambda: DISK.limit_cycle("30.4").multipliers,
@@ -184,7 +207,8 @@ CALLS: dict[str, Callable[[], Any]] = {
     "Branch.to_dict": lambda: DISK.branch(["30.4"]).to_dict(),
     "Heteroclinic.orbit": lambda: DISK.heteroclinic().orbit(20),
     "race": lambda: [
-        one.error for one in tv.race({}, problems=["transient"], against=["taylor"], progress=False).scores
+        one.error
+        for one in tv.race({}, problems=["transient"], against=["taylor"], progress=False).scores
     ],
     "Heteroclinic.samples": lambda: DISK.heteroclinic().samples(20),
     "BasinBoundary.margin": lambda: DISK.basin_boundary("31.4").margin((1.5, 1, 0)),
@@ -195,7 +219,10 @@ CALLS: dict[str, Callable[[], Any]] = {
     "Measured.holds": lambda: tv.Measured.of(1, "0.1").holds("1.05"),
     "Measured.is_measured": lambda: tv.Measured.of(1, "0.1").is_measured,
     "Measured.without_half_width": lambda: str(tv.Measured.without_half_width("1/3", 20)),
-    "Measured.of": lambda: [tv.Measured.of("2.5", "1e-9") ** 0.5, np.sqrt(tv.Measured.of("2.5", "1e-9"))],
+    "Measured.of": lambda: [
+        tv.Measured.of("2.5", "1e-9") ** 0.5,
+        np.sqrt(tv.Measured.of("2.5", "1e-9")),
+    ],
     "Measured.to_dict": lambda: tv.Measured.of("1/3", "1e-9").to_dict(),
     "Taylor.builds": lambda: tv.Taylor().builds,
     "Taylor.measures_error": lambda: tv.Taylor().measures_error,
@@ -203,9 +230,13 @@ CALLS: dict[str, Callable[[], Any]] = {
     "Baseline.builds": lambda: tv.Baseline().builds,
     "Baseline.measures_error": lambda: tv.Baseline().measures_error,
     "Baseline.name": lambda: tv.Baseline().name,
-    "Taylor.__call__": lambda: tv.Taylor()(tv.Request(DISK, "30.4", START, 1, error_estimate=True)).state,
+    "Taylor.__call__": lambda: (
+        tv.Taylor()(tv.Request(DISK, "30.4", START, 1, error_estimate=True)).state
+    ),
     "Baseline.__call__": lambda: tv.Baseline()(tv.Request(DISK, "30.4", START, 1)).state,
-    "BatchTaylor.__call__": lambda: tv.BatchTaylor(1)(_CONSTANTS, [30.4], [[1.5, 1.6, 0.0]], [1.0], divergence=True),
+    "BatchTaylor.__call__": lambda: tv.BatchTaylor(1)(
+        _CONSTANTS, [30.4], [[1.5, 1.6, 0.0]], [1.0], divergence=True
+    ),
     **{line: partial(command, line) for line in COMMANDS},
 }
 
@@ -258,7 +289,10 @@ LONG = (
 )
 
 
-COMPUTING = tuple(f"tippedisk_verify.{name}." for name in ("model", "theory", "flow", "cycles", "connection", "proofs"))
+COMPUTING = tuple(
+    f"tippedisk_verify.{name}."
+    for name in ("model", "theory", "flow", "cycles", "connection", "proofs")
+)
 
 
 def computed(name: str) -> str:
@@ -272,7 +306,7 @@ def computed(name: str) -> str:
     return as_text(CALLS[name]())
 
 
-# ------------------------------------------------------------------------------------------------ what a caller may set
+# ---------------------------------------------------------------------------- what a caller may set
 _SIGNALS = (
     *(decimal.Inexact, decimal.Rounded, decimal.Subnormal, decimal.Clamped, decimal.FloatOperation),
     *(decimal.InvalidOperation, decimal.DivisionByZero, decimal.Overflow, decimal.Underflow),
@@ -280,7 +314,9 @@ _SIGNALS = (
 
 
 def _decimals(traps: Sequence[Any]) -> Any:
-    small = decimal.Context(3, decimal.ROUND_UP, Emin=-5, Emax=5, capitals=0, clamp=1, flags=[], traps=list(traps))
+    small = decimal.Context(
+        3, decimal.ROUND_UP, Emin=-5, Emax=5, capitals=0, clamp=1, flags=[], traps=list(traps)
+    )
     return decimal.localcontext(small)
 
 
@@ -344,7 +380,13 @@ STATES: dict[str, Callable[[], Any]] = {
     "decimals that trap nothing": lambda: _decimals(()),
     "mpmath": _mpmath,
     "gmpy2": lambda: gmpy2.context(
-        precision=5, round=gmpy2.RoundUp, emax=9, emin=-9, trap_inexact=True, trap_underflow=True, trap_invalid=True
+        precision=5,
+        round=gmpy2.RoundUp,
+        emax=9,
+        emin=-9,
+        trap_inexact=True,
+        trap_underflow=True,
+        trap_invalid=True,
     ),
     "python-flint": _flint,
     "short integers": _short_integers,
@@ -359,7 +401,12 @@ def snapshot() -> str:
     decimals = repr(decimal.getcontext())
     wide = mpmath.mp.prec, mpmath.mp.pretty, mpmath.iv.prec, gmpy2.get_context()
     balls = flint.ctx.prec, flint.ctx.pretty, flint.ctx.unicode
-    python_s = sys.get_int_max_str_digits(), warnings.filters, locale.setlocale(locale.LC_ALL), random.getstate()
+    python_s = (
+        sys.get_int_max_str_digits(),
+        warnings.filters,
+        locale.setlocale(locale.LC_ALL),
+        random.getstate(),
+    )
     return repr((numpy_s, decimals, wide, balls, python_s))
 
 

@@ -84,7 +84,11 @@ def test_only_old_files_of_the_cache_are_removed(tmp_path: Path) -> None:
         os.utime(path, (long_ago, long_ago))
     assert cache.get(KEY) == VALUE  # used now, so no longer old
     cache.tidy()
-    assert {path.name for path in tmp_path.iterdir()} == {f"{KEY}.json", f"{'cd' * 32}.json", "notes.txt"}
+    assert {path.name for path in tmp_path.iterdir()} == {
+        f"{KEY}.json",
+        f"{'cd' * 32}.json",
+        "notes.txt",
+    }
 
 
 def test_the_folder_of_the_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -95,7 +99,9 @@ def test_the_folder_of_the_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
         ("code", None, tmp_path / "own" / "tippedisk-verify"),
         (None, *[tmp_path / "own" / "tippedisk-verify"] * 2),
     ):
-        monkeypatch.delenv(VARIABLE, raising=False) if chosen is None else monkeypatch.setenv(VARIABLE, chosen)
+        monkeypatch.delenv(VARIABLE, raising=False) if chosen is None else monkeypatch.setenv(
+            VARIABLE, chosen
+        )
         assert (default_folder(), code_folder()) == (results, code)
     monkeypatch.setenv("XDG_CACHE_HOME", "relative/folder")
     assert default_folder() == Path.home() / ".cache" / "tippedisk-verify"

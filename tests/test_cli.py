@@ -10,9 +10,7 @@ import pytest
 
 from tippedisk_verify.cli import main
 
-GOOD = (
-    'r = "0.045"\ne = "0.0025"\nm = "0.435"\nA = "0.249e-3"\nB = "0.227e-3"\ng = "9.81"\nmu = "0.3"\nepsilon = "0.1"\n'
-)
+GOOD = 'r = "0.045"\ne = "0.0025"\nm = "0.435"\nA = "0.249e-3"\nB = "0.227e-3"\ng = "9.81"\nmu = "0.3"\nepsilon = "0.1"\n'
 
 
 def test_scene_writes_whole_files(tmp_path: Path, capsys) -> None:
@@ -35,7 +33,17 @@ def test_scene_writes_whole_files(tmp_path: Path, capsys) -> None:
 
 
 def test_integrate_prints_and_writes_a_motion(tmp_path: Path, capsys) -> None:
-    asked = ["integrate", "--omega", "30.4", "--state", "pi/2,pi/2+0.4,0", "--time", "1,2", "--events", "section,turn"]
+    asked = [
+        "integrate",
+        "--omega",
+        "30.4",
+        "--state",
+        "pi/2,pi/2+0.4,0",
+        "--time",
+        "1,2",
+        "--events",
+        "section,turn",
+    ]
     for name in ("motion.csv", "motion.png"):
         assert main([*asked, "--times", "5", "--out", str(tmp_path / name), "--json"]) == 0
         found = json.loads(capsys.readouterr().out)
@@ -43,7 +51,10 @@ def test_integrate_prints_and_writes_a_motion(tmp_path: Path, capsys) -> None:
     assert [record["name"] for record in found["events"]] == ["turn", "section", "turn", "section"]
     assert {"t", "beta", "gamma", "v"} <= set(found["events"][0])
     header, first, *_ = (tmp_path / "motion.csv").read_text().splitlines()
-    assert header == "t,beta,gamma,v,beta_uncertainty,gamma_uncertainty,v_uncertainty,event,t_uncertainty"
+    assert (
+        header
+        == "t,beta,gamma,v,beta_uncertainty,gamma_uncertainty,v_uncertainty,event,t_uncertainty"
+    )
     assert (first[:17], first[-2:]) == ("1,1.5707963267948", ",,")
     rows = list(csv.DictReader((tmp_path / "motion.csv").read_text().splitlines()))
     assert [row["event"] for row in rows] == [""] * 5 + ["turn", "section", "turn", "section"]
@@ -53,7 +64,13 @@ def test_integrate_prints_and_writes_a_motion(tmp_path: Path, capsys) -> None:
     assert main([*asked, "--times", str(tmp_path / "times")]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert [line.split(",")[0] for line in lines[-2:]] == ["  t 1", "  t 1.5"]
-    for wrong in ("--times 1", "--times nowhere", "--events flat", "--out x.txt", "--state 3.2,2,0"):
+    for wrong in (
+        "--times 1",
+        "--times nowhere",
+        "--events flat",
+        "--out x.txt",
+        "--state 3.2,2,0",
+    ):
         assert main([*asked, *wrong.split()]) == 2
         assert capsys.readouterr().err.count("\n") == 1
 
@@ -67,7 +84,9 @@ def test_integrate_prints_and_writes_a_motion(tmp_path: Path, capsys) -> None:
         ("conformance grade names.csv", "it has 'name', 'value'"),
     ],
 )
-def test_a_refusal_names_what_is_wrong(asked: str, word: str, tmp_path: Path, monkeypatch, capsys) -> None:
+def test_a_refusal_names_what_is_wrong(
+    asked: str, word: str, tmp_path: Path, monkeypatch, capsys
+) -> None:
     monkeypatch.chdir(tmp_path)
     Path("names.csv").write_text("name,value\n1,2\n")
     assert main(asked.split()) == 2

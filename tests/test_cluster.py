@@ -26,7 +26,11 @@ _HOPF = ["sweep", "hopf", "--over", "g=9.7:9.9:41", "--quiet"]
 def host(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     """Start a scheduler and two workers with four threads each."""
     folder = tmp_path_factory.mktemp("cluster")
-    with scheduler(folder) as (_, found), worker(found, folder, threads=4), worker(found, folder, threads=4):
+    with (
+        scheduler(folder) as (_, found),
+        worker(found, folder, threads=4),
+        worker(found, folder, threads=4),
+    ):
         yield found
 
 
@@ -72,7 +76,8 @@ def test_two_workers_with_four_threads_give_the_serial_bytes(host: str, tmp_path
 
 # ------------------------------------------------------------------------------------ what is lost
 @pytest.mark.parametrize(
-    ("executor", "number"), [("serial", signal.SIGKILL), ("local", signal.SIGKILL), ("dask", signal.SIGINT)]
+    ("executor", "number"),
+    [("serial", signal.SIGKILL), ("local", signal.SIGKILL), ("dask", signal.SIGINT)],
 )
 def test_a_second_run_computes_missing_points(
     executor: str, number: int, host: str, sweep: _Sweep, tmp_path: Path
@@ -109,25 +114,42 @@ def _fails(sweep: _Sweep, host: str, status: int, capfd: pytest.CaptureFixture[s
 
 
 def test_a_lost_scheduler_is_one_line(
-    sweep: _Sweep, tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    sweep: _Sweep,
+    tmp_path: Path,
+    capfd: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    with scheduler(tmp_path) as (process, host), worker(host, tmp_path), monkeypatch.context() as patch:
+    with (
+        scheduler(tmp_path) as (process, host),
+        worker(host, tmp_path),
+        monkeypatch.context() as patch,
+    ):
         after_rows(patch, 5, process.kill)
         output = _fails(sweep, host, 1, capfd)
     kept = sweep.kept()
     assert kept >= 5
-    assert f"its scheduler is gone, or was started anew; {kept} of 41 points are kept: run again to go on" in output
+    assert (
+        f"its scheduler is gone, or was started anew; {kept} of 41 points are kept: run again to "
+        f"go on" in output
+    )
     sweep.ends_well("serial")
 
 
 # ------------------------------------------------------------------------------------- who answers
 def test_no_row_comes_from_a_worker_of_other_code(
-    sweep: _Sweep, tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    sweep: _Sweep,
+    tmp_path: Path,
+    capfd: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Replace the only worker in mid-run by one of other code."""
     change = ("sweep/plan.py", '    row["status"] = "ok"', '    row["status"] = "old"')
     path = changed_package(tmp_path / "other", *change)
-    with scheduler(tmp_path) as (_, host), worker(host, tmp_path) as good, monkeypatch.context() as patch:
+    with (
+        scheduler(tmp_path) as (_, host),
+        worker(host, tmp_path) as good,
+        monkeypatch.context() as patch,
+    ):
         stranger = worker(host, tmp_path, path)
 
         def replace() -> None:
@@ -147,7 +169,11 @@ def test_no_row_comes_from_a_worker_of_other_code(
 
 @pytest.mark.parametrize("who", ["silent", "worker"])
 def test_a_port_without_a_scheduler(
-    who: str, host: str, sweep: _Sweep, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    who: str,
+    host: str,
+    sweep: _Sweep,
+    capfd: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:  # accepts, and never says a word
         silent = f"127.0.0.1:{server.getsockname()[1]}"

@@ -86,12 +86,18 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return the folder of the examples, with a user's files: answers, old and new."""
     here = tmp_path_factory.mktemp("examples")
     for name in ("answers.csv", "old.csv", "new.csv"):
-        (here / name).write_text("id,answer\nprinted/linear/hopf/point/omega_crit,30.886592688643568\n")
+        (here / name).write_text(
+            "id,answer\nprinted/linear/hopf/point/omega_crit,30.886592688643568\n"
+        )
     return here
 
 
-@pytest.mark.parametrize("example", [example for examples in EXAMPLES.values() for example in examples])
-def test_an_example_of_the_help_runs(example: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(
+    "example", [example for examples in EXAMPLES.values() for example in examples]
+)
+def test_an_example_of_the_help_runs(
+    example: str, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(folder)
     if example.startswith(LONG):
         parsed(shlex.split(example))
@@ -119,7 +125,9 @@ def test_help_is_whole_sentences_in_80_columns() -> None:
 
 def test_the_help_of_bench_names_its_problems() -> None:
     (listed,) = re.findall(r"--only PROBLEM (.*?)\.", " ".join(_help("bench").split()))
-    assert re.findall(r"[\w-]+", listed.partition(":")[2].replace(" or ", " ")) == [one.name for one in PROBLEMS]
+    assert re.findall(r"[\w-]+", listed.partition(":")[2].replace(" or ", " ")) == [
+        one.name for one in PROBLEMS
+    ]
 
 
 def test_the_duration_of_verify_is_the_same_everywhere() -> None:
@@ -132,10 +140,13 @@ def test_the_duration_of_verify_is_the_same_everywhere() -> None:
     assert [re.findall(durations, " ".join(text.split())) for text in texts] == [["a minute"]] * 3
 
 
-def test_verify_prints_the_verdict_of_an_equation_and_of_a_number(capsys: pytest.CaptureFixture[str]) -> None:
+def test_verify_prints_the_verdict_of_an_equation_and_of_a_number(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     assert main(["verify", "--only", "eq.28,14"]) == 0
     assert capsys.readouterr().out.startswith(
-        "eq. (28) has no verdict of its own; eq. (39), which is derived from it, does not follow (term), by the claim "
+        "eq. (28) has no verdict of its own; eq. (39), which is derived from it, does not follow "
+        "(term), by the claim "
         "kappa_2\neq. (14): holds, by the claim linearization\n"
     )
     assert main(["verify", "--only", "omega_crit"]) == 0
@@ -167,11 +178,23 @@ def test_units_are_those_of_the_reference_data() -> None:
     compared = set()
     for quantity in stored().values():
         name = quantity.id.rsplit("/", 1)[-1]
-        # What the commands print has the meaning of these kinds; "beta@0.5" and the like have no name here.
-        if quantity.kind in ("hopf", "limit-cycle", "heteroclinic") and results.heading(name) != name:
+        # What the commands print has the meaning of these kinds; "beta@0.5" and the like have no
+        # name here.
+        if (
+            quantity.kind in ("hopf", "limit-cycle", "heteroclinic")
+            and results.heading(name) != name
+        ):
             assert results.heading(name) == f"{name} [{quantity.unit}]"
             compared.add(name)
-    assert {"omega_crit", "period", "gamma_bar_0", "v_0", "beta_max", "omega_h", "dperiod_domega"} <= compared
+    assert {
+        "omega_crit",
+        "period",
+        "gamma_bar_0",
+        "v_0",
+        "beta_max",
+        "omega_h",
+        "dperiod_domega",
+    } <= compared
     assert results.heading("multiplier_slow") == "multiplier_slow"
 
 

@@ -21,7 +21,7 @@ START = ("pi/2", "pi/2 + 0.4", 0)
 LAWS = ("linear", "smooth")
 
 
-# ---------------------------------------------------------------------------------------------- the disk itself
+# ---------------------------------------------------------------------------------- the disk itself
 def test_a_disk_is_its_parameters_with_the_friction_law() -> None:
     disk, smooth = tv.Disk("table1"), tv.Disk("table1", friction="smooth")
     assert disk == tv.PRINTED
@@ -30,8 +30,22 @@ def test_a_disk_is_its_parameters_with_the_friction_law() -> None:
     assert smooth.with_friction("linear") == disk
     assert smooth.changed(mu="0.4").friction == "smooth"
     assert pickle.loads(pickle.dumps(smooth)) == smooth
-    mine = tv.Disk(r="0.045", e="0.0025", m="0.435", A="0.249e-3", B="0.227e-3", g="9.81", mu="0.3", epsilon="0.1")
-    assert (mine == disk, hash(mine) == hash(disk), mine.C, mine.name) == (True, True, None, "custom")
+    mine = tv.Disk(
+        r="0.045",
+        e="0.0025",
+        m="0.435",
+        A="0.249e-3",
+        B="0.227e-3",
+        g="9.81",
+        mu="0.3",
+        epsilon="0.1",
+    )
+    assert (mine == disk, hash(mine) == hash(disk), mine.C, mine.name) == (
+        True,
+        True,
+        None,
+        "custom",
+    )
 
 
 def test_a_named_disk_with_another_number_is_no_longer_the_named_one() -> None:
@@ -44,7 +58,11 @@ def test_a_named_disk_with_another_number_is_no_longer_the_named_one() -> None:
 
 def test_a_text_for_a_list_is_one_number_or_refused() -> None:
     disk = tv.Disk("table1")
-    assert [*disk.branch("30.4").omega] == [float(cycle.omega) for cycle in disk.rotating_branch("30.4")] == [30.4]
+    assert (
+        [*disk.branch("30.4").omega]
+        == [float(cycle.omega) for cycle in disk.rotating_branch("30.4")]
+        == [30.4]
+    )
     for ask in (
         lambda: disk.branch("30.4,30.5"),
         lambda: disk.integrate("30.4", "123", 1),
@@ -66,7 +84,10 @@ def test_a_text_for_a_list_is_one_number_or_refused() -> None:
             "one of omega, below_crit, above_het and below_het",
         ),
         (lambda: tv.Disk("table1").rhs("30.4")(0, (1.5, 1.6)), "three entries"),
-        (lambda: tv.Disk("table1").certify.limit_cycle(tv.Disk("table1").heteroclinic().omega_h), "from Omega_h"),
+        (
+            lambda: tv.Disk("table1").certify.limit_cycle(tv.Disk("table1").heteroclinic().omega_h),
+            "from Omega_h",
+        ),
         (lambda: tv.Disk("table1").heteroclinic(engine="taylor"), r"Taylor\(\) or Baseline\(\)"),
         (lambda: tv.Disk("table1").branch([]), "1 to"),
     ],
@@ -77,7 +98,7 @@ def test_invalid_arguments_give_one_line(make, word) -> None:
     assert "\n" not in str(fault.value)
 
 
-# ---------------------------------------------------------------------------------------------- motion
+# ------------------------------------------------------------------------------------------- motion
 @pytest.mark.parametrize("friction", LAWS)
 def test_a_solution_agrees_with_scipys(friction) -> None:
     """Compare times, shape and numbers with `solve_ivp`'s on the same equations."""
@@ -97,7 +118,8 @@ def test_a_solution_agrees_with_scipys(friction) -> None:
     assert mine.success
     assert mine.t.tolist() == theirs.t.tolist()
     assert mine.y.shape == mine.uncertainty.shape == theirs.y.shape
-    assert abs(mine.y - theirs.y).max() < 1e-8  # DOP853's error at this tolerance, where the smooth law's field bends
+    # DOP853's error at this tolerance, where the smooth law's field bends
+    assert abs(mine.y - theirs.y).max() < 1e-8
     assert (mine.uncertainty < 1e-11).all()
     assert abs(mine(times[3]) - mine.y[:, 3]).max() < 1e-12
     assert mine(times[:4]).shape == (3, 4)
@@ -153,7 +175,8 @@ def test_times_are_exact(span) -> None:
     early = disk.integrate("30.4", START, end - start, t_eval=[share, end - start], digits=20)
     late = disk.integrate("30.4", START, span, t_eval=[start + share, span[1]], digits=20)
     known = late.uncertainty
-    assert (late.y * 2.0 - 1.0).dtype == object  # NumPy works with more digits than it has types for
+    # NumPy works with more digits than it has types for
+    assert (late.y * 2.0 - 1.0).dtype == object
     assert (abs((late.y - early.y).astype(float)) <= known + early.uncertainty).all()
     assert (abs((late([start + share, end]) - late.y).astype(float)) <= known).all()
     assert late(float(start)).shape == late(late.end.time).shape == (3,)
@@ -186,20 +209,27 @@ def test_the_equations_serve_other_solvers(friction) -> None:
     disk = tv.Disk("table1", friction=friction)
     rhs, jac = pickle.loads(pickle.dumps((disk.rhs("30.4"), disk.jacobian("30.4"))))
     start = [math.pi / 2, math.pi / 2 + 0.4, 0.0]
-    theirs = solve_ivp(rhs, (0, 2), start, "Radau", jac=jac, rtol=1e-9, atol=1e-9, vectorized=True)  # of a step
+    # Of a step
+    theirs = solve_ivp(rhs, (0, 2), start, "Radau", jac=jac, rtol=1e-9, atol=1e-9, vectorized=True)
     mine = disk.integrate("30.4", START, (0, 2), t_eval=theirs.t)
-    assert abs(mine.y - theirs.y).max() < 1e-6  # a thousand tolerances: some hundred steps, whose errors grow
+    # A thousand tolerances: some hundred steps, whose errors grow
+    assert abs(mine.y - theirs.y).max() < 1e-6
     assert rhs(0.0, mine.y).shape == mine.y.shape
     assert rhs(0.0, mine.y)[:, 7].tolist() == rhs(1.0, mine.y[:, 7]).tolist()
     assert jac(0.0, mine.y).shape == (3, *mine.y.shape)
     step = 1e-6
-    moved = (rhs(0, (start + step * numpy.eye(3)).T) - rhs(0, (start - step * numpy.eye(3)).T)) / (2 * step)
-    assert numpy.allclose(jac(0, start), moved, rtol=1e-5, atol=1e-3)  # rates of 1e4: their rounding over the step
+    moved = (rhs(0, (start + step * numpy.eye(3)).T) - rhs(0, (start - step * numpy.eye(3)).T)) / (
+        2 * step
+    )
+    # Rates of 1e4: their rounding over the step
+    assert numpy.allclose(jac(0, start), moved, rtol=1e-5, atol=1e-3)
 
 
 def test_one_event_or_time_needs_no_list_and_others_are_refused() -> None:
     disk = tv.Disk("table1")
-    assert disk.integrate("30.4", START, 1, t_eval="0.5", events="section", variations="omega").y.shape == (3, 1)
+    assert disk.integrate(
+        "30.4", START, 1, t_eval="0.5", events="section", variations="omega"
+    ).y.shape == (3, 1)
     assert disk.integrate("30.4", START, 1, events=None).events == ()
     for wrong in (len, "section,turn", ["turn", 1]):
         with pytest.raises(tv.InputError, match="not one of section, turn, surface"):
@@ -211,7 +241,7 @@ def test_keywords_of_solve_ivp_are_explained() -> None:
         tv.Disk("table1").integrate("30.4", START, 1, rtol=1e-9)
 
 
-# ---------------------------------------------------------------------------------------------- limit cycles
+# ------------------------------------------------------------------------------------- limit cycles
 @pytest.mark.parametrize("friction", LAWS)
 def test_an_orbit_closes_and_follows_the_equations(friction) -> None:
     """Integrate by SciPy from a quarter of the way.
@@ -244,7 +274,8 @@ def test_a_speed_next_to_omega_h_is_accepted_as_a_speed() -> None:
     sharp = disk.heteroclinic(digits=40).omega_h
     for way, sign in (("above_het", 1), ("below_het", -1)):
         distance = sign * (disk.speed(**{way: "1e-20"}) - sharp.value)  # type: ignore[arg-type]
-        assert abs(distance - Fraction("1e-20")) < Fraction("1e-32") + sharp.uncertainty  # twelve digits of it
+        # Twelve digits of it
+        assert abs(distance - Fraction("1e-20")) < Fraction("1e-32") + sharp.uncertainty
 
 
 def test_a_half_width_is_formatted_so_that_it_holds() -> None:
@@ -284,7 +315,11 @@ def test_results_without_half_widths_say_so_and_are_those_with_them() -> None:
             assert abs(bare.value - measured.value) < abs(measured.value) / 10 ** (digits - 1)
             assert (bare.is_measured, measured.is_measured) == (False, True)
             assert str(bare).endswith(" (no half-width)")
-            assert bare.to_dict()["uncertainty"] == (2 * bare + 1).to_dict()["uncertainty"] == "infinite"
+            assert (
+                bare.to_dict()["uncertainty"]
+                == (2 * bare + 1).to_dict()["uncertainty"]
+                == "infinite"
+            )
             with pytest.raises(tv.AccuracyError):
                 assert bare > 0
     cycle = disk.limit_cycle("30.4", half_widths=False)

@@ -26,12 +26,19 @@ SAYS = {
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "path",
-    [pytest.param(path, marks=pytest.mark.slow if path.stem == "scenario_picture" else ()) for path in EXAMPLES],
+    [
+        pytest.param(path, marks=pytest.mark.slow if path.stem == "scenario_picture" else ())
+        for path in EXAMPLES
+    ],
     ids=lambda path: path.stem,
 )
 def test_an_example_runs(path: Path, tmp_path: Path) -> None:
     run = subprocess.run(
-        [sys.executable, "-W", "error", path], cwd=tmp_path, capture_output=True, text=True, check=False
+        [sys.executable, "-W", "error", path],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
     )
     assert run.returncode == 0, run.stderr
     assert run.stderr == ""
@@ -46,7 +53,11 @@ def test_the_commands_of_the_scenario_print_its_numbers(capsys: pytest.CaptureFi
     from tippedisk_verify.cli import main
 
     page = (ROOT / "docs" / "scenario.md").read_text(encoding="utf-8")
-    rows = [cells for line in page.splitlines() if len(cells := line.split("|")) == 6 and "`" in cells[4]]
+    rows = [
+        cells
+        for line in page.splitlines()
+        if len(cells := line.split("|")) == 6 and "`" in cells[4]
+    ]
     for speed, *shown, command in ([cell.strip() for cell in cells[1:5]] for cells in rows):
         assert main(shlex.split(command.strip("`"))) == 0
         printed = capsys.readouterr().out

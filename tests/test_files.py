@@ -57,16 +57,23 @@ def test_a_file_that_cannot_be_written_is_refused_with_the_reason(
     Path("file").touch()
     assert main([*command.split(), out]) == 2
     message = capsys.readouterr().err
-    assert message.endswith(f"cannot be written: {says}\n") or (f"cannot be written: {says} but" in message)
+    assert message.endswith(f"cannot be written: {says}\n") or (
+        f"cannot be written: {says} but" in message
+    )
     assert not Path(out).is_file()
 
 
 @pytest.mark.parametrize(
     ("out", "says"),
-    [("/dev/full", "No space left on device"), ("/dev/null", "it is not a regular file"), ("file", "it is a file")],
+    [
+        ("/dev/full", "No space left on device"),
+        ("/dev/null", "it is not a regular file"),
+        ("file", "it is a file"),
+    ],
 )
 @pytest.mark.parametrize(
-    "command", ["verify --only chi", "bench --only cycle", "scene a", "basin --omega 30.4 --count 3"]
+    "command",
+    ["verify --only chi", "bench --only cycle", "scene a", "basin --omega 30.4 --count 3"],
 )
 def test_a_folder_that_cannot_be_written_is_refused_with_the_reason(
     command: str,
@@ -93,7 +100,9 @@ def test_special_files_are_refused(tmp_path: Path) -> None:
     assert pipe.is_fifo()
 
 
-def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_failed_write_leaves_the_old_file_and_nothing_else(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     path = tmp_path / "data"
     path.write_text("old")
 
@@ -111,12 +120,18 @@ def test_no_terminal_code_is_printed() -> None:
     assert printable("a\x1b[31m\nb\ud800é") == "a?[31m?b?é"
 
 
-# ------------------------------------------------------------------------------------------ one at a time
-def test_a_lock_that_is_held_and_a_file_system_without_locks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+# ------------------------------------------------------------------------------------ one at a time
+def test_a_lock_that_is_held_and_a_file_system_without_locks(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Distinguish two cases: waiting for another run helps only in the first."""
     fcntl = pytest.importorskip("fcntl")
     lock = tmp_path / "lock"
-    with alone(lock, "another run"), pytest.raises(InputError, match="another run"), alone(lock, "another run"):
+    with (
+        alone(lock, "another run"),
+        pytest.raises(InputError, match="another run"),
+        alone(lock, "another run"),
+    ):
         pass
     for number in (errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS, errno.EIO):
 
@@ -153,7 +168,9 @@ def test_a_second_run_into_one_place_is_refused_at_once(
         message = capsys.readouterr().err
         assert "another run is" in message
         assert message.count("\n") == 1
-        assert [path.name for path in (tmp_path / lock).parent.iterdir()] == [(tmp_path / lock).name]
+        assert [path.name for path in (tmp_path / lock).parent.iterdir()] == [
+            (tmp_path / lock).name
+        ]
     if not arguments.startswith("bench"):  # races for minutes
         assert main(command) == 0
         assert not (tmp_path / lock).exists()

@@ -40,14 +40,20 @@ def struck(tmp_path: Path) -> Struck:
         *[(f"{_SWEEP} --jobs 2", f"call {name} 1") for name in ("spawnv_passfds", "wait", "keep")],
     ],
 )
-def test_an_interruption_is_one_line(arguments: str, step: str, struck: Struck, tmp_path: Path) -> None:
+def test_an_interruption_is_one_line(
+    arguments: str, step: str, struck: Struck, tmp_path: Path
+) -> None:
     assert struck.at(step, arguments.format(folder=tmp_path).split())[::2] == (130, INTERRUPTED)
 
 
 def test_the_console_script_listens_as_early(tmp_path: Path) -> None:
-    project = tomllib.loads((Path(__file__).parents[1] / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    project = tomllib.loads(
+        (Path(__file__).parents[1] / "pyproject.toml").read_text(encoding="utf-8")
+    )["project"]
     module, _, function = project["scripts"]["tippedisk-verify"].partition(":")
-    struck = Struck(tmp_path, [sys.executable, "-c", f"from {module} import {function}; {function}()"])
+    struck = Struck(
+        tmp_path, [sys.executable, "-c", f"from {module} import {function}; {function}()"]
+    )
     assert struck.at("import click 1", ["--version"])[::2] == (130, INTERRUPTED)
 
 
@@ -71,8 +77,19 @@ def test_a_file_is_written_whole_first(step: str, struck: Struck, tmp_path: Path
 def test_a_terminal_gets_its_cursor_back(tmp_path: Path) -> None:
     """Interrupt once the live bar has hidden the cursor; its thread draws on until the end."""
     ours, theirs = os.openpty()
-    arguments = ["sweep", "hopf", "--over", "g=9.7:9.9:99999", "--executor", "serial", "--out", str(tmp_path / "a.csv")]
-    process = subprocess.Popen([*PROGRAM, *arguments], stderr=theirs, env={**os.environ, "TERM": "xterm"})
+    arguments = [
+        "sweep",
+        "hopf",
+        "--over",
+        "g=9.7:9.9:99999",
+        "--executor",
+        "serial",
+        "--out",
+        str(tmp_path / "a.csv"),
+    ]
+    process = subprocess.Popen(
+        [*PROGRAM, *arguments], stderr=theirs, env={**os.environ, "TERM": "xterm"}
+    )
     os.close(theirs)
     shown, hidden = bytearray(), False
     with suppress(OSError):  # which is how a terminal ends that nobody writes to any more
@@ -92,7 +109,9 @@ def test_a_file_that_has_the_number_of_standard_error_is_not_written_to(tmp_path
     out = tmp_path / "out"
     out.mkdir()
     struck = Struck(tmp_path / "hand", ["sh", "-c", 'exec "$@" 2>&-', "sh", *PROGRAM])
-    assert struck.at("call keep 3", f"{_SWEEP} --executor serial".format(folder=out).split())[0] == 130
+    assert (
+        struck.at("call keep 3", f"{_SWEEP} --executor serial".format(folder=out).split())[0] == 130
+    )
     journal = (out / ".a.csv.journal").read_text().splitlines()
     assert len([json.loads(line) for line in journal]) == 3
 
@@ -103,11 +122,18 @@ def test_the_package_leaves_signals_to_its_users() -> None:
         "import signal, sys\n"
         "mine = lambda *given: None\n"
         "signal.signal(signal.SIGINT, mine)\n"
-        "changed = []; signal.signal = signal.pthread_sigmask = lambda *given: changed.append(given)\n"
+        "changed = []; signal.signal = signal.pthread_sigmask = lambda *given: "
+        "changed.append(given)\n"
         "from tippedisk_verify.model.precision import heyoka_module; heyoka_module()\n"
         "from tippedisk_verify.cli import main\n"
         "assert main(['hopf', '--quiet']) == 0\n"
         "assert signal.getsignal(signal.SIGINT) is mine and not changed, changed\n"
     )
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=LONGEST, check=False)
+    done = subprocess.run(
+        [sys.executable, "-c", program],
+        capture_output=True,
+        text=True,
+        timeout=LONGEST,
+        check=False,
+    )
     assert (done.returncode, done.stderr) == (0, "")

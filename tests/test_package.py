@@ -17,7 +17,10 @@ import tippedisk_verify as tv
     ("command", "heavy"),
     [
         (None, {"heyoka", "scipy", "matplotlib", "mpmath", "numpy", "rich"}),
-        (["verify", "--only", "omega_crit", "--json", "--quiet"], {"heyoka", "scipy", "matplotlib"}),
+        (
+            ["verify", "--only", "omega_crit", "--json", "--quiet"],
+            {"heyoka", "scipy", "matplotlib"},
+        ),
         (["scene", "d", "--json", "--quiet"], {"matplotlib"}),
     ],
     ids=["import", "closed form", "scene without a folder"],
@@ -38,9 +41,13 @@ def test_without_heyoka_its_users_give_one_line() -> None:
         "assert main(['hopf', '--quiet']) == 0\n"
         "sys.exit(main(['heteroclinic', '--quiet', '--method', 'bisection']))"
     )
-    run = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    run = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=False
+    )
     assert run.returncode == 1
-    assert run.stderr.startswith("tippedisk-verify: a library is missing, or there is no memory for it: heyoka")
+    assert run.stderr.startswith(
+        "tippedisk-verify: a library is missing, or there is no memory for it: heyoka"
+    )
     assert "Linux" in run.stderr
     assert run.stderr.count("\n") == 1
 
@@ -57,7 +64,11 @@ def test_public_names_exist() -> None:
 def test_the_examples_of_docstrings_run(name: str) -> None:
     module = import_module(f"tippedisk_verify{name}")
     finder, runner = doctest.DocTestFinder(), doctest.DocTestRunner()
-    classes = (item for item in vars(module).values() if isinstance(item, type) and item.__module__ == module.__name__)
+    classes = (
+        item
+        for item in vars(module).values()
+        if isinstance(item, type) and item.__module__ == module.__name__
+    )
     # None is found in a wrapper.
     methods = (inspect.unwrap(member) for kind in classes for member in vars(kind).values())
     for item in (module, *filter(inspect.isfunction, methods)):

@@ -28,7 +28,15 @@ def commands(page: str) -> list[str]:
     They stand in code between backticks, or on indented lines.
     """
     code = [*re.findall(r"`([^`\n]+)`", page), *re.findall(r"^ {4}(.+)$", page, re.MULTILINE)]
-    return [command for line in code for command in re.findall(r"tippedisk-verify ((?:(?! &&| >| \|).)+)", line)]
+    return [
+        command
+        for line in code
+        for command in re.findall(
+            r"tippedisk-verify ((?:(?! &&| >| "
+            r"\|).)+)",
+            line,
+        )
+    ]
 
 
 ROWS = commands("\n".join(line for line in README.splitlines() if line.startswith("| ")))
@@ -46,7 +54,10 @@ def test_the_lines_of_python_print_their_comments() -> None:
     Three dots stand for further digits.
     """
     (shown,) = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
-    assert shown == (ROOT / "examples" / "from_python.py").read_text(encoding="utf-8").partition("\n\n")[2]
+    assert (
+        shown
+        == (ROOT / "examples" / "from_python.py").read_text(encoding="utf-8").partition("\n\n")[2]
+    )
     lines = [line for line in shown.splitlines() if line]
     assert len(lines) == 10
     names: dict[str, object] = {}
@@ -71,7 +82,12 @@ def test_the_disk_file_of_the_readme_is_table_1(tmp_path: Path) -> None:
 def test_continuous_integration_runs_the_readmes_test_command() -> None:
     (command,) = re.findall(r"^    python3 -m venv \.venv && (.*pytest)$", README, re.MULTILINE)
     install, test = command.replace(".venv/bin/", "").split(" && ")
-    script = (ROOT / ".ci" / "run").read_text(encoding="utf-8").replace('"$work/venv/bin/', "").replace('"', "")
+    script = (
+        (ROOT / ".ci" / "run")
+        .read_text(encoding="utf-8")
+        .replace('"$work/venv/bin/', "")
+        .replace('"', "")
+    )
     assert test in script
     assert install.replace("[test]", "[test,docs]") in script
     assert "run: .ci/run" in (ROOT / ".github" / "workflows" / "ci.yml").read_text(encoding="utf-8")
@@ -88,7 +104,10 @@ def test_every_command_of_a_page_is_valid(path: Path) -> None:
 
 
 def test_every_command_has_its_place_on_the_page_of_commands() -> None:
-    shown = {command.split()[0] for command in commands((ROOT / "docs" / "commands.md").read_text(encoding="utf-8"))}
+    shown = {
+        command.split()[0]
+        for command in commands((ROOT / "docs" / "commands.md").read_text(encoding="utf-8"))
+    }
     assert shown == {*cli.list_commands(click.Context(cli)), "COMMAND"}
 
 
@@ -100,10 +119,17 @@ def test_links_lead_to_files(path: Path) -> None:
 
 def test_every_public_name_of_python_has_an_example() -> None:
     """Check for a cell that runs as the site is built, for a disk's methods as well."""
-    pages = [path.read_text(encoding="utf-8") for path in (ROOT / "docs" / "reference").glob("python*.md")]
+    pages = [
+        path.read_text(encoding="utf-8")
+        for path in (ROOT / "docs" / "reference").glob("python*.md")
+    ]
     cells = "\n".join(re.findall(r"```\{code-cell\}\n(.*?)```", "\n".join(pages), re.DOTALL))
     assert {name for name in tv.__all__ if not re.search(rf"\btv\.{name}\b", cells)} == set()
-    methods = {name for name, value in vars(tv.Disk).items() if not name.startswith("_") and value is not None}
+    methods = {
+        name
+        for name, value in vars(tv.Disk).items()
+        if not name.startswith("_") and value is not None
+    }
     assert {name for name in methods if not re.search(rf"\.{name}\b", cells)} == set()
 
 
@@ -115,9 +141,13 @@ def test_the_numbers_of_the_first_page() -> None:
     from tippedisk_verify.theory.harmonic_balance import chi
 
     rows = {
-        cells[1].split()[0].rstrip(","): cells[3:5] for line in INDEX.splitlines() if len(cells := line.split("|")) == 6
+        cells[1].split()[0].rstrip(","): cells[3:5]
+        for line in INDEX.splitlines()
+        if len(cells := line.split("|")) == 6
     }
-    for place, (parameters, set_name) in enumerate(((tv.PRINTED, "printed"), (tv.CALIBRATED, "calibrated"))):
+    for place, (parameters, set_name) in enumerate(
+        ((tv.PRINTED, "printed"), (tv.CALIBRATED, "calibrated"))
+    ):
         truths = {
             "Omega_crit": tv.omega_crit(parameters, 25),
             "T_crit": tv.period_crit(parameters, 25),
@@ -135,6 +165,10 @@ def test_the_version_is_the_same_everywhere() -> None:
     assert re.findall(r"^## (\d+\.\d+\.\d+) ", changes, re.MULTILINE)[0] == tv.__version__
     citation = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
     assert f"\nversion: {tv.__version__}\n" in citation
-    assert json.loads((ROOT / ".zenodo.json").read_text(encoding="utf-8"))["version"] == tv.__version__
+    assert (
+        json.loads((ROOT / ".zenodo.json").read_text(encoding="utf-8"))["version"] == tv.__version__
+    )
     released = re.findall(r"^date-released: (\S+)$", citation, re.MULTILINE)
-    assert released == re.findall(rf"^## {re.escape(tv.__version__)} \((\S+)\)$", changes, re.MULTILINE)
+    assert released == re.findall(
+        rf"^## {re.escape(tv.__version__)} \((\S+)\)$", changes, re.MULTILINE
+    )

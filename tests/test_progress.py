@@ -20,7 +20,9 @@ _CALLS = {
     "basins": lambda wanted: tv.Disk("table1").basins("30.4", count=50, progress=wanted),
     "branch": lambda wanted: tv.Disk("table1").branch("30.4", progress=wanted),
     "grade": lambda wanted: tv.grade({"table1/linear/hopf/point/period": 1.0}, progress=wanted),
-    "stress": lambda wanted: main(["stress", "--only", "epsilon 1, linear", *["--quiet"] * (wanted is False)]),
+    "stress": lambda wanted: main(
+        ["stress", "--only", "epsilon 1, linear", *["--quiet"] * (wanted is False)]
+    ),
 }
 
 

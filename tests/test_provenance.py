@@ -37,7 +37,11 @@ def test_a_fingerprint_changes_with_everything_behind_a_result(
     module = tmp_path / "room" / "module.py"
     module.write_text("x = 1\n")
     monkeypatch.setattr(provenance, "_ROOT", tmp_path)
-    found = [fingerprint({"digits": 12}), fingerprint({"digits": 13}), fingerprint({"digits": 12}, DRAWING)]
+    found = [
+        fingerprint({"digits": 12}),
+        fingerprint({"digits": 13}),
+        fingerprint({"digits": 12}, DRAWING),
+    ]
     assert fingerprint({"digits": 12}) == found[0]
     module.write_text("x = 2\n")
     assert fingerprint({"digits": 12}) == found[0]  # what runs was read before

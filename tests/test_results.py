@@ -35,7 +35,9 @@ RESULTS = {
     "omega_crit": lambda: DISK.omega_crit,
     "equilibrium": lambda: DISK.equilibrium("inverted", DISK.omega_crit - 0.5),
     "hopf": lambda: DISK.hopf(digits=50),
-    "solution": lambda: DISK.integrate(DISK.omega_crit - 0.5, START, DISK.hopf().period, events=(LEVEL,)),
+    "solution": lambda: DISK.integrate(
+        DISK.omega_crit - 0.5, START, DISK.hopf().period, events=(LEVEL,)
+    ),
     "basins": lambda: DISK.basins("30.4", count=20, duration=5.0),
     "limit cycle": lambda: DISK.limit_cycle(DISK.omega_crit - 0.5),
     "rotating cycle": lambda: DISK.rotating_cycle("30.5", stable=False),
@@ -43,7 +45,9 @@ RESULTS = {
     "connection": lambda: DISK.heteroclinic(method="bisection"),
     "reference": lambda: tv.reference(CRIT),
     "grade": lambda: tv.compare(CRIT, DISK.omega_crit),
-    "report": lambda: tv.grade({q.id: 1.001 * q.for_doubles for q in tv.references("table1/linear/hopf")}),
+    "report": lambda: tv.grade(
+        {q.id: 1.001 * q.for_doubles for q in tv.references("table1/linear/hopf")}
+    ),
     "one harmonic": lambda: tv.one_harmonic(DISK, "30.4"),
     "balanced cycle": lambda: tv.balanced_cycle(DISK, "30.4"),
     "slow manifold": lambda: tv.analyse_slow_manifold(DISK, "30.4", 1),
@@ -64,7 +68,9 @@ def test_a_repr_is_cut_only_where_that_saves_more_than_a_line(count: int) -> Non
         assert (len(lines), lines[-1]) == (10, f"  and {count - 9} more lines: print shows them")
 
 
-@pytest.mark.parametrize("disk", [DISK, tv.Disk("geometry", friction="smooth"), tv.Disk("table1", mu="0.4", C=None)])
+@pytest.mark.parametrize(
+    "disk", [DISK, tv.Disk("geometry", friction="smooth"), tv.Disk("table1", mu="0.4", C=None)]
+)
 def test_the_repr_of_a_disk_is_whole(disk: tv.Disk) -> None:
     assert repr(disk) == str(disk)
     assert disk.name in repr(disk)

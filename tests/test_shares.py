@@ -24,15 +24,21 @@ def test_quick(): ...
 
 
 @given(st.dictionaries(st.text(), st.floats(0.01, 100)), st.integers(1, 12), st.randoms())
-def test_every_study_has_one_share_in_any_order(minutes: dict[str, float], count: int, random) -> None:
+def test_every_study_has_one_share_in_any_order(
+    minutes: dict[str, float], count: int, random
+) -> None:
     found = shares(minutes, count)
     assert set(found) == set(minutes)
     assert set(found.values()) <= set(range(1, count + 1))
     names = list(minutes)
     random.shuffle(names)
     assert shares({name: minutes[name] for name in names}, count) == found
-    loads = [sum(minutes[name] for name in minutes if found[name] == share) for share in range(1, count + 1)]
-    # The share that got the last study of the longest one had least before it; what sums round off is far less.
+    loads = [
+        sum(minutes[name] for name in minutes if found[name] == share)
+        for share in range(1, count + 1)
+    ]
+    # The share that got the last study of the longest one had least before it; what sums round off
+    # is far less.
     assert max(loads) - min(loads) <= max(minutes.values(), default=0) * (1 + 1e-9)
 
 
@@ -42,7 +48,9 @@ def test_the_option_runs_one_share(pytester: pytest.Pytester) -> None:
     pytester.makepyfile(_STUDIES)
     found = []
     for share in ("1/3", "2,3/3"):
-        done = pytester.runpytest_inprocess("-n", "0", "--collect-only", "-q", "-m", "slow", "--slow-share", share)
+        done = pytester.runpytest_inprocess(
+            "-n", "0", "--collect-only", "-q", "-m", "slow", "--slow-share", share
+        )
         found += [line for line in done.outlines if "::" in line]
     assert len(found) == len(set(found)) == 21
 

@@ -26,7 +26,9 @@ def test_every_public_function_is_called() -> None:
 
 
 @pytest.mark.parametrize("state", STATES)
-def test_a_state_of_the_caller_neither_changes_a_result_nor_is_changed(state: str, plain: dict[str, str]) -> None:
+def test_a_state_of_the_caller_neither_changes_a_result_nor_is_changed(
+    state: str, plain: dict[str, str]
+) -> None:
     with STATES[state]():
         before = snapshot()
         found = {name: computed(name) for name in QUICK}
@@ -37,7 +39,11 @@ def test_a_state_of_the_caller_neither_changes_a_result_nor_is_changed(state: st
 
 @pytest.mark.parametrize(
     "name",
-    [pytest.param(name, marks=[pytest.mark.slow(minutes=0.5)] * (name in SLOW)) for name in CALLS if name in LONG],
+    [
+        pytest.param(name, marks=[pytest.mark.slow(minutes=0.5)] * (name in SLOW))
+        for name in CALLS
+        if name in LONG
+    ],
 )
 def test_all_states_together_change_no_result(name: str) -> None:
     """Make the plain call first: some libraries add warning filters when they are loaded."""
@@ -56,8 +62,16 @@ def test_settings_of_the_interpreter_change_no_result(plain: dict[str, str]) -> 
 
     They are a narrow window, other threads and other hashes.
     """
-    settings = {"COLUMNS": "20", "LC_ALL": "C", "PYTHONHASHSEED": "7", "OMP_NUM_THREADS": "3", "PYTHONOPTIMIZE": "2"}
+    settings = {
+        "COLUMNS": "20",
+        "LC_ALL": "C",
+        "PYTHONHASHSEED": "7",
+        "OMP_NUM_THREADS": "3",
+        "PYTHONOPTIMIZE": "2",
+    }
     run = [sys.executable, "-bb", "-W", "error", "-m", "tests.surroundings"]
-    done = subprocess.run(run, env=os.environ | settings, capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        run, env=os.environ | settings, capture_output=True, text=True, check=False
+    )
     assert done.returncode == 0, done.stderr[-2000:]
     assert json.loads(done.stdout) == plain

@@ -68,7 +68,10 @@ def test_ranges_are_exact() -> None:
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        *((f"hopf --over g={values}", "a range ") for values in ("1:2", "1:2:x", "1:2:1", "1:pi:3")),
+        *(
+            (f"hopf --over g={values}", "a range ")
+            for values in ("1:2", "1:2:x", "1:2:1", "1:pi:3")
+        ),
         ("hopf --over g=b", "'b'"),
         ("orbit --over mu=0.3", "either omega"),
         ("hopf --over omega=30", "cannot be swept over"),
@@ -77,7 +80,11 @@ def test_ranges_are_exact() -> None:
     ],
 )
 def test_invalid_sweeps_are_refused(
-    arguments: str, says: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    arguments: str,
+    says: str,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.chdir(tmp_path)
     assert main(["sweep", "--out", "a.csv", *arguments.split()]) == 2
@@ -87,7 +94,9 @@ def test_invalid_sweeps_are_refused(
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize(("analysis", "name", "value"), [("orbit", "omega", "31.5"), ("hopf", "e", "0.9")])
+@pytest.mark.parametrize(
+    ("analysis", "name", "value"), [("orbit", "omega", "31.5"), ("hopf", "e", "0.9")]
+)
 def test_a_point_without_numbers_has_a_reason(analysis: str, name: str, value: str) -> None:
     row = computed(analysis, PRINTED, 12, {name: value})
     assert list(row) == [name, "status"]
@@ -99,13 +108,23 @@ def test_a_point_without_numbers_has_a_reason(analysis: str, name: str, value: s
     [
         ("orbit", {"omega": "91/3"}, {"stable": "true"}),
         ("orbit", {"below-crit": "0.5"}, {"stable": "true"}),
-        ("equilibria", {"omega": "91/3", "mu": "0.2"}, {"inverted_stable": "false", "noninverted_stable": "false"}),
+        (
+            "equilibria",
+            {"omega": "91/3", "mu": "0.2"},
+            {"inverted_stable": "false", "noninverted_stable": "false"},
+        ),
         ("hopf", {"e": "1/400", "m": "0.4", "g": "9.8"}, {"criticality": "supercritical"}),
         ("heteroclinic", {"epsilon": "0.1"}, {}),
-        ("trajectory", {"omega": "91/3", "beta": "pi/2", "v": "2", "duration": "1/3"}, {"ended": "reached"}),
+        (
+            "trajectory",
+            {"omega": "91/3", "beta": "pi/2", "v": "2", "duration": "1/3"},
+            {"ended": "reached"},
+        ),
     ],
 )
-def test_a_row_holds_its_inputs_and_its_results(analysis: str, point: dict[str, str], found: dict[str, str]) -> None:
+def test_a_row_holds_its_inputs_and_its_results(
+    analysis: str, point: dict[str, str], found: dict[str, str]
+) -> None:
     row = computed(analysis, PRINTED, 12, point)
     expected = {**point, "status": "ok", **found}
     assert {name: row[name] for name in expected} == expected
@@ -115,17 +134,39 @@ def test_a_row_holds_its_inputs_and_its_results(analysis: str, point: dict[str, 
 
 
 # ------------------------------------------------------------------------------------------ tables
-def test_a_table_in_the_order_of_the_points(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_table_in_the_order_of_the_points(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     parquet = pytest.importorskip("pyarrow.parquet")
-    arguments = ["sweep", "hopf", "--over", "e=0.001:0.003:3", "--over", "g=9.7,9.81", "--digits", "25", "--json"]
+    arguments = [
+        "sweep",
+        "hopf",
+        "--over",
+        "e=0.001:0.003:3",
+        "--over",
+        "g=9.7,9.81",
+        "--digits",
+        "25",
+        "--json",
+    ]
     for name, executor in (("a.csv", "serial"), ("b.csv", "local"), ("a.parquet", "serial")):
-        assert main([*arguments, "--executor", executor, "--jobs", "2", "--out", str(tmp_path / name)]) == 0
+        assert (
+            main([*arguments, "--executor", executor, "--jobs", "2", "--out", str(tmp_path / name)])
+            == 0
+        )
         assert json.loads(capsys.readouterr().out)["points"] == 6
     rows = _rows(tmp_path / "a.csv")
-    assert [(row["e"], row["g"]) for row in rows][:3] == [("0.001", "9.7"), ("0.001", "9.81"), ("0.002", "9.7")]
+    assert [(row["e"], row["g"]) for row in rows][:3] == [
+        ("0.001", "9.7"),
+        ("0.001", "9.81"),
+        ("0.002", "9.7"),
+    ]
     for row in rows:
         found = omega_crit(PRINTED.changed(e=Fraction(row["e"]), g=Fraction(row["g"])), 60)
-        assert abs(Fraction(row["omega_crit"]) - found.value) <= Fraction(row["omega_crit_uncertainty"]) * 2
+        assert (
+            abs(Fraction(row["omega_crit"]) - found.value)
+            <= Fraction(row["omega_crit_uncertainty"]) * 2
+        )
     assert (tmp_path / "b.csv").read_bytes() == (tmp_path / "a.csv").read_bytes()
     assert parquet.read_table(tmp_path / "a.parquet").to_pylist() == rows
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.csv", "a.parquet", "b.csv"]
@@ -148,10 +189,16 @@ def interrupted(tmp_path: Path) -> tuple[Path, bytes, bytes]:
     assert _swept(tmp_path / "whole.csv") == list(range(10))
     lines = [running._line(n, row) for n, row in enumerate(_rows(tmp_path / "whole.csv")[:4])]
     (tmp_path / ".a.csv.journal").write_bytes(running._head(_TEN) + b"".join(lines))
-    return tmp_path / "a.csv", (tmp_path / ".a.csv.journal").read_bytes(), (tmp_path / "whole.csv").read_bytes()
+    return (
+        tmp_path / "a.csv",
+        (tmp_path / ".a.csv.journal").read_bytes(),
+        (tmp_path / "whole.csv").read_bytes(),
+    )
 
 
-def test_a_journal_is_continued_up_to_its_last_whole_line(interrupted: tuple[Path, bytes, bytes]) -> None:
+def test_a_journal_is_continued_up_to_its_last_whole_line(
+    interrupted: tuple[Path, bytes, bytes],
+) -> None:
     """Check a last line without its end, left by a kill, and a line that has changed."""
     out, content, whole = interrupted
     lines = content.splitlines(keepends=True)
@@ -183,7 +230,11 @@ def test_a_journal_of_another_run_is_refused_and_kept(
 ) -> None:
     out, content, whole = interrupted
     with monkeypatch.context() as patch:
-        patch.setattr(running, what, lambda *given: "another" if what == "code_version" else b'{"plan": "another"}\n')
+        patch.setattr(
+            running,
+            what,
+            lambda *given: "another" if what == "code_version" else b'{"plan": "another"}\n',
+        )
         with pytest.raises(InputError, match=words):
             _swept(out)
     assert out.with_name(".a.csv.journal").read_bytes() == content
@@ -195,7 +246,9 @@ def test_a_journal_of_another_run_is_refused_and_kept(
 _HOPF = ["sweep", "hopf", "--over", "g=9.7:9.9:41", "--quiet", "--jobs", "2"]
 
 
-def test_a_process_that_is_killed_changes_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_process_that_is_killed_changes_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     assert main([*_HOPF, "--executor", "serial", "--out", str(tmp_path / "serial.csv")]) == 0
     monkeypatch.setattr(running, "_MOST_AHEAD", 4)
     after_rows(monkeypatch, 5, lambda: active_children()[0].kill())

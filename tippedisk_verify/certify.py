@@ -57,8 +57,10 @@ class Certifier:
 
     disk: Disk
 
-    # ---------------------------------------------------------------------------------------- closed forms
-    def equilibrium(self, name: EquilibriumName, omega: object, *, digits: int = 12) -> ProvedEquilibrium:
+    # --------------------------------------------------------------------------------- closed forms
+    def equilibrium(
+        self, name: EquilibriumName, omega: object, *, digits: int = 12
+    ) -> ProvedEquilibrium:
         """Prove the eigenvalues and the stability of an equilibrium under both friction laws.
 
         Args:
@@ -106,7 +108,7 @@ class Certifier:
         self.disk.refuse_smooth("the Hopf point's normal form is")
         return proved_hopf(self.disk, digits)
 
-    # ---------------------------------------------------------------------------------------- single cycles
+    # -------------------------------------------------------------------------------- single cycles
     def limit_cycle(
         self,
         omega: object,
@@ -135,7 +137,13 @@ class Certifier:
             InputError: The speed lies next to Omega_h and no guess is given; `beside_omega_h`
                 proves those cycles.
         """
-        from tippedisk_verify.proofs.search.cycle import HALF, TURN, OrbitProof, OrbitStatus, prove_cycle
+        from tippedisk_verify.proofs.search.cycle import (
+            HALF,
+            TURN,
+            OrbitProof,
+            OrbitStatus,
+            prove_cycle,
+        )
 
         section, speed = TURN if rotating else HALF, self.disk.speed(omega)
         try:
@@ -154,7 +162,9 @@ class Certifier:
         from tippedisk_verify.flow import default_engine
 
         with suppress(NoConnectionError):
-            if (away := abs(speed - locator(self.disk, default_engine()).omega_h)) < _LEAST_DISTANCE:
+            if (
+                away := abs(speed - locator(self.disk, default_engine()).omega_h)
+            ) < _LEAST_DISTANCE:
                 raise InputError(
                     f"{float(speed):.12g} rad/s lies {float(away):.2g} from Omega_h, and single"
                     f" cycles are proved from {float(_LEAST_DISTANCE):g} on: `certify heteroclinic"
@@ -166,7 +176,9 @@ class Certifier:
         cycle = self.disk.limit_cycle(speed, stable=stable)
         return cycle.gamma_bar_0.value, cycle.v_0.value
 
-    def fold(self, number: int | None = None, *, rotating: bool = False, digits: int = 12) -> FoldProof:
+    def fold(
+        self, number: int | None = None, *, rotating: bool = False, digits: int = 12
+    ) -> FoldProof:
         """Prove a fold, where two cycles of the family meet and end.
 
         Args:
@@ -190,24 +202,33 @@ class Certifier:
         fault = "no fold of this disk's limit cycles about inverted spinning was found"
         try:
             finer = digits + 10
-            folds = (self.disk.rotation_fold(digits=finer),) if rotating else self.disk.folds(digits=finer)
+            folds = (
+                (self.disk.rotation_fold(digits=finer),)
+                if rotating
+                else self.disk.folds(digits=finer)
+            )
         except (NoSuchCycleError, NoConnectionError, AccuracyError) as error:
             fault = str(error)
         if not folds:
             return FoldProof(section, fault, self.disk, 0)
         speeds = ", ".join(f"{fold.omega:.10g}" for fold in folds)
         if number is None and len(folds) > 1:
-            raise InputError(f"this family has {len(folds)} folds, at {speeds} rad/s: choose one by its number")
+            raise InputError(
+                f"this family has {len(folds)} folds, at {speeds} rad/s: choose one by its number"
+            )
         if not 1 <= (number := number or 1) <= len(folds):
             raise InputError(
-                f"there is no fold {number}: this family has {len(folds)} fold{'s' if len(folds) > 1 else ''}"
+                f"there is no fold {number}: this family has {len(folds)} "
+                f"fold{'s' if len(folds) > 1 else ''}"
             )
         omega, first, second, _ = names(section)
         near = [getattr(folds[number - 1], name).value for name in (first, second, omega)]
         return prove_fold(self.disk, near, digits=digits, section=section)
 
-    # ---------------------------------------------------------------------------------------- Omega_h and the family
-    def heteroclinic(self, near: object = None, *, digits: int = 12, progress: bool | None = None) -> ProvedConnection:
+    # ----------------------------------------------------------------------- Omega_h and the family
+    def heteroclinic(
+        self, near: object = None, *, digits: int = 12, progress: bool | None = None
+    ) -> ProvedConnection:
         """Enclose Omega_h in an interval of length 10^-digits or less, and prove it unique there.
 
         Args:
@@ -233,14 +254,23 @@ class Certifier:
         with progress_of(2, progress) as advance:
             try:
                 advance("an approximation", 0)
-                guess = self.disk.heteroclinic(digits=digits + 5).omega_h.value if near is None else near
+                guess = (
+                    self.disk.heteroclinic(digits=digits + 5).omega_h.value
+                    if near is None
+                    else near
+                )
                 advance("proof", 1)
                 return prove_connection(self.disk, guess, digits)
             except NoConnectionError as fault:
                 return ProvedConnection(ConnectionStatus.NO_SADDLE, where=str(fault))
 
     def beside_omega_h(
-        self, distance: object, near: object = None, *, digits: int = 12, progress: bool | None = None
+        self,
+        distance: object,
+        near: object = None,
+        *,
+        digits: int = 12,
+        progress: bool | None = None,
     ) -> ProvedEnd:
         """Prove the limit cycle of every speed up to a distance above Omega_h.
 
@@ -300,7 +330,9 @@ class Certifier:
         self.disk.refuse_smooth("the family of limit cycles is proved as one curve")
         wanted = None if until is None else _amplitude(until)
         count = 0
-        with progress_of(int(_BAR_STEPS_PER_RAD * (wanted or _LARGEST_AMPLITUDE)), progress) as advance:
+        with progress_of(
+            int(_BAR_STEPS_PER_RAD * (wanted or _LARGEST_AMPLITUDE)), progress
+        ) as advance:
 
             def watch(proved: Piece | ArcStatus, interval: Interval) -> None:
                 nonlocal count
@@ -308,7 +340,8 @@ class Certifier:
                     count += 1
                     advance(
                         f"arcs: {count}",
-                        int(_BAR_STEPS_PER_RAD * interval.high) - int(_BAR_STEPS_PER_RAD * interval.low),
+                        int(_BAR_STEPS_PER_RAD * interval.high)
+                        - int(_BAR_STEPS_PER_RAD * interval.low),
                     )
 
             def connected_at(digits: int) -> Fraction | None:
@@ -324,11 +357,21 @@ class Certifier:
                     raise AccuracyError(str(fault)) from None
                 if branch.missing:
                     raise AccuracyError(branch.missing[0].status)
-                numbers = [(c.gamma_bar_0, c.v_0, c.omega, c.period / 2) for c in found(branch.cycles)]
+                numbers = [
+                    (c.gamma_bar_0, c.v_0, c.omega, c.period / 2) for c in found(branch.cycles)
+                ]
                 return [tuple(number.value for number in cycle) for cycle in numbers]
 
             advance("arcs", 0)
-            proved = partial(prove_family, self.disk, connected_at, cycles_at, until=wanted, pool=workers, watch=watch)
+            proved = partial(
+                prove_family,
+                self.disk,
+                connected_at,
+                cycles_at,
+                until=wanted,
+                pool=workers,
+                watch=watch,
+            )
             return proved(stage=lambda name: advance(name, 0))
 
 
@@ -340,5 +383,8 @@ def _amplitude(value: object) -> Fraction:
     """
     number = exact(value)
     if number.pi_multiple or not 0 < number.rational < _LARGEST_AMPLITUDE:
-        raise InputError(f"an amplitude is a decimal between 0 and {float(_LARGEST_AMPLITUDE)} rad, not {shown(value)}")
+        raise InputError(
+            f"an amplitude is a decimal between 0 and {float(_LARGEST_AMPLITUDE)} "
+            f"rad, not {shown(value)}"
+        )
     return number.rational

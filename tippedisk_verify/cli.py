@@ -61,7 +61,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         0 for success, 1 for a check that failed, 2 for bad input, 130 for Ctrl-C.
     """
     try:
-        status = cli.main(args=None if arguments is None else list(arguments), standalone_mode=False)
+        status = cli.main(
+            args=None if arguments is None else list(arguments), standalone_mode=False
+        )
         if sys.stdout is not None:
             sys.stdout.flush()  # here, where a full disk can still be reported
     except click.exceptions.Exit as stop:
@@ -84,7 +86,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
         if not isinstance(fault, BrokenExecutor):
             raise
-        return _report_error("a process of the pool died, perhaps for lack of memory: try again with fewer --jobs", 1)
+        return _report_error(
+            "a process of the pool died, perhaps for lack of memory: try again with fewer --jobs", 1
+        )
     except BrokenPipeError:  # the reader of our output has closed it
         _discard_output()
         return 0
@@ -102,7 +106,8 @@ def entry() -> NoReturn:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper):
-            stream.reconfigure(errors="replace")  # a terminal or a locale that cannot show a character
+            # A terminal or a locale that cannot show a character
+            stream.reconfigure(errors="replace")
     sys.exit(main())
 
 
@@ -112,10 +117,13 @@ def _report_error(message: str, status: int) -> int:
     Output that could not be written to standard output is given up.
     """
     # Import nothing here: there may be no memory left for it.
-    line = "".join(character if character.isprintable() else "?" for character in " ".join(message.split()))
+    line = "".join(
+        character if character.isprintable() else "?" for character in " ".join(message.split())
+    )
     with suppress(OSError, ValueError):  # standard error, too, may lead to a full disk
         click.echo(
-            f"tippedisk-verify: {line if len(line) <= _MAX_LINE_LENGTH else line[: _MAX_LINE_LENGTH - 3] + '...'}",
+            f"tippedisk-verify: "
+            f"{line if len(line) <= _MAX_LINE_LENGTH else line[: _MAX_LINE_LENGTH - 3] + '...'}",
             err=True,
         )
     try:

@@ -15,7 +15,13 @@ from typing import TYPE_CHECKING, Any
 
 from tippedisk_verify.errors import AccuracyError, InputError, UnknownKeywordError
 from tippedisk_verify.model.decimals import decimal_magnitude
-from tippedisk_verify.model.equations import checked_speed, checked_speeds, field, jacobian, one_speed
+from tippedisk_verify.model.equations import (
+    checked_speed,
+    checked_speeds,
+    field,
+    jacobian,
+    one_speed,
+)
 from tippedisk_verify.model.exact import fraction, shown
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Friction, Parameters
@@ -67,7 +73,9 @@ class Disk(Parameters):
 
     __slots__ = ()
 
-    def __init__(self, named: str | None = None, *, friction: Friction | None = None, **values: Any) -> None:
+    def __init__(
+        self, named: str | None = None, *, friction: Friction | None = None, **values: Any
+    ) -> None:
         if named is not None:
             if not isinstance(named, str):
                 raise InputError(f"a disk is named by a text, not by {shown(named)}")
@@ -100,10 +108,12 @@ class Disk(Parameters):
         values = {item.name: getattr(known, item.name) for item in fields(known) if item.init}
         return cls(**values | {"friction": friction})
 
-    # ---------------------------------------------------------------------------------------- closed forms
+    # --------------------------------------------------------------------------------- closed forms
     @property
     def omega_crit(self) -> Measured:
-        """The critical speed Omega_crit [rad/s], where inverted spinning loses stability (Eq. approx_omega_crit)."""
+        """The critical speed Omega_crit [rad/s], where inverted spinning loses stability (Eq.
+        approx_omega_crit).
+        """
         from tippedisk_verify.theory.hopf import omega_crit
 
         return omega_crit(self)
@@ -138,11 +148,19 @@ class Disk(Parameters):
 
         one_speed(omega=omega, below_crit=below_crit, above_het=above_het, below_het=below_het)
         if above_het is None and below_het is None:
-            return checked_speed(omega) if below_crit is None else speed_below_crit(self, below_crit, digits).value
+            return (
+                checked_speed(omega)
+                if below_crit is None
+                else speed_below_crit(self, below_crit, digits).value
+            )
         distance = fraction(below_het if above_het is None else above_het)
         if distance <= 0:
-            raise InputError(f"a distance from Omega_h is a positive decimal, not {shown(distance)}")
-        omega_h = self.heteroclinic(digits=digits + 2 + max(0, -decimal_magnitude(distance))).omega_h.value
+            raise InputError(
+                f"a distance from Omega_h is a positive decimal, not {shown(distance)}"
+            )
+        omega_h = self.heteroclinic(
+            digits=digits + 2 + max(0, -decimal_magnitude(distance))
+        ).omega_h.value
         return omega_h - distance if above_het is None else omega_h + distance
 
     def equilibrium(self, name: EquilibriumName, omega: object, *, digits: int = 15) -> Equilibrium:
@@ -158,7 +176,9 @@ class Disk(Parameters):
         """
         from tippedisk_verify.theory.equilibria import equilibrium, kind_changes
 
-        return replace(equilibrium(self, omega, name, digits), kind_changes=kind_changes(self, name, digits))
+        return replace(
+            equilibrium(self, omega, name, digits), kind_changes=kind_changes(self, name, digits)
+        )
 
     def hopf(self, *, digits: int = 12) -> HopfPoint:
         """Return the Hopf point of inverted spinning with its normal form.
@@ -174,7 +194,12 @@ class Disk(Parameters):
         return hopf_point(self, digits)
 
     def slow_manifold(
-        self, order: int, omega: object = None, *, at: tuple[object, object] = ("1.2", "0.3"), digits: int = 12
+        self,
+        order: int,
+        omega: object = None,
+        *,
+        at: tuple[object, object] = ("1.2", "0.3"),
+        digits: int = 12,
     ) -> SlowManifold:
         """Return the orders h_0 ... h_N of the slow manifold at a point, and the series' accuracy.
 
@@ -193,7 +218,7 @@ class Disk(Parameters):
         speed = self.speed(below_crit="0.5", digits=digits) if omega is None else omega
         return analyse_slow_manifold(self, speed, order, digits, at=at)
 
-    # ---------------------------------------------------------------------------------------- motion
+    # --------------------------------------------------------------------------------------- motion
     def integrate(
         self,
         omega: object,
@@ -291,7 +316,9 @@ class Disk(Parameters):
 
         return OnArrays(jacobian, self, omega)
 
-    def basins(self, omega: object, *, count: int = 100_000, progress: bool | None = None, **options: Any) -> Basins:
+    def basins(
+        self, omega: object, *, count: int = 100_000, progress: bool | None = None, **options: Any
+    ) -> Basins:
         """Integrate a random sample of initial states and return where each of them ends.
 
         Args:
@@ -348,7 +375,7 @@ class Disk(Parameters):
             omega_h = self.heteroclinic(engine=engine).omega_h
         return compute(scene, self, engine, omega_h=omega_h)
 
-    # ---------------------------------------------------------------------------------------- limit cycles
+    # --------------------------------------------------------------------------------- limit cycles
     def limit_cycle(
         self,
         omega: object = None,
@@ -389,13 +416,25 @@ class Disk(Parameters):
         one_speed(omega=omega, below_crit=below_crit, above_het=above_het)
         if above_het is not None:
             if stable is not None:
-                raise InputError("above_het leads to the cycles next to Omega_h: choose with stable at a speed omega")
+                raise InputError(
+                    "above_het leads to the cycles next to Omega_h: choose with "
+                    "stable at a speed omega"
+                )
             return cycle_above(self, above_het, self._engine(engine), digits=digits)
         speed = self._speed(omega, below_crit, digits)
-        cycle = cycle_at(self, speed.value, self._engine(engine), digits=digits, stable=stable, half_widths=half_widths)
+        cycle = cycle_at(
+            self,
+            speed.value,
+            self._engine(engine),
+            digits=digits,
+            stable=stable,
+            half_widths=half_widths,
+        )
         return replace(cycle, omega=speed)
 
-    def harmonic_balance(self, omega: object, *, harmonics: int | None = None, digits: int = 12) -> BalancedCycle:
+    def harmonic_balance(
+        self, omega: object, *, harmonics: int | None = None, digits: int = 12
+    ) -> BalancedCycle:
         """Find the limit cycle by harmonic balance of the full equations, without an integrator.
 
         Args:
@@ -483,11 +522,18 @@ class Disk(Parameters):
             cycle = rotating_cycle(self, speed.value, self._engine(engine), **how)
             return replace(cycle, omega=speed)
         if not stable:
-            raise InputError("below_het leads to stable rotating cycles: give the unstable one's speed with omega")
+            raise InputError(
+                "below_het leads to stable rotating cycles: give the unstable one's "
+                "speed with omega"
+            )
         return rotating_below(self, below_het, self._engine(engine), digits=digits)
 
     def rotating_branch(
-        self, omegas: Sequence[object] | None = None, *, engine: Engine | None = None, progress: bool | None = None
+        self,
+        omegas: Sequence[object] | None = None,
+        *,
+        engine: Engine | None = None,
+        progress: bool | None = None,
     ) -> list[RotatingCycle | MissingCycle]:
         """Find the rotating cycles at several speeds.
 
@@ -506,7 +552,11 @@ class Disk(Parameters):
             InputError: A speed cannot be used.
             NoSuchCycleError: No speed has a cycle.
         """
-        from tippedisk_verify.cycles.branch import DEFAULT_ROTATIONS, not_all_missing, rotating_branch
+        from tippedisk_verify.cycles.branch import (
+            DEFAULT_ROTATIONS,
+            not_all_missing,
+            rotating_branch,
+        )
 
         speeds = omegas if omegas is None else checked_speeds(omegas)
         cycles = rotating_branch(self, self._engine(engine), speeds)
@@ -564,10 +614,22 @@ class Disk(Parameters):
             InputError: A speed cannot be used.
             NoSuchCycleError: No speed has a cycle; the error is that of the first speed.
         """
-        from tippedisk_verify.cycles.branch import DEFAULT_COUNT, PAPER_COUNT, Branch, family, not_all_missing
+        from tippedisk_verify.cycles.branch import (
+            DEFAULT_COUNT,
+            PAPER_COUNT,
+            Branch,
+            family,
+            not_all_missing,
+        )
 
         speeds = omegas if omegas is None else checked_speeds(omegas)
-        cycles = family(self, self._engine(engine), paper_sets=paper_sets, omegas=speeds, half_widths=half_widths)
+        cycles = family(
+            self,
+            self._engine(engine),
+            paper_sets=paper_sets,
+            omegas=speeds,
+            half_widths=half_widths,
+        )
         total = PAPER_COUNT if paper_sets else len(speeds or ()) or DEFAULT_COUNT
         return Branch.of(not_all_missing(watched(cycles, "limit cycles", total, progress)))
 
@@ -597,7 +659,9 @@ class Disk(Parameters):
         """
         from tippedisk_verify.cycles.omega_h import heteroclinic
 
-        return heteroclinic(self, self._engine(engine), digits=digits, method=method, half_widths=half_widths)
+        return heteroclinic(
+            self, self._engine(engine), digits=digits, method=method, half_widths=half_widths
+        )
 
     def near_heteroclinic(
         self,
@@ -606,11 +670,12 @@ class Disk(Parameters):
         answers: Sequence[Sequence[object]] | None = None,
         engine: Engine | None = None,
     ) -> NearHeteroclinic:
-        """The accuracy study next to Omega_h: T, its law with corrections, multipliers, and errors of ``answers``.
+        """The accuracy study next to Omega_h: T, its law with corrections, multipliers, and errors
+        of ``answers``.
 
-        The distances [rad/s] are above Omega_h. An answer is a pair of a speed [rad/s] and the period [s] found there;
-        each counts as the exact decimal or double that it is. Raises InputError for what is neither, and as
-        `limit_cycle` and `heteroclinic` do.
+        The distances [rad/s] are above Omega_h. An answer is a pair of a speed [rad/s] and the
+        period [s] found there; each counts as the exact decimal or double that it is. Raises
+        InputError for what is neither, and as `limit_cycle` and `heteroclinic` do.
         """
         from tippedisk_verify.cycles.near_heteroclinic import near_heteroclinic
 

@@ -4,7 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-__all__ = ["AccuracyError", "InputError", "NoConnectionError", "NoSuchCycleError", "UnknownKeywordError"]
+__all__ = [
+    "AccuracyError",
+    "InputError",
+    "NoConnectionError",
+    "NoSuchCycleError",
+    "UnknownKeywordError",
+]
 
 
 class InputError(ValueError):

@@ -83,11 +83,16 @@ def output_file(path: str) -> Path:
 def _obstacle(path: Path) -> str:
     """Describe the object at a path that stands in the way of a file or a folder."""
     status = path.stat()
-    if stat.S_ISCHR(status.st_mode) and status.st_rdev == os.makedev(1, 7):  # /dev/full stands for a full disk
+    # /dev/full stands for a full disk
+    if stat.S_ISCHR(status.st_mode) and status.st_rdev == os.makedev(1, 7):
         return os.strerror(errno.ENOSPC)
     if path.is_dir():
         return "it is a folder"
-    return "it is a file" if path.is_file() else "it is not a regular file but a device, a pipe or a socket"
+    return (
+        "it is a file"
+        if path.is_file()
+        else "it is not a regular file but a device, a pipe or a socket"
+    )
 
 
 def write_bytes(path: Path, content: bytes) -> Path:
@@ -152,7 +157,9 @@ def csv_text(header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
     stream = io.StringIO(newline="")
     table = csv.writer(stream, lineterminator="\n")
     table.writerow(header)
-    table.writerows([repr(cell) if isinstance(cell, float) else cell for cell in row] for row in rows)
+    table.writerows(
+        [repr(cell) if isinstance(cell, float) else cell for cell in row] for row in rows
+    )
     return stream.getvalue()
 
 
@@ -242,11 +249,14 @@ def alone(lock: Path, refusal: str) -> Iterator[None]:
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
             # Its last holder may have ended and removed it since it was opened.
             held = os.path.samestat(os.fstat(handle), os.lstat(lock))
-        except (BlockingIOError, PermissionError, FileNotFoundError):  # the second from a network's file system
+        # The second from a network's file system
+        except (BlockingIOError, PermissionError, FileNotFoundError):
             held = False
         except OSError as fault:
             reason = f"({fault.strerror or fault}), so two runs could write at once"
-            raise InputError(f"{_named(lock)} cannot be locked {reason}: give a place on another file system") from None
+            raise InputError(
+                f"{_named(lock)} cannot be locked {reason}: give a place on another file system"
+            ) from None
         if not held:
             raise InputError(refusal)
         yield

@@ -111,5 +111,11 @@ def _leave() -> None:
 
 
 def _clear(stream: int) -> bytes:
-    """Return the codes that clear a terminal's line and show its cursor, which a progress bar hides."""
-    return b"\r\x1b[2K\x1b[?25h" if os.isatty(stream) and os.environ.get("TERM", "dumb") != "dumb" else b""
+    """Return the codes that clear a terminal's line and show its cursor, which a progress bar
+    hides.
+    """
+    return (
+        b"\r\x1b[2K\x1b[?25h"
+        if os.isatty(stream) and os.environ.get("TERM", "dumb") != "dumb"
+        else b""
+    )

@@ -83,9 +83,17 @@ def _on_terminal(total: int) -> Iterator[Advance]:
 
     console = Console(stderr=True, force_jupyter=False)
     left = (TextColumn("left"), TimeRemainingColumn()) if total else ()
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), *left)
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        *left,
+    )
     hidden = not console.is_interactive
-    with Progress(*columns, console=console, transient=True, redirect_stdout=False, disable=hidden) as bar:
+    with Progress(
+        *columns, console=console, transient=True, redirect_stdout=False, disable=hidden
+    ) as bar:
         task = bar.add_task("", total=total or None)
         bar.tasks[0].start_time = bar.get_time() - _PATIENCE
         yield lambda label, done: bar.update(task, description=label, completed=done)
@@ -117,7 +125,9 @@ def _in_notebook(total: int) -> Iterator[Advance]:
     yield draw
 
 
-def watched(items: Iterable[Item], label: str, total: int = 0, progress: bool | None = None) -> Iterator[Item]:
+def watched(
+    items: Iterable[Item], label: str, total: int = 0, progress: bool | None = None
+) -> Iterator[Item]:
     """Yield the items as they come, and show each as a step of `progress_of`.
 
     Args:

@@ -11,7 +11,16 @@ from importlib import import_module
 from pathlib import Path
 from pkgutil import iter_modules
 
-__all__ = ["DRAWING", "NUMERICAL", "code_version", "digest", "fingerprint", "origin", "processor", "versions"]
+__all__ = [
+    "DRAWING",
+    "NUMERICAL",
+    "code_version",
+    "digest",
+    "fingerprint",
+    "origin",
+    "processor",
+    "versions",
+]
 
 _ROOT = Path(__file__).parent
 #: The sub-packages that compute numbers.
@@ -53,7 +62,10 @@ def origin(packages: tuple[str, ...] = NUMERICAL) -> dict[str, str]:
     Args:
         packages: The packages on which the result depends.
     """
-    machine = {"Python": platform.python_version(), "the machine": f"{platform.machine()} {processor()}"}
+    machine = {
+        "Python": platform.python_version(),
+        "the machine": f"{platform.machine()} {processor()}",
+    }
     return {"the code": _code(), **versions(packages), **machine, "the system": platform.system()}
 
 
@@ -79,7 +91,10 @@ def code_version() -> str:
 def _code() -> str:
     from tippedisk_verify import __version__
 
-    files = {path.relative_to(_ROOT).as_posix(): digest(path.read_bytes()) for path in _ROOT.rglob("*.py")}
+    files = {
+        path.relative_to(_ROOT).as_posix(): digest(path.read_bytes())
+        for path in _ROOT.rglob("*.py")
+    }
     return f"tippedisk_verify {__version__} (code {digest(files)[:16]})"
 
 
@@ -104,7 +119,9 @@ def processor() -> str:
     """Return the processor's name as the operating system reports it."""
     try:
         with open("/proc/cpuinfo", encoding="utf-8") as lines:
-            return next(line.split(":", 1)[1].strip() for line in lines if line.startswith("model name"))
+            return next(
+                line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")
+            )
     except (OSError, StopIteration, UnicodeDecodeError):
         return platform.processor() or platform.machine()
 

@@ -1,4 +1,6 @@
-"""Answers questions about the tippedisk's right-hand side, one JSON object a line (docs/protocol.md)."""
+"""Answers questions about the tippedisk's right-hand side, one JSON object a line
+(docs/protocol.md).
+"""
 
 import json
 import math
@@ -11,8 +13,15 @@ def right_hand_side(inputs: list[float], smooth: bool) -> dict[str, float]:
     Bbar, rho = B - m * e**2, r + e * sg
     inertia = A * cg**2 + Bbar * sg**2
     M = inertia + m * rho**2 * cb**2
-    h = inertia * Omega**2 * sb * cb - 2 * (A - Bbar) * Omega * v * cb * sg * cg + m * rho**2 * v**2 * sb * cb
-    h += m * e * rho * Omega**2 * sb * cb**3 * sg - m * e * rho * (3 * sb**2 - 2) * Omega * v * cb * cg
+    h = (
+        inertia * Omega**2 * sb * cb
+        - 2 * (A - Bbar) * Omega * v * cb * sg * cg
+        + m * rho**2 * v**2 * sb * cb
+    )
+    h += (
+        m * e * rho * Omega**2 * sb * cb**3 * sg
+        - m * e * rho * (3 * sb**2 - 2) * Omega * v * cb * cg
+    )
     f_G, w_y, gamma_y = -m * g * rho * cb, rho * sb, rho * v * sb - e * Omega * sb**2 * cg
     lambda_Ty = -mu * m * g * gamma_y / (epsilon + (abs(gamma_y) if smooth else 0))
     answers = {"M": M, "h": h, "f_G": f_G, "w_y": w_y, "gamma_y": gamma_y, "lambda_Ty": lambda_Ty}

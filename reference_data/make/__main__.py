@@ -22,7 +22,9 @@ from tippedisk_verify.interrupts import answering  # noqa: E402
     """
 )
 @click.argument("prefixes", nargs=-1, metavar="[PREFIX]...")
-@click.option("--out", default=str(FOLDER), show_default=True, metavar="DIR", help="The folder to write.")
+@click.option(
+    "--out", default=str(FOLDER), show_default=True, metavar="DIR", help="The folder to write."
+)
 @jobs_option
 def make(output: Output, prefixes: tuple[str, ...], out: str, jobs: int | None) -> int:
     from reference_data.make.generation import generate

@@ -71,7 +71,12 @@ class _Period:
     """
 
     def __init__(
-        self, case: ExactItem, precision: Precision, omega: Fraction, free: Sequence[Fraction], time: Any
+        self,
+        case: ExactItem,
+        precision: Precision,
+        omega: Fraction,
+        free: Sequence[Fraction],
+        time: Any,
     ) -> None:
         self.case, self.precision, self.omega, self.free = case, precision, omega, free
         angle, rotating = Exact(free[0], Fraction(1, 2)), _rotates(case)
@@ -100,7 +105,9 @@ class _Period:
         #: derivatives with respect to the free angle and v at the start, and the period.
         self.away = [mpf(end - number(aim)) for end, aim in zip(state, aims, strict=True)]
         axes = (0, 2) if rotating else (1, 2)
-        self.bordered = [[self.rows[i][j] - (i == j) for j in axes] + [self.flow[i]] for i in range(3)]
+        self.bordered = [
+            [self.rows[i][j] - (i == j) for j in axes] + [self.flow[i]] for i in range(3)
+        ]
 
     def solved(self, rows: Any, right: Sequence[Any]) -> list[Any]:
         """Solve a linear system in the working precision."""
@@ -111,7 +118,9 @@ class _Period:
         """Return the largest |beta - pi/2| [rad]."""
         quarter = self.precision.number(_QUARTER)
         return max(
-            fraction(abs(event.state[0] - quarter)) for event in self.result.events if event.name == EXTREME.name
+            fraction(abs(event.state[0] - quarter))
+            for event in self.result.events
+            if event.name == EXTREME.name
         )
 
     def at_top(self, change: Sequence[Any], names: tuple[str, str]) -> dict[str, Fraction]:
@@ -141,7 +150,8 @@ class _Period:
         """
         ctx, divergence = self.precision.context, self.precision.mpf(self.result.divergence)
         half = (sum(self.rows[i][i] for i in range(3)) - 1) / 2  # half the sum of both multipliers
-        slow = half + ctx.sqrt(half * half - ctx.exp(divergence))  # the fast one may be as small as 1e-50
+        # The fast one may be as small as 1e-50
+        slow = half + ctx.sqrt(half * half - ctx.exp(divergence))
         largest = max(abs(entry) for row in self.rows for entry in row[:3])
         if fraction(largest) * self.precision.epsilon * 2**20 >= abs(fraction(slow)) / 10**36:
             return {}
@@ -153,7 +163,10 @@ class _Period:
 
 def _claimed(numbers: dict[str, Fraction], values: Values) -> Values:
     """Return the numbers with 35 digits claimed; after the last step only rounding is left."""
-    return {name: Measured(value, abs(value) / 10**35 + values[name].uncertainty) for name, value in numbers.items()}
+    return {
+        name: Measured(value, abs(value) / 10**35 + values[name].uncertainty)
+        for name, value in numbers.items()
+    }
 
 
 def whole_period(case: ExactItem, values: Values) -> Values:
@@ -208,21 +221,29 @@ def fold_from_the_bottom(case: ExactItem, values: Values) -> Values:
 
     def conditions(period: _Period) -> list[Any]:
         trace = sum(period.rows[i][i] for i in range(3))
-        return [*period.away, trace - 2 - precision.context.exp(precision.mpf(period.result.divergence))]
+        return [
+            *period.away,
+            trace - 2 - precision.context.exp(precision.mpf(period.result.divergence)),
+        ]
 
     for _ in range(2):
         period = flown(*at)
         defect = conditions(period)
         columns = []
         for axis in range(4):
-            moved = conditions(flown(*(x + Fraction(n == axis, 1 << _HALF) for n, x in enumerate(at))))
+            moved = conditions(
+                flown(*(x + Fraction(n == axis, 1 << _HALF) for n, x in enumerate(at)))
+            )
             columns.append([(b - a) * (1 << _HALF) for a, b in zip(defect, moved, strict=True)])
         step = period.solved([list(row) for row in zip(*columns, strict=True)], defect)
         at = [x - fraction(part) for x, part in zip(at, step, strict=True)]
     period = flown(*at)
     # At its turn the family's tangent in beta, v and the period is the null vector of the bordered
     # matrix.
-    by_beta, by_rest = [row[0] for row in period.bordered[:2]], [row[1:] for row in period.bordered[:2]]
+    by_beta, by_rest = (
+        [row[0] for row in period.bordered[:2]],
+        [row[1:] for row in period.bordered[:2]],
+    )
     v_change, _ = period.solved(by_rest, [-entry for entry in by_beta])
     top = period.at_top([1, 0, v_change, 0], ("beta", "v"))
     slope = top.pop("v") / top.pop("beta")
@@ -253,7 +274,10 @@ def collocation(case: ExactItem, values: Values) -> Values:
     cycle = spectral_rotation(case.disk, case.inputs["Omega"], stable=stable, digits=_COLLOCATED)
     slow = cycle.multiplier_slow.log()
     numbers = _attributes(cycle, "period", "beta_bar_top", "v_top", "multiplier_slow")
-    return numbers | {"log_multiplier_slow": slow, "log_multiplier_fast": cycle.log_multipliers - slow}
+    return numbers | {
+        "log_multiplier_slow": slow,
+        "log_multiplier_fast": cycle.log_multipliers - slow,
+    }
 
 
 def fold_by_collocation(case: ExactItem, values: Values) -> Values:
@@ -261,7 +285,10 @@ def fold_by_collocation(case: ExactItem, values: Values) -> Values:
     if case.disk.friction != "linear":
         return {}
     fold = spectral_fold(case.disk, digits=_COLLOCATED_FOLD)
-    return _attributes(fold, "omega", "period", "null_vector") | {"beta_bar_top": fold.angle, "v_top": fold.v}
+    return _attributes(fold, "omega", "period", "null_vector") | {
+        "beta_bar_top": fold.angle,
+        "v_top": fold.v,
+    }
 
 
 def scipy(case: ExactItem, values: Values) -> Values:
@@ -271,7 +298,11 @@ def scipy(case: ExactItem, values: Values) -> Values:
     """
     point = shot(case, values, Baseline())
     if case.item.kind == "rotating-cycle":
-        numbers = {"period": point.image.time, "beta_bar_top": point.point[0], "v_top": point.point[1]}
+        numbers = {
+            "period": point.image.time,
+            "beta_bar_top": point.point[0],
+            "v_top": point.point[1],
+        }
     else:
         slopes = point.image.slopes("speed")
         numbers = {
@@ -293,4 +324,6 @@ def fold_by_scipy(case: ExactItem, values: Values) -> Values:
     names = ("beta_bar_top", "v_top", "omega")
     beta_bar, v, omega = (float(values[name]) for name in names)
     at, _ = fold_near(ROTATING, case.disk, (beta_bar, v, omega), Baseline())
-    return {name: Measured.of(value, abs(value) * 1e-7) for name, value in zip(names, at, strict=True)}
+    return {
+        name: Measured.of(value, abs(value) * 1e-7) for name, value in zip(names, at, strict=True)
+    }

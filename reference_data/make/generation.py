@@ -20,7 +20,14 @@ from reference_data.make.recipes import answered
 from tippedisk_verify import __version__
 from tippedisk_verify.cache import Cache
 from tippedisk_verify.errors import AccuracyError, InputError
-from tippedisk_verify.files import csv_text, output_folder, read_bytes, read_text, sole_writer, write_text
+from tippedisk_verify.files import (
+    csv_text,
+    output_folder,
+    read_bytes,
+    read_text,
+    sole_writer,
+    write_text,
+)
 from tippedisk_verify.parallel import as_done
 from tippedisk_verify.provenance import code_version, digest
 from tippedisk_verify.reference_values.checking import entries_of
@@ -69,11 +76,15 @@ def generate(
     """
     items = items_of([full_id(prefix) for prefix in prefixes])
     if not items:
-        raise InputError(f"no entry starts with '{' or '.join(prefixes)[:100]}': try table1/linear/hopf")
+        raise InputError(
+            f"no entry starts with '{' or '.join(prefixes)[:100]}': try table1/linear/hopf"
+        )
     with sole_writer(out) as folder:
         entries = _present(folder)  # reports damage before hours of work
         work = output_folder(folder / ".work")
-        for (item, *_), answer in as_done(_computed, [(item, work, _code()) for item in items], executor):
+        for (item, *_), answer in as_done(
+            _computed, [(item, work, _code()) for item in items], executor
+        ):
             entries[item.id] = answer
             advance(item.id, 1)
         texts = _texts(entries)
@@ -87,7 +98,11 @@ def generate(
 
 def items_of(prefixes: Sequence[str] = ()) -> list[Item]:
     """Return the questions of the table whose ids start with one of the prefixes, in its order."""
-    return [entry.item for entry in entries_of(stored()) if entry.item.id.startswith(tuple(prefixes) or "")]
+    return [
+        entry.item
+        for entry in entries_of(stored())
+        if entry.item.id.startswith(tuple(prefixes) or "")
+    ]
 
 
 def _code() -> str:
@@ -104,7 +119,9 @@ def _computed(job: tuple[Item, Path, str]) -> dict[str, Any]:
     """
     item, work, code = job
     if _code() != code:
-        raise AccuracyError("the code, or a numerical package, has changed since this run began: start it again")
+        raise AccuracyError(
+            "the code, or a numerical package, has changed since this run began: start it again"
+        )
     cache, key = Cache(work), digest([code, item.id, dict(item.inputs), item.readings])
     kept: dict[str, Any] | None = cache.get(key)
     if kept is None:
@@ -132,7 +149,10 @@ def _texts(entries: Entries) -> dict[str, str]:
     ordered = [item.id for item in items_of() if item.id in entries]
     rows = [[row[name] for name in TABLE] for id_ in ordered for row in entries[id_]["rows"]]
     proofs = {id_: entries[id_]["proof"] for id_ in ordered if entries[id_]["proof"]}
-    lines = ",\n".join(f" {json.dumps(id_)}: {json.dumps(proof, ensure_ascii=False)}" for id_, proof in proofs.items())
+    lines = ",\n".join(
+        f" {json.dumps(id_)}: {json.dumps(proof, ensure_ascii=False)}"
+        for id_, proof in proofs.items()
+    )
     return {"values.csv": csv_text(TABLE, rows), "proofs.json": f"{{\n{lines}\n}}\n"}
 
 

@@ -15,7 +15,15 @@ from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Constants
 from tippedisk_verify.model.precision import bits, heyoka_module
 from tippedisk_verify.reference_values.entries import ExactItem, Values
-from tippedisk_verify.reference_values.truths import BITS, DIGITS, ORDERS, WIDER, PlainEngine, in_two, orbit
+from tippedisk_verify.reference_values.truths import (
+    BITS,
+    DIGITS,
+    ORDERS,
+    WIDER,
+    PlainEngine,
+    in_two,
+    orbit,
+)
 from tippedisk_verify.theory import harmonic_balance, hopf, slow_manifold
 from tippedisk_verify.theory.equilibria import linearization
 
@@ -35,7 +43,9 @@ def _compiled(law: Any, working: int) -> Any:
     )
     par = dict(zip(names, (hy.par[n] for n in range(len(names))), strict=True))
     constants = Constants(**{name: par.get(name) for name in Constants._fields})
-    rate = field(hy, constants, par["omega"], law, *((par["side"],) if law == "smooth" else ()))(*state)[2]
+    rate = field(hy, constants, par["omega"], law, *((par["side"],) if law == "smooth" else ()))(
+        *state
+    )[2]
     outputs = [rate, *(hy.diff(rate, variable) for variable in state)]
     return hy.cfunc(outputs, list(state), fp_type=hy.real, prec=working, compact_mode=True), names
 
@@ -55,9 +65,13 @@ def _symbolic(case: ExactItem, ctx: Any) -> dict[str, Any]:
     others = {"omega": number(case.inputs["Omega"]), "side": number(1 if sliding >= 0 else -1)}
     pars = [others[name] if name in others else getattr(constants, name) for name in names]
     # Compiled functions take heyoka's own arrays only.
-    arrays = (numpy.array(numbers, dtype=precision.type) for numbers in (list(map(number, state)), pars))
+    arrays = (
+        numpy.array(numbers, dtype=precision.type) for numbers in (list(map(number, state)), pars)
+    )
     outputs = function(next(arrays), pars=next(arrays))
-    return dict(zip(("v_rate", "dv_rate_dbeta", "dv_rate_dgamma", "dv_rate_dv"), outputs, strict=True))
+    return dict(
+        zip(("v_rate", "dv_rate_dbeta", "dv_rate_dgamma", "dv_rate_dv"), outputs, strict=True)
+    )
 
 
 # -------------------------------------------------------------------------------------- Hopf point
@@ -74,13 +88,17 @@ def _hopf_by_balance(case: ExactItem, ctx: Any) -> dict[str, Any]:
     """
     speed = ctx.sqrt(quotient(ctx, hopf.omega_crit_squared(case.disk)))
     matrix = linearization(case.disk, fraction(speed))
-    # lambda^3 - A33 lambda^2 - A31 lambda - Omega A32 with A31 = const - Omega^2 and A32 proportional to Omega.
-    a33, a31, a32 = (quotient(ctx, Fraction(value)) for value in (matrix.A33, matrix.A31, matrix.A32))
+    # lambda^3 - A33 lambda^2 - A31 lambda - Omega A32 with A31 = const - Omega^2 and A32
+    # proportional to Omega.
+    a33, a31, a32 = (
+        quotient(ctx, Fraction(value)) for value in (matrix.A33, matrix.A31, matrix.A32)
+    )
     root = ctx.mpc(0, ctx.sqrt(-a31))
     drift = -(2 * speed * root - 2 * a32) / (3 * root**2 - 2 * a33 * root - a31)
     slopes = harmonic_balance.slopes(case.disk, digits=DIGITS + 12)
     amplitude, period = (quotient(ctx, slope.value) for slope in slopes)
-    # beta_max^2 = 4 |z|^2 |q_1|^2 and |z|^2 = -Re(lambda) / Re(c_1), with q = (lambda, Omega, lambda^2) / |...|.
+    # beta_max^2 = 4 |z|^2 |q_1|^2 and |z|^2 = -Re(lambda) / Re(c_1), with q = (lambda, Omega,
+    # lambda^2) / |...|.
     frequency = abs(root)
     share = frequency**2 / (frequency**2 + speed**2 + frequency**4)
     return {
@@ -115,8 +133,14 @@ def differences(case: ExactItem, values: Values) -> Values:
         return (at_v.gyroscopic + at_v.gravity) / at_v.mass
 
     orders = at(beta, gamma)
-    by_beta = [(x - y) / (2 * step) for x, y in zip(at(beta + step, gamma), at(beta - step, gamma), strict=True)]
-    by_gamma = [(x - y) / (2 * step) for x, y in zip(at(beta, gamma + step), at(beta, gamma - step), strict=True)]
+    by_beta = [
+        (x - y) / (2 * step)
+        for x, y in zip(at(beta + step, gamma), at(beta - step, gamma), strict=True)
+    ]
+    by_gamma = [
+        (x - y) / (2 * step)
+        for x, y in zip(at(beta, gamma + step), at(beta, gamma - step), strict=True)
+    ]
     still, ahead, back = (inertial(v) for v in (0, 1, -1))
     q1, q2 = (ahead - back) / 2, (ahead + back) / 2 - still
     drift = omega * ctx.cos(beta)
@@ -125,14 +149,20 @@ def differences(case: ExactItem, values: Values) -> Values:
     numbers = {"h_0": slow_manifold.critical_manifold(ctx, c, omega, beta, gamma)}
     for n in range(1, ORDERS + 1):
         right = (still if n == 1 else 0) + q1 * orders[n - 1] + drift * by_gamma[n - 1]
-        right += sum(q2 * orders[i] * orders[n - 1 - i] - by_beta[i] * orders[n - 1 - i] for i in range(n))
+        right += sum(
+            q2 * orders[i] * orders[n - 1 - i] - by_beta[i] * orders[n - 1 - i] for i in range(n)
+        )
         numbers[f"h_{n}"] = right / rate
     for n in range(ORDERS + 1):
-        v, slope_b, slope_g = (sum(c.epsilon**i * x[i] for i in range(n + 1)) for x in (orders, by_beta, by_gamma))
+        v, slope_b, slope_g = (
+            sum(c.epsilon**i * x[i] for i in range(n + 1)) for x in (orders, by_beta, by_gamma)
+        )
         moved = slope_b * v - slope_g * drift
         acceleration = field(ctx, c, omega, "linear")(beta, gamma, v)[2]
         numbers[f"residual_{n}"] = c.epsilon * (moved - acceleration)
-    return {name: Measured.of(value, abs(value) / ctx.mpf(10) ** 44) for name, value in numbers.items()}
+    return {
+        name: Measured.of(value, abs(value) / ctx.mpf(10) ** 44) for name, value in numbers.items()
+    }
 
 
 # ------------------------------------------------------------------------------------------ orbits
@@ -141,7 +171,10 @@ def orbit_by_scipy(case: ExactItem, values: Values) -> Values:
 
     The change that a hundredfold looser tolerance makes bounds the error.
     """
-    tight, loose = (orbit(case, 12, engine=PlainEngine(Baseline("DOP853"), tolerance)) for tolerance in (1e-13, 1e-11))
+    tight, loose = (
+        orbit(case, 12, engine=PlainEngine(Baseline("DOP853"), tolerance))
+        for tolerance in (1e-13, 1e-11)
+    )
     return {
         name: Measured.of(value, 2 * abs(value - loose[name][0]) + 1e-11 * max(1.0, abs(value)))
         for name, (value, _) in tight.items()

@@ -41,13 +41,16 @@ def proved(case: ExactItem, values: Values) -> dict[str, Any] | None:
             enclosure.
     """
     prove = _PROOFS.get(case.item.kind)
-    if prove is None or (case.item.kind == "near-heteroclinic" and case.item.id.split("/")[3] not in _NEAR):
+    if prove is None or (
+        case.item.kind == "near-heteroclinic" and case.item.id.split("/")[3] not in _NEAR
+    ):
         return None
     statement, command, enclosures = prove(case, values)
     for name, enclosure in enclosures.items():
         if not values[name].contains(enclosure):
             raise AccuracyError(
-                f"{case.item.id}/{name} does not contain its enclosure: it is wrong, or claims too much"
+                f"{case.item.id}/{name} does not contain its enclosure: it is wrong, or claims too "
+                f"much"
             )
     held = {name: enclosure.to_dict() for name, enclosure in enclosures.items()}
     return {"statement": statement, "command": command, "enclosures": held}
@@ -59,7 +62,9 @@ def _equilibrium(case: ExactItem, values: Values) -> Proof:
     omega = case.item.inputs["Omega"]
     proof = proved_equilibrium(case.disk, omega, case.inputs["equilibrium"], _DIGITS)
     parts = (part for value in proof.eigenvalues for part in (value.re, value.im))
-    enclosures = {f"lambda_{n // 2 + 1}_{('re', 'im')[n % 2]}": part for n, part in enumerate(parts)}
+    enclosures = {
+        f"lambda_{n // 2 + 1}_{('re', 'im')[n % 2]}": part for n, part in enumerate(parts)
+    }
     return (proof.statement, _command("equilibria", case, f" --omega {omega}"), enclosures)
 
 
@@ -80,7 +85,9 @@ def _connection(case: ExactItem, values: Values) -> Proof:
     proof = prove_connection(case.disk, near, _OMEGA_H_DIGITS)
     if not proof.proved or proof.omega_h is None:
         raise AccuracyError(proof.statement)
-    enclosures = dict(zip(codebook()["heteroclinic"], (proof.omega_h, *proof.saddle_eigenvalues), strict=True))
+    enclosures = dict(
+        zip(codebook()["heteroclinic"], (proof.omega_h, *proof.saddle_eigenvalues), strict=True)
+    )
     return (proof.statement, _command("heteroclinic", case, digits=_OMEGA_H_DIGITS), enclosures)
 
 
@@ -88,7 +95,9 @@ def _cycle(case: ExactItem, values: Values) -> Proof:
     from tippedisk_verify.proofs.search.cycle import prove_cycle
 
     omega = case.item.inputs["Omega"]
-    proof = prove_cycle(case.disk, omega, (values["gamma_bar_0"].value, values["v_0"].value), digits=_DIGITS)
+    proof = prove_cycle(
+        case.disk, omega, (values["gamma_bar_0"].value, values["v_0"].value), digits=_DIGITS
+    )
     if not proof.proved:
         raise AccuracyError(f"{case.item.id}: {proof.statement}")
     numbers = proof.numbers()

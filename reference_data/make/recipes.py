@@ -54,13 +54,21 @@ CONFIRM: dict[str, dict[str, Callable[[ExactItem, Values], Values]]] = {
     "harmonic-balance": {"floating": _again},
     "slow-manifold": {"differences": local.differences},
     "trajectory": {"shifted": _shifted, "scipy": local.orbit_by_scipy},
-    "limit-cycle": {"full-period": cycles.whole_period, "balance": cycles.balance, "scipy": cycles.scipy},
+    "limit-cycle": {
+        "full-period": cycles.whole_period,
+        "balance": cycles.balance,
+        "scipy": cycles.scipy,
+    },
     "heteroclinic": {
         "limit-cycles": lambda case, values: truths.connection(case, 60, "limit-cycles"),
         "scipy": lambda case, values: truths.connection(case, 11, "scipy"),
     },
     "near-heteroclinic": {"full-period": cycles.whole_period, "balance": cycles.balance},
-    "rotating-cycle": {"bottom": cycles.whole_period, "collocation": cycles.collocation, "scipy": cycles.scipy},
+    "rotating-cycle": {
+        "bottom": cycles.whole_period,
+        "collocation": cycles.collocation,
+        "scipy": cycles.scipy,
+    },
     "rotation-fold": {
         "bottom": cycles.fold_from_the_bottom,
         "collocation": cycles.fold_by_collocation,
@@ -116,13 +124,17 @@ def answered(item: Item) -> dict[str, Any]:
         case = case_of(item, reading)
         first = truths.compute(case, digits)
         # Take the numbers as they will be written, because the proof is about these.
-        values[reading] = {name: Measured.of(*trimmed(value, kept).decimals()) for name, value in first.items()}
+        values[reading] = {
+            name: Measured.of(*trimmed(value, kept).decimals()) for name, value in first.items()
+        }
         for method, answers in confirmed(case, first).items():
             for name, other in answers.items():
                 away = abs(other.value - values[reading][name].value)
                 by_method = distances.setdefault(name, {})
                 by_method[method] = max(by_method.get(method, Fraction(0)), away)
-                near = away + other.uncertainty <= _CONFIRMED * max(abs(other.value), Fraction(1, 10**6))
+                near = away + other.uncertainty <= _CONFIRMED * max(
+                    abs(other.value), Fraction(1, 10**6)
+                )
                 if near and reading == "decimals" and methods_of(kind)[method]:
                     twice.add(name)
     case = case_of(item, "decimals")
@@ -131,10 +143,17 @@ def answered(item: Item) -> dict[str, Any]:
     for name in values["decimals"]:
         proven = proof is not None and name in proof["enclosures"]
         by = {method: f"{float(away):.3g}" for method, away in distances.get(name, {}).items()}
-        grade = "proved" if proven else "two-method" if name in twice else "agreed" if by else "single"
+        grade = (
+            "proved" if proven else "two-method" if name in twice else "agreed" if by else "single"
+        )
         numbers = {reading: values[reading][name].decimals() for reading in item.readings}
         quantity = truths.as_quantity(
-            item, name, numbers, slopes.get(name, {}), grade, {next(iter(methods_of(kind))): "0", **by}
+            item,
+            name,
+            numbers,
+            slopes.get(name, {}),
+            grade,
+            {next(iter(methods_of(kind))): "0", **by},
         )
         rows.append(table_row(case.disk.decimals(), quantity))
     return {"rows": rows, "proof": proof}

@@ -19,13 +19,16 @@ def counted() -> dict[str, str]:
     """Return each label's number; ``LABEL+n`` is the n-th equation after it without a label."""
     numbers, sections, floats = {}, [0, 0, 0], {"figure": 0, "table": 0, "subfigure": 0}
     equation, latest, after = 0, "eq:", 0
-    for kind, section, rest in (_PLACE.match(line).groups() for line in OUTLINE.read_text().splitlines()[3:]):
+    for kind, section, rest in (
+        _PLACE.match(line).groups() for line in OUTLINE.read_text().splitlines()[3:]
+    ):
         labels = re.findall(r"\\label\{([^}]*)\}", rest)
         if section:
             level = section.count("sub")
             sections = [*sections[:level], sections[level] + 1, *[0] * (2 - level)]
             numbers |= dict.fromkeys(labels, ".".join(str(number) for number in sections if number))
-        elif kind in ("equation", "align"):  # a row of the latter has a number unless it says that it has none
+        # A row of the latter has a number unless it says that it has none
+        elif kind in ("equation", "align"):
             for row in rest.split(r"\\"):
                 if r"\nonumber" not in row:
                     equation, after = equation + 1, after + 1
@@ -58,4 +61,6 @@ def test_what_is_cited() -> None:
     assert cited("tab:dim_mass, fig:hom, sec:discussion") == "Table 1, Figure 7b, Section 6"
     with pytest.raises(KeyError):
         cited("eq:nonsense")
-    assert {claim.name for claim in CLAIMS if not claim.labels} == {claim.name for claim in CLAIMS if claim.own_check}
+    assert {claim.name for claim in CLAIMS if not claim.labels} == {
+        claim.name for claim in CLAIMS if claim.own_check
+    }

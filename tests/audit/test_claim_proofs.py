@@ -48,9 +48,13 @@ IN_PART: dict[Friction, set[str]] = {"smooth": {"lambda_3", "critical_pair"}}
 IN_PART["linear"] = IN_PART["smooth"] | {"only_above_omega_h"}
 
 
-def _stated(*words: str, of: str = "statement", verdict: bool = True) -> Callable[[list[Any], Claim], bool | None]:
+def _stated(
+    *words: str, of: str = "statement", verdict: bool = True
+) -> Callable[[list[Any], Claim], bool | None]:
     """Return a test for words in a command's statement: the verdict that they entail, else None."""
-    return lambda told, claim: verdict if all(word in (told[0][of] or "") for word in words) else None
+    return lambda told, claim: (
+        verdict if all(word in (told[0][of] or "") for word in words) else None
+    )
 
 
 def _enclosed(name: str) -> Callable[[list[Any], Claim], bool | None]:
@@ -69,7 +73,10 @@ def _omega_h(told: list[Any], claim: Claim) -> bool | None:
 
 def _of_table_1(told: list[Any], claim: Claim) -> bool | None:
     """Test that the stated disk rounds to the table, and all numbers to the printed ones."""
-    found = {name: Fraction(text) for name, text in re.findall(r"\b([remABg]) = ([\d.e/-]+)", told[0]["statement"])}
+    found = {
+        name: Fraction(text)
+        for name, text in re.findall(r"\b([remABg]) = ([\d.e/-]+)", told[0]["statement"])
+    }
     inside = all(low <= found[name] <= high for name, (low, high) in table_box().items())
     names = ("omega_crit", "period", "lambda_3", "chi")
     pairs = zip(names, claim.printed.split(", "), strict=True)
@@ -82,8 +89,12 @@ DECIDED: dict[str, Callable[[list[Any], Claim], bool | None]] = {
     "omega_crit": _enclosed("omega_crit"),
     "omega_crit_friction": _stated("whatever mu and epsilon are"),
     "lambda_3": _enclosed("lambda_3"),
-    "critical_pair": _stated("a pair of complex conjugate eigenvalues", "crosses the imaginary axis", verdict=False),
-    "inverted_stable_above": _stated("inverted spinning is asymptotically stable at every Omega > Omega_crit"),
+    "critical_pair": _stated(
+        "a pair of complex conjugate eigenvalues", "crosses the imaginary axis", verdict=False
+    ),
+    "inverted_stable_above": _stated(
+        "inverted spinning is asymptotically stable at every Omega > Omega_crit"
+    ),
     "inverted_unstable_below": _stated("and unstable", "at every Omega < Omega_crit"),
     "noninverted_unstable": _stated("noninverted spinning is unstable at every Omega > 0"),
     "period_crit": _enclosed("period"),
@@ -91,9 +102,12 @@ DECIDED: dict[str, Callable[[list[Any], Claim], bool | None]] = {
     "supercritical": lambda told, claim: told[0]["criticality"] == "supercritical",
     "omega_h": _omega_h,
     "infinite_period": _stated("a in (0, pi)", "the period tends to infinity"),
-    "only_above_omega_h": _stated("each Omega with Omega_h < Omega < Omega_crit", "none but these cycles'"),
+    "only_above_omega_h": _stated(
+        "each Omega with Omega_h < Omega < Omega_crit", "none but these cycles'"
+    ),
     "stable_branch": _stated(
-        "asymptotically stable", "Omega falls strictly, and the period and the largest |beta - pi/2| grow strictly"
+        "asymptotically stable",
+        "Omega falls strictly, and the period and the largest |beta - pi/2| grow strictly",
     ),
     "both_connections": _stated("the connection back exists at the same speed"),
     "attracting_cycle": _stated("the orbit is asymptotically stable", of="limit_cycle"),
@@ -137,7 +151,10 @@ def _prove(claim: Claim, finding: Finding, proof: ClaimProof, sets: Collection[s
         if claim.name in NUMBERS:
             mine, theirs = _measured(told[0][NUMBERS[claim.name]]), finding.computed[name]
             assert isinstance(theirs, Measured)
-            assert abs(mine.value - theirs.value) <= mine.uncertainty + theirs.uncertainty, (claim.name, name)
+            assert abs(mine.value - theirs.value) <= mine.uncertainty + theirs.uncertainty, (
+                claim.name,
+                name,
+            )
 
 
 def _proofs(parameters: Parameters, wanted: set[str]) -> dict[str, tuple[Claim, Finding, Any]]:
@@ -154,12 +171,15 @@ def _closed_form(command: str) -> bool:
 
 
 @pytest.mark.parametrize("friction", ["linear", "smooth"])
-def test_closed_forms_are_proved_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, friction: Friction) -> None:
+def test_closed_forms_are_proved_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, friction: Friction
+) -> None:
     """Include a disk whose name is a file's, which is read where the command runs."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "my disk.toml").write_text(GOOD.replace("9.81", "9.79"), encoding="utf-8")
     parameters = Parameters.named("./my disk.toml").with_friction(friction)
-    named = {"table_1", "chi", "supercritical"}  #: theorems that are spoken of for the named sets only
+    #: Theorems that are spoken of for the named sets only
+    named = {"table_1", "chi", "supercritical"}
     local = {"lambda_3", "critical_pair"} | named | PROVED["smooth"] - {"both_connections"}
     proved = 0
     for claim, finding, proof in _proofs(parameters, local).values():
@@ -188,15 +208,21 @@ def test_closed_forms_are_proved_again(tmp_path: Path, monkeypatch: pytest.Monke
             marks=pytest.mark.slow(minutes=7),
             id="linear",
         ),
-        pytest.param("smooth", {"both_connections"}, marks=pytest.mark.slow(minutes=0.5), id="smooth"),
+        pytest.param(
+            "smooth", {"both_connections"}, marks=pytest.mark.slow(minutes=0.5), id="smooth"
+        ),
     ],
 )
 def test_every_proof_is_proved_again(friction: Friction, wanted: set[str], parameters: str) -> None:
     """Check the grades of all claims, and run every command for one set."""
     found = _proofs(PRINTED.with_friction(friction), wanted)
     grades = {name: proof.grade if proof else "computed" for name, (_, _, proof) in found.items()}
-    assert {name for name, grade in grades.items() if grade == "proved"} == PROVED[friction] & wanted
-    assert {name for name, grade in grades.items() if grade == "proved in part"} == IN_PART[friction] & wanted
+    assert {name for name, grade in grades.items() if grade == "proved"} == PROVED[
+        friction
+    ] & wanted
+    assert {name for name, grade in grades.items() if grade == "proved in part"} == IN_PART[
+        friction
+    ] & wanted
     for claim, finding, proof in found.values():
         if proof is not None:
             assert set(proof.commands) == set(finding.holds)
@@ -230,17 +256,27 @@ def _of(name: str, parameters: Parameters, **answers: bool | None) -> ClaimProof
 def test_only_for_the_sets_and_the_law_that_the_theorem_is_about() -> None:
     assert _of("supercritical", GEOMETRY).grade == "proved"
     assert _of("supercritical", GEOMETRY.with_friction("smooth")) is None
-    assert _of("noninverted_unstable", PRINTED.with_friction("smooth")).friction == ("linear", "smooth")
+    assert _of("noninverted_unstable", PRINTED.with_friction("smooth")).friction == (
+        "linear",
+        "smooth",
+    )
     assert _of("convergent_series", PRINTED) is None
-    # Theorem 6 is about both laws, and its command needs the law; Theorem 7 is about the linear one.
+    # Theorem 6 is about both laws, and its command needs the law; Theorem 7 is about the linear
+    # one.
     proof = _of("both_connections", PRINTED.with_friction("smooth"))
     assert proof.grade == "proved"
-    assert proof.commands["table1"] == "tippedisk-verify certify heteroclinic --parameters table1 --friction smooth"
+    assert (
+        proof.commands["table1"]
+        == "tippedisk-verify certify heteroclinic --parameters table1 --friction smooth"
+    )
     assert "--friction" not in _of("both_connections", PRINTED).commands["table1"]
     for name in ("attracting_cycle", "omega_h", "infinite_period", "stable_branch"):
         assert _of(name, PRINTED.with_friction("smooth")) is None
     # An answer that was left open is not proved, nor is anything of a set that no command can name.
-    assert set(_of("noninverted_unstable", PRINTED, table1=None).commands) == {"calibrated", "geometry"}
+    assert set(_of("noninverted_unstable", PRINTED, table1=None).commands) == {
+        "calibrated",
+        "geometry",
+    }
     assert set(_of("noninverted_unstable", PRINTED.changed(mu="0.2")).commands) == set(NAMED_SETS)
     posing = PRINTED.changed(mu="0.2", name="table1")
     assert set(_of("both_connections", posing).commands) == {"calibrated", "geometry"}

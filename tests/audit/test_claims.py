@@ -70,7 +70,8 @@ def test_all_claims_on_the_named_sets(taylor, groups) -> None:
     audit = Audit(PRINTED, taylor)
     chosen = [claim for claims in list(GROUPS.values())[groups] for claim in claims]
     found = {claim.name: examined(audit, claim) for claim in chosen}
-    # What the model's notes say independently of this code: printed misses three numbers, calibrated has all.
+    # What the model's notes say independently of this code: printed misses three numbers,
+    # calibrated has all.
     for name in {"omega_crit", "period_crit", "lambda_3"} & set(found):
         assert found[name].sets == ("calibrated", "geometry")
     if "omega_h" in found:
@@ -96,7 +97,10 @@ def test_claims_are_found_by_equation() -> None:
     assert {claim.name for claim in selected(["eq. 7"])} == {"sliding_velocity"}
     assert {claim.name for claim in selected(["eq.30", "chi"])} == {"chi", "kappa_2"}
     assert selected(["eq (48)"]) == selected(["amplitude_law"])
-    for wrong, message in (("eq. 3", r"no claim is about eq\. \(3\)"), ("omega_krit", "omega_crit")):
+    for wrong, message in (
+        ("eq. 3", r"no claim is about eq\. \(3\)"),
+        ("omega_krit", "omega_crit"),
+    ):
         with pytest.raises(InputError, match=message):
             selected([wrong])
 
@@ -118,11 +122,16 @@ def test_a_disk_rounds_to_table_1_by_its_decimals() -> None:
 def test_the_summary_counts_what_does_not_follow_by_its_cause() -> None:
     finding = Finding({}, {"x": False})
     counts = summary(
-        [(claim, finding) for claim in selected(["delta", "kappa_2", "critical_pair", "order_0_noninverted"])]
+        [
+            (claim, finding)
+            for claim in selected(["delta", "kappa_2", "critical_pair", "order_0_noninverted"])
+        ]
     )
     assert [(fault["class"], fault["claims"]) for fault in counts["not_following"]] == [
         ("slip", ["critical_pair"]),
         ("follows-from", ["kappa_2", "delta"]),
         ("differs", ["order_0_noninverted"]),
     ]
-    assert totals(counts).endswith("4 do not follow: 1 slip of the pen, 2 from one dropped term, 1 differs")
+    assert totals(counts).endswith(
+        "4 do not follow: 1 slip of the pen, 2 from one dropped term, 1 differs"
+    )

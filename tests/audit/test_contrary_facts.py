@@ -33,7 +33,11 @@ from tippedisk_verify.model.parameters import PRINTED, Parameters
 from tippedisk_verify.motion.basins import OUTCOMES
 from tippedisk_verify.theory import expansion, harmonic_balance
 from tippedisk_verify.theory.equilibria import linearization
-from tippedisk_verify.theory.slow_manifold import ReducedEquilibrium, reduced_equilibrium, reduced_omega_crit
+from tippedisk_verify.theory.slow_manifold import (
+    ReducedEquilibrium,
+    reduced_equilibrium,
+    reduced_omega_crit,
+)
 
 # Long computations that plants stand on, each done once.
 true_connection = cache(heteroclinic)
@@ -71,7 +75,9 @@ def follows(place: Any, name: str, function: Callable[..., Any]) -> Plant:
 
 def linearizes(change: Callable[[Any, Parameters], Any]) -> Plant:
     """Return a plant: another linearisation."""
-    return follows(linear_claims, "linearization", lambda p, *rest: change(linearization(p, *rest), p))
+    return follows(
+        linear_claims, "linearization", lambda p, *rest: change(linearization(p, *rest), p)
+    )
 
 
 def connects(change: Callable[[Any], dict[str, Any]]) -> Plant:
@@ -160,15 +166,21 @@ def _all_inverted(*inputs: Any, **options: Any) -> Any:
 PLANTS: dict[str, Plant] = {
     "table_1": prints("30.89, 0.887, -128.79, 1.18e-7"),
     "sliding_velocity": prints("(sin beta)^2"),
-    "linearization": linearizes(lambda matrix, p: matrix._replace(A32=matrix.A32 * Fraction("1.000001"))),
+    "linearization": linearizes(
+        lambda matrix, p: matrix._replace(A32=matrix.A32 * Fraction("1.000001"))
+    ),
     "omega_crit": prints("30.89"),
     "omega_crit_friction": linearizes(lambda matrix, p: matrix._replace(A31=matrix.A31 + p.mu)),
     "lambda_3": prints("-128.79"),
-    "lambda_3_order": linearizes(lambda matrix, p: matrix._replace(A33=matrix.A33 * Fraction("1.001"))),
+    "lambda_3_order": linearizes(
+        lambda matrix, p: matrix._replace(A33=matrix.A33 * Fraction("1.001"))
+    ),
     "critical_pair": prints("complex conjugate"),
     "inverted_stable_above": linearizes(lambda matrix, p: matrix._replace(A33=-matrix.A33)),
     "inverted_unstable_below": linearizes(lambda matrix, p: matrix._replace(A31=-(10**6))),
-    "noninverted_unstable": linearizes(lambda matrix, p: matrix._replace(A31=-(10**6), A32=-matrix.A32)),
+    "noninverted_unstable": linearizes(
+        lambda matrix, p: matrix._replace(A31=-(10**6), A32=-matrix.A32)
+    ),
     "expansion_mass": follows(balance_claims, "printed", _with("mass", (2, 0, 0), 2)),
     "expansion_gyroscopic": follows(balance_claims, "printed", expansion.derived),
     "expansion_gravity": follows(balance_claims, "printed", expansion.derived),
@@ -181,25 +193,41 @@ PLANTS: dict[str, Plant] = {
     "period_law": follows(harmonic_balance, "slopes", _consistent(harmonic_balance.slopes)),
     "supercritical": another_disk(A=PRINTED.B),
     "period_crit": prints("0.887"),
-    "convergent_series": follows(manifold_claims, "orders", lambda *inputs: [0.5**n for n in range(inputs[-1] + 1)]),
-    "slow_manifold_h1": follows(
-        manifold_claims, "first_correction", lambda *inputs: 1.001 * manifold_claims.orders(*inputs, 1)[1]
+    "convergent_series": follows(
+        manifold_claims, "orders", lambda *inputs: [0.5**n for n in range(inputs[-1] + 1)]
     ),
-    "attraction": follows(manifold_claims, "attraction_rate", lambda ops, constants, beta, gamma: math.sin(gamma)),
+    "slow_manifold_h1": follows(
+        manifold_claims,
+        "first_correction",
+        lambda *inputs: 1.001 * manifold_claims.orders(*inputs, 1)[1],
+    ),
+    "attraction": follows(
+        manifold_claims, "attraction_rate", lambda ops, constants, beta, gamma: math.sin(gamma)
+    ),
     "reduced_dimension": prints("two-dimensional"),
     "second_noninverted_state": prints("(pi/2, 3 pi/2, 0)"),
-    "order_0_noninverted": follows(manifold_claims, "reduced_equilibrium", lambda *inputs: ReducedEquilibrium(0, 1)),
+    "order_0_noninverted": follows(
+        manifold_claims, "reduced_equilibrium", lambda *inputs: ReducedEquilibrium(0, 1)
+    ),
     "order_0_hopf": follows(
-        manifold_claims, "reduced_equilibrium", lambda p, omega, which, order: reduced_equilibrium(p, omega, which, 1)
+        manifold_claims,
+        "reduced_equilibrium",
+        lambda p, omega, which, order: reduced_equilibrium(p, omega, which, 1),
     ),
     "order_1_hopf": follows(
-        manifold_claims, "reduced_omega_crit", lambda p, *rest: reduced_omega_crit(p.changed(g="9.82"), *rest)
+        manifold_claims,
+        "reduced_omega_crit",
+        lambda p, *rest: reduced_omega_crit(p.changed(g="9.82"), *rest),
     ),
     "omega_h": prints("30.05"),
     "infinite_period": connects(
-        lambda true: {"saddle_eigenvalues": (Measured(2 * true.saddle_eigenvalues[0].value, Fraction(0)),) * 3}
+        lambda true: {
+            "saddle_eigenvalues": (Measured(2 * true.saddle_eigenvalues[0].value, Fraction(0)),) * 3
+        }
     ),
-    "only_above_omega_h": connects(lambda true: {"omega_h": Measured(true.omega_h.value + 1, Fraction(0))}),
+    "only_above_omega_h": connects(
+        lambda true: {"omega_h": Measured(true.omega_h.value + 1, Fraction(0))}
+    ),
     "both_connections": connects(
         lambda true: {"omega_h": Measured(true.omega_h.value + Fraction(1, 1000), Fraction(0))}
     ),
@@ -215,15 +243,23 @@ PLANTS: dict[str, Plant] = {
     "scene_e": ends("e", "inverted spinning"),
     "scene_f": ends("f", "limit cycle"),
     "permanent_contact": follows(
-        equations, "normal_force_over_weight", lambda ops, constants, omega, state, rate: ops.cos(state[1])
+        equations,
+        "normal_force_over_weight",
+        lambda ops, constants, omega, state, rate: ops.cos(state[1]),
     ),
     "engines_agree": follows(baseline, "Baseline", _Drifting),
     "globally_attractive": follows(
-        friction_claims, "jacobian", lambda *inputs: lambda beta, gamma, v: ((), (), (0, 0, -1 - beta))
+        friction_claims,
+        "jacobian",
+        lambda *inputs: lambda beta, gamma, v: ((), (), (0, 0, -1 - beta)),
     ),
-    "smooth_same_behaviour": follows(friction_claims, "criticality", lambda parameters: "subcritical"),
+    "smooth_same_behaviour": follows(
+        friction_claims, "criticality", lambda parameters: "subcritical"
+    ),
     "smooth_same_asymptotics": follows(
-        friction_claims, "_cycle", lambda parameters, engine: true_cycle(parameters.with_friction("linear"), engine)
+        friction_claims,
+        "_cycle",
+        lambda parameters, engine: true_cycle(parameters.with_friction("linear"), engine),
     ),
     "almost_all_trajectories": follows(friction_claims, "basins", _all_inverted),
 }
@@ -241,7 +277,9 @@ def audit(taylor: Taylor) -> Iterator[Audit]:
 
 
 @pytest.mark.parametrize("claim", CLAIMS, ids=lambda claim: claim.name)
-def test_a_contrary_fact_changes_the_verdict(claim: Claim, audit: Audit, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_contrary_fact_changes_the_verdict(
+    claim: Claim, audit: Audit, monkeypatch: pytest.MonkeyPatch
+) -> None:
     assert claim.name in PLANTS, "each claim has a fact that would change its verdict"
     before = examined(audit, claim)
     after = examined(*PLANTS[claim.name](monkeypatch, audit, claim))
@@ -257,7 +295,10 @@ def test_a_contrary_fact_changes_the_verdict(claim: Claim, audit: Audit, monkeyp
 def test_each_fault_has_its_class() -> None:
     """The paper shows what a slip means: chi follows from the right terms only (tests/theory)."""
     faults = {claim.name: claim.fault for claim in CLAIMS if claim.fault}
-    kinds = {kind: {name for name, fault in faults.items() if fault.kind == kind} for kind in get_args(FaultKind)}
+    kinds = {
+        kind: {name for name, fault in faults.items() if fault.kind == kind}
+        for kind in get_args(FaultKind)
+    }
     assert kinds["slip"] == {
         "sliding_velocity",
         "critical_pair",

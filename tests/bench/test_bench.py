@@ -30,10 +30,13 @@ def test_every_method_and_setting_has_a_score(scores: list[Score]) -> None:
 
 @pytest.mark.parametrize("method", ["taylor", "scipy DOP853", "scipy Radau"])
 def test_errors_fall_with_the_tolerance(method: str, scores: list[Score]) -> None:
-    mine = [(float(s.setting), s.error) for s in scores if s.method == method and s.error is not None]
+    mine = [
+        (float(s.setting), s.error) for s in scores if s.method == method and s.error is not None
+    ]
     loosest, tightest = mine[0], mine[-1]
     assert tightest[1] < loosest[1] / 1e4
-    # No method is off by more than its tolerance times what a stiff transient of some 30 steps adds up to.
+    # No method is off by more than its tolerance times what a stiff transient of some 30 steps adds
+    # up to.
     for tolerance, error in mine:
         assert error < 1e3 * tolerance + 1e-13
 
@@ -61,11 +64,19 @@ def test_runs_that_stop_early_or_fail_are_reported_and_drawn(tmp_path: Path) -> 
 
 def test_ratios_name_the_fastest_within_a_bound() -> None:
     def score(family: str, setting: str, error: float | None, seconds: float) -> Score:
-        return Score("p", family, family, setting, "reached", error, error, seconds, 0.0, 0.0, 1, 1, 0.0)
+        return Score(
+            "p", family, family, setting, "reached", error, error, seconds, 0.0, 0.0, 1, 1, 0.0
+        )
 
     mine = [score("heyoka", "loose", 1e-7, 1.0), score("heyoka", "tight", 5e-13, 2.0)]
-    scipy = [score("scipy", "loose", 1e-5, 10.0), score("scipy", "tight", 1e-9, 300.0), score("scipy", "x", None, 1.0)]
-    found = ratios([*mine, *scipy, score("diffrax", "only", 1e-11, 50.0), score("reduced", "x", 1e-16, 0.1)])
+    scipy = [
+        score("scipy", "loose", 1e-5, 10.0),
+        score("scipy", "tight", 1e-9, 300.0),
+        score("scipy", "x", None, 1.0),
+    ]
+    found = ratios(
+        [*mine, *scipy, score("diffrax", "only", 1e-11, 50.0), score("reduced", "x", 1e-16, 0.1)]
+    )
     bounds = [row["error_at_most"] for row in found]
     assert bounds == [1e-4, 1e-6, 1e-8, 1e-10, 1e-12]  # nobody gets to 1e-13
     assert [row["heyoka"] for row in found] == ["heyoka loose"] * 2 + ["heyoka tight"] * 3
@@ -75,15 +86,24 @@ def test_ratios_name_the_fastest_within_a_bound() -> None:
 
 
 @pytest.mark.slow
-def test_the_command_writes_figure_and_data(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_writes_figure_and_data(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert main(["bench", "--only", "transient", "--json", "--out", str(tmp_path)]) == 0
     result = json.loads(capsys.readouterr().out)
     assert {"problem", "method", "setting", "error", "seconds", "status"} <= set(result["runs"][0])
     assert result["machine"] == machine()
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["bench.csv", "bench.json", "bench.png", "bench.svg"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        "bench.csv",
+        "bench.json",
+        "bench.png",
+        "bench.svg",
+    ]
 
 
-def test_problems_are_named_once_and_bad_names_are_refused(capsys: pytest.CaptureFixture[str]) -> None:
+def test_problems_are_named_once_and_bad_names_are_refused(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     assert len({problem.name for problem in PROBLEMS}) == len(PROBLEMS)
     assert main(["bench", "--only", "nothing"]) == 2
     assert "problem 'nothing' is not known" in capsys.readouterr().err

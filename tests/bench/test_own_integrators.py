@@ -1,4 +1,6 @@
-"""Integrators that users bring to the race: functions, a C program over pipes, and a file of answers."""
+"""Integrators that users bring to the race: functions, a C program over pipes, and a file of
+answers.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,8 @@ from tippedisk_verify.cli import main
 from tippedisk_verify.figures.own_race import program_method
 
 TRANSIENT = problem_named("transient")
-#: A fourth-order Runge-Kutta method behind the equations' C text: one line of numbers in, one line of JSON out.
+#: A fourth-order Runge-Kutta method behind the equations' C text: one line of numbers in, one line
+#: of JSON out.
 C_PROGRAM = r"""
 #include <stdio.h>
 static double number(const char *line, const char *key) {
@@ -84,7 +87,9 @@ def runge_kutta(problem: Problem, tolerance: float) -> np.ndarray:
 def independent_error(problem: Problem, states: np.ndarray) -> float:
     """Return the largest error at the race's stops by a run to 20 digits at the same doubles."""
     disk = tv.Disk(problem.parameters.name, friction=problem.friction)
-    found = disk.integrate(problem.omega, problem.start, problem.times[-1], t_eval=problem.times, digits=20)
+    found = disk.integrate(
+        problem.omega, problem.start, problem.times[-1], t_eval=problem.times, digits=20
+    )
     away = [abs(states[n, k] - float(found.y[k, n])) for n in range(20) for k in range(3)]
     return max(away)
 
@@ -92,7 +97,9 @@ def independent_error(problem: Problem, states: np.ndarray) -> float:
 @pytest.fixture(scope="module")
 def found() -> dict[tuple[str, str], Score]:
     solvers = {"scipy": scipys, "RK4": runge_kutta}
-    race = tv.race(solvers, problems=["transient"], tolerances=[1e-4, 1e-8], against=["taylor"], progress=False)
+    race = tv.race(
+        solvers, problems=["transient"], tolerances=[1e-4, 1e-8], against=["taylor"], progress=False
+    )
     assert "RK4" in str(race)
     axes = race.plot(1).axes
     assert len(axes) == 1
@@ -124,15 +131,32 @@ def test_the_text_of_the_equations_is_the_right_hand_side(problem: Problem) -> N
 @pytest.mark.slow(minutes=0.3)
 def test_a_program_in_c_races_over_pipes(tmp_path: Path) -> None:
     source, program = tmp_path / "rk4.c", tmp_path / "rk4"
-    source.write_text("#include <stdlib.h>\n#include <string.h>\n" + TRANSIENT.source("c") + C_PROGRAM)
+    source.write_text(
+        "#include <stdlib.h>\n#include <string.h>\n" + TRANSIENT.source("c") + C_PROGRAM
+    )
     subprocess.run(["cc", "-O2", "-o", str(program), str(source), "-lm"], check=True)
     folder = tmp_path / "out"
-    assert main(["bench", "--only", "transient", "--program", str(program), "--out", str(folder), "--quiet"]) == 0
+    assert (
+        main(
+            [
+                "bench",
+                "--only",
+                "transient",
+                "--program",
+                str(program),
+                "--out",
+                str(folder),
+                "--quiet",
+            ]
+        )
+        == 0
+    )
     runs = json.loads((folder / "bench.json").read_text())["runs"]
     mine = {run["setting"]: run for run in runs if run["method"] == "rk4"}
     assert list(mine) == ["1e-04", "1e-06", "1e-08", "1e-10", "1e-12"]
     assert mine["1e-04"]["status"] == "reached"
-    assert mine["1e-06"]["status"].startswith("not run: the setting before took 0.5 s")  # by the program's own clock
+    # By the program's own clock
+    assert mine["1e-06"]["status"].startswith("not run: the setting before took 0.5 s")
     expected = independent_error(TRANSIENT, runge_kutta(TRANSIENT, 1e-4))
     assert mine["1e-04"]["error_over_samples"] == pytest.approx(expected, rel=0.01)
     assert mine["1e-04"]["seconds"] == 0.5
@@ -141,10 +165,16 @@ def test_a_program_in_c_races_over_pipes(tmp_path: Path) -> None:
 def test_runs_made_elsewhere_are_shown(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = tmp_path / "elsewhere.csv"
     beta, gamma, v = map(float, scipys(TRANSIENT, 1e-6)[-1])
-    file.write_text(f"problem,setting,seconds,beta,gamma,v\ntransient,1e-6,0.02,{beta!r},{gamma!r},{v!r}\n")
+    file.write_text(
+        f"problem,setting,seconds,beta,gamma,v\ntransient,1e-6,0.02,{beta!r},{gamma!r},{v!r}\n"
+    )
     race = tv.race({}, problems=["transient"], against=[], answers=[file], progress=False)
     (score,) = race.scores
-    right = tv.Disk("table1").integrate(TRANSIENT.omega, TRANSIENT.start, TRANSIENT.duration, digits=20).end.state
+    right = (
+        tv.Disk("table1")
+        .integrate(TRANSIENT.omega, TRANSIENT.start, TRANSIENT.duration, digits=20)
+        .end.state
+    )
     away = max(abs(mine - float(true)) for mine, true in zip((beta, gamma, v), right, strict=True))
     assert (score.method, score.seconds) == ("elsewhere", 0.02)
     assert score.error == pytest.approx(away, rel=0.01)
@@ -161,19 +191,26 @@ def test_runs_made_elsewhere_are_shown(tmp_path: Path, capsys: pytest.CaptureFix
 @pytest.mark.parametrize(
     ("solver", "said"),
     [
-        (lambda problem, tolerance: np.zeros((2, 3)), "the states at problem.times are an array (20, 3)"),
+        (
+            lambda problem, tolerance: np.zeros((2, 3)),
+            "the states at problem.times are an array (20, 3)",
+        ),
         (lambda problem, tolerance: np.full((20, 3), np.nan), "a state is not finite"),
         (lambda problem, tolerance: 1 / 0, "division by zero"),
     ],
 )
 def test_a_solver_that_fails_has_a_score_that_says_why(solver: object, said: str) -> None:
-    race = tv.race({"bad": solver}, problems=["transient"], tolerances=[1e-6], against=[], progress=False)
+    race = tv.race(
+        {"bad": solver}, problems=["transient"], tolerances=[1e-6], against=[], progress=False
+    )
     (score,) = race.scores
     assert score.status.startswith("failed: ")
     assert said in score.status
 
 
-def test_a_program_that_cannot_race_says_why(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_program_that_cannot_race_says_why(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert main(["bench", "--program", "no-such-program"]) == 2
     assert "cannot be started" in capsys.readouterr().err
     for text, said in (
@@ -190,6 +227,8 @@ def test_a_program_that_cannot_race_says_why(tmp_path: Path, capsys: pytest.Capt
 
 def test_the_example_runs(tmp_path: Path) -> None:
     example = Path(__file__).parents[2] / "examples" / "own_integrator.py"
-    run = subprocess.run([sys.executable, str(example)], cwd=tmp_path, capture_output=True, text=True, check=True)
+    run = subprocess.run(
+        [sys.executable, str(example)], cwd=tmp_path, capture_output=True, text=True, check=True
+    )
     assert "my RK4" in run.stdout
     assert (tmp_path / "race.png").stat().st_size > 10_000

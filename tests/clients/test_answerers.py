@@ -19,10 +19,24 @@ OCTAVE = shutil.which("octave-cli") or shutil.which("octave")
 #: What builds each, and what runs it.
 COMMANDS: dict[str, tuple[list[str], list[str]]] = {
     "answerer.c": (
-        ["cc", "-O2", "-std=c99", "-Wall", "-Wextra", "-Werror", "-o", "answerer", "answerer.c", "-lm"],
+        [
+            "cc",
+            "-O2",
+            "-std=c99",
+            "-Wall",
+            "-Wextra",
+            "-Werror",
+            "-o",
+            "answerer",
+            "answerer.c",
+            "-lm",
+        ],
         ["./answerer"],
     ),
-    "answerer.f90": (["gfortran", "-O2", "-std=f2008", "-Wall", "-o", "answerer", "answerer.f90"], ["./answerer"]),
+    "answerer.f90": (
+        ["gfortran", "-O2", "-std=f2008", "-Wall", "-o", "answerer", "answerer.f90"],
+        ["./answerer"],
+    ),
     "answerer.m": ([], [OCTAVE or "octave", "--no-gui", "--quiet", "answerer.m"]),
     "answerer.mjs": ([], ["node", "answerer.mjs"]),
     "answerer.py": ([], [sys.executable, "answerer.py"]),
@@ -39,11 +53,21 @@ def test_questions_are_answered_line_by_line(file: str, tmp_path: Path) -> None:
         subprocess.run(build, check=True, cwd=tmp_path)
     store = stored()
     asked = store.matching("table1/both/rhs/001/")
-    lines = [json.dumps(question_fields(store.parameters["table1"], quantity)) for quantity in asked]
+    lines = [
+        json.dumps(question_fields(store.parameters["table1"], quantity)) for quantity in asked
+    ]
     done = subprocess.run(
-        command, input="\n".join(lines) + "\n", check=True, cwd=tmp_path, capture_output=True, text=True, timeout=60
+        command,
+        input="\n".join(lines) + "\n",
+        check=True,
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        timeout=60,
     )
-    answers = {answer["id"]: answer["answer"] for answer in map(json.loads, done.stdout.splitlines())}
+    answers = {
+        answer["id"]: answer["answer"] for answer in map(json.loads, done.stdout.splitlines())
+    }
     assert answers.keys() == {quantity.id for quantity in asked}
     given = {id_: answer for id_, answer in answers.items() if answer is not None}
     assert {id_.rpartition("/")[2] for id_ in given} >= {"f_G", "w_y", "gamma_y", "gamma_rate"}

@@ -1,4 +1,6 @@
-"""The file for AUTO-07p: its right-hand side, its start and its constants are those of the reference data."""
+"""The file for AUTO-07p: its right-hand side, its start and its constants are those of the
+reference data.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,8 @@ NAMES = ("Omega", "r", "e", "m", "A", "B", "g", "mu", "epsilon")
 RATES = ("gamma_rate", "v_rate", "dv_rate_dbeta", "dv_rate_dgamma", "dv_rate_dv")
 # Some fifty operations in doubles, whose sums cancel by a factor of a thousand at most.
 ROUNDING = 1e-11
-#: Calls the routines as AUTO does: the rates and the gradient of v' at each state read, then the start and its end.
+#: Calls the routines as AUTO does: the rates and the gradient of v' at each state read, then the
+#: start and its end.
 DRIVER = """
 program driver
   implicit none
@@ -58,7 +61,9 @@ def states(law: str) -> tuple[Store, list[dict[str, str]]]:
 def right(store: Store, row: dict[str, str]) -> list[float]:
     entry = row["id"].rsplit("/", 1)[0]
     common = entry.replace(f"/{row['friction']}/", "/both/")
-    return [store[f"{common if name == 'gamma_rate' else entry}/{name}"].for_doubles for name in RATES]
+    return [
+        store[f"{common if name == 'gamma_rate' else entry}/{name}"].for_doubles for name in RATES
+    ]
 
 
 @pytest.mark.skipif(FORTRAN is None, reason="no gfortran on this machine")
@@ -66,18 +71,32 @@ def right(store: Store, row: dict[str, str]) -> list[float]:
 def test_what_auto_calls(law: str, tmp_path: Path) -> None:
     assert FORTRAN is not None
     text = TEXT.replace(
-        ".false.               ! the friction law", f".{str(law == 'smooth').lower()}. ! the friction law"
+        ".false.               ! the friction law",
+        f".{str(law == 'smooth').lower()}. ! the friction law",
     )
     (tmp_path / "tippedisk.f90").write_text(text + DRIVER)
-    subprocess.run([FORTRAN, "-O1", "-std=f2008", "-o", "driver", "tippedisk.f90"], check=True, cwd=tmp_path)
-    store, rows = states(law)
-    told = "".join(" ".join(row[name] for name in (*NAMES, "beta", "gamma", "v")) + "\n" for row in rows)
-    done = subprocess.run(
-        ["./driver"], input=f"{len(rows)}\n{told}", check=True, cwd=tmp_path, text=True, capture_output=True
+    subprocess.run(
+        [FORTRAN, "-O1", "-std=f2008", "-o", "driver", "tippedisk.f90"], check=True, cwd=tmp_path
     )
-    *answers, first, last = np.array([line.split() for line in done.stdout.splitlines()], dtype=float)
+    store, rows = states(law)
+    told = "".join(
+        " ".join(row[name] for name in (*NAMES, "beta", "gamma", "v")) + "\n" for row in rows
+    )
+    done = subprocess.run(
+        ["./driver"],
+        input=f"{len(rows)}\n{told}",
+        check=True,
+        cwd=tmp_path,
+        text=True,
+        capture_output=True,
+    )
+    *answers, first, last = np.array(
+        [line.split() for line in done.stdout.splitlines()], dtype=float
+    )
     np.testing.assert_allclose(answers, [right(store, row) for row in rows], rtol=ROUNDING)
-    period, gamma_bar, v = (store[f"{START}/{name}"].for_doubles for name in ("period", "gamma_bar_0", "v_0"))
+    period, gamma_bar, v = (
+        store[f"{START}/{name}"].for_doubles for name in ("period", "gamma_bar_0", "v_0")
+    )
     assert first.tolist() == [
         np.pi / 2,
         np.pi / 2 + gamma_bar,
@@ -86,7 +105,8 @@ def test_what_auto_calls(law: str, tmp_path: Path) -> None:
         period,
     ]
     if law == "linear":
-        # A fourth-order method with steps of 0.3 ms closes the reference cycle: (101 / s x 0.3 ms)^4 / 120 a step.
+        # A fourth-order method with steps of 0.3 ms closes the reference cycle: (101 / s x 0.3
+        # ms)^4 / 120 a step.
         assert np.abs(last - first).max() < 1e-7
 
 
@@ -95,7 +115,9 @@ def test_the_constants_are_cut_out_and_the_speeds_are_reference_speeds() -> None
     assert {"NDIM = 3", "IPS = 2", "JAC = 1"} <= set(re.split(r", |\n", constants))
     asked = {float(number) for number in re.findall(r"\d+\.\d{9,}", constants)}
     near = {
-        float(q.inputs["Omega"]) for q in tv.references("table1/linear/") if q.name == "period" and q.level in (7, 9)
+        float(q.inputs["Omega"])
+        for q in tv.references("table1/linear/")
+        if q.name == "period" and q.level in (7, 9)
     }
     assert len(asked) == 6
     assert asked <= near

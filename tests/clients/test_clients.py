@@ -1,6 +1,8 @@
-"""Programs in six languages, written from the paper alone, answer questions: two whole ones and four starters.
+"""Programs in six languages, written from the paper alone, answer questions: two whole ones and
+four starters.
 
-That they agree with the reference data is also evidence for the data: nothing is shared but the paper.
+That they agree with the reference data is also evidence for the data: nothing is shared but the
+paper.
 """
 
 from __future__ import annotations
@@ -27,7 +29,8 @@ NODE = shutil.which("node")
 FORTRAN = shutil.which("gfortran")
 OCTAVE = shutil.which("octave-cli") or shutil.which("octave")
 JULIA = shutil.which("julia")
-#: What is said of the mistakes that the C client can make on request, in the order of its fault numbers.
+#: What is said of the mistakes that the C client can make on request, in the order of its fault
+#: numbers.
 FAULTS = (
     "in h: the sign of h_2",
     "in h: the sign of h_3",
@@ -59,7 +62,9 @@ def c_client(tmp_path_factory: pytest.TempPathFactory) -> Path:
         pytest.skip("no C compiler on this machine")
     program = tmp_path_factory.mktemp("c") / "client"
     options = ["-O2", "-std=c99", "-Wall", "-Wextra", "-Werror"]
-    subprocess.run([COMPILER, *options, "-o", str(program), str(FOLDER / CLIENTS["c"]), "-lm"], check=True)
+    subprocess.run(
+        [COMPILER, *options, "-o", str(program), str(FOLDER / CLIENTS["c"]), "-lm"], check=True
+    )
     return program
 
 
@@ -83,7 +88,9 @@ def _least(grades: list[Grade], level: int) -> float:
 RHS = ("table1/both/rhs", "table1/linear/rhs", "table1/smooth/rhs", "table1/both/equilibrium")
 
 
-def test_the_c_client_has_the_digits_of_its_arithmetic(c_client: Path, store: Store, tmp_path: Path) -> None:
+def test_the_c_client_has_the_digits_of_its_arithmetic(
+    c_client: Path, store: Store, tmp_path: Path
+) -> None:
     motion = tuple(
         f"{name}/{law}/{kind}"
         for name in ("table1", "calibrated")
@@ -95,19 +102,28 @@ def test_the_c_client_has_the_digits_of_its_arithmetic(c_client: Path, store: St
     asked = sum(1 for _ in csv.DictReader(io.StringIO(sheet)))
     assert len(grades) > 0.95 * asked  # all but the derivatives of a cycle's state
     assert not any(grade.failed for grade in grades)
-    assert _least(grades, 1) >= 15  # printed doubles; it computes in long double where the machine has it
+    # Printed doubles; it computes in long double where the machine has it
+    assert _least(grades, 1) >= 15
     assert _least(grades, 2) >= 15
-    # Its integrator's tolerance is 1e-14 or better per step, and an orbit amplifies by some hundred.
+    # Its integrator's tolerance is 1e-14 or better per step, and an orbit amplifies by some
+    # hundred.
     assert _least(grades, 6) >= 12
     assert _least(grades, 7) >= 12
 
 
 @pytest.mark.parametrize(
     "fault",
-    [pytest.param(n, marks=[] if n in (4, 14) else pytest.mark.slow(minutes=0.1)) for n in range(1, 17)],
+    [
+        pytest.param(n, marks=[] if n in (4, 14) else pytest.mark.slow(minutes=0.1))
+        for n in range(1, 17)
+    ],
 )
-def test_each_fault_of_the_c_client_is_named(fault: int, c_client: Path, store: Store, tmp_path: Path) -> None:
-    grades = _answered([str(c_client), "sheet.csv", "answers.csv", str(fault)], _asked(store, RHS), store, tmp_path)
+def test_each_fault_of_the_c_client_is_named(
+    fault: int, c_client: Path, store: Store, tmp_path: Path
+) -> None:
+    grades = _answered(
+        [str(c_client), "sheet.csv", "answers.csv", str(fault)], _asked(store, RHS), store, tmp_path
+    )
     diagnosis = diagnosed(grades, store)[0]
     assert diagnosis.level == 1
     assert FAULTS[fault - 1] in diagnosis.says()
@@ -132,7 +148,9 @@ def test_each_fault_of_the_c_client_is_named(fault: int, c_client: Path, store: 
     ids=["pieces", "printed"],
 )
 def test_the_python_client(asked: tuple[str, ...], store: Store, tmp_path: Path) -> None:
-    """All levels but the cycles nearer than 1e-6 to Omega_h, whose flights doubles do not resolve."""
+    """All levels but the cycles nearer than 1e-6 to Omega_h, whose flights doubles do not
+    resolve.
+    """
     sheet = _asked(store, asked)
     (tmp_path / "client.py").write_text(client_text(CLIENTS["python"]))
     command = [sys.executable, "client.py", "sheet.csv", "answers.csv"]
@@ -155,10 +173,21 @@ class Starter(NamedTuple):
 
 STARTERS = {
     "javascript": Starter(NODE, [str(FOLDER / CLIENTS["javascript"])]),
-    "fortran": Starter(FORTRAN, [], ("-O2", "-std=f2008", "-Wall", "-o", "client", str(FOLDER / CLIENTS["fortran"]))),
+    "fortran": Starter(
+        FORTRAN,
+        [],
+        ("-O2", "-std=f2008", "-Wall", "-o", "client", str(FOLDER / CLIENTS["fortran"])),
+    ),
     "octave": Starter(
         OCTAVE,
-        ["--no-gui", "--quiet", "--path", str(FOLDER), "--eval", "tippedisk_answers('sheet.csv', 'answers.csv')"],
+        [
+            "--no-gui",
+            "--quiet",
+            "--path",
+            str(FOLDER),
+            "--eval",
+            "tippedisk_answers('sheet.csv', 'answers.csv')",
+        ],
     ),
     "julia": Starter(JULIA, [str(FOLDER / CLIENTS["julia"])]),
 }
@@ -173,7 +202,9 @@ FOR_STARTERS = (
 
 @pytest.mark.parametrize("language", STARTERS)
 def test_a_starter_is_short_and_right(language: str, store: Store, tmp_path: Path) -> None:
-    """Level 1 to the digits of doubles, level 6 to those of its fixed step; what it does not answer stays empty."""
+    """Level 1 to the digits of doubles, level 6 to those of its fixed step; what it does not
+    answer stays empty.
+    """
     starter = STARTERS[language]
     assert len(client_text(CLIENTS[language]).splitlines()) <= 150
     if starter.tool is None:
@@ -185,7 +216,10 @@ def test_a_starter_is_short_and_right(language: str, store: Store, tmp_path: Pat
     grades = _answered(command, _asked(store, FOR_STARTERS), store, tmp_path)
     assert not any(grade.failed for grade in grades)
     assert {grade.level for grade in grades} == {1, 6}
-    assert {"v_rate", "h", "gamma_y"} <= {grade.id.rsplit("/", 1)[1] for grade in grades if grade.level == 1}
+    assert {"v_rate", "h", "gamma_y"} <= {
+        grade.id.rsplit("/", 1)[1] for grade in grades if grade.level == 1
+    }
     assert _least(grades, 1) >= 13
-    # A step of 1e-4 s against rates of about 30 1/s, to the fourth power, and orbits that amplify by some hundred.
+    # A step of 1e-4 s against rates of about 30 1/s, to the fourth power, and orbits that amplify
+    # by some hundred.
     assert _least(grades, 6) >= 7

@@ -78,7 +78,10 @@ def table(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def _right(chosen: list[Quantity]) -> Sheet:
     return {
-        quantity.id: ("doubles" if "doubles" in quantity.values else "decimals", repr(quantity.for_doubles))
+        quantity.id: (
+            "doubles" if "doubles" in quantity.values else "decimals",
+            repr(quantity.for_doubles),
+        )
         for quantity in chosen
     }
 
@@ -108,7 +111,9 @@ def _sheets(chosen: list[Quantity]) -> dict[str, str]:
         "wrong ids": {id_.replace("omega_crit", "Omega_crit"): told for id_, told in right.items()},
         "shown by numpy": _changed(right, "hopf", lambda x: f"np.float64({x!r})"),
         "Fortran": _changed(right, "", lambda x: f"{x:.16e}".replace("e", "D")),
-        "Fortran without the letter": _changed(right, "", lambda x: re.sub("e(.)", r"\g<1>0", f"{x:.16e}")),
+        "Fortran without the letter": _changed(
+            right, "", lambda x: re.sub("e(.)", r"\g<1>0", f"{x:.16e}")
+        ),
         "Mathematica": _changed(right, "", lambda x: f"{x:.16e}".replace("e", "`15.95*^")),
         "no numbers": dict(zip(right, (("", text) for text in cycle(NO_NUMBERS)), strict=False)),
     }
@@ -120,7 +125,9 @@ def _sheets(chosen: list[Quantity]) -> dict[str, str]:
     texts["decimal commas"] = plain.replace(".", ",")
     texts["decimal commas in quotes"] = re.sub(r",(-?\d+)\.(\d+)$", r',"\1,\2"', plain, flags=re.M)
     texts["decimal commas between semicolons"] = plain.replace(",", ";").replace(".", ",")
-    texts["tabs and twice"] = (plain + plain.partition("\n")[2]).replace(",", "\t").replace("\n", "\r\n")
+    texts["tabs and twice"] = (
+        (plain + plain.partition("\n")[2]).replace(",", "\t").replace("\n", "\r\n")
+    )
     return texts
 
 
@@ -131,14 +138,23 @@ def _expected(path: Path, store: Store, chosen: list[Quantity]) -> Said:
         return None
     grades = graded(answers, store)
     levels = {
-        level.level: (level.answered, level.failed, level.verdict, level.least) for level in levels_of(grades, chosen)
+        level.level: (level.answered, level.failed, level.verdict, level.least)
+        for level in levels_of(grades, chosen)
     }
     failed = {(grade.verdict, grade.id) for grade in grades if grade.failed}
     return failed, levels, (len(answers.unknown), len(answers.repeated))
 
 
 def _said(text: str) -> Said:
-    failed = {(found[1], found[2]) for found in re.finditer(r"^([a-z-]+) +(table1/\S+)  .*instead of", text, re.M)}
+    failed = {
+        (found[1], found[2])
+        for found in re.finditer(
+            r"^([a-z-]+) +(table1/\S+)  .*instead "
+            r"of",
+            text,
+            re.M,
+        )
+    }
     pattern = r"level (\d+): (\d+) of \d+ answered, (\d+) failed(?:, least digits (\S+))?: (.*)"
     levels = {
         int(found[1]): (int(found[2]), int(found[3]), found[5].strip(), float(found[4] or "nan"))
@@ -162,7 +178,9 @@ def _by_node(names: list[str], folder: Path, table: Path) -> list[str]:
     assert NODE is not None
     program = [NODE, str(FOLDER / GRADERS["javascript"])]
     return [
-        subprocess.run([*program, str(folder / name), str(table)], check=False, capture_output=True, text=True).stdout
+        subprocess.run(
+            [*program, str(folder / name), str(table)], check=False, capture_output=True, text=True
+        ).stdout
         for name in names
     ]
 
@@ -170,12 +188,23 @@ def _by_node(names: list[str], folder: Path, table: Path) -> list[str]:
 @pytest.mark.parametrize(
     "run",
     [
-        pytest.param(_by_octave, id="octave", marks=pytest.mark.skipif(OCTAVE is None, reason="no GNU Octave here")),
-        pytest.param(_by_node, id="javascript", marks=pytest.mark.skipif(NODE is None, reason="no Node.js here")),
+        pytest.param(
+            _by_octave,
+            id="octave",
+            marks=pytest.mark.skipif(OCTAVE is None, reason="no GNU Octave here"),
+        ),
+        pytest.param(
+            _by_node,
+            id="javascript",
+            marks=pytest.mark.skipif(NODE is None, reason="no Node.js here"),
+        ),
     ],
 )
 def test_the_verdicts_are_those_of_conformance_grade(
-    run: Callable[[list[str], Path, Path], list[str]], chosen: list[Quantity], table: Path, tmp_path: Path
+    run: Callable[[list[str], Path, Path], list[str]],
+    chosen: list[Quantity],
+    table: Path,
+    tmp_path: Path,
 ) -> None:
     store = stored()
     sheets = _sheets(chosen)
@@ -196,7 +225,8 @@ def test_the_verdicts_are_those_of_conformance_grade(
         for level, (answered, failed, verdict, least) in expected[1].items():
             assert said[1][level][:3] == (answered, failed, verdict), (name, level)
             assert math.isnan(said[1][level][3]) == (answered == 0)
-            # A double rounded in its sixteenth digit leaves the one decimal that is printed, up to 13 digits.
+            # A double rounded in its sixteenth digit leaves the one decimal that is printed, up to
+            # 13 digits.
             if least < 13:
                 assert abs(said[1][level][3] - least) < 0.06, (name, level)
             verdicts.add(verdict)

@@ -1,7 +1,8 @@
-"""A program that answers a sheet of questions, levels 1 to 9, written from the paper's equations alone.
+"""A program that answers a sheet of questions, levels 1 to 9, written from the paper's equations
+alone.
 
-The lines `# ---- name` cut its text into parts: `faults.py` runs changed texts, and a run is remembered as
-long as the head of the text and the parts that it names are as they were.
+The lines `# ---- name` cut its text into parts: `faults.py` runs changed texts, and a run is
+remembered as long as the head of the text and the parts that it names are as they were.
 """
 
 import cmath
@@ -97,7 +98,14 @@ def jacobian(p, Omega, smooth, y):
 def integrate(f, y0, times):
     """States at these times, the first of which is the start."""
     states, notes = odeint(
-        lambda t, y: f(y.tolist()), y0, times, full_output=True, rtol=1e-13, atol=1e-13, mxstep=5000, tfirst=True
+        lambda t, y: f(y.tolist()),
+        y0,
+        times,
+        full_output=True,
+        rtol=1e-13,
+        atol=1e-13,
+        mxstep=5000,
+        tfirst=True,
     )
     if notes["message"] != "Integration successful.":
         raise ArithmeticError(notes["message"])
@@ -149,7 +157,9 @@ def run(p, Omega, smooth, start):
 # ---- cycles
 @kept("model", "integrator", "cycles")
 def half_cycle(p, Omega, smooth, guess):
-    """Newton on the half map: half the period, the start, the map's derivative by start and Omega, and more."""
+    """Newton on the half map: half the period, the start, the map's derivative by start and
+    Omega, and more.
+    """
 
     def f(y):
         return rates(p, Omega, smooth, y)
@@ -162,7 +172,11 @@ def half_cycle(p, Omega, smooth, guess):
         for k in range(3):
             b, g, v = y[3 + 3 * k : 6 + 3 * k]
             source = (gO, vO) if k == 2 else (0, 0)
-            change += [v, gb * b + gg * g + gv * v + source[0], vb * b + vg * g + vv * v + source[1]]
+            change += [
+                v,
+                gb * b + gg * g + gv * v + source[0],
+                vb * b + vg * g + vv * v + source[1],
+            ]
         return [*base, *change, vv]
 
     x = np.array(guess)
@@ -278,7 +292,9 @@ def trajectory(p, row):
 def cycle(p, row):
     Omega = float(row["Omega"])
     smooth = row["friction"] == "smooth"
-    half, x, by, dtime, divergence, deepest, _ = half_cycle(p, Omega, smooth, GUESSES[row["id"].rsplit("/", 1)[0]])
+    half, x, by, dtime, divergence, deepest, _ = half_cycle(
+        p, Omega, smooth, GUESSES[row["id"].rsplit("/", 1)[0]]
+    )
     by_x = by[:, :2]
     by_Omega = np.linalg.solve(np.eye(2) - by_x, by[:, 2])
     slow = max(abs(np.linalg.eigvals(by_x))) ** 2

@@ -1,4 +1,6 @@
-"""What `blind_program.py` answers without integrating: the Hopf point, harmonic balance, the slow manifold."""
+"""What `blind_program.py` answers without integrating: the Hopf point, harmonic balance, the
+slow manifold.
+"""
 
 import functools
 import math
@@ -17,7 +19,9 @@ def critical_speed(p):
 
 @functools.cache
 def normal_form(p, model, jacobian):
-    """Critical frequency, q, p.C(q, q, qbar) and the eigenvalue's derivative by Omega, all at the critical speed."""
+    """Critical frequency, q, p.C(q, q, qbar) and the eigenvalue's derivative by Omega, all at
+    the critical speed.
+    """
     mpmath.mp.dps = 60
     Oc = critical_speed(p)
     y0 = [mpmath.mpf(HALF_PI), mpmath.mpf(HALF_PI), mpmath.mpf(0)]
@@ -148,7 +152,9 @@ def circular(x, place):
     for shift in (0, 1):
         c = np.zeros((ORDER + 1, ORDER + 1))
         for k in range(ORDER + 1):
-            c[(k, 0) if place == 0 else (0, k)] = math.sin(x + (k + shift) * HALF_PI) / math.factorial(k)
+            c[(k, 0) if place == 0 else (0, k)] = math.sin(
+                x + (k + shift) * HALF_PI
+            ) / math.factorial(k)
         found.append(Series(c))
     return found
 
@@ -163,8 +169,14 @@ def slow_manifold(p, Omega, beta, gamma):
     inertia = A * cg * cg + Bbar * sg * sg
     M = inertia + m * rho * rho * cb * cb
     # h + f_G = free + linear v + square v^2, and the friction is -(drag / epsilon)(v - h_0)
-    free = inertia * Omega**2 * sb * cb + m * e * Omega**2 * rho * sb * cb * cb * cb * sg - m * g * rho * cb
-    linear = -2 * (A - Bbar) * Omega * cb * sg * cg - m * e * Omega * rho * (3 * sb * sb - 2) * cb * cg
+    free = (
+        inertia * Omega**2 * sb * cb
+        + m * e * Omega**2 * rho * sb * cb * cb * cb * sg
+        - m * g * rho * cb
+    )
+    linear = (
+        -2 * (A - Bbar) * Omega * cb * sg * cg - m * e * Omega * rho * (3 * sb * sb - 2) * cb * cg
+    )
     square = m * rho * rho * sb * cb
     drag = mu * m * g * rho * rho * sb * sb
     h = [e * Omega * sb * cg / rho]
@@ -177,13 +189,18 @@ def slow_manifold(p, Omega, beta, gamma):
         h.append((force - M * change) / drag)
     found = {}
     total, by_beta, by_gamma = 0.0, 0.0, 0.0
-    at = {name: s.c[0, 0] for name, s in (("M", M), ("free", free), ("lin", linear), ("sq", square), ("drag", drag))}
+    at = {
+        name: s.c[0, 0]
+        for name, s in (("M", M), ("free", free), ("lin", linear), ("sq", square), ("drag", drag))
+    }
     for n, term in enumerate(h):
         found[f"h_{n}"] = term.c[0, 0]
         total += eps**n * term.c[0, 0]
         by_beta += eps**n * term.c[1, 0]
         by_gamma += eps**n * term.c[0, 1]
-        right = eps * (at["free"] + at["lin"] * total + at["sq"] * total**2) - at["drag"] * (total - h[0].c[0, 0])
+        right = eps * (at["free"] + at["lin"] * total + at["sq"] * total**2) - at["drag"] * (
+            total - h[0].c[0, 0]
+        )
         left = eps * (by_beta * total - by_gamma * Omega * math.cos(beta))
         found[f"residual_{n}"] = left - right / at["M"]
     return found

@@ -1,9 +1,11 @@
-"""Kinds of mistakes planted in an independent program, several at once, and how many the diagnosis names.
+"""Kinds of mistakes planted in an independent program, several at once, and how many the diagnosis
+names.
 
     python -m tests.conformance.mistakes --count 200 --size 2 --differences linear
 
-`KINDS` is the table: what is replaced in the text of `blind_program.py`, by what, and a pattern that a statement which
-names the mistake matches. Draws take kinds that change different lines. A seed gives the same draws on every machine.
+`KINDS` is the table: what is replaced in the text of `blind_program.py`, by what, and a pattern
+that a statement which names the mistake matches. Draws take kinds that change different lines. A
+seed gives the same draws on every machine.
 """
 
 from __future__ import annotations
@@ -42,19 +44,49 @@ class Kind(NamedTuple):
 
 KINDS: dict[str, Kind] = {
     "Bbar-plus": Kind(_BBAR, _BBAR.replace("-", "+"), r"Bbar.*(\+ m e\^2|sign of -m e\^2)"),
-    "Bbar-B": Kind(_BBAR, _BBAR.replace(" - m * e**2", ""), r"Bbar = B, not|Bbar: the term -m e\^2 is missing"),
+    "Bbar-B": Kind(
+        _BBAR,
+        _BBAR.replace(" - m * e**2", ""),
+        r"Bbar = B, not|Bbar: the term -m e\^2 "
+        r"is missing",
+    ),
     "Bbar-e": Kind(_BBAR, _BBAR.replace("e**2", "e"), r"Bbar.*m e([, ]|$)"),
-    "rho-r": Kind(_RHO, _RHO.replace(" + e * sg", ""), r"rho = r, not|rho: the term e sin\(gamma\) is missing"),
+    "rho-r": Kind(
+        _RHO,
+        _RHO.replace(" + e * sg", ""),
+        r"rho = r, not|rho: the term e sin\(gamma\) "
+        r"is missing",
+    ),
     "rho-cosine": Kind(_RHO, _RHO.replace("sg\n", "cg\n"), r"rho.*e cos\(gamma\)"),
     "rho-minus": Kind(_RHO, _RHO.replace("+ e", "- e"), r"rho.*(r - e sin|sign of e sin)"),
-    "rho-exchanged": Kind(_RHO, _RHO.replace("r + e", "e + r"), r"rho = e \+ r sin|r and e exchanged"),
-    "inertia-exchanged": Kind("A * cg**2 + Bbar * sg**2", "A * sg**2 + Bbar * cg**2", r"inertia.*A sin\(gamma\)\^2"),
+    "rho-exchanged": Kind(
+        _RHO,
+        _RHO.replace("r + e", "e + r"),
+        r"rho = e \+ r sin|r and e "
+        r"exchanged",
+    ),
+    "inertia-exchanged": Kind(
+        "A * cg**2 + Bbar * sg**2",
+        "A * sg**2 + Bbar * cg**2",
+        r"inertia.*A "
+        r"sin\(gamma\)\^2",
+    ),
     "inertia-B": Kind("A * cg**2 + Bbar * sg**2", "A * cg**2 + B * sg**2", r"B sin\(gamma\)\^2"),
-    "inertia-powers": Kind("A * cg**2 + Bbar * sg**2", "A * cg + Bbar * sg", r"inertia.*A cos\(gamma\)[^^]"),
+    "inertia-powers": Kind(
+        "A * cg**2 + Bbar * sg**2",
+        "A * cg + Bbar * sg",
+        r"inertia.*A "
+        r"cos\(gamma\)[^^]",
+    ),
     "M-sine": Kind("m * rho**2 * cb**2", "m * rho**2 * sb**2", r"M.*m rho\^2 sin\(beta\)\^2"),
     "M-power": Kind("m * rho**2 * cb**2", "m * rho**2 * cb", r"M.*m rho\^2 cos\(beta\) for"),
     "M-rho": Kind("m * rho**2 * cb**2", "m * rho * cb**2", r"M.*m rho cos"),
-    "M-term": Kind("inertia + m * rho**2 * cb**2", "inertia", r"M: the term m rho\^2 cos\(beta\)\^2 is missing"),
+    "M-term": Kind(
+        "inertia + m * rho**2 * cb**2",
+        "inertia",
+        r"M: the term m rho\^2 "
+        r"cos\(beta\)\^2 is missing",
+    ),
     "h1-sign": Kind("h = h1 +", "h = -h1 +", r"the sign of (h_1|inertia Omega)"),
     "h1-Omega": Kind("h1 = inertia * Omega**2", "h1 = inertia * Omega", r"h_1: inertia Omega sin"),
     "h1-missing": Kind("h = h1 +", "h = 0 +", r"term (h_1|inertia Omega\^2.*) is missing"),
@@ -62,7 +94,12 @@ KINDS: dict[str, Kind] = {
     "h2-factor": Kind("h2 = -2", "h2 = -1", r"(factor 2 is missing in -2 \(A|1/2 h_2)"),
     "h2-sum": Kind("(A - Bbar)", "(A + Bbar)", r"\(A \+ Bbar\)|\(A - Bbar\): the sign of -Bbar"),
     "h2-B": Kind("(A - Bbar)", "(A - B)", r"\(A - B\)|\(A - Bbar\): -B for -Bbar"),
-    "h2-sine": Kind("v * cb * sg * cg", "v * sb * sg * cg", r"h_2: .*v sin\(beta\) sin\(gamma\) cos"),
+    "h2-sine": Kind(
+        "v * cb * sg * cg",
+        "v * sb * sg * cg",
+        r"h_2: .*v sin\(beta\) sin\(gamma\) "
+        r"cos",
+    ),
     "h3-sign": Kind("+ h3", "- h3", r"the sign of (h_3|m rho\^2 v)"),
     "h3-v": Kind("rho**2 * v**2", "rho**2 * v", r"h_3: m rho\^2 v sin"),
     "h3-rho": Kind("rho**2 * v**2", "rho * v**2", r"h_3: m rho v\^2"),
@@ -75,7 +112,12 @@ KINDS: dict[str, Kind] = {
     "h5-sign": Kind("+ h5", "- h5", r"the sign of (h_5|-m e rho)"),
     "h5-one": Kind("3 * sb**2 - 2", "3 * sb**2 - 1", r"-1 for -2"),
     "h5-cosine": Kind("3 * sb**2 - 2", "3 * cb**2 - 2", r"3 cos\(beta\)\^2"),
-    "h5-sine": Kind("Omega * v * cb * cg", "Omega * v * cb * sg", r"h_5: .*cos\(beta\) sin\(gamma\) for"),
+    "h5-sine": Kind(
+        "Omega * v * cb * cg",
+        "Omega * v * cb * sg",
+        r"h_5: .*cos\(beta\) "
+        r"sin\(gamma\) for",
+    ),
     "h5-v": Kind("Omega * v * cb * cg", "Omega * cb * cg", r"h_5: the factor v is missing"),
     "f_G-sign": Kind("f_G = -m", "f_G = m", r"the sign of (f_G|-m g rho)"),
     "f_G-sine": Kind("g * rho * cb", "g * rho * sb", r"f_G: -?m g rho sin\(beta\)"),
@@ -85,27 +127,67 @@ KINDS: dict[str, Kind] = {
     "w_y-r": Kind("w_y = rho * sb", "w_y = r * sb", r"w_y: r sin\(beta\)"),
     "w_y-sine": Kind("w_y = rho * sb", "w_y = rho", r"w_y: the factor sin\(beta\) is missing"),
     "gamma_y-sign": Kind("v * sb - e", "v * sb + e", r"gamma_y: the sign of -e Omega"),
-    "gamma_y-power": Kind("Omega * sb**2 * cg", "Omega * sb * cg", r"gamma_y: -e Omega sin\(beta\) cos"),
-    "gamma_y-misprint": Kind("Omega * sb**2 * cg", "Omega * o.sin(beta**2) * cg", r"sin\(beta\^2\)"),
-    "gamma_y-sine": Kind("Omega * sb**2 * cg", "Omega * sb**2 * sg", r"gamma_y: -e Omega sin\(beta\)\^2 sin"),
+    "gamma_y-power": Kind(
+        "Omega * sb**2 * cg",
+        "Omega * sb * cg",
+        r"gamma_y: -e Omega sin\(beta\) "
+        r"cos",
+    ),
+    "gamma_y-misprint": Kind(
+        "Omega * sb**2 * cg", "Omega * o.sin(beta**2) * cg", r"sin\(beta\^2\)"
+    ),
+    "gamma_y-sine": Kind(
+        "Omega * sb**2 * cg",
+        "Omega * sb**2 * sg",
+        r"gamma_y: -e Omega "
+        r"sin\(beta\)\^2 sin",
+    ),
     "gamma_y-r": Kind("gamma_y = rho", "gamma_y = r", r"gamma_y: r v sin"),
-    "linear-mu": Kind("-mu * m * g / eps", "-m * g / eps", r"lambda_Ty: the factor mu is missing.*linear"),
-    "linear-epsilon": Kind("-mu * m * g / eps", "-mu * m * g", r"lambda_Ty: the factor epsilon is missing.*linear"),
-    "linear-sign": Kind("-mu * m * g / eps", "mu * m * g / eps", r"the sign of (-mu m g gamma_y|w_y|mu).*linear"),
+    "linear-mu": Kind(
+        "-mu * m * g / eps",
+        "-m * g / eps",
+        r"lambda_Ty: the factor mu is "
+        r"missing.*linear",
+    ),
+    "linear-epsilon": Kind(
+        "-mu * m * g / eps",
+        "-mu * m * g",
+        r"lambda_Ty: the factor epsilon is "
+        r"missing.*linear",
+    ),
+    "linear-sign": Kind(
+        "-mu * m * g / eps",
+        "mu * m * g / eps",
+        r"the sign of (-mu m g "
+        r"gamma_y|w_y|mu).*linear",
+    ),
     "smooth-modulus": Kind("(size + eps)", "(gamma_y + eps)", r"gamma_y \+ epsilon|abs\(gamma_y\)"),
     "smooth-square": Kind("(size + eps)", "(size**2 + eps**2)", r"gamma_y\^2 \+ epsilon\^2"),
-    "smooth-root": Kind("(size + eps)", "o.sqrt(size**2 + eps**2)", r"sqrt\(gamma_y\^2 \+ epsilon\^2\)"),
+    "smooth-root": Kind(
+        "(size + eps)",
+        "o.sqrt(size**2 + eps**2)",
+        r"sqrt\(gamma_y\^2 \+ "
+        r"epsilon\^2\)",
+    ),
     "gamma-sign": Kind("gamma_rate = -Omega", "gamma_rate = Omega", r"gamma_rate: the sign"),
-    "gamma-sine": Kind("gamma_rate = -Omega * cb", "gamma_rate = -Omega * sb", r"gamma_rate: -?Omega sin"),
+    "gamma-sine": Kind(
+        "gamma_rate = -Omega * cb",
+        "gamma_rate = -Omega * sb",
+        r"gamma_rate: "
+        r"-?Omega sin",
+    ),
     "v-lever": Kind("w_y * lambda_Ty)", "lambda_Ty)", r"force: (lambda_Ty for|the factor w_y)"),
     "v-friction-sign": Kind("f_G + w_y", "f_G - w_y", r"force: the sign of w_y"),
     "v-no-f_G": Kind("(h + f_G +", "(h +", r"force: the term f_G is missing"),
 }
 
-#: Mistakes at levels 2 to 5: what is replaced by what in the program, and what a statement that names it says.
+#: Mistakes at levels 2 to 5: what is replaced by what in the program, and what a statement that
+#: names it says.
 ELSEWHERE: dict[str, Kind] = {
     "eigenvalues-by-modulus": Kind(
-        "key=lambda x: (-round(x.real, 9)", "key=lambda x: (-round(abs(x), 9)", "another order: descending moduli"
+        "key=lambda x: (-round(x.real, 9)",
+        "key=lambda x: (-round(abs(x), 9)",
+        "another order: descending moduli",
     ),
     "equilibrium-as-printed": Kind(
         "jacobian(p, Omega, smooth, [HALF_PI, gamma, 0.0])",
@@ -113,26 +195,45 @@ ELSEWHERE: dict[str, Kind] = {
         r"taken at \(3 pi/2, pi/2, 0\)",
     ),
     "hopf-speed": Kind(
-        "m * g * (r + e) ** 2 / (Bbar * r)", "m * g * (r + e) / Bbar", r"omega_crit_squared: m g \(r \+ e\) / Bbar for"
+        "m * g * (r + e) ** 2 / (Bbar * r)",
+        "m * g * (r + e) / Bbar",
+        r"omega_crit_squared: m g "
+        r"\(r \+ e\) / Bbar for",
     ),
-    "hopf-slope": Kind("4 * abs(q[0]) ** 2 * square", "4 * abs(q[0]) * square", "4 q_beta rate_real / c_real for"),
+    "hopf-slope": Kind(
+        "4 * abs(q[0]) ** 2 * square", "4 * abs(q[0]) * square", "4 q_beta rate_real / c_real for"
+    ),
     "hopf-modulus": Kind("c1.real / omega", "abs(c1) / omega", r"sqrt\(c_real\^2 \+ c_imag\^2\)"),
     "law-chi": Kind("A * (r - 2 * e)", "A * (r - e)", r"chi: A \(r - e\) for"),
     "law-delta": Kind("C**2 / 8)", "C**2 / 4)", "delta: -1/4 Omega"),
     "law-denominator": Kind(
-        "+ m * g * e * (r + e))\n    C", "+ m * g * (r + e))\n    C", "denominator: the factor e is missing"
+        "+ m * g * e * (r + e))\n    C",
+        "+ m * g * (r + e))\n    C",
+        "denominator: the factor e is missing",
     ),
     "law-hertz": Kind(
-        '"frequency": frequency,', '"frequency": frequency / (2 * math.pi),', r"frequency has the factor 1/\(2 pi\)"
+        '"frequency": frequency,',
+        '"frequency": frequency / (2 * math.pi),',
+        r"frequency has the "
+        r"factor 1/\(2 pi\)",
     ),
     "manifold-h_0": Kind(
-        "h = [e * Omega * sb * cg / rho]", "h = [e * Omega * cg / rho]", r"h_0: the factor sin\(beta\) is missing"
+        "h = [e * Omega * sb * cg / rho]",
+        "h = [e * Omega * cg / rho]",
+        r"h_0: the factor "
+        r"sin\(beta\) is missing",
     ),
-    "manifold-h_4": Kind("+ m * e * Omega**2 * rho * sb * cb * cb * cb * sg - m", "- m", "h_4: the term .* is missing"),
+    "manifold-h_4": Kind(
+        "+ m * e * Omega**2 * rho * sb * cb * cb * cb * sg - m",
+        "- m",
+        "h_4: the term .* is missing",
+    ),
     "manifold-residual": Kind(
         "total - by_gamma * Omega", "total + by_gamma * Omega", "transport: the sign of slope_gamma"
     ),
-    "manifold-order": Kind('found[f"h_{n}"]', 'found[f"h_{n + 1}"]', "the values of the previous order"),
+    "manifold-order": Kind(
+        'found[f"h_{n}"]', 'found[f"h_{n + 1}"]', "the values of the previous order"
+    ),
 }
 
 _DIFFERENCES = '''def gradient(p, Omega, smooth, y):
@@ -171,7 +272,9 @@ class Planted(NamedTuple):
 
 
 def patched(patches: list[tuple[str, str]]) -> dict[str, Any] | None:
-    """The program with replacements in its texts; None where one does not fit in exactly one place."""
+    """The program with replacements in its texts; None where one does not fit in exactly one
+    place.
+    """
     texts = list(TEXTS)
     for old, new in patches:
         counts = [text.count(old) for text in texts]
@@ -190,14 +293,23 @@ def grades_of(program: dict[str, Any], levels: range, only: str = "") -> list[Gr
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # what mistakes do to square roots and integrators
         answers = program["answered"](rows(levels), levels)
-    given = [(id_, "doubles", str(text), {}) for id_, text in answers.items() if not only or re.search(only, id_)]
+    given = [
+        (id_, "doubles", str(text), {})
+        for id_, text in answers.items()
+        if not only or re.search(only, id_)
+    ]
     return graded(collected(given, stored(), None, Answers()), stored())
 
 
 def planted(
-    names: tuple[str, ...], differences: tuple[bool, ...] = (), levels: range = range(1, 2), only: str = ""
+    names: tuple[str, ...],
+    differences: tuple[bool, ...] = (),
+    levels: range = range(1, 2),
+    only: str = "",
 ) -> Planted | None:
-    """Plant some kinds at once, with derivatives by differences under these laws; None where they do not fit."""
+    """Plant some kinds at once, with derivatives by differences under these laws; None where
+    they do not fit.
+    """
     patches = [(KINDS[name].old, KINDS[name].new) for name in names]
     if differences:
         patches.append((_GRADIENT, _DIFFERENCES.replace("DIFFERENCED", repr(differences))))
@@ -209,8 +321,12 @@ def planted(
     diagnoses = diagnosed(grades, stored())
     seconds = time.process_time() - start
     causes = [says for one in diagnoses for name, says in one.causes if name != "digits"]
-    named = frozenset(name for name in names if any(re.search(KINDS[name].says, says) for says in causes))
-    false = tuple(says for says in causes if not any(re.search(KINDS[name].says, says) for name in names))
+    named = frozenset(
+        name for name in names if any(re.search(KINDS[name].says, says) for says in causes)
+    )
+    false = tuple(
+        says for says in causes if not any(re.search(KINDS[name].says, says) for name in names)
+    )
     return Planted(names, named, false, seconds, diagnoses)
 
 
@@ -224,19 +340,25 @@ def drawn(seed: int, count: int, size: int) -> Iterator[tuple[str, ...]]:
         if (
             every
             and len(terms) == size
-            and all(_first_answers(tuple(one for one in names if one != name)) != every for name in names)
+            and all(
+                _first_answers(tuple(one for one in names if one != name)) != every
+                for name in names
+            )
         ):
             found += 1
             yield names
 
 
 def _first_answers(names: tuple[str, ...]) -> dict[str, str] | None:
-    """The answers to the first questions with some kinds planted; None where they do not fit together."""
+    """The answers to the first questions with some kinds planted; None where they do not fit
+    together.
+    """
     program = patched([KINDS[name][:2] for name in names])
     return program["answered"](FIRST, range(1, 2)) if program else None
 
 
-#: The planted mistakes of the tests: the laws under which derivatives are differences, by count and size of the draws.
+#: The planted mistakes of the tests: the laws under which derivatives are differences, by count and
+#: size of the draws.
 LISTED: dict[tuple[bool, ...], tuple[tuple[int, int], ...]] = {
     (): ((3, 1), (12, 2), (6, 3)),
     (False,): ((4, 2), (2, 3)),
@@ -249,21 +371,40 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--count", type=int, default=100)
     parser.add_argument("--size", type=int, default=2, help="mistakes at once")
-    parser.add_argument("--differences", choices=("none", "linear", "smooth", "both"), default="none")
+    parser.add_argument(
+        "--differences", choices=("none", "linear", "smooth", "both"), default="none"
+    )
     parser.add_argument("--only", default="", help="pattern of the ids that are answered")
     asked = parser.parse_args()
-    laws = {"none": (), "linear": (False,), "smooth": (True,), "both": (False, True)}[asked.differences]
+    laws = {"none": (), "linear": (False,), "smooth": (True,), "both": (False, True)}[
+        asked.differences
+    ]
     found = [
-        one for names in drawn(asked.seed, asked.count, asked.size) if (one := planted(names, laws, only=asked.only))
+        one
+        for names in drawn(asked.seed, asked.count, asked.size)
+        if (one := planted(names, laws, only=asked.only))
     ]
     for one in found:
         if len(one.named) < len(one.names) or one.false or one.seconds > 3:
-            print(f"{one.seconds:.1f} s", *one.names, "| named:", *sorted(one.named), "| false:", *one.false, sep=" ")
+            print(
+                f"{one.seconds:.1f} s",
+                *one.names,
+                "| named:",
+                *sorted(one.named),
+                "| false:",
+                *one.false,
+                sep=" ",
+            )
     complete, some = (
-        sum(test(len(one.named), len(one.names)) for one in found) for test in (int.__eq__, lambda a, _: a > 0)
+        sum(test(len(one.named), len(one.names)) for one in found)
+        for test in (int.__eq__, lambda a, _: a > 0)
     )
     times = [one.seconds for one in found]
-    print(f"{len(found)} draws of {asked.size}: {complete} named completely, {some} at least in part,", end=" ")
+    print(
+        f"{len(found)} draws of {asked.size}: {complete} named completely, {some} at least in "
+        f"part,",
+        end=" ",
+    )
     print(f"{sum(bool(one.false) for one in found)} with a false name beside them;", end=" ")
     print(f"{statistics.median(times):.2f} s in the median, {max(times):.2f} s at most")
 

@@ -60,7 +60,9 @@ def test_a_csv_sheet_needs_no_quotes_and_says_everything(store: Store) -> None:
 
 
 @pytest.mark.parametrize("write", [sheet_csv, sheet_json])
-def test_the_truth_gets_full_marks_in_either_form_and_reading(write, store: Store, tmp_path: Path) -> None:
+def test_the_truth_gets_full_marks_in_either_form_and_reading(
+    write, store: Store, tmp_path: Path
+) -> None:
     asked = questions(store, sets=["table1"])
     text = write(store, asked)
     path = tmp_path / "sheet"
@@ -88,7 +90,9 @@ def test_the_truth_gets_full_marks_in_either_form_and_reading(write, store: Stor
 
 
 # ------------------------------------------------------------------------------------------ digits
-@pytest.mark.parametrize(("error", "digits"), [("1e-3", 3), ("2e-9", 8.69897), ("-1e-30", 30), ("0.5", 0.30103)])
+@pytest.mark.parametrize(
+    ("error", "digits"), [("1e-3", 3), ("2e-9", 8.69897), ("-1e-30", 30), ("0.5", 0.30103)]
+)
 def test_digits_are_those_of_the_relative_error(error: str, digits: float) -> None:
     truth = Decimal(7)
     with localcontext() as context:
@@ -98,24 +102,39 @@ def test_digits_are_those_of_the_relative_error(error: str, digits: float) -> No
 
 
 def test_what_is_exact_and_what_agrees(store: Store) -> None:
-    """Rounding an answer is no error, each reading has a truth, and no program in doubles has a better double."""
+    """Rounding an answer is no error, each reading has a truth, and no program in doubles has
+    a better double.
+    """
     quantity = store[OMEGA_CRIT]
     truth, doubles = (quantity.values[reading][0] for reading in ("decimals", "doubles"))
     cut = round(Decimal(truth), 12)
-    answers = {truth: "exact", truth + "123456789" * 10: "exact", str(cut): "exact", doubles: "agrees", "30.9": "wrong"}
+    answers = {
+        truth: "exact",
+        truth + "123456789" * 10: "exact",
+        str(cut): "exact",
+        doubles: "agrees",
+        "30.9": "wrong",
+    }
     for answer, verdict in (answers | {str(cut + Decimal("1e-12")): "agrees"}).items():
         grade = compare(OMEGA_CRIT, answer, reading="decimals")
         assert (grade.verdict, grade.digits < 60) == (verdict, True)
         assert "inputs were rounded" in grade.note or answer != doubles
     for quantity in store.matching("table1/both/rhs/00"):
         assert compare(quantity.id, quantity.for_doubles).verdict == "exact"
-        assert compare(quantity.id, f"{quantity.for_doubles * (1 + 1e-14):.16e}").verdict == "agrees"
+        assert (
+            compare(quantity.id, f"{quantity.for_doubles * (1 + 1e-14):.16e}").verdict == "agrees"
+        )
     # Next to the connection rounded inputs can change everything; that makes nonsense no answer.
-    assert compare("table1/linear/near-heteroclinic/het+1e-30/period", "-1000", reading="decimals").verdict == "wrong"
+    assert (
+        compare(
+            "table1/linear/near-heteroclinic/het+1e-30/period", "-1000", reading="decimals"
+        ).verdict
+        == "wrong"
+    )
     assert compare("table1/linear/near-heteroclinic/het+1e-20/period", 25.1).verdict == "no-truth"
 
 
-# ------------------------------------------------------------------------------------------ damaged sheets
+# ----------------------------------------------------------------------------------- damaged sheets
 def _graded(tmp_path: Path, content: bytes, name: str = "a.csv") -> int:
     path = tmp_path / name
     path.write_bytes(content)
@@ -125,14 +144,30 @@ def _graded(tmp_path: Path, content: bytes, name: str = "a.csv") -> int:
 @pytest.mark.parametrize(
     "content",
     [
-        b"", b"\0\0\0", b"\xff\xfe\x00", b"a,b\n1,2\n", b"{", b"{}", b'{"questions": 3}', b'{"questions": [1]}', b"[1]",
-        b'{"a":' * 100_000, b"id,answe", b'id,from,answer\nprinted/both/rhs/001/M,guess,1\n',
-        b'id,answer\n"' + b"x" * 200_000, b"id,answer\nprinted/both/rhs/001/M,0,5\n", b'id,answer\n"table1/both,1\n',
-        b"id,answer\nprinted/linear/hopf/omega_crit,30.9\n", b"cposix\nsystem\n(S'false'\ntR.",
-        b'{"answers": {"a": ' + b"[" * 200_000 + b"]" * 200_000 + b"}}", "id,answer\n".encode("utf-16"),
+        b"",
+        b"\0\0\0",
+        b"\xff\xfe\x00",
+        b"a,b\n1,2\n",
+        b"{",
+        b"{}",
+        b'{"questions": 3}',
+        b'{"questions": [1]}',
+        b"[1]",
+        b'{"a":' * 100_000,
+        b"id,answe",
+        b"id,from,answer\nprinted/both/rhs/001/M,guess,1\n",
+        b'id,answer\n"' + b"x" * 200_000,
+        b"id,answer\nprinted/both/rhs/001/M,0,5\n",
+        b'id,answer\n"table1/both,1\n',
+        b"id,answer\nprinted/linear/hopf/omega_crit,30.9\n",
+        b"cposix\nsystem\n(S'false'\ntR.",
+        b'{"answers": {"a": ' + b"[" * 200_000 + b"]" * 200_000 + b"}}",
+        "id,answer\n".encode("utf-16"),
     ],
-)  # fmt: skip
-def test_files_that_are_no_sheet(content: bytes, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+)
+def test_files_that_are_no_sheet(
+    content: bytes, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     status = _graded(tmp_path, content)
     told = capsys.readouterr().err
     assert status == 2
@@ -140,19 +175,24 @@ def test_files_that_are_no_sheet(content: bytes, tmp_path: Path, capsys: pytest.
     assert "Traceback" not in told
 
 
-def test_a_sheet_with_answers_is_not_written_over(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_sheet_with_answers_is_not_written_over(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     path = tmp_path / "a.csv"
     path.write_text(f"id,answer\n{OMEGA_CRIT},30.9\n")
     assert main(["conformance", "questions", str(path)]) == 2
     assert "has 1 answers" in capsys.readouterr().err
-    path.write_text(f"id,answer\n{OMEGA_CRIT},30,9\n")  # with a mistake in it it is still somebody's work
+    # With a mistake in it it is still somebody's work
+    path.write_text(f"id,answer\n{OMEGA_CRIT},30,9\n")
     assert main(["conformance", "questions", str(path)]) == 2
     assert "give another name" in capsys.readouterr().err
     path.write_text("id,answer\n")
     assert main(["conformance", "questions", str(path), "--levels", "3", "--quiet"]) == 0
 
 
-def test_partial_repeated_and_unknown_answers(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_partial_repeated_and_unknown_answers(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     truth = repr(float(tv.reference(OMEGA_CRIT)))
     rows = f"{OMEGA_CRIT},{truth}\n{OMEGA_CRIT},1\n../../etc/passwd,1\nprinted/nowhere,\nshort\n"
     path = tmp_path / "a.csv"
@@ -166,10 +206,15 @@ def test_partial_repeated_and_unknown_answers(tmp_path: Path, capsys: pytest.Cap
     assert result["first_failing_level"] is None
 
 
-# ------------------------------------------------------------------------------------------ diagnosis
-@pytest.mark.parametrize("entry", ["both/rhs/00", "linear/trajectory/d1/beta@", "smooth/limit-cycle/crit-0.5"])
+# ---------------------------------------------------------------------------------------- diagnosis
+@pytest.mark.parametrize(
+    "entry", ["both/rhs/00", "linear/trajectory/d1/beta@", "smooth/limit-cycle/crit-0.5"]
+)
 def test_nonsense_has_no_cause_and_breaks_nothing(entry: str, store: Store) -> None:
-    questions, nonsense = store.matching(f"table1/{entry}")[:40], ["1e99999", "1e-99999", "1", "abc"]
+    questions, nonsense = (
+        store.matching(f"table1/{entry}")[:40],
+        ["1e99999", "1e-99999", "1", "abc"],
+    )
     given = {quantity.id: nonsense[n % len(nonsense)] for n, quantity in enumerate(questions)}
     grades = graded(_answers(given), store)
     (diagnosis,) = diagnosed(grades, store)
@@ -183,15 +228,27 @@ def _read_page(given: dict[str, str], store: Store) -> tuple[str, Page, int]:
     """The page, its elements, and how many of its details are open from the start."""
     answers = _answers(given)
     grades = graded(answers, store)
-    text = html_page(Report("a.csv", answers, grades, levels_of(grades, store.values()), diagnosed(grades, store)))
+    text = html_page(
+        Report(
+            "a.csv", answers, grades, levels_of(grades, store.values()), diagnosed(grades, store)
+        )
+    )
     page = Page(text)
     assert page.open == []
     assert not any({"src", "href"} & set(attributes) for _, attributes in page.elements)
-    return text, page, sum(tag == "details" and "open" in attributes for tag, attributes in page.elements)
+    return (
+        text,
+        page,
+        sum(tag == "details" and "open" in attributes for tag, attributes in page.elements),
+    )
 
 
 def test_a_page_shows_what_failed_and_folds_what_is_right(store: Store) -> None:
-    right = {quantity.id: repr(quantity.for_doubles) for quantity in store.values() if quantity.level in (1, 3)}
+    right = {
+        quantity.id: repr(quantity.for_doubles)
+        for quantity in store.values()
+        if quantity.level in (1, 3)
+    }
     text, page, unfolded = _read_page(right, store)
     assert OMEGA_CRIT in text
     assert unfolded == 0
@@ -207,7 +264,8 @@ def test_a_page_shows_what_failed_and_folds_what_is_right(store: Store) -> None:
 @pytest.mark.parametrize(
     ("name", "error", "colour"),
     [
-        ("linear/near-heteroclinic/het+1e-8/multiplier_slow", 0.1, "enough"),  # less than one digit is asked for
+        # Less than one digit is asked for
+        ("linear/near-heteroclinic/het+1e-8/multiplier_slow", 0.1, "enough"),
         ("linear/trajectory/d1/beta@0.5", 1e-5, "enough"),
         ("linear/limit-cycle/crit-0.5/period", 1e-9, "enough"),
         ("linear/limit-cycle/crit-0.5/period", 1e-5, "few"),
@@ -217,16 +275,26 @@ def test_a_page_shows_what_failed_and_folds_what_is_right(store: Store) -> None:
         ("linear/near-heteroclinic/het+1e-20/period", 1e-12, ""),
     ],
 )
-def test_the_colour_follows_what_the_question_needs(name: str, error: float, colour: str, store: Store) -> None:
+def test_the_colour_follows_what_the_question_needs(
+    name: str, error: float, colour: str, store: Store
+) -> None:
     quantity = store[f"table1/{name}"]
     answers = _answers({quantity.id: repr(quantity.for_doubles * (1 + error))})
     grades = graded(answers, store)
     text = html_page(Report("a.csv", answers, grades, levels_of(grades, [quantity]), []))
     shades = {"enough", "few", "wrong"}
-    cells = [attributes for tag, attributes in Page(text).elements if tag == "td" and attributes.get("class")]
+    cells = [
+        attributes
+        for tag, attributes in Page(text).elements
+        if tag == "td" and attributes.get("class")
+    ]
     found = [set(str(attributes["class"]).split()) & shades for attributes in cells]
     assert {one for shade in found for one in shade} == {colour} - {""}
-    legend = [attributes["class"] for tag, attributes in Page(text).elements if "key" in str(attributes.get("class"))]
+    legend = [
+        attributes["class"]
+        for tag, attributes in Page(text).elements
+        if "key" in str(attributes.get("class"))
+    ]
     assert {word for text in legend for word in str(text).split()} == {*shades, "key"}
 
 
@@ -235,7 +303,17 @@ def test_the_documented_example_runs(tmp_path: Path) -> None:
     page = (Path(__file__).parents[2] / "docs" / "grading_tests.md").read_text(encoding="utf-8")
     (code,) = re.findall(r"```python\n(.*?)```", page, re.S)
     (tmp_path / "test_mine.py").write_text(code)
-    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-W", "error", str(tmp_path)]
+    command = [
+        sys.executable,
+        "-m",
+        "pytest",
+        "-q",
+        "-p",
+        "no:cacheprovider",
+        "-W",
+        "error",
+        str(tmp_path),
+    ]
     run = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path)
     assert run.returncode == 0, run.stdout[-2000:]
     assert "202 passed" in run.stdout
@@ -248,10 +326,18 @@ def test_the_documented_example_runs(tmp_path: Path) -> None:
 
 
 def test_no_word_of_a_table_is_broken_in_80_columns(store: Store) -> None:
-    given = {q.id: repr(q.for_doubles * (1 + 1e-3 * (q.level == 9))) for q in store.matching("table1/") if q.level != 5}
+    given = {
+        q.id: repr(q.for_doubles * (1 + 1e-3 * (q.level == 9)))
+        for q in store.matching("table1/")
+        if q.level != 5
+    }
     answers = _answers(given)
     grades = graded(answers, store)
-    names = {"level": 9, "kind": "near-heteroclinic", "longest": "calibrated/linear/near-heteroclinic/het+1e-30"}
+    names = {
+        "level": 9,
+        "kind": "near-heteroclinic",
+        "longest": "calibrated/linear/near-heteroclinic/het+1e-30",
+    }
     times = dict.fromkeys(("answered", "entries", "total", "median", "largest"), 12345.6) | names
     levels = levels_of(grades, questions(store, sets=["table1"]))
     report = Report("answers.csv", answers, grades, levels, [], times=[times], start_up=0.5)

@@ -1,4 +1,6 @@
-"""The diagnosis: planted mistakes are named, several at once, and nothing is said of right or of random answers."""
+"""The diagnosis: planted mistakes are named, several at once, and nothing is said of right or
+of random answers.
+"""
 
 from __future__ import annotations
 
@@ -29,8 +31,22 @@ from tippedisk_verify.model.equations import field
 from tippedisk_verify.model.parameters import Constants
 from tippedisk_verify.reference_values.store import Quantity, Store, stored
 
-STATE = {"beta": np.array([1.1, 0.4]), "gamma": np.array([0.3, 2.0]), "v": np.array([0.2, -1.5]), "Omega": 30.5}
-PARAMETERS = {"r": 0.045, "e": 0.0025, "m": 0.435, "A": 0.249e-3, "B": 0.227e-3, "g": 9.81, "mu": 0.3, "epsilon": 0.1}
+STATE = {
+    "beta": np.array([1.1, 0.4]),
+    "gamma": np.array([0.3, 2.0]),
+    "v": np.array([0.2, -1.5]),
+    "Omega": 30.5,
+}
+PARAMETERS = {
+    "r": 0.045,
+    "e": 0.0025,
+    "m": 0.435,
+    "A": 0.249e-3,
+    "B": 0.227e-3,
+    "g": 9.81,
+    "mu": 0.3,
+    "epsilon": 0.1,
+}
 
 
 @pytest.fixture(scope="module")
@@ -39,7 +55,9 @@ def store() -> Store:
 
 
 def _diagnosed(given: dict[str, str], store: Store) -> list[Diagnosis]:
-    return diagnosed(graded(Answers({id_: ("doubles", answer) for id_, answer in given.items()}), store), store)
+    return diagnosed(
+        graded(Answers({id_: ("doubles", answer) for id_, answer in given.items()}), store), store
+    )
 
 
 def _changed(pattern: str, of: Callable[[Quantity], float], store: Store) -> list[Diagnosis]:
@@ -75,10 +93,13 @@ def test_right_programs_have_no_diagnosis() -> None:
 
 
 @pytest.mark.parametrize("answer", [lambda: repr(random.gauss(0, 1)), lambda: "nan", lambda: "1"])
-def test_nothing_but_the_constant_is_said_of_answers_without_sense(answer: Callable[[], str], store: Store) -> None:
+def test_nothing_but_the_constant_is_said_of_answers_without_sense(
+    answer: Callable[[], str], store: Store
+) -> None:
     random.seed(5)
     diagnoses = _diagnosed(
-        {id_: answer() for id_ in store if id_.startswith(("table1/both/", "table1/linear/"))}, store
+        {id_: answer() for id_ in store if id_.startswith(("table1/both/", "table1/linear/"))},
+        store,
     )
     assert len(diagnoses) == 10
     assert {says for one in diagnoses for _, says in one.causes} <= {"all answers are one"}
@@ -153,7 +174,10 @@ def test_a_fixed_step_is_recognised_by_its_errors(store: Store) -> None:
         y = np.array([float(inputs[name]) for name in ("beta", "gamma", "v")])
         for _ in range(500):
             y = y + 1e-3 * np.array(rates(*y))
-        given |= {answers[name].id: repr(float(x)) for name, x in zip(("beta", "gamma", "v"), y, strict=True)}
+        given |= {
+            answers[name].id: repr(float(x))
+            for name, x in zip(("beta", "gamma", "v"), y, strict=True)
+        }
     (diagnosis,) = _diagnosed(given, store)
     assert [says for _, says in diagnosis.causes] == [
         "the trajectories have the errors of the explicit Euler method at a fixed step of 1 ms"
@@ -165,14 +189,23 @@ def test_derivatives_agree_with_differences(definitions: dict[str, tuple[object,
     at = Values(definitions, {**PARAMETERS, **STATE})  # type: ignore[arg-type]
     for name in ("beta", "gamma", "v"):
         step = 1e-5
-        sides = [Values(definitions, {**PARAMETERS, **STATE, name: STATE[name] + sign * step}) for sign in (1, -1)]  # type: ignore[arg-type]
+        sides = [
+            Values(definitions, {**PARAMETERS, **STATE, name: STATE[name] + sign * step})
+            for sign in (1, -1)
+        ]  # type: ignore[arg-type]
         slope = (sides[0]["v_rate"] - sides[1]["v_rate"]) / (2 * step)
-        np.testing.assert_allclose(at[f"dv_rate_d{name}"], slope, rtol=1e-6)  # a step squared, and rounding over it
+        # A step squared, and rounding over it
+        np.testing.assert_allclose(at[f"dv_rate_d{name}"], slope, rtol=1e-6)
 
 
 @pytest.mark.parametrize(
     "text",
-    ["-m g rho cos(beta)", "A cos(gamma)^2 + Bbar sin(gamma)^2", "1/2 e Omega / (r + e)", "(3 sin(beta)^2 - 2) v"],
+    [
+        "-m g rho cos(beta)",
+        "A cos(gamma)^2 + Bbar sin(gamma)^2",
+        "1/2 e Omega / (r + e)",
+        "(3 sin(beta)^2 - 2) v",
+    ],
 )
 def test_sums_are_shown_as_they_are_read(text: str) -> None:
     assert shown(parsed(text)) == text

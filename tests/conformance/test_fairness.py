@@ -1,4 +1,6 @@
-"""Fair grades: what correct programs in doubles leave passes, and a sheet's form is no reason to fail."""
+"""Fair grades: what correct programs in doubles leave passes, and a sheet's form is no reason
+to fail.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +11,14 @@ import pytest
 
 from results.scipy_program import answered
 from tippedisk_verify.conformance.diagnosis import diagnosed
-from tippedisk_verify.conformance.grading import FAILS_BELOW, Grade, compare, graded, levels_of, needed
+from tippedisk_verify.conformance.grading import (
+    FAILS_BELOW,
+    Grade,
+    compare,
+    graded,
+    levels_of,
+    needed,
+)
 from tippedisk_verify.conformance.pages import Report
 from tippedisk_verify.conformance.sheet import Answers, read_answers
 from tippedisk_verify.reference_values.store import Store, stored
@@ -39,7 +48,9 @@ def test_a_tight_tolerance_passes_where_the_condition_is_worst(store: Store) -> 
 
 
 def test_a_loose_tolerance_is_told_and_where(store: Store) -> None:
-    """The smooth law's kink makes an explicit method's tolerance visible; nothing is wrong with the answers."""
+    """The smooth law's kink makes an explicit method's tolerance visible; nothing is wrong
+    with the answers.
+    """
     given = answered(store, ["table1/smooth/trajectory/f2"], "DOP853", 1e-9)
     report = _report(given, store)
     assert report.first_failure is None
@@ -49,22 +60,29 @@ def test_a_loose_tolerance_is_told_and_where(store: Store) -> None:
 
 
 def test_a_question_asks_for_what_its_condition_leaves(store: Store) -> None:
-    """By the definition: the error that a relative change of all inputs by the allowance makes, in digits."""
+    """By the definition: the error that a relative change of all inputs by the allowance
+    makes, in digits.
+    """
     worst = store[f"table1/linear/{HET}/multiplier_slow"]
     slopes = sum(abs(float(slope)) for slope in worst.condition.values())
-    assert needed(worst) == round(-math.log10(slopes * 1e-10 / float(worst)), 3)  # the table has three decimals
+    # The table has three decimals
+    assert needed(worst) == round(-math.log10(slopes * 1e-10 / float(worst)), 3)
     assert needed(worst) < 0.5  # next to nothing can be asked for
     period = store[f"table1/linear/{HET}/period"]
     slopes = sum(abs(float(slope)) for slope in period.condition.values())
     assert needed(period) == round(-math.log10(slopes * 1e-10 / float(period)), 3)
-    # Programs that keep all digits are asked for the level's, and well-conditioned questions ask for no less.
-    assert needed(store["table1/linear/near-heteroclinic/het+1e-30/multiplier_slow"]) == FAILS_BELOW[9]
+    # Programs that keep all digits are asked for the level's, and well-conditioned questions ask
+    # for no less.
+    assert (
+        needed(store["table1/linear/near-heteroclinic/het+1e-30/multiplier_slow"]) == FAILS_BELOW[9]
+    )
 
 
 def test_too_few_digits_are_not_wrong(store: Store) -> None:
     truth = float(store[CRIT])
     verdicts = [compare(CRIT, truth * (1 + error)).verdict for error in (1e-7, 1e-5, 1e-3)]
-    assert verdicts == ["few-digits", "few-digits", "wrong"]  # eight digits are asked for, four of them suffice
+    # Eight digits are asked for, four of them suffice
+    assert verdicts == ["few-digits", "few-digits", "wrong"]
     report = _report({CRIT: repr(truth * (1 + 1e-6))}, store)
     assert "too few digits: 1 of 1 answer" in report.headline()
     (level,) = [level for level in report.levels if level.answered]
@@ -75,14 +93,23 @@ def test_too_few_digits_are_not_wrong(store: Store) -> None:
 
 
 def test_a_level_agrees_only_if_all_of_it_was_answered(store: Store) -> None:
-    hopf = {quantity.id: repr(quantity.for_doubles) for quantity in store.values() if quantity.level == 3}
+    hopf = {
+        quantity.id: repr(quantity.for_doubles)
+        for quantity in store.values()
+        if quantity.level == 3
+    }
     some = dict(list(hopf.items())[:-1])
-    for given, verdict in ((hopf, "agrees"), (some, "partial"), (some | {CRIT: "1"}, "fails"), ({}, "not answered")):
+    for given, verdict in (
+        (hopf, "agrees"),
+        (some, "partial"),
+        (some | {CRIT: "1"}, "fails"),
+        ({}, "not answered"),
+    ):
         (level,) = [level for level in _report(given, store).levels if level.level == 3]
         assert (level.verdict, level.answered, level.asked) == (verdict, len(given), len(hopf))
 
 
-# ------------------------------------------------------------------------------------------ forms of a sheet
+# --------------------------------------------------------------------------------- forms of a sheet
 @pytest.mark.parametrize(
     "text",
     [

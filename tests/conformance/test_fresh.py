@@ -1,4 +1,6 @@
-"""Fresh questions: drawn alike everywhere, with truths that hold, and answered by nothing that was published."""
+"""Fresh questions: drawn alike everywhere, with truths that hold, and answered by nothing
+that was published.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,13 @@ from reference_data.make.recipes import CONFIRM
 from results.scipy_program import motion
 from tippedisk_verify.cli import main
 from tippedisk_verify.conformance.grading import graded
-from tippedisk_verify.conformance.sheet import questions, read_answers, sheet_csv, sheet_json, store_for
+from tippedisk_verify.conformance.sheet import (
+    questions,
+    read_answers,
+    sheet_csv,
+    sheet_json,
+    store_for,
+)
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.reference_values.draws import disk_of, drawn_disk
 from tippedisk_verify.reference_values.entries import Item, case_of, disagreements
@@ -31,7 +39,7 @@ def sheet(states: int, seed: int, *levels: int) -> str:
     return sheet_csv(store, questions(store, levels=levels))
 
 
-# ------------------------------------------------------------------------------------------ what is asked
+# ------------------------------------------------------------------------------------ what is asked
 def test_a_draw_is_a_hash_and_a_line() -> None:
     """So it is the same on every processor, in every version; here it is written a second time."""
     for seed, number in ((7, 1), (7, 2), (0, 100), (999_999_999, 1)):
@@ -40,12 +48,18 @@ def test_a_draw_is_a_hash_and_a_line() -> None:
             inputs = next(iter(blank_questions(1, seed).values())).inputs
             numbers |= {f"{name} 1": inputs[name] for name in ("beta", "gamma", "v")}
         for name, low, high, places in (
-            ("r", "0.038", "0.052", 4), ("g", "9.78", "9.83", 3), ("mu", "0.2", "0.45", 3),
-            ("beta 1", "0.0708", "3.0708", 6), ("gamma 1", "-3.1292", "6.2708", 5), ("v 1", "-12", "12", 4),
-        ):  # fmt: skip
+            ("r", "0.038", "0.052", 4),
+            ("g", "9.78", "9.83", 3),
+            ("mu", "0.2", "0.45", 3),
+            ("beta 1", "0.0708", "3.0708", 6),
+            ("gamma 1", "-3.1292", "6.2708", 5),
+            ("v 1", "-12", "12", 4),
+        ):
             text = hashlib.sha256(f"{seed}/{number}/{name}".encode()).hexdigest()[:12]
             drawn = Decimal(low) + (Decimal(high) - Decimal(low)) * int(text, 16) / 16**12
-            assert name not in numbers or Fraction(numbers[name]) == Fraction(round(drawn, places)), name
+            assert name not in numbers or Fraction(numbers[name]) == Fraction(
+                round(drawn, places)
+            ), name
 
 
 def test_drawn_disks_are_like_the_papers_and_more_states_begin_with_the_same_ones() -> None:
@@ -61,7 +75,9 @@ def test_drawn_disks_are_like_the_papers_and_more_states_begin_with_the_same_one
 # ------------------------------------------------------------------------------------------ truths
 @pytest.fixture(scope="module")
 def truths() -> Store:
-    return with_fresh(stored(), "\n".join(id_ for id_ in blank_questions(3, 5) if "/limit-cycle/" not in id_))
+    return with_fresh(
+        stored(), "\n".join(id_ for id_ in blank_questions(3, 5) if "/limit-cycle/" not in id_)
+    )
 
 
 def test_each_question_has_a_truth_in_both_readings(truths: Store) -> None:
@@ -70,12 +86,15 @@ def test_each_question_has_a_truth_in_both_readings(truths: Store) -> None:
     for id_ in asked:
         quantity = truths[id_]
         assert set(quantity.values) == {"decimals", "doubles"}
-        # Orbits of two seconds lose a digit or two of doubles; a real eigenvalue's imaginary part is 0 exactly.
+        # Orbits of two seconds lose a digit or two of doubles; a real eigenvalue's imaginary part
+        # is 0 exactly.
         assert quantity.uncertainty < 1e-13 * max(abs(quantity.value), 1)
         assert quantity.condition or not quantity.value
 
 
-@pytest.mark.parametrize("kind", ["rhs", "equilibrium", "hopf", "harmonic-balance", "slow-manifold"])
+@pytest.mark.parametrize(
+    "kind", ["rhs", "equilibrium", "hopf", "harmonic-balance", "slow-manifold"]
+)
 def test_other_methods_agree_with_the_truths(kind: str, truths: Store) -> None:
     asked = [quantity for quantity in truths.matching("fresh-5-1/") if quantity.kind == kind]
     for entry in dict.fromkeys(quantity.id.rsplit("/", 1)[0] for quantity in asked):
@@ -90,8 +109,12 @@ def test_other_methods_agree_with_the_truths(kind: str, truths: Store) -> None:
 
 @pytest.mark.parametrize("law", ["linear", "smooth"])
 def test_half_widths_of_orbits_hold_what_more_digits_say(law: str, truths: Store) -> None:
-    disk = tv.Disk(**{name: getattr(drawn_disk(5, 1), name) for name in tv.PRINTED.decimals()}, friction=law)
-    samples = {quantity.name: quantity for quantity in truths.matching(f"fresh-5-1/{law}/trajectory/")}
+    disk = tv.Disk(
+        **{name: getattr(drawn_disk(5, 1), name) for name in tv.PRINTED.decimals()}, friction=law
+    )
+    samples = {
+        quantity.name: quantity for quantity in truths.matching(f"fresh-5-1/{law}/trajectory/")
+    }
     given = next(iter(samples.values())).inputs
     start = [given[name] for name in ("beta", "gamma", "v")]
     run = disk.integrate(given["Omega"], start, 2, t_eval=["0.5", "1", "1.5", "2"], digits=20)
@@ -102,14 +125,20 @@ def test_half_widths_of_orbits_hold_what_more_digits_say(law: str, truths: Store
 
 # ------------------------------------------------------------------------------------------ grading
 def answered(text: str, **wrong: float) -> str:
-    """The answers of a program with the right equations, in doubles, to the questions about states."""
+    """The answers of a program with the right equations, in doubles, to the questions about
+    states.
+    """
     lines = ["id,answer"]
     for row in csv.DictReader(io.StringIO(text)):
         if row["kind"] != "rhs" or row["quantity"] not in ("gamma_rate", "v_rate", "gamma_y"):
             continue
-        p = {name: float(row[name]) for name in ("r", "e", "m", "A", "B", "g", "mu", "epsilon")} | wrong
+        p = {
+            name: float(row[name]) for name in ("r", "e", "m", "A", "B", "g", "mu", "epsilon")
+        } | wrong
         state = [float(row[name]) for name in ("beta", "gamma", "v")]
-        gamma_rate, v_rate, slip = motion(math, p, float(row["Omega"]), row["friction"] == "smooth", state)
+        gamma_rate, v_rate, slip = motion(
+            math, p, float(row["Omega"]), row["friction"] == "smooth", state
+        )
         answer = {"gamma_rate": gamma_rate, "v_rate": v_rate, "gamma_y": slip}[row["quantity"]]
         lines.append(f"{row['id']},{answer!r}")
     return "\n".join(lines) + "\n"
@@ -124,15 +153,30 @@ def test_a_right_program_passes_and_a_number_of_its_own_is_named(
     for name, wrong in (("right", {}), ("mu", {"mu": 0.3})):
         (tmp_path / f"{name}.csv").write_text(answered(text, **wrong))
     capsys.readouterr()
-    assert main(["conformance", "grade", str(tmp_path / "right.csv"), "--json", "--require", "1"]) == 0
+    assert (
+        main(["conformance", "grade", str(tmp_path / "right.csv"), "--json", "--require", "1"]) == 0
+    )
     (level,) = json.loads(capsys.readouterr().out)["levels"]
     assert (level["failed"], level["asked"]) == (0, 20 * 16)
     assert level["least_digits"] > 12
     assert main(["conformance", "grade", str(tmp_path / "mu.csv"), "--json"]) == 0
     causes = [one["causes"] for one in json.loads(capsys.readouterr().out)["diagnoses"]]
     assert [[cause["cause"] for cause in here] for here in causes] == [["the inputs: mu = 0.3"]]
-    assert main(["conformance", "compare", str(tmp_path / "right.csv"), str(tmp_path / "mu.csv"), "--quiet"]) == 1
-    (tmp_path / "expected").write_text("fresh-8-*/linear/rhs/*/v_rate\nfresh-8-*/smooth/rhs/*/v_rate\n")
+    assert (
+        main(
+            [
+                "conformance",
+                "compare",
+                str(tmp_path / "right.csv"),
+                str(tmp_path / "mu.csv"),
+                "--quiet",
+            ]
+        )
+        == 1
+    )
+    (tmp_path / "expected").write_text(
+        "fresh-8-*/linear/rhs/*/v_rate\nfresh-8-*/smooth/rhs/*/v_rate\n"
+    )
     expected = ["--expected-failures", str(tmp_path / "expected"), "--quiet"]
     assert main(["conformance", "grade", str(tmp_path / "mu.csv"), *expected]) == 0
 
@@ -159,30 +203,47 @@ def test_the_ids_are_enough_in_every_form_of_sheet(tmp_path: Path, truths: Store
 
 def test_ids_that_no_draw_gives(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     wrong = (
-        *("fresh-5-1/both/rhs/11/M", "fresh-05-1/both/rhs/01/M", "fresh-5-0/both/rhs/01/M", "fresh-5-1/both/rhs/1/M"),
-        *("fresh-5-1/linear/heteroclinic/point/omega_h", "fresh-1234567890-1/both/rhs/01/M", "fresh-5-1/both/rhs/01/m"),
-        *("fresh-5-1000/both/rhs/01/M", "refresh-5-1/both/rhs/01/M", "fresh-x-1/both/rhs/01/M"),
-    )  # fmt: skip
-    (tmp_path / "a.csv").write_text("id,answer\nfresh-5-1/both/rhs/01/M,1\n" + "".join(f"{id_},1\n" for id_ in wrong))
+        "fresh-5-1/both/rhs/11/M",
+        "fresh-05-1/both/rhs/01/M",
+        "fresh-5-0/both/rhs/01/M",
+        "fresh-5-1/both/rhs/1/M",
+        "fresh-5-1/linear/heteroclinic/point/omega_h",
+        "fresh-1234567890-1/both/rhs/01/M",
+        "fresh-5-1/both/rhs/01/m",
+        "fresh-5-1000/both/rhs/01/M",
+        "refresh-5-1/both/rhs/01/M",
+        "fresh-x-1/both/rhs/01/M",
+    )
+    (tmp_path / "a.csv").write_text(
+        "id,answer\nfresh-5-1/both/rhs/01/M,1\n" + "".join(f"{id_},1\n" for id_ in wrong)
+    )
     assert main(["conformance", "grade", str(tmp_path / "a.csv"), "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
     assert told["unknown"] == list(wrong)
     for id_ in wrong[:2]:
         with pytest.raises(InputError, match="no reference value"):
             tv.reference(id_)
-    many = "".join(f"fresh-{seed}-{n}/both/rhs/01/M,1\n" for seed in range(9) for n in range(1, 600))
+    many = "".join(
+        f"fresh-{seed}-{n}/both/rhs/01/M,1\n" for seed in range(9) for n in range(1, 600)
+    )
     (tmp_path / "a.csv").write_text(f"id,answer\n{many}")
     assert main(["conformance", "grade", str(tmp_path / "a.csv")]) == 2
     assert "fresh questions for 5391 entries" in capsys.readouterr().err
 
 
-def test_bad_numbers_of_states_and_seeds(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_bad_numbers_of_states_and_seeds(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     target = str(tmp_path / "q.csv")
     for words, says in (
-        (["--states", "0"], "from 1 to 1000"), (["--states", "1001"], "from 1 to 1000"), (["--seed", "3"], "--states"),
-        (["--states", "5", "--seed", "-1"], "from 0 to 999999999"), (["--states", "5", "--set", "table1"], "--set"),
-        (["--states", "5", "--levels", "9"], "level '9'"), (["--states", "five"], "not a valid integer"),
-    ):  # fmt: skip
+        (["--states", "0"], "from 1 to 1000"),
+        (["--states", "1001"], "from 1 to 1000"),
+        (["--seed", "3"], "--states"),
+        (["--states", "5", "--seed", "-1"], "from 0 to 999999999"),
+        (["--states", "5", "--set", "table1"], "--set"),
+        (["--states", "5", "--levels", "9"], "level '9'"),
+        (["--states", "five"], "not a valid integer"),
+    ):
         assert main(["conformance", "questions", target, *words]) == 2
         told = capsys.readouterr().err
         assert says in told

@@ -1,4 +1,6 @@
-"""Grades as a gate: required levels, expected failures, two sheets compared, a badge, and workflow files that run."""
+"""Grades as a gate: required levels, expected failures, two sheets compared, a badge, and
+workflow files that run.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +26,11 @@ WORKFLOWS = sorted((Path(__file__).parents[2] / "examples" / "ci").iterdir())
 def _sheet(path: Path, **factors: float) -> str:
     """Right answers at levels 1 and 3, some of them times a factor; the name is the quantity's."""
     rows = [*stored().matching(f"{RHS}/"), stored()[CRIT]]
-    lines = [f"{q.id},{q.for_doubles * factors.get(q.name, 1)!r}" for q in rows if factors.get(q.name) != 0]
+    lines = [
+        f"{q.id},{q.for_doubles * factors.get(q.name, 1)!r}"
+        for q in rows
+        if factors.get(q.name) != 0
+    ]
     path.write_text("id,answer\n" + "\n".join(lines) + "\n")
     return str(path)
 
@@ -33,19 +39,28 @@ def _grade(*arguments: str) -> int:
     return main(["conformance", "grade", *arguments, "--quiet"])
 
 
-def test_required_levels_decide_the_exit_status(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_required_levels_decide_the_exit_status(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     right, wrong = _sheet(tmp_path / "a.csv"), _sheet(tmp_path / "b.csv", omega_crit=2)
     assert _grade(right) == _grade(wrong) == 0  # a poor grade is a result
-    assert _grade(right, "--require", "1") == _grade(wrong, "--require", "1") == _grade(right, "--require", "3") == 0
+    assert (
+        _grade(right, "--require", "1")
+        == _grade(wrong, "--require", "1")
+        == _grade(right, "--require", "3")
+        == 0
+    )
     assert _grade(wrong, "--require", "3") == 1
-    assert [_grade(right, "--require", levels) for levels in ("1-3", "3,1-1")] == [1, 0]  # level 2 was not answered
+    # Level 2 was not answered
+    assert [_grade(right, "--require", levels) for levels in ("1-3", "3,1-1")] == [1, 0]
     assert main(["conformance", "grade", wrong, "--require", "1-3", "--json"]) == 1
     short = json.loads(capsys.readouterr().out)["shortcomings"]
     assert [line.split(",")[0] for line in short] == ["level 2 is required", "level 3"]
     assert CRIT in short[1]
     assert _grade(right, "--require", "0-3") == 2
     assert main(["conformance", "grade", right, "--require", "1"]) == 0
-    assert "partial" in capsys.readouterr().out  # one state of level 1 was answered, and rightly: that passes
+    # One state of level 1 was answered, and rightly: that passes
+    assert "partial" in capsys.readouterr().out
 
 
 def test_expected_failures_are_let_pass(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -61,10 +76,13 @@ def test_expected_failures_are_let_pass(tmp_path: Path, capsys: pytest.CaptureFi
     assert _grade(wrong, "--expected-failures", str(known), "--require", "3") == 0
     known.write_text(f"{RHS}/*\n{CRIT}\n")
     assert main(["conformance", "grade", wrong, "--expected-failures", str(known)]) == 0
-    said = capsys.readouterr().out.splitlines()  # into a pipe: a sentence is a line, and the diagnosis comes early
+    # Into a pipe: a sentence is a line, and the diagnosis comes early
+    said = capsys.readouterr().out.splitlines()
     assert said[0].startswith("b.csv: level 1, right-hand side, is the first that fails")
     assert any(line.startswith("note: 5 answers pass though expected to fail") for line in said)
-    assert said.index("least digits") > next(n for n, line in enumerate(said) if "likely cause" in line)
+    assert said.index("least digits") > next(
+        n for n, line in enumerate(said) if "likely cause" in line
+    )
     known.write_text("table1/both/rhs/001/N\n")
     assert _grade(wrong, "--expected-failures", str(known)) == 2
     assert "no question is" in capsys.readouterr().err
@@ -76,11 +94,18 @@ def test_two_sheets_are_compared(tmp_path: Path, capsys: pytest.CaptureFixture[s
     assert main(["conformance", "compare", old, new, "--json"]) == 1
     told = json.loads(capsys.readouterr().out)
     kinds = {change["id"].rsplit("/", 1)[1]: change["change"] for change in told["changes"]}
-    assert kinds == {"omega_crit": "broken", "M": "gone", "w_y": "lost", "h": "gained", "f_G": "mended"}
+    assert kinds == {
+        "omega_crit": "broken",
+        "M": "gone",
+        "w_y": "lost",
+        "h": "gained",
+        "f_G": "mended",
+    }
     assert [change["change"] for change in told["changes"]][:3] == ["broken", "gone", "lost"]
     assert main(["conformance", "compare", old, old]) == 0
     assert "0 broken, 0 gone, 0 lost, 0 gained" in capsys.readouterr().out
-    truth = float(stored()[CRIT])  # from sixteen digits to fourteen and a half: an ulp or ten of a double
+    # From sixteen digits to fourteen and a half: an ulp or ten of a double
+    truth = float(stored()[CRIT])
     assert changes([compare(CRIT, truth)], [compare(CRIT, truth * (1 + 3e-15))]) == []
 
 
@@ -91,21 +116,31 @@ def _level(number: int, answered: int = 5, failed: int = 0) -> Tally:
 @pytest.mark.parametrize(
     ("levels", "says"),
     [
-        ([_level(n) for n in range(1, 8)], "levels 1-7 agree"), ([_level(1), _level(2, 0)], "level 1 agrees"),
-        ([_level(1), _level(2, 3)], "levels 1-2 partial"), ([_level(1, 3), _level(2, 3, 1)], "level 1 partial"),
-        ([_level(1), _level(2), _level(3, failed=1)], "levels 1-2 agree"), ([_level(1, 0)], "not answered"),
+        ([_level(n) for n in range(1, 8)], "levels 1-7 agree"),
+        ([_level(1), _level(2, 0)], "level 1 agrees"),
+        ([_level(1), _level(2, 3)], "levels 1-2 partial"),
+        ([_level(1, 3), _level(2, 3, 1)], "level 1 partial"),
+        ([_level(1), _level(2), _level(3, failed=1)], "levels 1-2 agree"),
+        ([_level(1, 0)], "not answered"),
         ([_level(1, failed=2), _level(2)], "fails at level 1"),
     ],
-)  # fmt: skip
+)
 def test_the_badge(levels: list[Tally], says: str) -> None:
     root = ElementTree.fromstring(badge(levels))
     assert root.tag.endswith("svg")
-    assert [text.text for text in root.iter("{http://www.w3.org/2000/svg}text")] == ["tippedisk", says]
+    assert [text.text for text in root.iter("{http://www.w3.org/2000/svg}text")] == [
+        "tippedisk",
+        says,
+    ]
 
 
 @pytest.mark.parametrize(
     ("option", "name", "says"),
-    [("--badge", "a.svg", "levels 1-3 partial"), ("--html", "a.html", "<html"), ("--csv", "a.csv", "level,quantity,")],
+    [
+        ("--badge", "a.svg", "levels 1-3 partial"),
+        ("--html", "a.html", "<html"),
+        ("--csv", "a.csv", "level,quantity,"),
+    ],
 )
 def test_what_is_written_goes_over_its_own_kind_only(
     option: str, name: str, says: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
@@ -123,7 +158,9 @@ def test_what_is_written_goes_over_its_own_kind_only(
 
 
 @pytest.mark.parametrize("path", WORKFLOWS, ids=lambda path: path.stem)
-def test_a_workflows_commands_run(path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_workflows_commands_run(
+    path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Each in turn, with a program between that answers nothing: the gate then stays shut."""
     monkeypatch.chdir(tmp_path)
     lines = re.findall(r"(?:tippedisk-verify|\./your_program) .*", path.read_text(encoding="utf-8"))

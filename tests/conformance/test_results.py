@@ -16,9 +16,9 @@ FILES = sorted(HERE.glob("*.csv"))
 def test_the_page_sums_up_the_files() -> None:
     page = (HERE / "README.md").read_text(encoding="utf-8")
     assert table() in page
-    assert {path.stem.rsplit("-1e", 1)[0] for path in FILES} >= {f"scipy-{method}" for method, _ in SCIPY} | {
-        "heyoka-double"
-    }
+    assert {path.stem.rsplit("-1e", 1)[0] for path in FILES} >= {
+        f"scipy-{method}" for method, _ in SCIPY
+    } | {"heyoka-double"}
     assert sum(path.stat().st_size for path in HERE.iterdir() if path.is_file()) < 100_000
 
 

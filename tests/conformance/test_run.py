@@ -1,7 +1,8 @@
-"""`conformance run`: programs that answer well, and programs that do everything else. None leaves anything behind.
+"""`conformance run`: programs that answer well, and programs that do everything else. None leaves
+anything behind.
 
-Nothing here depends on how fast a program is: where one must be given up, the limit's clock is the test's own, and runs
-only once the program has done its mischief.
+Nothing here depends on how fast a program is: where one must be given up, the limit's clock is the
+test's own, and runs only once the program has done its mischief.
 """
 
 from __future__ import annotations
@@ -29,8 +30,13 @@ from tippedisk_verify.reference_values.store import stored
 EXAMPLES = Path(__file__).parents[2] / "examples" / "answerers"
 
 
-#: What the programs below are asked: six quantities of one entry, after a first question of the right-hand side.
-ASKED = [quantity.id for quantity in stored().values() if quantity.level == 3 and quantity.set == "table1"]
+#: What the programs below are asked: six quantities of one entry, after a first question of the
+#: right-hand side.
+ASKED = [
+    quantity.id
+    for quantity in stored().values()
+    if quantity.level == 3 and quantity.set == "table1"
+]
 RUN = ["conformance", "run", "--set", "table1", "--levels", "3"]
 _HEAD = f"""
 import json, os, signal, sys, time
@@ -63,15 +69,20 @@ def program(tmp_path: Path) -> Callable[[str], list[str]]:
 
 @pytest.fixture
 def clock(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The limit's clock: it stands still until the file `done` is there, and then every look at it takes a minute."""
+    """The limit's clock: it stands still until the file `done` is there, and then every look
+    at it takes a minute.
+    """
     ticks = count(0, 60)
     mine = SimpleNamespace(
-        perf_counter=time.perf_counter, monotonic=lambda: next(ticks) if (tmp_path / "done").exists() else 0
+        perf_counter=time.perf_counter,
+        monotonic=lambda: next(ticks) if (tmp_path / "done").exists() else 0,
     )
     monkeypatch.setattr(dialogue, "time", mine)
 
 
-def _ran(command: list[str], capsys: pytest.CaptureFixture[str], *options: str) -> tuple[int, dict[str, Any], str]:
+def _ran(
+    command: list[str], capsys: pytest.CaptureFixture[str], *options: str
+) -> tuple[int, dict[str, Any], str]:
     status = main([*RUN, *options, "--json", "--", *command])
     out, err = capsys.readouterr()
     return status, json.loads(out) if out else {}, err
@@ -92,8 +103,15 @@ def test_a_question_can_be_cut_out_between_quotes(tmp_path: Path) -> None:
     rows = [question_row(stored(), quantity) for quantity in stored().values()]
     (asked,) = (row for row in rows if row["id"] == example["id"])
     assert asked.keys() == example.keys()
-    assert all(float(asked[name]) == float(example[name]) for name in ("r", "epsilon", "Omega", "beta", "t"))
-    assert all(re.fullmatch(r"[ -~]*", text) and not re.search(r'["\\]', text) for row in rows for text in row.values())
+    assert all(
+        float(asked[name]) == float(example[name])
+        for name in ("r", "epsilon", "Omega", "beta", "t")
+    )
+    assert all(
+        re.fullmatch(r"[ -~]*", text) and not re.search(r'["\\]', text)
+        for row in rows
+        for text in row.values()
+    )
     kept = tmp_path / "kept"
     assert main([*RUN, "--quiet", "--", "tee", str(kept)]) == 0
     cut = [re.findall(r'"(\w+)": "([^"]*)"', line) for line in kept.read_text().splitlines()]
@@ -103,7 +121,9 @@ def test_a_question_can_be_cut_out_between_quotes(tmp_path: Path) -> None:
 def test_a_program_is_graded_and_timed(
     program: Callable[[str], list[str]], capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
-    status, graded, err = _ran(program(WELL), capsys, "--out", str(tmp_path / "out"), "--require", "3")
+    status, graded, err = _ran(
+        program(WELL), capsys, "--out", str(tmp_path / "out"), "--require", "3"
+    )
     assert (status, err, graded["remarks"][1:]) == (0, "", [])
     assert graded["remarks"][0] == "6 answers do not say from which inputs; graded as from doubles"
     assert _agree(graded) == len(ASKED) == 6
@@ -112,7 +132,10 @@ def test_a_program_is_graded_and_timed(
     assert kind["longest"] == "table1/linear/hopf/point"
     assert graded["seconds"]["start_up"] > 0 < kind["median"] == kind["total"]
     # What it wrote is a sheet with the same grades.
-    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["answers.jsonl", "grades.html"]
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == [
+        "answers.jsonl",
+        "grades.html",
+    ]
     assert "to start up" in (tmp_path / "out" / "grades.html").read_text()
     assert main(["conformance", "grade", str(tmp_path / "out" / "answers.jsonl"), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["grades"] == graded["grades"]
@@ -122,43 +145,88 @@ def test_a_program_is_graded_and_timed(
     ("body", "remark"),
     [
         ("ids = [asked() for _ in range(6)]\nfor id_ in ids[::-1]: said(id_)\nasked()", None),
-        ("for _ in range(6): id_ = asked(); said(id_); said(id_)\nasked()", "second answers, of which the first"),
-        ("said(asked()); said('table1/linear/hopf/point/none')\n" + WELL, "answers to what was not asked"),
+        (
+            "for _ in range(6): id_ = asked(); said(id_); said(id_)\nasked()",
+            "second answers, of which the first",
+        ),
+        (
+            "said(asked()); said('table1/linear/hopf/point/none')\n" + WELL,
+            "answers to what was not asked",
+        ),
         ("said('table1/both/rhs/002/M')\n" + WELL, "answers to what was not asked"),
-        ("print('rubbish'); print('{\"id\": 3}'); print('\\x00\\x1b[2J\\xff'); print('[' * 5000)\n" + WELL,
-         "lines that are no answer: 4, the first 'rubbish'"),
-        ("said(ASKED := asked(), **{'from': 'singles'}); said(ASKED)\n" + WELL, "lines that are no answer: 1"),
-        ("for line in sys.stdin:\n"
-         "    it = json.loads(line); it['answer'] = TRUTHS[it['id']]; print(json.dumps(it), flush=True)", None),
-        ("for _ in range(5): said(asked())\n"
-         "id_ = asked(); sys.stdout.write(json.dumps({'id': id_, 'answer': TRUTHS[id_]}))", None),
+        (
+            "print('rubbish'); print('{\"id\": 3}'); print('\\x00\\x1b[2J\\xff'); print('[' * "
+            "5000)\n" + WELL,
+            "lines that are no answer: 4, the first 'rubbish'",
+        ),
+        (
+            "said(ASKED := asked(), **{'from': 'singles'}); said(ASKED)\n" + WELL,
+            "lines that are no answer: 1",
+        ),
+        (
+            "for line in sys.stdin:\n"
+            "    it = json.loads(line); it['answer'] = TRUTHS[it['id']]; print(json.dumps(it), "
+            "flush=True)",
+            None,
+        ),
+        (
+            "for _ in range(5): said(asked())\n"
+            "id_ = asked(); sys.stdout.write(json.dumps({'id': id_, 'answer': TRUTHS[id_]}))",
+            None,
+        ),
         ("asked(); os.close(0)\nfor id_ in TRUTHS: said(id_)", None),
         ("sys.stderr.write('murmur ' * 100_000)\n" + WELL, None),
         ("for _ in range(6): said(asked())\nsys.exit(3)", "ended with status 3"),
-        ("for _ in range(6): said(asked())\nos.kill(os.getpid(), signal.SIGSEGV)", "ended with SIGSEGV"),
+        (
+            "for _ in range(6): said(asked())\nos.kill(os.getpid(), signal.SIGSEGV)",
+            "ended with SIGSEGV",
+        ),
     ],
-    ids=["out of order", "twice", "unknown", "too early", "rubbish", "odd reading", "echo", "half a line",
-         "closes its input", "murmurs", "status", "signal"],
-)  # fmt: skip
+    ids=[
+        "out of order",
+        "twice",
+        "unknown",
+        "too early",
+        "rubbish",
+        "odd reading",
+        "echo",
+        "half a line",
+        "closes its input",
+        "murmurs",
+        "status",
+        "signal",
+    ],
+)
 def test_odd_programs_are_graded_in_full(
-    body: str, remark: str | None, program: Callable[[str], list[str]], capsys: pytest.CaptureFixture[str]
+    body: str,
+    remark: str | None,
+    program: Callable[[str], list[str]],
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     status, graded, err = _ran(program(body), capsys)
     assert err.count("\n") <= 1
     assert len(err) < 400
     noted = [one for one in graded["remarks"] if "graded as from doubles" not in one]
     assert (status, _agree(graded)) == (0, 6)
-    assert [remark is not None and remark in one for one in noted] == ([] if remark is None else [True])
+    assert [remark is not None and remark in one for one in noted] == (
+        [] if remark is None else [True]
+    )
 
 
 BROKEN = [
     ("forever()", f"did not answer {ASKED[2]} within 7 s, and was ended"),
     ("done()\nwhile True: sys.stdout.write('x' * 65536)", "within 7 s, and was ended"),
     ("done()\nwhile True: sys.stderr.write('x\\n' * 30000)", "within 7 s, and was ended"),
-    ("os.close(1); forever()", f"closed its standard output before it answered {ASKED[2]}, and was ended"),
+    (
+        "os.close(1); forever()",
+        f"closed its standard output before it answered {ASKED[2]}, and was ended",
+    ),
     ("os._exit(3)", f"ended with status 3 before it answered {ASKED[2]}"),
     ("os.kill(os.getpid(), signal.SIGKILL)", f"ended with SIGKILL before it answered {ASKED[2]}"),
-    ("sys.stdout.write('{\"id\":'); sys.stdout.flush(); os._exit(0)", "ended with status 0 before it answered"),
+    (
+        "sys.stdout.write('{\"id\":'); sys.stdout.flush(); os._exit(0)",
+        "ended with status 0 before it answered",
+    ),
 ]
 _NAMES = ["hangs", "one line", "murmurs", "closed", "status", "signal", "half"]
 
@@ -166,7 +234,11 @@ _NAMES = ["hangs", "one line", "murmurs", "closed", "status", "signal", "half"]
 @pytest.mark.usefixtures("clock")
 @pytest.mark.parametrize(("body", "remark"), BROKEN, ids=_NAMES)
 def test_what_was_answered_is_graded(
-    body: str, remark: str, program: Callable[[str], list[str]], capsys: pytest.CaptureFixture[str], tmp_path: Path
+    body: str,
+    remark: str,
+    program: Callable[[str], list[str]],
+    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path,
 ) -> None:
     pid = tmp_path / "pid"
     body = f"open({str(pid)!r}, 'w').write(str(os.getpid()))\nsaid(asked()); said(asked())\n{body}"
@@ -228,7 +300,9 @@ def test_a_program_that_stays_when_its_input_ends_is_ended(
 @pytest.mark.usefixtures("clock")
 @pytest.mark.parametrize("before", ["", "os.close(0)\n"], ids=["open", "closed"])
 def test_full_pipes_on_both_sides(before: str, tmp_path: Path) -> None:
-    """It never reads, is sent more than a pipe holds, and writes more than one to each of its own."""
+    """It never reads, is sent more than a pipe holds, and writes more than one to each of its
+    own.
+    """
     script = (
         f"import os, time\n{before}for n in (1, 2): os.write(n, b'x' * 1_000_000)\n"
         f"open({str(tmp_path / 'done')!r}, 'w')\ntime.sleep(1000)"
@@ -242,13 +316,17 @@ def test_full_pipes_on_both_sides(before: str, tmp_path: Path) -> None:
 
 
 def wait_for_the_end(pid: str) -> None:
-    """Of an orphan: whoever has taken it over may take a moment to hear of its end, and may never ask."""
+    """Of an orphan: whoever has taken it over may take a moment to hear of its end, and may
+    never ask.
+    """
     with suppress(OSError):
         while Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z":
             time.sleep(0.01)
 
 
-def test_children_of_a_program_end_with_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_children_of_a_program_end_with_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     pid = tmp_path / "pid"
     script = f"sleep 1000 & echo $! > {pid}; echo no more; exit 3"
     assert main([*RUN, "--", "sh", "-c", script]) == 2
@@ -256,7 +334,9 @@ def test_children_of_a_program_end_with_it(tmp_path: Path, capsys: pytest.Captur
     wait_for_the_end(pid.read_text().strip())
 
 
-@pytest.mark.parametrize("name", ["nowhere/program", "no such program", "", "folder", "./file", "./text", "a\0b"])
+@pytest.mark.parametrize(
+    "name", ["nowhere/program", "no such program", "", "folder", "./file", "./text", "a\0b"]
+)
 def test_what_cannot_be_started_is_refused_in_one_line(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -293,6 +373,10 @@ def test_ctrl_c_loses_no_answer(program: Callable[[str], list[str]], tmp_path: P
     )
     assert (status, printed, told) == (130, "", INTERRUPTED)
     assert [path.name for path in out.iterdir()] == ["answers.jsonl"]
-    assert [json.loads(line)["id"] for line in (out / "answers.jsonl").read_text().splitlines()] == ASKED[:3]
-    assert main(["conformance", "grade", str(out / "answers.jsonl"), "--quiet", "--require", "3"]) == 0
+    assert [
+        json.loads(line)["id"] for line in (out / "answers.jsonl").read_text().splitlines()
+    ] == ASKED[:3]
+    assert (
+        main(["conformance", "grade", str(out / "answers.jsonl"), "--quiet", "--require", "3"]) == 0
+    )
     wait_for_the_end(pid.read_text())

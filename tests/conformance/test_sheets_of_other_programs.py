@@ -1,4 +1,6 @@
-"""Sheets as other programs and spreadsheets write them: what is read, and what is said of the rest."""
+"""Sheets as other programs and spreadsheets write them: what is read, and what is said of the
+rest.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,9 @@ from tippedisk_verify.errors import InputError
 from tippedisk_verify.reference_values.store import stored
 
 CRIT, PERIOD = "table1/linear/hopf/point/omega_crit", "table1/linear/hopf/point/period"
-RIGHT = {quantity.id: repr(quantity.for_doubles) for quantity in stored().matching("table1/linear/hopf/")}
+RIGHT = {
+    quantity.id: repr(quantity.for_doubles) for quantity in stored().matching("table1/linear/hopf/")
+}
 
 READ = {
     "-8.7913543067821860-003": "-0.0087913543067821860",  # Fortran
@@ -30,18 +34,27 @@ READ = {
     "3.088``16.*^1": "30.88",
 }
 NOT_FINITE = {
-    **dict.fromkeys(("-nan(ind)", "1.#QNAN", "1.#QNAN0", "-1.#IND", "sNaN", "NaN32", ".nan"), "there is no number"),
-    **dict.fromkeys(("NULL", "None", "n/a", "nothing", "undefined", "Missing"), "there is no number"),
-    **dict.fromkeys(("1.#INF", "-1.#INF00", "-Infinity", "+inf", "Inf32", "-.inf", "1.#J"), "infinite"),
+    **dict.fromkeys(
+        ("-nan(ind)", "1.#QNAN", "1.#QNAN0", "-1.#IND", "sNaN", "NaN32", ".nan"),
+        "there is no number",
+    ),
+    **dict.fromkeys(
+        ("NULL", "None", "n/a", "nothing", "undefined", "Missing"), "there is no number"
+    ),
+    **dict.fromkeys(
+        ("1.#INF", "-1.#INF00", "-Infinity", "+inf", "Inf32", "-.inf", "1.#J"), "infinite"
+    ),
     "1e123456": "exponent",
 }
 #: Texts that are no numbers, between bars, by a word of what is said of them.
 REASONS = {
-    "complex": "-0.00879 + 0.0im | (30.9+0j) | 30.9 - 1e-3i | (1.5,0.0) | ( 1.5E+00 , -0.0) | nan+nanj | 0.1*I"
+    "complex": "-0.00879 + 0.0im | (30.9+0j) | 30.9 - 1e-3i | (1.5,0.0) | ( 1.5E+00 , -0.0) | "
+    "nan+nanj | 0.1*I"
     " | 30.88 + 0.0*I | #C(30.88 0.0) | 30.88 :+ 0.0 | 30.9+-0.0i",
     "single precision": "30.88f0 | 3.088f1 | 30.88f | -.5F-3",
     "literal": "30.88_dp | 30.88f64 | 30.88L",
-    "uncertainty": "30.88(12) | 30.88 (12) | 30.88(12)e-3 | 0.88 +/- 0.01 | [0.88 +/- 1e-3] | 30.9 ± 0.1 | 30.9+-0.1",
+    "uncertainty": "30.88(12) | 30.88 (12) | 30.88(12)e-3 | 0.88 +/- 0.01 | [0.88 +/- 1e-3] | 30.9 "
+    "± 0.1 | 30.9+-0.1",
     "ratio": "4346/1407 | -4346//1407 | 4346.0 / 1407",
     "date": "01.Mai | 1-Jan | Jan-88 | 02. Mär | 3 Dec 2026 | 30.08.1988 | 2026-03-01 | août-88",
     "time of day": "12:34 | 12:34:56.7",
@@ -56,7 +69,8 @@ REASONS = {
     "power of ten": "3.088×10^1 | 3.088*10^1 | 3.088x10**-1 | 10^-3",
     "interval": "30.8..30.9 | [30.8, 30.9] | [1;2]",
     "list": "[0.88] | [[0.88]] | (0.88) | {0.88} | (0.88,)",
-    "language": "np.float64(30.9) | mpf('30.9') | array([30.9]) | Float64[30.88] | tensor(0.8, dtype=f8)",
+    "language": "np.float64(30.9) | mpf('30.9') | array([30.9]) | Float64[30.88] | tensor(0.8, "
+    "dtype=f8)",
     "quotes": "'30.9' | `30.9` | b'30.9'",
     "hexadecimal": "0x1.8p3 | -0x1f",
     "name": "x = 30.9 | period: 30.9",
@@ -90,13 +104,16 @@ def _among_right_ones(folder: Path, text: str) -> Report:
     """The report on a sheet in which one answer is this text, and the others are right."""
     stream = io.StringIO(newline="")
     csv.writer(stream).writerows(
-        [("id", "from", "answer"), *((id_, "doubles", a) for id_, a in RIGHT.items() if id_ != CRIT)]
+        [
+            ("id", "from", "answer"),
+            *((id_, "doubles", a) for id_, a in RIGHT.items() if id_ != CRIT),
+        ]
     )
     csv.writer(stream).writerow((CRIT, "doubles", text))
     return _report(folder / "answers.csv", stream.getvalue())
 
 
-# ------------------------------------------------------------------------------------------ one answer
+# --------------------------------------------------------------------------------------- one answer
 @pytest.mark.parametrize("text", READ)
 def test_what_is_unambiguous_is_read(text: str) -> None:
     assert as_decimal(text) == Decimal(READ[text])
@@ -111,7 +128,10 @@ def test_what_is_no_number_is_named_from_the_first_on(text: str, says: str, tmp_
     assert says in reason
     assert ("unit" in reason) == (says == "unit")
     (failed,) = report.failed
-    assert (failed.verdict, failed.note) == ("not-a-number" if text in NOT_FINITE else "unreadable", reason)
+    assert (failed.verdict, failed.note) == (
+        "not-a-number" if text in NOT_FINITE else "unreadable",
+        reason,
+    )
 
 
 @pytest.mark.parametrize("text", ["-Infinity", "NaN", "abc", "\N{MINUS SIGN}5", "30.0"])
@@ -127,13 +147,20 @@ def test_a_line_says_digits_and_truth_where_there_are_some(text: str, tmp_path: 
 def test_reasons_are_counted_and_not_too_many(tmp_path: Path) -> None:
     texts = ["30,9", "3,9", *(texts.split(" | ")[0] for texts in list(REASONS.values())[:9])]
     ids = [quantity.id for quantity in stored().matching("table1/both/rhs/")]
-    rows = "".join(f'{{"id": "{id_}", "answer": "{text}"}}\n' for id_, text in zip(ids, texts, strict=False))
-    remarks = [remark for remark in _report(tmp_path / "a.jsonl", rows).remarks() if "no number" in remark]
-    assert remarks[0] == f"2 answers are no number, such as '30,9' at {ids[0]}: a decimal comma; write a point"
+    rows = "".join(
+        f'{{"id": "{id_}", "answer": "{text}"}}\n' for id_, text in zip(ids, texts, strict=False)
+    )
+    remarks = [
+        remark for remark in _report(tmp_path / "a.jsonl", rows).remarks() if "no number" in remark
+    ]
+    assert (
+        remarks[0]
+        == f"2 answers are no number, such as '30,9' at {ids[0]}: a decimal comma; write a point"
+    )
     assert remarks[-1] == "5 more reasons why answers are no numbers"
 
 
-# ------------------------------------------------------------------------------------------ a whole sheet
+# ------------------------------------------------------------------------------------ a whole sheet
 @pytest.mark.parametrize(
     "text",
     [
@@ -184,7 +211,9 @@ def test_a_header_that_is_none_is_told_by_name(text: str, says: str, tmp_path: P
     ],
 )
 def test_a_column_that_is_not_read_is_named(text: str, says: str, tmp_path: Path) -> None:
-    (remark,) = (remark for remark in _report(tmp_path / "a", text).remarks() if "not read" in remark)
+    (remark,) = (
+        remark for remark in _report(tmp_path / "a", text).remarks() if "not read" in remark
+    )
     assert remark.endswith(f"not known, and not read: {says}")
 
 
@@ -194,7 +223,9 @@ def test_a_semicolon_sheet_with_decimal_commas_asks_the_same_and_is_helped(tmp_p
     lines = [";".join(rows[0])]
     for row in rows:
         row |= {"from": "doubles", "answer": RIGHT[row["id"]]}
-        lines.append(";".join(text if name == "id" else text.replace(".", ",") for name, text in row.items()))
+        lines.append(
+            ";".join(text if name == "id" else text.replace(".", ",") for name, text in row.items())
+        )
     report = _report(tmp_path / "a.csv", "\n".join(lines) + "\n")
     (remark,) = report.remarks()
     assert remark.startswith(f"{len(asked)} answers are no number")

@@ -16,9 +16,14 @@ GUIDE = DOCS / "grading.md"
 
 @pytest.mark.parametrize(
     ("command", "language", "file"),
-    [*(("client", *item) for item in CLIENTS.items()), *(("grader", *item) for item in GRADERS.items())],
+    [
+        *(("client", *item) for item in CLIENTS.items()),
+        *(("grader", *item) for item in GRADERS.items()),
+    ],
 )
-def test_programs_are_printed(command: str, language: str, file: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_programs_are_printed(
+    command: str, language: str, file: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert main(["conformance", command, language]) == 0
     printed = capsys.readouterr().out
     assert printed.startswith((FOLDER / file).read_text())
@@ -30,6 +35,8 @@ def test_programs_are_printed(command: str, language: str, file: str, capsys: py
 
 def test_the_guide_is_printed_and_names_every_client(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["conformance", "guide"]) == 0
-    assert capsys.readouterr().out == "\n".join(page.read_text() for page in sorted(DOCS.glob("grading*.md")))
+    assert capsys.readouterr().out == "\n".join(
+        page.read_text() for page in sorted(DOCS.glob("grading*.md"))
+    )
     for language in CLIENTS:
         assert f"| `{language}` |" in GUIDE.read_text()

@@ -23,7 +23,9 @@ def passage_times(cycle: LimitCycle, engine: Engine, distance: Fraction) -> tupl
     Raises NoSuchCycleError if the cycle does not come that near.
     """
     held = cycle.gamma_bar_0.uncertainty
-    precision = bits(max(113, 40 + math.ceil(-math.log2(held.numerator) + math.log2(held.denominator))))
+    precision = bits(
+        max(113, 40 + math.ceil(-math.log2(held.numerator) + math.log2(held.denominator)))
+    )
     result = engine(
         Request(
             cycle.parameters,

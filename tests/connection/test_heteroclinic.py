@@ -25,7 +25,8 @@ from tippedisk_verify.theory.equilibria import equilibrium
 
 def test_two_methods_agree(taylor) -> None:
     manifolds, cycles = (
-        heteroclinic(PRINTED, taylor, digits=18, method=method).omega_h for method in ("manifolds", "limit-cycles")
+        heteroclinic(PRINTED, taylor, digits=18, method=method).omega_h
+        for method in ("manifolds", "limit-cycles")
     )
     assert abs(manifolds.value - cycles.value) <= manifolds.uncertainty + cycles.uncertainty
 
@@ -42,7 +43,8 @@ def test_the_unstable_branch_on_both_sides(taylor) -> None:
         result = unstable_branch(PRINTED, omega, taylor)
         assert result.events[-1].name == "turns back"
         times.append(float(result.time))
-    # Until the next crossing of beta = pi/2, where both directions share the passage: lambda_u - lambda_s in all.
+    # Until the next crossing of beta = pi/2, where both directions share the passage: lambda_u -
+    # lambda_s in all.
     slow = -float(connection.saddle_eigenvalues[1])
     assert abs((times[1] - times[0]) * (growth + slow) / math.log(4) - 1) < 0.02
     below = unstable_branch(PRINTED, connection.omega_h.value - Fraction(1, 2**22), taylor)
@@ -54,7 +56,10 @@ def test_a_connection_of_neutral_saddles_is_found(taylor) -> None:
     leaves no digit.
     """
     disk = PRINTED.changed(epsilon="0.3", e="0.575279602327400e-3")
-    found, other = (heteroclinic(disk, taylor, digits=6, method=name).omega_h for name in ("manifolds", "bisection"))
+    found, other = (
+        heteroclinic(disk, taylor, digits=6, method=name).omega_h
+        for name in ("manifolds", "bisection")
+    )
     assert abs(found.value - other.value) <= found.uncertainty + other.uncertainty
 
 
@@ -66,10 +71,13 @@ def test_samples_run_from_saddle_to_saddle(taylor, tmp_path: Path) -> None:
     begin, end = rows[0, 1:], rows[-1, 1:]
     assert numpy.abs(begin - [math.pi / 2, -math.pi / 2, 0]).max() < 2e-6
     assert numpy.abs(end - [math.pi / 2, 3 * math.pi / 2, 0]).max() < 1e-4
-    assert abs(numpy.interp(0, times, states[1]) - math.pi / 2) < 1e-3  # linear between times 0.0125 s apart
+    # Linear between times 0.0125 s apart
+    assert abs(numpy.interp(0, times, states[1]) - math.pi / 2) < 1e-3
     growth = float(equilibrium(PRINTED, omega_h.value, "noninverted").eigenvalues[0].re)
     assert abs(math.log(rows[20, 3] / rows[0, 3]) / (rows[20, 0] - rows[0, 0]) / growth - 1) < 1e-6
-    run = taylor(Request(PRINTED, omega_h.value, rows[100, 1:].tolist(), float(rows[200, 0] - rows[100, 0])))
+    run = taylor(
+        Request(PRINTED, omega_h.value, rows[100, 1:].tolist(), float(rows[200, 0] - rows[100, 0]))
+    )
     assert numpy.abs(run.state - rows[200, 1:]).max() < 1e-10
 
 
@@ -86,7 +94,9 @@ def test_command(tmp_path: Path, capsys) -> None:
     out = tmp_path / "connection.csv"
     assert main(["heteroclinic", "--digits", "20", "--json", "--out", str(out)]) == 0
     result = json.loads(capsys.readouterr().out)
-    assert Fraction(result["omega_h"]["uncertainty"]) < Fraction(result["omega_h"]["value"]) / 10**20
+    assert (
+        Fraction(result["omega_h"]["uncertainty"]) < Fraction(result["omega_h"]["value"]) / 10**20
+    )
     assert len(result["saddle_eigenvalues"]) == 3
     assert result["method"] == "manifolds"
     assert len(list(csv.reader(out.read_text(encoding="utf-8").splitlines()))) == 402
@@ -109,7 +119,13 @@ def test_an_engine_without_half_widths_runs_again_at_looser_tolerances() -> None
 
     def engine(request: Request) -> Result:
         below = Fraction(request.omega) < answers[request.tolerance]
-        return Result(Status.EVENT, 1.0, None, 1, events=(EventRecord("passes" if below else "turns back", 1.0, None),))
+        return Result(
+            Status.EVENT,
+            1.0,
+            None,
+            1,
+            events=(EventRecord("passes" if below else "turns back", 1.0, None),),
+        )
 
     engine.measures_error = False
     found = bisect_omega_h(PRINTED, engine).omega_h
@@ -122,9 +138,18 @@ def test_an_engine_without_half_widths_runs_again_at_looser_tolerances() -> None
 def test_scipys_half_width_holds_with_the_smooth_law(taylor) -> None:
     """Its steps cross the kinks of this law's field, so the error does not follow the tolerance."""
     disk = Parameters(
-        r="0.1331", e="0.01809", m="0.01754", A="1.99344e-4", B="1.90668e-4", g="9.80665", mu="0.484", epsilon="0.0275"
+        r="0.1331",
+        e="0.01809",
+        m="0.01754",
+        A="1.99344e-4",
+        B="1.90668e-4",
+        g="9.80665",
+        mu="0.484",
+        epsilon="0.0275",
     )
-    truth = splitting_zero(disk.with_friction("smooth"), Fraction("12.6157686416"), taylor, 18).omega_h
+    truth = splitting_zero(
+        disk.with_friction("smooth"), Fraction("12.6157686416"), taylor, 18
+    ).omega_h
     found = bisect_omega_h(disk.with_friction("smooth"), Baseline("DOP853")).omega_h
     assert found.holds(truth.value)
     assert found.uncertainty < Fraction(1, 10**10)

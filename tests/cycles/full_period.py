@@ -10,5 +10,9 @@ from tippedisk_verify.cycles.section import LIBRATING
 from tippedisk_verify.flow.contract import SECTION, Event
 
 WHOLE_PERIOD = replace(
-    LIBRATING, name="whole period", ends=Event("closes", SECTION.function, direction=1), image=1, per_period=1
+    LIBRATING,
+    name="whole period",
+    ends=Event("closes", SECTION.function, direction=1),
+    image=1,
+    per_period=1,
 )

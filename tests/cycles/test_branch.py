@@ -50,7 +50,9 @@ def test_the_family_has_the_cycles_of_single_speeds_next_to_omega_crit(taylor) -
 
 
 def test_cycles_are_those_of_single_speeds_where_the_family_is_lost(taylor, monkeypatch) -> None:
-    monkeypatch.setitem(locator(GEOMETRY, taylor).__dict__, "lost", "the family could not be followed")
+    monkeypatch.setitem(
+        locator(GEOMETRY, taylor).__dict__, "lost", "the family could not be followed"
+    )
     (cycle,) = family(GEOMETRY, taylor, omegas=["30.4"])
     assert cycle == cycle_at(GEOMETRY, "30.4", taylor)
     (line,) = Branch.of([cycle]).plot(Figure().subplots()).lines

@@ -31,7 +31,9 @@ def beyond(twins: int, factor: float) -> float:
     def all_within(x: float) -> float:
         width = x / factor
         lowest_is_a_twin = integrate.quad(
-            lambda a: twins * density(a) * (below(a + width) - below(a)) ** (twins - 1), x - width, x
+            lambda a: twins * density(a) * (below(a + width) - below(a)) ** (twins - 1),
+            x - width,
+            x,
         )[0]
         return 2 * density(x) * (lowest_is_a_twin + (below(x + width) - below(x)) ** twins)
 
@@ -50,10 +52,14 @@ def test_the_risk_in_the_next_wider_arithmetic_is_the_same() -> None:
     density, below = stats.norm.pdf, stats.norm.cdf
 
     def spread_below(width: float) -> float:
-        return integrate.quad(lambda a: values * density(a) * (below(a + width) - below(a)) ** (values - 1), -10, 10)[0]
+        return integrate.quad(
+            lambda a: values * density(a) * (below(a + width) - below(a)) ** (values - 1), -10, 10
+        )[0]
 
     far_below = 1e-12  # the risk is 2e-6
-    risk = integrate.quad(lambda x: 2 * density(x) * spread_below(x / factor), 0, 10, epsabs=far_below)[0]
+    risk = integrate.quad(
+        lambda x: 2 * density(x) * spread_below(x / factor), 0, 10, epsabs=far_below
+    )[0]
     assert 2e-6 < risk < 2.6e-6
     random = numpy.random.default_rng(3)
     spreads = numpy.ptp(random.standard_normal((200_000, values)), axis=1)
@@ -62,7 +68,11 @@ def test_the_risk_in_the_next_wider_arithmetic_is_the_same() -> None:
 
 def test_the_risk_on_the_branch_is_its_budgets() -> None:
     random = numpy.random.default_rng(2)
-    spreads = numpy.ptp(random.standard_normal((600_000, interpolant.TWINS + 1)), axis=1).reshape(-1, 3).max(axis=1)
+    spreads = (
+        numpy.ptp(random.standard_normal((600_000, interpolant.TWINS + 1)), axis=1)
+        .reshape(-1, 3)
+        .max(axis=1)
+    )
     widths = interpolant.TWIN_FACTOR * spreads
     assert 1e-8 < numpy.mean(2 * stats.norm.sf(widths)) < 3e-8
     assert numpy.mean(2 * stats.norm.sf(widths / 2)) < 3e-4
@@ -88,11 +98,15 @@ def test_a_lost_multiplier_is_bounded_by_its_rounding() -> None:
 
 
 @pytest.mark.parametrize(("share", "precision"), [("0.49", DOUBLE), ("0.51", companion(DOUBLE))])
-def test_an_arithmetic_answers_that_has_a_factor_of_two_to_spare(monkeypatch, share: str, precision) -> None:
+def test_an_arithmetic_answers_that_has_a_factor_of_two_to_spare(
+    monkeypatch, share: str, precision
+) -> None:
     """Half-widths differ from draw to draw. That must not decide which arithmetic answers."""
 
     def by_twins(_, arithmetic, doubles):
-        number = Measured(Fraction(1), Fraction(share) / 10**12 * arithmetic.epsilon / DOUBLE.epsilon)
+        number = Measured(
+            Fraction(1), Fraction(share) / 10**12 * arithmetic.epsilon / DOUBLE.epsilon
+        )
         return SimpleNamespace(coordinates=(), period=number, beta_max=number, precision=arithmetic)
 
     monkeypatch.setattr(error_budget, "_draws", lambda _: repeat({}))
@@ -101,7 +115,9 @@ def test_an_arithmetic_answers_that_has_a_factor_of_two_to_spare(monkeypatch, sh
 
 
 class LinearMap:
-    """A return map with the fixed point (1/3, 2/7), the residual of which is linear; it counts its derivatives."""
+    """A return map with the fixed point (1/3, 2/7), the residual of which is linear; it
+    counts its derivatives.
+    """
 
     truth = (Fraction(1, 3), Fraction(2, 7))
 
@@ -114,7 +130,9 @@ class LinearMap:
 
     def residual(self, state: Any, _: Any) -> Any:
         number = self.precision.number
-        return [a * (x - number(t)) for a, x, t in zip(self._slopes, state, self.truth, strict=True)]
+        return [
+            a * (x - number(t)) for a, x, t in zip(self._slopes, state, self.truth, strict=True)
+        ]
 
     def __call__(self, point: Any) -> Any:
         self.images += 1
@@ -125,7 +143,13 @@ class LinearMap:
 def derivatives(matrix: Any, residual: Any = (0, 0)) -> Image:
     """Return an image that has only a residual and its derivatives by the state."""
     return Image(
-        time=0, residual=residual, matrix=matrix, by_omega=(0, 0), time_by_state=(0, 0), time_by_omega=0, flow=()
+        time=0,
+        residual=residual,
+        matrix=matrix,
+        by_omega=(0, 0),
+        time_by_state=(0, 0),
+        time_by_omega=0,
+        flow=(),
     )
 
 
@@ -149,7 +173,9 @@ def test_steps_end_when_both_coordinates_rest(second: str, newton: bool, off: fl
     rows = ((0.5, 0.0), (0.0, 0.5))
     start = SimpleNamespace(point=tuple(float(t) + off for t in truth), image=derivatives(rows))
     point, standing = error_budget._settled(return_map, start)
-    assert max(abs(fraction(x) - t) for x, t in zip(point, truth, strict=True)) < Fraction(1, 10**55)
+    assert max(abs(fraction(x) - t) for x, t in zip(point, truth, strict=True)) < Fraction(
+        1, 10**55
+    )
     assert standing == (0, 0)
     assert bool(return_map.images) is newton
 

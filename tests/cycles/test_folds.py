@@ -33,13 +33,15 @@ from tippedisk_verify.theory.equilibria import equilibrium
 from tippedisk_verify.theory.hopf import criticality, hopf_point
 
 FOLDING = PRINTED.changed(A="0.229e-3")
-# The A of Table 1's disks at which l_1 = 0: Bbar r (2 r - e) / (2 (r + e) (r - 2 e)) [kg m^2]; and the slope of
-# gamma_bar_0^2 at the fold by A there [1/(kg m^2)]. docs/disks.md has both laws.
+# The A of Table 1's disks at which l_1 = 0: Bbar r (2 r - e) / (2 (r + e) (r - 2 e)) [kg m^2]; and
+# the slope of gamma_bar_0^2 at the fold by A there [1/(kg m^2)]. docs/disks.md has both laws.
 A_B, FOLD_AMPLITUDE_SLOPE = Fraction("0.00023239668996710526315789473684"), -2798494.76137316
-POSITIVE_SADDLE_VALUE = PRINTED.changed(r="0.0346", e="0.00064", mu="0.385", epsilon="0.0395", B="0.2124e-3")
+POSITIVE_SADDLE_VALUE = PRINTED.changed(
+    r="0.0346", e="0.00064", mu="0.385", epsilon="0.0395", B="0.2124e-3"
+)
 
 
-# ------------------------------------------------------------------------------------------- two methods
+# -------------------------------------------------------------------------------------- two methods
 @pytest.mark.parametrize("digits", [12, pytest.param(30, marks=pytest.mark.slow)])
 def test_the_fold_is_the_spectral_methods(taylor, digits) -> None:
     found = libration_folds(FOLDING, taylor, digits=digits)
@@ -59,9 +61,15 @@ def test_the_fold_is_the_spectral_methods(taylor, digits) -> None:
 
 
 def test_a_fold_has_the_digits_asked_for_or_is_refused(monkeypatch, taylor) -> None:
-    numbers = {name: Measured(Fraction(2), Fraction(3, 10**12)) for name in ("omega", "period", *LIBRATING.names)}
+    numbers = {
+        name: Measured(Fraction(2), Fraction(3, 10**12))
+        for name in ("omega", "period", *LIBRATING.names)
+    }
     monkeypatch.setattr(folds, "_fold_in", lambda *_: SimpleNamespace(**numbers))
-    assert folds.fold_to_digits(LibrationFold, FOLDING, (1, 1, 1), taylor, 11).omega == numbers["omega"]
+    assert (
+        folds.fold_to_digits(LibrationFold, FOLDING, (1, 1, 1), taylor, 11).omega
+        == numbers["omega"]
+    )
     with pytest.raises(AccuracyError, match="fewer than 12 digits"):
         folds.fold_to_digits(LibrationFold, FOLDING, (1, 1, 1), taylor, 12)
 
@@ -71,7 +79,7 @@ def test_the_spectral_method_finds_no_fold_where_there_is_none() -> None:
         spectral_fold(PRINTED, Kind.LIBRATING)
 
 
-# ------------------------------------------------------------------------------------------------ what a fold is
+# ----------------------------------------------------------------------------------- what a fold is
 def test_cycles_meet_at_the_fold(taylor) -> None:
     """Next to the fold both cycles exist, at distances that go with the root of the speed's. Beyond
     it there is no cycle.
@@ -84,7 +92,8 @@ def test_cycles_meet_at_the_fold(taylor) -> None:
         assert (unstable.stable, stable.stable) == (False, True)
         apart.append(float(stable.gamma_bar_0.value - unstable.gamma_bar_0.value))
     assert abs(apart[0] / apart[1] / 2 - 1) < 1e-6  # the next term is the square of the distance
-    assert abs(apart[1] / apart[2] / 100 - 1) < 1e-3  # the speed is that of the fold to twelve digits
+    # The speed is that of the fold to twelve digits
+    assert abs(apart[1] / apart[2] / 100 - 1) < 1e-3
     with pytest.raises(NoSuchCycleError, match="a fold"):
         known.librating(fold.omega.value + Fraction(1, 10**8)).cycles()
 
@@ -139,7 +148,7 @@ def test_another_orbit_is_not_taken_for_one_of_the_family(taylor) -> None:
     assert second.omega.value - first.omega.value > Fraction(1, 10)
 
 
-# ------------------------------------------------------------------------------------------------ the page of documents
+# ---------------------------------------------------------------------------- the page of documents
 def rows(heading: str) -> list[list[str]]:
     """Return the table of docs/disks.md whose first column has this heading."""
     text = (Path(__file__).parents[2] / "docs" / "disks.md").read_text(encoding="utf-8")
@@ -148,11 +157,17 @@ def rows(heading: str) -> list[list[str]]:
 
 
 def disk_with_hole(
-    mass: Fraction, radius: Fraction, thickness: Fraction, hole_radius: Fraction, hole_offset: Fraction
+    mass: Fraction,
+    radius: Fraction,
+    thickness: Fraction,
+    hole_radius: Fraction,
+    hole_offset: Fraction,
 ) -> dict[str, Fraction]:
-    """r, e, m, A, B and C of a homogeneous sharp-edged disk of this mass with a through-hole beside its centre.
+    """r, e, m, A, B and C of a homogeneous sharp-edged disk of this mass with a through-hole beside
+    its centre.
 
-    The inertia of the hole's material is taken from that of the full disk (elementary solids and Steiner's theorem).
+    The inertia of the hole's material is taken from that of the full disk (elementary solids and
+    Steiner's theorem).
     """
     full = mass * radius**2 / (radius**2 - hole_radius**2)
     hole = full - mass
@@ -188,7 +203,7 @@ def test_the_table_of_holes() -> None:
                 assert criticality(PRINTED.changed(**inertia)) == kind
 
 
-# ------------------------------------------------------------------------------------------------ asked for
+# ---------------------------------------------------------------------------------------- asked for
 @pytest.fixture
 def folding(tmp_path: Path) -> str:
     path = tmp_path / "folding.toml"
@@ -218,7 +233,10 @@ def test_branch_has_both_cycles_at_a_speed(taylor) -> None:
     assert [cycle.stable for cycle in few] == [False, True, True]
     assert len(many) == 180
     for one, other in ((few[0], many[0]), (few[1], many[1]), (few[2], many[-1])):
-        assert abs(one.period.value - other.period.value) <= one.period.uncertainty + other.period.uncertainty
+        assert (
+            abs(one.period.value - other.period.value)
+            <= one.period.uncertainty + other.period.uncertainty
+        )
 
 
 def test_many_speeds_where_lanes_do_not_hold_them_all(taylor, monkeypatch) -> None:
@@ -228,7 +246,11 @@ def test_many_speeds_where_lanes_do_not_hold_them_all(taylor, monkeypatch) -> No
     monkeypatch.setattr("tippedisk_verify.cycles.branch._FEWEST_FOR_LANES", 3)
     known = LibratingFamily(POSITIVE_SADDLE_VALUE, taylor)
     close = float(known.limit) + 1e-4
-    cycles = list(family(POSITIVE_SADDLE_VALUE, taylor, omegas=[str(known.omega_crit - 0.01)] * 2 + [str(close)]))
+    cycles = list(
+        family(
+            POSITIVE_SADDLE_VALUE, taylor, omegas=[str(known.omega_crit - 0.01)] * 2 + [str(close)]
+        )
+    )
     assert len(cycles) == 3
     assert cycles[-1].stable
     focus = PRINTED.changed(r="0.0415", e="0.00246", mu="0.197", epsilon="0.332", B="0.2231e-3")
@@ -242,7 +264,15 @@ def test_many_speeds_where_lanes_do_not_hold_them_all(taylor, monkeypatch) -> No
 def test_command(folding, capsys) -> None:
     assert main(["orbit", "--at-fold", "--json", "--parameters", folding]) == 0
     (fold,) = json.loads(capsys.readouterr().out)["folds"]
-    assert {"omega", "period", "gamma_bar_0", "v_0", "beta_max", "null_vector", "log_multiplier_fast"} <= set(fold)
+    assert {
+        "omega",
+        "period",
+        "gamma_bar_0",
+        "v_0",
+        "beta_max",
+        "null_vector",
+        "log_multiplier_fast",
+    } <= set(fold)
     assert main(["orbit", "--at-fold", "--json"]) == 0
     assert json.loads(capsys.readouterr().out) == {"folds": [], "followed_to": "Omega_h"}
     assert main(["orbit", "--at-fold"]) == 0
@@ -255,13 +285,19 @@ def random_disks(count: int, seed: int) -> Iterator[Parameters]:
     while count:
         r = 0.045 * math.exp(random.uniform(-0.4, 0.4))
         e = r * math.exp(random.uniform(math.log(0.01), math.log(0.3)))
-        mu, epsilon = 0.3 * math.exp(random.uniform(-1.2, 1.2)), 0.1 * math.exp(random.uniform(-1.2, 1.2))
+        mu, epsilon = (
+            0.3 * math.exp(random.uniform(-1.2, 1.2)),
+            0.1 * math.exp(random.uniform(-1.2, 1.2)),
+        )
         B = 0.249e-3 * random.uniform(0.85, 1)
         values = {
-            name: f"{value:.6g}" for name, value in {"r": r, "e": e, "mu": mu, "epsilon": epsilon, "B": B}.items()
+            name: f"{value:.6g}"
+            for name, value in {"r": r, "e": e, "mu": mu, "epsilon": epsilon, "B": B}.items()
         }
         try:
-            yield PRINTED.changed(**values, name=f"r {r:.4f} e {e:.5f} mu {mu:.3f} epsilon {epsilon:.4f} B {B:.4g}")
+            yield PRINTED.changed(
+                **values, name=f"r {r:.4f} e {e:.5f} mu {mu:.3f} epsilon {epsilon:.4f} B {B:.4g}"
+            )
         except InputError:
             continue
         count -= 1
@@ -271,7 +307,10 @@ def random_disks(count: int, seed: int) -> Iterator[Parameters]:
 @pytest.mark.parametrize(
     "disk",
     [
-        *(PRINTED.changed(A=Fraction(ratio) * PRINTED.Bbar, name=ratio) for ratio in ("1.0125", "1.1", "1.2")),
+        *(
+            PRINTED.changed(A=Fraction(ratio) * PRINTED.Bbar, name=ratio)
+            for ratio in ("1.0125", "1.1", "1.2")
+        ),
         *random_disks(3, 1),
     ],
     ids=lambda disk: disk.name,
@@ -293,7 +332,8 @@ def test_where_the_family_ends_and_how_many_cycles_a_speed_has(taylor, disk) -> 
             with pytest.raises(NoConnectionError, match="saddle-focus"):
                 heteroclinic(disk, taylor, method=method)
         return
-    assert abs(family.limit - float(bisect_omega_h(disk, taylor).omega_h)) < 1e-6  # a part of how near it is followed
+    # A part of how near it is followed
+    assert abs(family.limit - float(bisect_omega_h(disk, taylor).omega_h)) < 1e-6
     falls_at_birth = float(hopf_point(disk).first_lyapunov_coefficient) < 0
     falls_at_the_end = unstable.re + slow.re < 0
     assert len(family.folds) % 2 == (falls_at_birth != falls_at_the_end)

@@ -27,7 +27,8 @@ def test_the_papers_801_cycles(taylor) -> None:
     assert len(cycles) == 801
     assert all(cycle.stable and cycle.engine == "lanes" for cycle in cycles)
     for cycle in cycles:
-        # Round-off of half a period's flow: hundreds of ulps, and at Omega_h + 0.006 a hundred times as many.
+        # Round-off of half a period's flow: hundreds of ulps, and at Omega_h + 0.006 a hundred
+        # times as many.
         assert cycle.residuals[-1] < 2e-13
         assert cycle.period.uncertainty < Fraction(1, 10**10)
         assert float(cycle.trivial_multiplier_defect) < 1e-11
@@ -42,9 +43,12 @@ def test_cycles_are_sharp_and_meet_the_hopf_point(taylor) -> None:
     assert max(widths) < 1e-9
     assert numpy.median(widths) < 1e-11
     hopf, near = hopf_point(PRINTED), cycles[-1]
-    # One term further the expansion in Omega_crit - Omega (0.0008 rad/s) has coefficients of order 1.
+    # One term further the expansion in Omega_crit - Omega (0.0008 rad/s) has coefficients of order
+    # 1.
     assert abs(float(near.beta_max) ** 2 / below / float(hopf.amplitude_squared_slope) - 1) < 0.01
-    assert abs((float(near.period) - float(hopf.period)) / below / float(hopf.period_slope) - 1) < 0.01
+    assert (
+        abs((float(near.period) - float(hopf.period)) / below / float(hopf.period_slope) - 1) < 0.01
+    )
 
 
 def test_speeds_whose_cycles_doubles_do_not_hold_are_left_out(taylor) -> None:
@@ -53,4 +57,10 @@ def test_speeds_whose_cycles_doubles_do_not_hold_are_left_out(taylor) -> None:
     fold = branch.place(branch.folds[0]).omega
     speeds = [fold + 0.1, fold, 30.9, branch.limit + 1e-9, branch.limit - 0.1]
     by_speed = FamilyInterpolant(branch, _LANES).results(speeds, 0)
-    assert [some and [cycle.stable for cycle in some] for some in by_speed] == [None, None, [False, True], None, None]
+    assert [some and [cycle.stable for cycle in some] for some in by_speed] == [
+        None,
+        None,
+        [False, True],
+        None,
+        None,
+    ]

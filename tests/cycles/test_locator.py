@@ -26,15 +26,27 @@ def test_families_are_kept_for_a_disk_and_its_law(taylor) -> None:
 @pytest.mark.parametrize(
     ("omega", "message"),
     [
-        ("29", "1 rad/s below the family, which lies between Omega_h = 30.04887 rad/s and Omega_crit = 30.88659 rad/s"),
-        ("31.5", "0.61 rad/s above the family, which lies between Omega_h = 30.04887 rad/s and Omega_crit"),
+        (
+            "29",
+            "1 rad/s below the family, which lies between Omega_h = 30.04887 rad/s and "
+            "Omega_crit = 30.88659 rad/s",
+        ),
+        (
+            "31.5",
+            "0.61 rad/s above the family, which lies between Omega_h = 30.04887 rad/s and "
+            "Omega_crit",
+        ),
     ],
 )
 def test_a_refusal_names_the_ends_of_the_family(taylor, monkeypatch, omega, message) -> None:
     """The family alone decides: no cycle is shot for, and Omega_h is not sought."""
     known = locator(PRINTED, taylor)
     assert known.family.connected
-    for name in ("cycles.locator.shoot", "cycles.locator.bisect_omega_h", "cycles.locator.splitting_zero"):
+    for name in (
+        "cycles.locator.shoot",
+        "cycles.locator.bisect_omega_h",
+        "cycles.locator.splitting_zero",
+    ):
         monkeypatch.setattr(f"tippedisk_verify.{name}", None)
     with pytest.raises(NoSuchCycleError, match=message):
         cycle_at(PRINTED, omega, taylor)
@@ -45,7 +57,9 @@ def test_a_speed_has_as_many_starts_as_pieces_reach_it(taylor) -> None:
     for omega, pieces in (("30.8", [1]), ("30.9", [0, 1]), ("30.96", [])):
         assert [start.piece for start in known.librating(Fraction(omega)).starts] == pieces
     for omega, pieces in (("30.02", [0, 1]), ("30.5", [1]), ("29.9", [])):
-        assert [start.piece for start in locator(PRINTED, taylor).rotating(Fraction(omega)).starts] == pieces
+        assert [
+            start.piece for start in locator(PRINTED, taylor).rotating(Fraction(omega)).starts
+        ] == pieces
 
 
 def test_next_to_omega_h_its_digits_show_the_side(taylor) -> None:

@@ -33,10 +33,21 @@ def test_cycles_close(taylor, distance: str) -> None:
     start = (0, cycle.gamma_bar_0.value, cycle.v_0.value)
     half = cycle.period.value / 2
     end = taylor(
-        Request(CALIBRATED, cycle.omega.value, start, half, shifted=True, precision=precision, domain="none")
+        Request(
+            CALIBRATED,
+            cycle.omega.value,
+            start,
+            half,
+            shifted=True,
+            precision=precision,
+            domain="none",
+        )
     ).state
-    # An error of the state or of Omega grows like 1 / D on the way; that of T moves the end by the speed there.
-    grown = (cycle.gamma_bar_0.uncertainty + cycle.v_0.uncertainty + cycle.omega.uncertainty) / Fraction(distance)
+    # An error of the state or of Omega grows like 1 / D on the way; that of T moves the end by the
+    # speed there.
+    grown = (
+        cycle.gamma_bar_0.uncertainty + cycle.v_0.uncertainty + cycle.omega.uncertainty
+    ) / Fraction(distance)
     moved = cycle.period.uncertainty * (1 + abs(cycle.v_0.value) * 100)
     for there, here in zip(end, start, strict=True):
         assert abs(fraction(there) + fraction(here)) <= 100 * grown + moved
@@ -51,7 +62,10 @@ def test_every_half_width_holds_the_speeds_uncertainty(taylor, above) -> None:
     distance = Fraction(above)
     room = omega_crit(PRINTED, 20).value - omega_h.value
     off = min(distance, room - distance) / 1000
-    here, there = (cycle_at(PRINTED, omega_h.value + distance + change, taylor, digits=9) for change in (0, off))
+    here, there = (
+        cycle_at(PRINTED, omega_h.value + distance + change, taylor, digits=9)
+        for change in (0, off)
+    )
     widened = with_speed(here, LIBRATING, Measured(omega_h.value, off), distance, room, taylor)
     over = []
     for name in widened.__dataclass_fields__:
@@ -69,14 +83,21 @@ def test_laws_near_omega_h(taylor) -> None:
     remainder.
     """
     unstable, slow, _ = (float(v) for v in heteroclinic(PRINTED, taylor).saddle_eigenvalues)
-    cycles = {power: cycle_above(PRINTED, f"1e-{power}", taylor, digits=15) for power in (10, 15, 30, 50)}
+    cycles = {
+        power: cycle_above(PRINTED, f"1e-{power}", taylor, digits=15) for power in (10, 15, 30, 50)
+    }
     log_distance = math.log(10) * 20
     period = (float(cycles[50].period) - float(cycles[30].period)) / log_distance
-    multiplier = (float(cycles[50].log_multiplier_slow) - float(cycles[30].log_multiplier_slow)) / -log_distance
+    multiplier = (
+        float(cycles[50].log_multiplier_slow) - float(cycles[30].log_multiplier_slow)
+    ) / -log_distance
     assert abs(period * unstable / 2 - 1) < 1e-6
     assert abs(multiplier / (2 * (-slow / unstable - 1)) - 1) < 1e-6
     constant = float(cycles[50].period) - 2 / unstable * 50 * math.log(10)
-    left = [float(cycles[power].period) - 2 / unstable * power * math.log(10) - constant for power in (10, 15)]
+    left = [
+        float(cycles[power].period) - 2 / unstable * power * math.log(10) - constant
+        for power in (10, 15)
+    ]
     # The remainder's next power is twice the first: at 1e-10 it is a hundredth of it.
     assert abs(math.log(left[0] / left[1]) / (5 * math.log(10)) / (-slow / unstable - 1) - 1) < 0.05
 
@@ -91,7 +112,8 @@ def test_the_periods_slope_tends_to_the_laws(taylor) -> None:
     assert lacking == sorted(lacking, reverse=True)
     assert rows[-1][0] < 1e-9
     power = math.log(lacking[-2] / lacking[-1]) / math.log(rows[-2][0] / rows[-1][0])
-    assert abs(power / (-slow / unstable - 1) - 1) < 0.05  # the next power of the remainder is twice the first
+    # The next power of the remainder is twice the first
+    assert abs(power / (-slow / unstable - 1) - 1) < 0.05
 
 
 def test_command(capsys) -> None:

@@ -41,24 +41,41 @@ def test_the_resolution_of_a_double_and_answers_at_their_own_speeds(taylor) -> N
     answers = [(omega, 7), (further, "7.5")]
     study = disk.near_heteroclinic(str(Fraction(distance)), answers=answers)
     one, other = study.answers
-    assert (one.omega.value, one.period_found.value, other.period_found.value) == (Fraction(omega), 7, Fraction("7.5"))
+    assert (one.omega.value, one.period_found.value, other.period_found.value) == (
+        Fraction(omega),
+        7,
+        Fraction("7.5"),
+    )
     for row in study.answers:
         assert row.error.value == row.period_found.value - row.period.value
-    # A unit in the last place is twice half a unit; the period's second derivative adds its share of the distance.
+    # A unit in the last place is twice half a unit; the period's second derivative adds its share
+    # of the distance.
     (row,) = study.rows
     moved = float(one.period - other.period)
-    assert abs(moved / (2 * row.double_resolves) - 1) < 2 * (further - omega) / float(distance) + 1e-6
+    assert (
+        abs(moved / (2 * row.double_resolves) - 1) < 2 * (further - omega) / float(distance) + 1e-6
+    )
 
 
 def test_the_figure_and_bad_input() -> None:
     study = Disk("table1").near_heteroclinic(["1e-3", "1e-7"])
-    assert [line.get_label() for line in study.plot().lines][3] == "effect of half an ulp of Ω in double"
-    for distances, answers in (("0", None), ("pi", None), (["x"], None), ("1e-3", [("30.05",)]), ("1e-3", ["30"])):
+    assert [line.get_label() for line in study.plot().lines][
+        3
+    ] == "effect of half an ulp of Ω in double"
+    for distances, answers in (
+        ("0", None),
+        ("pi", None),
+        (["x"], None),
+        ("1e-3", [("30.05",)]),
+        ("1e-3", ["30"]),
+    ):
         with pytest.raises(InputError):
             Disk("table1").near_heteroclinic(distances, answers=answers)
 
 
-def test_the_command_prints_writes_and_draws_the_study(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_prints_writes_and_draws_the_study(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     answers, out = tmp_path / "answers.csv", tmp_path / "near.csv"
     answers.write_text("omega,period\n30.05,3.0827\n")
     words = ["heteroclinic", "--near", "1e-2:1e-6:3"]
@@ -84,6 +101,8 @@ def test_the_command_prints_writes_and_draws_the_study(tmp_path: Path, capsys: p
         ("--out x.png", "go with --near"),
     ],
 )
-def test_what_the_study_cannot_do_it_says(words: str, said: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_the_study_cannot_do_it_says(
+    words: str, said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert main(["heteroclinic", *words.split()]) == 2
     assert said in capsys.readouterr().err

@@ -33,7 +33,9 @@ def test_a_cycle_and_its_slopes(taylor) -> None:
 
 @pytest.mark.parametrize("parameters", [PRINTED, CALIBRATED], ids=lambda p: p.name)
 def test_lengthening_leads_to_omega_h(taylor, parameters) -> None:
-    """Steps in the period reach Omega_h + 2e-10 in double; T grows like -2 / lambda_u log(Omega - Omega_h)."""
+    """Steps in the period reach Omega_h + 2e-10 in double; T grows like -2 / lambda_u
+    log(Omega - Omega_h).
+    """
     omega_h = bisect_omega_h(parameters, taylor).omega_h
     points = list(lengthened(parameters, first_of(parameters, taylor)[1], taylor, longest=8.0))
     assert len(points) < 25
@@ -41,10 +43,12 @@ def test_lengthening_leads_to_omega_h(taylor, parameters) -> None:
     assert above[-1] < 2e-10
     assert all(a > b for a, b in pairwise(above))
     growth = max(
-        float(eigenvalue.re) for eigenvalue in equilibrium(parameters, omega_h.value, "noninverted").eigenvalues
+        float(eigenvalue.re)
+        for eigenvalue in equilibrium(parameters, omega_h.value, "noninverted").eigenvalues
     )
     slope = 2 * (points[-1].half_period - points[-2].half_period) / math.log(above[-1] / above[-2])
-    # The law's remainder falls like the power |lambda_s| / lambda_u - 1 = 0.22: at 2e-7 it is 0.03 of 7.6.
+    # The law's remainder falls like the power |lambda_s| / lambda_u - 1 = 0.22: at 2e-7 it is 0.03
+    # of 7.6.
     assert abs(slope * growth / -2 - 1) < 0.01
     alone = limit_cycle(parameters, Fraction(float(points[-4].omega)), taylor, digits=20)
     # T reacts to a rounding of Omega by 2 / (lambda_u (Omega - Omega_h)).

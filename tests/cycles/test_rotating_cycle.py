@@ -60,12 +60,17 @@ def test_shooting_and_collocation_agree(taylor, omega, stable) -> None:
 
 @pytest.mark.slow
 def test_the_fold_by_two_methods(taylor) -> None:
-    shot, other = rotation_fold(locator(PRINTED, taylor).rotations), spectral_fold(PRINTED, digits=16)
+    shot, other = (
+        rotation_fold(locator(PRINTED, taylor).rotations),
+        spectral_fold(PRINTED, digits=16),
+    )
     for name, same in FOLD:
         assert agree(getattr(shot, name), getattr(other, same), 11), name
 
 
-@pytest.mark.parametrize("friction", ["linear", pytest.param("smooth", marks=pytest.mark.slow(minutes=0.5))])
+@pytest.mark.parametrize(
+    "friction", ["linear", pytest.param("smooth", marks=pytest.mark.slow(minutes=0.5))]
+)
 def test_the_fold_is_the_end_of_both_families(taylor, friction) -> None:
     """The square-root law holds: sqrt(Omega - Omega_fold) falls with the distance of both states,
     and T is its mean.
@@ -74,15 +79,21 @@ def test_the_fold_is_the_end_of_both_families(taylor, friction) -> None:
     fold = rotation_fold(locator(disk, taylor).rotations)
     apart = []
     for distance in (Fraction(1, 10**4), Fraction(1, 10**6)):
-        ends = [rotating_cycle(disk, fold.omega.value + distance, taylor, stable=stable) for stable in (True, False)]
+        ends = [
+            rotating_cycle(disk, fold.omega.value + distance, taylor, stable=stable)
+            for stable in (True, False)
+        ]
         multipliers = [float(end.multiplier_slow) - 1 for end in ends]
         assert multipliers[0] < 0 < multipliers[1]
         assert sum(multipliers) == pytest.approx(0, abs=0.05 * multipliers[1])
         middle = sum(float(end.beta_bar_top) for end in ends) / 2
         assert middle == pytest.approx(float(fold.beta_bar_top), abs=2 * float(distance))
         apart.append(float(ends[1].beta_bar_top - ends[0].beta_bar_top))
-        slope = float((ends[1].v_top - ends[0].v_top) / (ends[1].beta_bar_top - ends[0].beta_bar_top))
-        assert slope == pytest.approx(float(fold.null_vector), rel=1e-2)  # the next order, sqrt(1e-4)
+        slope = float(
+            (ends[1].v_top - ends[0].v_top) / (ends[1].beta_bar_top - ends[0].beta_bar_top)
+        )
+        # The next order, sqrt(1e-4)
+        assert slope == pytest.approx(float(fold.null_vector), rel=1e-2)
     assert apart[0] / apart[1] == pytest.approx(10, rel=1e-2)  # the same
     with pytest.raises(tv.InputError, match="fold near"):
         rotating_cycle(disk, fold.omega.value - Fraction(1, 10**3), taylor)
@@ -99,12 +110,16 @@ def test_the_orbit_turns_once_and_its_image_turns_back(taylor, friction) -> None
     assert (numpy.diff(gamma) > 0).all()
     assert beta.min() > math.pi / 2
     assert beta.max() - math.pi / 2 <= float(cycle.beta_max)
-    assert (beta[-1], v[-1]) == pytest.approx((beta[0], v[0]), abs=1e-11)  # the flight amplifies rounding
+    # The flight amplifies rounding
+    assert (beta[-1], v[-1]) == pytest.approx((beta[0], v[0]), abs=1e-11)
     lowest = numpy.abs(gamma - 3 * math.pi / 2).argmin()
-    assert beta[lowest] - math.pi / 2 == pytest.approx(float(cycle.beta_bar_0), abs=1e-2)  # a sample beside
+    # A sample beside
+    assert beta[lowest] - math.pi / 2 == pytest.approx(float(cycle.beta_bar_0), abs=1e-2)
     # The image under the point symmetry, flown in a wider arithmetic: gamma falls by a whole turn.
     start = (-cycle.beta_bar_top.value, 0, -cycle.v_top.value)
-    image = taylor(Request(disk, omega, start, cycle.period.value, shifted=True, precision=QUADRUPLE))
+    image = taylor(
+        Request(disk, omega, start, cycle.period.value, shifted=True, precision=QUADRUPLE)
+    )
     assert image.status is Status.REACHED
     assert [float(part) for part in image.state] == pytest.approx(
         [float(start[0]), -2 * math.pi, float(start[2])],
@@ -114,16 +129,22 @@ def test_the_orbit_turns_once_and_its_image_turns_back(taylor, friction) -> None
 
 @pytest.mark.slow
 def test_the_period_grows_like_one_passage_of_the_saddle(taylor) -> None:
-    """T = -ln(Omega_h - Omega) / lambda_u + const on this side: one passage a period, two on the other side."""
+    """T = -ln(Omega_h - Omega) / lambda_u + const on this side: one passage a period, two on
+    the other side.
+    """
     growth = float(
-        equilibrium(PRINTED, tv.Disk("table1").heteroclinic().omega_h.value, "noninverted").eigenvalues[0].re
+        equilibrium(PRINTED, tv.Disk("table1").heteroclinic().omega_h.value, "noninverted")
+        .eigenvalues[0]
+        .re
     )
     constants = []
     for zeros in (3, 5, 7):
         cycle = rotating_below(PRINTED, f"1e-{zeros}", taylor)
         assert cycle.stable
         constants.append(float(cycle.period) - zeros * math.log(10) / growth)
-        assert float(cycle.dperiod_domega) * 10.0**-zeros * growth == pytest.approx(1, abs=0.3 * 10 ** (-0.15 * zeros))
+        assert float(cycle.dperiod_domega) * 10.0**-zeros * growth == pytest.approx(
+            1, abs=0.3 * 10 ** (-0.15 * zeros)
+        )
     assert abs(constants[2] - constants[1]) < abs(constants[1] - constants[0]) / 2
 
 
@@ -138,11 +159,19 @@ def test_the_branch_goes_through_the_fold(taylor) -> None:
     leans = [float(cycle.beta_bar_0) for cycle in cycles]
     assert leans == sorted(leans)  # the lean next to the saddle orders the whole family
     at_speeds = list(rotating_branch(PRINTED, taylor, ["30.02", "30.5"]))
-    assert [(float(cycle.omega), cycle.stable) for cycle in at_speeds] == [(30.02, True), (30.02, False), (30.5, False)]
+    assert [(float(cycle.omega), cycle.stable) for cycle in at_speeds] == [
+        (30.02, True),
+        (30.02, False),
+        (30.5, False),
+    ]
     # Next to Omega_h, on either side, where doubles do not see which side it is.
     omega_h = tv.Disk("table1").heteroclinic(digits=20, engine=taylor).omega_h.value
     sides = [omega_h - Fraction(1, 10**12), omega_h + Fraction(1, 10**12)]
-    assert [cycle.stable for cycle in rotating_branch(PRINTED, taylor, sides)] == [True, False, False]
+    assert [cycle.stable for cycle in rotating_branch(PRINTED, taylor, sides)] == [
+        True,
+        False,
+        False,
+    ]
 
 
 @pytest.mark.parametrize("omega", [30.4, 33.0, 60.0])
@@ -169,9 +198,15 @@ def test_the_command(capsys) -> None:
     period = spectral_rotation(PRINTED, "30.02", digits=14).period
     assert agree(tv.Measured.of(*shown["period"].values()), period, 11)
     assert main(["branch", "--rotating", "--omegas", "30.02", "--json"]) == 0
-    assert [entry["stable"] for entry in json.loads(capsys.readouterr().out)["orbits"]] == [True, False]
+    assert [entry["stable"] for entry in json.loads(capsys.readouterr().out)["orbits"]] == [
+        True,
+        False,
+    ]
     for words, told in (
-        (["--rotating"], "give the speed with one of --omega, --below-crit, --below-het and --at-fold"),
+        (
+            ["--rotating"],
+            "give the speed with one of --omega, --below-crit, --below-het and --at-fold",
+        ),
         (["--rotating", "--unstable", "--at-fold"], "--unstable goes with"),
         (["--rotating", "--above-het", "1e-3"], "do not rotate"),
         (["--below-het", "1e-3"], "belongs to --rotating"),

@@ -30,17 +30,27 @@ def test_many_speeds_through_lanes_are_those_of_single_solutions(taylor, family)
     beyond = numpy.linspace(omega_h + 1e-4, fold + _FAR, 58).tolist()
     speeds = [fold + 3e-6, *inside, *beyond, omega_h - 1e-3]
     cycles = list(rotating_branch(PRINTED, taylor, speeds))
-    order = [(speed, side) for speed in speeds for side in (True, False) if speed < omega_h or not side]
+    order = [
+        (speed, side) for speed in speeds for side in (True, False) if speed < omega_h or not side
+    ]
     assert [(float(cycle.omega), cycle.stable) for cycle in cycles] == order
     # Next to the fold, and to Omega_h on the stable side, doubles do not hold a speed's cycles.
     singly = [(float(cycle.omega), cycle.stable) for cycle in cycles if cycle.engine != "lanes"]
-    assert singly == [(speeds[0], True), (speeds[0], False), (speeds[-1], True), (speeds[-1], False)]
+    assert singly == [
+        (speeds[0], True),
+        (speeds[0], False),
+        (speeds[-1], True),
+        (speeds[-1], False),
+    ]
     for index in (2, 3, 41, 80, 81, 100, len(cycles) - 1):
         omega, side = order[index]
         (alone,) = locator(PRINTED, taylor).rotating(Fraction(omega), stable=side).cycles()
         for name in ROTATING.numbers:
             one, other = getattr(cycles[index], name), getattr(alone, name)
-            assert abs(one.value - other.value) <= one.uncertainty + other.uncertainty, (name, omega)
+            assert abs(one.value - other.value) <= one.uncertainty + other.uncertainty, (
+                name,
+                omega,
+            )
         for name in ("period", *ROTATING.names, "beta_max"):
             number = getattr(cycles[index], name)
             assert number.uncertainty <= abs(number.value) / 10**12, (name, omega)
@@ -58,14 +68,25 @@ def test_the_family_is_found_from_omega_h_on(taylor, changes) -> None:
     assert fold.omega < family.omega_h
     family.reach(float(family.omega_h) + 1)
     assert family.falls == [True, False]
-    for omega, stable in (((fold.omega + float(family.omega_h)) / 2, True), (float(family.omega_h) + 0.5, False)):
+    for omega, stable in (
+        ((fold.omega + float(family.omega_h)) / 2, True),
+        (float(family.omega_h) + 0.5, False),
+    ):
         (cycle,) = known.rotating(Fraction(omega), stable=stable).cycles()
         (place,) = family.followed_places(omega, stable=stable)
         top = (float(cycle.beta_bar_top), float(cycle.v_top))
         assert numpy.abs(numpy.subtract(place.start, top)).max() < 1e-6
-        run = Request(disk, omega, (top[0], 0, top[1]), 10, shifted=True, events=(replace(BOTTOM, terminal=True),))
+        run = Request(
+            disk,
+            omega,
+            (top[0], 0, top[1]),
+            10,
+            shifted=True,
+            events=(replace(BOTTOM, terminal=True),),
+        )
         beta, _, v = Baseline()(run).state
-        assert max(abs(beta - float(cycle.beta_bar_0)), abs(v - float(cycle.v_0))) < 1e-6  # SciPy's error, grown
+        # SciPy's error, grown
+        assert max(abs(beta - float(cycle.beta_bar_0)), abs(v - float(cycle.v_0))) < 1e-6
 
 
 def test_speeds_below_the_fold_are_refused(taylor) -> None:

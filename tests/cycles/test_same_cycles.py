@@ -1,4 +1,6 @@
-"""Every way to a limit cycle finds the same ones, next to the Hopf point too; a speed without one loses no other."""
+"""Every way to a limit cycle finds the same ones, next to the Hopf point too; a speed without
+one loses no other.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,8 @@ from tippedisk_verify.errors import NoSuchCycleError
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.theory.hopf import speed_below_crit
 
-#: Speeds [rad/s] between the Hopf point and the family's first node, at a node's distance and far away.
+#: Speeds [rad/s] between the Hopf point and the family's first node, at a node's distance and far
+#: away.
 SPEEDS = ["30.886592", "30.88659258", "30.8865915", "30.4"]
 #: Speeds without a cycle: above Omega_crit, and below Omega_h.
 EMPTY = ["30.8866", "31.4", "30"]
@@ -25,13 +28,31 @@ def _agree(one: Measured, other: Measured) -> bool:
     return abs(one.value - other.value) <= one.uncertainty + other.uncertainty
 
 
-@pytest.mark.parametrize("law", ["linear", pytest.param("smooth", marks=pytest.mark.slow(minutes=0.3))])
+@pytest.mark.parametrize(
+    "law", ["linear", pytest.param("smooth", marks=pytest.mark.slow(minutes=0.3))]
+)
 def test_branch_sweep_and_limit_cycle_find_the_same(law: str, tmp_path: Path) -> None:
     disk, table = tv.Disk("table1", friction=law), tmp_path / "sweep.csv"
     branch = disk.branch(SPEEDS)
     assert not branch.missing
     axis = f"omega={','.join(SPEEDS)}"
-    assert main(["sweep", "orbit", "--over", axis, "--out", str(table), "--friction", law, "--jobs", "1"]) == 0
+    assert (
+        main(
+            [
+                "sweep",
+                "orbit",
+                "--over",
+                axis,
+                "--out",
+                str(table),
+                "--friction",
+                law,
+                "--jobs",
+                "1",
+            ]
+        )
+        == 0
+    )
     with table.open() as stream:
         rows = list(csv.DictReader(stream))
     for speed, cycle, row in zip(SPEEDS, branch.cycles, rows, strict=True):
@@ -55,14 +76,28 @@ def test_a_long_list_keeps_all_others(capsys: pytest.CaptureFixture[str], tmp_pa
     assert branch.uncertainty["omega"].max() < 1e-14
     assert all("no limit cycle found" in row.status for row in branch.missing)
     table = tmp_path / "branch.csv"
-    assert main(["branch", "--omegas", ",".join(["30.4", *EMPTY, "30.5"]), "--out", str(table), "--json"]) == 0
+    assert (
+        main(
+            [
+                "branch",
+                "--omegas",
+                ",".join(["30.4", *EMPTY, "30.5"]),
+                "--out",
+                str(table),
+                "--json",
+            ]
+        )
+        == 0
+    )
     orbits = json.loads(capsys.readouterr().out)["orbits"]
     assert ["status" in entry for entry in orbits] == [False, True, True, True, False]
     with table.open() as stream:
         rows = list(csv.DictReader(stream))
     assert [row["omega"] for row in rows] == ["30.4", *EMPTY, "30.5"]
     assert (
-        [row["status"] == "ok" for row in rows] == [bool(row["period"]) for row in rows] == [True, *[False] * 3, True]
+        [row["status"] == "ok" for row in rows]
+        == [bool(row["period"]) for row in rows]
+        == [True, *[False] * 3, True]
     )
     with pytest.raises(NoSuchCycleError, match=r"31\.4"):
         tv.Disk("table1").branch(["31.4", "31.5"])
@@ -76,18 +111,24 @@ def test_rotating_cycles_keep_all_others_too(capsys: pytest.CaptureFixture[str])
     assert "turn round in a fold" in capsys.readouterr().out
 
 
-# ------------------------------------------------------------------------------------------ next to the Hopf point
+# --------------------------------------------------------------------------- next to the Hopf point
 def _slow(distance: str) -> object:
     return pytest.param(distance, marks=pytest.mark.slow(minutes=0.5))
 
 
-@pytest.mark.parametrize("distance", ["1e-14", *map(_slow, ("1e-13", "1e-15", "1e-16", "1e-20", "1e-40"))])
+@pytest.mark.parametrize(
+    "distance", ["1e-14", *map(_slow, ("1e-13", "1e-15", "1e-16", "1e-20", "1e-40"))]
+)
 def test_a_cycle_next_to_the_hopf_point_follows_the_normal_form(distance: str) -> None:
     """The law gamma_bar_0^2 = (Omega - Omega_crit) / c_1 and the period's law hold to their next
     order.
     """
     disk = tv.Disk("table1")
-    hopf, cycle, below = disk.hopf(digits=60), disk.limit_cycle(below_crit=distance), Fraction(distance)
+    hopf, cycle, below = (
+        disk.hopf(digits=60),
+        disk.limit_cycle(below_crit=distance),
+        Fraction(distance),
+    )
     for name, law in (
         ("gamma_bar_0", (-below / hopf.quadratic_coefficient).sqrt()),
         ("period", hopf.period + hopf.period_slope * below),
@@ -100,14 +141,30 @@ def test_a_cycle_next_to_the_hopf_point_follows_the_normal_form(distance: str) -
 
 
 @pytest.mark.parametrize(
-    "distance", ["0.5", "1e-3", "1/3", *map(_slow, ("1e-9", "1e-14", "1e-30", "0.83772442792105", "0.837724427921066"))]
+    "distance",
+    [
+        "0.5",
+        "1e-3",
+        "1/3",
+        *map(_slow, ("1e-9", "1e-14", "1e-30", "0.83772442792105", "0.837724427921066")),
+    ],
 )
 def test_digits_are_consistent_below_omega_crit(distance: str) -> None:
-    """The speed is Omega_crit - D with its half-width, so 12 and 20 digits describe the same speed."""
+    """The speed is Omega_crit - D with its half-width, so 12 and 20 digits describe the same
+    speed.
+    """
     disk = tv.Disk("table1")
     crit = speed_below_crit(disk, distance, 60)
     few, more = (disk.limit_cycle(below_crit=distance, digits=digits) for digits in (12, 20))
-    for name in ("omega", "period", "gamma_bar_0", "v_0", "beta_max", "multiplier_slow", "dperiod_domega"):
+    for name in (
+        "omega",
+        "period",
+        "gamma_bar_0",
+        "v_0",
+        "beta_max",
+        "multiplier_slow",
+        "dperiod_domega",
+    ):
         assert _agree(getattr(few, name), getattr(more, name)), name
     for cycle in (few, more):
         assert cycle.omega.uncertainty > 0
@@ -115,5 +172,7 @@ def test_digits_are_consistent_below_omega_crit(distance: str) -> None:
 
 
 def test_closer_than_offered_says_how_close() -> None:
-    with pytest.raises(tv.AccuracyError, match="down to 1e-100 rad/s from Omega_crit: ask for one farther away"):
+    with pytest.raises(
+        tv.AccuracyError, match="down to 1e-100 rad/s from Omega_crit: ask for one farther away"
+    ):
         tv.Disk("table1").limit_cycle(below_crit="1e-200")

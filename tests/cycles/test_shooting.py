@@ -77,7 +77,10 @@ def test_derivatives_of_the_return_map_against_differences(taylor, section, poin
 
     center, step = image(*origin), Fraction(1, 10**12)
     for column in range(3):
-        ends = [image(*(x + sign * step * (k == column) for k, x in enumerate(origin))) for sign in (1, -1)]
+        ends = [
+            image(*(x + sign * step * (k == column) for k, x in enumerate(origin)))
+            for sign in (1, -1)
+        ]
         for row in range(2):
             ahead, behind = (fraction(end.residual[row]) for end in ends)
             slope = (ahead - behind) / (2 * step) + (1 if row == column else 0)

@@ -54,7 +54,10 @@ def test_basins() -> None:
 
 @pytest.mark.slow(minutes=0.4)
 def test_commands(capsys, tmp_path: Path) -> None:
-    assert main(["orbit", "--friction", "smooth", "--below-crit", "0.5", "--digits", "20", "--json"]) == 0
+    assert (
+        main(["orbit", "--friction", "smooth", "--below-crit", "0.5", "--digits", "20", "--json"])
+        == 0
+    )
     assert json.loads(capsys.readouterr().out)["stable"] is True
     assert main(["branch", "--friction", "smooth", "--omegas", "30.6,30.3", "--json"]) == 0
     assert len(json.loads(capsys.readouterr().out)["orbits"]) == 2
@@ -63,4 +66,6 @@ def test_commands(capsys, tmp_path: Path) -> None:
     result = json.loads(capsys.readouterr().out)
     assert result["states"] >= 500
     assert (out / "basins.png").exists()
-    assert len((out / "basins.csv").read_text(encoding="utf-8").splitlines()) == result["states"] + 1
+    assert (
+        len((out / "basins.csv").read_text(encoding="utf-8").splitlines()) == result["states"] + 1
+    )

@@ -43,13 +43,16 @@ def test_the_consistent_law_is_the_limit_and_the_printed_is_not() -> None:
 
 
 def test_cycles_close_under_the_flow(taylor) -> None:
-    """An integrator tests the defining property: after T the state is back, to the digits claimed."""
+    """An integrator tests the defining property: after T the state is back, to the digits
+    claimed.
+    """
     speed = below(PRINTED, "0.7")
     cycle = balanced_cycle(PRINTED, speed, digits=25)
     half = Fraction(1, 2)
     start = [Exact(Fraction(0), half), Exact(cycle.gamma_bar_0.value, half), cycle.v_0.value]
     end = taylor(Request(PRINTED, speed, start, cycle.period.value, precision=QUADRUPLE)).state
-    # Over one period errors transverse to the attracting cycle shrink; along it they stay, times speeds below 50.
+    # Over one period errors transverse to the attracting cycle shrink; along it they stay, times
+    # speeds below 50.
     for mine, origin in zip(end, start, strict=True):
         assert abs(fraction(mine) - fraction(QUADRUPLE.number(origin))) < Fraction(1, 10**22)
 
@@ -65,8 +68,18 @@ def test_few_harmonics_are_honest(harmonics) -> None:
 
 
 def test_too_few_harmonics_find_nothing_rather_than_something() -> None:
-    """Four harmonics meet the discrete equations at a speed below Omega_h, where no cycle exists."""
-    for distance, harmonics, word in (("0.5", 1, "did not converge"), ("0.84", 4, r"the branch ends near 30\.049")):
+    """Four harmonics meet the discrete equations at a speed below Omega_h, where no cycle
+    exists.
+    """
+    for distance, harmonics, word in (
+        ("0.5", 1, "did not converge"),
+        (
+            "0.84",
+            4,
+            r"the branch "
+            r"ends near 30\.049",
+        ),
+    ):
         with pytest.raises(NoSuchCycleError, match=word):
             balanced_cycle(PRINTED, below(PRINTED, distance), harmonics=harmonics)
 
@@ -92,7 +105,9 @@ def test_the_branch_passes_its_fold_in_order(inertia: str) -> None:
 
 
 def test_the_branch_goes_on_where_periods_are_long() -> None:
-    """It reaches the speed at which periods are five times the shortest, 1e-5 rad/s above Omega_h."""
+    """It reaches the speed at which periods are five times the shortest, 1e-5 rad/s above
+    Omega_h.
+    """
     speed = float(reference("table1/linear/near-heteroclinic/het+1e-5/period").inputs["Omega"])
     assert any(point[-1] < speed for point, _ in _librating_branch(PRINTED, speed))
 

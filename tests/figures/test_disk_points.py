@@ -17,10 +17,14 @@ _OMEGA = 30.4
 
 def _body(at: float, beta: float, gamma: float, v: float) -> dict[str, numpy.ndarray]:
     """Return the disk a short time after it has this state, to first order in that time."""
-    return points_of(PRINTED, beta + v * at, gamma - _OMEGA * math.cos(beta) * at, 0.7 + _OMEGA * at)
+    return points_of(
+        PRINTED, beta + v * at, gamma - _OMEGA * math.cos(beta) * at, 0.7 + _OMEGA * at
+    )
 
 
-@pytest.mark.parametrize(("beta", "gamma", "v"), [(1.1, 0.6, 0.8), (1.5707963, -1.5, 2.0), (2.0, 4.0, -3.0)])
+@pytest.mark.parametrize(
+    ("beta", "gamma", "v"), [(1.1, 0.6, 0.8), (1.5707963, -1.5, 2.0), (2.0, 4.0, -3.0)]
+)
 def test_the_contact_point_slides_as_the_model_says(beta: float, gamma: float, v: float) -> None:
     """gamma_y is the velocity of the disk's point at C across the line of nodes.
 
@@ -29,7 +33,8 @@ def test_the_contact_point_slides_as_the_model_says(beta: float, gamma: float, v
     step = 1e-5
     now, after, before = (_body(at, beta, gamma, v) for at in (0.0, step, -step))
     frame = [now[name] for name in ("body_x", "body_y", "normal")]
-    inside = [float((now["C"] - now["G"]) @ axis) for axis in frame]  # where in the disk the lowest point is
+    # Where in the disk the lowest point is
+    inside = [float((now["C"] - now["G"]) @ axis) for axis in frame]
 
     def carried(body: dict[str, numpy.ndarray]) -> numpy.ndarray:
         parts = zip(inside, ("body_x", "body_y", "normal"), strict=True)
@@ -38,8 +43,9 @@ def test_the_contact_point_slides_as_the_model_says(beta: float, gamma: float, v
     velocity = (carried(after) - carried(before)) / (2 * step)
     lateral = numpy.cross([0, 0, 1], now["along"])
     sliding = terms(math, PRINTED.at(DOUBLE), _OMEGA, beta, gamma, v).sliding_velocity
-    # A central difference is off by step^2/6 times the third derivative, which is below 2 (r + e) (Omega + |gamma'| +
-    # |v|)^3 = 1e4 m/s^3 here, and by two roundings of positions of 0.1 m over the step.
+    # A central difference is off by step^2/6 times the third derivative, which is below 2 (r + e)
+    # (Omega + |gamma'| + |v|)^3 = 1e4 m/s^3 here, and by two roundings of positions of 0.1 m over
+    # the step.
     error = step**2 / 6 * 1e4 + 2 * 1.4e-17 / step
     assert velocity @ lateral == pytest.approx(float(sliding), abs=error)
     assert velocity @ now["along"] == pytest.approx(0, abs=error)

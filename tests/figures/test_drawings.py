@@ -23,14 +23,22 @@ from tippedisk_verify.theory.equilibria import linearization
 from tippedisk_verify.theory.hopf import omega_crit
 
 
-@pytest.mark.parametrize(("beta", "gamma"), [(1.1, 0.6), (1.5707963, -1.5707963), (2.0, 4.0), (0.3, 1.5)])
-def test_the_drawn_disk_touches_the_floor_and_carries_its_mass_where_the_model_has_it(beta, gamma) -> None:
+@pytest.mark.parametrize(
+    ("beta", "gamma"), [(1.1, 0.6), (1.5707963, -1.5707963), (2.0, 4.0), (0.3, 1.5)]
+)
+def test_the_drawn_disk_touches_the_floor_and_carries_its_mass_where_the_model_has_it(
+    beta, gamma
+) -> None:
     """The height of S must be the model's potential over its weight, (r + e sin gamma) sin beta."""
     points = points_of(PRINTED, beta, gamma)
     turn = numpy.linspace(0, 2 * math.pi, 2000)[:, None]
-    rim = points["G"] + float(PRINTED.r) * (numpy.cos(turn) * points["body_x"] + numpy.sin(turn) * points["body_y"])
-    assert abs(rim[:, 2].min()) < 1e-7  # 2000 points miss the lowest by a share of (pi / 2000)^2 / 2
-    assert rim[:, 2].max() == pytest.approx(2 * float(PRINTED.r) * math.sin(beta), rel=1e-5)  # the rim is a polygon
+    rim = points["G"] + float(PRINTED.r) * (
+        numpy.cos(turn) * points["body_x"] + numpy.sin(turn) * points["body_y"]
+    )
+    # 2000 points miss the lowest by a share of (pi / 2000)^2 / 2
+    assert abs(rim[:, 2].min()) < 1e-7
+    # The rim is a polygon
+    assert rim[:, 2].max() == pytest.approx(2 * float(PRINTED.r) * math.sin(beta), rel=1e-5)
     height = (float(PRINTED.r) + float(PRINTED.e) * math.sin(gamma)) * math.sin(beta)
     assert points["S"][2] == pytest.approx(height, rel=1e-14)  # fifty roundings
     frame = numpy.array([points["body_x"], points["body_y"], points["normal"]])
@@ -44,16 +52,20 @@ def test_eigenvalues_sum_to_the_trace_and_the_imaginary_parts_to_zero() -> None:
     assert speeds == sorted(speeds)
     trace = float(linearization(PRINTED, omega_crit(PRINTED).value).A33)
     for row in rows:
-        assert row[1] + row[3] + row[5] == pytest.approx(trace, rel=1e-12)  # roundings of three eigenvalues
+        # Roundings of three eigenvalues
+        assert row[1] + row[3] + row[5] == pytest.approx(trace, rel=1e-12)
         assert row[2] + row[4] + row[6] == 0
 
 
 def test_laws_end_where_the_family_is_born_and_have_no_cycle_above() -> None:
-    """C^2 falls to zero like Omega_crit - Omega: a hundredth of the distance is a tenth of the amplitude."""
+    """C^2 falls to zero like Omega_crit - Omega: a hundredth of the distance is a tenth of
+    the amplitude.
+    """
     crit = float(omega_crit(PRINTED))
     for form in ("printed", "consistent"):
         near, far = law_rows(PRINTED, [crit - 1e-5, crit - 1e-3, crit + 0.1], form)
-        assert near[1] == pytest.approx(far[1] / 10, rel=1e-3)  # the next term is of the distance's size
+        # The next term is of the distance's size
+        assert near[1] == pytest.approx(far[1] / 10, rel=1e-3)
         assert near[2] == pytest.approx(far[2], rel=1e-3)
 
 
@@ -65,14 +77,20 @@ def test_axes_carry_units(taylor) -> None:
         if exhibit.name in ("eigenvalues", "branch", "scenario", "inversion", "scenes_2d"):
             figure = exhibit.draw(audit, claims_drawn_in(exhibit.name)).figure(2)
             axes = [axis for axis in figure.axes if axis.axison and axis.name != "3d"]
-            assert all(label.endswith("]") for axis in axes for label in (axis.get_xlabel(), axis.get_ylabel()))
+            assert all(
+                label.endswith("]")
+                for axis in axes
+                for label in (axis.get_xlabel(), axis.get_ylabel())
+            )
             pyplot().close(figure)
 
 
 def test_a_rotating_cycle_is_drawn_once_across_the_middle_well(taylor) -> None:
-    omega_h = Measured(Fraction("30.12"), Fraction(0))  # so that panel a is at 30.02 rad/s, where both ways round occur
+    # So that panel a is at 30.02 rad/s, where both ways round occur
+    omega_h = Measured(Fraction("30.12"), Fraction(0))
     turn = last_turn(compute(scene_named("a"), PRINTED, taylor, omega_h=omega_h))
     gamma = turn[:, 1]
     assert -math.pi / 2 <= gamma.min() < gamma.max() <= 3 * math.pi / 2
-    assert abs(gamma[-1] - gamma[0]) == pytest.approx(2 * math.pi, abs=0.3)  # a sample is missing at either end
+    # A sample is missing at either end
+    assert abs(gamma[-1] - gamma[0]) == pytest.approx(2 * math.pi, abs=0.3)
     assert numpy.ptp(numpy.sign(numpy.diff(gamma))) == 0

@@ -25,7 +25,8 @@ PASSED = (
     Event("each section", SECTION.function, terminal=False),
     Event("each reversal", SLIDING_REVERSAL.function, terminal=False),
 )
-#: Half a radian from the noninverted state; on the section; on the surface where the smooth law switches; backward.
+#: Half a radian from the noninverted state; on the section; on the surface where the smooth law
+#: switches; backward.
 REQUESTS = [
     Request(PRINTED, "30.4", START, 3, events=PASSED),
     Request(PRINTED, "30.05", ("pi/2", "-pi/2", "1e-3"), 2),
@@ -38,7 +39,9 @@ REQUESTS = [
 def series_of(taylor: Taylor, request: Request, monkeypatch: pytest.MonkeyPatch) -> Any:
     """Return the series that the engine keeps for an error estimate."""
     kept: list[Any] = []
-    monkeypatch.setattr("tippedisk_verify.flow.taylor.from_defect", lambda _, result: kept.append(result.series))
+    monkeypatch.setattr(
+        "tippedisk_verify.flow.taylor.from_defect", lambda _, result: kept.append(result.series)
+    )
     taylor(replace(request, error_estimate=True))
     return kept[0]
 
@@ -47,25 +50,36 @@ def missed(found: Defect, wide: Precision, request: Request, truth: Any) -> Any:
     """Return the error of the run and of its estimate at the end, in carried roundings."""
     places, errors, roundings, _ = found.at(wide.array([request.duration]))
     exact = [
-        TRUTH.mpf(true) - TRUTH.mpf(wide.mpf(place)) for true, place in zip(truth.state, places[:, 0], strict=True)
+        TRUTH.mpf(true) - TRUTH.mpf(wide.mpf(place))
+        for true, place in zip(truth.state, places[:, 0], strict=True)
     ]
     return (
-        numpy.array([float(part - TRUTH.mpf(float(e))) for part, e in zip(exact, errors[:, 0], strict=True)])
+        numpy.array(
+            [float(part - TRUTH.mpf(float(e))) for part, e in zip(exact, errors[:, 0], strict=True)]
+        )
         / roundings[:, 0]
     )
 
 
 @pytest.mark.parametrize("friction", LAWS)
-def test_more_nodes_and_wider_arithmetic_miss_less(taylor: Taylor, friction: Friction, monkeypatch) -> None:
+def test_more_nodes_and_wider_arithmetic_miss_less(
+    taylor: Taylor, friction: Friction, monkeypatch
+) -> None:
     request = Request(PRINTED.with_friction(friction), "30.4", START, 3)
     truth = taylor(replace(request, precision=TRUTH))
     series = series_of(taylor, request, monkeypatch)
     found = [
-        abs(missed(Defect(request, series, QUADRUPLE, nodes), QUADRUPLE, request, truth)).max() for nodes in (3, 5, 8)
+        abs(missed(Defect(request, series, QUADRUPLE, nodes), QUADRUPLE, request, truth)).max()
+        for nodes in (3, 5, 8)
     ]
-    assert found[0] > 4 * found[1] > 16 * found[2]  # what is missed falls with the nodes, by far more than this
-    # Carried roundings of extended arithmetic are 2^-11 of those of doubles, and a field has some ten of them.
-    assert abs(missed(Defect(request, series, EXTENDED, 8), EXTENDED, request, truth)).max() < 10 * 2.0**-11
+    # What is missed falls with the nodes, by far more than this
+    assert found[0] > 4 * found[1] > 16 * found[2]
+    # Carried roundings of extended arithmetic are 2^-11 of those of doubles, and a field has some
+    # ten of them.
+    assert (
+        abs(missed(Defect(request, series, EXTENDED, 8), EXTENDED, request, truth)).max()
+        < 10 * 2.0**-11
+    )
 
 
 def test_a_second_sweep_removes_the_error_of_second_order(taylor: Taylor, monkeypatch) -> None:
@@ -92,13 +106,20 @@ def test_half_widths_hold(taylor: Taylor, number: int, digits: int) -> None:
     truth = taylor(replace(request, times=times, precision=TRUTH))
     assert mine.error is not None
     assert mine.status is truth.status
-    triples = [(mine.state, mine.error.state, truth.state), (mine.samples, mine.error.samples, truth.samples)]
+    triples = [
+        (mine.state, mine.error.state, truth.state),
+        (mine.samples, mine.error.samples, truth.samples),
+    ]
     records = zip(mine.events, mine.error.events, truth.events, strict=True)
     triples += [([one.time], [width], [true.time]) for one, width, true in records]
     for values, widths, exact in triples:
-        for value, width, true in zip(*(numpy.ravel(part) for part in (values, widths, exact)), strict=True):
+        for value, width, true in zip(
+            *(numpy.ravel(part) for part in (values, widths, exact)), strict=True
+        ):
             assert abs(TRUTH.mpf(value) - TRUTH.mpf(true)) <= float(width)
-            assert digits == 12 or float(width) <= 10.0 ** (1 - digits) * max(1.0, abs(float(value)))
+            assert digits == 12 or float(width) <= 10.0 ** (1 - digits) * max(
+                1.0, abs(float(value))
+            )
 
 
 def test_half_widths_hold_without_extended_arithmetic(taylor: Taylor, monkeypatch) -> None:
@@ -115,7 +136,9 @@ def test_digits_beyond_the_defect_come_from_wider_runs(taylor: Taylor, law: Fric
     sol = disk.integrate("30.4", ("1.3", "2", "0.3"), "-0.4", digits=20)
     truth = taylor(Request(disk, "30.4", ("1.3", "2", "0.3"), "-0.4", precision=bits(400)))
     for value, width, true in zip(sol.end.state, sol.end.uncertainty, truth.state, strict=True):
-        assert not numpy.isfinite(width) or abs(bits(400).mpf(value) - bits(400).mpf(true)) <= float(width)
+        assert not numpy.isfinite(width) or abs(
+            bits(400).mpf(value) - bits(400).mpf(true)
+        ) <= float(width)
 
 
 def test_a_near_touch_is_left_to_wider_runs(taylor: Taylor, monkeypatch) -> None:
@@ -133,7 +156,11 @@ def test_a_near_touch_is_left_to_wider_runs(taylor: Taylor, monkeypatch) -> None
 
     monkeypatch.setattr("tippedisk_verify.flow.taylor.from_defect", asked)
     for level in (extreme, extreme + 1e-3, extreme - 1e-3):
-        event = Event("level", lambda ops, constants, omega, beta, gamma, v, level=level: gamma - level, terminal=False)
+        event = Event(
+            "level",
+            lambda ops, constants, omega, beta, gamma, v, level=level: gamma - level,
+            terminal=False,
+        )
         taylor(replace(request, events=(event,), error_estimate=True))
     assert found[0] is False
     assert found[1:] == [True, True]
@@ -143,9 +170,11 @@ def test_a_near_touch_is_left_to_wider_runs(taylor: Taylor, monkeypatch) -> None
 def test_integrals_of_the_basis_are_exact(nodes: int) -> None:
     """Compare with the antiderivative of a Legendre series, which NumPy computes in another way."""
     places, weights, basis = defect._gauss(nodes)
-    assert weights @ places ** (nodes - 1) == pytest.approx(1 / nodes, rel=1e-14)  # roundings of the nodes
+    # Roundings of the nodes
+    assert weights @ places ** (nodes - 1) == pytest.approx(1 / nodes, rel=1e-14)
     shares = numpy.linspace(0, 1, 9)
     values = legendre.legval(2 * places - 1, numpy.arange(1, nodes + 1))
     antiderivative = legendre.Legendre(numpy.arange(1, nodes + 1), domain=[0, 1]).integ(lbnd=0)
     found = defect._integrals(shares, basis) @ values
-    assert found == pytest.approx(antiderivative(shares), abs=1e-12 * nodes)  # sums of values of size nodes^2
+    # Sums of values of size nodes^2
+    assert found == pytest.approx(antiderivative(shares), abs=1e-12 * nodes)

@@ -21,7 +21,10 @@ ALL_VARIATIONS = ("beta", "gamma", "v", "Omega", "r", "e", "a", "b", "g", "k")
 
 
 def distance(left, right) -> Fraction:
-    return max(abs(fraction(a) - fraction(b)) for a, b in zip(numpy.ravel(left), numpy.ravel(right), strict=True))
+    return max(
+        abs(fraction(a) - fraction(b))
+        for a, b in zip(numpy.ravel(left), numpy.ravel(right), strict=True)
+    )
 
 
 def test_a_run_that_settles(taylor: Taylor) -> None:
@@ -36,9 +39,16 @@ def test_a_run_that_settles(taylor: Taylor) -> None:
         mu="0.235551",
         epsilon="0.0328552",
     )
-    passing = tuple(replace(event, name=f"each {event.name}", terminal=False) for event in (SECTION, TURN))
-    request = Request(disk, "293.6", (exact("pi/2"), "-5.10015", "-1.45367"), "0.387824", events=passing)
-    mine, truth = taylor(replace(request, error_estimate=True)), taylor(replace(request, precision=QUADRUPLE))
+    passing = tuple(
+        replace(event, name=f"each {event.name}", terminal=False) for event in (SECTION, TURN)
+    )
+    request = Request(
+        disk, "293.6", (exact("pi/2"), "-5.10015", "-1.45367"), "0.387824", events=passing
+    )
+    mine, truth = (
+        taylor(replace(request, error_estimate=True)),
+        taylor(replace(request, precision=QUADRUPLE)),
+    )
     assert held(mine.state, truth.state, mine.error.state)
     mine_times, true_times = ([record.time for record in run.events] for run in (mine, truth))
     assert held(mine_times, true_times, mine.error.events)
@@ -56,7 +66,9 @@ def test_error_follows_the_tolerance(taylor: Taylor) -> None:
     tolerances = [10.0**-k for k in range(4, 13, 2)]
     for engine, greatest in ((taylor, 1.0), (Baseline("DOP853"), 8 / 5)):
         errors = [
-            float(distance(engine(Request(PRINTED, "30.4", STARTS[1], 2, tolerance=t)).state, truth))
+            float(
+                distance(engine(Request(PRINTED, "30.4", STARTS[1], 2, tolerance=t)).state, truth)
+            )
             for t in tolerances
         ]
         slope = numpy.polyfit(numpy.log(tolerances), numpy.log(numpy.maximum(errors, 1e-16)), 1)[0]
@@ -91,7 +103,9 @@ def test_derivatives_agree_between_engines_and_with_differences(taylor: Taylor) 
     # Third road: central differences of runs in quadruple precision in Omega.
     step = Fraction(1, 10**10)
     ends = [
-        taylor(Request(PRINTED, Fraction("30.4") + sign * step, STARTS[1], 2, precision=QUADRUPLE)).state
+        taylor(
+            Request(PRINTED, Fraction("30.4") + sign * step, STARTS[1], 2, precision=QUADRUPLE)
+        ).state
         for sign in (1, -1)
     ]
     for row in range(3):
@@ -118,7 +132,9 @@ def test_samples_dense_output_and_events_agree(make) -> None:
     dense = engine(Request(PRINTED, "30.4", STARTS[1], 4.0, times=times, dense=True))
     assert sampled.samples.shape == dense.samples.shape == (31, 3)
     # DOP853's interpolant has order 7: its error is larger than that of the steps.
-    assert abs(sampled.samples - dense.dense(times)).max() < (1e-13 if engine.name == "taylor" else 1e-7)
+    assert abs(sampled.samples - dense.dense(times)).max() < (
+        1e-13 if engine.name == "taylor" else 1e-7
+    )
     assert distance(sampled.state, dense.state) < Fraction(1, 10**9)
     crossing = Event("crossing", SECTION.function, -1, terminal=False)
     events = engine(Request(PRINTED, "30.4", STARTS[1], 4.0, events=(crossing,), dense=True))
@@ -128,7 +144,9 @@ def test_samples_dense_output_and_events_agree(make) -> None:
         assert abs(record.state[0] - numpy.pi / 2) < 1e-9
 
 
-@pytest.mark.parametrize("change", [{"precision": EXTENDED}, {"error_estimate": True}, {"domain": "edge"}])
+@pytest.mark.parametrize(
+    "change", [{"precision": EXTENDED}, {"error_estimate": True}, {"domain": "edge"}]
+)
 def test_refusals(change) -> None:
     wanted = {"parameters": PRINTED, "omega": 30.4, "state": STARTS[1], "duration": 1.0} | change
     with pytest.raises(InputError):
@@ -139,20 +157,36 @@ def test_refusals(change) -> None:
 
 @pytest.mark.parametrize("friction", ["linear", "smooth"])
 def test_flat_and_step_limit(friction) -> None:
-    assert Baseline()(Request(PRINTED.with_friction(friction), "29.9", STARTS[0], 10)).status is Status.FLAT
-    assert Baseline()(Request(PRINTED, 30.4, STARTS[1], 10.0, max_steps=2)).status is Status.STEP_LIMIT
-    assert Baseline()(Request(PRINTED.with_friction(friction), 30.4, (3.5, 0, 0), 10.0)).status is Status.FLAT
+    assert (
+        Baseline()(Request(PRINTED.with_friction(friction), "29.9", STARTS[0], 10)).status
+        is Status.FLAT
+    )
+    assert (
+        Baseline()(Request(PRINTED, 30.4, STARTS[1], 10.0, max_steps=2)).status is Status.STEP_LIMIT
+    )
+    assert (
+        Baseline()(Request(PRINTED.with_friction(friction), 30.4, (3.5, 0, 0), 10.0)).status
+        is Status.FLAT
+    )
 
 
 @pytest.mark.parametrize("method", ["DOP853", "RK45", "Radau", "BDF"])
 def test_overflow_has_a_status_and_no_warning(method) -> None:
-    assert Baseline(method)(Request(PRINTED, 30.4, ("1.5", "0.2", "1e300"), 1e-3)).status is Status.NON_FINITE
+    assert (
+        Baseline(method)(Request(PRINTED, 30.4, ("1.5", "0.2", "1e300"), 1e-3)).status
+        is Status.NON_FINITE
+    )
 
 
 def test_parameter_derivatives_of_the_smooth_law() -> None:
     request = Request(PRINTED.with_friction("smooth"), 30.4, STARTS[1], 1.0, variations=("Omega",))
-    ends = [Baseline()(replace(request, omega=30.4 + step, variations=())).state for step in (1e-5, -1e-5)]
+    ends = [
+        Baseline()(replace(request, omega=30.4 + step, variations=())).state
+        for step in (1e-5, -1e-5)
+    ]
     # SciPy's error of 1e-11 over the step of the difference.
     assert abs(Baseline()(request).derivatives[:, 0] - (ends[0] - ends[1]) / 2e-5).max() < 1e-5
     with pytest.raises(InputError, match="no derivative with respect to 'k'"):
-        Baseline()(Request(PRINTED.with_friction("smooth"), 30.4, STARTS[1], 1.0, variations=("k",)))
+        Baseline()(
+            Request(PRINTED.with_friction("smooth"), 30.4, STARTS[1], 1.0, variations=("k",))
+        )

@@ -35,12 +35,25 @@ def test_lanes_agree_with_single_runs(lanes, taylor, count) -> None:
     assert found.finished.all()
     for k in range(count):
         alone = taylor(
-            Request(SETS[k % 3], omegas[k], states[k], durations[k], divergence=True, events=(TURNS,), domain="none")
+            Request(
+                SETS[k % 3],
+                omegas[k],
+                states[k],
+                durations[k],
+                divergence=True,
+                events=(TURNS,),
+                domain="none",
+            )
         )
-        # Two orders of summation: some tens of roundings, grown by less than ten over half a second.
+        # Two orders of summation: some tens of roundings, grown by less than ten over half a
+        # second.
         assert numpy.abs(found.states[k] - alone.state).max() < 1e-13
         assert abs(found.divergence[k] - alone.divergence) < 1e-12
-        mine = [(when, state) for name, run, when, state in found.crossings if run == k and name == "turns"]
+        mine = [
+            (when, state)
+            for name, run, when, state in found.crossings
+            if run == k and name == "turns"
+        ]
         assert len(mine) == len(alone.events)
         for (when, state), record in zip(mine, alone.events, strict=True):
             assert abs(when - record.time) < 1e-13
@@ -52,7 +65,11 @@ def test_derivatives_are_those_of_single_runs(lanes, taylor) -> None:
     variations = ("beta", "gamma", "v", "Omega")
     found = lanes(field_constants(PRINTED), omegas, states, durations, variations=variations)
     for k in range(9):
-        alone = taylor(Request(PRINTED, omegas[k], states[k], durations[k], variations=variations, domain="none"))
+        alone = taylor(
+            Request(
+                PRINTED, omegas[k], states[k], durations[k], variations=variations, domain="none"
+            )
+        )
         assert numpy.abs(found.derivatives[k] - alone.derivatives).max() < 1e-12
 
 
@@ -70,7 +87,9 @@ def test_a_lane_that_stops_early_stops_no_other(lanes) -> None:
     def crossings(found) -> list[tuple[int, float]]:
         return sorted((run, when) for _, run, when, _ in found.crossings if run != 3)
 
-    for (run, when), (other_run, other_when) in zip(crossings(broken), crossings(whole), strict=True):
+    for (run, when), (other_run, other_when) in zip(
+        crossings(broken), crossings(whole), strict=True
+    ):
         assert run == other_run
         assert abs(when - other_when) < 1e-14
 

@@ -25,25 +25,38 @@ def truth(taylor: Taylor, start, time, friction: Friction = "linear", **options)
     """Return the state at one time, by a separate run without other outputs."""
     if not fraction(_WIDE.number(time)):
         return [fraction(_WIDE.number(part)) for part in start]
-    request = Request(PRINTED.with_friction(friction), "30.4", start, time, precision=_WIDE, **options)
+    request = Request(
+        PRINTED.with_friction(friction), "30.4", start, time, precision=_WIDE, **options
+    )
     return [fraction(x) for x in taylor(request).state]
 
 
 def away(state, exact) -> float:
-    return max(float(abs(fraction(mine) - theirs)) for mine, theirs in zip(state, exact, strict=True))
+    return max(
+        float(abs(fraction(mine) - theirs)) for mine, theirs in zip(state, exact, strict=True)
+    )
 
 
 @pytest.mark.parametrize("friction", ["linear", "smooth"])
-@pytest.mark.parametrize("times", [("0", "0.001", "0.11", "0.2"), ("0", "-0.001", "-0.02", "-0.04")])
+@pytest.mark.parametrize(
+    "times", [("0", "0.001", "0.11", "0.2"), ("0", "-0.001", "-0.02", "-0.04")]
+)
 def test_samples_and_dense_output_are_those_of_single_runs(taylor, friction, times) -> None:
     request = Request(
-        PRINTED.with_friction(friction), "30.4", START, times[-1], precision=R, times=times, domain="none"
+        PRINTED.with_friction(friction),
+        "30.4",
+        START,
+        times[-1],
+        precision=R,
+        times=times,
+        domain="none",
     )
     plain, both = taylor(request), taylor(Request(**{**vars(request), "dense": True}))
     for k, time in enumerate(times):
         exact = truth(taylor, START, time, friction=friction, domain="none")
         for state in (plain.samples[k], both.samples[k], both.dense([time])[0]):
-            assert away(state, exact) < 1e-43  # a hundred roundings of 7, times the growth backwards
+            # A hundred roundings of 7, times the growth backwards
+            assert away(state, exact) < 1e-43
     assert (plain.state == both.state).all()
 
 
@@ -58,16 +71,36 @@ def test_samples_before_a_start_on_a_surface_is_left(taylor, precision) -> None:
         assert away(state, exact) < 64 * float(precision.epsilon)
         for mine, width, right in zip(state, widths, exact, strict=True):
             assert abs(fraction(mine) - right) <= fraction(width)
-    early = taylor(Request(PRINTED, "30.4", ON_SECTION, "0.1", precision=precision, times=times[:2], events=(SECTION,)))
-    assert away(early.samples[1], truth(taylor, ON_SECTION, "1e-10")) < 64 * float(precision.epsilon)
+    early = taylor(
+        Request(
+            PRINTED,
+            "30.4",
+            ON_SECTION,
+            "0.1",
+            precision=precision,
+            times=times[:2],
+            events=(SECTION,),
+        )
+    )
+    assert away(early.samples[1], truth(taylor, ON_SECTION, "1e-10")) < 64 * float(
+        precision.epsilon
+    )
 
 
 def test_a_run_that_ends_early_has_the_samples_up_to_there(taylor) -> None:
     times = [f"0.{k}" for k in range(1, 10)]
-    for events, status in (((SECTION,), Status.EVENT), ((SLIDING_REVERSAL,), Status.EVENT), ((), Status.FLAT)):
+    for events, status in (
+        ((SECTION,), Status.EVENT),
+        ((SLIDING_REVERSAL,), Status.EVENT),
+        ((), Status.FLAT),
+    ):
         start = START if events else ("0.2", "0.4", "-20")
         results = [
-            taylor(Request(PRINTED, "30.4", start, "0.9", precision=precision, times=times, events=events))
+            taylor(
+                Request(
+                    PRINTED, "30.4", start, "0.9", precision=precision, times=times, events=events
+                )
+            )
             for precision in (QUADRUPLE, R)
         ]
         assert {result.status for result in results} == {status}
@@ -77,22 +110,31 @@ def test_a_run_that_ends_early_has_the_samples_up_to_there(taylor) -> None:
 
 
 def test_the_time_at_which_an_event_ends_a_run_has_a_half_width(taylor) -> None:
-    request = Request(PRINTED, "30.4", START, "0.9", precision=EXTENDED, events=(SECTION,), error_estimate=True)
-    rough, sharp = taylor(request), taylor(replace(request, precision=QUADRUPLE, error_estimate=False))
+    request = Request(
+        PRINTED, "30.4", START, "0.9", precision=EXTENDED, events=(SECTION,), error_estimate=True
+    )
+    rough, sharp = (
+        taylor(request),
+        taylor(replace(request, precision=QUADRUPLE, error_estimate=False)),
+    )
     assert abs(fraction(rough.time) - fraction(sharp.time)) <= fraction(rough.error.time)
 
 
 def test_the_last_sample_may_be_a_rounding_of_a_double_later_than_the_end(taylor) -> None:
     times = numpy.linspace(0, 0.1, 5)  # 0.1 as a double is more than 0.1
     for friction in ("linear", "smooth"):
-        result = taylor(Request(PRINTED.with_friction(friction), "30.4", START, "0.1", precision=R, times=times))
+        result = taylor(
+            Request(PRINTED.with_friction(friction), "30.4", START, "0.1", precision=R, times=times)
+        )
         assert len(result.samples) == 5
         assert away(result.samples[4], truth(taylor, START, times[4], friction=friction)) < 1e-44
 
 
 def test_times_are_distinguished_in_the_requested_arithmetic(taylor) -> None:
     close = ("0.1", "0.10000000000000000001")
-    assert len(taylor(Request(PRINTED, "30.4", START, "0.2", precision=R, times=close)).samples) == 2
+    assert (
+        len(taylor(Request(PRINTED, "30.4", START, "0.2", precision=R, times=close)).samples) == 2
+    )
     with pytest.raises(InputError, match="monotonic"):
         taylor(Request(PRINTED, "30.4", START, "0.2", times=close))
 
@@ -101,14 +143,25 @@ def test_times_are_distinguished_in_the_requested_arithmetic(taylor) -> None:
 def test_a_run_of_no_length_stands_at_its_start(taylor, precision) -> None:
     result = taylor(Request(PRINTED, "30.4", START, 0, precision=precision, times=(0,), dense=True))
     for state in (result.samples[0], result.dense([0])[0], result.state):
-        assert [fraction(part) for part in state] == [fraction(precision.number(part)) for part in START]
+        assert [fraction(part) for part in state] == [
+            fraction(precision.number(part)) for part in START
+        ]
 
 
 @pytest.mark.parametrize("precision", [DOUBLE, EXTENDED, QUADRUPLE, R], ids=lambda p: p.name)
 def test_times_may_be_any_sequence_of_numbers(taylor, precision) -> None:
     times = [Fraction(1, 8), Fraction(1, 4)]
-    kinds = [times, precision.array(times), numpy.array([0.125, 0.25]), ["0.125", "1/4"], (0.125, 0.25)]
-    results = [taylor(Request(PRINTED, "30.4", START, "0.25", precision=precision, times=kind)) for kind in kinds]
+    kinds = [
+        times,
+        precision.array(times),
+        numpy.array([0.125, 0.25]),
+        ["0.125", "1/4"],
+        (0.125, 0.25),
+    ]
+    results = [
+        taylor(Request(PRINTED, "30.4", START, "0.25", precision=precision, times=kind))
+        for kind in kinds
+    ]
     assert all((result.samples == results[0].samples).all() for result in results)
     dense = taylor(Request(PRINTED, "30.4", START, "0.25", precision=precision, dense=True)).dense
     rows = dense(["0.125", Fraction(1, 8), bits(300).number("0.125")])

@@ -13,7 +13,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tippedisk_verify.flow.baseline import Baseline
-from tippedisk_verify.flow.contract import FLAT, SECTION, SLIDING_REVERSAL, TURN, Event, Request, Status
+from tippedisk_verify.flow.contract import (
+    FLAT,
+    SECTION,
+    SLIDING_REVERSAL,
+    TURN,
+    Event,
+    Request,
+    Status,
+)
 from tippedisk_verify.flow.lanes import BatchTaylor, field_constants
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.exact import exact
@@ -24,7 +32,8 @@ WATCHED = Event("passing", SECTION.function, terminal=False)
 FALLING = Event("falling", SECTION.function, direction=-1)
 LEVEL = Event("gamma at a half", lambda ops, constants, omega, beta, gamma, v: gamma - 0.5)
 shared, lanes = Taylor(), BatchTaylor()
-#: (beta_bar, gamma_bar, v) with v = 0: dropped at beta = pi/2 (the orbit touches the section), and elsewhere.
+#: (beta_bar, gamma_bar, v) with v = 0: dropped at beta = pi/2 (the orbit touches the section), and
+#: elsewhere.
 DROPPED, TURNING = (0.0, 0.3, 0.0), (0.2, 0.3, 0.0)
 
 
@@ -35,16 +44,29 @@ def _event(turn: bool, direction: Any, terminal: bool) -> Event:
 
 
 def request(
-    state: tuple[float, ...], duration: float, *events: Event, friction: Friction = "linear", **more: Any
+    state: tuple[float, ...],
+    duration: float,
+    *events: Event,
+    friction: Friction = "linear",
+    **more: Any,
 ) -> Request:
     return Request(
-        PRINTED.with_friction(friction), "30.5", state, duration, shifted=True, events=events, domain="none", **more
+        PRINTED.with_friction(friction),
+        "30.5",
+        state,
+        duration,
+        shifted=True,
+        events=events,
+        domain="none",
+        **more,
     )
 
 
 @pytest.mark.parametrize("make", [Taylor, Baseline])
 @pytest.mark.parametrize("duration", [0.3, 1e-6, -0.01])
-def test_an_orbit_that_touches_the_surface_at_its_start(make: Callable[[], Any], duration: float) -> None:
+def test_an_orbit_that_touches_the_surface_at_its_start(
+    make: Callable[[], Any], duration: float
+) -> None:
     """Drop the disk at rest on the section.
 
     Both functions vanish there, one of them to first order.
@@ -58,7 +80,8 @@ def test_an_orbit_that_touches_the_surface_at_its_start(make: Callable[[], Any],
         assert not result.events or all(record.name == "passing" for record in result.events)
         assert abs(result.state - free.state).max() <= 1e-10
     turned = engine(request(DROPPED, duration, TURN, SECTION))
-    if duration == 0.3:  # it swings out, and v is zero for the first time after 0.236 s, far from the section
+    # It swings out, and v is zero for the first time after 0.236 s, far from the section
+    if duration == 0.3:
         assert turned.status is Status.EVENT
         assert turned.events[-1].name == "turn"
         assert 0.2 < turned.time < 0.3
@@ -68,10 +91,17 @@ def test_an_orbit_that_touches_the_surface_at_its_start(make: Callable[[], Any],
 
 
 @pytest.mark.parametrize("duration", [1e-12, -1e-12, 2.0**-31, -(2.0**-30), 1e-8])
-@pytest.mark.parametrize(("state", "event"), [(DROPPED, SECTION), (TURNING, TURN), ((0.0, 0.3, -1.0), SECTION)])
+@pytest.mark.parametrize(
+    ("state", "event"), [(DROPPED, SECTION), (TURNING, TURN), ((0.0, 0.3, -1.0), SECTION)]
+)
 def test_runs_of_any_short_duration(taylor: Taylor, duration, state, event) -> None:
     end = taylor(request(state, duration)).state
-    for more in ({}, {"times": [duration / 4, duration / 2]}, {"dense": True}, {"friction": "smooth"}):
+    for more in (
+        {},
+        {"times": [duration / 4, duration / 2]},
+        {"dense": True},
+        {"friction": "smooth"},
+    ):
         result = taylor(request(state, duration, event, **more))
         assert result.status is Status.REACHED, more
         assert not result.events
@@ -81,7 +111,10 @@ def test_runs_of_any_short_duration(taylor: Taylor, duration, state, event) -> N
         if "times" in more:
             assert len(result.samples) == 2
         if "dense" in more:
-            assert max(abs(float(a) - b) for a, b in zip(result.dense([0.0])[0], state, strict=True)) <= 1e-12
+            assert (
+                max(abs(float(a) - b) for a, b in zip(result.dense([0.0])[0], state, strict=True))
+                <= 1e-12
+            )
 
 
 @pytest.mark.parametrize("friction", ["linear", "smooth"])
@@ -90,7 +123,9 @@ def test_an_orbit_at_rest_crosses_nothing(make: Callable[[], Any], friction) -> 
     engine = make()
     for duration in (1.0, -1.0):
         for event in (SECTION, TURN, SLIDING_REVERSAL, WATCHED, FALLING):
-            result = engine(request((0.0, 0.0, 0.0), duration, event, friction=friction, times=[duration / 2]))
+            result = engine(
+                request((0.0, 0.0, 0.0), duration, event, friction=friction, times=[duration / 2])
+            )
             assert result.status is Status.REACHED, event
             assert not result.events
             assert numpy.array_equal(result.state, [0.0, 0.0, 0.0])
@@ -110,14 +145,22 @@ def test_many_runs_at_once_start_there_too(friction) -> None:
         many = lanes(constants, numpy.full(5, 30.5), states, numpy.full(5, duration), **wanted)
         for run, state in enumerate(states.tolist()):
             alone = shared(request(tuple(state), duration, WATCHED, turns, friction=friction))
-            mine = sorted((abs(when), name) for name, lane, when, _ in many.crossings if lane == run)
+            mine = sorted(
+                (abs(when), name) for name, lane, when, _ in many.crossings if lane == run
+            )
             assert [name for _, name in mine] == [record.name for record in alone.events]
             for (when, _), record in zip(mine, alone.events, strict=True):
                 assert abs(when - abs(record.time)) < 1e-12
 
 
 @pytest.mark.parametrize(
-    "more", [{}, {"times": [5e-11, 0.05]}, {"dense": True}, {"parameters": PRINTED.with_friction("smooth")}]
+    "more",
+    [
+        {},
+        {"times": [5e-11, 0.05]},
+        {"dense": True},
+        {"parameters": PRINTED.with_friction("smooth")},
+    ],
 )
 @pytest.mark.parametrize("precision", [DOUBLE, bits(100)])
 def test_a_disk_that_lies_flat_at_once_ends_the_run(taylor: Taylor, more, precision) -> None:
@@ -125,7 +168,12 @@ def test_a_disk_that_lies_flat_at_once_ends_the_run(taylor: Taylor, more, precis
 
     The start is no crossing, the end is one.
     """
-    wanted = {"parameters": PRINTED, "omega": "30.5", "state": (1e-10, 0.5, -1.0), "duration": 0.1} | more
+    wanted = {
+        "parameters": PRINTED,
+        "omega": "30.5",
+        "state": (1e-10, 0.5, -1.0),
+        "duration": 0.1,
+    } | more
     result = taylor(Request(**wanted, events=(LEVEL,), precision=precision))
     assert result.status is Status.FLAT
     assert abs(result.time - 1e-10) < 1e-16
@@ -164,7 +212,8 @@ def test_a_crossing_soon_after_the_start_is_one(taylor: Taylor) -> None:
     """
     result = taylor(request((0.0, 0.3, 3e-4), 0.1, SECTION))
     assert result.status is Status.EVENT
-    assert result.time == pytest.approx(2 * 3e-4 * 1.656e-10 / 1e-8, rel=1e-2)  # sliding decays with 100 1/s
+    # Sliding decays with 100 1/s
+    assert result.time == pytest.approx(2 * 3e-4 * 1.656e-10 / 1e-8, rel=1e-2)
 
 
 def test_rounding_of_an_equilibrium_is_no_event(taylor: Taylor) -> None:
@@ -172,7 +221,12 @@ def test_rounding_of_an_equilibrium_is_no_event(taylor: Taylor) -> None:
 
     In both the disk turns at the same time, and from the exact start it never does.
     """
-    wanted = {"events": (_event(True, 0, False),), "domain": "none", "precision": EXTENDED, "error_estimate": True}
+    wanted = {
+        "events": (_event(True, 0, False),),
+        "domain": "none",
+        "precision": EXTENDED,
+        "error_estimate": True,
+    }
     result = taylor(Request(PRINTED, "30.5", (exact("pi/2"), exact("-pi/2"), 0), "0.4", **wanted))
     assert numpy.isinf(result.error.state).all()
 
@@ -219,11 +273,16 @@ def test_events_from_the_surface_are_those_of_scipy(
     event = _event(which == 1, direction, terminal)
     assert event.function is function
     mine = shared(request(state, duration, event))
-    other = Baseline()(request(state, duration, event, tolerance=1e-12))  # the tightest that SciPy keeps
+    # The tightest that SciPy keeps
+    other = Baseline()(request(state, duration, event, tolerance=1e-12))
     assert mine.status is other.status
     assert len(mine.events) == len(other.events)
     for one, two in zip(mine.events, other.events, strict=True):
         assert abs(one.time - two.time) < 1e-7
     if not terminal and not direction:
-        many = lanes(field_constants(PRINTED), [30.5], [state], [duration], shifted=True, events=(event,)).crossings
-        assert sorted(abs(when) for _, _, when, _ in many) == pytest.approx([abs(e.time) for e in mine.events])
+        many = lanes(
+            field_constants(PRINTED), [30.5], [state], [duration], shifted=True, events=(event,)
+        ).crossings
+        assert sorted(abs(when) for _, _, when, _ in many) == pytest.approx(
+            [abs(e.time) for e in mine.events]
+        )

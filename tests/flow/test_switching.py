@@ -26,9 +26,12 @@ def test_the_error_follows_the_tolerance(taylor) -> None:
     """Check proportionality, as in `test_engines` for the linear law: switches cost no order."""
     tolerances = [1e-4, 1e-6, 1e-8, 1e-10]
     truth = taylor(smooth("30.4", STARTS[1], 3, precision=QUADRUPLE)).state
-    states = [taylor(smooth("30.4", STARTS[1], 3, tolerance=tolerance)).state for tolerance in tolerances]
+    states = [
+        taylor(smooth("30.4", STARTS[1], 3, tolerance=tolerance)).state for tolerance in tolerances
+    ]
     errors = [
-        numpy.abs([float(fraction(a) - fraction(b)) for a, b in zip(one, truth, strict=True)]).max() for one in states
+        numpy.abs([float(fraction(a) - fraction(b)) for a, b in zip(one, truth, strict=True)]).max()
+        for one in states
     ]
     slope = numpy.polyfit(numpy.log(tolerances), numpy.log(errors), 1)[0]
     assert 0.8 < slope < 1.25
@@ -47,12 +50,20 @@ def test_a_start_on_the_surface(taylor) -> None:
         for duration in ("0.5", "-0.02"):
             request = smooth("30.4", (beta, gamma, v), duration)
             mine, truth = taylor(request), taylor(replace(request, precision=QUADRUPLE))
-            assert max(abs(float(a) - float(b)) for a, b in zip(mine.state, truth.state, strict=True)) < 1e-11
-            many = lanes(constants, [30.4], [(beta, gamma, v)], [float(duration)], friction="smooth")
+            assert (
+                max(abs(float(a) - float(b)) for a, b in zip(mine.state, truth.state, strict=True))
+                < 1e-11
+            )
+            many = lanes(
+                constants, [30.4], [(beta, gamma, v)], [float(duration)], friction="smooth"
+            )
             assert many.finished.all()
             assert numpy.abs(many.states[0] - mine.state).max() < 1e-11
             other = Baseline("DOP853")(request)
-            assert max(abs(float(a) - float(b)) for a, b in zip(mine.state, other.state, strict=True)) < 1e-8
+            assert (
+                max(abs(float(a) - float(b)) for a, b in zip(mine.state, other.state, strict=True))
+                < 1e-8
+            )
 
 
 def test_careful_runs_give_the_same(taylor, monkeypatch) -> None:
@@ -83,11 +94,16 @@ def test_motions_that_touch_the_surface(taylor, beta: float, gamma: float) -> No
     c, omega = PRINTED.at(DOUBLE), 30.4
     touching = c.e * omega * math.sin(beta) * math.cos(gamma) / (c.r + c.e * math.sin(gamma))
     for offset in (0.0, 1e-16, -1e-14, 1e-12, -1e-12):
-        before = taylor(smooth("30.4", (beta, gamma, touching + offset), "-0.003", precision=QUADRUPLE)).state
+        before = taylor(
+            smooth("30.4", (beta, gamma, touching + offset), "-0.003", precision=QUADRUPLE)
+        ).state
         request = smooth("30.4", [float(x) for x in before], "0.1")
         mine, truth = taylor(request), taylor(replace(request, precision=QUADRUPLE))
         # Some forty units in the last place, for ten steps.
-        assert max(abs(float(a) - float(b)) for a, b in zip(mine.state, truth.state, strict=True)) < 1e-14
+        assert (
+            max(abs(float(a) - float(b)) for a, b in zip(mine.state, truth.state, strict=True))
+            < 1e-14
+        )
 
 
 _REVERSES = Event("reverses", SLIDING_REVERSAL.function, terminal=False)
@@ -131,7 +147,10 @@ def test_a_reversal_ends_the_run_where_it_should(taylor) -> None:
     assert ends[0] == min(ends[1], ends[-1])
     # Two compiled programs that take other steps: their events agree to rounding.
     assert {round(ends[1], 12), round(ends[-1], 12)} == {round(time, 12) for time in times[:2]}
-    after = replace(whole, state=[float(part) for part in taylor(replace(whole, events=(SLIDING_REVERSAL,))).state])
+    after = replace(
+        whole,
+        state=[float(part) for part in taylor(replace(whole, events=(SLIDING_REVERSAL,))).state],
+    )
     assert float(taylor(replace(after, events=(SLIDING_REVERSAL,))).time) == pytest.approx(
         times[1] - times[0],
         abs=1e-9,  # event times of two step sequences
@@ -141,7 +160,11 @@ def test_a_reversal_ends_the_run_where_it_should(taylor) -> None:
 def random_states(count: int, seed: int) -> numpy.ndarray:
     random = numpy.random.default_rng(seed)
     return numpy.column_stack(
-        (random.uniform(0.02, 3.12, count), random.uniform(-1.5, 4.7, count), random.uniform(-10, 10, count))
+        (
+            random.uniform(0.02, 3.12, count),
+            random.uniform(-1.5, 4.7, count),
+            random.uniform(-10, 10, count),
+        )
     )
 
 
@@ -150,7 +173,14 @@ def test_lanes_agree_with_single_runs_on_reversals_and_flat_disks(taylor) -> Non
     starts = random_states(60, 9)
     disk = PRINTED.with_friction("smooth")
     speeds, durations = numpy.full(60, 30.4), numpy.full(60, 4.0)
-    found = BatchTaylor()(field_constants(disk), speeds, starts, durations, friction="smooth", events=(flat, _REVERSES))
+    found = BatchTaylor()(
+        field_constants(disk),
+        speeds,
+        starts,
+        durations,
+        friction="smooth",
+        events=(flat, _REVERSES),
+    )
     for k, start in enumerate(starts):
         alone = taylor(Request(disk, 30.4, start.tolist(), 4.0, events=(_REVERSES,)))
         if not found.finished[k]:
@@ -163,5 +193,6 @@ def test_lanes_agree_with_single_runs_on_reversals_and_flat_disks(taylor) -> Non
         if alone.status is Status.REACHED:
             assert numpy.abs(found.states[k] - alone.state).max() < 1e-9
             theirs = [float(record.time) for record in alone.events]
-            assert numpy.allclose(mine[_REVERSES.name], theirs, rtol=0, atol=1e-9)  # of two step sequences
+            # Of two step sequences
+            assert numpy.allclose(mine[_REVERSES.name], theirs, rtol=0, atol=1e-9)
     assert found.finished.mean() > 0.98

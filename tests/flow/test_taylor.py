@@ -37,7 +37,10 @@ def test_the_factored_form_is_small() -> None:
 @pytest.mark.parametrize("other", [(PRINTED, 31.0), (CALIBRATED, 30.4)])
 def test_one_build_serves_all_speeds_and_parameters(other) -> None:
     engine = Taylor()
-    ends = [engine(Request(*disk_and_speed, STARTS[1], 1.0)).state for disk_and_speed in ((PRINTED, 30.4), other) * 2]
+    ends = [
+        engine(Request(*disk_and_speed, STARTS[1], 1.0)).state
+        for disk_and_speed in ((PRINTED, 30.4), other) * 2
+    ]
     assert (ends[0] == ends[2]).all()
     assert (ends[1] == Taylor()(Request(*other, STARTS[1], 1.0)).state).all()
     assert len(engine.builds) == 1
@@ -51,18 +54,25 @@ def test_only_what_is_needed_is_built() -> None:
     assert engine.builds[-1].events == ("flat",)
     engine(Request(PRINTED, 30.4, STARTS[1], 0.1, domain="none", error_estimate=True))
     assert len(engine.builds) == 2  # a run's own series show its error
-    engine(Request(PRINTED, 30.4, STARTS[1], 0.1, domain="none", error_estimate=True, variations=("v",)))
+    engine(
+        Request(
+            PRINTED, 30.4, STARTS[1], 0.1, domain="none", error_estimate=True, variations=("v",)
+        )
+    )
     assert [build.precision for build in engine.builds[2:]] == ["double", "quadruple"]
 
 
-@pytest.mark.parametrize("precision", [DOUBLE, EXTENDED, QUADRUPLE, bits(200), bits(400)], ids=lambda p: p.name)
+@pytest.mark.parametrize(
+    "precision", [DOUBLE, EXTENDED, QUADRUPLE, bits(200), bits(400)], ids=lambda p: p.name
+)
 def test_first_step_from_the_section_has_the_usual_size(precision) -> None:
     """Check for the trap with powers.
 
     A recurrence that divides by cos(beta) starts with steps of 1e-13 there, or with NaN.
     """
     result = Taylor()(Request(PRINTED, "30.4", STARTS[1], "0.05", precision=precision))
-    # The stiff rate of about 130 per second limits a step of any order to some hundredths of a second.
+    # The stiff rate of about 130 per second limits a step of any order to some hundredths of a
+    # second.
     assert result.status is Status.REACHED
     assert result.steps <= 25
 
@@ -71,14 +81,17 @@ def test_a_disk_that_lies_flat_stops_the_run(taylor: Taylor) -> None:
     result = taylor(Request(PRINTED, "29.9", STARTS[0], 10))
     assert result.status is Status.FLAT
     assert result.events[-1].name == FLAT.name
-    assert abs(math.sin(result.state[0])) < 1e-12  # sin(beta) at the event, with |v| of about 11 rad/s
+    # sin(beta) at the event, with |v| of about 11 rad/s
+    assert abs(math.sin(result.state[0])) < 1e-12
     assert 5 < result.time < 6
 
 
 def test_samples_mode_notices_leaving_the_domain(taylor: Taylor) -> None:
     times = numpy.linspace(0, 10, 101)
     for sample_times in (times, None):
-        result = taylor(Request(PRINTED, "29.9", STARTS[0], 10, times=sample_times, domain="samples"))
+        result = taylor(
+            Request(PRINTED, "29.9", STARTS[0], 10, times=sample_times, domain="samples")
+        )
         assert result.status is Status.FLAT
         assert 5 < result.time < 6
 
@@ -117,15 +130,20 @@ def test_invalid_requests_are_refused(taylor: Taylor, change, word) -> None:
         taylor(Request(**wanted))
 
 
-# ------------------------------------------------------------------------------------------ what is kept
+# ------------------------------------------------------------------------------------- what is kept
 @pytest.fixture
 def three_kept(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(compiled, "_MAX_KEPT", 3)
 
 
 def _tolerances(count: int, friction: Friction = "linear", **options: Any) -> list[Request]:
-    tolerances, disk = [Fraction(n + 1, 10**12) for n in range(count)], PRINTED.with_friction(friction)
-    return [Request(disk, "30.4", (1.2, 0.3, 0), 0.1, tolerance=one, **options) for one in tolerances]
+    tolerances, disk = (
+        [Fraction(n + 1, 10**12) for n in range(count)],
+        PRINTED.with_friction(friction),
+    )
+    return [
+        Request(disk, "30.4", (1.2, 0.3, 0), 0.1, tolerance=one, **options) for one in tolerances
+    ]
 
 
 @pytest.mark.usefixtures("three_kept")
@@ -134,14 +152,22 @@ def test_the_least_recently_used_integrator_is_removed() -> None:
     first, second, third, fourth = _tolerances(4)
     for request in (first, second, third, first, fourth):
         engine(request)
-    assert {key[2] for key in engine._integrators._slots} == {first.tolerance, third.tolerance, fourth.tolerance}
+    assert {key[2] for key in engine._integrators._slots} == {
+        first.tolerance,
+        third.tolerance,
+        fourth.tolerance,
+    }
     builds = engine.builds
     assert len(builds) == 3
     for request in (third, fourth, first):
         engine(request)
     assert engine.builds == builds  # none of these was compiled again
     assert (engine(second).state == Taylor()(second).state).all()
-    assert {key[2] for key in engine._integrators._slots} == {second.tolerance, fourth.tolerance, first.tolerance}
+    assert {key[2] for key in engine._integrators._slots} == {
+        second.tolerance,
+        fourth.tolerance,
+        first.tolerance,
+    }
 
 
 @pytest.mark.usefixtures("three_kept")
@@ -152,7 +178,11 @@ def test_a_removed_integrator_is_freed(friction: Friction) -> None:
     events = (SECTION, Event("reverses", SLIDING_REVERSAL.function, terminal=False))
     for request in _tolerances(6, friction=friction, events=events, times=[0.05]):
         engine(request)
-        (newest,) = (one.runner for key, one in engine._integrators._slots.items() if key[2] == request.tolerance)
+        (newest,) = (
+            one.runner
+            for key, one in engine._integrators._slots.items()
+            if key[2] == request.tolerance
+        )
         left += [weakref.ref(newest), weakref.ref(newest._stepper)]
     del newest
     gc.collect()

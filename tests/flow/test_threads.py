@@ -44,9 +44,19 @@ def _in_threads(jobs: list[Callable[[], Any]], again: int = _THREADS) -> list[li
 
 
 def _bytes(result: Result) -> tuple[object, ...]:
-    parts = [result.state, result.samples, result.derivatives, *(record.state for record in result.events)]
+    parts = [
+        result.state,
+        result.samples,
+        result.derivatives,
+        *(record.state for record in result.events),
+    ]
     times = [float(result.time).hex(), *(float(record.time).hex() for record in result.events)]
-    return result.status, result.steps, *times, *(None if part is None else part.tobytes() for part in parts)
+    return (
+        result.status,
+        result.steps,
+        *times,
+        *(None if part is None else part.tobytes() for part in parts),
+    )
 
 
 _EVENTS: tuple[tuple[Event, ...], ...] = ((), (SECTION,), (TURN, SLIDING_REVERSAL))
@@ -63,7 +73,9 @@ def _requests(count: int) -> list[Request]:
             options["times"] = [0.1, 0.2]
         if n % 4 == 2:  # of one kind only: they take long to compile
             options = {"variations": ("v",)}
-        disk = (PRINTED, CALIBRATED)[n % 2].with_friction("smooth" if n % 5 == 0 and n % 4 != 2 else "linear")
+        disk = (PRINTED, CALIBRATED)[n % 2].with_friction(
+            "smooth" if n % 5 == 0 and n % 4 != 2 else "linear"
+        )
         found.append(Request(disk, draw.uniform(30, 31), start, 0.3, **options))
     return found
 
@@ -96,7 +108,11 @@ def test_one_batch_engine_in_threads() -> None:
         arguments = (constants, draw.uniform(30, 31, 5), states, draw.uniform(0.2, 0.4, 5))
 
         def job(arguments: tuple[Any, ...] = arguments) -> tuple[object, ...]:
-            flights = shared(*arguments, friction="smooth", events=(Event("turn", TURN.function, terminal=False),))
+            flights = shared(
+                *arguments,
+                friction="smooth",
+                events=(Event("turn", TURN.function, terminal=False),),
+            )
             return flights.states.tobytes(), flights.crossings
 
         jobs.append(job)
@@ -114,7 +130,9 @@ def test_continuous_output_is_for_all_threads() -> None:
     serial = [dense(some).tobytes() for some in times]
     jobs = [lambda some=some: dense(some).tobytes() for some in times]
     with ThreadPoolExecutor(1) as pool:
-        other = pool.submit(lambda: [engine(request.starting_at((1.5, 1.9, n / 100))) for n in range(100)])
+        other = pool.submit(
+            lambda: [engine(request.starting_at((1.5, 1.9, n / 100))) for n in range(100)]
+        )
         for found in _in_threads(jobs):
             assert found == serial
         other.result()
@@ -123,7 +141,11 @@ def test_continuous_output_is_for_all_threads() -> None:
 def test_the_baseline_in_threads() -> None:
     """Check LSODA, which once kept the state of its run in the library."""
     shared = Baseline("LSODA")
-    requests = [request for request in _requests(16) if request.friction == "linear" and not request.variations]
+    requests = [
+        request
+        for request in _requests(16)
+        if request.friction == "linear" and not request.variations
+    ]
     jobs = [lambda request=request: _bytes(shared(request)) for request in requests]
     serial = [job() for job in jobs]
     for found in _in_threads(jobs, 4):
@@ -150,7 +172,9 @@ def test_a_run_within_a_run_of_its_kind_is_refused() -> None:
             engine(asked.pop())
         return 1 * v
 
-    outer = Request(PRINTED, 30.4, STARTS[1], 0.3, events=(Event("asks", function, terminal=False),))
+    outer = Request(
+        PRINTED, 30.4, STARTS[1], 0.3, events=(Event("asks", function, terminal=False),)
+    )
     plain = _bytes(engine(outer))
     asked.append(Request(PRINTED, 30.4, STARTS[0], 0.3))
     assert _bytes(engine(outer)) == plain

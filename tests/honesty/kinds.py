@@ -1,4 +1,6 @@
-"""The kinds of draws: what is drawn, what is asked through the package's doors, and what tells the truth about it."""
+"""The kinds of draws: what is drawn, what is asked through the package's doors, and what
+tells the truth about it.
+"""
 
 from __future__ import annotations
 
@@ -54,11 +56,14 @@ def _near(value: Fraction, places: int = 12) -> Fraction:
     return Fraction(round(value * 10**places), 10**places)
 
 
-# ----------------------------------------------------------------------------------------------- without integrators
+# ------------------------------------------------------------------------------ without integrators
 def right_hand_side(draw: Draw) -> Question:
-    """The equations' terms, the acceleration and its derivatives, against the same in shifted angles."""
+    """The equations' terms, the acceleration and its derivatives, against the same in shifted
+    angles.
+    """
     disk = draw.disk(law=draw.choice(_LAWS))
-    angles = (decimal(float(DOUBLE.number(part)), 12) for part in draw.state())  # rational: pi has no place there
+    # Rational: pi has no place there
+    angles = (decimal(float(DOUBLE.number(part)), 12) for part in draw.state())
     place = dict(zip(("Omega", "beta", "gamma", "v"), (draw.speed(disk), *angles), strict=True))
     case = ExactItem(Item(f"drawn/{draw.choice(('both', disk.friction))}/rhs/1", {}), disk, place)
     return Question(lambda: compute(case, 0), lambda known: compute_again(case, 0))
@@ -85,7 +90,10 @@ def slow_manifold_series(draw: Draw) -> Question:
         constants, speed = disk.within(ctx), quotient(ctx, omega)
         where = (found["place"], *slow_manifold.POINTS)
         place, *points = [[quotient(ctx, part) for part in point] for point in where]
-        rows = [slow_manifold.invariance_residuals(ctx, constants, speed, *point, order) for point in points]
+        rows = [
+            slow_manifold.invariance_residuals(ctx, constants, speed, *point, order)
+            for point in points
+        ]
         terms = [slow_manifold.orders(ctx, constants, speed, *point, 10) for point in points]
         reduced = found["reduced_omega_crit"] is not None
         sizes = [max(abs(row[n]) for row in terms) * constants.epsilon**n for n in range(1, 11)]
@@ -107,63 +115,97 @@ def proved_closed_forms(draw: Draw) -> Question:
     omega, name = draw.speed(disk), draw.choice(("inverted", "noninverted"))
 
     def truth(_: Any) -> Any:
-        return disk.hopf(digits=2 * digits + 20), disk.equilibrium(name, omega, digits=2 * digits + 20)
+        return disk.hopf(digits=2 * digits + 20), disk.equilibrium(
+            name, omega, digits=2 * digits + 20
+        )
 
-    return Question(lambda: (proved_hopf(disk, digits), proved_equilibrium(disk, omega, name, digits)), truth)
+    return Question(
+        lambda: (proved_hopf(disk, digits), proved_equilibrium(disk, omega, name, digits)), truth
+    )
 
 
-# ------------------------------------------------------------------------------------------------------------ motion
+# ------------------------------------------------------------------------------------------- motion
 _PASSED = tuple(
-    replace(event, name=f"each {event.name}", terminal=False) for event in (SECTION, TURN, SLIDING_REVERSAL)
+    replace(event, name=f"each {event.name}", terminal=False)
+    for event in (SECTION, TURN, SLIDING_REVERSAL)
 )
 _RETURNS = (replace(SECTION, name="next section"), replace(TURN, name="next turn", terminal=False))
 _DECAYS = 1000  # of sliding, the longest run: a stiffer disk is followed for a shorter time
 
 
 def _flown(request: Request) -> Question:
-    """Every number of a run in double beside the same run in quadruple precision, or in one wider still."""
+    """Every number of a run in double beside the same run in quadruple precision, or in one
+    wider still.
+    """
 
     def ask() -> Any:
         if request.events and at_rest(request):
             raise AccuracyError("at rest to rounding: no event is looked for")
         found = default_engine()(request)
-        if not found.status.usable or found.error is None or not max(found.error.state) < float("inf"):
+        if (
+            not found.status.usable
+            or found.error is None
+            or not max(found.error.state) < float("inf")
+        ):
             raise AccuracyError(f"{found.status.name}, or the two runs did not end alike")
-        return _numbers_of(found, found.error) | {"alike": True, "names": [record.name for record in found.events]}
+        return _numbers_of(found, found.error) | {
+            "alike": True,
+            "names": [record.name for record in found.events],
+        }
 
     def truth(answer: Any, wide: Any = QUADRUPLE) -> Any:
-        run = default_engine()(replace(request, precision=wide, tolerance=None, error_estimate=False))
-        return _numbers_of(run, None) | {"alike": [record.name for record in run.events] == answer["names"]}
+        run = default_engine()(
+            replace(request, precision=wide, tolerance=None, error_estimate=False)
+        )
+        return _numbers_of(run, None) | {
+            "alike": [record.name for record in run.events] == answer["names"]
+        }
 
     return Question(ask, truth, partial(truth, wide=bits(QUADRUPLE.bits + 90)))
 
 
 def _numbers_of(run: Any, error: Any) -> dict[str, Any]:
-    """With the half-widths of an estimate, but for an exact zero, which an event is met at; without one exactly."""
+    """With the half-widths of an estimate, but for an exact zero, which an event is met at;
+    without one exactly.
+    """
 
     def paired(values: Any, widths: Any) -> Any:
         if hasattr(values, "tolist"):
             values = values.tolist()
         if isinstance(values, list):
-            return [paired(value, widths if widths is None else widths[n]) for n, value in enumerate(values)]
+            return [
+                paired(value, widths if widths is None else widths[n])
+                for n, value in enumerate(values)
+            ]
         known = values is None or (values == 0 and widths == 0)
         return None if known else Measured.of(values, 0 if widths is None else float(widths))
 
     names = {"state": "state", "samples": "samples", "derivatives": "variations"}
-    return {name: paired(getattr(run, name), error and getattr(error, width)) for name, width in names.items()} | {
+    return {
+        name: paired(getattr(run, name), error and getattr(error, width))
+        for name, width in names.items()
+    } | {
         "status": run.status,
         "time": paired(run.time, error and error.time) if error is None or error.time else None,
         "events": paired([record.time for record in run.events], error and error.events),
-        "event_states": paired([record.state for record in run.events], error and error.event_states),
+        "event_states": paired(
+            [record.state for record in run.events], error and error.event_states
+        ),
     }
 
 
 def motion(
-    draw: Draw, laws: Any = _LAWS, events: Any = ((), ()), loose: bool = False, half: bool = False, **options: Any
+    draw: Draw,
+    laws: Any = _LAWS,
+    events: Any = ((), ()),
+    loose: bool = False,
+    half: bool = False,
+    **options: Any,
 ) -> Question:
     """A run of up to a second, or up to ten: its end, samples, events and derivatives.
 
-    ``events`` are those in the angles themselves and those in shifted ones; ``half`` periods begin on the section.
+    ``events`` are those in the angles themselves and those in shifted ones; ``half`` periods begin
+    on the section.
     """
     disk = draw.disk(law=draw.choice(laws))
     omega, place, shift = draw.speed(disk), draw.state(), draw.choice((False, True)) or half
@@ -205,7 +247,9 @@ def solution(draw: Draw) -> Question:
     duration = draw.told(decimal(min(1.0, _DECAYS / decay(disk)) * draw.uniform(0.1, 1)))
 
     def ask(digits: int) -> Any:
-        found = disk.integrate(omega, state, duration, t_eval=[0, duration / 3, duration], digits=digits)
+        found = disk.integrate(
+            omega, state, duration, t_eval=[0, duration / 3, duration], digits=digits
+        )
         if not max(found.uncertainty[:, -1]) < float("inf"):
             raise AccuracyError(f"rounding decides the end: {found.message}")
         pairs = zip(found.y.ravel().tolist(), found.uncertainty.ravel().tolist(), strict=True)
@@ -214,7 +258,7 @@ def solution(draw: Draw) -> Question:
     return _with_more(ask, draw.choice((12, 16, 20, 25, 30)), 20)
 
 
-# -------------------------------------------------------------------------------------------------------- libration
+# ---------------------------------------------------------------------------------------- libration
 @lru_cache(maxsize=64)
 def _rough_omega_h(disk: Parameters) -> Fraction:
     """Omega_h as double sees it. Raises NoConnectionError or AccuracyError."""
@@ -227,8 +271,13 @@ def _librating(draw: Draw, law: str = "linear") -> tuple[Disk, Fraction]:
     disk = draw.disk((*STRUCTURED, *STRUCTURED, *unlike), law, _STIFFEST)
     crit, side = omega_crit(disk, 30).value, -1 if criticality(disk) == "subcritical" else 1
     share = decimal(draw.choice((draw.uniform(1e-4, 0.02), draw.log_uniform(1e-8, 0.03))))
-    omega = crit * (1 - side * share / (1 if side > 0 else 40))  # born unstable, a family may turn back after 1e-4
-    within = decimal(draw.choice((draw.uniform(0.002, 1), 1 - draw.log_uniform(1e-6, 1), draw.log_uniform(1e-4, 1))))
+    # Born unstable, a family may turn back after 1e-4
+    omega = crit * (1 - side * share / (1 if side > 0 else 40))
+    within = decimal(
+        draw.choice(
+            (draw.uniform(0.002, 1), 1 - draw.log_uniform(1e-6, 1), draw.log_uniform(1e-4, 1))
+        )
+    )
     if side > 0 and draw.random() < 0.9:
         with suppress(InputError, AccuracyError):
             omega = crit + (1 - within) * (_rough_omega_h(disk) - crit)
@@ -236,19 +285,27 @@ def _librating(draw: Draw, law: str = "linear") -> tuple[Disk, Fraction]:
 
 
 def _true_cycle(found: Any, disk: Parameters, digits: int = 22) -> LimitCycle:
-    """The cycle near the one found, by shooting with more digits: with many where the slow multiplier was lost."""
+    """The cycle near the one found, by shooting with more digits: with many where the slow
+    multiplier was lost.
+    """
     slow = getattr(found, "multiplier_slow", None)
     if slow is not None and 2 * slow.uncertainty > abs(slow.value):
         digits = 60
-    guess, omega = (found.gamma_bar_0.value, found.v_0.value), getattr(found.omega, "value", found.omega)
+    guess, omega = (
+        (found.gamma_bar_0.value, found.v_0.value),
+        getattr(found.omega, "value", found.omega),
+    )
     return limit_cycle(disk, omega, default_engine(), digits=digits, guess=guess)
 
 
 def cycle(draw: Draw, law: str) -> Question:
-    """To a number of digits: in double if it holds them, in quadruple precision, or beside a wider run."""
+    """To a number of digits: in double if it holds them, in quadruple precision, or beside a
+    wider run.
+    """
     disk, omega = _librating(draw, law)
     digits = draw.choice((6, 9, 12, 20, 34))
-    truth = partial(_true_cycle, disk=disk, digits=digits + 24)  # to thirty digits an answer has few to spare
+    # To thirty digits an answer has few to spare
+    truth = partial(_true_cycle, disk=disk, digits=digits + 24)
     return Question(lambda: disk.limit_cycle(omega, digits=digits), truth)
 
 
@@ -256,46 +313,61 @@ def cycle_in_double(draw: Draw, law: str) -> Question:
     """In double, whatever digits that gives."""
     disk, omega = _librating(draw, law)
     return Question(
-        lambda: limit_cycle(disk, omega, default_engine(), precision=DOUBLE), partial(_true_cycle, disk=disk)
+        lambda: limit_cycle(disk, omega, default_engine(), precision=DOUBLE),
+        partial(_true_cycle, disk=disk),
     )
 
 
 def balanced(draw: Draw) -> Question:
     """Harmonic balance against shooting, with few harmonics too."""
     disk, omega = _librating(draw)
-    options = draw.choice(({"digits": 6}, {"digits": 9}, {"digits": 12}, {"harmonics": 5}, {"harmonics": 12}))
+    options = draw.choice(
+        ({"digits": 6}, {"digits": 9}, {"digits": 12}, {"harmonics": 5}, {"harmonics": 12})
+    )
     return Question(lambda: balanced_cycle(disk, omega, **options), partial(_true_cycle, disk=disk))
 
 
 def branch(draw: Draw) -> Question:
     """Cycles of the family that are solved together, at speeds between its ends."""
     disk = draw.disk((*STRUCTURED, "far"), stiffest=_STIFFEST, born="supercritical")
-    shares = [draw.choice((draw.uniform(0.002, 0.998), draw.log_uniform(0.0011, 0.5))) for _ in range(3)]
+    shares = [
+        draw.choice((draw.uniform(0.002, 0.998), draw.log_uniform(0.0011, 0.5))) for _ in range(3)
+    ]
     omega_h = float(_rough_omega_h(disk))
 
     def ask() -> Any:
         lanes = default_lanes()
         known = LibratingFamily(disk, default_engine(), in_batches(LIBRATING, disk, lanes))
         omegas = [omega_h + share * (known.omega_crit - omega_h) for share in shares]
-        return [cycle for some in FamilyInterpolant(known, lanes).results(omegas, 0) for cycle in some or ()]
+        return [
+            cycle
+            for some in FamilyInterpolant(known, lanes).results(omegas, 0)
+            for cycle in some or ()
+        ]
 
     return Question(ask, lambda cycles: [_true_cycle(one, disk) for one in cycles])
 
 
 def folds(draw: Draw) -> Question:
-    disk = draw.disk(("nearby", "nearby", "far"), draw.choice(("linear", "linear", "smooth")), 300, "subcritical")
+    disk = draw.disk(
+        ("nearby", "nearby", "far"), draw.choice(("linear", "linear", "smooth")), 300, "subcritical"
+    )
     return _with_more(disk.folds, draw.choice((9, 12)))
 
 
 def next_to_omega_h(draw: Draw, law: str) -> Question:
     """A cycle a named distance above Omega_h, to more digits than passages have."""
     disk = draw.disk(STRUCTURED, law, 500)
-    above = draw.told(decimal(draw.choice((draw.log_uniform(1e-5, 1e-2), draw.log_uniform(1e-12, 1e-5))), 4))
+    above = draw.told(
+        decimal(draw.choice((draw.log_uniform(1e-5, 1e-2), draw.log_uniform(1e-12, 1e-5))), 4)
+    )
     return _with_more(partial(disk.limit_cycle, above_het=above), 16, 12)
 
 
 def by_passages(draw: Draw) -> Question:
-    """A librating cycle above Omega_h or a rotating one below it, against flights over the whole cycle."""
+    """A librating cycle above Omega_h or a rotating one below it, against flights over the
+    whole cycle.
+    """
     disk = draw.disk(STRUCTURED, draw.choice(_LAWS), 500)
     distance = draw.told(decimal(draw.log_uniform(1e-60, 1e-5), 4))
     if draw.random() < 0.5:
@@ -304,13 +376,15 @@ def by_passages(draw: Draw) -> Question:
 
 
 def connection(draw: Draw, method: str, law: str = "linear") -> Question:
-    """Omega_h by one of its methods, with the saddle's eigenvalues there, against the manifolds to more digits."""
+    """Omega_h by one of its methods, with the saddle's eigenvalues there, against the
+    manifolds to more digits.
+    """
     ask = draw.disk(STRUCTURED, law, 500).heteroclinic
     digits = 12 if method in ("manifolds", "limit-cycles") else 6
     return Question(lambda: ask(method=method, digits=digits), lambda _: ask(digits=24))
 
 
-# --------------------------------------------------------------------------------------------------------- rotation
+# ----------------------------------------------------------------------------------------- rotation
 def _rotating(draw: Draw, law: str) -> tuple[Disk, Fraction, bool]:
     """A disk, a speed where mostly it has rotating cycles, and whether the stable one is meant."""
     while True:
@@ -352,7 +426,8 @@ def basin_boundary(draw: Draw) -> Question:
 
     def lies_flat(beta: Fraction) -> bool:
         engine, wide = default_engine(), {"precision": QUADRUPLE}
-        run = engine(Request(disk, omega, (beta, Fraction(gamma), Fraction(v)), "0.5", **wide))  # past the transient
+        # Past the transient
+        run = engine(Request(disk, omega, (beta, Fraction(gamma), Fraction(v)), "0.5", **wide))
         if run.status is not Status.FLAT:
             run = engine(Request(disk, omega, run.state.tolist(), 200, events=(upright,), **wide))
         return run.status is Status.FLAT
@@ -369,8 +444,9 @@ def basin_boundary(draw: Draw) -> Question:
     return Question(lambda: disk.basin_boundary(omega).sheets(gamma, v)[1], truth)
 
 
-# -------------------------------------------------------------------------------------------------------- the table
-#: The kinds; draws in the default tests, those of the slow ones besides, and the minutes that these take.
+# ---------------------------------------------------------------------------------------- the table
+#: The kinds; draws in the default tests, those of the slow ones besides, and the minutes that these
+#: take.
 KINDS = (
     Kind("right-hand side", right_hand_side, 8, 150, 0.1, flown=False),
     Kind("Hopf point", hopf, 5, 100, 0.1, flown=False),
@@ -379,9 +455,16 @@ KINDS = (
     Kind("flow", motion, 8, 250, 0.4),
     Kind("events", partial(motion, events=(_PASSED, _RETURNS)), 4, 200, 0.2),
     Kind("derivatives", partial(motion, variations=VARIATIONS), 0, 30, 0.8),
-    Kind("half periods", partial(motion, half=True, events=((), (RETURNS,)), variations=VARIATIONS), 4, 100, 0.25),
+    Kind(
+        "half periods",
+        partial(motion, half=True, events=((), (RETURNS,)), variations=VARIATIONS),
+        4,
+        100,
+        0.25,
+    ),
     Kind("flow at a tolerance", partial(motion, loose=True), 0, 50, 0.1),
-    # Beyond doubles a half-width bounds what fewer nodes leave out, which is far more than more of them do.
+    # Beyond doubles a half-width bounds what fewer nodes leave out, which is far more than more of
+    # them do.
     Kind("solution", solution, 2, 15, 0.1, widest=1000),
     Kind("limit cycle", partial(cycle, law="linear"), 1, 8, 1.2),
     Kind("limit cycle, smooth", partial(cycle, law="smooth"), 0, 4, 0.3),
@@ -398,7 +481,13 @@ KINDS = (
     Kind("Omega_h by limit cycles", partial(connection, method="limit-cycles"), 1, 2, 0.1),
     Kind("Omega_h by bisection", partial(connection, method="bisection"), 2, 4, 0.1),
     Kind("Omega_h, smooth", partial(connection, method="manifolds", law="smooth"), 0, 2, 0.2),
-    Kind("Omega_h, smooth, by bisection", partial(connection, method="bisection", law="smooth"), 0, 2, 0.1),
+    Kind(
+        "Omega_h, smooth, by bisection",
+        partial(connection, method="bisection", law="smooth"),
+        0,
+        2,
+        0.1,
+    ),
     Kind("rotating cycle", partial(rotating, law="linear"), 1, 5, 0.3),
     Kind("rotating cycle, smooth", partial(rotating, law="smooth"), 0, 2, 0.25),
     Kind("fold of rotating cycles", rotation_fold, 1, 2, 0.2),

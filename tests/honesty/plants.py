@@ -1,4 +1,6 @@
-"""Planted optimism: a room's half-widths a hundred times too narrow, to see whether the default draws notice."""
+"""Planted optimism: a room's half-widths a hundred times too narrow, to see whether the
+default draws notice.
+"""
 
 from __future__ import annotations
 
@@ -41,7 +43,9 @@ _FACTOR = 100
 
 
 def narrowed(result: Any, widths: bool = False) -> Any:
-    """The same with a hundredth of its half-widths; arrays are half-widths, and so are floats if ``widths``."""
+    """The same with a hundredth of its half-widths; arrays are half-widths, and so are floats
+    if ``widths``.
+    """
     if isinstance(result, Measured):
         return Measured(result.value, result.uncertainty / _FACTOR)
     if isinstance(result, numpy.ndarray) or (widths and isinstance(result, float)):
@@ -71,7 +75,9 @@ def planted(where: str) -> Iterator[None]:
 
     def replace_everywhere(old: Any, new: Any) -> None:
         ours = [
-            module for known, module in sys.modules.items() if known.startswith(("tippedisk_verify", "tests.honesty"))
+            module
+            for known, module in sys.modules.items()
+            if known.startswith(("tippedisk_verify", "tests.honesty"))
         ]
         for holder in (owner, *ours):
             if vars(holder).get(name) is old:

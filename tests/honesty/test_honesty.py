@@ -1,4 +1,6 @@
-"""Uncertainties hold the truth, for random disks and requests; and the draws see it if they do not."""
+"""Uncertainties hold the truth, for random disks and requests; and the draws see it if they
+do not.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,8 @@ from tippedisk_verify.model.parameters import PRINTED
 
 #: Other draws than those of every run: DRAWS_SEED=7 python -m pytest tests/honesty -m slow
 SEED = int(os.environ.get("DRAWS_SEED", "1"))
-#: Draws that take some seconds each: what is planted there is noticed in the slow tests, by the draws of every run.
+#: Draws that take some seconds each: what is planted there is noticed in the slow tests, by the
+#: draws of every run.
 LONG = (
     "slow manifold",
     "limit cycle",
@@ -55,7 +58,10 @@ def test_more_draws_hold(kind: Kind) -> None:
 
 @pytest.mark.parametrize(
     "where",
-    [pytest.param(where, marks=pytest.mark.slow(minutes=0.2) if PLANTS[where] in LONG else ()) for where in PLANTS],
+    [
+        pytest.param(where, marks=pytest.mark.slow(minutes=0.2) if PLANTS[where] in LONG else ())
+        for where in PLANTS
+    ],
 )
 def test_a_half_width_a_hundred_times_too_narrow_is_noticed(where: str) -> None:
     kind = kind_named(PLANTS[where])
@@ -66,7 +72,7 @@ def test_a_half_width_a_hundred_times_too_narrow_is_noticed(where: str) -> None:
     pytest.fail(f"{kind.draws} draws of '{kind.name}' do not notice")
 
 
-# ---------------------------------------------------------------------------------------------------------- harness
+# ------------------------------------------------------------------------------------------ harness
 def test_a_draw_is_repeated_by_its_number() -> None:
     kind = kind_named("flow")
     assert run(kind, 3, arithmetic=MOVED_BITS) == run(kind, 3, arithmetic=MOVED_BITS)
@@ -74,7 +80,8 @@ def test_a_draw_is_repeated_by_its_number() -> None:
 
 
 def test_numbers_are_compared_as_they_are_printed() -> None:
-    claim = Measured(Fraction(3), Fraction(1))  # printed 3.00 +- 1.0: half of the last place is 0.005
+    # Printed 3.00 +- 1.0: half of the last place is 0.005
+    claim = Measured(Fraction(3), Fraction(1))
     for truth, ratio, holds in ((3, 200, True), (Fraction(7, 2), 2, True), (5, 0.5, False)):
         (number,) = compared({"x": claim}, {"x": Measured(Fraction(truth), Fraction(0))})
         assert (number.ratio, number.holds) == (ratio, holds)
@@ -100,7 +107,7 @@ def test_defects_are_not_refusals() -> None:
             assert_honest(kind_named("flow"), some)
 
 
-# ------------------------------------------------------------------------------------------------------ arithmetics
+# -------------------------------------------------------------------------------------- arithmetics
 def test_arithmetics_are_what_they_say() -> None:
     request = Request(PRINTED, "30.4", ("1.4", "1.9", "0.5"), "0.5", domain="none")
 

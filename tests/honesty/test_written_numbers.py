@@ -1,4 +1,6 @@
-"""Every number that a command writes, read as a decimal: its half-width holds what a run with more digits says."""
+"""Every number that a command writes, read as a decimal: its half-width holds what a run with
+more digits says.
+"""
 
 from __future__ import annotations
 
@@ -68,7 +70,9 @@ def test_what_a_command_says_holds_what_it_says_with_more_digits(
     compared = 0
     for where, few, many in _pairs(*answers):
         if "infinite" not in (few["uncertainty"], many["uncertainty"]) and "defect" not in where:
-            _assert_held(few["value"], few["uncertainty"], many["value"], many["uncertainty"], where)
+            _assert_held(
+                few["value"], few["uncertainty"], many["value"], many["uncertainty"], where
+            )
             compared += 1
     assert compared > 1
 
@@ -83,7 +87,21 @@ def test_a_sweeps_table_holds_that_with_more_digits(words: str, tmp_path: Path) 
     tables = []
     for digits in ("12", "24"):
         out = tmp_path / f"{digits}.csv"
-        assert main([*words.split(), "--out", str(out), "--digits", digits, "--executor", "serial", "--quiet"]) == 0
+        assert (
+            main(
+                [
+                    *words.split(),
+                    "--out",
+                    str(out),
+                    "--digits",
+                    digits,
+                    "--executor",
+                    "serial",
+                    "--quiet",
+                ]
+            )
+            == 0
+        )
         tables.append(_table(out))
     for few, many in zip(*tables, strict=True):
         widths = [name for name in few if name.endswith("_uncertainty")]
@@ -93,8 +111,12 @@ def test_a_sweeps_table_holds_that_with_more_digits(words: str, tmp_path: Path) 
             _assert_held(few[value], few[name], many[value], many[name], value)
 
 
-@pytest.mark.parametrize(("kind", "omega"), [("", "30.4"), ("", "30.886592"), ("--rotating", "30.02")])
-def test_a_branchs_table_holds_the_cycles_with_more_digits(kind: str, omega: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("kind", "omega"), [("", "30.4"), ("", "30.886592"), ("--rotating", "30.02")]
+)
+def test_a_branchs_table_holds_the_cycles_with_more_digits(
+    kind: str, omega: str, tmp_path: Path
+) -> None:
     out = tmp_path / "branch.csv"
     assert main(["branch", *kind.split(), "--omegas", omega, "--out", str(out), "--quiet"]) == 0
     disk = tv.Disk("table1")
@@ -105,11 +127,17 @@ def test_a_branchs_table_holds_the_cycles_with_more_digits(kind: str, omega: str
         else:
             truth = disk.limit_cycle(omega, stable=stable, digits=24)
         for name in (name for name in row if f"{name} uncertainty" in row and "defect" not in name):
-            _assert_held(row[name], row[f"{name} uncertainty"], *getattr(truth, name).decimals(), name)
+            _assert_held(
+                row[name], row[f"{name} uncertainty"], *getattr(truth, name).decimals(), name
+            )
 
 
-@pytest.mark.parametrize("friction", ["linear", pytest.param("smooth", marks=pytest.mark.slow(minutes=0.3))])
-def test_the_connections_table_holds_a_run_at_a_sharper_omega_h(friction: tv.Friction, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    "friction", ["linear", pytest.param("smooth", marks=pytest.mark.slow(minutes=0.3))]
+)
+def test_the_connections_table_holds_a_run_at_a_sharper_omega_h(
+    friction: tv.Friction, tmp_path: Path
+) -> None:
     out = tmp_path / "connection.csv"
     assert main(["heteroclinic", "--friction", friction, "--out", str(out), "--quiet"]) == 0
     rows = _table(out)[::40]
@@ -125,7 +153,9 @@ def test_the_connections_table_holds_a_run_at_a_sharper_omega_h(friction: tv.Fri
     for row, state in zip(rows, truth.y.T, strict=True):
         for name, number, angle in zip(("beta", "gamma", "v"), state, upright, strict=True):
             shown = Fraction((tv.exact(number) + angle).enclosed(200)[0])
-            _assert_held(row[name], row[f"{name}_uncertainty"], str(shown), "1e-30", f"{name} at {row['t']}")
+            _assert_held(
+                row[name], row[f"{name}_uncertainty"], str(shown), "1e-30", f"{name} at {row['t']}"
+            )
 
 
 @pytest.mark.parametrize("scene", ["a", "d", "f"])
@@ -139,4 +169,10 @@ def test_a_scenes_tables_are_right_to_their_last_decimal(scene: str, tmp_path: P
         truth = disk.integrate(omega, start, times[-1], t_eval=times, digits=16)
         for row, state in zip(rows, truth.y.T, strict=True):
             for name, true in zip(("beta [rad]", "gamma [rad]", "v [rad/s]"), state, strict=True):
-                _assert_held(row[name], "1e-10", str(tv.exact(true).rational), "0", f"{name} of orbit {number}")
+                _assert_held(
+                    row[name],
+                    "1e-10",
+                    str(tv.exact(true).rational),
+                    "0",
+                    f"{name} of orbit {number}",
+                )

@@ -24,7 +24,9 @@ CTX = bits(200).context
 
 
 @pytest.mark.parametrize("friction", LAWS)
-@given(parameters=physical_parameters(), state=states, omega=decimals("1", "60"), flip=st.booleans())
+@given(
+    parameters=physical_parameters(), state=states, omega=decimals("1", "60"), flip=st.booleans()
+)
 def test_equations_are_the_papers(friction: str, parameters, state, omega, flip) -> None:
     """Compare at 60 digits, of which cancelling sums may cost ten: no double may enter."""
     with mp.workdps(60):
@@ -42,10 +44,16 @@ def test_equations_are_the_papers(friction: str, parameters, state, omega, flip)
         rates = paper.state_rates(M, h, gravity, direction, force, speed, beta, v)
 
         grip = c.mu * c.m * c.g / c.epsilon * sum(map(abs, sliding))
-        pull = sum(map(abs, gyroscopic)) + 2 * c.m * c.e * c.r * abs(speed * v) + abs(gravity)  # 3 sin^2 - 2 cancels
+        # 3 sin^2 - 2 cancels
+        pull = sum(map(abs, gyroscopic)) + 2 * c.m * c.e * c.r * abs(speed * v) + abs(gravity)
         terms = equations.terms(mp, c, speed, beta, gamma, v)
         expected: list[tuple[Any, Any, Any]] = [
-            *zip(terms, (M, h, gravity, direction, gamma_y), (M, pull, gravity, direction, c.r * v), strict=True),
+            *zip(
+                terms,
+                (M, h, gravity, direction, gamma_y),
+                (M, pull, gravity, direction, c.r * v),
+                strict=True,
+            ),
             (equations.friction_force(c, terms.sliding_velocity, friction), force, grip),
         ]
         vector_field = equations.field(mp, c, speed, friction)
@@ -59,7 +67,9 @@ def test_equations_are_the_papers(friction: str, parameters, state, omega, flip)
 
 
 @pytest.mark.parametrize("friction", LAWS)
-@given(parameters=physical_parameters(), state=states, omega=decimals("1", "60"), flip=st.booleans())
+@given(
+    parameters=physical_parameters(), state=states, omega=decimals("1", "60"), flip=st.booleans()
+)
 def test_jacobian_against_differences(friction: str, parameters, state, omega, flip) -> None:
     """Compare with central differences at 200 bits; half of the states have sin(beta) < 0."""
     constants, speed = parameters.within(CTX), quotient(CTX, omega)
@@ -69,7 +79,8 @@ def test_jacobian_against_differences(friction: str, parameters, state, omega, f
     sliding = equations.terms(CTX, constants, speed, *point).sliding_velocity
     step = CTX.mpf(2) ** -60
     if abs(sliding) < step * 2**10:
-        return  # a difference across gamma_y = 0 sees the jump of the smooth law's second derivative
+        # A difference across gamma_y = 0 sees the jump of the smooth law's second derivative
+        return
     function = equations.field(CTX, constants, speed, friction)
     by_hand = equations.jacobian(CTX, constants, speed, friction)(*point)
     for column in range(3):
@@ -78,19 +89,26 @@ def test_jacobian_against_differences(friction: str, parameters, state, omega, f
         down[column] -= step
         for row, (high, low) in enumerate(zip(function(*up), function(*down), strict=True)):
             difference = (high - low) / (2 * step)
-            # Truncation step^2 f'''/6 with third derivatives up to about 1e12 of a value here: 2^-120 * 1e12 < 1e-22.
+            # Truncation step^2 f'''/6 with third derivatives up to about 1e12 of a value here:
+            # 2^-120 * 1e12 < 1e-22.
             size = max(abs(by_hand[row][column]), 1, abs(high))
             assert abs(by_hand[row][column] - difference) < CTX.mpf("1e-18") * size
-    if friction == "smooth":  # the analytic branch of this side is the law itself, and the other one is not
+    # The analytic branch of this side is the law itself, and the other one is not
+    if friction == "smooth":
         side = 1 if sliding > 0 else -1
         for made in (equations.field, equations.jacobian):
-            plain, mine, other = (made(CTX, constants, speed, friction, s)(*point)[2] for s in (None, side, -side))
+            plain, mine, other = (
+                made(CTX, constants, speed, friction, s)(*point)[2] for s in (None, side, -side)
+            )
             assert plain == mine != other
 
 
 def test_smooth_law_has_the_linear_laws_slope_at_rest() -> None:
     state = (math.pi / 2, math.pi / 2, 0.0)
-    both = [numpy.array(equations.jacobian(math, PRINTED.at(DOUBLE), 30.4, friction)(*state)) for friction in LAWS]
+    both = [
+        numpy.array(equations.jacobian(math, PRINTED.at(DOUBLE), 30.4, friction)(*state))
+        for friction in LAWS
+    ]
     # Same formula up to the rounding of k = (mu g) / epsilon.
     assert numpy.allclose(*both, rtol=1e-15 * 8, atol=1e-13)  # cancelling terms of order 100
 
@@ -102,4 +120,5 @@ def test_arrays_and_shifted_angles_are_accepted() -> None:
     shifted = equations.field(equations.shifted(mpmath), PRINTED.at(DOUBLE), 30.4, "smooth")
     alone = shifted(beta[1, 0, 1] - half, gamma[1, 0, 1] - half, v[1, 0, 1])
     for rates, rate in zip(together, alone, strict=True):
-        assert rates[1, 0, 1] == pytest.approx(float(rate), rel=1e3 * 2.0**-52)  # terms of 1e2 times the result
+        # Terms of 1e2 times the result
+        assert rates[1, 0, 1] == pytest.approx(float(rate), rel=1e3 * 2.0**-52)

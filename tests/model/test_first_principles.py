@@ -129,8 +129,11 @@ def kinematics() -> Kinematics:
     body = grinding * about_vertical(GAMMA)
     turning = rate(body, {ALPHA: ALPHA_RATE, BETA: BETA_RATE, GAMMA: GAMMA_RATE}) * body.T
     spin = reduced(Matrix([turning[2, 1], turning[0, 2], turning[1, 0]]))
-    # At the rim's lowest point the radius lies in the disk, square to the line of nodes, pointing down.
-    return Kinematics(body, level[:, 0], level[:, 1], grinding[:, 2], E * body[:, 0], -R * grinding[:, 1], spin)
+    # At the rim's lowest point the radius lies in the disk, square to the line of nodes, pointing
+    # down.
+    return Kinematics(
+        body, level[:, 0], level[:, 1], grinding[:, 2], E * body[:, 0], -R * grinding[:, 1], spin
+    )
 
 
 class Motion(NamedTuple):
@@ -166,7 +169,8 @@ def momentum_rates() -> tuple[Matrix, Matrix]:
     """Return the rates of momentum and of angular momentum about S, in inertial components."""
     k, moving = kinematics(), motion()
     arm = Matrix([E, 0, 0])
-    about_s = sp.diag(A, B, C) - M * (arm.dot(arm) * sp.eye(3) - arm * arm.T)  # parallel axes, from G to S
+    # Parallel axes, from G to S
+    about_s = sp.diag(A, B, C) - M * (arm.dot(arm) * sp.eye(3) - arm * arm.T)
     angular = reduced(k.body * about_s * (k.body.T * moving.spin))
     return M * rate(moving.centre_of_gravity, moving.rates), rate(angular, moving.rates)
 
@@ -186,7 +190,9 @@ def projection() -> Projection:
     """Return the virtual power of inertia, weight and friction for a virtual change of v alone."""
     k, moving = kinematics(), motion()
     momentum_rate, angular_rate = momentum_rates()
-    inertia = momentum_rate.dot(moving.centre_of_gravity.diff(V)) + angular_rate.dot(moving.spin.diff(V))
+    inertia = momentum_rate.dot(moving.centre_of_gravity.diff(V)) + angular_rate.dot(
+        moving.spin.diff(V)
+    )
     inertia = sp.expand(inertia)
     sliding = moving.contact.dot(k.lateral)
     return Projection(
@@ -225,7 +231,9 @@ def test_terms(name: str) -> None:
 def test_normal_force() -> None:
     """Compare with the vertical momentum balance, in which only weight and normal force act."""
     normal = momentum_rates()[0].dot(VERTICAL) + M * G
-    package = equations.normal_force_over_weight(sp, CONSTANTS, OMEGA, (BETA, GAMMA, V), ACCELERATION)
+    package = equations.normal_force_over_weight(
+        sp, CONSTANTS, OMEGA, (BETA, GAMMA, V), ACCELERATION
+    )
     assert same(package * M * G, normal)
 
 

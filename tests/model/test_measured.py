@@ -22,7 +22,8 @@ FUNCTIONS = ("sqrt", "log", "log10", "exp", "sin", "cos", "tan")
 TWO = (operator.add, operator.sub, operator.mul, operator.truediv, operator.pow)
 SHARP = mpmath.MPContext()
 SHARP.dps = 400
-_TRUTH = Fraction(1, 10**250)  # relative: the sine of an argument of 1e100 loses as many digits, cancellation some
+# Relative: the sine of an argument of 1e100 loses as many digits, cancellation some
+_TRUTH = Fraction(1, 10**250)
 
 
 def leaf(draw: Random) -> tuple[Measured, Any]:
@@ -33,7 +34,9 @@ def leaf(draw: Random) -> tuple[Measured, Any]:
     size = draw.choice((1, 1, 1, 0, 10.0 ** draw.uniform(-30, 30)))
     value = decimal(draw.uniform(-3, 3) * size, draw.choice((1, 5, 17)))
     width = draw.choice((0, 1, 1, 1)) * decimal(10 ** draw.uniform(-40, 0)) * (abs(value) or 1)
-    return Measured(value, width), quotient(SHARP, value + width * draw.choice((-1, 1, decimal(draw.uniform(-1, 1)))))
+    return Measured(value, width), quotient(
+        SHARP, value + width * draw.choice((-1, 1, decimal(draw.uniform(-1, 1))))
+    )
 
 
 def expression(draw: Random, depth: int) -> tuple[Measured, Any]:
@@ -47,7 +50,11 @@ def expression(draw: Random, depth: int) -> tuple[Measured, Any]:
         [
             *((operator.methodcaller(name), getattr(SHARP, name)) for name in FUNCTIONS),
             *((act, act) for act in TWO),
-            *((abs, abs), (lambda x: round(x, place), lambda x: x), (lambda x: x**power, lambda x: x**power)),
+            *(
+                (abs, abs),
+                (lambda x: round(x, place), lambda x: x),
+                (lambda x: x**power, lambda x: x**power),
+            ),
         ]
     )
     if act in TWO:
@@ -84,12 +91,17 @@ def test_no_half_width_is_wider_than_it_must_be(name: Any) -> None:
         value = decimal(draw.uniform(0.1, 20), 12)
         number = Measured(value, value * decimal(10 ** draw.uniform(-30, -3)))
         middle, *ends = (
-            getattr(SHARP, name)(x) if isinstance(name, str) else x ** quotient(SHARP, Fraction(name))
+            getattr(SHARP, name)(x)
+            if isinstance(name, str)
+            else x ** quotient(SHARP, Fraction(name))
             for x in (quotient(SHARP, value + sign * number.uncertainty) for sign in (0, -1, 1))
         )
         found = getattr(number, name)() if isinstance(name, str) else number**name
         needed = max(abs(fraction(end - middle)) for end in ends)
-        assert all(abs(fraction(end) - found.value) <= found.uncertainty * (1 + _TRUTH) for end in (middle, *ends))
+        assert all(
+            abs(fraction(end) - found.value) <= found.uncertainty * (1 + _TRUTH)
+            for end in (middle, *ends)
+        )
         assert found.uncertainty <= needed * Fraction(11, 10)
 
 
@@ -123,11 +135,18 @@ def test_a_measured_number_is_accepted_as_a_number() -> None:
     assert number not in (Fraction(4, 3), math.nan, Decimal("sNaN"), "4/3")
     assert (numpy.sqrt(number), numpy.add(1, number)) == (number.sqrt(), number + 1)
     assert (bool(numpy.isnan(number)), bool(numpy.isfinite(number))) == (False, True)
-    for objects in (numpy.array([1.0, 2.0]) * number, number * numpy.array([1.0, 2.0], numpy.longdouble)):
+    for objects in (
+        numpy.array([1.0, 2.0]) * number,
+        number * numpy.array([1.0, 2.0], numpy.longdouble),
+    ):
         assert objects.tolist() == [number, 2 * number]
     assert numpy.exp(numpy.array([number], object)).tolist() == [number.exp()]
     assert (numpy.array([1.0, 2.0]) < number).tolist() == [True, False]
-    for doubles in (numpy.asarray(number), numpy.asarray([number, number]), numpy.array([number], float)):
+    for doubles in (
+        numpy.asarray(number),
+        numpy.asarray([number, number]),
+        numpy.array([number], float),
+    ):
         assert doubles.dtype == float
     for base in (
         Fraction(1, 3),
@@ -148,7 +167,10 @@ def test_undecided_comparisons_raise() -> None:
     assert Decimal("1.0824") <= period
     assert not period >= 2
     assert sorted([period, Measured.of(1, 0)])[0].value == 1
-    for open_question in (lambda: period < Measured.of("1.0826", "0.0001"), lambda: period <= Decimal("1.0825")):
+    for open_question in (
+        lambda: period < Measured.of("1.0826", "0.0001"),
+        lambda: period <= Decimal("1.0825"),
+    ):
         with pytest.raises(AccuracyError, match="cannot be distinguished"):
             open_question()
     with pytest.raises(TypeError):
@@ -160,7 +182,14 @@ def test_undecided_comparisons_raise() -> None:
 def test_numbers_of_other_packages_lose_no_half_width() -> None:
     """Check numbers of other packages on either side of an operation."""
     number = Measured.of("1.2345", "0.001")
-    for two in (mpmath.mpf(2), numpy.float64(2), numpy.longdouble(2), numpy.int64(2), Decimal(2), 2.0):
+    for two in (
+        mpmath.mpf(2),
+        numpy.float64(2),
+        numpy.longdouble(2),
+        numpy.int64(2),
+        Decimal(2),
+        2.0,
+    ):
         for product in (number * two, two * number):
             assert product == Measured.of("2.469", "0.002"), type(two)
         for sum_ in (number + two, two + number):

@@ -197,7 +197,8 @@ def test_a_number_of_any_kind_is_taken_exactly(kind: str) -> None:
     assert tv.exact(value) == tv.Exact(number)
     assert tv.DOUBLE.number(value) == float(number)
     assert tv.exact(tv.bits(100).number(value)) == tv.exact(tv.bits(100).number(number))
-    if not isinstance(value, str) and kind != "array of one text":  # as an answer a text is a decimal
+    # As an answer a text is a decimal
+    if not isinstance(value, str) and kind != "array of one text":
         assert tv.compare(ID, value).digits == tv.compare(ID, number).digits
 
 
@@ -258,7 +259,9 @@ def test_a_list_with_entries_other_than_numbers_is_refused(kind: str) -> None:
         lambda: DISK.branch(values),
         lambda: motion(values),
         lambda: _BATCH([0.045, 0.0025, 5e-4, 5e-4, 9.81, 29.0], [30.4], [values], [0.01]),
-        lambda: _BATCH([0.045, 0.0025, 5e-4, 5e-4, 9.81, 29.0], values, [[1.5, 1.6, 0.0]] * 3, [0.01] * 3),
+        lambda: _BATCH(
+            [0.045, 0.0025, 5e-4, 5e-4, 9.81, 29.0], values, [[1.5, 1.6, 0.0]] * 3, [0.01] * 3
+        ),
     ):
         with pytest.raises(tv.InputError) as refused:
             enter()

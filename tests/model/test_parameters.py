@@ -13,9 +13,7 @@ from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.parameters import CALIBRATED, NAMED_SETS, PRINTED, Parameters
 from tippedisk_verify.model.precision import DOUBLE, bits
 
-GOOD = (
-    'r = "0.045"\ne = "0.0025"\nm = "0.435"\nA = "0.249e-3"\nB = "0.227e-3"\ng = "9.81"\nmu = "0.3"\nepsilon = "0.1"\n'
-)
+GOOD = 'r = "0.045"\ne = "0.0025"\nm = "0.435"\nA = "0.249e-3"\nB = "0.227e-3"\ng = "9.81"\nmu = "0.3"\nepsilon = "0.1"\n'
 
 
 def test_named_sets_are_as_documented() -> None:
@@ -68,7 +66,9 @@ def test_the_definition_names_the_disk_exactly() -> None:
 
 
 @pytest.mark.parametrize("name", ["printed", "table1", "disk"])
-def test_a_file_is_never_taken_for_a_named_set(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+def test_a_file_is_never_taken_for_a_named_set(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
     """Check that a file's own name leads back to it, so that printed commands are about it."""
     (tmp_path / name).write_text(GOOD.replace('"', ""), encoding="utf-8")
     monkeypatch.chdir(tmp_path)
@@ -102,10 +102,18 @@ _DEEP = ".".join(["a"] * 150_000)
 
 @pytest.mark.parametrize(
     "content",
-    [f'{_DEEP} = "1"\n', f"[{_DEEP}]\n", f"{_DEEP[:1000]} = 1\n", f'"#".{_DEEP[:1000]} = 1\n', "#" * 100_000],
+    [
+        f'{_DEEP} = "1"\n',
+        f"[{_DEEP}]\n",
+        f"{_DEEP[:1000]} = 1\n",
+        f'"#".{_DEEP[:1000]} = 1\n',
+        "#" * 100_000,
+    ],
     ids=["deep key", "deep table", "deeper than any", "behind a quoted number sign", "large"],
 )
-def test_other_files_are_refused_unread(content: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_other_files_are_refused_unread(
+    content: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Refuse a key of 300 kB, which once took minutes and all memory."""
     path = tmp_path / "disk.toml"
     path.write_text(content + GOOD, encoding="utf-8")

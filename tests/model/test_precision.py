@@ -47,7 +47,8 @@ def test_every_precision_converts_to_mpmath_and_back(precision, text: str) -> No
     assert precision.number(precision.mpf(value)) == value
     if precision.kind == "double":
         assert value == float(Fraction(text))
-    elif abs(Fraction(text)) > 2**-16382:  # correct rounding: no nearer number of that precision exists
+    # Correct rounding: no nearer number of that precision exists
+    elif abs(Fraction(text)) > 2**-16382:
         assert abs(fraction(value) - Fraction(text)) <= abs(Fraction(text)) / 2**precision.bits
     if precision.kind == "real":  # MPFR's own decimal input is a second, independent rounding
         assert heyoka.real(text, precision.bits) == value
@@ -55,7 +56,8 @@ def test_every_precision_converts_to_mpmath_and_back(precision, text: str) -> No
 
 @pytest.mark.parametrize("precision", ALL, ids=lambda p: p.name)
 def test_pi_is_rounded_once(precision) -> None:
-    # 1100 bits of mpmath's pi are the reference: more than any precision here, so one rounding is visible.
+    # 1100 bits of mpmath's pi are the reference: more than any precision here, so one rounding is
+    # visible.
     with mpmath.workprec(1100):
         reference = fraction(+mpmath.pi)
     assert abs(fraction(precision.pi) - reference) <= Fraction(2) ** (1 - precision.bits)
@@ -105,7 +107,16 @@ def test_numbers_are_read_exactly(text: object, value: Exact) -> None:
         "1 2",
         "0x10",
         "3 0.0 7",
-        *("1" * 5000, math.nan, -math.inf, None, [1], True, heyoka.real("inf", 50), numpy.longdouble("inf")),
+        *(
+            "1" * 5000,
+            math.nan,
+            -math.inf,
+            None,
+            [1],
+            True,
+            heyoka.real("inf", 50),
+            numpy.longdouble("inf"),
+        ),
     ],
     ids=lambda value: f"{value!s:.10}",
 )
@@ -119,7 +130,9 @@ def test_texts_that_are_not_numbers_are_refused(value: object) -> None:
     width=st.fractions(min_value=Fraction(1, 10**60), max_value=10**6),
     offset=st.fractions(-1, 1),
 )
-def test_printed_intervals_hold_what_the_numbers_hold(value: Fraction, width: Fraction, offset: Fraction) -> None:
+def test_printed_intervals_hold_what_the_numbers_hold(
+    value: Fraction, width: Fraction, offset: Fraction
+) -> None:
     measured = Measured(value, width)
     text, printed_width = measured.decimals()
     truth = value + offset * width
@@ -148,11 +161,17 @@ def test_functions_agree_with_heyokas_and_undefined_values_are_nan(count: int) -
         for text in ("0.3", "7", "1e-20", "12345.678"):
             value = precision.number(text)
             theirs = getattr(numpy, name)(value)
-            assert abs(fraction(getattr(ops, name)(value)) - fraction(theirs)) <= abs(fraction(theirs)) * 2 * Fraction(
-                precision.epsilon
-            )
+            assert abs(fraction(getattr(ops, name)(value)) - fraction(theirs)) <= abs(
+                fraction(theirs)
+            ) * 2 * Fraction(precision.epsilon)
     minus, zero = precision.number(-1), precision.number(0)
-    for found in (ops.sqrt(minus), ops.log(minus), ops.log(zero), ops.sin(minus / 0), ops.exp(zero / 0)):
+    for found in (
+        ops.sqrt(minus),
+        ops.log(minus),
+        ops.log(zero),
+        ops.sin(minus / 0),
+        ops.exp(zero / 0),
+    ):
         assert found != found
 
 
@@ -175,7 +194,9 @@ positive_rationals = st.one_of(
 
 
 @given(value=positive_rationals)
-def test_roundings_to_two_digits_are_to_their_side_and_no_further_than_the_second_digit(value: Fraction) -> None:
+def test_roundings_to_two_digits_are_to_their_side_and_no_further_than_the_second_digit(
+    value: Fraction,
+) -> None:
     magnitude = decimal_magnitude(value)
     assert Fraction(10) ** magnitude <= value < Fraction(10) ** (magnitude + 1)
     low, high = Fraction(rounded_down(value)), Fraction(rounded_up(value))
@@ -194,7 +215,20 @@ def test_an_exact_text_is_the_number_itself(value: Fraction) -> None:
 
 
 @pytest.mark.parametrize(
-    "text", ["0.3", "1/3", "30", "1000000", "999999.5", "0.00001", "1.000001e6", "-2e7", "9.99e-6", "1.5e300", "1e-30"]
+    "text",
+    [
+        "0.3",
+        "1/3",
+        "30",
+        "1000000",
+        "999999.5",
+        "0.00001",
+        "1.000001e6",
+        "-2e7",
+        "9.99e-6",
+        "1.5e300",
+        "1e-30",
+    ],
 )
 def test_numbers_near_one_are_written_out_and_others_have_an_exponent(text: str) -> None:
     assert exact_text(Fraction(text)) == text

@@ -17,7 +17,9 @@ Number: TypeAlias = mpf
 Sum: TypeAlias = tuple[Number, ...]
 
 
-def mass_matrix(A: Number, Bbar: Number, m: Number, r: Number, e: Number, beta: Number, gamma: Number) -> Sum:
+def mass_matrix(
+    A: Number, Bbar: Number, m: Number, r: Number, e: Number, beta: Number, gamma: Number
+) -> Sum:
     """MassMatrix_3DOF."""
     return (
         A * cos(gamma) ** 2,
@@ -43,11 +45,20 @@ def gyroscopic_forces(
         -2 * (A - Bbar) * Omega * betadot * cos(beta) * sin(gamma) * cos(gamma),
         m * (r + e * sin(gamma)) ** 2 * betadot**2 * sin(beta) * cos(beta),
         m * e * (r + e * sin(gamma)) * Omega**2 * sin(beta) * cos(beta) ** 3 * sin(gamma),
-        -m * e * (r + e * sin(gamma)) * (3 * sin(beta) ** 2 - 2) * Omega * betadot * cos(beta) * cos(gamma),
+        -m
+        * e
+        * (r + e * sin(gamma))
+        * (3 * sin(beta) ** 2 - 2)
+        * Omega
+        * betadot
+        * cos(beta)
+        * cos(gamma),
     )
 
 
-def gravitational_force(m: Number, g: Number, r: Number, e: Number, beta: Number, gamma: Number) -> Number:
+def gravitational_force(
+    m: Number, g: Number, r: Number, e: Number, beta: Number, gamma: Number
+) -> Number:
     """force_3DOF."""
     return -m * g * (r + e * sin(gamma)) * cos(beta)
 
@@ -57,7 +68,9 @@ def force_direction(r: Number, e: Number, beta: Number, gamma: Number) -> Number
     return (r + e * sin(gamma)) * sin(beta)
 
 
-def lateral_sliding_velocity(r: Number, e: Number, Omega: Number, beta: Number, gamma: Number, betadot: Number) -> Sum:
+def lateral_sliding_velocity(
+    r: Number, e: Number, Omega: Number, beta: Number, gamma: Number, betadot: Number
+) -> Sum:
     """gamma_y_3DOF."""
     return (
         (r + e * sin(gamma)) * betadot * sin(beta),
@@ -76,7 +89,14 @@ def linear_friction(mu: Number, m: Number, g: Number, epsilon: Number, gamma_y: 
 
 
 def state_rates(
-    M: Number, h: Number, f_G: Number, w_y: Number, lambda_Ty: Number, Omega: Number, beta: Number, betadot: Number
+    M: Number,
+    h: Number,
+    f_G: Number,
+    w_y: Number,
+    lambda_Ty: Number,
+    Omega: Number,
+    beta: Number,
+    betadot: Number,
 ) -> tuple[Number, Number, Number]:
     """3DOF with kin_3DOF: the rates of beta, gamma and beta's own rate."""
     return 1 * betadot + 0, 0 * betadot - Omega * cos(beta), (h + f_G + w_y * lambda_Ty) / M

@@ -26,7 +26,9 @@ def test_starts_on_either_side_end_where_it_says(taylor, omega, count) -> None:
     boundary = BasinBoundary(PRINTED, omega, taylor)
     random = numpy.random.default_rng(5)
     inside, outside = [], []
-    for gamma, v in zip(random.uniform(-1.5, 4.7, count), random.uniform(-4, 4, count), strict=True):
+    for gamma, v in zip(
+        random.uniform(-1.5, 4.7, count), random.uniform(-4, 4, count), strict=True
+    ):
         lower, upper = map(float, boundary.sheets(gamma, v))
         sheet, outward = (upper, 1) if random.random() < 0.5 else (lower, -1)
         inside.append((sheet - outward * 1e-6, gamma, v))
@@ -58,7 +60,8 @@ def test_the_cycle_itself_lies_on_it(taylor) -> None:
     cycle = rotating_cycle(PRINTED, "30.5", taylor, stable=False)
     for beta, gamma, v in cycle.orbit(5)[1].T:
         margin = float(boundary.margin((beta, gamma, v)))
-        assert margin == pytest.approx(0, abs=1e-12)  # what an orbit in double is off, over half a turn
+        # What an orbit in double is off, over half a turn
+        assert margin == pytest.approx(0, abs=1e-12)
 
 
 def test_the_command(capsys) -> None:

@@ -39,7 +39,9 @@ def test_panels_b_to_f_build_one_plain_integrator() -> None:
     engine = Taylor()
     for scene in SCENES[1:]:
         panel = compute(scene, PRINTED, engine, omega_h=GIVEN)
-        assert [(b.precision, b.events, b.variations) for b in panel.compiled] == [("double", (), ())]
+        assert [(b.precision, b.events, b.variations) for b in panel.compiled] == [
+            ("double", (), ())
+        ]
     assert len(engine.builds) == 1
 
 
@@ -74,10 +76,14 @@ def test_amplitudes_hold(taylor, name) -> None:
 
 def orbits_at(omega, parameters, engine):
     """Return the orbits of panel a at another speed."""
-    return compute(scene_named("a"), parameters, engine, omega_h=Measured(omega + Fraction(1, 10), Fraction(0))).orbits
+    return compute(
+        scene_named("a"), parameters, engine, omega_h=Measured(omega + Fraction(1, 10), Fraction(0))
+    ).orbits
 
 
-@pytest.mark.parametrize("friction", ["linear", pytest.param("smooth", marks=pytest.mark.slow(minutes=0.3))])
+@pytest.mark.parametrize(
+    "friction", ["linear", pytest.param("smooth", marks=pytest.mark.slow(minutes=0.3))]
+)
 def test_between_fold_and_omega_h_orbits_rotate_for_good(taylor, friction) -> None:
     """Compare their lean at the top with shooting, which does not use the orbit."""
     disk = PRINTED.with_friction(friction)
@@ -91,7 +97,9 @@ def test_between_fold_and_omega_h_orbits_rotate_for_good(taylor, friction) -> No
 
 
 @pytest.mark.parametrize("friction", ["linear", pytest.param("smooth", marks=pytest.mark.slow)])
-def test_orbits_that_only_slow_down_near_the_fold_are_not_taken_for_cycles(taylor, friction) -> None:
+def test_orbits_that_only_slow_down_near_the_fold_are_not_taken_for_cycles(
+    taylor, friction
+) -> None:
     """Check a speed just below the fold, where orbits linger for longer than a scene lasts."""
     disk = PRINTED.with_friction(friction)
     fold = rotation_fold(locator(disk, taylor).rotations).omega.value
@@ -100,7 +108,9 @@ def test_orbits_that_only_slow_down_near_the_fold_are_not_taken_for_cycles(taylo
         assert kinds <= {"flat", "undecided"}, distance
     for distance in ("1e-5", "1e-3"):
         truth = rotating_cycle(disk, fold + Fraction(distance), taylor).beta_bar_top
-        for ending in (orbit.ending for orbit in orbits_at(fold + Fraction(distance), disk, taylor)):
+        for ending in (
+            orbit.ending for orbit in orbits_at(fold + Fraction(distance), disk, taylor)
+        ):
             rotates = ending.kind == "rotating limit cycle"
             assert rotates or (ending.kind == "undecided" and Fraction(distance) < Fraction("5e-5"))
             assert not rotates or ending.amplitude.contains(truth)

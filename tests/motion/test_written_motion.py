@@ -13,7 +13,8 @@ import tippedisk_verify as tv
 from tippedisk_verify.cli import main
 from tippedisk_verify.flow.contract import MOST_STEPS
 
-#: Arguments of `integrate`: even times that are not doubles, a late start, a ratio, both laws, 20 digits, backward.
+#: Arguments of `integrate`: even times that are not doubles, a late start, a ratio, both laws, 20
+#: digits, backward.
 WRITTEN = [
     "--omega 30.860 --state 1.270,1.846,0.64 --time 0.45 --times 4",
     "--omega 30.860 --state 1.270,1.846,0.64 --time 0.45 --times 2",
@@ -30,10 +31,15 @@ def _held(times: list[str], rows: list[list[tuple[str, str]]], words: str) -> No
     options = dict(zip(words.split()[::2], words.split()[1::2], strict=True))
     disk = tv.Disk("table1", friction=options.get("--friction", "linear"))
     ends = options["--time"].split(",")
-    start, asked = Fraction(ends[0]) if len(ends) > 1 else Fraction(0), [Fraction(time) for time in times]
+    start, asked = (
+        Fraction(ends[0]) if len(ends) > 1 else Fraction(0),
+        [Fraction(time) for time in times],
+    )
     order = sorted(set(asked), reverse=Fraction(ends[-1]) < start)
     span = (start, order[-1]) if order[-1] != start else (start, Fraction(ends[-1]))
-    truth = disk.integrate(options["--omega"], options["--state"].split(","), span, t_eval=order, digits=30)
+    truth = disk.integrate(
+        options["--omega"], options["--state"].split(","), span, t_eval=order, digits=30
+    )
     for time, row in zip(asked, rows, strict=True):
         true = truth.y[:, order.index(time)]
         for (value, width), number in zip(row, true, strict=True):
@@ -42,11 +48,16 @@ def _held(times: list[str], rows: list[list[tuple[str, str]]], words: str) -> No
 
 
 @pytest.mark.parametrize("words", WRITTEN)
-def test_written_numbers_hold_the_truth(words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_written_numbers_hold_the_truth(
+    words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     table = tmp_path / "motion.csv"
     assert main(["integrate", *words.split(), "--json", "--out", str(table)]) == 0
     entries = json.loads(capsys.readouterr().out)
-    columns = [[(one["value"], one["uncertainty"]) for one in entries[name]] for name in ("beta", "gamma", "v")]
+    columns = [
+        [(one["value"], one["uncertainty"]) for one in entries[name]]
+        for name in ("beta", "gamma", "v")
+    ]
     _held(entries["t"], [list(row) for row in zip(*columns, strict=True)], words)
     end = entries["end"]
     assert end["t"]["uncertainty"] == "0"
@@ -58,7 +69,9 @@ def test_written_numbers_hold_the_truth(words: str, tmp_path: Path, capsys: pyte
     with table.open() as stream:
         rows = list(csv.DictReader(stream))
     assert [row["t"] for row in rows] == entries["t"]
-    written = [[(row[name], row[f"{name}_uncertainty"]) for name in ("beta", "gamma", "v")] for row in rows]
+    written = [
+        [(row[name], row[f"{name}_uncertainty"]) for name in ("beta", "gamma", "v")] for row in rows
+    ]
     _held([row["t"] for row in rows], written, words)
 
 
@@ -74,7 +87,9 @@ def test_even_times_are_exact_and_doubles_are_written_in_full() -> None:
 
 
 @pytest.mark.parametrize(("digits", "friction"), [(12, "linear"), (12, "smooth"), (20, "linear")])
-def test_missing_half_widths_are_marked(digits: int, friction: tv.Friction, capsys: pytest.CaptureFixture[str]) -> None:
+def test_missing_half_widths_are_marked(
+    digits: int, friction: tv.Friction, capsys: pytest.CaptureFixture[str]
+) -> None:
     disk, start = tv.Disk("table1", friction=friction), ("1.2", 2, 0)
     bare = disk.integrate("30.4", start, "0.7", digits=digits, events="section", half_widths=False)
     measured = disk.integrate("30.4", start, "0.7", digits=digits, events="section")
@@ -84,14 +99,20 @@ def test_missing_half_widths_are_marked(digits: int, friction: tv.Friction, caps
     for mine, true in zip(bare.y.ravel(), measured.y.ravel(), strict=True):
         assert abs(float(tv.exact(mine).rational - tv.exact(true).rational)) < 10.0 ** -(digits - 1)
     entries = bare.to_dict()
-    assert {one["uncertainty"] for one in entries["beta"]} == {entries["events"][0]["t"]["uncertainty"]} == {"infinite"}
+    assert (
+        {one["uncertainty"] for one in entries["beta"]}
+        == {entries["events"][0]["t"]["uncertainty"]}
+        == {"infinite"}
+    )
     words = f"integrate --omega 30.4 --state 1.2,2,0 --time 0.7 --no-half-widths --friction {friction} --json"
     assert main(words.split()) == 0
     assert "without half-widths" in capsys.readouterr().err
 
 
-# ------------------------------------------------------------------------------------------ what a run says of itself
-def test_a_run_that_needs_more_steps_is_reported_at_once(capsys: pytest.CaptureFixture[str]) -> None:
+# ------------------------------------------------------------------------ what a run says of itself
+def test_a_run_that_needs_more_steps_is_reported_at_once(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     disk, state = tv.Disk("table1"), ("pi/2", "pi/2 + 0.4", 0)
     short = disk.integrate("30.4", state, 10, max_steps=20)
     assert (short.status, short.success) == (tv.Status.STEP_LIMIT, False)
@@ -118,11 +139,17 @@ def test_angles_that_may_be_degrees_are_noted(
     state: tuple[object, ...], shifted: bool, noted: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     solution = tv.Disk("table1").integrate("30.4", state, "0.01", shifted=shifted)
-    assert (noted in solution.note, bool(solution.note), solution.success) == (True, bool(noted), True)
+    assert (noted in solution.note, bool(solution.note), solution.success) == (
+        True,
+        bool(noted),
+        True,
+    )
     assert solution.message.endswith(solution.note)
     if not shifted:
         text = ",".join(map(str, state))
-        assert main(["integrate", "--omega", "30.4", "--state", text, "--time", "0.01", "--json"]) == 0
+        assert (
+            main(["integrate", "--omega", "30.4", "--state", text, "--time", "0.01", "--json"]) == 0
+        )
         assert ("radians" in capsys.readouterr().err) == bool(noted)
 
 
@@ -138,16 +165,31 @@ def test_an_event_keeps_its_requested_name(name: str) -> None:
         ({"direction": 2}, "direction is -1, 0 or 1, not 2"),
         ({"direction": "up"}, "not up"),
         ({"function": lambda t, y: y[0] - t}, "(t, y) made of arithmetic on y"),
-        ({"function": lambda t, y: __import__("numpy").cos(y[0])}, "ops, constants, omega, beta, gamma, v"),
-        ({"function": lambda ops, c, omega, beta, gamma, v: __import__("math").cos(beta)}, "ops.sin and ops.cos"),
-        ({"function": lambda ops, c, omega, beta, gamma, v: __import__("numpy").cos(beta)}, "ops.sin and ops.cos"),
+        (
+            {"function": lambda t, y: __import__("numpy").cos(y[0])},
+            "ops, constants, omega, beta, gamma, v",
+        ),
+        (
+            {"function": lambda ops, c, omega, beta, gamma, v: __import__("math").cos(beta)},
+            "ops.sin and ops.cos",
+        ),
+        (
+            {"function": lambda ops, c, omega, beta, gamma, v: __import__("numpy").cos(beta)},
+            "ops.sin and ops.cos",
+        ),
         ({"function": lambda ops, c, omega, beta, gamma, v: ops.exp(beta)}, "ops.sin and ops.cos"),
         ({"function": lambda ops, c, omega, beta, gamma, v: c.radius * v}, "ops.sin and ops.cos"),
         ({"function": 3}, "ops.sin and ops.cos"),
     ],
 )
-def test_an_invalid_event_is_refused_with_a_remedy(arguments: dict[str, object], message: str) -> None:
-    right = {"function": lambda ops, c, omega, beta, gamma, v: c.r * ops.cos(beta) ** 2 - 1 / omega + v * gamma}
+def test_an_invalid_event_is_refused_with_a_remedy(
+    arguments: dict[str, object], message: str
+) -> None:
+    right = {
+        "function": lambda ops, c, omega, beta, gamma, v: (
+            c.r * ops.cos(beta) ** 2 - 1 / omega + v * gamma
+        )
+    }
     assert tv.Event("fine", **right).direction == 0  # type: ignore[arg-type]
     with pytest.raises(tv.InputError) as refused:
         tv.Event("x", **(right | arguments))  # type: ignore[arg-type]
@@ -158,8 +200,12 @@ def test_an_invalid_event_is_refused_with_a_remedy(arguments: dict[str, object],
 def test_events_in_scipys_form_agree_with_ours() -> None:
     disk, start = tv.Disk("table1"), ("pi/2", 2, 0)
     scipys = tv.Event("crossing", lambda t, y: 2 * y[0] - 3.2 + y[2] ** 2, terminal=False)
-    ours = tv.Event("crossing", lambda ops, c, omega, beta, gamma, v: 2 * beta - 3.2 + v**2, terminal=False)
-    found, expected = (disk.integrate("30.4", start, 2, events=event).t_events[0] for event in (scipys, ours))
+    ours = tv.Event(
+        "crossing", lambda ops, c, omega, beta, gamma, v: 2 * beta - 3.2 + v**2, terminal=False
+    )
+    found, expected = (
+        disk.integrate("30.4", start, 2, events=event).t_events[0] for event in (scipys, ours)
+    )
     assert len(found) > 2
     assert (found == expected).all()
 
@@ -172,10 +218,20 @@ def test_a_start_within_rounding_of_the_surface_has_half_widths(decimals: int) -
     disk, beta, gamma = tv.Disk("table1", friction="smooth"), mpmath.mpf("1.1"), mpmath.mpf("0.7")
     with mpmath.workdps(60):
         beta, gamma, r, e = (mpmath.mpf(text) for text in ("1.1", "0.7", "0.045", "0.0025"))
-        v = e * mpmath.mpf("30.4") * mpmath.sin(beta) * mpmath.cos(gamma) / (r + e * mpmath.sin(gamma))
+        v = (
+            e
+            * mpmath.mpf("30.4")
+            * mpmath.sin(beta)
+            * mpmath.cos(gamma)
+            / (r + e * mpmath.sin(gamma))
+        )
         text = mpmath.nstr(v, decimals)
     found = disk.integrate("30.4", ("1.1", "0.7", text), 1, events="surface")
     truth = disk.integrate("30.4", ("1.1", "0.7", text), 1, digits=24)
     assert max(map(float, found.uncertainty.ravel())) < 1e-11
-    for mine, width, true in zip(found.y[:, -1], found.uncertainty[:, -1], truth.y[:, -1], strict=True):
-        assert abs(tv.exact(mine).rational - tv.exact(true).rational) <= Fraction(float(width)) + Fraction(1, 10**22)
+    for mine, width, true in zip(
+        found.y[:, -1], found.uncertainty[:, -1], truth.y[:, -1], strict=True
+    ):
+        assert abs(tv.exact(mine).rational - tv.exact(true).rational) <= Fraction(
+            float(width)
+        ) + Fraction(1, 10**22)

@@ -1,8 +1,9 @@
 """Attacks on `kernel.ball_array`: operands meant to break it, and images that its balls must hold.
 
-Each attack takes the module, so that it can be told whether it notices a fault in a copy, and raises AssertionError.
-Images under the four operations are exact rationals; those under sine and cosine come from Arb at 200 bits. The random
-numbers come from `random.Random`, whose draws are the same everywhere.
+Each attack takes the module, so that it can be told whether it notices a fault in a copy, and
+raises AssertionError. Images under the four operations are exact rationals; those under sine and
+cosine come from Arb at 200 bits. The random numbers come from `random.Random`, whose draws are the
+same everywhere.
 """
 
 from __future__ import annotations
@@ -42,7 +43,9 @@ NOT_NUMBERS = [math.inf, -math.inf, math.nan]
 
 
 def draw(rng: random.Random) -> float:
-    """A midpoint: often ordinary, often next to a power of two, sometimes at the edges of what doubles hold."""
+    """A midpoint: often ordinary, often next to a power of two, sometimes at the edges of
+    what doubles hold.
+    """
     kind = rng.randrange(10)
     if kind == 0:
         return rng.choice(EDGES)
@@ -89,7 +92,9 @@ def balls_of(module, pairs):
 
 
 def assert_sound(found) -> None:
-    """Radii are numbers, none negative; what is subnormal belongs to a radius that holds zero as well."""
+    """Radii are numbers, none negative; what is subnormal belongs to a radius that holds zero
+    as well.
+    """
     radii, middles = found.radii, found.midpoints
     assert not np.isnan(radii).any()
     assert (radii >= 0).all()
@@ -130,12 +135,15 @@ UNARY = {
 
 
 def binary(module, count: int, seed: int = 1, names=tuple(BINARY)) -> None:
-    """The four operations against exact rationals, with corners; two in five of the balls must be finite."""
+    """The four operations against exact rationals, with corners; two in five of the balls
+    must be finite.
+    """
     for name in names:
         rng = random.Random(seed)
         operation = BINARY[name]
         first, second = boxes(rng, count), boxes(rng, count)
-        if name in ("add", "subtract"):  # summands of like size, or a summand below the other's last bit
+        # Summands of like size, or a summand below the other's last bit
+        if name in ("add", "subtract"):
             for i in range(0, count, 3):
                 scale = 2.0 ** rng.choice((-54, -53, -52, -1, 0))
                 second[i] = (rng.uniform(-1, 1) * scale, first[i][1] * rng.choice((0, 0, 1)))
@@ -143,7 +151,10 @@ def binary(module, count: int, seed: int = 1, names=tuple(BINARY)) -> None:
         if name == "divide":
             for i in range(0, count, 4):  # next to a divisor that holds zero, or just one
                 mid = math.ldexp(rng.uniform(1, 2), rng.randint(-1000, 1000)) * rng.choice((-1, 1))
-                second[i] = (mid, abs(mid) * (1 - rng.choice((0, 2.0**-53, 2.0**-52, 2.0**-30, -(2.0**-52)))))
+                second[i] = (
+                    mid,
+                    abs(mid) * (1 - rng.choice((0, 2.0**-53, 2.0**-52, 2.0**-30, -(2.0**-52)))),
+                )
         found = operation(balls_of(module, first), balls_of(module, second))
         assert_sound(found)
         assert found.is_finite().sum() >= 0.4 * count
@@ -152,7 +163,11 @@ def binary(module, count: int, seed: int = 1, names=tuple(BINARY)) -> None:
             if name == "divide" and abs(Fraction(second[i][0])) <= Fraction(second[i][1]):
                 assert not found.is_finite()[i], (first[i], second[i])
                 continue
-            corners = [(x, y) for x in a[:2] for y in b[:2]] + [(a[2], b[2]), (a[3], b[3]), (a[3], b[0])]
+            corners = [(x, y) for x in a[:2] for y in b[:2]] + [
+                (a[2], b[2]),
+                (a[3], b[3]),
+                (a[3], b[0]),
+            ]
             for x, y in corners:
                 assert_holds(found, i, operation(x, y), (name, first[i], second[i], x, y))
 
@@ -167,21 +182,49 @@ def unary(module, count: int, seed: int = 3, names=tuple(UNARY)) -> None:
         assert found.is_finite().sum() >= 0.6 * count
         for i in range(count):
             if exact is None:
-                assert_holds(found, i, Fraction(float(balls_of(module, given[i : i + 1]).midpoints[0])), given[i])
+                assert_holds(
+                    found,
+                    i,
+                    Fraction(float(balls_of(module, given[i : i + 1]).midpoints[0])),
+                    given[i],
+                )
                 continue
             for x in points(rng, given[i]):
                 assert_holds(found, i, exact(x), (name, given[i], x))
 
 
 def strange_operands(module, count: int = 0, seed: int = 4) -> None:
-    """Infinities and NaN, as midpoints and radii: every result is an infinite ball, and no predicate is true."""
-    strange = [(x, 0.0) for x in NOT_NUMBERS] + [(1.0, x) for x in NOT_NUMBERS] + [(math.nan, math.inf), (1.0, -1e-9)]
+    """Infinities and NaN, as midpoints and radii: every result is an infinite ball, and no
+    predicate is true.
+    """
+    strange = (
+        [(x, 0.0) for x in NOT_NUMBERS]
+        + [(1.0, x) for x in NOT_NUMBERS]
+        + [(math.nan, math.inf), (1.0, -1e-9)]
+    )
     strange.append((0.0, math.inf))
-    plain = [(0.0, 0.0), (1.0, 0.0), (-1.0, 0.5), (1e300, 0.0), (SMALLEST, SMALLEST), (0.0, LARGEST)]
+    plain = [
+        (0.0, 0.0),
+        (1.0, 0.0),
+        (-1.0, 0.5),
+        (1e300, 0.0),
+        (SMALLEST, SMALLEST),
+        (0.0, LARGEST),
+    ]
     left = balls_of(module, [s for s in strange for _ in plain])
     right = balls_of(module, [p for _ in strange for p in plain])
     assert_sound(left)
-    results = [left, -left, left.square(), 0 * left, left / 3, left.mid(), left.rad(), left.sin(), left.cos()]
+    results = [
+        left,
+        -left,
+        left.square(),
+        0 * left,
+        left / 3,
+        left.mid(),
+        left.rad(),
+        left.sin(),
+        left.cos(),
+    ]
     for a, b in ((left, right), (right, left), (left, left)):
         results += [a + b, a - b, a * b, a / b, a.union(b)]
         one, other = a.series(), b.series()
@@ -198,13 +241,22 @@ def strange_operands(module, count: int = 0, seed: int = 4) -> None:
         assert not result.positive().any()
         assert not result.negative().any()
     over = balls_of(module, [(LARGEST, 0.0), (-LARGEST, LARGEST)])
-    for result in (over + over, over * over, 2 * over, over / 2.0**-300, over.square(), over / NORMAL):
+    for result in (
+        over + over,
+        over * over,
+        2 * over,
+        over / 2.0**-300,
+        over.square(),
+        over / NORMAL,
+    ):
         assert_sound(result)
         assert not result.is_finite().any()
 
 
 def convolutions(module, count: int, seed: int = 5, lengths=(1, 2, 3, 5, 9, 17, 26)) -> None:
-    """Against exact rationals: at their upper ends, where nothing cancels; at random ends; thin, cancelling; small."""
+    """Against exact rationals: at their upper ends, where nothing cancels; at random ends;
+    thin, cancelling; small.
+    """
     for length in lengths:
         rng = random.Random(seed + length)
         width = max(2, count // len(lengths))
@@ -215,15 +267,34 @@ def convolutions(module, count: int, seed: int = 5, lengths=(1, 2, 3, 5, 9, 17, 
             for side in range(2):
                 terms = []
                 for i in range(length):
-                    mid = draw(rng) if kind == 0 else rng.uniform(0.5, 1) * rng.choice((1, 1 + 2.0**-20))
-                    rad = draw_radius(rng, mid) if kind == 0 else 0.0 if kind == 1 else rng.uniform(0, 1) * 1e-3
+                    mid = (
+                        draw(rng)
+                        if kind == 0
+                        else rng.uniform(0.5, 1) * rng.choice((1, 1 + 2.0**-20))
+                    )
+                    rad = (
+                        draw_radius(rng, mid)
+                        if kind == 0
+                        else 0.0
+                        if kind == 1
+                        else rng.uniform(0, 1) * 1e-3
+                    )
                     if kind == 3 and side:
                         mid = 0.0
                     if kind == 4:
-                        # The sum is small and its terms are not: what is lost is seen against a small result.
-                        mid, rad = (rng.uniform(0.9, 1), 0.0) if not side else ((-1) ** i * rng.uniform(0.9, 1), 0.0)
-                    if kind == 5:  # what a term's rounding loses in an underflow is multiplied by the other factor
-                        mid, rad = rng.choice((-1, 1)) * mid * 2.0 ** (-975 if side else 30 - 0.7 * i), 0.0
+                        # The sum is small and its terms are not: what is lost is seen against a
+                        # small result.
+                        mid, rad = (
+                            (rng.uniform(0.9, 1), 0.0)
+                            if not side
+                            else ((-1) ** i * rng.uniform(0.9, 1), 0.0)
+                        )
+                    # What a term's rounding loses in an underflow is multiplied by the other factor
+                    if kind == 5:
+                        mid, rad = (
+                            rng.choice((-1, 1)) * mid * 2.0 ** (-975 if side else 30 - 0.7 * i),
+                            0.0,
+                        )
                     terms.append((mid, rad))
                 pair.append(terms)
             columns.append(pair)
@@ -239,10 +310,18 @@ def convolutions(module, count: int, seed: int = 5, lengths=(1, 2, 3, 5, 9, 17, 
         assert found.is_finite().sum() >= 0.5 * width
         for place, (first, second) in enumerate(columns):
             for ends in ((1,), (0,), (-1, 1)):
-                a, b = ([Fraction(m) + rng.choice(ends) * Fraction(r) for m, r in terms] for terms in (first, second))
+                a, b = (
+                    [Fraction(m) + rng.choice(ends) * Fraction(r) for m, r in terms]
+                    for terms in (first, second)
+                )
                 image = sum(x * y for x, y in zip(a, reversed(b), strict=True))
                 assert_holds(found, place, image, (length, first, second))
-                assert_holds(square, place, sum(x * y for x, y in zip(a, reversed(a), strict=True)), (length, first))
+                assert_holds(
+                    square,
+                    place,
+                    sum(x * y for x, y in zip(a, reversed(a), strict=True)),
+                    (length, first),
+                )
 
 
 def angle_boxes(rng: random.Random, count: int) -> list[tuple[float, float]]:
@@ -261,7 +340,9 @@ def angle_boxes(rng: random.Random, count: int) -> list[tuple[float, float]]:
         elif kind == 8:
             mid = math.ldexp(rng.uniform(1, 2), rng.randint(16, 45)) * rng.choice((-1, 1))
         else:  # here the roundings are largest against the result
-            mid = rng.choice((0, quarter)) * math.pi / 2 + rng.uniform(0.5, 0.52) * rng.choice((-1, 1))
+            mid = rng.choice((0, quarter)) * math.pi / 2 + rng.uniform(0.5, 0.52) * rng.choice(
+                (-1, 1)
+            )
         choice = rng.randrange(4) if kind < 9 else 0
         rad = (0.0, rng.uniform(0, 4), 2.0 ** rng.uniform(-60, 0), draw_radius(rng, mid))[choice]
         found.append((mid, rad))
@@ -298,7 +379,8 @@ def _assert_near(found, place: int, image, told: object) -> None:
     radius = float(found.radii[place])
     if radius < math.inf:
         distance = abs(image - arb(float(found.midpoints[place])))
-        assert distance.rad() < 1e-40 + abs(image.mid()) * 1e-40, told  # the attack itself knows the image
+        # The attack itself knows the image
+        assert distance.rad() < 1e-40 + abs(image.mid()) * 1e-40, told
         assert not distance > arb(radius), told
 
 
@@ -336,20 +418,35 @@ def predicates(module, count: int, seed: int = 7) -> None:
 def conversions(module, count: int, seed: int = 8) -> None:
     """Rationals, integers, floats and Arb's balls in; Arb's balls out."""
     rng = random.Random(seed)
-    numbers = [Fraction(rng.randint(-(10**30), 10**30), rng.randint(1, 10**25)) for _ in range(count)]
-    numbers += [Fraction(1, 3 * 2**1060), Fraction(1, 2**1200), Fraction(2**1023), 2**53 + 1, 10**40]
+    numbers = [
+        Fraction(rng.randint(-(10**30), 10**30), rng.randint(1, 10**25)) for _ in range(count)
+    ]
+    numbers += [
+        Fraction(1, 3 * 2**1060),
+        Fraction(1, 2**1200),
+        Fraction(2**1023),
+        2**53 + 1,
+        10**40,
+    ]
     numbers += [Fraction(mid) for mid, _ in boxes(rng, count)]
     found = module.BallArray.of(numbers)
     assert_sound(found)
     for i, number in enumerate(numbers):
         assert_holds(found, i, Fraction(number), number)
         assert found.radii[i] <= abs(number) * Fraction(2) ** -52 + Fraction(NORMAL) * 9, number
-    beyond = module.BallArray.of([2**1024, Fraction(-(10**400)), math.nan, math.inf, arb("nan"), arb(2) ** 5000])
+    beyond = module.BallArray.of(
+        [2**1024, Fraction(-(10**400)), math.nan, math.inf, arb("nan"), arb(2) ** 5000]
+    )
     assert_sound(beyond)
     assert not beyond.is_finite().any()
     with working_precision(100):
         balls = [ball(number) + arb(0, 2.0 ** rng.randint(-120, 3)) for number in numbers[:count]]
-        balls += [arb(2) ** -10_000_000, arb(1, arb(2) ** -9_000_000), arb(0, arb(2) ** -1030), arb(2) ** -1022 / 3]
+        balls += [
+            arb(2) ** -10_000_000,
+            arb(1, arb(2) ** -9_000_000),
+            arb(0, arb(2) ** -1030),
+            arb(2) ** -1022 / 3,
+        ]
         found = module.BallArray.of(balls)
         assert_sound(found)
         assert found.is_finite().all()

@@ -1,4 +1,6 @@
-"""What the tests of proofs share: the numbers of a cycle, exact speeds, flights, and faults planted in the kernel."""
+"""What the tests of proofs share: the numbers of a cycle, exact speeds, flights, and faults
+planted in the kernel.
+"""
 
 from __future__ import annotations
 
@@ -39,12 +41,16 @@ def speed_below(parameters: Parameters, distance: str | Fraction) -> Fraction:
 
 @dataclass(frozen=True)
 class Flight:
-    """Where all orbits from a box are after a time, proved. A status makes the rest mean nothing."""
+    """Where all orbits from a box are after a time, proved.
+
+    A status makes the rest mean nothing.
+    """
 
     status: FlowStatus | None  #: why the time is not reached
     path: Path
     upright: bool = True  #: |beta_bar| < pi/2 throughout: the disk does not lie flat
-    matrix: tuple[tuple[Any, ...], ...] | None = None  #: (3, 4): d(end)/d(beta, gamma, v at the start, Omega)
+    #: (3, 4): d(end)/d(beta, gamma, v at the start, Omega)
+    matrix: tuple[tuple[Any, ...], ...] | None = None
 
     @property
     def state(self) -> tuple[Any, Any, Any]:
@@ -57,13 +63,17 @@ class Flight:
         return self.path.divergence
 
 
-def carry(model: Model, start: Sequence[Any], duration: object, *, derivatives: bool = False) -> Flight:
+def carry(
+    model: Model, start: Sequence[Any], duration: object, *, derivatives: bool = False
+) -> Flight:
     """The flow for a positive time from a box of states."""
     path, span = model.path(start, Steps(), derivatives=derivatives), ball(duration)
     upright, share = True, 1.0
     while True:
         left = span - path.time  # positive: what was taken is proved to be shorter
-        step = path.step(max(share * short_float(float(left.abs_upper()) * (1 + 2.0**-18)), 2 * SHORTEST_STEP))
+        step = path.step(
+            max(share * short_float(float(left.abs_upper()) * (1 + 2.0**-18)), 2 * SHORTEST_STEP)
+        )
         if step is None:
             return Flight(path.status or FlowStatus.NO_ENCLOSURE, path)
         if not (left <= step.length or left > step.length):
@@ -95,7 +105,9 @@ def turn_flight(model: Model, beta_bar: Any, v: Any, **options: Any) -> Return:
 def fixed_in(
     model: Model, middle: Sequence[Any], radii: Sequence[Any], section: PoincareSection = HALF
 ) -> FixedPoints | None:
-    """Krawczyk's test for all speeds of the model at once; None if the map could not be followed."""
+    """Krawczyk's test for all speeds of the model at once; None if the map could not be
+    followed.
+    """
     middle, away = [ball(part).mid() for part in middle], [arb(0, radius) for radius in radii]
     box = [point + part for point, part in zip(middle, away, strict=True)]
     centre = return_map(model, section, middle, Steps())

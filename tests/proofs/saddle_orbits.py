@@ -1,4 +1,6 @@
-"""Orbits near noninverted spinning in floating point, with variations: for enclosures to be held against."""
+"""Orbits near noninverted spinning in floating point, with variations: for enclosures to be
+held against.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,9 @@ from tippedisk_verify.proofs.search.certificate import parameter_texts
 from tippedisk_verify.proofs.search.heteroclinic import eigenvectors
 
 OMEGA_H = Fraction("30.0488682607225")  # of `printed`, to its last digit
-STEP = 5e-4  # s: with |lambda_f| = 102 / s the method's error is (0.05)^5 / 120 = 3e-9 of z_f in a step, less elsewhere
+# S: with |lambda_f| = 102 / s the method's error is (0.05)^5 / 120 = 3e-9 of z_f in a step, less
+# elsewhere
+STEP = 5e-4
 
 
 DISK = parameter_texts(PRINTED)
@@ -27,9 +31,13 @@ with working_precision(64):
 class Orbits:
     """The flow about the saddle (0, pi, 0), by the classical Runge-Kutta method, in z."""
 
-    def __init__(self, parameters: Parameters, directions: Sequence[Sequence[Any]], omega: float) -> None:
+    def __init__(
+        self, parameters: Parameters, directions: Sequence[Sequence[Any]], omega: float
+    ) -> None:
         constants = Constants(*map(float, parameters.rational()))
-        self.rate, self.slope = (f(shifted(math), constants, omega, "linear") for f in (field, jacobian))
+        self.rate, self.slope = (
+            f(shifted(math), constants, omega, "linear") for f in (field, jacobian)
+        )
         self.to_y = np.array([[float(entry) for entry in row] for row in directions])
         self.to_z = np.linalg.inv(self.to_y)
 
@@ -43,7 +51,11 @@ class Orbits:
         return self.to_y @ z + np.array([0, math.pi, 0])
 
     def fly(
-        self, z: Sequence[float], variation: Sequence[float], until: Callable[[np.ndarray], bool], longest: float = 3.0
+        self,
+        z: Sequence[float],
+        variation: Sequence[float],
+        until: Callable[[np.ndarray], bool],
+        longest: float = 3.0,
     ) -> tuple[float, np.ndarray, np.ndarray]:
         """(time, z, variation) at the first step's end at which ``until`` is true."""
         x = np.array([z, variation], float)

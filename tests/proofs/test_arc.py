@@ -38,11 +38,16 @@ def cycle(s: Fraction) -> OrbitProof:
     return prove_cycle(PRINTED, OMEGA + s * Fraction(RADIUS), GUESS, digits=40)
 
 
-def curve(radius: str, spread: str, degree: int, start: Any = (*GUESS, OMEGA), half: str = HALF) -> curves.Curve:
+def curve(
+    radius: str, spread: str, degree: int, start: Any = (*GUESS, OMEGA), half: str = HALF
+) -> curves.Curve:
     """A line through a start, by default the cycle's, with deviations in all three numbers."""
     middle = [ball(part).mid() for part in start]
     slopes = [ball(radius) * factor for factor in (-3, 2, 1)]
-    jets = [Jet([part, slope.mid(), *[arb(0)] * (degree - 1)]) for part, slope in zip(middle, slopes, strict=True)]
+    jets = [
+        Jet([part, slope.mid(), *[arb(0)] * (degree - 1)])
+        for part, slope in zip(middle, slopes, strict=True)
+    ]
     total = Jet([ball(half).mid(), ball(radius).mid(), *[arb(0)] * (degree - 1)])
     return curves.Curve(jets[0], jets[1], jets[2], [arb(0, ball(spread))] * 3, total)
 
@@ -57,9 +62,16 @@ def flown() -> tuple[curves.Curve, curves.CurveFlight, list[dict[str, Any]]]:
 
 @pytest.mark.slow(minutes=0.3)
 def test_points_of_the_box_return_as_the_integrator_finds() -> None:
-    """With the numbers of the flight's first return, in 200 bits, from ends and from inside of the box."""
+    """With the numbers of the flight's first return, in 200 bits, from ends and from inside
+    of the box.
+    """
     line, flight, _ = flown()
-    for s, signs in ((-1, (1, 1, 1)), (Fraction(1, 3), (-1, 1, 0)), (1, (0, -1, 1)), (Fraction(1, 2), (0, 0, 0))):
+    for s, signs in (
+        (-1, (1, 1, 1)),
+        (Fraction(1, 3), (-1, 1, 0)),
+        (1, (0, -1, 1)),
+        (Fraction(1, 2), (0, 0, 0)),
+    ):
         with working_precision(250):
             start = [
                 jet.at(ball(s)) + sign * ball("1e-5")
@@ -70,15 +82,22 @@ def test_points_of_the_box_return_as_the_integrator_finds() -> None:
             if not any(signs):
                 assert flight.own_time.at(ball(s)).contains(time)
             for own, row, x in zip(
-                (*flight.image, flight.own_time), (*flight.matrix, flight.time_by), (*image, time), strict=True
+                (*flight.image, flight.own_time),
+                (*flight.matrix, flight.time_by),
+                (*image, time),
+                strict=True,
             ):
-                moved = sum(entry.at(ball(s)) * sign for entry, sign in zip(row, signs, strict=True)) * ball("1e-5")
+                moved = sum(
+                    entry.at(ball(s)) * sign for entry, sign in zip(row, signs, strict=True)
+                ) * ball("1e-5")
                 assert (own.at(ball(s)) + moved).contains(x)
 
 
 @lru_cache(maxsize=4)
 def integrated(gamma_bar: Fraction, v: Fraction, omega: Fraction) -> list[Any]:
-    """S of the first return (gamma_bar, v), its time and the divergence's integral, by the integrator in 200 bits."""
+    """S of the first return (gamma_bar, v), its time and the divergence's integral, by the
+    integrator in 200 bits.
+    """
     request = Request(
         WIDE,
         omega,
@@ -91,7 +110,10 @@ def integrated(gamma_bar: Fraction, v: Fraction, omega: Fraction) -> list[Any]:
         events=(RETURNS,),
     )
     result = default_engine()(request)
-    return [ball(str(part)) for part in (-result.state[1], -result.state[2], result.time, result.divergence)]
+    return [
+        ball(str(part))
+        for part in (-result.state[1], -result.state[2], result.time, result.divergence)
+    ]
 
 
 #: of a log's entries: what is done to them, and what is said
@@ -104,7 +126,10 @@ SPOILED: dict[str, tuple[Callable[[list[Any]], Any], str]] = {
     "a step is missing": (lambda log: log.pop(3), "return|move|section|missing"),
     "the last step is missing": (lambda log: log.pop(), "missing|no further steps"),
     "there are no steps": (lambda log: log.clear(), "no further steps"),
-    "axes have no inverse": (lambda log: log[4].update(axes=[log[4]["axes"][0], *log[4]["axes"][::2]]), "enclosure"),
+    "axes have no inverse": (
+        lambda log: log[4].update(axes=[log[4]["axes"][0], *log[4]["axes"][::2]]),
+        "enclosure",
+    ),
     "axes are missing": (lambda log: log[4].pop("axes"), "missing"),
 }
 
@@ -114,7 +139,10 @@ def test_a_log_gives_the_flight_again_and_a_spoiled_one_gives_none() -> None:
     line, flight, log = flown()
     with working_precision(64):
         again = curves.fly(ball_constants(WIDE), line, curves.CurveReplay(log))
-        assert all(a.overlaps(b) and a.contains(b) for a, b in zip(again.own_time.c, flight.own_time.c, strict=True))
+        assert all(
+            a.overlaps(b) and a.contains(b)
+            for a, b in zip(again.own_time.c, flight.own_time.c, strict=True)
+        )
         for spoil, said in SPOILED.values():
             spoiled = json.loads(json.dumps(log))
             spoil(spoiled)
@@ -124,10 +152,12 @@ def test_a_log_gives_the_flight_again_and_a_spoiled_one_gives_none() -> None:
 
 def test_a_flight_ends_where_the_disk_lies_flat() -> None:
     with working_precision(64), pytest.raises(certificates.Unproved, match="upright"):
-        curves.fly(ball_constants(PRINTED), curve("1e-9", "0", 1, ("0.5", "-400", OMEGA)), StepSearch())
+        curves.fly(
+            ball_constants(PRINTED), curve("1e-9", "0", 1, ("0.5", "-400", OMEGA)), StepSearch()
+        )
 
 
-# ----------------------------------------------------------------------------------------------------------- the cycles
+# --------------------------------------------------------------------------------------- the cycles
 def arc_of(radius: str, share: str = "1e-3", off: int = 0) -> Arc:
     constants, length = ball_constants(PRINTED), ball(radius)
     start = [ball(part) for part in (*GUESS, OMEGA)]
@@ -142,7 +172,9 @@ def arc_of(radius: str, share: str = "1e-3", off: int = 0) -> Arc:
 
 @pytest.mark.slow
 def test_the_amplitude_as_the_parameter() -> None:
-    """For each gamma_bar of an interval one pair of v and Omega; the cycle that is known lies where it should."""
+    """For each gamma_bar of an interval one pair of v and Omega; the cycle that is known lies
+    where it should.
+    """
     with working_precision(64):
         found = arc_of("5e-3")
         assert found.included
@@ -154,7 +186,9 @@ def test_the_amplitude_as_the_parameter() -> None:
         numbers = cycle(Fraction(1)).numbers()
         by_omega = ball(numbers["dgamma_bar_0_domega"].value)
         assert found.slopes[1].range().overlaps(1 / by_omega)
-        assert found.period_slope().range().overlaps(ball(numbers["dperiod_domega"].value) / by_omega)
+        assert (
+            found.period_slope().range().overlaps(ball(numbers["dperiod_domega"].value) / by_omega)
+        )
         assert (found.falling(), found.slowing(), found.widening()) == (True, True, True)
         assert not arc_of("1e-6", off=3).included  # a box beside the family
         truth = cycle(Fraction(1)).numbers()
@@ -170,7 +204,10 @@ def test_the_amplitude_as_the_parameter() -> None:
 
 
 def test_a_saddle_is_not_stable() -> None:
-    """det(P' - 1) < 0; nor is an arc with a multiplier below -1. P' has a small determinant and a trace of 0.9."""
+    """det(P' - 1) < 0; nor is an arc with a multiplier below -1.
+
+    P' has a small determinant and a trace of 0.9.
+    """
     slopes = Jet([arb(0)]), Jet([arb(-1)])  # of the unknowns: Omega falls
     flight = SimpleNamespace(divergence=Jet([arb(-10)]), matrix=None)
     for determinant, trace, stable in ((-1, "0.9", True), (1, "0.9", None), (-1, "-1.5", False)):

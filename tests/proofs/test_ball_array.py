@@ -1,10 +1,13 @@
-"""Balls in doubles: no attack breaks them, the recurrences on them hold Arb's coefficients, planted faults are noticed.
+"""Balls in doubles: no attack breaks them, the recurrences on them hold Arb's coefficients, planted
+faults are noticed.
 
-A fault is a piece of the module's text, which must occur exactly once, what replaces it, and the attack that is to
-notice. A mutant that fails in another way than by a false ball counts as noticed as well: it cannot prove anything.
+A fault is a piece of the module's text, which must occur exactly once, what replaces it, and the
+attack that is to notice. A mutant that fails in another way than by a false ball counts as noticed
+as well: it cannot prove anything.
 
-The balls hold their images as well on a processor that flushes subnormal numbers, results and operands, to zero. The
-mode is set for the operations on them only, so what they are held against is computed without it.
+The balls hold their images as well on a processor that flushes subnormal numbers, results and
+operands, to zero. The mode is set for the operations on them only, so what they are held against is
+computed without it.
 """
 
 from __future__ import annotations
@@ -29,7 +32,13 @@ from tippedisk_verify.model.parameters import PRINTED, Constants
 from tippedisk_verify.proofs.kernel import ball_array, ball_array_series, doubles
 from tippedisk_verify.proofs.kernel.ball_array import BallArray
 from tippedisk_verify.proofs.kernel.ball_array_series import BallArraySeries
-from tippedisk_verify.proofs.kernel.balls import DisturbedError, arb, ball, ball_constants, working_precision
+from tippedisk_verify.proofs.kernel.balls import (
+    DisturbedError,
+    arb,
+    ball,
+    ball_constants,
+    working_precision,
+)
 from tippedisk_verify.proofs.kernel.flow import Model
 
 ORDER = 20
@@ -45,7 +54,14 @@ def test_no_attack_breaks_the_balls(attack, count) -> None:
 def test_what_is_no_array_of_doubles_is_refused() -> None:
     with pytest.raises(ValueError, match="one-dimensional"):
         BallArray(np.zeros((2, 2)))
-    for other in ([2**60 + 1], 3, [0.5, 2**60 + 1], np.array([1]), np.zeros(1, dtype=np.longdouble), ["1"]):
+    for other in (
+        [2**60 + 1],
+        3,
+        [0.5, 2**60 + 1],
+        np.array([1]),
+        np.zeros(1, dtype=np.longdouble),
+        ["1"],
+    ):
         with pytest.raises(TypeError, match="doubles"):
             BallArray(other)
         with pytest.raises(TypeError, match="doubles"):
@@ -62,24 +78,36 @@ def test_the_variational_coefficients_hold_those_of_arb() -> None:
     rng, count, finite = random.Random(11), 40, []
     columns = [
         [(middle + rng.uniform(-size, size), rng.choice(widths)) for _ in range(count)]
-        for middle, size, widths in ((0, 1.2, WIDTHS), (0, 3, WIDTHS), (0, 6, WIDTHS), (30, 10, (0.0, 1e-9, 1e-4)))
+        for middle, size, widths in (
+            (0, 1.2, WIDTHS),
+            (0, 3, WIDTHS),
+            (0, 6, WIDTHS),
+            (30, 10, (0.0, 1e-9, 1e-4)),
+        )
     ]
     *state, speeds = (BallArray(*np.array(column).T) for column in columns)
     model = Model(Constants(*(BallArray.of([value]) for value in ball_constants(PRINTED))), speeds)
     tangents = [int(row == column) for column in range(4) for row in range(3)]
-    found = model.variational.coefficients([*state, *(BallArray(np.full(count, float(x))) for x in tangents)], ORDER)
+    found = model.variational.coefficients(
+        [*state, *(BallArray(np.full(count, float(x))) for x in tangents)], ORDER
+    )
     thin = model.orbit.coefficients([part.mid() for part in state], ORDER)
     with working_precision(200):
         for place in range(count):
             for turn in range(3):
-                shares = [rng.choice((-1.0, 1.0, rng.uniform(-1, 1))) if turn else 0.0 for _ in range(4)]
+                shares = [
+                    rng.choice((-1.0, 1.0, rng.uniform(-1, 1))) if turn else 0.0 for _ in range(4)
+                ]
                 *point, omega = (
                     arb(column[place][0]) + arb(column[place][1]) * arb(share)
                     for column, share in zip(columns, shares, strict=True)
                 )
                 exact = Model(ball_constants(PRINTED), omega)
                 images = exact.variational.coefficients([*point, *map(ball, tangents)], ORDER)
-                pairs = [*zip(found, images, strict=True), *(() if turn else zip(thin, images[:3], strict=True))]
+                pairs = [
+                    *zip(found, images, strict=True),
+                    *(() if turn else zip(thin, images[:3], strict=True)),
+                ]
                 for series, image in pairs:
                     for mine, true in zip(series, image, strict=True):
                         _assert_within(mine, place, true)
@@ -97,13 +125,17 @@ def _assert_within(found: BallArray, place: int, image: object) -> None:
 def test_an_earlier_result_is_not_overwritten() -> None:
     constants = Constants(*(BallArray.of([value]) for value in ball_constants(PRINTED)))
     model = Model(constants, BallArray(np.full(2, 30.4)))
-    first = model.orbit.coefficients([BallArray([0.1, 0.2]), BallArray([0.3, 0.4]), BallArray([0.5, 0.6])], 5)
+    first = model.orbit.coefficients(
+        [BallArray([0.1, 0.2]), BallArray([0.3, 0.4]), BallArray([0.5, 0.6])], 5
+    )
     kept = [part.midpoints.copy() for part in first[2]]
-    model.orbit.coefficients([BallArray([1.1, 1.2]), BallArray([0.3, 0.4]), BallArray([0.5, 0.6])], 5)
+    model.orbit.coefficients(
+        [BallArray([1.1, 1.2]), BallArray([0.3, 0.4]), BallArray([0.5, 0.6])], 5
+    )
     assert all((a == b.midpoints).all() for a, b in zip(kept, first[2], strict=True))
 
 
-# ------------------------------------------------------------------------------------------------------- planted faults
+# ----------------------------------------------------------------------------------- planted faults
 MODULES = (ball_array, doubles, ball_array_series)
 SOURCES = {module: Path(module.__file__).read_text(encoding="utf-8") for module in MODULES}
 
@@ -126,7 +158,12 @@ FAULTS = [
         "binary",
     ),
     Fault("the product's cross term is missing", "        upper += b._rad\n", "", "binary"),
-    Fault("integers beyond 2^53 count as floats", "_EXACT_INTEGERS = 2**53", "_EXACT_INTEGERS = 2**90", "unary"),
+    Fault(
+        "integers beyond 2^53 count as floats",
+        "_EXACT_INTEGERS = 2**53",
+        "_EXACT_INTEGERS = 2**90",
+        "unary",
+    ),
     Fault("a divisor may hold zero", "~(distance > 0)", "distance == 0", "binary"),
     Fault(
         "the quotient forgets the divisor's radius",
@@ -137,17 +174,37 @@ FAULTS = [
     Fault("pi ends after its second part", "_HALF_PI_B) - n * _HALF_PI_C", "_HALF_PI_B)", "sines"),
     Fault("the cosine's rounding is dropped", "turned + 2.5 * _U\n", "turned\n", "sines"),
     Fault("the sine's curvature is dropped", "slope * r + 0.5 * r * r", "slope * r", "sines"),
-    Fault("what touches zero is positive", "(self._mid > self._rad)", "(self._mid >= self._rad)", "predicates"),
+    Fault(
+        "what touches zero is positive",
+        "(self._mid > self._rad)",
+        "(self._mid >= self._rad)",
+        "predicates",
+    ),
     Fault("the convolution's sum is not rounded", "(self._length + 0.5) * _U", "0", "convolutions"),
-    Fault("the convolution's radius is rounded to nearest", "1 + (4 * k + 32) * _U", "1.0", "convolutions"),
+    Fault(
+        "the convolution's radius is rounded to nearest",
+        "1 + (4 * k + 32) * _U",
+        "1.0",
+        "convolutions",
+    ),
     Fault(
         "the convolution's radius misses its cross terms",
         "        np.add(size, rad, out=upper)\n",
         "        upper[:] = size\n",
         "convolutions",
     ),
-    Fault("what comes in is rounded to nearest", "if Fraction(nearest) >= value else", "if True else", "conversions"),
-    Fault("subnormal midpoints come in", "        m[small] = 0.0\n", "        r[small] = 0.0\n", "binary"),
+    Fault(
+        "what comes in is rounded to nearest",
+        "if Fraction(nearest) >= value else",
+        "if True else",
+        "conversions",
+    ),
+    Fault(
+        "subnormal midpoints come in",
+        "        m[small] = 0.0\n",
+        "        r[small] = 0.0\n",
+        "binary",
+    ),
 ]
 
 
@@ -163,7 +220,9 @@ def executed(source: str) -> ModuleType:
 
 
 def mutant(old: str, new: str) -> ModuleType:
-    """A copy of `ball_array`, with copies of what belongs to it; the fault is planted in the one that has its text."""
+    """A copy of `ball_array`, with copies of what belongs to it; the fault is planted in the
+    one that has its text.
+    """
     assert sum(source.count(old) for source in SOURCES.values()) == 1, old
     copies = {original: executed(source.replace(old, new)) for original, source in SOURCES.items()}
     copies[ball_array].sine_and_cosine = copies[doubles].sine_and_cosine
@@ -181,7 +240,7 @@ def test_every_fault_is_noticed(fault) -> None:
         ATTACKS[fault.attack](faulty, 4000)
 
 
-# --------------------------------------------------------------------------- a processor that flushes subnormal numbers
+# ------------------------------------------------------- a processor that flushes subnormal numbers
 _CONTROL = 28  # offset of the SSE control word in fenv_t on x86-64
 _FLUSH = 1 << 15 | 1 << 6  # results, operands
 
@@ -203,7 +262,8 @@ def control(bits: int) -> Iterator[None]:
 
 
 WHERE_THE_MODE_CAN_BE_SET = pytest.mark.skipif(
-    platform.system() != "Linux" or platform.machine() != "x86_64", reason="no way to set the mode is known here"
+    platform.system() != "Linux" or platform.machine() != "x86_64",
+    reason="no way to set the mode is known here",
 )
 
 

@@ -33,7 +33,15 @@ from tippedisk_verify.proofs.kernel.field import field
 from tippedisk_verify.proofs.numbers import measured
 from tippedisk_verify.proofs.search.heteroclinic import prove_connection
 
-NOT_NUMBERS = (arb("nan"), arb("inf"), arb("-inf"), arb(0, "inf"), arb(1, "nan"), arb(1) / arb(0), arb(1) / arb(0, 1))
+NOT_NUMBERS = (
+    arb("nan"),
+    arb("inf"),
+    arb("-inf"),
+    arb(0, "inf"),
+    arb(1, "nan"),
+    arb(1) / arb(0),
+    arb(1) / arb(0, 1),
+)
 
 
 @pytest.mark.parametrize("strange", NOT_NUMBERS, ids=str)
@@ -79,7 +87,11 @@ def test_a_ball_holds_its_exact_number(text, bits) -> None:
 def test_what_a_ball_shares_with_an_interval_is_held() -> None:
     draw = random.Random(5)
     for _ in range(300):
-        mid, rad, length = draw.uniform(-2, 3), draw.choice([0.0, 1e-17, 0.3, 2.0]), draw.uniform(0.1, 2)
+        mid, rad, length = (
+            draw.uniform(-2, 3),
+            draw.choice([0.0, 1e-17, 0.3, 2.0]),
+            draw.uniform(0.1, 2),
+        )
         low, high = (
             max(Fraction(mid) - Fraction(rad), Fraction(0)),
             min(Fraction(mid) + Fraction(rad), Fraction(length)),
@@ -88,9 +100,14 @@ def test_what_a_ball_shares_with_an_interval_is_held() -> None:
         if low > high:
             assert not both.is_finite() or both.contains(arb(0)) or both.contains(arb(length))
             continue
-        assert all(both.contains(arb(float(end))) for end in (low, high) if Fraction(float(end)) == end)
-        # An intersection's radius has 16 bits or more in python-flint; and the rounding of sums of doubles.
-        assert measured(both).uncertainty <= (high - low) / 2 * (1 + Fraction(1, 2**15)) + Fraction(1, 2**50)
+        assert all(
+            both.contains(arb(float(end))) for end in (low, high) if Fraction(float(end)) == end
+        )
+        # An intersection's radius has 16 bits or more in python-flint; and the rounding of sums of
+        # doubles.
+        assert measured(both).uncertainty <= (high - low) / 2 * (1 + Fraction(1, 2**15)) + Fraction(
+            1, 2**50
+        )
     unit = arb(0).union(arb(1))
     assert shared(arb.nan(), unit).contains(unit)
 
@@ -134,13 +151,16 @@ def test_one_thread_waits_for_the_other() -> None:
     assert seen == [(77, 7)]
 
 
-# ------------------------------------------------------------------------- the same, at the worst moment, each time
+# --------------------------------------------------------- the same, at the worst moment, each time
 @pytest.fixture
 def meddled(monkeypatch: pytest.MonkeyPatch) -> Callable[[str, int], None]:
     """Has the context changed whenever the equations are evaluated in a proof."""
 
     def change(name: str, value: int) -> None:
-        for place, usual in (("closed_forms.rates", rates), ("kernel.certificates.saddle.field", field)):
+        for place, usual in (
+            ("closed_forms.rates", rates),
+            ("kernel.certificates.saddle.field", field),
+        ):
 
             def spoilt(*arguments: Any, usual: Callable[..., Any] = usual) -> Any:
                 setattr(ctx, name, value)
@@ -152,14 +172,19 @@ def meddled(monkeypatch: pytest.MonkeyPatch) -> Callable[[str, int], None]:
 
 
 @pytest.mark.parametrize("length", [1, 2, 3])
-def test_a_series_cut_short_in_a_proof_ends_it(meddled: Callable[[str, int], None], length: int) -> None:
+def test_a_series_cut_short_in_a_proof_ends_it(
+    meddled: Callable[[str, int], None], length: int
+) -> None:
     meddled("cap", length)
-    for prove in (lambda: proved_hopf(PRINTED), lambda: prove_connection(PRINTED, "30.0488682607", 6)):
+    for prove in (
+        lambda: proved_hopf(PRINTED),
+        lambda: prove_connection(PRINTED, "30.0488682607", 6),
+    ):
         with pytest.raises(DisturbedError, match=r"ctx\.cap"):
             prove()
 
 
-# ---------------------------------------------------------------------------------------------------- the parts
+# ---------------------------------------------------------------------------------------- the parts
 def test_a_coefficient_beyond_the_series_is_refused() -> None:
     for kind in (arb_series, acb_series):
         series = kind([1, 2, 3], prec=3)

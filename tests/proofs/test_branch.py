@@ -1,4 +1,6 @@
-"""The family from the Hopf point on: scaled states, pieces, how they are joined, and what the command says."""
+"""The family from the Hopf point on: scaled states, pieces, how they are joined, and what the
+command says.
+"""
 
 from __future__ import annotations
 
@@ -44,10 +46,12 @@ NEAR = (1, 2, 3, 4, 5, 6, 8, 10, 12, 16, 20, 30)  #: of the reference data's cyc
 HIGH, NEXT = Fraction("0.1"), Fraction("0.11")  # rad: short pieces, so that a low degree will do
 
 
-# ------------------------------------------------------------------------------------------------------- scaled states
+# ------------------------------------------------------------------------------------ scaled states
 @pytest.mark.parametrize("q", ["0", "1e-20", "0.04", "0.64"])
 def test_the_scaled_sine_and_its_derivative(q) -> None:
-    """Against the functions themselves in 60 digits, and central differences of them by q with steps of 1e-15."""
+    """Against the functions themselves in 60 digits, and central differences of them by q
+    with steps of 1e-15.
+    """
     x = "-1.1"
     with mpmath.workdps(60):
 
@@ -58,11 +62,13 @@ def test_the_scaled_sine_and_its_derivative(q) -> None:
 
         step, at = mpmath.mpf(10) ** -15, mpmath.mpf(q)
         slope = (truth(at + step)[0] - truth(at - step)[0]) / (2 * step)
-        # Differences are off by the third derivative, at most 1, times 1e-30; mpmath's own digits by far less.
+        # Differences are off by the third derivative, at most 1, times 1e-30; mpmath's own digits
+        # by far less.
         expected = [arb(mpmath.nstr(mpmath.re(part), 50), 1e-29) for part in (*truth(at), slope)]
     with working_precision(64):
         found = scaled_sine(ball(x), ball(q))
-        # Few terms decide little at z = 0.8 and must not decide wrongly: a jet over a wide range of q holds them.
+        # Few terms decide little at z = 0.8 and must not decide wrongly: a jet over a wide range of
+        # q holds them.
         wide = scaled_sine(Jet([ball(x), arb(0)]), Jet([ball("0.4"), ball("0.4")]))
         for mine, jet, theirs in zip(found, wide, expected, strict=True):
             assert mine.overlaps(theirs)
@@ -75,7 +81,9 @@ def test_the_scaled_field_at_the_equilibrium_is_the_linearisation() -> None:
         constants, omega = equations.constants(DISK), ball("30.4")
         start = [ball(part) for part in ("0.3", "0.9", "-1.2")]
         matrix = linearization(constants, omega, INVERTED)
-        for mine, row in zip(ScaledModel(constants, omega, arb(0)).rates(start), matrix, strict=True):
+        for mine, row in zip(
+            ScaledModel(constants, omega, arb(0)).rates(start), matrix, strict=True
+        ):
             assert mine.overlaps(sum((a * x for a, x in zip(row, start, strict=True)), arb(0)))
 
 
@@ -84,7 +92,10 @@ def test_what_is_not_odd_is_refused(monkeypatch) -> None:
 
     def crooked(*arguments: Any) -> Any:
         rates = usual(*arguments)
-        return lambda *state: (*rates(*state)[:2], rates(*state)[2] + rates(*state)[0] * rates(*state)[0])
+        return lambda *state: (
+            *rates(*state)[:2],
+            rates(*state)[2] + rates(*state)[0] * rates(*state)[0],
+        )
 
     monkeypatch.setattr("tippedisk_verify.proofs.kernel.scaled.field", crooked)
     with pytest.raises(ArithmeticError, match="not odd"):
@@ -95,14 +106,21 @@ def test_what_is_not_odd_is_refused(monkeypatch) -> None:
 
 
 def test_the_scaled_half_map_and_its_derivatives() -> None:
-    """Of one orbit at a = 0.3, not on a cycle: from the half map itself; by q from P's homogeneity."""
+    """Of one orbit at a = 0.3, not on a cycle: from the half map itself; by q from P's
+    homogeneity.
+    """
     with working_precision(64):
         a, w, omega = ball("0.3"), ball("-1.7"), ball("30.8")
         constants = equations.constants(DISK)
         truth = half_flight(Model(constants, omega), a, a * w, derivatives=True)
-        curve = ScaledCurve(Jet([a * a]), Jet([w]), Jet([omega]), [arb(0)] * 3, Jet([truth.time.mid()]))
+        curve = ScaledCurve(
+            Jet([a * a]), Jet([w]), Jet([omega]), [arb(0)] * 3, Jet([truth.time.mid()])
+        )
         found = fly(constants, curve, StepSearch())
-        image, matrix = [jet.c[0] for jet in found.image], [[jet.c[0] for jet in row] for row in found.matrix]
+        image, matrix = (
+            [jet.c[0] for jet in found.image],
+            [[jet.c[0] for jet in row] for row in found.matrix],
+        )
         assert found.own_time.c[0].overlaps(truth.time)
         assert found.divergence.c[0].overlaps(truth.divergence)
         for k in range(2):
@@ -111,7 +129,8 @@ def test_the_scaled_half_map_and_its_derivatives() -> None:
             assert (a * matrix[k][2]).overlaps(truth.by_omega[k])
             by_q = (truth.matrix[k][0] + w * truth.matrix[k][1] - image[k]) / (2 * a * a)
             assert matrix[k][0].overlaps(by_q)
-            # Balls of 64 bits whose radii a flight multiplies by some thousands, and 1 / (2 q) by 6.
+            # Balls of 64 bits whose radii a flight multiplies by some thousands, and 1 / (2 q) by
+            # 6.
             assert matrix[k][0].rad() < 1e-6
         # The formula is for a fixed point, whose image begins with 1.
         trace = curve.trace(found.matrix).c[0] + image[0] - 1
@@ -119,7 +138,7 @@ def test_the_scaled_half_map_and_its_derivatives() -> None:
         assert trace.rad() < 1e-5  # three of the balls above
 
 
-# -------------------------------------------------------------------------------------------------------------- pieces
+# ------------------------------------------------------------------------------------------- pieces
 @pytest.fixture
 def quick(monkeypatch) -> None:
     """Polynomials of degree 2 and no wider box: seconds a piece."""
@@ -137,7 +156,11 @@ def second() -> Piece:
     cycle = known("0.0028")
     middle = (HIGH + NEXT) / 2
     # v_0 is nearly proportional to the amplitude, Omega_crit - Omega to its square.
-    guess = cycle.v_0.value * middle / cycle.gamma_bar_0.value, cycle.omega.value, cycle.period.value / 2
+    guess = (
+        cycle.v_0.value * middle / cycle.gamma_bar_0.value,
+        cycle.omega.value,
+        cycle.period.value / 2,
+    )
     found = prove_piece(PRINTED, HIGH, NEXT, guess)
     assert isinstance(found, Piece), found
     return found
@@ -156,28 +179,46 @@ def piece() -> Piece:
 
 
 def on_curve(piece: Piece, gamma_bar: Measured, v: Measured, omega: Measured) -> bool:
-    """Whether a cycle that S maps to itself, with numbers in these intervals, is proved to be one of the piece's.
+    """Whether a cycle that S maps to itself, with numbers in these intervals, is proved to be one
+    of the piece's.
 
-    For each gamma_bar_0 of its interval those of v_0 and Omega must lie inside the box of uniqueness.
+    For each gamma_bar_0 of its interval those of v_0 and Omega must lie inside the box of
+    uniqueness.
     """
     ends = [gamma_bar.value - gamma_bar.uncertainty, gamma_bar.value + gamma_bar.uncertainty]
     if not piece.low <= ends[0] <= ends[1] <= piece.high or ends[0] <= 0:
         return False
     with working_precision(BITS):
-        amplitude, *numbers = (ball(x.value) + arb(0, ball(x.uncertainty)) for x in (gamma_bar, v, omega))
+        amplitude, *numbers = (
+            ball(x.value) + arb(0, ball(x.uncertainty)) for x in (gamma_bar, v, omega)
+        )
         s = (2 * amplitude - ball(piece.low) - ball(piece.high)) / ball(piece.high - piece.low)
         if piece.scaled:
-            s, numbers[0] = 2 * amplitude * amplitude / ball(piece.high**2) - 1, numbers[0] / amplitude
-        off = [x - Jet([ball(part) for part in row]).at(s) for x, row in zip(numbers, piece.curve, strict=True)]
-        return all(negative(abs(x) - ball(room)) for x, room in zip(off, piece.unique_within, strict=True))
+            s, numbers[0] = (
+                2 * amplitude * amplitude / ball(piece.high**2) - 1,
+                numbers[0] / amplitude,
+            )
+        off = [
+            x - Jet([ball(part) for part in row]).at(s)
+            for x, row in zip(numbers, piece.curve, strict=True)
+        ]
+        return all(
+            negative(abs(x) - ball(room)) for x, room in zip(off, piece.unique_within, strict=True)
+        )
 
 
-# ----------------------------------------------------------------------------------------------- what is said, and kept
-def _end(parameters: Parameters, low: str, high: str, gamma: str, status: EndStatus = EndStatus.PROVED) -> ProvedEnd:
-    """As if it were proved, of an Omega_h just above ``low`` and a set Q of the gamma_bar from pi - ``gamma`` on."""
+# --------------------------------------------------------------------------- what is said, and kept
+def _end(
+    parameters: Parameters, low: str, high: str, gamma: str, status: EndStatus = EndStatus.PROVED
+) -> ProvedEnd:
+    """As if it were proved, of an Omega_h just above ``low`` and a set Q of the gamma_bar
+    from pi - ``gamma`` on.
+    """
     omega_h = Measured(Fraction(low) + Fraction(1, 10**6), Fraction(1, 10**9))
     connection = replace(proved_connection(), omega_h=omega_h, parameters=parameters)
-    return ProvedEnd(status, connection, Fraction(low), Fraction(high), Fraction(gamma), Fraction(1))
+    return ProvedEnd(
+        status, connection, Fraction(low), Fraction(high), Fraction(gamma), Fraction(1)
+    )
 
 
 @pytest.mark.usefixtures("quick")
@@ -192,7 +233,12 @@ def test_the_other_end_closes_only_what_it_reaches() -> None:
     assert reaches.end_closed
     assert reaches.proved
     assert reaches.covered == 1
-    for word in ("a in (0, pi)", "Omega_h < Omega < Omega_crit", "tends to infinity", "none but these cycles'"):
+    for word in (
+        "a in (0, pi)",
+        "Omega_h < Omega < Omega_crit",
+        "tends to infinity",
+        "none but these cycles'",
+    ):
         assert word in reaches.statement
     ends = reaches.to_dict()["ends"]
     assert (ends["hopf"], ends["heteroclinic"]["closed"]) == ({"closed": True}, True)
@@ -218,21 +264,30 @@ def test_what_is_covered() -> None:
     entries = proof.to_dict()
     assert (entries["proved"], entries["ends"]["hopf"]) == (False, {"closed": True})
     assert entries["ends"]["heteroclinic"]["closed"] is False
-    # Omega_crit - Omega is about 0.254 a^2 (Theorem 3) of 0.83772 rad/s in all, less the radius of the last box.
+    # Omega_crit - Omega is about 0.254 a^2 (Theorem 3) of 0.83772 rad/s in all, less the radius of
+    # the last box.
     least = 0.25 * float(NEXT) ** 2 - float(second().within[1])
     assert least / 0.83772 < float(entries["covered"]) < 0.26 * float(NEXT) ** 2 / 0.83772
     # What is rounded is rounded to the safe side.
     highest = second().speeds(NEXT)[1]
     assert highest <= proof.omega_end < highest + Fraction(1, 10**9)
-    rooms = [[room - near for room, near in zip(part.unique_within, part.within, strict=True)] for part in proof.pieces]
+    rooms = [
+        [room - near for room, near in zip(part.unique_within, part.within, strict=True)]
+        for part in proof.pieces
+    ]
     assert unique_within(proof.pieces) == (rooms[0][0], rooms[1][0], min(room[1] for room in rooms))
     assert PRINTED.definition() in entries["statement"]
     for word in ("asymptotically stable", "exactly one of these cycles", entries["omega_end"]):
         assert word in entries["statement"]
-    holed = replace(proof, pieces=(piece(), replace(second(), low=second().low + Fraction(1, 1000))))
+    holed = replace(
+        proof, pieces=(piece(), replace(second(), low=second().low + Fraction(1, 1000)))
+    )
     assert holed.statement.startswith("nothing is proved")
     nothing = BranchProof(SUBCRITICAL, (), ArcStatus.RISING)
-    assert nothing.statement == "nothing is proved: from gamma_bar_0 = 0 rad on Omega grows with the amplitude."
+    assert (
+        nothing.statement
+        == "nothing is proved: from gamma_bar_0 = 0 rad on Omega grows with the amplitude."
+    )
     assert nothing.covered is None
 
 
@@ -252,7 +307,9 @@ def _run(capsys, *arguments: str, status: int) -> str:
 def test_the_command_says_and_draws_what_is_proved(capsys, monkeypatch, tmp_path) -> None:
     proof = BranchProof(PRINTED, (piece(), second()), connection=proved_connection())
     monkeypatch.setattr(search, "prove_family", lambda *_, **__: proof)
-    result = json.loads(_run(capsys, "--to", str(float(NEXT)), "--out", str(tmp_path), "--json", status=1))
+    result = json.loads(
+        _run(capsys, "--to", str(float(NEXT)), "--out", str(tmp_path), "--json", status=1)
+    )
     assert (tmp_path / "proved_family.svg").stat().st_size > 10_000
     assert (result["proved"], result["covered"]) == (False, proof.to_dict()["covered"])
     assert [read_piece(entry) for entry in result["arcs"]] == [piece(), second()]
@@ -263,20 +320,27 @@ def test_the_command_says_and_draws_what_is_proved(capsys, monkeypatch, tmp_path
 def read_piece(entry: Mapping[str, Any]) -> Piece:
     """An arc of the command's JSON."""
     first, second = (tuple(map(Fraction, row)) for row in entry["curve"])
-    unique, near = ((Fraction(x), Fraction(y)) for x, y in (entry["unique_within"], entry["within"]))
+    unique, near = (
+        (Fraction(x), Fraction(y)) for x, y in (entry["unique_within"], entry["within"])
+    )
     return Piece(Fraction(entry["low"]), Fraction(entry["high"]), (first, second), unique, near)
 
 
 @pytest.mark.slow(minutes=20)
 def test_the_whole_of_the_printed_disk(capsys, tmp_path) -> None:
-    """The command's own sentence, also by its certificate; cycles of the reference data, and thirty that are proved one
-    by one, are its.
+    """The command's own sentence, also by its certificate; cycles of the reference data, and thirty
+    that are proved one by one, are its.
     """
     certificate = tmp_path / "family.json"
     said = json.loads(_run(capsys, "--json", "--certificate", str(certificate), status=0))
     assert check(str(certificate)) == said["statement"]
     end = said["ends"]["heteroclinic"]
-    assert (said["proved"], said["covered"], said["ends"]["hopf"], end["closed"]) == (True, "1", {"closed": True}, True)
+    assert (said["proved"], said["covered"], said["ends"]["hopf"], end["closed"]) == (
+        True,
+        "1",
+        {"closed": True},
+        True,
+    )
     proved = [read_piece(entry) for entry in said["arcs"]]
     assert search.chain(proved) == proved
 
@@ -284,23 +348,39 @@ def test_the_whole_of_the_printed_disk(capsys, tmp_path) -> None:
         """Whether a cycle is one of the arcs', or next to the connection."""
         beside = (
             omega.value <= Fraction(end["to"])
-            and gamma_bar.value - gamma_bar.uncertainty > Fraction("3.141592654") - Fraction(end["gamma"])
+            and gamma_bar.value - gamma_bar.uncertainty
+            > Fraction("3.141592654") - Fraction(end["gamma"])
             and -Fraction(end["v"]) <= v.value - v.uncertainty
         )
         return beside or any(on_curve(part, gamma_bar, v, omega) for part in proved)
 
-    for name in ("limit-cycle/crit-0.01", "limit-cycle/crit-0.7", *(f"near-heteroclinic/het+1e-{k}" for k in NEAR)):
-        v, gamma_bar = (reference(f"table1/linear/{name}/{part}") for part in ("v_0", "gamma_bar_0"))
-        assert known(gamma_bar.measured(), v.measured(), Measured(Fraction(v.inputs["Omega"]), Fraction(0))), name
+    for name in (
+        "limit-cycle/crit-0.01",
+        "limit-cycle/crit-0.7",
+        *(f"near-heteroclinic/het+1e-{k}" for k in NEAR),
+    ):
+        v, gamma_bar = (
+            reference(f"table1/linear/{name}/{part}") for part in ("v_0", "gamma_bar_0")
+        )
+        assert known(
+            gamma_bar.measured(), v.measured(), Measured(Fraction(v.inputs["Omega"]), Fraction(0))
+        ), name
     rng = random.Random(24)
     least, highest = (Fraction(said[name]["value"]) for name in ("omega_h", "omega_crit"))
-    speeds = [round(least + (highest - least) * Fraction(rng.randint(1, 10**6 - 1), 10**6), 12) for _ in range(30)]
+    speeds = [
+        round(least + (highest - least) * Fraction(rng.randint(1, 10**6 - 1), 10**6), 12)
+        for _ in range(30)
+    ]
     cycles = list(family(PRINTED, default_engine(), omegas=speeds))
     for start in cycles:
         cycle = prove_cycle(PRINTED, start.omega.value, (start.gamma_bar_0.value, start.v_0.value))
         found = cycle.numbers()
         assert cycle.proved
-        assert known(found["gamma_bar_0"], found["v_0"], Measured(cycle.omega, Fraction(0))), cycle.omega
+        assert known(found["gamma_bar_0"], found["v_0"], Measured(cycle.omega, Fraction(0))), (
+            cycle.omega
+        )
         # A cycle of another amplitude is not known.
-        elsewhere = replace(found["gamma_bar_0"], value=found["gamma_bar_0"].value * Fraction(9, 10))
+        elsewhere = replace(
+            found["gamma_bar_0"], value=found["gamma_bar_0"].value * Fraction(9, 10)
+        )
         assert not known(elsewhere, found["v_0"], Measured(cycle.omega, Fraction(0)))

@@ -1,4 +1,6 @@
-"""Certificates: what a proof logs is accepted by the kernel alone, and what is tampered with is not."""
+"""Certificates: what a proof logs is accepted by the kernel alone, and what is tampered with
+is not.
+"""
 
 from __future__ import annotations
 
@@ -35,7 +37,9 @@ KERNEL = Path(tippedisk_verify.__file__).parent / "proofs" / "kernel"
 PROOFS: dict[str, Callable[[], Any]] = {
     "cycle": lambda: prove_cycle(PRINTED, OMEGA, GUESS, digits=2),
     "smooth": lambda: prove_cycle(SMOOTH, OMEGA, SMOOTH_GUESS, digits=2),
-    "rotation": lambda: prove_cycle(PRINTED, "30.0388", ("0.46984", "0.60389"), digits=2, section=TURN),
+    "rotation": lambda: prove_cycle(
+        PRINTED, "30.0388", ("0.46984", "0.60389"), digits=2, section=TURN
+    ),
     "fold": lambda: prove_fold(SUBCRITICAL, SUBCRITICAL_FOLD, digits=5),
 }
 Names = tuple[Any, ...]
@@ -70,7 +74,10 @@ def flights(content: Any) -> list[Names]:
     for prefix in [(name,) for name in evidence if "centre" in evidence[name]] or [()]:
         point = at(evidence, prefix)
         boxes = [name for name in ("box", "wide box") if name in point]
-        found += [("evidence", *prefix, "centre"), *(("evidence", *prefix, name, "flight") for name in boxes)]
+        found += [
+            ("evidence", *prefix, "centre"),
+            *(("evidence", *prefix, name, "flight") for name in boxes),
+        ]
     return found
 
 
@@ -80,13 +87,20 @@ LAW_MODEL, COEFFICIENTS = sliding.law_model, System.coefficients
 
 @pytest.fixture
 def remembered(monkeypatch) -> Iterator[None]:
-    """Series that were computed once are not computed again: most of a tampered file is as it was."""
+    """Series that were computed once are not computed again: most of a tampered file is as it
+    was.
+    """
 
     def exactly(x: Any) -> Names:
         return (*x.mid().man_exp(), *x.rad().man_exp()) if x.is_finite() else (str(x),)
 
     def model(friction: str, constants: Any, omega: Any) -> Any:
-        key = ("model", ctx.prec, friction, *(part for x in (*constants, omega) for part in exactly(x)))
+        key = (
+            "model",
+            ctx.prec,
+            friction,
+            *(part for x in (*constants, omega) for part in exactly(x)),
+        )
         if key not in KNOWN:
             KNOWN[key] = LAW_MODEL(friction, constants, omega)
         return KNOWN[key]
@@ -103,20 +117,26 @@ def remembered(monkeypatch) -> Iterator[None]:
     KNOWN.clear()
 
 
-# ---------------------------------------------------------------------------------------------------------- accepted
+# ----------------------------------------------------------------------------------------- accepted
 def test_what_is_written_is_accepted_by_the_kernel_alone(tmp_path) -> None:
-    """In a process of its own, with nothing of the search loaded; its sentence is the one that was proved."""
+    """In a process of its own, with nothing of the search loaded; its sentence is the one
+    that was proved.
+    """
     path = tmp_path / "cycle.json"
     content, statement = written()
     path.write_text(content)
     script = (
-        "import sys; from tippedisk_verify.proofs.kernel.__main__ import main; status = main(sys.argv[1:]); "
+        "import sys; from tippedisk_verify.proofs.kernel.__main__ import main; status = "
+        "main(sys.argv[1:]); "
         "mine = {name for name in sys.modules if name.startswith('tippedisk_verify.')}; "
         "alone = ('tippedisk_verify.proofs.kernel', 'tippedisk_verify.errors'); "
-        "print(sorted(name for name in mine if not name.startswith(alone) and name != 'tippedisk_verify.proofs')); "
+        "print(sorted(name for name in mine if not name.startswith(alone) and name != "
+        "'tippedisk_verify.proofs')); "
         "sys.exit(status)"
     )
-    run = subprocess.run([sys.executable, "-c", script, str(path)], capture_output=True, text=True, check=False)
+    run = subprocess.run(
+        [sys.executable, "-c", script, str(path)], capture_output=True, text=True, check=False
+    )
     assert (run.returncode, run.stderr, run.stdout) == (0, "", f"proved: {statement}\n[]\n")
 
 
@@ -130,7 +150,7 @@ def test_a_weaker_claim_is_another_true_claim(remembered) -> None:
     assert "a periodic orbit, of undecided stability" in sentence
 
 
-# ---------------------------------------------------------------------------------------------------------- tampered
+# ----------------------------------------------------------------------------------------- tampered
 def times(number: str, power: int) -> str:
     mantissa, exponent = number.split("p")
     return f"{mantissa}p{int(exponent) + power}"
@@ -149,8 +169,16 @@ def put(path: Names, value: Any) -> Callable[[Any], None]:
     return act
 
 
+def _beyond(number: dict[str, str]) -> dict[str, str]:
+    """Return the number three half-widths away."""
+    value = Fraction(number["value"]) + 3 * Fraction(number["uncertainty"])
+    return {**number, "value": exact_text(value)}
+
+
 def false_claims(content: Any) -> Iterator[Change]:
-    """Every number elsewhere, and sharper than it is known; every parameter; the law; the speed; the rest."""
+    """Every number elsewhere, and sharper than it is known; every parameter; the law; the
+    speed; the rest.
+    """
     claim = content["claim"]
     first = next(name for name in claim["numbers"] if name in ("gamma_bar_0", "beta_bar_top"))
     fold = "extremum" in claim
@@ -158,24 +186,44 @@ def false_claims(content: Any) -> Iterator[Change]:
         if fold and name == first:  # of a fold the arc, which is what the claim is about
             continue
         number = ("claim", "numbers", name)
-        beyond = lambda n: {**n, "value": exact_text(Fraction(n["value"]) + 3 * Fraction(n["uncertainty"]))}  # noqa: E731
-        yield f"{name} elsewhere", put(number, beyond)
-        yield f"{name} too sharp", put((*number, "uncertainty"), lambda w: exact_text(Fraction(w) / 10**9))
+        yield f"{name} elsewhere", put(number, _beyond)
+        yield (
+            f"{name} too sharp",
+            put((*number, "uncertainty"), lambda w: exact_text(Fraction(w) / 10**9)),
+        )
         yield f"{name} of negative width", put((*number, "uncertainty"), lambda w: f"-{w}")
     for name in SYMBOLS:
-        yield f"another {name}", put(("claim", "parameters", name), lambda v: exact_text(Fraction(v) * 1001 / 1000))
+        yield (
+            f"another {name}",
+            put(("claim", "parameters", name), lambda v: exact_text(Fraction(v) * 1001 / 1000)),
+        )
     yield "a negative mass", put(("claim", "parameters", "m"), "-0.435")
-    yield "another law", put(("claim", "friction"), lambda law: "linear" if law == "smooth" else "smooth")
+    yield (
+        "another law",
+        put(("claim", "friction"), lambda law: "linear" if law == "smooth" else "smooth"),
+    )
     other = {"limit cycle": "rotating limit cycle", "rotating limit cycle": "limit cycle"}
-    yield "another kind", put(("claim", "kind"), other.get(claim["kind"], "fold of rotating limit cycles"))
+    yield (
+        "another kind",
+        put(("claim", "kind"), other.get(claim["kind"], "fold of rotating limit cycles")),
+    )
     if fold:
         arc = ("claim", "numbers", first)
-        yield "another extremum", put(("claim", "extremum"), lambda e: "smallest" if e == "largest" else "largest")
-        yield "an arc beside", put((*arc, "value"), lambda x: exact_text(Fraction(x) + Fraction(1, 10**4)))
+        yield (
+            "another extremum",
+            put(("claim", "extremum"), lambda e: "smallest" if e == "largest" else "largest"),
+        )
+        yield (
+            "an arc beside",
+            put((*arc, "value"), lambda x: exact_text(Fraction(x) + Fraction(1, 10**4))),
+        )
         yield "an empty arc", put((*arc, "uncertainty"), "0")
         yield "a longer arc", put((*arc, "uncertainty"), lambda x: exact_text(10 * Fraction(x)))
         return
-    yield "another speed", put(("claim", "omega"), lambda x: exact_text(Fraction(x) + Fraction(1, 10**6)))
+    yield (
+        "another speed",
+        put(("claim", "omega"), lambda x: exact_text(Fraction(x) + Fraction(1, 10**6))),
+    )
     yield "another stability", put(("claim", "stable"), lambda stable: not stable)
     for name in claim["unique_within"]:
         yield f"alone too far in {name}", put(("claim", "unique_within", name), "1")
@@ -197,7 +245,10 @@ def other_evidence(content: Any) -> Iterator[Change]:
         if names[-1] != "centre":
             # Where 1 - Y F' becomes -3; an entry by itself may be as small as the fast contraction.
             inverse = (*names[:-1], "inverse")
-            yield f"{names} inverse", put(inverse, lambda y: [[times(x, 2) for x in row] for row in y])
+            yield (
+                f"{names} inverse",
+                put(inverse, lambda y: [[times(x, 2) for x in row] for row in y]),
+            )
         steps = at(content, names)
         entry = (*names, len(steps) // 2)
         first = (*entry, "steps", 0)
@@ -208,23 +259,59 @@ def other_evidence(content: Any) -> Iterator[Change]:
         yield f"{entry} untested", put((*entry, "steps"), [])
         for index in [index for index, step in enumerate(steps) if len(step["steps"]) > 1][:1]:
             yield f"{names} nothing behind a change", put((*names, index, "steps"), lambda s: s[:1])
-            yield f"{names} too short behind a change", put((*names, index, "steps", 1, 0), lambda h: times(h, -6))
+            yield (
+                f"{names} too short behind a change",
+                put((*names, index, "steps", 1, 0), lambda h: times(h, -6)),
+            )
         here = lambda c, names=names: at(c, names)  # noqa: E731
         yield f"{names} last step missing", lambda c, here=here: here(c).pop()
         # A single short step may be made up for by the last one, which need not end at the section.
-        yield f"{names} every third step missing", lambda c, here=here: here(c).__delitem__(slice(7, None, 3))
+        yield (
+            f"{names} every third step missing",
+            lambda c, here=here: here(c).__delitem__(slice(7, None, 3)),
+        )
         yield f"{names} another step at the end", lambda c, here=here: here(c).append(here(c)[3])
 
 
 def unreadable(content: Any) -> list[Change]:
     """Return certificates with values that are no numbers here, and with other shapes."""
     step = (*flights(content)[0], 3)
-    points = (1.5, 1, None, [], "", "0x1p0", "1p", "1p1e3", "nan", " 1p0", "1p0 ", "+1p0", "\u0661p0")
-    decimals = (30.3, "nan", "inf", "1/0", "1/00", "1/", "3 0", "1_0", "0x1e", "", "\u0661", "1e99999")
+    points = (
+        1.5,
+        1,
+        None,
+        [],
+        "",
+        "0x1p0",
+        "1p",
+        "1p1e3",
+        "nan",
+        " 1p0",
+        "1p0 ",
+        "+1p0",
+        "\u0661p0",
+    )
+    decimals = (
+        30.3,
+        "nan",
+        "inf",
+        "1/0",
+        "1/00",
+        "1/",
+        "3 0",
+        "1_0",
+        "0x1e",
+        "",
+        "\u0661",
+        "1e99999",
+    )
     return [
         *((f"{x!r} for a point", put((*step, "axes", 0, 0), x)) for x in points),
         *((f"{x!r} for a decimal", put(("claim", "parameters", "g"), x)) for x in decimals),
-        *((f"{x!r} bits", put(("bits",), x)) for x in (0, 1, -1, 1.0, "64", True, 10**9, None, 23, 24)),
+        *(
+            (f"{x!r} bits", put(("bits",), x))
+            for x in (0, 1, -1, 1.0, "64", True, 10**9, None, 23, 24)
+        ),
         ("unknown member", lambda c: c.update(comment="true")),
         ("unknown member of a step", put(step, lambda s: s | {"note": "1p0"})),
         ("a step of two numbers", put((*step, "steps", 0), lambda s: s[:2])),
@@ -253,10 +340,18 @@ def rejected(kind: str, name: str, act: Callable[[Any], None]) -> str:
 
 
 @pytest.mark.parametrize(
-    "kind", ["cycle", *(pytest.param(kind, marks=pytest.mark.slow(minutes=0.3)) for kind in ("rotation", "fold"))]
+    "kind",
+    [
+        "cycle",
+        *(pytest.param(kind, marks=pytest.mark.slow(minutes=0.3)) for kind in ("rotation", "fold")),
+    ],
 )
-def test_the_kernel_refuses_a_member_that_nothing_tests(kind: str, remembered, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Whatever a shape allows: what the kernel has not looked at is not in a sentence that is proved."""
+def test_the_kernel_refuses_a_member_that_nothing_tests(
+    kind: str, remembered, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whatever a shape allows: what the kernel has not looked at is not in a sentence that is
+    proved.
+    """
     content = fresh(kind)
     name = content["claim"]["kind"]
     shapes = certificates.KINDS[name].SHAPES
@@ -283,7 +378,9 @@ def test_unreadable_certificates_and_some_tampered_ones_are_rejected(remembered)
 
 @pytest.mark.slow(minutes=1)
 @pytest.mark.parametrize("kind", PROOFS)
-def test_certificates_of_every_kind_are_accepted_and_all_tampered_ones_rejected(kind: str, remembered) -> None:
+def test_certificates_of_every_kind_are_accepted_and_all_tampered_ones_rejected(
+    kind: str, remembered
+) -> None:
     content, statement = written(kind)
     assert proved(json.loads(content)) == statement
     lines = {name: rejected(kind, name, act) for name, act in mutations(kind)}
@@ -312,7 +409,7 @@ def test_a_half_width_of_a_few_last_bits_is_held() -> None:
                 held({"value": str(middle), "uncertainty": str(half / 2)}, x, "a number")
 
 
-# ------------------------------------------------------------------------------------------------------ as a user meets
+# ---------------------------------------------------------------------------------- as a user meets
 @pytest.mark.parametrize(
     "content",
     [
@@ -355,7 +452,18 @@ def test_a_claim_that_is_not_shown_has_status_one_and_its_line(tmp_path, capsys)
 
 def test_without_a_proof_no_certificate_is_written(tmp_path) -> None:
     target = tmp_path / "c.json"
-    nowhere = ["certify", "orbit", "--omega", "30.4", "--guess", "1e-9", "1e-9", "--digits", "2", "--quiet"]
+    nowhere = [
+        "certify",
+        "orbit",
+        "--omega",
+        "30.4",
+        "--guess",
+        "1e-9",
+        "1e-9",
+        "--digits",
+        "2",
+        "--quiet",
+    ]
     assert main([*nowhere, "--certificate", str(target)]) == 1
     assert not target.exists()
 
@@ -370,5 +478,8 @@ def test_the_kernel_stands_alone() -> None:
                 names = [node.module or ""]
             for name in names:
                 first = name.split(".")[0]
-                own = name.startswith("tippedisk_verify.proofs.kernel") or first in ("flint", "numpy")
+                own = name.startswith("tippedisk_verify.proofs.kernel") or first in (
+                    "flint",
+                    "numpy",
+                )
                 assert own or first in sys.stdlib_module_names, (path.name, name)

@@ -41,7 +41,9 @@ class Careless(Steps):
 
     def axes(self, turned: Any, sizes: Any, stiffness: Any) -> Sequence[Sequence[Any]]:
         chosen = super().axes(turned, sizes, stiffness)
-        return [[entry + self.draw.uniform(-0.1, 0.1) / stiffness for entry in row] for row in chosen]
+        return [
+            [entry + self.draw.uniform(-0.1, 0.1) / stiffness for entry in row] for row in chosen
+        ]
 
 
 @pytest.mark.slow(minutes=1)
@@ -55,7 +57,9 @@ def test_what_careless_choices_show_is_true(friction: str) -> None:
         with working_precision(64):
             box = [part + arb(0, size) for part in map(ball, START)]
             proposer = Careless(random.Random(seed))
-            flight = return_map(model_of(parameters, ball(OMEGA)), HALF, box, proposer, derivatives=True)
+            flight = return_map(
+                model_of(parameters, ball(OMEGA)), HALF, box, proposer, derivatives=True
+            )
         if flight.status is not FlowStatus.RETURNED:
             continue
         shown += 1
@@ -65,7 +69,11 @@ def test_what_careless_choices_show_is_true(friction: str) -> None:
             (flight.beta_least, truth.beta_least),
             *zip(flight.image, truth.image, strict=True),
             *zip(flight.by_omega, truth.by_omega, strict=True),
-            *zip((*flight.matrix[0], *flight.matrix[1]), (*truth.matrix[0], *truth.matrix[1]), strict=True),
+            *zip(
+                (*flight.matrix[0], *flight.matrix[1]),
+                (*truth.matrix[0], *truth.matrix[1]),
+                strict=True,
+            ),
         ):
             assert mine.contains(true.mid())
     assert shown
@@ -120,9 +128,13 @@ def test_the_kernel_believes_its_own_steps_only() -> None:
     for proposer in (Stale(), doubled):
         with pytest.raises(ValueError, match="a step from elsewhere"):
             flown(proposer)
-    shifted = Forging(lambda step: replace(step, polynomials=[[1 + c[0], *c[1:]] for c in step.polynomials]))
+    shifted = Forging(
+        lambda step: replace(step, polynomials=[[1 + c[0], *c[1:]] for c in step.polynomials])
+    )
     for proposer in (shifted, Meddling()):
         flight = flown(proposer)
         assert flight.status is FlowStatus.RETURNED
-        for mine, its in zip((flight.time, *flight.image), (honest.time, *honest.image), strict=True):
+        for mine, its in zip(
+            (flight.time, *flight.image), (honest.time, *honest.image), strict=True
+        ):
             assert (mine.mid(), mine.rad()) == (its.mid(), its.rad())

@@ -36,18 +36,29 @@ def _json(capsys, *arguments: str, status: int = 0) -> dict:
 def test_equilibria(capsys) -> None:
     result = _json(capsys, "certify", "equilibria", "--omega", "30.4", "--digits", "30")
     assert result["proved"] is True
-    assert (result["inverted"]["stable"], result["noninverted"]["unstable_directions"]) == (False, 1)
+    assert (result["inverted"]["stable"], result["noninverted"]["unstable_directions"]) == (
+        False,
+        1,
+    )
     for value in result["inverted"]["eigenvalues"]:
         assert Fraction(value["re"]["uncertainty"]) <= abs(Fraction(value["re"]["value"])) / 10**27
-    always = _json(capsys, "certify", "equilibria", "--every-speed", "--friction", "smooth", "--digits", "20")
+    always = _json(
+        capsys, "certify", "equilibria", "--every-speed", "--friction", "smooth", "--digits", "20"
+    )
     assert Fraction(always["omega_crit"]["uncertainty"]) < Fraction(1, 10**17)
     # The sentence stands by itself: the disk, and the numbers as above.
-    for said in ("unstable at every Omega > 0", PRINTED.definition(), always["omega_crit"]["value"]):
+    for said in (
+        "unstable at every Omega > 0",
+        PRINTED.definition(),
+        always["omega_crit"]["value"],
+    ):
         assert said in always["statement"]
 
 
 def test_heteroclinic_about_a_given_speed(capsys) -> None:
-    result = _json(capsys, "certify", "heteroclinic", "--near", "30.2", "--digits", "4", "--quiet", status=1)
+    result = _json(
+        capsys, "certify", "heteroclinic", "--near", "30.2", "--digits", "4", "--quiet", status=1
+    )
     assert (result["proved"], result["status"]) == (False, "not_near")
     assert result["statement"].startswith("nothing is proved")
 
@@ -55,12 +66,18 @@ def test_heteroclinic_about_a_given_speed(capsys) -> None:
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["certify", "equilibria", "--omega", "30", "--every-speed"], "--every-speed takes the place"),
+        (
+            ["certify", "equilibria", "--omega", "30", "--every-speed"],
+            "--every-speed takes the place",
+        ),
         (["certify", "hopf", "--friction", "smooth"], "smooth"),
         (["certify", "heteroclinic", "--digits", "301"], "300 digits"),
         (["certify", "heteroclinic", "--near", "-1"], "between 1e-6 and 1e6"),
         (["certify", "heteroclinic", "--cycles", "1"], "between 0 and 1"),
-        (["certify", "heteroclinic", "--cycles", "0.001", "--friction", "smooth"], "linear friction law"),
+        (
+            ["certify", "heteroclinic", "--cycles", "0.001", "--friction", "smooth"],
+            "linear friction law",
+        ),
     ],
 )
 def test_bad_input_gets_one_line(capsys, arguments: list[str], said: str) -> None:
@@ -78,7 +95,9 @@ def test_without_python_flint_one_line_says_what_to_install() -> None:
     )
     kernel = "import sys; sys.argv, sys.modules['flint'] = ['-m'], None\nimport tippedisk_verify.proofs.kernel.__main__"
     for source, name in ((program, "tippedisk-verify: "), (kernel, "")):
-        ran = subprocess.run([sys.executable, "-c", source], capture_output=True, text=True, check=False)
+        ran = subprocess.run(
+            [sys.executable, "-c", source], capture_output=True, text=True, check=False
+        )
         assert (ran.returncode, ran.stdout) == (2, "")
         assert ran.stderr == f"{name}proofs need python-flint: pip install '.[certify]'\n"
 
@@ -88,13 +107,15 @@ def test_the_help_loads_no_flint(capsys) -> None:
         "import sys; from tippedisk_verify.cli import main; main(['certify', '--help'])\n"
         "sys.exit('flint' in sys.modules)"
     )
-    ran = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    ran = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=False
+    )
     assert ran.returncode == 0
     for command in ("orbit", "hopf", "equilibria", "heteroclinic"):
         assert command in ran.stdout
 
 
-# --------------------------------------------------------------------------------------------------------- closed forms
+# ------------------------------------------------------------------------------------- closed forms
 # A and Bbar too close: criticality_margin is negative.
 SUBCRITICAL = PRINTED.changed(A="0.2305e-3", B="0.2290e-3")
 
@@ -118,7 +139,10 @@ def test_eigenvalues_agree_with_theory(name: str, omega: str) -> None:
     proved = proved_equilibrium(PRINTED, omega, name, 30)
     ordinary = equilibrium(PRINTED, omega, name, 30)  # type: ignore[arg-type]
     assert proved.stable == ordinary.stable
-    assert proved.unstable_directions == {"inverted": 0 if ordinary.stable else 2, "noninverted": 1}[name]
+    assert (
+        proved.unstable_directions
+        == {"inverted": 0 if ordinary.stable else 2, "noninverted": 1}[name]
+    )
     for mine, theirs in zip(proved.eigenvalues, ordinary.eigenvalues, strict=True):
         for part, other in ((mine.re, theirs.re), (mine.im, theirs.im)):
             assert abs(part.value - other.value) <= other.uncertainty + part.uncertainty

@@ -1,4 +1,6 @@
-"""Certificates of Omega_h and of the cycles next to it: accepted as written, and refused if tampered with."""
+"""Certificates of Omega_h and of the cycles next to it: accepted as written, and refused if
+tampered with.
+"""
 
 from __future__ import annotations
 
@@ -60,7 +62,10 @@ def refused(text: str, line: str, act: Change) -> None:
 def disks() -> Iterator[tuple[str, Change]]:
     """Other disks than the one of which it is proved."""
     for name in ("A", "mu", "m"):
-        yield ".", put("claim", "parameters", name, exact_text(getattr(PRINTED, name) * 1001 / 1000))
+        yield (
+            ".",
+            put("claim", "parameters", name, exact_text(getattr(PRINTED, name) * 1001 / 1000)),
+        )
     yield "no disk's", put("claim", "parameters", "e", "0.05")
     yield ".", put("bits", 30)
 
@@ -69,7 +74,10 @@ OF_THE_CONNECTION: list[tuple[str, Change]] = [
     ("the smooth law has sides", put("claim", "friction", "smooth")),
     ("box at the second saddle", put("claim", "beta", "0.0001")),
     ("eigenvalues", put("claim", "numbers", "lambda_u", "value", "6.65")),
-    ("eigenvalues", lambda c: c["claim"]["numbers"].update(lambda_s=c["claim"]["numbers"]["lambda_ss"])),
+    (
+        "eigenvalues",
+        lambda c: c["claim"]["numbers"].update(lambda_s=c["claim"]["numbers"]["lambda_ss"]),
+    ),
     ("opposite sides", put("claim", "numbers", "omega_h", "uncertainty", "1e-8")),
     ("interval of speeds is empty", put("claim", "numbers", "omega_h", "uncertainty", "0")),
     (".", put("evidence", "directions", lambda rows: [row[::-1] for row in rows])),
@@ -108,7 +116,9 @@ def test_a_weaker_claim_is_accepted_as_what_it_says() -> None:
 
 
 def test_the_branch_on_which_gamma_falls_is_not_taken_for_the_other_one() -> None:
-    """In directions with a first column that mixes two eigenvectors, in which the falling branch has z_u > 0."""
+    """In directions with a first column that mixes two eigenvectors, in which the falling
+    branch has z_u > 0.
+    """
     content = json.loads(connection().certificate())
     claim, evidence = content["claim"], content["evidence"]
     with working_precision(content["bits"]):
@@ -127,7 +137,9 @@ def test_the_branch_on_which_gamma_falls_is_not_taken_for_the_other_one() -> Non
             _departure(saddle, lambda name, *_: choices[name])
 
 
-@pytest.mark.parametrize("share", [slice(5, None, 6), pytest.param(slice(None), marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "share", [slice(5, None, 6), pytest.param(slice(None), marks=pytest.mark.slow)]
+)
 def test_no_tampered_certificate_of_omega_h_is_accepted(share: slice) -> None:
     text = connection().certificate()
     for line, act in [*OF_THE_CONNECTION, *disks()][share]:
@@ -144,8 +156,14 @@ def test_the_command_writes_it_and_checks_it(tmp_path, capsys) -> None:
     assert main(["certify", "heteroclinic", *near, "--certificate", str(path)]) == 0
     result = json.loads(capsys.readouterr().out)
     assert main(["certify", "check", str(path), "--json"]) == 0
-    assert json.loads(capsys.readouterr().out) == {"accepted": True, "statement": result["statement"]}
-    assert main(["certify", "heteroclinic", *near, "--certificate", str(tmp_path / "no" / "c.json")]) == 2
+    assert json.loads(capsys.readouterr().out) == {
+        "accepted": True,
+        "statement": result["statement"],
+    }
+    assert (
+        main(["certify", "heteroclinic", *near, "--certificate", str(tmp_path / "no" / "c.json")])
+        == 2
+    )
     assert "cannot be written" in capsys.readouterr().err
 
 
@@ -179,8 +197,13 @@ OF_THE_CYCLES: list[tuple[str, Change]] = [
 
 
 @pytest.mark.slow(minutes=2)
-def test_the_certificate_of_the_cycles_is_accepted_and_nothing_else_is(taylor, monkeypatch: pytest.MonkeyPatch) -> None:
-    """And cycles of shooting are among those of which it speaks. What is shown once of Omega_h is remembered."""
+def test_the_certificate_of_the_cycles_is_accepted_and_nothing_else_is(
+    taylor, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """And cycles of shooting are among those of which it speaks.
+
+    What is shown once of Omega_h is remembered.
+    """
     proof = proved_connection()
     end = prove_end(proof)
     assert end.proved, end.statement
@@ -189,14 +212,20 @@ def test_the_certificate_of_the_cycles_is_accepted_and_nothing_else_is(taylor, m
     for share in (Fraction(9, 10), Fraction(1, 30)):
         cycle = limit_cycle(PRINTED, OMEGA_H + (end.high - OMEGA_H) * share, taylor)
         with working_precision(64):
-            assert end.meets(ball(cycle.omega.value), ball(cycle.gamma_bar_0.value), ball(cycle.v_0.value))
+            assert end.meets(
+                ball(cycle.omega.value), ball(cycle.gamma_bar_0.value), ball(cycle.v_0.value)
+            )
         assert float(cycle.multiplier_slow) < kappa**2  # of two half maps
         assert float(cycle.period) > 2 * least_time
         assert float(cycle.dperiod_domega) < 0
     text = end.certificate()
     assert len(text) < 60_000
     assert proved(json.loads(text)) == end.statement
-    for part in (PRINTED.definition(), "from 30.0474 to 30.0569 rad/s exactly one, Omega_h", "3 pi/2 - 0.14 <= gamma"):
+    for part in (
+        PRINTED.definition(),
+        "from 30.0474 to 30.0569 rad/s exactly one, Omega_h",
+        "3 pi/2 - 0.14 <= gamma",
+    ):
         assert part in end.statement
     usual, original = connection_cycles.verify_connection, json.loads(text)
     steps = put("evidence", "flights", "steps", 198)  # is found at the flights' end only
@@ -212,5 +241,7 @@ def test_the_certificate_of_the_cycles_is_accepted_and_nothing_else_is(taylor, m
                 lambda c: c["bits"],
             )
         )
-        monkeypatch.setattr(connection_cycles, "verify_connection", (lambda *_: proof.verified) if same else usual)
+        monkeypatch.setattr(
+            connection_cycles, "verify_connection", (lambda *_: proof.verified) if same else usual
+        )
         refused(text, line, act)

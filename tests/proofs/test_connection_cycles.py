@@ -1,4 +1,6 @@
-"""The cycles next to the connection: each inequality on motions made up for it, and the flights between the saddles."""
+"""The cycles next to the connection: each inequality on motions made up for it, and the
+flights between the saddles.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,11 @@ from tippedisk_verify.proofs.kernel.ball_array import BallArray
 from tippedisk_verify.proofs.kernel.balls import Unproved, ball, working_precision
 from tippedisk_verify.proofs.kernel.certificates import connection_cycles as module
 from tippedisk_verify.proofs.kernel.certificates import passage as flights_module
-from tippedisk_verify.proofs.kernel.certificates.connection_cycles import End, LoopMap, verify_cycles
+from tippedisk_verify.proofs.kernel.certificates.connection_cycles import (
+    End,
+    LoopMap,
+    verify_cycles,
+)
 from tippedisk_verify.proofs.kernel.certificates.passage import Passage
 from tippedisk_verify.proofs.kernel.certificates.passage import arrivals as flown
 from tippedisk_verify.proofs.kernel.certificates.saddle import SaddleCoordinates
@@ -43,13 +49,15 @@ ENTRY: dict[str, Any] = {
 }
 
 
-# --------------------------------------------------------------------------------------------------------- the flights
+# -------------------------------------------------------------------------------------- the flights
 EXTENTS = 1, 1, 0.3  #: larger than those of a proof, so that flights are short
 STEPS = 84
 
 
 def arrival(omega: float, slow: float, fast: float) -> tuple[float, np.ndarray]:
-    """Time and z where z_s = -s about the second saddle, in floating point, from z about the first."""
+    """Time and z where z_s = -s about the second saddle, in floating point, from z about the
+    first.
+    """
     u, s, _ = EXTENTS
     orbits = Orbits(PRINTED, DIRECTIONS, omega)
     away = orbits.to_z @ np.array([0, 2 * math.pi, 0])
@@ -59,7 +67,12 @@ def arrival(omega: float, slow: float, fast: float) -> tuple[float, np.ndarray]:
 
 
 def flights(
-    omega: Sequence[Any], slow: Sequence[Any], fast: Any, time: Any, count: int = STEPS, end: int = STEPS
+    omega: Sequence[Any],
+    slow: Sequence[Any],
+    fast: Any,
+    time: Any,
+    count: int = STEPS,
+    end: int = STEPS,
 ) -> list[list[Any]]:
     saddle = SaddleCoordinates(DISK, "linear", BallArray.of(omega), DIRECTIONS)
     lengths = np.asarray(time) / (count - 0.5)
@@ -68,9 +81,11 @@ def flights(
 
 @pytest.mark.slow(minutes=0.3)
 def test_flights_arrive_where_they_should() -> None:
-    """Against the Runge-Kutta method: interpolation over a step errs by STEP^2 z'' / 2, z'' < 66 s, so 8e-6.
+    """Against the Runge-Kutta method: interpolation over a step errs by STEP^2 z'' / 2, z'' < 66 s,
+    so 8e-6.
 
-    Derivatives are held against central differences over 1e-3, in which the interpolation's 8e-6 is 16e-3.
+    Derivatives are held against central differences over 1e-3, in which the interpolation's 8e-6 is
+    16e-3.
     """
     omega, slow = float(OMEGA_H) + 0.004, 0.01
     time, z = arrival(omega, slow, 0.0)
@@ -79,7 +94,9 @@ def test_flights_arrive_where_they_should() -> None:
         assert abs(float(row[0].mid()) - value) < 8e-6 + float(row[0].rad())
         assert float(row[0].rad()) < 1e-5
     for k, (by_slow, by_fast, by_omega) in enumerate(np.eye(3), 1):
-        ends = [arrival(omega + h * by_omega, slow + h * by_slow, h * by_fast) for h in (-5e-4, 5e-4)]
+        ends = [
+            arrival(omega + h * by_omega, slow + h * by_slow, h * by_fast) for h in (-5e-4, 5e-4)
+        ]
         (before, low), (after, high) = ends
         changes = [*((high - low)[[0, 2]] / 1e-3), (after - before) / 1e-3]
         for row, slope in zip(landed, changes, strict=False):
@@ -87,7 +104,9 @@ def test_flights_arrive_where_they_should() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("end", "line"), [(STEPS - 2, "in its last step|passes"), (STEPS + 3, "on its way")])
+@pytest.mark.parametrize(
+    ("end", "line"), [(STEPS - 2, "in its last step|passes"), (STEPS + 3, "on its way")]
+)
 def test_flights_that_end_before_the_arrival_or_after_it_are_refused(end: int, line: str) -> None:
     time = arrival(float(OMEGA_H), 0.01, 0.0)[0]
     with pytest.raises(Unproved, match=line):
@@ -123,11 +142,20 @@ def test_what_is_asked_of_a_step(beta: Any, v: Any, slows: float, line: Any) -> 
             flights_module._climbs(model, step)
 
 
-def test_a_flight_in_which_beta_bar_has_no_largest_value_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    """After one step no v has changed its sign; were it shown of one flight, the other one would be missed."""
+def test_a_flight_in_which_beta_bar_has_no_largest_value_is_refused(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """After one step no v has changed its sign; were it shown of one flight, the other one
+    would be missed.
+    """
     for shown in ([False, False], [True, False]):
-        monkeypatch.setattr(flights_module, "_climbs", lambda model, step, shown=shown: np.array(shown))
-        with pytest.raises(Unproved, match=f"flight {1 + shown.count(True)}: beta_bar is not shown to have a largest"):
+        monkeypatch.setattr(
+            flights_module, "_climbs", lambda model, step, shown=shown: np.array(shown)
+        )
+        with pytest.raises(
+            Unproved,
+            match=f"flight {1 + shown.count(True)}: beta_bar is not shown to have a largest",
+        ):
             flights([ball(OMEGA_H)] * 2, [arb(0.01)] * 2, arb(0), [0.001] * 2, count=1, end=1)
 
 
@@ -135,25 +163,38 @@ def test_a_flight_that_falls_is_refused() -> None:
     """From z_u = -u gamma falls."""
     saddle = SaddleCoordinates(DISK, "linear", BallArray.of([ball(OMEGA_H)]), DIRECTIONS)
     with pytest.raises(Unproved, match="0 < beta_bar"):
-        flown(saddle, [arb(-0.2), arb(0.2), arb(0.3)], BallArray([0.0]), arb(0), np.array([0.005]), 201)
+        flown(
+            saddle,
+            [arb(-0.2), arb(0.2), arb(0.3)],
+            BallArray([0.0]),
+            arb(0),
+            np.array([0.005]),
+            201,
+        )
 
 
 def test_the_flights_cover_all_exits_and_speeds(monkeypatch: pytest.MonkeyPatch) -> None:
     cells: list[tuple[Any, Any]] = []
 
-    def told(saddle: Any, extents: Any, slow: Any, fast: Any, lengths: Any, count: int, watch: Any) -> None:
+    def told(
+        saddle: Any, extents: Any, slow: Any, fast: Any, lengths: Any, count: int, watch: Any
+    ) -> None:
         balls = (
-            [arb(*map(float, entry)) for entry in zip(x.midpoints, x.radii, strict=True)] for x in (saddle.omega, slow)
+            [arb(*map(float, entry)) for entry in zip(x.midpoints, x.radii, strict=True)]
+            for x in (saddle.omega, slow)
         )
         cells.extend(zip(*balls, strict=True))
 
     monkeypatch.setattr(module, "arrivals", told)
     n = SimpleNamespace(
-        saddle=SaddleCoordinates(DISK, "linear", arb(30), DIRECTIONS), extents=[arb(x) for x in GIVEN["extents"]]
+        saddle=SaddleCoordinates(DISK, "linear", arb(30), DIRECTIONS),
+        extents=[arb(x) for x in GIVEN["extents"]],
     )
     loop_map = SimpleNamespace(n=n, exits=(arb(-0.125), arb(0.375)), exit_fast=arb(0))
     low, high = Fraction("30.0474"), Fraction("30.0569")
-    module._flights(loop_map, low, high, {"steps": 9, "lengths": [[arb(1)] * 3, [arb(1)] * 2]}, print)
+    module._flights(
+        loop_map, low, high, {"steps": 9, "lengths": [[arb(1)] * 3, [arb(1)] * 2]}, print
+    )
     assert len(cells) == 5
     for i, j in product(range(13), range(13)):
         speed, slow = ball(low + (high - low) * Fraction(i, 12)), arb(-0.125) + arb(j) / 24
@@ -163,8 +204,10 @@ def test_the_flights_cover_all_exits_and_speeds(monkeypatch: pytest.MonkeyPatch)
             module._flights(loop_map, low, high, {"steps": 9, "lengths": lengths}, print)
 
 
-# ------------------------------------------------------------------------------------------------------ the connection
-def connected(*pieces: tuple[float, float, float], room: Sequence[str] = ("0.0055", "0.02", "0.044")) -> None:
+# ----------------------------------------------------------------------------------- the connection
+def connected(
+    *pieces: tuple[float, float, float], room: Sequence[str] = ("0.0055", "0.02", "0.044")
+) -> None:
     """Of pieces of a flight with these z about the second saddle."""
     saddle = SaddleCoordinates(DISK, "linear", ball(OMEGA_H), DIRECTIONS)
     n = SimpleNamespace(saddle=saddle, extents=[arb(x) for x in GIVEN["extents"]])
@@ -188,7 +231,9 @@ def test_the_connection_stays_in_n() -> None:
         connected((0, -3, 0), (0, -0.15, 0), room=("0.0055", "0.5", "0.044"))
 
 
-@pytest.mark.parametrize(("low", "high"), [("30.0485", "30.05"), ("30.04", "30.0495"), ("0", "30.05")])
+@pytest.mark.parametrize(
+    ("low", "high"), [("30.0485", "30.05"), ("30.04", "30.0495"), ("0", "30.05")]
+)
 def test_an_interval_that_is_empty_is_refused(low: str, high: str) -> None:
     connection = SimpleNamespace(friction="linear", low=Fraction("30.048"), high=Fraction("30.05"))
     with pytest.raises(Unproved, match="an interval is empty"):
@@ -196,7 +241,9 @@ def test_an_interval_that_is_empty_is_refused(low: str, high: str) -> None:
 
 
 def test_the_end_that_is_shown_knows_its_cycles() -> None:
-    end = End(Fraction("30.0479"), Fraction("30.0569"), OMEGA_H, Fraction("0.14"), Fraction("0.268"))
+    end = End(
+        Fraction("30.0479"), Fraction("30.0569"), OMEGA_H, Fraction("0.14"), Fraction("0.268")
+    )
     omega = OMEGA_H + Fraction(1, 10**4)
     for speed, below, v, met in (
         (omega, 0.01, -0.02, True),
@@ -210,7 +257,7 @@ def test_the_end_that_is_shown_knows_its_cycles() -> None:
         assert end.meets(ball(speed), arb.pi() - below, arb(v)) is met
 
 
-# ---------------------------------------------------------------------------------------------------- the return map
+# ----------------------------------------------------------------------------------- the return map
 def loop_map_of(n: Passage) -> LoopMap:
     return LoopMap(n, ENTRY)
 
@@ -230,12 +277,18 @@ BEFORE: list[tuple[str, str, Callable[[Any], Any]]] = [
     ("gamma where N is left upwards", "saddle.offset", lambda n: lambda z: [arb(-1)] * 3),
     # k |z_f| is 0.0176 along y_gamma, k |z_s| is less.
     ("Q lies below the graph", "saddle.inverse", lambda n: changed(n.saddle.inverse, U, 1, 0.015)),
-    ("the saddles' boxes are apart", "saddle.inverse", lambda n: changed(n.saddle.inverse, S, 1, 0.01)),
+    (
+        "the saddles' boxes are apart",
+        "saddle.inverse",
+        lambda n: changed(n.saddle.inverse, S, 1, 0.01),
+    ),
 ]
 
 
 @pytest.mark.parametrize(("line", "name", "other"), BEFORE)
-def test_what_is_asked_before_the_flights(line: str, name: str, other: Callable[[Any], Any]) -> None:
+def test_what_is_asked_before_the_flights(
+    line: str, name: str, other: Callable[[Any], Any]
+) -> None:
     """One of the passage's answers is another one."""
     n = made_up()
     loop_map_of(n)
@@ -260,17 +313,23 @@ def test_the_exits_hold_those_from_d_and_from_q(swapped: bool) -> None:
 
 
 def before_flights() -> tuple[LoopMap, Any]:
-    """With a linear field, and arrivals that fit; what is changed in the passage now does not change its answers."""
+    """With a linear field, and arrivals that fit; what is changed in the passage now does not
+    change its answers.
+    """
     n = made_up()
     loop_map = loop_map_of(n)
     answers = {name: getattr(n, name) for name in ("settled", "ratio", "fallen")}
-    known = SimpleNamespace(**{**vars(n), **answers, "rates": lambda z: list((n.M * column(z)).entries())})
+    known = SimpleNamespace(
+        **{**vars(n), **answers, "rates": lambda z: list((n.M * column(z)).entries())}
+    )
     loop_map.n = known
     return loop_map, known
 
 
 def rates_of(n: Any, row: int, x: Any, leaving: bool = False) -> Callable[[Any], Any]:
-    """The linear field, but for one number where orbits enter N (z_s = -s there), or where they leave it."""
+    """The linear field, but for one number where orbits enter N (z_s = -s there), or where
+    they leave it.
+    """
     usual = n.rates
 
     def rates(z: Any) -> Any:
@@ -283,7 +342,9 @@ def rates_of(n: Any, row: int, x: Any, leaving: bool = False) -> Callable[[Any],
 
 
 def settled_of(n: Any, place: int, answer: Sequence[float]) -> Callable[[Any, Any], Any]:
-    """As it is, but for products of which that one is exactly zero: those with a variation along an axis."""
+    """As it is, but for products of which that one is exactly zero: those with a variation
+    along an axis.
+    """
     usual = n.settled
     return lambda b, time: [arb(x) for x in answer] if b[place] == 0 else usual(b, time)
 
@@ -291,7 +352,11 @@ def settled_of(n: Any, place: int, answer: Sequence[float]) -> Callable[[Any, An
 def directed(n: Any, row: int, k: int, x: float) -> Any:
     """The saddle with another entry of P, where P itself is asked for."""
     return SimpleNamespace(
-        **{**vars(n.saddle), "directions": changed(n.saddle.directions, row, k, x), "offset": n.saddle.offset}
+        **{
+            **vars(n.saddle),
+            "directions": changed(n.saddle.directions, row, k, x),
+            "offset": n.saddle.offset,
+        }
     )
 
 
@@ -303,15 +368,31 @@ AFTER: list[tuple[str, dict[str, Callable[[Any], Any]], dict[tuple[int, int], An
     # k_1 F_s is 0.8.
     ("the cone on entry", {"rates": lambda n: rates_of(n, F, 1)}, {(0, 1): arb(-0.1)}),
     # The graph rises by L times what z_f gains, 0.15 at least.
-    ("heights grow downwards", {"lipschitz": lambda n: arb(1)}, {(0, 1): arb(-0.125), (1, 1): arb(0.15)}),
+    (
+        "heights grow downwards",
+        {"lipschitz": lambda n: arb(1)},
+        {(0, 1): arb(-0.125), (1, 1): arb(0.15)},
+    ),
     ("heights grow downwards", {"ratio": lambda n: lambda time: arb(1)}, {(0, 2): arb(0.5)}),
     # A variation of z_f comes back twice as large, in the answers to this question alone.
     ("1 - DR is regular", {"settled": lambda n: settled_of(n, 0, [0, 1e5])}, {}),
     # A variation of z_u alone leaves such a z_f that the fixed point's slope is out of the cone.
-    ("the cone of the derivative", {"settled": lambda n: settled_of(n, 2, [0, 1600])}, {(0, 2): arb(0)}),
-    ("the compound's cone of the derivative", {"compound": lambda n: (n.compound[0], arb(1e-9))}, {}),
+    (
+        "the cone of the derivative",
+        {"settled": lambda n: settled_of(n, 2, [0, 1600])},
+        {(0, 2): arb(0)},
+    ),
+    (
+        "the compound's cone of the derivative",
+        {"compound": lambda n: (n.compound[0], arb(1e-9))},
+        {},
+    ),
     # k_1 F_s is 0.8 again: more than F_f, but less than with what z_u adds.
-    ("the compound's cone of the derivative", {"rates": lambda n: rates_of(n, F, 0.79)}, {(0, 1): arb(-0.1)}),
+    (
+        "the compound's cone of the derivative",
+        {"rates": lambda n: rates_of(n, F, 0.79)},
+        {(0, 1): arb(-0.1)},
+    ),
     # A variation of z_u alone comes back larger.
     ("the cycle's entry falls", {"settled": lambda n: settled_of(n, 2, [4, 0])}, {}),
     ("gamma_bar_0 falls", {"saddle": lambda n: directed(n, 1, S, 6)}, {}),
@@ -345,7 +426,11 @@ def test_what_is_asked_after_the_flights(
 @pytest.mark.parametrize(
     ("name", "x", "line"),
     [
-        *((name, x, "the extents of D") for name in ("lid", "fast", "weight") for x in (arb(0), arb(-1))),
+        *(
+            (name, x, "the extents of D")
+            for name in ("lid", "fast", "weight")
+            for x in (arb(0), arb(-1))
+        ),
         ("lid", arb(0.001), "D and the graph"),
         ("lid", arb(0.2), "D and the graph"),
         ("lid", arb(0.12), "crossings lie in Q"),
@@ -370,7 +455,9 @@ def test_what_is_asked_of_d_and_q(name: str, x: Any, line: str) -> None:
 
 
 def arrivals() -> list[list[Any]]:
-    """About what flights arrive with: z_u, z_f, time and largest beta_bar, with derivatives by z_s, z_f and Omega."""
+    """About what flights arrive with: z_u, z_f, time and largest beta_bar, with derivatives
+    by z_s, z_f and Omega.
+    """
     return [
         [arb(-0.035, 0.04), arb(-0.5, 0.06), arb(0, 5e-4), arb(-3.8, 0.15)],
         [arb(0, 1.5e-3), arb(0, 0.09), arb(0, 1e-3), arb(0, 0.4)],
@@ -400,8 +487,12 @@ def arrivals() -> list[list[Any]]:
         (3, 0, lambda x: x / 20, "beta_max is in the flight"),
     ],
 )
-def test_what_is_found_after_the_flights(row: int, column: int, spoil: Callable[[Any], Any], line: str) -> None:
-    """A number of the arrivals, doubled or with its sign turned, breaks the inequality that rests on it."""
+def test_what_is_found_after_the_flights(
+    row: int, column: int, spoil: Callable[[Any], Any], line: str
+) -> None:
+    """A number of the arrivals, doubled or with its sign turned, breaks the inequality that
+    rests on it.
+    """
     loop_map, _ = before_flights()
     spoiled = arrivals()
     spoiled[row][column] = spoil(spoiled[row][column])

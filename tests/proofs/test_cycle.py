@@ -1,4 +1,6 @@
-"""Proved limit cycles, librating and rotating: against the reference data and other methods, and what is not proved."""
+"""Proved limit cycles, librating and rotating: against the reference data and other methods,
+and what is not proved.
+"""
 
 from __future__ import annotations
 
@@ -20,20 +22,28 @@ from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.equations import field, shifted
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import PRINTED
-from tippedisk_verify.proofs.kernel.balls import arb, ball, ball_constants, positive, working_precision
+from tippedisk_verify.proofs.kernel.balls import (
+    arb,
+    ball,
+    ball_constants,
+    positive,
+    working_precision,
+)
 from tippedisk_verify.proofs.kernel.certificates.cycle import names
 from tippedisk_verify.proofs.kernel.flow import FlowStatus, Model
 from tippedisk_verify.proofs.numbers import measured
 from tippedisk_verify.proofs.search.cycle import TURN, OrbitProof, OrbitStatus, prove_cycle
 from tippedisk_verify.reference_values.lookup import reference
 
-OMEGA = Fraction("30.386592688644")  # the reference data's speed half a radian per second below Omega_crit
+# The reference data's speed half a radian per second below Omega_crit
+OMEGA = Fraction("30.386592688644")
 PLACE = "table1/linear/limit-cycle/crit-0.5"
 TRUTH = tuple(reference(f"{PLACE}/{name}").measured() for name in ("gamma_bar_0", "v_0"))
 GUESS = tuple(f"{float(part):.12g}" for part in TRUTH)
 ABOVE = "31.386592688643567"  # where unstable rotating cycles are
 FLIGHTS = pytest.mark.parametrize(
-    ("flight", "section", "start"), [(half_flight, LIBRATING, ("1.5", "-1.6")), (turn_flight, ROTATING, ("0.5", "0.6"))]
+    ("flight", "section", "start"),
+    [(half_flight, LIBRATING, ("1.5", "-1.6")), (turn_flight, ROTATING, ("0.5", "0.6"))],
 )
 
 
@@ -64,7 +74,7 @@ def numbers_of(flight: Any) -> list[Any]:
     ]
 
 
-# ------------------------------------------------------------------------------------------------------- what is proved
+# ----------------------------------------------------------------------------------- what is proved
 def test_the_reference_values_lie_in_the_proved_intervals() -> None:
     proof = proved()
     assert proof.proved, proof.statement
@@ -72,7 +82,10 @@ def test_the_reference_values_lie_in_the_proved_intervals() -> None:
     for name, mine in proof.numbers().items():
         value = reference(f"{PLACE}/{name}").measured()
         assert mine.holds(value.value), name
-        assert mine.uncertainty < (abs(mine.value) if name in NUMBERS[:4] else max(1, abs(mine.value))) / 10**8, name
+        assert (
+            mine.uncertainty
+            < (abs(mine.value) if name in NUMBERS[:4] else max(1, abs(mine.value))) / 10**8
+        ), name
     found = proof.to_dict()
     assert (found["proved"], found["status"]) == (True, "PROVED")
     assert "asymptotically stable" in found["statement"]
@@ -82,10 +95,22 @@ def test_the_reference_values_lie_in_the_proved_intervals() -> None:
 
 
 @pytest.mark.parametrize(
-    ("omega", "stable"), [(ABOVE, False), pytest.param("30.0388", True, marks=pytest.mark.slow(minutes=0.5))]
+    ("omega", "stable"),
+    [(ABOVE, False), pytest.param("30.0388", True, marks=pytest.mark.slow(minutes=0.5))],
 )
-def test_rotating_cycles_of_other_methods_lie_in_the_proved_intervals(taylor, capsys, omega, stable) -> None:
-    words = ["certify", "orbit", "--rotating", *(["--unstable"] * (not stable)), "--omega", omega, "--digits", "8"]
+def test_rotating_cycles_of_other_methods_lie_in_the_proved_intervals(
+    taylor, capsys, omega, stable
+) -> None:
+    words = [
+        "certify",
+        "orbit",
+        "--rotating",
+        *(["--unstable"] * (not stable)),
+        "--omega",
+        omega,
+        "--digits",
+        "8",
+    ]
     assert main([*words, "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert (found["proved"], found["stable"]) == (True, stable)
@@ -95,7 +120,9 @@ def test_rotating_cycles_of_other_methods_lie_in_the_proved_intervals(taylor, ca
     for name in names(TURN):
         mine = Measured.of(found[name]["value"], found[name]["uncertainty"])
         theirs = [getattr(ordinary, name), getattr(spectral, name, None)]
-        for other in theirs if name in ("period", "beta_bar_top", "v_top", "multiplier_slow") else theirs[:1]:
+        for other in (
+            theirs if name in ("period", "beta_bar_top", "v_top", "multiplier_slow") else theirs[:1]
+        ):
             assert abs(mine.value - other.value) <= mine.uncertainty + other.uncertainty, name
 
 
@@ -113,12 +140,16 @@ def test_subcritical_cycles_are_proved_unstable(taylor) -> None:
 
 @FLIGHTS
 def test_a_flight_off_the_cycle_against_shooting(taylor, flight, section, start) -> None:
-    """In double: the maps amplify rounding some thousand times, and their derivatives are of size 1."""
+    """In double: the maps amplify rounding some thousand times, and their derivatives are of
+    size 1.
+    """
     ordinary = ReturnMap(section, PRINTED, OMEGA, taylor)(tuple(map(float, start)))
     with working_precision(80):
         found = flight(model(), *map(ball, start), derivatives=True)
     assert found.status is FlowStatus.RETURNED
-    image = [residual + float(part) for residual, part in zip(ordinary.residual, start, strict=True)]
+    image = [
+        residual + float(part) for residual, part in zip(ordinary.residual, start, strict=True)
+    ]
     others = [
         ordinary.time,
         *image,
@@ -146,20 +177,27 @@ def test_differences_of_flights_lie_in_the_enclosed_derivatives(flight, section,
         )
         here = flight(model(), *middle[:2])
         columns = [*zip(*whole.matrix, strict=True), whole.by_omega]
-        for k, (column, time_by) in enumerate(zip(columns, (*whole.time_by_state, whole.time_by_omega), strict=True)):
+        for k, (column, time_by) in enumerate(
+            zip(columns, (*whole.time_by_state, whole.time_by_omega), strict=True)
+        ):
             moved = [x + (step if j == k else 0) for j, x in enumerate(middle)]
             ahead = flight(model(omega=moved[2]), *moved[:2])
-            pairs = [(time_by, ahead.time, here.time), *zip(column, ahead.image, here.image, strict=True)]
+            pairs = [
+                (time_by, ahead.time, here.time),
+                *zip(column, ahead.image, here.image, strict=True),
+            ]
             if flight is half_flight:
                 pairs.append((whole.turn_by_start[k], ahead.beta_least, here.beta_least))
                 assert whole.beta_least.contains(ahead.beta_least)
             for slope, after, before in pairs:
                 assert (slope * step).overlaps(after - before)
             assert whole.time.contains(ahead.time)
-            assert all(wide.contains(point) for wide, point in zip(whole.image, ahead.image, strict=True))
+            assert all(
+                wide.contains(point) for wide, point in zip(whole.image, ahead.image, strict=True)
+            )
 
 
-# ---------------------------------------------------------------------------------------------- what must not be proved
+# -------------------------------------------------------------------------- what must not be proved
 @pytest.mark.slow(minutes=0.2)
 def test_boxes_beside_the_cycle_are_not_included() -> None:
     """Nor those of other equations."""
@@ -188,7 +226,8 @@ def test_boxes_beside_the_cycle_are_not_included() -> None:
 @pytest.mark.parametrize(
     ("omega", "guess", "status"),
     [
-        pytest.param("31.4", GUESS, None, marks=pytest.mark.slow),  # above Omega_crit the cycle is gone
+        # Above Omega_crit the cycle is gone
+        pytest.param("31.4", GUESS, None, marks=pytest.mark.slow),
         pytest.param("29.5", GUESS, None, marks=pytest.mark.slow),  # below Omega_h too
         (OMEGA, ("1.7", "1.7"), OrbitStatus.NOT_FOLLOWED),  # the wrong side of the section
         (OMEGA, ("0", "0"), OrbitStatus.TRIVIAL),
@@ -244,7 +283,7 @@ def test_refused_input() -> None:
         prove_cycle(PRINTED, OMEGA, ("x", "-1"))
 
 
-# ---------------------------------------------------------------------------------------------------------- the command
+# -------------------------------------------------------------------------------------- the command
 def test_the_command(capsys) -> None:
     assert main(["certify", "orbit", "--omega", "30.4", "--guess", "1.7", "1.7"]) == 1
     assert "nothing is proved" in capsys.readouterr().out

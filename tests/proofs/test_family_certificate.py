@@ -1,4 +1,6 @@
-"""Arcs that fit together, what is claimed of them, and certificates of the family of limit cycles."""
+"""Arcs that fit together, what is claimed of them, and certificates of the family of limit
+cycles.
+"""
 
 from __future__ import annotations
 
@@ -18,19 +20,36 @@ from tippedisk_verify.proofs.kernel import certificates
 from tippedisk_verify.proofs.kernel.balls import ball, working_precision
 from tippedisk_verify.proofs.kernel.certificates import connection_cycles
 from tippedisk_verify.proofs.kernel.certificates import family as module
-from tippedisk_verify.proofs.kernel.certificates.family import Job, Piece, last_cycle, omega_crit, verify, verify_piece
+from tippedisk_verify.proofs.kernel.certificates.family import (
+    Job,
+    Piece,
+    last_cycle,
+    omega_crit,
+    verify,
+    verify_piece,
+)
 from tippedisk_verify.proofs.search.branch import BranchProof
 from tippedisk_verify.proofs.search.certificate import parameter_texts
 
 
-# -------------------------------------------------------------------------------------------------------- gluing
+# ------------------------------------------------------------------------------------------- gluing
 def arcs() -> tuple[dict[str, Any], list[dict[str, Any]], list[list[Fraction]]]:
-    """A claim and arcs without flights, for what is shown of their ends: Omega falls by 1 in each, from Omega_crit."""
+    """A claim and arcs without flights, for what is shown of their ends: Omega falls by 1 in
+    each, from Omega_crit.
+    """
     with working_precision(100):
         middle = Fraction(float(omega_crit(DISK).mid())).limit_denominator(10**6)
     wide = {"radii": ["0.1", "0.2"], "steps": []}
-    first = {"end": "0.5", "curve": [["-2", "-1/10"], [str(middle - Fraction(1, 2)), "-1/2"]], "wide box": wide}
-    second = {"end": "1", "curve": [["-3/2", "-9/20"], [str(middle - Fraction(3, 2)), "-1/2"]], "wide box": wide}
+    first = {
+        "end": "0.5",
+        "curve": [["-2", "-1/10"], [str(middle - Fraction(1, 2)), "-1/2"]],
+        "wide box": wide,
+    }
+    second = {
+        "end": "1",
+        "curve": [["-3/2", "-9/20"], [str(middle - Fraction(3, 2)), "-1/2"]],
+        "wide box": wide,
+    }
     claim = {
         "kind": "family of limit cycles",
         "parameters": DISK,
@@ -41,7 +60,11 @@ def arcs() -> tuple[dict[str, Any], list[dict[str, Any]], list[list[Fraction]]]:
         "numbers": {"omega_crit": {"value": str(middle), "uncertainty": "0.0001"}},
         "unique_within": {"v_0_per_gamma_bar_0": "0.09", "v_0": "0.09", "omega": "0.18"},
     }
-    return claim, [copy.deepcopy(arc) for arc in (first, second)], [[Fraction(1, 128), Fraction(1, 64)]] * 2
+    return (
+        claim,
+        [copy.deepcopy(arc) for arc in (first, second)],
+        [[Fraction(1, 128), Fraction(1, 64)]] * 2,
+    )
 
 
 def pieces(entries: Any, within: Any, low: Fraction = Fraction(0)) -> list[Piece]:
@@ -49,7 +72,9 @@ def pieces(entries: Any, within: Any, low: Fraction = Fraction(0)) -> list[Piece
     for arc, near in zip(entries, within, strict=False):
         v, omega = (tuple(map(Fraction, row)) for row in arc["curve"])
         room = [Fraction(text) for text in arc["wide box"]["radii"]]
-        made.append(Piece(low, Fraction(arc["end"]), (v, omega), (room[0], room[1]), (near[0], near[1])))
+        made.append(
+            Piece(low, Fraction(arc["end"]), (v, omega), (room[0], room[1]), (near[0], near[1]))
+        )
         low = made[-1].high
     return made
 
@@ -71,16 +96,31 @@ def _moved(entries: Any, number: int, row: int, by: Fraction) -> None:
 SPOILED: dict[str, tuple[Callable[[Any, Any], Any], str]] = {
     "v moved": (lambda c, e: _moved(e, 1, 0, Fraction(1, 10)), "not shown to be one curve"),
     "Omega moved": (lambda c, e: _moved(e, 1, 1, Fraction(1, 5)), "not shown to be one curve"),
-    "the Hopf point": (lambda c, e: [_moved(e, k, 1, Fraction(1, 60)) for k in (0, 1)], "begin at the Hopf point"),
-    "omega_end": (lambda c, e: c.update(omega_end=str(Fraction(c["omega_end"]) - Fraction(1, 100))), "omega_end"),
+    "the Hopf point": (
+        lambda c, e: [_moved(e, k, 1, Fraction(1, 60)) for k in (0, 1)],
+        "begin at the Hopf point",
+    ),
+    "omega_end": (
+        lambda c, e: c.update(omega_end=str(Fraction(c["omega_end"]) - Fraction(1, 100))),
+        "omega_end",
+    ),
     "amplitude_end": (lambda c, e: c.update(amplitude_end="1.1"), "amplitude_end"),
     "amplitude_first": (lambda c, e: c.update(amplitude_first="0.4"), "amplitude_first"),
     "omega_crit": (lambda c, e: c["numbers"]["omega_crit"].update(value="30.9"), "omega_crit"),
     "a wider tube": (lambda c, e: c["unique_within"].update(v_0="0.093"), "no other v_0 is"),
-    "a wider first tube": (lambda c, e: c["unique_within"].update(v_0_per_gamma_bar_0="0.093"), "no other v_0_per"),
-    "a wider tube of speeds": (lambda c, e: c["unique_within"].update(omega="0.185"), "no other omega"),
+    "a wider first tube": (
+        lambda c, e: c["unique_within"].update(v_0_per_gamma_bar_0="0.093"),
+        "no other v_0_per",
+    ),
+    "a wider tube of speeds": (
+        lambda c, e: c["unique_within"].update(omega="0.185"),
+        "no other omega",
+    ),
     "no tube": (lambda c, e: c["unique_within"].update(v_0="0"), "no other v_0 is"),
-    "another disk": (lambda c, e: c.update(parameters=parameter_texts(CALIBRATED)), "begin at the Hopf point"),
+    "another disk": (
+        lambda c, e: c.update(parameters=parameter_texts(CALIBRATED)),
+        "begin at the Hopf point",
+    ),
     "no disk": (lambda c, e: c.update(parameters={**DISK, "e": "0.05"}), "no disk's"),
     "no arcs": (lambda c, e: e.clear(), "no arcs"),
 }
@@ -98,7 +138,8 @@ def test_what_does_not_fit_is_not_shown(name) -> None:
 def test_a_cycle_that_may_lie_outside_is_not_joined(row: int, by: str) -> None:
     """The polynomials' end lies in the other arc's wide box, but the cycle, near it, may not.
 
-    The first arc's v_0 / a is near to 1/128, so v_0 is to 1/256 where a is 1/2: 0.094 off is within 0.1.
+    The first arc's v_0 / a is near to 1/128, so v_0 is to 1/256 where a is 1/2: 0.094 off is within
+    0.1.
     """
     claim, entries, within = copy.deepcopy(arcs())
     _moved(entries, 1, 0, Fraction("0.094"))
@@ -132,18 +173,37 @@ def test_the_whole_family_runs_into_the_cycles_next_to_the_connection(meets, mon
     monkeypatch.setattr(connection_cycles, "verify", verified_end)
     claim, entries, within = arcs()
     number = {"value": "30.05", "uncertainty": "0.001"}
-    claim |= {"kind": "whole family of limit cycles", "low": "30", "high": "30.1", "gamma": "0.1", "v": "0.2"}
+    claim |= {
+        "kind": "whole family of limit cycles",
+        "low": "30",
+        "high": "30.1",
+        "gamma": "0.1",
+        "v": "0.2",
+    }
     claim["numbers"] |= {"omega_h": number}
-    with working_precision(100), nullcontext() if meets else pytest.raises(certificates.Unproved, match="run into"):
-        verify(claim, {"arcs": entries, "end": "choices"}, lambda function, jobs: pieces(entries, within))
+    with (
+        working_precision(100),
+        nullcontext() if meets else pytest.raises(certificates.Unproved, match="run into"),
+    ):
+        verify(
+            claim,
+            {"arcs": entries, "end": "choices"},
+            lambda function, jobs: pieces(entries, within),
+        )
     assert asked[0] == (number, "30.1", "choices")
-    assert all(a.overlaps(b) for a, b in zip(asked[1], last_cycle(pieces(entries, within)), strict=True))
+    assert all(
+        a.overlaps(b) for a, b in zip(asked[1], last_cycle(pieces(entries, within)), strict=True)
+    )
     said = certificates.sentence(claim)
-    for words in ("a in (0, pi)", "Omega_h = 30.05 ± 0.001 rad/s", "from 30 to 30.1 rad/s Omega_h is the only one"):
+    for words in (
+        "a in (0, pi)",
+        "Omega_h = 30.05 ± 0.001 rad/s",
+        "from 30 to 30.1 rad/s Omega_h is the only one",
+    ):
         assert words in said
 
 
-# ------------------------------------------------------------------------------------------------------------- arcs
+# --------------------------------------------------------------------------------------------- arcs
 ARC = {"end": "1", "curve": [["1", "0"]] * 2, "half": ["1", "0"], "bits": 64}
 
 
@@ -188,7 +248,11 @@ def test_both_boxes_and_the_signs_are_shown(monkeypatch: pytest.MonkeyPatch) -> 
 )
 def test_an_arc_that_is_none_is_not_shown(change) -> None:
     arc = ARC | {"box": {"radii": ["0.01", "0.02"], "steps": []}} | change
-    with pytest.raises(certificates.Unproved, match=r"not above its beginning|unlike degrees|not positive"):
+    with pytest.raises(
+        certificates.Unproved,
+        match=r"not above its beginning|unlike degrees|not "
+        r"positive",
+    ):
         verify_piece((DISK, Fraction("0.5"), 2, arc))
 
 
@@ -197,7 +261,7 @@ def test_what_is_no_arc_is_refused() -> None:
         verify_piece((DISK, Fraction("0.5"), 2, ARC))
 
 
-# -------------------------------------------------------------------------------------------------------- certificates
+# ------------------------------------------------------------------------------------- certificates
 #: In the second arc: what is spoiled, and what is said.
 IN_THE_ARC: dict[str, tuple[Callable[[Any], Any], str]] = {
     "the curve is moved by ten radii": (
@@ -205,7 +269,9 @@ IN_THE_ARC: dict[str, tuple[Callable[[Any], Any], str]] = {
         "Krawczyk|return|move|section|stable",
     ),
     "the box is a hundred times smaller": (
-        lambda arc: arc["box"].update(radii=[str(Fraction(text) / 100) for text in arc["box"]["radii"]]),
+        lambda arc: arc["box"].update(
+            radii=[str(Fraction(text) / 100) for text in arc["box"]["radii"]]
+        ),
         "Krawczyk",
     ),
     "a step is missing": (lambda arc: arc["box"]["steps"].pop(30), "return|move|section|missing"),
@@ -214,7 +280,9 @@ IN_THE_ARC: dict[str, tuple[Callable[[Any], Any], str]] = {
 
 @pytest.mark.slow(minutes=0.5)
 def test_a_certificate_is_accepted_and_what_is_tampered_with_is_not(quick) -> None:  # noqa: F811
-    """Two short arcs of low degree, with one box each: they are written, shown, and spoiled one number at a time."""
+    """Two short arcs of low degree, with one box each: they are written, shown, and spoiled
+    one number at a time.
+    """
     proved = (first(PRINTED), second())
     proof = BranchProof(PRINTED, proved)
     content = json.loads(proof.certificate())
@@ -237,7 +305,9 @@ def test_a_certificate_is_accepted_and_what_is_tampered_with_is_not(quick) -> No
     assert first(SUBCRITICAL) is module.ArcStatus.RISING
     for other in (SUBCRITICAL, CALIBRATED):
         with pytest.raises(certificates.Unproved, match="arc 2"):
-            verify_piece((parameter_texts(other), Fraction("0.1"), 2, content["evidence"]["arcs"][1]))
+            verify_piece(
+                (parameter_texts(other), Fraction("0.1"), 2, content["evidence"]["arcs"][1])
+            )
     content["claim"]["amplitude_end"] = "0.12"
     with pytest.raises(certificates.Unproved, match="digest"):
         certificates.proved(content, mapped)

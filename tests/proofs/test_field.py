@@ -1,4 +1,6 @@
-"""The kernel's equations against those that the rest of the package uses: two transcriptions, each differentiated."""
+"""The kernel's equations against those that the rest of the package uses: two transcriptions,
+each differentiated.
+"""
 
 from __future__ import annotations
 
@@ -12,14 +14,27 @@ import pytest
 from tippedisk_verify.model.equations import field, jacobian, shifted, terms
 from tippedisk_verify.model.parameters import PRINTED, SYMBOLS, Parameters
 from tippedisk_verify.proofs.kernel import jets
-from tippedisk_verify.proofs.kernel.balls import BallOps, Unproved, arb, ball, ball_constants, inside, working_precision
+from tippedisk_verify.proofs.kernel.balls import (
+    BallOps,
+    Unproved,
+    arb,
+    ball,
+    ball_constants,
+    inside,
+    working_precision,
+)
 from tippedisk_verify.proofs.kernel.field import constants, one_sided, sliding_motion
 from tippedisk_verify.proofs.kernel.field import field as kernel_field
 from tippedisk_verify.proofs.kernel.flow import Model
 from tippedisk_verify.proofs.kernel.series import Graph, System
 from tippedisk_verify.proofs.numbers import measured
 
-LAWS = (("linear", "linear", None), ("smooth", "smooth", None), (1, "smooth", 1), (-1, "smooth", -1))
+LAWS = (
+    ("linear", "linear", None),
+    ("smooth", "smooth", None),
+    (1, "smooth", 1),
+    (-1, "smooth", -1),
+)
 DISK = {name: str(getattr(PRINTED, name)) for name in SYMBOLS}
 
 
@@ -33,11 +48,20 @@ def test_rates_and_derivatives_at_random_points_of_random_disks() -> None:
     draw = random.Random(11)
     with working_precision(200):
         for _ in range(40):
-            disk = {n: str(Fraction(value) * Fraction(draw.randint(900, 1100), 1000)) for n, value in DISK.items()}
+            disk = {
+                n: str(Fraction(value) * Fraction(draw.randint(900, 1100), 1000))
+                for n, value in DISK.items()
+            }
             disk["A"] = str(Fraction(disk["B"]) * Fraction(draw.randint(1000, 1300), 1000))
             mine = constants(disk)
-            theirs = ball_constants(Parameters(**{name: Fraction(value) for name, value in disk.items()}))
-            state = [arb(draw.uniform(-1.5, 1.5)), arb(draw.uniform(-7, 7)), arb(draw.uniform(-20, 20))]
+            theirs = ball_constants(
+                Parameters(**{name: Fraction(value) for name, value in disk.items()})
+            )
+            state = [
+                arb(draw.uniform(-1.5, 1.5)),
+                arb(draw.uniform(-7, 7)),
+                arb(draw.uniform(-20, 20)),
+            ]
             speed = arb(draw.uniform(0.1, 60))
             for law, friction, side in LAWS:
                 rates = kernel_field(BallOps, mine, speed, law)(*state)
@@ -47,12 +71,24 @@ def test_rates_and_derivatives_at_random_points_of_random_disks() -> None:
                     continue
                 unit = [arb(int(row == column)) for column in range(4) for row in range(3)]
                 model = Model(mine, speed, one_sided(law) if side else None)
-                columns = [part[1] for part in model.variational.coefficients([*state, *unit], 1)[3:]]
+                columns = [
+                    part[1] for part in model.variational.coefficients([*state, *unit], 1)[3:]
+                ]
                 rows = jacobian(shifted(BallOps), theirs, speed, friction, side)(*state)
-                assert all(same(columns[3 * k + row], arb(rows[row][k])) for row in range(3) for k in range(3)), law
-                if law == "linear":  # a quadratic polynomial in Omega: central differences are exact
-                    ahead, behind = (kernel_field(BallOps, mine, speed + h, law)(*state) for h in (1, -1))
-                    assert all(a.overlaps((b - c) / 2) for a, b, c in zip(columns[9:], ahead, behind, strict=True))
+                assert all(
+                    same(columns[3 * k + row], arb(rows[row][k]))
+                    for row in range(3)
+                    for k in range(3)
+                ), law
+                # A quadratic polynomial in Omega: central differences are exact
+                if law == "linear":
+                    ahead, behind = (
+                        kernel_field(BallOps, mine, speed + h, law)(*state) for h in (1, -1)
+                    )
+                    assert all(
+                        a.overlaps((b - c) / 2)
+                        for a, b, c in zip(columns[9:], ahead, behind, strict=True)
+                    )
             rates, step = kernel_field(BallOps, mine, speed, 1)(*state), arb(2) ** -80
             velocity, change = sliding_motion(BallOps, mine, speed, state, rates[2])
             ahead = [part + step * rate for part, rate in zip(state, rates, strict=True)]
@@ -87,7 +123,7 @@ def test_a_variable_without_a_rate_is_refused() -> None:
         System(graph, [x], [x * y])
 
 
-# ------------------------------------------------------------------------------------- polynomials with balls left over
+# ----------------------------------------------------------------- polynomials with balls left over
 OPERATIONS: dict[str, Callable[[Any, Any], Any]] = {
     "sum": lambda a, b: a + b,
     "difference": lambda a, b: 1 - a - b,
@@ -111,13 +147,19 @@ def convolved(a: Any, b: Any) -> Any:
     return left.convolution(right)
 
 
-def drawn(rng: random.Random, degree: int, middle: Fraction) -> tuple[list[tuple[Fraction, Fraction]], list[Fraction]]:
-    """Coefficients as midpoints and radii, and a choice of points from them, often the balls' ends."""
+def drawn(
+    rng: random.Random, degree: int, middle: Fraction
+) -> tuple[list[tuple[Fraction, Fraction]], list[Fraction]]:
+    """Coefficients as midpoints and radii, and a choice of points from them, often the balls'
+    ends.
+    """
     coefficients = []
     for k in range(degree + 1):
         mid = (middle if not k else 0) + Fraction(rng.randint(-300, 300), 1000 * 3**k)
         coefficients.append((mid, Fraction(rng.choice([0, 0, 1, 20]), 1000 * 4**k)))
-    return coefficients, [mid + rng.choice([-1, 1, Fraction(1, 3)]) * rad for mid, rad in coefficients]
+    return coefficients, [
+        mid + rng.choice([-1, 1, Fraction(1, 3)]) * rad for mid, rad in coefficients
+    ]
 
 
 def at(points: list[Fraction], s: Fraction) -> Any:
@@ -125,16 +167,24 @@ def at(points: list[Fraction], s: Fraction) -> Any:
 
 
 def test_exact_results_lie_inside() -> None:
-    """Random jets and points of them: each operation's exact result lies in the jet's value at s, and in its range."""
+    """Random jets and points of them: each operation's exact result lies in the jet's value
+    at s, and in its range.
+    """
     rng = random.Random(7)
     for _ in range(300):
         degree, s = (
             rng.choice([0, 1, 2, 2, 3, 5]),
             rng.choice([Fraction(-1), Fraction(1), Fraction(rng.randint(-9, 9), 10)]),
         )
-        (first, x), (second, y) = drawn(rng, degree, Fraction(1, 2)), drawn(rng, degree, Fraction(2))
+        (first, x), (second, y) = (
+            drawn(rng, degree, Fraction(1, 2)),
+            drawn(rng, degree, Fraction(2)),
+        )
         with working_precision(64):
-            jet_a, jet_b = (jets.Jet([ball(mid) + arb(0, ball(rad)) for mid, rad in part]) for part in (first, second))
+            jet_a, jet_b = (
+                jets.Jet([ball(mid) + arb(0, ball(rad)) for mid, rad in part])
+                for part in (first, second)
+            )
             results = {name: operation(jet_a, jet_b) for name, operation in OPERATIONS.items()}
             results["convolution"] = convolved(jet_a, jet_b)
             results["cut"] = jet_a.cut(1) + jet_b

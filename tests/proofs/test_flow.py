@@ -1,4 +1,6 @@
-"""The enclosed flow: exact solutions, the integrator, boxes and their points, and how it ends without a proof."""
+"""The enclosed flow: exact solutions, the integrator, boxes and their points, and how it ends
+without a proof.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +28,7 @@ def start() -> list:
     return [ball(part) for part in START]
 
 
-# ---------------------------------------------------------------------------------------------------- exact solutions
+# ---------------------------------------------------------------------------------- exact solutions
 def rotation(ops, constants, omega):
     """x' = Omega y, y' = -Omega x, z' = -3 z: a circle and a decay."""
     return lambda x, y, z: (omega * y, -(omega * x), -3 * z)
@@ -39,7 +41,9 @@ def blow_up(ops, constants, omega):
 
 def test_a_rotation_and_its_derivatives() -> None:
     with working_precision(100):
-        flight = carry(Model(ball_constants(PRINTED), ball("2"), rotation), [1, 0, 1], "1.3", derivatives=True)
+        flight = carry(
+            Model(ball_constants(PRINTED), ball("2"), rotation), [1, 0, 1], "1.3", derivatives=True
+        )
         assert flight.status is None
         time = flight.path.time
     with working_precision(200):
@@ -63,20 +67,31 @@ def test_a_rotation_and_its_derivatives() -> None:
 
 
 def test_a_step_beyond_the_singularity_fails_the_inclusion_itself() -> None:
-    """x(0) = 2 is infinite at 1/2: no box E can pass there, whatever the step control would have said."""
+    """x(0) = 2 is infinite at 1/2: no box E can pass there, whatever the step control would
+    have said.
+    """
     lengths, shown = [0.03, 0.5, 0.5625, -0.03], [True, False, False, False]
     with working_precision(60):
         constants = ball_constants(PRINTED)
         trial = Model(constants, ball(1), blow_up).path([2, 1, 1], Steps()).trial((18, 16))
         assert [trial.tested(length).included for length in lengths] == shown
-        array_model = Model(type(constants)(*(BallArray.of([x]) for x in constants)), BallArray([1.0] * 4), blow_up)
+        array_model = Model(
+            type(constants)(*(BallArray.of([x]) for x in constants)), BallArray([1.0] * 4), blow_up
+        )
         start = [BallArray([part] * 4) for part in (2.0, 1.0, 1.0)]
-        assert list(array_model.path(start, Steps()).trial((18, 16)).tested(BallArray(lengths)).included) == shown
+        assert (
+            list(
+                array_model.path(start, Steps()).trial((18, 16)).tested(BallArray(lengths)).included
+            )
+            == shown
+        )
 
 
-# --------------------------------------------------------------------------------------------------- the integrator
+# ----------------------------------------------------------------------------------- the integrator
 def test_it_holds_the_end_that_the_integrator_finds(taylor) -> None:
-    """heyoka at 300 bits, whose own error is below 1e-80, against 150 bits of balls; with all derivatives."""
+    """heyoka at 300 bits, whose own error is below 1e-80, against 150 bits of balls; with all
+    derivatives.
+    """
     request = Request(
         PRINTED,
         OMEGA,
@@ -111,21 +126,29 @@ def test_the_enclosure_holds_the_orbit_throughout_each_step() -> None:
             assert step is not None
             for share in (0, 0.3, 0.7, 1):
                 state = step.at(ball(share * step.length))
-                assert all(whole.contains(part) for whole, part in zip(step.enclosure, state, strict=True))
+                assert all(
+                    whole.contains(part) for whole, part in zip(step.enclosure, state, strict=True)
+                )
             path.take(step)
 
 
-# ------------------------------------------------------------------------------------------------ ends without a proof
+# ----------------------------------------------------------------------------- ends without a proof
 def test_wide_boxes_and_few_bits_end_with_a_status() -> None:
     with working_precision(64):
         wide = [part + arb(0, "0.05") for part in start()]
         assert carry(model(), wide, "0.5").status in (FlowStatus.TOO_WIDE, FlowStatus.NO_ENCLOSURE)
-        assert carry(model(), [part + arb(0, 1) for part in start()], "0.5").status is FlowStatus.TOO_WIDE
+        assert (
+            carry(model(), [part + arb(0, 1) for part in start()], "0.5").status
+            is FlowStatus.TOO_WIDE
+        )
         for strange in (arb("nan"), arb("inf"), arb(0, "inf")):
             flight = carry(model(), [0, strange, -1], "0.1")
             assert flight.status is FlowStatus.NO_ENCLOSURE
             assert flight.path.steps == 0
-        assert carry(Model(ball_constants(PRINTED), arb("nan")), start(), "0.1").status is FlowStatus.NO_ENCLOSURE
+        assert (
+            carry(Model(ball_constants(PRINTED), arb("nan")), start(), "0.1").status
+            is FlowStatus.NO_ENCLOSURE
+        )
     with working_precision(24):
         short = carry(model(), start(), "0.5")
         assert short.status is not None or max(part.rad() for part in short.state) > 1e-6

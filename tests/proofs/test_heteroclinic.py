@@ -27,7 +27,10 @@ from tippedisk_verify.proofs.search.heteroclinic import (
 )
 from tippedisk_verify.reference_values.lookup import reference
 
-TRUTH = {name: reference(f"{name}/linear/heteroclinic/point/omega_h").measured() for name in ("table1", "calibrated")}
+TRUTH = {
+    name: reference(f"{name}/linear/heteroclinic/point/omega_h").measured()
+    for name in ("table1", "calibrated")
+}
 DIGITS = 9  #: of `proved_connection`
 
 
@@ -58,7 +61,8 @@ def test_what_follows_of_limit_cycles_names_its_space() -> None:
     assert "gamma in R (not modulo 2 pi)" in said
     assert "exactly one periodic orbit above Omega_h and none below it or at it" in said
     unstable, slow, fast = proof.saddle_eigenvalues
-    repelling = (Measured(-slow.value, slow.uncertainty), slow, fast)  # lambda_u + lambda_s = 0, to within its width
+    # lambda_u + lambda_s = 0, to within its width
+    repelling = (Measured(-slow.value, slow.uncertainty), slow, fast)
     for changed in (
         {"unique": False},
         {"slowly": False},
@@ -75,16 +79,21 @@ def test_an_orbit_that_comes_in_along_the_fast_direction_is_told() -> None:
     assert _slowly(apart, z)
     assert not _slowly(apart, [z[0], z[2], z[1]])
     assert not _slowly(apart, [z[0], arb(0, "0.01"), z[2]])
-    near = arb_mat([[6, 1, 1], [1, -8, 2], [1, 2, -13.9]])  # the discs are [-11, -5] and [-16.9, -10.9]
+    # The discs are [-11, -5] and [-16.9, -10.9]
+    near = arb_mat([[6, 1, 1], [1, -8, 2], [1, 2, -13.9]])
     assert not _slowly(near, z)
 
 
 @pytest.mark.parametrize("side", [-1, pytest.param(1, marks=pytest.mark.slow)])
 def test_an_interval_beside_the_truth_is_not_proved(monkeypatch, side: int) -> None:
-    """The interval ends a fiftieth of its length short of Omega_h: as near as that, and still no proof."""
+    """The interval ends a fiftieth of its length short of Omega_h: as near as that, and still
+    no proof.
+    """
     monkeypatch.setattr(certified, "_MOST_PASSES", 1)
     half = proved_connection().omega_h.uncertainty
-    found = prove_connection(PRINTED, TRUTH["table1"].value + side * half * Fraction(104, 100), DIGITS)
+    found = prove_connection(
+        PRINTED, TRUTH["table1"].value + side * half * Fraction(104, 100), DIGITS
+    )
     assert found.status is ConnectionStatus.SIDES
     assert "nothing is proved" in found.statement
     assert (found.omega_h, found.proved) == (None, False)
@@ -92,7 +101,11 @@ def test_an_interval_beside_the_truth_is_not_proved(monkeypatch, side: int) -> N
 
 def test_bad_input_and_no_saddle() -> None:
     before = ctx.prec, ctx.cap
-    for near, digits in ((Fraction(30), 0), (Fraction(30), certified.MOST_DIGITS + 1), (Fraction(-1), 8)):
+    for near, digits in (
+        (Fraction(30), 0),
+        (Fraction(30), certified.MOST_DIGITS + 1),
+        (Fraction(-1), 8),
+    ):
         with pytest.raises(InputError):
             prove_connection(PRINTED, near, digits)
     with pytest.raises(NoConnectionError):
@@ -100,7 +113,7 @@ def test_bad_input_and_no_saddle() -> None:
     assert (ctx.prec, ctx.cap) == before
 
 
-# ------------------------------------------------------------------------------------------------ the cycles next to it
+# ---------------------------------------------------------------------------- the cycles next to it
 def test_what_is_refused_of_the_cycles_next_to_it() -> None:
     assert prove_end(ProvedConnection(ConnectionStatus.FLOW)).status is EndStatus.NO_CONNECTION
     assert prove_end(ProvedConnection(ConnectionStatus.NO_SADDLE)).to_dict()["proved"] is False
@@ -116,7 +129,9 @@ def test_what_is_refused_of_the_cycles_next_to_it() -> None:
 
 
 def test_what_is_said_of_the_cycles_next_to_it() -> None:
-    """As if it were proved: the reference data's cycles are the statement's as far as Omega_h is known."""
+    """As if it were proved: the reference data's cycles are the statement's as far as Omega_h
+    is known.
+    """
     lengths = map(Fraction, ("30.0479", "30.0569", "0.14", "0.268"))
     end = ProvedEnd(EndStatus.PROVED, proved_connection(), *lengths)
     for part in (PRINTED.definition(), "linear", "30.0569", "3 pi/2 - 0.14", "-0.268"):
@@ -127,7 +142,11 @@ def test_what_is_said_of_the_cycles_next_to_it() -> None:
         omega = OMEGA_H + Fraction(1, 10**k)
         with working_precision(64):
             speed, *cycle = map(
-                ball, (omega, *(reference(f"{name}/{x}").measured().value for x in ("gamma_bar_0", "v_0")))
+                ball,
+                (
+                    omega,
+                    *(reference(f"{name}/{x}").measured().value for x in ("gamma_bar_0", "v_0")),
+                ),
             )
             assert end.meets(speed, *cycle) == (k < 9)  # Omega_h is known to 1e-9 here
             assert not replace(end, status=EndStatus.FLIGHT).meets(speed, *cycle)

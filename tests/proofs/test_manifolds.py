@@ -1,4 +1,6 @@
-"""Curves, blocks and cones at the saddle, against the power series of `theory` and against orbits (linear law)."""
+"""Curves, blocks and cones at the saddle, against the power series of `theory` and against
+orbits (linear law).
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,14 @@ from flint import arb, arb_mat
 from tippedisk_verify.model.equations import field, shifted
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED, Parameters
-from tippedisk_verify.proofs.kernel.balls import BallOps, Unproved, ball, ball_constants, positive, working_precision
+from tippedisk_verify.proofs.kernel.balls import (
+    BallOps,
+    Unproved,
+    ball,
+    ball_constants,
+    positive,
+    working_precision,
+)
 from tippedisk_verify.proofs.kernel.certificates.saddle import (
     FAST,
     SLOW,
@@ -26,7 +35,11 @@ from tippedisk_verify.proofs.kernel.certificates.saddle import (
     leaving,
 )
 from tippedisk_verify.proofs.search.certificate import parameter_texts
-from tippedisk_verify.proofs.search.heteroclinic import eigenvectors, series_of_curve, smallest_weights
+from tippedisk_verify.proofs.search.heteroclinic import (
+    eigenvectors,
+    series_of_curve,
+    smallest_weights,
+)
 from tippedisk_verify.theory.saddle_manifolds import Saddle as Series
 from tippedisk_verify.theory.series import PowerSeries
 
@@ -43,16 +56,24 @@ def _bits() -> Iterator[None]:
 
 def saddle_at(parameters: Parameters, width: str = "0") -> SaddleCoordinates:
     directions = eigenvectors(parameters, SPEED)[1].tolist()
-    return SaddleCoordinates(parameter_texts(parameters), parameters.friction, ball(SPEED) + arb(0, width), directions)
+    return SaddleCoordinates(
+        parameter_texts(parameters), parameters.friction, ball(SPEED) + arb(0, width), directions
+    )
 
 
 @cache
 def graph(parameters: Parameters, along: int, order: int) -> list[list[Any]]:
     with working_precision(BITS):
-        return list(series_of_curve(saddle_at(parameters), along, order, eigenvectors(parameters, SPEED)[0]).graph)
+        return list(
+            series_of_curve(
+                saddle_at(parameters), along, order, eigenvectors(parameters, SPEED)[0]
+            ).graph
+        )
 
 
-def curve_of(parameters: Parameters, along: int, width: str = "0", order: int = ORDER) -> ManifoldGraph:
+def curve_of(
+    parameters: Parameters, along: int, width: str = "0", order: int = ORDER
+) -> ManifoldGraph:
     rows = [list(row) for row in graph(parameters, along, order)]
     return ManifoldGraph(saddle_at(parameters, width), along, rows, None)
 
@@ -69,7 +90,9 @@ def truth_of(parameters: Parameters, shift: Fraction) -> Series:
     return Series(parameters, SPEED + shift, 300, 41)
 
 
-def point_of(saddle: SaddleCoordinates, series: list[PowerSeries], component: int, wanted: float) -> list[Any]:
+def point_of(
+    saddle: SaddleCoordinates, series: list[PowerSeries], component: int, wanted: float
+) -> list[Any]:
     """z of the curve of `theory` where one coordinate has the value wanted."""
     context = mpmath.MPContext()
     context.prec = 300
@@ -80,20 +103,28 @@ def point_of(saddle: SaddleCoordinates, series: list[PowerSeries], component: in
     return z
 
 
-@pytest.mark.parametrize(("parameters", "order", "sharp"), [(PRINTED, ORDER, 1e-40), (CALIBRATED, 5, 1e-6)])
-def test_the_unstable_branch_is_where_the_power_series_put_it(parameters: Parameters, order: int, sharp: float) -> None:
+@pytest.mark.parametrize(
+    ("parameters", "order", "sharp"), [(PRINTED, ORDER, 1e-40), (CALIBRATED, 5, 1e-6)]
+)
+def test_the_unstable_branch_is_where_the_power_series_put_it(
+    parameters: Parameters, order: int, sharp: float
+) -> None:
     """With a short series too, whose defect is all remainder."""
     curve = curve_of(parameters, UNSTABLE, order=order)
     cone = cone_of(curve)
     box, _, _ = leaving(curve, THETA, cone, curve.relative_defect(THETA))
     assert all(float(part) < sharp for part in cone)
-    truth = point_of(curve.saddle, truth_of(parameters, Fraction(0)).unstable_curve, UNSTABLE, 0.0625)
+    truth = point_of(
+        curve.saddle, truth_of(parameters, Fraction(0)).unstable_curve, UNSTABLE, 0.0625
+    )
     for mine, true in zip(box, truth, strict=True):
         assert abs(true - mine.mid()) < mine.rad() + arb(2) ** -140
 
 
 def test_the_cone_of_an_interval_of_speeds_holds_how_the_branch_moves() -> None:
-    """The branches of its ends lie in it, and their difference is within the weights times that of the speeds."""
+    """The branches of its ends lie in it, and their difference is within the weights times
+    that of the speeds.
+    """
     curve, step = curve_of(PRINTED, UNSTABLE, "1e-9"), Fraction(1, 10**9)
     box, whole, matrix = leaving(curve, THETA, cone_of(curve), curve.relative_defect(THETA))
     low, middle, high = (
@@ -112,12 +143,16 @@ def test_the_cone_of_an_interval_of_speeds_holds_how_the_branch_moves() -> None:
 
 
 @pytest.mark.parametrize(("order", "size", "sharp"), [(ORDER, "1e-30", 1e-32), (5, "1e-7", 1e-8)])
-def test_the_slow_stable_curve_lies_within_delta_of_the_block(order: int, size: str, sharp: float) -> None:
+def test_the_slow_stable_curve_lies_within_delta_of_the_block(
+    order: int, size: str, sharp: float
+) -> None:
     curve = curve_of(PRINTED, SLOW, order=order)
     delta, _, _ = block(curve, (arb("0.06").mid(), arb(size).mid(), arb(size).mid()))
     assert float(delta) < sharp
     for theta in (-0.05, -0.01, 0.03):
-        w_u, w_f = curve.straightened(point_of(curve.saddle, truth_of(PRINTED, Fraction(0)).stable_curve, SLOW, theta))
+        w_u, w_f = curve.straightened(
+            point_of(curve.saddle, truth_of(PRINTED, Fraction(0)).stable_curve, SLOW, theta)
+        )
         assert abs(w_u) < delta
         assert abs(w_f) < arb(size)
 
@@ -158,7 +193,10 @@ def test_the_derivative_across_a_curve_is_that_of_the_rate_of_w() -> None:
 
     def rate(w: Sequence[Any]) -> list[Any]:
         flow = curve.saddle.rates(curve.point(theta, w))
-        return [flow[o] - slope * flow[SLOW] for o, slope in zip(curve.others, curve.slopes(theta), strict=True)]
+        return [
+            flow[o] - slope * flow[SLOW]
+            for o, slope in zip(curve.others, curve.slopes(theta), strict=True)
+        ]
 
     start = [arb("0.001"), arb("0.002")]
     for column in range(2):
@@ -174,7 +212,9 @@ def test_the_field_in_these_coordinates_is_that_of_the_equations() -> None:
     """F is; differences of F lie in the derivatives over the segment between."""
     saddle, step, z = saddle_at(PRINTED), arb("1e-12"), [arb("0.03"), arb("-0.02"), arb("0.01")]
     beta, gamma, v = saddle.offset(z)
-    theirs = field(shifted(BallOps), ball_constants(PRINTED), saddle.omega, "linear")(beta, gamma + arb.pi(), v)
+    theirs = field(shifted(BallOps), ball_constants(PRINTED), saddle.omega, "linear")(
+        beta, gamma + arb.pi(), v
+    )
     start = saddle.rates(z)
     assert all(a.overlaps(b) for a, b in zip(start, saddle.coordinates(theirs), strict=True))
     assert saddle.rates([arb(0)] * 3) == [0, 0, 0]
@@ -183,8 +223,12 @@ def test_the_field_in_these_coordinates_is_that_of_the_equations() -> None:
         matrix = saddle.field([a.union(b) for a, b in zip(z, other, strict=True)])[1]
         for row, (after, before) in enumerate(zip(saddle.rates(other), start, strict=True)):
             assert ((after - before) / step).overlaps(matrix[row][column])
-    faster = SaddleCoordinates(saddle.disk, "linear", saddle.omega + step, saddle.directions.tolist())
-    both = SaddleCoordinates(saddle.disk, "linear", saddle.omega.union(faster.omega), saddle.directions.tolist())
+    faster = SaddleCoordinates(
+        saddle.disk, "linear", saddle.omega + step, saddle.directions.tolist()
+    )
+    both = SaddleCoordinates(
+        saddle.disk, "linear", saddle.omega.union(faster.omega), saddle.directions.tolist()
+    )
     for after, before, slope in zip(faster.rates(z), start, both.field(z)[2], strict=True):
         assert ((after - before) / step).overlaps(slope)
         assert slope.rel_accuracy_bits() > 20

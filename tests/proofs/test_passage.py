@@ -1,6 +1,7 @@
 """The passage by the saddle: its cells, what is asked of N, and what is said of orbits.
 
-Matrices are made up here, near those of the printed disk, so that one number at a time breaks one inequality.
+Matrices are made up here, near those of the printed disk, so that one number at a time breaks one
+inequality.
 """
 
 from __future__ import annotations
@@ -23,7 +24,13 @@ from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.proofs.kernel.ball_array import BallArray
 from tippedisk_verify.proofs.kernel.balls import Unproved, ball, working_precision
 from tippedisk_verify.proofs.kernel.certificates.passage import Passage
-from tippedisk_verify.proofs.kernel.certificates.saddle import FAST, SLOW, UNSTABLE, SaddleCoordinates, products
+from tippedisk_verify.proofs.kernel.certificates.saddle import (
+    FAST,
+    SLOW,
+    UNSTABLE,
+    SaddleCoordinates,
+    products,
+)
 
 U, S, F = UNSTABLE, SLOW, FAST
 BITS = 64
@@ -40,7 +47,10 @@ GIVEN: dict[str, Any] = {
 }
 
 
-CHOICES = {name: [arb(x) for x in part] if isinstance(part, list) else arb(part) for name, part in GIVEN.items()}
+CHOICES = {
+    name: [arb(x) for x in part] if isinstance(part, list) else arb(part)
+    for name, part in GIVEN.items()
+}
 
 
 def column(entries: Sequence[Any]) -> Any:
@@ -67,26 +77,37 @@ NUMBERS: dict[str, Any] = {
 Place = tuple[Any, ...]  # a name and indices
 
 
-def made_up(numbers: dict[Place, Any] | None = None, choices: dict[Place, Any] | None = None) -> Passage:
-    """A passage with the ``choices`` and the ``numbers`` put in their places, shown for its weights."""
-    given: dict[str, Any] = {name: [*part] if isinstance(part, list) else part for name, part in CHOICES.items()}
+def made_up(
+    numbers: dict[Place, Any] | None = None, choices: dict[Place, Any] | None = None
+) -> Passage:
+    """A passage with the ``choices`` and the ``numbers`` put in their places, shown for its
+    weights.
+    """
+    given: dict[str, Any] = {
+        name: [*part] if isinstance(part, list) else part for name, part in CHOICES.items()
+    }
     given["directions"] = [list(row) for row in DIRECTIONS]
     for (name, *path), x in (choices or {}).items():
         part: Any = given
         for index in (name, *path)[:-1]:
             part = part[index]
         part[(name, *path)[-1]] = arb(x)
-    found = {name: arb_mat(x) if isinstance(x[0], list) else [arb(part) for part in x] for name, x in NUMBERS.items()}
+    found = {
+        name: arb_mat(x) if isinstance(x[0], list) else [arb(part) for part in x]
+        for name, x in NUMBERS.items()
+    }
     for (name, *path), x in (numbers or {}).items():
         found[name][path[0] if len(path) == 1 else tuple(path)] = arb(x)
     n = object.__new__(Passage)
     saddle = SaddleCoordinates(DISK, "linear", arb(30), given["directions"])
-    vars(n).update(found, saddle=saddle, extents=given["extents"], stirred_within=given["extents"][F] / 6)
+    vars(n).update(
+        found, saddle=saddle, extents=given["extents"], stirred_within=given["extents"][F] / 6
+    )
     n.weighted(given)
     return n
 
 
-# ------------------------------------------------------------------------------------------------------------- cells
+# -------------------------------------------------------------------------------------------- cells
 def law(a: Any, i: int, j: int) -> list[Any]:
     """How the products of x = e_i and y = e_j, of which one is 1, move if x' = A x and y' = A y."""
     x, y = (column([arb(int(k == place)) for k in range(3)]) for place in (i, j))
@@ -96,16 +117,21 @@ def law(a: Any, i: int, j: int) -> list[Any]:
 
 @pytest.mark.parametrize(("n", "m"), [(3, 2), (2, 3)])
 def test_each_cell_counts_where_it_should(n: int, m: int) -> None:
-    """DF is zero but in one cell: A, C and B hold what it is there, and M the share of the ray that may pass it.
+    """DF is zero but in one cell: A, C and B hold what it is there, and M the share of the ray that
+    may pass it.
 
-    On the ray to a point of N, DF at the k-th of n parts is in the cells whose inside meets (k / n) N. A cell meets it
-    where in each coordinate its inner end, as a part of the extent, is less than k / n.
+    On the ray to a point of N, DF at the k-th of n parts is in the cells whose inside meets (k / n)
+    N. A cell meets it where in each coordinate its inner end, as a part of the extent, is less than
+    k / n.
     """
     extents = [Fraction(1, 5), Fraction(1, 4), Fraction(3, 8)]
     slopes = arb_mat([[1, 2, 3], [4, 5, 6], [7, 8, 9]])
     compound = [law(slopes, *pair) for pair in ((U, S), (U, F), (S, F))]
     places = [[(Fraction(k, n), Fraction(k + 1, n)) for k in range(-n, 0)]]
-    places += [[(Fraction(k, count), Fraction(k + 1, count)) for k in range(-count, count)] for count in (n, m)]
+    places += [
+        [(Fraction(k, count), Fraction(k + 1, count)) for k in range(-count, count)]
+        for count in (n, m)
+    ]
     for cell in product(*places):
         middle = [float(extent * sum(ends) / 2) for extent, ends in zip(extents, cell, strict=True)]
 
@@ -113,7 +139,11 @@ def test_each_cell_counts_where_it_should(n: int, m: int) -> None:
             away = [np.abs(x.midpoints - point) <= x.radii for x, point in zip(z, at, strict=True)]
             here = np.logical_and.reduce(away) * 1.0
             if not len(z[0].radii.nonzero()[0]):  # in the middles F is asked for alone
-                return [BallArray(-1 + 0 * here), BallArray(0 * here), BallArray(0 * here)], None, None
+                return (
+                    [BallArray(-1 + 0 * here), BallArray(0 * here), BallArray(0 * here)],
+                    None,
+                    None,
+                )
             rows = [[BallArray(here * float(slopes[i, k])) for k in range(3)] for i in range(3)]
             return [], rows, [BallArray(0 * here), BallArray(here), BallArray(0 * here)]
 
@@ -135,7 +165,7 @@ def test_each_cell_counts_where_it_should(n: int, m: int) -> None:
         assert bool(passage.stirred[0] >= 1) is near
 
 
-# ------------------------------------------------------------------------------------------------ what is asked of N
+# ------------------------------------------------------------------------------- what is asked of N
 SPOILED: list[tuple[str, dict[Place, Any]]] = [
     ("the stable directions", {("M", S, S): 1}),
     ("the stable directions", {("M", F, F): 1}),
@@ -173,7 +203,9 @@ SPOILED: list[tuple[str, dict[Place, Any]]] = [
 
 
 @pytest.mark.parametrize(("line", "numbers"), SPOILED)
-def test_a_number_that_is_spoiled_breaks_its_inequality(line: str, numbers: dict[Place, Any]) -> None:
+def test_a_number_that_is_spoiled_breaks_its_inequality(
+    line: str, numbers: dict[Place, Any]
+) -> None:
     with pytest.raises(Unproved, match=rf"^7a\.\d: {line}"):
         made_up(numbers)
 
@@ -200,7 +232,9 @@ CHOSEN: list[tuple[str, dict[Place, Any]]] = [
 
 
 @pytest.mark.parametrize(("line", "choices"), CHOSEN)
-def test_a_choice_that_is_spoiled_breaks_its_inequality(line: str, choices: dict[Place, Any]) -> None:
+def test_a_choice_that_is_spoiled_breaks_its_inequality(
+    line: str, choices: dict[Place, Any]
+) -> None:
     with pytest.raises(Unproved, match=rf"^7a\.\d: {line}:"):
         made_up(choices=choices)
 
@@ -214,16 +248,25 @@ def test_examples_are_passages() -> None:
 
 @pytest.mark.parametrize(
     ("row", "rate"),
-    [((20, 0, -12), 5), ((-36, 5, -12), 5), ((20, 5, 0), 5), *(((20, 5, -12), rate) for rate in (0, -1, 14))],
+    [
+        ((20, 0, -12), 5),
+        ((-36, 5, -12), 5),
+        ((20, 5, 0), 5),
+        *(((20, 5, -12), rate) for rate in (0, -1, 14)),
+    ],
 )
 def test_what_is_asked_after_a_crossing(row: Sequence[float], rate: float) -> None:
-    """v' falls with y_gamma < 0; 20 - p (p - 12) is positive from p = -1.5 to p = 13.5, and p is to be."""
+    """v' falls with y_gamma < 0; 20 - p (p - 12) is positive from p = -1.5 to p = 13.5, and p
+    is to be.
+    """
 
     def asked(row: Sequence[float], rate: float) -> None:
         unit = arb_mat([[int(i == j) for j in range(3)] for i in range(3)])
         rows = arb_mat([[0, 0, 1], [1, 0, 0], [arb(x) for x in row]])
         saddle = SimpleNamespace(directions=unit, inverse=unit)
-        Passage._quadrant(SimpleNamespace(saddle=saddle, M=rows, extents=[arb(0.25)] * 3), arb(rate))
+        Passage._quadrant(
+            SimpleNamespace(saddle=saddle, M=rows, extents=[arb(0.25)] * 3), arb(rate)
+        )
 
     asked((20, 5, -12), 5)
     with pytest.raises(Unproved, match="beta_bar and gamma after a crossing"):
@@ -238,9 +281,11 @@ def test_beta_bar_stays_small_in_n() -> None:
         made_up(choices=large)
 
 
-# ---------------------------------------------------------------------------------------------- what is said of orbits
+# --------------------------------------------------------------------------- what is said of orbits
 def test_the_rates_in_the_steep_cone() -> None:
-    """d_u' / d_u at the cone's corners: at least with a difference of speeds, and at most without."""
+    """d_u' / d_u at the cone's corners: at least with a difference of speeds, and at most
+    without.
+    """
     n = made_up()
     k_u, k_s, k_f = n.steep
     rates, own = [], []
@@ -253,7 +298,9 @@ def test_the_rates_in_the_steep_cone() -> None:
 
 
 def test_the_products_fall_as_is_said() -> None:
-    """Exact solutions of b' = C b, from corners of boxes of which each product may be the smallest."""
+    """Exact solutions of b' = C b, from corners of boxes of which each product may be the
+    smallest.
+    """
     n = made_up()
     k_1, k_2 = n.compound
     for time in (0, 0.125, 0.5, 2, 8):
@@ -277,9 +324,13 @@ def test_the_stable_parts_fall_as_is_said() -> None:
         assert abs(fast - (arb(0.5) * (-100 * time).exp() + (2 * u + s) / 100)) < HAIR
 
 
-@pytest.mark.parametrize(("by_u", "by_f"), [(0.15, 0.25), (0.15, -0.25), (0.0625, 0.25), (0.0625, -0.25)])
+@pytest.mark.parametrize(
+    ("by_u", "by_f"), [(0.15, 0.25), (0.15, -0.25), (0.0625, 0.25), (0.0625, -0.25)]
+)
 def test_where_beta_bar_vanishes_in_the_thin_set(by_u: float, by_f: float) -> None:
-    """Points with z_u = 1 and z_f up to 0.99 of what the set allows: z_s = r + q z_f, larger than 1 or smaller."""
+    """Points with z_u = 1 and z_f up to 0.99 of what the set allows: z_s = r + q z_f, larger
+    than 1 or smaller.
+    """
     n = made_up(choices={("directions", 0, U): by_u, ("directions", 0, F): by_f})
     r, q = (-n.saddle.directions[0, k] / n.saddle.directions[0, S] for k in (U, F))
     for share in (-0.99, -0.5, 0.5, 0.99):
@@ -293,7 +344,9 @@ def test_where_beta_bar_vanishes_in_the_thin_set(by_u: float, by_f: float) -> No
 
 
 def test_the_time_of_a_passage() -> None:
-    """The graph may be as low as -k max(s, t) where the orbit leaves N; there d_u is u less than that."""
+    """The graph may be as low as -k max(s, t) where the orbit leaves N; there d_u is u less
+    than that.
+    """
     n = made_up()
     u, s, t = n.extents
     least = u - n.flat * s.max(t)
@@ -301,10 +354,14 @@ def test_the_time_of_a_passage() -> None:
     assert abs(n.time(least / 2) - arb(2).log() / n.grows[1]) < HAIR
 
 
-def test_a_crossing_is_as_far_from_the_graph_as_both_ends_allow_and_where_z_s_has_fallen_to() -> None:
-    """From z_u = 0, k s from the graph, which is k s from z_u = 0 at the crossing, where z_s falls at once.
+def test_a_crossing_is_as_far_from_the_graph_as_both_ends_allow_and_where_z_s_has_fallen_to() -> (
+    None
+):
+    """From z_u = 0, k s from the graph, which is k s from z_u = 0 at the crossing, where z_s falls
+    at once.
 
-    Soon after the start, where |z_u| has not grown yet, |z_s| / r is larger; and the moment is not the start.
+    Soon after the start, where |z_u| has not grown yet, |z_s| / r is larger; and the moment is not
+    the start.
     """
     moment = arb(2) ** -10
     falling = made_up({("M", S, S): -(2.0**20), ("M", F, F): -(2.0**24)})
@@ -317,7 +374,7 @@ def test_a_crossing_is_as_far_from_the_graph_as_both_ends_allow_and_where_z_s_ha
             n.crossing(arb(0), arb(0), arb(early))
 
 
-# --------------------------------------------------------------------------------------------------- the printed disk's
+# ------------------------------------------------------------------------------- the printed disk's
 SPEEDS = (OMEGA_H - Fraction(1, 1000), OMEGA_H + Fraction(8, 1000))
 
 
@@ -326,21 +383,33 @@ def enclosed() -> Passage:
     """Of these speeds, with fewer cells than a proof takes."""
     with working_precision(BITS):
         n = Passage(
-            SaddleCoordinates(DISK, "linear", hull(*SPEEDS), DIRECTIONS), [arb(x) for x in GIVEN["extents"]], (48, 6)
+            SaddleCoordinates(DISK, "linear", hull(*SPEEDS), DIRECTIONS),
+            [arb(x) for x in GIVEN["extents"]],
+            (48, 6),
         )
         n.weighted(CHOICES)
         return n
 
 
 def test_the_enclosures_hold_points_and_rays() -> None:
-    """A holds DF, B dF/d(Omega), and M a matrix with F(z) = M z; at both signs of z, though only one is enclosed."""
+    """A holds DF, B dF/d(Omega), and M a matrix with F(z) = M z; at both signs of z, though
+    only one is enclosed.
+    """
     rng, n = random.Random(2), enclosed()
     for _ in range(30):
         z = [arb(rng.uniform(-0.999, 0.999) * extent) for extent in GIVEN["extents"]]
         omega = ball(SPEEDS[0] + (SPEEDS[1] - SPEEDS[0]) * Fraction(rng.randint(0, 100), 100))
         rates, slopes, by = SaddleCoordinates(DISK, "linear", omega, DIRECTIONS).field(z)
-        moved = [[sum(a * b for a, b in zip(row, x, strict=True)) for row in slopes] for x in ([2, -1, 3], [1, 4, -2])]
-        law = [p + q for p, q in zip(products(moved[0], [1, 4, -2]), products([2, -1, 3], moved[1]), strict=True)]
+        moved = [
+            [sum(a * b for a, b in zip(row, x, strict=True)) for row in slopes]
+            for x in ([2, -1, 3], [1, 4, -2])
+        ]
+        law = [
+            p + q
+            for p, q in zip(
+                products(moved[0], [1, 4, -2]), products([2, -1, 3], moved[1]), strict=True
+            )
+        ]
         for row in range(3):
             assert abs(by[row]) <= n.B[row] * (1 + arb(2) ** -40)
             assert sum((n.M[row, k] * z[k] for k in range(3)), arb(0)).overlaps(rates[row])
@@ -352,7 +421,9 @@ def test_the_enclosures_hold_points_and_rays() -> None:
 
 
 def test_passages_obey_their_bounds() -> None:
-    """Random orbits from z_s = -s, down to 1e-6 below the plane z_u = 0, which is near the graph."""
+    """Random orbits from z_s = -s, down to 1e-6 below the plane z_u = 0, which is near the
+    graph.
+    """
     rng, n = random.Random(3), enclosed()
     u, s, _ = GIVEN["extents"]
     for _ in range(4):
@@ -364,8 +435,13 @@ def test_passages_obey_their_bounds() -> None:
         time, z, d = orbits.fly(start, variation, lambda z: z[0] < -u)
         least = n.time(arb(below) + n.flat * s)
         assert least < time
-        assert all(abs(x) < bound for x, bound in zip(z[1:], n.fallen(arb(s), arb(0.002), least), strict=True))
-        first, last = (products(list(orbits.F(np.array(x))), list(y)) for x, y in ((start, variation), (z, d)))
+        assert all(
+            abs(x) < bound
+            for x, bound in zip(z[1:], n.fallen(arb(s), arb(0.002), least), strict=True)
+        )
+        first, last = (
+            products(list(orbits.F(np.array(x))), list(y)) for x, y in ((start, variation), (z, d))
+        )
         bounds = n.settled(list(map(arb, first)), least)
         assert abs(last[0]) < bounds[0]
         assert abs(last[1]) < bounds[1]

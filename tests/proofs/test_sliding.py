@@ -1,4 +1,6 @@
-"""The smooth friction law: its flow through sliding reversals, the limit cycles and Omega_h proved under it."""
+"""The smooth friction law: its flow through sliding reversals, the limit cycles and Omega_h
+proved under it.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,14 @@ from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.model.parameters import PRINTED, Parameters
 from tippedisk_verify.model.precision import bits
 from tippedisk_verify.proofs.kernel import sliding
-from tippedisk_verify.proofs.kernel.balls import Unproved, arb, ball, ball_constants, positive, working_precision
+from tippedisk_verify.proofs.kernel.balls import (
+    Unproved,
+    arb,
+    ball,
+    ball_constants,
+    positive,
+    working_precision,
+)
 from tippedisk_verify.proofs.kernel.certificates.saddle import (
     SLOW,
     UNSTABLE,
@@ -44,8 +53,11 @@ from tippedisk_verify.theory.saddle_manifolds import Saddle as Series
 SMOOTH = PRINTED.with_friction("smooth")
 OMEGA = Fraction("30.386592688644")
 PLACE = "table1/smooth/limit-cycle/crit-0.5"
-GUESS = tuple(f"{float(reference(f'{PLACE}/{name}').measured()):.12g}" for name in ("gamma_bar_0", "v_0"))
-#: A hundredth of a second before the first sliding reversal of the limit cycle, and until as long after it.
+GUESS = tuple(
+    f"{float(reference(f'{PLACE}/{name}').measured()):.12g}" for name in ("gamma_bar_0", "v_0")
+)
+#: A hundredth of a second before the first sliding reversal of the limit cycle, and until as long
+#: after it.
 START, SPAN, SIZE = ("0", "1.725", "-1.7105"), "0.02", Fraction(1, 10**6)
 
 
@@ -73,7 +85,7 @@ def moved(column: int, step: object) -> tuple[list, object]:
     return values[:3], values[3]
 
 
-# --------------------------------------------------------------------------------------- a crossing and its derivatives
+# ------------------------------------------------------------------- a crossing and its derivatives
 def test_the_integrator_finds_the_same_through_a_reversal(taylor) -> None:
     """In 200 bits, with all derivatives."""
     request = Request(
@@ -99,7 +111,9 @@ def test_the_integrator_finds_the_same_through_a_reversal(taylor) -> None:
 
 
 def test_flights_through_reversals_hold_orbits_and_derivatives() -> None:
-    """The mean value theorem, which knows nothing of crossings: over start boxes and speeds of size 1e-6."""
+    """The mean value theorem, which knows nothing of crossings: over start boxes and speeds
+    of size 1e-6.
+    """
     for column in range(4):
         start, omega = moved(column, arb(0, ball(SIZE).upper()))
         whole = flown(start, omega, derivatives=True)
@@ -108,7 +122,8 @@ def test_flights_through_reversals_hold_orbits_and_derivatives() -> None:
             assert all(whole.state[row].contains(end.state[row].mid()) for end in ends)
             quotient = (ends[0].state[row] - ends[1].state[row]) / (2 * ball(SIZE))
             assert whole.matrix[row][column].overlaps(quotient)
-            # v's derivatives change at the kink by some hundreds for each unit of the box, relative to their size.
+            # v's derivatives change at the kink by some hundreds for each unit of the box, relative
+            # to their size.
             assert abs(whole.matrix[row][column] - quotient) < (1 + abs(quotient)) * ball("0.01")
     flight = flown(derivatives=True)
     (a, b, c), (d, e, f), (g, h, i) = (row[:3] for row in flight.matrix)
@@ -116,18 +131,25 @@ def test_flights_through_reversals_hold_orbits_and_derivatives() -> None:
     assert determinant.overlaps(flight.divergence.exp())
 
 
-# ---------------------------------------------------------------------------------------------- what must not be proved
-#: From here the sliding velocity, which is negative, rises to a greatest value close to zero and falls again. It stays
-#: negative for a v somewhat below -1.809586 rad/s, and is positive for a while for one above.
+# -------------------------------------------------------------------------- what must not be proved
+#: From here the sliding velocity, which is negative, rises to a greatest value close to zero and
+#: falls again. It stays negative for a v somewhat below -1.809586 rad/s, and is positive for a
+#: while for one above.
 GRAZING = ("-0.2527", "1.0417", "-1.809586")
 LATER = "0.08"  # s
 
 
 @pytest.mark.parametrize(
     ("start", "span", "reversals"),
-    [(START, SPAN, 1), ((*GRAZING[:2], "-1.810586"), LATER, 0), ((*GRAZING[:2], "-1.808586"), LATER, 2)],
+    [
+        (START, SPAN, 1),
+        ((*GRAZING[:2], "-1.810586"), LATER, 0),
+        ((*GRAZING[:2], "-1.808586"), LATER, 2),
+    ],
 )
-def test_reversals_are_counted_and_the_sign_between_them_is_known(start: Any, span: str, reversals: int) -> None:
+def test_reversals_are_counted_and_the_sign_between_them_is_known(
+    start: Any, span: str, reversals: int
+) -> None:
     path = model_of(SMOOTH, ball(OMEGA)).path([ball(part) for part in start], Steps())
     assert isinstance(path, SlidingPath)
     crossings, before = 0, path.side
@@ -175,13 +197,17 @@ def test_a_moment_in_doubt_has_no_derivatives() -> None:
     assert not any(part.is_finite() for part in path.box)
 
 
-# --------------------------------------------------------------------------------------------------------- limit cycles
+# ------------------------------------------------------------------------------------- limit cycles
 @pytest.mark.parametrize(
     ("place", "digits"),
     [
         (PLACE, 8),
-        pytest.param("table1/smooth/near-heteroclinic/het+1e-3", 30, marks=pytest.mark.slow(minutes=2)),
-        pytest.param("calibrated/smooth/limit-cycle/crit-0.01", 30, marks=pytest.mark.slow(minutes=2)),
+        pytest.param(
+            "table1/smooth/near-heteroclinic/het+1e-3", 30, marks=pytest.mark.slow(minutes=2)
+        ),
+        pytest.param(
+            "calibrated/smooth/limit-cycle/crit-0.01", 30, marks=pytest.mark.slow(minutes=2)
+        ),
     ],
 )
 def test_reference_cycles_lie_in_the_proved_intervals(place: str, digits: int) -> None:
@@ -189,18 +215,24 @@ def test_reference_cycles_lie_in_the_proved_intervals(place: str, digits: int) -
     disk = Parameters.named(place.partition("/")[0]).with_friction("smooth")
     values = {name: reference(f"{place}/{name}").measured() for name in NUMBERS}
     omega = Fraction(reference(f"{place}/period").inputs["Omega"])
-    proof = prove_cycle(disk, omega, (values["gamma_bar_0"].value, values["v_0"].value), digits=digits)
+    proof = prove_cycle(
+        disk, omega, (values["gamma_bar_0"].value, values["v_0"].value), digits=digits
+    )
     assert proof.proved, proof.statement
     assert proof.stable
     assert proof.to_dict()["sliding_reversals"] == proof.reversals == 6
     assert "under the smooth Coulomb friction law" in proof.statement
-    assert "gamma_y changes its sign exactly 6 times a period and is 0 nowhere else" in proof.statement
+    assert (
+        "gamma_y changes its sign exactly 6 times a period and is 0 nowhere else" in proof.statement
+    )
     for name, number in proof.numbers().items():
-        assert abs(number.value - values[name].value) <= number.uncertainty + values[name].uncertainty, name
+        assert (
+            abs(number.value - values[name].value) <= number.uncertainty + values[name].uncertainty
+        ), name
         assert number.uncertainty < max(1, abs(number.value)) / Fraction(10) ** digits, name
 
 
-# ---------------------------------------------------------------------------------------------- Omega_h and the saddles
+# -------------------------------------------------------------------------- Omega_h and the saddles
 TRUTH = reference("table1/smooth/heteroclinic/point/omega_h").measured()
 
 
@@ -216,10 +248,14 @@ def test_the_proved_interval_holds_omega_h(connection: ProvedConnection) -> None
     assert connection.omega_h is not None
     assert connection.omega_h.holds(TRUTH.value)
     assert 2 * connection.omega_h.uncertainty <= Fraction(1, 10**8)
-    assert "under the smooth Coulomb friction law there is exactly one Omega" in connection.statement
+    assert (
+        "under the smooth Coulomb friction law there is exactly one Omega" in connection.statement
+    )
 
 
-def test_nothing_is_said_of_limit_cycles_of_a_field_without_second_derivatives(connection: ProvedConnection) -> None:
+def test_nothing_is_said_of_limit_cycles_of_a_field_without_second_derivatives(
+    connection: ProvedConnection,
+) -> None:
     """All other hypotheses of the theorem are there."""
     assert connection.slowly
     assert connection.limit_cycle is None
@@ -232,7 +268,9 @@ def saddle_curve(along: int) -> ManifoldGraph:
     speed = Fraction(round(TRUTH.value * 2**60), 2**60)
     with working_precision(160):
         values, directions = eigenvectors(SMOOTH, speed)
-        saddle = SaddleCoordinates(parameter_texts(SMOOTH), "smooth", ball(speed), directions.tolist())
+        saddle = SaddleCoordinates(
+            parameter_texts(SMOOTH), "smooth", ball(speed), directions.tolist()
+        )
         return series_of_curve(saddle, along, 41, values)
 
 
@@ -275,7 +313,10 @@ def test_the_slow_curve_lies_in_the_block_on_both_sides_of_the_saddle() -> None:
             assert abs(off[0]) < delta
         # Without the mirror one of the two is off by the jump of the curve's second derivative.
         plain = ManifoldGraph(curve.saddle, SLOW, curve.graph, None)
-        offs = [max(float(abs(x)) for x in plain.straightened(z)) for z in (truth, [-part for part in truth])]
+        offs = [
+            max(float(abs(x)) for x in plain.straightened(z))
+            for z in (truth, [-part for part in truth])
+        ]
         assert max(offs) > 1e-8
 
 
@@ -283,7 +324,8 @@ def test_a_curve_of_the_wrong_side_is_refused() -> None:
     with working_precision(160):
         theta, curve = arb(1) / 32, saddle_curve(UNSTABLE)
         curve.keeps_side(theta, (arb(0), arb(0)))
-        for wrong, cone in ((other_side(curve), (arb(0), arb(0))), (curve, (arb(1), arb(1)))):  # gamma_y = 0 cuts it
+        # gamma_y = 0 cuts it
+        for wrong, cone in ((other_side(curve), (arb(0), arb(0))), (curve, (arb(1), arb(1)))):
             with pytest.raises(Unproved, match="sign of the sliding velocity"):
                 wrong.keeps_side(theta, cone)
         with pytest.raises(Unproved):
@@ -304,4 +346,6 @@ def test_derivatives_over_boxes_that_both_sides_meet() -> None:
             a, b = ([size * part for part in signs] for signs in (one, two))
             moved = [x - y for x, y in zip(saddle.rates(a), saddle.rates(b), strict=True)]
             for row in range(3):
-                assert sum((matrix[row][k] * (a[k] - b[k]) for k in range(3)), arb(0)).overlaps(moved[row])
+                assert sum((matrix[row][k] * (a[k] - b[k]) for k in range(3)), arb(0)).overlaps(
+                    moved[row]
+                )

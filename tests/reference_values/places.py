@@ -35,8 +35,9 @@ _NEAR = (1, 2, 3, 4, 5, 6, 8, 10, 12, 16, 20, 30)
 # Beyond, an ulp of Omega in double is more than a millionth of the distance from Omega_h.
 _NEAREST_IN_DOUBLES = 8
 _NEAR_DIGITS = 46  # of the distance from Omega_h
-#: Rotating cycles: which of the two at a speed, and the speed's distance from Omega_h or Omega_crit. The fold lies some
-#: 0.04 below Omega_h for both sets and laws, so that both cycles are there at the speeds below it.
+#: Rotating cycles: which of the two at a speed, and the speed's distance from Omega_h or
+#: Omega_crit. The fold lies some 0.04 below Omega_h for both sets and laws, so that both cycles are
+#: there at the speeds below it.
 _ROTATIONS = (
     *(("stable", "het", "-0.01"), ("stable", "het", "-0.03"), ("unstable", "het", "-0.01")),
     *(("unstable", "crit", "-0.5"), ("unstable", "crit", "+0.5")),
@@ -52,7 +53,9 @@ def _rhs(name: str) -> Iterator[Item]:
         width = Fraction(1, 1000) if n % 10 == 0 else Fraction(1)
         beta = Fraction("1.5707") + width * (2 * shares[0] - 1) * Fraction("1.5")
         inputs = {
-            "Omega": decimal_text(Fraction(5) + shares[3] * 55 if n % 4 == 0 else 29 + shares[3] * 3, 4),
+            "Omega": decimal_text(
+                Fraction(5) + shares[3] * 55 if n % 4 == 0 else 29 + shares[3] * 3, 4
+            ),
             "beta": decimal_text(beta, 6),
             "gamma": decimal_text(Fraction("1.5707") + (2 * shares[1] - 1) * Fraction("4.7"), 5),
             "v": decimal_text((2 * shares[2] - 1) * 12, 4),
@@ -64,7 +67,9 @@ def _rhs(name: str) -> Iterator[Item]:
 def _equilibria(name: str) -> Iterator[Item]:
     for speed in _EQUILIBRIUM_SPEEDS:
         for state in ("inverted", "noninverted"):
-            yield Item(f"{name}/both/equilibrium/{state}-{speed}", {"Omega": speed, "equilibrium": state})
+            yield Item(
+                f"{name}/both/equilibrium/{state}-{speed}", {"Omega": speed, "equilibrium": state}
+            )
 
 
 def _harmonic_balances(name: str) -> Iterator[Item]:
@@ -76,7 +81,11 @@ def _harmonic_balances(name: str) -> Iterator[Item]:
 
 def _slow_manifolds(name: str) -> Iterator[Item]:
     for n, (beta, gamma) in enumerate(POINTS, start=1):
-        inputs = {"Omega": _MANIFOLD_SPEED, "beta": decimal_text(beta, 4), "gamma": decimal_text(gamma, 4)}
+        inputs = {
+            "Omega": _MANIFOLD_SPEED,
+            "beta": decimal_text(beta, 4),
+            "gamma": decimal_text(gamma, 4),
+        }
         yield Item(f"{name}/linear/slow-manifold/{n:02d}", inputs)
 
 
@@ -98,7 +107,9 @@ def _trajectories(name: str) -> Iterator[Item]:
 def _cycles(name: str) -> Iterator[Item]:
     for law in _LAWS:
         for below in _CYCLES_BELOW:
-            yield Item(f"{name}/{law}/limit-cycle/crit-{below}", {"Omega": _below_crit(name, below)})
+            yield Item(
+                f"{name}/{law}/limit-cycle/crit-{below}", {"Omega": _below_crit(name, below)}
+            )
 
 
 def _near_heteroclinics(name: str) -> Iterator[Item]:
@@ -110,7 +121,9 @@ def _near_heteroclinics(name: str) -> Iterator[Item]:
         omega_h = _omega_h(name, law, max(_NEAR) + _NEAR_DIGITS + 4).value
         for k in _NEAR:
             in_doubles = k <= _NEAREST_IN_DOUBLES
-            speed = decimal_text(omega_h + Fraction(1, 10**k), 15 if in_doubles else k + _NEAR_DIGITS)
+            speed = decimal_text(
+                omega_h + Fraction(1, 10**k), 15 if in_doubles else k + _NEAR_DIGITS
+            )
             readings = READINGS if in_doubles else READINGS[:1]
             yield Item(f"{name}/{law}/near-heteroclinic/het+1e-{k}", {"Omega": speed}, readings)
 
@@ -163,4 +176,6 @@ def _kronecker(n: int, dimensions: int) -> list[Fraction]:
     phi = 2.0
     for _ in range(60):
         phi = (1 + phi) ** (1 / (dimensions + 1))
-    return [Fraction(round((0.5 + n * phi ** -(k + 1)) % 1 * 10**6), 10**6) for k in range(dimensions)]
+    return [
+        Fraction(round((0.5 + n * phi ** -(k + 1)) % 1 * 10**6), 10**6) for k in range(dimensions)
+    ]

@@ -66,7 +66,11 @@ def _silent(folder: Path, draws: int) -> dict[str, int]:
             _one_line(fault)
             ends["refused"] += 1
         else:
-            same = path not in read and dict(found) == dict(whole) and found.parameters == whole.parameters
+            same = (
+                path not in read
+                and dict(found) == dict(whole)
+                and found.parameters == whole.parameters
+            )
             ends["not read" if same else "silently changed"] += 1
         path.write_bytes(content)
     return ends
@@ -80,7 +84,11 @@ def test_ninety_flipped_bits_change_nothing_silently(folder: Path) -> None:
 
 @pytest.mark.parametrize("name", ["values.csv", "proofs.json", "manifest.json"])
 def test_whoever_reads_refuses(
-    name: str, installed: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], pytester: pytest.Pytester
+    name: str,
+    installed: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    pytester: pytest.Pytester,
 ) -> None:
     sheet = tmp_path / "answers.csv"
     sheet.write_text(f"id,answer\n{_ID},30.886592688643567\n")
@@ -140,11 +148,17 @@ def test_a_turned_bit_in_a_question_is_reported(form: str, tmp_path: Path) -> No
     for n, quantity in enumerate(asked, start=1):
         answer = quantity.values["doubles"][0]
         end = {"csv": ",,", "json": '"from": "", "answer": ""'}[form]
-        said = {"csv": f",doubles,{answer}", "json": f'"from": "doubles", "answer": "{answer}"'}[form]
+        said = {"csv": f",doubles,{answer}", "json": f'"from": "doubles", "answer": "{answer}"'}[
+            form
+        ]
         question, _, rest = rows[n].rpartition(end)
         rows[n] = question + said + rest
         filled.append(question.encode())
-    path, draw, ends = tmp_path / f"sheet.{form}", random.Random(8), {"told": 0, "as before": 0, "silent": 0}
+    path, draw, ends = (
+        tmp_path / f"sheet.{form}",
+        random.Random(8),
+        {"told": 0, "as before": 0, "silent": 0},
+    )
     path.write_text("\n".join(rows))
     whole, content = read_answers(path, store), path.read_bytes()
     assert len(whole.given) == len(asked)
@@ -152,7 +166,9 @@ def test_a_turned_bit_in_a_question_is_reported(form: str, tmp_path: Path) -> No
     for _ in range(100):
         question = draw.choice(filled)
         at = content.index(question) + draw.randrange(len(question))
-        path.write_bytes(content[:at] + bytes([content[at] ^ 1 << draw.randrange(8)]) + content[at + 1 :])
+        path.write_bytes(
+            content[:at] + bytes([content[at] ^ 1 << draw.randrange(8)]) + content[at + 1 :]
+        )
         try:
             found = read_answers(path, store)
         except InputError:
@@ -163,21 +179,29 @@ def test_a_turned_bit_in_a_question_is_reported(form: str, tmp_path: Path) -> No
         else:
             ends["as before" if found.given == whole.given else "silent"] += 1
     assert ends["silent"] == 0
-    assert ends["told"] > 40  # the rest are names in JSON that nobody needs, and numbers that are the same double
+    # The rest are names in JSON that nobody needs, and numbers that are the same double
+    assert ends["told"] > 40
 
 
-def test_a_remark_says_which_row_asks_something_else(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_remark_says_which_row_asks_something_else(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     store = reading.stored()
     text = sheet_csv(store, [store[_ID], store["table1/both/rhs/001/M"]]).replace(",,\n", ",,1\n")
     path = tmp_path / "sheet.csv"
     for change, remark in (
         (("0.0025", "2.50e-3"), None),
-        (("-0.93072", "-0.93073"), "1 row does not ask what the id stands for, such as table1/both/rhs/001/M, gamma:"),
+        (
+            ("-0.93072", "-0.93073"),
+            "1 row does not ask what the id stands for, such as table1/both/rhs/001/M, gamma:",
+        ),
         (("rhs/001", "rhs/002"), "such as table1/both/rhs/002/M, Omega:"),
     ):
         path.write_text(text.replace(*change))
         assert main(["conformance", "grade", str(path), "--json"]) == 0
-        remarks = [one for one in json.loads(capsys.readouterr().out)["remarks"] if "stands for" in one]
+        remarks = [
+            one for one in json.loads(capsys.readouterr().out)["remarks"] if "stands for" in one
+        ]
         assert len(remarks) == (remark is not None)
         assert remark is None or remark in remarks[0]
 

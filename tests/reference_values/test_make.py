@@ -25,11 +25,18 @@ from tippedisk_verify.reference_values.store import Store, codebook, stored
 SETS = ("table1", "calibrated")
 INTEGRATED = ("trajectory", "near-heteroclinic", "rotating-cycle")
 HOPF = ("table1/linear/hopf", "calibrated/linear/hopf")
-QUICK = (*HOPF, *(f"{name}/{kind}" for name in SETS for kind in ("both/equilibrium/", "linear/harmonic")))
+QUICK = (
+    *HOPF,
+    *(f"{name}/{kind}" for name in SETS for kind in ("both/equilibrium/", "linear/harmonic")),
+)
 
 
 def _bytes(folder: Path) -> dict[str, bytes]:
-    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+    return {
+        path.relative_to(folder).as_posix(): path.read_bytes()
+        for path in folder.rglob("*")
+        if path.is_file()
+    }
 
 
 # --------------------------------------------------------------------------- questions and methods
@@ -42,11 +49,17 @@ def test_each_kind_has_the_methods_of_the_table() -> None:
 
 
 @pytest.mark.parametrize(
-    "kind", [kind if kind not in INTEGRATED else pytest.param(kind, marks=pytest.mark.slow) for kind in PLACES]
+    "kind",
+    [
+        kind if kind not in INTEGRATED else pytest.param(kind, marks=pytest.mark.slow)
+        for kind in PLACES
+    ],
 )
 def test_questions_are_where_the_rules_put_them(kind: str) -> None:
     for name in SETS:
-        stored_items = [one.item for one in entries_of(stored(), f"{name}/") if one.item.kind == kind]
+        stored_items = [
+            one.item for one in entries_of(stored(), f"{name}/") if one.item.kind == kind
+        ]
         assert [(one.id, dict(one.inputs), one.readings) for one in PLACES[kind](name)] == [
             (one.id, dict(one.inputs), one.readings) for one in stored_items
         ]
@@ -62,7 +75,9 @@ def test_the_further_methods_agree() -> None:
 
 
 @pytest.mark.slow(minutes=3)
-@pytest.mark.parametrize("id_", ["calibrated/linear/limit-cycle/crit-0.3", "table1/linear/rotation-fold/point"])
+@pytest.mark.parametrize(
+    "id_", ["calibrated/linear/limit-cycle/crit-0.3", "table1/linear/rotation-fold/point"]
+)
 def test_the_further_methods_agree_where_integrators_are_needed(id_: str) -> None:
     (entry,) = entries_of(stored(), f"{id_}/")
     answers = confirmed(case_of(entry.item, "decimals"), entry.values("decimals"))
@@ -73,7 +88,9 @@ def test_the_further_methods_agree_where_integrators_are_needed(id_: str) -> Non
 def test_a_false_thirtieth_digit_is_seen_from_another_section() -> None:
     (entry,) = entries_of(stored(), "calibrated/smooth/rotating-cycle/unstable-crit-0.5/")
     values = entry.values("doubles")
-    values["v_top"] = Measured(values["v_top"].value * (1 + Fraction(1, 10**30)), values["v_top"].uncertainty)
+    values["v_top"] = Measured(
+        values["v_top"].value * (1 + Fraction(1, 10**30)), values["v_top"].uncertainty
+    )
     with pytest.raises(AccuracyError, match="by bottom: v_top"):
         confirmed(case_of(entry.item, "doubles"), values)
 
@@ -90,10 +107,16 @@ def test_what_is_made_is_what_is_stored(tmp_path: Path) -> None:
     """Compare to the half-widths, because the last digits depend on the libraries."""
     assert generate(tmp_path, QUICK) == 50
     made = Store(tmp_path)
-    assert list(made) == [id_ for id_ in stored() if re.match("[a-z0-9]+/(both/equilibrium|linear/(hopf|harm))", id_)]
+    assert list(made) == [
+        id_ for id_ in stored() if re.match("[a-z0-9]+/(both/equilibrium|linear/(hopf|harm))", id_)
+    ]
     for id_, quantity in made.items():
         known = stored()[id_]
-        assert (quantity.unit, quantity.inputs, quantity.grade) == (known.unit, known.inputs, known.grade)
+        assert (quantity.unit, quantity.inputs, quantity.grade) == (
+            known.unit,
+            known.inputs,
+            known.grade,
+        )
         for reading in ("decimals", "doubles"):
             one, other = quantity.measured(reading), known.measured(reading)
             assert abs(one.value - other.value) <= one.uncertainty + other.uncertainty
@@ -117,7 +140,9 @@ def test_a_process_with_other_code_computes_no_entry(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("left", ['[{"id": "pri', "[5]", "[" * 100_000])
-def test_damaged_answers_are_computed_again(left: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_damaged_answers_are_computed_again(
+    left: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     generate(tmp_path / "whole", HOPF)
     work = tmp_path / "other" / ".work"
     with monkeypatch.context() as patch:
@@ -141,8 +166,11 @@ def test_damaged_answers_are_computed_again(left: str, tmp_path: Path, monkeypat
     ],
 )
 def test_the_program(arguments: list[str], status: int, says: str, tmp_path: Path) -> None:
-    words = [word.format(folder=tmp_path) for word in arguments] + ["--quiet"] * bool(status)  # no progress in between
-    done = subprocess.run([sys.executable, *MAKE, *words], capture_output=True, text=True, check=False, cwd=tmp_path)
+    # No progress in between
+    words = [word.format(folder=tmp_path) for word in arguments] + ["--quiet"] * bool(status)
+    done = subprocess.run(
+        [sys.executable, *MAKE, *words], capture_output=True, text=True, check=False, cwd=tmp_path
+    )
     assert done.returncode == status, done
     assert says in (done.stderr if status else done.stdout)
     assert not status or done.stderr.count("\n") == 1

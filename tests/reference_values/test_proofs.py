@@ -30,7 +30,8 @@ def test_what_can_be_proved_is_proved_in_the_data() -> None:
             held = Measured.of(quantity.proof["value"], quantity.proof["uncertainty"])
             mine = quantity.measured()
             assert mine.contains(held), quantity.id
-            # A proof is worth its name only if it is about as sharp as what it proves: 45 digits, the defects aside.
+            # A proof is worth its name only if it is about as sharp as what it proves: 45 digits,
+            # the defects aside.
             assert held.uncertainty <= abs(mine.value) / 10**45 or not mine.value, quantity.id
 
 
@@ -74,6 +75,9 @@ def test_values_that_are_wrong_or_claim_too_much_are_not_proved() -> None:
 
 
 def test_what_has_no_proof_gets_none() -> None:
-    for id_ in ("table1/smooth/rotating-cycle/stable-het-0.01", "table1/linear/near-heteroclinic/het+1e-5"):
+    for id_ in (
+        "table1/smooth/rotating-cycle/stable-het-0.01",
+        "table1/linear/near-heteroclinic/het+1e-5",
+    ):
         (entry,) = entries_of(stored(), f"{id_}/")
         assert proved(case_of(entry.item, "decimals"), entry.values("decimals")) is None

@@ -48,7 +48,14 @@ def test_every_kind_is_there_for_every_set(store: Store) -> None:
     kinds = {(quantity.kind, quantity.set) for quantity in store.values()}
     assert kinds == {(kind, name) for kind in codebook() for name in SETS}
     laws = {(quantity.kind, quantity.friction) for quantity in store.values()}
-    for kind in ("rhs", "trajectory", "limit-cycle", "heteroclinic", "near-heteroclinic", "rotating-cycle"):
+    for kind in (
+        "rhs",
+        "trajectory",
+        "limit-cycle",
+        "heteroclinic",
+        "near-heteroclinic",
+        "rotating-cycle",
+    ):
         assert {(kind, "linear"), (kind, "smooth")} <= laws
 
 
@@ -57,7 +64,9 @@ def test_numbers_have_34_digits_and_omega_h_100_by_two_methods(store: Store) -> 
         for reading in quantity.values:
             measured = quantity.measured(reading)
             # An angle is known to 34 digits of a radian even where it is nearly zero.
-            size = max(abs(measured.value), Fraction(1) if quantity.kind == "trajectory" else Fraction(0))
+            size = max(
+                abs(measured.value), Fraction(1) if quantity.kind == "trajectory" else Fraction(0)
+            )
             digits = 100 if quantity.name == "omega_h" else 34
             assert measured.uncertainty <= size / 10**digits, (quantity.id, reading)
         assert quantity.grade != "single", quantity.id
@@ -78,17 +87,25 @@ def test_hexadecimal_numbers_are_the_doubles_nearest_to_the_decimals(store: Stor
     for name in SETS:
         disk = Disk(name)
         assert numbers.pop(name) == tuple(disk.decimals()[symbol] for symbol in SYMBOLS)
-        assert all(getattr(as_doubles(disk), symbol) == float(getattr(disk, symbol)) for symbol in SYMBOLS)
+        assert all(
+            getattr(as_doubles(disk), symbol) == float(getattr(disk, symbol)) for symbol in SYMBOLS
+        )
 
 
 # ------------------------------------------------------------------------------------------ values
 @pytest.mark.parametrize("name", SETS)
-def test_the_right_hand_side_is_that_of_the_tests_own_transcription(name: str, store: Store) -> None:
+def test_the_right_hand_side_is_that_of_the_tests_own_transcription(
+    name: str, store: Store
+) -> None:
     with mpmath.workdps(70):
         for n in (1, 40, 77, 110, 200):
             quantity = store[f"{name}/linear/rhs/{n:03d}/v_rate"]
-            beta, gamma, v, omega = (Fraction(quantity.inputs[symbol]) for symbol in ("beta", "gamma", "v", "Omega"))
-            state = tuple(mpmath.mpf(part.numerator) / part.denominator for part in (beta, gamma, v))
+            beta, gamma, v, omega = (
+                Fraction(quantity.inputs[symbol]) for symbol in ("beta", "gamma", "v", "Omega")
+            )
+            state = tuple(
+                mpmath.mpf(part.numerator) / part.denominator for part in (beta, gamma, v)
+            )
             rate = paper_rates(Parameters.named(name), omega, state)[2]
             assert quantity.measured().holds(rate)
 
@@ -113,7 +130,10 @@ def test_what_rounding_to_doubles_does_is_what_the_condition_numbers_say(store: 
                     continue
                 shifts[key][symbol] = Fraction(float(value)) / value - 1 if value else Fraction(0)
         moved = quantity.measured("doubles").value - quantity.measured("decimals").value
-        parts = [exact(slope).rational * shifts[key][symbol] for symbol, slope in quantity.condition.items()]
+        parts = [
+            exact(slope).rational * shifts[key][symbol]
+            for symbol, slope in quantity.condition.items()
+        ]
         # The slopes have two or three digits, and near the connection only the leading term.
         size = sum(abs(part) for part in parts)
         noise = max(abs(quantity.measured().value), 1) / Fraction(10) ** 21
@@ -121,7 +141,9 @@ def test_what_rounding_to_doubles_does_is_what_the_condition_numbers_say(store: 
 
 
 # ---------------------------------------------------------------------------------- computed again
-@pytest.mark.parametrize("kind", ["rhs", "equilibrium", "hopf", "harmonic-balance", "slow-manifold"])
+@pytest.mark.parametrize(
+    "kind", ["rhs", "equilibrium", "hopf", "harmonic-balance", "slow-manifold"]
+)
 def test_computed_again_they_agree(kind: str, store: Store) -> None:
     entries = [entry for entry in entries_of(store) if entry.item.kind == kind]
     for entry in random.Random(7).sample(entries, min(6, len(entries))):
@@ -133,7 +155,11 @@ def test_computed_again_they_agree(kind: str, store: Store) -> None:
 @pytest.mark.slow(minutes=1)
 @pytest.mark.parametrize("kind", ["trajectory", "limit-cycle", "rotating-cycle"])
 def test_what_takes_an_integrator_agrees_computed_again(kind: str, store: Store) -> None:
-    entries = [entry for entry in entries_of(store) if entry.item.kind == kind and "e-1" not in entry.item.id]
+    entries = [
+        entry
+        for entry in entries_of(store)
+        if entry.item.kind == kind and "e-1" not in entry.item.id
+    ]
     (entry,) = random.Random(8).sample(entries, 1)
     count, faults = recomputed(entry)
     assert faults == []
@@ -146,7 +172,8 @@ def test_a_cycle_is_shot_for_from_its_numbers(id_: str, store: Store) -> None:
     case, values = case_of(entry.item, "decimals"), {q.name: float(q) for q in entry.quantities}
     found = shot(case, values, Baseline())
     names = found.return_map.section.names
-    assert found.point == pytest.approx([values[name] for name in names], rel=1e-10)  # SciPy's tolerance is 1e-13
+    # SciPy's tolerance is 1e-13
+    assert found.point == pytest.approx([values[name] for name in names], rel=1e-10)
 
 
 def test_a_false_digit_is_found(store: Store) -> None:
@@ -156,7 +183,9 @@ def test_a_false_digit_is_found(store: Store) -> None:
         value, uncertainty = quantity.values["decimals"]
         if quantity.name == "period_slope":
             value = value[:30] + str((int(value[30]) + 5) % 10) + value[31:]
-        changed.append(replace(quantity, values={**quantity.values, "decimals": (value, uncertainty)}))
+        changed.append(
+            replace(quantity, values={**quantity.values, "decimals": (value, uncertainty)})
+        )
     _, faults = recomputed(StoredItem(entry.item, tuple(changed)))
     assert len(faults) == 1
     assert "period_slope" in faults[0]
@@ -168,16 +197,23 @@ def test_a_manifest_that_points_elsewhere_reads_nothing(folder: Path, tmp_path: 
     content = json.loads((folder / "manifest.json").read_text())
     content["files"]["../secret"] = content["files"]["LICENSE"]
     (folder / "manifest.json").write_text(json.dumps(content))
-    assert faults_in_files(folder) == ["manifest.json has been changed"]  # the secret is not mentioned
+    # The secret is not mentioned
+    assert faults_in_files(folder) == ["manifest.json has been changed"]
 
 
 def test_rows_that_contradict_themselves_are_reported(folder: Path) -> None:
     """The manifest fits the files, so only the rows show the damage."""
     text = (folder / "values.csv").read_text()
     faults = {
-        ",10.0,3.13e-19,": (",9.0,3.13e-19,", "digits_needed does not follow from the other columns"),
+        ",10.0,3.13e-19,": (
+            ",9.0,3.13e-19,",
+            "digits_needed does not follow from the other columns",
+        ),
         "0x1.d1da5119ce076p+4": ("0x1.d1da5119ce077p+4", "Omega_hex does not"),
-        "30.8865926886435672782860900151017816823": ("30.8865926886435672782860900151017816824", "proved enclosure"),
+        "30.8865926886435672782860900151017816823": (
+            "30.8865926886435672782860900151017816824",
+            "proved enclosure",
+        ),
     }
     for old, (new, _) in faults.items():
         assert old in text
@@ -190,7 +226,12 @@ def test_rows_that_contradict_themselves_are_reported(folder: Path) -> None:
 
 @pytest.mark.parametrize(
     ("name", "content"),
-    [("proofs.json", "[" * 100_000), ("proofs.json", "5"), ("values.csv", "\udcff"), ("values.csv", "id,level\n,")],
+    [
+        ("proofs.json", "[" * 100_000),
+        ("proofs.json", "5"),
+        ("values.csv", "\udcff"),
+        ("values.csv", "id,level\n,"),
+    ],
 )
 def test_forged_folders_are_reported(name: str, content: str, folder: Path) -> None:
     """A manifest that fits damaged files is forged; the check must give lines, not tracebacks."""
@@ -240,7 +281,12 @@ def test_the_commands(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert Decimal(shown["uncertainty"]) < Decimal("1e-40")
     assert main(["reference", "show", ids[0]]) == 0
     assert "from doubles" in capsys.readouterr().out
-    assert main(["reference", "check", "--data", str(folder), "--sample", "1", "--jobs", "1", "--json"]) == 0
+    assert (
+        main(
+            ["reference", "check", "--data", str(folder), "--sample", "1", "--jobs", "1", "--json"]
+        )
+        == 0
+    )
     assert json.loads(capsys.readouterr().out)["faults"] == []
 
 
@@ -253,7 +299,11 @@ def test_the_commands(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     ],
 )
 def test_bad_input(
-    arguments: list[str], says: str, capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    arguments: list[str],
+    says: str,
+    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.chdir(tmp_path)
     assert main(arguments) == 2
@@ -278,5 +328,18 @@ def test_ids_of_versions_before_2_are_taken_and_answered_with_the_new_ones(
     sheet.write_text(f"id,answer\n{old},{float(truth)!r}\n")
     assert main(["conformance", "grade", str(sheet), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["grades"][0]["id"] == new
-    assert main(["conformance", "questions", str(tmp_path / "sheet.csv"), "--set", "printed", "--levels", "3"]) == 0
+    assert (
+        main(
+            [
+                "conformance",
+                "questions",
+                str(tmp_path / "sheet.csv"),
+                "--set",
+                "printed",
+                "--levels",
+                "3",
+            ]
+        )
+        == 0
+    )
     assert "printed/" not in (tmp_path / "sheet.csv").read_text()

@@ -22,7 +22,13 @@ from tippedisk_verify.cli import main
 from tippedisk_verify.provenance import digest
 from tippedisk_verify.reference_values.export import export
 from tippedisk_verify.reference_values.questions import TABLE
-from tippedisk_verify.reference_values.store import codebook, data_folder, definition_of, stored, table_rows
+from tippedisk_verify.reference_values.store import (
+    codebook,
+    data_folder,
+    definition_of,
+    stored,
+    table_rows,
+)
 
 ROOT = Path(__file__).parents[2]
 DATA = data_folder()
@@ -32,7 +38,10 @@ DATA = data_folder()
 def test_the_version_of_the_data_is_the_same_everywhere(capsys: pytest.CaptureFixture[str]) -> None:
     manifest = json.loads((DATA / "manifest.json").read_text())
     assert manifest["data_version"] == DATA_VERSION
-    assert re.findall(r"^## (\S+)$", (DATA / "CHANGELOG.md").read_text(), re.MULTILINE)[0] == DATA_VERSION
+    assert (
+        re.findall(r"^## (\S+)$", (DATA / "CHANGELOG.md").read_text(), re.MULTILINE)[0]
+        == DATA_VERSION
+    )
     assert f"\nversion: {DATA_VERSION}\n" in (DATA / "CITATION.cff").read_text()
     assert main(["reference", "list", "table1/linear/hopf"]) == 0
     assert capsys.readouterr().out.splitlines()[:2] == [
@@ -59,26 +68,41 @@ def test_the_schema_is_that_of_the_table() -> None:
     """
     fields = json.loads((DATA / "schema.json").read_text())["fields"]
     assert tuple(field["name"] for field in fields) == TABLE
-    patterns = {one["name"]: re.compile(one.get("constraints", {}).get("pattern", ".*")) for one in fields}
+    patterns = {
+        one["name"]: re.compile(one.get("constraints", {}).get("pattern", ".*")) for one in fields
+    }
     required = {one["name"] for one in fields if one.get("constraints", {}).get("required")}
     for row in table_rows((DATA / "values.csv").read_text()):
         for name, text in row.items():
-            assert patterns[name].fullmatch(text) if text else name not in required, (row["id"], name)
+            assert patterns[name].fullmatch(text) if text else name not in required, (
+                row["id"],
+                name,
+            )
     assert '"' not in (DATA / "values.csv").read_text()  # no field needs quotes
 
 
 # ------------------------------------------------------------------------------------- other forms
 @pytest.mark.parametrize("form", ["csv", "jsonl", "parquet"])
-def test_exported_values_are_the_stored_ones(form: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_exported_values_are_the_stored_ones(
+    form: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     path = tmp_path / f"hopf.{form}"
-    assert main(["reference", "export", "table1/linear/hopf", "--format", form, "--out", str(path)]) == 0
+    assert (
+        main(["reference", "export", "table1/linear/hopf", "--format", form, "--out", str(path)])
+        == 0
+    )
     assert capsys.readouterr().out == f"{path}\n"
     known = tv.references("table1/linear/hopf")
     if form == "jsonl":
-        assert [json.loads(line) for line in path.read_text().splitlines()] == [one.to_dict() for one in known]
+        assert [json.loads(line) for line in path.read_text().splitlines()] == [
+            one.to_dict() for one in known
+        ]
     elif form == "csv":
         lines = (DATA / "values.csv").read_text().splitlines()
-        assert path.read_text().splitlines() == [lines[0], *(line for line in lines if "table1/linear/hopf" in line)]
+        assert path.read_text().splitlines() == [
+            lines[0],
+            *(line for line in lines if "table1/linear/hopf" in line),
+        ]
     else:
         import pyarrow.parquet
 
@@ -109,7 +133,8 @@ for n = 1:5, q = tippedisk_values(n); printf('%s %.17g %.17g\\n', q.id, q.Omega,
 
 
 @pytest.mark.parametrize(
-    ("form", "compiler", "suffix"), [("c", "gcc", "c"), ("fortran", "gfortran", "f90"), ("octave", "octave-cli", "m")]
+    ("form", "compiler", "suffix"),
+    [("c", "gcc", "c"), ("fortran", "gfortran", "f90"), ("octave", "octave-cli", "m")],
 )
 def test_a_test_file_is_a_program_s(form: str, compiler: str, suffix: str, tmp_path: Path) -> None:
     if shutil.which(compiler) is None:
@@ -122,8 +147,12 @@ def test_a_test_file_is_a_program_s(form: str, compiler: str, suffix: str, tmp_p
     else:
         program = ["./use"]
         subprocess.run([compiler, "-o", "use", f"use.{suffix}"], check=True, cwd=tmp_path)
-    output = subprocess.run(program, check=True, cwd=tmp_path, capture_output=True, text=True).stdout
-    for line, quantity in zip(output.splitlines(), tv.references("table1/linear/rhs/001"), strict=True):
+    output = subprocess.run(
+        program, check=True, cwd=tmp_path, capture_output=True, text=True
+    ).stdout
+    for line, quantity in zip(
+        output.splitlines(), tv.references("table1/linear/rhs/001"), strict=True
+    ):
         id_, omega, value = line.split()
         number = float.fromhex if form == "c" else float
         assert (id_, number(value), number(omega)) == (
@@ -134,11 +163,17 @@ def test_a_test_file_is_a_program_s(form: str, compiler: str, suffix: str, tmp_p
 
 
 def test_a_julia_test_file_has_the_doubles(tmp_path: Path) -> None:
-    export(tv.references("table1/linear/limit-cycle/crit-0.5"), "julia", str(tmp_path / "values.jl"))
-    rows = re.findall(r'id = "(\S+)".* value = (\S+), tolerance = (\S+)\)', (tmp_path / "values.jl").read_text())
+    export(
+        tv.references("table1/linear/limit-cycle/crit-0.5"), "julia", str(tmp_path / "values.jl")
+    )
+    rows = re.findall(
+        r'id = "(\S+)".* value = (\S+), tolerance = (\S+)\)', (tmp_path / "values.jl").read_text()
+    )
     assert len(rows) == 10
     export(tv.references("table1/linear/slow-manifold/01/"), "julia", str(tmp_path / "values.jl"))
-    orders = re.findall(r'quantity = "h_(\d)".* order = (\d)\.0, ', (tmp_path / "values.jl").read_text())
+    orders = re.findall(
+        r'quantity = "h_(\d)".* order = (\d)\.0, ', (tmp_path / "values.jl").read_text()
+    )
     assert orders == [(str(n), str(n)) for n in range(6)]
     for id_, value, tolerance in rows:
         assert float(value) == tv.reference(id_).for_doubles
@@ -154,8 +189,16 @@ def test_right_hand_sides_and_a_cycle_from_the_columns_alone() -> None:
         rows = {row["id"]: row for row in csv.DictReader(table)}
 
     def rates(row: dict[str, str], state: Sequence[float]) -> list[float]:
-        p = {name: float.fromhex(row[f"{name}_hex"]) for name in ("r", "e", "m", "A", "B", "g", "mu", "epsilon")}
-        return [state[2], *motion(math, p, float.fromhex(row["Omega_hex"]), row["friction"] == "smooth", state)[:2]]
+        p = {
+            name: float.fromhex(row[f"{name}_hex"])
+            for name in ("r", "e", "m", "A", "B", "g", "mu", "epsilon")
+        }
+        return [
+            state[2],
+            *motion(math, p, float.fromhex(row["Omega_hex"]), row["friction"] == "smooth", state)[
+                :2
+            ],
+        ]
 
     for n, law in product(range(1, 11), ("linear", "smooth")):
         row = rows[f"table1/{law}/rhs/{n:03d}/v_rate"]
@@ -163,15 +206,22 @@ def test_right_hand_sides_and_a_cycle_from_the_columns_alone() -> None:
         # At level 1 an error is relative to the terms that cancelled.
         away = rates(row, state)[2] - float(row["value_from_doubles"])
         assert abs(away) < 1e-13 * float(row["scale"])
-    cycle = [rows[f"calibrated/linear/limit-cycle/crit-0.3/{name}"] for name in ("period", "gamma_bar_0", "v_0")]
+    cycle = [
+        rows[f"calibrated/linear/limit-cycle/crit-0.3/{name}"]
+        for name in ("period", "gamma_bar_0", "v_0")
+    ]
     period, gamma_bar, v = (float(row["value_from_doubles"]) for row in cycle)
     start = [math.pi / 2, math.pi / 2 + gamma_bar, v]
-    end = solve_ivp(lambda t, y: rates(cycle[0], y), (0, period), start, "DOP853", rtol=1e-12, atol=1e-12).y[:, -1]
-    assert end == pytest.approx(start, abs=1e-9)  # a hundredfold of the tolerance for a thousand steps
+    end = solve_ivp(
+        lambda t, y: rates(cycle[0], y), (0, period), start, "DOP853", rtol=1e-12, atol=1e-12
+    ).y[:, -1]
+    # A hundredfold of the tolerance for a thousand steps
+    assert end == pytest.approx(start, abs=1e-9)
 
 
 @pytest.mark.parametrize(
-    ("language", "runs"), [("c", "gcc"), pytest.param("octave", "octave-cli", marks=pytest.mark.slow)]
+    ("language", "runs"),
+    [("c", "gcc"), pytest.param("octave", "octave-cli", marks=pytest.mark.slow)],
 )
 def test_the_programs_of_the_readme(language: str, runs: str, tmp_path: Path) -> None:
     program = re.search(rf"```{language}\n(.*?)```", (DATA / "README.md").read_text(), re.DOTALL)
@@ -181,7 +231,11 @@ def test_the_programs_of_the_readme(language: str, runs: str, tmp_path: Path) ->
     (tmp_path / "read.c").write_text(program[1])
     command = [runs, "--quiet", str(tmp_path / "read.c"), str(DATA / "values.csv")]
     if language == "c":
-        subprocess.run(["gcc", "-std=c99", "-Wall", "-Werror", "-o", "read", "read.c"], check=True, cwd=tmp_path)
+        subprocess.run(
+            ["gcc", "-std=c99", "-Wall", "-Werror", "-o", "read", "read.c"],
+            check=True,
+            cwd=tmp_path,
+        )
         command = [str(tmp_path / "read"), str(DATA / "values.csv")]
     done = subprocess.run(command, check=True, capture_output=True, text=True).stdout.split()
     if language == "c":
@@ -218,11 +272,24 @@ def test_the_one_harmonic_law_is_the_documents() -> None:
     displayed = re.findall(r"\$\$(.*?)\$\$", law, re.DOTALL)
     parts = [part.strip(" \n,.") for block in displayed for part in block.split(r"\qquad")]
     formulas = [tuple(side.strip() for side in part.split(" =")) for part in parts]
-    assert [name for name, _ in formulas] == ["C^2", "T", r"\omega^2", r"\chi", r"\delta", r"\chi", r"\delta"]
+    assert [name for name, _ in formulas] == [
+        "C^2",
+        "T",
+        r"\omega^2",
+        r"\chi",
+        r"\delta",
+        r"\chi",
+        r"\delta",
+    ]
 
     def value(text: str, names: dict[str, float]) -> float:
         """Of a formula in LaTeX: fractions, powers, products."""
-        text = text.replace(r"\bar B", "Bbar").replace("C^2", "C2").replace(r"\,", " ").replace("^", "**")
+        text = (
+            text.replace(r"\bar B", "Bbar")
+            .replace("C^2", "C2")
+            .replace(r"\,", " ")
+            .replace("^", "**")
+        )
         while r"\frac" in text:
             text = re.sub(r"\\frac\{([^{}]*)\}\{([^{}]*)\}", r"((\1) / (\2))", text)
         text = " ".join(text.replace("\\", "").split())
@@ -235,6 +302,11 @@ def test_the_one_harmonic_law_is_the_documents() -> None:
             p |= {"chi": value(chi[1], p), "delta": value(delta[1], p)}
             p["C2"] = value(formulas[0][1], p)
             omega = value(formulas[2][1], p) ** 0.5
-            mine = {"amplitude": p["C2"] ** 0.5, "frequency": omega, "period": 2 * 3.141592653589793 / omega}
-            # Close to Omega_crit the numerator of C^2 cancels to 1e-5 of its terms; a dozen roundings remain elsewhere.
+            mine = {
+                "amplitude": p["C2"] ** 0.5,
+                "frequency": omega,
+                "period": 2 * 3.141592653589793 / omega,
+            }
+            # Close to Omega_crit the numerator of C^2 cancels to 1e-5 of its terms; a dozen
+            # roundings remain elsewhere.
             assert mine[quantity.name] == pytest.approx(quantity.for_doubles, rel=1e-10)

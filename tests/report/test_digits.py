@@ -21,17 +21,27 @@ from tippedisk_verify.report.digits import agreed_digits, shortened
         ("0.88668", "0.886", (2, 3), ("0.88", "668")),
         ("-128.7912", "-129.04", (2, 5), ("-12", "8.7912")),
         ("128.7912", "-129.04", (0, 5), ("", "128.7912")),
-        ("1.18184621710526315789473684210526e-7", "1.31e-7", (1, 3), ("1", ".1818462171052631578…e-7")),
+        (
+            "1.18184621710526315789473684210526e-7",
+            "1.31e-7",
+            (1, 3),
+            ("1", ".1818462171052631578…e-7"),
+        ),
         ("stable", "7", None, ("", "stable")),
         ("7", "nan", None, ("", "7")),
     ],
 )
-def test_digits_that_agree(value: str, printed: str, count: tuple[int, int] | None, pieces: tuple[str, str]) -> None:
+def test_digits_that_agree(
+    value: str, printed: str, count: tuple[int, int] | None, pieces: tuple[str, str]
+) -> None:
     assert agreed_digits(value, printed) == count
     assert shortened(value, printed) == pieces
 
 
-@given(st.decimals(-1000, 1000, places=6, allow_nan=False), st.decimals(-1000, 1000, places=2, allow_nan=False))
+@given(
+    st.decimals(-1000, 1000, places=6, allow_nan=False),
+    st.decimals(-1000, 1000, places=2, allow_nan=False),
+)
 def test_all_printed_digits_agree_exactly_if_the_value_rounds_to_them(value, printed) -> None:
     assert "".join(shortened(f"{value:f}", f"{printed:f}")) == f"{value:f}"
     count = agreed_digits(f"{value:f}", f"{printed:f}")

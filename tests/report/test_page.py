@@ -17,7 +17,8 @@ from tippedisk_verify.figures.catalogue import EXHIBITS
 from tippedisk_verify.report.pages import _symbols
 
 ONLY = "omega_crit,lambda_3,sliding_velocity,chi,amplitude_law,attraction,convergent_series,scene_d"
-NUMBER = re.compile(r"\d+(?:\.\d+)?…?(?:e[+-]?\d+)?")  # one too long for its cell is cut: 1.18184621…e-7
+# One too long for its cell is cut: 1.18184621…e-7
+NUMBER = re.compile(r"\d+(?:\.\d+)?…?(?:e[+-]?\d+)?")
 EMPTY = {"meta", "link", "img", "source", "br", "col", "path", "use"}
 
 
@@ -50,7 +51,9 @@ class Page(HTMLParser):
             self.text.append(data)
 
 
-@pytest.fixture(scope="module", params=["part", pytest.param("whole", marks=pytest.mark.slow(minutes=0.7))])
+@pytest.fixture(
+    scope="module", params=["part", pytest.param("whole", marks=pytest.mark.slow(minutes=0.7))]
+)
 def folder(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Write a report on some claims, and one on all."""
     folder = tmp_path_factory.mktemp(request.param)
@@ -73,7 +76,8 @@ def test_every_number_on_the_page_is_in_the_results(folder: Path) -> None:
         cut = {
             number
             for number, (kept, ellipsis, power) in parts.items()
-            if ellipsis and any(digits.startswith(kept) and power == e + rest for digits, e, rest in whole)
+            if ellipsis
+            and any(digits.startswith(kept) and power == e + rest for digits, e, rest in whole)
         }
         assert missing - cut == set()
 
@@ -97,7 +101,10 @@ def test_the_page_stands_alone_and_is_made_for_every_reader(folder: Path) -> Non
     levels = [int(tag[1]) for tag, _ in page.elements if re.fullmatch("h[1-6]", tag)]
     assert (levels[0], levels.count(1)) == (1, 1)
     assert all(after <= before + 1 for before, after in pairwise(levels))
-    assert all(wanted in text for wanted in ("prefers-color-scheme: dark", "@media print", 'name="viewport"'))
+    assert all(
+        wanted in text
+        for wanted in ("prefers-color-scheme: dark", "@media print", 'name="viewport"')
+    )
     assert not any(loaded in text for loaded in ("url(", "@import"))
     assert len(text) < 4e6
 
@@ -108,18 +115,31 @@ def test_each_claim_has_a_row_that_jumps_to_it(folder: Path) -> None:
     results = json.loads((folder / "results.json").read_text(encoding="utf-8"))
     targets = {attributes.get("href") for tag, attributes in page.elements if tag == "a"}
     assert {f"#claim-{claim['name']}" for claim in results["claims"]} <= targets
-    folds = [attributes for tag, attributes in page.elements if tag == "details" and "class" not in attributes]
+    folds = [
+        attributes
+        for tag, attributes in page.elements
+        if tag == "details" and "class" not in attributes
+    ]
     opened = ["open" in attributes for attributes in folds]
-    assert opened == [claim["verdict"] in ("does-not-follow", "undecided") for claim in results["claims"]]
+    assert opened == [
+        claim["verdict"] in ("does-not-follow", "undecided") for claim in results["claims"]
+    ]
     text = (folder / "report.md").read_text(encoding="utf-8")
-    assert sum(claim["instead"] is not None for claim in results["claims"]) == text.count(" Instead: ") > 0
+    assert (
+        sum(claim["instead"] is not None for claim in results["claims"])
+        == text.count(" Instead: ")
+        > 0
+    )
 
 
 @pytest.mark.parametrize(
     ("text", "shown"),
     [
         ("Omega_crit - 0.5 (claim omega_h)", "Ω<sub>crit</sub> - 0.5 (claim omega_h)"),
-        ("d(C^2)/dOmega at gamma_bar_0, A_33", "d(C<sup>2</sup>)/dΩ at γ̄<sub>0</sub>, A<sub>33</sub>"),
+        (
+            "d(C^2)/dOmega at gamma_bar_0, A_33",
+            "d(C<sup>2</sup>)/dΩ at γ̄<sub>0</sub>, A<sub>33</sub>",
+        ),
         ("sqrt((r + e)^2 m g/(r Bbar))", "√((r + e)<sup>2</sup> m g/(r B̄))"),
         ("near_omega_h.csv, 1e-3 <b>", "near_omega_h.csv, 1e-3 &lt;b&gt;"),
     ],
@@ -131,7 +151,10 @@ def test_symbols_are_drawn_and_text_is_escaped(text: str, shown: str) -> None:
 def test_every_figure_has_its_files(folder: Path) -> None:
     results = json.loads((folder / "results.json").read_text(encoding="utf-8"))
     names = {figure["name"] for figure in results["figures"]}
-    assert names in ({"eigenvalues", "branch", "scenes_3d", "scenes_2d"}, {exhibit.name for exhibit in EXHIBITS})
+    assert names in (
+        {"eigenvalues", "branch", "scenes_3d", "scenes_2d"},
+        {exhibit.name for exhibit in EXHIBITS},
+    )
     for figure in results["figures"]:
         kinds = {name.rpartition(".")[2] for name in figure["files"]}
         assert kinds == {"png", "svg", "csv"}, figure["name"]
@@ -149,7 +172,10 @@ def columns_of_doubles_have_a_unit(path: Path) -> None:
     with open(path, encoding="utf-8", newline="") as lines:
         for name, *cells in zip(*csv.reader(lines), strict=True):
             filled = [cell for cell in cells if cell]
-            if all(re.fullmatch(r"-?\d+(\.\d+)?(e[+-]?\d+)?", cell) and re.search("[.e]", cell) for cell in filled):
+            if all(
+                re.fullmatch(r"-?\d+(\.\d+)?(e[+-]?\d+)?", cell) and re.search("[.e]", cell)
+                for cell in filled
+            ):
                 assert re.search(r" \[[^\]]+\]$", name), f"{path.name}: {name}"
                 assert all(cell == repr(float(cell)) for cell in filled), f"{path.name}: {name}"
 
@@ -162,8 +188,12 @@ def test_a_verdict_has_the_same_words_on_the_terminal_and_in_the_report(
     monkeypatch.chdir(tmp_path)
     Path("own.toml").write_text(GOOD, encoding="utf-8")
     only = "omega_crit,lambda_3,chi,kappa_1,kappa_2,linearization,inverted_unstable_below,convergent_series"
-    assert main(["verify", "--only", only, "--out", "out", "--parameters", disk, "--jobs", "1"]) == 0
-    terminal = dict(re.findall(r"^(\w+)  +(\S.*?)(?:  .*|)$", capsys.readouterr().out, re.MULTILINE))
+    assert (
+        main(["verify", "--only", only, "--out", "out", "--parameters", disk, "--jobs", "1"]) == 0
+    )
+    terminal = dict(
+        re.findall(r"^(\w+)  +(\S.*?)(?:  .*|)$", capsys.readouterr().out, re.MULTILINE)
+    )
     page = Page(Path("out/report.html").read_text(encoding="utf-8"))
     text = Path("out/report.md").read_text(encoding="utf-8")
     cells = " ".join("".join(page.text).split())
@@ -171,7 +201,8 @@ def test_a_verdict_has_the_same_words_on_the_terminal_and_in_the_report(
         words = terminal[name]
         assert f"### {name}: {words}\n" in text
         assert re.search(rf"\| {name} \| .* \| {re.escape(words)} \|\n", text)
-        assert len(re.findall(rf"\b{name} .{{0,400}}?[✓◐✗?] {re.escape(words)} ", cells)) >= 2  # its row, and its claim
+        # Its row, and its claim
+        assert len(re.findall(rf"\b{name} .{{0,400}}?[✓◐✗?] {re.escape(words)} ", cells)) >= 2
 
 
 def test_results_of_earlier_runs_are_reported(
@@ -182,7 +213,10 @@ def test_results_of_earlier_runs_are_reported(
     says = []
     for more in ([], [], ["--fresh"], ["--json"]):
         assert main([*command, *more]) == 0
-        says.append("2 of 2 results are from earlier runs: --fresh computes them again\n" in capsys.readouterr().out)
+        says.append(
+            "2 of 2 results are from earlier runs: --fresh computes them again\n"
+            in capsys.readouterr().out
+        )
     assert says == [False, True, False, False]
 
 
@@ -190,7 +224,21 @@ def test_names_from_outside_are_text(tmp_path: Path) -> None:
     path = tmp_path / "<script>alert(1)</script>&`x`[a](b)|.toml".replace("/", "∕")
     path.write_text(GOOD, encoding="utf-8")
     out = tmp_path / "out"
-    assert main(["verify", "--quiet", "--out", str(out), "--only", "omega_crit", "--parameters", str(path)]) == 0
+    assert (
+        main(
+            [
+                "verify",
+                "--quiet",
+                "--out",
+                str(out),
+                "--only",
+                "omega_crit",
+                "--parameters",
+                str(path),
+            ]
+        )
+        == 0
+    )
     page = Page((out / "report.html").read_text(encoding="utf-8"))
     assert "script" not in {tag for tag, _ in page.elements}
     assert path.name in "".join(page.text)

@@ -23,7 +23,13 @@ from tippedisk_verify.report import work
 from tippedisk_verify.report.work import AuditJob, Task, key, run, tasks_for
 
 LOCAL = ("omega_crit", "lambda_3", "sliding_velocity", "chi", "period_crit")
-HEAVY = ("attraction", "slow_manifold_h1", "order_0_hopf", "order_0_noninverted", "second_noninverted_state")
+HEAVY = (
+    "attraction",
+    "slow_manifold_h1",
+    "order_0_hopf",
+    "order_0_noninverted",
+    "second_noninverted_state",
+)
 
 
 def quiet(label: str, steps: int) -> None:
@@ -45,7 +51,9 @@ def test_a_record_loses_nothing() -> None:
 
 
 @pytest.mark.slow
-def test_kept_and_computed_are_the_same_object(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys) -> None:
+def test_kept_and_computed_are_the_same_object(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys
+) -> None:
     monkeypatch.setenv(VARIABLE, str(tmp_path / "kept"))
     only = ["--only", "omega_crit,lambda_3,attraction,order_1_hopf"]
     results = []
@@ -54,14 +62,20 @@ def test_kept_and_computed_are_the_same_object(tmp_path: Path, monkeypatch: pyte
         results.append(json.loads(capsys.readouterr().out))
     runs = [result.pop("run") for result in results]
     assert results[0] == results[1] == results[2]
-    assert [(run["kept"] > 0, run["computed"] > 0) for run in runs] == [(False, True), (True, False), (False, True)]
+    assert [(run["kept"] > 0, run["computed"] > 0) for run in runs] == [
+        (False, True),
+        (True, False),
+        (False, True),
+    ]
     for path in (tmp_path / "one").iterdir():
         if path.name not in ("results.json", "report.html", "report.md"):
             assert path.read_bytes() == (tmp_path / "two" / path.name).read_bytes(), path.name
             assert path.read_bytes() == (tmp_path / "three" / path.name).read_bytes(), path.name
 
 
-def test_nothing_is_computed_for_what_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_nothing_is_computed_for_what_is_kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     order, cache = AuditJob(PRINTED, 12, LOCAL), Cache(tmp_path)
     tasks = tasks_for(order, figures=False)
     first = run(order, tasks, cache, alone, quiet)
@@ -70,20 +84,33 @@ def test_nothing_is_computed_for_what_is_kept(tmp_path: Path, monkeypatch: pytes
 
 
 def test_a_key_is_for_one_question() -> None:
-    disks = (PRINTED, CALIBRATED, PRINTED.changed(mu="0.31", name="table1"), PRINTED.with_friction("smooth"))
+    disks = (
+        PRINTED,
+        CALIBRATED,
+        PRINTED.changed(mu="0.31", name="table1"),
+        PRINTED.with_friction("smooth"),
+    )
     orders = [AuditJob(disk, digits, LOCAL) for disk in disks for digits in (12, 13)]
     tasks = [Task("claim", name) for name in LOCAL] + [Task("figure", "eigenvalues")]
     keys = [key(order, task) for order in orders for task in tasks]
     assert len(set(keys)) == len(keys)
     scenes = [AuditJob(PRINTED, 12, names) for names in (("scene_d",), ("scene_d", "scene_e"))]
-    assert key(scenes[0], Task("figure", "scenes_3d")) != key(scenes[1], Task("figure", "scenes_3d"))
+    assert key(scenes[0], Task("figure", "scenes_3d")) != key(
+        scenes[1], Task("figure", "scenes_3d")
+    )
 
 
 def test_processes_change_nothing() -> None:
     order = AuditJob(PRINTED, 12, (*LOCAL, *HEAVY))
     tasks = tasks_for(order, figures=False)
     steps = []
-    shared = run(order, tasks, Cache(None), lambda tasks: processes(2), lambda label, more: steps.append(more))
+    shared = run(
+        order,
+        tasks,
+        Cache(None),
+        lambda tasks: processes(2),
+        lambda label, more: steps.append(more),
+    )
     assert shared.records == run(order, tasks, Cache(None), alone, quiet).records
     assert sum(steps) == len(tasks)
 
@@ -99,14 +126,22 @@ def test_a_pool_whose_processes_die_is_no_end(monkeypatch: pytest.MonkeyPatch) -
             return future
 
     order = AuditJob(PRINTED, 12, HEAVY)
-    outcome = run(order, tasks_for(order, figures=False), Cache(None), lambda tasks: nullcontext(Dying()), quiet)  # type: ignore[arg-type]
+    outcome = run(
+        order,
+        tasks_for(order, figures=False),
+        Cache(None),
+        lambda tasks: nullcontext(Dying()),
+        quiet,
+    )  # type: ignore[arg-type]
     assert {task.name for task in outcome.records} == set(HEAVY)
 
 
 def test_every_claim_of_the_paper_has_a_formula_that_can_be_drawn() -> None:
     from tippedisk_verify.figures.formula import formulas_drawn
 
-    assert [claim.name for claim in CLAIMS if claim.own_check] == [claim.name for claim in CLAIMS if not claim.formula]
+    assert [claim.name for claim in CLAIMS if claim.own_check] == [
+        claim.name for claim in CLAIMS if not claim.formula
+    ]
     drawn = formulas_drawn(claim.formula for claim in CLAIMS if claim.formula)["drawn"]
     assert all(text.startswith("<svg role") for text in drawn.values())
     assert max(text.count("<svg") for text in drawn.values()) > 5  # the longest wraps like text
@@ -115,4 +150,6 @@ def test_every_claim_of_the_paper_has_a_formula_that_can_be_drawn() -> None:
 
 
 def test_exhibits_belong_to_claims() -> None:
-    assert {figure for claim in CLAIMS for figure in claim.figures} == {exhibit.name for exhibit in EXHIBITS}
+    assert {figure for claim in CLAIMS for figure in claim.figures} == {
+        exhibit.name for exhibit in EXHIBITS
+    }

@@ -27,7 +27,9 @@ def environment(**changes: str) -> dict[str, str]:
 
 def run(arguments: list[str], **changes: str) -> subprocess.CompletedProcess[str]:
     command, own = program(arguments), environment(**changes)
-    return subprocess.run(command, capture_output=True, text=True, timeout=LONGEST, env=own, cwd="/tmp", check=False)
+    return subprocess.run(
+        command, capture_output=True, text=True, timeout=LONGEST, env=own, cwd="/tmp", check=False
+    )
 
 
 def one_line(done: subprocess.CompletedProcess[str], *statuses: int) -> str:

@@ -97,7 +97,9 @@ class Struck:
         self._path = os.pathsep.join([str(folder), *filter(None, [os.environ.get("PYTHONPATH")])])
         self._listens = folder / "listens"
 
-    def at(self, step: str, arguments: Sequence[str], number: int = signal.SIGINT) -> tuple[int | None, str, str]:
+    def at(
+        self, step: str, arguments: Sequence[str], number: int = signal.SIGINT
+    ) -> tuple[int | None, str, str]:
         """Strike a run at a step, "event name count [within]"; return its exit status, output and
         error.
         """
@@ -129,7 +131,8 @@ class Struck:
                 if draw.random() < 0.5:
                     run.send_signal(number)
                 else:
-                    os.killpg(run.pid, number)  # as a terminal does, to all that belong to the command
+                    # As a terminal does, to all that belong to the command
+                    os.killpg(run.pid, number)
             end = _end(run)
             if end[0] == 0:
                 assert end[2] == ""
@@ -144,10 +147,17 @@ class Struck:
             time.sleep(0.001)
         return run
 
-    def _started(self, arguments: Sequence[str], step: str, number: int = signal.SIGINT) -> subprocess.Popen[str]:
+    def _started(
+        self, arguments: Sequence[str], step: str, number: int = signal.SIGINT
+    ) -> subprocess.Popen[str]:
         self._listens.unlink(missing_ok=True)
         pipes: dict[str, Any] = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
-        own = environment(PYTHONPATH=self._path, LISTENS=str(self._listens), STRIKE=step, STRIKE_BY=str(int(number)))
+        own = environment(
+            PYTHONPATH=self._path,
+            LISTENS=str(self._listens),
+            STRIKE=step,
+            STRIKE_BY=str(int(number)),
+        )
         program = self._program[:1] if arguments[0] in MAKE else self._program
         # A group of its own, as a shell gives to a command.
         options = {**pipes, "env": own, "start_new_session": True, "preexec_fn": _hearing}

@@ -28,11 +28,15 @@ Wrong = tuple[Any, ...]
 Call = Callable[[Any], object]
 
 # -------------------------------------------------------------------------------- the command line
-# What is wrong for an option. Where no word is right, words are drawn, too: no digits of any script, and no letters
-# of "pi", "nan", of a disk's parameters or of paths.
-WORDS = st.text(st.characters(exclude_categories=("Nd", "Cs"), exclude_characters="/\\.,-pialcremAB\0"), min_size=1)
+# What is wrong for an option. Where no word is right, words are drawn, too: no digits of any
+# script, and no letters of "pi", "nan", of a disk's parameters or of paths.
+WORDS = st.text(
+    st.characters(exclude_categories=("Nd", "Cs"), exclude_characters="/\\.,-pialcremAB\0"),
+    min_size=1,
+)
 _HUGE, _TEXT = "1" * 5000, "x" * 5000
-#: Far too long, outside any range, not finite, of other scripts, with what a shell or a terminal would act on.
+#: Far too long, outside any range, not finite, of other scripts, with what a shell or a terminal
+#: would act on.
 NUMBER = (
     "nan",
     "",
@@ -47,7 +51,19 @@ NUMBER = (
     "1e",
     "e5",
     "--",
-    *("9" * 400, _HUGE, "30.4.1", "30 .4", "\ud800", "3\x00", "\x1b[31m1\x1b[0m", "1\n2", "½", "30.4f", "1e+"),
+    *(
+        "9" * 400,
+        _HUGE,
+        "30.4.1",
+        "30 .4",
+        "\ud800",
+        "3\x00",
+        "\x1b[31m1\x1b[0m",
+        "1\n2",
+        "½",
+        "30.4f",
+        "1e+",
+    ),
     *("+-1", "1**2", "__import__", WORDS),
 )
 SPEED = (*NUMBER, "1_000", "-1", "0", "-0", "pi", "1e-9999", "-1e-3", "1e6", "1e300", "1000000007")
@@ -55,9 +71,31 @@ DISTANCE = (*NUMBER, "-1", "0", "-1e-3", "pi")
 COUNT = (*NUMBER, "-1", "0", "1e3", "3.5", "99999999999999999999", "1000000007")
 NAME = (_TEXT, "", "../../etc/passwd", "\x1b]0;x\x07", "\ud800", "a\nb", "\0", WORDS)
 FOLDER = ("/dev/null/x", "", "/proc/nothing", "a\0b", _TEXT, "file", "file/below", "loop/x")
-TARGET = ("nowhere/x.csv", "", ".", "/dev/null", "a\0.csv", _TEXT + ".csv", "folder", "folder/", "file/x.csv", "pipe")
+TARGET = (
+    "nowhere/x.csv",
+    "",
+    ".",
+    "/dev/null",
+    "a\0.csv",
+    _TEXT + ".csv",
+    "folder",
+    "folder/",
+    "file/x.csv",
+    "pipe",
+)
 SOURCE = (
-    *("nowhere.toml", "", ".", "/dev/null", "/dev/zero", "a\0.toml", _TEXT + ".toml", "folder", "pipe", "loop"),
+    *(
+        "nowhere.toml",
+        "",
+        ".",
+        "/dev/null",
+        "/dev/zero",
+        "a\0.toml",
+        _TEXT + ".toml",
+        "folder",
+        "pipe",
+        "loop",
+    ),
     "./file",
     "../../../../../../etc/passwd",
     "/proc/self/mem",
@@ -76,7 +114,15 @@ AXIS = (
     "mu=0:1:999999999",
     "mu=0:1:1000001",
     "mu=1:2:٣",
-    *("mu=1e-9999:1:1000000", "omega=30", "mu=pi:1:3", "mu=1:2:3:4", "epsilon=1/0", "mu=" + "1," * 3000, *NAME),
+    *(
+        "mu=1e-9999:1:1000000",
+        "omega=30",
+        "mu=pi:1:3",
+        "mu=1:2:3:4",
+        "epsilon=1/0",
+        "mu=" + "1," * 3000,
+        *NAME,
+    ),
 )
 
 
@@ -99,7 +145,11 @@ WRONG: list[tuple[Wrong, str]] = [
     (("x", "flat", "section,", "section,section"), "--events"),
     ((*NUMBER, "-1", "0", "1e9"), "--seconds, --limit"),
     (_but(NUMBER, "9" * 400), "--sample, reference check --seed"),
-    (COUNT, "--digits, --jobs, --harmonics, --count, --fold, --levels, --states, --require, --max-steps"),
+    (
+        COUNT,
+        "--digits, --jobs, --harmonics, --count, --fold, --levels, --states, --require, "
+        "--max-steps",
+    ),
     (_but(COUNT, "0", "1000000007"), "--order, --seed"),
     (NAME, "--friction, --only, --format, --method, --set, --from"),
     (NAME, "names, ids, prefixes, language, analysis"),
@@ -108,21 +158,30 @@ WRONG: list[tuple[Wrong, str]] = [
     (AXIS, "--over"),
     (FOLDER, "--out, --data"),
     (TARGET, "--certificate, --html, --csv, --badge"),
-    ((*TARGET, "x.txt"), "sweep --out, integrate --out, reference export --out, branch --out, heteroclinic --out"),
+    (
+        (*TARGET, "x.txt"),
+        "sweep --out, integrate --out, reference export --out, branch --out, heteroclinic --out",
+    ),
     ((*TARGET, "answered.csv"), "conformance questions file"),
     (SOURCE, "--expected-failures, --answers, --program, file, old, new, command"),
-    (("x", "", "1:2", "1:2:0", "0:1:3", "1:x:2", "nan:1:2", "1:2:1001", "1:2:3:4"), "heteroclinic --near"),
+    (
+        ("x", "", "1:2", "1:2:0", "0:1:3", "1:x:2", "nan:1:2", "1:2:1001", "1:2:3:4"),
+        "heteroclinic --near",
+    ),
     ((*SOURCE, *NAME, "nan.toml", "hexadecimal.toml", "long.toml", "nested.toml"), "--parameters"),
 ]
-#: What makes a command right, in one way or another. Spoiled is what it names, and in the first all other options.
+#: What makes a command right, in one way or another. Spoiled is what it names, and in the first all
+#: other options.
 _AT_A_SPEED = "--omega 30.4 | --below-crit 0.5"
 RIGHT = {
     "verify": "--only omega_crit",
     "scene": "d",
     "orbit": "--omega 30.4 | --above-het 0.1 | --below-crit 0.5 | --rotating --below-het 0.01",
-    "integrate": "--omega 30.4 --state 1,1,0 --time 1 | --omega 30.4 --state 1,1,0 --time 1,2 --times 3 --events turn",
+    "integrate": "--omega 30.4 --state 1,1,0 --time 1 | --omega 30.4 --state 1,1,0 --time 1,2 "
+    "--times 3 --events turn",
     "slow-manifold": "--order 1 --omega 30.4 --beta 1.2 --gamma 0.3",
-    "basin": "--omega 30.4 --count 4 --seconds 5 | --omega 31.4 --margin 1.5,1,0 | --below-crit 0.5 --count 4",
+    "basin": "--omega 30.4 --count 4 --seconds 5 | --omega 31.4 --margin 1.5,1,0 | --below-crit "
+    "0.5 --count 4",
     "sweep": "hopf --over mu=0.3 --out o.csv",
     "certify orbit": "--omega 30.4 | --below-crit 0.5 | --at-fold --fold 1",
     "heteroclinic": " | --near 1e-2:1e-3:2",
@@ -145,13 +204,17 @@ def _spoiled(words: list[str], parameter: click.Parameter, place: int, text: str
     return [*words[:at], *words[at + 2 :], name, *[text] * parameter.nargs]
 
 
-def _mistakes(command: click.Command, name: str = "") -> Iterator[tuple[str, Wrong, Callable[[str], list[str]]]]:
+def _mistakes(
+    command: click.Command, name: str = ""
+) -> Iterator[tuple[str, Wrong, Callable[[str], list[str]]]]:
     """Yield, for all parameters of all commands, the name, the wrong value, and the command."""
     if isinstance(command, click.Group):
         for inner in (inner for inner in command.commands.values() if not inner.hidden):
             yield from _mistakes(inner, f"{name} {inner.name}".strip())
         return
-    usual = _AT_A_SPEED if any(parameter.name == "below_crit" for parameter in command.params) else ""
+    usual = (
+        _AT_A_SPEED if any(parameter.name == "below_crit" for parameter in command.params) else ""
+    )
     wrong = {told: wrong for wrong, names in WRONG for told in names.split(", ")}
     rights = [f"{name} {rest.strip()} " for rest in RIGHT.get(name, usual).split("|")]
     place = len(name.split())
@@ -160,7 +223,11 @@ def _mistakes(command: click.Command, name: str = "") -> Iterator[tuple[str, Wro
             told = parameter.opts[0]
             right = next((line for line in rights if f" {told} " in line), rights[0]).split()
             at = len(right) if told == "more" else place
-            yield name, wrong.get(f"{name} {told}") or wrong[told], partial(_spoiled, right, parameter, at)
+            yield (
+                name,
+                wrong.get(f"{name} {told}") or wrong[told],
+                partial(_spoiled, right, parameter, at),
+            )
             place += isinstance(parameter, click.Argument)
 
 
@@ -189,7 +256,11 @@ def room(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPat
     with open(folder / "huge.toml", "wb") as stream:
         stream.truncate(1 << 30)
     disk = "".join(f'{name} = "{value}"\n' for name, value in tv.PRINTED.decimals().items())
-    for name, radius in (("nan", '"nan"'), ("hexadecimal", "0x" + "f" * 9000), ("long", f'"0.{"4" * 9000}"')):
+    for name, radius in (
+        ("nan", '"nan"'),
+        ("hexadecimal", "0x" + "f" * 9000),
+        ("long", f'"0.{"4" * 9000}"'),
+    ):
         (folder / f"{name}.toml").write_text(disk.replace('"0.045"', radius))
     (folder / "nested.toml").write_text("[" * 100_000)
     return folder
@@ -216,7 +287,12 @@ def test_one_mistake_is_refused_and_nothing_is_written(room: Path, draws: int) -
     """A draw that is not refused may run for long, so it is reported as it is, not made shorter."""
     before = _contents(room)
 
-    @settings(max_examples=draws, phases=[Phase.generate], suppress_health_check=list(HealthCheck), deadline=None)
+    @settings(
+        max_examples=draws,
+        phases=[Phase.generate],
+        suppress_health_check=list(HealthCheck),
+        deadline=None,
+    )
     @given(mistakes())
     def hold(arguments: list[str]) -> None:
         assert_refused(arguments)
@@ -268,15 +344,52 @@ _DISK, _LANES, _ID = tv.Disk("table1"), tv.BatchTaylor(1), "table1/linear/hopf/p
 _ENGINE, _OTHER = tv.Taylor(), tv.Baseline()
 #: Values of every Python type that no parameter of a public function may take.
 OBJECTS: Wrong = (
-    *(None, b"30.4", [], [30.4], {}, set(), object(), 1j, len, int, ..., NotImplemented, range(3), iter(())),
+    *(
+        None,
+        b"30.4",
+        [],
+        [30.4],
+        {},
+        set(),
+        object(),
+        1j,
+        len,
+        int,
+        ...,
+        NotImplemented,
+        range(3),
+        iter(()),
+    ),
     *(Exception("x"), memoryview(b"x"), frozenset({1}), True, False),
 )
 TEXTS = ("", "abc", "\0")
 NUMBERS = (
-    *("nan", "1e99999", "\ud800", _HUGE, math.nan, math.inf, -math.inf, Decimal("nan"), Decimal("sNaN")),
+    *(
+        "nan",
+        "1e99999",
+        "\ud800",
+        _HUGE,
+        math.nan,
+        math.inf,
+        -math.inf,
+        Decimal("nan"),
+        Decimal("sNaN"),
+    ),
     *(Decimal("1e999999"), *TEXTS, *OBJECTS),
 )
-SPEEDS = (*NUMBERS, 0, -1, 10**6, 10**400, -(10**400), 1e300, Fraction(1, 10**5000), "pi", "pi/2", "1e-9999")
+SPEEDS = (
+    *NUMBERS,
+    0,
+    -1,
+    10**6,
+    10**400,
+    -(10**400),
+    1e300,
+    Fraction(1, 10**5000),
+    "pi",
+    "pi/2",
+    "1e-9999",
+)
 COUNTS = (*NUMBERS, 0, -1, 10**9, 10**400, -(10**400), 1e300, Fraction(1, 3), "12", 3.5)
 
 
@@ -321,7 +434,10 @@ CALLS: list[tuple[Wrong, list[Call]]] = [
     ((*NUMBERS, 0, -1, "1e40", "1e-40", "pi", 10**5000), [lambda x: tv.PRINTED.changed(mu=x)]),
     (("0.045", "1", "nan", -1), [lambda x: tv.CALIBRATED.changed(e=x)]),
     (("1", "1e-9", "inf"), [lambda x: tv.GEOMETRY.changed(B=x)]),
-    ((*NUMBERS, "1e5000", 10**5000), [lambda x: tv.DOUBLE.number(x), lambda x: tv.QUADRUPLE.number(x)]),
+    (
+        (*NUMBERS, "1e5000", 10**5000),
+        [lambda x: tv.DOUBLE.number(x), lambda x: tv.QUADRUPLE.number(x)],
+    ),
     ((-1, math.nan, -1e-300, math.inf), [lambda x: tv.Measured.of(0, x)]),
     ((*TEXTS, "a\0.toml", "/", ".", _TEXT, "\ud800.toml"), [lambda x: tv.Parameters.named(x)]),
     (
@@ -370,7 +486,10 @@ CALLS: list[tuple[Wrong, list[Call]]] = [
     ((*TEXTS, *OBJECTS), [lambda x: _DISK.heteroclinic(method=x)]),
     ((*TEXTS, *OBJECTS[1:]), [lambda x: tv.Disk(x)]),
     ((*TEXTS[1:], _ID + "\0", *OBJECTS), [lambda x: tv.references(x)]),
-    ((*TEXTS, None, 1), [lambda x: tv.references(_ID, reading=x), lambda x: tv.grade({_ID: 1.0}, reading=x)]),
+    (
+        (*TEXTS, None, 1),
+        [lambda x: tv.references(_ID, reading=x), lambda x: tv.grade({_ID: 1.0}, reading=x)],
+    ),
     (
         TEXTS,
         [
@@ -383,7 +502,10 @@ CALLS: list[tuple[Wrong, list[Call]]] = [
     ),
     (([2.0], [0.5, 0.25], ["a"], "ab"), [lambda x: _integrated(t_eval=x)]),
     ((0, -1, "1e-30", 4), [lambda x: _DISK.integrate("30.4", (x, 2, 0), 1)]),
-    (([], [2.0], [0.5, 0.5], [-1.0], ["x"], [math.nan], [10**400], [[0.5]]), [lambda x: _asked(times=x)]),
+    (
+        ([], [2.0], [0.5, 0.5], [-1.0], ["x"], [math.nan], [10**400], [[0.5]]),
+        [lambda x: _asked(times=x)],
+    ),
     (((), (1, 2), (1, 2, 3, 4), "ab"), [lambda x: _asked(state=x)]),
     ((0.0, 1.0, -1.0, math.nan, math.inf), [lambda x: _asked(tolerance=x)]),
     ((0, -1, 10**400), [lambda n: _asked(max_steps=n)]),
@@ -404,9 +526,15 @@ CALLS: list[tuple[Wrong, list[Call]]] = [
             lambda x: _flown(3, x),
         ],
     ),
-    ((*NUMBERS, "../../etc/passwd", "printed"), [lambda x: tv.reference(x), lambda x: tv.compare(x, 1.0)]),
+    (
+        (*NUMBERS, "../../etc/passwd", "printed"),
+        [lambda x: tv.reference(x), lambda x: tv.compare(x, 1.0)],
+    ),
     (OBJECTS, [lambda x: tv.compare(_ID, x)]),
-    (({}, {"abc": 1.0}, {1: 1.0}, {"fresh-1-1/both/rhs/01/Q": 1.0}, *OBJECTS), [lambda x: tv.grade(x)]),
+    (
+        ({}, {"abc": 1.0}, {1: 1.0}, {"fresh-1-1/both/rhs/01/Q": 1.0}, *OBJECTS),
+        [lambda x: tv.grade(x)],
+    ),
     ((*TEXTS, "g", "A", "aa", _TEXT, *OBJECTS), [lambda x: tv.scene_named(x)]),
     ((*TEXTS, "RK23", _TEXT, *OBJECTS), [lambda x: tv.Baseline(x)]),
 ]

@@ -18,7 +18,9 @@ from tests.stress.runs import LONGEST, environment, run
 from tippedisk_verify.cache import VARIABLE
 from tippedisk_verify.model import code_cache
 
-pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals, limits and rights are POSIX here")
+pytestmark = pytest.mark.skipif(
+    sys.platform == "win32", reason="signals, limits and rights are POSIX here"
+)
 
 _SCENE = ["scene", "f", "--json", "--quiet"]
 _FILE = "tippedisk-verify/cache.db"
@@ -68,7 +70,8 @@ def small_cache(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
 
 
 @pytest.mark.parametrize(
-    "seed", [*range(3), *(pytest.param(n, marks=pytest.mark.slow(minutes=0.1)) for n in range(3, 9))]
+    "seed",
+    [*range(3), *(pytest.param(n, marks=pytest.mark.slow(minutes=0.1)) for n in range(3, 9))],
 )
 def test_damaged_code_is_not_run(seed: int, small_cache: tuple[Path, str], tmp_path: Path) -> None:
     """Run once with the damage, and once with what that run has made of it."""
@@ -116,7 +119,9 @@ def _starts(path: Path) -> tuple[int, int]:
 
 @pytest.mark.parametrize("ends", [False, True])
 @pytest.mark.parametrize("column", ["hash", *_COLUMNS.split(", ")])
-def test_changed_entries_are_removed_and_others_kept(column: str, ends: bool, entries: Path) -> None:
+def test_changed_entries_are_removed_and_others_kept(
+    column: str, ends: bool, entries: Path
+) -> None:
     """Include entries that change during a run: at its end it notes what it found and added."""
     changed = "1003" if column == "hash" else "x'41'"
     _done(entries, f"UPDATE cache SET {column} = {changed} WHERE hash = 3")
@@ -130,9 +135,17 @@ def test_changed_entries_are_removed_and_others_kept(column: str, ends: bool, en
 def test_a_killed_run_leaves_what_it_has_compiled(tmp_path: Path) -> None:
     """A checksum follows each entry at once, so only damaged entries are compiled again."""
     program = (
-        "import os, tippedisk_verify as tv\ntv.Taylor()(tv.Request(tv.PRINTED, '30.4', (1.2, 0.3, 0), 1))\nos._exit(9)"
+        "import os, tippedisk_verify as tv\ntv.Taylor()(tv.Request(tv.PRINTED, '30.4', (1.2, 0.3, "
+        "0), 1))\nos._exit(9)"
     )
     own = environment(XDG_CACHE_HOME=str(tmp_path))
-    assert subprocess.run([sys.executable, "-c", program], env=own, timeout=LONGEST, check=False).returncode == 9
-    left, sound = _done(tmp_path / _FILE, "SELECT count(*) FROM cache", "SELECT count(*) FROM digests")
+    assert (
+        subprocess.run(
+            [sys.executable, "-c", program], env=own, timeout=LONGEST, check=False
+        ).returncode
+        == 9
+    )
+    left, sound = _done(
+        tmp_path / _FILE, "SELECT count(*) FROM cache", "SELECT count(*) FROM digests"
+    )
     assert left == sound > (0,)

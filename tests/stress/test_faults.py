@@ -23,7 +23,9 @@ from tests.stress.runs import (
 from tests.stress.strikes import Struck, ended_by
 from tippedisk_verify.reference_values.manifest import faults_in_files
 
-pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals, limits and rights are POSIX here")
+pytestmark = pytest.mark.skipif(
+    sys.platform == "win32", reason="signals, limits and rights are POSIX here"
+)
 
 
 _VERIFY = ["verify", "--only", "omega_crit", "period_crit", "--quiet", "--out"]
@@ -67,7 +69,10 @@ def _strikes(tmp_path: Path, count: int, number: int) -> Iterator[int]:
         [*SWEEP, str(folder / "sweep.csv")],
         _sheet(folder),
     ]
-    ends = [struck.at_random(arguments, number, struck.lasts(arguments), count) for arguments in commands]
+    ends = [
+        struck.at_random(arguments, number, struck.lasts(arguments), count)
+        for arguments in commands
+    ]
     files = _whole(folder)
     for n in range(count):
         ended, _, told = next(ends[n % len(ends)])
@@ -84,13 +89,16 @@ def _strikes(tmp_path: Path, count: int, number: int) -> Iterator[int]:
 
 
 @pytest.mark.parametrize(
-    ("number", "count"), [(signal.SIGKILL, 3), pytest.param(signal.SIGINT, 40, marks=pytest.mark.slow(minutes=0.7))]
+    ("number", "count"),
+    [(signal.SIGKILL, 3), pytest.param(signal.SIGINT, 40, marks=pytest.mark.slow(minutes=0.7))],
 )
 def test_strikes_leave_whole_files(number: int, count: int, tmp_path: Path) -> None:
     assert len(list(_strikes(tmp_path, count, number))) == count
 
 
-def test_a_pool_that_is_killed_is_one_line(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_pool_that_is_killed_is_one_line(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     from concurrent.futures.process import BrokenProcessPool
 
     from tippedisk_verify import cli
@@ -110,9 +118,16 @@ def test_a_pool_that_is_killed_is_one_line(monkeypatch: pytest.MonkeyPatch, caps
 def test_a_full_disk_under_standard_output(arguments: list[str]) -> None:
     with open("/dev/full", "w") as full:
         done = subprocess.run(
-            [*PROGRAM, *arguments], stdout=full, stderr=subprocess.PIPE, text=True, timeout=LONGEST, check=False
+            [*PROGRAM, *arguments],
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            timeout=LONGEST,
+            check=False,
         )
-        both = subprocess.run([*PROGRAM, *arguments], stdout=full, stderr=full, timeout=LONGEST, check=False)
+        both = subprocess.run(
+            [*PROGRAM, *arguments], stdout=full, stderr=full, timeout=LONGEST, check=False
+        )
     assert "No space left" in one_line(done, 2)
     assert both.returncode == 2
 

@@ -19,15 +19,35 @@ from tippedisk_verify.errors import InputError
 from tippedisk_verify.reference_values.manifest import LARGEST, faults_in_files
 from tippedisk_verify.reference_values.store import Store, data_folder
 
-_TOML = (
-    b'r = "0.045"\ne = "0.0025"\nm = "0.435"\nA = "0.249e-3"\nB = "0.227e-3"\ng = "9.81"\nmu = "0.3"\nepsilon = "0.1"\n'
-)
+_TOML = b'r = "0.045"\ne = "0.0025"\nm = "0.435"\nA = "0.249e-3"\nB = "0.227e-3"\ng = "9.81"\nmu = "0.3"\nepsilon = "0.1"\n'
 _ID = "table1/linear/hopf/point/omega_crit"
 _TOKENS = (
     *(bytes([code]) for code in b"\0\"'\\\n\r,;{}[]=-#"),
-    *(b"\xff\xfe", b"\xef\xbb\xbf", b"\xed\xa0\x80", b"\xe2\x80\xae", b"\x1b[31m", b"\x80\x04", b"'''", b'"""'),
-    *(b"nan", b"inf", b"null", b"true", b"1e400", b"1e99999", b"9" * 5000, b"[" * 2000, b'{"a":' * 500),
-    *(b"../", b"__import__('os')", b"!!python/object", b"cos\nsystem\n"),
+    *(
+        b"\xff\xfe",
+        b"\xef\xbb\xbf",
+        b"\xed\xa0\x80",
+        b"\xe2\x80\xae",
+        b"\x1b[31m",
+        b"\x80\x04",
+        b"'''",
+        b'"""',
+    ),
+    *(
+        b"nan",
+        b"inf",
+        b"null",
+        b"true",
+        b"1e400",
+        b"1e99999",
+        b"9" * 5000,
+        b"[" * 2000,
+        b'{"a":' * 500,
+    ),
+    b"../",
+    b"__import__('os')",
+    b"!!python/object",
+    b"cos\nsystem\n",
 )
 
 
@@ -69,11 +89,18 @@ def _fine(done: Ran) -> None:
 
 def _sheet(folder: Path, name: str) -> bytes:
     path = folder / name
-    assert ran(["conformance", "questions", str(path), "--set", "table1", "--levels", "4"]).status == 0
+    assert (
+        ran(["conformance", "questions", str(path), "--set", "table1", "--levels", "4"]).status == 0
+    )
     text = path.read_text(encoding="utf-8")
-    filled = text.replace(',"answer": ""', ', "answer": "30.9"').replace(', "answer": ""', ', "answer": "30.9"')
+    filled = text.replace(',"answer": ""', ', "answer": "30.9"').replace(
+        ', "answer": ""', ', "answer": "30.9"'
+    )
     if name.endswith(".csv"):
-        filled = "".join(line + ("30.9" if line.startswith("table1/") else "") + "\n" for line in text.splitlines())
+        filled = "".join(
+            line + ("30.9" if line.startswith("table1/") else "") + "\n"
+            for line in text.splitlines()
+        )
     path.unlink()
     return filled.encode()
 
@@ -94,7 +121,16 @@ def _sheets(folder: Path, draws: int) -> Iterator[Ran]:
     for n in range(draws):
         name, content = sheets[n % len(sheets)]
         (folder / name).write_bytes(damaged(content, draw))
-        yield ran(["conformance", "grade", str(folder / name), "--json", "--html", str(folder / "page.html")])
+        yield ran(
+            [
+                "conformance",
+                "grade",
+                str(folder / name),
+                "--json",
+                "--html",
+                str(folder / "page.html"),
+            ]
+        )
 
 
 _FUZZERS: dict[str, Callable[[Path, int], Iterator[Ran]]] = {
@@ -130,7 +166,11 @@ def test_a_bad_compressed_file_is_refused(spoil: str, tmp_path: Path) -> None:
     text = (data / "values.csv").read_bytes()
     (data / "values.csv").unlink()
     (data / "values.csv.gz").write_bytes(gzip.compress(text, 1))
-    packed = {"bomb": gzip.compress(bytes(LARGEST + 10), 1), "cut": gzip.compress(text, 1)[:-9], "text": text}[spoil]
+    packed = {
+        "bomb": gzip.compress(bytes(LARGEST + 10), 1),
+        "cut": gzip.compress(text, 1)[:-9],
+        "text": text,
+    }[spoil]
     (data / "values.csv.gz").write_bytes(packed)
     (fault,) = faults_in_files(data)
     assert fault.startswith("values.csv has been changed")
@@ -140,11 +180,26 @@ def test_a_bad_compressed_file_is_refused(spoil: str, tmp_path: Path) -> None:
 
 def test_no_file_is_unpickled_or_evaluated() -> None:
     """The package has no call that would execute the content of a file."""
-    forbidden = {"eval", "exec", "compile", "__import__", "pickle", "marshal", "shelve", "dill", "yaml", "runpy"}
+    forbidden = {
+        "eval",
+        "exec",
+        "compile",
+        "__import__",
+        "pickle",
+        "marshal",
+        "shelve",
+        "dill",
+        "yaml",
+        "runpy",
+    }
     found = set()
     for path in Path(tippedisk_verify.__file__).parent.rglob("*.py"):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            names = [node.func.id] if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) else []
+            names = (
+                [node.func.id]
+                if isinstance(node, ast.Call) and isinstance(node.func, ast.Name)
+                else []
+            )
             names += [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
             names += [node.module or ""] if isinstance(node, ast.ImportFrom) else []
             found |= {(path.name, name.split(".")[0]) for name in names}
@@ -160,6 +215,17 @@ def test_links_in_a_data_folder_lead_nowhere_else(tmp_path: Path) -> None:
     with pytest.raises(InputError):
         generate(tmp_path / "out", ("table1/linear/hopf",))
     (tmp_path / ".a.csv.journal").symlink_to(tmp_path / "elsewhere")
-    assert_refused(["sweep", "hopf", "--over", "mu=0.3", "--executor", "serial", "--out", str(tmp_path / "a.csv")])
+    assert_refused(
+        [
+            "sweep",
+            "hopf",
+            "--over",
+            "mu=0.3",
+            "--executor",
+            "serial",
+            "--out",
+            str(tmp_path / "a.csv"),
+        ]
+    )
     assert (tmp_path / "secret").read_text() == "mine"
     assert not (tmp_path / "elsewhere").exists()

@@ -19,23 +19,31 @@ from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.model.precision import bits
 
 _LIBRARY = ctypes.CDLL(None)
-pytestmark = pytest.mark.skipif(not hasattr(_LIBRARY, "mallinfo2"), reason="needs glibc to count its memory")
+pytestmark = pytest.mark.skipif(
+    not hasattr(_LIBRARY, "mallinfo2"), reason="needs glibc to count its memory"
+)
 
 _SAMPLES = tuple(f"0.{n:03d}" for n in range(2, 21, 2))
 _ORBITS = 50  # of a batch
 _ASKED = {
-    "samples and derivatives": {"times": _SAMPLES, "variations": ("beta", "gamma", "v", "Omega"), "divergence": True},
+    "samples and derivatives": {
+        "times": _SAMPLES,
+        "variations": ("beta", "gamma", "v", "Omega"),
+        "divergence": True,
+    },
     "continuous output": {"dense": True},
     "events and error": {"events": (SECTION,), "domain": "event", "error_estimate": True},
 }
 
 
 class _Mallinfo(ctypes.Structure):
-    _fields_ = [("of", ctypes.c_size_t * 10)]  # hblkhd is the fifth, of large blocks, and uordblks the eighth
+    # Hblkhd is the fifth, of large blocks, and uordblks the eighth
+    _fields_ = [("of", ctypes.c_size_t * 10)]
 
 
 def _taken() -> int:
-    while gc.collect():  # what a finalizer lets go of, a figure's for instance, is found the next time only
+    # What a finalizer lets go of, a figure's for instance, is found the next time only
+    while gc.collect():
         pass
     _LIBRARY.mallinfo2.restype = _Mallinfo
     found = _LIBRARY.mallinfo2().of
@@ -46,7 +54,12 @@ def _taken() -> int:
 @pytest.mark.parametrize("asked", _ASKED)
 def test_orbits_take_no_more(asked: str) -> None:
     engine = Taylor()
-    wanted = {"parameters": PRINTED, "omega": "30.4", "state": ("pi/2", "2.1", 0), "duration": "0.02"} | _ASKED[asked]
+    wanted = {
+        "parameters": PRINTED,
+        "omega": "30.4",
+        "state": ("pi/2", "2.1", 0),
+        "duration": "0.02",
+    } | _ASKED[asked]
     request = Request(**wanted, precision=bits(256))
 
     def run() -> None:

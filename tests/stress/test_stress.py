@@ -40,7 +40,8 @@ def test_a_wrong_claim_does_not_pass() -> None:
             return result
         return result._replace(error=replace(result.error, state=result.error.state / 1e3))
 
-    request = Request(PRINTED, 30.4, (1.4, 1.9, 0.5), 2, domain="none", tolerance=1e-9)  # loose: an error to be seen
+    # Loose: an error to be seen
+    request = Request(PRINTED, 30.4, (1.4, 1.9, 0.5), 2, domain="none", tolerance=1e-9)
     assert flown(request).honest
     assert not flown(request, engine=boastful).honest
 
@@ -52,7 +53,9 @@ def test_what_is_unforeseen_never_passes() -> None:
     def short() -> Found:
         raise AccuracyError("not this close")
 
-    outcome = StressResult.of(StressCase("x", "x", broken, may=("digits", "unforeseen ZeroDivisionError")))
+    outcome = StressResult.of(
+        StressCase("x", "x", broken, may=("digits", "unforeseen ZeroDivisionError"))
+    )
     assert not outcome.passed
     assert "by accident" in outcome.note
     assert StressResult.of(StressCase("x", "x", short, may=("AccuracyError",))).passed
@@ -83,10 +86,14 @@ def test_the_most_digits_are_had() -> None:
     assert tv.Measured.of(10**4400 + 1, 0).decimals() == ("1." + "0" * 4399 + "1e4400", "0")
 
 
-_SIZES = st.sampled_from(["1e-29", "1e-20", "1e-10", "1e-3", "0.3", "1", "1e3", "1e10", "1e20", "9e29"])
+_SIZES = st.sampled_from(
+    ["1e-29", "1e-20", "1e-10", "1e-3", "0.3", "1", "1e3", "1e10", "1e20", "9e29"]
+)
 
 
-@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(
+    max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
 @given(
     st.fixed_dictionaries(dict.fromkeys(("r", "e", "m", "A", "B", "g", "mu", "epsilon"), _SIZES)),
     st.sampled_from(["hopf", "equilibria --omega 30.4"]),

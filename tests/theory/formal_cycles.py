@@ -76,7 +76,8 @@ class _Ops:
 class FormalCycles(NamedTuple):
     """The results of the series; gamma_bar = w + conj(w) + third[...] and higher harmonics."""
 
-    omega: tuple[Any, Any]  #: coefficients of |w|^2 and |w|^4 in Omega [rad/s]; zero for the normal form
+    #: Coefficients of |w|^2 and |w|^4 in Omega [rad/s]; zero for the normal form
+    omega: tuple[Any, Any]
     kappa: tuple[Any, Any]  #: likewise [1/s]; c_1 and c_2 of the normal form
     third: Any  #: coefficient of w^3 in gamma_bar
 
@@ -96,8 +97,12 @@ def formal_cycles(parameters: Parameters, *, normal_form: bool = False) -> Forma
     The numbers have mpmath's current precision.
     """
     constants = parameters.within(mpmath.mp)
-    square, frequency_square = (f(parameters) for f in (omega_crit_squared, critical_frequency_squared))
-    omega, frequency = (mpmath.sqrt(quotient(mpmath.mp, part)) for part in (square, frequency_square))
+    square, frequency_square = (
+        f(parameters) for f in (omega_crit_squared, critical_frequency_squared)
+    )
+    omega, frequency = (
+        mpmath.sqrt(quotient(mpmath.mp, part)) for part in (square, frequency_square)
+    )
 
     def rates(speed: Series, state: list[Series]) -> list[Series]:
         ops = equations.shifted(_Ops)
@@ -106,7 +111,8 @@ def formal_cycles(parameters: Parameters, *, normal_form: bool = False) -> Forma
         force = terms.gyroscopic + terms.gravity + terms.direction * friction
         return [state[2], -(speed * ops.cos(state[0])), force * terms.mass.reciprocal()]
 
-    # A state of w alone leaves the cubic terms at w^3, so w |w|^2 shows how the linear ones change with Omega.
+    # A state of w alone leaves the cubic terms at w^3, so w |w|^2 shows how the linear ones change
+    # with Omega.
     w = Series({(1, 0): mpmath.mpc(1)})
     steered = Series({(0, 0): omega, (1, 1): mpmath.mpf(1)})
     jacobian, by_omega = mpmath.matrix(3, 3), mpmath.matrix(3, 3)
@@ -134,12 +140,24 @@ def formal_cycles(parameters: Parameters, *, normal_form: bool = False) -> Forma
             if j - k > 1:
                 added = mpmath.lu_solve(matrix, right)
             else:
-                columns = [matrix[:, 0], 1j * matrix[:, 0], matrix[:, 2], 1j * matrix[:, 2], 1j * direction]
+                columns = [
+                    matrix[:, 0],
+                    1j * matrix[:, 0],
+                    matrix[:, 2],
+                    1j * matrix[:, 2],
+                    1j * direction,
+                ]
                 columns.append(direction if normal_form else -(by_omega * direction))
-                real = mpmath.matrix([[f(c[n]) for c in columns] for f in (mpmath.re, mpmath.im) for n in range(3)])
-                x = mpmath.lu_solve(real, [f(right[n]) for f in (mpmath.re, mpmath.im) for n in range(3)])
+                real = mpmath.matrix(
+                    [[f(c[n]) for c in columns] for f in (mpmath.re, mpmath.im) for n in range(3)]
+                )
+                x = mpmath.lu_solve(
+                    real, [f(right[n]) for f in (mpmath.re, mpmath.im) for n in range(3)]
+                )
                 added = [mpmath.mpc(x[0], x[1]), mpmath.mpc(0), mpmath.mpc(x[2], x[3])]
-                turned, steered_by = (mpmath.mpc(x[5], x[4]), 0) if normal_form else (mpmath.mpc(0, x[4]), x[5])
+                turned, steered_by = (
+                    (mpmath.mpc(x[5], x[4]), 0) if normal_form else (mpmath.mpc(0, x[4]), x[5])
+                )
                 kappa[k, k], speed[k, k] = turned, steered_by
                 found.append((steered_by, turned))
             for part, value in zip(state, added, strict=True):

@@ -45,9 +45,13 @@ def test_linearization_is_the_jacobian_there(name, parameters, omega) -> None:
     """Derive it a second time: the general Jacobian at the equilibrium, in 200 bits."""
     precision = bits(200)
     ctx = precision.context
-    constants = type(parameters.at(precision))(*(precision.mpf(value) for value in parameters.at(precision)))
+    constants = type(parameters.at(precision))(
+        *(precision.mpf(value) for value in parameters.at(precision))
+    )
     state = [precision.mpf(precision.number(part)) for part in location(name)]
-    rows = equations.jacobian(ctx, constants, precision.mpf(precision.number(omega)), "linear")(*state)
+    rows = equations.jacobian(ctx, constants, precision.mpf(precision.number(omega)), "linear")(
+        *state
+    )
     matrix = linearization(parameters, omega, name)
     expected = [[0, 0, 1], [matrix.omega, 0, 0], [matrix.A31, matrix.A32, matrix.A33]]
     for row, expected_row in zip(rows, expected, strict=True):
@@ -76,8 +80,11 @@ def assert_eigenvalues(values: Sequence[Eigenvalue], rows: Callable[[], Rows], d
     assert centres == sorted(centres, key=lambda centre: (-centre[0], -centre[1]))
     for re, im in parts:
         assert max(re.uncertainty, im.uncertainty) * 10**digits < max(abs(re.value), abs(im.value))
-    smallest = min(max(abs(re.value), abs(im.value)) for re, im in parts) / 10 ** (2 * digits + 40)  # of exact ones
-    width = min([part.uncertainty for pair in parts for part in pair if part.uncertainty] or [smallest])
+    # Of exact ones
+    smallest = min(max(abs(re.value), abs(im.value)) for re, im in parts) / 10 ** (2 * digits + 40)
+    width = min(
+        [part.uncertainty for pair in parts for part in pair if part.uncertainty] or [smallest]
+    )
     norm = max(sum(abs(entry) for entry in row) for row in rows())
     with mpmath.workdps(3 * (int(mpmath.log10(norm / quotient(mpmath.mp, width))) + 8)):
         truths = mpmath.eig(mpmath.matrix(rows()), left=False, right=False)
@@ -85,9 +92,15 @@ def assert_eigenvalues(values: Sequence[Eigenvalue], rows: Callable[[], Rows], d
 
         def inside(value: Eigenvalue, truth: Any) -> bool:
             pairs = ((value.re, mpmath.re(truth)), (value.im, mpmath.im(truth)))
-            return all(abs(part.mpf() - true) <= quotient(mpmath.mp, part.uncertainty) + spare for part, true in pairs)
+            return all(
+                abs(part.mpf() - true) <= quotient(mpmath.mp, part.uncertainty) + spare
+                for part, true in pairs
+            )
 
-        assert any(all(map(inside, values, order)) for order in permutations(truths)), (values, truths)
+        assert any(all(map(inside, values, order)) for order in permutations(truths)), (
+            values,
+            truths,
+        )
 
 
 def entries(matrix: Linearization) -> Rows:
@@ -97,7 +110,9 @@ def entries(matrix: Linearization) -> Rows:
 
 
 _POWERS = st.integers(-15, 15)
-_ENTRIES = st.builds(lambda digits, power: digits * Fraction(10) ** power, st.integers(-99, 99).filter(bool), _POWERS)
+_ENTRIES = st.builds(
+    lambda digits, power: digits * Fraction(10) ** power, st.integers(-99, 99).filter(bool), _POWERS
+)
 
 
 @st.composite
@@ -108,19 +123,25 @@ def nearly_double(draw: st.DrawFn) -> Linearization:
     """
     root = draw(st.fractions(-100, 100, max_denominator=1000).filter(bool))
     gap, other_gap = (
-        root * draw(st.sampled_from((-1, 0, 1, 1, 1))) * Fraction(1, 10 ** draw(st.integers(3, 30))) for _ in range(2)
+        root * draw(st.sampled_from((-1, 0, 1, 1, 1))) * Fraction(1, 10 ** draw(st.integers(3, 30)))
+        for _ in range(2)
     )
     third = draw(st.one_of(_ENTRIES, st.just(root + other_gap / 7)))
     square = draw(st.sampled_from((-1, 1))) * gap**2
     omega = draw(decimals("0.001", "60"))
     # (x - third) (x^2 - 2 root x + root^2 - square): the two are root +- sqrt(square).
     product = root**2 - square
-    return Linearization(omega, -product - 2 * root * third, product * third / omega, 2 * root + third)
+    return Linearization(
+        omega, -product - 2 * root * third, product * third / omega, 2 * root + third
+    )
 
 
 @settings(max_examples=150)
 @given(
-    matrix=st.one_of(st.builds(Linearization, st.builds(abs, _ENTRIES), _ENTRIES, _ENTRIES, _ENTRIES), nearly_double()),
+    matrix=st.one_of(
+        st.builds(Linearization, st.builds(abs, _ENTRIES), _ENTRIES, _ENTRIES, _ENTRIES),
+        nearly_double(),
+    ),
     digits=st.sampled_from((6, 15, 40)),
 )
 def test_eigenvalues_of_any_matrix(matrix: Linearization, digits: int) -> None:
@@ -132,7 +153,9 @@ def test_eigenvalues_of_any_matrix(matrix: Linearization, digits: int) -> None:
             eigenvalues(matrix, digits)
         return
     values = eigenvalues(matrix, digits)
-    assert numpy.array(values, complex).tolist() == [complex(value.re.value, value.im.value) for value in values]
+    assert numpy.array(values, complex).tolist() == [
+        complex(value.re.value, value.im.value) for value in values
+    ]
     assert_eigenvalues(values, lambda: entries(matrix), digits)
 
 
@@ -148,7 +171,11 @@ def test_eigenvalues_of_any_matrix(matrix: Linearization, digits: int) -> None:
 def test_eigenvalues_of_an_equilibrium(parameters, name, anywhere, side, nearness, digits) -> None:
     """Compare with the Jacobian at any speed, and next to Omega_crit and to double eigenvalues."""
     special = [omega_crit(parameters, 50), *kind_changes(parameters, name, 50)]
-    omega = special[nearness % len(special)].value * (1 + Fraction(side, 10**nearness)) if side else anywhere
+    omega = (
+        special[nearness % len(special)].value * (1 + Fraction(side, 10**nearness))
+        if side
+        else anywhere
+    )
 
     def jacobian() -> Rows:
         """By complex steps, whose square is below the last digit."""
@@ -171,12 +198,18 @@ def test_eigenvectors_of_the_saddle() -> None:
     matrix = linearization(PRINTED, Fraction("30.4"), "noninverted")
     for value in equilibrium(PRINTED, "30.4", "noninverted", 40).eigenvalues:
         growth = value.re.value
-        x, y = right_eigenvector(matrix, growth), ((growth - matrix.A33) * growth, matrix.A32, growth)
+        x, y = (
+            right_eigenvector(matrix, growth),
+            ((growth - matrix.A33) * growth, matrix.A32, growth),
+        )
         rows = ((0, 0, 1), (matrix.omega, 0, 0), (matrix.A31, matrix.A32, matrix.A33))
         image = [sum(a * b for a, b in zip(row, x, strict=True)) for row in rows]
-        transposed = [sum(row[column] * y[index] for index, row in enumerate(rows)) for column in range(3)]
+        transposed = [
+            sum(row[column] * y[index] for index, row in enumerate(rows)) for column in range(3)
+        ]
         for got, wanted in zip((*image, *transposed), (*x, *y), strict=True):
-            assert abs(got - growth * wanted) < Fraction(1, 10**30)  # the eigenvalue is known to 40 digits
+            # The eigenvalue is known to 40 digits
+            assert abs(got - growth * wanted) < Fraction(1, 10**30)
 
 
 def test_refusals() -> None:
@@ -220,7 +253,8 @@ def test_the_saddle_value_vanishes_where_it_should() -> None:
 
     Omega is rational for this disk.
     """
-    disk = PRINTED.changed(r="0.04", e="0.01", m=1, B="1.6e-3", A="2e-3", g="10", C=None)  # Bbar = 1.5e-3
+    # Bbar = 1.5e-3
+    disk = PRINTED.changed(r="0.04", e="0.01", m=1, B="1.6e-3", A="2e-3", g="10", C=None)
     square = disk.m * disk.g * (disk.r - disk.e) ** 2 / (disk.r * disk.Bbar)
     disk = disk.changed(g=disk.g * 100 / square)
     beside = (Fraction(10) + Fraction(side, 10**20) for side in (-1, 0, 1))
@@ -230,13 +264,17 @@ def test_the_saddle_value_vanishes_where_it_should() -> None:
 @pytest.mark.parametrize("name", ["inverted", "noninverted"])
 @settings(max_examples=25)
 @given(parameters=physical_parameters())
-def test_eigenvalues_change_kind_at_these_speeds(name: EquilibriumName, parameters: Parameters) -> None:
+def test_eigenvalues_change_kind_at_these_speeds(
+    name: EquilibriumName, parameters: Parameters
+) -> None:
     speeds = kind_changes(parameters, name, 20)
     kinds = [discriminant(linearization(parameters, Fraction(1, 10**9), name)) > 0]
     for speed in speeds:
         assert speed.uncertainty <= speed.value / 10**20
         low, high = (speed.value * (1 + side * Fraction(1, 10**15)) for side in (-1, 1))
-        before, after = (discriminant(linearization(parameters, end, name)) > 0 for end in (low, high))
+        before, after = (
+            discriminant(linearization(parameters, end, name)) > 0 for end in (low, high)
+        )
         assert before is kinds[-1]
         assert after is not before
         kinds.append(after)
@@ -244,7 +282,9 @@ def test_eigenvalues_change_kind_at_these_speeds(name: EquilibriumName, paramete
 
 
 _DECIMALS = st.builds(
-    lambda digits, power: Fraction(digits) * Fraction(10) ** power, st.integers(-999, 999), st.integers(-6, 6)
+    lambda digits, power: Fraction(digits) * Fraction(10) ** power,
+    st.integers(-999, 999),
+    st.integers(-6, 6),
 )
 _RATIONALS = st.fractions(-1000, 1000, max_denominator=1000)
 

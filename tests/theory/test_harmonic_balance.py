@@ -33,7 +33,8 @@ from tippedisk_verify.theory.hopf import omega_crit
 
 FORMS: tuple[Form, ...] = ("printed", "consistent")
 DIGITS = 200
-#: The trapezoidal rule of eight nodes is exact for products of up to seven sines and cosines; here there are four.
+#: The trapezoidal rule of eight nodes is exact for products of up to seven sines and cosines; here
+#: there are four.
 NODES = 8
 
 
@@ -48,7 +49,9 @@ def projection(function: Any) -> tuple[Any, Any]:
     return sine, cosine
 
 
-def imbalance(parameters: Parameters, omega: Any, frequency: Any, size: Any, form: Form, turned: bool) -> Any:
+def imbalance(
+    parameters: Parameters, omega: Any, frequency: Any, size: Any, form: Form, turned: bool
+) -> Any:
     """Return the projections of M beta'' - h - f_G - w_y lambda_Ty.
 
     beta_bar = ``size`` sin(theta) with theta = omega t. gamma_bar is the first harmonic that
@@ -61,7 +64,10 @@ def imbalance(parameters: Parameters, omega: Any, frequency: Any, size: Any, for
 
     def at(theta: Any) -> Any:
         sine, cosine = mpmath.sin(theta), mpmath.cos(theta)
-        beta, gamma = mpmath.pi / 2 + size * sine, mpmath.pi / 2 - omega / frequency * swing * cosine
+        beta, gamma = (
+            mpmath.pi / 2 + size * sine,
+            mpmath.pi / 2 - omega / frequency * swing * cosine,
+        )
         there = paper_terms(parameters, omega, (beta, gamma, size * frequency * cosine))
         *first, fourth, fifth = there.gyroscopic
         gyroscopic = sum(first) + (-1 if turned else 1) * (fourth + fifth)
@@ -80,7 +86,9 @@ def third_order(
     square, 1e-80, and so has rounding, 1e-200 over 1e-120.
     """
     step = mpmath.mpf(10) ** -40
-    near, far = (imbalance(parameters, omega, frequency, size, form, turned) for size in (step, 2 * step))
+    near, far = (
+        imbalance(parameters, omega, frequency, size, form, turned) for size in (step, 2 * step)
+    )
     parts = []
     for one, two in zip(near, far, strict=True):
         cubic = (two / 2 - one) / (3 * step**3)
@@ -109,8 +117,14 @@ def test_the_balances_are_projections(parameters, omega, frequency, amplitude) -
             _, cosine = third_order(parameters, speed, w, form)
             # Before the paper's cosine balance stands the friction's own factor.
             cosine = tuple(-part * c.epsilon / (c.mu * c.m * c.g) for part in cosine)
-            stated_sine = (c.Bbar * (speed**2 - w**2) - c.m * c.g * reach, kappa_1(c, speed, w**2, form))
-            stated_cosine = (reach * (c.e * speed**2 / w - reach * w), kappa_2(c, speed, w**2, form) / (4 * w))
+            stated_sine = (
+                c.Bbar * (speed**2 - w**2) - c.m * c.g * reach,
+                kappa_1(c, speed, w**2, form),
+            )
+            stated_cosine = (
+                reach * (c.e * speed**2 / w - reach * w),
+                kappa_2(c, speed, w**2, form) / (4 * w),
+            )
             for found, stated in ((sine, stated_sine), (cosine, stated_cosine)):
                 derived, claimed = (part[0] + C**2 * part[1] for part in (found, stated))
                 # Some ten of eighty digits are lost to unlike speeds, masses and lengths.
@@ -164,10 +178,18 @@ def test_the_law_solves_both_balances(parameters, share, form, digits) -> None:
     with mpmath.workdps(DIGITS):
         for omega in (crit * (1 - share), crit * (1 + share)):
             law = derived_law(parameters, quotient(mpmath.mp, omega), form)
-            stated = (*squares(rational, omega, form), delta(rational, omega, form), chi(rational, form))
+            stated = (
+                *squares(rational, omega, form),
+                delta(rational, omega, form),
+                chi(rational, form),
+            )
             for claimed, derived in zip(stated, law, strict=True):
-                # Some thirty of eighty digits are lost next to the law's pole, where few draws come near.
-                assert abs(quotient(mpmath.mp, claimed) - derived) < abs(derived) * mpmath.mpf(10) ** -50
+                # Some thirty of eighty digits are lost next to the law's pole, where few draws come
+                # near.
+                assert (
+                    abs(quotient(mpmath.mp, claimed) - derived)
+                    < abs(derived) * mpmath.mpf(10) ** -50
+                )
             if min(law.square, law.frequency_squared) < 0:
                 assert form == "printed" or section_start(rational, omega) is None
                 with pytest.raises(AccuracyError, match="no cycle"):
@@ -176,17 +198,27 @@ def test_the_law_solves_both_balances(parameters, share, form, digits) -> None:
             cycle = one_harmonic(parameters, omega, form, digits)
             amplitude, frequency = mpmath.sqrt(law.square), mpmath.sqrt(law.frequency_squared)
             truths = (amplitude, frequency, 2 * mpmath.pi / frequency)
-            for number, truth in zip((cycle.amplitude, cycle.frequency, cycle.period), truths, strict=True):
+            for number, truth in zip(
+                (cycle.amplitude, cycle.frequency, cycle.period), truths, strict=True
+            ):
                 assert number.holds(truth)
                 assert number.uncertainty < abs(number.value) / 10**digits
             if form == "consistent":
-                start = (quotient(mpmath.mp, omega) * amplitude / frequency, -amplitude * frequency, truths[2] / 2)
+                start = (
+                    quotient(mpmath.mp, omega) * amplitude / frequency,
+                    -amplitude * frequency,
+                    truths[2] / 2,
+                )
                 # Three roundings of the roots, products and quotients.
-                assert section_start(rational, omega) == pytest.approx(tuple(map(float, start)), rel=8 * 2.0**-52)
+                assert section_start(rational, omega) == pytest.approx(
+                    tuple(map(float, start)), rel=8 * 2.0**-52
+                )
 
 
 @settings(max_examples=12)
-@given(parameters=physical_parameters(), form=st.sampled_from(FORMS), digits=st.sampled_from((6, 12)))
+@given(
+    parameters=physical_parameters(), form=st.sampled_from(FORMS), digits=st.sampled_from((6, 12))
+)
 def test_the_slopes_are_difference_quotients_of_the_law(parameters, form, digits) -> None:
     """Compare at Omega_crit, for C^2, which vanishes there, and for the period.
 
@@ -199,7 +231,10 @@ def test_the_slopes_are_difference_quotients_of_the_law(parameters, form, digits
         below, above = (derived_law(parameters, crit + side * step, form) for side in (-1, 1))
         found = slopes(parameters, form, digits)
         periods = [2 * mpmath.pi / mpmath.sqrt(law.frequency_squared) for law in (below, above)]
-        truths = ((below.square - above.square) / (2 * step), (periods[0] - periods[1]) / (2 * step))
+        truths = (
+            (below.square - above.square) / (2 * step),
+            (periods[0] - periods[1]) / (2 * step),
+        )
         for number, truth in zip(found, truths, strict=True):
             assert number.holds(truth)
             assert number.uncertainty < abs(number.value) * Fraction(1, 10**digits)

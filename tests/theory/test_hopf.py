@@ -51,7 +51,9 @@ def test_the_laws_follow_from_the_full_equations(parameters) -> None:
         frequency = 2 * mpmath.pi / point.period.mpf()
         # l_1 is for z with <q, q> = 1, the series' w is q_2 z.
         share = 1 / (1 + (frequency / point.omega_crit.mpf()) ** 2 * (1 + frequency**2))
-        coefficient = mpmath.re(formal_cycles(parameters, normal_form=True).kappa[0]) * share / frequency
+        coefficient = (
+            mpmath.re(formal_cycles(parameters, normal_form=True).kappa[0]) * share / frequency
+        )
         family = formal_cycles(parameters)
         slope = 2 * mpmath.pi / frequency**2 * mpmath.im(family.kappa[0]) / family.omega[0]
         # Large friction and small differences of inertias cost some twenty of the 70 digits.
@@ -59,7 +61,9 @@ def test_the_laws_follow_from_the_full_equations(parameters) -> None:
         assert abs(point.slopes()[1].mpf() / slope - 1) < mpmath.mpf(10) ** -38
         coefficients = (point.quadratic_coefficient, point.quartic_coefficient)
         for mine, derived in zip(coefficients, family.amplitude_law(), strict=True):
-            assert abs(derived - mine.mpf()) < mpmath.mpf(10) ** -38 * (abs(derived) + point.omega_crit.mpf())
+            assert abs(derived - mine.mpf()) < mpmath.mpf(10) ** -38 * (
+                abs(derived) + point.omega_crit.mpf()
+            )
     assert point.criticality == ("supercritical" if coefficient < 0 else "subcritical")
     if parameters.e < parameters.r / 2:
         p = parameters
@@ -81,7 +85,9 @@ def test_where_the_first_coefficient_vanishes_the_second_follows_from_the_full_e
     disk = parameters.changed(e=e, B=Bbar + m * e**2, A=A, C=None)
     assert criticality(disk) == "degenerate"
     point = hopf_point(disk, 30)
-    assert point.first_lyapunov_coefficient.value == point.first_lyapunov_coefficient.uncertainty == 0
+    assert (
+        point.first_lyapunov_coefficient.value == point.first_lyapunov_coefficient.uncertainty == 0
+    )
     assert point.amplitude_squared_slope is point.period_slope is None
     assert point.second_lyapunov_coefficient is not None
     with mpmath.workdps(70):
@@ -96,7 +102,9 @@ def test_next_to_a_generalized_hopf_point_cancellation_costs_no_digits(distance:
     """Move a hundred digits nearer: l_1 and c_1, both linear in A, are as much smaller."""
     # r = 4 e: l_1 = 0 where A = 7 Bbar / 5, a decimal.
     degenerate = PRINTED.changed(r="0.04", e="0.01", m="0.4", A="0.224e-3", B="0.2e-3", C=None)
-    near, far = (degenerate.changed(A=degenerate.A + Fraction(shift)) for shift in (distance, "1e-6"))
+    near, far = (
+        degenerate.changed(A=degenerate.A + Fraction(shift)) for shift in (distance, "1e-6")
+    )
     ratio = Fraction(distance) * 10**6
     found, reference = hopf_point(near, 20), hopf_point(far, 40)
     for name in ("first_lyapunov_coefficient", "quadratic_coefficient"):
@@ -114,7 +122,9 @@ def test_transversality_against_a_difference(parameters) -> None:
     step = crit / 10**12
     ends = []
     for speed in (crit + step, crit - step):
-        pair = [v for v in equilibrium(parameters, speed, "inverted", 50).eigenvalues if v.im.value != 0]
+        pair = [
+            v for v in equilibrium(parameters, speed, "inverted", 50).eigenvalues if v.im.value != 0
+        ]
         ends.append(pair[0].re.value)
     slope = (ends[0] - ends[1]) / (2 * step)
     # Central difference: relative error of about step^2 / crit^2 times a moderate third derivative.
@@ -125,10 +135,21 @@ def test_command(capsys, tmp_path) -> None:
     assert main(["hopf", "--json", "--digits", "20"]) == 0
     result = json.loads(capsys.readouterr().out)
     assert result["criticality"] == "supercritical"
-    for name in ("omega_crit", "period", "first_lyapunov_coefficient", "amplitude_squared_slope", "period_slope"):
-        assert Fraction(result[name]["uncertainty"]) <= abs(Fraction(result[name]["value"])) / 10**20
+    for name in (
+        "omega_crit",
+        "period",
+        "first_lyapunov_coefficient",
+        "amplitude_squared_slope",
+        "period_slope",
+    ):
+        assert (
+            Fraction(result[name]["uncertainty"]) <= abs(Fraction(result[name]["value"])) / 10**20
+        )
     path = tmp_path / "thick.toml"
-    path.write_text("\n".join(f'{k} = "{v}"' for k, v in {**PRINTED.decimals(), "A": "0.227e-3"}.items()), "utf-8")
+    path.write_text(
+        "\n".join(f'{k} = "{v}"' for k, v in {**PRINTED.decimals(), "A": "0.227e-3"}.items()),
+        "utf-8",
+    )
     assert main(["hopf", "--json", "--parameters", str(path)]) == 0
     assert json.loads(capsys.readouterr().out)["criticality"] == "subcritical"
     assert main(["hopf", "--friction", "smooth"]) == 2

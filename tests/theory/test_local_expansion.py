@@ -12,7 +12,9 @@ from tippedisk_verify.model.equations import friction_force, terms
 from tippedisk_verify.theory.expansion import derived, printed
 
 x, y, v, order = sp.symbols("x y v order")
-r, e, m, g, A, Bbar, mu, epsilon, Omega = sp.symbols("r e m g A Bbar mu epsilon Omega", positive=True)
+r, e, m, g, A, Bbar, mu, epsilon, Omega = sp.symbols(
+    "r e m g A Bbar mu epsilon Omega", positive=True
+)
 SYMBOLS = SimpleNamespace(r=r, e=e, m=m, g=g, A=A, Bbar=Bbar, mu=mu, epsilon=epsilon, b=Bbar / m)
 PARTS = ("mass", "gyroscopic", "gravity", "friction")
 
@@ -23,16 +25,26 @@ def series() -> dict[str, sp.Poly]:
 
     It comes from the Taylor expansion along a ray.
     """
-    # sin(pi/2 + x) = cos(x) and cos(pi/2 + x) = -sin(x), as the ray's own series: exact to third order.
+    # sin(pi/2 + x) = cos(x) and cos(pi/2 + x) = -sin(x), as the ray's own series: exact to third
+    # order.
     cut = {"sin": lambda z: z - z**3 / 6, "cos": lambda z: 1 - z**2 / 2}
     angles = {"beta": x, "gamma": y}
-    ops = SimpleNamespace(sin=lambda name: cut["cos"](angles[name]), cos=lambda name: -cut["sin"](angles[name]))
+    ops = SimpleNamespace(
+        sin=lambda name: cut["cos"](angles[name]), cos=lambda name: -cut["sin"](angles[name])
+    )
     full = terms(ops, SYMBOLS, Omega, "beta", "gamma", v)
     force = full.direction * friction_force(SYMBOLS, full.sliding_velocity, "linear")
-    exact = {"mass": full.mass, "gyroscopic": full.gyroscopic, "gravity": full.gravity, "friction": force}
+    exact = {
+        "mass": full.mass,
+        "gyroscopic": full.gyroscopic,
+        "gravity": full.gravity,
+        "friction": force,
+    }
     found = {}
     for name, expression in exact.items():
-        ray = sp.expand(expression.subs({x: order * x, y: order * y, v: order * v}, simultaneous=True))
+        ray = sp.expand(
+            expression.subs({x: order * x, y: order * y, v: order * v}, simultaneous=True)
+        )
         found[name] = sp.Poly(sum(ray.coeff(order, n) for n in range(4)), x, y, v)
     return found
 
@@ -49,7 +61,9 @@ def test_derived_expansion_term_by_term(part: str) -> None:
 def test_where_the_printed_expansion_is_wrong() -> None:
     claimed, follows = printed(SYMBOLS, Omega), derived(SYMBOLS, Omega)
     wrong = {
-        (part, key): sp.expand(getattr(claimed, part).get(key, 0) - getattr(follows, part).get(key, 0))
+        (part, key): sp.expand(
+            getattr(claimed, part).get(key, 0) - getattr(follows, part).get(key, 0)
+        )
         for part in PARTS
         for key in {*getattr(claimed, part), *getattr(follows, part)}
     }

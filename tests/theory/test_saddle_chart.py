@@ -19,12 +19,15 @@ pytestmark = pytest.mark.skipif(companion(DOUBLE) != EXTENDED, reason="needs num
 
 ORIGIN = Fraction(30)
 DISTANCE = Fraction(1, 2**10)
-#: On the unstable and on the stable manifold, next to either, and between them; f is what the smooth law leaves there.
+#: On the unstable and on the stable manifold, next to either, and between them; f is what the
+#: smooth law leaves there.
 POINTS = ((0.1, 0, 0), (0, -0.1, 0), (0.1, -1e-9, 0), (1e-6, -0.1, 1e-9), (2e-4, -2e-4, 1e-8))
 
 
 def residual(chart: SaddleChart, parameters, point) -> float:
-    """What DW (lambda x) leaves of the tests' own transcription of the equations, relative to its terms."""
+    """What DW (lambda x) leaves of the tests' own transcription of the equations, relative to
+    its terms.
+    """
     y = chart.at(point)
     moved = chart.slopes(point) @ (chart.eigenvalues * point)
     with mpmath.workprec(100):
@@ -32,13 +35,17 @@ def residual(chart: SaddleChart, parameters, point) -> float:
         state = (mpmath.pi / 2 + state[0], -mpmath.pi / 2 + state[1], state[2])
         rates = paper_rates(parameters, ORIGIN + DISTANCE, state)
         sizes = abs(chart.slopes(point)) @ abs(chart.eigenvalues * point)
-        left = (rate - mpmath.mpf(str(rate_of_chart)) for rate, rate_of_chart in zip(rates, moved, strict=True))
+        left = (
+            rate - mpmath.mpf(str(rate_of_chart))
+            for rate, rate_of_chart in zip(rates, moved, strict=True)
+        )
         return max(float(abs(part) / float(size)) for part, size in zip(left, sizes, strict=True))
 
 
 @pytest.mark.parametrize("law", ["linear", "smooth"])
 def test_the_flow_is_linear_in_the_chart(law) -> None:
-    """On the side of gamma_y that each curve leaves or reaches the saddle on, at a speed between those of the series.
+    """On the side of gamma_y that each curve leaves or reaches the saddle on, at a speed between
+    those of the series.
 
     What is left is f^3, rounding, and what the speed's polynomials leave out.
     """
@@ -56,6 +63,8 @@ def test_the_flow_is_linear_in_the_chart(law) -> None:
 def test_one_law_is_the_other_ones_image() -> None:
     """W of the side -1 at -x is -W of the side 1 at x."""
     smooth = CALIBRATED.changed(friction="smooth")
-    one, other = (ChartFamily(smooth, ORIGIN, side, 12, 4).at(EXTENDED.number(0)) for side in (1, -1))
+    one, other = (
+        ChartFamily(smooth, ORIGIN, side, 12, 4).at(EXTENDED.number(0)) for side in (1, -1)
+    )
     for point in (numpy.array(point, EXTENDED.type) for point in POINTS):
         assert abs(one.at(point) + other.at(-point)).max() < 1e-19

@@ -19,8 +19,14 @@ SPEED = Fraction("30.05")
 def rates(saddle: Saddle, y):
     """Return the rates at the saddle plus y, by the tests' own transcription of the equations."""
     with mpmath.workprec(saddle.working_bits):
-        state = (mpmath.pi / 2 + mpmath.mpf(y[0]), -mpmath.pi / 2 + mpmath.mpf(y[1]), mpmath.mpf(y[2]))
-        return [saddle.context.mpf(part) for part in paper_rates(saddle.parameters, saddle.omega, state)]
+        state = (
+            mpmath.pi / 2 + mpmath.mpf(y[0]),
+            -mpmath.pi / 2 + mpmath.mpf(y[1]),
+            mpmath.mpf(y[2]),
+        )
+        return [
+            saddle.context.mpf(part) for part in paper_rates(saddle.parameters, saddle.omega, state)
+        ]
 
 
 def slope(series, s):
@@ -56,7 +62,10 @@ def test_carried_directions_solve_their_equation() -> None:
         sizes = []
         for s in (ctx.mpf("0.02"), ctx.mpf("0.01")):
             at, along = [c.at(s) for c in saddle.stable_curve], [c.at(s) for c in direction]
-            ends = [rates(saddle, [a + sign * h * b for a, b in zip(at, along, strict=True)]) for sign in (1, -1)]
+            ends = [
+                rates(saddle, [a + sign * h * b for a, b in zip(at, along, strict=True)])
+                for sign in (1, -1)
+            ]
             left = [(a - b) / (2 * h) for a, b in zip(*ends, strict=True)]
             right = [slow * s * slope(c, s) + own * c.at(s) for c in direction]
             sizes.append(max(abs(a - b) for a, b in zip(left, right, strict=True)))
@@ -69,7 +78,9 @@ def test_coordinates_of_a_point_come_back() -> None:
     u, s, t = ctx.mpf("1e-20"), ctx.mpf("-0.01"), ctx.mpf("1e-15")
     point = [
         k.at(s) + t * f.at(s) + u * m.at(s)
-        for k, f, m in zip(saddle.stable_curve, saddle.fast_direction, saddle.unstable_direction, strict=True)
+        for k, f, m in zip(
+            saddle.stable_curve, saddle.fast_direction, saddle.unstable_direction, strict=True
+        )
     ]
     for found, given in zip(saddle.stable_coordinates(point), (u, s, t), strict=True):
         assert abs(found - given) < ctx.mpf(10) ** -55

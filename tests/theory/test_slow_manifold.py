@@ -48,7 +48,9 @@ def test_order_0_conserves_the_height() -> None:
     constants = Constants(**{name: {"r": r, "e": e}.get(name) for name in Constants._fields})
     height = (r + e * sympy.sin(gamma)) * sympy.sin(beta)
     rolling = critical_manifold(sympy, constants, omega, beta, gamma)
-    change = sympy.diff(height, beta) * rolling - sympy.diff(height, gamma) * omega * sympy.cos(beta)
+    change = sympy.diff(height, beta) * rolling - sympy.diff(height, gamma) * omega * sympy.cos(
+        beta
+    )
     assert sympy.simplify(change) == 0
 
 
@@ -68,11 +70,17 @@ class Surface(NamedTuple):
             orders(mpmath.mp, constants, omega, *place, HIGHEST)
             for place in ((beta + step, gamma), (beta, gamma + step))
         )
-        by_beta, by_gamma = ([value.imag / step.imag for value in along] for along in (along_beta, along_gamma))
+        by_beta, by_gamma = (
+            [value.imag / step.imag for value in along] for along in (along_beta, along_gamma)
+        )
         return cls([value.real for value in along_beta], by_beta, by_gamma)
 
-    def residual(self, parameters: Parameters, omega: Fraction, beta: Any, gamma: Any, order: int) -> Any:
-        """epsilon (dh/dt - v') along the reduced flow beta' = h, gamma' = -Omega cos(beta) of an order."""
+    def residual(
+        self, parameters: Parameters, omega: Fraction, beta: Any, gamma: Any, order: int
+    ) -> Any:
+        """epsilon (dh/dt - v') along the reduced flow beta' = h, gamma' = -Omega cos(beta) of
+        an order.
+        """
         epsilon = quotient(mpmath.mp, parameters.epsilon)
         powers = [epsilon**n for n in range(order + 1)]
         v, by_beta, by_gamma = (sum(map(operator.mul, part, powers)) for part in self)
@@ -98,7 +106,9 @@ def assert_exponent(sizes: list[Any], exponent: int) -> None:
     beta=decimals("0.3", "2.8"),
     gamma=decimals("-7", "7"),
 )
-def test_the_reduced_flow_leaves_residuals_of_its_order(law, parameters, omega, beta, gamma) -> None:
+def test_the_reduced_flow_leaves_residuals_of_its_order(
+    law, parameters, omega, beta, gamma
+) -> None:
     """Check epsilon^(N + 1) under the linear law.
 
     Under the smooth law only h_0 is right, and a residual of first order remains.
@@ -107,9 +117,14 @@ def test_the_reduced_flow_leaves_residuals_of_its_order(law, parameters, omega, 
         speed, *place = (quotient(mpmath.mp, number) for number in (omega, beta, gamma))
         surface = Surface.at(parameters, speed, *place)
         disks = [parameters.changed(epsilon=epsilon, friction=law) for epsilon in EPSILONS]
-        rows = [[surface.residual(disk, omega, *place, order) for disk in disks] for order in range(HIGHEST + 1)]
+        rows = [
+            [surface.residual(disk, omega, *place, order) for disk in disks]
+            for order in range(HIGHEST + 1)
+        ]
         for order, row in enumerate(rows):
-            assert_exponent([abs(residual) for residual in row], order + 1 if law == "linear" else 1)
+            assert_exponent(
+                [abs(residual) for residual in row], order + 1 if law == "linear" else 1
+            )
         if law == "linear":
             for column, disk in enumerate(disks):
                 constants = disk.within(mpmath.mp)
@@ -122,7 +137,10 @@ def test_the_reduced_flow_leaves_residuals_of_its_order(law, parameters, omega, 
                 assert abs(closed - surface.h[0]) < abs(closed) * mpmath.mpf(10) ** -180
                 assert abs(correction - surface.h[1]) < abs(correction) * mpmath.mpf(10) ** -180
                 assert slow_manifold(mpmath.mp, constants, speed, *place, 0) == closed
-                assert slow_manifold(mpmath.mp, constants, speed, *place) == closed + constants.epsilon * correction
+                assert (
+                    slow_manifold(mpmath.mp, constants, speed, *place)
+                    == closed + constants.epsilon * correction
+                )
 
 
 @pytest.mark.parametrize("law", ["linear", "smooth"])
@@ -133,7 +151,9 @@ def test_the_reduced_flow_leaves_residuals_of_its_order(law, parameters, omega, 
     name=st.sampled_from(("inverted", "noninverted")),
     order=st.integers(0, HIGHEST),
 )
-def test_the_reduced_linearisation_leaves_residuals_of_its_order(law, parameters, omega, name, order) -> None:
+def test_the_reduced_linearisation_leaves_residuals_of_its_order(
+    law, parameters, omega, name, order
+) -> None:
     """Check that v = p x + q y solves the linearised equations up to its order, under both laws."""
     with mpmath.workdps(DIGITS):
         speed, step = quotient(mpmath.mp, omega), mpmath.mpf(10) ** -DIGITS
@@ -146,8 +166,13 @@ def test_the_reduced_linearisation_leaves_residuals_of_its_order(law, parameters
             residuals = []
             for x, y in ((1, 0), (0, 1)):
                 v = by_beta * x + by_gamma * y
-                moved = [at + mpmath.mpc(0, step * part) for at, part in zip((*start, 0), (x, y, v), strict=True)]
-                beta_rate, gamma_rate, rate = (part.imag / step for part in paper_rates(disk, omega, moved))
+                moved = [
+                    at + mpmath.mpc(0, step * part)
+                    for at, part in zip((*start, 0), (x, y, v), strict=True)
+                ]
+                beta_rate, gamma_rate, rate = (
+                    part.imag / step for part in paper_rates(disk, omega, moved)
+                )
                 residuals.append(by_beta * beta_rate + by_gamma * gamma_rate - rate)
             sizes.append(quotient(mpmath.mp, epsilon) * max(map(abs, residuals)))
         assert_exponent(sizes, order + 1)
@@ -158,7 +183,9 @@ def test_exponents_hold_where_the_series_is_not_yet_asymptotic() -> None:
 
     This holds at epsilon = 1e-4 ... 1e-5.
     """
-    found = analyse_slow_manifold(PRINTED.changed(mu="0.0253451", epsilon="0.00269722"), "16.9618", 1)
+    found = analyse_slow_manifold(
+        PRINTED.changed(mu="0.0253451", epsilon="0.00269722"), "16.9618", 1
+    )
     for order, slope in enumerate(found.residual_slope):
         assert slope.holds(order + 1)
         assert slope.uncertainty < Fraction(1, 10)
@@ -169,10 +196,12 @@ def test_reduced_flow() -> None:
     omega = Fraction("30.4")
     saddle = reduced_equilibrium(PRINTED, omega, "noninverted", 0)
     assert abs(saddle.trace) < 1e-30  # pi/2 is rounded to 120 bits
-    assert float(-saddle.determinant) == pytest.approx(30.4**2 * 0.0025 / 0.0425, rel=1e-14)  # fifty roundings
+    # Fifty roundings
+    assert float(-saddle.determinant) == pytest.approx(30.4**2 * 0.0025 / 0.0425, rel=1e-14)
     centre = reduced_equilibrium(PRINTED, omega, "inverted", 0)
     assert abs(centre.trace) < 1e-30
-    assert float(centre.determinant) == pytest.approx(30.4**2 * 0.0025 / 0.0475, rel=1e-14)  # fifty roundings
+    # Fifty roundings
+    assert float(centre.determinant) == pytest.approx(30.4**2 * 0.0025 / 0.0475, rel=1e-14)
     crit = omega_crit(PRINTED, 40).value
     for order in (1, 2, 4):
         assert reduced_omega_crit(PRINTED, order, 25).holds(crit)
@@ -183,7 +212,9 @@ def test_reduced_flow() -> None:
 def test_attraction_rate_is_the_friction_part_of_the_jacobian() -> None:
     constants, point = PRINTED.at(DOUBLE), (1.2, 0.3)
     free = PRINTED.changed(mu="1e-30").at(DOUBLE)
-    with_friction, without = (equations.jacobian(math, c, 30.4, "linear")(*point, 0.5)[2][2] for c in (constants, free))
+    with_friction, without = (
+        equations.jacobian(math, c, 30.4, "linear")(*point, 0.5)[2][2] for c in (constants, free)
+    )
     rate = attraction_rate(math, constants, *point)
     assert rate == pytest.approx(with_friction - without, rel=1e-12)  # roundings, as terms cancel
 

@@ -16,9 +16,16 @@ __all__ = ["BALANCE_CLAIMS"]
 def _expansion_part(part: str, audit: Audit, name: str, printed_text: str) -> Answer:
     """Compare a part of the printed expansion with the derived one, coefficient by coefficient."""
     constants, speed = audit.sets[name].rational(), Fraction("30.4")
-    follows, claimed = (getattr(function(constants, speed), part) for function in (derived, printed))
-    wrong = sorted(key for key in {*follows, *claimed} if follows.get(key, 0) != claimed.get(key, 0))
-    words = ["".join(f"{s}^{n} " for s, n in zip(("beta", "gamma", "v"), key, strict=True) if n) for key in wrong]
+    follows, claimed = (
+        getattr(function(constants, speed), part) for function in (derived, printed)
+    )
+    wrong = sorted(
+        key for key in {*follows, *claimed} if follows.get(key, 0) != claimed.get(key, 0)
+    )
+    words = [
+        "".join(f"{s}^{n} " for s, n in zip(("beta", "gamma", "v"), key, strict=True) if n)
+        for key in wrong
+    ]
     return ("follows" if not wrong else "differs in " + "and ".join(words)).strip(), not wrong
 
 
@@ -30,7 +37,9 @@ def _balance_constant(which: str, audit: Audit, name: str, printed_text: str) ->
     constants, speed = audit.sets[name].rational(), Fraction("30.4")
     square = constants.e / (constants.r + constants.e) * speed**2
     inputs = (constants, speed) if which == "delta" else (constants, speed, square)
-    claimed, follows = (getattr(harmonic_balance, which)(*inputs, form) for form in ("printed", "consistent"))
+    claimed, follows = (
+        getattr(harmonic_balance, which)(*inputs, form) for form in ("printed", "consistent")
+    )
     return f"{float(claimed / follows):.4f} times the right value", claimed == follows
 
 
@@ -49,14 +58,25 @@ def _slope(which: int, audit: Audit, name: str, printed_text: str) -> Answer:
 def _supercritical(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
     parameters = audit.linear(name)
     kind = hopf.criticality(parameters)
-    return f"{kind}, l_1 = {float(hopf.hopf_point(parameters).first_lyapunov_coefficient):.6g}", kind == printed
+    return (
+        f"{kind}, l_1 = {float(hopf.hopf_point(parameters).first_lyapunov_coefficient):.6g}",
+        kind == printed,
+    )
 
 
-def _expansion(part: str, label: str, expanded: str, formula: str, fault: Fault | None = None) -> Claim:
+def _expansion(
+    part: str, label: str, expanded: str, formula: str, fault: Fault | None = None
+) -> Claim:
     """Return the claim that a part of the equations is expanded to third order as printed."""
     examine = partial(_expansion_part, part)
     return Claim(
-        f"expansion_{part}", label, f"{expanded} to third order", "formula", examine, formula=formula, fault=fault
+        f"expansion_{part}",
+        label,
+        f"{expanded} to third order",
+        "formula",
+        examine,
+        formula=formula,
+        fault=fault,
     )
 
 
@@ -79,14 +99,16 @@ BALANCE_CLAIMS: tuple[Claim, ...] = (
         "eq:GyroVector_3DOF_approx",
         "h-tilde is the vector of gyroscopic forces",
         (
-            r"\tilde{h} = -\bar{B}\Omega^2\bar{\beta} + (\bar{B}-A)\Omega^2\bar{\beta}\bar{\gamma}^2"
+            r"\tilde{h} = -\bar{B}\Omega^2\bar{\beta} + "
+            r"(\bar{B}-A)\Omega^2\bar{\beta}\bar{\gamma}^2"
             r" + \left[\tfrac{2}{3}\bar{B} - m e(r+e)\right]\Omega^2\bar{\beta}^3"
             r" - 2\left[A-\bar{B}+m e(r+e)\right]\Omega\dot{\bar{\beta}}\bar{\beta}\bar{\gamma}"
             r" - m(r+e)^2\dot{\bar{\beta}}^2\bar{\beta} + \dots"
         ),
         fault=Fault(
             "slip",
-            f"a factor 2 stands before the whole bracket instead of its first term; {_CHI_IS_RIGHT}",
+            f"a factor 2 stands before the whole bracket instead of its first term; "
+            f"{_CHI_IS_RIGHT}",
             "the mixed term is -[2 (A - Bbar) + m e (r + e)] Omega v beta_bar gamma_bar",
         ),
     ),
@@ -110,7 +132,8 @@ BALANCE_CLAIMS: tuple[Claim, ...] = (
         "eq:genForce_3DOF_approx",
         "w_y lambda_Ty",
         (
-            r"w_y\lambda_{Ty} = -\frac{\mu m g}{\varepsilon}[-\Omega e\,\tfrac{4e+r}{6}\bar{\gamma}^3"
+            r"w_y\lambda_{Ty} = -\frac{\mu m g}{\varepsilon}[-\Omega "
+            r"e\,\tfrac{4e+r}{6}\bar{\gamma}^3"
             r" + (r+e)^2\dot{\bar{\beta}} - \tfrac{3}{2}\Omega e(r+e)\bar{\beta}^2\bar{\gamma}"
             r" - (r+e)^2\dot{\bar{\beta}}\bar{\beta}^2 + e(r+e)\Omega\bar{\gamma}"
             r" - e(r+e)\dot{\bar{\beta}}\bar{\gamma}^2]"
@@ -124,30 +147,39 @@ BALANCE_CLAIMS: tuple[Claim, ...] = (
         "-2 m e (r + e)",
         partial(_balance_constant, "kappa_1"),
         formula=(
-            r"\kappa_1 = \tfrac{1}{4}\left[\bar{B} - 3A - 2 m e(r+e)\right]\Omega^2 - \tfrac{1}{2} m(r+e)^2\omega^2"
-            r" + \tfrac{1}{8} m g e\frac{\Omega^2}{\omega^2} - \tfrac{1}{4}(\bar{B}-A)\frac{\Omega^4}{\omega^2}"
+            r"\kappa_1 = \tfrac{1}{4}\left[\bar{B} - 3A - 2 m e(r+e)\right]\Omega^2 - \tfrac{1}{2} "
+            r"m(r+e)^2\omega^2"
+            r" + \tfrac{1}{8} m g e\frac{\Omega^2}{\omega^2} - "
+            r"\tfrac{1}{4}(\bar{B}-A)\frac{\Omega^4}{\omega^2}"
             r" + \tfrac{1}{8} m g(r+e)"
         ),
-        fault=Fault("slip", f"a sign; {_CHI_IS_RIGHT}", "the first bracket is [Bbar - 3 A + 2 m e (r + e)]"),
+        fault=Fault(
+            "slip", f"a sign; {_CHI_IS_RIGHT}", "the first bracket is [Bbar - 3 A + 2 m e (r + e)]"
+        ),
     ),
     Claim(
         "kappa_2",
         (
-            "eq:kappa2, from eq:kin_rel, from eq:kin_rel+1, from eq:kin_rel+2, from eq:harmonic_ansatz,"
+            "eq:kappa2, from eq:kin_rel, from eq:kin_rel+1, from eq:kin_rel+2, from "
+            "eq:harmonic_ansatz,"
             " from eq:harmonic_ansatz+1"
         ),
         "kappa_2 is the cubic part of the cosine balance",
         "formula",
         partial(_balance_constant, "kappa_2"),
         note=(
-            "eqs. (27) to (30) are an ansatz, a choice that cannot fail; with D = -C Omega/omega it drops the"
+            "eqs. (27) to (30) are an ansatz, a choice that cannot fail; with D = -C Omega/omega "
+            "it drops the"
             " cubic term of eq. (26), which gives the printed kappa_2"
         ),
         formula=(
-            r"\kappa_2 = -e\,\frac{r+4e}{2}\,\frac{\Omega^4}{\omega^2} + \tfrac{3}{2} e(r+e)\Omega^2"
+            r"\kappa_2 = -e\,\frac{r+4e}{2}\,\frac{\Omega^4}{\omega^2} + \tfrac{3}{2} "
+            r"e(r+e)\Omega^2"
             r" + (r+e)^2\omega^2"
         ),
-        fault=Fault("follows-from", _DROPPED, "the middle term is e (r + e) Omega^2, without the factor 3/2"),
+        fault=Fault(
+            "follows-from", _DROPPED, "the middle term is e (r + e) Omega^2, without the factor 3/2"
+        ),
     ),
     Claim(
         "delta",
@@ -179,10 +211,13 @@ BALANCE_CLAIMS: tuple[Claim, ...] = (
         note="the dropped term is of the same order as those kept, so it changes the leading order",
         methods=("first Lyapunov coefficient", "closed form"),
         formula=(
-            r"C = 2\sqrt{\frac{e}{r+e}}\sqrt{-\frac{\bar{B}r\Omega^2 - m g(r+e)^2}{\chi\Omega^2 + m g e(r+e)}}"
+            r"C = 2\sqrt{\frac{e}{r+e}}\sqrt{-\frac{\bar{B}r\Omega^2 - m g(r+e)^2}{\chi\Omega^2 + "
+            r"m g e(r+e)}}"
             r" + \mathcal{O}(C^4)"
         ),
-        fault=Fault("follows-from", _DROPPED, "C is C + O(C^3) with Bbar e^2/(2 (r + e)) added to chi"),
+        fault=Fault(
+            "follows-from", _DROPPED, "C is C + O(C^3) with Bbar e^2/(2 (r + e)) added to chi"
+        ),
         figures=("branch",),
     ),
     Claim(
@@ -196,7 +231,9 @@ BALANCE_CLAIMS: tuple[Claim, ...] = (
             r"\omega = \Omega\sqrt{\frac{e}{r+e}\left(1 + \frac{1}{2}\,\frac{r-e}{r+e}\,"
             r"\frac{\bar{B}r\Omega^2 - m g(r+e)^2}{\chi\Omega^2 + m g e(r+e)}\right)}"
         ),
-        fault=Fault("follows-from", _DROPPED, "r - e becomes r, with Bbar e^2/(2 (r + e)) added to chi"),
+        fault=Fault(
+            "follows-from", _DROPPED, "r - e becomes r, with Bbar e^2/(2 (r + e)) added to chi"
+        ),
         figures=("branch",),
     ),
     Claim(
@@ -207,7 +244,9 @@ BALANCE_CLAIMS: tuple[Claim, ...] = (
         _supercritical,
         note="the sign of A (r - 2e) - Bbar r (2r - e) / (2 (r + e)), exactly",
         formula=r"\chi\,\Omega_\text{crit}^2 + m g e(r+e) > 0",
-        proof=ProofOffer(NORMAL_FORM, "the signs of the first Lyapunov coefficient and of d(Re lambda)/dOmega"),
+        proof=ProofOffer(
+            NORMAL_FORM, "the signs of the first Lyapunov coefficient and of d(Re lambda)/dOmega"
+        ),
     ),
     Claim(
         "period_crit",
@@ -219,6 +258,8 @@ BALANCE_CLAIMS: tuple[Claim, ...] = (
         methods=("closed form",),
         unit="s",
         formula=r"T_\text{crit} = \frac{2\pi}{\Omega_\text{crit}}\sqrt{\frac{r+e}{e}}",
-        proof=ProofOffer(EVERY_SPEED, "an enclosure of 2 pi / omega for the pair +- i omega at Omega_crit"),
+        proof=ProofOffer(
+            EVERY_SPEED, "an enclosure of 2 pi / omega for the pair +- i omega at Omega_crit"
+        ),
     ),
 )

@@ -21,7 +21,10 @@ __all__ = ["CLAIMS", "GROUPS", "claims_drawn_in", "equations_named", "group_of",
 
 #: The claims by subject, in the order of the paper.
 GROUPS: dict[str, tuple[Claim, ...]] = {
-    "Model, linear analysis and harmonic balance": (*linear_claims.LINEAR_CLAIMS, *balance_claims.BALANCE_CLAIMS),
+    "Model, linear analysis and harmonic balance": (
+        *linear_claims.LINEAR_CLAIMS,
+        *balance_claims.BALANCE_CLAIMS,
+    ),
     "Slow manifold": manifold_claims.MANIFOLD_CLAIMS,
     "Heteroclinic connection": connection_claims.CONNECTION_CLAIMS,
     "Limit cycles and trajectories": global_claims.GLOBAL_CLAIMS,
@@ -32,7 +35,9 @@ CLAIMS: tuple[Claim, ...] = tuple(claim for claims in GROUPS.values() for claim 
 
 def group_of(name: str) -> str:
     """Return the subject of a claim."""
-    return next(group for group, claims in GROUPS.items() if any(claim.name == name for claim in claims))
+    return next(
+        group for group, claims in GROUPS.items() if any(claim.name == name for claim in claims)
+    )
 
 
 def claims_drawn_in(figure: str) -> tuple[str, ...]:
@@ -42,7 +47,11 @@ def claims_drawn_in(figure: str) -> tuple[str, ...]:
 
 def equations_named(names: Sequence[str]) -> list[str]:
     """Return the equation numbers among some names; one is written "eq. 30", "(30)" or "30"."""
-    return [match[1] for name in names if (match := re.fullmatch(r"(?:eq\.? ?)?\(?(\d{1,3})\)?", name.strip()))]
+    return [
+        match[1]
+        for name in names
+        if (match := re.fullmatch(r"(?:eq\.? ?)?\(?(\d{1,3})\)?", name.strip()))
+    ]
 
 
 def selected(names: Sequence[str]) -> tuple[Claim, ...]:
@@ -63,7 +72,9 @@ def selected(names: Sequence[str]) -> tuple[Claim, ...]:
         for number in equations_named([name]):
             about = {claim.name for claim in CLAIMS if f"({number})" in claim.source}
             if not about:
-                raise InputError(f"no claim is about eq. ({number}): verify --list shows all claims")
+                raise InputError(
+                    f"no claim is about eq. ({number}): verify --list shows all claims"
+                )
             wanted = wanted - {name} | about
         if name not in known and not equations_named([name]):
             near = get_close_matches(name, known, n=3, cutoff=0.6)

@@ -43,11 +43,16 @@ def _numbers() -> dict[str, tuple[str, str]]:
         after = f"+{place - latest[1]}" if name == "-" else ""
         numbers[f"eq:{latest[0]}{after}"] = ("eq.", f"({place})")
     figures = _FIGURES.split()
-    numbers |= {f"fig:{name}": ("Figure", str(place)) for place, name in enumerate(figures, start=1)}
+    numbers |= {
+        f"fig:{name}": ("Figure", str(place)) for place, name in enumerate(figures, start=1)
+    }
     for figure, ending in (("3D", ""), ("proj_3D", "_2D")):
         for letter, name in zip("abcdef", _PANELS.split(), strict=True):
             numbers[f"fig:{name}{ending}"] = ("Figure", f"{figures.index(figure) + 1}{letter}")
-    numbers |= {f"tab:{name}": ("Table", str(place)) for place, name in enumerate(("dim_mass", "initail"), start=1)}
+    numbers |= {
+        f"tab:{name}": ("Table", str(place))
+        for place, name in enumerate(("dim_mass", "initail"), start=1)
+    }
     return numbers | {f"sec:{name}": ("Section", number) for name, number in _SECTIONS.items()}
 
 

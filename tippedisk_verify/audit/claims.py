@@ -161,7 +161,11 @@ class Claim:
     @property
     def source(self) -> str:
         """The published numbers, followed by the LaTeX labels."""
-        return self.cited if self.own_check else f"{self.cited}, {re.sub('below |from ', '', self.labels)}"
+        return (
+            self.cited
+            if self.own_check
+            else f"{self.cited}, {re.sub('below |from ', '', self.labels)}"
+        )
 
 
 @dataclass(repr=False)
@@ -190,7 +194,9 @@ class Audit(Printable):
 
     def _set(self, name: str) -> Parameters:
         if name not in self.sets:
-            raise InputError(f"parameter set '{shown(name)}' is not audited: use {', '.join(self.sets)}")
+            raise InputError(
+                f"parameter set '{shown(name)}' is not audited: use {', '.join(self.sets)}"
+            )
         return self.sets[name]
 
     def linear(self, name: str) -> Parameters:
@@ -226,17 +232,23 @@ class Audit(Printable):
             NoSuchCycleError: If there is no cycle to start from.
             AccuracyError: If the continuation fails.
         """
-        return self._once(("approach", name), lambda: PeriodContinuation(self._set(name), self.engine))
+        return self._once(
+            ("approach", name), lambda: PeriodContinuation(self._set(name), self.engine)
+        )
 
     def family(self, name: str) -> tuple[LimitCycle, ...]:
         """Return an overview of a set's limit cycles."""
-        return self._once(("family", name), lambda: tuple(found(family(self._set(name), self.engine))))
+        return self._once(
+            ("family", name), lambda: tuple(found(family(self._set(name), self.engine)))
+        )
 
     def panel(self, scene: str, name: str) -> Panel:
         """Return the panel of one of the six scenes (a to f) for a set."""
         panel = scene_named(scene)
         omega_h = self.omega_h(name) if panel.base == "Omega_h" else None
-        return self._once((scene, name), lambda: compute(panel, self._set(name), self.engine, omega_h=omega_h))
+        return self._once(
+            (scene, name), lambda: compute(panel, self._set(name), self.engine, omega_h=omega_h)
+        )
 
 
 def sets_with(parameters: Parameters) -> dict[str, Parameters]:
@@ -289,7 +301,9 @@ def number(compute: Callable[[Audit, str], Measured]) -> Examination:
     return _against(compute, rounds_to)
 
 
-def _against(compute: Callable[[Audit, str], Any], agrees: Callable[[Any, str], bool | None]) -> Examination:
+def _against(
+    compute: Callable[[Audit, str], Any], agrees: Callable[[Any, str], bool | None]
+) -> Examination:
     def examine(audit: Audit, name: str, printed: str) -> Answer:
         answer = compute(audit, name)
         return answer, agrees(answer, printed)

@@ -18,7 +18,9 @@ from tippedisk_verify.theory.equilibria import linearization, right_eigenvector
 __all__ = ["CONNECTION_CLAIMS", "FAMILY"]
 
 FAMILY = Theorem("Theorem 5b", ("certify branch",), "linear")
-_FAMILY_TO_ITS_END = Theorem("Theorems 5b and 6", ("certify heteroclinic", "certify branch"), "linear")
+_FAMILY_TO_ITS_END = Theorem(
+    "Theorems 5b and 6", ("certify heteroclinic", "certify branch"), "linear"
+)
 _CONNECTION = Theorem("Theorem 6", ("certify heteroclinic",))
 _STABILITY = Theorem("Theorem 7", ("certify heteroclinic",), "linear")
 
@@ -30,9 +32,14 @@ _OFFSET = Fraction(1, 10**6)
 
 def _infinite_period(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
     """Compare the law with the slope of T against log(Omega - Omega_h) at the end of the family."""
-    above, period, ratio = audit.approach(name).law_rows(float(audit.connection(name).saddle_eigenvalues[0]))[-1]
+    above, period, ratio = audit.approach(name).law_rows(
+        float(audit.connection(name).saddle_eigenvalues[0])
+    )[-1]
     # The law's remainder may fall as slowly as D^0.2, which is about a hundredth at D = 1e-8.
-    return f"T = {period:.2f} s at Omega_h + {above:.1e} rad/s, slope {ratio:.4f} of the law's", abs(ratio - 1) < 0.05
+    return (
+        f"T = {period:.2f} s at Omega_h + {above:.1e} rad/s, slope {ratio:.4f} of the law's",
+        abs(ratio - 1) < 0.05,
+    )
 
 
 def _both_sides(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
@@ -47,7 +54,9 @@ def _both_sides(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
 
 def _attracting(audit: Audit, name: str, printed: str) -> tuple[str, bool | None]:
     value = audit.connection(name).saddle_value
-    return f"{float(value):.6f} 1/s", float(value) < 0 if abs(value.value) > value.uncertainty else None
+    return f"{float(value):.6f} 1/s", float(value) < 0 if abs(
+        value.value
+    ) > value.uncertainty else None
 
 
 def _both_connections(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
@@ -56,7 +65,8 @@ def _both_connections(audit: Audit, name: str, printed: str) -> tuple[str, bool]
 
     parameters, omega = audit.sets[name], audit.omega_h(name).value
     growth = audit.connection(name).saddle_eigenvalues[0].value
-    # Shifted angles: the states are (0, -pi, 0) and (0, pi, 0), and the symmetry is a change of sign.
+    # Shifted angles: the states are (0, -pi, 0) and (0, pi, 0), and the symmetry is a change of
+    # sign.
     direction = right_eigenvector(linearization(parameters, omega, "noninverted"), growth)
     times = numpy.arange(0, 12, 0.002)
     closest = []
@@ -64,10 +74,14 @@ def _both_connections(audit: Audit, name: str, printed: str) -> tuple[str, bool]
         beta, gamma, v = (sign * part * _OFFSET / omega for part in direction)
         start = (beta, Exact(gamma, Fraction(-sign)), v)
         request = Request(parameters, omega, start, 12, shifted=True, times=times, domain="none")
-        distances = numpy.abs(audit.engine(request).samples - numpy.array([0, sign * numpy.pi, 0])).max(axis=1)
+        distances = numpy.abs(
+            audit.engine(request).samples - numpy.array([0, sign * numpy.pi, 0])
+        ).max(axis=1)
         closest.append(float(distances.min()))
     # The distance is about 1e-8 rad at Omega_h, and 0.004 at a speed 1e-5 rad/s away.
-    return f"branches within {closest[0]:.0e} and {closest[1]:.0e} of the other state", max(closest) < 0.003
+    return f"branches within {closest[0]:.0e} and {closest[1]:.0e} of the other state", max(
+        closest
+    ) < 0.003
 
 
 def _identified(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
@@ -78,7 +92,10 @@ def _identified(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
     ctx = bits(400).context
     rates = field(ctx, audit.sets[name].within(ctx), ctx.mpf("30.4"), audit.parameters.friction)
     apart = ctx.mpf(0)
-    for beta, gamma, v in ((ctx.pi / 2, -ctx.pi / 2, ctx.mpf(0)), (ctx.mpf("1.7"), ctx.mpf("-1.5"), ctx.mpf("0.3"))):
+    for beta, gamma, v in (
+        (ctx.pi / 2, -ctx.pi / 2, ctx.mpf(0)),
+        (ctx.mpf("1.7"), ctx.mpf("-1.5"), ctx.mpf("0.3")),
+    ):
         pairs = zip(rates(beta, gamma, v), rates(beta, gamma + 2 * ctx.pi, v), strict=True)
         apart = max(apart, *(abs(a - b) for a, b in pairs))
     # The bound leaves a factor 2^100 for the derivatives, which multiply the angles' rounding.
@@ -91,7 +108,9 @@ def _two_methods(audit: Audit, name: str, printed: str) -> Answer:
     ends, without = [], []
     for digits, method in ((12, "manifolds"), (14, "limit-cycles")):
         try:
-            ends.append(heteroclinic(audit.parameters, taylor, digits=digits, method=method).omega_h)
+            ends.append(
+                heteroclinic(audit.parameters, taylor, digits=digits, method=method).omega_h
+            )
         except (NoConnectionError, NoSuchCycleError) as reason:
             without.append(str(reason))
     if without:
@@ -100,7 +119,8 @@ def _two_methods(audit: Audit, name: str, printed: str) -> Answer:
     splitting, limit = ends
     apart = abs(splitting.value - limit.value)
     note = (
-        f"the manifolds' splitting and the limit of the limit cycles lie {float(apart):.1e} rad/s apart, with"
+        f"the manifolds' splitting and the limit of the limit cycles lie {float(apart):.1e} rad/s "
+        f"apart, with"
         f" half-widths of {float(splitting.uncertainty):.1e} and {float(limit.uncertainty):.1e}"
     )
     return splitting, apart <= splitting.uncertainty + limit.uncertainty, note
@@ -114,15 +134,18 @@ CONNECTION_CLAIMS: tuple[Claim, ...] = (
         "30.07",
         number(Audit.omega_h),
         note=(
-            "where the saddles' unstable and stable manifolds meet: for gamma in R the periodic solution ends there; on"
+            "where the saddles' unstable and stable manifolds meet: for gamma in R the periodic "
+            "solution ends there; on"
             " the cylinder, gamma modulo 2 pi, others may take over (claim only_above_omega_h)"
         ),
         methods=("manifolds",),
         unit="rad/s",
-        formula=r"\Omega_\text{h}:\quad W^u(\pi/2,\,-\pi/2,\,0) \cap W^s(\pi/2,\,3\pi/2,\,0) \neq \emptyset",
+        formula=r"\Omega_\text{h}:\quad W^u(\pi/2,\,-\pi/2,\,0) \cap W^s(\pi/2,\,3\pi/2,\,0) \neq "
+        r"\emptyset",
         proof=ProofOffer(
             _FAMILY_TO_ITS_END,
-            "that one speed of a short interval, and no other there, has a connection, in which the family of limit "
+            "that one speed of a short interval, and no other there, has a connection, in which "
+            "the family of limit "
             "cycles from Omega_crit ends; and whether that speed rounds to 30.07",
         ),
     ),
@@ -137,28 +160,35 @@ CONNECTION_CLAIMS: tuple[Claim, ...] = (
         formula=r"T \to \infty \quad\text{as}\quad \Omega \downarrow \Omega_\text{h}",
         proof=ProofOffer(
             FAMILY,
-            "that the family from Omega_crit has one cycle for each speed down to Omega_h, where the period tends to "
+            "that the family from Omega_crit has one cycle for each speed down to Omega_h, where "
+            "the period tends to "
             "infinity",
         ),
     ),
     Claim(
         "only_above_omega_h",
         "sec:discussion",
-        "the periodic solution exists above Omega_h only: below, the saddle's unstable branch leaves the well",
+        "the periodic solution exists above Omega_h only: below, the saddle's unstable branch "
+        "leaves the well",
         "existence above",
         _both_sides,
         note=(
-            "what the unstable branch does a thousandth off Omega_h, for gamma in R, where the cycle about inverted"
-            " spinning ends at Omega_h; rotating cycles are periodic on the cylinder, gamma modulo 2 pi"
+            "what the unstable branch does a thousandth off Omega_h, for gamma in R, where the "
+            "cycle about inverted"
+            " spinning ends at Omega_h; rotating cycles are periodic on the cylinder, gamma modulo "
+            "2 pi"
         ),
         methods=("trajectories", "shooting"),
         formula=r"\Omega_\text{h} < \Omega < \Omega_\text{crit}",
         figures=("scenario",),
         proof=ProofOffer(
             FAMILY,
-            "that the family from Omega_crit has cycles at the speeds above Omega_h and at no others; and that from a "
-            "thousandth of a rad/s below Omega_h up to it no cycle crosses beta = pi/2 next to the saddles as its do",
-            "that there is no other cycle below Omega_h, and what the saddle's unstable branch does there",
+            "that the family from Omega_crit has cycles at the speeds above Omega_h and at no "
+            "others; and that from a "
+            "thousandth of a rad/s below Omega_h up to it no cycle crosses beta = pi/2 next to the "
+            "saddles as its do",
+            "that there is no other cycle below Omega_h, and what the saddle's unstable branch "
+            "does there",
         ),
     ),
     Claim(
@@ -167,7 +197,8 @@ CONNECTION_CLAIMS: tuple[Claim, ...] = (
         "at Omega_h two heteroclinic connections form a cycle",
         "two connections",
         _both_connections,
-        note="each noninverted state's unstable branch reaches the other; the point symmetry maps one to the other",
+        note="each noninverted state's unstable branch reaches the other; the point symmetry maps "
+        "one to the other",
         methods=("trajectories",),
         formula=r"(\pi/2,\,-\pi/2,\,0) \rightleftarrows (\pi/2,\,3\pi/2,\,0)",
         proof=ProofOffer(_CONNECTION, "that both connections exist at one and the same speed"),
@@ -179,7 +210,8 @@ CONNECTION_CLAIMS: tuple[Claim, ...] = (
         "homoclinic",
         _identified,
         note=(
-            "the field has period 2 pi in gamma, and the two states are 2 pi apart: on the cylinder both connections"
+            "the field has period 2 pi in gamma, and the two states are 2 pi apart: on the "
+            "cylinder both connections"
             " lead back to one saddle, as a figure of eight"
         ),
         methods=("symmetry",),
@@ -191,10 +223,13 @@ CONNECTION_CLAIMS: tuple[Claim, ...] = (
         "the periodic orbit that arises at Omega_h is stable",
         "stable",
         _attracting,
-        note="saddle value lambda_u + lambda_s, negative: cycles next to the connection attract, rotating ones too",
+        note="saddle value lambda_u + lambda_s, negative: cycles next to the connection attract, "
+        "rotating ones too",
         methods=("eigenvalues",),
         formula=r"\lambda_u + \lambda_s < 0",
-        proof=ProofOffer(_STABILITY, "that the limit cycle next to the connection is asymptotically stable"),
+        proof=ProofOffer(
+            _STABILITY, "that the limit cycle next to the connection is asymptotically stable"
+        ),
     ),
     Claim(
         "omega_h_two_roads",

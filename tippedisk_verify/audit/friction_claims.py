@@ -36,11 +36,16 @@ def _cycle(parameters: Parameters, engine: Engine) -> LimitCycle:
 def _qualitative(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
     """Compare the kind of Hopf point, the cycles' stability and the connection under both laws."""
     parameters, crit = audit.sets[name], float(omega_crit(audit.sets[name]))
-    speeds = [float(heteroclinic(parameters.with_friction(law), audit.engine).omega_h) for law in _LAWS]
+    speeds = [
+        float(heteroclinic(parameters.with_friction(law), audit.engine).omega_h) for law in _LAWS
+    ]
     cycles = [_cycle(parameters.with_friction(law), audit.engine) for law in _LAWS]
     constants = parameters.at(DOUBLE)
     rows = [jacobian(math, constants, crit, law)(math.pi / 2, math.pi / 2, 0.0)[2] for law in _LAWS]
-    kinds = [criticality(parameters), _smooth_kind(parameters.with_friction("smooth"), audit.engine)]
+    kinds = [
+        criticality(parameters),
+        _smooth_kind(parameters.with_friction("smooth"), audit.engine),
+    ]
     same = (
         kinds[0] == kinds[1]
         and all(map(math.isclose, *rows))  # pi/2 in double leaves a tiny sliding velocity
@@ -73,7 +78,10 @@ def _asymptotic(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
     sliding = terms(numpy, constants, float(linear.omega), *states).sliding_velocity
     share = float(numpy.abs(sliding).max()) / constants.epsilon
     apart = abs(float(smooth.period.value / linear.period.value) - 1)
-    certain = abs(smooth.period.value - linear.period.value) > smooth.period.uncertainty + linear.period.uncertainty
+    certain = (
+        abs(smooth.period.value - linear.period.value)
+        > smooth.period.uncertainty + linear.period.uncertainty
+    )
     return f"T differs by {100 * apart:.3f} %, |gamma_y| up to {share:.3f} epsilon", not certain
 
 
@@ -84,13 +92,18 @@ def _attractive(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
     parameters, ranges, falling = audit.sets[name], [], []
     constants, speed = parameters.at(DOUBLE), float(_below(parameters))
     beta, gamma = numpy.mgrid[0.35 : math.pi - 0.35 : 24j, -math.pi / 2 : 3 * math.pi / 2 : 32j]
-    v, distance = critical_manifold(numpy, constants, speed, beta, gamma) + 0.25, abs(beta - math.pi / 2)
+    v, distance = (
+        critical_manifold(numpy, constants, speed, beta, gamma) + 0.25,
+        abs(beta - math.pi / 2),
+    )
     for law in _LAWS:
         rates = -jacobian(numpy, constants, speed, law)(beta, gamma, v)[2][2]
         falling.append(bool((rates > 0).all()))
         edge = distance[rates <= 0].min(initial=distance.max())
         inside = rates[distance < edge]
-        ranges.append(f"{law}: {inside.min():.1f} to {inside.max():.1f} 1/s for |beta - pi/2| < {edge:.2f}")
+        ranges.append(
+            f"{law}: {inside.min():.1f} to {inside.max():.1f} 1/s for |beta - pi/2| < {edge:.2f}"
+        )
     return "; ".join(ranges), all(falling)
 
 
@@ -119,7 +132,8 @@ FRICTION_CLAIMS: tuple[Claim, ...] = (
         methods=("closed form",),
         fault=Fault(
             "differs",
-            "the attraction rate vanishes where the disk lies flat, and off rolling neighbours in v separate"
+            "the attraction rate vanishes where the disk lies flat, and off rolling neighbours in "
+            "v separate"
             " before that",
             "the slow manifold attracts at an angle from lying flat, by both laws",
         ),
@@ -165,7 +179,8 @@ FRICTION_CLAIMS: tuple[Claim, ...] = (
         fault=Fault(
             "differs",
             "many starts lie flat before they invert",
-            "inverted spinning attracts a neighbourhood, which an unstable rotating cycle's stable manifold bounds",
+            "inverted spinning attracts a neighbourhood, which an unstable rotating cycle's stable "
+            "manifold bounds",
         ),
         formula=r"x(t) \to (\pi/2,\,\pi/2,\,0) \quad\text{for}\quad \Omega > \Omega_\text{crit}",
     ),

@@ -47,10 +47,15 @@ def _branch(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
     """Check that all cycles of the family are stable, with monotone amplitude and period."""
     cycles = sorted(audit.family(name), key=lambda cycle: cycle.omega.value)
     steps = list(pairwise(cycles))
-    falling = all(a.period.value > b.period.value and a.beta_max.value > b.beta_max.value for a, b in steps)
+    falling = all(
+        a.period.value > b.period.value and a.beta_max.value > b.beta_max.value for a, b in steps
+    )
     largest = max(float(cycle.multiplier_slow) for cycle in cycles)
     stable = all(cycle.stable for cycle in cycles)
-    return f"largest multiplier {largest:.4f}, {'' if falling else 'not '}monotone", stable and falling
+    return (
+        f"largest multiplier {largest:.4f}, {'' if falling else 'not '}monotone",
+        stable and falling,
+    )
 
 
 def _table_2(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
@@ -65,8 +70,15 @@ def _table_2(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
         cycle = limit_cycle(audit.sets[name], speed, audit.engine, guess=(gamma_bar, v))
     except NoSuchCycleError as reason:
         return f"does not converge: {reason}", False
-    pairs = ((cycle.gamma_bar_0, truth.gamma_bar_0), (cycle.v_0, truth.v_0), (cycle.period, truth.period))
-    same = all(abs(mine.value - other.value) <= mine.uncertainty + other.uncertainty for mine, other in pairs)
+    pairs = (
+        (cycle.gamma_bar_0, truth.gamma_bar_0),
+        (cycle.v_0, truth.v_0),
+        (cycle.period, truth.period),
+    )
+    same = all(
+        abs(mine.value - other.value) <= mine.uncertainty + other.uncertainty
+        for mine, other in pairs
+    )
     return "converges to " + ", ".join(f"{float(mine):.4f}" for mine, _ in pairs), same
 
 
@@ -79,7 +91,9 @@ def _contact(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
         omega = float(panel.omega)
         for orbit in panel.orbits:
             beta, gamma, v = state = orbit.states.T
-            rate = equations.field(numpy, constants, omega, audit.parameters.friction)(beta, gamma, v)[2]
+            rate = equations.field(numpy, constants, omega, audit.parameters.friction)(
+                beta, gamma, v
+            )[2]
             forces = equations.normal_force_over_weight(numpy, constants, omega, state, rate)
             smallest = min(smallest, float(forces.min()))
     return f"at least {smallest:.3g} of the weight", smallest > 0
@@ -101,35 +115,47 @@ def _engines(audit: Audit, name: str, printed: str) -> Answer:
             if mine.status is not theirs.status or mine.error is None:
                 note = f"at {share} Omega_crit: {mine.status.value} against {theirs.status.value}"
                 return "the engines end differently", False, note
-            worst = max(worst, *(Fraction(abs(a - b)) for a, b in zip(mine.state, theirs.state, strict=True)))
+            worst = max(
+                worst,
+                *(Fraction(abs(a - b)) for a, b in zip(mine.state, theirs.state, strict=True)),
+            )
             claimed = max(claimed, Fraction(mine.error.largest))
     # The passages near the saddles within 10 s turn SciPy's local 1e-13 into up to 1e-10.
     agreed = worst <= Fraction(1, 10**10) and claimed <= Fraction(1, 10**11)
     note = (
-        f"six orbits of 10 s: SciPy's DOP853 differs by at most {float(worst):.1e}; the Taylor engine's own estimate of"
+        f"six orbits of 10 s: SciPy's DOP853 differs by at most {float(worst):.1e}; the Taylor "
+        f"engine's own estimate of"
         f" its error, from a run in extended precision, is at most {float(claimed):.1e}"
     )
     return f"within {float(worst):.1e} rad, rad/s", agreed, note
 
 
 _ON_THE_CYCLE = "the periodic solution attracts both orbits", "limit cycle"
-_INVERTED = "above Omega_crit inverted spinning attracts both orbits", "inverted spinning", "inversion"
+_INVERTED = (
+    "above Omega_crit inverted spinning attracts both orbits",
+    "inverted spinning",
+    "inversion",
+)
 
 GLOBAL_CLAIMS: tuple[Claim, ...] = (
     Claim(
         "stable_branch",
         "sec:shooting",
-        "between Omega_h and Omega_crit the periodic solution is stable; amplitude and period fall with Omega",
+        "between Omega_h and Omega_crit the periodic solution is stable; amplitude and period fall "
+        "with Omega",
         "stable, monotone",
         _branch,
         note="at 41 speeds each multiplier lies below 1 by more than its half-width",
         methods=("shooting",),
-        formula=r"|\mu_\text{slow}| < 1,\quad \frac{d\bar{\beta}_\text{max}}{d\Omega} < 0,\quad \frac{dT}{d\Omega} < 0",
+        formula=r"|\mu_\text{slow}| < 1,\quad \frac{d\bar{\beta}_\text{max}}{d\Omega} < 0,\quad "
+        r"\frac{dT}{d\Omega} < 0",
         figures=("branch", "scenario"),
         proof=ProofOffer(
             FAMILY,
-            "that the cycles of all speeds between Omega_h and Omega_crit are one curve, each asymptotically stable, "
-            "along which the amplitudes gamma_bar_0 and beta_max and the period fall strictly as Omega grows",
+            "that the cycles of all speeds between Omega_h and Omega_crit are one curve, each "
+            "asymptotically stable, "
+            "along which the amplitudes gamma_bar_0 and beta_max and the period fall strictly as "
+            "Omega grows",
         ),
     ),
     Claim(
@@ -140,7 +166,8 @@ GLOBAL_CLAIMS: tuple[Claim, ...] = (
         _table_2,
         note="the cycle found from the table's guess: gamma_bar_0, v_0 and T",
         methods=("shooting",),
-        formula=r"(\bar{\beta}_0,\,\bar{\gamma}_0,\,\dot{\bar{\beta}}_0,\,T_0) = (0,\;1.69,\;-1.72,\;1.10)",
+        formula=r"(\bar{\beta}_0,\,\bar{\gamma}_0,\,\dot{\bar{\beta}}_0,\,T_0) = "
+        r"(0,\;1.69,\;-1.72,\;1.10)",
     ),
     Claim(
         "scene_a",

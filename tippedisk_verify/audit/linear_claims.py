@@ -7,13 +7,27 @@ from collections.abc import Callable
 from fractions import Fraction
 from functools import partial
 
-from tippedisk_verify.audit.claims import Audit, Claim, Fault, ProofOffer, Theorem, number, rounds_to, word
+from tippedisk_verify.audit.claims import (
+    Audit,
+    Claim,
+    Fault,
+    ProofOffer,
+    Theorem,
+    number,
+    rounds_to,
+    word,
+)
 from tippedisk_verify.model.equations import jacobian, terms
 from tippedisk_verify.model.exact import quotient
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, bits
-from tippedisk_verify.theory.equilibria import EquilibriumName, equilibrium, is_stable, linearization
+from tippedisk_verify.theory.equilibria import (
+    EquilibriumName,
+    equilibrium,
+    is_stable,
+    linearization,
+)
 from tippedisk_verify.theory.harmonic_balance import chi
 from tippedisk_verify.theory.hopf import omega_crit, period_crit
 
@@ -37,7 +51,9 @@ _TABLE = {
 _CLOSED_FORMS: dict[str, Callable[[Parameters, int], Measured]] = {
     "omega_crit": omega_crit,
     "period_crit": period_crit,
-    "lambda_3": lambda parameters, digits: Measured(linearization(parameters, Fraction(1)).A33, Fraction(0)),
+    "lambda_3": lambda parameters, digits: Measured(
+        linearization(parameters, Fraction(1)).A33, Fraction(0)
+    ),
     "chi": lambda parameters, digits: Measured(chi(parameters.rational(), "printed"), Fraction(0)),
 }
 
@@ -57,7 +73,9 @@ def _joint(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
     """Check that a set rounds to Table 1 and gives all printed closed-form numbers."""
     pairs = zip(printed.split(", "), _CLOSED_FORMS, strict=True)
     missed = [text for text, claim in pairs if not rounds_to(closed_form(claim)(audit, name), text)]
-    inside = all(low <= getattr(audit.sets[name], part) <= high for part, (low, high) in table_box().items())
+    inside = all(
+        low <= getattr(audit.sets[name], part) <= high for part, (low, high) in table_box().items()
+    )
     where = "inside" if inside else "outside"
     return f"{where} the rounding, misses {', '.join(missed) or 'none'}", inside and not missed
 
@@ -87,7 +105,8 @@ def _friction_free(audit: Audit, name: str) -> str:
         for factor, other in ((Fraction(1, 1000), 1), (10, 1), (1, Fraction(1, 1000)), (3, 7))
     ]
     free = all(
-        is_stable(linearization(changed, speed + nearby)) and not is_stable(linearization(changed, speed - nearby))
+        is_stable(linearization(changed, speed + nearby))
+        and not is_stable(linearization(changed, speed - nearby))
         for changed in others
     )
     return "independent" if free else "dependent"
@@ -99,18 +118,25 @@ def _square_of_sine(audit: Audit, name: str) -> str:
     rest = (c.r + c.e * math.sin(gamma)) * v * math.sin(beta)
     velocity = terms(math, c, omega, beta, gamma, v).sliding_velocity
     square = (rest - velocity) / (c.e * omega * math.cos(gamma))
-    readings = {"(sin beta)^2": math.sin(beta) ** 2, "sin beta^2": math.sin(beta**2)}  # a tenth apart
-    return next((text for text, value in readings.items() if math.isclose(value, square)), "neither")
+    # A tenth apart
+    readings = {"(sin beta)^2": math.sin(beta) ** 2, "sin beta^2": math.sin(beta**2)}
+    return next(
+        (text for text, value in readings.items() if math.isclose(value, square)), "neither"
+    )
 
 
 def _critical_pair(audit: Audit, name: str) -> str:
     """Return the kind of the two eigenvalues whose real part changes sign at Omega_crit."""
     crit = omega_crit(audit.sets[name], 30).value
     below, above = (
-        equilibrium(audit.sets[name], crit * (1 + side * Fraction(1, 1000)), "inverted", 20).eigenvalues
+        equilibrium(
+            audit.sets[name], crit * (1 + side * Fraction(1, 1000)), "inverted", 20
+        ).eigenvalues
         for side in (-1, 1)
     )
-    crossing = [old for old, new in zip(below, above, strict=True) if old.re.value > 0 > new.re.value]
+    crossing = [
+        old for old, new in zip(below, above, strict=True) if old.re.value > 0 > new.re.value
+    ]
     conjugate = len(crossing) == 2 and crossing[0].im.value == -crossing[1].im.value != 0
     return "complex conjugate" if conjugate else f"{len(crossing)} real"
 
@@ -122,7 +148,9 @@ def _jacobian_entries(audit: Audit, name: str, printed: str) -> tuple[str, bool]
     row = jacobian(ctx, parameters.within(ctx), quotient(ctx, speed), "linear")(*state)[2]
     entries = linearization(parameters, speed)[1:]
     # pi/2 carries an error of 2^-200, second derivatives are below 1e6 times the entries.
-    close = all(abs(a - quotient(ctx, b)) <= abs(a) * 2.0**-150 for a, b in zip(row, entries, strict=True))
+    close = all(
+        abs(a - quotient(ctx, b)) <= abs(a) * 2.0**-150 for a, b in zip(row, entries, strict=True)
+    )
     return "equal" if close else "different", close
 
 
@@ -145,7 +173,8 @@ LINEAR_CLAIMS: tuple[Claim, ...] = (
         "30.92, 0.886, -129.04, 1.31e-7",
         _joint,
         note="yes: calibrated does, with Omega_h = 30.07 as well (claim omega_h)",
-        formula=r"r,\; e,\; m,\; A,\; B \;\mapsto\; \Omega_\text{crit},\; T_\text{crit},\; A_{33},\; \chi",
+        formula=r"r,\; e,\; m,\; A,\; B \;\mapsto\; \Omega_\text{crit},\; T_\text{crit},\; "
+        r"A_{33},\; \chi",
         proof=ProofOffer(
             NORMAL_FORM,
             "enclosures of the four numbers; the disk's decimals show whether it rounds to Table 1",
@@ -160,10 +189,12 @@ LINEAR_CLAIMS: tuple[Claim, ...] = (
         methods=("reading", "closed form"),
         fault=Fault(
             "slip",
-            "the square is at the angle instead of its sine; the contact point's kinematics allow no other reading",
+            "the square is at the angle instead of its sine; the contact point's kinematics allow "
+            "no other reading",
             "gamma_y = (r + e sin gamma) v sin beta - e Omega sin^2(beta) cos gamma",
         ),
-        formula=r"\gamma_y = (r + e\,\sin\gamma)\,\dot{\beta}\,\sin\beta - e\,\Omega\,\sin\beta^2\,\cos\gamma",
+        formula=r"\gamma_y = (r + e\,\sin\gamma)\,\dot{\beta}\,\sin\beta - "
+        r"e\,\Omega\,\sin\beta^2\,\cos\gamma",
     ),
     Claim(
         "linearization",
@@ -197,7 +228,8 @@ LINEAR_CLAIMS: tuple[Claim, ...] = (
         "independent",
         word(_friction_free),
         note=(
-            "with mu and epsilon changed a thousandfold, stability changes within 1e-30 rad/s of the same speed (exact)"
+            "with mu and epsilon changed a thousandfold, stability changes within 1e-30 rad/s of "
+            "the same speed (exact)"
         ),
         formula=(
             r"\frac{\partial\Omega_\text{crit}}{\partial\mu}"
@@ -243,7 +275,8 @@ LINEAR_CLAIMS: tuple[Claim, ...] = (
         formula=r"\lambda_{1,2} = \pm i\,\omega \quad\text{at}\quad \Omega = \Omega_\text{crit}",
         proof=ProofOffer(
             EVERY_SPEED,
-            "that a pair of complex conjugate eigenvalues crosses the imaginary axis, with nonzero speed",
+            "that a pair of complex conjugate eigenvalues crosses the imaginary axis, with nonzero "
+            "speed",
             "that 'convex' is a slip of the pen (read)",
         ),
     ),

@@ -11,7 +11,12 @@ from tippedisk_verify.model.equations import field, jacobian
 from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.precision import DOUBLE, bits
-from tippedisk_verify.theory.equilibria import EquilibriumName, Linearization, equilibrium, is_stable
+from tippedisk_verify.theory.equilibria import (
+    EquilibriumName,
+    Linearization,
+    equilibrium,
+    is_stable,
+)
 from tippedisk_verify.theory.hopf import omega_crit
 from tippedisk_verify.theory.slow_manifold import (
     POINTS,
@@ -38,7 +43,11 @@ def _rolling_correction(audit: Audit, name: str, printed: str) -> tuple[str, boo
 
 def _attraction(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
     constants = audit.sets[name].at(DOUBLE)
-    rates = [attraction_rate(math, constants, 0.01 * k, 0.1 * n) for k in range(1, 314) for n in range(63)]
+    rates = [
+        attraction_rate(math, constants, 0.01 * k, 0.1 * n)
+        for k in range(1, 314)
+        for n in range(63)
+    ]
     return f"{min(rates):.4g} to {max(rates):.2g} 1/s", max(rates) < 0
 
 
@@ -59,10 +68,15 @@ def _growing_series(audit: Audit, name: str, printed: str) -> tuple[str, bool | 
     Growth over twelve terms does not disprove convergence.
     """
     ctx = bits(160).context
-    terms = orders(ctx, audit.sets[name].within(ctx), ctx.mpf("30.4"), ctx.mpf("1.2"), ctx.mpf("0.3"), 12)
+    terms = orders(
+        ctx, audit.sets[name].within(ctx), ctx.mpf("30.4"), ctx.mpf("1.2"), ctx.mpf("0.3"), 12
+    )
     roots = [float(abs(term)) ** (1 / n) for n, term in enumerate(terms) if n]
     growing = roots[2] < roots[5] < roots[11]
-    return f"|h_n|^(1/n): {roots[2]:.3g} at 3, {roots[5]:.3g} at 6, {roots[11]:.3g} at 12", None if growing else True
+    return (
+        f"|h_n|^(1/n): {roots[2]:.3g} at 3, {roots[5]:.3g} at 6, {roots[11]:.3g} at 12",
+        None if growing else True,
+    )
 
 
 def _order_1_hopf(audit: Audit, name: str, printed: str) -> tuple[Measured, bool]:
@@ -76,7 +90,10 @@ def _slow_variables(audit: Audit, name: str) -> str:
         equilibrium(audit.sets[name].changed(epsilon=epsilon), "30.4", "inverted", 20).eigenvalues
         for epsilon in ("1e-4", "1e-5")
     )
-    sizes = [[math.hypot(float(value.re), float(value.im)) for value in values] for values in (large, small)]
+    sizes = [
+        [math.hypot(float(value.re), float(value.im)) for value in values]
+        for values in (large, small)
+    ]
     slow = sum(after < 2 * before for before, after in zip(*sizes, strict=True))
     return f"{('zero', 'one', 'two', 'three')[slow]}-dimensional"
 
@@ -88,7 +105,9 @@ def _second_state(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
     sin_beta = math.sin(state[0])
     # Rounding of the angles, times the field's derivatives of up to 1e4.
     still = max(map(abs, field(math, constants, 30.4, "linear")(*state))) < 1e-11
-    attracts = is_stable(Linearization(30.4 * sin_beta, *jacobian(math, constants, 30.4, "linear")(*state)[2]))
+    attracts = is_stable(
+        Linearization(30.4 * sin_beta, *jacobian(math, constants, 30.4, "linear")(*state)[2])
+    )
     text = f"sin(beta) = {sin_beta:.0f}" + (", and it attracts" if attracts else "")
     return text if still else "no equilibrium", still and sin_beta > 0 and math.sin(state[1]) < 0
 
@@ -100,7 +119,8 @@ MANIFOLD_CLAIMS: tuple[Claim, ...] = (
         "the slow manifold's series in epsilon converges",
         "convergent series",
         _growing_series,
-        note="the paper gives no proof; for a convergent series the values are bounded; h_n in its own unit, at"
+        note="the paper gives no proof; for a convergent series the values are bounded; h_n in its "
+        "own unit, at"
         " (beta, gamma) = (1.2, 0.3)",
         methods=("jets",),
         formula=r"h(x;\varepsilon) = h_0(x) + \varepsilon\,h_1(x) + \varepsilon^2 h_2(x) + \dots",
@@ -114,7 +134,8 @@ MANIFOLD_CLAIMS: tuple[Claim, ...] = (
         note="against the recursion at twenty points",
         methods=("jets", "closed form"),
         formula=(
-            r"h_1 = \left(\frac{\partial g}{\partial y}\right)^{-1}\left[\frac{\partial h_c}{\partial x}\,f(x,h_c)"
+            r"h_1 = \left(\frac{\partial g}{\partial y}\right)^{-1}\left[\frac{\partial "
+            r"h_c}{\partial x}\,f(x,h_c)"
             r" - g_1(x,h_c)\right]"
         ),
     ),
@@ -127,7 +148,8 @@ MANIFOLD_CLAIMS: tuple[Claim, ...] = (
         note="but it tends to 0 at both ends, so attraction is not uniform",
         methods=("closed form",),
         formula=(
-            r"\frac{\partial g_0}{\partial y} = -\frac{\mu m g}{M}(r+e\,\sin\gamma)^2\,\sin^2\beta < 0"
+            r"\frac{\partial g_0}{\partial y} = -\frac{\mu m g}{M}(r+e\,\sin\gamma)^2\,\sin^2\beta "
+            r"< 0"
             r"\quad\text{for}\quad \beta\in(0,\pi)"
         ),
     ),
@@ -169,7 +191,8 @@ MANIFOLD_CLAIMS: tuple[Claim, ...] = (
         fault=Fault(
             "differs",
             "the rolling flow conserves (r + e sin gamma) sin beta, which has a saddle there",
-            "noninverted spinning is a saddle of the rolling flow, with eigenvalues +-Omega sqrt(e/(r - e))",
+            "noninverted spinning is a saddle of the rolling flow, with eigenvalues +-Omega "
+            "sqrt(e/(r - e))",
         ),
         formula=r"\dot{x} = f(x,h_c(x)) \quad\text{at}\quad (\pi/2,\,-\pi/2)",
     ),

@@ -71,17 +71,28 @@ def _by_engine(engine: Engine, problem: Problem, **options: Any) -> Prepared:
         return MethodRun(status, samples, result.steps or engine(plain).steps, result.evaluations)
 
     def run(duration: float) -> Any:
-        return engine(plain if duration == problem.duration else replace(plain, duration=duration)).state
+        return engine(
+            plain if duration == problem.duration else replace(plain, duration=duration)
+        ).state
 
     return Prepared(run, sampled)
 
 
-def _engine(make: Callable[..., Engine], *options: str, **more: bool) -> Callable[[Problem, float], Prepared]:
+def _engine(
+    make: Callable[..., Engine], *options: str, **more: bool
+) -> Callable[[Problem, float], Prepared]:
     """Return a `prepare` that makes a new engine for each problem and tolerance."""
-    return lambda problem, tolerance: _by_engine(make(*options, **more), problem, tolerance=tolerance)
+    return lambda problem, tolerance: _by_engine(
+        make(*options, **more), problem, tolerance=tolerance
+    )
 
 
-_PRECISIONS = {"double": DOUBLE, "extended": EXTENDED, "quadruple": QUADRUPLE, "50 digits": bits(170)}
+_PRECISIONS = {
+    "double": DOUBLE,
+    "extended": EXTENDED,
+    "quadruple": QUADRUPLE,
+    "50 digits": bits(170),
+}
 _DIGITS = (12, 14, 16, 18, 20, 22, 25)  # settings of the runs with half-widths
 
 
@@ -98,7 +109,9 @@ def _bare(problem: Problem, name: str) -> Prepared:
     """Integrate with heyoka as its manual shows, to see what this package adds to the time."""
     precision = _PRECISIONS[name]
     constants, omega = problem.parameters.at(precision), precision.number(problem.omega)
-    hy, state, rates = _in_symbols(problem, lambda ops, *_: vector_field(ops, constants, omega, problem.friction))
+    hy, state, rates = _in_symbols(
+        problem, lambda ops, *_: vector_field(ops, constants, omega, problem.friction)
+    )
     start = precision.array(problem.start)
     options = {"prec": precision.bits} if precision.kind == "real" else {}
     stepper = hy.taylor_adaptive(
@@ -168,7 +181,14 @@ def _scipy_compiled(method: str) -> Callable[[Problem, float], Prepared]:
         def solve(times: Any = None, duration: float = problem.duration) -> Any:
             span = (0.0, duration)
             return solve_ivp(
-                rates, span, problem.start, method=method, rtol=tolerance, atol=tolerance, t_eval=times, **options
+                rates,
+                span,
+                problem.start,
+                method=method,
+                rtol=tolerance,
+                atol=tolerance,
+                t_eval=times,
+                **options,
             )
 
         def sampled() -> MethodRun:

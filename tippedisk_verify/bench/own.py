@@ -1,4 +1,6 @@
-"""Integrators of one's own in the race: functions, programs over pipes, and results measured elsewhere."""
+"""Integrators of one's own in the race: functions, programs over pipes, and results measured
+elsewhere.
+"""
 
 from __future__ import annotations
 
@@ -36,11 +38,10 @@ def method_of(
 ) -> Method:
     """Return a user's integrator as a competitor.
 
-    Args:
-        name: what the legend calls it.
-        solver: a function of a problem and a tolerance that returns the states (n, 3) at ``problem.times``.
-        tolerances: relative ones, loosest first.
-        clock: the time [s] that the last call took by the solver's own clock, or None for the wall clock.
+    Args: name: what the legend calls it. solver: a function of a problem and a tolerance that
+        returns the states (n, 3) at ``problem.times``. tolerances: relative ones, loosest first.
+        clock: the time [s] that the last call took by the solver's own clock, or None for the wall
+        clock.
     """
 
     def states(problem: Problem, tolerance: float) -> Any:
@@ -56,7 +57,10 @@ def method_of(
 
 
 def states_of(answer: Any, problem: Problem) -> Any:
-    """Return an integrator's answer as an array. Raises ValueError unless it has a finite state for each time."""
+    """Return an integrator's answer as an array.
+
+    Raises ValueError unless it has a finite state for each time.
+    """
     states = numpy.asarray(answer, float)
     wanted = (len(problem.times), 3)
     if states.shape != wanted:
@@ -67,11 +71,15 @@ def states_of(answer: Any, problem: Problem) -> Any:
 
 
 def question(problem: Problem, tolerance: float) -> dict[str, Any]:
-    """Return what a program over pipes is asked, as data for one line of JSON; all numbers are doubles."""
+    """Return what a program over pipes is asked, as data for one line of JSON; all numbers
+    are doubles.
+    """
     return {
         "problem": problem.name,
         "friction": problem.friction,
-        "parameters": {name: float(value) for name, value in problem.parameters.rational()._asdict().items()},
+        "parameters": {
+            name: float(value) for name, value in problem.parameters.rational()._asdict().items()
+        },
         "Omega": problem.omega,
         "state": list(problem.start),
         "times": list(problem.times),
@@ -82,17 +90,18 @@ def question(problem: Problem, tolerance: float) -> dict[str, Any]:
 def scores_of(name: str, text: str) -> list[Score]:
     """Return the scores of runs that were made elsewhere.
 
-    Args:
-        name: what the legend calls the integrator.
-        text: CSV with the columns problem, setting, seconds, and error or beta, gamma, v (the state at the end).
+    Args: name: what the legend calls the integrator. text: CSV with the columns problem, setting,
+        seconds, and error or beta, gamma, v (the state at the end).
 
-    Raises:
-        InputError: for a file without these columns, an unknown problem or something that is no number.
+    Raises: InputError: for a file without these columns, an unknown problem or something that is no
+        number.
     """
     rows = list(csv.DictReader(text.splitlines()))
     columns = set(rows[0]) if rows else set()
     if not {*_COLUMNS} <= columns or not ("error" in columns or {*_STATE} <= columns):
-        raise InputError(f"answers need the columns {', '.join(_COLUMNS)}, and error or {', '.join(_STATE)}")
+        raise InputError(
+            f"answers need the columns {', '.join(_COLUMNS)}, and error or {', '.join(_STATE)}"
+        )
     return [_score_of(name, row) for row in rows]
 
 
@@ -105,7 +114,9 @@ def _score_of(name: str, row: Mapping[str, str]) -> Score:
             error = float(row["error"])
         else:
             state = [fraction(row[component]) for component in _STATE]
-            error = max(abs(float(a - b.value)) for a, b in zip(state, truth.samples[-1], strict=True))
+            error = max(
+                abs(float(a - b.value)) for a, b in zip(state, truth.samples[-1], strict=True)
+            )
         if not (0 < seconds < math.inf and 0 <= error < math.inf):
             raise InputError("negative or not finite")
     except (TypeError, ValueError, InputError) as fault:

@@ -42,7 +42,14 @@ def _cvode(kind: str) -> Callable[[Problem, float], Prepared]:
         def slope(t: float, y: Any, yp: Any, matrix: Any) -> None:
             matrix[:, :] = slopes(*y.tolist())
 
-        solver = CVODE(right, method=kind, rtol=tolerance, atol=tolerance, max_num_steps=_MOST_STEPS, jacfn=slope)
+        solver = CVODE(
+            right,
+            method=kind,
+            rtol=tolerance,
+            atol=tolerance,
+            max_num_steps=_MOST_STEPS,
+            jacfn=slope,
+        )
         start = numpy.array(problem.start)
         times = numpy.array([0.0, *problem.times])
 
@@ -52,7 +59,9 @@ def _cvode(kind: str) -> Callable[[Problem, float], Prepared]:
             return MethodRun(status, solution.y[1:], None, int(solution.nfev))
 
         # With fewer than three times the solver would store every step.
-        return Prepared(lambda end: solver.solve(numpy.array([0.0, end / 2, end]), start).y[-1], sampled)
+        return Prepared(
+            lambda end: solver.solve(numpy.array([0.0, end / 2, end]), start).y[-1], sampled
+        )
 
     return prepare
 
@@ -84,7 +93,11 @@ def _diffrax(name: str) -> Callable[[Problem, float], Prepared]:
                     stepsize_controller=controller,
                     throw=False,
                 )
-                return solution.ys, solution.result == diffrax.RESULTS.successful, solution.stats["num_steps"]
+                return (
+                    solution.ys,
+                    solution.result == diffrax.RESULTS.successful,
+                    solution.stats["num_steps"],
+                )
 
             return jax.jit(solve)
 
@@ -109,7 +122,9 @@ def _numbalsoda(name: str) -> Callable[[Problem, float], Prepared]:
         import numbalsoda
         import numpy
 
-        rates = numba.njit(field(math, problem.parameters.at(DOUBLE), problem.omega, problem.friction))
+        rates = numba.njit(
+            field(math, problem.parameters.at(DOUBLE), problem.omega, problem.friction)
+        )
 
         @numba.cfunc(numbalsoda.lsoda_sig)  # type: ignore[untyped-decorator]
         def right(t: Any, y: Any, yp: Any, data: Any) -> None:
@@ -119,7 +134,12 @@ def _numbalsoda(name: str) -> Callable[[Problem, float], Prepared]:
 
         def flown(*times: float) -> tuple[Any, bool]:
             return solve(  # type: ignore[no-any-return]
-                right.address, start, numpy.array([0.0, *times]), rtol=tolerance, atol=tolerance, mxstep=_MOST_STEPS
+                right.address,
+                start,
+                numpy.array([0.0, *times]),
+                rtol=tolerance,
+                atol=tolerance,
+                mxstep=_MOST_STEPS,
             )
 
         def sampled() -> MethodRun:

@@ -53,14 +53,17 @@ class Problem:
 
     @property
     def rhs(self) -> Callable[[object, Any], Any]:
-        """The equations of motion as ``f(t, y)`` in NumPy, for `solve_ivp` and its like (Eq. 3DOF)."""
+        """The equations of motion as ``f(t, y)`` in NumPy, for `solve_ivp` and its like (Eq.
+        3DOF).
+        """
         return OnArrays(field, self.parameters, self.omega)
 
     def source(self, language: Language) -> str:
-        """Return the equations of motion as a function ``rhs`` with all constants as numbers, to be compiled.
+        """Return the equations of motion as a function ``rhs`` with all constants as numbers, to be
+        compiled.
 
-        Args:
-            language: ``"python"`` for ``rhs(t, y)`` with ``math``'s functions, which numba compiles as it is;
+        Args: language: ``"python"`` for ``rhs(t, y)`` with ``math``'s functions, which numba
+            compiles as it is;
                 ``"c"`` for ``void rhs(double t, const double *y, double *rates)`` with ``math.h``.
         """
         rates = field(_Written, self.parameters.at(DOUBLE), self.omega, self.friction)
@@ -69,11 +72,15 @@ class Problem:
 
     def request(self, **options: Any) -> Request:
         """Return the problem as a request to an engine, with further options of `Request`."""
-        return Request(self.parameters, self.omega, self.start, self.duration, domain="none", **options)
+        return Request(
+            self.parameters, self.omega, self.start, self.duration, domain="none", **options
+        )
 
 
 class _Written:
-    """An expression as text, in the notation that Python and C share; it takes part in arithmetic."""
+    """An expression as text, in the notation that Python and C share; it takes part in
+    arithmetic.
+    """
 
     def __init__(self, text: str) -> None:
         self.text = text
@@ -148,8 +155,22 @@ _HALF_PI = 1.5707963267948966
 _BELOW = float(omega_crit(PRINTED, 20).value - Fraction(1, 2))
 
 PROBLEMS: tuple[Problem, ...] = (
-    Problem("cycle", "10 s near the limit cycle at 30.4 rad/s", PRINTED, 30.4, (_HALF_PI, 3.27, -1.71), 10.0),
-    Problem("transient", "0.3 s from far off the slow manifold onto it", PRINTED, _BELOW, (1.3, 2.2, 6.0), 0.3),
+    Problem(
+        "cycle",
+        "10 s near the limit cycle at 30.4 rad/s",
+        PRINTED,
+        30.4,
+        (_HALF_PI, 3.27, -1.71),
+        10.0,
+    ),
+    Problem(
+        "transient",
+        "0.3 s from far off the slow manifold onto it",
+        PRINTED,
+        _BELOW,
+        (1.3, 2.2, 6.0),
+        0.3,
+    ),
     Problem(
         "passage",
         "the passage by both saddles, 1e-8 above Omega_h",
@@ -194,7 +215,9 @@ def problem_named(name: str) -> Problem:
     for problem in PROBLEMS:
         if problem.name == name:
             return problem
-    raise InputError(f"problem '{name[:40]}' is not known: use {', '.join(problem.name for problem in PROBLEMS)}")
+    raise InputError(
+        f"problem '{name[:40]}' is not known: use {', '.join(problem.name for problem in PROBLEMS)}"
+    )
 
 
 @lru_cache(maxsize=16)
@@ -221,5 +244,7 @@ def truth_of(problem: Problem, sharp: bool = True) -> Truth:
 
 
 def _samples(problem: Problem, precision: Precision) -> Result:
-    result = default_engine()(problem.request(precision=precision, times=precision.array(problem.times)))
+    result = default_engine()(
+        problem.request(precision=precision, times=precision.array(problem.times))
+    )
     return raise_unless_usable(result)

@@ -28,7 +28,13 @@ _BRIEF = 0.03  # s; longer runs are repeated less often
 _LONG = 0.3  # s; after a longer run, a method's tighter settings are left out
 _BOUNDS = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12, 1e-13)  # of the error, for the ratios
 # The group that each family is compared in.
-_GROUPS = {"heyoka": "heyoka", "scipy": "scipy", "cvode": "peer", "diffrax": "peer", "numbalsoda": "peer"}
+_GROUPS = {
+    "heyoka": "heyoka",
+    "scipy": "scipy",
+    "cvode": "peer",
+    "diffrax": "peer",
+    "numbalsoda": "peer",
+}
 
 
 @dataclass(frozen=True, repr=False)
@@ -96,7 +102,11 @@ def raced(
                 entries += _first_runs(problem, method)
         for repeat in range(_REPEATS - 1):
             for entry in entries:
-                if entry.prepared and entry.seconds and entry.seconds[0] <= (_BRIEF if repeat else _LONG):
+                if (
+                    entry.prepared
+                    and entry.seconds
+                    and entry.seconds[0] <= (_BRIEF if repeat else _LONG)
+                ):
                     if entry.seconds[0] <= _BRIEF:
                         entry.prepared.run(problem.duration)  # fill the caches again
                     entry.seconds.append(_timed_run(entry.prepared, problem.duration)[0])
@@ -112,7 +122,9 @@ def _timed(action: Callable[[], Any]) -> tuple[float, Any]:
 
 
 def _timed_run(prepared: Prepared, duration: float) -> tuple[float, Any]:
-    """Return the seconds of a run, by the method's own clock if it has one, and the state at its end."""
+    """Return the seconds of a run, by the method's own clock if it has one, and the state at
+    its end.
+    """
     seconds, state = _timed(partial(prepared.run, duration))
     own = prepared.clock() if prepared.clock else None
     return seconds if own is None else own, state
@@ -149,7 +161,9 @@ def _first_runs(problem: Problem, method: Method) -> list[_Entry]:
 
 def _score(entry: _Entry, truth: Truth) -> Score:
     reached = entry.status == "reached" and entry.outcome is not None
-    error, over_samples = _errors(entry.outcome, entry.ends, truth) if reached and entry.outcome else (None, None)
+    error, over_samples = (
+        _errors(entry.outcome, entry.ends, truth) if reached and entry.outcome else (None, None)
+    )
     seconds = statistics.median(entry.seconds) if entry.seconds else None
     return Score(
         problem=entry.problem.name,
@@ -160,7 +174,9 @@ def _score(entry: _Entry, truth: Truth) -> Score:
         error=error,
         error_over_samples=over_samples,
         seconds=seconds,
-        spread=(max(entry.seconds) - min(entry.seconds)) / seconds if entry.seconds and seconds else None,
+        spread=(max(entry.seconds) - min(entry.seconds)) / seconds
+        if entry.seconds and seconds
+        else None,
         preparation=entry.preparation,
         steps=None if entry.outcome is None else entry.outcome.steps,
         evaluations=None if entry.outcome is None else entry.outcome.evaluations,
@@ -168,7 +184,9 @@ def _score(entry: _Entry, truth: Truth) -> Score:
     )
 
 
-def _errors(outcome: MethodRun, stopped: dict[int, Any], truth: Truth) -> tuple[float | None, float | None]:
+def _errors(
+    outcome: MethodRun, stopped: dict[int, Any], truth: Truth
+) -> tuple[float | None, float | None]:
     """Return the largest errors at the ends and at the samples.
 
     The true values are exact, so differences are exact in any precision.
@@ -177,10 +195,16 @@ def _errors(outcome: MethodRun, stopped: dict[int, Any], truth: Truth) -> tuple[
         return None, None
 
     def away(states: Iterable[Any], right: Iterable[Any]) -> float:
-        pairs = (pair for row, true in zip(states, right, strict=True) for pair in zip(row, true, strict=True))
+        pairs = (
+            pair
+            for row, true in zip(states, right, strict=True)
+            for pair in zip(row, true, strict=True)
+        )
         return max(abs(float(fraction(value) - true.value)) for value, true in pairs)
 
-    return away(stopped.values(), [truth.samples[stop] for stop in stopped]), away(outcome.samples, truth.samples)
+    return away(stopped.values(), [truth.samples[stop] for stop in stopped]), away(
+        outcome.samples, truth.samples
+    )
 
 
 def ratios(scores: Sequence[Score]) -> list[dict[str, Any]]:
@@ -199,10 +223,14 @@ def ratios(scores: Sequence[Score]) -> list[dict[str, Any]]:
         for bound in _BOUNDS:
             best: dict[str, Score] = {}
             for score in scores:
-                within = score.problem == problem and score.error is not None and score.error <= bound
+                within = (
+                    score.problem == problem and score.error is not None and score.error <= bound
+                )
                 group = _GROUPS.get(score.family)
                 if within and group and score.seconds:
-                    best[group] = min(best.get(group, score), score, key=lambda run: run.seconds or 0.0)
+                    best[group] = min(
+                        best.get(group, score), score, key=lambda run: run.seconds or 0.0
+                    )
             if best:
                 rows.append({"problem": problem, "error_at_most": bound} | _row(best))
     return rows

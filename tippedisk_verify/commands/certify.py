@@ -38,11 +38,17 @@ if TYPE_CHECKING:
 __all__ = ["COMMANDS"]
 
 
-@disk_command("Prove eigenvalues and stability of inverted and noninverted spinning (both friction laws).")
-@click.option("--every-speed", is_flag=True, help="Prove stability at every speed instead, and Omega_crit.")
+@disk_command(
+    "Prove eigenvalues and stability of inverted and noninverted spinning (both friction laws)."
+)
+@click.option(
+    "--every-speed", is_flag=True, help="Prove stability at every speed instead, and Omega_crit."
+)
 @omega_option
 @below_crit_option
-def equilibria(common: Common, every_speed: bool, omega: str | None, below_crit: str | None) -> dict[str, Any]:
+def equilibria(
+    common: Common, every_speed: bool, omega: str | None, below_crit: str | None
+) -> dict[str, Any]:
     prover, digits = common.disk.certify, common.digits
     if every_speed:
         if omega is not None or below_crit is not None:
@@ -50,10 +56,15 @@ def equilibria(common: Common, every_speed: bool, omega: str | None, below_crit:
         return {"proved": True, **prover.stability(digits=digits).to_dict()}
     speed = common.speed(omega, below_crit)
     names = ("inverted", "noninverted")
-    return {"proved": True, **{name: prover.equilibrium(name, speed, digits=digits).to_dict() for name in names}}
+    return {
+        "proved": True,
+        **{name: prover.equilibrium(name, speed, digits=digits).to_dict() for name in names},
+    }
 
 
-@disk_command("Prove the Hopf point: where it is, its normal form, and on which side the limit cycles are.")
+@disk_command(
+    "Prove the Hopf point: where it is, its normal form, and on which side the limit cycles are."
+)
 def hopf(common: Common) -> dict[str, Any]:
     return {"proved": True, **common.disk.certify.hopf(digits=common.digits).to_dict()}
 
@@ -66,9 +77,15 @@ def hopf(common: Common) -> dict[str, Any]:
     help="Start from this state [rad, rad/s] at beta = pi/2;"
     " for a rotating cycle, from beta_bar and v at gamma = pi/2.",
 )
-@click.option("--rotating", is_flag=True, help="Prove the cycle on which gamma grows by 2 pi a period.")
+@click.option(
+    "--rotating", is_flag=True, help="Prove the cycle on which gamma grows by 2 pi a period."
+)
 @unstable_option
-@click.option("--at-fold", is_flag=True, help="Prove a fold of the family, where two of its cycles meet and end.")
+@click.option(
+    "--at-fold",
+    is_flag=True,
+    help="Prove a fold of the family, where two of its cycles meet and end.",
+)
 @click.option("--fold", type=int, metavar="N", help="The fold's number, if there are several.")
 @certificate_option
 @omega_option
@@ -91,11 +108,16 @@ def orbit(
         if omega is not None or below_crit is not None or guess is not None or unstable:
             raise InputError("--at-fold finds the speed itself: leave out the other options")
         return _written(prover.fold(fold, rotating=rotating, digits=digits), certificate)
-    speed, how = common.speed(omega, below_crit), {"stable": False if unstable else None, "guess": guess}
+    speed, how = (
+        common.speed(omega, below_crit),
+        {"stable": False if unstable else None, "guess": guess},
+    )
     return _written(prover.limit_cycle(speed, rotating=rotating, digits=digits, **how), certificate)
 
 
-@disk_command("Prove Omega_h in an interval no longer than 10^-DIGITS, and that it is the only one there.")
+@disk_command(
+    "Prove Omega_h in an interval no longer than 10^-DIGITS, and that it is the only one there."
+)
 @click.option(
     "--near",
     callback=decimal,
@@ -106,10 +128,13 @@ def orbit(
     "--cycles",
     callback=decimal,
     metavar="D",
-    help="Also prove the limit cycle of every speed up to D [rad/s] above Omega_h (rounded to 4 decimals).",
+    help="Also prove the limit cycle of every speed up to D [rad/s] above Omega_h (rounded to 4 "
+    "decimals).",
 )
 @certificate_option
-def heteroclinic(common: Common, near: str | None, cycles: str | None, certificate: Path | None) -> Any:
+def heteroclinic(
+    common: Common, near: str | None, cycles: str | None, certificate: Path | None
+) -> Any:
     prover, how = common.disk.certify, {"digits": common.digits, "progress": not common.quiet}
     if cycles is None:
         return _written(prover.heteroclinic(near, **how), certificate)
@@ -134,12 +159,17 @@ def _written(proof: Any, certificate: Path | None) -> Any:
     """
 )
 @click.option(
-    "--to", callback=decimal, metavar="X", help="Stop at this gamma_bar_0 [rad], and leave out the end at Omega_h."
+    "--to",
+    callback=decimal,
+    metavar="X",
+    help="Stop at this gamma_bar_0 [rad], and leave out the end at Omega_h.",
 )
 @click.option("--out", metavar="DIR", help="Write a picture of the proved family there.")
 @certificate_option
 @jobs_option
-def branch(common: Common, to: str | None, out: str | None, certificate: Path | None, jobs: int | None) -> int:
+def branch(
+    common: Common, to: str | None, out: str | None, certificate: Path | None, jobs: int | None
+) -> int:
 
     def workers(several: bool) -> Any:
         return processes(jobs, needed=several)
@@ -154,7 +184,9 @@ def branch(common: Common, to: str | None, out: str | None, certificate: Path | 
 
         save(draw_proved_family(proof), folder, "proved_family")
     entries = proof.to_dict()
-    shown = {name: len(proof.pieces) if name == "arcs" else entry for name, entry in entries.items()}
+    shown = {
+        name: len(proof.pieces) if name == "arcs" else entry for name, entry in entries.items()
+    }
     common.show(entries, result_lines(shown))
     return 0 if proof.proved else 1
 

@@ -169,7 +169,9 @@ def checked_jobs(jobs: int | None) -> int | None:
     """
     most = max(_FEWEST_OFFERED, 2 * (os.cpu_count() or 1))
     if jobs is not None and not 1 <= jobs <= most:
-        raise InputError(f"--jobs must lie between 1 and {most} on this machine, not {str(jobs)[:40]}")
+        raise InputError(
+            f"--jobs must lie between 1 and {most} on this machine, not {str(jobs)[:40]}"
+        )
     return jobs
 
 
@@ -180,7 +182,9 @@ def known_executor(executor: str) -> str:
         InputError: If it is not known.
     """
     if executor not in ("serial", "local") and not executor.startswith("dask://"):
-        raise InputError(f"executor '{executor[:60]}' is not known: use serial, local or dask://HOST:PORT")
+        raise InputError(
+            f"executor '{executor[:60]}' is not known: use serial, local or dask://HOST:PORT"
+        )
     return executor
 
 
@@ -215,7 +219,11 @@ _ABOUT_A_DISK = (
         help="table1, calibrated, geometry, or a TOML file of decimals.",
     ),
     click.Option(
-        ["--friction"], default="linear", show_default=True, metavar="linear|smooth", help="The friction law."
+        ["--friction"],
+        default="linear",
+        show_default=True,
+        metavar="linear|smooth",
+        help="The friction law.",
     ),
     click.Option(
         ["--digits"],
@@ -227,7 +235,9 @@ _ABOUT_A_DISK = (
     ),
 )
 
-omega_option = click.option("--omega", callback=decimal, metavar="X", help="The spinning speed [rad/s].")
+omega_option = click.option(
+    "--omega", callback=decimal, metavar="X", help="The spinning speed [rad/s]."
+)
 below_crit_option = click.option(
     "--below-crit",
     callback=decimal,
@@ -240,7 +250,9 @@ half_widths_option = click.option(
     help="Compute half-widths. Without them, numbers take a fraction of the time.",
 )
 rotating_option = click.option(
-    "--rotating", is_flag=True, help="Compute rotating cycles, on which gamma grows by 2 pi a period."
+    "--rotating",
+    is_flag=True,
+    help="Compute rotating cycles, on which gamma grows by 2 pi a period.",
 )
 unstable_option = click.option(
     "--unstable", is_flag=True, help="Choose the unstable cycle if a stable one has the same speed."
@@ -267,7 +279,9 @@ def at_a_speed(function: Callable[..., Any]) -> Callable[..., Any]:
     """
 
     @wraps(function)
-    def with_speed(common: Common, omega: str | None, below_crit: str | None, **options: Any) -> Any:
+    def with_speed(
+        common: Common, omega: str | None, below_crit: str | None, **options: Any
+    ) -> Any:
         return function(common, omega=common.speed(omega, below_crit), **options)
 
     return omega_option(below_crit_option(with_speed))
@@ -327,7 +341,9 @@ def group(name: str, help_text: str, *commands: click.Command) -> click.Group:
         if context.invoked_subcommand is None:
             click.echo(context.get_help())
 
-    return click.Group(name, commands, callback=show_help, invoke_without_command=True, help=help_text)
+    return click.Group(
+        name, commands, callback=show_help, invoke_without_command=True, help=help_text
+    )
 
 
 # ------------------------------------------------------------------------------------------ output
@@ -343,14 +359,21 @@ def table(headings: Sequence[str], rows: Iterable[Sequence[object]]) -> Iterator
     cells = [headings, *(list(map(str, row)) for row in rows)]
     columns = list(zip(*cells, strict=True))
     widths = [max(map(len, column)) for column in columns]
-    least = [max(len(word) for cell in column for word in [*cell.split(), ""]) for column in columns]
+    least = [
+        max(len(word) for cell in column for word in [*cell.split(), ""]) for column in columns
+    ]
     while sum(widths) + 2 * len(widths) - 2 > _width() and widths != least:
         widest = max(range(len(widths)), key=lambda n: (widths[n] > least[n], widths[n]))
         widths[widest] -= 1
     for row in cells:
-        parts = [textwrap.wrap(cell, width, **_BETWEEN_WORDS) for cell, width in zip(row, widths, strict=True)]
+        parts = [
+            textwrap.wrap(cell, width, **_BETWEEN_WORDS)
+            for cell, width in zip(row, widths, strict=True)
+        ]
         for line in zip_longest(*parts, fillvalue=""):
-            yield "  ".join(f"{part:{width}}" for part, width in zip(line, widths, strict=True)).rstrip()
+            yield "  ".join(
+                f"{part:{width}}" for part, width in zip(line, widths, strict=True)
+            ).rstrip()
 
 
 def _width() -> int:
@@ -372,7 +395,9 @@ def alone_in(out: str | None) -> Path | None:
 
 # --------------------------------------------------------------------------------------- processes
 @contextmanager
-def processes(jobs: int | None, *, needed: bool = True, even_one: bool = False) -> Iterator[Executor | None]:
+def processes(
+    jobs: int | None, *, needed: bool = True, even_one: bool = False
+) -> Iterator[Executor | None]:
     """Make a pool of new processes, or give None if this process is enough.
 
     Ctrl-C reaches this process only, and the pool always ends with it.

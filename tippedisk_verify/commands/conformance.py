@@ -11,7 +11,15 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from tippedisk_verify.commands.common import Output, alone_in, checked, command, file_for, group, levels
+from tippedisk_verify.commands.common import (
+    Output,
+    alone_in,
+    checked,
+    command,
+    file_for,
+    group,
+    levels,
+)
 from tippedisk_verify.commands.conformance_sources import client, grader, guide
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.files import file_ending_in, printable, read_text, write_text
@@ -50,14 +58,27 @@ _question_options = _together(
         metavar="NAME",
         help="The parameter set, table1 or calibrated; both if not given.",
     ),
-    click.option("--friction", multiple=True, metavar="linear|smooth", help="Ask about one friction law only."),
     click.option(
-        "--levels", callback=levels, metavar="N-M", help="Levels of difficulty, such as 1-3,7; all ten if not given."
+        "--friction",
+        multiple=True,
+        metavar="linear|smooth",
+        help="Ask about one friction law only.",
     ),
     click.option(
-        "--states", type=int, metavar="N", help="Ask fresh questions instead: N drawn states, ten to a drawn disk."
+        "--levels",
+        callback=levels,
+        metavar="N-M",
+        help="Levels of difficulty, such as 1-3,7; all ten if not given.",
     ),
-    click.option("--seed", type=int, metavar="S", help="The seed of fresh questions; 0 if not given."),
+    click.option(
+        "--states",
+        type=int,
+        metavar="N",
+        help="Ask fresh questions instead: N drawn states, ten to a drawn disk.",
+    ),
+    click.option(
+        "--seed", type=int, metavar="S", help="The seed of fresh questions; 0 if not given."
+    ),
 )
 _from_option = click.option(
     "--from",
@@ -94,7 +115,8 @@ _grading_options = _together(
     click.option(
         "--expected-failures",
         metavar="FILE",
-        help="A list of ids that may fail, one a line, with * for any characters; exit with 1 if others fail.",
+        help="A list of ids that may fail, one a line, with * for any characters; exit with 1 if "
+        "others fail.",
     ),
 )
 
@@ -130,7 +152,9 @@ def questions(
     if target is None:
         output.show(json.loads(sheet_json(store, chosen)), sheet_csv(store, chosen).splitlines())
         return 0
-    write_text(target, (sheet_json if target.suffix.lower() == ".json" else sheet_csv)(store, chosen))
+    write_text(
+        target, (sheet_json if target.suffix.lower() == ".json" else sheet_csv)(store, chosen)
+    )
     line = f"{len(chosen)} questions: fill in the column answer in {target}, then grade it"
     output.show({"questions": len(chosen), "file": str(target)}, [line])
     return 0
@@ -148,9 +172,13 @@ def _refuse_filled_in(target: Path, store: Store) -> None:
     try:
         answers = read_answers(target, store)
     except InputError as fault:
-        raise InputError(f"the file exists and is not a sheet without answers: {fault}; give another name") from None
+        raise InputError(
+            f"the file exists and is not a sheet without answers: {fault}; give another name"
+        ) from None
     if given := len(answers.given) + len(answers.unknown):
-        raise InputError(f"{target} has {given} answers: give the questions another name, or remove it")
+        raise InputError(
+            f"{target} has {given} answers: give the questions another name, or remove it"
+        )
 
 
 @command(
@@ -170,8 +198,12 @@ def grade(output: Output, file: str, from_: str | None, **grading: Any) -> int:
     with output.progress() as advance:
         answers, store = _read(file, from_, advance)
     wanted = _Wanted.checked(store, **grading)
-    asked = [quantity for quantity in store.values() if not answers.sets or quantity.set in answers.sets]
-    return wanted.report(output, store, asked, graded(answers, store), answers, printable(Path(file).name))
+    asked = [
+        quantity for quantity in store.values() if not answers.sets or quantity.set in answers.sets
+    ]
+    return wanted.report(
+        output, store, asked, graded(answers, store), answers, printable(Path(file).name)
+    )
 
 
 @command(
@@ -253,7 +285,9 @@ def run(
     }
     source = printable(" ".join(Path(word).name for word in command))[:60]
     answers, broke_off = interview.answers(), interview.broke_off
-    return wanted.report(output, store, asked, interview.grades, answers, source, broke_off, **timing)
+    return wanted.report(
+        output, store, asked, interview.grades, answers, source, broke_off, **timing
+    )
 
 
 @command(
@@ -274,7 +308,9 @@ def compare(output: Output, old: str, new: str, from_: str | None) -> int:
         listed = changes(*(graded(*_read(file, from_, advance)) for file in (old, new)))
     kinds = ("broken", "gone", "lost", "gained")
     counts = {kind: sum(change.kind == kind for change in listed) for kind in kinds}
-    lines = [f"{change.kind:8}{change.id}  {_digits(change.to_dict())}" for change in listed[:_SHOWN]]
+    lines = [
+        f"{change.kind:8}{change.id}  {_digits(change.to_dict())}" for change in listed[:_SHOWN]
+    ]
     if len(listed) > _SHOWN:
         lines.append(f"{len(listed) - _SHOWN} more: use --json to see all")
     lines.append(", ".join(f"{count} {kind}" for kind, count in counts.items()))
@@ -283,7 +319,10 @@ def compare(output: Output, old: str, new: str, from_: str | None) -> int:
 
 
 def _digits(change: dict[str, Any]) -> str:
-    shown = ["none" if change[name] is None else f"{change[name]:.1f}" for name in ("old_digits", "new_digits")]
+    shown = [
+        "none" if change[name] is None else f"{change[name]:.1f}"
+        for name in ("old_digits", "new_digits")
+    ]
     return f"{shown[0]} -> {shown[1]} digits"
 
 
@@ -300,7 +339,8 @@ def _read(file: str, reading: str | None, advance: Advance) -> tuple[Answers, St
     answers = read_answers(Path(file), store, reading)
     if answers.unknown and not answers.given:
         raise InputError(
-            f"{printable(Path(file).name)}: none of its ids is a question (the first is {answers.unknown[0][:80]}): "
+            f"{printable(Path(file).name)}: none of its ids is a question (the first is "
+            f"{answers.unknown[0][:80]}): "
             "`conformance questions` writes a sheet with the right ids"
         )
     return answers, store
@@ -383,7 +423,9 @@ class _Wanted:
             diagnoses = diagnosed(grades, store, advance)
         short, expectable = [], self.expectable or frozenset()
         if self.required is not None or self.expectable is not None:
-            short = shortcomings(levels, grades, self.required, expectable) + [broke_off] * bool(broke_off)
+            short = shortcomings(levels, grades, self.required, expectable) + [broke_off] * bool(
+                broke_off
+            )
         mended = sorted(expectable & {grade.id for grade in grades if not grade.failed})
         report = Report(source, answers, grades, levels, diagnoses, short, mended, **more)
         if self.page is not None:
@@ -406,7 +448,9 @@ def _over_grades(path: Path) -> None:
     Answers are CSV files as well.
     """
     if path.exists() and not read_text(path, _LARGEST).startswith("level,quantity,"):
-        raise InputError(f"{path} is not a table of grades, and --csv would overwrite it; give another name")
+        raise InputError(
+            f"{path} is not a table of grades, and --csv would overwrite it; give another name"
+        )
 
 
 _HELP = "Ask another implementation, and grade its answers in digits."

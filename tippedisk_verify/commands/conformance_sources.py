@@ -24,7 +24,10 @@ CLIENTS = {
 GRADERS = {"javascript": "grade.mjs", "octave": "tippedisk_grade.m"}
 
 
-@command("Print a program that answers a sheet; `octave` also runs in MATLAB, and `auto` continues cycles in AUTO-07p.")
+@command(
+    "Print a program that answers a sheet; `octave` also runs in MATLAB, and `auto` continues "
+    "cycles in AUTO-07p."
+)
 @click.argument("language", metavar="|".join(CLIENTS))
 def client(output: Output, language: str) -> int:
     return _printed(output, language, CLIENTS)
@@ -38,9 +41,13 @@ def grader(output: Output, language: str) -> int:
 
 def _printed(output: Output, language: str, files: dict[str, str]) -> int:
     if language not in files:
-        raise InputError(f"there is no program in '{printable(language)[:40]}': use {', '.join(files)}")
+        raise InputError(
+            f"there is no program in '{printable(language)[:40]}': use {', '.join(files)}"
+        )
     text = client_text(files[language])
-    output.show({"language": language, "file": files[language], "text": text}, [text.removesuffix("\n")])
+    output.show(
+        {"language": language, "file": files[language], "text": text}, [text.removesuffix("\n")]
+    )
     return 0
 
 

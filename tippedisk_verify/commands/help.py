@@ -26,13 +26,22 @@ EXAMPLES: dict[str, tuple[str, str]] = {
     "orbit": ("--below-crit 0.5", "--rotating --omega 30.0388"),
     "harmonic-balance": ("--below-crit 0.5", "--omega 30.8 --digits 30"),
     "branch": ("--omegas 30.3,30.4,30.5", "--paper-sets --out branch.csv"),
-    "basin": ("--omega 30.5 --margin pi/2+0.4,pi/2,0", "--below-crit 0.5 --count 2000 --out basins"),
+    "basin": (
+        "--omega 30.5 --margin pi/2+0.4,pi/2,0",
+        "--below-crit 0.5 --count 2000 --out basins",
+    ),
     "heteroclinic": ("", "--digits 20 --out connection.csv"),
     "reference": ("list table1/linear/hopf", "show table1/linear/hopf/point/omega_crit"),
     "reference check": ("--sample 0", "--sample 50 --seed 1"),
     "reference list": ("table1/linear/hopf", "calibrated/smooth/limit-cycle"),
-    "reference export": ("table1/linear/hopf --out hopf.csv", "table1/linear/rhs --format c --out rhs.h"),
-    "reference show": ("table1/linear/hopf/point/omega_crit", "table1/linear/limit-cycle/crit-0.5/period"),
+    "reference export": (
+        "table1/linear/hopf --out hopf.csv",
+        "table1/linear/rhs --format c --out rhs.h",
+    ),
+    "reference show": (
+        "table1/linear/hopf/point/omega_crit",
+        "table1/linear/limit-cycle/crit-0.5/period",
+    ),
     "conformance": ("questions sheet.csv --levels 1", "client octave"),
     "conformance questions": ("sheet.csv --set table1", "fresh.csv --states 5 --seed 7"),
     "conformance grade": ("answers.csv", "answers.csv --html grades.html"),
@@ -73,7 +82,9 @@ _PRINTED: dict[str, tuple[tuple[str, ...], ...]] = {
 class Cli(click.Group):
     """The program's commands in sections; help defines what is printed, and ends with examples."""
 
-    def __init__(self, *args: object, sections: Mapping[str, Sequence[click.Command]], **kwargs: object) -> None:
+    def __init__(
+        self, *args: object, sections: Mapping[str, Sequence[click.Command]], **kwargs: object
+    ) -> None:
         super().__init__(*args, **kwargs)  # type: ignore[arg-type]
         self.sections = sections
         for command in (command for members in sections.values() for command in members):
@@ -97,7 +108,9 @@ class Cli(click.Group):
 
 def _completed(command: click.Command, path: str) -> click.Command:
     """Add quantities and examples to a command's help, and whole sentences to its list."""
-    command.epilog = "\n\n".join("\b\n" + "\n".join(lines) for lines in (_defined(path), _examples(path)) if lines)
+    command.epilog = "\n\n".join(
+        "\b\n" + "\n".join(lines) for lines in (_defined(path), _examples(path)) if lines
+    )
     if isinstance(command, click.Group):
         for name, inner in command.commands.items():
             _completed(inner, f"{path} {name}").short_help = _sentence(inner)

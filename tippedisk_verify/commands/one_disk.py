@@ -54,16 +54,31 @@ _BRANCH_DIGITS = 12  # of the cycles of a family
 _STATES = ("inverted", "noninverted")
 
 
-@disk_command("Integrate one motion, with half-widths of its states and events, at 201 even times if none are given.")
+@disk_command(
+    "Integrate one motion, with half-widths of its states and events, at 201 even times "
+    "if none are given."
+)
 @at_a_speed
-@click.option("--state", required=True, metavar="BETA,GAMMA,V", help="The initial state, such as pi/2,pi/2+0.4,0.")
-@click.option("--time", required=True, metavar="T|T0,T1", help="The duration, or the start and end time [s].")
-@click.option("--times", metavar="N|FILE", help="The number of even times, or a file whose first column has the times.")
+@click.option(
+    "--state",
+    required=True,
+    metavar="BETA,GAMMA,V",
+    help="The initial state, such as pi/2,pi/2+0.4,0.",
+)
+@click.option(
+    "--time", required=True, metavar="T|T0,T1", help="The duration, or the start and end time [s]."
+)
+@click.option(
+    "--times",
+    metavar="N|FILE",
+    help="The number of even times, or a file whose first column has the times.",
+)
 @click.option(
     "--events",
     default="",
     metavar="NAME,...",
-    help="Crossings to report: section (beta = pi/2), turn (v = 0), surface (the sliding velocity is zero).",
+    help="Crossings to report: section (beta = pi/2), turn (v = 0), surface (the sliding velocity "
+    "is zero).",
 )
 @click.option(
     "--max-steps",
@@ -107,8 +122,12 @@ def integrate(
     entries = solution.to_dict()
     rows = _motion_rows(*(entries[name] for name in _MOTION))
     if out is not None:
-        _write_motion(solution, rows + [{**event, "event": event["name"]} for event in entries["events"]], out)
-    shown = {name: entries[name] for name in ("message", "end", "events")} | ({"samples": rows} if times else {})
+        _write_motion(
+            solution, rows + [{**event, "event": event["name"]} for event in entries["events"]], out
+        )
+    shown = {name: entries[name] for name in ("message", "end", "events")} | (
+        {"samples": rows} if times else {}
+    )
     common.show(entries, result_lines(shown))
     return 0 if solution.success else 1
 
@@ -125,7 +144,9 @@ def _times(text: str, ends: list[str]) -> Sequence[Any]:
         column = [line.split(",")[0].strip() for line in lines if line.strip()]
         return column[1:] if column[:1] == ["t"] else column
     if not 2 <= (count := int(text[:20])) <= _MOST_TIMES:
-        raise InputError(f"--times is a number from 2 to {_MOST_TIMES}, or a file, not '{text[:40]}'")
+        raise InputError(
+            f"--times is a number from 2 to {_MOST_TIMES}, or a file, not '{text[:40]}'"
+        )
     first, last = exact(ends[0] if len(ends) > 1 else 0), exact(ends[-1])
     return EvenTimes(first, last, count)
 
@@ -153,7 +174,9 @@ def _with_width_columns(rows: Sequence[dict[str, Any]]) -> list[dict[str, str]]:
     """
     lines = []
     for row in rows:
-        texts = {name: entry for name, entry in row.items() if isinstance(entry, str) and name != "name"}
+        texts = {
+            name: entry for name, entry in row.items() if isinstance(entry, str) and name != "name"
+        }
         numbers = {name: entry for name, entry in row.items() if isinstance(entry, dict)}
         widths = {f"{name}_uncertainty": entry["uncertainty"] for name, entry in numbers.items()}
         lines.append(texts | {name: entry["value"] for name, entry in numbers.items()} | widths)
@@ -163,10 +186,16 @@ def _with_width_columns(rows: Sequence[dict[str, Any]]) -> list[dict[str, str]]:
 @disk_command("Compute states, eigenvalues and stability of inverted and noninverted spinning.")
 @at_a_speed
 def equilibria(common: Common, omega: Fraction) -> dict[str, Any]:
-    return {name: common.disk.equilibrium(name, omega, digits=common.digits).to_dict() for name in _STATES}
+    return {
+        name: common.disk.equilibrium(name, omega, digits=common.digits).to_dict()
+        for name in _STATES
+    }
 
 
-@disk_command("Compute the Hopf point: speed, period, first Lyapunov coefficient, laws of amplitude and period.")
+@disk_command(
+    "Compute the Hopf point: speed, period, first Lyapunov coefficient, laws of "
+    "amplitude and period."
+)
 def hopf(common: Common) -> Any:
     return common.disk.hopf(digits=common.digits)
 
@@ -177,10 +206,14 @@ def hopf(common: Common) -> Any:
     type=int,
     required=True,
     metavar="N",
-    help="The highest order in epsilon, 0 to 40. Order 8 takes about ten seconds, 12 half a minute.",
+    help="The highest order in epsilon, 0 to 40. Order 8 takes about ten seconds, 12 half a "
+    "minute.",
 )
 @click.option(
-    "--omega", callback=decimal, metavar="X", help="The spinning speed [rad/s]; Omega_crit - 0.5 if not given."
+    "--omega",
+    callback=decimal,
+    metavar="X",
+    help="The spinning speed [rad/s]; Omega_crit - 0.5 if not given.",
 )
 @click.option(
     "--beta",
@@ -206,10 +239,22 @@ def slow_manifold(common: Common, order: int, omega: str | None, beta: str, gamm
 @omega_option
 @below_crit_option
 @click.option(
-    "--above-het", callback=decimal, metavar="D", help="The speed Omega_h + D [rad/s], with D as small as 1e-100."
+    "--above-het",
+    callback=decimal,
+    metavar="D",
+    help="The speed Omega_h + D [rad/s], with D as small as 1e-100.",
 )
-@click.option("--below-het", callback=decimal, metavar="D", help="The speed Omega_h - D [rad/s], of a rotating cycle.")
-@click.option("--at-fold", is_flag=True, help="Compute the folds of the family, where two cycles meet and end.")
+@click.option(
+    "--below-het",
+    callback=decimal,
+    metavar="D",
+    help="The speed Omega_h - D [rad/s], of a rotating cycle.",
+)
+@click.option(
+    "--at-fold",
+    is_flag=True,
+    help="Compute the folds of the family, where two cycles meet and end.",
+)
 @rotating_option
 @unstable_option
 @half_widths_option
@@ -231,44 +276,77 @@ def orbit(
         raise InputError("--below-het belongs to --rotating")
     distance = {"below_het": below_het} if rotating else {"above_het": above_het}
     speeds = {"omega": omega, "below_crit": below_crit, **distance}
-    one_speed(**{f"--{name.replace('_', '-')}": speed for name, speed in speeds.items()}, **{"--at-fold": at_fold})
+    one_speed(
+        **{f"--{name.replace('_', '-')}": speed for name, speed in speeds.items()},
+        **{"--at-fold": at_fold},
+    )
     if unstable and omega is None and below_crit is None:
         raise InputError("--unstable goes with --omega or --below-crit")
     if at_fold:
         return disk.rotation_fold(digits=digits) if rotating else disk.folds(digits=digits)
     if rotating:
-        return disk.rotating_cycle(**speeds, stable=not unstable, digits=digits, half_widths=half_widths)
-    return disk.limit_cycle(**speeds, stable=False if unstable else None, digits=digits, half_widths=half_widths)
+        return disk.rotating_cycle(
+            **speeds, stable=not unstable, digits=digits, half_widths=half_widths
+        )
+    return disk.limit_cycle(
+        **speeds, stable=False if unstable else None, digits=digits, half_widths=half_widths
+    )
 
 
-@disk_command("Compute a limit cycle by harmonic balance of the full equations, without an integrator.")
+@disk_command(
+    "Compute a limit cycle by harmonic balance of the full equations, without an integrator."
+)
 @at_a_speed
-@click.option("--harmonics", type=int, metavar="N", help="Number of odd harmonics; chosen for the digits if not given.")
+@click.option(
+    "--harmonics",
+    type=int,
+    metavar="N",
+    help="Number of odd harmonics; chosen for the digits if not given.",
+)
 def harmonic_balance(common: Common, omega: Fraction, harmonics: int | None) -> Any:
     return common.disk.harmonic_balance(omega, harmonics=harmonics, digits=common.digits)
 
 
 @disk_command(
-    "Compute the family of limit cycles from Omega_crit towards Omega_h, through any folds, or the rotating ones."
+    "Compute the family of limit cycles from Omega_crit towards Omega_h, through any folds, or the "
+    "rotating ones."
 )
 @click.option("--paper-sets", is_flag=True, help="Use the paper's sets A^in and A^de: 801 speeds.")
 @click.option("--omegas", metavar="X,X,...", help="Use these speeds [rad/s], in this order.")
 @rotating_option
-@click.option("--out", callback=file_for(".csv"), metavar="FILE.csv", help="Write the family there as CSV.")
+@click.option(
+    "--out", callback=file_for(".csv"), metavar="FILE.csv", help="Write the family there as CSV."
+)
 @half_widths_option
 def branch(
-    common: Common, paper_sets: bool, omegas: str | None, rotating: bool, out: Path | None, half_widths: bool
+    common: Common,
+    paper_sets: bool,
+    omegas: str | None,
+    rotating: bool,
+    out: Path | None,
+    half_widths: bool,
 ) -> int:
     if common.digits > _BRANCH_DIGITS:
-        raise InputError(f"a branch has at most 12 digits, not {common.digits}: use orbit for more at single speeds")
+        raise InputError(
+            f"a branch has at most 12 digits, not {common.digits}: use orbit for more "
+            f"at single speeds"
+        )
     if paper_sets and (omegas is not None or rotating):
-        raise InputError("--paper-sets has its own speeds, and no rotating cycles: leave out the other option")
-    disk, speeds, seen = common.disk, None if omegas is None else omegas.split(","), not common.quiet
+        raise InputError(
+            "--paper-sets has its own speeds, and no rotating cycles: leave out the other option"
+        )
+    disk, speeds, seen = (
+        common.disk,
+        None if omegas is None else omegas.split(","),
+        not common.quiet,
+    )
     cycles: Sequence[LimitCycle | RotatingCycle | MissingCycle]
     if rotating:
         cycles = disk.rotating_branch(speeds, progress=seen)
     else:
-        cycles = disk.branch(speeds, paper_sets=paper_sets, half_widths=half_widths, progress=seen).cycles
+        cycles = disk.branch(
+            speeds, paper_sets=paper_sets, half_widths=half_widths, progress=seen
+        ).cycles
     if out is not None:
         write_csv(out, *_family_table(cycles))
     result: dict[str, Any] = {"orbits": [cycle.to_dict() for cycle in cycles]}
@@ -281,7 +359,9 @@ def branch(
     return 0
 
 
-def _family_table(rows: Sequence[LimitCycle | RotatingCycle | MissingCycle]) -> tuple[list[str], list[list[object]]]:
+def _family_table(
+    rows: Sequence[LimitCycle | RotatingCycle | MissingCycle],
+) -> tuple[list[str], list[list[object]]]:
     """Return a header, and a row for each cycle: numbers with half-widths, stability and status.
 
     A speed without a cycle has empty cells, and the reason as its status.
@@ -304,21 +384,45 @@ def _family_lines(result: dict[str, Any]) -> Iterator[str]:
         for entries in result["orbits"]
     )
     yield from table([heading(name) for name in shown], rows)
-    yield from dict.fromkeys(entries["status"] for entries in result["orbits"] if "status" in entries)
+    yield from dict.fromkeys(
+        entries["status"] for entries in result["orbits"] if "status" in entries
+    )
     yield from result_lines({name: entry for name, entry in result.items() if name != "orbits"})
 
 
-@disk_command("Compute what each of many initial states ends on: fractions with sampling errors, and a picture.")
+@disk_command(
+    "Compute what each of many initial states ends on: fractions with sampling errors, "
+    "and a picture."
+)
 @at_a_speed
-@click.option("--count", type=int, default=100_000, show_default=True, metavar="N", help="Number of initial states.")
 @click.option(
-    "--seconds", type=float, default=20.0, show_default=True, metavar="T", help="The duration of each motion [s]."
+    "--count",
+    type=int,
+    default=100_000,
+    show_default=True,
+    metavar="N",
+    help="Number of initial states.",
 )
 @click.option(
-    "--velocity", type=float, default=0.0, show_default=True, metavar="V", help="The initial d(beta)/dt [rad/s]."
+    "--seconds",
+    type=float,
+    default=20.0,
+    show_default=True,
+    metavar="T",
+    help="The duration of each motion [s].",
 )
 @click.option(
-    "--margin", metavar="BETA,GAMMA,V", help="Compute only the distance of this start from the boundary, in beta [rad]."
+    "--velocity",
+    type=float,
+    default=0.0,
+    show_default=True,
+    metavar="V",
+    help="The initial d(beta)/dt [rad/s].",
+)
+@click.option(
+    "--margin",
+    metavar="BETA,GAMMA,V",
+    help="Compute only the distance of this start from the boundary, in beta [rad].",
 )
 @click.option("--out", metavar="DIR", help="Write picture and CSV there.")
 @jobs_option
@@ -350,7 +454,11 @@ def basin(
         with suppress(InputError, AccuracyError):  # no boundary below the rotating cycles' fold
             boundary = disk.basin_boundary(omega)
         save(draw_basins(plane, boundary), folder, "basins")
-        write_csv(folder / "basins.csv", ("beta [rad]", "gamma [rad]", "v [rad/s]", "ends on"), plane.rows())
+        write_csv(
+            folder / "basins.csv",
+            ("beta [rad]", "gamma [rad]", "v [rad/s]", "ends on"),
+            plane.rows(),
+        )
     return plane
 
 
@@ -365,10 +473,13 @@ def basin(
 @click.option(
     "--near",
     metavar="FIRST:LAST:COUNT",
-    help="Study the cycles at these distances above Omega_h [rad/s] instead, evenly spaced in the logarithm.",
+    help="Study the cycles at these distances above Omega_h [rad/s] instead, evenly spaced in the "
+    "logarithm.",
 )
 @click.option(
-    "--answers", metavar="FILE.csv", help="With --near: periods found elsewhere, in columns omega and period."
+    "--answers",
+    metavar="FILE.csv",
+    help="With --near: periods found elsewhere, in columns omega and period.",
 )
 @click.option(
     "--out",
@@ -378,22 +489,34 @@ def basin(
 )
 @half_widths_option
 def heteroclinic(
-    common: Common, method: str, near: str | None, answers: str | None, out: Path | None, half_widths: bool
+    common: Common,
+    method: str,
+    near: str | None,
+    answers: str | None,
+    out: Path | None,
+    half_widths: bool,
 ) -> Any:
     if near is not None:
         return _near_heteroclinic(common, near, answers, out)
     if answers is not None or (out is not None and out.suffix.lower() == ".png"):
         raise InputError("--answers and a figure go with --near FIRST:LAST:COUNT")
-    connection = common.disk.heteroclinic(digits=common.digits, method=method, half_widths=half_widths)
+    connection = common.disk.heteroclinic(
+        digits=common.digits, method=method, half_widths=half_widths
+    )
     if out is not None:
         times, states, widths = connection.samples()
         exact_times = [exact_text(Fraction(time)) for time in times]
-        write_table(out, _with_width_columns(_motion_rows(exact_times, *with_widths(states, widths))))
+        write_table(
+            out, _with_width_columns(_motion_rows(exact_times, *with_widths(states, widths)))
+        )
     return connection
 
 
 def _near_heteroclinic(common: Common, near: str, answers: str | None, out: Path | None) -> int:
-    """Study the cycles next to Omega_h. Show a row for each distance and answer, and write the table or the figure."""
+    """Study the cycles next to Omega_h.
+
+    Show a row for each distance and answer, and write the table or the figure.
+    """
     pairs = None if answers is None else _answers(read_text(Path(answers), _LARGEST_FILE))
     study = common.disk.near_heteroclinic(_distances(near), answers=pairs)
     result = study.to_dict()
@@ -403,7 +526,10 @@ def _near_heteroclinic(common: Common, near: str, answers: str | None, out: Path
         write_bytes(out, encoded(study.plot().figure, "png"))
     elif out is not None:
         rows = [{**row, **dict(zip(_LAWS, row["law"], strict=True))} for row in result["rows"]]
-        write_table(out, _with_width_columns([{key: row[key] for key in row if key != "law"} for row in rows]))
+        write_table(
+            out,
+            _with_width_columns([{key: row[key] for key in row if key != "law"} for row in rows]),
+        )
     common.show(result, _near_lines(study))
     return 0
 
@@ -411,7 +537,8 @@ def _near_heteroclinic(common: Common, near: str, answers: str | None, out: Path
 def _near_lines(study: NearHeteroclinic) -> Iterator[str]:
     law = study.period_law
     yield (
-        f"T = {float(law.slope):.9g} ln D + {float(law.constant):.9g} + {float(law.coefficient):.6g} "
+        f"T = {float(law.slope):.9g} ln D + {float(law.constant):.9g} + "
+        f"{float(law.coefficient):.6g} "
         f"D^{float(law.exponent):.6g} + ..., D above Omega_h in rad/s, T in s"
     )
     header = ("D [rad/s]", "T [s]", "1 term", "2 terms", "3 terms", "multiplier", "a double")
@@ -445,7 +572,9 @@ def _near_lines(study: NearHeteroclinic) -> Iterator[str]:
 
 
 def _distances(text: str) -> list[str]:
-    """Return distances evenly spaced in the logarithm, as decimals of three digits, from FIRST:LAST:COUNT."""
+    """Return distances evenly spaced in the logarithm, as decimals of three digits, from
+    FIRST:LAST:COUNT.
+    """
     try:
         first, last, count = text.split(":")
         ends, number = [math.log10(float(exact(end))) for end in (first, last)], int(count)
@@ -453,7 +582,8 @@ def _distances(text: str) -> list[str]:
             raise ValueError
     except (ValueError, ArithmeticError):
         raise InputError(
-            f"--near is FIRST:LAST:COUNT, such as 1e-2:1e-20:10, with COUNT up to {_MOST_DISTANCES}, not '{text[:60]}'"
+            f"--near is FIRST:LAST:COUNT, such as 1e-2:1e-20:10, with COUNT up to "
+            f"{_MOST_DISTANCES}, not '{text[:60]}'"
         ) from None
     steps = [n / max(1, number - 1) for n in range(number)]
     exponents = [ends[0] + (ends[1] - ends[0]) * step for step in steps]
@@ -461,7 +591,10 @@ def _distances(text: str) -> list[str]:
 
 
 def _answers(text: str) -> list[tuple[str, str]]:
-    """Return the pairs of a table with the columns omega and period. Raises InputError for another table."""
+    """Return the pairs of a table with the columns omega and period.
+
+    Raises InputError for another table.
+    """
     rows = list(csv.DictReader(text.splitlines()))
     if not rows or not {"omega", "period"} <= set(rows[0]):
         raise InputError("--answers needs a CSV file with the columns omega and period")

@@ -26,17 +26,26 @@ __all__ = ["COMMANDS"]
 @click.option("--data", metavar="DIR", help="The folder to check; the installed data if not given.")
 @click.option("--all", "all_", is_flag=True, help="Compute every number again (takes an hour).")
 @click.option(
-    "--sample", type=int, default=20, show_default=True, metavar="N", help="The number of entries to compute again."
+    "--sample",
+    type=int,
+    default=20,
+    show_default=True,
+    metavar="N",
+    help="The number of entries to compute again.",
 )
 @click.option("--seed", type=int, default=0, metavar="N", help="The seed that chooses the sample.")
 @jobs_option
-def check(output: Output, data: str | None, all_: bool, sample: int, seed: int, jobs: int | None) -> int:
+def check(
+    output: Output, data: str | None, all_: bool, sample: int, seed: int, jobs: int | None
+) -> int:
     from tippedisk_verify.reference_values.checking import check as checked
     from tippedisk_verify.reference_values.manifest import data_folder
 
     folder = data_folder() if data is None else Path(data)
     with output.progress() as advance, processes(jobs, needed=bool(sample) or all_) as pool:
-        report = checked(folder, sample=None if all_ else sample, seed=seed, executor=pool, advance=advance)
+        report = checked(
+            folder, sample=None if all_ else sample, seed=seed, executor=pool, advance=advance
+        )
     total = (
         f"{report.files} files, {report.numbers} numbers, {report.recomputed} computed again: "
         f"{len(report.faults) or 'no'} {'fault' if len(report.faults) == 1 else 'faults'}"
@@ -46,7 +55,8 @@ def check(output: Output, data: str | None, all_: bool, sample: int, seed: int, 
 
 
 @command(
-    "List the ids that start with PREFIX, such as table1/linear/limit-cycle, after a line with the data's version."
+    "List the ids that start with PREFIX, such as table1/linear/limit-cycle, after a line with the "
+    "data's version."
 )
 @click.argument("prefix", default="")
 def list_(output: Output, prefix: str) -> int:
@@ -103,7 +113,9 @@ def _lines(quantity: Quantity) -> Iterator[str]:
         yield f"  from {reading:8s} {value} ± {uncertainty}"
     inputs = ", ".join(f"{heading(name)} {text}" for name, text in quantity.inputs.items())
     yield f"  inputs        {inputs or 'the parameters only'}"
-    distances = ", ".join(f"{name} within {away}" for name, away in quantity.methods.items() if away != "0")
+    distances = ", ".join(
+        f"{name} within {away}" for name, away in quantity.methods.items() if away != "0"
+    )
     grade = f"{quantity.grade}: {', '.join(quantity.methods)}"
     yield f"  grade         {grade}" + (f" ({distances})" if distances else "")
     if quantity.proof is not None:

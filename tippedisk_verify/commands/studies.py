@@ -65,7 +65,9 @@ __all__ = ["COMMANDS"]
     help="Run in one process, on all cores of this machine, or on a cluster.",
 )
 @jobs_option
-def sweep(common: Common, analysis: str, over: tuple[str, ...], out: Path, executor: str, jobs: int | None) -> int:
+def sweep(
+    common: Common, analysis: str, over: tuple[str, ...], out: Path, executor: str, jobs: int | None
+) -> int:
     from tippedisk_verify.sweep.plan import Plan, axis
     from tippedisk_verify.sweep.running import swept
 
@@ -90,7 +92,12 @@ def sweep(common: Common, analysis: str, over: tuple[str, ...], out: Path, execu
 @click.option("--answers", multiple=True, metavar="FILE.csv", help="Show runs made elsewhere, too.")
 @click.option("--out", metavar="DIR", help="Write a figure, CSV and JSON there.")
 def bench(
-    output: Output, peers: bool, only: tuple[str, ...], program: str | None, answers: tuple[str, ...], out: str | None
+    output: Output,
+    peers: bool,
+    only: tuple[str, ...],
+    program: str | None,
+    answers: tuple[str, ...],
+    out: str | None,
 ) -> int:
     from tippedisk_verify.bench.methods import METHODS
     from tippedisk_verify.bench.peers import peer_methods
@@ -131,7 +138,8 @@ def _bench_lines(result: dict[str, Any]) -> Iterator[str]:
         yield "" if run["status"] == "reached" else run["status"]
 
     yield from table(
-        ("problem", "method", "setting", "time [ms]", "error", "status"), map(list, map(shown, result["runs"]))
+        ("problem", "method", "setting", "time [ms]", "error", "status"),
+        map(list, map(shown, result["runs"])),
     )
     for row in result["ratios"]:
         slower = [
@@ -144,24 +152,35 @@ def _bench_lines(result: dict[str, Any]) -> Iterator[str]:
 
 
 # ------------------------------------------------------------------------------------------ stress
-@command("Try extreme parameters, states, tolerances and speeds: each must give correct digits, or a clear refusal.")
+@command(
+    "Try extreme parameters, states, tolerances and speeds: each must give correct digits, or "
+    "a clear refusal."
+)
 @click.option("--only", multiple=True, metavar="CASE", help="Run only this case.")
 @click.option("--quick", is_flag=True, help="Run only cases that take some seconds at most.")
 @click.option("--list", "list_", is_flag=True, help="List the cases and their required outcomes.")
 @jobs_option
-def stress(output: Output, only: tuple[str, ...], quick: bool, list_: bool, jobs: int | None) -> int:
+def stress(
+    output: Output, only: tuple[str, ...], quick: bool, list_: bool, jobs: int | None
+) -> int:
     from tippedisk_verify.stress.battery import cases_named, outcome_of
 
     cases = cases_named(only, quick)
     if list_:
-        listing = [{"name": case.name, "says": case.says, "expected": case.expected()} for case in cases]
-        lines = table(("case", "what it is", "expected"), (list(entry.values()) for entry in listing))
+        listing = [
+            {"name": case.name, "says": case.says, "expected": case.expected()} for case in cases
+        ]
+        lines = table(
+            ("case", "what it is", "expected"), (list(entry.values()) for entry in listing)
+        )
         replace(output, quiet=False).show({"cases": listing}, lines)
         return 0
     # The long cases first, so that the cores are busy until the end.
     order = [case.name for case in sorted(cases, key=lambda case: case.quick)]
     with processes(jobs, needed=len(cases) > 1) as pool:
-        by_name = dict(watched(as_done(outcome_of, order, pool), "cases", len(cases), not output.quiet))
+        by_name = dict(
+            watched(as_done(outcome_of, order, pool), "cases", len(cases), not output.quiet)
+        )
     outcomes = [by_name[case.name] for case in cases]
     failed = [outcome.name for outcome in outcomes if not outcome.passed]
     rows = (

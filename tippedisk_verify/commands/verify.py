@@ -38,12 +38,16 @@ _MOST_PROCESSES = 8  # the main job has not enough tasks for more
 
 @disk_command(
     "Audit every claim of the paper; write the report, figures and data.\n\n"
-    "All claims take a minute on two cores, with figures. Results are stored, so a second run takes seconds."
+    "All claims take a minute on two cores, with figures. Results are stored, so a second run "
+    "takes seconds."
 )
 @click.argument("more", nargs=-1, metavar="[CLAIM]...")
 @click.option("--out", metavar="DIR", help="Write report, figures and data there.")
 @click.option(
-    "--only", multiple=True, metavar="CLAIM", help="Examine only these claims, by name or by equation (eq.7, or 7)."
+    "--only",
+    multiple=True,
+    metavar="CLAIM",
+    help="Examine only these claims, by name or by equation (eq.7, or 7).",
 )
 @click.option("--list", "list_", is_flag=True, help="List the claims without examining them.")
 @click.option("--fresh", is_flag=True, help="Compute everything again, without stored results.")
@@ -85,21 +89,36 @@ def verify(
     order = AuditJob(common.disk, common.digits, tuple(claim.name for claim in claims))
     tasks = tasks_for(order, figures=folder is not None)
     with common.progress(len(tasks) + (folder is not None)) as advance:
-        outcome = run(order, tasks, Cache(default_folder(), fresh=fresh), lambda wanted: _pool(jobs, wanted), advance)
-        records = {task.name: record for task, record in outcome.records.items() if task.kind == "claim"}
+        outcome = run(
+            order,
+            tasks,
+            Cache(default_folder(), fresh=fresh),
+            lambda wanted: _pool(jobs, wanted),
+            advance,
+        )
+        records = {
+            task.name: record for task, record in outcome.records.items() if task.kind == "claim"
+        }
         findings = [(claim, Finding.of_record(records[claim.name])) for claim in claims]
         figures = [outcome.records[task] for task in tasks if task.kind == "figure"]
-        results = results_json(order, findings, figures, run_facts(began, len(tasks), len(outcome.kept)))
+        results = results_json(
+            order, findings, figures, run_facts(began, len(tasks), len(outcome.kept))
+        )
         if folder is not None:
             from tippedisk_verify.report.files import write_report
 
             advance("report", 0)
-            (formulas,) = [record for task, record in outcome.records.items() if task.kind == "formulas"]
+            (formulas,) = [
+                record for task, record in outcome.records.items() if task.kind == "formulas"
+            ]
             write_report(folder, results, findings, figures, formulas)
             advance("report", 1)
     lines = list(_verdict_lines(order, findings, long, equations_named(names)))
     if outcome.kept:
-        lines.append(f"{len(outcome.kept)} of {len(tasks)} results are from earlier runs: --fresh computes them again")
+        lines.append(
+            f"{len(outcome.kept)} of {len(tasks)} results are from earlier runs: --fresh "
+            f"computes them again"
+        )
     if folder is not None:
         lines.append(f"report, figures and data: {folder} (open {folder / 'report.html'})")
     common.show(results, lines)
@@ -119,14 +138,23 @@ def _listed(common: Common) -> int:
     from tippedisk_verify.audit.catalogue import CLAIMS
 
     width = max(len(claim.name) for claim in CLAIMS)
-    listing = [{"name": claim.name, "source": claim.source, "statement": claim.statement} for claim in CLAIMS]
-    lines = (f"{claim.name:{width}}  {claim.statement} ({claim.source.partition(', ')[0]})" for claim in CLAIMS)
+    listing = [
+        {"name": claim.name, "source": claim.source, "statement": claim.statement}
+        for claim in CLAIMS
+    ]
+    lines = (
+        f"{claim.name:{width}}  {claim.statement} ({claim.source.partition(', ')[0]})"
+        for claim in CLAIMS
+    )
     common.show({"claims": listing}, lines)
     return 0
 
 
 def _verdict_lines(
-    order: AuditJob, findings: Sequence[tuple[Claim, Finding]], long: bool, equations: Sequence[str] = ()
+    order: AuditJob,
+    findings: Sequence[tuple[Claim, Finding]],
+    long: bool,
+    equations: Sequence[str] = (),
 ) -> Iterator[str]:
     """Yield the verdict on each named equation, then a table of the claims.
 
@@ -157,9 +185,14 @@ def _verdict_lines(
         if len(values) > 1 and len(set(values.values())) == 1:
             values = {"every set": next(iter(values.values()))}
         if claim.printed:
-            values = {"paper": claim.formula if claim.printed == "formula" else claim.printed, **values}
+            values = {
+                "paper": claim.formula if claim.printed == "formula" else claim.printed,
+                **values,
+            }
         yield f"    {'; '.join(f'{name}: {text}' for name, text in values.items())}{unit}"
-        yield from (f"    {part}: {entry[part]}" for part in ("cause", "instead", "note") if entry[part])
+        yield from (
+            f"    {part}: {entry[part]}" for part in ("cause", "instead", "note") if entry[part]
+        )
         if proof := entry["proof"]:
             yield f"    {entry['grade']} by {proof['theorem']}: {proof['proves']}"
     yield totals(summary(findings)) + "."
@@ -178,14 +211,25 @@ def _computed(entry: dict[str, Any]) -> str:
 @disk_command("Compute the panels a to f of the paper's figures 3D and proj_3D.")
 @click.argument("names", nargs=-1, required=True, metavar="NAME...|all")
 @click.option("--out", metavar="DIR", help="Write the figures and CSV data there.")
-@click.option("--omega-h", callback=decimal, metavar="X", help="Use this Omega_h [rad/s] instead of finding it.")
+@click.option(
+    "--omega-h",
+    callback=decimal,
+    metavar="X",
+    help="Use this Omega_h [rad/s] instead of finding it.",
+)
 def scene(common: Common, names: Sequence[str], out: str | None, omega_h: str | None) -> int:
     if common.digits > 12:
-        raise InputError(f"scenes have at most 12 digits, not {common.digits}: their orbits run in double precision")
+        raise InputError(
+            f"scenes have at most 12 digits, not {common.digits}: their orbits run in "
+            f"double precision"
+        )
     from tippedisk_verify.motion.scenes import SCENES, scene_named
 
     every = [scene.name for scene in SCENES]
-    disk, chosen = common.disk, every if "all" in names else dict.fromkeys(scene_named(name).name for name in names)
+    disk, chosen = (
+        common.disk,
+        every if "all" in names else dict.fromkeys(scene_named(name).name for name in names),
+    )
     panels = {}
     with common.progress(len(chosen)) as advance:
         folder = alone_in(out)

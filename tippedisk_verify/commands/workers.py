@@ -85,7 +85,9 @@ class Checked(Executor):
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
         """Submit a call with a check of the worker's code."""
-        return self._executor.submit(pickle.loads, pickle.dumps(_Call(partial(fn, *args, **kwargs))))
+        return self._executor.submit(
+            pickle.loads, pickle.dumps(_Call(partial(fn, *args, **kwargs)))
+        )
 
 
 @dataclass(frozen=True)
@@ -101,7 +103,9 @@ class _Call:
 def _checked(version: str, call: Callable[[], Any]) -> Any:
     if (mine := code_version()) != version:
         where = f"process {os.getpid()} on {platform.node()}"
-        raise AccuracyError(f"all workers need the same code, but {where} has {mine} instead of {version}")
+        raise AccuracyError(
+            f"all workers need the same code, but {where} has {mine} instead of {version}"
+        )
     return call()
 
 
@@ -125,15 +129,23 @@ def cluster(address: str) -> Iterator[Executor]:
             with warnings.catch_warnings(action="ignore"):  # about versions, which each call checks
                 client: Any = Client(f"tcp://{host}", timeout=_PATIENCE, set_as_default=False)  # type: ignore[no-untyped-call]
         except Exception:  # another server may answer anything
-            raise InputError(f"no Dask scheduler answers at {host[:80]}: give the address that it printed") from None
+            raise InputError(
+                f"no Dask scheduler answers at {host[:80]}: give the address that it printed"
+            ) from None
         with client:
             try:
                 client.wait_for_workers(1, timeout=_PATIENCE)
             except TimeoutError:
-                raise AccuracyError(f"{host} has no worker: start some with 'dask worker tcp://{host}'") from None
+                raise AccuracyError(
+                    f"{host} has no worker: start some with 'dask worker tcp://{host}'"
+                ) from None
             yield Checked(client.get_executor(pure=False))
     except (CancelledError, KilledWorker, ImportError, AttributeError) as fault:
-        reason = "its scheduler is gone, or was started anew" if isinstance(fault, CancelledError) else fault
+        reason = (
+            "its scheduler is gone, or was started anew"
+            if isinstance(fault, CancelledError)
+            else fault
+        )
         raise AccuracyError(f"the cluster at {host} failed: {reason}") from None
     finally:
         logging.disable(before)

@@ -33,8 +33,11 @@ _READ = (
     _pattern(rf"(?P<mantissa>{_MANTISSA})(?:[edq](?P<exponent>[+-]?\d{{1,9}}))?"),
     # Fortran leaves out the letter before an exponent of three digits.
     _pattern(r"(?P<mantissa>[+-]?(?:\d+\.\d*|\.\d+))(?P<exponent>[+-]\d{3})"),
-    # Mathematica's InputForm: a backquote, with the precision behind it or not, and *^ before the exponent.
-    _pattern(rf"(?P<mantissa>{_MANTISSA})(?:`{{1,2}}{_SIZE}?)?(?:\*\^(?P<exponent>[+-]?\d{{1,9}}))?"),
+    # Mathematica's InputForm: a backquote, with the precision behind it or not, and *^ before the
+    # exponent.
+    _pattern(
+        rf"(?P<mantissa>{_MANTISSA})(?:`{{1,2}}{_SIZE}?)?(?:\*\^(?P<exponent>[+-]?\d{{1,9}}))?"
+    ),
 )
 _INFINITE = _pattern(r"(?P<sign>[+-]?)(?:inf(?:inity)?(?:f|16|32|64)?|1\.#(?:inf0*|j)|\.inf)")
 #: The texts for a missing number: NaN in C's, Microsoft's and Julia's spelling, and other names.
@@ -60,7 +63,10 @@ _THOUSANDS = "a number with its thousands separated; write the digits alone"
 _UNCERTAIN = f"a number with its uncertainty; {_ALONE}"
 #: Patterns of texts, each with a description and advice. The first row that fits counts.
 _REASONS = [
-    (rf"{_MANTISSA}[edq][+-]?\d{{10,}}", "an exponent of more than nine digits; write a number that doubles can hold"),
+    (
+        rf"{_MANTISSA}[edq][+-]?\d{{10,}}",
+        "an exponent of more than nine digits; write a number that doubles can hold",
+    ),
     (r"\(longer than \d+ characters\)", "more characters than an answer has; write one number"),
     # Dates.
     (rf"\d{{1,4}}[-./ ]*{_MONTH}(?:[-./ ]*\d{{2,4}})?", _DATE),
@@ -68,7 +74,10 @@ _REASONS = [
     (r"\d{1,4}([-./])\d{1,2}\1\d{1,4}(?:[t ][\d:.z]*)?", _DATE),
     (r"\d{1,2}:\d{2}(?::\d{2}(?:[.,]\d*)?)?(?: ?[ap]m)?", "a time of day; write a number"),
     # Fields without a number.
-    (r"#+|[+-]?\*+", "a field too narrow for its number, as Fortran and spreadsheets show it; make it wider"),
+    (
+        r"#+|[+-]?\*+",
+        "a field too narrow for its number, as Fortran and spreadsheets show it; make it wider",
+    ),
     (r"#[\w/]+[!?]?|err:\d+", "an error of a spreadsheet; mend the cell, or leave it empty"),
     (r"\(?(?:true|false|bool|yes|no|wahr|falsch|vrai|faux)\)?", "a truth value; write a number"),
     (r"\((?:list|dict)\)", "a list or an object of JSON; write one number"),
@@ -91,23 +100,41 @@ _REASONS = [
         f"a number with its unit; {_ALONE}",
     ),
     # Marks between the digits.
-    (r"[+-]?[1-9]\d{0,2},\d{3}", "a comma for decimals or for thousands; write a point, and nothing between thousands"),
+    (
+        r"[+-]?[1-9]\d{0,2},\d{3}",
+        "a comma for decimals or for thousands; write a point, and nothing between thousands",
+    ),
     (r"[+-]?(?:\d+,\d*|,\d+)(?:[edq][+-]?\d+)?", "a decimal comma; write a point"),
     (r"[+-]?\d{1,3}(?:[,' _]\d{3})+(?:[.,]\d*)?", _THOUSANDS),
     (r"[+-]?\d{1,3}(?:\.\d{3})+,\d*|[+-]?\d{1,3}(?:\.\d{3}){2,}", _THOUSANDS),
-    (rf"[+-]?\s*{_SIZE}\s*(?:[edq]\s*[+-]?\s*\d+)?", "a number with a space inside; write it without"),
+    (
+        rf"[+-]?\s*{_SIZE}\s*(?:[edq]\s*[+-]?\s*\d+)?",
+        "a number with a space inside; write it without",
+    ),
     (rf"{_MANTISSA}[edq][+-]?", "an exponent without its digits; write them"),
-    (rf"{_MANTISSA}[+-]\d+", "a difference, or an exponent without its letter; write it with e, as in 3.088e1"),
+    (
+        rf"{_MANTISSA}[+-]\d+",
+        "a difference, or an exponent without its letter; write it with e, as in 3.088e1",
+    ),
     (rf"{_NUMBER}\s*[,;.]+", f"a number with a comma, a semicolon or a point behind it; {_ALONE}"),
     (rf"{_NUMBER}(?:\s*[,;|]\s*|\s+){_NUMBER}{_ANY}", "more than one number; write one"),
     # What programming languages write.
     (r"[+-]?0x[0-9a-f]*\.?[0-9a-f]*(?:p[+-]?\d+)?", "a hexadecimal number; write a decimal one"),
     (rf"{_MANTISSA}_?f(?:16|32|64|128)", _LITERAL),
     (rf"{_NUMBER}(?:_\w+|[lu]+)", _LITERAL),
-    (rf"{_MANTISSA}f(?:[+-]?\d+)?", "a number in single precision; compute in double precision, and write e for f"),
+    (
+        rf"{_MANTISSA}f(?:[+-]?\d+)?",
+        "a number in single precision; compute in double precision, and write e for f",
+    ),
     (rf"[bru]?(['\"`]){_ANY}\d{_ANY}\1", "a number in quotes; write it without"),
-    (rf"[+-]?[a-z_][\w.:<>]*\s*[\[(]{_ANY}[\])]", f"how a language shows a number; {_ALONE}, as repr(float(x)) does"),
-    (rf"[a-z_]\w*\s*(?::=|=>|->|[:=])\s*{_ANY}\d{_ANY}", f"a number with a name before it; {_ALONE}"),
+    (
+        rf"[+-]?[a-z_][\w.:<>]*\s*[\[(]{_ANY}[\])]",
+        f"how a language shows a number; {_ALONE}, as repr(float(x)) does",
+    ),
+    (
+        rf"[a-z_]\w*\s*(?::=|=>|->|[:=])\s*{_ANY}\d{_ANY}",
+        f"a number with a name before it; {_ALONE}",
+    ),
     (rf"[<>~=]+\s*{_ANY}\d{_ANY}", f"a bound, an estimate or a formula; {_ALONE}"),
     (rf"[\[{{(]{_ANY}[\])}}]", f"a list, an array or a number in brackets; {_ALONE}"),
 ]
@@ -160,4 +187,7 @@ def _reason(text: str) -> str:
     if strange is not None:
         name = unicodedata.name(strange, "a control character")
         return f"it has U+{ord(strange):04X}, {name}; write digits, point and signs in ASCII characters"
-    return next((reason for row, reason in _REST if _pattern(row).fullmatch(text)), "no decimal number; write one")
+    return next(
+        (reason for row, reason in _REST if _pattern(row).fullmatch(text)),
+        "no decimal number; write one",
+    )

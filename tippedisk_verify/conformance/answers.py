@@ -19,7 +19,9 @@ __all__ = ["grade"]
 
 
 @undisturbed
-def grade(answers: Mapping[str, object], *, reading: Reading = "doubles", progress: bool | None = None) -> Report:
+def grade(
+    answers: Mapping[str, object], *, reading: Reading = "doubles", progress: bool | None = None
+) -> Report:
     """Return the grades of many answers, with a diagnosis.
 
     Anything but a number (None, a complex number, an array of several) is a failure with a note.
@@ -35,11 +37,15 @@ def grade(answers: Mapping[str, object], *, reading: Reading = "doubles", progre
         InputError: If an id is unknown, or there is no answer at all.
     """
     if not isinstance(answers, Mapping):
-        raise InputError(f"answers are given by id, as a dictionary, not as {type(answers).__name__}")
+        raise InputError(
+            f"answers are given by id, as a dictionary, not as {type(answers).__name__}"
+        )
     if not answers:
         raise InputError("there is no answer to grade")
     if reading not in ("decimals", "doubles"):
-        raise InputError(f"answers are computed from decimals or doubles, not from '{reading!s:.40}'")
+        raise InputError(
+            f"answers are computed from decimals or doubles, not from '{reading!s:.40}'"
+        )
     store = stored()
     if any(str(id_).startswith("fresh-") for id_ in answers):
         from tippedisk_verify.reference_values.fresh import with_fresh
@@ -57,8 +63,15 @@ def grade(answers: Mapping[str, object], *, reading: Reading = "doubles", progre
             notes[id_], text = str(fault), f"({type(answer).__name__})"
         collected.given[id_] = reading, text
     grades = [
-        replace(grade_, note=notes[grade_.id]) if grade_.id in notes else grade_ for grade_ in graded(collected, store)
+        replace(grade_, note=notes[grade_.id]) if grade_.id in notes else grade_
+        for grade_ in graded(collected, store)
     ]
     asked = [quantity for quantity in store.values() if quantity.set in collected.sets]
     with progress_of(progress=progress) as advance:
-        return Report("answers", collected, grades, levels_of(grades, asked), diagnosed(grades, store, advance))
+        return Report(
+            "answers",
+            collected,
+            grades,
+            levels_of(grades, asked),
+            diagnosed(grades, store, advance),
+        )

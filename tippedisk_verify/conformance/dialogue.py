@@ -49,7 +49,12 @@ class Program:
         pipe = subprocess.PIPE
         try:
             self._process = subprocess.Popen(
-                list(command), stdin=pipe, stdout=pipe, stderr=pipe, bufsize=0, start_new_session=True
+                list(command),
+                stdin=pipe,
+                stdout=pipe,
+                stderr=pipe,
+                bufsize=0,
+                start_new_session=True,
             )
         except (OSError, ValueError) as fault:
             reason = (isinstance(fault, OSError) and fault.strerror) or fault

@@ -62,7 +62,8 @@ LEVEL_NAMES = {
     10: "rotating cycles",
 }
 _LEAST_DIGITS = 1.0  # digits that even rounded inputs must leave
-_LARGEST_EXPONENT = 100_000  # the largest power of ten of an answer; arithmetic with larger ones takes long
+# The largest power of ten of an answer; arithmetic with larger ones takes long
+_LARGEST_EXPONENT = 100_000
 # The share of the digits needed from which on an answer is imprecise rather than wrong.
 _IMPRECISE_SHARE = 0.5
 
@@ -75,8 +76,8 @@ class Grade(Printable):
     level: int
     reading: str
     answer: str
-    #: -log10 of the error relative to `scale_of`; at most the digits of the reference itself. Without a
-    #: truth for the reading, the error is that from the decimals' truth.
+    #: -log10 of the error relative to `scale_of`; at most the digits of the reference itself.
+    #: Without a truth for the reading, the error is that from the decimals' truth.
     digits: float
     verdict: str  #: exact, agrees, rounding, few-digits, wrong, not-a-number, unreadable, no-truth
     truth: str = ""
@@ -91,7 +92,9 @@ class Grade(Printable):
     def shortfall(self, wanted: float) -> str:
         """Return one line on how the answer falls short of ``wanted`` digits."""
         short = f"{self.digits:.1f} digits, not {wanted:.3g}; the truth is {self.truth}"
-        return f"{self.id} = {self.answer[:40]}: {short if math.isfinite(self.digits) else self.note}"
+        return (
+            f"{self.id} = {self.answer[:40]}: {short if math.isfinite(self.digits) else self.note}"
+        )
 
     def to_dict(self) -> dict[str, Any]:
         entry = {
@@ -124,7 +127,9 @@ class Tally(Printable):
     friction: str = ""
 
     @classmethod
-    def of(cls, grades: Sequence[Grade], level: int, asked: int, quantity: str = "", friction: str = "") -> Tally:
+    def of(
+        cls, grades: Sequence[Grade], level: int, asked: int, quantity: str = "", friction: str = ""
+    ) -> Tally:
         """Count the grades of a level or of one quantity.
 
         Args:
@@ -135,11 +140,29 @@ class Tally(Printable):
             friction: The friction law; "" for a level.
         """
         digits = [grade.digits for grade in grades if math.isfinite(grade.digits)]
-        failed, few = sum(grade.failed for grade in grades), sum(grade.verdict == "few-digits" for grade in grades)
-        rounded, middle = sum(grade.verdict == "rounding" for grade in grades), median(digits or [math.nan])
+        failed, few = (
+            sum(grade.failed for grade in grades),
+            sum(grade.verdict == "few-digits" for grade in grades),
+        )
+        rounded, middle = (
+            sum(grade.verdict == "rounding" for grade in grades),
+            median(digits or [math.nan]),
+        )
         least = min(digits, default=math.nan)
         unread = sum(grade.digits == -math.inf for grade in grades)
-        return cls(level, asked, len(grades), failed, few, rounded, unread, least, middle, quantity, friction)
+        return cls(
+            level,
+            asked,
+            len(grades),
+            failed,
+            few,
+            rounded,
+            unread,
+            least,
+            middle,
+            quantity,
+            friction,
+        )
 
     @property
     def name(self) -> str:
@@ -155,16 +178,30 @@ class Tally(Printable):
         return "agrees" if self.answered == self.asked else "partial"
 
     def to_dict(self) -> dict[str, Any]:
-        least, middle = (None if math.isnan(digits) else round(digits, 1) for digits in (self.least, self.middle))
+        least, middle = (
+            None if math.isnan(digits) else round(digits, 1) for digits in (self.least, self.middle)
+        )
         counts = {"failed": self.failed, "too_few_digits": self.few}
         if self.quantity:
             about = {"level": self.level, "quantity": self.quantity, "friction": self.friction}
             return about | {"answered": self.answered} | counts | {"least_digits": least}
-        about = {"level": self.level, "name": self.name, "asked": self.asked, "answered": self.answered}
-        return about | {"least_digits": least, "median_digits": middle} | counts | {"rounding": self.rounded}
+        about = {
+            "level": self.level,
+            "name": self.name,
+            "asked": self.asked,
+            "answered": self.answered,
+        }
+        return (
+            about
+            | {"least_digits": least, "median_digits": middle}
+            | counts
+            | {"rounding": self.rounded}
+        )
 
 
-def digits_between(answer: Decimal, truth: Decimal, scale: Decimal, most: float = math.inf) -> float:
+def digits_between(
+    answer: Decimal, truth: Decimal, scale: Decimal, most: float = math.inf
+) -> float:
     """Return -log10(|answer - truth| / scale), between -99 and ``most``.
 
     Args:
@@ -191,12 +228,18 @@ def graded(answers: Answers, store: Mapping[str, Quantity]) -> list[Grade]:
         store: The questions with their truths.
     """
     with arithmetic():
-        return [_grade(quantity, *answers.given[id_]) for id_, quantity in store.items() if id_ in answers.given]
+        return [
+            _grade(quantity, *answers.given[id_])
+            for id_, quantity in store.items()
+            if id_ in answers.given
+        ]
 
 
 def _grade(quantity: Quantity, reading: str, text: str) -> Grade:
     def failed(verdict: str, note: str) -> Grade:
-        return Grade(quantity.id, quantity.level, reading, shown, -math.inf, verdict, note=note, needs=needs)
+        return Grade(
+            quantity.id, quantity.level, reading, shown, -math.inf, verdict, note=note, needs=needs
+        )
 
     needs, shown = needed(quantity), printable(text)
     try:
@@ -204,13 +247,17 @@ def _grade(quantity: Quantity, reading: str, text: str) -> Grade:
     except InputError as fault:
         return failed("unreadable", str(fault))
     if not answer.is_finite():
-        return failed("not-a-number", "it says that there is no number" if answer.is_nan() else "it is infinite")
+        return failed(
+            "not-a-number",
+            "it says that there is no number" if answer.is_nan() else "it is infinite",
+        )
     if answer and abs(answer.adjusted()) > _LARGEST_EXPONENT:
         return failed("not-a-number", f"its exponent is beyond {_LARGEST_EXPONENT}")
     value = quantity.values.get(reading)  # type: ignore[call-overload]
     if value is None:
         note = (
-            "doubles cannot tell the inputs apart: compute from the decimals, by whose truth these digits are counted"
+            "doubles cannot tell the inputs apart: compute from the decimals, by whose truth these "
+            "digits are counted"
         )
         from_decimals = _grade(quantity, "decimals", text)
         return replace(from_decimals, reading=reading, verdict="no-truth", note=note, off=math.nan)
@@ -236,11 +283,15 @@ def _grade(quantity: Quantity, reading: str, text: str) -> Grade:
         if abs(answer - other) <= width + half_unit:
             note = "the exact answer from doubles: the inputs were rounded"
     off = float(away / slopes) if slopes else math.nan
-    return Grade(quantity.id, quantity.level, reading, shown, digits, verdict, value[0], note, needs, off)
+    return Grade(
+        quantity.id, quantity.level, reading, shown, digits, verdict, value[0], note, needs, off
+    )
 
 
 def _nearest_double(answer: Decimal, truth: Decimal) -> bool:
-    """Return True if no double is a better answer: its seventeenth digit is not always the truth's."""
+    """Return True if no double is a better answer: its seventeenth digit is not always the
+    truth's.
+    """
     return 16 <= len(answer.as_tuple().digits) <= 17 and float(answer) == float(truth)
 
 
@@ -256,7 +307,9 @@ def levels_of(grades: Iterable[Grade], asked: Iterable[Quantity]) -> list[Tally]
     for grade in grades:
         if grade.verdict != "no-truth":
             by_level.setdefault(grade.level, []).append(grade)
-    return [Tally.of(own, level, counts.get(level, len(own))) for level, own in sorted(by_level.items())]
+    return [
+        Tally.of(own, level, counts.get(level, len(own))) for level, own in sorted(by_level.items())
+    ]
 
 
 def by_quantity(grades: Iterable[Grade]) -> list[Tally]:
@@ -273,7 +326,10 @@ def by_quantity(grades: Iterable[Grade]) -> list[Tally]:
             quantity = re.sub(r"_\d+$", "", plain) if "order" in place else plain
             groups.setdefault((grade.level, quantity, friction), []).append(grade)
     ordered = sorted(groups.items(), key=lambda item: item[0][0])
-    return [Tally.of(own, level, len(own), quantity, friction) for (level, quantity, friction), own in ordered]
+    return [
+        Tally.of(own, level, len(own), quantity, friction)
+        for (level, quantity, friction), own in ordered
+    ]
 
 
 def compare(id_: str, answer: object, *, reading: Reading = "doubles") -> Grade:
@@ -290,7 +346,9 @@ def compare(id_: str, answer: object, *, reading: Reading = "doubles") -> Grade:
     """
     quantity = reference(id_)
     if reading not in ("decimals", "doubles"):
-        raise InputError(f"an answer is computed from decimals or doubles, not from '{reading!s:.40}'")
+        raise InputError(
+            f"an answer is computed from decimals or doubles, not from '{reading!s:.40}'"
+        )
     text = answer_text(answer)
     with arithmetic():
         return _grade(quantity, reading, text)

@@ -60,7 +60,9 @@ class Interview:
         self._open = dict.fromkeys(row["id"] for row in rows)
         self._asked |= self._open.keys()
         begin = time.perf_counter()
-        self.broke_off = self.program.ask("".join(json.dumps(row) + "\n" for row in rows), self._open, self._take)
+        self.broke_off = self.program.ask(
+            "".join(json.dumps(row) + "\n" for row in rows), self._open, self._take
+        )
         seconds = time.perf_counter() - begin
         if self.broke_off:
             before = len(self._got)
@@ -69,7 +71,9 @@ class Interview:
                 self.broke_off += "; answers came when its input had ended: it must flush its output after each line"
         return self._got, seconds
 
-    def conduct(self, asked: Sequence[Quantity], first: Quantity, advance: Callable[[str, int], None]) -> None:
+    def conduct(
+        self, asked: Sequence[Quantity], first: Quantity, advance: Callable[[str, int], None]
+    ) -> None:
         """Ask all questions.
 
         Args:
@@ -92,15 +96,21 @@ class Interview:
             questions = {quantity.id: quantity for quantity in group}
             mine = [row for row in opening if row[0] in questions]
             got, seconds = self.exchange(
-                question_row(self._store, question) for question in questions.values() if question.id != first.id
+                question_row(self._store, question)
+                for question in questions.values()
+                if question.id != first.id
             )
             if (answered := sum(bool(row[2]) for row in got)) and not self.broke_off:
                 self._times.append((next(iter(questions.values())), answered, seconds))
-            grades = graded(collected([*mine, *got], self._store, self._reading, Answers()), questions)
+            grades = graded(
+                collected([*mine, *got], self._store, self._reading, Answers()), questions
+            )
             self.grades += grades
             failed += sum(grade.failed for grade in grades)
             level = next(iter(questions.values())).level
-            advance(f"level {level}: {len(self.grades)} graded, {failed} of them fail", len(questions))
+            advance(
+                f"level {level}: {len(self.grades)} graded, {failed} of them fail", len(questions)
+            )
             if self.broke_off:
                 break
 
@@ -117,7 +127,9 @@ class Interview:
 
     def sheet(self) -> str:
         """Return the answers as a sheet that `conformance grade` reads, one to a line."""
-        return "".join(json.dumps({"id": row[0], "from": row[1], "answer": row[2]}) + "\n" for row in self.rows)
+        return "".join(
+            json.dumps({"id": row[0], "from": row[1], "answer": row[2]}) + "\n" for row in self.rows
+        )
 
     def times(self) -> list[dict[str, Any]]:
         """Return the seconds by level and kind, in the order of the questions.
@@ -145,7 +157,9 @@ class Interview:
     def remarks(self) -> list[str]:
         """Return remarks on everything that the program did apart from answering."""
         remarks = [self.broke_off or self._end]
-        remarks += [f"{what}: {count}, the first {first}" for what, (count, first) in self._noted.items()]
+        remarks += [
+            f"{what}: {count}, the first {first}" for what, (count, first) in self._noted.items()
+        ]
         return [remark for remark in remarks if remark]
 
     def _take(self, line: str) -> None:

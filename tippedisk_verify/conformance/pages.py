@@ -1,4 +1,6 @@
-"""The display of grades: a table for the terminal, a page for the browser, an object for programs."""
+"""The display of grades: a table for the terminal, a page for the browser, an object for
+programs.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +28,11 @@ _SHADES = {
 }
 _TERMINAL = {"enough": "green", "few": "yellow", "wrong": "bold red", "": "dim"}
 #: The meanings of the colours, in the order of the page's legend.
-_LEGEND = {"enough": "enough digits for the question", "few": "too few digits", "wrong": "wrong, or no number"}
+_LEGEND = {
+    "enough": "enough digits for the question",
+    "few": "too few digits",
+    "wrong": "wrong, or no number",
+}
 _WORST = 12  # failures in the list of the worst answers
 _MOST_REASONS = 5  # reasons listed why answers are not numbers
 _MOST_ROWS = 2_000  # rows of a level on a page, failures first; the JSON has all
@@ -61,7 +67,11 @@ class Report(Printable):
         """Return the result in a sentence, the diagnosis, the remarks and the failures, in ten
         lines at most.
         """
-        lines = [self.headline(), *(diagnosis.says() for diagnosis in self.diagnoses), *self.remarks()]
+        lines = [
+            self.headline(),
+            *(diagnosis.says() for diagnosis in self.diagnoses),
+            *self.remarks(),
+        ]
         lines += [grade.shortfall(grade.needs) for grade in self.failed]
         return "\n".join(lines if len(lines) <= 10 else [*lines[:9], f"and {len(lines) - 9} more"])
 
@@ -79,14 +89,24 @@ class Report(Printable):
             if not reached:
                 return "no answer could be graded"
             least = min(level.least for level in reached)
-            answers = counted(sum(level.answered for level in reached), "answer agrees", "answers agree")
+            answers = counted(
+                sum(level.answered for level in reached), "answer agrees", "answers agree"
+            )
             rounded = sum(level.rounded for level in reached)
             sentence = f"{answers}, the least with {least:.1f} digits"
             by_rounding = f"; {counted(rounded, 'is', 'are')} off by what rounding the inputs does"
             return sentence + by_rounding if rounded else sentence
         answers = counted(first.answered, "answer", "answers")
-        how = "is the first with too few digits" if first.few == first.failed else "is the first that fails"
-        few = f", {first.few} of them with too few digits only" if 0 < first.few < first.failed else ""
+        how = (
+            "is the first with too few digits"
+            if first.few == first.failed
+            else "is the first that fails"
+        )
+        few = (
+            f", {first.few} of them with too few digits only"
+            if 0 < first.few < first.failed
+            else ""
+        )
         return f"level {first.level}, {first.name}, {how}: {first.failed} of {answers}{few}"
 
     @property
@@ -102,23 +122,44 @@ class Report(Printable):
         ungraded = sum(grade.verdict == "no-truth" for grade in self.grades)
         said = list(self.noticed)
         said += _remark(
-            answers.undeclared, "answer does", "answers do", "not say from which inputs; graded as from doubles"
+            answers.undeclared,
+            "answer does",
+            "answers do",
+            "not say from which inputs; graded as from doubles",
         )
         said += _remark(answers.unknown, "unknown id,", "unknown ids,", "such as {}")
-        said += _remark(answers.repeated, "id", "ids", "answered more than once, such as {}; the first answer counts")
+        said += _remark(
+            answers.repeated,
+            "id",
+            "ids",
+            "answered more than once, such as {}; the first answer counts",
+        )
         lost = "not ask what the id stands for, such as {}: is the sheet damaged?"
         said += _remark(answers.altered, "row does", "rows do", lost)
         said += _remark(
-            answers.missing, "entry has", "entries have", "NaN or NA only, such as {}: counted as not answered"
+            answers.missing,
+            "entry has",
+            "entries have",
+            "NaN or NA only, such as {}: counted as not answered",
         )
-        said += _remark(answers.strange, "column or name is", "columns or names are", "not known, and not read: {all}")
+        said += _remark(
+            answers.strange,
+            "column or name is",
+            "columns or names are",
+            "not known, and not read: {all}",
+        )
         said += self._unread()
         said += self._tolerance()
         said += _remark(
-            self.mended, "answer passes", "answers pass", "though expected to fail, such as {}: mend the list"
+            self.mended,
+            "answer passes",
+            "answers pass",
+            "though expected to fail, such as {}: mend the list",
         )
         said += _remark(answers.short, "row ends", "rows end", "before the column answer")
-        said += _remark(rounded, "answer", "answers", "said to be from decimals: exactly what doubles give")
+        said += _remark(
+            rounded, "answer", "answers", "said to be from decimals: exactly what doubles give"
+        )
         doubles = "from doubles where doubles cannot tell the inputs apart: not graded"
         return said + _remark(ungraded, "answer", "answers", doubles)
 
@@ -131,13 +172,16 @@ class Report(Printable):
             if grade.verdict in ("unreadable", "not-a-number"):
                 by_reason.setdefault(grade.note, []).append(grade)
         said = [
-            f"{counted(len(grades), 'answer is', 'answers are')} no number, such as '{grades[0].answer[:60]}' at"
+            f"{counted(len(grades), 'answer is', 'answers are')} no number, such as "
+            f"'{grades[0].answer[:60]}' at"
             f" {grades[0].id}: {reason}"
             for reason, grades in list(by_reason.items())[:_MOST_REASONS]
         ]
         more = len(by_reason) - _MOST_REASONS
         return said + (
-            [f"{counted(more, 'more reason', 'more reasons')} why answers are no numbers"] if more > 0 else []
+            [f"{counted(more, 'more reason', 'more reasons')} why answers are no numbers"]
+            if more > 0
+            else []
         )
 
     def _tolerance(self) -> list[str]:
@@ -149,12 +193,18 @@ class Report(Printable):
             if level.level < 6 or level.failed > level.few:
                 continue
             here = [grade for grade in self.grades if grade.level == level.level]
-            off = [grade for grade in here if grade.off > TOLERANCES[level.level] and grade.verdict != "exact"]
+            off = [
+                grade
+                for grade in here
+                if grade.off > TOLERANCES[level.level] and grade.verdict != "exact"
+            ]
             if off:
                 most = max(off, key=lambda grade: grade.off)
                 said.append(
-                    f"level {level.level}: a tolerance shows, at {counted(len(off), 'answer', 'answers')} of"
-                    f" {len(here)}, the most at {most.id}, off as if all inputs were changed by {most.off:.0e}"
+                    f"level {level.level}: a tolerance shows, at "
+                    f"{counted(len(off), 'answer', 'answers')} of"
+                    f" {len(here)}, the most at {most.id}, off as if all inputs were changed by "
+                    f"{most.off:.0e}"
                 )
         return said
 
@@ -192,7 +242,11 @@ def _remark(which: int | Sequence[str], one: str, many: str, text: str) -> list[
     ``which`` is the number of items or their names. Returns [] without an item.
     """
     number, names = (which, ("",)) if isinstance(which, int) else (len(which), which)
-    return [f"{counted(number, one, many)} {text.format(*names[:1], all=', '.join(names))}"] if number else []
+    return (
+        [f"{counted(number, one, many)} {text.format(*names[:1], all=', '.join(names))}"]
+        if number
+        else []
+    )
 
 
 def counted(number: int, one: str, many: str) -> str:
@@ -283,7 +337,12 @@ def print_report(report: Report, console: Console) -> None:
     for diagnosis in report.diagnoses:
         console.print(Text(diagnosis.says(), style="bold"))
     headings = "level =answered =least =wrong =few =median =needs verdict"
-    _print_table(console, "\nby level (least, median, needs: digits; few: answers with too few)", headings, rows)
+    _print_table(
+        console,
+        "\nby level (least, median, needs: digits; few: answers with too few)",
+        headings,
+        rows,
+    )
     if report.quantities:
         rows = [
             row(tally, str(tally.level), tally.quantity, tally.friction, str(tally.answered))
@@ -299,7 +358,9 @@ def print_report(report: Report, console: Console) -> None:
     for grade in report.worst():
         right, wrong = split_where_wrong(grade.answer[:40], grade.truth)
         has = f"{shown_digits(grade.digits)} digits" if grade.truth else grade.note
-        console.print(Text(f"{grade.id}: ").append(coloured(grade.verdict, grade.verdict)).append(f", {has}"))
+        console.print(
+            Text(f"{grade.id}: ").append(coloured(grade.verdict, grade.verdict)).append(f", {has}")
+        )
         truth = f"  truth {grade.truth[:24]}" if grade.truth else ""
         console.print(Text("    ").append(right, "green").append(wrong, "red").append(truth))
     if report.times:
@@ -319,7 +380,9 @@ def print_report(report: Report, console: Console) -> None:
         console.print(Text(shortcoming, style="bold red"))
 
 
-def _print_table(console: Console, title: str, headings: str, rows: Sequence[Sequence[Any]]) -> None:
+def _print_table(
+    console: Console, title: str, headings: str, rows: Sequence[Sequence[Any]]
+) -> None:
     """Print a table for a terminal of 80 columns, in which no word is broken.
 
     A heading that starts with = is that of a column of numbers.
@@ -329,7 +392,9 @@ def _print_table(console: Console, title: str, headings: str, rows: Sequence[Seq
 
     table = Table(box=None, padding=(0, 1, 0, 0))
     for heading in headings.split():
-        table.add_column(heading.removeprefix("="), justify="right" if heading[0] == "=" else "left")
+        table.add_column(
+            heading.removeprefix("="), justify="right" if heading[0] == "=" else "left"
+        )
     for row in rows:
         table.add_row(*row)
     console.print(Text(title, style="italic"), table, sep="\n")
@@ -363,7 +428,10 @@ def _level_section(level: Tally, grades: Sequence[Grade]) -> dict[str, Any]:
     """Return a level for the page: its failures, its other answers, and the number of rows beyond a
     page's limit.
     """
-    own = sorted((grade for grade in grades if grade.level == level.level), key=lambda grade: not grade.failed)
+    own = sorted(
+        (grade for grade in grades if grade.level == level.level),
+        key=lambda grade: not grade.failed,
+    )
     return {
         "grade": level,
         "failed": [grade for grade in own[:_MOST_ROWS] if grade.failed],

@@ -44,7 +44,9 @@ def tippedisk_agrees() -> Callable[..., Grade]:
 
     compared = _in_one_line(compare)
 
-    def agrees(id_: str, answer: Any, *, digits: float | None = None, reading: Reading = "doubles") -> Grade:
+    def agrees(
+        id_: str, answer: Any, *, digits: float | None = None, reading: Reading = "doubles"
+    ) -> Grade:
         __tracebackhide__ = True
         grade: Grade = compared(id_, answer, reading=reading)
         wanted = grade.needs if digits is None else digits

@@ -1,4 +1,6 @@
-"""Grades as a gate: levels that must pass, expected failures, and the changes between two sheets."""
+"""Grades as a gate: levels that must pass, expected failures, and the changes between two
+sheets.
+"""
 
 from __future__ import annotations
 
@@ -47,7 +49,10 @@ def expected_failures(path: Path, store: Store) -> frozenset[str]:
 
 
 def shortcomings(
-    levels: Sequence[Tally], grades: Sequence[Grade], required: Iterable[int] | None, expected: frozenset[str]
+    levels: Sequence[Tally],
+    grades: Sequence[Grade],
+    required: Iterable[int] | None,
+    expected: frozenset[str],
 ) -> list[str]:
     """Return the reasons why a sheet does not pass.
 
@@ -58,17 +63,24 @@ def shortcomings(
         expected: The ids of answers that may fail.
     """
     reasons = []
-    wanted = [level.level for level in levels if level.answered] if required is None else list(required)
+    wanted = (
+        [level.level for level in levels if level.answered] if required is None else list(required)
+    )
     by_level = {level.level: level for level in levels}
     for number in wanted:
         level = by_level.get(number)
         if level is None or not level.answered:
             reasons.append(f"level {number} is required, and was not answered")
             continue
-        failed = [grade.id for grade in grades if grade.level == number and grade.failed and grade.id not in expected]
+        failed = [
+            grade.id
+            for grade in grades
+            if grade.level == number and grade.failed and grade.id not in expected
+        ]
         if failed:
             reasons.append(
-                f"level {number}, {level.name}, fails at {len(failed)} of {level.answered}, such as {failed[0]}"
+                f"level {number}, {level.name}, fails at {len(failed)} of {level.answered}, such "
+                f"as {failed[0]}"
             )
     return reasons
 
@@ -92,7 +104,12 @@ class Change:
         return "lost" if lost >= _LOST else "gained" if lost <= -_LOST else ""
 
     def to_dict(self) -> dict[str, Any]:
-        return {"id": self.id, "change": self.kind, "old_digits": _shown(self.old), "new_digits": _shown(self.new)}
+        return {
+            "id": self.id,
+            "change": self.kind,
+            "old_digits": _shown(self.old),
+            "new_digits": _shown(self.new),
+        }
 
 
 def _counted(grade: Grade) -> float:
@@ -112,9 +129,13 @@ def changes(old: Iterable[Grade], new: Iterable[Grade]) -> list[Change]:
         new: The grades of the later sheet.
     """
     before, after = {grade.id: grade for grade in old}, {grade.id: grade for grade in new}
-    every = [Change(id_, before.get(id_), after.get(id_)) for id_ in dict.fromkeys((*before, *after))]
+    every = [
+        Change(id_, before.get(id_), after.get(id_)) for id_ in dict.fromkeys((*before, *after))
+    ]
     order = ("broken", "gone", "lost", "gained", "mended", "added")
-    return sorted((change for change in every if change.kind), key=lambda change: order.index(change.kind))
+    return sorted(
+        (change for change in every if change.kind), key=lambda change: order.index(change.kind)
+    )
 
 
 def badge(levels: Sequence[Tally]) -> str:
@@ -136,7 +157,10 @@ def badge(levels: Sequence[Tally]) -> str:
         text = f"{noun} {'-'.join(ends)} {verb if whole else 'partial'}"
         colour = _COLOURS["passes" if whole and failing == math.inf else "partly"]
     else:
-        text, colour = f"fails at level {failing}" if answered else "not answered", _COLOURS["fails"]
+        text, colour = (
+            f"fails at level {failing}" if answered else "not answered",
+            _COLOURS["fails"],
+        )
     left, right = 68, 12 + 7 * len(text)  # a letter is at most seven units wide at this size
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" width="{left + right}" height="20" role="img" '

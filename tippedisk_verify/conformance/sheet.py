@@ -48,7 +48,8 @@ __all__ = [
 
 _QUESTION = COLUMNS[1:-2]  # the columns that describe the question, apart from the id
 Row = tuple[str, str, str, dict[str, str]]  #: id, reading, answer, and the other columns of the row
-_LARGEST = 64_000_000  # bytes; a sheet with every question and fifty digits each has some ten million
+# Bytes; a sheet with every question and fifty digits each has some ten million
+_LARGEST = 64_000_000
 _LONGEST = 2_000  # characters of an answer
 _MOST_UNKNOWN = 1_000
 _READINGS = ("decimals", "doubles")
@@ -67,17 +68,24 @@ class Answers:
     given: dict[str, tuple[str, str]] = field(default_factory=dict)
     sets: set[str] = field(default_factory=set)  #: parameter sets of the questions, answered or not
     unknown: list[str] = field(default_factory=list)  #: ids that belong to no question
-    repeated: list[str] = field(default_factory=list)  #: ids answered more than once; the first answer counts
-    altered: list[str] = field(default_factory=list)  #: rows whose columns are not those of the question: id, column
+    #: Ids answered more than once; the first answer counts
+    repeated: list[str] = field(default_factory=list)
+    #: Rows whose columns are not those of the question: id, column
+    altered: list[str] = field(default_factory=list)
     undeclared: int = 0  #: answers that do not name their inputs; taken as from doubles
     short: int = 0  #: rows that end before the column answer
-    missing: list[str] = field(default_factory=list)  #: entries with answers of NaN or NA only; not answered
+    #: Entries with answers of NaN or NA only; not answered
+    missing: list[str] = field(default_factory=list)
     #: columns that no sheet has, each with the one that may be meant
     strange: list[str] = field(default_factory=list)
 
 
 def questions(
-    store: Store, *, sets: Sequence[str] = (), frictions: Sequence[str] = (), levels: Sequence[int] = ()
+    store: Store,
+    *,
+    sets: Sequence[str] = (),
+    frictions: Sequence[str] = (),
+    levels: Sequence[int] = (),
 ) -> list[Quantity]:
     """Return the questions of the sets, laws and levels named, in order of difficulty.
 
@@ -99,7 +107,8 @@ def questions(
         for name in asked:
             if name not in known:
                 raise InputError(
-                    f"no reference data for {what} '{name!s:.40}': use {', '.join(map(str, sorted(known)))}"
+                    f"no reference data for {what} '{name!s:.40}': use "
+                    f"{', '.join(map(str, sorted(known)))}"
                 )
     chosen = [
         quantity
@@ -145,7 +154,9 @@ def sheet_json(store: Store, asked: Iterable[Quantity]) -> str:
     return '{"format": 1, "from": "", "questions": [\n' + ",\n".join(lines) + "\n]}\n"
 
 
-def store_for(path: Path, store: Store, advance: Callable[[str, int], None] = lambda label, steps: None) -> Store:
+def store_for(
+    path: Path, store: Store, advance: Callable[[str, int], None] = lambda label, steps: None
+) -> Store:
     """Return the store with the truths of the fresh questions that a sheet names.
 
     Args:
@@ -178,7 +189,11 @@ def read_answers(path: Path, store: Store, default_reading: str | None = None) -
     text = read_text(path, _LARGEST)
     answers = Answers()
     try:
-        rows = _json_rows(text, answers) if text.lstrip()[:1] in ("{", "[") else _csv_rows(text, answers)
+        rows = (
+            _json_rows(text, answers)
+            if text.lstrip()[:1] in ("{", "[")
+            else _csv_rows(text, answers)
+        )
         return collected(rows, store, default_reading, answers)
     except InputError as fault:
         raise InputError(f"{printable(path.name)}: {fault}") from None
@@ -217,12 +232,20 @@ def _json_rows(text: str, answers: Answers) -> Iterable[Row]:
 
     def loaded(part: str) -> Any:
         # Numbers stay text: a double would lose digits of a fifty-digit answer.
-        return json.loads(part, parse_float=str, parse_int=str, parse_constant=str, object_pairs_hook=first_of_each)
+        return json.loads(
+            part,
+            parse_float=str,
+            parse_int=str,
+            parse_constant=str,
+            object_pairs_hook=first_of_each,
+        )
 
     first, _, rest = text.strip().partition("\n")
     try:
         lines = first.rstrip().endswith("}") and rest.lstrip()[:1] == "{"
-        content = [loaded(line) for line in text.splitlines() if line.strip()] if lines else loaded(text)
+        content = (
+            [loaded(line) for line in text.splitlines() if line.strip()] if lines else loaded(text)
+        )
     except (ValueError, RecursionError) as fault:
         reason = str(fault).splitlines()[0][:120]
         raise InputError(f"neither a CSV nor a JSON sheet: {reason}") from None
@@ -233,7 +256,11 @@ def _json_rows(text: str, answers: Answers) -> Iterable[Row]:
     flat = "questions" not in named and any("/" in name for name in named)
     if not flat:
         _note_strange(named, _JSON_NAMES, answers)
-    given = {name: value for name, value in named.items() if name != "from"} if flat else named.get("answers")
+    given = (
+        {name: value for name, value in named.items() if name != "from"}
+        if flat
+        else named.get("answers")
+    )
     if isinstance(given, dict):
         for id_, answer in given.items():
             yield id_, _as_text(everywhere), _as_text(answer), {}
@@ -262,23 +289,35 @@ def _csv_rows(text: str, answers: Answers) -> Iterable[Row]:
     first, _, rest = text.partition("\n")
     declared = _DECLARED.fullmatch(first.strip('\r" '))
     mark = declared[1] if declared else _separator(first)
-    table = csv.reader(io.StringIO(rest if declared else text, newline=""), delimiter=mark, strict=True)
+    table = csv.reader(
+        io.StringIO(rest if declared else text, newline=""), delimiter=mark, strict=True
+    )
     try:
         header = [name.strip() for name in next(table, [])]
         _note_strange(header, TABLE, answers)
         if "id" not in header or "answer" not in header:
             raise InputError(
-                "neither a CSV nor a JSON sheet: the first line must name the columns id and answer, separated by "
+                "neither a CSV nor a JSON sheet: the first line must name the columns id and "
+                "answer, separated by "
                 f"commas, semicolons or tabs; it has {_listed(header, TABLE)}"
             )
         id_at, answer_at = header.index("id"), header.index("answer")
         from_at = header.index("from") if "from" in header else None
         # Single columns of such names may be the user's own.
-        asked_at = {name: header.index(name) for name in _QUESTION} if set(_QUESTION) <= set(header) else {}
+        asked_at = (
+            {name: header.index(name) for name in _QUESTION}
+            if set(_QUESTION) <= set(header)
+            else {}
+        )
         for row in table:
             if len(row) > len(header):
-                line, more = table.line_num + bool(declared), ": is there a decimal comma?" if mark == "," else ""
-                raise InputError(f"line {line} has {len(row)} fields, the header {len(header)}{more}")
+                line, more = (
+                    table.line_num + bool(declared),
+                    ": is there a decimal comma?" if mark == "," else "",
+                )
+                raise InputError(
+                    f"line {line} has {len(row)} fields, the header {len(header)}{more}"
+                )
             if len(row) <= max(id_at, answer_at):
                 answers.short += bool(row)
             else:
@@ -321,10 +360,14 @@ def _with_likely(name: str, known: tuple[str, ...]) -> str:
 
 def _listed(names: Iterable[str], known: tuple[str, ...]) -> str:
     """Return the names that a sheet has, at most as many as a message can hold."""
-    return ", ".join(_with_likely(name, known) for name in list(names)[:_MOST_STRANGE])[:400] or "none"
+    return (
+        ", ".join(_with_likely(name, known) for name in list(names)[:_MOST_STRANGE])[:400] or "none"
+    )
 
 
-def collected(rows: Iterable[Row], store: Store, default_reading: str | None, answers: Answers) -> Answers:
+def collected(
+    rows: Iterable[Row], store: Store, default_reading: str | None, answers: Answers
+) -> Answers:
     """Add the answers of rows.
 
     Args:
@@ -340,7 +383,11 @@ def collected(rows: Iterable[Row], store: Store, default_reading: str | None, an
         InputError: If a row names other inputs than decimals or doubles.
     """
     for id_, reading, answer, asked in rows:
-        id_, reading, answer = full_id(printable(id_.strip())), reading.strip().lower(), answer.strip()
+        id_, reading, answer = (
+            full_id(printable(id_.strip())),
+            reading.strip().lower(),
+            answer.strip(),
+        )
         if id_ in store:
             answers.sets.add(store[id_].set)
         if not answer:
@@ -355,11 +402,18 @@ def collected(rows: Iterable[Row], store: Store, default_reading: str | None, an
             answers.repeated.append(id_)
             continue
         if not reading:
-            reading = default_reading or ("doubles" if "doubles" in store[id_].values else "decimals")
+            reading = default_reading or (
+                "doubles" if "doubles" in store[id_].values else "decimals"
+            )
             answers.undeclared += default_reading is None
         if reading not in _READINGS:
-            raise InputError(f"{id_}: the column from says decimals or doubles, not '{printable(reading)[:40]}'")
-        answers.given[id_] = reading, answer if len(answer) <= _LONGEST else "(longer than 2000 characters)"
+            raise InputError(
+                f"{id_}: the column from says decimals or doubles, not '{printable(reading)[:40]}'"
+            )
+        answers.given[id_] = (
+            reading,
+            answer if len(answer) <= _LONGEST else "(longer than 2000 characters)",
+        )
     return _without_missing(answers)
 
 
@@ -389,7 +443,8 @@ def _altered(columns: dict[str, str], store: Store, quantity: Quantity) -> str |
         wanted, text = asked.get(name, ""), text.strip()
         if text and text != wanted:
             try:
-                if float(text.replace(",", ".")) == float(wanted):  # a sheet may have decimal commas
+                # A sheet may have decimal commas
+                if float(text.replace(",", ".")) == float(wanted):
                     continue
             except ValueError:
                 pass

@@ -20,7 +20,12 @@ from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, Precision, companion
 from tippedisk_verify.model.results import Printable
 from tippedisk_verify.model.surroundings import undisturbed
-from tippedisk_verify.theory.equilibria import equilibrium, linearization, location, right_eigenvector
+from tippedisk_verify.theory.equilibria import (
+    equilibrium,
+    linearization,
+    location,
+    right_eigenvector,
+)
 from tippedisk_verify.theory.hopf import omega_crit
 from tippedisk_verify.theory.saddle_manifolds import refuse_focus
 
@@ -28,8 +33,11 @@ __all__ = ["Connection", "bisect_omega_h", "unstable_branch"]
 
 #: The branch crosses the section again before it has reached the next saddle: it turns back.
 _TURNS_BACK = Event("turns back", SECTION.function, direction=1)
-# sin(gamma/2) + cos(gamma/2) vanishes at gamma = -pi/2 + 2 pi n, the noninverted states, and needs no pi.
-_PASSES = Event("passes", lambda ops, c, omega, beta, gamma, v: ops.sin(gamma / 2) + ops.cos(gamma / 2))
+# sin(gamma/2) + cos(gamma/2) vanishes at gamma = -pi/2 + 2 pi n, the noninverted states, and needs
+# no pi.
+_PASSES = Event(
+    "passes", lambda ops, c, omega, beta, gamma, v: ops.sin(gamma / 2) + ops.cos(gamma / 2)
+)
 
 # The distance of the start from the saddle, along the eigenvector. The symmetry about the saddle
 # leaves no quadratic terms, so the start misses the unstable manifold by the cube of the distance,
@@ -127,19 +135,27 @@ def bisect_omega_h(parameters: Parameters, engine: Engine, *, confirm: bool = Tr
     passes = partial(_passes, parameters, engine)
     lower, upper = _bracket(passes, Fraction(float(omega_crit(parameters))))
     centre, half_width = (lower + upper) / 2, (upper - lower) * 2
-    refuse_focus(parameters, centre)  # about which the branch winds: it passes without being connected
+    # About which the branch winds: it passes without being connected
+    refuse_focus(parameters, centre)
     if not confirm:
         return Connection(Measured(centre, half_width), "bisection in double")
     if not engine.measures_error:
-        return Connection(Measured(centre, half_width + _spread_of_tolerances(passes, centre)), "bisection, tolerances")
+        return Connection(
+            Measured(centre, half_width + _spread_of_tolerances(passes, centre)),
+            "bisection, tolerances",
+        )
     wider = companion(DOUBLE)
     confirmed = partial(passes, precision=wider, offset=_OFFSET / 8)
     while not confirmed(centre - half_width) or confirmed(centre + half_width):
         half_width *= 2
         if half_width > centre / 1000:
-            raise AccuracyError("the bisection's bracket could not be confirmed in a wider arithmetic")
+            raise AccuracyError(
+                "the bisection's bracket could not be confirmed in a wider arithmetic"
+            )
     # Twice as wide: close to its ends another processor's wider run may see the other side.
-    return Connection(Measured(centre, half_width * DISTANCES), f"bisection, confirmed in {wider.name} precision")
+    return Connection(
+        Measured(centre, half_width * DISTANCES), f"bisection, confirmed in {wider.name} precision"
+    )
 
 
 def _passes(
@@ -151,9 +167,13 @@ def _passes(
     tolerance: float | None = None,
 ) -> bool:
     """Return True if the unstable branch passes the next saddle, False if it turns back."""
-    result = unstable_branch(parameters, omega, engine, precision=precision, offset=offset, tolerance=tolerance)
+    result = unstable_branch(
+        parameters, omega, engine, precision=precision, offset=offset, tolerance=tolerance
+    )
     if result.status not in (Status.EVENT, Status.FLAT):
-        raise AccuracyError(f"the unstable branch at Omega = {float(omega):.12g} rad/s: {result.status.value}")
+        raise AccuracyError(
+            f"the unstable branch at Omega = {float(omega):.12g} rad/s: {result.status.value}"
+        )
     return result.status is Status.FLAT or result.events[-1].name == _PASSES.name
 
 
@@ -191,18 +211,22 @@ def _bracket(passes: Callable[..., bool], top: Fraction) -> tuple[Fraction, Frac
         upper, lower = upper + top / 64, upper
         if upper > top * 3 / 2:
             raise NoConnectionError(
-                "the saddle's unstable branch passes at every speed up to 3/2 Omega_crit: no connection"
+                "the saddle's unstable branch passes at every speed up to 3/2 Omega_crit: no "
+                "connection"
             )
     while not passes(lower):
         upper, lower = lower, lower - top / 64
         if lower < top / 2:
             raise NoConnectionError(
-                "the saddle's unstable branch turns back at every speed down to Omega_crit / 2: no connection"
+                "the saddle's unstable branch turns back at every speed down to Omega_crit / 2: no "
+                "connection"
             )
     return _narrowed(passes, lower, upper)
 
 
-def _narrowed(passes: Callable[..., bool], lower: Fraction, upper: Fraction) -> tuple[Fraction, Fraction]:
+def _narrowed(
+    passes: Callable[..., bool], lower: Fraction, upper: Fraction
+) -> tuple[Fraction, Fraction]:
     """Return two neighbouring doubles [rad/s] between which the branch changes sides."""
     while (middle := Fraction(float((lower + upper) / 2))) not in (lower, upper):
         lower, upper = (middle, upper) if passes(middle) else (lower, middle)

@@ -34,7 +34,9 @@ _SADDLE_BITS, _SADDLE_ORDER = 120, 6
 _FOLLOWED = 12.0  # s; by then doubles have long left the connection
 _OVERVIEW_POINTS = 6001  # samples of the first flight, 0.002 s apart
 _ORBIT_DIGITS = 20  # so that the samples are right to a double's last place
-_UPRIGHT = Event("upright", lambda ops, c, omega, beta, gamma, v: ops.cos(gamma), direction=-1, terminal=False)
+_UPRIGHT = Event(
+    "upright", lambda ops, c, omega, beta, gamma, v: ops.cos(gamma), direction=-1, terminal=False
+)
 
 
 @dataclass(frozen=True, repr=False)
@@ -52,13 +54,18 @@ class Heteroclinic(Printable):
         metadata=quantity("unstable, slow stable and fast stable eigenvalue there", "1/s")
     )
     saddle_value: Measured = field(
-        metadata=quantity("sum of the unstable and the slow stable eigenvalue; below 0 cycles attract", "1/s")
+        metadata=quantity(
+            "sum of the unstable and the slow stable eigenvalue; below 0 cycles attract", "1/s"
+        )
     )
     method: Method
     parameters: Parameters  #: whose connection it is, with the friction law
     engine: str  #: what computed it
     splitting_derivative: Measured | None = field(
-        default=None, metadata=quantity("derivative of the distance between the manifolds by Omega, at s = 1", "s/rad")
+        default=None,
+        metadata=quantity(
+            "derivative of the distance between the manifolds by Omega, at s = 1", "s/rad"
+        ),
     )
     #: the parts of the half-width of Omega_h, by name [rad/s]
     budget: dict[str, float] = field(default_factory=dict)
@@ -122,15 +129,23 @@ class Heteroclinic(Printable):
         rates = numpy.abs(OnArrays(equations_of_motion, self.parameters, omega_h.value)(0, states))
         widths = doubles(run.error.samples + DISTANCES * numpy.abs(moved.samples - run.samples)).T
         # Two roundings, of the flight's number to a double and of the sum with pi/2.
-        return times, states, widths + DISTANCES * rates * late + numpy.spacing(2 * numpy.abs(states))
+        return (
+            times,
+            states,
+            widths + DISTANCES * rates * late + numpy.spacing(2 * numpy.abs(states)),
+        )
 
-    def _branch(self, omega: Fraction, times: Any, engine: Engine, *, measured: bool = True) -> Result:
+    def _branch(
+        self, omega: Fraction, times: Any, engine: Engine, *, measured: bool = True
+    ) -> Result:
         """Fly from the first saddle along its unstable branch, in shifted angles, with the event
         gamma = pi/2.
 
         Raises AccuracyError if the flight does not reach the last time.
         """
-        start = Saddle(self.parameters, omega, _SADDLE_BITS, _SADDLE_ORDER).start_on_branch(_BEGINNING)
+        start = Saddle(self.parameters, omega, _SADDLE_BITS, _SADDLE_ORDER).start_on_branch(
+            _BEGINNING
+        )
         request = Request(
             self.parameters,
             omega,
@@ -182,7 +197,9 @@ def connection_at(
     )
 
 
-def _eigenvalues(parameters: Parameters, omega_h: Measured, digits: int) -> tuple[Measured, Measured, Measured]:
+def _eigenvalues(
+    parameters: Parameters, omega_h: Measured, digits: int
+) -> tuple[Measured, Measured, Measured]:
     """Return the saddle's eigenvalues [1/s] at Omega_h.
 
     Their half-widths hold the effect of the half-width of Omega_h. The eigenvalues are smooth in
@@ -190,14 +207,19 @@ def _eigenvalues(parameters: Parameters, omega_h: Measured, digits: int) -> tupl
     """
     if not omega_h.is_measured:
         there = equilibrium(parameters, omega_h.value, "noninverted", digits + 6).eigenvalues
-        first, second, third = (Measured.without_half_width(eigenvalue.re.value, digits) for eigenvalue in there)
+        first, second, third = (
+            Measured.without_half_width(eigenvalue.re.value, digits) for eigenvalue in there
+        )
         return first, second, third
     there, moved = (
         equilibrium(parameters, omega, "noninverted", digits + 6).eigenvalues
         for omega in (omega_h.value, omega_h.value + omega_h.uncertainty)
     )
     first, second, third = (
-        Measured(a.re.value, a.re.uncertainty + b.re.uncertainty + abs(a.re.value - b.re.value) * DISTANCES)
+        Measured(
+            a.re.value,
+            a.re.uncertainty + b.re.uncertainty + abs(a.re.value - b.re.value) * DISTANCES,
+        )
         for a, b in zip(there, moved, strict=True)
     )
     return first, second, third

@@ -107,20 +107,29 @@ class SplittingFunction:
     ) -> None:
         self.parameters, self.engine, self.precision = parameters, engine, precision
         digits = precision.bits * math.log10(2)
-        # Longer series cost a cube of their order, closer starts a longer flight: a balance, measured.
+        # Longer series cost a cube of their order, closer starts a longer flight: a balance,
+        # measured.
         self.order = 2 * round(digits / 9) + 1
         self.bits = precision.bits + 32
         self._saddle = saddle = Saddle(parameters, speed, self.bits, self.order)
         share = closer * 10 ** (-(digits + 2) / (self.order + 2))
         self.start = _short(float(saddle.reach(saddle.unstable_curve)) * share)
         self.end = _short(
-            float(saddle.reach(saddle.stable_curve, saddle.fast_direction, saddle.unstable_direction)) * share
+            float(
+                saddle.reach(saddle.stable_curve, saddle.fast_direction, saddle.unstable_direction)
+            )
+            * share
         )
         self.duration = self._flight_time(saddle)
         if coarser is not None:
-            # The fast coordinate must fall until its square, which is neglected, is below what is resolved.
-            too_large = math.log(abs(float(coarser.latest.t)) + 1e-300) + (digits + 2) / 2 * math.log(10)
-            longer = Fraction(max(0, math.ceil(-100 * too_large / float(saddle.eigenvalues[2]))), 100)
+            # The fast coordinate must fall until its square, which is neglected, is below what is
+            # resolved.
+            too_large = math.log(abs(float(coarser.latest.t)) + 1e-300) + (
+                digits + 2
+            ) / 2 * math.log(10)
+            longer = Fraction(
+                max(0, math.ceil(-100 * too_large / float(saddle.eigenvalues[2]))), 100
+            )
             self.duration = max(self.duration, coarser.duration + longer)
         self.latest: Splitting = Splitting(speed, 0, 0, 0, 0)  #: at the last speed, slopes apart
 
@@ -143,9 +152,16 @@ class SplittingFunction:
         self.latest = Splitting(omega, u, s, t, abs(s) ** (-unstable / slow))
         return self.latest
 
-    def _flown(self, saddle: Saddle, precision: Precision, duration: object, times: Any = None) -> Result:
+    def _flown(
+        self, saddle: Saddle, precision: Precision, duration: object, times: Any = None
+    ) -> Result:
         """Fly along the saddle's unstable branch, from the chosen distance on."""
-        wanted: dict[str, Any] = {"times": times, "precision": precision, "shifted": True, "domain": "none"}
+        wanted: dict[str, Any] = {
+            "times": times,
+            "precision": precision,
+            "shifted": True,
+            "domain": "none",
+        }
         state = saddle.start_on_branch(self.start)
         return self.engine(Request(self.parameters, saddle.omega, state, duration, **wanted))
 
@@ -178,9 +194,14 @@ class SplittingFunction:
         distances = numpy.abs(samples - numpy.array([0.0, math.pi, 0.0])).max(axis=1)
         reached = numpy.flatnonzero(distances < max(_FAR, float(self.end)))
         if not len(reached):
-            raise AccuracyError("the unstable branch does not come near the second saddle: there is no connection here")
+            raise AccuracyError(
+                "the unstable branch does not come near the second saddle: there "
+                "is no connection here"
+            )
         begin = float(times[reached[0]])
-        further = math.log(max(_FAR, float(self.end)) / float(self.end)) / -float(saddle.eigenvalues[1])
+        further = math.log(max(_FAR, float(self.end)) / float(self.end)) / -float(
+            saddle.eigenvalues[1]
+        )
         return Fraction(round((begin + further) * 100), 100)
 
 
@@ -206,7 +227,9 @@ class SplittingZero:
 
 
 @lru_cache(maxsize=_KEPT)
-def splitting_zero(parameters: Parameters, guess: Fraction, engine: Engine, digits: int) -> SplittingZero:
+def splitting_zero(
+    parameters: Parameters, guess: Fraction, engine: Engine, digits: int
+) -> SplittingZero:
     """Return Omega_h to ``digits`` significant digits; the answer is cached.
 
     Args:
@@ -228,7 +251,8 @@ def splitting_zero(parameters: Parameters, guess: Fraction, engine: Engine, digi
         guard *= 2
         if guard > 8 * _GUARD:
             raise AccuracyError(
-                f"only {float(zero.omega_h.uncertainty):.1e} rad/s could be had for Omega_h: ask for fewer digits"
+                f"only {float(zero.omega_h.uncertainty):.1e} rad/s could be had for Omega_h: ask "
+                f"for fewer digits"
             )
 
 
@@ -245,7 +269,9 @@ def _stages(wanted: int) -> list[Precision]:
     return [QUADRUPLE, *stages[::-1]]
 
 
-def unmeasured_zero(parameters: Parameters, guess: Fraction, engine: Engine, digits: int) -> Measured:
+def unmeasured_zero(
+    parameters: Parameters, guess: Fraction, engine: Engine, digits: int
+) -> Measured:
     """Return Omega_h as `splitting_zero` finds it, without a half-width.
 
     Args:
@@ -277,7 +303,9 @@ def _root(
     return splitting_at, omega, slope
 
 
-def _zero(parameters: Parameters, guess: Fraction, engine: Engine, stages: Sequence[Precision]) -> SplittingZero:
+def _zero(
+    parameters: Parameters, guess: Fraction, engine: Engine, stages: Sequence[Precision]
+) -> SplittingZero:
     splitting_at, omega, slope = _root(parameters, guess, engine, stages)
     steepness, precision = abs(slope.value), splitting_at.precision
     wider = companion(precision)
@@ -286,7 +314,10 @@ def _zero(parameters: Parameters, guess: Fraction, engine: Engine, stages: Seque
     budget = {
         "series, flow and rounding, by a wider run": abs(check.carried) / steepness * DISTANCES,
         # What L(s) leaves out: the square of the fast coordinate, with a curvature of order 1.
-        "fast direction beyond first order": 10 * fraction(check.t) ** 2 * fraction(check.growth) / steepness,
+        "fast direction beyond first order": 10
+        * fraction(check.t) ** 2
+        * fraction(check.growth)
+        / steepness,
         "last rounding": omega * precision.epsilon,
     }
     return SplittingZero(
@@ -304,7 +335,9 @@ class _Slope(NamedTuple):
     error: Fraction
 
 
-def _newton(splitting_at: SplittingFunction, omega: Fraction, slope: _Slope | None) -> tuple[Fraction, _Slope]:
+def _newton(
+    splitting_at: SplittingFunction, omega: Fraction, slope: _Slope | None
+) -> tuple[Fraction, _Slope]:
     """Return the zero [rad/s] in one arithmetic and the slope next to it.
 
     The iteration starts from the slope of a coarser arithmetic, or else from a difference. From the
@@ -323,13 +356,17 @@ def _newton(splitting_at: SplittingFunction, omega: Fraction, slope: _Slope | No
             secant = _Slope((value - previous[1]) / step, error)
             slope = min(slope, secant, key=lambda candidate: candidate.error)
         if not slope.value:
-            raise AccuracyError("the splitting does not depend on Omega: there is no isolated connection")
+            raise AccuracyError(
+                "the splitting does not depend on Omega: there is no isolated connection"
+            )
         change = -value / slope.value
         previous = omega, value
         omega = _cut(omega + change, splitting_at.precision)
         if abs(change) * max(_MOST_CURVATURE * abs(change), slope.error) < 1000 * resolution:
             return omega, slope
-    raise AccuracyError("the iteration for Omega_h does not settle: is the approximation it starts from one?")
+    raise AccuracyError(
+        "the iteration for Omega_h does not settle: is the approximation it starts from one?"
+    )
 
 
 def _short(value: float) -> Fraction:

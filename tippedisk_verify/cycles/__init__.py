@@ -1,1 +1,3 @@
-"""Limit cycles as fixed points of return maps: shooting, continuation, folds, and a spectral method."""
+"""Limit cycles as fixed points of return maps: shooting, continuation, folds, and a spectral
+method.
+"""

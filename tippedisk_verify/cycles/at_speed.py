@@ -61,8 +61,12 @@ def cycle_at(
     speed = checked_speed(omega)
     digits = checked_digits(digits)
     cycle: LimitCycle | None = None
-    newborn = abs(distance_below_crit(parameters, speed)) < NEWBORN and not locator(parameters, engine).lost
-    if stable is not False and not newborn:  # mostly the law leads to a stable cycle, and nothing else is needed
+    newborn = (
+        abs(distance_below_crit(parameters, speed)) < NEWBORN
+        and not locator(parameters, engine).lost
+    )
+    # Mostly the law leads to a stable cycle, and nothing else is needed
+    if stable is not False and not newborn:
         fixed_point = shoot_from_law(ReturnMap(LIBRATING, parameters, speed, engine))
         if fixed_point is not None:
             cycle = cycle_to_digits(fixed_point, digits, half_widths=half_widths)
@@ -75,11 +79,15 @@ def cycle_at(
     wanted = [cycle for cycle in cycles if cycle.stable is (stable is not False)]
     if not wanted and stable is not None:
         kind, other = ("stable", "unstable") if stable else ("unstable", "stable")
-        raise NoSuchCycleError(f"no {kind} limit cycle found at {float(speed):.10g} rad/s: the one found is {other}")
+        raise NoSuchCycleError(
+            f"no {kind} limit cycle found at {float(speed):.10g} rad/s: the one found is {other}"
+        )
     return (wanted or cycles)[0]
 
 
-def cycles_at(parameters: Parameters, omega: Fraction, *, engine: Engine, half_widths: bool = True) -> list[LimitCycle]:
+def cycles_at(
+    parameters: Parameters, omega: Fraction, *, engine: Engine, half_widths: bool = True
+) -> list[LimitCycle]:
     """Return all limit cycles at a speed to 12 digits, from the smallest amplitude on.
 
     If the family has no cycle at the speed, `cycle_at` searches for one outside the family.
@@ -130,7 +138,8 @@ def rotating_cycle(
     speed = checked_speed(omega)
     digits = checked_digits(digits)
     if stable:
-        with suppress(NoSuchCycleError, NoConnectionError, ZeroDivisionError):  # doubles see Omega_h itself
+        # Doubles see Omega_h itself
+        with suppress(NoSuchCycleError, NoConnectionError, ZeroDivisionError):
             # The saddle's unstable branch leads there where the cycle is not next to the fold.
             return_map = ReturnMap(ROTATING, parameters, speed, engine)
             fixed_point = shoot(return_map, return_map.end_of_branch())
@@ -143,7 +152,9 @@ def rotating_cycle(
 
 
 @undisturbed
-def cycle_above(parameters: Parameters, above: object, engine: Engine, *, digits: int = 12) -> LimitCycle:
+def cycle_above(
+    parameters: Parameters, above: object, engine: Engine, *, digits: int = 12
+) -> LimitCycle:
     """Return the limit cycle at Omega_h + ``above``, to ``digits`` significant digits.
 
     Args:
@@ -160,7 +171,9 @@ def cycle_above(parameters: Parameters, above: object, engine: Engine, *, digits
     return _next_to_omega_h(LIBRATING, parameters, above, engine, digits)
 
 
-def rotating_below(parameters: Parameters, below: object, engine: Engine, *, digits: int = 12) -> RotatingCycle:
+def rotating_below(
+    parameters: Parameters, below: object, engine: Engine, *, digits: int = 12
+) -> RotatingCycle:
     """Return the stable rotating limit cycle at Omega_h - ``below``, to ``digits`` significant
     digits.
 
@@ -178,7 +191,9 @@ def rotating_below(parameters: Parameters, below: object, engine: Engine, *, dig
     return _next_to_omega_h(ROTATING, parameters, below, engine, digits)
 
 
-def _next_to_omega_h(section: Section[C], parameters: Parameters, offset: object, engine: Engine, digits: int) -> C:
+def _next_to_omega_h(
+    section: Section[C], parameters: Parameters, offset: object, engine: Engine, digits: int
+) -> C:
     """Return the cycle at a distance from Omega_h, on the piece of the section's family that ends
     there.
     """
@@ -194,7 +209,8 @@ def _next_to_omega_h(section: Section[C], parameters: Parameters, offset: object
     branch_length = _branch_length(section, disk_locator)
     if distance >= branch_length:
         raise NoSuchCycleError(
-            f"{cycles} lie less than {float(branch_length):.6g} rad/s {side} Omega_h, not {shown(offset)}"
+            f"{cycles} lie less than {float(branch_length):.6g} rad/s {side} Omega_h, not "
+            f"{shown(offset)}"
         )
     omega_h = splitting_zero(parameters, disk_locator.omega_h, engine, omega_h_digits).omega_h
     omega = omega_h.value + (distance if above else -distance)
@@ -212,7 +228,9 @@ def _next_to_omega_h(section: Section[C], parameters: Parameters, offset: object
         at_speed = location.cycle(location.starts[-1], digits)
     cycle: C = with_speed(at_speed, section, omega_h, distance, branch_length, engine)
     if cycle.period.uncertainty > cycle.period.value / 10**digits:
-        raise AccuracyError(f"T has fewer than {digits} digits this close to Omega_h: ask for {digits + 10}")
+        raise AccuracyError(
+            f"T has fewer than {digits} digits this close to Omega_h: ask for {digits + 10}"
+        )
     return cycle
 
 
@@ -227,7 +245,8 @@ def _branch_length(section: Section[Any], disk_locator: Locator) -> Fraction:
     (_, start), (_, end) = disk_locator.family.ends[-2:]
     if start < end:
         raise NoSuchCycleError(
-            f"next to Omega_h = {end:.10g} rad/s the limit cycles of this disk lie below it, down to a fold at"
+            f"next to Omega_h = {end:.10g} rad/s the limit cycles of this disk lie below it, down "
+            f"to a fold at"
             f" {start:.10g} rad/s: its saddle value is positive"
         )
     return Fraction(start) - omega_h
@@ -241,15 +260,22 @@ def _checked_distance(offset: object, side: str, digits: int) -> tuple[Fraction,
     """
     distance = exact(offset)
     if distance.pi_multiple or distance.rational <= 0:
-        raise InputError(f"the distance {side} Omega_h must be a positive decimal, not {shown(offset)}")
+        raise InputError(
+            f"the distance {side} Omega_h must be a positive decimal, not {shown(offset)}"
+        )
     digits = checked_digits(digits)
     value = distance.rational
-    zeros = max(0, math.ceil(math.log10(value.denominator) - math.log10(value.numerator)))  # of huge integers too
+    # Of huge integers too
+    zeros = max(0, math.ceil(math.log10(value.denominator) - math.log10(value.numerator)))
     if zeros > _MOST_ZEROS:
-        raise InputError(f"distances {side} Omega_h are offered down to 1e-{_MOST_ZEROS} rad/s, not 1e-{zeros}")
+        raise InputError(
+            f"distances {side} Omega_h are offered down to 1e-{_MOST_ZEROS} rad/s, not 1e-{zeros}"
+        )
     if zeros + digits > MOST_DIGITS:
         raise InputError(
-            f"Omega_h is offered to {MOST_DIGITS} digits: {digits} at 1e-{zeros} rad/s {side} it need more"
+            f"Omega_h is offered to {MOST_DIGITS} digits: {digits} at 1e-{zeros} rad/s {side} it "
+            f"need more"
         )
-    # The speed must be right to the digits asked for, and T depends on the logarithm of the distance.
+    # The speed must be right to the digits asked for, and T depends on the logarithm of the
+    # distance.
     return value, zeros + digits + 6

@@ -32,7 +32,8 @@ _MOST_STEPS = 12
 _LONGEST = 60.0  # s; half a period within rounding of Omega_h takes less than 6 s
 # The relative step that leaves, by quadratic convergence, an error below rounding.
 _SMALL_STEP = 1e-11
-# The places of the unknowns that may be fixed, among the two coordinates, the flight time and Omega.
+# The places of the unknowns that may be fixed, among the two coordinates, the flight time and
+# Omega.
 _FIRST, _OMEGA = 0, 3
 
 
@@ -50,7 +51,8 @@ class BatchCycles:
     section: Section[Any]
     numbers: Mapping[str, Array]
     converged: Any  #: (n,) True where Newton's iteration ended
-    last_step: Array  #: (n, 3) the last Newton step of the unknowns: derivatives were taken before it
+    #: (n, 3) the last Newton step of the unknowns: derivatives were taken before it
+    last_step: Array
 
     def __getitem__(self, name: str) -> Array:
         return self.numbers[name]
@@ -115,14 +117,20 @@ def shoot_batch(
     constants = numpy.broadcast_to(constants, (count, len(PARAMETERS) - 1))
     batch = _SectionBatch(section, constants, lanes, _FIRST if free_omega else _OMEGA)
     converged, last = batch.solve(unknowns, numpy.broadcast_to(tolerance, count))
-    flown = {name: numpy.full(count, numpy.nan) for name in (*(m.name for m in section.measures), "divergence")}
+    flown = {
+        name: numpy.full(count, numpy.nan)
+        for name in (*(m.name for m in section.measures), "divergence")
+    }
     if whole and converged.any():
         for name, values in batch.measures(unknowns, numpy.flatnonzero(converged)).items():
             flown[name][converged] = values
     first, second, flight, omega = unknowns.T
     matrix, slopes = last.map.transpose(1, 2, 0), last.by_omega.T
     numbers = section.table((first, second), flight, matrix, slopes, last.trivial, flown, numpy)
-    numbers |= {"omega": omega if free_omega else numpy.asarray(omegas, dtype=float), "residual": last.residual}
+    numbers |= {
+        "omega": omega if free_omega else numpy.asarray(omegas, dtype=float),
+        "residual": last.residual,
+    }
     return BatchCycles(section, numbers, converged, last.step)
 
 
@@ -137,9 +145,14 @@ class _Step(NamedTuple):
 
 
 class _SectionBatch:
-    """The runs of one section with constants (n, 6). The unknown (n, 4) numbered ``held`` is fixed."""
+    """The runs of one section with constants (n, 6).
 
-    def __init__(self, section: Section[Any], constants: Array, lanes: BatchTaylor, held: int) -> None:
+    The unknown (n, 4) numbered ``held`` is fixed.
+    """
+
+    def __init__(
+        self, section: Section[Any], constants: Array, lanes: BatchTaylor, held: int
+    ) -> None:
         self._section, self._constants, self._lanes, self._held = section, constants, lanes, held
         self._free = numpy.delete(numpy.arange(4), held)
 
@@ -150,7 +163,9 @@ class _SectionBatch:
         converge, and their last steps (NaN for others).
         """
         count = len(unknowns)
-        last = _Step(*(numpy.full((count, *shape), numpy.nan) for shape in ((3,), (3,), (2, 2), (), ())))
+        last = _Step(
+            *(numpy.full((count, *shape), numpy.nan) for shape in ((3,), (3,), (2, 2), (), ()))
+        )
         converged = numpy.zeros(count, dtype=bool)
         active = numpy.flatnonzero(self._possible(unknowns))
         # Below this the iteration is on its way to the equilibrium.
@@ -163,7 +178,8 @@ class _SectionBatch:
             now = unknowns[active]
             sizes = numpy.abs(now[:, self._free])
             if self._held == _OMEGA:
-                sizes = sizes.max(axis=1, keepdims=True)  # the coordinates and the time are of one order
+                # The coordinates and the time are of one order
+                sizes = sizes.max(axis=1, keepdims=True)
             relative = (numpy.abs(step.step) / sizes).max(axis=1)
             inside = self._possible(now) & (now[:, 0] >= smallest[active])
             small = inside & (relative <= tolerance[active])
@@ -177,7 +193,9 @@ class _SectionBatch:
     def _possible(self, unknowns: Array) -> Any:
         """Return a mask of the runs that may go on: within the section, and forward in time."""
         first, second, flight, omega = unknowns.T
-        inside = self._section.possible(first, second) & (flight > 0) & (flight < _LONGEST) & (omega > 0)
+        inside = (
+            self._section.possible(first, second) & (flight > 0) & (flight < _LONGEST) & (omega > 0)
+        )
         return inside & numpy.isfinite(unknowns).all(axis=1)
 
     def _starts(self, unknowns: Array) -> Array:
@@ -187,14 +205,22 @@ class _SectionBatch:
 
     def _step(self, unknowns: Array, runs: Any) -> _Step:
         section, axes = self._section, list(self._section.free)
-        constants, starts, omegas = self._constants[runs], self._starts(unknowns), unknowns[:, _OMEGA]
-        flights = self._lanes(constants, omegas, starts, unknowns[:, 2], shifted=True, variations=VARIATIONS)
+        constants, starts, omegas = (
+            self._constants[runs],
+            self._starts(unknowns),
+            unknowns[:, _OMEGA],
+        )
+        flights = self._lanes(
+            constants, omegas, starts, unknowns[:, 2], shifted=True, variations=VARIATIONS
+        )
         rows, rates = flights.derivatives, _rates(constants, omegas, flights.states)
         # The image of each flight's end less its start, (n, 3): (beta_bar, gamma_bar, v).
         errors = section.image * flights.states - starts
         for growth in section.growth:
             errors[:, section.fixed] -= growth
-        matrix = section.image * numpy.concatenate((rows[:, :, axes], rates[:, :, None], rows[:, :, 3:]), axis=2)
+        matrix = section.image * numpy.concatenate(
+            (rows[:, :, axes], rates[:, :, None], rows[:, :, 3:]), axis=2
+        )
         for column, axis in enumerate(axes):
             matrix[:, axis, column] -= 1
         inverse = _inverse(matrix[:, :, self._free])
@@ -234,13 +260,17 @@ class _SectionBatch:
         for name, run, _, state in flights.crossings:
             events[run].append((name, state))
         rows = [self._section.measured(of_run, 0.0) for of_run in events]
-        measures: dict[str, Any] = {name: numpy.array([row[name] for row in rows]) for name in rows[0]}
+        measures: dict[str, Any] = {
+            name: numpy.array([row[name] for row in rows]) for name in rows[0]
+        }
         return measures | {"divergence": flights.divergence}
 
 
 def _rates(constants: Array, omegas: Array, states: Array) -> Array:
     """Return the field (n, 3) at shifted states."""
-    by_name = Constants(**dict.fromkeys(Constants._fields) | dict(zip(PARAMETERS[1:], constants.T, strict=True)))
+    by_name = Constants(
+        **dict.fromkeys(Constants._fields) | dict(zip(PARAMETERS[1:], constants.T, strict=True))
+    )
     return numpy.stack(field(shifted(numpy), by_name, omegas, "linear")(*states.T), axis=1)
 
 

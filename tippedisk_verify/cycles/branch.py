@@ -93,7 +93,10 @@ class Branch(Printable):
         names = [item.name for item in fields(cls) if item.name not in ("cycles", "uncertainty")]
         numbers = {name: [getattr(cycle, name, math.nan) for cycle in kept] for name in names}
         columns = {name: numpy.array(column, float) for name, column in numbers.items()}
-        widths = {name: numpy.array([_in_double(number) for number in column]) for name, column in numbers.items()}
+        widths = {
+            name: numpy.array([_in_double(number) for number in column])
+            for name, column in numbers.items()
+        }
         return cls(kept, uncertainty=widths, **columns)
 
     @property
@@ -132,12 +135,16 @@ class Branch(Printable):
         """Return a heading and the numbers of the first and last cycles, in at most ten lines."""
         chosen = range(len(self)) if len(self) <= 8 else (0, 1, 2, None, -3, -2, -1)
         columns = [getattr(self, name) for name in _SHOWN]
-        rows = (["…"] * len(columns) if n is None else [f"{x[n]:.10g}" for x in columns] for n in chosen)
+        rows = (
+            ["…"] * len(columns) if n is None else [f"{x[n]:.10g}" for x in columns] for n in chosen
+        )
         return [[*map(heading, _SHOWN)], *rows]
 
     def __repr__(self) -> str:
         cycles, missing = found(self.cycles), len(self.missing)
-        whose = f" of {cycles[0].parameters.name} ({cycles[0].parameters.friction})" if cycles else ""
+        whose = (
+            f" of {cycles[0].parameters.name} ({cycles[0].parameters.friction})" if cycles else ""
+        )
         lines = ["".join(f"{cell:>18}" for cell in row) for row in self._rows()]
         without = f", at {missing} more speeds none" if missing else ""
         return "\n".join([f"Branch{whose}: {len(cycles)} limit cycles{without}", *lines])
@@ -206,14 +213,19 @@ def paper_speeds(parameters: Parameters, omega_h: Fraction) -> tuple[float, ...]
     start = crit - Fraction(1, 2)
     if not omega_h < start:
         raise NoSuchCycleError(
-            f"the paper's sets of speeds begin 0.5 rad/s below Omega_crit, at {float(start):.10g} rad/s; for this disk "
+            f"the paper's sets of speeds begin 0.5 rad/s below Omega_crit, at {float(start):.10g} "
+            f"rad/s; for this disk "
             f"that lies below Omega_h = {float(omega_h):.10g} rad/s"
         )
-    steps = (end + (start - end) * Fraction(99, 100) ** n for end in (crit, omega_h) for n in range(1, _STEPS + 1))
+    steps = (
+        end + (start - end) * Fraction(99, 100) ** n
+        for end in (crit, omega_h)
+        for n in range(1, _STEPS + 1)
+    )
     return tuple(map(float, (start, *steps)))
 
 
-# ------------------------------------------------------------------------------------------------ librating
+# ---------------------------------------------------------------------------------------- librating
 def family(
     parameters: Parameters,
     engine: Engine,
@@ -247,11 +259,19 @@ def family(
         speeds = checked_speeds(omegas)
         if not 0 < len(speeds) <= _MOST_SPEEDS:
             raise InputError(f"a family has 1 to {_MOST_SPEEDS} speeds, not {len(speeds)}")
-    return _at(disk_locator, LIBRATING, partial(cycles_at, parameters, engine=engine, half_widths=half_widths), speeds)
+    return _at(
+        disk_locator,
+        LIBRATING,
+        partial(cycles_at, parameters, engine=engine, half_widths=half_widths),
+        speeds,
+    )
 
 
 def _at(
-    disk_locator: Locator, section: Section[C], singly: Callable[[Fraction], list[C]], speeds: Sequence[Fraction]
+    disk_locator: Locator,
+    section: Section[C],
+    singly: Callable[[Fraction], list[C]],
+    speeds: Sequence[Fraction],
 ) -> Iterator[C | MissingCycle]:
     """Yield all cycles of a kind at these speeds.
 
@@ -272,7 +292,9 @@ def _at(
             else:
                 followed = RotatingFamily(parameters, engine, disk_locator.omega_h, solve)
                 followed.reach(max(doubles))
-            by_speed = FamilyInterpolant(followed, lanes).results(doubles, _DIGITS_IN_LANES[section.name])
+            by_speed = FamilyInterpolant(followed, lanes).results(
+                doubles, _DIGITS_IN_LANES[section.name]
+            )
     for speed, cycles in zip(speeds, by_speed, strict=True):
         rows: Sequence[C | MissingCycle]
         try:
@@ -298,7 +320,9 @@ def _overview(disk_locator: Locator) -> Iterator[LimitCycle]:
         count = max(_FEWEST_ON_PIECE, round(DEFAULT_COUNT * share))
         margin = (end - begin) / 1000
         first = begin + math.copysign(max(abs(margin), _UNRESOLVED * begin), margin)
-        last = end - math.copysign(max(abs(margin), closest if name == "Omega_h" else _UNRESOLVED * end), margin)
+        last = end - math.copysign(
+            max(abs(margin), closest if name == "Omega_h" else _UNRESOLVED * end), margin
+        )
         if (last - first) * margin <= 0:
             continue
         for n in range(count):
@@ -308,7 +332,7 @@ def _overview(disk_locator: Locator) -> Iterator[LimitCycle]:
             yield from (location.cycle(start) for start in location.starts if start.piece == piece)
 
 
-# ------------------------------------------------------------------------------------------------ rotating
+# ----------------------------------------------------------------------------------------- rotating
 def rotating_branch(
     parameters: Parameters, engine: Engine, omegas: Sequence[object] | None = None
 ) -> Iterator[RotatingCycle | MissingCycle]:
@@ -330,7 +354,12 @@ def rotating_branch(
     disk_locator = locator(parameters, engine)
     if omegas is None:
         return _rotating_overview(disk_locator)
-    return _at(disk_locator, ROTATING, lambda speed: disk_locator.rotating(speed).cycles(), checked_speeds(omegas))
+    return _at(
+        disk_locator,
+        ROTATING,
+        lambda speed: disk_locator.rotating(speed).cycles(),
+        checked_speeds(omegas),
+    )
 
 
 def _rotating_overview(disk_locator: Locator) -> Iterator[RotatingCycle]:
@@ -340,8 +369,15 @@ def _rotating_overview(disk_locator: Locator) -> Iterator[RotatingCycle]:
     """
     family, half = disk_locator.rotations, DEFAULT_ROTATIONS // 2
     fold = Fraction(float(rotation_fold(family).omega))
-    below, beyond = family.omega_h - fold, omega_crit(disk_locator.parameters, 20).value + Fraction(1, 2) - fold
+    below, beyond = (
+        family.omega_h - fold,
+        omega_crit(disk_locator.parameters, 20).value + Fraction(1, 2) - fold,
+    )
     for n in range(half, 0, -1):
-        yield from disk_locator.rotating(fold + below * Fraction(n * n, half * half + 1), stable=True).cycles()
+        yield from disk_locator.rotating(
+            fold + below * Fraction(n * n, half * half + 1), stable=True
+        ).cycles()
     for n in range(1, half + 1):
-        yield from disk_locator.rotating(fold + beyond * Fraction(n * n, half * half), stable=False).cycles()
+        yield from disk_locator.rotating(
+            fold + beyond * Fraction(n * n, half * half), stable=False
+        ).cycles()

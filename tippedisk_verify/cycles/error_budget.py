@@ -56,28 +56,30 @@ C = TypeVar("C", bound=Cycle)
 
 _LOST = 3  # digits of an arithmetic that rounding, and the factor of a half-width, mostly take
 _DOUBLE_DIGITS = 12  # digits that doubles give unless the equations amplify rounding
-#: The number of twins of a cycle in double, and the half-width in units of the spread. The spread is
-#: that of the twins and the cycle itself. For normal errors as large as the twins' an error beyond the
-#: half-width has a probability of 2e-6. The half-width is 14 times the error in the median.
-#: tests/cycles/test_error_budget.py integrates both. Perturbing constants and arrival by one unit in
-#: the last place has twice the effect of rounding.
+#: The number of twins of a cycle in double, and the half-width in units of the spread. The spread
+#: is that of the twins and the cycle itself. For normal errors as large as the twins' an error
+#: beyond the half-width has a probability of 2e-6. The half-width is 14 times the error in the
+#: median. tests/cycles/test_error_budget.py integrates both. Perturbing constants and arrival by
+#: one unit in the last place has twice the effect of rounding.
 TWINS = 5
 TWIN_FACTOR = 4
-#: The number of twins for the next wider arithmetic, whose error is not among the values whose spread
-#: measures it. With the cycle in double they give the same risk: the error exceeds TWIN_FACTOR times
-#: the spread brought to its arithmetic.
+#: The number of twins for the next wider arithmetic, whose error is not among the values whose
+#: spread measures it. With the cycle in double they give the same risk: the error exceeds
+#: TWIN_FACTOR times the spread brought to its arithmetic.
 TWINS_OF_WIDER = 8
-#: A factor by which half-widths must stay below the digits wanted. Half-widths of the same cycle differ
-#: by up to 1.6 from draw to draw. With this factor last bits do not decide which arithmetic answers.
+#: A factor by which half-widths must stay below the digits wanted. Half-widths of the same cycle
+#: differ by up to 1.6 from draw to draw. With this factor last bits do not decide which arithmetic
+#: answers.
 _SAFETY_OF_CHOICE = 2
-#: The error of an iteration that no longer shrinks, in units of its step: the ratio of two steps is at
-#: least 1/2.
+#: The error of an iteration that no longer shrinks, in units of its step: the ratio of two steps is
+#: at least 1/2.
 _STALLED_STEPS = 4
 #: The digits beyond those wanted in which a cycle is solved that doubles do not hold.
 MORE_DIGITS = 20
 # The number of attempts, each with twice as many extra digits. The last takes a minute.
 _MOST_WIDENINGS = 4
-# The largest chord step, relative to the cycle's size. With a longer one the derivative is too far off.
+# The largest chord step, relative to the cycle's size. With a longer one the derivative is too far
+# off.
 _LARGEST_CHORD_STEP = Fraction(1, 10)
 _MOST_NEWTON_STEPS = 20  # each doubles the digits
 # The factor of shrinking at which an iteration falls onto the equilibrium, the trivial solution.
@@ -97,13 +99,21 @@ def cycle_to_digits(fixed_point: FixedPoint[C], digits: int, *, half_widths: boo
         AccuracyError: If the digits are not reached.
     """
     if not half_widths:
-        precision = DOUBLE if digits <= _DOUBLE_DIGITS else bits(bits_for_digits(digits + MORE_DIGITS))
+        precision = (
+            DOUBLE if digits <= _DOUBLE_DIGITS else bits(bits_for_digits(digits + MORE_DIGITS))
+        )
         numbers = cycle_numbers(fixed_point, precision)
-        unmeasured = {name: Measured.without_half_width(number, digits) for name, number in numbers.items()}
+        unmeasured = {
+            name: Measured.without_half_width(number, digits) for name, number in numbers.items()
+        }
         return _as_cycle(fixed_point, unmeasured, precision)
     draws, doubles = _draws(fixed_point), list[dict[str, Any]]()
     wanted, wider = max(digits, _DOUBLE_DIGITS), companion(DOUBLE)
-    for precision, twins in (DOUBLE, TWINS), (wider, TWINS_OF_WIDER), (companion(wider), TWINS_OF_WIDER):
+    for precision, twins in (
+        (DOUBLE, TWINS),
+        (wider, TWINS_OF_WIDER),
+        (companion(wider), TWINS_OF_WIDER),
+    ):
         if wanted + _LOST <= precision.digits:
             doubles += islice(draws, 1 + twins - len(doubles))
             cycle = _by_twins(fixed_point, precision, doubles)
@@ -132,7 +142,9 @@ def wider_cycle(fixed_point: FixedPoint[C], digits: int, more: int = MORE_DIGITS
         cycle = cycle_in(fixed_point, bits(bits_for_digits(digits + extra)))
         if (name := _lacking(cycle, digits)) is None:
             return cycle
-    raise AccuracyError(f"{name} has fewer than {digits} digits so close to a bifurcation: ask for {digits + extra}")
+    raise AccuracyError(
+        f"{name} has fewer than {digits} digits so close to a bifurcation: ask for {digits + extra}"
+    )
 
 
 def cycle_in(fixed_point: FixedPoint[C], precision: Precision, wider: Precision | None = None) -> C:
@@ -152,10 +164,14 @@ def cycle_in(fixed_point: FixedPoint[C], precision: Precision, wider: Precision 
         return _as_cycle(fixed_point, half_widths_by_twins(doubles[0], doubles), precision)
     numbers, _, sharper = _sharpened(fixed_point, precision)
     sharp, doubt, _ = _sharpened(sharper, wider or companion(precision))
-    return _as_cycle(fixed_point, half_widths_by_wider_run(numbers, sharp, doubt, precision), precision)
+    return _as_cycle(
+        fixed_point, half_widths_by_wider_run(numbers, sharp, doubt, precision), precision
+    )
 
 
-def _by_twins(fixed_point: FixedPoint[C], precision: Precision, doubles: Sequence[dict[str, Any]]) -> C | None:
+def _by_twins(
+    fixed_point: FixedPoint[C], precision: Precision, doubles: Sequence[dict[str, Any]]
+) -> C | None:
     """Return the cycle in double, or in an arithmetic a little wider, with half-widths from draws
     in double.
 
@@ -197,7 +213,9 @@ def _as_cycle(fixed_point: FixedPoint[C], measured: dict[str, Measured], precisi
     )
 
 
-def cycle_of(section: Section[C], omega: Fraction, measured: dict[str, Measured], **others: Any) -> C:
+def cycle_of(
+    section: Section[C], omega: Fraction, measured: dict[str, Measured], **others: Any
+) -> C:
     """Return the cycle with these numbers.
 
     Args:
@@ -209,14 +227,16 @@ def cycle_of(section: Section[C], omega: Fraction, measured: dict[str, Measured]
     logarithms_bounded(measured)
     # The true multiplier along the flow is 1: its computed distance from 1 is all error.
     defect = measured["trivial_multiplier_defect"]
-    measured["trivial_multiplier_defect"] = Measured(defect.value, max(defect.uncertainty, defect.value))
+    measured["trivial_multiplier_defect"] = Measured(
+        defect.value, max(defect.uncertainty, defect.value)
+    )
     slow = measured["multiplier_slow"]
     certain = abs(abs(slow.value) - 1) > slow.uncertainty or not slow.is_measured
     stable = bool(abs(slow.value) < 1) if certain else None
     return section.result(omega=Measured(omega, Fraction(0)), stable=stable, **(others | measured))
 
 
-# ------------------------------------------------------------------------------------------------ the numbers
+# -------------------------------------------------------------------------------------- the numbers
 def cycle_numbers(fixed_point: FixedPoint[C], precision: Precision) -> dict[str, Any]:
     """Return all numbers of the cycle in one arithmetic, by name.
 
@@ -254,19 +274,24 @@ def numbers_at(
 
 
 def _draws(fixed_point: FixedPoint[C]) -> Iterator[dict[str, Any]]:
-    """Yield the numbers of the cycle in double, then those of its twins, each with other last bits."""
+    """Yield the numbers of the cycle in double, then those of its twins, each with other last
+    bits.
+    """
     return_map, point = fixed_point.return_map, fixed_point.point
     first, second = return_map.section.names
     yield numbers_at(return_map, point, fixed_point.image)
     for pattern in count(1):
         image = return_map(point, pattern)
         numbers = numbers_at(return_map, point, image, pattern)
-        # The arrival is a double. Where a cycle attracts weakly this hides the effect of rounding: the
-        # residual is the same, often zero, over many starts. A change of the arrival by one unit in the last
-        # place shows it.
+        # The arrival is a double. Where a cycle attracts weakly this hides the effect of rounding:
+        # the residual is the same, often zero, over many starts. A change of the arrival by one
+        # unit in the last place shows it.
         arrival = [now + before for now, before in zip(image.residual, point, strict=True)]
         moved = nudged(arrival, pattern + 2, DOUBLE)
-        residual = [now + (other - whole) for now, whole, other in zip(image.residual, arrival, moved, strict=True)]
+        residual = [
+            now + (other - whole)
+            for now, whole, other in zip(image.residual, arrival, moved, strict=True)
+        ]
         step = image._replace(residual=tuple(residual)).newton_step()
         point = (point[0] + step[0], point[1] + step[1])
         later = image.time_by_state[0] * step[0] + image.time_by_state[1] * step[1]
@@ -274,7 +299,7 @@ def _draws(fixed_point: FixedPoint[C]) -> Iterator[dict[str, Any]]:
         yield numbers | {first: point[0], second: point[1], "period": period}
 
 
-# ------------------------------------------------------------------------------------------------ the half-widths
+# ---------------------------------------------------------------------------------- the half-widths
 def half_widths_by_twins(
     numbers: dict[str, Any], doubles: Sequence[dict[str, Any]], precision: Precision = DOUBLE
 ) -> dict[str, Measured]:
@@ -308,10 +333,16 @@ def half_widths_by_wider_run(
         doubt: The error of state and period that the wider iteration leaves.
         precision: The arithmetic of the rough numbers.
     """
-    measured = {name: Measured.compared(number, sharp[name], precision.epsilon) for name, number in rough.items()}
+    measured = {
+        name: Measured.compared(number, sharp[name], precision.epsilon)
+        for name, number in rough.items()
+    }
     unknowns = [name for name in doubt if name != "period"]
     apart = sum(
-        max(abs(measured[name].value - fraction(sharp[name])), abs(measured[name].value) * precision.epsilon)
+        max(
+            abs(measured[name].value - fraction(sharp[name])),
+            abs(measured[name].value) * precision.epsilon,
+        )
         for name in unknowns
     )
     share = sum((doubt[name] for name in unknowns), Fraction(0)) / apart
@@ -335,12 +366,15 @@ def logarithms_bounded(measured: dict[str, Measured]) -> None:
         return
     highest = Fraction(math.log(abs(slow.value) + slow.uncertainty))
     lowest = min(both.value / 2, highest)
-    middle, half = (highest + lowest) / 2, (highest - lowest) / 2 + both.uncertainty + abs(highest) / 2**50
+    middle, half = (
+        (highest + lowest) / 2,
+        (highest - lowest) / 2 + both.uncertainty + abs(highest) / 2**50,
+    )
     measured["log_multiplier_slow"] = Measured(middle, half)
     measured["log_multiplier_fast"] = Measured(both.value - middle, half)
 
 
-# ------------------------------------------------------------------------------------------------ the iteration
+# ------------------------------------------------------------------------------------ the iteration
 def _sharpened(
     fixed_point: FixedPoint[C], precision: Precision
 ) -> tuple[dict[str, Any], dict[str, Fraction], FixedPoint[C]]:
@@ -363,7 +397,9 @@ def _sharpened(
     return numbers_at(return_map, point, image), doubt, sharper
 
 
-def _settled(return_map: ReturnMap[C], fixed_point: FixedPoint[C]) -> tuple[tuple[Any, Any], tuple[Fraction, Fraction]]:
+def _settled(
+    return_map: ReturnMap[C], fixed_point: FixedPoint[C]
+) -> tuple[tuple[Any, Any], tuple[Fraction, Fraction]]:
     """Iterate for the fixed point in the map's arithmetic, until a step is below rounding or no
     longer shrinks.
 
@@ -382,7 +418,9 @@ def _settled(return_map: ReturnMap[C], fixed_point: FixedPoint[C]) -> tuple[tupl
     scale = min(Fraction(1), _length(point))
     # Below a thousand ulps only rounding is left. A step that has stopped shrinking shows the same.
     small = 1000 * precision.epsilon * scale
-    failure = AccuracyError(f"the iteration for the cycle has not converged in {precision.name} precision")
+    failure = AccuracyError(
+        f"the iteration for the cycle has not converged in {precision.name} precision"
+    )
 
     def size(iterate: Iterate[C]) -> Fraction:
         is_finite = all(map(math.isfinite, map(float, iterate.step)))
@@ -397,7 +435,9 @@ def _settled(return_map: ReturnMap[C], fixed_point: FixedPoint[C]) -> tuple[tupl
         return length
 
     with suppress(AccuracyError, NoSuchCycleError):
-        rows: Any = tuple(tuple(precision.number(entry) for entry in row) for row in fixed_point.image.matrix)
+        rows: Any = tuple(
+            tuple(precision.number(entry) for entry in row) for row in fixed_point.image.matrix
+        )
         chord = fixed_point.image._replace(matrix=rows, by_omega=(0, 0))
         stop = Stop(precision.bits // 8 + 8, failure, small=small, fewest=2)
         found = newton(return_map, point, stop, size_of_chord, chord=chord)
@@ -405,7 +445,9 @@ def _settled(return_map: ReturnMap[C], fixed_point: FixedPoint[C]) -> tuple[tupl
             return found.ahead[:2], (Fraction(0), Fraction(0))
         point = found.point
     try:
-        found = newton(return_map, point, Stop(_MOST_NEWTON_STEPS, failure, small=small, fewest=2), size)
+        found = newton(
+            return_map, point, Stop(_MOST_NEWTON_STEPS, failure, small=small, fewest=2), size
+        )
     except NoSuchCycleError:
         raise failure from None
     if size(found) < small:

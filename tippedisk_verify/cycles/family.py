@@ -37,7 +37,8 @@ _SHORT, _LONG, _SHORT_PANELS = 0.4, 0.8, 3  # lengths of the first few panels an
 _GROUP = 8  # nodes that are solved together
 _DEGREE = 7  # degree of the extrapolation to the next nodes, through values and slopes
 _JUMPED = 0.3  # relative distance from the guess; a cycle farther away belongs to another family
-_UNCONTINUED = 0.15  # largest misfit of values and slopes, relative to the change between neighbours
+# Largest misfit of values and slopes, relative to the change between neighbours
+_UNCONTINUED = 0.15
 _NEXT_TO_A_NODE = 1e-3  # in s; the family is lost if nodes would have to be closer together
 _MOST_STEPS = 10  # steps of Newton's iteration for an abscissa
 _SETTLED = 1e-9  # a relative step after which only rounding is left
@@ -56,8 +57,8 @@ class Solved(NamedTuple):
     omega_slope: Array
 
 
-#: A function of the first coordinate, the second one, the flight time and Omega, as (n,) arrays. The
-#: first is fixed, the others are guesses.
+#: A function of the first coordinate, the second one, the flight time and Omega, as (n,) arrays.
+#: The first is fixed, the others are guesses.
 Solver = Callable[[Array, Array, Array, Array], Solved]
 
 
@@ -65,7 +66,8 @@ Solver = Callable[[Array, Array, Array, Array], Solved]
 class Place:
     """A cycle of a family in double, from which to shoot for the cycle itself."""
 
-    start: tuple[float, float]  #: both coordinates; NaN next to Omega_h, where doubles do not have them
+    #: Both coordinates; NaN next to Omega_h, where doubles do not have them
+    start: tuple[float, float]
     omega: float  #: [rad/s]
     piece: int  #: counted from where the family begins, one more after each fold
     falls: bool  #: True if Omega falls along that piece, with a rising first coordinate
@@ -107,17 +109,26 @@ class Family:
     """
 
     section: ClassVar[Section[Any]]
-    #: An abscissa at which the family, continued, ends for good: its distance bounds the reach of linear estimates.
+    #: An abscissa at which the family, continued, ends for good: its distance bounds the reach of
+    #: linear estimates.
     origin: ClassVar[float] = -math.inf
     #: Pairs of speeds [rad/s] between which the family has a cycle beyond its last node.
     gaps: tuple[tuple[float, float], ...]
 
     def __init__(
-        self, parameters: Parameters, engine: Engine, solve: Solver, nodes: int, middle: float, half: float, begin: Any
+        self,
+        parameters: Parameters,
+        engine: Engine,
+        solve: Solver,
+        nodes: int,
+        middle: float,
+        half: float,
+        begin: Any,
     ) -> None:
         self.parameters, self.engine, self.nodes_per_panel = parameters, engine, nodes
         self._solve, self._middle, self._half = solve, middle, half
-        self._rows = numpy.array([begin], dtype=float)  # the rows from which the next panel is solved
+        # The rows from which the next panel is solved
+        self._rows = numpy.array([begin], dtype=float)
         self._begin = float(begin[0])
         self._panels = numpy.empty((0, nodes, 7))
         angles = (2 * numpy.arange(nodes)[::-1] + 1) * numpy.pi / (2 * nodes)
@@ -136,7 +147,7 @@ class Family:
         """Return the abscissa of a first coordinate [rad], the inverse of `coordinate`."""
         return numpy.arctanh((coordinate - self._middle) / self._half)
 
-    # ------------------------------------------------------------------------------------------------ the panels
+    # ----------------------------------------------------------------------------------- the panels
     def extend(self) -> None:
         """Add one more panel.
 
@@ -145,7 +156,10 @@ class Family:
         """
         index = len(self._panels)
         start, end = self._edge(index), self._edge(index + 1)
-        wanted, rows = start + (end - start) * self._chebyshev, numpy.empty((self.nodes_per_panel, 7))
+        wanted, rows = (
+            start + (end - start) * self._chebyshev,
+            numpy.empty((self.nodes_per_panel, 7)),
+        )
         rows_before, solved = self._rows, 0
         while solved < self.nodes_per_panel:
             group = self._solved(wanted[solved : solved + _GROUP], rows_before)
@@ -162,7 +176,9 @@ class Family:
 
     def _edge(self, index: int) -> float:
         """Return the abscissa at which the panel of that number begins."""
-        return self._begin + _SHORT * min(index, _SHORT_PANELS) + _LONG * max(0, index - _SHORT_PANELS)
+        return (
+            self._begin + _SHORT * min(index, _SHORT_PANELS) + _LONG * max(0, index - _SHORT_PANELS)
+        )
 
     def _between(self, rows: Array, target: float) -> Array:
         """Add more cycles on the way to a node that was not reached. The last of them is halfway
@@ -171,7 +187,9 @@ class Family:
         begin = rows[-1, 0]
         if target - begin < _NEXT_TO_A_NODE:
             raise NoSuchCycleError(self._lost(target))
-        group = self._solved(begin + (target - begin) * numpy.arange(1, _GROUP + 1) / (2 * _GROUP), rows)
+        group = self._solved(
+            begin + (target - begin) * numpy.arange(1, _GROUP + 1) / (2 * _GROUP), rows
+        )
         if not len(group):
             raise NoSuchCycleError(self._lost(target))
         return numpy.concatenate((rows, group))
@@ -209,7 +227,7 @@ class Family:
         name, first = self.section.names[0], self.coordinate(s)
         return f"the family of {self.section.name} limit cycles could not be followed to {name} = {first:.6g} rad"
 
-    # ------------------------------------------------------------------------------------------------ its numbers
+    # ---------------------------------------------------------------------------------- its numbers
     @property
     def nodes(self) -> Array:
         """The rows (n, 7) of all nodes: s, second coordinate / first, flight time, Omega and their
@@ -229,7 +247,9 @@ class Family:
         by_panel = self._panels[:, :, [1, 2, 3, 6]].transpose(2, 0, 1)
         # Without the middle the sum rounds only the variation on the panel.
         middle = by_panel[:, :, self.nodes_per_panel // 2]
-        return middle[:, panels] + ((by_panel - middle[:, :, None])[:, panels] * ratios).sum(axis=-1)
+        return middle[:, panels] + ((by_panel - middle[:, :, None])[:, panels] * ratios).sum(
+            axis=-1
+        )
 
     @cached_property
     def folds(self) -> tuple[float, ...]:
@@ -270,7 +290,9 @@ class Family:
         samples = []
         for low, high in pairwise(self.breaks):
             # Closer together towards both ends, at which Omega may be flat.
-            s = (low + high) / 2 - (high - low) / 2 * numpy.cos(numpy.linspace(0, numpy.pi, 2 * len(self.nodes)))
+            s = (low + high) / 2 - (high - low) / 2 * numpy.cos(
+                numpy.linspace(0, numpy.pi, 2 * len(self.nodes))
+            )
             omega = self.at(s)[2]
             samples.append((omega, s) if omega[-1] > omega[0] else (omega[::-1], s[::-1]))
         return samples
@@ -285,14 +307,19 @@ class Family:
             The abscissas (pieces, n); NaN if a piece does not reach the speed.
         """
         rows = []
-        for (speeds, abscissas), (low, high) in zip(self._sampled, pairwise(self.breaks), strict=True):
+        for (speeds, abscissas), (low, high) in zip(
+            self._sampled, pairwise(self.breaks), strict=True
+        ):
             s = numpy.interp(omegas, speeds, abscissas, left=numpy.nan, right=numpy.nan)
             inside = numpy.isfinite(s)
             root, wanted = s[inside], omegas[inside]
-            for _ in range(_MOST_STEPS):  # next to a fold each of the first ones halves the error only
+            # Next to a fold each of the first ones halves the error only
+            for _ in range(_MOST_STEPS):
                 before, (_, _, omega, slope) = root, self.at(root)
                 with numpy.errstate(divide="ignore", invalid="ignore"):
-                    root = numpy.clip(numpy.nan_to_num(root - (omega - wanted) / slope, nan=low), low, high)
+                    root = numpy.clip(
+                        numpy.nan_to_num(root - (omega - wanted) / slope, nan=low), low, high
+                    )
                 if not (numpy.abs(root - before) > _SETTLED).any():
                     break
             s[inside] = root
@@ -339,7 +366,7 @@ def _uncontinued(new: Array, rows: Array) -> Any:
     return numpy.logical_or.accumulate(broken)
 
 
-# ---------------------------------------------------------------------------------------------------- the solvers
+# -------------------------------------------------------------------------------------- the solvers
 def in_batches(section: Section[Any], parameters: Parameters, lanes: BatchTaylor) -> Solver:
     """Return a solver that runs Newton's iteration on all flights at once.
 
@@ -353,9 +380,13 @@ def in_batches(section: Section[Any], parameters: Parameters, lanes: BatchTaylor
     return partial(_in_batches, section, field_constants(parameters), lanes)
 
 
-def _in_batches(section: Section[Any], constants: Array, lanes: BatchTaylor, *guess: Array) -> Solved:
+def _in_batches(
+    section: Section[Any], constants: Array, lanes: BatchTaylor, *guess: Array
+) -> Solved:
     *start, omega = guess
-    cycles = shoot_batch(section, constants, omega, start, lanes, whole=False, tolerance=1e-8, free_omega=True)
+    cycles = shoot_batch(
+        section, constants, omega, start, lanes, whole=False, tolerance=1e-8, free_omega=True
+    )
     first, second = section.names
     slope, flights = 1 / cycles[f"d{first}_domega"], section.per_period
     return Solved(
@@ -381,7 +412,9 @@ def one_at_a_time(section: Section[Any], parameters: Parameters, engine: Engine)
 
     def solve(first: Array, second: Array, flight: Array, omega: Array) -> Solved:
         rows = numpy.full((len(first), len(Solved._fields)), numpy.nan)
-        for index, (x, *guess) in enumerate(zip(first.tolist(), second.tolist(), omega.tolist(), strict=True)):
+        for index, (x, *guess) in enumerate(
+            zip(first.tolist(), second.tolist(), omega.tolist(), strict=True)
+        ):
             try:
                 rows[index] = _solved_singly(section, parameters, engine, x, *guess)
             except NoSuchCycleError:
@@ -403,6 +436,11 @@ def _solved_singly(
         return float(abs(iterate.step[1] / second) + abs(iterate.step[2] / speed))
 
     stop = Stop(10, NoSuchCycleError(f"{held} does not settle"), small=_SETTLED)
-    found = newton(ReturnMap(section, parameters, omega, engine), (x, y), stop, size, held="coordinate")
-    (_, second, speed), (_, second_slope, omega_slope, flight_slope) = found.ahead, found.image.slopes("coordinate")
+    found = newton(
+        ReturnMap(section, parameters, omega, engine), (x, y), stop, size, held="coordinate"
+    )
+    (_, second, speed), (_, second_slope, omega_slope, flight_slope) = (
+        found.ahead,
+        found.image.slopes("coordinate"),
+    )
     return second, found.image.time, speed, second_slope, flight_slope, omega_slope

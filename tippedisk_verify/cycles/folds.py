@@ -26,10 +26,22 @@ from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.model.precision import DOUBLE, Precision, bits, bits_for_digits, checked_digits, companion
+from tippedisk_verify.model.precision import (
+    DOUBLE,
+    Precision,
+    bits,
+    bits_for_digits,
+    checked_digits,
+    companion,
+)
 from tippedisk_verify.model.results import Printable, as_json, quantity
 from tippedisk_verify.theory.equilibria import saddle_value_sign
-from tippedisk_verify.theory.hopf import amplitude_law, critical_frequency_squared, criticality, omega_crit
+from tippedisk_verify.theory.hopf import (
+    amplitude_law,
+    critical_frequency_squared,
+    criticality,
+    omega_crit,
+)
 
 __all__ = [
     "Fold",
@@ -43,8 +55,8 @@ __all__ = [
     "rotation_fold",
 ]
 
-# The step of the differences, for unknowns of order one. Rounding and the third derivatives then err
-# alike, by some 1e-9.
+# The step of the differences, for unknowns of order one. Rounding and the third derivatives then
+# err alike, by some 1e-9.
 _DIFFERENCE = 1e-5
 _ASTRAY = 0.01  # the largest relative distance of a fold from its start
 _WIDE = bits(192)  # the arithmetic of the second attempt
@@ -64,9 +76,13 @@ class Fold(Printable):
     v_0: Measured = field(metadata=quantity("v next to the saddle", "rad/s"))
     beta_max: Measured = field(metadata=quantity("largest abs(beta - pi/2)", "rad"))
     null_vector: Measured = field(
-        metadata=quantity("d(v_0)/d(gamma_bar_0), or d(v_top)/d(beta_bar_top), along the family", "1/s")
+        metadata=quantity(
+            "d(v_0)/d(gamma_bar_0), or d(v_top)/d(beta_bar_top), along the family", "1/s"
+        )
     )
-    log_multiplier_fast: Measured = field(metadata=quantity("natural logarithm of the multiplier that is not 1", "1"))
+    log_multiplier_fast: Measured = field(
+        metadata=quantity("natural logarithm of the multiplier that is not 1", "1")
+    )
     parameters: Parameters  #: the disk, with the friction law
     engine: str  #: the engine that computed it
     precision: str  #: the arithmetic of its numbers
@@ -79,19 +95,25 @@ class LibrationFold(Fold):
     section = LIBRATING
     _first = ("omega", "period", *LIBRATING.names)
 
-    gamma_bar_0: Measured = field(metadata=quantity("gamma - pi/2 where beta = pi/2 and v < 0; v_0 is v there", "rad"))
+    gamma_bar_0: Measured = field(
+        metadata=quantity("gamma - pi/2 where beta = pi/2 and v < 0; v_0 is v there", "rad")
+    )
 
 
 @dataclass(frozen=True, repr=False)
 class RotationFold(Fold):
-    """The fold of the rotating cycles, their lowest speed; ``null_vector`` is d(v_top) / d(beta_bar_top)."""
+    """The fold of the rotating cycles, their lowest speed; ``null_vector`` is d(v_top) /
+    d(beta_bar_top).
+    """
 
     section = ROTATING
     _first = ("omega", "period", *ROTATING.names)
 
     beta_bar_top: Measured = field(metadata=quantity("beta - pi/2 at gamma = pi/2", "rad"))
     v_top: Measured = field(metadata=quantity("v there", "rad/s"))
-    beta_bar_0: Measured = field(metadata=quantity("beta - pi/2 at gamma = -pi/2; v_0 is v there", "rad"))
+    beta_bar_0: Measured = field(
+        metadata=quantity("beta - pi/2 at gamma = -pi/2; v_0 is v there", "rad")
+    )
 
 
 class Folds(tuple[LibrationFold, ...]):
@@ -124,7 +146,11 @@ def rotation_fold(family: RotatingFamily, *, digits: int = 12) -> RotationFold:
 
 
 def libration_folds(
-    parameters: Parameters, engine: Engine, *, digits: int = 12, family: LibratingFamily | None = None
+    parameters: Parameters,
+    engine: Engine,
+    *,
+    digits: int = 12,
+    family: LibratingFamily | None = None,
 ) -> Folds:
     """Return the folds of the librating limit cycles from the Hopf point on; often there are none.
 
@@ -151,15 +177,24 @@ def libration_folds(
         if small is not None:  # near a small fold doubles only see their rounding
             starts = [small, *(start for start in starts if start[0] > 2 * _SMALL_FOLD)]
         if family.connected and len(starts) % 2 != _parity_of_folds(parameters, family.limit):
-            raise AccuracyError("this family has a fold too close to its end for doubles: they give no digits of it")
+            raise AccuracyError(
+                "this family has a fold too close to its end for doubles: they give no digits of it"
+            )
     folds = [fold_to_digits(LibrationFold, parameters, start, engine, digits) for start in starts]
     for fold, (a, _, omega) in zip(folds, starts, strict=True):
-        # A start on polynomials through twenty nodes is right to some digits. A fold far from it is another
-        # one.
-        if abs(float(fold.gamma_bar_0) - a) > _ASTRAY * a or abs(float(fold.omega) - omega) > _ASTRAY * omega:
-            raise AccuracyError(f"the fold near {omega:.8g} rad/s was not found again in a finer arithmetic")
+        # A start on polynomials through twenty nodes is right to some digits. A fold far from it is
+        # another one.
+        if (
+            abs(float(fold.gamma_bar_0) - a) > _ASTRAY * a
+            or abs(float(fold.omega) - omega) > _ASTRAY * omega
+        ):
+            raise AccuracyError(
+                f"the fold near {omega:.8g} rad/s was not found again in a finer arithmetic"
+            )
     result = Folds(folds)
-    result.followed_to = "Omega_h" if family.connected else f"an amplitude of pi at {family.limit:.7g} rad/s"
+    result.followed_to = (
+        "Omega_h" if family.connected else f"an amplitude of pi at {family.limit:.7g} rad/s"
+    )
     return result
 
 
@@ -200,13 +235,19 @@ def fold_in_double(family: RotatingFamily) -> dict[str, float]:
         AccuracyError: If the iteration does not settle.
     """
     place = family.near_fold()
-    start, jacobian = fold_near(ROTATING, family.parameters, (*place.start, place.omega), family.engine)
+    start, jacobian = fold_near(
+        ROTATING, family.parameters, (*place.start, place.omega), family.engine
+    )
     numbers = _numbers(ROTATING, family.parameters, start, jacobian, family.engine, DOUBLE)
     return {name: float(number) for name, number in numbers.items()}
 
 
 def fold_to_digits(
-    kind: type[Fold], parameters: Parameters, guess: tuple[float, float, float], engine: Engine, digits: int
+    kind: type[Fold],
+    parameters: Parameters,
+    guess: tuple[float, float, float],
+    engine: Engine,
+    digits: int,
 ) -> Any:
     """Return the fold of that kind next to a point, to ``digits`` significant digits.
 
@@ -224,12 +265,18 @@ def fold_to_digits(
     for name in ("omega", "period", *kind.section.names):
         number = getattr(fold, name)
         if number.uncertainty > abs(number.value) / 10**digits:
-            raise AccuracyError(f"{name} of the fold has fewer than {digits} digits: ask for {digits + 20}")
+            raise AccuracyError(
+                f"{name} of the fold has fewer than {digits} digits: ask for {digits + 20}"
+            )
     return fold
 
 
 def _fold_in(
-    kind: type[Fold], parameters: Parameters, guess: tuple[float, float, float], engine: Engine, precision: Precision
+    kind: type[Fold],
+    parameters: Parameters,
+    guess: tuple[float, float, float],
+    engine: Engine,
+    precision: Precision,
 ) -> Any:
     """Return the fold of that kind next to a point, in ``precision``, compared with the next wider
     arithmetic.
@@ -240,13 +287,18 @@ def _fold_in(
         try:
             start, jacobian = fold_near(kind.section, parameters, guess, engine, arithmetic)
             rough = _numbers(kind.section, parameters, start, jacobian, engine, precision)
-            sharp = _numbers(kind.section, parameters, start, jacobian, engine, companion(precision))
+            sharp = _numbers(
+                kind.section, parameters, start, jacobian, engine, companion(precision)
+            )
         except (AccuracyError, NoSuchCycleError, numpy.linalg.LinAlgError):
             if arithmetic is _WIDE:
                 raise
         else:
             break
-    numbers = {name: Measured.compared(value, sharp[name], precision.epsilon) for name, value in rough.items()}
+    numbers = {
+        name: Measured.compared(value, sharp[name], precision.epsilon)
+        for name, value in rough.items()
+    }
     return kind(**numbers, parameters=parameters, engine=engine.name, precision=precision.name)
 
 
@@ -261,8 +313,9 @@ def _fold_system(
 ) -> tuple[tuple[Any, Any, Any], list[list[Any]]]:
     """Return the conditions of a fold and the matrix (3, 3) of their derivatives.
 
-    ``mapped`` gives the image at both coordinates and Omega. The residual's derivatives come with the image. Those of
-    the determinant are central differences, each over the unknown's entry of ``shifts``.
+    ``mapped`` gives the image at both coordinates and Omega. The residual's derivatives come with
+    the image. Those of the determinant are central differences, each over the unknown's entry of
+    ``shifts``.
     """
     image, by_determinant = mapped(at), []
     (a, b), (c, d) = image.matrix
@@ -305,12 +358,19 @@ def fold_near(
     """
     lost = AccuracyError("the iteration for the fold of the limit cycles does not settle")
     stop = Stop(20, lost, small=1e-13 * min(1.0, abs(float(at[0]))), near=1e-9)
-    at, mapped = [precision.number(float(x)) for x in at], _mapped(section, parameters, engine, precision)
+    at, mapped = (
+        [precision.number(float(x)) for x in at],
+        _mapped(section, parameters, engine, precision),
+    )
     share = _DIFFERENCE if precision == DOUBLE else float(precision.epsilon) ** (1 / 3)
     while True:
-        # A cycle next to the Hopf point is small. One that comes close to a saddle must not miss it.
+        # A cycle next to the Hopf point is small. One that comes close to a saddle must not miss
+        # it.
         near_saddle = section.saddle_scale([float(x) for x in at])
-        scales = (min(1.0, abs(float(x)), near_saddle**power) for x, power in zip(at, (1, 1, 2), strict=True))
+        scales = (
+            min(1.0, abs(float(x)), near_saddle**power)
+            for x, power in zip(at, (1, 1, 2), strict=True)
+        )
         shifts = [precision.number(share * scale) for scale in scales]
         conditions, rows = _fold_system(mapped, at, shifts)
         jacobian = numpy.array([[float(x) for x in row] for row in rows])
@@ -329,9 +389,16 @@ def _numbers(
     precision: Precision,
 ) -> dict[str, Any]:
     """Return all numbers of the fold in one arithmetic, by chord steps from doubles."""
-    inverse = [[precision.number(float(entry)) for entry in row] for row in numpy.linalg.inv(jacobian)]
-    at, mapped = [precision.number(float(x)) for x in start], _mapped(section, parameters, engine, precision)
-    lost = AccuracyError(f"the iteration for the fold has not converged in {precision.name} precision")
+    inverse = [
+        [precision.number(float(entry)) for entry in row] for row in numpy.linalg.inv(jacobian)
+    ]
+    at, mapped = (
+        [precision.number(float(x)) for x in start],
+        _mapped(section, parameters, engine, precision),
+    )
+    lost = AccuracyError(
+        f"the iteration for the fold has not converged in {precision.name} precision"
+    )
     stop = Stop(precision.bits // 8 + 8, lost, small=1000 * precision.epsilon, fewest=2)
     while True:
         conditions = _conditions(mapped(at))

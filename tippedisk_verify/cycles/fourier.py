@@ -75,7 +75,9 @@ class Collocation:
         digits: The digits of the mpmath numbers; None for double.
     """
 
-    def __init__(self, parameters: Parameters, kind: Kind, count: int, digits: int | None = None) -> None:
+    def __init__(
+        self, parameters: Parameters, kind: Kind, count: int, digits: int | None = None
+    ) -> None:
         self.ctx: Any = None if digits is None else bits(bits_for_digits(digits)).context
         ctx = self.ctx
         self.parameters, self.kind, self.count = parameters, kind, count
@@ -100,7 +102,11 @@ class Collocation:
         """Convert a rational, or the numbers of another arithmetic, to this one."""
         if isinstance(value, Fraction):
             return float(value) if self.ctx is None else quotient(self.ctx, value)
-        return value.astype(float) if self.ctx is None else numpy.array([self.ctx.mpf(x) for x in value])
+        return (
+            value.astype(float)
+            if self.ctx is None
+            else numpy.array([self.ctx.mpf(x) for x in value])
+        )
 
     def differentiated(self, samples: Any) -> Any:
         """Return the derivative of a function by the angle, at the samples."""
@@ -114,9 +120,13 @@ class Collocation:
         if self.ctx is None:
             return rows @ samples
         places = self.ctx.prec + _SPARE
-        whole = numpy.array([int(self.ctx.ldexp(sample, places)) for sample in samples], dtype=object)
+        whole = numpy.array(
+            [int(self.ctx.ldexp(sample, places)) for sample in samples], dtype=object
+        )
         sums = rows @ whole
-        return numpy.array([self.ctx.ldexp(self.ctx.mpf(total), -2 * places) for total in sums], dtype=object)
+        return numpy.array(
+            [self.ctx.ldexp(self.ctx.mpf(total), -2 * places) for total in sums], dtype=object
+        )
 
     def _mean(self, samples: Any) -> Any:
         return (self._weights * samples).sum() / self._weights.sum()
@@ -165,9 +175,13 @@ class Collocation:
         beta, frequency, omega = point[:-2], point[-2], point[-1]
         by_beta, by_gamma, by_v = self.slopes(point)
         turned, rate = self.motion_along(point, change)
-        acceleration = self.differentiated(frequency * rate + change[-1] * frequency * self.differentiated(beta))
+        acceleration = self.differentiated(
+            frequency * rate + change[-1] * frequency * self.differentiated(beta)
+        )
         closing = omega * self._mean(self.cos(beta) * change[:-1]) - self.kind.turns * change[-1]
-        return numpy.append(acceleration - by_beta * change[:-1] - by_gamma * turned - by_v * rate, closing)
+        return numpy.append(
+            acceleration - by_beta * change[:-1] - by_gamma * turned - by_v * rate, closing
+        )
 
     def matrix(self, point: Any) -> Any:
         """Return the residual's derivative by the point, in double: (n + 1, n + 2)."""
@@ -182,7 +196,9 @@ class Collocation:
         rows[:n, :n] -= (by_gamma * omega / w)[:, None] * self.integral * numpy.cos(beta)
         rows[numpy.arange(n), numpy.arange(n)] -= by_beta
         rows[:n, n] = 2 * w * (self.slope @ curve) + by_gamma * swing / w - by_v * curve
-        rows[:n, n + 1] = -stepped(beta, gamma, v)[2].imag / _COMPLEX_STEP - by_gamma * swing / omega
+        rows[:n, n + 1] = (
+            -stepped(beta, gamma, v)[2].imag / _COMPLEX_STEP - by_gamma * swing / omega
+        )
         rows[n, :n] = omega * numpy.cos(beta) * self._weights / self._weights.sum()
         rows[n, n:] = -self.kind.turns, self._mean(numpy.sin(beta))
         return rows
@@ -212,7 +228,8 @@ def _operators(kind: Kind, count: int, precision: int | None) -> tuple[Any, Any]
     slope = [zero, *((-1) ** j / (halves * sines[j]) for j in range(1, count))]
     harmonics = range(halves, count, 2)
     integral = [
-        sum((table[k * j % (2 * count)] / k for k in harmonics), zero) * 2 * halves / count for j in range(count)
+        sum((table[k * j % (2 * count)] / k for k in harmonics), zero) * 2 * halves / count
+        for j in range(count)
     ]
     distance = numpy.arange(count)[:, None] - numpy.arange(count)[None, :] + count - 1
 
@@ -273,6 +290,7 @@ def samples_for(kind: Kind, point: Any, digits: int) -> int:
     logarithms = numpy.log10(amplitudes[amplitudes > 1e-13 * amplitudes[0]])
     half = len(logarithms) // 2
     falls = 6.0 if half < 2 else (logarithms[half - 1] - logarithms[-1]) / (len(logarithms) - half)
-    spare = 3 if kind is Kind.ROTATING else 9  # a librating cycle's state at the section converges after its period
+    # A librating cycle's state at the section converges after its period
+    spare = 3 if kind is Kind.ROTATING else 9
     harmonics = (digits + spare) / max(falls, 1e-3)
     return min(MOST_SAMPLES, kind.samples(max(_FEWEST_SAMPLES, 2 * harmonics)))

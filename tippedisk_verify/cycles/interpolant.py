@@ -37,24 +37,26 @@ from tippedisk_verify.model.precision import DOUBLE
 
 __all__ = ["FamilyInterpolant"]
 
-# The error of the first coordinate, relative to its distance from a fold, from which on the error is
-# no longer linear.
+# The error of the first coordinate, relative to its distance from a fold, from which on the error
+# is no longer linear.
 _FLAT = 0.05
-#: The twins of a node. With the node itself they give nine values on each of three neighbouring nodes.
+#: The twins of a node. With the node itself they give nine values on each of three neighbouring
+#: nodes.
 TWINS = 8
-#: The half-width in units of the largest of three spreads of nine values. For normal errors an error
-#: beyond it has a probability of 2e-8, and one beyond half of it 2e-4: a branch has thousands of
-#: numbers. The half-width is 13 times the error in the median. Five twins with a factor of 3.5 have
-#: the same risk, but half-widths a quarter wider that scatter more.
+#: The half-width in units of the largest of three spreads of nine values. For normal errors an
+#: error beyond it has a probability of 2e-8, and one beyond half of it 2e-4: a branch has thousands
+#: of numbers. The half-width is 13 times the error in the median. Five twins with a factor of 3.5
+#: have the same risk, but half-widths a quarter wider that scatter more.
 TWIN_FACTOR = 2.5
 _EVERY = 4  # the spacing, in nodes, of those where rounding is measured
-#: The share of the constants that a twin moves up; as many move down. Each then errs by half a place,
-#: as by rounding.
+#: The share of the constants that a twin moves up; as many move down. Each then errs by half a
+#: place, as by rounding.
 _SHARE_MOVED = 1 / 8
-# The move of a start, relative to the distance from the nearer end. Newton's iteration then ends after
-# one step.
+# The move of a start, relative to the distance from the nearer end. Newton's iteration then ends
+# after one step.
 _START_SHIFT = 1e-5
-#: A factor for the error of the slope by the start. The start's effect is linear but for parts of 1e-5.
+#: A factor for the error of the slope by the start. The start's effect is linear but for parts of
+#: 1e-5.
 _SLOPE = 2
 # The order of the pole of a derivative by Omega at a fold: an error of Omega counts as
 # 1 / (dOmega/dx)^3.
@@ -85,18 +87,22 @@ class FamilyInterpolant:
         #: The cycles at the nodes of the family.
         self.nodes = self._shot(nodes[3], guess, tolerance=1e-9, free_omega=True)
         if not self.nodes.converged.all():
-            raise NoSuchCycleError(f"the family of {self._section.name} cycles could not be followed")
-        #: The numbers that are taken before the last Newton step. (The fast multiplier's logarithm moves
-        #: with the slow one's: their sum does not come from derivatives.)
+            raise NoSuchCycleError(
+                f"the family of {self._section.name} cycles could not be followed"
+            )
+        #: The numbers that are taken before the last Newton step. (The fast multiplier's logarithm
+        #: moves with the slow one's: their sum does not come from derivatives.)
         self._by_omega = tuple(f"d{name}_domega" for name in ("period", *self._section.names))
         self._before = ("multiplier_slow", "log_multiplier_slow", *self._by_omega)
         self._measured = (*self._section.numbers, "log_multipliers")
 
-    def _shot(self, omegas: Array, guess: Array, constants: Any = None, **options: Any) -> BatchCycles:
+    def _shot(
+        self, omegas: Array, guess: Array, constants: Any = None, **options: Any
+    ) -> BatchCycles:
         constants = self._constants if constants is None else constants
         return shoot_batch(self._section, constants, omegas, guess, self._lanes, **options)
 
-    # ------------------------------------------------------------------------------------------------ the cycles
+    # ----------------------------------------------------------------------------------- the cycles
     def results(self, omegas: Sequence[float], digits: int) -> list[list[Any] | None]:
         """Return all cycles at each speed, from the smallest first coordinate on, as single speeds
         give them.
@@ -120,21 +126,30 @@ class FamilyInterpolant:
         held = cycles.converged
         for name in ("period", *self._section.names, "beta_max"):
             held = held & (widths[name] <= numpy.abs(cycles[name]) * 10.0**-digits)
-        measured = iter(self._cycles(cycles.only(held), {name: width[held] for name, width in widths.items()}))
+        measured = iter(
+            self._cycles(cycles.only(held), {name: width[held] for name, width in widths.items()})
+        )
         by_speed: list[list[Any]] = [[] for _ in omegas]
-        for at, is_held, falls in zip(index.tolist(), held, numpy.array(self.family.falls)[piece], strict=True):
+        for at, is_held, falls in zip(
+            index.tolist(), held, numpy.array(self.family.falls)[piece], strict=True
+        ):
             cycle = next(measured) if is_held else None
             by_speed[at].append(cycle if cycle and cycle.stable is bool(falls) else None)
         lost = numpy.zeros(len(speeds), dtype=bool)
         for gap in self.family.gaps:
             lost |= (min(gap) <= speeds) & (speeds <= max(gap))
-        return [None if missing or None in own or not own else own for own, missing in zip(by_speed, lost, strict=True)]
+        return [
+            None if missing or None in own or not own else own
+            for own, missing in zip(by_speed, lost, strict=True)
+        ]
 
     def _cycles(self, cycles: BatchCycles, widths: dict[str, Any]) -> Iterator[Any]:
         """Yield the result objects that single speeds give, with these half-widths."""
         widths["trivial_multiplier_defect"] = 2 * cycles["trivial_multiplier_defect"] + 2 * _UNIT
         columns = [(name, cycles[name].tolist(), width.tolist()) for name, width in widths.items()]
-        for index, (omega, residual) in enumerate(zip(cycles["omega"], cycles["residual"], strict=True)):
+        for index, (omega, residual) in enumerate(
+            zip(cycles["omega"], cycles["residual"], strict=True)
+        ):
             measured = {
                 name: Measured(Fraction(values[index]), Fraction(uncertainties[index]))
                 for name, values, uncertainties in columns
@@ -157,14 +172,15 @@ class FamilyInterpolant:
             s: Abscissas (n,) next to them.
         """
         first, (ratio, flight, _, slope) = self.family.coordinate(s), self.family.at(s)
-        # The relative step after which only rounding is left grows towards Omega_h and towards a fold.
+        # The relative step after which only rounding is left grows towards Omega_h and towards a
+        # fold.
         resolved = 1e-11 * numpy.maximum(1.0, 4e-4 / numpy.abs(slope))
         cycles = self._shot(speeds, numpy.stack((first, ratio * first, flight)), tolerance=resolved)
         # Next to a fold the iteration may have gone beyond it.
         cycles.converged[slope * cycles[f"d{self._section.names[0]}_domega"] < 0] = False
         return cycles
 
-    # ------------------------------------------------------------------------------------------------ the half-widths
+    # ------------------------------------------------------------------------------ the half-widths
     def half_widths(self, cycles: BatchCycles) -> dict[str, Any]:
         """Return the half-width that holds the truth for each number of n cycles on this family.
 
@@ -208,11 +224,16 @@ class FamilyInterpolant:
         for _ in range(TWINS):
             turns = random.random((len(every), len(self._constants)))
             moves = (turns < _SHARE_MOVED).astype(float) - (turns >= 1 - _SHARE_MOVED)
-            twins = self._shot(omegas, guess, self._constants * (1 + moves * 2 * _UNIT), tolerance=1e-5)
+            twins = self._shot(
+                omegas, guess, self._constants * (1 + moves * 2 * _UNIT), tolerance=1e-5
+            )
             guess = twins.guess
             for name, of_twins in values.items():
                 of_twins.append(twins[name])
-        spreads = {name: numpy.ptp(numpy.stack(of_twins), axis=0) * poles[name] for name, of_twins in values.items()}
+        spreads = {
+            name: numpy.ptp(numpy.stack(of_twins), axis=0) * poles[name]
+            for name, of_twins in values.items()
+        }
         slopes: dict[str, list[Any]] = {name: [] for name in self._before}
         shift = _START_SHIFT * self._to_the_end[every] / omegas * numpy.abs(start)
         for index in range(3):
@@ -220,7 +241,9 @@ class FamilyInterpolant:
             guess[index] += shift[index]
             shifted = self._shot(omegas, guess, tolerance=1e-5, whole=False)
             for name in self._before:
-                slopes[name].append(numpy.abs(shifted[name] - nodes[name]) / shift[index] * poles[name])
+                slopes[name].append(
+                    numpy.abs(shifted[name] - nodes[name]) / shift[index] * poles[name]
+                )
         slopes["log_multiplier_fast"] = slopes["log_multiplier_slow"]
         # A node next to a fold is lost at its speed. The interpolated numbers are smooth there.
         rows = [*spreads.values(), *(slope for of_name in slopes.values() for slope in of_name)]
@@ -236,7 +259,9 @@ class FamilyInterpolant:
         """
         slope = numpy.abs(self.family.nodes[:, 6])
         bend = numpy.abs(numpy.gradient(self.family.nodes[:, 6], self._s))
-        way = numpy.minimum(numpy.minimum((self._s - self.family.origin) / 2, 0.25), slope / (2 * bend))
+        way = numpy.minimum(
+            numpy.minimum((self._s - self.family.origin) / 2, 0.25), slope / (2 * bend)
+        )
         return slope * way
 
 

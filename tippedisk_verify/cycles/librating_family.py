@@ -48,11 +48,23 @@ class LibratingFamily(Family):
     origin = 0.0
 
     def __init__(
-        self, parameters: Parameters, engine: Engine, solve: Solver | None = None, closest: float = _CLOSEST
+        self,
+        parameters: Parameters,
+        engine: Engine,
+        solve: Solver | None = None,
+        closest: float = _CLOSEST,
     ) -> None:
         self.omega_crit = float(omega_crit(parameters))
         frequency = math.sqrt(critical_frequency_squared(parameters))
-        begin = (0.0, -(frequency**2) / self.omega_crit, math.pi / frequency, self.omega_crit, 0.0, 0.0, 0.0)
+        begin = (
+            0.0,
+            -(frequency**2) / self.omega_crit,
+            math.pi / frequency,
+            self.omega_crit,
+            0.0,
+            0.0,
+            0.0,
+        )
         solve = solve or one_at_a_time(LIBRATING, parameters, engine)
         super().__init__(parameters, engine, solve, _NODES, 0.0, math.pi, begin)
         while not len(self._panels) or (self._left > closest and len(self._panels) < _MOST_PANELS):
@@ -97,7 +109,9 @@ class LibratingFamily(Family):
 
     @cached_property
     def connected(self) -> bool:
-        """True if the family is followed to the connection: v_0 falls as the distance from pi does."""
+        """True if the family is followed to the connection: v_0 falls as the distance from pi
+        does.
+        """
         s, ratio = self.nodes[[-3, -1], :2].T
         return bool(math.log(ratio[0] / ratio[1]) > s[1] - s[0])  # the distance falls twice as fast
 
@@ -109,4 +123,8 @@ class LibratingFamily(Family):
         If the family is not `connected`, the last one is the amplitude pi.
         """
         turns = (("a fold", self.place(s).omega) for s in self.folds)
-        return ("Omega_crit", self.omega_crit), *turns, ("Omega_h" if self.connected else "that amplitude", self.limit)
+        return (
+            ("Omega_crit", self.omega_crit),
+            *turns,
+            ("Omega_h" if self.connected else "that amplitude", self.limit),
+        )

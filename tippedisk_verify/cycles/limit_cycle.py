@@ -1,4 +1,6 @@
-"""Limit cycles as results: their numbers with half-widths, their orbits, plots and monodromy matrices."""
+"""Limit cycles as results: their numbers with half-widths, their orbits, plots and monodromy
+matrices.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,13 @@ import numpy
 
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow import default_engine
-from tippedisk_verify.flow.contract import STATE_VARIATIONS, Engine, Request, Result, raise_unless_usable
+from tippedisk_verify.flow.contract import (
+    STATE_VARIATIONS,
+    Engine,
+    Request,
+    Result,
+    raise_unless_usable,
+)
 from tippedisk_verify.model.arrays import doubles, workable
 from tippedisk_verify.model.exact import exact, fraction, shown, whole
 from tippedisk_verify.model.measured import DISTANCES, Measured
@@ -23,8 +31,8 @@ from tippedisk_verify.model.results import Printable, quantity
 
 __all__ = ["Cycle", "LimitCycle", "MissingCycle", "Monodromy", "RotatingCycle"]
 
-# Bits needed below 1 to separate the orbit from the saddle's manifolds, from which on a start rounded
-# to double loses them.
+# Bits needed below 1 to separate the orbit from the saddle's manifolds, from which on a start
+# rounded to double loses them.
 _NEXT_TO_A_SADDLE = 20
 # Bits below 1 of the smallest half-width for which the monodromy matrix is computed in double.
 _DOUBLE_BITS = 60
@@ -47,19 +55,29 @@ class Cycle(Printable):
 
     omega: Measured = field(metadata=quantity("the spinning speed", "rad/s"))
     period: Measured = field(metadata=quantity("T, the period", "s"))
-    v_0: Measured = field(metadata=quantity("v = beta' where gamma_bar_0 or beta_bar_0 is taken", "rad/s"))
+    v_0: Measured = field(
+        metadata=quantity("v = beta' where gamma_bar_0 or beta_bar_0 is taken", "rad/s")
+    )
     beta_max: Measured = field(metadata=quantity("largest abs(beta - pi/2) on the cycle", "rad"))
     multiplier_slow: Measured = field(
-        metadata=quantity("the larger nontrivial Floquet multiplier; for a complex pair the modulus", "1")
+        metadata=quantity(
+            "the larger nontrivial Floquet multiplier; for a complex pair the modulus", "1"
+        )
     )
-    log_multiplier_slow: Measured = field(metadata=quantity("natural logarithm of its absolute value", "1"))
+    log_multiplier_slow: Measured = field(
+        metadata=quantity("natural logarithm of its absolute value", "1")
+    )
     log_multiplier_fast: Measured = field(
-        metadata=quantity("the same for the smaller multiplier, which may lie below any double", "1")
+        metadata=quantity(
+            "the same for the smaller multiplier, which may lie below any double", "1"
+        )
     )
     trivial_multiplier_defect: Measured = field(
         metadata=quantity("distance from 1 of the computed multiplier along the flow, a check", "1")
     )
-    dperiod_domega: Measured = field(metadata=quantity("dT/dOmega along the family of cycles", "s^2/rad"))
+    dperiod_domega: Measured = field(
+        metadata=quantity("dT/dOmega along the family of cycles", "s^2/rad")
+    )
     stable: bool | None  #: None if the multiplier's half-width holds 1
     residuals: tuple[float, ...]  #: the residuals of the Newton iteration
     parameters: Parameters  #: the disk, with the friction law
@@ -67,14 +85,20 @@ class Cycle(Printable):
     precision: str  #: the arithmetic of its numbers
     #: the monodromy matrix at the start of the orbit and its half-widths, if a method has them
     #: without a flight
-    _start_matrix: Callable[[], tuple[Any, Any]] | None = field(default=None, kw_only=True, compare=False)
+    _start_matrix: Callable[[], tuple[Any, Any]] | None = field(
+        default=None, kw_only=True, compare=False
+    )
 
     @property
     def multipliers(self) -> tuple[Measured, Measured, Measured]:
         """The Floquet multipliers [1]: 1 along the flow, the slow and the fast one; for a complex
         pair the modulus.
         """
-        return Measured(Fraction(1), Fraction(0)), self.multiplier_slow, self.log_multiplier_fast.exp()
+        return (
+            Measured(Fraction(1), Fraction(0)),
+            self.multiplier_slow,
+            self.log_multiplier_fast.exp(),
+        )
 
     @property
     def _start(self) -> list[Measured]:
@@ -90,7 +114,9 @@ class Cycle(Printable):
         """
         return _monodromy(self)
 
-    def orbit(self, count: int = 400, *, shifted: bool = False, engine: Engine | None = None) -> tuple[Any, Any]:
+    def orbit(
+        self, count: int = 400, *, shifted: bool = False, engine: Engine | None = None
+    ) -> tuple[Any, Any]:
         """Return times over one period, both ends included, and the states there, in double.
 
         Next to Omega_h the flight is in as many bits as its start needs.
@@ -183,7 +209,9 @@ class LimitCycle(Cycle):
     gamma_bar_0: Measured = field(
         metadata=quantity("gamma - pi/2 where beta = pi/2 and v < 0, its largest value", "rad")
     )
-    dgamma_bar_0_domega: Measured = field(metadata=quantity("d(gamma_bar_0)/dOmega along the family", "s"))
+    dgamma_bar_0_domega: Measured = field(
+        metadata=quantity("d(gamma_bar_0)/dOmega along the family", "s")
+    )
     dv_0_domega: Measured = field(metadata=quantity("d(v_0)/dOmega along the family", "1"))
 
 
@@ -199,12 +227,18 @@ class RotatingCycle(Cycle):
     coordinates, fixed, symmetric = ("beta_bar_top", "v_top"), 1, False
     _first = ("omega", "period", *coordinates, "beta_bar_0", "v_0", "stable")
 
-    beta_bar_top: Measured = field(metadata=quantity("beta - pi/2 of a rotating cycle where gamma = pi/2", "rad"))
+    beta_bar_top: Measured = field(
+        metadata=quantity("beta - pi/2 of a rotating cycle where gamma = pi/2", "rad")
+    )
     v_top: Measured = field(metadata=quantity("v there", "rad/s"))
     beta_bar_0: Measured = field(
-        metadata=quantity("beta - pi/2 of a rotating cycle where gamma = -pi/2, next to the saddle", "rad")
+        metadata=quantity(
+            "beta - pi/2 of a rotating cycle where gamma = -pi/2, next to the saddle", "rad"
+        )
     )
-    dbeta_bar_top_domega: Measured = field(metadata=quantity("d(beta_bar_top)/dOmega along the family", "s"))
+    dbeta_bar_top_domega: Measured = field(
+        metadata=quantity("d(beta_bar_top)/dOmega along the family", "s")
+    )
     dv_top_domega: Measured = field(metadata=quantity("d(v_top)/dOmega along the family", "1"))
 
 
@@ -224,7 +258,7 @@ class MissingCycle(Printable):
         return {"omega": self.omega.to_dict(), "status": self.status}
 
 
-# ------------------------------------------------------------------------------------------------ the monodromy matrix
+# ----------------------------------------------------------------------------- the monodromy matrix
 @dataclass(frozen=True, eq=False, repr=False)
 class Monodromy(Printable):
     """d(state at ``time`` + T)/d(state at ``time``) along a limit cycle, both (beta, gamma, v)
@@ -268,7 +302,11 @@ class Monodromy(Printable):
     @property
     def log_multipliers(self) -> tuple[Measured, Measured, Measured]:
         """The logarithms [1]: along the flow (0), of the slow and of the fast multiplier."""
-        return Measured(Fraction(0), Fraction(0)), self.cycle.log_multiplier_slow, self.cycle.log_multiplier_fast
+        return (
+            Measured(Fraction(0), Fraction(0)),
+            self.cycle.log_multiplier_slow,
+            self.cycle.log_multiplier_fast,
+        )
 
 
 def _monodromy(cycle: Cycle, time: object = 0) -> Monodromy:
@@ -287,12 +325,21 @@ def _monodromy(cycle: Cycle, time: object = 0) -> Monodromy:
     numbers = [*cycle._start, period, cycle.omega]
     values = [number.value for number in numbers]
     moves = [number.uncertainty for number in numbers]
-    finest = max(move.denominator.bit_length() - move.numerator.bit_length() for move in moves if move)
+    finest = max(
+        move.denominator.bit_length() - move.numerator.bit_length() for move in moves if move
+    )
     precision = DOUBLE if finest < _DOUBLE_BITS else bits(finest + _MORE_BITS)
 
     def flight(state: Any, duration: object, omega: Fraction, **needs: Any) -> Result:
         request = Request(
-            cycle.parameters, omega, state, duration, shifted=True, precision=precision, domain="none", **needs
+            cycle.parameters,
+            omega,
+            state,
+            duration,
+            shifted=True,
+            precision=precision,
+            domain="none",
+            **needs,
         )
         return raise_unless_usable(default_engine()(request))
 
@@ -300,7 +347,9 @@ def _monodromy(cycle: Cycle, time: object = 0) -> Monodromy:
         return flight(numbers[:3], since, numbers[4]).state if float(since) else numbers[:3]
 
     def over_a_period(state: Any, numbers: list[Any], error_estimate: bool = False) -> Result:
-        return flight(state, *numbers[3:], variations=STATE_VARIATIONS, error_estimate=error_estimate)
+        return flight(
+            state, *numbers[3:], variations=STATE_VARIATIONS, error_estimate=error_estimate
+        )
 
     origin = point(values)
     whole = over_a_period(origin, values, error_estimate=True)
@@ -308,12 +357,16 @@ def _monodromy(cycle: Cycle, time: object = 0) -> Monodromy:
     if float(since):
         error = flight(values[:3], since, values[4], error_estimate=True).error
         assert error is not None
-        states = _each_moved([fraction(x) for x in origin], [fraction(float(width)) for width in error.state])
+        states = _each_moved(
+            [fraction(x) for x in origin], [fraction(float(width)) for width in error.state]
+        )
         others += [over_a_period(moved, values) for moved in states]
     assert whole.error is not None
     by_moving = sum(doubles(abs(other.derivatives - whole.derivatives)) for other in others)
     width = doubles(whole.error.variations) * (1 + DISTANCES * len(others) / _MOVED)
-    return Monodromy(cycle, time, workable(whole.derivatives), width + by_moving * DISTANCES / _MOVED)
+    return Monodromy(
+        cycle, time, workable(whole.derivatives), width + by_moving * DISTANCES / _MOVED
+    )
 
 
 def _each_moved(values: list[Fraction], moves: list[Fraction]) -> Iterator[list[Fraction]]:

@@ -44,10 +44,11 @@ C = TypeVar("C", bound=Cycle)
 _UNFOLLOWED = Fraction(1, 100)
 _ABOUT_TO_MEET = 1e-4  # rad, in the first coordinate; two cycles that close are next to a fold
 #: A distance [rad/s] from the Hopf point. There the slow multiplier is some 1e-12 short of 1. The
-#: rounding of half a period, some 1e-14, moves the amplitude by a percent in double. Closer, the law
-#: is nearer to the cycle than shooting.
+#: rounding of half a period, some 1e-14, moves the amplitude by a percent in double. Closer, the
+#: law is nearer to the cycle than shooting.
 NEWBORN = Fraction(1, 10**12)
-# The most zeros after the point of a distance from the Hopf point. A cycle there takes half a minute.
+# The most zeros after the point of a distance from the Hopf point. A cycle there takes half a
+# minute.
 _MOST_NEWBORN_ZEROS = 100
 # The reach of the law from the Hopf point, in distances of the first node, where the family's own
 # doubles begin.
@@ -67,7 +68,8 @@ class Location(Generic[C]):
     omega: Fraction  #: [rad/s]
     starts: tuple[Place, ...]  #: the starts, in the order of their pieces
     refusal: str = ""  #: the message if there is no start
-    omega_h: Fraction | None = None  #: [rad/s], to digits that show the side, if a start has no guess
+    #: [rad/s], to digits that show the side, if a start has no guess
+    omega_h: Fraction | None = None
 
     def cycles(self, digits: int = 12, *, half_widths: bool = True) -> list[C]:
         """Return all cycles, to ``digits`` digits.
@@ -99,27 +101,38 @@ class Location(Generic[C]):
                 digits are not reached.
         """
         if not start.is_in_double:
-            passing = cycle_by_passages(self.section, self.parameters, self.omega, self.engine, digits)
+            passing = cycle_by_passages(
+                self.section, self.parameters, self.omega, self.engine, digits
+            )
             if passing is not None:
                 return passing
             assert self.omega_h is not None
-            return cycle_near(self.section, self.parameters, self.omega, self.omega_h, self.engine, digits=digits)
+            return cycle_near(
+                self.section, self.parameters, self.omega, self.omega_h, self.engine, digits=digits
+            )
         return_map = ReturnMap(self.section, self.parameters, self.omega, self.engine)
         try:
             if start.zeros:
                 newborn = FixedPoint(return_map, start.start, return_map(start.start), ())
                 cycle = wider_cycle(newborn, digits, MORE_DIGITS + start.zeros)
             else:
-                cycle = cycle_to_digits(shoot(return_map, start.start), digits, half_widths=half_widths)
+                cycle = cycle_to_digits(
+                    shoot(return_map, start.start), digits, half_widths=half_widths
+                )
         except AccuracyError as fault:
-            others = [other.start[0] for other in self.starts if other.is_in_double and other is not start]
+            others = [
+                other.start[0] for other in self.starts if other.is_in_double and other is not start
+            ]
             if not any(abs(other - start.start[0]) < _ABOUT_TO_MEET for other in others):
                 raise
-            raise AccuracyError(f"{fault}; the speed is next to a fold, where two cycles meet") from None
+            raise AccuracyError(
+                f"{fault}; the speed is next to a fold, where two cycles meet"
+            ) from None
         rate = getattr(cycle, f"d{self.section.names[0]}_domega")
         if rate.is_measured and not (-rate.value if start.falls else rate.value) > rate.uncertainty:
             raise AccuracyError(
-                f"{float(self.omega):.17g} rad/s is so close to a fold that doubles cannot tell its two cycles apart"
+                f"{float(self.omega):.17g} rad/s is so close to a fold that doubles cannot tell "
+                f"its two cycles apart"
             )
         return cycle
 
@@ -232,7 +245,9 @@ class Locator:
                 refusal = _no_rotation(family, omega, stable)
             except NoSuchCycleError as fault:
                 refusal = str(fault)
-        location = Location(ROTATING, self.parameters, self.engine, omega, tuple(starts), refusal, omega_h)
+        location = Location(
+            ROTATING, self.parameters, self.engine, omega, tuple(starts), refusal, omega_h
+        )
         return self._next_to_omega_h(location, 0, above=False) if too_close else location
 
     def _next_to_omega_h(self, location: Location[C], piece: int, *, above: bool) -> Location[C]:
@@ -255,7 +270,9 @@ class Locator:
         else:
             kind = "limit cycle" if location.section is LIBRATING else "stable rotating cycle"
             distance, side = float(abs(omega - omega_h)), "below" if above else "above"
-            refusal = f"no {kind} found at {float(omega):.10g} rad/s, {distance:.2g} rad/s {side} Omega_h"
+            refusal = (
+                f"no {kind} found at {float(omega):.10g} rad/s, {distance:.2g} rad/s {side} Omega_h"
+            )
         return replace(location, starts=tuple(starts), refusal=refusal, omega_h=omega_h)
 
 
@@ -272,7 +289,8 @@ def _newborn(family: LibratingFamily, below_crit: Fraction) -> list[Place]:
     zeros = max(0, -decimal_magnitude(distance))
     if zeros > _MOST_NEWBORN_ZEROS:
         raise AccuracyError(
-            f"limit cycles are offered down to 1e-{_MOST_NEWBORN_ZEROS} rad/s from Omega_crit: ask for one farther away"
+            f"limit cycles are offered down to 1e-{_MOST_NEWBORN_ZEROS} rad/s from Omega_crit: ask "
+            f"for one farther away"
         )
     return [replace(family.newborn(float(distance)), zeros=zeros if distance < NEWBORN else 0)]
 
@@ -286,12 +304,15 @@ def _no_libration(family: LibratingFamily, omega: float) -> str:
     text = f"no limit cycle found at {omega:.10g} rad/s"
     if lowest[1] <= omega <= highest[1]:
         return text
-    distance, side = (omega - highest[1], "above") if omega > highest[1] else (lowest[1] - omega, "below")
+    distance, side = (
+        (omega - highest[1], "above") if omega > highest[1] else (lowest[1] - omega, "below")
+    )
     lies = "lies"
     if not family.connected:
         lies = f"is followed to {family.limit:.7g} rad/s only, where gamma's amplitude is pi, and lies so far"
     ends = (
-        f"{name} {'=' if name.startswith('Omega') else 'at'} {speed:.7g} rad/s" for name, speed in (lowest, highest)
+        f"{name} {'=' if name.startswith('Omega') else 'at'} {speed:.7g} rad/s"
+        for name, speed in (lowest, highest)
     )
     return f"{text}: that is {distance:.2g} rad/s {side} the family, which {lies} between {' and '.join(ends)}"
 
@@ -303,7 +324,8 @@ def _no_rotation(family: RotatingFamily, omega: Fraction, stable: bool | None) -
     """
     if stable and omega >= family.omega_h:
         return (
-            f"no stable rotating cycle found at {float(omega):.10g} rad/s: they are looked for below Omega_h, "
+            f"no stable rotating cycle found at {float(omega):.10g} rad/s: they are looked for "
+            f"below Omega_h, "
             f"{float(family.omega_h):.10g} rad/s"
         )
     fold = family.near_fold().omega

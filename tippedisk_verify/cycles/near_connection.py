@@ -19,7 +19,12 @@ from typing import Any, TypeVar
 from tippedisk_verify.cycles.error_budget import cycle_in, numbers_at
 from tippedisk_verify.cycles.limit_cycle import Cycle
 from tippedisk_verify.cycles.newton import FixedPoint, Stop
-from tippedisk_verify.cycles.period_continuation import PeriodContinuation, log10, predicted_state, resolving
+from tippedisk_verify.cycles.period_continuation import (
+    PeriodContinuation,
+    log10,
+    predicted_state,
+    resolving,
+)
 from tippedisk_verify.cycles.return_map import ReturnMap
 from tippedisk_verify.cycles.section import LIBRATING, Section
 from tippedisk_verify.errors import NoSuchCycleError
@@ -40,7 +45,8 @@ _MOST_STEPS = 25
 _NEAR = 1e-6  # relative size of a step below which only rounding keeps it from shrinking
 # Extra bits of the wider run. By chance it is more than half as wrong with a probability of 2^-23.
 _WIDER = 24
-_MOVED = Fraction(1, 1000)  # move of the speed, relative to its distance from the branch's nearer end
+# Move of the speed, relative to its distance from the branch's nearer end
+_MOVED = Fraction(1, 1000)
 _KEPT = 64  # cycles in the cache; each takes some seconds
 
 
@@ -77,20 +83,33 @@ def cycle_near(
 
 @lru_cache(maxsize=_KEPT)
 def _cycle_near(
-    section: Section[Any], parameters: Parameters, omega: Fraction, omega_h: Fraction, engine: Engine, digits: int
+    section: Section[Any],
+    parameters: Parameters,
+    omega: Fraction,
+    omega_h: Fraction,
+    engine: Engine,
+    digits: int,
 ) -> Any:
     distance = abs(omega - omega_h)
     precision = resolving(parameters, omega_h, distance, digits + 4)
     return_map = ReturnMap(section, parameters, omega, engine, precision)
-    unstable, slow, _ = (float(value.re) for value in equilibrium(parameters, omega_h, "noninverted").eigenvalues)
+    unstable, slow, _ = (
+        float(value.re) for value in equilibrium(parameters, omega_h, "noninverted").eigenvalues
+    )
     if log10(distance) * (-slow / unstable - 1) < _STRONG:
         point = return_map.end_of_branch()
         zero = 0 * point[0]
         matrix: Any = ((zero, zero), (zero, zero))
     else:
-        point = _predicted(return_map, omega - omega_h) if section is LIBRATING else return_map.end_of_branch()
+        point = (
+            _predicted(return_map, omega - omega_h)
+            if section is LIBRATING
+            else return_map.end_of_branch()
+        )
         matrix = return_map(point).matrix
-    return cycle_in(_fixed_point(return_map, point, matrix, distance), precision, bits(precision.bits + _WIDER))
+    return cycle_in(
+        _fixed_point(return_map, point, matrix, distance), precision, bits(precision.bits + _WIDER)
+    )
 
 
 def _predicted(return_map: ReturnMap[C], above: Fraction) -> tuple[Any, Any]:
@@ -105,7 +124,9 @@ def _predicted(return_map: ReturnMap[C], above: Fraction) -> tuple[Any, Any]:
     return predicted_state(family.latest, half_period, return_map.precision)
 
 
-def _fixed_point(return_map: ReturnMap[C], point: tuple[Any, Any], matrix: Any, distance: Fraction) -> FixedPoint[C]:
+def _fixed_point(
+    return_map: ReturnMap[C], point: tuple[Any, Any], matrix: Any, distance: Fraction
+) -> FixedPoint[C]:
     """Solve for the fixed point by Broyden's iteration in the map's arithmetic, until the next step
     would be rounding.
 
@@ -123,7 +144,8 @@ def _fixed_point(return_map: ReturnMap[C], point: tuple[Any, Any], matrix: Any, 
         end = return_map.flight(point).state
         residual = return_map.residual(end, point)
         if step is not None:
-            # The residual's derivative is the map's less 1. The residual after the step shows its error.
+            # The residual's derivative is the map's less 1. The residual after the step shows its
+            # error.
             norm = step[0] * step[0] + step[1] * step[1]
             by = step[0] / norm, step[1] / norm
             a, b = a + residual[0] * by[0], b + residual[0] * by[1]
@@ -134,8 +156,13 @@ def _fixed_point(return_map: ReturnMap[C], point: tuple[Any, Any], matrix: Any, 
             ((1 - a) * residual[1] + c * residual[0]) / determinant,
         )
         point = point[0] + step[0], point[1] + step[1]
-        # Librating cycles are next to the saddle on their section: their distances from it are the scale.
-        scales = (pi - point[0], -point[1]) if section is LIBRATING else (precision.number(distance),) * 2
+        # Librating cycles are next to the saddle on their section: their distances from it are the
+        # scale.
+        scales = (
+            (pi - point[0], -point[1])
+            if section is LIBRATING
+            else (precision.number(distance),) * 2
+        )
         if not all(float(scale) > 0 for scale in scales):
             raise lost
         size = max(abs(change / scale) for change, scale in zip(step, scales, strict=True))
@@ -145,7 +172,12 @@ def _fixed_point(return_map: ReturnMap[C], point: tuple[Any, Any], matrix: Any, 
 
 
 def with_speed(
-    cycle: C, section: Section[C], omega_h: Measured, distance: Fraction, branch_length: Fraction, engine: Engine
+    cycle: C,
+    section: Section[C],
+    omega_h: Measured,
+    distance: Fraction,
+    branch_length: Fraction,
+    engine: Engine,
 ) -> C:
     """Return the cycle with half-widths that hold the uncertainty of Omega_h.
 
@@ -168,7 +200,9 @@ def with_speed(
     ahead = moved if cycle.omega.value > omega_h.value else -moved
     return_map = ReturnMap(section, cycle.parameters, cycle.omega.value + ahead, engine, precision)
     first, second = (
-        precision.number(getattr(cycle, name).value + ahead * getattr(cycle, f"d{name}_domega").value)
+        precision.number(
+            getattr(cycle, name).value + ahead * getattr(cycle, f"d{name}_domega").value
+        )
         for name in section.names
     )
     numbers = numbers_at(return_map, (first, second), return_map((first, second)))

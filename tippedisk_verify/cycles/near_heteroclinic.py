@@ -33,7 +33,9 @@ class DistanceRow(Printable):
     law: tuple[Measured, Measured, Measured] = field(
         metadata=quantity("T by the law with one, two and three terms", "s")
     )
-    multiplier_slow: Measured = field(metadata=quantity("the larger nontrivial Floquet multiplier", "1"))
+    multiplier_slow: Measured = field(
+        metadata=quantity("the larger nontrivial Floquet multiplier", "1")
+    )
     double_resolves: float = field(
         metadata=quantity("change of T by half a unit in the last place of Omega as a double", "s")
     )
@@ -84,7 +86,10 @@ class NearHeteroclinic(Printable):
             left = [abs(float(row.period - row.law[terms])) for row in self.rows]
             axes.loglog(distances, left, ".-", label=f"error of the law with {name}")
         axes.loglog(
-            distances, [row.double_resolves for row in self.rows], "--", label="effect of half an ulp of Ω in double"
+            distances,
+            [row.double_resolves for row in self.rows],
+            "--",
+            label="effect of half an ulp of Ω in double",
         )
         axes.set(xlabel=r"$\Omega - \Omega_h$ [rad/s]", ylabel="error of T [s]")
         axes.legend()
@@ -92,7 +97,11 @@ class NearHeteroclinic(Printable):
 
 
 def near_heteroclinic(
-    parameters: Parameters, distances: object, engine: Engine, *, answers: Sequence[Sequence[object]] | None = None
+    parameters: Parameters,
+    distances: object,
+    engine: Engine,
+    *,
+    answers: Sequence[Sequence[object]] | None = None,
 ) -> NearHeteroclinic:
     """Return the study at these distances above Omega_h, each number to twelve digits.
 
@@ -132,7 +141,9 @@ def _at(parameters: Parameters, distance: object, engine: Engine, law: PeriodLaw
     )
 
 
-def _compared(parameters: Parameters, omega: Fraction, answer: Fraction, engine: Engine) -> AnswerRow:
+def _compared(
+    parameters: Parameters, omega: Fraction, answer: Fraction, engine: Engine
+) -> AnswerRow:
     period = cycle_at(parameters, omega, engine).period
     answered = Measured(answer, Fraction(0))
     return AnswerRow(Measured(omega, Fraction(0)), answered, period, answered - period)

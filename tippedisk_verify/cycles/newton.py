@@ -20,7 +20,8 @@ __all__ = ["FixedPoint", "Stop", "newton", "section_size"]
 
 C = TypeVar("C", bound=Cycle)
 
-# The least share of a Newton step. A damped iteration that would need less finds no smaller residual.
+# The least share of a Newton step. A damped iteration that would need less finds no smaller
+# residual.
 _LEAST_SHARE = 1e-3
 # The size of a residual, relative to the start's, below which rounding may keep it from shrinking.
 _ROUNDING = 1e-10
@@ -43,7 +44,9 @@ class Stop:
         fewest: The number of sizes from which the second rule counts.
     """
 
-    def __init__(self, most: int, failure: Exception, *, small: Any, near: Any = math.inf, fewest: int = 3) -> None:
+    def __init__(
+        self, most: int, failure: Exception, *, small: Any, near: Any = math.inf, fewest: int = 3
+    ) -> None:
         self.sizes: list[Any] = []
         self._most, self._failure = most, failure
         self._small, self._near, self._fewest = small, near, fewest
@@ -58,7 +61,9 @@ class Stop:
             Exception: The rule's ``failure``, after its number of sizes.
         """
         self.sizes.append(size)
-        if size < self._small or (len(self.sizes) >= self._fewest and self.sizes[-2] / 2 <= size < self._near):
+        if size < self._small or (
+            len(self.sizes) >= self._fewest and self.sizes[-2] / 2 <= size < self._near
+        ):
             return True
         if len(self.sizes) == self._most:
             raise self._failure
@@ -139,27 +144,44 @@ def newton(
         else:
             x, y, omega = iterate.ahead
             iterate = at(return_map if held == "speed" else return_map.at_speed(omega), (x, y))
-    return Iterate(iterate.return_map, iterate.point, iterate.image, tuple(map(float, stop.sizes)), iterate.step)
+    return Iterate(
+        iterate.return_map,
+        iterate.point,
+        iterate.image,
+        tuple(map(float, stop.sizes)),
+        iterate.step,
+    )
 
 
-def _damped(iterate: Iterate[C], at: Callable[[ReturnMap[C], tuple[Any, Any]], Iterate[C]], scale: float) -> Iterate[C]:
+def _damped(
+    iterate: Iterate[C], at: Callable[[ReturnMap[C], tuple[Any, Any]], Iterate[C]], scale: float
+) -> Iterate[C]:
     """Return the first point along the step whose residual is smaller, or is rounding.
 
     The step is halved again and again.
     """
     before, share = section_size(iterate.image.residual), 1.0
     while share >= _LEAST_SHARE:
-        point = (iterate.point[0] + share * iterate.step[0], iterate.point[1] + share * iterate.step[1])
+        point = (
+            iterate.point[0] + share * iterate.step[0],
+            iterate.point[1] + share * iterate.step[1],
+        )
         if not all(map(math.isfinite, point)):
-            raise NoSuchCycleError("the shooting iteration left the finite numbers: start closer to the cycle")
+            raise NoSuchCycleError(
+                "the shooting iteration left the finite numbers: start closer to the cycle"
+            )
         if section_size(point) < _EQUILIBRIUM * scale:
-            raise NoSuchCycleError("the shooting iteration falls onto the equilibrium: start closer to the cycle")
+            raise NoSuchCycleError(
+                "the shooting iteration falls onto the equilibrium: start closer to the cycle"
+            )
         with suppress(NoSuchCycleError):
             ahead = at(iterate.return_map, point)
             if section_size(ahead.image.residual) < before or before < _ROUNDING * scale:
                 return ahead
         share /= 2
-    raise NoSuchCycleError("the shooting iteration does not reduce its residual: start closer to the cycle")
+    raise NoSuchCycleError(
+        "the shooting iteration does not reduce its residual: start closer to the cycle"
+    )
 
 
 def section_size(vector: Sequence[Any]) -> float:

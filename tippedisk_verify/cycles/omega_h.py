@@ -58,9 +58,13 @@ def heteroclinic(
         raise InputError(f"method '{shown(method)}' is not known: use {', '.join(METHODS)}")
     digits, zero = checked_digits(digits), None
     if method in ("bisection", "scipy") and digits > _DOUBLE_DIGITS:
-        raise InputError(f"{method} runs in double: at most {_DOUBLE_DIGITS} digits, not {digits}; use manifolds")
+        raise InputError(
+            f"{method} runs in double: at most {_DOUBLE_DIGITS} digits, not {digits}; use manifolds"
+        )
     if digits > MOST_DIGITS:
-        raise InputError(f"Omega_h is offered to {MOST_DIGITS} digits, not {digits}: more would take days")
+        raise InputError(
+            f"Omega_h is offered to {MOST_DIGITS} digits, not {digits}: more would take days"
+        )
     if method == "manifolds":
         guess = bisect_omega_h(parameters, engine, confirm=False).omega_h.value
         if half_widths:
@@ -69,5 +73,7 @@ def heteroclinic(
     elif method == "limit-cycles":
         omega_h = limit_of_cycles(parameters, engine, digits)
     else:
-        omega_h = bisect_omega_h(parameters, Baseline("DOP853") if method == "scipy" else engine).omega_h
+        omega_h = bisect_omega_h(
+            parameters, Baseline("DOP853") if method == "scipy" else engine
+        ).omega_h
     return connection_at(parameters, omega_h, digits, method=method, engine=engine, zero=zero)

@@ -44,20 +44,31 @@ __all__ = ["FIRST_DIGITS", "PeriodLaw", "cycle_by_passages", "period_law"]
 C = TypeVar("C", bound=Cycle)
 
 _CHOICE = Choice(order=20, bands=5, share=0.10, reach=0.25, speeds=9, sigma=0.016, cycle_reach=1e-5)
-#: Choices with a larger truncation error. Their flights lie closer together, so that rounding weighs
-#: some four times as much in the derivatives of u by the speed and by sigma, which matter most.
+#: Choices with a larger truncation error. Their flights lie closer together, so that rounding
+#: weighs some four times as much in the derivatives of u by the speed and by sigma, which matter
+#: most.
 _OTHERS = tuple(
-    Choice(order=17, bands=4, share=share, reach=reach, speeds=7, sigma=0.004, cycle_reach=cycle_reach, rounding=k)
+    Choice(
+        order=17,
+        bands=4,
+        share=share,
+        reach=reach,
+        speeds=7,
+        sigma=0.004,
+        cycle_reach=cycle_reach,
+        rounding=k,
+    )
     for k, (share, reach, cycle_reach) in enumerate(
         ((0.09, 0.06, 3e-5), (0.08, 0.07, 5e-5), (0.075, 0.065, 4e-5), (0.07, 0.075, 6e-5)), start=1
     )
 )
-#: The half-width in units of the largest distance to the others. An error beyond it has a probability of
-#: some 1e-6 for normal errors, if those of the others are four times as large.
+#: The half-width in units of the largest distance to the others. An error beyond it has a
+#: probability of some 1e-6 for normal errors, if those of the others are four times as large.
 _DISTANCES = 8
 _ULPS = 2.0**-60  # relative; the maps' constants and logarithms are rounded alike in all choices
 _LARGEST_POWER = 20  # the largest power of the distance from Omega_h in any number of a cycle
-_IMAGINARY = 2.0**-100  # an imaginary part, relative to the distance; its square is far below rounding
+# An imaginary part, relative to the distance; its square is far below rounding
+_IMAGINARY = 2.0**-100
 # 1 / the grid [rad/s] of the maps' origin, so that it does not depend on further digits of Omega_h.
 _CUT = 2**72
 _KEPT = 64  # disks in the cache
@@ -103,7 +114,9 @@ def cycle_by_passages(
         if (distance > 0) != (section is LIBRATING) or not _offered(parameters, engine, zero.value):
             return None
         origin = Fraction(round(zero.value * _CUT), _CUT)
-        first, *others = (_numbers(section, flights, distance) for flights in _maps(parameters, origin, engine))
+        first, *others = (
+            _numbers(section, flights, distance) for flights in _maps(parameters, origin, engine)
+        )
     except (AccuracyError, NoConnectionError, ArithmeticError, StopIteration):
         return None
     numbers, sizes = first
@@ -122,15 +135,26 @@ def cycle_by_passages(
         parameters=parameters,
         engine=engine.name,
         precision=EXTENDED.name,
-        _start_matrix=partial(monodromy_by_passages, parameters, origin, distance) if section is LIBRATING else None,
+        _start_matrix=partial(monodromy_by_passages, parameters, origin, distance)
+        if section is LIBRATING
+        else None,
     )
     main = [measured[name] for name in ("period", *section.names, "beta_max")]
-    if any(number.uncertainty > abs(number.value) / 10**digits for number in main) or not cycle.stable:
+    if (
+        any(number.uncertainty > abs(number.value) / 10**digits for number in main)
+        or not cycle.stable
+    ):
         return None
-    return replace(cycle, omega=Measured(cycle.omega.value, zero.uncertainty)) if from_omega_h else cycle
+    return (
+        replace(cycle, omega=Measured(cycle.omega.value, zero.uncertainty))
+        if from_omega_h
+        else cycle
+    )
 
 
-def _omega_h(parameters: Parameters, place: Fraction, engine: Engine, from_omega_h: bool) -> Measured:
+def _omega_h(
+    parameters: Parameters, place: Fraction, engine: Engine, from_omega_h: bool
+) -> Measured:
     """Return Omega_h [rad/s] to the digits that the distance needs."""
     guess = bisect_omega_h(parameters, engine, confirm=False).omega_h.value
     wanted = _digits_for(place) if from_omega_h else FIRST_DIGITS
@@ -143,7 +167,9 @@ def _omega_h(parameters: Parameters, place: Fraction, engine: Engine, from_omega
         resolved = abs(distance) > zero.uncertainty
         wanted = max(wanted + _MORE_DIGITS, _digits_for(distance)) if resolved else 2 * wanted
         if wanted > MOST_DIGITS:
-            raise AccuracyError("the distance from Omega_h needs more digits than Omega_h is offered to")
+            raise AccuracyError(
+                "the distance from Omega_h needs more digits than Omega_h is offered to"
+            )
 
 
 def _digits_for(distance: Fraction) -> int:
@@ -156,7 +182,9 @@ def _digits_for(distance: Fraction) -> int:
     return FIRST_DIGITS + _MORE_DIGITS * max(0, math.ceil(lacking / _MORE_DIGITS))
 
 
-def _measured(numbers: dict[str, Any], others: list[dict[str, Any]], share: Fraction) -> dict[str, Measured]:
+def _measured(
+    numbers: dict[str, Any], others: list[dict[str, Any]], share: Fraction
+) -> dict[str, Measured]:
     """Return the numbers with half-widths; ``share`` is the relative uncertainty of the distance
     from Omega_h.
     """
@@ -178,7 +206,8 @@ class PeriodLaw(NamedTuple):
     slope: Measured  #: -2 / lambda_u [s]
     constant: Measured  #: [s], with D in rad/s
     coefficient: Measured  #: [s], with D in rad/s
-    exponent: Measured  #: -lambda_s / lambda_u - 1; the powers that are left out begin with its double
+    #: -lambda_s / lambda_u - 1; the powers that are left out begin with its double
+    exponent: Measured
 
     def at(self, distance: Fraction) -> tuple[Measured, Measured, Measured]:
         """Return T [s] by one, two and three terms of the law.
@@ -188,7 +217,11 @@ class PeriodLaw(NamedTuple):
         """
         size = Measured(distance, Fraction(0))
         first = self.slope * size.log()
-        return first, first + self.constant, first + self.constant + self.coefficient * size**self.exponent
+        return (
+            first,
+            first + self.constant,
+            first + self.constant + self.coefficient * size**self.exponent,
+        )
 
 
 @undisturbed
@@ -211,7 +244,9 @@ def period_law(parameters: Parameters, engine: Engine) -> PeriodLaw:
     guess = bisect_omega_h(parameters, engine, confirm=False).omega_h.value
     zero = splitting_zero(parameters, guess, engine, FIRST_DIGITS).omega_h.value
     if not _offered(parameters, engine, zero):
-        raise NoSuchCycleError("the law of the period with its corrections needs a negative saddle value and 64 bits")
+        raise NoSuchCycleError(
+            "the law of the period with its corrections needs a negative saddle value and 64 bits"
+        )
     rows = []
     for flights in _maps(parameters, Fraction(round(zero * _CUT), _CUT), engine):
         unstable, slow, _ = flights.arriving.at(EXTENDED.number(0)).eigenvalues
@@ -219,12 +254,21 @@ def period_law(parameters: Parameters, engine: Engine) -> PeriodLaw:
         nu, scale = -slow / unstable, flights.u_1 / -by_omega
         constant = 2 * (EXTENDED.number(flights.duration) + numpy.log(scale) / unstable)
         coefficient = 2 * by_sigma * s / (unstable * by_omega * scale**nu)
-        rows.append({"slope": -2 / unstable, "constant": constant, "coefficient": coefficient, "exponent": nu - 1})
+        rows.append(
+            {
+                "slope": -2 / unstable,
+                "constant": constant,
+                "coefficient": coefficient,
+                "exponent": nu - 1,
+            }
+        )
     return PeriodLaw(**_measured(rows[0], rows[1:], Fraction(0)))
 
 
 def _offered(parameters: Parameters, engine: Engine, omega_h: Fraction) -> bool:
-    """Return True if the machine and the engine fly in 64 bits, and cycles attract next to Omega_h."""
+    """Return True if the machine and the engine fly in 64 bits, and cycles attract next to
+    Omega_h.
+    """
     extended = companion(DOUBLE) == EXTENDED and engine.measures_error
     return extended and saddle_value_sign(parameters, omega_h) < 0
 
@@ -235,7 +279,9 @@ def _maps(parameters: Parameters, omega_h: Fraction, engine: Engine) -> tuple[Gl
 
 
 @undisturbed
-def monodromy_by_passages(parameters: Parameters, origin: Fraction, distance: Fraction) -> tuple[Any, Any]:
+def monodromy_by_passages(
+    parameters: Parameters, origin: Fraction, distance: Fraction
+) -> tuple[Any, Any]:
     """Return the monodromy matrix (3, 3) of a librating cycle at its section, and its half-widths.
 
     Args:
@@ -243,7 +289,9 @@ def monodromy_by_passages(parameters: Parameters, origin: Fraction, distance: Fr
         origin: The speed at which the maps are made [rad/s].
         distance: The distance of the speed from Omega_h [rad/s].
     """
-    first, *others = (_period_matrix(flights, distance) for flights in _maps(parameters, origin, default_engine()))
+    first, *others = (
+        _period_matrix(flights, distance) for flights in _maps(parameters, origin, default_engine())
+    )
     apart = numpy.max([abs(first - other) for other in others], axis=0)
     share = _ULPS + _LARGEST_POWER / 10**_DISTANCE_DIGITS
     return first, (_DISTANCES * apart + share * abs(first)).astype(float)
@@ -260,7 +308,9 @@ def _period_matrix(flights: GlobalMap, distance: Fraction) -> Any:
     return matrix @ matrix
 
 
-def _numbers(section: Section[Any], flights: GlobalMap, distance: Fraction) -> tuple[dict[str, Any], list[float]]:
+def _numbers(
+    section: Section[Any], flights: GlobalMap, distance: Fraction
+) -> tuple[dict[str, Any], list[float]]:
     """Return the numbers of a cycle, gamma_bar_0 less pi, and the sizes of the iteration's steps.
 
     The speed has an imaginary part far below rounding. The imaginary parts of the numbers are

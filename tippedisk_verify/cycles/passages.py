@@ -32,7 +32,14 @@ from tippedisk_verify.model.equations import field
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import EXTENDED
-from tippedisk_verify.theory.saddle_chart import ANGLE_OPS, ChartFamily, SaddleChart, angles, polynomial, solved
+from tippedisk_verify.theory.saddle_chart import (
+    ANGLE_OPS,
+    ChartFamily,
+    SaddleChart,
+    angles,
+    polynomial,
+    solved,
+)
 from tippedisk_verify.theory.saddle_manifolds import Saddle
 
 #: gamma = pi/2 modulo 2 pi, passed upward, on the way from saddle to saddle.
@@ -61,10 +68,13 @@ class Choice(NamedTuple):
     order: int  #: the order of the charts
     bands: int  #: the bands of the charts
     share: float  #: the place of the sections, in units of the charts' radius of convergence
-    reach: float  #: abs(u / s) at which flights on the unstable manifold arrive, at their outermost speed
+    #: abs(u / s) at which flights on the unstable manifold arrive, at their outermost speed
+    reach: float
     speeds: int  #: the number of speeds of these flights
-    sigma: float  #: the largest distance of other flights' starts from the unstable manifold, in units of u_1
-    cycle_reach: float  #: the reach [rad/s] of the other flights' speeds from Omega_h, and so of cycles
+    #: The largest distance of other flights' starts from the unstable manifold, in units of u_1
+    sigma: float
+    #: The reach [rad/s] of the other flights' speeds from Omega_h, and so of cycles
+    cycle_reach: float
     rounding: int | None = None  #: the pattern by which the last bits of parameters and starts move
 
 
@@ -86,7 +96,8 @@ class LinearPassage(NamedTuple):
 
     sigma: Any  #: the exit, in the coordinates of the start
     time: Any  #: the time of the passage alone [s]
-    arrival: Any  #: (7,) u, s, f, the integral of the divergence, beta_max, beta_bar and v at the top
+    #: (7,) u, s, f, the integral of the divergence, beta_max, beta_bar and v at the top
+    arrival: Any
     pieces: list[ChartFlight]
 
 
@@ -104,17 +115,23 @@ class GlobalMap:
         AccuracyError: If a flight fails.
     """
 
-    def __init__(self, parameters: Parameters, omega_h: Fraction, engine: Engine, choice: Choice) -> None:
+    def __init__(
+        self, parameters: Parameters, omega_h: Fraction, engine: Engine, choice: Choice
+    ) -> None:
         self.parameters, self.choice = parameters, choice
         saddle = Saddle(parameters, omega_h, 80, 1)
         sides = [saddle.side(which) for which in (0, 1)]
         #: The charts where an orbit leaves a saddle and where it arrives at the next one.
-        self.leaving, self.arriving = (_charts(parameters, omega_h, side, choice.order, choice.bands) for side in sides)
+        self.leaving, self.arriving = (
+            _charts(parameters, omega_h, side, choice.order, choice.bands) for side in sides
+        )
         self.one_sided = sides[0] == sides[1]
         chart = self.leaving.at(EXTENDED.number(0))
         self.u_1 = EXTENDED.type(choice.share * chart.radius(0))
         self._engine, self._omega_h = engine, omega_h
-        self.duration = self._duration(chart, choice.share * self.arriving.at(EXTENDED.number(0)).radius(1))
+        self.duration = self._duration(
+            chart, choice.share * self.arriving.at(EXTENDED.number(0)).radius(1)
+        )
         probe = _short(float(omega_h) * _PROBE)
         above, below = (self._arrival(distance, 0.0) for distance in (probe, -probe))
         reach = choice.reach * float(2 * probe * fraction(abs(above[1] / (above[0] - below[0]))))
@@ -130,7 +147,9 @@ class GlobalMap:
 
     @property
     def slopes(self) -> tuple[tuple[Any, Any], Any]:
-        """The derivatives of the arriving u by the speed and by sigma, at Omega_h and sigma = 0; and the s there."""
+        """The derivatives of the arriving u by the speed and by sigma, at Omega_h and sigma =
+        0; and the s there.
+        """
         return (self._polynomials[1, 0, 0], self._polynomials[0, 1, 0]), self._polynomials[0, 0, 1]
 
     def _request(self, chart: SaddleChart, omega: Fraction, sigma: float, **needs: Any) -> Request:
@@ -150,9 +169,14 @@ class GlobalMap:
         second = numpy.array([0.0, math.pi, 0.0])
         near = numpy.flatnonzero(abs(samples - second).max(axis=1) < end)
         if not len(near):
-            raise AccuracyError("the unstable branch does not come near the second saddle: there is no connection here")
+            raise AccuracyError(
+                "the unstable branch does not come near the second saddle: there "
+                "is no connection here"
+            )
         first = int(near[0])
-        point = self.arriving.at(EXTENDED.number(0)).coordinates(EXTENDED.array(samples[first] - second))
+        point = self.arriving.at(EXTENDED.number(0)).coordinates(
+            EXTENDED.array(samples[first] - second)
+        )
         # The charts have no third powers of the fast coordinate.
         longer = math.log(max(1.0, abs(float(point[2])) / _FAST)) / -float(chart.eigenvalues[2])
         return Fraction(first + math.ceil(100 * longer), 100)
@@ -190,7 +214,10 @@ class GlobalMap:
         places += [(distance, largest * x) for distance in off_manifold for x in _SIGMAS]
         powers = [(k, 0) for k in range(count)]
         powers += [(k, n) for k in range(len(off_manifold)) for n in range(1, len(_SIGMAS) + 1)]
-        scaled = [(EXTENDED.number(distance) / reach, EXTENDED.number(sigma) / largest) for distance, sigma in places]
+        scaled = [
+            (EXTENDED.number(distance) / reach, EXTENDED.number(sigma) / largest)
+            for distance, sigma in places
+        ]
         matrix = numpy.array([[x**k * y**n for k, n in powers] for x, y in scaled])
         values = numpy.array([self._arrival(*place) for place in places])
         coefficients = numpy.zeros((count, len(_SIGMAS) + 1, values.shape[1]), EXTENDED.type)
@@ -231,7 +258,10 @@ class HalfMap:
         if self._crosses:
             gradient = (0, -self._constants.e * self._omega, self._constants.r - self._constants.e)
             pieces.append(_until(chart, point, self._sliding, gradient))
-            point, chart = self.leaving.coordinates(self.image * chart.at(pieces[0].end)), self.leaving
+            point, chart = (
+                self.leaving.coordinates(self.image * chart.at(pieces[0].end)),
+                self.leaving,
+            )
         else:  # the linear law's chart is odd
             point = self.image * point
         if not point[0].real > 0:
@@ -278,11 +308,18 @@ class HalfMap:
         along = []
         for point in (piece.start, piece.end):
             rates = numpy.array(rates_of(*angles(piece.chart.at(point))))
-            along.append(piece.chart.slopes(point) @ (piece.chart.eigenvalues * point) @ rates / (rates @ rates))
+            along.append(
+                piece.chart.slopes(point)
+                @ (piece.chart.eigenvalues * point)
+                @ rates
+                / (rates @ rates)
+            )
         return along[1] / along[0]
 
 
-def to_section(pieces: Sequence[ChartFlight], component: int) -> tuple[ChartFlight, Sequence[ChartFlight]]:
+def to_section(
+    pieces: Sequence[ChartFlight], component: int
+) -> tuple[ChartFlight, Sequence[ChartFlight]]:
     """Split a passage where a component of y vanishes.
 
     Args:
@@ -331,13 +368,17 @@ def half_period_matrix(rest: Sequence[ChartFlight], multiplier: Any, time_by_sig
     exit_rates, rates = last.chart.eigenvalues * last.end, first.chart.eigenvalues * first.start
     rho = ahead[0] / exit_rates[0]
     kappa = ahead[1] - rho * exit_rates[1]
-    basis = first.chart.slopes(first.start) @ numpy.stack((rates, slow, fast / abs(fast).max()), axis=1)
+    basis = first.chart.slopes(first.start) @ numpy.stack(
+        (rates, slow, fast / abs(fast).max()), axis=1
+    )
     along = rho * (1 - multiplier) - kappa * time_by_sigma
     images = basis @ numpy.array([[1, along, 0], [0, multiplier, 0], [0, 0, 0]], EXTENDED.type)
     return solved(basis.T, images.T).T
 
 
-def _until(chart: SaddleChart, start: Any, function: Callable[[Any], Any], gradient: Any) -> ChartFlight:
+def _until(
+    chart: SaddleChart, start: Any, function: Callable[[Any], Any], gradient: Any
+) -> ChartFlight:
     """Return the piece from a point to where a function of y vanishes, between a stable and an
     unstable manifold.
 

@@ -68,7 +68,11 @@ class PeriodPoint:
 
 
 def cycle_at_half_period(
-    parameters: Parameters, half_period: Any, guess: Sequence[Any], engine: Engine, precision: Precision = DOUBLE
+    parameters: Parameters,
+    half_period: Any,
+    guess: Sequence[Any],
+    engine: Engine,
+    precision: Precision = DOUBLE,
 ) -> PeriodPoint:
     """Solve for (gamma_bar_0, v_0, Omega) at a half period, by Newton's iteration.
 
@@ -86,19 +90,26 @@ def cycle_at_half_period(
     duration = precision.number(half_period)
 
     def size(iterate: Iterate[LimitCycle]) -> float:
-        """Measure the state against its distance from the saddle, the speed against how fast it still changes."""
+        """Measure the state against its distance from the saddle, the speed against how fast
+        it still changes.
+        """
         gamma_bar, v, _ = iterate.ahead
         left, by_time = precision.pi - gamma_bar, iterate.image.slopes("time")[2]
         parts = iterate.step[0] / left, iterate.step[1] / v, iterate.step[2] / by_time
         largest = max(abs(float(part)) for part in parts)
         if not (math.isfinite(largest) and 0 < float(left) < math.pi and float(v) < 0):
-            raise NoSuchCycleError("the iteration at fixed period left the well: take a smaller step in the period")
+            raise NoSuchCycleError(
+                "the iteration at fixed period left the well: take a smaller step in the period"
+            )
         return largest
 
-    # By quadratic convergence the cycle is then right to twice as many digits, and its slopes to as many.
+    # By quadratic convergence the cycle is then right to twice as many digits, and its slopes to as
+    # many.
     stop = Stop(
         _MOST_STEPS,
-        NoSuchCycleError(f"the iteration at fixed period has not converged after {_MOST_STEPS} steps"),
+        NoSuchCycleError(
+            f"the iteration at fixed period has not converged after {_MOST_STEPS} steps"
+        ),
         small=1e-7 if precision == DOUBLE else 1e-10,
         near=1e-3,
     )
@@ -107,7 +118,9 @@ def cycle_at_half_period(
     return PeriodPoint(duration, *found.ahead, found.image.slopes("time")[:3], found.residuals)
 
 
-def lengthened(parameters: Parameters, first: PeriodPoint, engine: Engine, *, longest: float) -> Iterator[PeriodPoint]:
+def lengthened(
+    parameters: Parameters, first: PeriodPoint, engine: Engine, *, longest: float
+) -> Iterator[PeriodPoint]:
     """Yield cycles of longer and longer period, in double.
 
     The step in the half period adapts: it grows by half after a quick solution and is halved after
@@ -127,9 +140,14 @@ def lengthened(parameters: Parameters, first: PeriodPoint, engine: Engine, *, lo
     while 2 * point.half_period < longest:
         if step < _SHORTEST_STEP:
             period = f"{2 * point.half_period:.4g} s"
-            raise NoSuchCycleError(f"at the period {period} the family drowns in rounding: compute in more bits")
+            raise NoSuchCycleError(
+                f"at the period {period} the family drowns in rounding: compute in more bits"
+            )
         half_period = min(point.half_period + step, longest / 2)
-        guess = (*predicted_state(point, half_period, DOUBLE), _predicted_speed(point, before, half_period))
+        guess = (
+            *predicted_state(point, half_period, DOUBLE),
+            _predicted_speed(point, before, half_period),
+        )
         try:
             before, point = point, cycle_at_half_period(parameters, half_period, guess, engine)
         except NoSuchCycleError:
@@ -167,7 +185,7 @@ def _predicted_speed(point: PeriodPoint, before: PeriodPoint, half_period: float
     return point.omega + point.slopes[2] * (math.exp(rate * ahead) - 1) / rate
 
 
-# ------------------------------------------------------------------------------------------------ the limit
+# ---------------------------------------------------------------------------------------- the limit
 class PeriodAsymptotics:
     """The three-term law of Omega(T) through two cycles.
 
@@ -178,14 +196,18 @@ class PeriodAsymptotics:
         precision: The arithmetic of the cycles.
     """
 
-    def __init__(self, parameters: Parameters, first: PeriodPoint, second: PeriodPoint, precision: Precision) -> None:
+    def __init__(
+        self, parameters: Parameters, first: PeriodPoint, second: PeriodPoint, precision: Precision
+    ) -> None:
         ctx = self._ctx = bits(precision.bits + 16).context
 
         def mpf(value: Any) -> Any:
             return quotient(ctx, fraction(value))
 
         digits = max(15, precision.digits)
-        eigenvalues = equilibrium(parameters, fraction(second.omega), "noninverted", digits).eigenvalues
+        eigenvalues = equilibrium(
+            parameters, fraction(second.omega), "noninverted", digits
+        ).eigenvalues
         self._unstable, self._stable = (mpf(value.re.value) for value in eigenvalues[:2])
         self._half_period = mpf(second.half_period)
         ahead = mpf(first.half_period) - self._half_period
@@ -212,7 +234,9 @@ class PeriodAsymptotics:
         )
         for _ in range(60):
             e, f = ctx.exp(-self._unstable * ahead), ctx.exp(self._stable * ahead)
-            step = (self._c * e + self._b * f - target) / (-self._unstable * self._c * e + self._stable * self._b * f)
+            step = (self._c * e + self._b * f - target) / (
+                -self._unstable * self._c * e + self._stable * self._b * f
+            )
             ahead -= step
             if abs(step) < 1e-6:
                 break
@@ -232,16 +256,25 @@ class PeriodContinuation:
         family = LibratingFamily(parameters, engine, closest=_FOLLOWED)
         refuse_focus(parameters, Fraction(family.limit))
         place = family.place(float(family.nodes[-1, 0]))
-        growth = float(equilibrium(parameters, Fraction(family.limit), "noninverted").eigenvalues[0].re)
-        points = [cycle_at_half_period(parameters, place.flight, (*place.start, place.omega), engine)]
+        growth = float(
+            equilibrium(parameters, Fraction(family.limit), "noninverted").eigenvalues[0].re
+        )
+        points = [
+            cycle_at_half_period(parameters, place.flight, (*place.start, place.omega), engine)
+        ]
         for point in lengthened(parameters, points[0], engine, longest=_LONGEST):
             points.append(point)
             if len(points) > 3 and abs(point.slopes[2]) < growth * _LEAST_IN_DOUBLE:
                 break
         self.points = points
-        before, self.asymptotics = (PeriodAsymptotics(parameters, *pair, DOUBLE) for pair in pairwise(points[-3:]))
-        #: The last change of the limit [rad/s], or double's rounding; that of the present one is smaller.
-        self.change = max(abs(self.asymptotics.omega_h - before.omega_h), self.asymptotics.omega_h / 2**50)
+        before, self.asymptotics = (
+            PeriodAsymptotics(parameters, *pair, DOUBLE) for pair in pairwise(points[-3:])
+        )
+        #: The last change of the limit [rad/s], or double's rounding; that of the present one is
+        #: smaller.
+        self.change = max(
+            abs(self.asymptotics.omega_h - before.omega_h), self.asymptotics.omega_h / 2**50
+        )
 
     @property
     def latest(self) -> PeriodPoint:
@@ -254,7 +287,8 @@ class PeriodContinuation:
 
         The law is
 
-            T = c - (2 / lambda_u) log(Omega - Omega_h) + O((Omega - Omega_h)^p),    p = |lambda_s| / lambda_u - 1.
+            T = c - (2 / lambda_u) log(Omega - Omega_h) + O((Omega - Omega_h)^p),    p = |lambda_s|
+            / lambda_u - 1.
 
         By this law the ratio tends to 1.
 
@@ -265,7 +299,9 @@ class PeriodContinuation:
         for point in self.points:
             above = float(fraction(point.omega) - self.asymptotics.omega_h)
             # dT / d(log D) = 2 D / (d(Omega) / d(T / 2)).
-            rows.append((above, 2 * float(point.half_period), -unstable * above / float(point.slopes[2])))
+            rows.append(
+                (above, 2 * float(point.half_period), -unstable * above / float(point.slopes[2]))
+            )
         return rows
 
     @property
@@ -282,8 +318,8 @@ class PeriodContinuation:
         Raises:
             AccuracyError: If the cycle is not found, or there are too many cycles.
         """
-        # The prediction is off by about the last change of the limit. A cycle at a hundred times that
-        # distance from Omega_h is within reach.
+        # The prediction is off by about the last change of the limit. A cycle at a hundred times
+        # that distance from Omega_h is within reach.
         ahead = max(100 * self.change, least)
         if not ahead < abs(self.above):
             ahead = abs(self.above) / 4
@@ -293,14 +329,20 @@ class PeriodContinuation:
         half_period = precision.number(self.asymptotics.half_period(above))
         guess = (*predicted_state(self.latest, half_period, precision), omega_h + above)
         try:
-            point = cycle_at_half_period(self.parameters, half_period, guess, self.engine, precision)
+            point = cycle_at_half_period(
+                self.parameters, half_period, guess, self.engine, precision
+            )
         except NoSuchCycleError as fault:
-            raise AccuracyError(f"the family of limit cycles could not be followed to Omega_h: {fault}") from None
+            raise AccuracyError(
+                f"the family of limit cycles could not be followed to Omega_h: {fault}"
+            ) from None
         self.asymptotics = PeriodAsymptotics(self.parameters, self.latest, point, precision)
         self.change = abs(self.asymptotics.omega_h - omega_h)
         self.points.append(point)
         if len(self.points) > _MOST_CYCLES:
-            raise AccuracyError(f"the limit of the limit cycles still moves by {float(self.change):.1e} rad/s")
+            raise AccuracyError(
+                f"the limit of the limit cycles still moves by {float(self.change):.1e} rad/s"
+            )
 
 
 def limit_of_cycles(parameters: Parameters, engine: Engine, digits: int) -> Measured:
@@ -343,7 +385,9 @@ def resolving(parameters: Parameters, omega_h: Fraction, above: Fraction, digits
         above: Omega - Omega_h [rad/s].
         digits: The digits that must be left.
     """
-    unstable, slow, _ = (float(value.re) for value in equilibrium(parameters, omega_h, "noninverted").eigenvalues)
+    unstable, slow, _ = (
+        float(value.re) for value in equilibrium(parameters, omega_h, "noninverted").eigenvalues
+    )
     power = 1 + unstable / (unstable - slow)
     needed = bits_for_digits(digits + 4 + math.ceil(power * max(0.0, -log10(abs(above)))))
     return QUADRUPLE if needed <= QUADRUPLE.bits else bits(needed)

@@ -133,11 +133,13 @@ class ReturnMap(Generic[C]):
         self.section, self.parameters, self.omega = section, parameters, omega
         self.engine, self.precision = engine, precision
         self._omega = precision.number(omega)  # converted once, not at every start
-        self._rates = field(shifted(precision.ops), parameters.at(precision), self._omega, parameters.friction)
+        self._rates = field(
+            shifted(precision.ops), parameters.at(precision), self._omega, parameters.friction
+        )
         self._growth = precision.number(0) + 2 * section.turns * precision.pi
-        # The start lies past the section by far less than rounding. If the section's function were zero
-        # to the last bit there, heyoka would see no other crossing in its first step. (With the fourth
-        # power MPFR's numbers would lose memory.)
+        # The start lies past the section by far less than rounding. If the section's function were
+        # zero to the last bit there, heyoka would see no other crossing in its first step. (With
+        # the fourth power MPFR's numbers would lose memory.)
         self._edge = precision.number(section.passed * precision.epsilon**2)
         self._requests: dict[tuple[Event, ...], Request] = {}
 
@@ -176,16 +178,21 @@ class ReturnMap(Generic[C]):
         """
         result = self._run(point, rounding, (), variations=VARIATIONS)
         rows, end = result.derivatives, result.state
-        if self.precision == DOUBLE:  # Python's own floats: arithmetic on numpy's scalars takes longer
+        # Python's own floats: arithmetic on numpy's scalars takes longer
+        if self.precision == DOUBLE:
             rows, end = rows.tolist(), end.tolist()
         fixed, free, image = self.section.fixed, self.section.free, self.section.image
         arrival = [*end]
         arrival[fixed] = self._growth
         rates = self._rates(*arrival)
-        # Time moves with start and speed, dt = -d(fixed component) / its rate, and takes the coordinates along.
+        # Time moves with start and speed, dt = -d(fixed component) / its rate, and takes the
+        # coordinates along.
         times = [-entry / rates[fixed] for entry in rows[fixed]]
         first, second = (
-            [image * (entry + rates[axis] * moved) for entry, moved in zip(rows[axis], times, strict=True)]
+            [
+                image * (entry + rates[axis] * moved)
+                for entry, moved in zip(rows[axis], times, strict=True)
+            ]
             for axis in free
         )
         a, b = free
@@ -211,7 +218,9 @@ class ReturnMap(Generic[C]):
 
     def measures(self, flight: Result) -> dict[str, Any]:
         """Return the section's measures by name, from a flight with its ``recorded`` events."""
-        return self.section.measured(((event.name, event.state) for event in flight.events), abs(0 * flight.time))
+        return self.section.measured(
+            ((event.name, event.state) for event in flight.events), abs(0 * flight.time)
+        )
 
     def trivial_multiplier(self, point: Sequence[Any], image: Image) -> Any:
         """Return the multiplier along the flow, 1 but for rounding.
@@ -224,7 +233,9 @@ class ReturnMap(Generic[C]):
             image: The image of the point.
         """
         rates = self._rates(*self._state(point))
-        moved = (sum(entry * rate for entry, rate in zip(row, rates, strict=False)) for row in image.flow)
+        moved = (
+            sum(entry * rate for entry, rate in zip(row, rates, strict=False)) for row in image.flow
+        )
         along = sum(a * b for a, b in zip(moved, rates, strict=True))
         return self.section.image * along / sum(rate * rate for rate in rates)
 
@@ -237,14 +248,24 @@ class ReturnMap(Generic[C]):
         Raises:
             NoSuchCycleError: If the branch does not arrive.
         """
-        saddle = Saddle(self.parameters, fraction(self.omega), self.precision.bits + 16, _BRANCH_ORDER)
-        # A flight from the librating section starts next to the saddle at gamma_bar = pi: the other's
-        # image.
-        state = saddle.start_on_branch(Fraction(1, 1 << (self.precision.bits // 6)), self.section.image)
+        saddle = Saddle(
+            self.parameters, fraction(self.omega), self.precision.bits + 16, _BRANCH_ORDER
+        )
+        # A flight from the librating section starts next to the saddle at gamma_bar = pi: the
+        # other's image.
+        state = saddle.start_on_branch(
+            Fraction(1, 1 << (self.precision.bits // 6)), self.section.image
+        )
         # The request is built like those of the cycle's own flights.
-        result = self.engine(self._request(state, divergence=True, events=(self.section.ends, *self.section.recorded)))
+        result = self.engine(
+            self._request(
+                state, divergence=True, events=(self.section.ends, *self.section.recorded)
+            )
+        )
         if result.status is not Status.EVENT:
-            raise NoSuchCycleError(f"the saddle's unstable branch does not come to the section: {result.status.value}")
+            raise NoSuchCycleError(
+                f"the saddle's unstable branch does not come to the section: {result.status.value}"
+            )
         return self.residual(result.state, (0, 0))
 
     def _state(self, point: Any) -> list[Any]:
@@ -265,7 +286,9 @@ class ReturnMap(Generic[C]):
             **needs,
         )
 
-    def _run(self, point: Sequence[Any], rounding: int | None, events: tuple[Event, ...], **needs: Any) -> Result:
+    def _run(
+        self, point: Sequence[Any], rounding: int | None, events: tuple[Event, ...], **needs: Any
+    ) -> Result:
         section, state = self.section, self._state(point)
         if events not in self._requests:
             self._requests[events] = self._request(state, events=(section.ends, *events), **needs)

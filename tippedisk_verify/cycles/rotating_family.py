@@ -47,25 +47,39 @@ class RotatingFamily(Family):
 
     section = ROTATING
 
-    def __init__(self, parameters: Parameters, engine: Engine, omega_h: Fraction, solve: Solver | None = None) -> None:
+    def __init__(
+        self, parameters: Parameters, engine: Engine, omega_h: Fraction, solve: Solver | None = None
+    ) -> None:
         self.omega_h = omega_h
         first, singly = omega_h * _FIRST, one_at_a_time(ROTATING, parameters, engine)
         (lowest, _), (beta, v) = (
-            map(float, ReturnMap(ROTATING, parameters, omega, engine).end_of_branch()) for omega in (omega_h, first)
+            map(float, ReturnMap(ROTATING, parameters, omega, engine).end_of_branch())
+            for omega in (omega_h, first)
         )
         if not lowest < beta:
-            raise NoSuchCycleError("no rotating cycle found below Omega_h: the unstable branch leans less there")
+            raise NoSuchCycleError(
+                "no rotating cycle found below Omega_h: the unstable branch leans less there"
+            )
         # The flight time is no unknown where the engine meets the section.
         second, flight, omega, *slopes = (
-            float(values[0]) for values in singly(*(numpy.array([x]) for x in (beta, v, math.nan, float(first))))
+            float(values[0])
+            for values in singly(*(numpy.array([x]) for x in (beta, v, math.nan, float(first))))
         )
         if math.isnan(omega):
-            raise NoSuchCycleError(f"no rotating cycle found at {float(first):.10g} rad/s, next to Omega_h")
+            raise NoSuchCycleError(
+                f"no rotating cycle found at {float(first):.10g} rad/s, next to Omega_h"
+            )
         middle, half = (math.pi / 2 + lowest) / 2, (math.pi / 2 - lowest) / 2
         s = math.atanh((beta - middle) / half)
         rate = half / math.cosh(s) ** 2
         ratio_slope = (slopes[0] - second / beta) / beta
-        begin = (s, second / beta, flight, omega, *(rate * slope for slope in (ratio_slope, *slopes[1:])))
+        begin = (
+            s,
+            second / beta,
+            flight,
+            omega,
+            *(rate * slope for slope in (ratio_slope, *slopes[1:])),
+        )
         nodes = _GUESSING_NODES if solve is None else _NODES
         super().__init__(parameters, engine, solve or singly, nodes, middle, half, begin)
         self.extend()
@@ -97,7 +111,9 @@ class RotatingFamily(Family):
         """
         self.reach(0.0)
         if not self.folds:
-            raise NoSuchCycleError("the speeds of the rotating cycles rise from Omega_h on: they have no fold")
+            raise NoSuchCycleError(
+                "the speeds of the rotating cycles rise from Omega_h on: they have no fold"
+            )
         return self.place(self.folds[0])
 
     def followed_places(self, omega: float, *, stable: bool | None = None) -> Iterator[Place]:
@@ -115,7 +131,9 @@ class RotatingFamily(Family):
         """
         for side in (True, False) if stable is None else (stable,):
             if side and self.nodes[0, 3] < omega < self.omega_h:
-                beta, v = ReturnMap(ROTATING, self.parameters, Fraction(omega), self.engine).end_of_branch()
+                beta, v = ReturnMap(
+                    ROTATING, self.parameters, Fraction(omega), self.engine
+                ).end_of_branch()
                 yield Place((float(beta), float(v)), omega, 0, self.falls[0])
                 continue
             self.reach(0.0 if side else omega)

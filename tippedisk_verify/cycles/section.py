@@ -23,7 +23,17 @@ import numpy
 from tippedisk_verify.cycles.limit_cycle import Cycle, LimitCycle, RotatingCycle
 from tippedisk_verify.flow.contract import SECTION, TURN, Event, Variation
 
-__all__ = ["BOTTOM", "EXTREME", "LIBRATING", "RETURNS", "ROTATING", "ROUND", "VARIATIONS", "Measure", "Section"]
+__all__ = [
+    "BOTTOM",
+    "EXTREME",
+    "LIBRATING",
+    "RETURNS",
+    "ROTATING",
+    "ROUND",
+    "VARIATIONS",
+    "Measure",
+    "Section",
+]
 
 C = TypeVar("C", bound=Cycle)
 
@@ -64,11 +74,13 @@ class Section(Generic[C]):
     turns: int  #: the growth of the fixed component in a flight, in units of 2 pi
     image: Literal[-1, 1]  #: the derivative of the symmetry that follows the flow
     per_period: int  #: flights that make up a period of the cycle
-    possible: Callable[[Any, Any], Any]  #: which coordinates a start may have; of doubles or of arrays (n,)
+    #: Which coordinates a start may have; of doubles or of arrays (n,)
+    possible: Callable[[Any, Any], Any]
     impossible: str  #: the message for a start with other coordinates
     no_return: str  #: the message for an orbit that does not come back
     measures: tuple[Measure, ...]  #: the numbers that the events of a flight give
-    #: the scale of the coordinates next to a saddle, at most 1; its square is the scale of the speed
+    #: the scale of the coordinates next to a saddle, at most 1; its square is the scale of the
+    #: speed
     saddle_scale: Callable[[Any], float]
 
     @property
@@ -103,7 +115,13 @@ class Section(Generic[C]):
         """The names of all numbers of a cycle that have half-widths."""
         by_omega = (f"d{name}_domega" for name in ("period", *self.names))
         multipliers = ("multiplier_slow", "log_multiplier_slow", "log_multiplier_fast")
-        return ("period", *self.names, *(measure.name for measure in self.measures), *multipliers, *by_omega)
+        return (
+            "period",
+            *self.names,
+            *(measure.name for measure in self.measures),
+            *multipliers,
+            *by_omega,
+        )
 
     def table(
         self,
@@ -130,9 +148,9 @@ class Section(Generic[C]):
         laps, choose = self.per_period, numpy.where if isinstance(time, numpy.ndarray) else _chosen
         (a, b), (c, d) = matrix
         trace, determinant = a + d, a * d - b * c
-        # The larger root of l^2 - trace l + determinant. Mostly the determinant is some 1e-25 and only
-        # corrects it. For a complex pair the value is the modulus, with the sign that the larger root has
-        # where the two meet.
+        # The larger root of l^2 - trace l + determinant. Mostly the determinant is some 1e-25 and
+        # only corrects it. For a complex pair the value is the modulus, with the sign that the
+        # larger root has where the two meet.
         discriminant = trace * trace / 4 - determinant
         real = abs(trace) / 2 + ops.sqrt(abs(discriminant))
         size = choose(discriminant >= 0, real, ops.sqrt(abs(determinant))) ** laps
@@ -148,7 +166,8 @@ class Section(Generic[C]):
             **{measure.name: flight[measure.name] for measure in self.measures},
             "multiplier_slow": slow,
             "log_multiplier_slow": log_slow,
-            # det of the flow over a period = slow * fast * 1 (trivial); Liouville gives its logarithm.
+            # det of the flow over a period = slow * fast * 1 (trivial); Liouville gives its
+            # logarithm.
             "log_multiplier_fast": log_multipliers - log_slow,
             "log_multipliers": log_multipliers,
             "trivial_multiplier_defect": abs((trivial * trivial if laps == 2 else trivial) - 1),
@@ -169,7 +188,9 @@ class Section(Generic[C]):
             for measure in self.measures:
                 if measure.event.name == name:
                     value = state[measure.component]
-                    numbers[measure.name] = max(numbers[measure.name], abs(value)) if measure.largest else value
+                    numbers[measure.name] = (
+                        max(numbers[measure.name], abs(value)) if measure.largest else value
+                    )
         return numbers
 
 
@@ -179,7 +200,8 @@ def _chosen(condition: Any, value: Any, otherwise: Any) -> Any:
 
 _BETA_MAX = Measure("beta_max", EXTREME, 0, largest=True)
 
-#: beta = pi/2 with v < 0, to the next crossing (v > 0), then S. gamma is extreme there: gamma' vanishes.
+#: beta = pi/2 with v < 0, to the next crossing (v > 0), then S. gamma is extreme there: gamma'
+#: vanishes.
 LIBRATING = Section(
     name="librating",
     result=LimitCycle,
@@ -190,7 +212,8 @@ LIBRATING = Section(
     per_period=2,
     # gamma_bar rounds to the saddle's pi next to Omega_h, so pi itself is allowed.
     possible=lambda gamma_bar, v: (abs(gamma_bar) <= math.pi) & (gamma_bar != 0) & (v < 0),
-    impossible="shooting starts at beta = pi/2 with v < 0, within half a turn of gamma = pi/2: the guess does not",
+    impossible="shooting starts at beta = pi/2 with v < 0, within half a turn of gamma = pi/2: the "
+    "guess does not",
     no_return="the orbit does not return to beta = pi/2",
     measures=(_BETA_MAX,),
     saddle_scale=lambda point: abs(1 - (point[0] / math.pi) ** 2),

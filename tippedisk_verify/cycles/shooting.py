@@ -30,8 +30,8 @@ __all__ = ["LimitCycle", "limit_cycle", "shoot", "shoot_from_law"]
 C = TypeVar("C", bound=Cycle)
 
 _MOST_STEPS = 25
-# The largest amplitude [rad] at which shooting starts from the law. Beyond it harmonic balance takes
-# fewer steps.
+# The largest amplitude [rad] at which shooting starts from the law. Beyond it harmonic balance
+# takes fewer steps.
 _LARGEST_LAW_AMPLITUDE = 2.5
 # The largest relative distance of the amplitude from the law's. The law's own error at
 # `_LARGEST_LAW_AMPLITUDE` is a fifth.
@@ -56,10 +56,14 @@ def shoot(return_map: ReturnMap[C], guess: Sequence[float]) -> FixedPoint[C]:
         raise InputError(f"a guess has two components: {' and '.join(return_map.section.names)}")
     point = (DOUBLE.number(guess[0]), DOUBLE.number(guess[1]))
     scale = section_size(point)
-    failure = NoSuchCycleError(f"the shooting iteration has not converged after {_MOST_STEPS} steps")
+    failure = NoSuchCycleError(
+        f"the shooting iteration has not converged after {_MOST_STEPS} steps"
+    )
     # The round-off of half a period is some hundred ulps of the state.
     stop = Stop(_MOST_STEPS, failure, small=1e-15 * scale, near=1e-12 * scale)
-    return newton(return_map, point, stop, lambda iterate: section_size(iterate.image.residual), damped=True)
+    return newton(
+        return_map, point, stop, lambda iterate: section_size(iterate.image.residual), damped=True
+    )
 
 
 @undisturbed
@@ -98,7 +102,11 @@ def limit_cycle(
     if fixed_point is None:
         start = approximate_cycle(parameters, return_map.omega) if guess is None else guess
         fixed_point = shoot(return_map, start)
-    return cycle_to_digits(fixed_point, digits) if precision is None else cycle_in(fixed_point, precision)
+    return (
+        cycle_to_digits(fixed_point, digits)
+        if precision is None
+        else cycle_in(fixed_point, precision)
+    )
 
 
 def shoot_from_law(return_map: ReturnMap[LimitCycle]) -> FixedPoint[LimitCycle] | None:

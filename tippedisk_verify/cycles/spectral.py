@@ -53,7 +53,7 @@ _MOST_PASSES = 60
 _SETTLED = 1e-9  # a step after which only rounding in double is left
 
 
-# ------------------------------------------------------------------------------------------------ librating cycles
+# --------------------------------------------------------------------------------- librating cycles
 @dataclass(frozen=True, repr=False)
 class BalancedCycle(Printable):
     """A limit cycle from spectral harmonic balance. Half-widths are from a balance of more
@@ -63,7 +63,9 @@ class BalancedCycle(Printable):
     omega: Fraction  #: the spinning speed [rad/s]
     harmonics: int = field(metadata=quantity("number of odd harmonics", "1"))
     period: Measured = field(metadata=quantity("T, the period", "s"))
-    gamma_bar_0: Measured = field(metadata=quantity("gamma - pi/2 where beta = pi/2 and v < 0", "rad"))
+    gamma_bar_0: Measured = field(
+        metadata=quantity("gamma - pi/2 where beta = pi/2 and v < 0", "rad")
+    )
     v_0: Measured = field(metadata=quantity("v = beta' there", "rad/s"))
     beta_max: Measured = field(metadata=quantity("largest abs(beta - pi/2) on the cycle", "rad"))
 
@@ -92,7 +94,9 @@ def balanced_cycle(
     parameters.refuse_smooth("harmonic balance is")
     speed = checked_speed(omega)
     if harmonics is not None and whole(harmonics, 1, _MOST_HARMONICS) is None:
-        raise InputError(f"the number of harmonics lies between 1 and {_MOST_HARMONICS}, not {shown(harmonics)}")
+        raise InputError(
+            f"the number of harmonics lies between 1 and {_MOST_HARMONICS}, not {shown(harmonics)}"
+        )
     digits = checked_digits(digits)
     start = branch_to(parameters, speed)
 
@@ -100,7 +104,12 @@ def balanced_cycle(
         cycle = _cycle(a, start, speed)
         gamma, v = a.motion(cycle)
         beta_max = _largest(a, cycle[:-2], digits)
-        return {"period": 2 * a.pi / cycle[-2], "gamma_bar_0": gamma[0], "v_0": v[0], "beta_max": beta_max}
+        return {
+            "period": 2 * a.pi / cycle[-2],
+            "gamma_bar_0": gamma[0],
+            "v_0": v[0],
+            "beta_max": beta_max,
+        }
 
     count = 2 * harmonics if harmonics else samples_for(Kind.LIBRATING, start, digits)
     while True:
@@ -112,7 +121,8 @@ def balanced_cycle(
             return BalancedCycle(speed, count // 2, **result)
         if count >= MOST_SAMPLES:
             raise NoSuchCycleError(
-                f"the balance did not converge with {count // 2} harmonics: this close to Omega_h use shooting"
+                f"the balance did not converge with {count // 2} harmonics: this close to Omega_h "
+                f"use shooting"
             )
         # Digits grow in proportion to the harmonics, and a tenth more is for the half-widths.
         more = 1.1 * digits / max(digits / 2, -math.log10(worst))
@@ -155,10 +165,12 @@ def approximate_cycle(parameters: Parameters, omega: Fraction) -> tuple[float, f
     return float(gamma[0]), float(v[0])
 
 
-# ------------------------------------------------------------------------------------------------ rotating cycles
+# ---------------------------------------------------------------------------------- rotating cycles
 @dataclass(frozen=True)
 class SpectralRotation:
-    """A rotating limit cycle; each number's half-width is twice its distance from a finer collocation."""
+    """A rotating limit cycle; each number's half-width is twice its distance from a finer
+    collocation.
+    """
 
     omega: Fraction  #: [rad/s]
     samples: int
@@ -202,11 +214,15 @@ def spectral_rotation(
         }
 
     count = samples_for(Kind.ROTATING, start, digits)
-    return SpectralRotation(speed, count, **_at_two_resolutions(parameters, Kind.ROTATING, count, digits, numbers))
+    return SpectralRotation(
+        speed, count, **_at_two_resolutions(parameters, Kind.ROTATING, count, digits, numbers)
+    )
 
 
 def _exponent(a: Collocation, cycle: Any) -> Any:
-    """Return the slow Floquet exponent in the arithmetic of the cycle, in units of the frequency."""
+    """Return the slow Floquet exponent in the arithmetic of the cycle, in units of the
+    frequency.
+    """
     exponent, mode, rows = floquet_mode(a.double, cycle.astype(float))
     largest, identity = int(abs(mode).argmax()), numpy.eye(3 * a.count)
     system = numpy.block([[rows - exponent * identity, -mode[:, None]], [identity[largest], 0.0]])
@@ -219,14 +235,17 @@ def _exponent(a: Collocation, cycle: Any) -> Any:
         """
         mode, exponent = unknowns[:-1], unknowns[-1]
         beta, gamma, v = mode.reshape(3, -1)
-        rates = numpy.concatenate((v, turning * beta, by_beta * beta + by_gamma * gamma + by_v * v)) / cycle[-2]
+        rates = (
+            numpy.concatenate((v, turning * beta, by_beta * beta + by_gamma * gamma + by_v * v))
+            / cycle[-2]
+        )
         slopes = numpy.concatenate([a.differentiated(samples) for samples in (beta, gamma, v)])
         return numpy.append(rates - slopes - exponent * mode, mode[largest] - 1)
 
     return _chord(a, system, numpy.append(mode, exponent), residual)[-1]
 
 
-# ------------------------------------------------------------------------------------------------ folds
+# -------------------------------------------------------------------------------------------- folds
 @dataclass(frozen=True)
 class SpectralFold:
     """A fold of limit cycles. Half-widths are twice the distance from a finer collocation.
@@ -243,7 +262,9 @@ class SpectralFold:
     null_vector: Measured  #: d(v) / d(angle) along the family [1/s]
 
 
-def spectral_fold(parameters: Parameters, kind: Kind = Kind.ROTATING, *, digits: int = 12) -> SpectralFold:
+def spectral_fold(
+    parameters: Parameters, kind: Kind = Kind.ROTATING, *, digits: int = 12
+) -> SpectralFold:
     """Return the fold of the linear law's rotating limit cycles, or the first one of the librating
     cycles.
 
@@ -269,7 +290,12 @@ def spectral_fold(parameters: Parameters, kind: Kind = Kind.ROTATING, *, digits:
         if fold is None:
             raise NoSuchCycleError("the collocation of the fold does not converge")
         largest = int(abs(fold[n + 2 :]).argmax())
-        fold = _chord(a, fold_system(double, fold, largest), fold, lambda fold: fold_residual(a, fold, largest))
+        fold = _chord(
+            a,
+            fold_system(double, fold, largest),
+            fold,
+            lambda fold: fold_residual(a, fold, largest),
+        )
         cycle, null = fold[: n + 2], fold[n + 2 :]
         gamma, v = a.motion(cycle)
         turned, rate = a.motion_along(cycle, null)
@@ -286,9 +312,13 @@ def spectral_fold(parameters: Parameters, kind: Kind = Kind.ROTATING, *, digits:
     return SpectralFold(count, **_at_two_resolutions(parameters, kind, count, digits, numbers))
 
 
-# ------------------------------------------------------------------------------------------------ above double
+# ------------------------------------------------------------------------------------- above double
 def _at_two_resolutions(
-    parameters: Parameters, kind: Kind, count: int, digits: int, numbers: Callable[[Collocation], dict[str, Any]]
+    parameters: Parameters,
+    kind: Kind,
+    count: int,
+    digits: int,
+    numbers: Callable[[Collocation], dict[str, Any]],
 ) -> dict[str, Measured]:
     """Return ``numbers`` of the collocation at ``count`` samples, with half-widths from a finer
     one.
@@ -300,7 +330,11 @@ def _at_two_resolutions(
     finer = kind.samples(count + max(0.3 * count, min(count, 12)))
     rough = numbers(Collocation(parameters, kind, count, digits + _GUARD))
     sharp = numbers(Collocation(parameters, kind, finer, digits + _GUARD + _FINER))
-    least = abs(fraction(sharp["period"]) / fraction(rough["period"]) - 1) if kind is Kind.LIBRATING else Fraction(0)
+    least = (
+        abs(fraction(sharp["period"]) / fraction(rough["period"]) - 1)
+        if kind is Kind.LIBRATING
+        else Fraction(0)
+    )
     return {name: Measured.compared(value, sharp[name], least) for name, value in rough.items()}
 
 
@@ -312,7 +346,9 @@ def _cycle(a: Collocation, start: Any, speed: Fraction) -> Any:
     point = newton(double, resampled(a.kind, start, a.count))
     if point is None:
         raise unconverged(a.count)
-    unknowns = _chord(a, double.matrix(point)[:, :-1], point[:-1], lambda x: a.residual(numpy.append(x, exact)))
+    unknowns = _chord(
+        a, double.matrix(point)[:, :-1], point[:-1], lambda x: a.residual(numpy.append(x, exact))
+    )
     return numpy.append(unknowns, exact)
 
 

@@ -44,13 +44,14 @@ _MOST_STEPS = 120
 # The largest last harmonics, relative to the first. They move the speed by 1e-9 of itself at most.
 _SMALL = 1e-6
 _FLAT = 1.5  # rad; the disk lies flat at pi/2
-# Once periods are _LONG times the shortest, each step brings the speed at least ten times as close to
-# Omega_h as before: a speed _FAR steps ahead is beyond the end. From _LONGEST times the shortest on,
-# the last harmonics change the speed as much as the branch does, and it would turn by chance.
+# Once periods are _LONG times the shortest, each step brings the speed at least ten times as close
+# to Omega_h as before: a speed _FAR steps ahead is beyond the end. From _LONGEST times the shortest
+# on, the last harmonics change the speed as much as the branch does, and it would turn by chance.
 _LONG, _FAR, _LONGEST = 4.0, 300, 8.0
 _ROTATION_SAMPLES = 41
 _REAL = 0.4  # in units of the frequency; the next copies of a Floquet exponent differ by one
-# Leans [rad] of the starts. The first ones lead to the stable cycle, the last ones to the unstable one.
+# Leans [rad] of the starts. The first ones lead to the stable cycle, the last ones to the unstable
+# one.
 _LEANS = (0.04, 0.08, 0.02, 0.12, 0.2, 0.35, 0.6)
 # The ratio of the speeds of the second and the first cycle on the way to the rotating cycles' fold.
 _LOWER = 0.999
@@ -58,7 +59,8 @@ _LOWER = 0.999
 
 def unconverged(samples: int) -> NoSuchCycleError:
     return NoSuchCycleError(
-        f"the balance did not converge with {samples // 2} harmonics: try more, or a speed further from Omega_h"
+        f"the balance did not converge with {samples // 2} harmonics: try more, or a speed further "
+        f"from Omega_h"
     )
 
 
@@ -84,7 +86,9 @@ def newton(a: Collocation, start: Any, normal: Any = None) -> Any | None:
     )
 
 
-def _solved(a: Collocation, start: Any, matrix: Callable[[Any], Any], residual: Callable[[Any], Any]) -> Any | None:
+def _solved(
+    a: Collocation, start: Any, matrix: Callable[[Any], Any], residual: Callable[[Any], Any]
+) -> Any | None:
     """Solve by Newton's iteration for a point, and for further unknowns behind it."""
     n = a.count
     amplitude = abs(start[:n]).max()
@@ -111,7 +115,7 @@ def _solved(a: Collocation, start: Any, matrix: Callable[[Any], Any], residual: 
     return None
 
 
-# ------------------------------------------------------------------------------------------------ folds
+# -------------------------------------------------------------------------------------------- folds
 def fold_near(a: Collocation, start: Any) -> Any | None:
     """Solve for a fold near a point.
 
@@ -127,7 +131,10 @@ def fold_near(a: Collocation, start: Any) -> Any | None:
     largest = abs(null).argmax()
     unknowns = numpy.append(start, null / null[largest])
     return _solved(
-        a, unknowns, lambda fold: fold_system(a, fold, largest), lambda fold: fold_residual(a, fold, largest)
+        a,
+        unknowns,
+        lambda fold: fold_system(a, fold, largest),
+        lambda fold: fold_residual(a, fold, largest),
     )
 
 
@@ -162,7 +169,9 @@ def fold_system(a: Collocation, fold: Any, largest: int) -> Any:
     rows = numpy.zeros((2 * n + 3, 2 * n + 3))
     matrix = a.matrix(point)
     rows[: n + 1, : n + 2] = matrix
-    rows[n + 1 : -1, : n + 2] = (a.matrix(point + moved) - a.matrix(point - moved)) / (2 * _DIFFERENCE)
+    rows[n + 1 : -1, : n + 2] = (a.matrix(point + moved) - a.matrix(point - moved)) / (
+        2 * _DIFFERENCE
+    )
     rows[n + 1 : -1, n + 2 :] = matrix[:, :-1]
     rows[-1, n + 2 + largest] = 1.0
     return rows
@@ -184,7 +193,9 @@ def first_fold(parameters: Parameters, kind: Kind) -> Any:
     else:  # along the unstable ones, from Omega_crit on downward
         crit = float(omega_crit(parameters, 20).value)
         first = rotation_at(parameters, crit, stable=False)
-        second = newton(Collocation(parameters, kind, len(first) - 2), numpy.append(first[:-1], _LOWER * crit))
+        second = newton(
+            Collocation(parameters, kind, len(first) - 2), numpy.append(first[:-1], _LOWER * crit)
+        )
         if second is None:
             raise unconverged(len(first) - 2)
         points = _walk(parameters, kind, first, second, math.inf)
@@ -195,8 +206,10 @@ def first_fold(parameters: Parameters, kind: Kind) -> Any:
     raise NoSuchCycleError(f"collocation finds no fold of the {kind.name.lower()} cycles")
 
 
-# ------------------------------------------------------------------------------------------------ the branch
-def _walk(parameters: Parameters, kind: Kind, before: Any, point: Any, target: float) -> Iterator[tuple[Any, bool]]:
+# --------------------------------------------------------------------------------------- the branch
+def _walk(
+    parameters: Parameters, kind: Kind, before: Any, point: Any, target: float
+) -> Iterator[tuple[Any, bool]]:
     """Yield the branch from its first two points on, with the folds; each with True if the speed
     turns there.
 
@@ -212,8 +225,8 @@ def _walk(parameters: Parameters, kind: Kind, before: Any, point: Any, target: f
         a = Collocation(parameters, kind, n)
         before = resampled(kind, before, n)
         along = point - before
-        # The plane across the branch, with frequency and speed in units of their own size, and beta_bar by
-        # its mean square.
+        # The plane across the branch, with frequency and speed in units of their own size, and
+        # beta_bar by its mean square.
         units = numpy.append(numpy.full(n, math.sqrt(n)), point[-2:])
         ahead = newton(a, point + length * along, along / units**2)
         if ahead is None:  # the step is too long, or the cycle needs more harmonics: change both
@@ -246,15 +259,23 @@ def _grown(kind: Kind, point: Any, small: float) -> Any:
     return point
 
 
-# ------------------------------------------------------------------------------------------------ librating cycles
+# --------------------------------------------------------------------------------- librating cycles
 def _librating_branch(parameters: Parameters, target: float) -> Iterator[tuple[Any, bool]]:
     """Return the branch of librating cycles from the Hopf point on, as `_walk` yields it."""
     # The square of beta's amplitude over that of gamma's.
     share = float(parameters.e / (parameters.r + parameters.e))
-    quadratic, frequency = float(amplitude_law(parameters)[0]), 2 * math.pi / float(period_crit(parameters))
-    speed, at = float(omega_crit(parameters, 40).value), numpy.pi * numpy.arange(_FIRST_SAMPLES) / _FIRST_SAMPLES
+    quadratic, frequency = (
+        float(amplitude_law(parameters)[0]),
+        2 * math.pi / float(period_crit(parameters)),
+    )
+    speed, at = (
+        float(omega_crit(parameters, 40).value),
+        numpy.pi * numpy.arange(_FIRST_SAMPLES) / _FIRST_SAMPLES,
+    )
     birth, first = (
-        numpy.append(-amplitude * numpy.sin(at), (frequency, speed * (1 + quadratic * amplitude**2 / share)))
+        numpy.append(
+            -amplitude * numpy.sin(at), (frequency, speed * (1 + quadratic * amplitude**2 / share))
+        )
         for amplitude in (0.0, _FIRST_AMPLITUDE)
     )
     cycle = newton(Collocation(parameters, Kind.LIBRATING, _FIRST_SAMPLES), first, first - birth)
@@ -280,7 +301,8 @@ def branch_to(parameters: Parameters, target: Fraction) -> Any:
     nowhere = f"no limit cycle found at Omega = {speed:.12g} rad/s"
     if abs(crit - target) < 1e-9 * crit:
         raise NoSuchCycleError(
-            f"{nowhere}: within 1e-9 of Omega_crit double precision cannot start the balance; use the law of hopf"
+            f"{nowhere}: within 1e-9 of Omega_crit double precision cannot start the balance; use "
+            f"the law of hopf"
         )
     points = _librating_branch(parameters, speed)
     before, turned = next(points)
@@ -304,7 +326,7 @@ def branch_to(parameters: Parameters, target: Fraction) -> Any:
     return cycle
 
 
-# ------------------------------------------------------------------------------------------------ rotating cycles
+# ---------------------------------------------------------------------------------- rotating cycles
 def rotation_at(parameters: Parameters, omega: float, stable: bool) -> Any:
     """Return the stable rotating cycle at a speed, or the unstable one.
 
@@ -325,7 +347,9 @@ def rotation_at(parameters: Parameters, omega: float, stable: bool) -> Any:
         point = newton(a, _rolling(parameters, omega, lean))
         if point is not None and (floquet_mode(a, point)[0] < 0) == stable:
             return point
-    raise NoSuchCycleError(f"collocation finds no {'stable' if stable else 'unstable'} rotating cycle here")
+    raise NoSuchCycleError(
+        f"collocation finds no {'stable' if stable else 'unstable'} rotating cycle here"
+    )
 
 
 def _rolling(parameters: Parameters, omega: float, lean: float) -> Any:
@@ -338,7 +362,9 @@ def _rolling(parameters: Parameters, omega: float, lean: float) -> Any:
     beta = numpy.arccos((r - e) * math.cos(lean) / (r + e * numpy.cos(gamma)))
     pace = 1 / (omega * numpy.sin(beta))
     times = numpy.concatenate(([0.0], numpy.cumsum((pace[1:] + pace[:-1]) / 2 * numpy.diff(gamma))))
-    samples = numpy.interp(numpy.arange(_ROTATION_SAMPLES) / _ROTATION_SAMPLES * times[-1], times, beta)
+    samples = numpy.interp(
+        numpy.arange(_ROTATION_SAMPLES) / _ROTATION_SAMPLES * times[-1], times, beta
+    )
     return numpy.append(samples, (2 * math.pi / times[-1], omega))
 
 
@@ -355,7 +381,10 @@ def floquet_mode(a: Collocation, point: Any) -> tuple[float, Any, Any]:
         eigenvalue and eigenvector of this matrix.
     """
     by_beta, by_gamma, by_v = (numpy.diag(slope / point[-2]) for slope in a.slopes(point))
-    turning, zero = numpy.diag(point[-1] * numpy.cos(point[:-2]) / point[-2]), numpy.zeros((a.count, a.count))
+    turning, zero = (
+        numpy.diag(point[-1] * numpy.cos(point[:-2]) / point[-2]),
+        numpy.zeros((a.count, a.count)),
+    )
     rows = numpy.block(
         [
             [-a.slope, zero, numpy.eye(a.count) / point[-2]],
@@ -364,8 +393,8 @@ def floquet_mode(a: Collocation, point: Any) -> tuple[float, Any, Any]:
         ]
     )
     values, vectors = numpy.linalg.eig(rows)
-    # One copy of each exponent is as good as real; the others differ from it by multiples of i. The flow's
-    # exponent is 0.
+    # One copy of each exponent is as good as real; the others differ from it by multiples of i. The
+    # flow's exponent is 0.
     real = numpy.flatnonzero(abs(values.imag) < _REAL)
     chosen = real[abs(values[real].real).argsort()][1]
     mode = vectors[:, chosen]

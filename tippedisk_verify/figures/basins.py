@@ -49,15 +49,20 @@ def draw_basins(plane: Basins, boundary: BasinBoundary | None = None) -> Any:
     ]
     if boundary is not None:
         gammas = numpy.linspace(-math.pi / 2, 3 * math.pi / 2, _CURVE)
-        for sheet in zip(*(boundary.sheets(float(gamma), plane.v) for gamma in gammas), strict=True):
+        for sheet in zip(
+            *(boundary.sheets(float(gamma), plane.v) for gamma in gammas), strict=True
+        ):
             axis.plot(gammas, [float(beta) for beta in sheet], color=BLUE)
-        marks.append(Line2D([], [], color=BLUE, label="stable manifolds of the unstable rotating cycles"))
+        marks.append(
+            Line2D([], [], color=BLUE, label="stable manifolds of the unstable rotating cycles")
+        )
         axis.set(xlim=(-math.pi / 2, 3 * math.pi / 2), ylim=(0, math.pi))
     axis.legend(handles=marks, loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=2)
     axis.grid(visible=False)
     axis.set(xlabel="γ [rad]", ylabel="β [rad]")
     axis.set_title(
-        f"Ω = {float(plane.omega):.4f} rad/s, {plane.parameters.friction} law, start at dβ/dt = {plane.v:g} rad/s,"
+        f"Ω = {float(plane.omega):.4f} rad/s, {plane.parameters.friction} law, start at dβ/dt = "
+        f"{plane.v:g} rad/s,"
         f" {plane.duration:g} s",
         fontsize=10,
     )

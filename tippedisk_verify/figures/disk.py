@@ -25,7 +25,9 @@ _SHOWN_SECONDS = 12.0
 _ELEVATION, _AZIMUTH = 14, -62  # of the viewpoint [degrees]
 
 
-def points_of(parameters: Parameters, beta: float, gamma: float, alpha: float = 0.0) -> dict[str, Any]:
+def points_of(
+    parameters: Parameters, beta: float, gamma: float, alpha: float = 0.0
+) -> dict[str, Any]:
     """Return the points G, S and C [m] and the frames' unit vectors.
 
     The frame is at rest, with its origin on the floor below S. The angles follow the paper's z-x-z
@@ -44,14 +46,23 @@ def points_of(parameters: Parameters, beta: float, gamma: float, alpha: float = 
     import numpy
 
     along = numpy.array([math.cos(alpha), math.sin(alpha), 0.0])
-    uphill = math.cos(beta) * numpy.array([-math.sin(alpha), math.cos(alpha), 0.0]) + [0.0, 0.0, math.sin(beta)]
+    uphill = math.cos(beta) * numpy.array([-math.sin(alpha), math.cos(alpha), 0.0]) + [
+        0.0,
+        0.0,
+        math.sin(beta),
+    ]
     body_x = math.cos(gamma) * along + math.sin(gamma) * uphill
     body_y = -math.sin(gamma) * along + math.cos(gamma) * uphill
     centre = float(parameters.r) * uphill  # from C
     gravity = centre + float(parameters.e) * body_x
     aside = gravity * [1, 1, 0]
     points = {"C": -aside, "G": centre - aside, "S": gravity - aside}
-    axes = {"along": along, "normal": numpy.cross(along, uphill), "body_x": body_x, "body_y": body_y}
+    axes = {
+        "along": along,
+        "normal": numpy.cross(along, uphill),
+        "body_x": body_x,
+        "body_y": body_y,
+    }
     return points | axes
 
 
@@ -70,13 +81,21 @@ def _draw_disk(axis: Any, parameters: Parameters, points: dict[str, Any], zoom: 
     up, aside = math.radians(_ELEVATION), math.radians(_AZIMUTH)
     eye = [math.cos(up) * math.cos(aside), math.cos(up) * math.sin(aside), math.sin(up)]
     colour = _FRONT if points["normal"] @ eye > 0 else _BACK
-    axis.add_collection3d(Poly3DCollection([floor], facecolor="#ececec", edgecolor="#c8c8c8", lw=0.6, zorder=0))
-    axis.add_collection3d(Poly3DCollection([face], facecolor=colour, edgecolor="none", alpha=0.9, zorder=1))
+    axis.add_collection3d(
+        Poly3DCollection([floor], facecolor="#ececec", edgecolor="#c8c8c8", lw=0.6, zorder=0)
+    )
+    axis.add_collection3d(
+        Poly3DCollection([face], facecolor=colour, edgecolor="none", alpha=0.9, zorder=1)
+    )
     for line in (rim, hole):
         axis.plot(*line.T, color=BLUE, lw=1.3, zorder=2)
     axis.plot(*points["S"], "o", color=BLACK, ms=6, zorder=5)
     axis.plot(*points["G"], "+", color=BLACK, ms=7, mew=1.3, zorder=5)
-    axis.set(xlim=(-1.25 * radius, 1.25 * radius), ylim=(-1.25 * radius, 1.25 * radius), zlim=(0, 2.2 * radius))
+    axis.set(
+        xlim=(-1.25 * radius, 1.25 * radius),
+        ylim=(-1.25 * radius, 1.25 * radius),
+        zlim=(0, 2.2 * radius),
+    )
     axis.set_box_aspect((2.5, 2.5, 2.2), zoom=zoom)
     axis.view_init(elev=_ELEVATION, azim=_AZIMUTH)
     axis.set_axis_off()
@@ -91,7 +110,10 @@ def _drawn(parameters: Parameters, times: Any, states: Any, height: Any, across:
     moments = (0, *(int((states[:, 1] >= gamma).argmax()) for gamma in (0.0, math.pi / 2)), -1)
     views = tuple(f"({number})" for number in (1, 2, 3, 4))
     figure, axes = pyplot().subplot_mosaic(
-        [*(list(views[first : first + across]) for first in range(0, 4, across)), ["height"] * across],
+        [
+            *(list(views[first : first + across]) for first in range(0, 4, across)),
+            ["height"] * across,
+        ],
         figsize=(9.4 if across > 2 else 4.6, 2.4 * (4 // across + 1)),
         layout="constrained",
         per_subplot_kw={views: {"projection": "3d", "computed_zorder": False}},
@@ -101,12 +123,18 @@ def _drawn(parameters: Parameters, times: Any, states: Any, height: Any, across:
     for sign, name in ((1, "inverted"), (-1, "noninverted")):
         level = 1e3 * float(parameters.r + sign * parameters.e)
         curve.axhline(level, color=BLACK, lw=0.7, ls=":")
-        curve.annotate(name, (times[-1], level), xytext=(-4, 3), textcoords="offset points", ha="right")
+        curve.annotate(
+            name, (times[-1], level), xytext=(-4, 3), textcoords="offset points", ha="right"
+        )
     for view, moment in zip(views, moments, strict=True):
-        _draw_disk(axes[view], parameters, points_of(parameters, *states[moment, :2].tolist()), zoom=1.3)
+        _draw_disk(
+            axes[view], parameters, points_of(parameters, *states[moment, :2].tolist()), zoom=1.3
+        )
         axes[view].set_title(f"{view}  t = {times[moment]:.2f} s", y=0.98)
         curve.plot(times[moment], height[moment], "o", color=RED, ms=5, zorder=4)
-        curve.annotate(view, (times[moment], height[moment]), xytext=(5, -10), textcoords="offset points")
+        curve.annotate(
+            view, (times[moment], height[moment]), xytext=(5, -10), textcoords="offset points"
+        )
     curve.margins(y=0.12)
     curve.set(xlabel="t [s]", ylabel="height of S [mm]")
     return figure
@@ -117,7 +145,8 @@ def _drawn(parameters: Parameters, times: Any, states: Any, height: Any, across:
     name="inversion",
     title="The inversion, computed",
     labels="fig:intro_inversion_COG, fig:intro_inversion",
-    alternative="Four views of a disk with a hole on a floor, as it turns over in its own plane, and below "
+    alternative="Four views of a disk with a hole on a floor, as it turns over in its own plane, "
+    "and below "
     "them the height of its centre of gravity against time, which rises and settles.",
 )
 def inversion(audit: Audit, examined: Sequence[str]) -> Drawing:
@@ -129,12 +158,23 @@ def inversion(audit: Audit, examined: Sequence[str]) -> Drawing:
     kept = orbit.times <= _SHOWN_SECONDS
     times, states = orbit.times[kept], orbit.states[kept]
     height = 1e3 * (r + e * numpy.sin(states[:, 1])) * numpy.sin(states[:, 0])
-    table = numpy.column_stack((times, numpy.column_stack((states, height)).round(_CSV_DECIMALS))).tolist()
+    table = numpy.column_stack(
+        (times, numpy.column_stack((states, height)).round(_CSV_DECIMALS))
+    ).tolist()
     return Drawing(
-        figure=lambda columns: _drawn(audit.parameters, times, states, height, 4 if columns > 2 else 2),
+        figure=lambda columns: _drawn(
+            audit.parameters, times, states, height, 4 if columns > 2 else 2
+        ),
         columns=4,
-        reading=f"From the paper's first start, at Omega_crit + 0.5 rad/s: the centre of gravity (dot) rises from "
-        f"{height[0]:.4g} mm and has reached {height[-1]:.4g} mm after {times[-1]:.3g} s, on its way to r + e = "
+        reading=f"From the paper's first start, at Omega_crit + 0.5 rad/s: the centre of gravity "
+        f"(dot) rises from "
+        f"{height[0]:.4g} mm and has reached {height[-1]:.4g} mm after {times[-1]:.3g} s, on its "
+        f"way to r + e = "
         f"{1e3 * (r + e):.4g} mm; the hole, opposite to it, goes down.",
-        data={"inversion.csv": (("t [s]", "beta [rad]", "gamma [rad]", "v [rad/s]", "height of S [mm]"), table)},
+        data={
+            "inversion.csv": (
+                ("t [s]", "beta [rad]", "gamma [rad]", "v [rad/s]", "height of S [mm]"),
+                table,
+            )
+        },
     )

@@ -73,12 +73,19 @@ def drawn(exhibit: Exhibit, audit: Audit, examined: Sequence[str]) -> dict[str, 
         ``embedded`` in the page. If it cannot be drawn for these parameters, the entry has the
         reason under ``missing``.
     """
-    entry: dict[str, Any] = {name: getattr(exhibit, name) for name in ("name", "title", "source", "alternative")}
+    entry: dict[str, Any] = {
+        name: getattr(exhibit, name) for name in ("name", "title", "source", "alternative")
+    }
     entry["claims"] = list(examined)
     try:
         drawing = exhibit.draw(audit, examined)
     except (AccuracyError, ArithmeticError, InputError) as reason:
-        return {"entry": entry | {"missing": str(reason), "files": []}, "facts": {}, "files": {}, "embedded": {}}
+        return {
+            "entry": entry | {"missing": str(reason), "files": []},
+            "facts": {},
+            "files": {},
+            "embedded": {},
+        }
     from tippedisk_verify.figures.style import encoded, pyplot
 
     files: dict[str, bytes] = {}
@@ -96,7 +103,9 @@ def drawn(exhibit: Exhibit, audit: Audit, examined: Sequence[str]) -> dict[str, 
             "height": round(96 * height),
         }
         pyplot().close(figure)
-    files |= {name: csv_text(header, rows).encode() for name, (header, rows) in drawing.data.items()}
+    files |= {
+        name: csv_text(header, rows).encode() for name, (header, rows) in drawing.data.items()
+    }
     entry |= {"reading": drawing.reading, "files": list(files)}
     texts = {name: b64encode(content).decode() for name, content in files.items()}
     return {"entry": entry, "facts": drawing.facts, "files": texts, "embedded": embedded}

@@ -29,7 +29,11 @@ _SPEEDS = 24  # of the scenario, on each side of Omega_h
 _HEADER = ("Omega [rad/s]", "beta_max [rad]", "T [s]", "slow multiplier [1]")
 _AXES = ("largest |β − π/2| [rad]", "period T [s]", "slow Floquet multiplier [1]")
 _LAW_STYLES = (("-", GREEN), ("--", ORANGE), ("-.", BLUE))
-_LIBRATING, _STABLE, _UNSTABLE = "librating cycles, stable", "rotating cycles, stable", "rotating cycles, unstable"
+_LIBRATING, _STABLE, _UNSTABLE = (
+    "librating cycles, stable",
+    "rotating cycles, stable",
+    "rotating cycles, unstable",
+)
 _FAMILIES = {_LIBRATING: (GREEN, "-"), _STABLE: (ORANGE, "-"), _UNSTABLE: (ORANGE, "--")}
 
 
@@ -39,7 +43,9 @@ def _rows(cycles: Sequence[LimitCycle | RotatingCycle], *ends: tuple[float, ...]
     ``ends`` are further rows, where the family begins or ends.
     """
     names = ("omega", "beta_max", "period", "multiplier_slow")
-    return sorted([tuple(float(getattr(cycle, name)) for name in names) for cycle in cycles] + list(ends))
+    return sorted(
+        [tuple(float(getattr(cycle, name)) for name in names) for cycle in cycles] + list(ends)
+    )
 
 
 def _birth(parameters: Parameters) -> tuple[float, ...]:
@@ -79,7 +85,9 @@ def draw_branch(curves: Mapping[str, Rows], columns: int = 3) -> Any:
     for column, (axis, name) in enumerate(zip(axes, _AXES, strict=True), start=1):
         for (label, rows), (line, colour) in zip(curves.items(), _LAW_STYLES, strict=True):
             shown = [row for row in rows if len(row) > column]
-            axis.plot([r[0] for r in shown], [r[column] for r in shown], line, color=colour, label=label)
+            axis.plot(
+                [r[0] for r in shown], [r[column] for r in shown], line, color=colour, label=label
+            )
         axis.set(xlabel="Ω [rad/s]", ylabel=name)
     axes[0].legend()
     return figure
@@ -90,8 +98,10 @@ def draw_branch(curves: Mapping[str, Rows], columns: int = 3) -> Any:
     name="branch",
     title="The family of limit cycles, and the closed-form laws",
     labels="fig:HBM, fig:Shooting",
-    alternative="Three panels against Omega: amplitude and period of the cycles by shooting, with both one-harmonic "
-    "laws, which start at the Hopf point with the true cycles and fall below them as Omega decreases; and the slow "
+    alternative="Three panels against Omega: amplitude and period of the cycles by shooting, with "
+    "both one-harmonic "
+    "laws, which start at the Hopf point with the true cycles and fall below them as Omega "
+    "decreases; and the slow "
     "multiplier, which rises to one at the Hopf point.",
 )
 def branch(audit: Audit, examined: Sequence[str]) -> Drawing:
@@ -109,14 +119,18 @@ def branch(audit: Audit, examined: Sequence[str]) -> Drawing:
     return Drawing(
         figure=lambda columns: draw_branch(curves, columns),
         columns=3,
-        reading=f"From the Hopf point down to Omega = {first[0]:.6g} rad/s the amplitude grows to {first[1]:.3g} "
+        reading=f"From the Hopf point down to Omega = {first[0]:.6g} rad/s the amplitude grows to "
+        f"{first[1]:.3g} "
         f"rad and the period to {first[2]:.3g} s; the slow multiplier is at most {largest:.4f}"
-        f"{': every cycle attracts' if largest < 1 else ''}. Away from the Hopf point neither law gives the period.",
+        f"{': every cycle attracts' if largest < 1 else ''}. Away from the Hopf point neither law "
+        f"gives the period.",
         data={"branch.csv": by_curve(_HEADER, padded)},
     )
 
 
-def draw_scenario(families: Mapping[str, Rows], scenes: Mapping[str, float], omega_h: float, columns: int = 2) -> Any:
+def draw_scenario(
+    families: Mapping[str, Rows], scenes: Mapping[str, float], omega_h: float, columns: int = 2
+) -> Any:
     """Draw largest lean and period of all families against Omega.
 
     The Hopf point, Omega_h, the fold and the six scenes are marked.
@@ -137,10 +151,31 @@ def draw_scenario(families: Mapping[str, Rows], scenes: Mapping[str, float], ome
     def draw(axis: Any, column: int) -> None:
         for name, (colour, line) in _FAMILIES.items():
             rows = families[name]
-            axis.plot([r[0] for r in rows], [r[column] for r in rows], line, color=colour, lw=1.8, label=name)
+            axis.plot(
+                [r[0] for r in rows],
+                [r[column] for r in rows],
+                line,
+                color=colour,
+                lw=1.8,
+                label=name,
+            )
         if column == 1:
-            axis.plot([left, birth[0]], [0, 0], "--", color=BLACK, lw=1.1, label="inverted spinning, unstable")
-            axis.plot([birth[0], right], [0, 0], "-", color=BLACK, lw=1.8, label="inverted spinning, stable")
+            axis.plot(
+                [left, birth[0]],
+                [0, 0],
+                "--",
+                color=BLACK,
+                lw=1.1,
+                label="inverted spinning, unstable",
+            )
+            axis.plot(
+                [birth[0], right],
+                [0, 0],
+                "-",
+                color=BLACK,
+                lw=1.8,
+                label="inverted spinning, stable",
+            )
         axis.plot(birth[0], birth[column], "s", color=RED, ms=6, label="Hopf point", zorder=5)
         axis.plot(fold[0], fold[column], "D", color=PURPLE, ms=6, label="fold", zorder=5)
         axis.axvline(omega_h, color=BLUE, lw=1.0, ls=":", label=r"$\Omega_\mathrm{h}$", zorder=1)
@@ -175,9 +210,12 @@ def draw_scenario(families: Mapping[str, Rows], scenes: Mapping[str, float], ome
     name="scenario",
     title="The whole scenario: librating and rotating limit cycles, and where the six scenes lie",
     labels="fig:sketch",
-    alternative="Two panels against Omega, largest lean and period: librating cycles between Omega_h and the Hopf "
-    "point, stable rotating cycles in a short range below Omega_h down to a fold, and from it dashed unstable ones "
-    "over the whole range of speeds; at Omega_h the periods of both stable families go to infinity. Letters a to f "
+    alternative="Two panels against Omega, largest lean and period: librating cycles between "
+    "Omega_h and the Hopf "
+    "point, stable rotating cycles in a short range below Omega_h down to a fold, and from it "
+    "dashed unstable ones "
+    "over the whole range of speeds; at Omega_h the periods of both stable families go to "
+    "infinity. Letters a to f "
     "mark the speeds of the six scenes.",
     cost=8,
 )
@@ -194,7 +232,10 @@ def scenario(audit: Audit, examined: Sequence[str]) -> Drawing:
     gap = omega_h.value - lowest
     # Curves are steepest at the fold and next to Omega_h, so the speeds are densest there.
     steps = [gap * Fraction((1 - math.cos(math.pi * n / _SPEEDS)) / 2) for n in range(1, _SPEEDS)]
-    librating = [*audit.family(name), *found(family(parameters, engine, omegas=[omega_h.value + s for s in steps]))]
+    librating = [
+        *audit.family(name),
+        *found(family(parameters, engine, omegas=[omega_h.value + s for s in steps])),
+    ]
     reach = Fraction(birth[0]) + Fraction(1, 2) - omega_h.value
     beyond = [omega_h.value + reach * Fraction(n, _SPEEDS) for n in range(1, _SPEEDS + 1)]
     rotating = found(rotating_branch(parameters, engine, [*(lowest + s for s in steps), *beyond]))
@@ -211,9 +252,12 @@ def scenario(audit: Audit, examined: Sequence[str]) -> Drawing:
     return Drawing(
         figure=lambda columns: draw_scenario(families, scenes, float(omega_h), columns),
         columns=2,
-        reading=f"At Omega_h = {float(omega_h):.7g} rad/s the librating cycle is glued from two that rotate, one each "
-        f"way, which exist from a fold at {float(lowest):.7g} rad/s on. The unstable ones born there continue past "
-        f"Omega_crit = {birth[0]:.7g} rad/s, and starts beyond their stable manifolds end flat. The letters mark "
+        reading=f"At Omega_h = {float(omega_h):.7g} rad/s the librating cycle is glued from two "
+        f"that rotate, one each "
+        f"way, which exist from a fold at {float(lowest):.7g} rad/s on. The unstable ones born "
+        f"there continue past "
+        f"Omega_crit = {birth[0]:.7g} rad/s, and starts beyond their stable manifolds end flat. "
+        f"The letters mark "
         "the speeds of the six scenes.",
         data={"scenario.csv": by_curve(_HEADER, {**families, **marks})},
     )

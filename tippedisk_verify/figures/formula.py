@@ -34,7 +34,9 @@ def formulas_drawn(latex: Iterable[str]) -> dict[str, Any]:
     outlines: dict[Any, Any] = {}  # the letters' outlines, by Matplotlib's names
     with rc_context({"mathtext.fontset": "cm"}):
         drawn = {text: " ".join(_svg(piece, outlines) for piece in _pieces(text)) for text in latex}
-    letters = "".join(f'<path id="g{n}" d="{_outline(*path)}"/>' for n, path in enumerate(outlines.values()))
+    letters = "".join(
+        f'<path id="g{n}" d="{_outline(*path)}"/>' for n, path in enumerate(outlines.values())
+    )
     defined = f'<svg aria-hidden="true" width="0" height="0" style="position:absolute"><defs>{letters}</defs></svg>'
     return {"drawn": drawn, "letters": defined}
 
@@ -44,7 +46,11 @@ def _pieces(latex: str) -> list[str]:
     pieces, depth = [""], 0
     for token in re.findall(r"\\[A-Za-z]+|\\.|.", latex):
         depth += (token in ("{", "(", r"\left")) - (token in ("}", ")", r"\right"))
-        if not depth and token in (*_RELATIONS, "+", "-") and pieces[-1].strip() not in ("", *_RELATIONS):
+        if (
+            not depth
+            and token in (*_RELATIONS, "+", "-")
+            and pieces[-1].strip() not in ("", *_RELATIONS)
+        ):
             # After {} a sign has space on both sides.
             pieces.append("" if token in _RELATIONS else "{}")
         pieces[-1] += token
@@ -61,7 +67,9 @@ def _svg(latex: str, outlines: dict[Any, Any]) -> str:
     # Formulas have lines of their own, so \frac is drawn large. mathtext's \frac is LaTeX's \tfrac.
     text = "$" + latex.replace(r"\frac", r"\dfrac").replace(r"\tfrac", r"\frac") + "$"
     em = text_to_path.FONT_SCALE
-    width, height, depth, *_ = text_to_path.mathtext_parser.parse(text, text_to_path.DPI, FontProperties(size=em))
+    width, height, depth, *_ = text_to_path.mathtext_parser.parse(
+        text, text_to_path.DPI, FontProperties(size=em)
+    )
     letters, used, bars = text_to_path.get_glyphs_mathtext(FontProperties(size=em), text)
     outlines.update(used)
     numbers = {name: number for number, name in enumerate(outlines)}

@@ -23,7 +23,9 @@ def eigenvalue_rows(parameters: Parameters) -> list[tuple[float, ...]]:
     rows, crit = [], float(omega_crit(parameters))
     for omega in (crit * step / _STEPS for step in range(1, 2 * _STEPS + 1)):
         eigenvalues = equilibrium(parameters, omega, "inverted", 12).eigenvalues
-        rows.append((omega, *(float(part) for value in eigenvalues for part in (value.re, value.im))))
+        rows.append(
+            (omega, *(float(part) for value in eigenvalues for part in (value.re, value.im)))
+        )
     return rows
 
 
@@ -55,7 +57,8 @@ def draw_eigenvalues(rows: Sequence[Sequence[float]], crit: float, columns: int 
     name="eigenvalues",
     title="Eigenvalues of inverted spinning against the speed",
     labels="fig:bif_dia_3",
-    alternative="Two panels, real and imaginary part of two eigenvalues against Omega: two real ones meet, "
+    alternative="Two panels, real and imaginary part of two eigenvalues against Omega: two real "
+    "ones meet, "
     "become a complex pair, and cross to negative real part at Omega_crit.",
 )
 def eigenvalues(audit: Audit, examined: Sequence[str]) -> Drawing:
@@ -63,11 +66,15 @@ def eigenvalues(audit: Audit, examined: Sequence[str]) -> Drawing:
     rows = eigenvalue_rows(audit.parameters)
     crit = float(omega_crit(audit.parameters))
     third = [row[5] for row in rows]
-    header = ("Omega [rad/s]", *(f"{part} lambda_{n} [1/s]" for n in (1, 2, 3) for part in ("Re", "Im")))
+    header = (
+        "Omega [rad/s]",
+        *(f"{part} lambda_{n} [1/s]" for n in (1, 2, 3) for part in ("Re", "Im")),
+    )
     return Drawing(
         figure=lambda columns: draw_eigenvalues(rows, crit, columns),
         columns=2,
-        reading=f"The real part of the pair changes sign at Omega_crit = {crit:.6g} rad/s (dotted line); lambda_3, not "
+        reading=f"The real part of the pair changes sign at Omega_crit = {crit:.6g} rad/s (dotted "
+        f"line); lambda_3, not "
         f"shown, stays between {min(third):.4g} and {max(third):.4g} 1/s.",
         data={"eigenvalues.csv": (header, rows)},
     )

@@ -23,7 +23,9 @@ def draw_motion(solution: Solution) -> Any:
     times = numpy.linspace(float(solution.t[0]), float(solution.t[-1]), 4001)
     states = doubles(solution(times))
     figure, axes = pyplot().subplots(3, sharex=True, figsize=(7.5, 5.5), layout="constrained")
-    for row, (axis, name) in enumerate(zip(axes, ("β [rad]", "γ [rad]", "dβ/dt [rad/s]"), strict=True)):
+    for row, (axis, name) in enumerate(
+        zip(axes, ("β [rad]", "γ [rad]", "dβ/dt [rad/s]"), strict=True)
+    ):
         axis.plot(times, states[row], color=BLUE)
         for event in solution.events:
             axis.plot(float(event.time), float(event.state[row]), ".", color=ORANGE)
@@ -31,6 +33,8 @@ def draw_motion(solution: Solution) -> Any:
     axes[-1].set(xlabel="t [s]")
     speed = float(exact(solution.omega))
     axes[0].set_title(
-        f"{solution.disk.name}, Ω = {speed:.6g} rad/s, {solution.disk.friction} law: {solution.message}", fontsize=10
+        f"{solution.disk.name}, Ω = {speed:.6g} rad/s, {solution.disk.friction} law: "
+        f"{solution.message}",
+        fontsize=10,
     )
     return figure

@@ -61,14 +61,14 @@ def race(
 ) -> Race:
     """Race integrators of one's own against the suite's and SciPy's, interleaved, warm.
 
-    Args:
-        solvers: by name, functions of a problem and a relative tolerance that return the states (n, 3) at
-            ``problem.times`` [s]: beta, gamma [rad] and v [rad/s]. ``problem.rhs(t, y)`` has the equations of
-            motion, ``problem.source("python")`` and ``problem.source("c")`` their text, to be compiled.
-        problems: names from `bench --help`, or problems.
-        tolerances: those that the solvers run at, loosest first.
-        against: names of the suite's methods that run as well.
-        answers: CSV files of runs made elsewhere, with the columns problem, setting, seconds, and error or beta,
+    Args: solvers: by name, functions of a problem and a relative tolerance that return the states
+        (n, 3) at
+            ``problem.times`` [s]: beta, gamma [rad] and v [rad/s]. ``problem.rhs(t, y)`` has the
+            equations of motion, ``problem.source("python")`` and ``problem.source("c")`` their
+            text, to be compiled.
+        problems: names from `bench --help`, or problems. tolerances: those that the solvers run at,
+        loosest first. against: names of the suite's methods that run as well. answers: CSV files of
+        runs made elsewhere, with the columns problem, setting, seconds, and error or beta,
             gamma, v (the state at the end).
         progress: whether progress is shown.
 
@@ -100,13 +100,16 @@ def answered_elsewhere(file: Path) -> list[Score]:
 def program_method(command: str, tolerances: Sequence[float] = TOLERANCES) -> Iterator[Method]:
     """Start a program that integrates, and give it as a competitor.
 
-    It reads a line of JSON with the keys of `bench.own.question` for each run, and writes one with the ``states``
-    (n, 3) at the ``times``, and with ``seconds`` if its own clock counts. Raises InputError if it cannot be started.
+    It reads a line of JSON with the keys of `bench.own.question` for each run, and writes one with
+    the ``states`` (n, 3) at the ``times``, and with ``seconds`` if its own clock counts. Raises
+    InputError if it cannot be started.
     """
     try:
         words = shlex.split(command)
     except ValueError as fault:
-        raise InputError(f"the command {shown(command)} cannot be split into words: {fault}") from None
+        raise InputError(
+            f"the command {shown(command)} cannot be split into words: {fault}"
+        ) from None
     if not words:
         raise InputError("a program needs a command")
     with started(words, _PATIENCE) as program:
@@ -138,4 +141,6 @@ class _Dialogue:
             self.seconds = float(answer["seconds"]) if "seconds" in answer else None
             return answer["states"]
         except (ValueError, KeyError, TypeError) as fault:
-            raise ArithmeticError(f"its line of JSON has no states: {type(fault).__name__}") from None
+            raise ArithmeticError(
+                f"its line of JSON has no states: {type(fault).__name__}"
+            ) from None

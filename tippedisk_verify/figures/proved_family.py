@@ -39,7 +39,14 @@ def _arcs(proof: BranchProof) -> list[tuple[Piece, str, Any, Any]]:
     arcs = []
     for count, piece in enumerate(proof.pieces):
         a = numpy.linspace(float(piece.low), float(piece.high), _POINTS)
-        arcs.append((piece, (BLUE, ORANGE)[count % 2], a, numpy.array([float(piece.at(Fraction(x))[1]) for x in a])))
+        arcs.append(
+            (
+                piece,
+                (BLUE, ORANGE)[count % 2],
+                a,
+                numpy.array([float(piece.at(Fraction(x))[1]) for x in a]),
+            )
+        )
     return arcs
 
 
@@ -48,7 +55,9 @@ def _family(axis: Any, proof: BranchProof, crit: float, omega_h: float) -> None:
         axis.plot(omega, a, color=colour, lw=2.2)
     if proof.end_closed and proof.end is not None:
         low = math.pi - float(proof.end.gamma)
-        axis.fill_between([omega_h, float(proof.end.high)], low, math.pi, color=GREEN, alpha=0.6, lw=0)
+        axis.fill_between(
+            [omega_h, float(proof.end.high)], low, math.pi, color=GREEN, alpha=0.6, lw=0
+        )
     axis.margins(x=0.12)
     for speed, name, side in ((crit, r"$\Omega_\mathrm{crit}$", 1), (omega_h, r"$\Omega_h$", -1)):
         if not math.isnan(speed):
@@ -62,17 +71,37 @@ def _family(axis: Any, proof: BranchProof, crit: float, omega_h: float) -> None:
                 ha="left" if side > 0 else "right",
             )
     axis.axhline(math.pi, color=GREY, lw=0.9, ls=":")
-    axis.annotate("π", (1, math.pi), xycoords=("axes fraction", "data"), xytext=(4, -3), textcoords="offset points")
+    axis.annotate(
+        "π",
+        (1, math.pi),
+        xycoords=("axes fraction", "data"),
+        xytext=(4, -3),
+        textcoords="offset points",
+    )
     axis.set(xlabel=_SPEED, ylabel=_AMPLITUDE, title=f"The family, {len(proof.pieces)} arcs")
     axis.ticklabel_format(useOffset=False)
 
 
 def _widths(axis: Any, proof: BranchProof, crit: float, omega_h: float) -> None:
     edges = [float(piece.low) for piece in proof.pieces] + [float(proof.pieces[-1].high)]
-    for rows, style, manner in (("unique_within", "-", "no other cycle within"), ("within", ":", "enclosed within")):
+    for rows, style, manner in (
+        ("unique_within", "-", "no other cycle within"),
+        ("within", ":", "enclosed within"),
+    ):
         for index, unit, colour in ((1, _SPEED, BLUE), (0, r"$v_0$ [rad/s]", RED)):
-            sizes = [float(piece.scaled_to(piece.high, getattr(piece, rows))[index]) for piece in proof.pieces]
-            axis.stairs(sizes, edges, baseline=None, color=colour, ls=style, lw=1.5, label=f"{manner}: {unit}")
+            sizes = [
+                float(piece.scaled_to(piece.high, getattr(piece, rows))[index])
+                for piece in proof.pieces
+            ]
+            axis.stairs(
+                sizes,
+                edges,
+                baseline=None,
+                color=colour,
+                ls=style,
+                lw=1.5,
+                label=f"{manner}: {unit}",
+            )
     axis.set_yscale("log")
     low, high = axis.get_ylim()
     axis.set_ylim(low / (high / low) ** 0.45, high)  # space for the legend
@@ -86,7 +115,13 @@ def _hopf_end(axis: Any, proof: BranchProof, crit: float, omega_h: float) -> Non
         axis.fill_between(a, omega - off, omega + off, color=colour, alpha=0.3, lw=0)
         axis.plot(a, omega, color=colour, lw=1.2)
     axis.axhline(crit, color=GREY, lw=0.9)
-    axis.annotate(r"$\Omega_\mathrm{crit}$", (1, crit), xycoords=("axes fraction", "data"), va="bottom", ha="right")
+    axis.annotate(
+        r"$\Omega_\mathrm{crit}$",
+        (1, crit),
+        xycoords=("axes fraction", "data"),
+        va="bottom",
+        ha="right",
+    )
     axis.ticklabel_format(useOffset=False)
     axis.set(xlim=(0, None), xlabel=_AMPLITUDE, ylabel=_SPEED)
     axis.set_title("The Hopf end: the first arc begins at 0; shaded, its tube")

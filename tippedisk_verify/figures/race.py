@@ -69,20 +69,41 @@ def draw_bench(scores: Sequence[Score], most_columns: int = 4) -> Any:
     below = 0.25 * -(-len(methods) // legend_columns)
     figure, axes = grid(len(names), columns, (4.6, 4.0) if columns < 3 else (3.4, 3.6), below)
     shown: dict[str, Any] = {}
-    own = dict(zip([method for method, family in methods if family == OWN], cycle(_OWN_COLOURS), strict=False))
+    own = dict(
+        zip(
+            [method for method, family in methods if family == OWN],
+            cycle(_OWN_COLOURS),
+            strict=False,
+        )
+    )
     for place, (axis, name) in enumerate(zip(axes, names, strict=True)):
         highest = 10 * (max(score.error or 0.0 for score in scores if score.problem == name) or 1.0)
         for (method, family), mark in zip(methods, cycle(_MARKS), strict=False):
             mine = [score for score in scores if (score.problem, score.method) == (name, method)]
-            points = [(s.seconds, max(s.error, _LEAST)) for s in mine if s.error is not None and s.seconds]
+            points = [
+                (s.seconds, max(s.error, _LEAST)) for s in mine if s.error is not None and s.seconds
+            ]
             colour, line = _FAMILIES.get(family, (own.get(method, BLACK), "-"))
             (shown[method],) = axis.plot(
-                [x for x, _ in points], [y for _, y in points], color=colour, marker=mark, ls=line, lw=1.0, label=method
+                [x for x, _ in points],
+                [y for _, y in points],
+                color=colour,
+                marker=mark,
+                ls=line,
+                lw=1.0,
+                label=method,
             )
             slowest = max((x for x, _ in points), default=1.0)
             for score in mine:
                 if score.error is None:
-                    axis.plot(score.preparation or slowest, highest, "x", color=colour, ms=6, clip_on=False)
+                    axis.plot(
+                        score.preparation or slowest,
+                        highest,
+                        "x",
+                        color=colour,
+                        ms=6,
+                        clip_on=False,
+                    )
         label = "run time, warm [s]" if place + columns >= len(names) else ""  # nothing below it
         axis.set(xscale="log", yscale="log", title=name, xlabel=label)
         axis.set_ylim(top=highest)
@@ -97,14 +118,17 @@ def _brief_methods() -> list[Method]:
     chosen = [method for method in METHODS if method.name in _METHODS]
     with suppress(InputError):
         chosen += [method for method in peer_methods() if method.family == "numbalsoda"]
-    return [replace(method, settings=_METHODS.get(method.name) or method.settings) for method in chosen]
+    return [
+        replace(method, settings=_METHODS.get(method.name) or method.settings) for method in chosen
+    ]
 
 
 @partial(
     Exhibit,
     name="race",
     title="Run time against error",
-    alternative="Two panels with logarithmic axes, error against run time: the Taylor engine's points lie left of the "
+    alternative="Two panels with logarithmic axes, error against run time: the Taylor engine's "
+    "points lie left of the "
     "compiled peers', and far left of SciPy's, at the same error.",
     alone=True,
     packages=("numbalsoda",),
@@ -124,7 +148,9 @@ def race(audit: Audit, examined: Sequence[str]) -> Drawing:
 def race_csv(scores: Sequence[Score]) -> CSV:
     """Return all measured numbers as a table."""
     rows = [score.to_dict() for score in scores]
-    header = [f"{name.replace('_', ' ')} [{_UNITS[name]}]" if name in _UNITS else name for name in rows[0]]
+    header = [
+        f"{name.replace('_', ' ')} [{_UNITS[name]}]" if name in _UNITS else name for name in rows[0]
+    ]
     return header, [list(row.values()) for row in rows]
 
 
@@ -132,7 +158,10 @@ def _compared(scores: Sequence[Score]) -> str:
     """Compare the fastest compiled peer's and SciPy's times with the Taylor engine's, in words."""
     comparisons = []
     rows = [row for row in ratios(scores) if row["error_at_most"] == 1e-6 and row["heyoka_seconds"]]
-    for group, subject in (("peer", "the fastest compiled peer"), ("scipy", "SciPy's fastest, called from Python,")):
+    for group, subject in (
+        ("peer", "the fastest compiled peer"),
+        ("scipy", "SciPy's fastest, called from Python,"),
+    ):
         times = [
             f"{float(format(row[group + '_over_heyoka'], '.2g')):g} times on the {row['problem']}"
             for row in rows

@@ -66,21 +66,34 @@ def last_turn(panel: Panel) -> Any:
     settled = [orbit for orbit in panel.orbits if orbit.ending.amplitude]
     if not settled:
         return None
-    best = min(settled, key=lambda orbit: float(orbit.ending.amplitude.uncertainty) if orbit.ending.amplitude else 1.0)
+    best = min(
+        settled,
+        key=lambda orbit: (
+            float(orbit.ending.amplitude.uncertainty) if orbit.ending.amplitude else 1.0
+        ),
+    )
     if best.ending.kind == "rotating limit cycle":
         well = numpy.floor((best.states[:, 1] + math.pi / 2) / (2 * math.pi))
         first, last = numpy.flatnonzero(numpy.diff(well))[-2:] + 1
         return best.states[first:last] - [0, 2 * math.pi * well[first], 0]
-    falling = numpy.flatnonzero((best.states[:-1, 0] > math.pi / 2) & (best.states[1:, 0] <= math.pi / 2))
+    falling = numpy.flatnonzero(
+        (best.states[:-1, 0] > math.pi / 2) & (best.states[1:, 0] <= math.pi / 2)
+    )
     return best.states[falling[-2] : falling[-1] + 2] if len(falling) > 1 else None
 
 
-def _draw_panel(axis: Any, panel: Panel, orbits: Sequence[Any], dimensions: int) -> tuple[float, float]:
+def _draw_panel(
+    axis: Any, panel: Panel, orbits: Sequence[Any], dimensions: int
+) -> tuple[float, float]:
     """Draw orbits, limit cycle and equilibria in two or three dimensions.
 
     Return the range of gamma [rad] that they occupy.
     """
-    gammas = [gamma for states in orbits for gamma in (float(states[:, 1].min()), float(states[:, 1].max()))]
+    gammas = [
+        gamma
+        for states in orbits
+        for gamma in (float(states[:, 1].min()), float(states[:, 1].max()))
+    ]
     low, high = min(-math.pi / 2, *gammas), max(3 * math.pi / 2, *gammas)
 
     def draw(states: Any, **style: Any) -> None:
@@ -93,7 +106,10 @@ def _draw_panel(axis: Any, panel: Panel, orbits: Sequence[Any], dimensions: int)
     if cycle is not None:
         draw(cycle, color=GREEN, lw=2.0, zorder=4)
     for turn in range(-3, 4):
-        for start, stable in ((math.pi / 2, panel.inverted_stable), (-math.pi / 2, panel.noninverted_stable)):
+        for start, stable in (
+            (math.pi / 2, panel.inverted_stable),
+            (-math.pi / 2, panel.noninverted_stable),
+        ):
             if low - 0.2 <= start + 2 * math.pi * turn <= high + 0.2:
                 place = orbits[0][:1] * 0 + [math.pi / 2, start + 2 * math.pi * turn, 0]
                 draw(place, zorder=6, **(_STABLE if stable else _UNSTABLE))
@@ -107,7 +123,10 @@ def _angle_axis(axis: Any, low: float, high: float) -> None:
     first, last = math.ceil(low / (math.pi / 2)), math.floor(high / (math.pi / 2))
     halves = [half for half in range(first, last + 1) if last - first <= 6 or half % 2]
     names = {0: "0", 1: "π/2", 2: "π", -1: "−π/2", -2: "−π"}
-    labels = [names.get(half, f"{half // 2}π" if half % 2 == 0 else f"{half}π/2".replace("-", "−")) for half in halves]
+    labels = [
+        names.get(half, f"{half // 2}π" if half % 2 == 0 else f"{half}π/2".replace("-", "−"))
+        for half in halves
+    ]
     axis.set_ticks([half * math.pi / 2 for half in halves], labels)
 
 
@@ -171,20 +190,28 @@ def draw_scenes_3d(panels: Sequence[Panel], columns: int = 2) -> Any:
     Returns:
         The Matplotlib figure.
     """
-    figure, axes = grid(len(panels), columns, (4.6, 3.4), below=0.7, projection="3d", computed_zorder=False)
+    figure, axes = grid(
+        len(panels), columns, (4.6, 3.4), below=0.7, projection="3d", computed_zorder=False
+    )
     for panel, axis in zip(panels, axes, strict=True):
         orbits = orbits_within(panel)
         low, high = _draw_panel(axis, panel, orbits, 3)
         reach = max(0.75, *(float(abs(states[:, 0] - math.pi / 2).max()) for states in orbits))
         # The order-1 term diverges at sin(beta) = 0, so the surface ends before that.
         beta, gamma, critical, slow = _surfaces(panel, min(reach + 0.05, 1.0), low, high)
-        sheet = axis.plot_surface(beta, gamma, slow, color=GREY, alpha=0.45, lw=0, rstride=1, cstride=1, zorder=1)
+        sheet = axis.plot_surface(
+            beta, gamma, slow, color=GREY, alpha=0.45, lw=0, rstride=1, cstride=1, zorder=1
+        )
         sheet.set_rasterized(True)  # thousands of facets would make a vector file of megabytes
-        axis.plot_wireframe(beta, gamma, critical, color=_MESH, lw=0.3, alpha=0.6, rstride=8, cstride=8, zorder=1)
+        axis.plot_wireframe(
+            beta, gamma, critical, color=_MESH, lw=0.3, alpha=0.6, rstride=8, cstride=8, zorder=1
+        )
         axis.set_title(panel.scene.title, y=1.03)
         axis.set_zlabel("dβ/dt [rad/s]", labelpad=0)
         axis.xaxis.labelpad, axis.yaxis.labelpad = 1, 3
-        axis.set_xticks([math.pi / 2 - 0.5, math.pi / 2, math.pi / 2 + 0.5], ["π/2−0.5", "π/2", "π/2+0.5"])
+        axis.set_xticks(
+            [math.pi / 2 - 0.5, math.pi / 2, math.pi / 2 + 0.5], ["π/2−0.5", "π/2", "π/2+0.5"]
+        )
         axis.tick_params(pad=0, labelsize=8)
         # Near inverted spinning the manifold falls with gamma: its orbits are visible from here.
         axis.view_init(elev=30, azim=32)
@@ -209,7 +236,11 @@ def _surfaces(panel: Panel, reach: float, low: float, high: float) -> tuple[Any,
         numpy.linspace(math.pi / 2 - reach, math.pi / 2 + reach, 33), numpy.linspace(low, high, 65)
     )
     constants, omega = panel.parameters.at(DOUBLE), float(panel.omega)
-    return beta, gamma, *(slow_manifold(numpy, constants, omega, beta, gamma, order=order) for order in (0, 1))
+    return (
+        beta,
+        gamma,
+        *(slow_manifold(numpy, constants, omega, beta, gamma, order=order) for order in (0, 1)),
+    )
 
 
 def scene_tables(panel: Panel) -> dict[str, CSV]:
@@ -230,7 +261,9 @@ def scene_tables(panel: Panel) -> dict[str, CSV]:
             ("t [s]", "beta [rad]", "gamma [rad]", "v [rad/s]"),
             rows,
         )
-    beta, gamma, *heights = (part.ravel() for part in _surfaces(panel, 1.0, -math.pi / 2, 3 * math.pi / 2))
+    beta, gamma, *heights = (
+        part.ravel() for part in _surfaces(panel, 1.0, -math.pi / 2, 3 * math.pi / 2)
+    )
     rounded = [height.round(_CSV_DECIMALS) for height in heights]
     tables[f"scene_{panel.scene.name}_slow_manifold.csv"] = (
         ("beta [rad]", "gamma [rad]", "v at order 0 [rad/s]", "v at order 1 [rad/s]"),
@@ -262,8 +295,10 @@ def _panels(audit: Audit, examined: Sequence[str]) -> list[Panel]:
     name="scenes_3d",
     title="Orbits and slow manifold in state space",
     labels="fig:3D",
-    alternative="Six panels, one for each speed, with axes beta, gamma and beta's rate: a grey wavy surface, two "
-    "orbits from marked starts that drop onto it, the limit cycle where there is one, and the equilibria.",
+    alternative="Six panels, one for each speed, with axes beta, gamma and beta's rate: a grey "
+    "wavy surface, two "
+    "orbits from marked starts that drop onto it, the limit cycle where there is one, and the "
+    "equilibria.",
     cost=4,
 )
 def scenes_3d(audit: Audit, examined: Sequence[str]) -> Drawing:
@@ -273,8 +308,10 @@ def scenes_3d(audit: Audit, examined: Sequence[str]) -> Drawing:
     return Drawing(
         figure=lambda columns: draw_scenes_3d(panels, columns),
         columns=2,
-        reading=f"Orbits fall onto the grey slow manifold, near inverted spinning at a rate of {rate:.3g} 1/s, and "
-        "stay on it, until they reach the limit cycle or an equilibrium, or leave for other wells (a).",
+        reading=f"Orbits fall onto the grey slow manifold, near inverted spinning at a rate of "
+        f"{rate:.3g} 1/s, and "
+        "stay on it, until they reach the limit cycle or an equilibrium, or leave for other wells "
+        "(a).",
         data={name: table for panel in panels for name, table in scene_tables(panel).items()},
         facts={"scenes": {panel.scene.name: panel.to_dict() for panel in panels}},
         embedded="webp",
@@ -286,17 +323,24 @@ def scenes_3d(audit: Audit, examined: Sequence[str]) -> Drawing:
     name="scenes_2d",
     title="The same orbits, projected onto beta and gamma",
     labels="fig:proj_3D",
-    alternative="Six panels in the plane of beta and gamma: orbits spiral onto a closed curve around inverted "
+    alternative="Six panels in the plane of beta and gamma: orbits spiral onto a closed curve "
+    "around inverted "
     "spinning, leave the well in panel a, and spiral into the equilibrium in panel f.",
 )
 def scenes_2d(audit: Audit, examined: Sequence[str]) -> Drawing:
     """Draw the scenes in the plane of beta and gamma."""
     panels = _panels(audit, examined)
-    orbits = {name: table for panel in panels for name, table in scene_tables(panel).items() if "orbit" in name}
+    orbits = {
+        name: table
+        for panel in panels
+        for name, table in scene_tables(panel).items()
+        if "orbit" in name
+    }
     return Drawing(
         figure=lambda columns: draw_scenes_2d(panels, columns),
         columns=2,
-        reading="The same orbits from above: from panel to panel the speed rises, and the cycle (green) shrinks "
+        reading="The same orbits from above: from panel to panel the speed rises, and the cycle "
+        "(green) shrinks "
         "from one that passes close by both noninverted states to none.",
         data=orbits,
         embedded="webp",

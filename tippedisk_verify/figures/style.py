@@ -9,10 +9,29 @@ from typing import Any
 
 from tippedisk_verify.files import write_bytes
 
-__all__ = ["BLACK", "BLUE", "GREEN", "GREY", "ORANGE", "PURPLE", "RED", "encoded", "grid", "pyplot", "save"]
+__all__ = [
+    "BLACK",
+    "BLUE",
+    "GREEN",
+    "GREY",
+    "ORANGE",
+    "PURPLE",
+    "RED",
+    "encoded",
+    "grid",
+    "pyplot",
+    "save",
+]
 
 # Okabe and Ito's palette: distinct for all colour vision, and of different lightness in grey.
-BLUE, ORANGE, GREEN, RED, PURPLE, BLACK = "#0072B2", "#E69F00", "#009E73", "#D55E00", "#CC79A7", "#000000"
+BLUE, ORANGE, GREEN, RED, PURPLE, BLACK = (
+    "#0072B2",
+    "#E69F00",
+    "#009E73",
+    "#D55E00",
+    "#CC79A7",
+    "#000000",
+)
 GREY = "#B0B0B0"
 
 _STYLE: dict[Any, Any] = {
@@ -63,8 +82,12 @@ def grid(
     """
     columns = min(columns, count)
     rows = math.ceil(count / columns)
-    figure = pyplot().figure(figsize=(size[0] * columns, size[1] * rows + below), layout="constrained")
-    return figure, [figure.add_subplot(rows, columns, index + 1, **subplot) for index in range(count)]
+    figure = pyplot().figure(
+        figsize=(size[0] * columns, size[1] * rows + below), layout="constrained"
+    )
+    return figure, [
+        figure.add_subplot(rows, columns, index + 1, **subplot) for index in range(count)
+    ]
 
 
 def encoded(figure: Any, kind: str) -> bytes:
@@ -109,6 +132,8 @@ def save(figure: Any, folder: Path, name: str) -> list[Path]:
     Raises:
         InputError: If a file cannot be written.
     """
-    written = [write_bytes(folder / f"{name}.{kind}", encoded(figure, kind)) for kind in ("png", "svg")]
+    written = [
+        write_bytes(folder / f"{name}.{kind}", encoded(figure, kind)) for kind in ("png", "svg")
+    ]
     pyplot().close(figure)
     return written

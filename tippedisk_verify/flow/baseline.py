@@ -111,11 +111,15 @@ class Baseline:
                 an error estimate.
         """
         if request.precision != DOUBLE:
-            raise InputError(f"SciPy integrates in double precision only, not {request.precision.name}")
+            raise InputError(
+                f"SciPy integrates in double precision only, not {request.precision.name}"
+            )
         if request.divergence:
             raise InputError("the baseline cannot integrate the divergence: use the Taylor engine")
         if request.error_estimate:
-            raise InputError("SciPy has no reliable error estimate: use the Taylor engine, or compare with it")
+            raise InputError(
+                "SciPy has no reliable error estimate: use the Taylor engine, or compare with it"
+            )
         if request.events and at_rest(request):
             return self(replace(request, events=()))
         start = Start.of(request, DOUBLE)
@@ -134,13 +138,16 @@ class Baseline:
         options: dict[str, Any] = {}
         if request.variations:
             rates = _with_variations(request, start)
-            identity = [[float(row == name) for name in request.variations] for row in STATE_VARIATIONS]
+            identity = [
+                [float(row == name) for name in request.variations] for row in STATE_VARIATIONS
+            ]
             initial = numpy.concatenate((initial, numpy.ravel(identity)))
         else:
             vector_field, slope = field(*law), jacobian(*law)
 
             def rates(t: float, y: Any) -> Any:
-                return vector_field(*y.tolist())  # Python floats: several times faster than numpy scalars
+                # Python floats: several times faster than numpy scalars
+                return vector_field(*y.tolist())
 
             if self.method in _TAKES_JACOBIAN:
                 options["jac"] = lambda t, y: numpy.array(slope(*y.tolist()))
@@ -172,7 +179,9 @@ class Baseline:
             if not limited and numpy.isfinite(last).all() and abs(last).max() < 1e150:
                 raise
             status = Status.STEP_LIMIT if limited else Status.NON_FINITE
-            return Result(status, float(counted.time), numpy.array(last[:3]), 0, evaluations=counted.calls)
+            return Result(
+                status, float(counted.time), numpy.array(last[:3]), 0, evaluations=counted.calls
+            )
         return _result(request, solution, watched)
 
 
@@ -180,7 +189,9 @@ def _result(request: Request, solution: Any, watched: list[Event]) -> Result:
     end, final, dense = float(solution.t[-1]), solution.y[:, -1], solution.sol
     records = [
         EventRecord(event.name, float(when), state[:3].copy())
-        for event, times, states in zip(watched, solution.t_events or (), solution.y_events or (), strict=True)
+        for event, times, states in zip(
+            watched, solution.t_events or (), solution.y_events or (), strict=True
+        )
         for when, state in zip(times, states, strict=True)
     ]
     records.sort(key=lambda record: abs(record.time))
@@ -194,7 +205,9 @@ def _result(request: Request, solution: Any, watched: list[Event]) -> Result:
     elif not numpy.isfinite(final).all():
         status = Status.NON_FINITE
     else:
-        status = Status.STEP_TOO_SMALL if "step size" in str(solution.message).lower() else Status.FAILED
+        status = (
+            Status.STEP_TOO_SMALL if "step size" in str(solution.message).lower() else Status.FAILED
+        )
     samples = None
     if request.times is not None:
         times = numpy.array([DOUBLE.number(time) for time in request.times])
@@ -243,8 +256,14 @@ def _with_variations(request: Request, start: Start) -> Callable[[float, Any], A
     fields = []
     for name in request.variations:
         if name not in (*STATE_VARIATIONS, *names):
-            raise InputError(f"no derivative with respect to '{name}': use beta, gamma, v, {', '.join(names)}")
-        moved = constants._replace(**{name: getattr(constants, name) + step}) if name in names[1:] else constants
+            raise InputError(
+                f"no derivative with respect to '{name}': use beta, gamma, v, {', '.join(names)}"
+            )
+        moved = (
+            constants._replace(**{name: getattr(constants, name) + step})
+            if name in names[1:]
+            else constants
+        )
         speed = omega + step if name == "Omega" else omega
         # The absolute value has no complex derivative; the sign of gamma_y replaces it.
         fields.append({side: field(ops, moved, speed, friction, side) for side in (1, -1)})

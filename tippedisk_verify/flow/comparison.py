@@ -55,11 +55,20 @@ def compared(engine: Engine, request: Request, result: Result) -> Result:
         tolerance = wider.epsilon * _WIDER_TOLERANCE
         return engine(
             replace(
-                request, error_estimate=False, dense=False, precision=wider, tolerance=tolerance, max_steps=most_steps
+                request,
+                error_estimate=False,
+                dense=False,
+                precision=wider,
+                tolerance=tolerance,
+                max_steps=most_steps,
             )
         )
 
-    wider = companion(companion(DOUBLE)) if request.precision == DOUBLE else companion(request.precision)
+    wider = (
+        companion(companion(DOUBLE))
+        if request.precision == DOUBLE
+        else companion(request.precision)
+    )
     check = checked(wider, request.max_steps)
     agreed = not _parted(result, check) and _moves(request, wider)
     if not agreed and request.precision == DOUBLE and result.status.usable:
@@ -73,14 +82,17 @@ def compared(engine: Engine, request: Request, result: Result) -> Result:
     return result._replace(error=error, built=result.built + check.built)
 
 
-def _half_widths(precision: Precision, wider: Precision, result: Result, check: Result) -> ErrorEstimate:
+def _half_widths(
+    precision: Precision, wider: Precision, result: Result, check: Result
+) -> ErrorEstimate:
     """Return the half-widths of all numbers of a result, from those of the wider run.
 
     They are infinite where the runs do not end alike.
     """
     if result.status is Status.NON_FINITE or not _alike(result, check):
         return _undecided()
-    ulp = wider.array([_LAST_PLACE * precision.epsilon])  # an array: numpy would lose the digits of an MPFR number
+    # An array: numpy would lose the digits of an MPFR number
+    ulp = wider.array([_LAST_PLACE * precision.epsilon])
 
     def widths(values: Any, truths: Any) -> Any:
         exact = wider.array(values.ravel().tolist()).reshape(values.shape)

@@ -64,7 +64,9 @@ class CompiledRunners:
                 vouch()  # add the checksum of the new code at once
         with slot.lock:
             if slot.running:
-                raise RuntimeError("a run asks for another one of the same kind: take another engine for it")
+                raise RuntimeError(
+                    "a run asks for another one of the same kind: take another engine for it"
+                )
             slot.running, slot.used = True, next(_CLOCK)
             try:
                 return slot.runner.run(*arguments)

@@ -56,8 +56,12 @@ class Status(Enum):
     EVENT = "a terminal event ended the run"
     FLAT = "the disk lies flat (sin beta <= 0): the model ends here; shorten the run or start elsewhere"
     NON_FINITE = "the state became infinite or NaN; check the start, or integrate in more bits"
-    STEP_LIMIT = "the step limit was reached before the final time; shorten the run, or raise max_steps"
-    STEP_TOO_SMALL = "the step size fell below what this arithmetic resolves; integrate in more bits"
+    STEP_LIMIT = (
+        "the step limit was reached before the final time; shorten the run, or raise max_steps"
+    )
+    STEP_TOO_SMALL = (
+        "the step size fell below what this arithmetic resolves; integrate in more bits"
+    )
     FAILED = "the integrator gave up; try another method or a looser tolerance"
 
     @property
@@ -77,7 +81,9 @@ class _Symbol:
             raise TypeError("the motion does not depend on the time, and neither may an event")
         return self
 
-    __add__ = __radd__ = __sub__ = __rsub__ = __mul__ = __rmul__ = __truediv__ = __rtruediv__ = _combined
+    __add__ = __radd__ = __sub__ = __rsub__ = __mul__ = __rmul__ = __truediv__ = __rtruediv__ = (
+        _combined
+    )
     __pow__ = __neg__ = _combined
 
 
@@ -87,7 +93,9 @@ class _Symbols:
     sin = cos = staticmethod(_Symbol._combined)
 
 
-def _of_state(function: Callable[..., Any], ops: Any, constants: Any, omega: Any, *state: Any) -> Any:
+def _of_state(
+    function: Callable[..., Any], ops: Any, constants: Any, omega: Any, *state: Any
+) -> Any:
     """Return SciPy's event function at a state; the motion is autonomous, and so are its events."""
     return function(None, state)
 
@@ -130,11 +138,17 @@ class Event:
             if len(signature(self.function).parameters) == _SCIPY_ARGUMENTS:
                 object.__setattr__(self, "function", partial(_of_state, self.function))
         try:
-            self.function(_Symbols, Constants(*[_Symbol()] * len(Constants._fields)), *[_Symbol() for _ in range(4)])
+            self.function(
+                _Symbols,
+                Constants(*[_Symbol()] * len(Constants._fields)),
+                *[_Symbol() for _ in range(4)],
+            )
         except (TypeError, AttributeError, ValueError) as fault:
             raise InputError(
-                f"the event '{shown(self.name)}' needs a function of (ops, constants, omega, beta, gamma, v) made of "
-                f"arithmetic, ops.sin and ops.cos, such as lambda ops, c, omega, beta, gamma, v: ops.cos(beta), "
+                f"the event '{shown(self.name)}' needs a function of (ops, constants, omega, beta, "
+                f"gamma, v) made of "
+                f"arithmetic, ops.sin and ops.cos, such as lambda ops, c, omega, beta, gamma, v: "
+                f"ops.cos(beta), "
                 f"or one of (t, y) made of arithmetic on y: {fault}"
             ) from None
 
@@ -152,7 +166,8 @@ TURN = Event("turn", lambda ops, constants, omega, beta, gamma, v: 1 * v)
 SLIDING_REVERSAL = Event(
     "surface",
     lambda ops, constants, omega, beta, gamma, v: (
-        (constants.r + constants.e * ops.sin(gamma)) * v - constants.e * omega * (ops.sin(beta) * ops.cos(gamma))
+        (constants.r + constants.e * ops.sin(gamma)) * v
+        - constants.e * omega * (ops.sin(beta) * ops.cos(gamma))
     ),
 )
 
@@ -179,14 +194,16 @@ class Request:
     omega: object
     state: Sequence[object]
     duration: object
-    shifted: bool = False  #: angles are beta_bar and gamma_bar, measured from pi/2, in the start and in every result
+    #: Angles are beta_bar and gamma_bar, measured from pi/2, in the start and in every result
+    shifted: bool = False
     precision: Precision = DOUBLE
     tolerance: float | Fraction | None = None
     times: Any = None  #: sample times, strictly rising from 0 or later (falling for a backward run)
     dense: bool = False  #: a function of time that interpolates to the integrator's accuracy
     variations: tuple[Variation, ...] = ()  #: derivatives of the final state with respect to these
     divergence: bool = (
-        False  #: the integral of div f along the orbit (Liouville: log of the flow's Jacobian determinant)
+        #: The integral of div f along the orbit (Liouville: log of the flow's Jacobian determinant)
+        False
     )
     events: tuple[Event, ...] = ()
     #: Compute half-widths that hold the error of all numbers (`flow.error_estimate`).
@@ -262,7 +279,11 @@ class EventRecord(Printable):
     def to_dict(self) -> dict[str, Any]:
         """Return the record as data for JSON."""
         state = zip(("beta", "gamma", "v"), with_widths(self.state, self.uncertainty), strict=True)
-        return {"name": self.name, "t": with_widths(self.time, self.time_uncertainty), **dict(state)}
+        return {
+            "name": self.name,
+            "t": with_widths(self.time, self.time_uncertainty),
+            **dict(state),
+        }
 
 
 @dataclass(frozen=True, repr=False)
@@ -277,7 +298,8 @@ class Build(Printable):
     variations: tuple[str, ...]
     divergence: bool
     events: tuple[str, ...]
-    u_variables: int  #: elementary operations in the Taylor recurrences, the equations of motion not counted
+    #: Elementary operations in the Taylor recurrences, the equations of motion not counted
+    u_variables: int
 
 
 @dataclass(frozen=True)
@@ -312,7 +334,8 @@ class Result(NamedTuple):
     steps: int
     samples: Any = None  #: (n, 3) states at the sample times that were reached
     dense: Callable[[Any], Any] | None = None  #: times (n,) -> states (n, 3)
-    derivatives: Any = None  #: (3, number of variations) d(final state)/d(variations), at fixed final time
+    #: (3, number of variations) d(final state)/d(variations), at fixed final time
+    derivatives: Any = None
     divergence: Any = None  #: integral of d(v')/d(v) over the run [1]
     events: tuple[EventRecord, ...] = ()
     error: ErrorEstimate | None = None
@@ -391,4 +414,7 @@ def _check_times(times: Any, precision: Precision, duration: float) -> None:
         raise InputError("sample times must be a list of numbers")
     ahead = values if duration >= 0 else -values
     if not (ahead[0] >= 0 and (ahead[1:] > ahead[:-1]).all() and float(ahead[-1]) <= abs(duration)):
-        raise InputError("sample times must be strictly monotonic, from the start on and up to the end of the run")
+        raise InputError(
+            "sample times must be strictly monotonic, from the start on and up to the "
+            "end of the run"
+        )

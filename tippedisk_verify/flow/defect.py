@@ -65,11 +65,16 @@ class Defect:
         ends = series.times.astype(wide.type)
         lengths = (ends[1:] - ends[:-1])[:, None]
         self._steps = lengths.astype(float)
-        self._terms = abs(series.coefficients * self._steps.T ** numpy.arange(len(series.coefficients))[:, None, None])
+        self._terms = abs(
+            series.coefficients
+            * self._steps.T ** numpy.arange(len(series.coefficients))[:, None, None]
+        )
         self._sizes = self._terms[0] + self._terms[1]
         small = (self._terms < _SMALL_TERM * self._sizes).all(axis=(1, 2))
         #: The number of terms of the polynomials that are summed in wide arithmetic.
-        self._leading = len(small) - int(numpy.argmin(small[::-1])) if wide.kind == "extended" else len(small)
+        self._leading = (
+            len(small) - int(numpy.argmin(small[::-1])) if wide.kind == "extended" else len(small)
+        )
         ops, law = shifted(numpy) if request.shifted else numpy, request.friction
         self._field = field(ops, request.parameters.at(wide), wide.number(request.omega), law)
         places = lengths * self._places.astype(wide.type)
@@ -97,7 +102,9 @@ class Defect:
         start = (wide.array(request.state) - starts[:, 0]).astype(float)
         noise = _roundings(numpy.maximum(self._terms[0], abs(in_doubles).max(axis=2)), moves)
         carried = _carried(
-            self._carry, numpy.column_stack((start, noise[0])), numpy.concatenate((gained, noise), axis=2)
+            self._carry,
+            numpy.column_stack((start, noise[0])),
+            numpy.concatenate((gained, noise), axis=2),
         )
         self.errors = carried[:, :, 0]  #: (n + 1, 3) at the start of each step, and at the end
         self.roundings = numpy.sqrt(numpy.square(carried[:, :, 1:]).mean(axis=2))  #: (n + 1, 3)
@@ -120,7 +127,9 @@ class Defect:
         fastest = numpy.maximum(numpy.maximum(vv, numpy.sqrt(vb)), numpy.cbrt(free))
         with numpy.errstate(divide="ignore", invalid="ignore"):
             first = numpy.fmin(numpy.sqrt(2 * vb), 2 * vb / vv)
-            growing = numpy.maximum(first, numpy.fmin(numpy.cbrt(2 * free), numpy.sqrt(2 * free / vv)))
+            growing = numpy.maximum(
+                first, numpy.fmin(numpy.cbrt(2 * free), numpy.sqrt(2 * free / vv))
+            )
         growing = numpy.where(matrices[:, :, 2, 2] * self._steps > 0, fastest, growing)
         lengths = abs(self._steps)
         return (fastest * lengths).max(axis=1), (growing * lengths).max(axis=1)
@@ -154,7 +163,9 @@ class Defect:
 
     def _along(self, shares: Any) -> Any:
         """Return the errors (n, k, 3) at these shares of every step."""
-        return self.errors[:-1, None] + self._steps[:, :, None] * (_integrals(shares, self._basis) @ self._rates)
+        return self.errors[:-1, None] + self._steps[:, :, None] * (
+            _integrals(shares, self._basis) @ self._rates
+        )
 
     def at(self, times: Any) -> tuple[Any, Any, Any, Any]:
         """Return the run's numbers at wide times (k,), in the order of the run.
@@ -165,7 +176,9 @@ class Defect:
         Returns:
             Polynomials, errors, carried roundings and the error of the nodes, each (3, k).
         """
-        counts = numpy.bincount(self._series.step_of(times.astype(float)), minlength=len(self._steps))
+        counts = numpy.bincount(
+            self._series.step_of(times.astype(float)), minlength=len(self._steps)
+        )
         since = times - numpy.repeat(self._series.times[:-1], counts).astype(self._wide.type)
         lengths = numpy.repeat(self._steps[:, 0], counts)
         errors = numpy.repeat(self.errors[:-1].T, counts, axis=1)
@@ -178,7 +191,9 @@ class Defect:
     def at_nodes(self) -> tuple[Any, Any, Any, Any, Any]:
         """Return times (k,) and the numbers of `at` at the nodes of all steps, in order."""
         times = self._series.times[:-1, None] + self._steps * self._places
-        roundings, left_out = (numpy.repeat(of, len(self._places), axis=1) for of in self._margins())
+        roundings, left_out = (
+            numpy.repeat(of, len(self._places), axis=1) for of in self._margins()
+        )
         errors = self._along(self._places).reshape(-1, 3).T
         return times.ravel(), self._nodes.reshape(3, -1), errors, roundings, left_out
 
@@ -224,7 +239,9 @@ class Defect:
 
     def _solved(self, right: Any) -> Any:
         """Return the rates (n, nodes, 3, k) at the nodes of errors that begin with zero."""
-        return numpy.linalg.solve(self._system, right.reshape(*self._system.shape[:2], -1)).reshape(right.shape)
+        return numpy.linalg.solve(self._system, right.reshape(*self._system.shape[:2], -1)).reshape(
+            right.shape
+        )
 
     def _gained(self, rates: Any) -> Any:
         """Return the integrals (n, 3, k) of the errors' rates over each step."""

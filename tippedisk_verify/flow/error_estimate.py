@@ -12,7 +12,15 @@ from typing import Any, NamedTuple
 
 import numpy
 
-from tippedisk_verify.flow.contract import FLAT, ErrorEstimate, Event, EventRecord, Request, Result, Status
+from tippedisk_verify.flow.contract import (
+    FLAT,
+    ErrorEstimate,
+    Event,
+    EventRecord,
+    Request,
+    Result,
+    Status,
+)
 from tippedisk_verify.flow.defect import Defect
 from tippedisk_verify.flow.start import ROUNDINGS
 from tippedisk_verify.model.equations import shifted
@@ -56,13 +64,15 @@ class _Limits(NamedTuple):
     #: A half-width is this multiple of the error left in a result. The additional quarter covers
     #: errors that the estimate shares with the result.
     margin: float = 1.25
-    #: The error that three nodes may leave, in carried roundings. It is so small where the next three limits hold.
+    #: The error that three nodes may leave, in carried roundings. It is so small where the next
+    #: three limits hold.
     three_nodes: float = 1 / 16
     #: For three nodes: each rate of decay times the step is below this.
     short_step: float = 7.0
     #: For three nodes: each rate of growth times the step is below this.
     steady_step: float = 1.0
-    #: For three nodes: the last terms of the step's polynomials are below this, in parts of the state.
+    #: For three nodes: the last terms of the step's polynomials are below this, in parts of the
+    #: state.
     last_term: float = 2.0**-55
     #: The rate of decay times the step up to which two numbers of nodes differ by their errors.
     #: Where errors grow, the smaller number of nodes decides: five nodes follow growth by e^5 to a
@@ -159,7 +169,10 @@ def _reached(digits: int, result: Result) -> bool:
     if result.samples is not None:
         pairs.append((result.samples, result.error.samples))
     unit = 10.0 ** (1 - digits)
-    return all((widths <= unit * numpy.maximum(1, abs(values.astype(float)))).all() for values, widths in pairs)
+    return all(
+        (widths <= unit * numpy.maximum(1, abs(values.astype(float)))).all()
+        for values, widths in pairs
+    )
 
 
 def _refined(request: Request, result: Result, method: _Method) -> Result:
@@ -180,7 +193,9 @@ def _refined(request: Request, result: Result, method: _Method) -> Result:
         time=result.time if run.uncorrected else last[0],
         state=values[:, -1],
         samples=None if request.times is None else values[:, :-1].T,
-        events=result.events if run.uncorrected else tuple(crossing.record for crossing in crossings),
+        events=result.events
+        if run.uncorrected
+        else tuple(crossing.record for crossing in crossings),
         error=ErrorEstimate(
             state=widths[:, -1],
             time=crossings[-1].width if ended else 0.0,
@@ -208,7 +223,10 @@ class _Run:
         self.wide, self.uncorrected = method.wide, request.digits <= PLAIN_DIGITS
         self._request = request
         self._ops = shifted(numpy) if request.shifted else numpy
-        self._constants, self._omega = request.parameters.at(self.wide), self.wide.number(request.omega)
+        self._constants, self._omega = (
+            request.parameters.at(self.wide),
+            self.wide.number(request.omega),
+        )
         if result.steps * (3 * method.nodes) ** 2 * 8 > _LIMITS.most_bytes:
             raise Unresolved
         self._defect = Defect(request, result.series, self.wide, method.nodes)
@@ -245,7 +263,9 @@ class _Run:
             change = self._defect.sweep()
             if change < _LIMITS.next_order:
                 largest = float((abs(self._defect.errors[1:]) / self._defect.roundings[1:]).max())
-                return DISTANCES * max(change * _LIMITS.next_order, _LIMITS.in_doubles, _LIMITS.in_doubles * largest)
+                return DISTANCES * max(
+                    change * _LIMITS.next_order, _LIMITS.in_doubles, _LIMITS.in_doubles * largest
+                )
         raise NotInProportion
 
     def numbers(self, times: Any, at_end: Any) -> tuple[Any, Any]:
@@ -255,7 +275,9 @@ class _Run:
         """
         places, errors, left = self._at(times)
         # A time is rounded to the wide arithmetic.
-        left = left + abs(self._defect.rates(places) * times).astype(float) * float(self.wide.epsilon)
+        left = left + abs(self._defect.rates(places) * times).astype(float) * float(
+            self.wide.epsilon
+        )
         values = places.astype(float) if self.uncorrected else places + errors
         if self.uncorrected:
             values[:, -1] = at_end
@@ -291,7 +313,9 @@ class _Run:
             states = places + errors
             gradient, speed = self._rates(event, states)
             change = self._value(event, states) / self.wide.number(speed)
-            unknown = float(abs(gradient) @ left[:, 0]) / abs(speed) + abs(record.time) * float(self.wide.epsilon)
+            unknown = float(abs(gradient) @ left[:, 0]) / abs(speed) + abs(record.time) * float(
+                self.wide.epsilon
+            )
             time = time - change
             if abs(float(change)) <= _LIMITS.next_order * unknown:
                 break
@@ -300,16 +324,22 @@ class _Run:
         moved = abs(float((time - first)[0]))
         rates = self._defect.rates(states)
         ahead = self._rates(event, states + rates * self.wide.array([_LIMITS.ahead]))[1]
-        if not (moved + unknown) * abs(ahead - speed) / _LIMITS.ahead < _LIMITS.next_order * abs(speed):
+        if not (moved + unknown) * abs(ahead - speed) / _LIMITS.ahead < _LIMITS.next_order * abs(
+            speed
+        ):
             raise NotInProportion
-        around = [self._value(event, states + rates * self.wide.array([w])) for w in (-unknown, unknown)]
+        around = [
+            self._value(event, states + rates * self.wide.array([w])) for w in (-unknown, unknown)
+        ]
         if not float(around[0]) * float(around[1]) < 0 and all(map(float, around)):
             raise NotInProportion
         width = _LIMITS.margin * moved + unknown if self.uncorrected else unknown
         moves = abs(rates[:, 0].astype(float)) * unknown
         off = (states - self.wide.array(record.state)[:, None]).astype(float)
         widths = self._half_widths(states, off, left)[:, 0] + moves
-        return _Crossing(EventRecord(record.name, time[0], states[:, 0]), time, width, widths, moves)
+        return _Crossing(
+            EventRecord(record.name, time[0], states[:, 0]), time, width, widths, moves
+        )
 
     def _value(self, event: Event, states: Any) -> Any:
         """Return an event's function at a wide state (3, 1)."""
@@ -326,7 +356,10 @@ class _Run:
     def _gradient(self, event: Event, states: Any) -> Any:
         """Return the gradient (3, k) by central differences."""
         moves = _LIMITS.difference * numpy.eye(3)[:, :, None]
-        rows = [self._in_doubles(event, states + move) - self._in_doubles(event, states - move) for move in moves]
+        rows = [
+            self._in_doubles(event, states + move) - self._in_doubles(event, states - move)
+            for move in moves
+        ]
         return numpy.stack(rows) / (2 * _LIMITS.difference)
 
     def _in_doubles(self, event: Event, states: Any) -> Any:
@@ -346,26 +379,36 @@ class _Run:
         start = 0 * last
         at_start, at_end = self._defect.at(start), self._defect.at(last)
         states, errors, roundings, nodes = (
-            numpy.concatenate(parts, axis=1) for parts in zip(at_start, at_nodes, at_end, strict=True)
+            numpy.concatenate(parts, axis=1)
+            for parts in zip(at_start, at_nodes, at_end, strict=True)
         )
         times = numpy.concatenate((start.astype(float), times, last.astype(float)))
         states, reach = states.astype(float), abs(errors) + self._left(roundings, nodes)
-        reach[:, -1:] += abs((self._defect.rates(at_end[0]) * (last - self.wide.number(result.time))).astype(float))
+        reach[:, -1:] += abs(
+            (self._defect.rates(at_end[0]) * (last - self.wide.number(result.time))).astype(float)
+        )
         ending = None if result.status is Status.REACHED else result.events[-1].name
         for event in [*self._request.events, *([FLAT] if self._request.domain == "event" else [])]:
             values = self._in_doubles(event, states)
-            lost = abs(values) <= DISTANCES * (abs(self._gradient(event, states)) * reach).sum(axis=0)
-            first = int(lost[0] or abs(values[0]) <= ROUNDINGS * 2.0**-52)  # a start on the surface is no crossing
+            lost = abs(values) <= DISTANCES * (abs(self._gradient(event, states)) * reach).sum(
+                axis=0
+            )
+            # A start on the surface is no crossing
+            first = int(lost[0] or abs(values[0]) <= ROUNDINGS * 2.0**-52)
             end = -1 if event.name == ending else None
             signs = numpy.sign(values[first:end])
             turns = numpy.diff(signs) * (1 if times[-1] >= 0 else -1) / 2
             turned = numpy.count_nonzero(turns * event.direction > 0 if event.direction else turns)
-            named = sum(record.name == event.name for record in result.events) - (event.name == ending)
+            named = sum(record.name == event.name for record in result.events) - (
+                event.name == ending
+            )
             if lost[1:end].any() or turned != named:
                 raise NotInProportion
             for k in _touching(times, values, _LIMITS.near_touch):
                 inside = numpy.linspace(times[k - 1], times[k + 1], _LIMITS.finer_places)
-                finer = self._in_doubles(event, self._defect.at(inside.astype(self.wide.type))[0].astype(float))
+                finer = self._in_doubles(
+                    event, self._defect.at(inside.astype(self.wide.type))[0].astype(float)
+                )
                 if len(_touching(inside, finer, _LIMITS.touch)):
                     raise NotInProportion
 

@@ -8,10 +8,26 @@ from weakref import proxy
 
 import numpy
 
-from tippedisk_verify.flow.contract import FLAT, SLIDING_REVERSAL, Build, Event, EventRecord, Request, Result, Status
+from tippedisk_verify.flow.contract import (
+    FLAT,
+    SLIDING_REVERSAL,
+    Build,
+    Event,
+    EventRecord,
+    Request,
+    Result,
+    Status,
+)
 from tippedisk_verify.flow.start import NO_SURFACES, START_WINDOW, Start, StartSurfaces, surfaces
 from tippedisk_verify.flow.switching import FrictionSign
-from tippedisk_verify.flow.system import SWITCH, TURN_OVER, direction_of, nudged, parameter_names, system_of
+from tippedisk_verify.flow.system import (
+    SWITCH,
+    TURN_OVER,
+    direction_of,
+    nudged,
+    parameter_names,
+    system_of,
+)
 from tippedisk_verify.model.equations import shifted
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import Precision, heyoka_module
@@ -38,9 +54,12 @@ class Series:
         """
         element = object if precision.kind == "real" else precision.type
         self._precision = precision
-        self.times = numpy.array([start, *(end for end, _ in steps)], dtype=element)  #: (n + 1,) [s]
+        #: (n + 1,) [s]
+        self.times = numpy.array([start, *(end for end, _ in steps)], dtype=element)
         #: (order + 1, 3, n), so that all steps' terms of one power lie together
-        self.coefficients = numpy.array([terms for _, terms in steps], dtype=element).transpose(2, 1, 0).copy()
+        self.coefficients = (
+            numpy.array([terms for _, terms in steps], dtype=element).transpose(2, 1, 0).copy()
+        )
 
     def __call__(self, times: Any) -> Any:
         """Return the states (k, 3) at times (k,) [s]."""
@@ -82,12 +101,16 @@ class Series:
 class Integrator:
     """A stepper of heyoka's with the callbacks that record its events."""
 
-    def __init__(self, request: Request, events: tuple[Event, ...], chosen: dict[str, Any], compact: bool) -> None:
+    def __init__(
+        self, request: Request, events: tuple[Event, ...], chosen: dict[str, Any], compact: bool
+    ) -> None:
         self.precision = precision = request.precision
         number, smooth = precision.number, request.friction == "smooth"
         self._ops = shifted(precision.ops) if request.shifted else precision.ops
         self._events, self._smooth, self._divergence = events, smooth, request.divergence
-        watched = [event for event in events if smooth and event.function is SLIDING_REVERSAL.function]
+        watched = [
+            event for event in events if smooth and event.function is SLIDING_REVERSAL.function
+        ]
         built = [event for event in events if event not in watched]
         watching = (*built, SWITCH, TURN_OVER) if smooth else built
         asked = request.variations, request.divergence, watching, request.shifted, request.friction
@@ -153,9 +176,15 @@ class Integrator:
         events = [ending(event.name, direction=direction_of(event)) for event in self._terminal]
         if self._smooth:  # last, to keep heyoka's numbers of the others; their callbacks continue
             branch = self._branch  # in bare functions: heyoka copies all other callables
-            events.append(ending(SWITCH.name, callback=lambda stepper, sign: branch.switched(sign, stepper.time)))
+            events.append(
+                ending(
+                    SWITCH.name, callback=lambda stepper, sign: branch.switched(sign, stepper.time)
+                )
+            )
             if FLAT not in self._terminal:
-                events.append(ending(TURN_OVER.name, callback=lambda stepper, sign: branch.turned()))
+                events.append(
+                    ending(TURN_OVER.name, callback=lambda stepper, sign: branch.turned())
+                )
         return events
 
     def _passing_event(self, event: Event) -> Any:
@@ -167,7 +196,9 @@ class Integrator:
             records.append(EventRecord(name, when, owned(stepper.d_output[:3])))
 
         crossing, direction = self._crossings[name], direction_of(event)
-        return heyoka_module().nt_event(crossing, record, direction=direction, fp_type=self.precision.type)
+        return heyoka_module().nt_event(
+            crossing, record, direction=direction, fp_type=self.precision.type
+        )
 
     def run(self, request: Request) -> Result:
         """Integrate a request of this integrator's kind.
@@ -198,19 +229,27 @@ class Integrator:
         # If an event function is zero to the last bit, heyoka misses its other crossings in the
         # first step.
         careful = self._smooth or on.exactly
-        outcome, low, steps = self._integrated(start, on if careful else NO_SURFACES, duration, request.max_steps)
+        outcome, low, steps = self._integrated(
+            start, on if careful else NO_SURFACES, duration, request.max_steps
+        )
         if not careful and abs(self._stepper.time) <= on.window and self._passable(outcome, on):
             outcome, low, steps = self._integrated(start, on, duration, request.max_steps)
         status = Status.REACHED if outcome == self._finished else self._stopped(outcome, low)
         if on.names:  # the start itself is not a crossing
             self._records[:] = [
-                record for record in self._records if record.name not in on.names or abs(record.time) > on.window
+                record
+                for record in self._records
+                if record.name not in on.names or abs(record.time) > on.window
             ]
         return self._result(request, status, steps)
 
     def _set_parameters(self, request: Request, omega: Any) -> None:
         """Set the runtime parameters, unless they are those of the previous run."""
-        if omega is not self._speed or request.parameters is not self._parameters or request.rounding is not None:
+        if (
+            omega is not self._speed
+            or request.parameters is not self._parameters
+            or request.rounding is not None
+        ):
             constants = request.parameters.at(self.precision)
             values = [getattr(constants, name) for name in self._names[1:]]
             self._parameters, self._speed = request.parameters, omega
@@ -260,7 +299,9 @@ class Integrator:
             self._kept.append((end, self.precision.owned(self._stepper.tc[:3])))
         return True
 
-    def _integrated(self, start: Start, on: StartSurfaces, duration: Any, max_steps: int) -> tuple[Any, Any, int]:
+    def _integrated(
+        self, start: Start, on: StartSurfaces, duration: Any, max_steps: int
+    ) -> tuple[Any, Any, int]:
         """Integrate until the final time or the first terminal event (see `_until`)."""
         ended = self._set_off(start, on, duration)
         ran = ended or self._until(duration, max_steps=max_steps)
@@ -271,7 +312,9 @@ class Integrator:
             self._branch.looks_ahead = False
         return ran
 
-    def _set_off(self, start: Start, on: StartSurfaces, duration: Any) -> tuple[Any, Any, int] | None:
+    def _set_off(
+        self, start: Start, on: StartSurfaces, duration: Any
+    ) -> tuple[Any, Any, int] | None:
         """Move off the surfaces of the start, past the crossings that are the start itself.
 
         Rounding decides whether heyoka sees a crossing at the start, so the run must not depend on
@@ -317,7 +360,8 @@ class Integrator:
         ahead, terms = stepper.d_output.tolist(), self.precision.owned(stepper.tc[:3])
         self._rewind(start.state)
         watched = [event for event in self._events if event.name not in on.names]
-        if self._smooth:  # its branch too must be the same all the way, and not in doubt at the start
+        # Its branch too must be the same all the way, and not in doubt at the start
+        if self._smooth:
             self._branch.begin(start)
             watched += SLIDING_REVERSAL, FLAT
         if any(start.value(event) * start.value(event, ahead[:3]) <= 0 for event in watched):
@@ -350,9 +394,17 @@ class Integrator:
             if outcome.name == "err_nf_state":
                 return Status.NON_FINITE
             resolved = abs(float(self._stepper.time)) * float(self.precision.epsilon)
-            return Status.STEP_TOO_SMALL if abs(float(smallest_step)) <= resolved else Status.STEP_LIMIT
+            return (
+                Status.STEP_TOO_SMALL
+                if abs(float(smallest_step)) <= resolved
+                else Status.STEP_LIMIT
+            )
         event = self._terminal[index]
-        self._records.append(EventRecord(event.name, self._stepper.time, self.precision.owned(self._stepper.state[:3])))
+        self._records.append(
+            EventRecord(
+                event.name, self._stepper.time, self.precision.owned(self._stepper.state[:3])
+            )
+        )
         return Status.FLAT if event.name == FLAT.name else Status.EVENT
 
     def _result(self, request: Request, status: Status, steps: int) -> Result:
@@ -366,13 +418,17 @@ class Integrator:
         series = None
         if self._kept is not None:
             # A run that has taken no step stands at its start.
-            series = Series(self.precision, self._zero, self._kept or [(self._zero, final[:, None])])
+            series = Series(
+                self.precision, self._zero, self._kept or [(self._zero, final[:, None])]
+            )
         return Result(
             status,
             self._stepper.time,
             final,
             steps,
-            samples=None if series is None or request.estimated_by_defect else series.samples(request, status),
+            samples=None
+            if series is None or request.estimated_by_defect
+            else series.samples(request, status),
             dense=series if request.dense else None,
             derivatives=derivatives,
             divergence=divergence,

@@ -65,7 +65,9 @@ def field_constants(parameters: Parameters) -> Array:
         parameters: The disk and its friction law.
     """
     constants = parameters.at(DOUBLE)
-    return numpy.array([getattr(constants, name) for name in parameter_names(parameters.friction)[1:]])
+    return numpy.array(
+        [getattr(constants, name) for name in parameter_names(parameters.friction)[1:]]
+    )
 
 
 _MAX_LANES = 64  # eight times the widest registers; compile time grows with the number of lanes
@@ -133,7 +135,9 @@ class BatchTaylor:
         if omegas.shape != (count,) or states.shape != (count, 3) or durations.shape != (count,):
             raise InputError(f"{count} speeds need states ({count}, 3) and as many durations")
         if constants.shape not in ((len(names) - 1,), (count, len(names) - 1)):
-            raise InputError(f"the constants of the {friction} law are {len(names) - 1}, or as many for each run")
+            raise InputError(
+                f"the constants of the {friction} law are {len(names) - 1}, or as many for each run"
+            )
         if any(event.terminal for event in events):
             raise InputError("events of many runs at once are recorded; they cannot end a run")
         constants = numpy.broadcast_to(constants, (count, len(names) - 1))
@@ -156,7 +160,14 @@ class BatchTaylor:
             if abs(when) > LONGEST_WINDOW and state != tuple(states[run]):
                 return False
             pars = [omegas[run].item(), *constants[run].tolist()]
-            start = Start(ops, constants_of(pars, friction), friction, pars[0], states[run].tolist(), when >= 0)
+            start = Start(
+                ops,
+                constants_of(pars, friction),
+                friction,
+                pars[0],
+                states[run].tolist(),
+                when >= 0,
+            )
             if not start.lies_on(by_name[name], 2.0**-52):
                 return False
             return not any(start.rates(start.state)) or abs(when) <= start.window(by_name[name])[0]
@@ -185,7 +196,9 @@ class _CompiledBatch:
             own.name: [event for event in events if smooth and event.function is own.function]
             for own in (SWITCH, TURN_OVER)
         }
-        self._events = [event for event in events if all(event not in own for own in coinciding.values())]
+        self._events = [
+            event for event in events if all(event not in own for own in coinciding.values())
+        ]
         self._ops, self._friction = _shifted(numpy) if shift else numpy, friction
         self._variations, self._divergence = len(variations), divergence
         self._crossings: list[_Crossing] = []
@@ -206,7 +219,9 @@ class _CompiledBatch:
             changes = {SWITCH.name: self._signs.switched, TURN_OVER.name: self._signs.turned}
             options["t_events"] = [
                 hy.t_event_batch(
-                    functions[name], callback=self._changer(change, coinciding[name]), cooldown=START_WINDOW
+                    functions[name],
+                    callback=self._changer(change, coinciding[name]),
+                    cooldown=START_WINDOW,
                 )
                 for name, change in changes.items()
             ]
@@ -228,7 +243,9 @@ class _CompiledBatch:
         final = numpy.full((3 + len(self._rest), count), numpy.nan)
         finished = numpy.zeros(count, dtype=bool)
         crossings: list[_Crossing] = []
-        pending = [range(first, min(first + width, count)) for first in reversed(range(0, count, width))]
+        pending = [
+            range(first, min(first + width, count)) for first in reversed(range(0, count, width))
+        ]
         while pending:
             runs = pending.pop()
             lanes = numpy.resize(runs, width)  # lanes left over repeat the first runs
@@ -244,7 +261,9 @@ class _CompiledBatch:
             final[:, lanes[lane_of]] = self._stepper.state[:, lane_of]
             finished[lanes[lane_of]] = True
             crossings += [
-                (name, runs[lane], when, state) for name, lane, when, state in self._crossings if lane < len(runs)
+                (name, runs[lane], when, state)
+                for name, lane, when, state in self._crossings
+                if lane < len(runs)
             ]
         derivatives = None
         if self._variations:
@@ -275,7 +294,9 @@ class _CompiledBatch:
         if any((start.value(event) == 0).any() for event in self._events):
             # If an event function is zero to the last bit, heyoka misses its next crossing in the
             # first step.
-            stepper.propagate_until(numpy.copysign(numpy.minimum(START_WINDOW, abs(durations) / 2), durations))
+            stepper.propagate_until(
+                numpy.copysign(numpy.minimum(START_WINDOW, abs(durations) / 2), durations)
+            )
         stepper.propagate_until(durations, max_steps=max_steps)
         return numpy.array([outcome == self._reached for outcome, *_ in stepper.propagate_res])
 
@@ -298,7 +319,11 @@ class _CompiledBatch:
         def changed(stepper: Any, sign: int, lane: int) -> bool:
             change(stepper, sign, lane)
             when, state = float(stepper.time[lane]), tuple(stepper.state[:3, lane].tolist())
-            crossings.extend((event.name, lane, when, state) for event in coinciding if event.direction in (0, sign))
+            crossings.extend(
+                (event.name, lane, when, state)
+                for event in coinciding
+                if event.direction in (0, sign)
+            )
             return True
 
         return changed

@@ -62,7 +62,9 @@ class Start(NamedTuple):
             event: The event.
             state: (beta [rad], gamma [rad], v [rad/s]); the start if left out.
         """
-        return event.function(self.ops, self.constants, self.omega, *(self.state if state is None else state))
+        return event.function(
+            self.ops, self.constants, self.omega, *(self.state if state is None else state)
+        )
 
     def rates(self, state: Sequence[Any]) -> Sequence[Any]:
         """Return the field at a state [rad/s, rad/s, rad/s^2].
@@ -103,7 +105,9 @@ class Start(NamedTuple):
         """
         window = value = 0.0
         for window in _WINDOWS:
-            value = float(self.value(event, self.ahead(self.state, window if self.forward else -window)))
+            value = float(
+                self.value(event, self.ahead(self.state, window if self.forward else -window))
+            )
             if abs(value) > ROUNDINGS * epsilon:
                 break
         return window, value
@@ -157,7 +161,9 @@ def surfaces(request: Request, start: Start) -> StartSurfaces:
     epsilon = float(request.precision.epsilon)
     if any(type(x) is float for x in request.state):
         epsilon = max(epsilon, 2.0**-52)
-    looked_at = [event for event in request.events if event.name != FLAT.name or request.domain == "none"]
+    looked_at = [
+        event for event in request.events if event.name != FLAT.name or request.domain == "none"
+    ]
     values = [(event, start.value(event)) for event in looked_at]
     on = [(event, value) for event, value in values if abs(value) <= ROUNDINGS * epsilon]
     if not on:
@@ -169,4 +175,6 @@ def surfaces(request: Request, start: Start) -> StartSurfaces:
         state=[float(x) for x in start.state],
     )
     window = max(in_doubles.window(event, max(epsilon, 2.0**-52))[0] for event, _ in on)
-    return StartSurfaces(tuple(event.name for event, _ in on), window, any(value == 0 for _, value in on))
+    return StartSurfaces(
+        tuple(event.name for event, _ in on), window, any(value == 0 for _, value in on)
+    )

@@ -36,7 +36,9 @@ _MAX_RESIDUAL_SLIP = 1000  # the slip that may be left at a switch, in roundings
 class FrictionSign:
     """The sign of gamma_y with which an integrator computes, its last parameter."""
 
-    def __init__(self, precision: Precision, watched: Sequence[Event], records: list[EventRecord]) -> None:
+    def __init__(
+        self, precision: Precision, watched: Sequence[Event], records: list[EventRecord]
+    ) -> None:
         self._watched, self._records = watched, records
         self._one, self._owned = precision.number(1), precision.owned
         self._epsilon = float(precision.epsilon)

@@ -11,7 +11,13 @@ from random import Random
 from typing import Any
 
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.flow.contract import FLAT, SLIDING_REVERSAL, STATE_VARIATIONS, Event, Variation
+from tippedisk_verify.flow.contract import (
+    FLAT,
+    SLIDING_REVERSAL,
+    STATE_VARIATIONS,
+    Event,
+    Variation,
+)
 from tippedisk_verify.model.equations import field, jacobian, shifted
 from tippedisk_verify.model.parameters import Constants, Friction
 from tippedisk_verify.model.precision import Precision, heyoka_module
@@ -63,7 +69,11 @@ def constants_of(pars: Any, friction: Friction) -> Constants:
 
 
 def system_of(
-    variations: Sequence[Variation], divergence: bool, events: Sequence[Event], shift: bool, friction: Friction
+    variations: Sequence[Variation],
+    divergence: bool,
+    events: Sequence[Event],
+    shift: bool,
+    friction: Friction,
 ) -> tuple[Any, dict[str, Any]]:
     """Return the heyoka system of a request, and the expressions of the events by name.
 
@@ -95,7 +105,9 @@ def system_of(
         variables = dict(zip((*STATE_VARIATIONS, *names), (*state, *pars), strict=True))
         unknown = [name for name in variations if name not in variables]
         if unknown:
-            raise InputError(f"no derivative with respect to '{unknown[0]}': use {', '.join(variables)}")
+            raise InputError(
+                f"no derivative with respect to '{unknown[0]}': use {', '.join(variables)}"
+            )
         system = hy.var_ode_sys(system, [variables[name] for name in variations])
     return system, {event.name: event.function(ops, constants, omega, *state) for event in events}
 
@@ -122,7 +134,10 @@ def nudged(values: Sequence[Any], pattern: int, precision: Precision) -> list[An
         pattern: The number of the twin, 1, 2, ..., which decides how each number moves.
         precision: Their arithmetic.
     """
-    return [value * factor for value, factor in zip(values, _factors(len(values), pattern, precision), strict=True)]
+    return [
+        value * factor
+        for value, factor in zip(values, _factors(len(values), pattern, precision), strict=True)
+    ]
 
 
 @lru_cache(maxsize=256)
@@ -131,4 +146,6 @@ def _factors(count: int, pattern: int, precision: Precision) -> tuple[Any, ...]:
     block, turn = divmod(pattern, _PATTERNS_PER_ROUND)
     random = Random(block)  # differs between rounds of patterns, is the same on every machine
     moves = [random.sample(range(_PATTERNS_PER_ROUND), 2) for _ in range(count)]
-    return tuple(one + ulp if turn == up else one - ulp if turn == down else one for up, down in moves)
+    return tuple(
+        one + ulp if turn == up else one - ulp if turn == down else one for up, down in moves
+    )

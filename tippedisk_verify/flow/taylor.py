@@ -59,7 +59,9 @@ class Taylor:
         compact: bool | None = None,
     ) -> None:
         if high_accuracy and fast_math:
-            raise InputError("fast_math would reorder the sums that high_accuracy compensates: choose one")
+            raise InputError(
+                "fast_math would reorder the sums that high_accuracy compensates: choose one"
+            )
         self._options: dict[str, Any] = {"high_accuracy": high_accuracy, "fast_math": fast_math}
         self._compact = compact
         self._integrators = CompiledRunners()
@@ -110,7 +112,10 @@ class Taylor:
             # This is rare. Only now is the event worth compiling, and only it finds the time.
             return self(replace(request, domain="event"))
         if request.domain == "event" and _outside(request, result):
-            raise InputError("this start is so close to the floor that rounding decides whether the disk leaves it")
+            raise InputError(
+                "this start is so close to the floor that rounding decides whether "
+                "the disk leaves it"
+            )
         if request.error_estimate:
             return self._with_error(request, result)
         return result
@@ -143,7 +148,11 @@ def _outside(request: Request, result: Result) -> bool:
     """Return True if the end or a sample has sin(beta) <= 0."""
     if not result.status.usable or result.status is Status.FLAT:
         return False
-    samples = result.series.samples(request, result.status) if request.estimated_by_defect else result.samples
+    samples = (
+        result.series.samples(request, result.status)
+        if request.estimated_by_defect
+        else result.samples
+    )
     angles = [result.state[0], *(() if samples is None else samples[:, 0])]
     # The angle lies far enough from the edge that the float's sign is the number's.
     sine = numpy.cos if request.shifted else numpy.sin

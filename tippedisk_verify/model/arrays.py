@@ -83,7 +83,11 @@ def workable(values: Any) -> Any:
     Args:
         values: An array, or None.
     """
-    return values if values is None or values.dtype in (float, numpy.longdouble) else values.astype(object)
+    return (
+        values
+        if values is None or values.dtype in (float, numpy.longdouble)
+        else values.astype(object)
+    )
 
 
 @undisturbed_methods
@@ -119,7 +123,9 @@ class OnArrays:
         try:
             beta, gamma, v = y
         except (TypeError, ValueError):
-            raise InputError("a state has three entries, beta, gamma and v, or three rows of them") from None
+            raise InputError(
+                "a state has three entries, beta, gamma and v, or three rows of them"
+            ) from None
         return numpy.array(self._function(beta, gamma, v))
 
     def __reduce__(self) -> tuple[Any, ...]:

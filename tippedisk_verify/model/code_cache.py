@@ -28,7 +28,9 @@ _COLUMNS = ", ".join(f"CAST({name} AS BLOB)" for name in _READ)
 _ENTRIES = f"SELECT hash, digest, {_COLUMNS} FROM cache LEFT JOIN digests USING (hash)"
 _TABLE = "CREATE TABLE IF NOT EXISTS digests (hash INTEGER PRIMARY KEY, digest BLOB NOT NULL)"
 _FORGET = "DELETE FROM digests WHERE hash NOT IN (SELECT hash FROM cache)"
-_RECKON = "UPDATE config SET value = (SELECT COALESCE(SUM(size), 0) FROM cache) WHERE key = 'total_size'"
+_RECKON = (
+    "UPDATE config SET value = (SELECT COALESCE(SUM(size), 0) FROM cache) WHERE key = 'total_size'"
+)
 # heyoka's state, the file, its note, and the size of all entries when each had a checksum.
 _in_use: list[Any] = []
 
@@ -67,7 +69,8 @@ def vouch(*, ending: bool = False) -> None:
         _in_use[3] = size = llvm_state.get_diskcache_size()
         if ending or size != before:
             sound = note.read_bytes() == _stamp(path)
-            llvm_state.set_diskcache_path(str(path.parent))  # closes it: two SQLites undo each other's locks
+            # Closes it: two SQLites undo each other's locks
+            llvm_state.set_diskcache_path(str(path.parent))
             _settle(path, note, adding=True, checking=not sound)
 
 
@@ -79,14 +82,23 @@ def _settle(path: Path, note: Path, *, adding: bool, checking: bool) -> None:
     """
     before = _stamp(path)
     try:
-        with closing(sqlite3.connect(f"{path.as_uri()}?mode=rw", uri=True, isolation_level=None)) as base:
+        with closing(
+            sqlite3.connect(f"{path.as_uri()}?mode=rw", uri=True, isolation_level=None)
+        ) as base:
             base.execute("BEGIN IMMEDIATE")
             base.execute(_TABLE)
             if adding:
-                new = [(key, _digest(values)) for key, _, *values in base.execute(f"{_ENTRIES} WHERE digest IS NULL")]
+                new = [
+                    (key, _digest(values))
+                    for key, _, *values in base.execute(f"{_ENTRIES} WHERE digest IS NULL")
+                ]
                 base.executemany("INSERT INTO digests VALUES (?, ?)", new)
             if checking:
-                wrong = [(key,) for key, digest, *values in base.execute(_ENTRIES) if digest != _digest(values)]
+                wrong = [
+                    (key,)
+                    for key, digest, *values in base.execute(_ENTRIES)
+                    if digest != _digest(values)
+                ]
                 base.executemany("DELETE FROM cache WHERE hash = ?", wrong)
                 base.execute(_FORGET)
                 base.execute(_RECKON)
@@ -95,7 +107,10 @@ def _settle(path: Path, note: Path, *, adding: bool, checking: bool) -> None:
         if alone and not path.with_name("cache.db-wal").exists():
             note.write_bytes(_stamp(path))
     except sqlite3.DatabaseError as fault:
-        if isinstance(fault, sqlite3.OperationalError) and fault.sqlite_errorcode != sqlite3.SQLITE_ERROR:
+        if (
+            isinstance(fault, sqlite3.OperationalError)
+            and fault.sqlite_errorcode != sqlite3.SQLITE_ERROR
+        ):
             raise  # locked, read-only or a full disk: the file itself may be sound
         path.unlink(missing_ok=True)
 

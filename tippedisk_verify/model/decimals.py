@@ -39,7 +39,9 @@ def _context(digits: int, rounding: str) -> Context:
     exponents have the widest range, so that no number met here overflows.
     """
     traps = [InvalidOperation, DivisionByZero, Overflow]
-    return Context(digits, rounding, Emin=MIN_EMIN, Emax=MAX_EMAX, capitals=1, clamp=0, flags=[], traps=traps)
+    return Context(
+        digits, rounding, Emin=MIN_EMIN, Emax=MAX_EMAX, capitals=1, clamp=0, flags=[], traps=traps
+    )
 
 
 _TRUNCATED = _context(1, ROUND_DOWN)
@@ -90,7 +92,8 @@ def exact_decimals(value: Fraction) -> tuple[str, str]:
         value: The number.
     """
     places = value.denominator.bit_length()
-    if 10**places % value.denominator:  # a repeating decimal: fifty digits and the half-width of the cut
+    # A repeating decimal: fifty digits and the half-width of the cut
+    if 10**places % value.denominator:
         text, cut = at_place(value, decimal_magnitude(value) - 50)
         return text, rounded_up(cut)
     while places and not value.numerator * 10 ** (places - 1) % value.denominator:
@@ -98,7 +101,9 @@ def exact_decimals(value: Fraction) -> tuple[str, str]:
     return at_place(value, -places)[0], "0"
 
 
-def at_place(value: Fraction, place: int, rounding: Callable[[Fraction], int] = round) -> tuple[str, Fraction]:
+def at_place(
+    value: Fraction, place: int, rounding: Callable[[Fraction], int] = round
+) -> tuple[str, Fraction]:
     """Round ``value`` to a multiple of ``10**place`` and return it with the change.
 
     Args:

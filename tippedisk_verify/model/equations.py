@@ -119,13 +119,16 @@ def checked_speeds(omegas: object) -> list[Fraction]:
 
 
 class Terms(NamedTuple):
-    """The paper's quantities at one state, in SI units: M v' - h = f_G + w_y lambda_Ty (Eq. 3DOF)."""
+    """The paper's quantities at one state, in SI units: M v' - h = f_G + w_y lambda_Ty (Eq.
+    3DOF).
+    """
 
     mass: Any  #: M [kg m^2], Eq. MassMatrix_3DOF
     gyroscopic: Any  #: h [N m], Eq. GyroVector_3DOF
     gravity: Any  #: f_G [N m], Eq. force_3DOF
     direction: Any  #: w_y [m], Eq. gendir_3DOF
-    sliding_velocity: Any  #: gamma_y [m/s], Eq. gamma_y_3DOF with its sin(beta)^2 read as (sin beta)^2
+    #: gamma_y [m/s], Eq. gamma_y_3DOF with its sin(beta)^2 read as (sin beta)^2
+    sliding_velocity: Any
 
 
 def terms(ops: Ops, constants: Constants, omega: Any, beta: Any, gamma: Any, v: Any) -> Terms:
@@ -175,7 +178,9 @@ def friction_force(constants: Constants, sliding_velocity: Any, friction: Fricti
     return -weight * sliding_velocity / (abs(sliding_velocity) + constants.epsilon)
 
 
-def field(ops: Ops, constants: Constants, omega: Any, friction: Friction, side: Any = None) -> Field:
+def field(
+    ops: Ops, constants: Constants, omega: Any, friction: Friction, side: Any = None
+) -> Field:
     """Return the vector field ``(beta, gamma, v) -> (beta', gamma', v')`` (Eq. 3DOF).
 
     Its values are in rad/s, rad/s and rad/s^2. Terms that do not depend on the state are computed
@@ -193,7 +198,12 @@ def field(ops: Ops, constants: Constants, omega: Any, friction: Friction, side: 
     sin, cos = ops.sin, ops.cos
     r, e, b, g = constants.r, constants.e, constants.b, constants.g
     # Sums, because an integer factor would widen numbers of fewer bits than it has.
-    asymmetry, three_e, omega_squared, e_omega = constants.a - b, e + e + e, omega * omega, e * omega
+    asymmetry, three_e, omega_squared, e_omega = (
+        constants.a - b,
+        e + e + e,
+        omega * omega,
+        e * omega,
+    )
     twice_asymmetry = asymmetry + asymmetry
     linear = friction == "linear"
     k, traction, epsilon = constants.k, constants.traction, constants.epsilon
@@ -205,11 +215,14 @@ def field(ops: Ops, constants: Constants, omega: Any, friction: Friction, side: 
         rho_cos2 = cos_b * lever
         mass = b + asymmetry * (cos_g * cos_g) + lever * lever  # M / m
         sweep = rho * v
-        # h + f_G = m cos(beta) * (...): Omega^2 [K + e rho cos^2(beta) sin(gamma)] = Omega^2 [M - r rho cos^2(beta)]
-        # because e sin(gamma) = rho - r; the mixed term uses 3 sin^2(beta) - 2 = 1 - 3 cos^2(beta) likewise.
+        # h + f_G = m cos(beta) * (...): Omega^2 [K + e rho cos^2(beta) sin(gamma)] = Omega^2 [M - r
+        # rho cos^2(beta)] because e sin(gamma) = rho - r; the mixed term uses 3 sin^2(beta) - 2 = 1
+        # - 3 cos^2(beta) likewise.
         mixed = twice_asymmetry * sin_g + e * rho - three_e * rho_cos2
         drive = (
-            sin_b * (sweep * sweep + omega_squared * (mass - r * rho_cos2)) - omega * (cos_g * (v * mixed)) - g * rho
+            sin_b * (sweep * sweep + omega_squared * (mass - r * rho_cos2))
+            - omega * (cos_g * (v * mixed))
+            - g * rho
         )
         # w_y gamma_y = rho sin^2(beta) * slip, and rho sin^2(beta) = rho - rho cos^2(beta).
         slip = sweep - e_omega * (sin_b * cos_g)  # gamma_y / sin(beta)
@@ -218,7 +231,9 @@ def field(ops: Ops, constants: Constants, omega: Any, friction: Friction, side: 
             resistance = k * grip
         else:
             sliding = sin_b * slip
-            resistance = traction * grip / ((abs(sliding) if side is None else side * sliding) + epsilon)
+            resistance = (
+                traction * grip / ((abs(sliding) if side is None else side * sliding) + epsilon)
+            )
         return v, -(omega * cos_b), (cos_b * drive - resistance) / mass
 
     return vector_field
@@ -238,7 +253,12 @@ def jacobian(
     """
     sin, cos = ops.sin, ops.cos
     r, e, b, g = constants.r, constants.e, constants.b, constants.g
-    asymmetry, three_e, omega_squared, e_omega = constants.a - b, e + e + e, omega * omega, e * omega
+    asymmetry, three_e, omega_squared, e_omega = (
+        constants.a - b,
+        e + e + e,
+        omega * omega,
+        e * omega,
+    )
     twice_asymmetry = asymmetry + asymmetry
     linear = friction == "linear"
     k, traction, epsilon = constants.k, constants.traction, constants.epsilon
@@ -268,7 +288,11 @@ def jacobian(
         width = rho - rho_cos2
         width_b, width_g = 2 * lever * sin_b, rho_g - rho_g * cos_b * cos_b
         grip = width * slip
-        grip_b, grip_g, grip_v = width_b * slip + width * slip_b, width_g * slip + width * slip_g, width * slip_v
+        grip_b, grip_g, grip_v = (
+            width_b * slip + width * slip_b,
+            width_g * slip + width * slip_g,
+            width * slip_v,
+        )
         if linear:
             resistance, resist_b, resist_g, resist_v = k * grip, k * grip_b, k * grip_g, k * grip_v
         else:
@@ -321,6 +345,8 @@ def normal_force_over_weight(
     rho_rate = rho_g * gamma_rate
     rho_acceleration = rho_g * gamma_acceleration - constants.e * sin_g * gamma_rate * gamma_rate
     height_acceleration = (
-        rho_acceleration * sin_b + 2 * rho_rate * cos_b * v + rho * (cos_b * acceleration - sin_b * v * v)
+        rho_acceleration * sin_b
+        + 2 * rho_rate * cos_b * v
+        + rho * (cos_b * acceleration - sin_b * v * v)
     )
     return 1 + height_acceleration / constants.g

@@ -101,7 +101,8 @@ class Exact:
         if not self.pi_multiple:
             return _round_fraction(self.rational, mantissa_bits)
         working = mantissa_bits + 64
-        while True:  # Ziv's loop: pi is irrational, so the two ends round alike once there are enough bits
+        # Ziv's loop: pi is irrational, so the two ends round alike once there are enough bits
+        while True:
             low, high = (_round_fraction(end, mantissa_bits) for end in self.enclosed(working))
             if low == high:
                 return low
@@ -248,7 +249,9 @@ def _unwrapped(value: Any) -> Exact | Binary | Decimal | float | str:
         if hasattr(value, "__index__"):
             return Exact(Fraction(operator.index(value)))
         if hasattr(value, "numerator"):
-            return Exact(Fraction(operator.index(value.numerator), operator.index(value.denominator)))
+            return Exact(
+                Fraction(operator.index(value.numerator), operator.index(value.denominator))
+            )
         return Exact(Fraction(*map(int, value.as_integer_ratio())))
     except (ValueError, OverflowError):  # raised by a number that is infinite or NaN
         return math.nan
@@ -266,7 +269,11 @@ def entries(values: object) -> list[Any]:
         InputError: The array has a unit or masked elements, as in `refuse_qualified`.
     """
     refuse_qualified(values)
-    single = isinstance(values, str | bytes) or getattr(values, "shape", None) == () or not isinstance(values, Iterable)
+    single = (
+        isinstance(values, str | bytes)
+        or getattr(values, "shape", None) == ()
+        or not isinstance(values, Iterable)
+    )
     return [values] if single else list(values)  # type: ignore[call-overload]
 
 
@@ -294,7 +301,9 @@ def exact(value: object) -> Exact:
     if pair is None or abs(pair.exponent) > _LARGEST_BINARY_EXPONENT:
         raise InputError(f"a finite number is needed, not {shown(value)}")
     mantissa, exponent = pair
-    return Exact(Fraction(mantissa << exponent) if exponent >= 0 else Fraction(mantissa, 1 << -exponent))
+    return Exact(
+        Fraction(mantissa << exponent) if exponent >= 0 else Fraction(mantissa, 1 << -exponent)
+    )
 
 
 def fraction(value: object) -> Fraction:
@@ -341,7 +350,8 @@ def whole(value: object, least: int, most: int) -> int | None:
 def shown(value: object) -> str:
     """Return the beginning of a value's text, for messages of one line."""
     try:
-        text = repr(value) if isinstance(value, bytes | bytearray) else str(value)  # `python -bb` has no str of these
+        # `python -bb` has no str of these
+        text = repr(value) if isinstance(value, bytes | bytearray) else str(value)
     except Exception:
         return f"an object of type {type(value).__name__}"
     return " ".join(text.split())[:40] if len(text) <= _LARGEST_TEXT else text[:40]
@@ -378,7 +388,8 @@ def _decimal_fraction(text: str, shown: str) -> Fraction:
     exponent = re.split("[eE]", text)[1:]
     if exponent and (len(exponent[0]) > 8 or abs(int(exponent[0])) > _LARGEST_DECIMAL_EXPONENT):
         raise InputError(f"'{shown}' has a decimal exponent beyond {_LARGEST_DECIMAL_EXPONENT}")
-    return Fraction(Decimal(text))  # unlike Fraction(text), without a limit of digits that a program may set
+    # Unlike Fraction(text), without a limit of digits that a program may set
+    return Fraction(Decimal(text))
 
 
 @lru_cache(maxsize=64)
@@ -397,7 +408,9 @@ def _round_fraction(value: Fraction, mantissa_bits: int) -> tuple[int, int]:
     """
     from mpmath.libmp import from_rational, round_nearest
 
-    sign, mantissa, exponent, _ = from_rational(value.numerator, value.denominator, mantissa_bits, round_nearest)
+    sign, mantissa, exponent, _ = from_rational(
+        value.numerator, value.denominator, mantissa_bits, round_nearest
+    )
     return (-int(mantissa) if sign else int(mantissa)), exponent
 
 

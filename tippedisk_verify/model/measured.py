@@ -16,7 +16,13 @@ from functools import partialmethod
 from typing import Any
 
 from tippedisk_verify.errors import AccuracyError, InputError
-from tippedisk_verify.model.decimals import arithmetic, at_place, decimal_magnitude, exact_decimals, rounded_up
+from tippedisk_verify.model.decimals import (
+    arithmetic,
+    at_place,
+    decimal_magnitude,
+    exact_decimals,
+    rounded_up,
+)
 from tippedisk_verify.model.exact import Approximate, fraction, quotient, shown
 
 __all__ = ["DISTANCES", "Bounded", "HalfWidth", "Measured"]
@@ -87,7 +93,10 @@ class Bounded(Approximate):
             return str(self)
         if spec[-1] in "gGeEfF%" and "." not in spec:
             return format(float(self), spec)
-        return format(Decimal(Measured(self.value, self.uncertainty).decimals()[0]) if self.value else 0.0, spec)
+        return format(
+            Decimal(Measured(self.value, self.uncertainty).decimals()[0]) if self.value else 0.0,
+            spec,
+        )
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> Any:
         """Return the double nearest to the value as an array of no dimensions.
@@ -120,7 +129,9 @@ class Bounded(Approximate):
             return getattr(function, method)(*map(exactly, inputs), **options)
         except (TypeError, AttributeError) as fault:
             offered = f"sqrt, exp, log, log10, sin, cos and tan, not {function.__name__}"
-            raise TypeError(f"numbers with half-widths support {offered}: use float(x) instead") from fault
+            raise TypeError(
+                f"numbers with half-widths support {offered}: use float(x) instead"
+            ) from fault
 
     def _ends(self) -> tuple[Fraction, Fraction]:
         """Return the least and the greatest possible true value."""
@@ -170,7 +181,8 @@ class Bounded(Approximate):
         low, high = map(rounding, self._ends())
         if low != high:
             raise AccuracyError(
-                f"{self} may be rounded to {shown(low)} or to {shown(high)}: ask for more digits, or round float(x)"
+                f"{self} may be rounded to {shown(low)} or to {shown(high)}: ask for more digits, "
+                f"or round float(x)"
             )
         return low
 
@@ -224,7 +236,9 @@ class Bounded(Approximate):
             return (self.log() * other).exp()
         base, size = self if power >= 0 else self._inverse(), abs(int(power))
         # A power changes most at the end that lies farthest from zero.
-        return Measured(base.value**size, max(map(abs, base._ends())) ** size - abs(base.value) ** size)
+        return Measured(
+            base.value**size, max(map(abs, base._ends())) ** size - abs(base.value) ** size
+        )
 
     def __rpow__(self, other: object) -> Measured:
         theirs = _operand(other)
@@ -241,7 +255,8 @@ class Bounded(Approximate):
         low, high = self._ends()
         if {"sqrt": low < 0, "log": low <= 0}.get(name):
             raise InputError(
-                f"{name} of {self} is not defined: the number may be {'' if low < 0 else 'zero or '}negative"
+                f"{name} of {self} is not defined: the number may be "
+                f"{'' if low < 0 else 'zero or '}negative"
             )
         if name == "exp" and max(-low, high) > _LARGEST_EXPONENT:
             raise InputError(f"exp of {self} may lie beyond 1e±43000")
@@ -292,8 +307,8 @@ class HalfWidth(Fraction):
             return format(Decimal(self.numerator) / Decimal(self.denominator), spec)
 
 
-#: A half-width that stands for none, and the bound beyond which sums and products with such a number stay. Exponentials
-#: end at 1e43000, far below it.
+#: A half-width that stands for none, and the bound beyond which sums and products with such a
+#: number stay. Exponentials end at 1e43000, far below it.
 _INFINITE, _UNMEASURED = HalfWidth(1 << 400_000), HalfWidth(1 << 330_000)
 
 
@@ -339,13 +354,17 @@ class Measured(Bounded):
 
     @classmethod
     def without_half_width(cls, value: object, digits: int = _DOUBLE_DIGITS) -> Measured:
-        """Return a number whose error was not measured; beyond doubles, rounded to three digits more than ``digits``.
+        """Return a number whose error was not measured; beyond doubles, rounded to three digits
+        more than ``digits``.
 
-        It is shown without a half-width, or with an infinite one, and no comparison by size is decided by it.
+        It is shown without a half-width, or with an infinite one, and no comparison by size is
+        decided by it.
         """
         exact_value = fraction(value)
         if exact_value and digits > _DOUBLE_DIGITS:
-            exact_value = Fraction(at_place(exact_value, decimal_magnitude(exact_value) - digits - 2)[0])
+            exact_value = Fraction(
+                at_place(exact_value, decimal_magnitude(exact_value) - digits - 2)[0]
+            )
         return cls(exact_value, _INFINITE)
 
     @classmethod
@@ -389,8 +408,11 @@ class Measured(Bounded):
             return exact_decimals(self.value)
         if not self.is_measured:
             double = float(self.value)
-            return repr(double) if double == self.value else exact_decimals(self.value)[0], "infinite"
-        # Two digits beyond the leading digit of the half-width: the rounding adds at most 5 % to it.
+            return repr(double) if double == self.value else exact_decimals(self.value)[
+                0
+            ], "infinite"
+        # Two digits beyond the leading digit of the half-width: the rounding adds at most 5 % to
+        # it.
         text, change = at_place(self.value, decimal_magnitude(self.uncertainty) - 2)
         return text, rounded_up(self.uncertainty + change)
 

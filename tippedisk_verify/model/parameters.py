@@ -97,11 +97,17 @@ class Parameters(Printable):
     epsilon: Fraction = _quantity("m/s", "text below Eq. lin_lambda_y_3DOF, smoothing parameter")
     C: Fraction | None = field(
         default=None,
-        metadata={"unit": "kg m^2", "source": "Table tab:dim_mass, inertia (3,3); enters no equation here"},
+        metadata={
+            "unit": "kg m^2",
+            "source": "Table tab:dim_mass, inertia (3,3); enters no equation here",
+        },
     )
     name: str = "custom"
-    friction: Friction = "linear"  #: Eq. lin_lambda_y_3DOF, or the smooth Coulomb law that it linearises
-    _constants: dict[Precision, Constants] = field(default_factory=dict, init=False, repr=False, compare=False)
+    #: Eq. lin_lambda_y_3DOF, or the smooth Coulomb law that it linearises
+    friction: Friction = "linear"
+    _constants: dict[Precision, Constants] = field(
+        default_factory=dict, init=False, repr=False, compare=False
+    )
 
     def _given(self) -> dict[str, Any]:
         """Return the fields without the values computed from them."""
@@ -114,7 +120,11 @@ class Parameters(Printable):
         return (*(getattr(self, name) for name in SYMBOLS), self.friction)
 
     def __eq__(self, other: object) -> bool:
-        return self._equations() == other._equations() if isinstance(other, Parameters) else NotImplemented
+        return (
+            self._equations() == other._equations()
+            if isinstance(other, Parameters)
+            else NotImplemented
+        )
 
     def __hash__(self) -> int:
         return hash(self._equations())
@@ -133,7 +143,10 @@ class Parameters(Printable):
             if number <= 0:
                 faults.append(f"parameter {item.name} must be positive, not {shown(value)}")
             elif not _SMALLEST <= number <= 1 / _SMALLEST:
-                faults.append(f"parameter {item.name} must lie between 1e-30 and 1e30 in SI units, not {shown(value)}")
+                faults.append(
+                    f"parameter {item.name} must lie between 1e-30 and 1e30 in SI units, "
+                    f"not {shown(value)}"
+                )
             object.__setattr__(self, item.name, number)
         checked_friction(self.friction)
         if not faults:
@@ -171,7 +184,9 @@ class Parameters(Printable):
         """
         constants = self._constants.get(precision)
         if constants is None:
-            constants = self._constants[precision] = Constants(*(precision.number(value) for value in self._exact()))
+            constants = self._constants[precision] = Constants(
+                *(precision.number(value) for value in self._exact())
+            )
         return constants
 
     def rational(self) -> Constants:
@@ -260,7 +275,9 @@ class Parameters(Printable):
         It identifies the disk of a statement.
         """
         return ", ".join(
-            f"{item.name} = {exact_text(getattr(self, item.name))} {item.metadata['unit']}".removesuffix(" 1")
+            f"{item.name} = {exact_text(getattr(self, item.name))} {item.metadata['unit']}".removesuffix(
+                " 1"
+            )
             for item in fields(self)
             if item.name in Constants._fields
         )
@@ -281,7 +298,8 @@ class Parameters(Printable):
         if "." in name_or_path or "/" in name_or_path or "\\" in name_or_path:
             return cls.from_toml(Path(name_or_path))
         raise InputError(
-            f"parameter set '{name_or_path[:60]}' is not known: use {', '.join(NAMED_SETS)} or a .toml file"
+            f"parameter set '{name_or_path[:60]}' is not known: use {', '.join(NAMED_SETS)} or a "
+            f".toml file"
         )
 
     @classmethod
@@ -303,14 +321,22 @@ class Parameters(Printable):
         """
         entries = _toml_entries(path)
         allowed = ", ".join(_QUANTITIES)
-        faults = [f"unknown key '{key[:40]}' (allowed: {allowed})" for key in entries if key not in _QUANTITIES]
-        faults += [f"key '{key}' is missing" for key in _QUANTITIES if key != "C" and key not in entries]
+        faults = [
+            f"unknown key '{key[:40]}' (allowed: {allowed})"
+            for key in entries
+            if key not in _QUANTITIES
+        ]
+        faults += [
+            f"key '{key}' is missing" for key in _QUANTITIES if key != "C" and key not in entries
+        ]
         if faults:
             raise InputError(f"parameter file {path.name}: {'; '.join(faults)}")
         try:
             return cls(**entries, name=_file_name(path))
         except InputError as fault:
-            raise InputError(f"parameter file {path.name}: {line}" for line in fault.faults) from None
+            raise InputError(
+                f"parameter file {path.name}: {line}" for line in fault.faults
+            ) from None
 
 
 #: The names of the numbers: the eight that the equations need, and C.
@@ -344,12 +370,15 @@ def _toml_entries(path: Path) -> dict[str, Any]:
         with open(path, "rb") as stream:
             content = stream.read(_MAX_FILE_BYTES + 1)
     except (OSError, ValueError) as fault:  # ValueError for a name with a null character
-        raise InputError(f"parameter file {path} cannot be read: {getattr(fault, 'strerror', None) or fault}") from None
+        raise InputError(
+            f"parameter file {path} cannot be read: {getattr(fault, 'strerror', None) or fault}"
+        ) from None
     if len(content) > _MAX_FILE_BYTES:
         raise InputError(f"parameter file {path} is larger than {_MAX_FILE_BYTES} bytes")
     if any(line.count(b".") > _MAX_DOTS_PER_LINE for line in content.split(b"\n")):
         raise InputError(
-            f"parameter file {path} has a line with more than {_MAX_DOTS_PER_LINE} dots: it is not a parameter file"
+            f"parameter file {path} has a line with more than {_MAX_DOTS_PER_LINE} dots: it is not "
+            f"a parameter file"
         )
     try:
         entries = tomllib.loads(content.decode("utf-8-sig"), parse_float=Decimal)
@@ -357,7 +386,9 @@ def _toml_entries(path: Path) -> dict[str, Any]:
         reason = str(fault).splitlines()[0][:120]
         raise InputError(f"parameter file {path.name} is not a TOML text file: {reason}") from None
     if not entries:
-        raise InputError(f"parameter file {path.name} is empty: it needs the keys r, e, m, A, B, g, mu, epsilon")
+        raise InputError(
+            f"parameter file {path.name} is empty: it needs the keys r, e, m, A, B, g, mu, epsilon"
+        )
     return entries
 
 
@@ -371,7 +402,9 @@ PRINTED = Parameters(**_DISK, A=_F("0.249e-3"), B=_F("0.227e-3"), C=_F("0.468e-3
 CALIBRATED = Parameters(**_DISK, A=_F("0.24884e-3"), B=_F("0.22656e-3"), name="calibrated")
 #: A sharp-edged disk of radius 45 mm and thickness 10 mm, with a hole of radius 15 mm. The centre
 #: of the hole lies 20 mm from that of the disk.
-GEOMETRY = Parameters(**_DISK, A=_F("0.2483125e-3"), B=_F("0.2265625e-3"), C=_F("0.467625e-3"), name="geometry")
+GEOMETRY = Parameters(
+    **_DISK, A=_F("0.2483125e-3"), B=_F("0.2265625e-3"), C=_F("0.467625e-3"), name="geometry"
+)
 #: The sets that describe the paper's disk; the paper's claims are judged on these.
 NAMED_SETS = {parameters.name: parameters for parameters in (PRINTED, CALIBRATED, GEOMETRY)}
 _ALIASES = {"printed": PRINTED.name}  # the name in the ids of the reference data

@@ -102,7 +102,13 @@ class Precision:
         """A namespace with sin, cos, exp, log and sqrt for scalars of this precision."""
         import numpy
 
-        return self._mpfr_functions() if self.kind == "real" else math if self.kind == "double" else numpy
+        return (
+            self._mpfr_functions()
+            if self.kind == "real"
+            else math
+            if self.kind == "double"
+            else numpy
+        )
 
     def _mpfr_functions(self) -> Any:
         """Return functions of heyoka's MPFR numbers, computed by mpmath.
@@ -120,7 +126,9 @@ class Precision:
                     return self.number(result)
             return zero / 0
 
-        return SimpleNamespace(**{name: partial(function, name) for name in ("sin", "cos", "exp", "log", "sqrt")})
+        return SimpleNamespace(
+            **{name: partial(function, name) for name in ("sin", "cos", "exp", "log", "sqrt")}
+        )
 
     @property
     def context(self) -> Any:
@@ -199,7 +207,10 @@ class Precision:
 
         # In arrays of other classes, such as masked arrays, each element is checked.
         plain = type(values) is numpy.ndarray and self.kind != "real"
-        if plain and (values.dtype in (self.type, float) or (self.kind == "double" and values.dtype.kind == "f")):
+        if plain and (
+            values.dtype in (self.type, float)
+            or (self.kind == "double" and values.dtype.kind == "f")
+        ):
             return values.astype(self.type, copy=False)
         return self.array(values)
 
@@ -260,7 +271,10 @@ class Precision:
         # The exponent, too, must be a number of these bits: heyoka reads a plain integer as one of
         # 64 bits. It is split in two, so that these bits hold each part.
         rest = exponent % (1 << 20)
-        powers = (self.type(2, self.bits) ** self.type(power, self.bits) for power in (exponent - rest, rest))
+        powers = (
+            self.type(2, self.bits) ** self.type(power, self.bits)
+            for power in (exponent - rest, rest)
+        )
         return self.type(mantissa, self.bits) * next(powers) * next(powers)
 
 
@@ -280,7 +294,9 @@ def bits(count: int) -> Precision:
     """
     number = whole(count, 24, _MOST_BITS)
     if number is None:
-        raise InputError(f"a precision of {shown(count)} bits is not offered: use 24 to {_MOST_BITS}")
+        raise InputError(
+            f"a precision of {shown(count)} bits is not offered: use 24 to {_MOST_BITS}"
+        )
     return Precision("real", number)
 
 
@@ -309,8 +325,16 @@ def checked_digits(digits: object) -> int:
     """
     number = whole(digits, 1, _MOST_DIGITS)
     if number is None:
-        kind = "the text " if isinstance(digits, str) else "the float " if isinstance(digits, float) else ""
-        raise InputError(f"digits are a whole number from 1 to {_MOST_DIGITS}, not {kind}{shown(digits)}")
+        kind = (
+            "the text "
+            if isinstance(digits, str)
+            else "the float "
+            if isinstance(digits, float)
+            else ""
+        )
+        raise InputError(
+            f"digits are a whole number from 1 to {_MOST_DIGITS}, not {kind}{shown(digits)}"
+        )
     return number
 
 
@@ -351,7 +375,8 @@ def heyoka_module() -> ModuleType:
             import heyoka
         except ImportError as fault:
             raise type(fault)(
-                f"heyoka, the integrator ({fault}); its wheels are for Linux on x86_64 and aarch64, glibc 2.28 or newer"
+                f"heyoka, the integrator ({fault}); its wheels are for Linux on x86_64 and "
+                f"aarch64, glibc 2.28 or newer"
             ) from fault
 
         heyoka.llvm_state.set_memcache_limit(256 * 2**20)  # bytes

@@ -78,7 +78,9 @@ def quantities(kind: type) -> dict[str, QuantityMeaning]:
     Args:
         kind: The class.
     """
-    return {item.name: item.metadata["quantity"] for item in fields(kind) if "quantity" in item.metadata}
+    return {
+        item.name: item.metadata["quantity"] for item in fields(kind) if "quantity" in item.metadata
+    }
 
 
 class Printable:
@@ -96,8 +98,13 @@ class Printable:
     _without_numpy: ClassVar[bool] = False
 
     def __init_subclass__(cls) -> None:
-        known = ((name, getattr(item, "metadata", {}).get("quantity")) for name, item in vars(cls).items())
-        _UNITS.update((name, item.unit) for name, item in known if item and item.unit not in _UNITLESS)
+        known = (
+            (name, getattr(item, "metadata", {}).get("quantity"))
+            for name, item in vars(cls).items()
+        )
+        _UNITS.update(
+            (name, item.unit) for name, item in known if item and item.unit not in _UNITLESS
+        )
         if not vars(cls).get("_without_numpy"):
             undisturbed_methods(cls)
 
@@ -123,16 +130,21 @@ class Printable:
     def __repr__(self) -> str:
         lines = str(self).splitlines()
         if len(lines) > _MAX_REPR_LINES + 1:  # a cut of one line would save nothing
-            lines[_MAX_REPR_LINES - 1 :] = [f"  and {len(lines) - _MAX_REPR_LINES + 1} more lines: print shows them"]
+            lines[_MAX_REPR_LINES - 1 :] = [
+                f"  and {len(lines) - _MAX_REPR_LINES + 1} more lines: print shows them"
+            ]
         # A number of many digits keeps its half-width, which is at its end.
         return "\n".join(
-            line if len(line) <= _MAX_REPR_WIDTH else f"{line[: _MAX_REPR_WIDTH - 20]}…{line[-19:]}" for line in lines
+            line if len(line) <= _MAX_REPR_WIDTH else f"{line[: _MAX_REPR_WIDTH - 20]}…{line[-19:]}"
+            for line in lines
         )
 
     def _repr_html_(self) -> str:
         """Return a table for notebooks."""
         cells = ((heading(name), _cell(entry)) for name, entry in _brief(self.to_dict()).items())
-        rows = "".join(f"<tr><th>{escape(name)}</th><td>{escape(text)}</td></tr>" for name, text in cells)
+        rows = "".join(
+            f"<tr><th>{escape(name)}</th><td>{escape(text)}</td></tr>" for name, text in cells
+        )
         return f"<table><caption>{escape(self._title())}</caption>{rows}</table>"
 
 
@@ -195,8 +207,15 @@ def as_json(value: Any) -> Any:
         return float(value) if math.isfinite(value) else None
     if isinstance(value, int | str | None):
         return value
-    bare = value.tolist() if hasattr(value, "tolist") else value.value if isinstance(value, Enum) else value
-    return str(value) if type(bare) is type(value) else as_json(bare)  # NumPy has no other name for a long double
+    bare = (
+        value.tolist()
+        if hasattr(value, "tolist")
+        else value.value
+        if isinstance(value, Enum)
+        else value
+    )
+    # NumPy has no other name for a long double
+    return str(value) if type(bare) is type(value) else as_json(bare)
 
 
 def with_widths(values: Any, widths: Any) -> Any:
@@ -211,7 +230,8 @@ def with_widths(values: Any, widths: Any) -> Any:
     """
     if hasattr(values, "__len__"):
         return [with_widths(*pair) for pair in zip(values, widths, strict=True)]
-    if not math.isfinite(widths):  # str() of NumPy's numbers is as the caller's print options have it
+    # str() of NumPy's numbers is as the caller's print options have it
+    if not math.isfinite(widths):
         number = plain_number(values)
         text = repr(number) if isinstance(number, float) else exact_decimals(fraction(number))[0]
         return {"value": text, "uncertainty": "infinite"}
@@ -287,4 +307,7 @@ def _brief(value: Any) -> Any:
     shorter = [_brief(entry) for entry in value]
     if not any(isinstance(entry, list) for entry in shorter):
         return shorter
-    return "; ".join(", ".join(map(_cell, entry)) if isinstance(entry, list) else _cell(entry) for entry in shorter)
+    return "; ".join(
+        ", ".join(map(_cell, entry)) if isinstance(entry, list) else _cell(entry)
+        for entry in shorter
+    )

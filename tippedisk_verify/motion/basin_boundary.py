@@ -85,7 +85,10 @@ class BasinBoundary(Printable):
         if not 0 < beta < math.pi:
             raise InputError(f"beta lies between 0 and pi, not at {beta:g}")
         if not abs(v) <= SPEEDS_OF_STATES:
-            raise InputError(f"v must lie between -{SPEEDS_OF_STATES:g} and {SPEEDS_OF_STATES:g} rad/s, not {v:g}")
+            raise InputError(
+                f"v must lie between -{SPEEDS_OF_STATES:g} and {SPEEDS_OF_STATES:g} "
+                f"rad/s, not {v:g}"
+            )
         lower, upper = self.sheets(gamma, v)
         lean = Measured(Fraction(beta), Fraction(0))
         return min(lean - lower, upper - lean, key=lambda margin: margin.value)
@@ -121,7 +124,9 @@ class BasinBoundary(Printable):
         def beyond(beta: float) -> float:
             if beta in between:
                 return -_INFINITE_DISTANCE if beta == between[0] else _INFINITE_DISTANCE
-            return min(max(self._beyond((beta, gamma, v), turns), -_INFINITE_DISTANCE), _INFINITE_DISTANCE)
+            return min(
+                max(self._beyond((beta, gamma, v), turns), -_INFINITE_DISTANCE), _INFINITE_DISTANCE
+            )
 
         return float(brentq(beyond, *between, xtol=1e-15, rtol=1e-15))
 
@@ -137,7 +142,8 @@ class BasinBoundary(Printable):
             return math.inf if beta > math.pi / 2 else -math.inf
         if beta < math.pi / 2:
             return -math.inf
-        long = (turns + 2) * 4 * float(self.cycle.period)  # the turns of orbits farther inside take longer
+        # The turns of orbits farther inside take longer
+        long = (turns + 2) * 4 * float(self.cycle.period)
         result = self._flight((beta, gamma, v), long, (_TOP, _UPRIGHT))
         tops = [record.state.tolist() for record in result.events if record.name == _TOP.name]
         if len(tops) < turns:
@@ -145,9 +151,13 @@ class BasinBoundary(Printable):
         beta, _, v = tops[turns - 1]
         return float(beta - math.pi / 2 - self._top[0] + self._weight * (v - self._top[1]))
 
-    def _flight(self, state: tuple[float, float, float], duration: float, events: tuple[Event, ...]) -> Result:
+    def _flight(
+        self, state: tuple[float, float, float], duration: float, events: tuple[Event, ...]
+    ) -> Result:
         """Run until the disk lies flat or an event ends the run.
 
         An orbit at rest takes too many steps; it lies inside.
         """
-        return self.engine(Request(self.parameters, self.omega, state, duration, events=events, domain="event"))
+        return self.engine(
+            Request(self.parameters, self.omega, state, duration, events=events, domain="event")
+        )

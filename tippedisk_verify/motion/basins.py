@@ -83,7 +83,9 @@ class Basins(Printable):
 
     def rows(self) -> list[tuple[float, float, float, str]]:
         """Return beta [rad], gamma [rad], v [rad/s] and the outcome of each initial state."""
-        states = zip(*(part.ravel().tolist() for part in (self.beta, self.gamma, self.outcome)), strict=True)
+        states = zip(
+            *(part.ravel().tolist() for part in (self.beta, self.gamma, self.outcome)), strict=True
+        )
         return [(beta, gamma, self.v, OUTCOMES[outcome]) for beta, gamma, outcome in states]
 
     def to_dict(self) -> dict[str, object]:
@@ -95,7 +97,10 @@ class Basins(Printable):
             "states": int(self.outcome.size),
             "seconds": self.duration,
             "v": self.v,
-            "fractions": {name: {"value": f"{a:.6f}", "uncertainty": f"{b:.6f}"} for name, (a, b) in shares.items()},
+            "fractions": {
+                name: {"value": f"{a:.6f}", "uncertainty": f"{b:.6f}"}
+                for name, (a, b) in shares.items()
+            },
         }
 
 
@@ -132,13 +137,22 @@ def basins(
         InputError: An argument cannot be used.
     """
     speed = checked_speed(omega)
-    duration, v, known_count = DOUBLE.number(duration), DOUBLE.number(v), whole(count, 1, _MAX_STATES)
+    duration, v, known_count = (
+        DOUBLE.number(duration),
+        DOUBLE.number(v),
+        whole(count, 1, _MAX_STATES),
+    )
     if known_count is None:
         raise InputError(f"1 to {_MAX_STATES} states can be run, not {shown(count)}")
     if not _LAST_SECONDS < duration <= 10_000:
-        raise InputError(f"the duration must be more than {_LAST_SECONDS:g} s and at most 10000 s, not {duration:g}")
+        raise InputError(
+            f"the duration must be more than {_LAST_SECONDS:g} s and at most 10000 s, "
+            f"not {duration:g}"
+        )
     if not abs(v) <= SPEEDS_OF_STATES:
-        raise InputError(f"v must lie between -{SPEEDS_OF_STATES:g} and {SPEEDS_OF_STATES:g} rad/s, not {v:g}")
+        raise InputError(
+            f"v must lie between -{SPEEDS_OF_STATES:g} and {SPEEDS_OF_STATES:g} rad/s, not {v:g}"
+        )
     if not isinstance(seed, int) or seed < 0:
         raise InputError(f"a seed is a whole number that is not negative, not {shown(seed)}")
     columns = max(1, math.ceil(math.sqrt(2 * known_count)))  # gamma's range is twice beta's
@@ -160,7 +174,9 @@ def basins(
     for portion in map_of(executor)(classify, portions):
         outcomes.append(portion)
         advance("states", len(portion))
-    return Basins(parameters, speed, duration, v, beta, gamma, numpy.concatenate(outcomes).reshape(beta.shape))
+    return Basins(
+        parameters, speed, duration, v, beta, gamma, numpy.concatenate(outcomes).reshape(beta.shape)
+    )
 
 
 @dataclass(frozen=True)
@@ -201,7 +217,9 @@ class Attractors:
         Args:
             crossings: The name and the state of each crossing, in their order.
         """
-        amplitudes = [abs(from_inverted(state[1])) for name, state in crossings if name == _SECTION.name]
+        amplitudes = [
+            abs(from_inverted(state[1])) for name, state in crossings if name == _SECTION.name
+        ]
         tops = [state for name, state in crossings if name == _TOP.name and math.sin(state[1]) > 0]
         leans = [abs(state[0] - math.pi / 2) for state in tops]
         if len(amplitudes) >= 2:
@@ -279,7 +297,9 @@ def _run(
         crossings[n].append((name, state))
         flat[n] |= name == _FLAT.name
     for n in numpy.flatnonzero(~batch.finished & ~flat).tolist():
-        result = default_engine()(Request(parameters, omega, now[n].tolist(), duration, events=events[1:]))
+        result = default_engine()(
+            Request(parameters, omega, now[n].tolist(), duration, events=events[1:])
+        )
         flat[n], states[n] = result.status is not Status.REACHED, result.state
         crossings[n] = [(crossing.name, crossing.state.tolist()) for crossing in result.events]
     return states, flat, crossings

@@ -44,7 +44,8 @@ INITIAL_STATES: tuple[tuple[Exact, Exact, Exact], ...] = (
     (_QUARTER, _QUARTER + exact("0.4"), exact(0)),
 )
 
-# Near Omega_crit the cycle attracts at a rate of about 0.1 per second: 120 s bring its distance below 1e-4 of itself.
+# Near Omega_crit the cycle attracts at a rate of about 0.1 per second: 120 s bring its distance
+# below 1e-4 of itself.
 _DURATION = 120
 _SAMPLES_PER_SECOND = 100
 _MIN_CROSSINGS = 12  # the number of crossings that decide the attractor
@@ -55,7 +56,9 @@ _SMALL = 0.05
 # steps. An orbit near an attracting cycle keeps only the latest rounding errors, of inputs too.
 _CROSSING_ERROR = 1e-12
 
-AttractorKind = Literal["inverted spinning", "limit cycle", "rotating limit cycle", "flat", "undecided"]
+AttractorKind = Literal[
+    "inverted spinning", "limit cycle", "rotating limit cycle", "flat", "undecided"
+]
 #: The name of an amplitude in JSON.
 _AMPLITUDES = {"limit cycle": "gamma_bar_at_section", "rotating limit cycle": "beta_bar_at_top"}
 
@@ -175,7 +178,9 @@ class Panel(Printable):
         }
 
 
-def compute(scene: Scene, parameters: Parameters, engine: Engine, *, omega_h: Measured | None = None) -> Panel:
+def compute(
+    scene: Scene, parameters: Parameters, engine: Engine, *, omega_h: Measured | None = None
+) -> Panel:
     """Integrate a panel's orbits and determine their attractors.
 
     Args:
@@ -193,7 +198,9 @@ def compute(scene: Scene, parameters: Parameters, engine: Engine, *, omega_h: Me
         AccuracyError: An integration fails.
     """
     if not engine.measures_error:
-        raise InputError(f"a scene needs an engine that measures its errors, such as taylor, not {engine.name}")
+        raise InputError(
+            f"a scene needs an engine that measures its errors, such as taylor, not {engine.name}"
+        )
     omega = scene.omega(parameters, omega_h)
     if omega.value <= 0:
         raise InputError(f"scene {scene.name}: its speed {float(omega):g} rad/s is not positive")
@@ -213,7 +220,9 @@ def compute(scene: Scene, parameters: Parameters, engine: Engine, *, omega_h: Me
         )
         result = engine(request)
         if not result.status.usable:
-            raise AccuracyError(f"scene {scene.name}: at t = {float(result.time):.4g} s {result.status.value}")
+            raise AccuracyError(
+                f"scene {scene.name}: at t = {float(result.time):.4g} s {result.status.value}"
+            )
         compiled |= dict.fromkeys(result.built)
         if result.status is Status.FLAT:
             ending, timed = _flat(request, engine, omega)
@@ -260,10 +269,14 @@ def classified(result: Result, times: Any, omega: float, inverted_stable: bool) 
     if len(turns) >= _MIN_CROSSINGS:
         return _on_a_cycle("rotating limit cycle", turns.tolist())
     if len(amplitudes) < _MIN_CROSSINGS:
-        return Ending("undecided", f"only {len(amplitudes)} section crossings in {float(result.time):g} s")
+        return Ending(
+            "undecided", f"only {len(amplitudes)} section crossings in {float(result.time):g} s"
+        )
     recent = amplitudes[-11:]
     if inverted_stable and numpy.diff(recent).max() < 0 and recent[-1] < _SMALL:
-        return Ending("inverted spinning", f"section amplitude falls steadily, to {recent[-1]:.2g} rad")
+        return Ending(
+            "inverted spinning", f"section amplitude falls steadily, to {recent[-1]:.2g} rad"
+        )
     return _on_a_cycle("limit cycle", amplitudes.tolist())
 
 
@@ -333,7 +346,9 @@ def top_leans(times: Any, result: Result, omega: float) -> tuple[Any, Any]:
     Raises:
         InputError: The result has no dense output.
     """
-    when, states = _crossings(times, result, lambda y: from_inverted(y[:, 1]), lambda y: -omega * numpy.cos(y[:, 0]))
+    when, states = _crossings(
+        times, result, lambda y: from_inverted(y[:, 1]), lambda y: -omega * numpy.cos(y[:, 0])
+    )
     return when, abs(states[:, 0] - math.pi / 2)
 
 
@@ -358,7 +373,8 @@ def _crossings(
         raise InputError("crossings of a section need dense output")
     offsets = offset(result.samples[1:])
     left, right = offsets[:-1], offsets[1:]
-    index = numpy.flatnonzero((left * right < 0) & (abs(left - right) < math.pi))  # an angle's jump is no crossing
+    # An angle's jump is no crossing
+    index = numpy.flatnonzero((left * right < 0) & (abs(left - right) < math.pi))
     if not len(index):
         return numpy.empty(0), numpy.empty((0, 3))
     left, right = left[index], right[index]
@@ -378,8 +394,12 @@ def _flat(request: Request, engine: Engine, omega: Measured) -> tuple[Ending, Re
     timed = engine(replace(bare, error_estimate=True))
     moved = engine(replace(bare, omega=omega.value + omega.uncertainty))
     if timed.error is None or not math.isfinite(timed.error.time):
-        raise AccuracyError("rounding decides whether the disk lies flat in this scene: no time in double precision")
-    time = Measured.of(timed.time, timed.error.time + 2 * abs(float(moved.time) - float(timed.time)) + 1e-15)
+        raise AccuracyError(
+            "rounding decides whether the disk lies flat in this scene: no time in double precision"
+        )
+    time = Measured.of(
+        timed.time, timed.error.time + 2 * abs(float(moved.time) - float(timed.time)) + 1e-15
+    )
     wells = math.floor(abs(float(timed.state[1]) - math.pi / 2) / (2 * math.pi) + 0.5)
     states = "noninverted state" if wells == 1 else "noninverted states"
     reason = f"passed {wells} {states}, then sin(beta) = 0"

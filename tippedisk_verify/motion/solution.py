@@ -124,13 +124,17 @@ class Solution(Printable):
     @property
     def t_events(self) -> list[Any]:
         """The times (k,) [s] of the crossings of each requested event."""
-        return [workable(numpy.array([record.time for record in self._of(name)])) for name in self._watched]
+        return [
+            workable(numpy.array([record.time for record in self._of(name)]))
+            for name in self._watched
+        ]
 
     @property
     def y_events(self) -> list[Any]:
         """The states (k, 3) at the crossings of each requested event."""
         return [
-            workable(numpy.array([record.state for record in self._of(name)]).reshape(-1, 3)) for name in self._watched
+            workable(numpy.array([record.state for record in self._of(name)]).reshape(-1, 3))
+            for name in self._watched
         ]
 
     def _of(self, name: str) -> list[EventRecord]:
@@ -138,7 +142,9 @@ class Solution(Printable):
 
     @cached_property
     def _dense(self) -> Any:
-        result = self._engine(replace(self._request, dense=True, times=None, variations=(), error_estimate=False))
+        result = self._engine(
+            replace(self._request, dense=True, times=None, variations=(), error_estimate=False)
+        )
         if result.dense is None:
             raise InputError(f"{self.engine} gives no continuous output")
         return result.dense
@@ -156,7 +162,11 @@ class Solution(Printable):
             InputError: A time lies outside the run.
         """
         asked = entries(t)
-        end = exact(self._request.duration) + self._start if self.status is Status.REACHED else exact(self.end.time)
+        end = (
+            exact(self._request.duration) + self._start
+            if self.status is Status.REACHED
+            else exact(self.end.time)
+        )
         _, times = _since(self._start, end, asked)
         since, length = DOUBLE.array(times), float(end - self._start)
         if (since * length < 0).any() or (abs(since) > abs(length)).any():
@@ -164,7 +174,9 @@ class Solution(Printable):
             raise InputError(f"the solution is known from {first:.10g} s to {last:.10g} s")
         if self._request.digits > PLAIN_DIGITS:  # the error at each time is removed
             _, first_of, places = numpy.unique(abs(since), return_index=True, return_inverse=True)
-            wanted = replace(self._request, times=[times[n] for n in first_of], events=(), variations=())
+            wanted = replace(
+                self._request, times=[times[n] for n in first_of], events=(), variations=()
+            )
             states = self._engine(wanted).samples.T[:, places]
         else:
             states = self._dense(self._request.precision.array(times)).T
@@ -187,14 +199,21 @@ class Solution(Printable):
             "t": [_decimal(time) for time in self.times],
             **dict(zip(_STATE, with_widths(self.y, self.uncertainty), strict=True)),
             "events": [event.to_dict() for event in self.events],
-            **{name: with_widths(values, widths) for name, values, widths in derivatives if values is not None},
+            **{
+                name: with_widths(values, widths)
+                for name, values, widths in derivatives
+                if values is not None
+            },
         }
 
     def _end_entries(self) -> dict[str, Any]:
         """Return the end for JSON; the time is exact if the run reached it."""
         entries = {name: entry for name, entry in self.end.to_dict().items() if name != "name"}
         if self.status is Status.REACHED:
-            entries["t"] = {"value": _decimal(self._start + self._request.duration), "uncertainty": "0"}
+            entries["t"] = {
+                "value": _decimal(self._start + self._request.duration),
+                "uncertainty": "0",
+            }
         return entries
 
 
@@ -239,8 +258,13 @@ def integrated(
         shifted=shifted,
         precision=precision,
         times=times,
-        variations=tuple(variable for name in _several(variations) for variable in _named(name, _VARIATIONS)),
-        events=tuple(event if isinstance(event, Event) else _named(event, EVENTS) for event in _several(events)),
+        variations=tuple(
+            variable for name in _several(variations) for variable in _named(name, _VARIATIONS)
+        ),
+        events=tuple(
+            event if isinstance(event, Event) else _named(event, EVENTS)
+            for event in _several(events)
+        ),
         error_estimate=measured,
         digits=digits if corrected else PLAIN_DIGITS,
         max_steps=max_steps,
@@ -328,7 +352,10 @@ def _span(time: Any) -> tuple[Exact, Exact]:
     """Return the start and the end of the run [s] from a duration or a pair."""
     ends = time if isinstance(time, tuple | list) or getattr(time, "ndim", False) else (0, time)
     if len(ends) != 2:
-        raise InputError(f"a time span is a duration or a pair (t0, t1), not {shown(time)}: `t_eval` takes more times")
+        raise InputError(
+            f"a time span is a duration or a pair (t0, t1), not {shown(time)}: "
+            f"`t_eval` takes more times"
+        )
     start, end = exact(ends[0]), exact(ends[1])
     if max(abs(start.rational), abs(end.rational)) > _LATEST:
         raise InputError(f"a run starts and ends within 1e300 s of 0, not at {shown(time)}")
@@ -360,7 +387,9 @@ def _since(start: Exact, end: Exact, times: Any) -> tuple[list[Exact], list[Exac
     return asked, [time - start for time in asked]
 
 
-def _solution(request: Request, result: Result, engine: Engine, start: Exact, end: Exact, asked: Any) -> Solution:
+def _solution(
+    request: Request, result: Result, engine: Engine, start: Exact, end: Exact, asked: Any
+) -> Solution:
     """Return the solution from an engine's result.
 
     It holds the samples that were reached, the events, the end and the derivatives.
@@ -369,7 +398,11 @@ def _solution(request: Request, result: Result, engine: Engine, start: Exact, en
     error = result.error or ErrorEstimate(state=numpy.full(3, numpy.inf), time=numpy.inf)
 
     def widths(estimated: Any, values: Any) -> Any:
-        return numpy.full(numpy.shape(values), numpy.inf) if estimated is None else half_widths(estimated)
+        return (
+            numpy.full(numpy.shape(values), numpy.inf)
+            if estimated is None
+            else half_widths(estimated)
+        )
 
     def moment(record: EventRecord) -> EventRecord:
         """Return the record with its time counted from time 0, not from the start."""
@@ -390,19 +423,30 @@ def _solution(request: Request, result: Result, engine: Engine, start: Exact, en
     events = result.events
     if error.events:
         estimated = zip(events, error.events, error.event_states, strict=True)
-        events = tuple(replace(record, time_uncertainty=time, uncertainty=state) for record, time, state in estimated)
-    last = moment(EventRecord(result.status.name.lower(), result.time, result.state, error.time, error.state))
+        events = tuple(
+            replace(record, time_uncertainty=time, uncertainty=state)
+            for record, time, state in estimated
+        )
+    last = moment(
+        EventRecord(result.status.name.lower(), result.time, result.state, error.time, error.state)
+    )
     if result.status is Status.REACHED:
         rounded = precision.number(end)
         last = replace(last, time=rounded, time_uncertainty=2 * abs(float(end - rounded)))
     if result.samples is None:
-        times, samples, uncertainty = precision.array([last.time]), result.state[None], error.state[None]
+        times, samples, uncertainty = (
+            precision.array([last.time]),
+            result.state[None],
+            error.state[None],
+        )
         asked = [end if result.status is Status.REACHED else exact(last.time)]
     else:
         samples, uncertainty = result.samples, widths(error.samples, result.samples)
         if len(samples) < len(asked):
             asked = asked[: len(samples)]
-        times = asked.rounded(precision) if isinstance(asked, EvenTimes) else precision.sequence(asked)
+        times = (
+            asked.rounded(precision) if isinstance(asked, EvenTimes) else precision.sequence(asked)
+        )
     transition, transition_widths = derivative(STATE_VARIATIONS)
     by_omega, by_omega_widths = derivative(("Omega",))
     return Solution(

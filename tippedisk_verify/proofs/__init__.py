@@ -12,7 +12,8 @@ try:
     import flint  # noqa: F401
 except ImportError:
     _LACKING = "proofs need python-flint: pip install '.[certify]'"
-    if sys.argv[:1] == ["-m"]:  # what Python imports for `python -m tippedisk_verify.proofs.kernel`, before it runs it
+    # What Python imports for `python -m tippedisk_verify.proofs.kernel`, before it runs it
+    if sys.argv[:1] == ["-m"]:
         print(_LACKING, file=sys.stderr)
         sys.exit(2)
     raise InputError(_LACKING) from None

@@ -63,7 +63,11 @@ def rates(
 
 
 def linearization(
-    constants: Constants, omega: Any, around: int, friction: Friction = "linear", side: int | None = None
+    constants: Constants,
+    omega: Any,
+    around: int,
+    friction: Friction = "linear",
+    side: int | None = None,
 ) -> tuple[tuple[Any, ...], ...]:
     """Return the Jacobian at the equilibrium: exact for rational constants and speed, enclosed for
     balls.

@@ -90,7 +90,9 @@ class ProvedEquilibrium(Printable):
 
     name: str
     eigenvalues: tuple[Eigenvalue, ...] = field(
-        metadata=quantity("exactly one in each rectangle, by descending real, then imaginary part", "1/s")
+        metadata=quantity(
+            "exactly one in each rectangle, by descending real, then imaginary part", "1/s"
+        )
     )
     stable: bool
     unstable_directions: int  #: eigenvalues with positive real part
@@ -109,11 +111,22 @@ class ProvedHopf(Printable):
     lambda_3: Measured = field(
         metadata=quantity("A33, Eq. closed_la3; at Omega_crit the third eigenvalue itself", "1/s")
     )
-    chi: Measured = field(metadata=quantity("the constant of the one-harmonic amplitude law, below Eq. Csol", "kg m^3"))
-    first_lyapunov_coefficient: Measured  #: Kuznetsov's l_1, <q, q> = 1 in (beta, gamma, v), SI units
-    transversality: Measured = field(metadata=quantity("d(Re lambda)/d(Omega) of the critical pair", "1/rad"))
-    amplitude_squared_slope: Measured = field(metadata=quantity("limit of beta_max^2 / (Omega_crit - Omega)", "rad s"))
-    period_slope: Measured = field(metadata=quantity("limit of (T - T_crit) / (Omega_crit - Omega)", "s^2/rad"))
+    chi: Measured = field(
+        metadata=quantity(
+            "the constant of the one-harmonic amplitude law, below Eq. Csol", "kg m^3"
+        )
+    )
+    #: Kuznetsov's l_1, <q, q> = 1 in (beta, gamma, v), SI units
+    first_lyapunov_coefficient: Measured
+    transversality: Measured = field(
+        metadata=quantity("d(Re lambda)/d(Omega) of the critical pair", "1/rad")
+    )
+    amplitude_squared_slope: Measured = field(
+        metadata=quantity("limit of beta_max^2 / (Omega_crit - Omega)", "rad s")
+    )
+    period_slope: Measured = field(
+        metadata=quantity("limit of (T - T_crit) / (Omega_crit - Omega)", "s^2/rad")
+    )
     criticality: Criticality
     statement: str
 
@@ -125,15 +138,21 @@ class ProvedStability(Printable):
     """
 
     omega_crit: Measured = field(metadata=quantity("Eq. approx_omega_crit", "rad/s"))
-    period: Measured = field(metadata=quantity("2 pi / omega for the pair +- i omega at Omega_crit", "s"))
+    period: Measured = field(
+        metadata=quantity("2 pi / omega for the pair +- i omega at Omega_crit", "s")
+    )
     lambda_3: Measured = field(
         metadata=quantity("A33, Eq. closed_la3; at Omega_crit the third eigenvalue itself", "1/s")
     )
-    transversality: Measured = field(metadata=quantity("d(Re lambda)/d(Omega) of the critical pair", "1/rad"))
+    transversality: Measured = field(
+        metadata=quantity("d(Re lambda)/d(Omega) of the critical pair", "1/rad")
+    )
     statement: str
 
 
-def characteristic_polynomial(constants: Constants, omega: Any, around: int) -> tuple[Any, Any, Any]:
+def characteristic_polynomial(
+    constants: Constants, omega: Any, around: int
+) -> tuple[Any, Any, Any]:
     """Return (a2, a1, a0) of lambda^3 + a2 lambda^2 + a1 lambda + a0 at an equilibrium (Eq.
     3DOF_lin).
 
@@ -146,10 +165,14 @@ def characteristic_polynomial(constants: Constants, omega: Any, around: int) -> 
 def exact_polynomial(constants: Constants, omega: Fraction, around: int) -> Any:
     """Return the characteristic polynomial for rational numbers, as one of python-flint's."""
     coefficients = (*reversed(characteristic_polynomial(constants, omega, around)), 1)
-    return fmpq_poly([fmpq(Fraction(part).numerator, Fraction(part).denominator) for part in coefficients])
+    return fmpq_poly(
+        [fmpq(Fraction(part).numerator, Fraction(part).denominator) for part in coefficients]
+    )
 
 
-def proved_equilibrium(parameters: Parameters, omega: object, name: str, digits: int = 12) -> ProvedEquilibrium:
+def proved_equilibrium(
+    parameters: Parameters, omega: object, name: str, digits: int = 12
+) -> ProvedEquilibrium:
     """Enclose eigenvalues to ``digits`` significant digits and prove stability, at ``omega``
     [rad/s], exact.
 
@@ -172,21 +195,29 @@ def proved_equilibrium(parameters: Parameters, omega: object, name: str, digits:
     while not _apart(eigenvalues) or unstable + sum(negative(root.real) for root in enclosed) != 3:
         # More digits decide every sign, except for a real part of exactly zero or a double root.
         if wanted > 16 * digits + 1000:
-            raise AccuracyError(f"{name} spinning has an eigenvalue on the imaginary axis, or a double one, here")
+            raise AccuracyError(
+                f"{name} spinning has an eigenvalue on the imaginary axis, or a double one, here"
+            )
         enclosed = list(to_digits(roots, wanted).values())
         eigenvalues = [Eigenvalue(measured(root.real), measured(root.imag)) for root in enclosed]
         unstable = sum(positive(root.real) for root in enclosed)
         wanted *= 4
     stable = a2 > 0 and a0 > 0 and a2 * a1 > a0
     if stable != (unstable == 0):
-        raise AccuracyError("Routh-Hurwitz and the enclosed eigenvalues contradict each other: report this")
+        raise AccuracyError(
+            "Routh-Hurwitz and the enclosed eigenvalues contradict each other: report this"
+        )
     eigenvalues.sort(key=lambda value: (-value.re.value, -value.im.value))
     sign, (first, second, third) = "-" if name == "noninverted" else "", eigenvalues
     statement = (
-        f"for the tippedisk with {parameters.definition()} at Omega = {exact_text(speed)} rad/s, under the "
-        f"linear as under the smooth Coulomb friction law, {name} spinning, (beta, gamma, v) = (pi/2, {sign}pi/2, 0), "
-        f"has exactly one eigenvalue [1/s] in each of the three disjoint rectangles {first}, {second} and {third}, "
-        f"{unstable} of them with positive real part; it is {'asymptotically stable' if stable else 'unstable'}."
+        f"for the tippedisk with {parameters.definition()} at Omega = {exact_text(speed)} rad/s, "
+        f"under the "
+        f"linear as under the smooth Coulomb friction law, {name} spinning, (beta, gamma, v) = "
+        f"(pi/2, {sign}pi/2, 0), "
+        f"has exactly one eigenvalue [1/s] in each of the three disjoint rectangles {first}, "
+        f"{second} and {third}, "
+        f"{unstable} of them with positive real part; it is "
+        f"{'asymptotically stable' if stable else 'unstable'}."
     )
     return ProvedEquilibrium(name, tuple(eigenvalues), stable, unstable, statement)
 
@@ -205,12 +236,17 @@ def real_root(polynomial: tuple[Any, Any, Any], guess: Any) -> Any:
     around = x + arb(0, radius)
     image = x - value / ((3 * around + 2 * a2) * around + a1)
     if not inside(image, around):
-        raise AccuracyError("an eigenvalue could not be enclosed over the interval of speeds: ask for more digits")
+        raise AccuracyError(
+            "an eigenvalue could not be enclosed over the interval of speeds: ask for more digits"
+        )
     return image
 
 
 def chi(constants: Any) -> Any:
-    """Return chi = A (r - 2e) - Bbar (2 r^2 + e (r + e)) / (2 (r + e)) [kg m^3] (below Eq. Csol)."""
+    """Return chi = A (r - 2e) - Bbar (2 r^2 + e (r + e)) / (2 (r + e)) [kg m^3] (below Eq.
+
+    Csol).
+    """
     r, e, A, Bbar = constants.r, constants.e, constants.A, constants.Bbar
     return A * (r - 2 * e) - Bbar * (2 * (r * r) + e * (r + e)) / (2 * (r + e))
 
@@ -227,10 +263,14 @@ def proved_hopf(parameters: Parameters, digits: int = 12) -> ProvedHopf:
     with_balls = to_digits(lambda: hopf_balls(ball_constants(parameters)), digits)
     falling, sign = with_balls["transversality"], with_balls["first_lyapunov_coefficient"]
     if not negative(falling) or not (negative(sign) or positive(sign)):
-        raise AccuracyError("the sign of the first Lyapunov coefficient could not be decided: ask for more digits")
+        raise AccuracyError(
+            "the sign of the first Lyapunov coefficient could not be decided: ask for more digits"
+        )
     kind: Criticality = "supercritical" if negative(sign) else "subcritical"
     numbers = {name: measured(value) for name, value in with_balls.items()}
-    return ProvedHopf(**numbers, criticality=kind, statement=_hopf_statement(parameters, kind, numbers))
+    return ProvedHopf(
+        **numbers, criticality=kind, statement=_hopf_statement(parameters, kind, numbers)
+    )
 
 
 def refuse_past_birth(parameters: Parameters, highest: Fraction) -> None:
@@ -244,25 +284,39 @@ def refuse_past_birth(parameters: Parameters, highest: Fraction) -> None:
         crit = numbers["omega_crit"]
         if negative(numbers["first_lyapunov_coefficient"]) and not ball(highest) < crit:
             raise InputError(
-                f"this disk's limit cycles are born below Omega_crit = {float(crit):.12g} rad/s: the speeds must end "
+                f"this disk's limit cycles are born below Omega_crit = {float(crit):.12g} rad/s: "
+                f"the speeds must end "
                 f"below it, not at {float(highest):.12g} rad/s"
             )
 
 
-def _hopf_statement(parameters: Parameters, kind: Criticality, numbers: Mapping[str, Measured]) -> str:
+def _hopf_statement(
+    parameters: Parameters, kind: Criticality, numbers: Mapping[str, Measured]
+) -> str:
     sign, cycles, side = (
-        ("negative", "stable", "below") if kind == "supercritical" else ("positive", "unstable", "above")
+        ("negative", "stable", "below")
+        if kind == "supercritical"
+        else ("positive", "unstable", "above")
     )
     return (
-        f"for the tippedisk with {parameters.definition()} under the linear friction law, inverted spinning, "
-        f"(beta, gamma, v) = (pi/2, pi/2, 0), has a Hopf point at Omega_crit = {numbers['omega_crit']} rad/s: a pair "
-        f"of eigenvalues, there +-2 pi i / T_crit with T_crit = {numbers['period']} s, crosses the imaginary axis with "
-        f"d(Re lambda)/dOmega = {numbers['transversality']} 1/rad, the third eigenvalue is lambda_3 = "
-        f"{numbers['lambda_3']} 1/s, and the first Lyapunov coefficient (Kuznetsov's, <q, q> = 1 in (beta, gamma, v), "
-        f"SI units) is l_1 = {numbers['first_lyapunov_coefficient']}, which is {sign}; so the Hopf point is {kind}, "
-        f"and a branch of {cycles} limit cycles is born {side} Omega_crit, along which beta_max^2 / (Omega_crit - "
-        f"Omega) tends to {numbers['amplitude_squared_slope']} rad s and (T - T_crit) / (Omega_crit - Omega) to "
-        f"{numbers['period_slope']} s^2/rad; and chi = A (r - 2 e) - (B - m e^2) (2 r^2 + e (r + e)) / (2 (r + e)) is "
+        f"for the tippedisk with {parameters.definition()} under the linear friction law, inverted "
+        f"spinning, "
+        f"(beta, gamma, v) = (pi/2, pi/2, 0), has a Hopf point at Omega_crit = "
+        f"{numbers['omega_crit']} rad/s: a pair "
+        f"of eigenvalues, there +-2 pi i / T_crit with T_crit = {numbers['period']} s, crosses the "
+        f"imaginary axis with "
+        f"d(Re lambda)/dOmega = {numbers['transversality']} 1/rad, the third eigenvalue is "
+        f"lambda_3 = "
+        f"{numbers['lambda_3']} 1/s, and the first Lyapunov coefficient (Kuznetsov's, <q, q> = 1 "
+        f"in (beta, gamma, v), "
+        f"SI units) is l_1 = {numbers['first_lyapunov_coefficient']}, which is {sign}; so the Hopf "
+        f"point is {kind}, "
+        f"and a branch of {cycles} limit cycles is born {side} Omega_crit, along which beta_max^2 "
+        f"/ (Omega_crit - "
+        f"Omega) tends to {numbers['amplitude_squared_slope']} rad s and (T - T_crit) / "
+        f"(Omega_crit - Omega) to "
+        f"{numbers['period_slope']} s^2/rad; and chi = A (r - 2 e) - (B - m e^2) (2 r^2 + e (r + "
+        f"e)) / (2 (r + e)) is "
         f"{numbers['chi']} kg m^3."
     )
 
@@ -311,13 +365,20 @@ def _check_coefficients() -> None:
     """
     ring = fmpq_mpoly_ctx.get(("r", "e", "g", "a", "k", "epsilon", "Omega"), Ordering.lex)
     r, e, g, a, k, epsilon, omega = ring.gens()
-    constants = Constants(r, e, 1, a, None, 1, g, None, epsilon, a, ring.constant(1), k, k * epsilon)
+    constants = Constants(
+        r, e, 1, a, None, 1, g, None, epsilon, a, ring.constant(1), k, k * epsilon
+    )
     for around, reach, sign in ((INVERTED, r + e, 1), (NONINVERTED, r - e, -1)):
         expected = (k * reach**2, omega**2 - g * reach, sign * k * e * reach * omega**2)
         linear = linearization(constants, omega, around)
         smooth = [linearization(constants, omega, around, "smooth", side) for side in (1, -1)]
-        if characteristic_polynomial(constants, omega, around) != expected or smooth != [linear, linear]:
-            raise ArithmeticError("the linearisation has other coefficients: the equations of motion have changed")
+        if characteristic_polynomial(constants, omega, around) != expected or smooth != [
+            linear,
+            linear,
+        ]:
+            raise ArithmeticError(
+                "the linearisation has other coefficients: the equations of motion have changed"
+            )
 
 
 def proved_stability(parameters: Parameters, digits: int = 12) -> ProvedStability:
@@ -333,13 +394,20 @@ def proved_stability(parameters: Parameters, digits: int = 12) -> ProvedStabilit
 
     values = {name: measured(value) for name, value in to_digits(numbers, digits).items()}
     statement = (
-        f"for the tippedisk with {parameters.definition()}, under the linear as under the smooth Coulomb friction law, "
-        "noninverted spinning is unstable at every Omega > 0, with one positive eigenvalue and two of negative real "
-        "part; inverted spinning is asymptotically stable at every Omega > Omega_crit and unstable, with two "
-        "eigenvalues of positive real part, at every Omega < Omega_crit = sqrt((r + e)^2 m g / (r (B - m e^2))) = "
-        f"{values['omega_crit']} rad/s, whatever mu and epsilon are; at Omega_crit a pair of complex conjugate "
-        f"eigenvalues, there +-2 pi i / T_crit with T_crit = {values['period']} s, crosses the imaginary axis with "
-        f"d(Re lambda)/dOmega = {values['transversality']} 1/rad, and the third is lambda_3 = {values['lambda_3']} 1/s."
+        f"for the tippedisk with {parameters.definition()}, under the linear as under the smooth "
+        f"Coulomb friction law, "
+        "noninverted spinning is unstable at every Omega > 0, with one positive eigenvalue and two "
+        "of negative real "
+        "part; inverted spinning is asymptotically stable at every Omega > Omega_crit and "
+        "unstable, with two "
+        "eigenvalues of positive real part, at every Omega < Omega_crit = sqrt((r + e)^2 m g / (r "
+        "(B - m e^2))) = "
+        f"{values['omega_crit']} rad/s, whatever mu and epsilon are; at Omega_crit a pair of "
+        f"complex conjugate "
+        f"eigenvalues, there +-2 pi i / T_crit with T_crit = {values['period']} s, crosses the "
+        f"imaginary axis with "
+        f"d(Re lambda)/dOmega = {values['transversality']} 1/rad, and the third is lambda_3 = "
+        f"{values['lambda_3']} 1/s."
     )
     return ProvedStability(**values, statement=statement)
 
@@ -361,7 +429,9 @@ def hopf_balls(constants: Constants) -> dict[str, Any]:
     # a1 = Omega^2 - g (r + e) / b and a0, proportional to Omega^2, by Omega; a1 = frequency^2 at
     # Omega_crit.
     slope_a0 = -2 * matrix[2][1]
-    pair_slope = -(2 * speed * root + slope_a0) / (3 * root * root + 2 * a2 * root + frequency * frequency)
+    pair_slope = -(2 * speed * root + slope_a0) / (
+        3 * root * root + 2 * a2 * root + frequency * frequency
+    )
     # Eigenvectors from the first two rows and the last two columns of the Jacobian.
     right = [root, acb(speed), root * root]
     size = sum((abs(part) ** 2 for part in right), arb(0)).sqrt()
@@ -380,7 +450,10 @@ def hopf_balls(constants: Constants) -> dict[str, Any]:
         "first_lyapunov_coefficient": damping / frequency,
         "transversality": falling,
         "amplitude_squared_slope": 4 * growth * abs(right[0]) ** 2,
-        "period_slope": 2 * arb.pi() / (frequency * frequency) * (pair_slope.imag - c_1.imag * growth),
+        "period_slope": 2
+        * arb.pi()
+        / (frequency * frequency)
+        * (pair_slope.imag - c_1.imag * growth),
     }
 
 
@@ -426,7 +499,8 @@ def to_digits(compute: Callable[[], Mapping[str, Any]], digits: int) -> Mapping[
         guard *= 2
         if guard > 8 * digits + 200:
             raise AccuracyError(
-                f"{loose[0]} does not have {digits} digits: it is too close to zero or to its neighbour"
+                f"{loose[0]} does not have {digits} digits: it is too close to zero or to its "
+                f"neighbour"
             )
 
 

@@ -11,7 +11,8 @@ from tippedisk_verify.proofs.kernel.balls import midpoint_and_radius
 
 __all__ = ["WIDER", "measured", "widened"]
 
-WIDER = 1 + Fraction(1, 2**20)  #: the margin that another version of Arb or another processor may need
+#: The margin that another version of Arb or another processor may need
+WIDER = 1 + Fraction(1, 2**20)
 
 
 def measured(x: Any) -> Measured:

@@ -59,9 +59,15 @@ def entries_of(store: Store, prefix: str = "") -> list[StoredItem]:
         The questions with their stored numbers, in order of difficulty.
     """
     entries = []
-    for id_, group in groupby(store.matching(prefix), key=lambda quantity: quantity.id.rsplit("/", 1)[0]):
+    for id_, group in groupby(
+        store.matching(prefix), key=lambda quantity: quantity.id.rsplit("/", 1)[0]
+    ):
         quantities = tuple(group)
-        entries.append(StoredItem(Item(id_, dict(quantities[0].inputs), tuple(quantities[0].values)), quantities))
+        entries.append(
+            StoredItem(
+                Item(id_, dict(quantities[0].inputs), tuple(quantities[0].values)), quantities
+            )
+        )
     return entries
 
 
@@ -95,9 +101,16 @@ def check(
         store = Store(folder)
         faults = _faults_in_rows(folder, store)
     except (InputError, AttributeError, ArithmeticError) as fault:
-        return CheckReport(len(FILES), 0, 0, getattr(fault, "faults", (f"the files are not reference data: {fault}",)))
+        return CheckReport(
+            len(FILES),
+            0,
+            0,
+            getattr(fault, "faults", (f"the files are not reference data: {fault}",)),
+        )
     redone = 0
-    for entry, (count, wrong) in as_done(recomputed, _chosen(entries_of(store), sample, seed), executor):
+    for entry, (count, wrong) in as_done(
+        recomputed, _chosen(entries_of(store), sample, seed), executor
+    ):
         redone += count
         faults += wrong
         advance(entry.item.id, 1)
@@ -121,7 +134,9 @@ def _faults_in_rows(folder: Path, store: Store) -> list[str]:
             if text != row[name]
         ]
         proof = quantity.proof
-        if proof and not quantity.measured().contains(Measured.of(proof["value"], proof["uncertainty"])):
+        if proof and not quantity.measured().contains(
+            Measured.of(proof["value"], proof["uncertainty"])
+        ):
             faults.append(f"{quantity.id} does not contain its proved enclosure")
     return faults
 
@@ -150,5 +165,8 @@ def recomputed(entry: StoredItem) -> tuple[int, list[str]]:
             faults.append(f"{entry.item.id} from {reading}: {fault}")
             continue
         count += len(answers)
-        faults += [f"{entry.item.id} from {reading}: {line}" for line in disagreements(entry.values(reading), answers)]
+        faults += [
+            f"{entry.item.id} from {reading}: {line}"
+            for line in disagreements(entry.values(reading), answers)
+        ]
     return count, faults

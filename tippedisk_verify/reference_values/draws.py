@@ -86,7 +86,10 @@ def disk_of(set_name: str) -> Disk:
     if (drawn := DRAWN_SET.fullmatch(set_name)) is not None:
         return drawn_disk(int(drawn[1]), int(drawn[2]))
     if set_name.startswith("fresh-"):
-        raise InputError(f"'{set_name[:40]}' is not a drawn set: the name is fresh-SEED-NUMBER, such as fresh-7-1")
+        raise InputError(
+            f"'{set_name[:40]}' is not a drawn set: the name is fresh-SEED-NUMBER, "
+            f"such as fresh-7-1"
+        )
     return Disk(set_name)
 
 

@@ -107,5 +107,6 @@ def disagreements(values: Values, others: Values) -> list[str]:
     return [
         f"{name}: {values[name]} and {other} exclude each other"
         for name, other in others.items()
-        if name in values and abs(values[name].value - other.value) > values[name].uncertainty + other.uncertainty
+        if name in values
+        and abs(values[name].value - other.value) > values[name].uncertainty + other.uncertainty
     ]

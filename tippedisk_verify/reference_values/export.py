@@ -49,14 +49,18 @@ def export(quantities: Sequence[Quantity], form: str, path: str) -> Path:
     if form not in FORMATS:
         raise InputError(f"a form is one of {', '.join(FORMATS)}, not '{form[:40]}'")
     if form in ("csv", "parquet"):
-        return write_table(file_ending_in(path, f".{form}"), [_row(quantity) for quantity in quantities])
+        return write_table(
+            file_ending_in(path, f".{form}"), [_row(quantity) for quantity in quantities]
+        )
     file = output_file(path)
     if form == "jsonl":
         lines = (json.dumps(quantity.to_dict(), ensure_ascii=False) for quantity in quantities)
         return write_text(file, "".join(f"{line}\n" for line in lines))
     rows = [_fields(quantity) for quantity in quantities if "doubles" in quantity.values]
     if not rows:
-        raise InputError("doubles cannot tell the inputs of these values apart: a test file would be empty")
+        raise InputError(
+            "doubles cannot tell the inputs of these values apart: a test file would be empty"
+        )
     name = re.sub(r"\W", "_", f"tippedisk_{file.stem}", flags=re.ASCII)[:_LONGEST]
     return write_text(file, "\n".join([*_LANGUAGES[form](rows, name), ""]))
 
@@ -105,7 +109,9 @@ def _octave(rows: Sequence[Row], name: str) -> Iterator[str]:
 def _literals(row: Row) -> Iterator[tuple[str, str]]:
     """Return each field's name with its value as a literal."""
     texts, numbers = row
-    return zip((*_TEXTS, *_FIELDS), [*(f'"{text}"' for text in texts), *map(repr, numbers)], strict=True)
+    return zip(
+        (*_TEXTS, *_FIELDS), [*(f'"{text}"' for text in texts), *map(repr, numbers)], strict=True
+    )
 
 
 def _fortran(rows: Sequence[Row], name: str) -> Iterator[str]:

@@ -16,7 +16,14 @@ from functools import lru_cache
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.parameters import Friction
 from tippedisk_verify.reference_values.draws import DRAWN_SET, Draw, drawn_disk
-from tippedisk_verify.reference_values.entries import KEPT, READINGS, Item, Reading, case_of, trimmed
+from tippedisk_verify.reference_values.entries import (
+    KEPT,
+    READINGS,
+    Item,
+    Reading,
+    case_of,
+    trimmed,
+)
 from tippedisk_verify.reference_values.store import Quantity, Store, stored
 from tippedisk_verify.reference_values.truths import as_quantity, compute, condition
 from tippedisk_verify.theory.hopf import omega_crit
@@ -47,7 +54,9 @@ def _drawn_items(set_name: str) -> Iterator[Item]:
 
     def near(name: str, below: str, above: str, places: int) -> str:
         """Draw a speed by its relative distance from Omega_crit."""
-        return draw.between(name, crit * (1 + Fraction(below)), crit * (1 + Fraction(above)), places)
+        return draw.between(
+            name, crit * (1 + Fraction(below)), crit * (1 + Fraction(above)), places
+        )
 
     def item(law: str, kind: str, name: str, **inputs: str) -> Item:
         return Item(f"{set_name}/{law}/{kind}/{name}", inputs)
@@ -56,28 +65,45 @@ def _drawn_items(set_name: str) -> Iterator[Item]:
         place = f"{n:02d}"
         # A quarter of the speeds come from a wide range, the others lie near Omega_crit. A tenth of
         # the states lie near beta = pi/2.
-        speed = draw.between(f"Omega {n}", 5, 60, 4) if n % 4 == 0 else near(f"Omega {n}", "-0.05", "0.05", 4)
+        speed = (
+            draw.between(f"Omega {n}", 5, 60, 4)
+            if n % 4 == 0
+            else near(f"Omega {n}", "-0.05", "0.05", 4)
+        )
         width = Fraction("0.0015") if n % 10 == 0 else Fraction("1.5")
         state = {
             "beta": draw.between(f"beta {n}", _HALF_PI - width, _HALF_PI + width, 6),
-            "gamma": draw.between(f"gamma {n}", _HALF_PI - Fraction("4.7"), _HALF_PI + Fraction("4.7"), 5),
+            "gamma": draw.between(
+                f"gamma {n}", _HALF_PI - Fraction("4.7"), _HALF_PI + Fraction("4.7"), 5
+            ),
             "v": draw.between(f"v {n}", -12, 12, 4),
         }
         for law in ("both", *_LAWS):
             yield item(law, "rhs", place, Omega=speed, **state)
-    for n, speed in enumerate((draw.between("equilibrium 1", 5, 60, 4), near("equilibrium 2", "-0.05", "0.05", 4)), 1):
+    for n, speed in enumerate(
+        (draw.between("equilibrium 1", 5, 60, 4), near("equilibrium 2", "-0.05", "0.05", 4)), 1
+    ):
         for name in ("inverted", "noninverted"):
             yield item("both", "equilibrium", f"{name}-{n}", Omega=speed, equilibrium=name)
     yield item("linear", "hopf", "point")
     speed = near("harmonic balance", "-0.02", "-0.0001", 6)
     for form in ("printed", "consistent"):
         yield item("linear", "harmonic-balance", form, Omega=speed, form=form)
-    angles = {"beta": draw.between("slow beta", "0.8", "2.3", 4), "gamma": draw.between("slow gamma", "-1.5", "4.5", 4)}
-    yield item("linear", "slow-manifold", "1", Omega=near("slow speed", "-0.03", "0.03", 4), **angles)
+    angles = {
+        "beta": draw.between("slow beta", "0.8", "2.3", 4),
+        "gamma": draw.between("slow gamma", "-1.5", "4.5", 4),
+    }
+    yield item(
+        "linear", "slow-manifold", "1", Omega=near("slow speed", "-0.03", "0.03", 4), **angles
+    )
     # Near inverted spinning: from there the disk does not lie flat within two seconds.
     start = {
-        "beta": draw.between("orbit beta", _HALF_PI - Fraction("0.3"), _HALF_PI + Fraction("0.3"), 4),
-        "gamma": draw.between("orbit gamma", _HALF_PI - Fraction("0.8"), _HALF_PI + Fraction("0.8"), 4),
+        "beta": draw.between(
+            "orbit beta", _HALF_PI - Fraction("0.3"), _HALF_PI + Fraction("0.3"), 4
+        ),
+        "gamma": draw.between(
+            "orbit gamma", _HALF_PI - Fraction("0.8"), _HALF_PI + Fraction("0.8"), 4
+        ),
         "v": draw.between("orbit v", -2, 2, 4),
     }
     for law in _LAWS:
@@ -107,9 +133,17 @@ def blank_questions(states: int, seed: int) -> Store:
     items = [item for number in range(1, disks + 1) for item in _items(f"fresh-{seed}-{number}")]
     last = states - (disks - 1) * STATES_PER_DISK
     beyond = {f"/rhs/{n:02d}" for n in range(last + 1, STATES_PER_DISK + 1)}
-    items = [item for item in items if not (item.set == f"fresh-{seed}-{disks}" and item.id[-7:] in beyond)]
+    items = [
+        item
+        for item in items
+        if not (item.set == f"fresh-{seed}-{disks}" and item.id[-7:] in beyond)
+    ]
     nothing: dict[Reading, tuple[str, str]] = {"decimals": ("", ""), "doubles": ("", "")}
-    blank = (as_quantity(item, name, nothing, {}) for item in items for name in _names(item.kind, item.friction))
+    blank = (
+        as_quantity(item, name, nothing, {})
+        for item in items
+        for name in _names(item.kind, item.friction)
+    )
     return Store.of(sorted(blank, key=lambda quantity: quantity.level))
 
 
@@ -120,10 +154,14 @@ def entries_of(prefix: str) -> str:
     """
     drawn = re.match(rf"{DRAWN_SET.pattern}(?=/)", prefix)
     items = () if drawn is None else _items(drawn[0])
-    return "\n".join(item.id for item in items if item.id.startswith(prefix) or prefix.startswith(f"{item.id}/"))
+    return "\n".join(
+        item.id for item in items if item.id.startswith(prefix) or prefix.startswith(f"{item.id}/")
+    )
 
 
-def with_fresh(store: Store, text: str, advance: Callable[[str, int], None] = lambda label, steps: None) -> Store:
+def with_fresh(
+    store: Store, text: str, advance: Callable[[str, int], None] = lambda label, steps: None
+) -> Store:
     """Add to a store the true values of all fresh questions whose ids occur in a text.
 
     Ids that no seed gives are ignored. A true value is computed once in a process.
@@ -138,14 +176,21 @@ def with_fresh(store: Store, text: str, advance: Callable[[str, int], None] = la
     """
     named = {found[0] for found in _ENTRY.finditer(text)}
     if len(named) > _MOST_ENTRIES:
-        raise InputError(f"there are fresh questions for {len(named)} entries: a sheet has {_MOST_ENTRIES} at most")
+        raise InputError(
+            f"there are fresh questions for {len(named)} entries: a sheet has "
+            f"{_MOST_ENTRIES} at most"
+        )
     sets = dict.fromkeys(id_.split("/")[0] for id_ in sorted(named))
     wanted = [item for name in sets for item in _items(name) if item.id in named]
     truths: list[Quantity] = []
     for item in wanted:
         truths += _truths(item.id)
         advance(item.id, 1)
-    return store.joined(Store.of(sorted(truths, key=lambda quantity: quantity.level))) if truths else store
+    return (
+        store.joined(Store.of(sorted(truths, key=lambda quantity: quantity.level)))
+        if truths
+        else store
+    )
 
 
 @lru_cache(maxsize=_MOST_ENTRIES)

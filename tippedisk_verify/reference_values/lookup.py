@@ -25,12 +25,20 @@ def references(prefix: str = "", *, reading: Reading = "decimals") -> list[Quant
         InputError: If no value is left.
     """
     if not isinstance(prefix, str):
-        raise InputError(f"the ids of reference values start with a string, not with {type(prefix).__name__}")
+        raise InputError(
+            f"the ids of reference values start with a string, not with {type(prefix).__name__}"
+        )
     prefix = full_id(prefix)
     store = _with_drawn(prefix)
-    found = [q.read_from(reading) for q in store.matching(prefix) if reading != "doubles" or reading in q.values]
+    found = [
+        q.read_from(reading)
+        for q in store.matching(prefix)
+        if reading != "doubles" or reading in q.values
+    ]
     if not found:
-        raise InputError(f"no reference value starts with '{prefix[:100]}': try table1/ or calibrated/")
+        raise InputError(
+            f"no reference value starts with '{prefix[:100]}': try table1/ or calibrated/"
+        )
     return found
 
 
@@ -56,7 +64,9 @@ def reference(id_: str, *, reading: Reading = "decimals") -> Quantity:
 
 
 def full_id(id_: str) -> str:
-    """Return the id as the data have it: before version 2.0 the set ``table1`` was called ``printed``."""
+    """Return the id as the data have it: before version 2.0 the set ``table1`` was called
+    ``printed``.
+    """
     return re.sub("^printed(?=/|$)", "table1", id_)
 
 

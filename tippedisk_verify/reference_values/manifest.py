@@ -33,7 +33,15 @@ __all__ = [
 
 VALUES = ("values.csv", "proofs.json")  #: files that `reference_data/make` writes
 #: Files that are written by hand.
-STATIC = ("quantities.csv", "methods.csv", "schema.json", "README.md", "CHANGELOG.md", "CITATION.cff", "LICENSE")
+STATIC = (
+    "quantities.csv",
+    "methods.csv",
+    "schema.json",
+    "README.md",
+    "CHANGELOG.md",
+    "CITATION.cff",
+    "LICENSE",
+)
 FILES = (*VALUES, *STATIC)  #: all files with a hash in the manifest
 MANIFEST = "manifest.json"
 LARGEST = 64_000_000  #: bytes that a file may have; the largest has about ten million
@@ -50,7 +58,9 @@ def data_folder() -> Path:
     for folder in (package / "reference_data", package.parent / "reference_data"):
         if (folder / MANIFEST).is_file():
             return folder
-    raise InputError("the reference data are not installed with this package: reinstall it, or give their folder")
+    raise InputError(
+        "the reference data are not installed with this package: reinstall it, or give their folder"
+    )
 
 
 def sound_files(folder: Path, names: Iterable[str]) -> dict[str, str]:
@@ -73,7 +83,9 @@ def sound_files(folder: Path, names: Iterable[str]) -> dict[str, str]:
 
 
 def _damaged(folder: Path, fault: str) -> InputError:
-    return InputError(f"the reference data in {folder} are damaged ({fault}): install the package anew")
+    return InputError(
+        f"the reference data in {folder} are damaged ({fault}): install the package anew"
+    )
 
 
 def faults_in_files(folder: Path) -> list[str]:

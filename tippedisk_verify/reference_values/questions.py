@@ -52,7 +52,15 @@ COLUMNS = (
 #: easily; a wrong equation does not reach them by chance.
 FAILS_BELOW = {1: 10, 2: 8, 3: 8, 4: 8, 5: 8, 6: 4, 7: 6, 8: 6, 9: 4, 10: 6}
 # Quantities that pass through zero. If they are below 1 in their unit, errors are relative to 1.
-_UNIT_SIZED = ("beta", "gamma", "v", "crossing_gamma", "crossing_v", "lambda_", "log_multiplier_slow")
+_UNIT_SIZED = (
+    "beta",
+    "gamma",
+    "v",
+    "crossing_gamma",
+    "crossing_v",
+    "lambda_",
+    "log_multiplier_slow",
+)
 #: A relative change of all inputs whose effect on an answer is allowed, by level. 1e-12 allows
 #: closed forms in doubles about ten thousand roundings. For integrators the equivalent change was
 #: measured at rtol = atol = 1e-12 and 1e-13, on all orbits and librating cycles of the printed set.
@@ -160,7 +168,11 @@ def table_row(parameters: Mapping[str, str], quantity: Quantity) -> dict[str, st
     """
     row = question_fields(parameters, quantity)
     if "doubles" in quantity.values:
-        row |= {f"{name}_hex": float(row[name]).hex() for name in (*SYMBOLS, *_INPUTS, "t") if name in row}
+        row |= {
+            f"{name}_hex": float(row[name]).hex()
+            for name in (*SYMBOLS, *_INPUTS, "t")
+            if name in row
+        }
     for reading, (value, uncertainty) in quantity.values.items():
         row |= {f"value_from_{reading}": value, f"uncertainty_from_{reading}": uncertainty}
     scale = scale_of(quantity, Decimal(quantity.values["decimals"][0]))

@@ -24,7 +24,16 @@ from tippedisk_verify.model.results import Printable, as_json
 from tippedisk_verify.reference_values.draws import disk_of
 from tippedisk_verify.reference_values.manifest import data_folder, sound_files
 
-__all__ = ["Quantity", "Reading", "Store", "codebook", "definition_of", "quantity_of", "stored", "table_rows"]
+__all__ = [
+    "Quantity",
+    "Reading",
+    "Store",
+    "codebook",
+    "definition_of",
+    "quantity_of",
+    "stored",
+    "table_rows",
+]
 
 Reading = Literal["decimals", "doubles"]  #: inputs exactly as written, or rounded to doubles
 
@@ -105,7 +114,9 @@ class Quantity(Printable, Bounded):
         if reading not in ("decimals", "doubles"):
             raise InputError(f"a value is from decimals or doubles, not from '{reading!s:.40}'")
         if reading not in self.values:
-            raise InputError(f"{self.id} has no value from {reading}: doubles cannot tell its inputs apart")
+            raise InputError(
+                f"{self.id} has no value from {reading}: doubles cannot tell its inputs apart"
+            )
         return self if reading == self.reading else replace(self, reading=reading)
 
     @property
@@ -159,7 +170,9 @@ class Quantity(Printable, Bounded):
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle the mappings as dictionaries, because mapping proxies cannot be pickled."""
         values = (getattr(self, item.name) for item in fields(self))
-        return Quantity, tuple(dict(value) if isinstance(value, Mapping) else value for value in values)
+        return Quantity, tuple(
+            dict(value) if isinstance(value, Mapping) else value for value in values
+        )
 
     def _title(self) -> str:
         return type(self).__name__
@@ -174,8 +187,17 @@ class Quantity(Printable, Bounded):
         entry: dict[str, Any] = {"id": self.id, "definition": self.definition, "unit": self.unit}
         entry |= {"value": value, "uncertainty": uncertainty}
         if "doubles" in self.values:
-            entry["from_doubles"] = dict(zip(("value", "uncertainty"), self.values["doubles"], strict=True))
-        names = ("grade", "methods", "condition", "parameters", "inputs", *["proof"] * (self.proof is not None))
+            entry["from_doubles"] = dict(
+                zip(("value", "uncertainty"), self.values["doubles"], strict=True)
+            )
+        names = (
+            "grade",
+            "methods",
+            "condition",
+            "parameters",
+            "inputs",
+            *["proof"] * (self.proof is not None),
+        )
         return entry | {name: as_json(getattr(self, name)) for name in names}
 
 
@@ -202,7 +224,9 @@ class Store(Mapping[str, Quantity]):
             proofs, rows = json.loads(texts["proofs.json"]), table_rows(texts["values.csv"])
             self._quantities = {row["id"]: quantity_of(row, proofs) for row in rows}
         except (KeyError, TypeError, AttributeError, ValueError, RecursionError, csv.Error):
-            raise InputError(f"the reference data in {folder} are damaged: run reference check") from None
+            raise InputError(
+                f"the reference data in {folder} are damaged: run reference check"
+            ) from None
         if not self:
             raise InputError(f"there are no reference values in {folder}")
 
@@ -224,7 +248,10 @@ class Store(Mapping[str, Quantity]):
         Raises:
             InputError: If a set is neither named nor drawn.
         """
-        return {name: disk_of(name).decimals() for name in {quantity.set: 0 for quantity in self.values()}}
+        return {
+            name: disk_of(name).decimals()
+            for name in {quantity.set: 0 for quantity in self.values()}
+        }
 
     def __getitem__(self, id_: str) -> Quantity:
         return self._quantities[id_]
@@ -265,7 +292,9 @@ def quantity_of(row: Mapping[str, str], proofs: Mapping[str, Any]) -> Quantity:
         values["doubles"] = (row["value_from_doubles"], row["uncertainty_from_doubles"])
     proof = proofs.get(entry, {"enclosures": {}})
     enclosure = proof["enclosures"].get(name)
-    plain: dict[str, Any] = {column: row[column] for column in ("id", "kind", "set", "friction", "unit", "grade")}
+    plain: dict[str, Any] = {
+        column: row[column] for column in ("id", "kind", "set", "friction", "unit", "grade")
+    }
     plain |= {column: MappingProxyType(_pairs(row[column])) for column in ("methods", "condition")}
     return Quantity(
         **plain,
@@ -273,7 +302,8 @@ def quantity_of(row: Mapping[str, str], proofs: Mapping[str, Any]) -> Quantity:
         name=name,
         inputs=MappingProxyType({column: row[column] for column in _INPUTS if row[column]}),
         values=values,
-        proof=enclosure and MappingProxyType(enclosure | {part: proof[part] for part in ("statement", "command")}),
+        proof=enclosure
+        and MappingProxyType(enclosure | {part: proof[part] for part in ("statement", "command")}),
     )
 
 

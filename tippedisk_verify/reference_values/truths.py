@@ -96,7 +96,9 @@ def condition(case: ExactItem, values: Values) -> Slopes:
     return by_differences(case, lambda moved: plain(moved, values), step)
 
 
-def by_differences(case: ExactItem, plain: Callable[[ExactItem], Mapping[str, Any]], step: Fraction = _STEP) -> Slopes:
+def by_differences(
+    case: ExactItem, plain: Callable[[ExactItem], Mapping[str, Any]], step: Fraction = _STEP
+) -> Slopes:
     """Return dq / (dp / p) for each quantity q and parameter or input p, by central differences.
 
     Args:
@@ -121,7 +123,9 @@ def _moved(case: ExactItem, name: str, factor: Fraction) -> ExactItem:
     return replace(case, disk=replace(case.disk, **{name: value}))
 
 
-def in_two(evaluate: Callable[[Any], Mapping[str, Any]], narrow: int = BITS, kept: int = BITS) -> Values:
+def in_two(
+    evaluate: Callable[[Any], Mapping[str, Any]], narrow: int = BITS, kept: int = BITS
+) -> Values:
     """Evaluate a function in two precisions, and return the values with the error that this shows.
 
     Args:
@@ -130,7 +134,10 @@ def in_two(evaluate: Callable[[Any], Mapping[str, Any]], narrow: int = BITS, kep
         kept: Bits of the values that may be taken as right.
     """
     rough, sharp = (evaluate(bits(working).context) for working in (narrow, narrow + WIDER - BITS))
-    return {name: Measured.compared(value, sharp[name], Fraction(2, 1 << kept)) for name, value in rough.items()}
+    return {
+        name: Measured.compared(value, sharp[name], Fraction(2, 1 << kept))
+        for name, value in rough.items()
+    }
 
 
 def _in(ctx: Any, case: ExactItem, *names: str) -> tuple[Any, ...]:
@@ -214,7 +221,10 @@ def _eigenvalues(case: ExactItem, ctx: Any) -> dict[str, Any]:
     rows = jacobian(ctx, c, omega, "linear")(ctx.pi / 2, gamma, ctx.mpf(0))
     values = ctx.eig(ctx.matrix([list(row) for row in rows]), left=False, right=False)
     small = ctx.mpf(2) ** (-ctx.prec // 2) * max(abs(value) for value in values)
-    pairs = [(ctx.re(value), ctx.im(value) if abs(ctx.im(value)) > small else ctx.mpf(0)) for value in values]
+    pairs = [
+        (ctx.re(value), ctx.im(value) if abs(ctx.im(value)) > small else ctx.mpf(0))
+        for value in values
+    ]
     pairs.sort(key=lambda pair: (-ctx.nint(pair[0] / small), -pair[1]))
     return _of_places(pairs)
 
@@ -238,8 +248,13 @@ def _law(case: ExactItem, ctx: Any) -> dict[str, Any]:
 def _manifold(case: ExactItem, ctx: Any) -> dict[str, Any]:
     """Compute the slow manifold's orders and residuals by recursion on truncated power series."""
     arguments = (ctx, *_in(ctx, case, "Omega", "beta", "gamma"), ORDERS)
-    orders, residuals = slow_manifold.orders(*arguments), slow_manifold.invariance_residuals(*arguments)
-    return {f"h_{n}": h for n, h in enumerate(orders)} | {f"residual_{n}": h for n, h in enumerate(residuals)}
+    orders, residuals = (
+        slow_manifold.orders(*arguments),
+        slow_manifold.invariance_residuals(*arguments),
+    )
+    return {f"h_{n}": h for n, h in enumerate(orders)} | {
+        f"residual_{n}": h for n, h in enumerate(residuals)
+    }
 
 
 # ------------------------------------------------------------------------------------------ motion
@@ -307,9 +322,13 @@ def orbit(
     crossings = (event for event in run.events if event.time > _START)
     for n, crossing in enumerate(crossings, start=1):
         numbers[f"crossing_time#{n}"] = crossing.time, crossing.time_uncertainty
-        for name, *pair in zip(_STATE[1:], crossing.state[1:], crossing.uncertainty[1:], strict=True):
+        for name, *pair in zip(
+            _STATE[1:], crossing.state[1:], crossing.uncertainty[1:], strict=True
+        ):
             numbers[f"crossing_{name}#{n}"] = tuple(pair)
-    return numbers | ({"flat_time": (run.end.time, run.end.time_uncertainty)} if run.status is Status.FLAT else {})
+    return numbers | (
+        {"flat_time": (run.end.time, run.end.time_uncertainty)} if run.status is Status.FLAT else {}
+    )
 
 
 def motion(case: ExactItem, digits: int, *, shift: bool = False) -> Values:
@@ -323,14 +342,18 @@ def motion(case: ExactItem, digits: int, *, shift: bool = False) -> Values:
     quarter = sum(_QUARTER.enclosed(WIDER)) / 2 if shift else Fraction(0)
     return {
         name: Measured.of(
-            fraction(value) + quarter * name.startswith(("beta", "gamma", "crossing_gamma")), float(width)
+            fraction(value) + quarter * name.startswith(("beta", "gamma", "crossing_gamma")),
+            float(width),
         )
         for name, (value, width) in orbit(case, digits, shift=shift).items()
     }
 
 
 def _moved_orbit(case: ExactItem, values: Values) -> dict[str, Any]:
-    return {name: value for name, (value, _) in orbit(case, 12, engine=PlainEngine(default_engine())).items()}
+    return {
+        name: value
+        for name, (value, _) in orbit(case, 12, engine=PlainEngine(default_engine())).items()
+    }
 
 
 # ------------------------------------------------------------------------------ cycles and Omega_h
@@ -343,7 +366,10 @@ def shot(case: ExactItem, values: Mapping[str, Any], engine: Engine) -> FixedPoi
     """Find a cycle's point on its section by shooting in double precision from known numbers."""
     section = ROTATING if case.item.kind == "rotating-cycle" else LIBRATING
     names = ("beta_bar_top", "v_top") if section is ROTATING else ("gamma_bar_0", "v_0")
-    return shoot(ReturnMap(section, case.disk, case.inputs["Omega"], engine), [float(values[name]) for name in names])
+    return shoot(
+        ReturnMap(section, case.disk, case.inputs["Omega"], engine),
+        [float(values[name]) for name in names],
+    )
 
 
 def _cycle_in_double(case: ExactItem, values: Values) -> dict[str, Any]:
@@ -360,7 +386,9 @@ def connection(case: ExactItem, digits: int, method: str = "manifolds") -> Value
         method: The method of `Disk.heteroclinic`.
     """
     point = case.disk.heteroclinic(digits=digits, method=method)
-    return dict(zip(codebook()["heteroclinic"], (point.omega_h, *point.saddle_eigenvalues), strict=True))
+    return dict(
+        zip(codebook()["heteroclinic"], (point.omega_h, *point.saddle_eigenvalues), strict=True)
+    )
 
 
 _COMPUTE: dict[str, Callable[[ExactItem, int], Values]] = {
@@ -368,7 +396,8 @@ _COMPUTE: dict[str, Callable[[ExactItem, int], Values]] = {
     "equilibrium": _equilibrium,
     "hopf": lambda case, digits: _named(case, case.disk.hopf(digits=DIGITS)),
     "harmonic-balance": lambda case, digits: _named(
-        case, harmonic_balance.one_harmonic(case.disk, case.inputs["Omega"], case.inputs["form"], DIGITS)
+        case,
+        harmonic_balance.one_harmonic(case.disk, case.inputs["Omega"], case.inputs["form"], DIGITS),
     ),
     "slow-manifold": lambda case, digits: in_two(partial(_manifold, case), kept=BITS - 20),
     "trajectory": motion,
@@ -380,9 +409,14 @@ _COMPUTE: dict[str, Callable[[ExactItem, int], Values]] = {
         else case.disk.limit_cycle(case.inputs["Omega"], digits=digits),
     ),
     "heteroclinic": connection,
-    "near-heteroclinic": lambda case, digits: _named(case, case.disk.limit_cycle(case.inputs["Omega"], digits=digits)),
+    "near-heteroclinic": lambda case, digits: _named(
+        case, case.disk.limit_cycle(case.inputs["Omega"], digits=digits)
+    ),
     "rotating-cycle": lambda case, digits: _named(
-        case, case.disk.rotating_cycle(case.inputs["Omega"], stable=case.inputs["form"] == "stable", digits=digits)
+        case,
+        case.disk.rotating_cycle(
+            case.inputs["Omega"], stable=case.inputs["form"] == "stable", digits=digits
+        ),
     ),
     "rotation-fold": lambda case, digits: _named(case, case.disk.rotation_fold(digits=digits)),
 }

@@ -38,12 +38,28 @@ def write_report(
         for name, content in figure["files"].items():
             write_bytes(folder / name, b64decode(content))
     write_text(folder / "results.json", json.dumps(results, indent=1, ensure_ascii=False) + "\n")
-    texts = ("name", "source", "statement", "printed", "unit", "verdict", "class", "cause", "instead", "note")
+    texts = (
+        "name",
+        "source",
+        "statement",
+        "printed",
+        "unit",
+        "verdict",
+        "class",
+        "cause",
+        "instead",
+        "note",
+    )
     rows = [
-        [*(claim[name] for name in texts), *(str(finding.computed.get(name, "")) for name in results["sets"])]
+        [
+            *(claim[name] for name in texts),
+            *(str(finding.computed.get(name, "")) for name in results["sets"]),
+        ]
         for claim, (_, finding) in zip(results["claims"], findings, strict=True)
     ]
-    write_csv(folder / "claims.csv", (*texts, *(f"computed for {name}" for name in results["sets"])), rows)
+    write_csv(
+        folder / "claims.csv", (*texts, *(f"computed for {name}" for name in results["sets"])), rows
+    )
     write_text(folder / "report.md", markdown_page(results))
     pictures = {figure["entry"]["name"]: figure["embedded"] for figure in figures}
     write_text(folder / "report.html", html_page(results, pictures, formulas))

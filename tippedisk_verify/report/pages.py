@@ -20,16 +20,34 @@ __all__ = ["html_page", "markdown_page"]
 _SIGNS = {"holds": "✓", "holds-for": "◐", "does-not-follow": "✗", "undecided": "?"}
 _GREEK = dict(
     zip(
-        ("alpha", "beta", "gamma", "delta", "epsilon", "kappa", "lambda", "mu", "chi", "omega", "Omega", "pi"),
+        (
+            "alpha",
+            "beta",
+            "gamma",
+            "delta",
+            "epsilon",
+            "kappa",
+            "lambda",
+            "mu",
+            "chi",
+            "omega",
+            "Omega",
+            "pi",
+        ),
         "αβγδεκλμχωΩπ",
         strict=True,
     )
 )
 #: Symbols in running text: Omega_crit, gamma_bar_0, dOmega, A_33, Bbar; not the name after "claim".
-_SYMBOL = re.compile(rf"(?<!claim )(?:\b|(?<=\bd))({'|'.join(_GREEK)}|[A-Za-z])(_?bar)?(?:_(\w+))?(?!\w)")
+_SYMBOL = re.compile(
+    rf"(?<!claim "
+    rf")(?:\b|(?<=\bd))({'|'.join(_GREEK)}|[A-Za-z])(_?bar)?(?:_(\w+))?(?!\w)"
+)
 
 
-def html_page(results: dict[str, Any], pictures: dict[str, dict[str, Any]], formulas: dict[str, Any]) -> str:
+def html_page(
+    results: dict[str, Any], pictures: dict[str, dict[str, Any]], formulas: dict[str, Any]
+) -> str:
     """Return the HTML page.
 
     Args:
@@ -95,7 +113,9 @@ def _pieces(value: Any, printed: str, longest: int) -> list[tuple[str, str]]:
 def _alike(values: dict[str, Any]) -> bool:
     """Return True if all sets have the same sentence, which is then shown once."""
     sentences = list(values.values())
-    return len(sentences) > 1 and all(isinstance(value, str) and value == sentences[0] for value in sentences)
+    return len(sentences) > 1 and all(
+        isinstance(value, str) and value == sentences[0] for value in sentences
+    )
 
 
 def _symbols(text: str) -> Markup:

@@ -45,7 +45,8 @@ def claim_json(claim: Claim, finding: Finding, order: AuditJob) -> dict[str, Any
     agreed = {
         name: digits
         for name, value in by_set.items()
-        if isinstance(value, dict) and (digits := agreed_digits(value["value"], claim.printed)) is not None
+        if isinstance(value, dict)
+        and (digits := agreed_digits(value["value"], claim.printed)) is not None
     }
     proof = proof_of(claim, finding, sets_with(order.parameters))
     return {
@@ -84,7 +85,10 @@ def verdict_words(entry: dict[str, Any]) -> str:
         selected, own = next(iter(entry["holds"].items()))
         holds = entry["holds"] if selected in NAMED_SETS else {selected: own}
         words = {True: "holds", False: "fails", None: "undecided"}
-        named = {words[answer]: ", ".join(name for name in holds if holds[name] is answer) for answer in holds.values()}
+        named = {
+            words[answer]: ", ".join(name for name in holds if holds[name] is answer)
+            for answer in holds.values()
+        }
         return min((f"{word} for {names}" for word, names in named.items()), key=len)
     why = {"slip": " (slip)", "follows-from": " (term)"}.get(entry["class"], "")
     proved = " (proved)" if entry["grade"] == "proved" else ""
@@ -121,17 +125,25 @@ def summary(findings: Findings) -> dict[str, Any]:
     counts = {verdict.value: 0 for verdict in Verdict}
     for _, finding in findings:
         counts[finding.verdict.value] += 1
-    failed = [claim.name for claim, finding in findings if claim.own_check and finding.verdict is not Verdict.HOLDS]
+    failed = [
+        claim.name
+        for claim, finding in findings
+        if claim.own_check and finding.verdict is not Verdict.HOLDS
+    ]
     alike: dict[tuple[str, str | None], list[str]] = {}
     for claim, finding in findings:
         if fault := _fault(claim, finding):
-            alike.setdefault((fault.kind, fault.cause if fault.kind == "follows-from" else None), []).append(claim.name)
+            alike.setdefault(
+                (fault.kind, fault.cause if fault.kind == "follows-from" else None), []
+            ).append(claim.name)
     order = list(get_args(FaultKind))
     faults = sorted(alike.items(), key=lambda entry: order.index(entry[0][0]))
     return {
         "claims": len(findings),
         **counts,
-        "not_following": [{"class": kind, "cause": cause, "claims": names} for (kind, cause), names in faults],
+        "not_following": [
+            {"class": kind, "cause": cause, "claims": names} for (kind, cause), names in faults
+        ],
         "own_checks_failed": failed,
     }
 
@@ -151,7 +163,9 @@ def totals(counts: dict[str, Any]) -> str:
         for verdict, (singular, plural, rest) in verdicts.items()
         if counts[verdict]
     ]
-    return f"{counts['claims']} {'claim' if counts['claims'] == 1 else 'claims'}: {', '.join(parts)}"
+    return (
+        f"{counts['claims']} {'claim' if counts['claims'] == 1 else 'claims'}: {', '.join(parts)}"
+    )
 
 
 def _counted_fault(fault: dict[str, Any]) -> str:
@@ -164,7 +178,10 @@ def _counted_fault(fault: dict[str, Any]) -> str:
 
 
 def results_json(
-    order: AuditJob, findings: Findings, figures: Sequence[dict[str, Any]] = (), run: dict[str, Any] | None = None
+    order: AuditJob,
+    findings: Findings,
+    figures: Sequence[dict[str, Any]] = (),
+    run: dict[str, Any] | None = None,
 ) -> dict[str, Any]:
     """Return the JSON object of the main job.
 
@@ -187,7 +204,9 @@ def results_json(
         "summary": summary(findings),
         "sets": list(sets_with(parameters)),
         "parameters": {"name": parameters.name, **decimals},
-        "units": {item.name: item.metadata["unit"] for item in fields(Parameters) if item.name in decimals},
+        "units": {
+            item.name: item.metadata["unit"] for item in fields(Parameters) if item.name in decimals
+        },
         "friction": order.parameters.friction,
         "digits": order.digits,
         "command": _command(order),

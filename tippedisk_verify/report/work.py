@@ -70,7 +70,9 @@ def key(order: AuditJob, task: Task) -> str:
     inputs: dict[str, Any] = {
         "task": asdict(task),
         "parameters": {
-            item.name: str(getattr(order.parameters, item.name)) for item in fields(Parameters) if item.init
+            item.name: str(getattr(order.parameters, item.name))
+            for item in fields(Parameters)
+            if item.init
         },
         "digits": order.digits,
     }
@@ -182,11 +184,16 @@ def _light(task: Task) -> bool:
 def _cost(task: Task) -> float:
     if task.kind == "formulas":
         return 0.0
-    return float(selected([task.name])[0].cost if task.kind == "claim" else _exhibit(task.name).cost)
+    return float(
+        selected([task.name])[0].cost if task.kind == "claim" else _exhibit(task.name).cost
+    )
 
 
 def _here(
-    order: AuditJob, tasks: Sequence[Task], keep: Callable[[Task, Any], None], advance: Callable[[str, int], None]
+    order: AuditJob,
+    tasks: Sequence[Task],
+    keep: Callable[[Task, Any], None],
+    advance: Callable[[str, int], None],
 ) -> None:
     for task in tasks:
         advance(task.name, 0)
@@ -208,7 +215,9 @@ def _there(
         waiting |= {executor.submit(compute, order, task): task for task in heavy}
         _here(order, light, keep, advance)
         while waiting:
-            advance(", ".join(task.name for future, task in waiting.items() if future.running())[:40], 0)
+            advance(
+                ", ".join(task.name for future, task in waiting.items() if future.running())[:40], 0
+            )
             finished, _ = wait(waiting, timeout=_TICK, return_when=FIRST_COMPLETED)
             for future in finished:
                 record = future.result()

@@ -15,7 +15,16 @@ from tippedisk_verify.flow.contract import Engine, Request, Result, Status
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.precision import Precision, bits
 
-__all__ = ["Found", "StressCase", "StressResult", "against", "cycle_digits", "digits_between", "flown", "refused"]
+__all__ = [
+    "Found",
+    "StressCase",
+    "StressResult",
+    "against",
+    "cycle_digits",
+    "digits_between",
+    "flown",
+    "refused",
+]
 
 _TRUTH = bits(200)  # 60 digits, the precision of the true solution
 _MOST_DIGITS = 16.0  # closer values cannot be distinguished in doubles
@@ -44,7 +53,9 @@ class StressCase:
 
     def expected(self) -> str:
         """Return the required outcome in words."""
-        texts = [f"{self.least:g} digits or more" if name == "digits" else name for name in self.may]
+        texts = [
+            f"{self.least:g} digits or more" if name == "digits" else name for name in self.may
+        ]
         return " or ".join(texts)
 
 
@@ -75,8 +86,12 @@ class StressResult:
         except (InputError, NoSuchCycleError, AccuracyError) as refusal:
             answer = Found(type(refusal).__name__, note=str(refusal))
         except Exception as fault:  # the battery reports it
-            answer = Found(f"unforeseen {type(fault).__name__}", honest=False, note=str(fault)[:200])
-        enough = answer.outcome != "digits" or (answer.digits is not None and answer.digits >= case.least)
+            answer = Found(
+                f"unforeseen {type(fault).__name__}", honest=False, note=str(fault)[:200]
+            )
+        enough = answer.outcome != "digits" or (
+            answer.digits is not None and answer.digits >= case.least
+        )
         return cls(
             name=case.name,
             says=case.says,
@@ -149,13 +164,19 @@ def against(mine: Result, sharp: Result) -> Found:
     scale = max(1.0, *(abs(float(part)) for part in sharp.state))
     honest = all(abs(fraction(a) - fraction(b)) <= fraction(float(width)) for a, b, width in pairs)
     times = [(mine.time, sharp.time, error.time)] if mine.status is not Status.REACHED else []
-    times += [(a.time, b.time, w) for a, b, w in zip(mine.events, sharp.events, error.events, strict=True)]
+    times += [
+        (a.time, b.time, w) for a, b, w in zip(mine.events, sharp.events, error.events, strict=True)
+    ]
     honest &= all(abs(fraction(a) - fraction(b)) <= fraction(float(width)) for a, b, width in times)
     digits = min(digits_between(a, b, scale) for a, b, _ in pairs)
     claimed = max(float(width) for *_, width in pairs) / scale
     if claimed > 0.1:  # not one decimal digit is certain
-        return Found("no digits left", honest=honest, note=f"claimed error {claimed:.1e} of the state's size")
-    return Found("digits", digits, honest, f"claimed error {claimed:.1e}; ended: {mine.status.name}")
+        return Found(
+            "no digits left", honest=honest, note=f"claimed error {claimed:.1e} of the state's size"
+        )
+    return Found(
+        "digits", digits, honest, f"claimed error {claimed:.1e}; ended: {mine.status.name}"
+    )
 
 
 def cycle_digits(mine: Any, sharp: Any, names: Sequence[str]) -> Found:

@@ -34,7 +34,9 @@ def _below_hopf(distance: str) -> Fraction:
 def _near_hopf(distance: str) -> Callable[[], Found]:
     def run() -> Found:
         speed = _below_hopf(distance)
-        mine, sharp = (limit_cycle(PRINTED, speed, default_engine(), digits=digits) for digits in (12, 40))
+        mine, sharp = (
+            limit_cycle(PRINTED, speed, default_engine(), digits=digits) for digits in (12, 40)
+        )
         return cycle_digits(mine, sharp, _MAIN)
 
     return run
@@ -43,7 +45,8 @@ def _near_hopf(distance: str) -> Callable[[], Found]:
 def _near_omega_h(distance: str) -> Callable[[], Found]:
     def run() -> Found:
         mine, sharp = (
-            cycle_above(PRINTED, exact(distance).rational, default_engine(), digits=digits) for digits in (12, 25)
+            cycle_above(PRINTED, exact(distance).rational, default_engine(), digits=digits)
+            for digits in (12, 25)
         )
         return cycle_digits(mine, sharp, ("period", "gamma_bar_0", "v_0"))
 
@@ -53,7 +56,9 @@ def _near_omega_h(distance: str) -> Callable[[], Found]:
 def _omega_h_by_two_methods() -> Found:
     """Compare bisection in double precision with 40 digits."""
     return cycle_digits(
-        bisect_omega_h(PRINTED, default_engine()), heteroclinic(PRINTED, default_engine(), digits=40), ("omega_h",)
+        bisect_omega_h(PRINTED, default_engine()),
+        heteroclinic(PRINTED, default_engine(), digits=40),
+        ("omega_h",),
     )
 
 
@@ -82,10 +87,18 @@ def _one_ulp_below() -> Found:
 def _underflow() -> Found:
     """Set epsilon = 1e-3: the fast multiplier underflows (about 1e-5000), not its logarithm."""
     parameters = PRINTED.changed(epsilon="1e-3")
-    mine, sharp = (limit_cycle(parameters, _below_hopf("0.3"), default_engine(), digits=digits) for digits in (12, 30))
+    mine, sharp = (
+        limit_cycle(parameters, _below_hopf("0.3"), default_engine(), digits=digits)
+        for digits in (12, 30)
+    )
     answer = cycle_digits(mine, sharp, (*_MAIN, *_EXPONENTS))
     exponent = float(mine.log_multiplier_fast) / 2.302585092994046
-    return Found(answer.outcome, answer.digits, answer.honest and exponent < -324, f"fast multiplier 1e{exponent:.0f}")
+    return Found(
+        answer.outcome,
+        answer.digits,
+        answer.honest and exponent < -324,
+        f"fast multiplier 1e{exponent:.0f}",
+    )
 
 
 def _subcritical() -> Parameters:
@@ -99,16 +112,22 @@ def _subcritical() -> Parameters:
 def _beyond_the_fold() -> Found:
     parameters = _subcritical()
     speed = Fraction(omega_crit(parameters, 30).decimals()[0]) - Fraction(1, 10)
-    mine, sharp = (limit_cycle(parameters, speed, default_engine(), digits=digits) for digits in (12, 30))
+    mine, sharp = (
+        limit_cycle(parameters, speed, default_engine(), digits=digits) for digits in (12, 30)
+    )
     return cycle_digits(mine, sharp, ("period", "gamma_bar_0", "v_0", "beta_max"))
 
 
 def _no_cycle_above() -> Found:
-    return refused(lambda: limit_cycle(PRINTED, _below_hopf("-0.01"), default_engine()), NoSuchCycleError)
+    return refused(
+        lambda: limit_cycle(PRINTED, _below_hopf("-0.01"), default_engine()), NoSuchCycleError
+    )
 
 
 def _subcritical_connection() -> Found:
-    mine, sharp = (heteroclinic(_subcritical(), default_engine(), digits=digits) for digits in (12, 30))
+    mine, sharp = (
+        heteroclinic(_subcritical(), default_engine(), digits=digits) for digits in (12, 30)
+    )
     answer = cycle_digits(mine, sharp, ("omega_h",))
     return Found(answer.outcome, answer.digits, answer.honest, f"Omega_h = {mine.omega_h}")
 
@@ -117,7 +136,12 @@ def _cases() -> list[Any]:
     may = ("digits", "NoSuchCycleError", "AccuracyError")
     return [
         *(
-            StressCase(f"Hopf - {text}", "the cycle this close below Omega_crit [rad/s]", _near_hopf(text), 11)
+            StressCase(
+                f"Hopf - {text}",
+                "the cycle this close below Omega_crit [rad/s]",
+                _near_hopf(text),
+                11,
+            )
             for text in ("1e-3", "1e-6")
         ),
         *(
@@ -141,7 +165,12 @@ def _cases() -> list[Any]:
             )
             for text in ("1e-6", "1e-12", "1e-30")
         ),
-        StressCase("Omega_h in double", "bisection in double against 40 digits", _omega_h_by_two_methods, 14),
+        StressCase(
+            "Omega_h in double",
+            "bisection in double against 40 digits",
+            _omega_h_by_two_methods,
+            14,
+        ),
         StressCase(
             "an ulp above Omega_h",
             "the next double: its distance is known only if Omega_h is known beyond double",
@@ -170,7 +199,13 @@ def _cases() -> list[Any]:
             _beyond_the_fold,
             11,
         ),
-        StressCase("above Omega_crit", "no cycle of the printed disk", _no_cycle_above, 0, ("NoSuchCycleError",)),
+        StressCase(
+            "above Omega_crit",
+            "no cycle of the printed disk",
+            _no_cycle_above,
+            0,
+            ("NoSuchCycleError",),
+        ),
         StressCase(
             "connection of a subcritical disk",
             "a connection exists for such a disk too",

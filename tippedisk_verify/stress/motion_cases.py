@@ -24,11 +24,18 @@ __all__ = ["CASES"]
 
 _START: tuple[Any, Any, Any] = ("1.4", "1.9", "0.5")
 _OMEGA = "30.4"
-_STOPPED_EARLY = ("NON_FINITE", "STEP_LIMIT", "STEP_TOO_SMALL")  # outcomes of a run that stopped early
+# Outcomes of a run that stopped early
+_STOPPED_EARLY = ("NON_FINITE", "STEP_LIMIT", "STEP_TOO_SMALL")
 _DIGITS_MAY_BE_LOST = ("digits", "no digits left", "rounding decides")  # outcomes
 
 
-def _run(duration: Any, parameters: Parameters = PRINTED, start: Any = _START, omega: Any = _OMEGA, **more: Any) -> Any:
+def _run(
+    duration: Any,
+    parameters: Parameters = PRINTED,
+    start: Any = _START,
+    omega: Any = _OMEGA,
+    **more: Any,
+) -> Any:
     """Return a case's action: a run in double precision, compared with 60 digits or ``truth``."""
     engine_options = {name: more.pop(name) for name in ("truth",) if name in more}
     request = Request(parameters, omega, start, duration, **{"max_steps": 1_000_000, **more})
@@ -69,10 +76,16 @@ def _friction_cases() -> list[StressCase]:
     ):
         sharp = {"truth": QUADRUPLE} if text in ("1e-6", "1e-5", "1e-4") else {}
         for friction in ("linear", "smooth"):
-            run = _later(duration, _parameters(epsilon=text, friction=friction), domain="none", **sharp)
+            run = _later(
+                duration, _parameters(epsilon=text, friction=friction), domain="none", **sharp
+            )
             cases.append(
                 StressCase(
-                    f"epsilon {text}, {friction}", f"{duration} s with epsilon = {text} m/s", run, 9, quick=not sharp
+                    f"epsilon {text}, {friction}",
+                    f"{duration} s with epsilon = {text} m/s",
+                    run,
+                    9,
+                    quick=not sharp,
                 )
             )
     for text in ("1e-6", "10"):
@@ -87,15 +100,24 @@ def _shape_cases() -> list[StressCase]:
         ("e 1e-6 m", "hardly eccentric", _parameters(e="1e-6")),
         ("e 1e-15 m", "an eccentricity that rounding loses in r + e", _parameters(e="1e-15")),
         ("e near r", "e = r (1 - 1e-6)", _thin("1e-6")),
-        ("A next to Bbar", "A = Bbar (1 + 1e-12)", lambda: PRINTED.changed(A=near + PRINTED.m * PRINTED.e**2)),
+        (
+            "A next to Bbar",
+            "A = Bbar (1 + 1e-12)",
+            lambda: PRINTED.changed(A=near + PRINTED.m * PRINTED.e**2),
+        ),
     )
-    return [StressCase(name, says, _later("1", make, domain="none"), 10) for name, says, make in sets]
+    return [
+        StressCase(name, says, _later("1", make, domain="none"), 10) for name, says, make in sets
+    ]
 
 
 def _speed_cases() -> list[StressCase]:
     cases = [
         StressCase(
-            f"Omega {omega}", f"{duration} s at Omega = {omega} rad/s", _run(duration, omega=omega, domain="none"), 8
+            f"Omega {omega}",
+            f"{duration} s at Omega = {omega} rad/s",
+            _run(duration, omega=omega, domain="none"),
+            8,
         )
         for omega, duration in (("1e-3", "0.5"), ("1", "0.5"), ("300", "0.5"), ("1e4", "0.02"))
     ]
@@ -179,19 +201,35 @@ def _backward_cases() -> list[StressCase]:
     def back(duration: str) -> Found:
         cycle = limit_cycle(PRINTED, exact(_OMEGA).rational, default_engine())
         start = (0.0, float(cycle.gamma_bar_0), float(cycle.v_0))
-        return flown(Request(PRINTED, _OMEGA, start, duration, shifted=True, domain="none", max_steps=5000))
+        return flown(
+            Request(PRINTED, _OMEGA, start, duration, shifted=True, domain="none", max_steps=5000)
+        )
 
     cases = []
-    for duration, least in (("-0.05", 12.0), ("-0.1", 8.0), ("-0.2", 5.0), ("-0.3", 2.0), ("-0.5", 0.0)):
+    for duration, least in (
+        ("-0.05", 12.0),
+        ("-0.1", 8.0),
+        ("-0.2", 5.0),
+        ("-0.3", 2.0),
+        ("-0.5", 0.0),
+    ):
         outcomes = ("digits",) if least else (*_DIGITS_MAY_BE_LOST, *_STOPPED_EARLY)
         cases.append(
-            StressCase(f"backward {duration} s", "backward from the cycle", partial(back, duration), least, outcomes)
+            StressCase(
+                f"backward {duration} s",
+                "backward from the cycle",
+                partial(back, duration),
+                least,
+                outcomes,
+            )
         )
     return cases
 
 
 def _crossing(level: float) -> Event:
-    return Event(f"beta at {level!r}", lambda ops, c, omega, beta, gamma, v: beta - level, terminal=False)
+    return Event(
+        f"beta at {level!r}", lambda ops, c, omega, beta, gamma, v: beta - level, terminal=False
+    )
 
 
 def _event_cases() -> list[StressCase]:
@@ -200,7 +238,11 @@ def _event_cases() -> list[StressCase]:
     turn = Event("turn", lambda ops, c, omega, beta, gamma, v: 1 * v, direction=-1)
 
     def peak() -> tuple[Any, float]:
-        result = engine(Request(PRINTED, _OMEGA, _START, "2", events=(turn,), domain="none", precision=bits(200)))
+        result = engine(
+            Request(
+                PRINTED, _OMEGA, _START, "2", events=(turn,), domain="none", precision=bits(200)
+            )
+        )
         return result.time, float(result.state[0])
 
     def below(ulps: float) -> Found:
@@ -220,7 +262,12 @@ def _event_cases() -> list[StressCase]:
             10,
             _DIGITS_MAY_BE_LOST,
         ),
-        StressCase("grazing, missed", "a surface 100 ulps above the highest point", partial(below, -100), 10),
+        StressCase(
+            "grazing, missed",
+            "a surface 100 ulps above the highest point",
+            partial(below, -100),
+            10,
+        ),
         StressCase(
             "grazing, touched",
             "a surface at the highest point, to rounding",
@@ -247,12 +294,24 @@ def _event_cases() -> list[StressCase]:
 def _tolerance_cases() -> list[StressCase]:
     """Return cases at several tolerances; the error estimate must hold at each."""
     cases = []
-    for tolerance, least in ((0.1, 0.5), (1e-3, 2.0), (1e-6, 5.0), (1e-9, 8.0), (1e-13, 12.0), (2.0**-53, 12.0)):
+    for tolerance, least in (
+        (0.1, 0.5),
+        (1e-3, 2.0),
+        (1e-6, 5.0),
+        (1e-9, 8.0),
+        (1e-13, 12.0),
+        (2.0**-53, 12.0),
+    ):
         run = _run("1", tolerance=tolerance, domain="none")
         cases.append(StressCase(f"tolerance {tolerance:.1e}", "1 s at this tolerance", run, least))
     below = _run("1", tolerance=1e-30, domain="none")
     cases.append(
-        StressCase("tolerance below round-off", "1e-30 in double: no better than 1e-16, and no worse", below, 12)
+        StressCase(
+            "tolerance below round-off",
+            "1e-30 in double: no better than 1e-16, and no worse",
+            below,
+            12,
+        )
     )
     return cases
 
@@ -272,7 +331,9 @@ def _long_run() -> Found:
     for decade in range(6):
         periods = round(10**decade / float(cycle.period))
         duration = float(periods * cycle.period.value)
-        request = Request(PRINTED, _OMEGA, start, duration, shifted=True, domain="none", max_steps=10**8)
+        request = Request(
+            PRINTED, _OMEGA, start, duration, shifted=True, domain="none", max_steps=10**8
+        )
         end = engine(request).state
         late = float(Fraction(duration) - periods * cycle.period.value)
         # On the section beta_bar changes at the rate v, so beta_bar / v is the error of time. The
@@ -294,5 +355,11 @@ CASES: tuple[StressCase, ...] = (
     *_backward_cases(),
     *_event_cases(),
     *_tolerance_cases(),
-    StressCase("100,000 s", "on the limit cycle: the phase error grows linearly, not worse", _long_run, 7, quick=False),
+    StressCase(
+        "100,000 s",
+        "on the limit cycle: the phase error grows linearly, not worse",
+        _long_run,
+        7,
+        quick=False,
+    ),
 )

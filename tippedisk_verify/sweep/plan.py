@@ -40,8 +40,18 @@ _START = {"beta": "pi/2", "gamma": "pi/2 + 0.4", "v": "0"}
 def _orbit(parameters: Parameters, point: Mapping[str, str], digits: int) -> dict[str, Any]:
     speed = _speed(parameters, point, digits)
     cycle = replace(cycle_at(parameters, speed.value, default_engine(), digits=digits), omega=speed)
-    names = ("omega", "period", "gamma_bar_0", "v_0", "beta_max", "multiplier_slow", "log_multiplier_slow")
-    numbers = {name: getattr(cycle, name) for name in (*names, "log_multiplier_fast", "dperiod_domega")}
+    names = (
+        "omega",
+        "period",
+        "gamma_bar_0",
+        "v_0",
+        "beta_max",
+        "multiplier_slow",
+        "log_multiplier_slow",
+    )
+    numbers = {
+        name: getattr(cycle, name) for name in (*names, "log_multiplier_fast", "dperiod_domega")
+    }
     return {**numbers, "stable": str(cycle.stable)}
 
 
@@ -61,9 +71,14 @@ def _heteroclinic(parameters: Parameters, point: Mapping[str, str], digits: int)
 
 
 def _trajectory(parameters: Parameters, point: Mapping[str, str], digits: int) -> dict[str, Any]:
-    state, duration = [point.get(name, start) for name, start in _START.items()], point.get("duration", "10")
+    state, duration = (
+        [point.get(name, start) for name, start in _START.items()],
+        point.get("duration", "10"),
+    )
     omega = _speed(parameters, point, digits).value
-    motion = integrated(parameters, omega, state, duration, [duration], digits, (), default_engine())
+    motion = integrated(
+        parameters, omega, state, duration, [duration], digits, (), default_engine()
+    )
     if not motion.success:
         raise AccuracyError(motion.status.value)
     if not max(map(float, motion.end.uncertainty)) < float("inf"):
@@ -81,7 +96,9 @@ def _speed(parameters: Parameters, point: Mapping[str, str], digits: int) -> Mea
 
 
 #: Each analysis with the inputs that a point may have in addition to the parameters.
-_ANALYSES: dict[str, tuple[Callable[[Parameters, Mapping[str, str], int], dict[str, Any]], tuple[str, ...]]] = {
+_ANALYSES: dict[
+    str, tuple[Callable[[Parameters, Mapping[str, str], int], dict[str, Any]], tuple[str, ...]]
+] = {
     "orbit": (_orbit, ("omega", "below-crit")),
     "equilibria": (_equilibria, ("omega", "below-crit")),
     "hopf": (lambda parameters, point, digits: vars(hopf_point(parameters, digits)), ()),
@@ -106,7 +123,9 @@ def axis(text: str) -> tuple[str, tuple[str, ...]]:
     name, _, values = text.partition("=")
     name = name.strip()
     if not name or not values.strip():
-        raise InputError(f"an axis is NAME=FIRST:LAST:COUNT or NAME=VALUE,VALUE,..., not '{text[:60]}'")
+        raise InputError(
+            f"an axis is NAME=FIRST:LAST:COUNT or NAME=VALUE,VALUE,..., not '{text[:60]}'"
+        )
     if ":" not in values:
         chosen = tuple(value.strip() for value in values.split(","))
         for value in chosen:
@@ -116,10 +135,14 @@ def axis(text: str) -> tuple[str, tuple[str, ...]]:
         raise InputError(f"a range is FIRST:LAST:COUNT, not '{values[:60]}'")
     first, last, count = exact(parts[1]), exact(parts[2]), int(parts[3])
     if not 2 <= count <= _MOST_POINTS or first.pi_multiple or last.pi_multiple:
-        raise InputError(f"a range has decimal ends and 2 to {_MOST_POINTS} points, not '{values[:60]}'")
+        raise InputError(
+            f"a range has decimal ends and 2 to {_MOST_POINTS} points, not '{values[:60]}'"
+        )
     step = (last.rational - first.rational) / (count - 1)
     if count * max(step.denominator.bit_length(), step.numerator.bit_length()) > _MOST_BITS:
-        raise InputError(f"the ends of '{values[:60]}' have too many digits for {count} points: round them")
+        raise InputError(
+            f"the ends of '{values[:60]}' have too many digits for {count} points: round them"
+        )
     return name, tuple(exact_text(first.rational + n * step) for n in range(count))
 
 
@@ -139,19 +162,27 @@ class Plan:
 
     def __post_init__(self) -> None:
         if self.analysis not in _ANALYSES:
-            raise InputError(f"analysis '{self.analysis[:40]}' is not known: use {', '.join(_ANALYSES)}")
+            raise InputError(
+                f"analysis '{self.analysis[:40]}' is not known: use {', '.join(_ANALYSES)}"
+            )
         names, own = [name for name, _ in self.axes], _ANALYSES[self.analysis][1]
         known = (*SYMBOLS, *own)
         for name in names:
             if name not in known:
-                raise InputError(f"{self.analysis} cannot be swept over '{name[:40]}': use {', '.join(known)}")
+                raise InputError(
+                    f"{self.analysis} cannot be swept over '{name[:40]}': use {', '.join(known)}"
+                )
         if len(set(names)) != len(names):
             raise InputError("an axis is given twice")
         if own and ("omega" in names) == ("below-crit" in names):
-            raise InputError(f"{self.analysis} needs either omega or below-crit as an axis (one value will do)")
+            raise InputError(
+                f"{self.analysis} needs either omega or below-crit as an axis (one value will do)"
+            )
         checked_digits(self.digits)
         if not self.axes or len(self) > _MOST_POINTS:
-            raise InputError(f"a sweep has 1 to {_MOST_POINTS} points, not {len(self) if self.axes else 0}")
+            raise InputError(
+                f"a sweep has 1 to {_MOST_POINTS} points, not {len(self) if self.axes else 0}"
+            )
 
     def __len__(self) -> int:
         return math.prod(len(values) for _, values in self.axes)
@@ -171,7 +202,9 @@ class Plan:
 
 
 # ------------------------------------------------------------------------------ the row of a point
-def computed(analysis: str, parameters: Parameters, digits: int, point: Mapping[str, str]) -> dict[str, str]:
+def computed(
+    analysis: str, parameters: Parameters, digits: int, point: Mapping[str, str]
+) -> dict[str, str]:
     """Run an analysis at one point.
 
     Args:
@@ -187,7 +220,9 @@ def computed(analysis: str, parameters: Parameters, digits: int, point: Mapping[
     row = dict(point)
     changes = {name: value for name, value in point.items() if name in SYMBOLS}
     try:
-        numbers = _ANALYSES[analysis][0](parameters.changed(**changes) if changes else parameters, point, digits)
+        numbers = _ANALYSES[analysis][0](
+            parameters.changed(**changes) if changes else parameters, point, digits
+        )
     except (InputError, AccuracyError, ArithmeticError) as fault:
         return row | {"status": " ".join(str(fault).split())[:200] or type(fault).__name__}
     row["status"] = "ok"

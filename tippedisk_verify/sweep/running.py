@@ -86,7 +86,9 @@ def _kept_rows(plan: Plan, journal: Path, rows: dict[int, Row], workers: Workers
             return row
 
         while (before := len(rows)) < len(plan):
-            missing = ((index, point) for index, point in enumerate(plan.points()) if index not in rows)
+            missing = (
+                (index, point) for index, point in enumerate(plan.points()) if index not in rows
+            )
             try:
                 with workers() as executor:
                     yield from (keep(index, row) for index, row in _run(plan, missing, executor))
@@ -96,7 +98,9 @@ def _kept_rows(plan: Plan, journal: Path, rows: dict[int, Row], workers: Workers
                     raise AccuracyError(f"{fault}; {kept}") from None
 
 
-def _run(plan: Plan, missing: Iterator[tuple[int, Row]], executor: Executor | None) -> Iterator[tuple[int, Row]]:
+def _run(
+    plan: Plan, missing: Iterator[tuple[int, Row]], executor: Executor | None
+) -> Iterator[tuple[int, Row]]:
     """Yield each point's row as soon as it is computed."""
     asked = plan.analysis, plan.parameters, plan.digits
     if executor is None:
@@ -136,7 +140,10 @@ def _taken_up(journal: Path, plan: Plan) -> dict[int, Row]:
         if not head.startswith(first):
             same_plan = first.partition(b",")[0] == head.partition(b",")[0]
             whose = "other code, named in its first line" if same_plan else "another sweep"
-            raise InputError(f"{journal} has rows of {whose}: go on with that, remove the file, or give another --out")
+            raise InputError(
+                f"{journal} has rows of {whose}: go on with that, remove the file, or "
+                f"give another --out"
+            )
         whole = len(first) if first == head else 0
         for line in iter(lambda: stream.readline(_LONGEST_LINE), b"") if whole else ():
             try:

@@ -67,15 +67,21 @@ class Equilibrium(Printable):
     eigenvalues: tuple[Eigenvalue, Eigenvalue, Eigenvalue] = field(
         metadata=quantity("by descending real part, then imaginary part", "1/s")
     )
-    stable: bool  #: all eigenvalues in the open left half-plane, by the exact Routh-Hurwitz criterion
+    #: All eigenvalues in the open left half-plane, by the exact Routh-Hurwitz criterion
+    stable: bool
     kind_changes: tuple[Measured, ...] | None = field(
-        default=None, metadata=quantity("where eigenvalues turn from real to complex, or back", "rad/s")
+        default=None,
+        metadata=quantity("where eigenvalues turn from real to complex, or back", "rad/s"),
     )
 
     def to_dict(self) -> dict[str, object]:
         """Return the equilibrium as data for JSON."""
         entries = {
-            "state": {"beta": "pi/2", "gamma": "pi/2" if self.name == "inverted" else "-pi/2", "v": "0"},
+            "state": {
+                "beta": "pi/2",
+                "gamma": "pi/2" if self.name == "inverted" else "-pi/2",
+                "v": "0",
+            },
             "stable": self.stable,
             "eigenvalues": as_json(self.eigenvalues),
         }
@@ -99,7 +105,9 @@ def location(name: EquilibriumName) -> tuple[Exact, Exact, Exact]:
     return PI * _HALF, PI * side, Exact(Fraction(0))
 
 
-def linearization(parameters: Parameters, omega: Fraction, name: EquilibriumName = "inverted") -> Linearization:
+def linearization(
+    parameters: Parameters, omega: Fraction, name: EquilibriumName = "inverted"
+) -> Linearization:
     """Return the Jacobian's entries at the equilibrium, as exact rationals.
 
     They follow Eqs. 3DOF_lin and A_coeff_O. At noninverted spinning e changes its sign, because
@@ -159,7 +167,9 @@ def saddle_value_sign(parameters: Parameters, omega: object) -> int:
     Raises:
         InputError: ``omega`` is not a speed.
     """
-    _, a2, a1, a0 = characteristic_polynomial(linearization(parameters, checked_speed(omega), "noninverted"))
+    _, a2, a1, a0 = characteristic_polynomial(
+        linearization(parameters, checked_speed(omega), "noninverted")
+    )
     # a2 a1 - a0 is a positive number times the product of two sums: those of the unstable
     # eigenvalue with either stable one. If both sums have one sign, it is that of lambda_u - a2,
     # twice their mean. That sign is opposite to the polynomial's at a2 > 0.
@@ -191,7 +201,9 @@ def stiff_eigenvalue_estimate(parameters: Parameters) -> Fraction:
 
 
 @undisturbed
-def equilibrium(parameters: Parameters, omega: object, name: EquilibriumName, digits: int = 15) -> Equilibrium:
+def equilibrium(
+    parameters: Parameters, omega: object, name: EquilibriumName, digits: int = 15
+) -> Equilibrium:
     """Return the state, the eigenvalues and the stability of an equilibrium.
 
     Args:
@@ -236,15 +248,22 @@ def eigenvalues(matrix: Linearization, digits: int) -> tuple[Eigenvalue, Eigenva
                 imaginary = square_root(-square, digits + guard)
                 values += [Eigenvalue(half, imaginary), Eigenvalue(half, -imaginary)]
         parts = [(value.re, value.im) for value in values]
-        widths = [max(re.uncertainty, im.uncertainty) / max(abs(re.value), abs(im.value)) for re, im in parts]
+        widths = [
+            max(re.uncertainty, im.uncertainty) / max(abs(re.value), abs(im.value))
+            for re, im in parts
+        ]
         if len(values) == 3 and max(widths) < Fraction(1, 10**digits):
-            first, second, third = sorted(values, key=lambda value: (-value.re.value, -value.im.value))
+            first, second, third = sorted(
+                values, key=lambda value: (-value.re.value, -value.im.value)
+            )
             return first, second, third
         guard *= 2
     raise AccuracyError("three different eigenvalues were not found: if two coincide, change Omega")
 
 
-def kind_changes(parameters: Parameters, name: EquilibriumName, digits: int = 12) -> tuple[Measured, ...]:
+def kind_changes(
+    parameters: Parameters, name: EquilibriumName, digits: int = 12
+) -> tuple[Measured, ...]:
     """Return the speeds [rad/s], ascending, at which eigenvalues turn from real to complex or back.
 
     The discriminant of the characteristic polynomial is a cubic in Omega^2.
@@ -268,4 +287,8 @@ def kind_changes(parameters: Parameters, name: EquilibriumName, digits: int = 12
         Fraction(-4),
     )
     squares = real_roots(discriminant, digits + _GUARD_DIGITS)
-    return tuple(square_root(square, digits + _GUARD_DIGITS) for square in squares if 0 < square.value < _FASTEST**2)
+    return tuple(
+        square_root(square, digits + _GUARD_DIGITS)
+        for square in squares
+        if 0 < square.value < _FASTEST**2
+    )

@@ -34,7 +34,14 @@ def derived(constants: Any, omega: Any) -> LocalExpansion:
         constants: The parameters, in any kind of number.
         omega: The spinning speed [rad/s].
     """
-    r, e, m, g, A, Bbar = constants.r, constants.e, constants.m, constants.g, constants.A, constants.Bbar
+    r, e, m, g, A, Bbar = (
+        constants.r,
+        constants.e,
+        constants.m,
+        constants.g,
+        constants.A,
+        constants.Bbar,
+    )
     reach = r + e
     strength = -constants.mu * m * g / constants.epsilon
     return LocalExpansion(
@@ -46,7 +53,11 @@ def derived(constants: Any, omega: Any) -> LocalExpansion:
             (1, 1, 1): -(2 * (A - Bbar) + m * e * reach) * omega,
             (1, 0, 2): -m * reach**2,
         },
-        gravity={(1, 0, 0): m * g * reach, (1, 2, 0): -m * g * e / 2, (3, 0, 0): -m * g * reach / 6},
+        gravity={
+            (1, 0, 0): m * g * reach,
+            (1, 2, 0): -m * g * e / 2,
+            (3, 0, 0): -m * g * reach / 6,
+        },
         friction={
             (0, 0, 1): strength * reach**2,
             (0, 1, 0): strength * e * reach * omega,
@@ -92,6 +103,12 @@ def printed(constants: Any, omega: Any) -> LocalExpansion:
             (1, 1, 1): -2 * (c.A - c.Bbar + c.m * e * reach) * omega,
             (1, 0, 2): -c.m * reach**2,
         },
-        gravity={(1, 0, 0): c.m * c.g * reach, (1, 3, 0): -c.m * c.g * e / 2, (3, 0, 0): -c.m * c.g * reach / 6},
-        friction={powers: -c.mu * c.m * c.g / c.epsilon * value for powers, value in bracket.items()},
+        gravity={
+            (1, 0, 0): c.m * c.g * reach,
+            (1, 3, 0): -c.m * c.g * e / 2,
+            (3, 0, 0): -c.m * c.g * reach / 6,
+        },
+        friction={
+            powers: -c.mu * c.m * c.g / c.epsilon * value for powers, value in bracket.items()
+        },
     )

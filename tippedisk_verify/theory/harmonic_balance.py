@@ -61,7 +61,14 @@ def kappa_1(constants: Any, omega: Any, frequency_squared: Any, form: Form) -> A
         frequency_squared: The square of the cycle's frequency [rad^2/s^2].
         form: ``printed`` or ``consistent``.
     """
-    r, e, m, g, A, Bbar = constants.r, constants.e, constants.m, constants.g, constants.A, constants.Bbar
+    r, e, m, g, A, Bbar = (
+        constants.r,
+        constants.e,
+        constants.m,
+        constants.g,
+        constants.A,
+        constants.Bbar,
+    )
     reach = r + e
     sign = -1 if form == "printed" else 1
     return (
@@ -158,7 +165,9 @@ def section_start(constants: Any, omega: float) -> tuple[float, float, float] | 
 
 
 @undisturbed
-def one_harmonic(parameters: Parameters, omega: object, form: Form = "printed", digits: int = 12) -> OneHarmonic:
+def one_harmonic(
+    parameters: Parameters, omega: object, form: Form = "printed", digits: int = 12
+) -> OneHarmonic:
     """Return amplitude, frequency and period by the closed law.
 
     Args:
@@ -179,13 +188,17 @@ def one_harmonic(parameters: Parameters, omega: object, form: Form = "printed", 
         raise AccuracyError(f"the one-harmonic law has a pole at Omega = {float(omega):.12g} rad/s")
     square, frequency_squared = squares(constants, omega, form)
     if square < 0 or frequency_squared <= 0:
-        raise AccuracyError(f"the one-harmonic law has no cycle at Omega = {float(omega):.12g} rad/s")
+        raise AccuracyError(
+            f"the one-harmonic law has no cycle at Omega = {float(omega):.12g} rad/s"
+        )
     frequency = square_root(frequency_squared, digits + 5)
     amplitude = square_root(square, digits + 5) if square else Measured.of(0, 0)
     return OneHarmonic(amplitude, frequency, period_of(frequency, digits + 5))
 
 
-def slopes(parameters: Parameters, form: Form = "consistent", digits: int = 12) -> tuple[Measured, Measured]:
+def slopes(
+    parameters: Parameters, form: Form = "consistent", digits: int = 12
+) -> tuple[Measured, Measured]:
     """Return the law's slopes at the Hopf point with respect to Omega_crit - Omega.
 
     Args:
@@ -201,12 +214,19 @@ def slopes(parameters: Parameters, form: Form = "consistent", digits: int = 12) 
         AccuracyError: The amplitude law's denominator vanishes at Omega_crit.
     """
     parameters.refuse_smooth("harmonic balance is")
-    form, square, ratio = _checked_form(form), omega_crit_squared(parameters), frequency_ratio_squared(parameters)
+    form, square, ratio = (
+        _checked_form(form),
+        omega_crit_squared(parameters),
+        frequency_ratio_squared(parameters),
+    )
     denominator = _denominator(parameters.rational(), square, form)
     if not denominator:
         raise AccuracyError("the amplitude law's denominator vanishes at Omega_crit")
     working = checked_digits(digits) + 17
-    growth = 8 * ratio * parameters.Bbar * parameters.r / denominator  # d(C^2)/d(-Omega) / Omega_crit
+    # d(C^2)/d(-Omega) / Omega_crit
+    growth = 8 * ratio * parameters.Bbar * parameters.r / denominator
     # T = 2 pi / omega with omega^2 = W Omega^2 + delta C^2.
     stretch = (1 - delta(parameters, 1, form) * growth * square / ratio / 2) / square
-    return growth * square_root(square, working), period_of(square_root(ratio, working), working) * stretch
+    return growth * square_root(square, working), period_of(
+        square_root(ratio, working), working
+    ) * stretch

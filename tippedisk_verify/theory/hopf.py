@@ -68,26 +68,34 @@ class HopfPoint(Printable):
     """The local properties of the Hopf point, to the requested digits."""
 
     omega_crit: Measured = field(
-        metadata=quantity("where inverted spinning loses its stability, Eq. approx_omega_crit", "rad/s")
+        metadata=quantity(
+            "where inverted spinning loses its stability, Eq. approx_omega_crit", "rad/s"
+        )
     )
     period: Measured = field(metadata=quantity("limit of the cycle's period at Omega_crit", "s"))
     first_lyapunov_coefficient: Measured = field(
         metadata=quantity("Kuznetsov's l_1, eigenvector of length 1 in (beta, gamma, v)", "SI")
     )
     criticality: Criticality  #: by the sign of the first Lyapunov coefficient, decided exactly
-    transversality: Measured = field(metadata=quantity("d(Re lambda)/dOmega of the critical pair", "1/rad"))
+    transversality: Measured = field(
+        metadata=quantity("d(Re lambda)/dOmega of the critical pair", "1/rad")
+    )
     quadratic_coefficient: Measured = field(
-        metadata=quantity("c_1 of Omega = Omega_crit + c_1 a^2 + c_2 a^4, a = gamma_bar_0", "1/(rad s)")
+        metadata=quantity(
+            "c_1 of Omega = Omega_crit + c_1 a^2 + c_2 a^4, a = gamma_bar_0", "1/(rad s)"
+        )
     )
     quartic_coefficient: Measured = field(metadata=quantity("c_2 of that", "1/(rad^3 s)"))
     second_lyapunov_coefficient: Measured | None = field(
         default=None, metadata=quantity("Kuznetsov's l_2, likewise, where l_1 = 0", "SI")
     )
     amplitude_squared_slope: Measured | None = field(
-        default=None, metadata=quantity("limit of beta_max^2 / (Omega_crit - Omega), if l_1 != 0", "rad s")
+        default=None,
+        metadata=quantity("limit of beta_max^2 / (Omega_crit - Omega), if l_1 != 0", "rad s"),
     )
     period_slope: Measured | None = field(
-        default=None, metadata=quantity("limit of (T - T_crit) / (Omega_crit - Omega), if l_1 != 0", "s^2/rad")
+        default=None,
+        metadata=quantity("limit of (T - T_crit) / (Omega_crit - Omega), if l_1 != 0", "s^2/rad"),
     )
 
     def slopes(self) -> tuple[Measured, Measured]:
@@ -97,7 +105,10 @@ class HopfPoint(Printable):
             AccuracyError: l_1 = 0, so there are no slopes.
         """
         if self.amplitude_squared_slope is None or self.period_slope is None:
-            raise AccuracyError("the first Lyapunov coefficient vanishes exactly: amplitude and period have no slopes")
+            raise AccuracyError(
+                "the first Lyapunov coefficient vanishes exactly: amplitude and "
+                "period have no slopes"
+            )
         return self.amplitude_squared_slope, self.period_slope
 
 
@@ -144,7 +155,9 @@ def amplitude_law(parameters: Parameters) -> AmplitudeLaw:
         3 * lift**2 / 128
         - alpha * (19 - 54 * W + 39 * W**2) / (768 * (1 - W))
         + (2 + 57 * W - 6 * W**2) / 1536
-        - (2 * W + delta) * (2 + 55 * W + 7 * W**2 - 2 * alpha * (1 + 13 * W) + 64 * mass * W**2) / (256 * third)
+        - (2 * W + delta)
+        * (2 + 55 * W + 7 * W**2 - 2 * alpha * (1 + 13 * W) + 64 * mass * W**2)
+        / (256 * third)
     )
     return AmplitudeLaw(quadratic=Fraction(-delta / 8), quartic=Fraction(quartic))
 
@@ -217,7 +230,9 @@ def distance_below_crit(parameters: Parameters, omega: Fraction) -> Fraction:
 
 @lru_cache(maxsize=64)
 def _critical_speed(parameters: Parameters) -> tuple[Fraction, Fraction]:
-    """Return Omega_crit^2 and Omega_crit [rad/s] to 20 digits, which searches for cycles ask for at every speed."""
+    """Return Omega_crit^2 and Omega_crit [rad/s] to 20 digits, which searches for cycles ask
+    for at every speed.
+    """
     square = omega_crit_squared(parameters)
     return square, square_root(square, 20).value
 
@@ -289,11 +304,16 @@ def hopf_point(parameters: Parameters, digits: int = 12) -> HopfPoint:
     parameters.refuse_smooth("the Hopf point's normal form is")
     law = amplitude_law(parameters)
     numbers = normal_form(parameters, checked_digits(digits) + 17, degenerate=not law.quadratic)
-    coefficients = {f"{name}_coefficient": numbers["omega_crit"] * number for name, number in law._asdict().items()}
+    coefficients = {
+        f"{name}_coefficient": numbers["omega_crit"] * number
+        for name, number in law._asdict().items()
+    }
     return HopfPoint(criticality=criticality(parameters), **numbers, **coefficients)
 
 
-def normal_form(parameters: Parameters, digits: int, *, degenerate: bool = False) -> dict[str, Measured]:
+def normal_form(
+    parameters: Parameters, digits: int, *, degenerate: bool = False
+) -> dict[str, Measured]:
     """Return the numbers of `HopfPoint`, from square roots and pi to ``digits`` digits.
 
     **Normal form.** On the centre manifold x = z q + conj(z q) + ... and
@@ -321,18 +341,31 @@ def normal_form(parameters: Parameters, digits: int, *, degenerate: bool = False
         degenerate: True takes l_1 as zero.
     """
     law, square = amplitude_law(parameters), omega_crit_squared(parameters)
-    ratio, friction_squared = frequency_ratio_squared(parameters), _friction_ratio_squared(parameters)
-    speed, root, friction = (square_root(number, digits) for number in (square, ratio, friction_squared))
+    ratio, friction_squared = (
+        frequency_ratio_squared(parameters),
+        _friction_ratio_squared(parameters),
+    )
+    speed, root, friction = (
+        square_root(number, digits) for number in (square, ratio, friction_squared)
+    )
     drift = -friction * ((1 - ratio) / (friction_squared + ratio))
     share = 4 / (1 + ratio + ratio**2 * square)  # (2 |q_2|)^2
-    numbers = {"omega_crit": speed, "period": period_of(speed * root, digits), "transversality": drift}
+    numbers = {
+        "omega_crit": speed,
+        "period": period_of(speed * root, digits),
+        "transversality": drift,
+    }
     if degenerate:
         second = -drift * (share**2 * law.quartic) / root
-        return numbers | {"first_lyapunov_coefficient": Measured.of(0, 0), "second_lyapunov_coefficient": second}
+        return numbers | {
+            "first_lyapunov_coefficient": Measured.of(0, 0),
+            "second_lyapunov_coefficient": second,
+        }
     return numbers | {
         "first_lyapunov_coefficient": -drift * (share * law.quadratic) / root,
         # beta_bar' = v and gamma_bar' = Omega beta_bar: beta_max^2 = W a^2.
         "amplitude_squared_slope": -ratio / law.quadratic / speed,
         # (2 pi / T)^2 = W Omega^2 (1 - (1 - W) a^2 / 8 + O(a^4)).
-        "period_slope": period_of(root, digits) * ((1 - (1 - ratio) / (16 * law.quadratic)) / square),
+        "period_slope": period_of(root, digits)
+        * ((1 - (1 - ratio) / (16 * law.quadratic)) / square),
     }

@@ -37,7 +37,9 @@ def real_roots(polynomial: Sequence[Fraction], digits: int) -> list[Measured]:
     while polynomial and not polynomial[-1]:
         polynomial = polynomial[:-1]
     if len(polynomial) < 3:
-        return [Measured(-polynomial[0] / polynomial[1], Fraction(0))] if len(polynomial) == 2 else []
+        return (
+            [Measured(-polynomial[0] / polynomial[1], Fraction(0))] if len(polynomial) == 2 else []
+        )
     # Cauchy's bounds: every root but zero lies between these two sizes.
     first = next(abs(coefficient) for coefficient in polynomial if coefficient)
     largest = max(map(abs, polynomial))
@@ -47,7 +49,10 @@ def real_roots(polynomial: Sequence[Fraction], digits: int) -> list[Measured]:
     scaled = [int(coefficient * unit) for coefficient in polynomial]
     integers = [number * grid**power for power, number in enumerate(reversed(scaled))][::-1]
     cells = _cells(integers, math.ceil(largest_root * grid))
-    return [Measured(Fraction(low + high, 2 * grid), Fraction(high - low, 2 * grid)) for low, high in cells]
+    return [
+        Measured(Fraction(low + high, 2 * grid), Fraction(high - low, 2 * grid))
+        for low, high in cells
+    ]
 
 
 def _cells(polynomial: list[int], bound: int) -> list[tuple[int, int]]:
@@ -74,10 +79,14 @@ def _cell(polynomial: list[int], low: int, high: int) -> tuple[int, int]:
         value, steepness = _value_at(polynomial, middle), _value_at(slope, middle)
         if not value:
             return middle, middle
-        if width << 20 < size and steepness:  # Newton's step squares the relative width; signs decide
+        # Newton's step squares the relative width; signs decide
+        if width << 20 < size and steepness:
             guess, reach = middle - value // steepness, (width**2 << 8) // size + 1
             below, above = guess - reach, guess + reach
-            if low < below < above < high and _value_at(polynomial, below) * _value_at(polynomial, above) < 0:
+            if (
+                low < below < above < high
+                and _value_at(polynomial, below) * _value_at(polynomial, above) < 0
+            ):
                 low, high = below, above
                 continue
         low, high = (low, middle) if (value > 0) == rising else (middle, high)

@@ -4,14 +4,14 @@ The state is y = (beta_bar, gamma + pi/2, v), and y = W(u, s, f) with
 
     field(W) = DW (lambda_u u, lambda_s s, lambda_f f),
 
-so that u, s and f grow and decay like exponentials. u = 0 is the stable manifold, s = f = 0 the unstable one. The
-monomials u^a s^b f^c with min(a, b) + 2 c up to a number of bands are enough: along a passage u s is small and f
-smaller. Terms of one total degree follow from those of lower degrees, by the divisors a lambda_u + b lambda_s +
-c lambda_f less an eigenvalue. Small divisors belong to high bands, whose monomials are tiny. Where they are not, two
-truncations differ.
+so that u, s and f grow and decay like exponentials. u = 0 is the stable manifold, s = f = 0 the
+unstable one. The monomials u^a s^b f^c with min(a, b) + 2 c up to a number of bands are enough:
+along a passage u s is small and f smaller. Terms of one total degree follow from those of lower
+degrees, by the divisors a lambda_u + b lambda_s + c lambda_f less an eigenvalue. Small divisors
+belong to high bands, whose monomials are tiny. Where they are not, two truncations differ.
 
-The smooth law has one chart for either sign of gamma_y. The point symmetry takes one to the other. The charts of a disk
-at several speeds are computed at once, and depend on the speed as polynomials.
+The smooth law has one chart for either sign of gamma_y. The point symmetry takes one to the other.
+The charts of a disk at several speeds are computed at once, and depend on the speed as polynomials.
 """
 
 from __future__ import annotations
@@ -48,12 +48,16 @@ _SMALL = 2.0**-50  # of the largest coordinate; below it a step that does not sh
 
 
 def angles(y: Sequence[Any]) -> tuple[Any, Any, Any]:
-    """Return (beta, gamma, v) at a point y about the saddle, both angles as pairs of sine and cosine."""
+    """Return (beta, gamma, v) at a point y about the saddle, both angles as pairs of sine and
+    cosine.
+    """
     return (numpy.cos(y[0]), -numpy.sin(y[0])), (-numpy.cos(y[1]), numpy.sin(y[1])), y[2]
 
 
 class Monomials:
-    """The monomials u^a s^b f^c of a truncated series, by total degree, and which products give which."""
+    """The monomials u^a s^b f^c of a truncated series, by total degree, and which products
+    give which.
+    """
 
     def __init__(self, order: int, bands: int) -> None:
         triples = product(range(order + 1), repeat=2)
@@ -72,7 +76,9 @@ class Monomials:
         self._factors = [self._pairs(kept[of], places) for of in self.of_degree]
 
     @staticmethod
-    def _pairs(wanted: Sequence[tuple[int, int, int]], places: dict[Any, int]) -> tuple[Any, Any, Any]:
+    def _pairs(
+        wanted: Sequence[tuple[int, int, int]], places: dict[Any, int]
+    ) -> tuple[Any, Any, Any]:
         """The places of all factors of these monomials, and where those of the next one begin."""
         left, right, begins = list[int](), list[int](), list[int]()
         for triple in wanted:
@@ -80,7 +86,9 @@ class Monomials:
             for factor in product(*(range(power + 1) for power in triple)):
                 # Divisors of a kept monomial are kept.
                 left.append(places[factor])
-                right.append(places[tuple(power - own for power, own in zip(triple, factor, strict=True))])
+                right.append(
+                    places[tuple(power - own for power, own in zip(triple, factor, strict=True))]
+                )
         return numpy.array(left), numpy.array(right), numpy.array(begins)
 
     def product(self, p: Any, q: Any, degree: int) -> Any:
@@ -112,13 +120,17 @@ def _monomials(order: int, bands: int) -> Monomials:
 
 
 class _Tape:
-    """Series (k, m) of k speeds, each with the rule that gives its terms of one degree; in the order of computing."""
+    """Series (k, m) of k speeds, each with the rule that gives its terms of one degree; in
+    the order of computing.
+    """
 
     def __init__(self, count: int, monomials: Monomials) -> None:
         self.count, self.monomials, self.series = count, monomials, list[_Series]()
 
     def extend(self, degree: int) -> None:
-        """Compute the terms of a degree of all series, from those of lower degrees and of the variables."""
+        """Compute the terms of a degree of all series, from those of lower degrees and of the
+        variables.
+        """
         of = self.monomials.of_degree[degree]
         for series in self.series:
             if series.rule:
@@ -192,7 +204,10 @@ class _Series:
 
 @dataclass(frozen=True)
 class SaddleChart:
-    """The chart at one speed. A complex speed gives complex numbers, and so derivatives by the speed."""
+    """The chart at one speed.
+
+    A complex speed gives complex numbers, and so derivatives by the speed.
+    """
 
     monomials: Monomials
     coefficients: Any  #: (3, m) of W
@@ -212,7 +227,9 @@ class SaddleChart:
         return numpy.asarray(gradient) @ self.slopes(self.eigenvalues * 0)
 
     def radius(self, variable: int) -> float:
-        """The radius of convergence in u (0) or s (1), from the last terms that have hardly anything else."""
+        """The radius of convergence in u (0) or s (1), from the last terms that have hardly
+        anything else.
+        """
         last = self.monomials.powers[:, variable] >= self.monomials.order - _LAST
         sizes, degrees = abs(self.coefficients[:, last]).max(axis=0), self.monomials.degrees[last]
         return float((sizes[sizes > 0] ** (-1 / degrees[sizes > 0])).min())
@@ -236,11 +253,17 @@ class SaddleChart:
 class ChartFamily:
     """The charts of one side, as polynomials in the distance from a speed ``origin`` [rad/s]."""
 
-    def __init__(self, parameters: Parameters, origin: Fraction, side: int | None, order: int, bands: int) -> None:
+    def __init__(
+        self, parameters: Parameters, origin: Fraction, side: int | None, order: int, bands: int
+    ) -> None:
         self.monomials = monomials = _monomials(order, bands)
         reach = float(origin) * _REACH
-        distances = [Fraction(reach * math.cos((k + 0.5) * math.pi / _SPEEDS)) for k in range(_SPEEDS)]
-        saddles = [Saddle(parameters, origin + distance, _WORKING_BITS, 1) for distance in distances]
+        distances = [
+            Fraction(reach * math.cos((k + 0.5) * math.pi / _SPEEDS)) for k in range(_SPEEDS)
+        ]
+        saddles = [
+            Saddle(parameters, origin + distance, _WORKING_BITS, 1) for distance in distances
+        ]
         eigenvalues = _extended(saddle.eigenvalues for saddle in saddles)
         directions, inverse = (
             _extended(getattr(saddle, name) for saddle in saddles).reshape(-1, 3, 3)
@@ -248,14 +271,18 @@ class ChartFamily:
         )
         speeds = _extended([saddle.omega] for saddle in saddles)
         terms = _invariant(parameters, monomials, side, speeds, eigenvalues, directions, inverse)
-        values = numpy.concatenate((eigenvalues, inverse.reshape(-1, 9), terms.reshape(_SPEEDS, -1)), axis=1)
+        values = numpy.concatenate(
+            (eigenvalues, inverse.reshape(-1, 9), terms.reshape(_SPEEDS, -1)), axis=1
+        )
         steps = _extended([distance] for distance in distances)
         self._polynomials = solved(steps ** numpy.arange(_SPEEDS), values)
 
     def at(self, distance: Any) -> SaddleChart:
         """The chart at a distance from the origin [rad/s]."""
         values = polynomial(self._polynomials, distance)
-        return SaddleChart(self.monomials, values[12:].reshape(3, -1), values[:3], values[3:12].reshape(3, 3))
+        return SaddleChart(
+            self.monomials, values[12:].reshape(3, -1), values[:3], values[3:12].reshape(3, 3)
+        )
 
 
 def _invariant(
@@ -271,8 +298,11 @@ def _invariant(
     tape = _Tape(len(speeds), monomials)
     beta, gamma, v = (_Series(tape) for _ in range(3))
     deviations = tape.sine_and_cosine(beta, 1, 0), tape.sine_and_cosine(gamma, -1, 0), v
-    # With y from the equilibrium: beta = pi/2 + y, gamma = -pi/2 + y, whose sines and cosines are those of the tape.
-    rates = field(ANGLE_OPS, parameters.at(EXTENDED), speeds, parameters.friction, side)(*deviations)
+    # With y from the equilibrium: beta = pi/2 + y, gamma = -pi/2 + y, whose sines and cosines are
+    # those of the tape.
+    rates = field(ANGLE_OPS, parameters.at(EXTENDED), speeds, parameters.friction, side)(
+        *deviations
+    )
     growth = eigenvalues @ monomials.powers.T
     tape.extend(0)
     for degree, of in enumerate(monomials.of_degree[1:], start=1):
@@ -289,7 +319,9 @@ def _invariant(
 
 
 def polynomial(coefficients: Any, variable: Any) -> Any:
-    """The value of a polynomial whose coefficients lie along the first axis, the constant one first."""
+    """The value of a polynomial whose coefficients lie along the first axis, the constant one
+    first.
+    """
     total = coefficients[-1]
     for term in coefficients[-2::-1]:
         total = total * variable + term
@@ -297,7 +329,9 @@ def polynomial(coefficients: Any, variable: Any) -> Any:
 
 
 def solved(matrix: Any, right: Any) -> Any:
-    """The solution of linear equations (n, n) with right sides (n, k), in the arithmetic of the arrays."""
+    """The solution of linear equations (n, n) with right sides (n, k), in the arithmetic of
+    the arrays.
+    """
     rows = numpy.concatenate((matrix, right), axis=1)
     for place in range(len(rows)):
         pivot = place + int(numpy.argmax(abs(rows[place:, place])))

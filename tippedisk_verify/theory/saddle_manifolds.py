@@ -90,11 +90,14 @@ class Saddle:
         values = eigenvalues(matrix, math.ceil(self.working_bits * math.log10(2)))
         if any(value.im.value for value in values):
             raise NoConnectionError(
-                "noninverted spinning is a saddle-focus here: a connection of saddles is not looked for"
+                "noninverted spinning is a saddle-focus here: a connection of saddles is not "
+                "looked for"
             )
         unstable, slow, fast = (quotient(ctx, value.re.value) for value in values)
         if not slow < 0 < unstable:
-            raise NoConnectionError("noninverted spinning is no saddle with one unstable direction here")
+            raise NoConnectionError(
+                "noninverted spinning is no saddle with one unstable direction here"
+            )
         return unstable, slow, fast
 
     @cached_property
@@ -106,8 +109,12 @@ class Saddle:
         ctx = self.context
         vectors = []
         for value in self.eigenvalues:
-            vector = right_eigenvector(linearization(self.parameters, self.omega, "noninverted"), value)
-            entries = [quotient(ctx, entry) if isinstance(entry, Fraction) else entry for entry in vector]
+            vector = right_eigenvector(
+                linearization(self.parameters, self.omega, "noninverted"), value
+            )
+            entries = [
+                quotient(ctx, entry) if isinstance(entry, Fraction) else entry for entry in vector
+            ]
             largest = max(entries, key=abs)
             vectors.append([entry / largest for entry in entries])
         return ctx.matrix(vectors).T
@@ -137,14 +144,18 @@ class Saddle:
         Returns:
             (beta_bar [rad], gamma_bar [rad], v [rad/s]).
         """
-        beta, gamma, v = (component.at(quotient(self.context, distance)) for component in self.unstable_curve)
+        beta, gamma, v = (
+            component.at(quotient(self.context, distance)) for component in self.unstable_curve
+        )
         return [side * fraction(component) for component in (beta, gamma - self.context.pi, v)]
 
     def _curve(self, which: int) -> list[PowerSeries]:
         ctx, eigenvalue = self.context, self.eigenvalues[which]
         curve = [[ctx.zero, self.directions[row, which]] for row in range(3)]
         step = self._power_step
-        rates_of = field(SeriesOps, self.constants, self.speed, self.parameters.friction, self.side(which))
+        rates_of = field(
+            SeriesOps, self.constants, self.speed, self.parameters.friction, self.side(which)
+        )
         for power in range(1 + step, self.order + 1, step):
             for component in curve:
                 component.extend([ctx.zero] * step)
@@ -178,7 +189,8 @@ class Saddle:
         if self.parameters.friction == "linear":
             return None
         c, (_, gamma, v) = self.constants, (self.directions[row, which] for row in range(3))
-        # Linearised at the saddle: rho v - e Omega cos(gamma), with cos(gamma) the deviation of gamma itself.
+        # Linearised at the saddle: rho v - e Omega cos(gamma), with cos(gamma) the deviation of
+        # gamma itself.
         velocity = (c.r - c.e) * v - c.e * self.speed * gamma
         return (1 if velocity > 0 else -1) * (1 if which == 0 else -1)
 
@@ -219,7 +231,9 @@ class Saddle:
             for row in (1, 2):  # beta' = v is linear
                 for entry, component in zip(entries[row], carried, strict=True):
                     if isinstance(entry, PowerSeries):
-                        terms = (entry.c[k] * component[power - k] for k in range(step, power + 1, step))
+                        terms = (
+                            entry.c[k] * component[power - k] for k in range(step, power + 1, step)
+                        )
                         rest[row] += sum(terms, ctx.zero)
             vector = self._solved(rest, own + power * slow, resonant)
             for component, value in zip(carried, vector, strict=True):
@@ -240,8 +254,14 @@ class Saddle:
         ctx = self.context
         rates = [ctx.one * 10]
         for curve in curves:
-            sizes = [max(abs(component.c[n]) for component in curve) for n in range(len(curve[0].c))]
-            rates += [ctx.power(size, -ctx.one / n) for n, size in list(enumerate(sizes))[-4:] if size and n > 2]
+            sizes = [
+                max(abs(component.c[n]) for component in curve) for n in range(len(curve[0].c))
+            ]
+            rates += [
+                ctx.power(size, -ctx.one / n)
+                for n, size in list(enumerate(sizes))[-4:]
+                if size and n > 2
+            ]
         return min(rates)
 
     def stable_coordinates(self, point: Sequence[Any]) -> tuple[Any, Any, Any]:
@@ -265,7 +285,11 @@ class Saddle:
                 [
                     value - curve.at(s) - t * fast.at(s) - u * unstable.at(s)
                     for value, curve, fast, unstable in zip(
-                        target, self.stable_curve, self.fast_direction, self.unstable_direction, strict=True
+                        target,
+                        self.stable_curve,
+                        self.fast_direction,
+                        self.unstable_direction,
+                        strict=True,
                     )
                 ]
             )
@@ -273,7 +297,9 @@ class Saddle:
             u, s, t = u + step[0], s + step[1], t + step[2]
             if max(map(abs, step)) <= 16 * ctx.eps * size:
                 return u, s, t
-        raise AccuracyError("the end of the unstable branch is too far from the saddle for its local series")
+        raise AccuracyError(
+            "the end of the unstable branch is too far from the saddle for its local series"
+        )
 
 
 def refuse_focus(parameters: Parameters, omega: Fraction) -> None:

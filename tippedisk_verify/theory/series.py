@@ -99,7 +99,8 @@ class PowerSeries:
         """
         degree, slopes = _degrees(2, len(self.c))[-1], []
         for total in range(1, degree + 1):
-            block = self.c[total * (total + 1) // 2 :][: total + 1]  # of x^total, x^(total - 1) y, ..., y^total
+            # Of x^total, x^(total - 1) y, ..., y^total
+            block = self.c[total * (total + 1) // 2 :][: total + 1]
             powers = range(total + 1) if axis else range(total, -1, -1)
             slopes += [power * a for power, a in zip(powers, block, strict=True) if power]
         return self._like(slopes)
@@ -169,5 +170,9 @@ def _products(variables: int, count: int) -> tuple[Sequence[int], ...]:
     if variables == 1:
         return tuple(range(i, count) for i in range(count))
     degree = _degrees(2, count)[-1]
-    places = [(m, k) for m in range(degree + 1) for k in range(m + 1)]  # x^(m - k) y^k is at m (m + 1) / 2 + k
-    return tuple([(m + n) * (m + n + 1) // 2 + k + j for n, j in places if m + n <= degree] for m, k in places)
+    # X^(m - k) y^k is at m (m + 1) / 2 + k
+    places = [(m, k) for m in range(degree + 1) for k in range(m + 1)]
+    return tuple(
+        [(m + n) * (m + n + 1) // 2 + k + j for n, j in places if m + n <= degree]
+        for m, k in places
+    )

@@ -57,7 +57,8 @@ _LARGEST_ANGLE = 1000  # rad
 POINTS: tuple[tuple[Fraction, Fraction], ...] = tuple(
     (
         Fraction(15708, 10000) + 2 * (Fraction(7549 * n % 10000, 10000) - Fraction(1, 2)),
-        Fraction(15708, 10000) + Fraction(62832, 10000) * (Fraction(5698 * n % 10000, 10000) - Fraction(1, 2)),
+        Fraction(15708, 10000)
+        + Fraction(62832, 10000) * (Fraction(5698 * n % 10000, 10000) - Fraction(1, 2)),
     )
     for n in range(1, 21)
 )
@@ -72,7 +73,13 @@ def critical_manifold(ops: Ops, constants: Constants, omega: Any, beta: Any, gam
         omega: The spinning speed [rad/s].
         beta, gamma: The angles [rad]; arrays are accepted.
     """
-    return constants.e * omega * ops.sin(beta) * ops.cos(gamma) / (constants.r + constants.e * ops.sin(gamma))
+    return (
+        constants.e
+        * omega
+        * ops.sin(beta)
+        * ops.cos(gamma)
+        / (constants.r + constants.e * ops.sin(gamma))
+    )
 
 
 def first_correction(ops: Ops, constants: Constants, omega: Any, beta: Any, gamma: Any) -> Any:
@@ -87,14 +94,21 @@ def first_correction(ops: Ops, constants: Constants, omega: Any, beta: Any, gamm
     sin_b, cos_b, sin_g, cos_g = ops.sin(beta), ops.cos(beta), ops.sin(gamma), ops.cos(gamma)
     rho = constants.r + constants.e * sin_g
     by_beta = constants.e * omega * cos_b * cos_g / rho
-    by_gamma = -constants.e * omega * sin_b * (sin_g / rho + constants.e * cos_g * cos_g / (rho * rho))
+    by_gamma = (
+        -constants.e * omega * sin_b * (sin_g / rho + constants.e * cos_g * cos_g / (rho * rho))
+    )
     parts = terms(ops, constants, omega, beta, gamma, rolling)
     inertial = (parts.gyroscopic + parts.gravity) / parts.mass  # g_1, Eq. per_g1
-    rate = -constants.mu * constants.m * constants.g * parts.direction * parts.direction / parts.mass  # d(g_0)/d(v)
+    # d(g_0)/d(v)
+    rate = (
+        -constants.mu * constants.m * constants.g * parts.direction * parts.direction / parts.mass
+    )
     return (by_beta * rolling - by_gamma * omega * cos_b - inertial) / rate
 
 
-def slow_manifold(ops: Ops, constants: Constants, omega: Any, beta: Any, gamma: Any, order: int = 1) -> Any:
+def slow_manifold(
+    ops: Ops, constants: Constants, omega: Any, beta: Any, gamma: Any, order: int = 1
+) -> Any:
     """Return v [rad/s] on the slow manifold, truncated at order 0 or 1.
 
     It follows Eq. slow_manifold_tippdisk.
@@ -118,7 +132,14 @@ def attraction_rate(ops: Ops, constants: Constants, beta: Any, gamma: Any) -> An
         ops, constants, beta, gamma: As for `critical_manifold`.
     """
     parts = terms(ops, constants, 0, beta, gamma, 0)
-    return -constants.mu * constants.m * constants.g * parts.direction**2 / parts.mass / constants.epsilon
+    return (
+        -constants.mu
+        * constants.m
+        * constants.g
+        * parts.direction**2
+        / parts.mass
+        / constants.epsilon
+    )
 
 
 class SlowManifoldSeries:
@@ -137,7 +158,15 @@ class SlowManifoldSeries:
     """
 
     def __init__(
-        self, ops: Ops, c: Constants, omega: Any, beta: Any, gamma: Any, highest: int, *, slopes: bool = True
+        self,
+        ops: Ops,
+        c: Constants,
+        omega: Any,
+        beta: Any,
+        gamma: Any,
+        highest: int,
+        *,
+        slopes: bool = True,
     ) -> None:
         degree = highest + slopes
         sines: list[PowerSeries] = []
@@ -145,7 +174,9 @@ class SlowManifoldSeries:
             coordinate = [0 * angle] * ((degree + 1) * (degree + 2) // 2)
             if degree:
                 coordinate[1 + axis] += 1
-            sines += Angle(PowerSeries(coordinate, 2), ops.sin(angle), ops.cos(angle)).sine_and_cosine
+            sines += Angle(
+                PowerSeries(coordinate, 2), ops.sin(angle), ops.cos(angle)
+            ).sine_and_cosine
         sin_b, cos_b, sin_g, cos_g = sines
         rho = c.e * sin_g + c.r
         lever, grip = rho * cos_b, rho * sin_b
@@ -183,7 +214,11 @@ class SlowManifoldSeries:
         h = by_beta = by_gamma = 0
         for n, order in enumerate(self.series):
             power = epsilon**n
-            h, by_beta, by_gamma = h + power * order.c[0], by_beta + power * order.c[1], by_gamma + power * order.c[2]
+            h, by_beta, by_gamma = (
+                h + power * order.c[0],
+                by_beta + power * order.c[1],
+                by_gamma + power * order.c[2],
+            )
             yield h, by_beta, by_gamma
 
     def residuals(self, epsilon: Any) -> list[Any]:
@@ -198,12 +233,15 @@ class SlowManifoldSeries:
             term.c[0] for term in (self.q0, self.q1, self.q2, self.rate, self.drift, self.series[0])
         )
         return [
-            epsilon * (by_beta * v - by_gamma * drift - (q0 + q1 * v + q2 * v * v)) + rate * (v - rolling)
+            epsilon * (by_beta * v - by_gamma * drift - (q0 + q1 * v + q2 * v * v))
+            + rate * (v - rolling)
             for v, by_beta, by_gamma in self.truncations(epsilon)
         ]
 
 
-def orders(ops: Ops, constants: Constants, omega: Any, beta: Any, gamma: Any, highest: int) -> list[Any]:
+def orders(
+    ops: Ops, constants: Constants, omega: Any, beta: Any, gamma: Any, highest: int
+) -> list[Any]:
     """Return [h_0, h_1, ..., h_highest] at one point [rad/s, rad/m, ...].
 
     The result is in the arithmetic of the arguments.
@@ -219,7 +257,9 @@ def orders(ops: Ops, constants: Constants, omega: Any, beta: Any, gamma: Any, hi
     return SlowManifoldSeries(ops, constants, omega, beta, gamma, highest, slopes=False).orders
 
 
-def invariance_residuals(ops: Ops, constants: Constants, omega: Any, beta: Any, gamma: Any, highest: int) -> list[Any]:
+def invariance_residuals(
+    ops: Ops, constants: Constants, omega: Any, beta: Any, gamma: Any, highest: int
+) -> list[Any]:
     """Return `SlowManifoldSeries.residuals` at a point, up to an order.
 
     Args:
@@ -229,14 +269,19 @@ def invariance_residuals(ops: Ops, constants: Constants, omega: Any, beta: Any, 
         InputError: The order is not from 0 to 40.
     """
     highest = _checked_order(highest)
-    return SlowManifoldSeries(ops, constants, omega, beta, gamma, highest).residuals(constants.epsilon)
+    return SlowManifoldSeries(ops, constants, omega, beta, gamma, highest).residuals(
+        constants.epsilon
+    )
 
 
 def _checked_order(order: int) -> int:
     """Return the order as an int; raise InputError unless it is an integer from 0 to 40."""
     number = whole(order, 0, _HIGHEST_ORDER)
     if number is None:
-        raise InputError(f"the order of the slow manifold lies between 0 and {_HIGHEST_ORDER}, not {shown(order)}")
+        raise InputError(
+            f"the order of the slow manifold lies between 0 and {_HIGHEST_ORDER}, not "
+            f"{shown(order)}"
+        )
     return number
 
 
@@ -275,9 +320,9 @@ def reduced_equilibrium(
     constants = parameters.within(ctx)
     speed = quotient(ctx, omega) if isinstance(omega, Fraction) else ctx.mpf(omega)
     beta, gamma, _ = (quotient(ctx, angle.pi_multiple) * ctx.pi for angle in location(name))
-    *_, (_, by_beta, by_gamma) = SlowManifoldSeries(ctx, constants, speed, beta, gamma, order).truncations(
-        constants.epsilon
-    )
+    *_, (_, by_beta, by_gamma) = SlowManifoldSeries(
+        ctx, constants, speed, beta, gamma, order
+    ).truncations(constants.epsilon)
     return ReducedEquilibrium(by_beta, -speed * by_gamma)
 
 
@@ -300,7 +345,8 @@ def reduced_omega_crit(parameters: Parameters, order: int, digits: int = 15) -> 
     order = _checked_order(order)
     if order == 0:
         raise AccuracyError(
-            "order 0 has no Hopf point: on the critical manifold inverted spinning is a centre at every speed"
+            "order 0 has no Hopf point: on the critical manifold inverted spinning is a centre at "
+            "every speed"
         )
     start = float(omega_crit(parameters))
 
@@ -312,7 +358,9 @@ def reduced_omega_crit(parameters: Parameters, order: int, digits: int = 15) -> 
             return reduced_equilibrium(parameters, speed, "inverted", order, working_bits).trace
 
         try:
-            return ctx.findroot(trace, (ctx.mpf(0.9995 * start), ctx.mpf(1.0005 * start)), tol=ctx.eps**1.5)
+            return ctx.findroot(
+                trace, (ctx.mpf(0.9995 * start), ctx.mpf(1.0005 * start)), tol=ctx.eps**1.5
+            )
         except (ValueError, ZeroDivisionError):
             return ctx.inf
 
@@ -320,7 +368,8 @@ def reduced_omega_crit(parameters: Parameters, order: int, digits: int = 15) -> 
     rough, sharp = map(root, (working, working + 66))
     if not max(abs(rough / start - 1), abs(sharp / start - 1)) < 0.1:
         raise AccuracyError(
-            f"the reduced flow of order {order} has no Hopf point near Omega_crit: epsilon is too large"
+            f"the reduced flow of order {order} has no Hopf point near Omega_crit: epsilon is too "
+            f"large"
         )
     return Measured.compared(rough, sharp, Fraction(1, 2 ** (working - 1)))
 
@@ -340,13 +389,19 @@ class SlowManifold(Printable):
     beta: Fraction  #: where h is taken [rad]
     gamma: Fraction  #: where h is taken [rad]
     h: tuple[Measured, ...] = field(
-        metadata=quantity("the orders h_0, h_1, ... of v = h_0 + epsilon h_1 + ... there", "rad s^(n-1)/m^n")
+        metadata=quantity(
+            "the orders h_0, h_1, ... of v = h_0 + epsilon h_1 + ... there", "rad s^(n-1)/m^n"
+        )
     )
     residual: tuple[Measured, ...] = field(
-        metadata=quantity("largest residual of orders 0, 1, ... over twenty fixed points", "m rad/s^3")
+        metadata=quantity(
+            "largest residual of orders 0, 1, ... over twenty fixed points", "m rad/s^3"
+        )
     )
     residual_slope: tuple[Measured, ...] = field(
-        metadata=quantity("its exponent in epsilon as epsilon tends to 0, seen at 1e-5 ... 1e-6", "1")
+        metadata=quantity(
+            "its exponent in epsilon as epsilon tends to 0, seen at 1e-5 ... 1e-6", "1"
+        )
     )
     best_order: int = field(
         metadata=quantity("the order whose term is smallest, at its largest over those points", "1")
@@ -360,7 +415,12 @@ class SlowManifold(Printable):
 
 @undisturbed
 def analyse_slow_manifold(
-    parameters: Parameters, omega: object, order: int, digits: int = 12, *, at: tuple[object, object] = ("1.2", "0.3")
+    parameters: Parameters,
+    omega: object,
+    order: int,
+    digits: int = 12,
+    *,
+    at: tuple[object, object] = ("1.2", "0.3"),
 ) -> SlowManifold:
     """Return orders at a point, residuals with their observed exponents, and the best order.
 
@@ -382,11 +442,14 @@ def analyse_slow_manifold(
     point = _point(at)
     working = bits_for_digits(digits + 5)
     rough, sharp = (
-        _expansion(parameters, speed, point, order, width, slopes=False).orders for width in (working, working + 66)
+        _expansion(parameters, speed, point, order, width, slopes=False).orders
+        for width in (working, working + 66)
     )
     ulp = Fraction(1, 2 ** (working - 1))
     shrinking = tuple(Fraction(1, 10**k) for k in (5, 6, 7))
-    residuals, *sizes = _largest_residuals(parameters, speed, order, (parameters.epsilon, *shrinking))
+    residuals, *sizes = _largest_residuals(
+        parameters, speed, order, (parameters.epsilon, *shrinking)
+    )
     slopes = []
     for coarse, middle, fine in zip(*sizes, strict=True):
         # The error of the two-point exponent is a multiple of epsilon. A decade further a tenth of
@@ -394,10 +457,14 @@ def analyse_slow_manifold(
         # larger epsilon may vanish by chance, because the series need not be in its asymptotic
         # range there.)
         exponent, next_exponent = math.log10(coarse / middle), math.log10(middle / fine)
-        slopes.append(Measured.of(exponent, 2 * abs(exponent - next_exponent) + exponent * 2.0**-50))
+        slopes.append(
+            Measured.of(exponent, 2 * abs(exponent - next_exponent) + exponent * 2.0**-50)
+        )
     best, smallest = _best_order(parameters, speed)
     # Rounded to double once, from an evaluation with digits to spare.
-    *residual, smallest_term = (Measured.of(size, size * 2.0**-50) for size in (*residuals, smallest))
+    *residual, smallest_term = (
+        Measured.of(size, size * 2.0**-50) for size in (*residuals, smallest)
+    )
     try:
         reduced = reduced_omega_crit(parameters, order, digits)
     except AccuracyError:
@@ -407,7 +474,9 @@ def analyse_slow_manifold(
         omega=speed,
         beta=point[0],
         gamma=point[1],
-        h=tuple(Measured.compared(coarse, fine, ulp) for coarse, fine in zip(rough, sharp, strict=True)),
+        h=tuple(
+            Measured.compared(coarse, fine, ulp) for coarse, fine in zip(rough, sharp, strict=True)
+        ),
         residual=tuple(residual),
         residual_slope=tuple(slopes),
         best_order=best,
@@ -415,7 +484,8 @@ def analyse_slow_manifold(
         reduced_omega_crit=reduced,
         warning=None
         if order <= best
-        else f"epsilon = {float(parameters.epsilon):g} m/s is too large for order {order}: the largest terms over the"
+        else f"epsilon = {float(parameters.epsilon):g} m/s is too large for order {order}: the "
+        f"largest terms over the"
         f" twenty fixed points grow from order {best + 1} on",
     )
 
@@ -425,16 +495,27 @@ def _point(at: tuple[object, object]) -> tuple[Fraction, Fraction]:
         raise InputError(f"a point is a pair (beta, gamma), not {shown(at)}")
     beta, gamma = map(exact, at)
     if beta.pi_multiple or gamma.pi_multiple:
-        raise InputError("beta and gamma of a point of the slow manifold must be numbers without pi, such as 1.2")
+        raise InputError(
+            "beta and gamma of a point of the slow manifold must be numbers without pi, such as 1.2"
+        )
     if max(abs(beta.rational), abs(gamma.rational)) > _LARGEST_ANGLE:
-        raise InputError(f"the angles of a point lie between -{_LARGEST_ANGLE} and {_LARGEST_ANGLE} rad")
+        raise InputError(
+            f"the angles of a point lie between -{_LARGEST_ANGLE} and {_LARGEST_ANGLE} rad"
+        )
     if math.sin(beta.rational) <= 0:
-        raise InputError(f"beta lies between 0 and pi, where the disk stands, not at {float(beta.rational):g}")
+        raise InputError(
+            f"beta lies between 0 and pi, where the disk stands, not at {float(beta.rational):g}"
+        )
     return beta.rational, gamma.rational
 
 
 def _expansion(
-    parameters: Parameters, omega: Fraction, point: tuple[Fraction, Fraction], order: int, working: int, slopes: bool
+    parameters: Parameters,
+    omega: Fraction,
+    point: tuple[Fraction, Fraction],
+    order: int,
+    working: int,
+    slopes: bool,
 ) -> SlowManifoldSeries:
     ctx = bits(working).context
     speed, beta, gamma = (quotient(ctx, number) for number in (omega, *point))
@@ -450,7 +531,9 @@ def _largest_residuals(
     """
     below = (order + 1) * max(0, math.ceil(-math.log10(min(epsilons))))
     working = bits_for_digits(60 + below)
-    expansions = [_expansion(parameters, omega, point, order, working, slopes=True) for point in POINTS]
+    expansions = [
+        _expansion(parameters, omega, point, order, working, slopes=True) for point in POINTS
+    ]
     largest = []
     for epsilon in (quotient(bits(working).context, epsilon) for epsilon in epsilons):
         by_order = zip(*(expansion.residuals(epsilon) for expansion in expansions), strict=True)
@@ -460,8 +543,12 @@ def _largest_residuals(
 
 def _best_order(parameters: Parameters, omega: Fraction, highest: int = 10) -> tuple[int, float]:
     """Return the order with the smallest largest term over the fixed points, and that term."""
-    rows = [_expansion(parameters, omega, point, highest, 120, slopes=False).orders for point in POINTS]
+    rows = [
+        _expansion(parameters, omega, point, highest, 120, slopes=False).orders for point in POINTS
+    ]
     epsilon = quotient(bits(120).context, parameters.epsilon)
-    largest = [float(max(map(abs, sizes)) * epsilon**n) for n, sizes in enumerate(zip(*rows, strict=True))]
+    largest = [
+        float(max(map(abs, sizes)) * epsilon**n) for n, sizes in enumerate(zip(*rows, strict=True))
+    ]
     best = min(range(1, highest + 1), key=largest.__getitem__)
     return best, largest[best]

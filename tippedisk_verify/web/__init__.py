@@ -10,7 +10,9 @@ if TYPE_CHECKING:
 __all__ = ["rendered"]
 
 
-def rendered(package: str, template: str, filters: dict[str, Callable[..., Any]] | None = None, **values: Any) -> str:
+def rendered(
+    package: str, template: str, filters: dict[str, Callable[..., Any]] | None = None, **values: Any
+) -> str:
     """Render a template of a package; in HTML every value is escaped.
 
     HTML templates extend ``base.html`` of this package, which holds the style sheet. The result

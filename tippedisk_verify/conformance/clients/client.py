@@ -1,10 +1,11 @@
-"""The tippedisk: answers to a sheet of questions, all ten levels and both friction laws, with NumPy alone.
+"""The tippedisk: answers to a sheet of questions, all ten levels and both friction laws, with NumPy
+alone.
 
     python client.py SHEET.csv ANSWERS.csv
 
-Every function works on arrays over entries: p is the tuple (r, e, m, A, B, g, mu, epsilon) of such arrays,
-and `smooth` says which friction law all of them have. Units are SI, angles in rad. KINDS at the end names
-the function that answers each kind of question.
+Every function works on arrays over entries: p is the tuple (r, e, m, A, B, g, mu, epsilon) of such
+arrays, and `smooth` says which friction law all of them have. Units are SI, angles in rad. KINDS at
+the end names the function that answers each kind of question.
 """
 
 import csv
@@ -55,21 +56,44 @@ def derivatives(p, Omega, smooth, beta, gamma, v):
     Bbar = B - m * e**2
     rho = r + e * sin(gamma)
     drho_dgamma = e * cos(gamma)
-    M, h, f_G, w_y, gamma_y, lambda_Ty, gamma_rate, v_rate = equations(p, Omega, smooth, beta, gamma, v)
+    M, h, f_G, w_y, gamma_y, lambda_Ty, gamma_rate, v_rate = equations(
+        p, Omega, smooth, beta, gamma, v
+    )
     dM_dbeta = -2 * m * rho**2 * sin(beta) * cos(beta)
-    dM_dgamma = 2 * (Bbar - A) * sin(gamma) * cos(gamma) + 2 * m * rho * drho_dgamma * cos(beta) ** 2
+    dM_dgamma = (
+        2 * (Bbar - A) * sin(gamma) * cos(gamma) + 2 * m * rho * drho_dgamma * cos(beta) ** 2
+    )
     dh_dbeta = (
-        (A * cos(gamma) ** 2 + Bbar * sin(gamma) ** 2) * Omega**2 * (cos(beta) ** 2 - sin(beta) ** 2)
+        (A * cos(gamma) ** 2 + Bbar * sin(gamma) ** 2)
+        * Omega**2
+        * (cos(beta) ** 2 - sin(beta) ** 2)
         + 2 * (A - Bbar) * Omega * v * sin(beta) * sin(gamma) * cos(gamma)
         + m * rho**2 * v**2 * (cos(beta) ** 2 - sin(beta) ** 2)
-        + m * e * rho * Omega**2 * (cos(beta) ** 4 - 3 * sin(beta) ** 2 * cos(beta) ** 2) * sin(gamma)
-        - m * e * rho * (6 * cos(beta) ** 2 - 3 * sin(beta) ** 2 + 2) * sin(beta) * Omega * v * cos(gamma)
+        + m
+        * e
+        * rho
+        * Omega**2
+        * (cos(beta) ** 4 - 3 * sin(beta) ** 2 * cos(beta) ** 2)
+        * sin(gamma)
+        - m
+        * e
+        * rho
+        * (6 * cos(beta) ** 2 - 3 * sin(beta) ** 2 + 2)
+        * sin(beta)
+        * Omega
+        * v
+        * cos(gamma)
     )
     dh_dgamma = (
         2 * (Bbar - A) * sin(gamma) * cos(gamma) * Omega**2 * sin(beta) * cos(beta)
         - 2 * (A - Bbar) * Omega * v * cos(beta) * (cos(gamma) ** 2 - sin(gamma) ** 2)
         + 2 * m * rho * drho_dgamma * v**2 * sin(beta) * cos(beta)
-        + m * e * Omega**2 * sin(beta) * cos(beta) ** 3 * (drho_dgamma * sin(gamma) + rho * cos(gamma))
+        + m
+        * e
+        * Omega**2
+        * sin(beta)
+        * cos(beta) ** 3
+        * (drho_dgamma * sin(gamma) + rho * cos(gamma))
         - m * e * drho_dgamma * (3 * sin(beta) ** 2 - 2) * Omega * v * cos(beta) * cos(gamma)
         + m * e * rho * (3 * sin(beta) ** 2 - 2) * Omega * v * cos(beta) * sin(gamma)
     )
@@ -96,8 +120,12 @@ def derivatives(p, Omega, smooth, beta, gamma, v):
         dlambda_dgamma_y = -mu * m * g * epsilon / (abs(gamma_y) + epsilon) ** 2
     else:
         dlambda_dgamma_y = -mu * m * g / epsilon
-    dforce_dbeta = dh_dbeta + df_G_dbeta + dw_y_dbeta * lambda_Ty + w_y * dlambda_dgamma_y * dgamma_y_dbeta
-    dforce_dgamma = dh_dgamma + df_G_dgamma + dw_y_dgamma * lambda_Ty + w_y * dlambda_dgamma_y * dgamma_y_dgamma
+    dforce_dbeta = (
+        dh_dbeta + df_G_dbeta + dw_y_dbeta * lambda_Ty + w_y * dlambda_dgamma_y * dgamma_y_dbeta
+    )
+    dforce_dgamma = (
+        dh_dgamma + df_G_dgamma + dw_y_dgamma * lambda_Ty + w_y * dlambda_dgamma_y * dgamma_y_dgamma
+    )
     dforce_dv = dh_dv + w_y * dlambda_dgamma_y * dgamma_y_dv
     dforce_domega = dh_domega + w_y * dlambda_dgamma_y * dgamma_y_domega
     dv_rate_dbeta = quotient_rate(dforce_dbeta, dM_dbeta, M, v_rate)
@@ -112,7 +140,10 @@ def rhs(p, smooth, given, asked):
     Omega, beta, gamma, v = given["Omega"], given["beta"], given["gamma"], given["v"]
     names = "M", "h", "f_G", "w_y", "gamma_y", "lambda_Ty", "gamma_rate", "v_rate"
     names += "dv_rate_dbeta", "dv_rate_dgamma", "dv_rate_dv"
-    values = equations(p, Omega, smooth, beta, gamma, v) + derivatives(p, Omega, smooth, beta, gamma, v)[:3]
+    values = (
+        equations(p, Omega, smooth, beta, gamma, v)
+        + derivatives(p, Omega, smooth, beta, gamma, v)[:3]
+    )
     return dict(zip(names, values))
 
 
@@ -120,7 +151,9 @@ def rhs(p, smooth, given, asked):
 
 
 def linearisation(p, Omega, side):
-    """The matrix at beta = pi/2, gamma = side pi/2: inverted spinning for side 1, noninverted for side -1."""
+    """The matrix at beta = pi/2, gamma = side pi/2: inverted spinning for side 1, noninverted
+    for side -1.
+    """
     r, e, m, A, B, g, mu, epsilon = p
     Bbar = B - m * e**2
     rho = r + side * e
@@ -177,7 +210,9 @@ def triple(q_1, q_2, q_3):
 
 
 def cubic_terms(p, Omega, q):
-    """C(q, q, conj(q)) of gamma' and v' about inverted spinning, which have no terms of second order."""
+    """C(q, q, conj(q)) of gamma' and v' about inverted spinning, which have no terms of
+    second order.
+    """
     r, e, m, A, B, g, mu, epsilon = p
     Bbar = B - m * e**2
     rho = r + e
@@ -216,7 +251,9 @@ def eigenvalue_rate(p, Omega, q, p_star):
 
 
 def hopf(p, smooth, given, asked):
-    """Level 3: the Hopf point, its normal form, and the slopes of the family of cycles that begins there."""
+    """Level 3: the Hopf point, its normal form, and the slopes of the family of cycles that
+    begins there.
+    """
     r, e, m, A, B, g, mu, epsilon = p
     Omega = critical_speed(p)
     omega = sqrt(e / (r + e)) * Omega

@@ -7,18 +7,37 @@ STAGES = (
     [1 / 7, (-7 - 3 * S) / 98, (21 + 5 * S) / 49],
     [(11 + S) / 84, 0, (18 + 4 * S) / 63, (21 - S) / 252],
     [(5 + S) / 48, 0, (9 + S) / 36, (-231 + 14 * S) / 360, (63 - 7 * S) / 80],
-    [(10 - S) / 42, 0, (-432 + 92 * S) / 315, (633 - 145 * S) / 90, (-504 + 115 * S) / 70, (63 - 13 * S) / 35],
+    [
+        (10 - S) / 42,
+        0,
+        (-432 + 92 * S) / 315,
+        (633 - 145 * S) / 90,
+        (-504 + 115 * S) / 70,
+        (63 - 13 * S) / 35,
+    ],
     [1 / 14, 0, 0, 0, (14 - 3 * S) / 126, (13 - 3 * S) / 63, 1 / 9],
     [1 / 32, 0, 0, 0, (91 - 21 * S) / 576, 11 / 72, (-385 - 75 * S) / 1152, (63 + 13 * S) / 128],
-    [1 / 14, 0, 0, 0, 1 / 9, (-733 - 147 * S) / 2205, (515 + 111 * S) / 504, (-51 - 11 * S) / 56, (132 + 28 * S) / 245],
+    [
+        1 / 14,
+        0,
+        0,
+        0,
+        1 / 9,
+        (-733 - 147 * S) / 2205,
+        (515 + 111 * S) / 504,
+        (-51 - 11 * S) / 56,
+        (132 + 28 * S) / 245,
+    ],
     [0, 0, 0, 0, (-42 + 7 * S) / 18, (-18 + 28 * S) / 45, (-273 - 53 * S) / 72, (301 + 53 * S) / 72]
     + [(28 - 28 * S) / 45, (49 - 7 * S) / 18],
     [1 / 20, 0, 0, 0, 0, 0, 0, 49 / 180, 16 / 45, 49 / 180, 1 / 20],
 )  # the last row holds the weights
 TABLEAU = [np.array(row) for row in STAGES]
 FLIGHT_STEP = 0.005
-LONGEST_FLIGHT = 10  # seconds for which an orbit is followed to its crossings, and until it lies flat
-LONGEST = 2.8  # seconds to a section; what takes longer passes a saddle nearer than doubles can tell
+# Seconds for which an orbit is followed to its crossings, and until it lies flat
+LONGEST_FLIGHT = 10
+# Seconds to a section; what takes longer passes a saddle nearer than doubles can tell
+LONGEST = 2.8
 
 
 def runge_kutta_step(rates, p, Omega, smooth, state, h):
@@ -34,43 +53,64 @@ def runge_kutta_step(rates, p, Omega, smooth, state, h):
 def flow(p, Omega, smooth, state):
     """The rates of (beta, gamma, v)."""
     beta, gamma, v = state
-    M, h, f_G, w_y, gamma_y, lambda_Ty, gamma_rate, v_rate = equations(p, Omega, smooth, beta, gamma, v)
+    M, h, f_G, w_y, gamma_y, lambda_Ty, gamma_rate, v_rate = equations(
+        p, Omega, smooth, beta, gamma, v
+    )
     return np.array([v, gamma_rate, v_rate])
 
 
 def variational_flow(p, Omega, smooth, state):
-    """The rates of a state, of three variations, the third by Omega, and of the divergence's integral."""
+    """The rates of a state, of three variations, the third by Omega, and of the divergence's
+    integral.
+    """
     beta, gamma, v = state[:3]
     delta_beta, delta_gamma, delta_v = state[3:6], state[6:9], state[9:12]
-    dv_rate_dbeta, dv_rate_dgamma, dv_rate_dv, dv_rate_domega, v_rate = derivatives(p, Omega, smooth, beta, gamma, v)
+    dv_rate_dbeta, dv_rate_dgamma, dv_rate_dv, dv_rate_domega, v_rate = derivatives(
+        p, Omega, smooth, beta, gamma, v
+    )
     delta_gamma_rate = Omega * sin(beta) * delta_beta
     delta_v_rate = dv_rate_dbeta * delta_beta + dv_rate_dgamma * delta_gamma + dv_rate_dv * delta_v
     delta_gamma_rate[2] -= cos(beta)
     delta_v_rate[2] += dv_rate_domega
-    return np.concatenate([[v, -Omega * cos(beta), v_rate], delta_v, delta_gamma_rate, delta_v_rate, [dv_rate_dv]])
+    return np.concatenate(
+        [[v, -Omega * cos(beta), v_rate], delta_v, delta_gamma_rate, delta_v_rate, [dv_rate_dv]]
+    )
 
 
 def flight_step(rates, p, Omega, smooth, state, h):
-    """A step, in two parts where gamma_y passes zero: there the smooth law's second derivative jumps."""
+    """A step, in two parts where gamma_y passes zero: there the smooth law's second
+    derivative jumps.
+    """
     after = runge_kutta_step(rates, p, Omega, smooth, state, h)
     if smooth:
         gamma_y_before = equations(p, Omega, smooth, *state[:3])[4]
         gamma_y_after = equations(p, Omega, smooth, *after[:3])[4]
         slips = gamma_y_before * gamma_y_after < 0
         if slips.any():
-            some_p, some_omega = tuple((parameter + 0 * Omega)[slips] for parameter in p), Omega[slips]
-            before, gamma_y, length = gamma_y_before[slips], gamma_y_after[slips], (h + 0 * Omega)[slips]
+            some_p, some_omega = (
+                tuple((parameter + 0 * Omega)[slips] for parameter in p),
+                Omega[slips],
+            )
+            before, gamma_y, length = (
+                gamma_y_before[slips],
+                gamma_y_after[slips],
+                (h + 0 * Omega)[slips],
+            )
             part = length
             for _ in range(3):
                 part = part * before / (before - gamma_y)
                 middle = runge_kutta_step(rates, some_p, some_omega, smooth, state[:, slips], part)
                 gamma_y = equations(some_p, some_omega, smooth, *middle[:3])[4]
-            after[:, slips] = runge_kutta_step(rates, some_p, some_omega, smooth, middle, length - part)
+            after[:, slips] = runge_kutta_step(
+                rates, some_p, some_omega, smooth, middle, length - part
+            )
     return after
 
 
 def fly_to(rates, p, Omega, smooth, state, event, sign=1, longest=LONGEST, h=FLIGHT_STEP):
-    """Time and state where a function of the state passes zero, upward for sign 1; NaN where it never does."""
+    """Time and state where a function of the state passes zero, upward for sign 1; NaN where
+    it never does.
+    """
     before, time = np.full_like(state, np.nan), np.full(Omega.shape, np.nan)
     for k in range(int(longest / h)):
         after = flight_step(rates, p, Omega, smooth, state, h)
@@ -83,13 +123,17 @@ def fly_to(rates, p, Omega, smooth, state, event, sign=1, longest=LONGEST, h=FLI
     tau, tau_before, value_before = h / 2, 0, event(before)
     for _ in range(6):
         value = event(flight_step(flow, p, Omega, smooth, before[:3], tau))
-        change = np.where(value == value_before, 0, value * (tau - tau_before) / (value_before - value))
+        change = np.where(
+            value == value_before, 0, value * (tau - tau_before) / (value_before - value)
+        )
         tau, tau_before, value_before = tau + change, tau, value
     return time + tau, flight_step(rates, p, Omega, smooth, before, tau)
 
 
 def trajectory(p, smooth, given, asked):
-    """Level 6: states at the asked times, crossings of beta = pi/2, and the time when the disk lies flat."""
+    """Level 6: states at the asked times, crossings of beta = pi/2, and the time when the
+    disk lies flat.
+    """
     names = "beta", "gamma", "v"
     Omega, state, time = given["Omega"], np.array([given[name] for name in names]), 0
     answers = {"flat_time": np.full(len(Omega), np.nan)}
@@ -98,16 +142,23 @@ def trajectory(p, smooth, given, asked):
         while time < sample - h / 2:
             state, time = flight_step(flow, p, Omega, smooth, state, h), time + h
         answers.update(zip((f"{name}@{sample:g}" for name in names), state))
-    # Events count from 0.01 s on; sin(2 beta) is zero where beta = pi/2, and where the disk lies flat.
+    # Events count from 0.01 s on; sin(2 beta) is zero where beta = pi/2, and where the disk lies
+    # flat.
     state, time, n = np.array([answers[f"{name}@0.01"] for name in names]), 0.01, 0
     side = np.sign(state[0] - pi / 2)
     while n == 0 or (time < LONGEST_FLIGHT).any():
-        passed, state = fly_to(flow, p, Omega, smooth, state, lambda s: sin(2 * s[0]), side, LONGEST_FLIGHT, 0.01)
+        passed, state = fly_to(
+            flow, p, Omega, smooth, state, lambda s: sin(2 * s[0]), side, LONGEST_FLIGHT, 0.01
+        )
         time, side, n = time + passed, -side, n + 1
         flat = abs(state[0] - pi / 2) > 1
         answers["flat_time"] = np.where(flat, time, answers["flat_time"])
         state = np.where(flat, np.nan, state)
-        answers.update(zip((f"crossing_time#{n}", f"crossing_gamma#{n}", f"crossing_v#{n}"), (time, *state[1:])))
+        answers.update(
+            zip(
+                (f"crossing_time#{n}", f"crossing_gamma#{n}", f"crossing_v#{n}"), (time, *state[1:])
+            )
+        )
     return answers
 
 
@@ -118,7 +169,9 @@ SECTIONS = (2, "gamma_bar_0", "v_0"), (1, "beta_bar_top", "v_top")
 
 
 def section_state(Omega, index, x, v):
-    """A state on a section with its variations; x is gamma - pi/2 for index 0, beta - pi/2 for index 1."""
+    """A state on a section with its variations; x is gamma - pi/2 for index 0, beta - pi/2
+    for index 1.
+    """
     state = np.zeros((13,) + Omega.shape)
     state[:3] = pi / 2 + index * x, pi / 2 + (1 - index) * x, v
     state[[6 - 3 * index, 10]] = 1  # the first variation begins along x, the second along v
@@ -129,7 +182,9 @@ def section_return(rates, p, Omega, smooth, index, x, v, h=FLIGHT_STEP):
     """Time, x, v and state of the return to a section."""
     state = section_state(Omega, index, x, v)
     state = state[:3] if rates is flow else state
-    time, end = fly_to(rates, p, Omega, smooth, state, lambda s: s[index] - pi / 2 - 2 * pi * index, h=h)
+    time, end = fly_to(
+        rates, p, Omega, smooth, state, lambda s: s[index] - pi / 2 - 2 * pi * index, h=h
+    )
     return time, (2 * index - 1) * (end[1 - index] - pi / 2), (2 * index - 1) * end[2], end
 
 
@@ -164,7 +219,9 @@ def cycle_derivatives(p, Omega, smooth, index, end):
 
 
 def cycle_extremes(p, Omega, smooth, index, end):
-    """The largest beta on a cycle, from where it returned, and the state next to the saddle on a rotating one."""
+    """The largest beta on a cycle, from where it returned, and the state next to the saddle
+    on a rotating one.
+    """
     time_highest, highest = fly_to(flow, p, Omega, smooth, end[:3], lambda s: s[2], -1)
     if index == 0:
         return {"beta_max": highest[0] - pi / 2}
@@ -184,27 +241,36 @@ def cycle_answers(p, Omega, smooth, index, time, x, v, end):
 
 
 def cycle(p, Omega, smooth, index, stable, fold=False, h=FLIGHT_STEP):
-    """A cycle with its multipliers and derivatives by Omega; for a fold the one where dOmega/dx is zero."""
-    # Stable cycles lie where returns begin to lead inward, unstable ones where they end to; the first is to settle.
+    """A cycle with its multipliers and derivatives by Omega; for a fold the one where
+    dOmega/dx is zero.
+    """
+    # Stable cycles lie where returns begin to lead inward, unstable ones where they end to; the
+    # first is to settle.
     columns = tuple(parameter[:, np.newaxis] for parameter in p)
     speeds = Omega[:, np.newaxis] + np.zeros(60)
     x_next, v_next = np.linspace((3.1, 0.1)[index], (0.01, 1)[index], 60) + 0 * speeds, 0 * speeds
     for _ in range(2):
         x, v = x_next, v_next
-        time, x_next, v_next, end = section_return(flow, columns, speeds, smooth, index, x, v, 2 * FLIGHT_STEP)
+        time, x_next, v_next, end = section_return(
+            flow, columns, speeds, smooth, index, x, v, 2 * FLIGHT_STEP
+        )
     towards = (2 * index - 1) * (x_next - x) < 0
     away = ~towards & np.logical_or.accumulate(towards, axis=1)
     chosen = np.arange(len(Omega)), np.where(stable, towards.argmax(axis=1), away.argmax(axis=1))
     x, v = np.where(stable, [x_next[chosen], v_next[chosen]], [x[chosen], v[chosen]])
     free, fixed, step, slope = ([1, 2], 0, 0.02, 0) if fold else ([0, 1], 2, 0, 0)
     for k in range(20 if fold else 11):
-        time, x_next, v_next, end = section_return(variational_flow, p, Omega, smooth, index, x, v, h)
+        time, x_next, v_next, end = section_return(
+            variational_flow, p, Omega, smooth, index, x, v, h
+        )
         derivative = return_derivative(p, Omega, smooth, index, end)[1]
-        # x, v and Omega are to close the cycle: one of them is fixed, or takes a chosen step; the others follow.
+        # x, v and Omega are to close the cycle: one of them is fixed, or takes a chosen step; the
+        # others follow.
         matrix = derivative - np.eye(2, 3)
         sides = np.stack([np.array([x - x_next, v - v_next]).T, -matrix[:, :, fixed]], axis=2)
         newton, tangent = np.linalg.solve(matrix[:, :, free], sides).T
-        newton = np.where(stable & (k < 2), [x_next - x, v_next - v], newton)  # stable cycles attract
+        # Stable cycles attract
+        newton = np.where(stable & (k < 2), [x_next - x, v_next - v], newton)
         if fold:
             step = np.clip(-tangent[1] * step / (tangent[1] - slope), -0.02, 0.02)
             slope = tangent[1]
@@ -214,7 +280,8 @@ def cycle(p, Omega, smooth, index, stable, fold=False, h=FLIGHT_STEP):
         if not (abs(change) > 2e-8).any():
             break
     answers = cycle_answers(p, Omega, smooth, index, time, x, v, end)
-    # Newton's method also comes to rest at the equilibrium, within some 1e-8 of it: there is no cycle then.
+    # Newton's method also comes to rest at the equilibrium, within some 1e-8 of it: there is no
+    # cycle then.
     return {name: np.where(hypot(x, v) > 1e-6, values, np.nan) for name, values in answers.items()}
 
 
@@ -245,25 +312,51 @@ def heteroclinic(p, smooth, given, asked):
     for _ in range(5):
         width = width / 100
         Omega = low[:, np.newaxis] + width[:, np.newaxis] * np.arange(101)
-        # Below Omega_h the saddle's unstable orbit passes gamma = 3 pi/2 before it comes back to beta = pi/2.
+        # Below Omega_h the saddle's unstable orbit passes gamma = 3 pi/2 before it comes back to
+        # beta = pi/2.
         lambda_u = sorted_eigenvalues(linearisation(p, low, -1)).real[:, :1] + 0 * Omega
-        state = np.array([pi / 2 + 1e-3 + 0 * Omega, -pi / 2 + 1e-3 * Omega / lambda_u, 1e-3 * lambda_u])
-        time, end = fly_to(flow, columns, Omega, smooth, state, lambda s: np.maximum(s[1] - 3 * pi / 2, pi / 2 - s[0]))
+        state = np.array(
+            [pi / 2 + 1e-3 + 0 * Omega, -pi / 2 + 1e-3 * Omega / lambda_u, 1e-3 * lambda_u]
+        )
+        time, end = fly_to(
+            flow,
+            columns,
+            Omega,
+            smooth,
+            state,
+            lambda s: np.maximum(s[1] - 3 * pi / 2, pi / 2 - s[0]),
+        )
         low = low + width * ((end[1] - 3 * pi / 2 > pi / 2 - end[0]).sum(axis=1) - 1)
     lambda_u, lambda_s, lambda_ss = sorted_eigenvalues(linearisation(p, low, -1)).real.T
-    return {"omega_h": low + width / 2, "lambda_u": lambda_u, "lambda_s": lambda_s, "lambda_ss": lambda_ss}
+    return {
+        "omega_h": low + width / 2,
+        "lambda_u": lambda_u,
+        "lambda_s": lambda_s,
+        "lambda_ss": lambda_ss,
+    }
 
 
 # ---- from sheet to answers ----
 
 PARAMETERS = "r", "e", "m", "A", "B", "g", "mu", "epsilon"
 LEVELS_1_TO_5 = rhs, equilibrium, hopf, harmonic_balance, slow_manifold
-LEVELS_6_TO_10 = trajectory, limit_cycle, heteroclinic, near_heteroclinic, rotating_cycle, rotation_fold
-KINDS = {function.__name__.replace("_", "-"): function for function in LEVELS_1_TO_5 + LEVELS_6_TO_10}
+LEVELS_6_TO_10 = (
+    trajectory,
+    limit_cycle,
+    heteroclinic,
+    near_heteroclinic,
+    rotating_cycle,
+    rotation_fold,
+)
+KINDS = {
+    function.__name__.replace("_", "-"): function for function in LEVELS_1_TO_5 + LEVELS_6_TO_10
+}
 
 
 def answered(rows):
-    """The answers to a sheet's rows, by id; entries of one kind and friction law are computed together."""
+    """The answers to a sheet's rows, by id; entries of one kind and friction law are computed
+    together.
+    """
     groups = {}
     for row in rows:
         if row["kind"] not in KINDS:
@@ -273,7 +366,9 @@ def answered(rows):
     answers = {}
     for (kind, friction), entries in groups.items():
         firsts = [next(iter(entry.values())) for entry in entries.values()]
-        given = {column: np.array([row[column] for row in firsts]) for column in ("equilibrium", "form")}
+        given = {
+            column: np.array([row[column] for row in firsts]) for column in ("equilibrium", "form")
+        }
         for column in PARAMETERS + ("Omega", "beta", "gamma", "v"):
             given[column] = np.array([float(row[column] or "nan") for row in firsts])
         p = tuple(given[column] for column in PARAMETERS)
@@ -292,7 +387,9 @@ def main(sheet, target):
         rows = list(csv.DictReader(file))
     with open(target, "w", encoding="utf-8") as file:
         file.write("id,answer,from\n")
-        file.writelines(f"{name},{x!r},doubles\n" for name, x in answered(rows).items() if np.isfinite(x))
+        file.writelines(
+            f"{name},{x!r},doubles\n" for name, x in answered(rows).items() if np.isfinite(x)
+        )
 
 
 if __name__ == "__main__":

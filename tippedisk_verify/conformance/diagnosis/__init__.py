@@ -1,10 +1,11 @@
 """Why answers fail: the mistakes that give them, several at once where there are several.
 
-A mistake in an equation changes its terms, and the answers to M a - F = 0 are linear in such changes. `terms` evaluates
-equations that are written as sums of products, `dictionary` has them and what people write in their place, `regression`
-finds the fewest changes that give the answers, and `levels` applies it to what is asked at levels 1 to 5. `relations`
-are what answers are instead of right ones, and `methods` has integrators. This module asks them in turn,
-level by level, and says what follows from what.
+A mistake in an equation changes its terms, and the answers to M a - F = 0 are linear in such
+changes. `terms` evaluates equations that are written as sums of products, `dictionary` has them and
+what people write in their place, `regression` finds the fewest changes that give the answers, and
+`levels` applies it to what is asked at levels 1 to 5. `relations` are what answers are instead of
+right ones, and `methods` has integrators. This module asks them in turn, level by level, and says
+what follows from what.
 """
 
 from __future__ import annotations
@@ -30,9 +31,11 @@ from tippedisk_verify.reference_values.store import Store
 __all__ = ["Diagnosis", "diagnosed"]
 
 _BUDGET = 25_000  # changes evaluated for a sheet, some two seconds
-_LOST = (1e-5, 1e-2, 0.3)  # of the size: what a method may lose, in the median and at most; share of wrong answers
+# Of the size: what a method may lose, in the median and at most; share of wrong answers
+_LOST = (1e-5, 1e-2, 0.3)
 _EXACT = 1e-15  # of the size: nothing is lost
-_SAFETY = 10.0  # times: how much larger the errors of a mended program may be than those of the right one
+# Times: how much larger the errors of a mended program may be than those of the right one
+_SAFETY = 10.0
 _ALIKE = 12  # changes with the same effect on a quantity that are tried on the others
 _MANY = 3  # quantities that may be called all answers
 _FORMULAS = 5  # the last level without an integrator
@@ -49,12 +52,15 @@ class Diagnosis:
     sets: tuple[str, ...]
     frictions: tuple[str, ...]
     failed: tuple[Grade, ...]
-    causes: tuple[tuple[str, str], ...]  #: sort and sentence, all of them together; () if none is known
-    follows: int  #: how many of the failed ones follow from mistakes that are named at earlier levels
+    #: Sort and sentence, all of them together; () if none is known
+    causes: tuple[tuple[str, str], ...]
+    #: How many of the failed ones follow from mistakes that are named at earlier levels
+    follows: int
     unexplained: int
     no_numbers: int  #: how many of the failed ones are no finite number, which no mistake predicts
     where: str = ""  #: which of the failed ones are unexplained
-    may_follow: bool = False  #: whether an earlier level has mistakes that these answers are not held against
+    #: Whether an earlier level has mistakes that these answers are not held against
+    may_follow: bool = False
 
     @property
     def few(self) -> int:
@@ -64,14 +70,22 @@ class Diagnosis:
     @property
     def status(self) -> str:
         if self.unexplained:
-            return "partly" if self.causes or self.follows else "may-follow" if self.may_follow else "unexplained"
+            return (
+                "partly"
+                if self.causes or self.follows
+                else "may-follow"
+                if self.may_follow
+                else "unexplained"
+            )
         return "explained" if self.causes else "follows" if self.follows else "no-numbers"
 
     def says(self) -> str:
         """The diagnosis as one line of text."""
         both = len(self.frictions) > 1 or self.frictions == ("both",)
         laws = "both laws" if both else f"{self.frictions[0]} friction"
-        text = f"level {self.level}, {LEVEL_NAMES[self.level]} ({' and '.join(self.sets)}, {laws}): "
+        text = (
+            f"level {self.level}, {LEVEL_NAMES[self.level]} ({' and '.join(self.sets)}, {laws}): "
+        )
         counts = (len(self.failed) - self.few, "wrong"), (self.few, "with too few digits only")
         text += ", ".join(f"{count} {how}" for count, how in counts if count)
         if self.no_numbers:
@@ -109,7 +123,9 @@ class Diagnosis:
 class _Sheet:
     """The diagnosis of one sheet: what is certain so far, and which wrong answers it explains."""
 
-    def __init__(self, tables: Sequence[Table], store: Store, advance: Callable[[str, int], None]) -> None:
+    def __init__(
+        self, tables: Sequence[Table], store: Store, advance: Callable[[str, int], None]
+    ) -> None:
         self.tables = sorted(tables, key=lambda table: (table.level, _LAWS.index(table.friction)))
         levels = {table.level for table in tables}
         self.truths = {one.id: one.for_doubles for one in store.values() if one.level in levels}
@@ -138,10 +154,16 @@ class _Sheet:
             self.relations(tables, mended=True)
         for table in tables if level == _FORMULAS + 1 and not self.changes else ():
             self.causes += [("method", says)] if (says := method(table)) else []
-        named = [("equations", self.text(change, tables)) for change in self.changes if change not in earlier]
+        named = [
+            ("equations", self.text(change, tables))
+            for change in self.changes
+            if change not in earlier
+        ]
         failed = tuple(grade for grade in grades if grade.failed and grade.level == level)
         sets, laws = (tuple(sorted({grade.id.split("/")[n] for grade in failed})) for n in (0, 1))
-        places = [where(table, base_of(LINEAR, table)["gamma_y"]) for table in tables if table.left.any()]
+        places = [
+            where(table, base_of(LINEAR, table)["gamma_y"]) for table in tables if table.left.any()
+        ]
         causes, may_follow = (*named, *dict.fromkeys(self.causes)), bool(earlier) and level > 1
         return Diagnosis(
             level,
@@ -175,24 +197,33 @@ class _Sheet:
     def predicted(self, table: Table, some: Iterable[Change], says: str = "") -> Array:
         """The answers of a program with some changes; NaN where it gives none."""
         with np.errstate(all="ignore"):
-            return table.picked(PREDICTED[table.kind][says](base_of(self.program(table.friction, some), table)))
+            return table.picked(
+                PREDICTED[table.kind][says](base_of(self.program(table.friction, some), table))
+            )
 
     def take_out(self, table: Table, some: Iterable[Change]) -> None:
         """Take out the quantities that a program with some changes gives."""
         if not table.left.any() or table.kind not in PREDICTED:
             return
         room = table.allowed
-        if table.kind == "slow-manifold":  # many derivatives, which lose digits in the right program as well
+        # Many derivatives, which lose digits in the right program as well
+        if table.kind == "slow-manifold":
             size = np.nan_to_num(np.abs(self.predicted(table, ()) - table.truth) / table.scale)
-            room = room + _SAFETY * table.scale * np.array([size[table.names == name].max() for name in table.names])
+            room = room + _SAFETY * table.scale * np.array(
+                [size[table.names == name].max() for name in table.names]
+            )
         for says in ("", " ") if " " in PREDICTED[table.kind] else ("",):
-            fits = fitted(table.answer, table.truth, room, table.left, self.predicted(table, some, says))
+            fits = fitted(
+                table.answer, table.truth, room, table.left, self.predicted(table, some, says)
+            )
             for stem in np.unique(table.stems[table.left]):
                 mine = table.left & (table.stems == stem)
                 table.left[mine] = not fits[mine].all()
 
     def variants(self, table: Table) -> None:
-        """Take out all answers of a table if another program of its level gives them, and say which."""
+        """Take out all answers of a table if another program of its level gives them, and say
+        which.
+        """
         for says in filter(str.strip, PREDICTED.get(table.kind, {}) if table.left.any() else ()):
             predicted = self.predicted(table, self.candidates(table.friction)[0], says)
             if fitted(table.answer, table.truth, table.allowed, table.left, predicted).all():
@@ -201,7 +232,9 @@ class _Sheet:
 
     # ---- changes of the equations
     def equations(self, tables: Sequence[Table]) -> None:
-        """Look for changes of the equations of motion behind the answers of level 1, in the order of the equations."""
+        """Look for changes of the equations of motion behind the answers of level 1, in the
+        order of the equations.
+        """
         posed = [(table, problem) for table in tables for problem in problems(table, LINEAR)]
         values = [(table, problem) for table, problem in posed if not problem.name.startswith("dv")]
         self.searched(values, values)
@@ -213,13 +246,17 @@ class _Sheet:
         self.searched([pair for pair in posed if pair not in values], posed)
 
     def formulas(self, table: Table) -> None:
-        """Look for changes behind the quantities of a table of levels 2 to 5; the slow manifold's order by order."""
+        """Look for changes behind the quantities of a table of levels 2 to 5; the slow
+        manifold's order by order.
+        """
         if not table.left.any():
             return
         known, before = dict(self.changes), table.left.copy()
         posed = [
             (table, problem)
-            for problem in problems(table, self.program(table.friction, self.candidates(table.friction)[0]))
+            for problem in problems(
+                table, self.program(table.friction, self.candidates(table.friction)[0])
+            )
         ]
         self.searched(posed, posed)
         for some in self.candidates(table.friction) if posed else ():
@@ -245,7 +282,9 @@ class _Sheet:
                 table.left[mine] = found is None
 
     def explained(self, table: Table, problem: Problem, posed: Posed) -> list[Change] | None:
-        """Return the changes that give the answers to a quantity, or None; those that are known already come first."""
+        """Return the changes that give the answers to a quantity, or None; those that are
+        known already come first.
+        """
         bases = [
             (some, Values(self.program(table.friction, some), problem.given))
             for some in self.candidates(table.friction)
@@ -258,37 +297,61 @@ class _Sheet:
         right = frozenset[str]()
         for one in own if not derivative else ():
             right |= (
-                frozenset() if one.wrong.any() else Values(bases[0][1].definitions, one.given).behind(one.definition)
+                frozenset()
+                if one.wrong.any()
+                else Values(bases[0][1].definitions, one.given).behind(one.definition)
             )
         for deep, (some, base) in product(
-            (False, True) if table.level == 1 and not derivative else (False,), bases[: 1 if derivative else 3]
+            (False, True) if table.level == 1 and not derivative else (False,),
+            bases[: 1 if derivative else 3],
         ):
             found = self.search(problem, base, deep, right)
             if found and derivative:
                 other = " and ".join(change.says for change in found)
-                self.causes.append(("equations", f"{problem.name} is the derivative of other equations: {other}"))
+                self.causes.append(
+                    ("equations", f"{problem.name} is the derivative of other equations: {other}")
+                )
             elif found:
-                some = [*some, *(self.best(change, [*some, *found], table, own) for change in found)]
+                some = [
+                    *some,
+                    *(self.best(change, [*some, *found], table, own) for change in found),
+                ]
             if found:
                 return some
         return None
 
-    def best(self, change: Change, some: Sequence[Change], table: Table, own: Sequence[Problem]) -> Change:
-        """Of a change and those with the same effect on one quantity the one that explains most of the others."""
+    def best(
+        self, change: Change, some: Sequence[Change], table: Table, own: Sequence[Problem]
+    ) -> Change:
+        """Of a change and those with the same effect on one quantity the one that explains
+        most of the others.
+        """
 
         def score(one: Change) -> int:
-            program = self.program(table.friction, [one if other is change else other for other in some])
+            program = self.program(
+                table.friction, [one if other is change else other for other in some]
+            )
             return sum(problem.fits(Values(program, problem.given)) for problem in own)
 
-        return max((change, *change.others[:_ALIKE]), key=score) if change.others and len(own) > 1 else change
+        return (
+            max((change, *change.others[:_ALIKE]), key=score)
+            if change.others and len(own) > 1
+            else change
+        )
 
     def pruned(self, posed: Posed) -> None:
-        """Drop changes without which the others, or one of the same effect for another, give the same answers."""
+        """Drop changes without which the others, or one of the same effect for another, give
+        the same answers.
+        """
         fitting = [pair for pair in posed if self.fits(self.changes, *pair)]
         for change in list(self.changes):
             for one in (change, *change.others[:_ALIKE]) if change in self.changes else ():
-                some = {one if other is change else other: laws for other, laws in self.changes.items()}
-                for dropped in (change,) if one is change else [other for other in some if other is not one]:
+                some = {
+                    one if other is change else other: laws for other, laws in self.changes.items()
+                }
+                for dropped in (
+                    (change,) if one is change else [other for other in some if other is not one]
+                ):
                     rest = {other: laws for other, laws in some.items() if other is not dropped}
                     if change in self.changes and all(self.fits(rest, *pair) for pair in fitting):
                         self.changes = rest
@@ -296,7 +359,9 @@ class _Sheet:
     def fits(self, some: Made, table: Table, problem: Problem) -> bool:
         """Return True if the program with some changes gives the answers to a quantity."""
         own = (change for change, laws in some.items() if laws & {table.friction, "both"})
-        return problem.fits(made(Values(SMOOTH if table.friction == "smooth" else LINEAR, problem.given), own))
+        return problem.fits(
+            made(Values(SMOOTH if table.friction == "smooth" else LINEAR, problem.given), own)
+        )
 
     # ---- digits and relations
     def lost(self, tables: Sequence[Table]) -> None:
@@ -308,13 +373,21 @@ class _Sheet:
             for stem in np.unique(table.stems[table.left]):
                 mine = table.stems == stem
                 middle = float(np.median(size[mine]))
-                if _EXACT < middle < _LOST[0] and size[mine].max() < _LOST[1] and table.left[mine].mean() > _LOST[2]:
+                if (
+                    _EXACT < middle < _LOST[0]
+                    and size[mine].max() < _LOST[1]
+                    and table.left[mine].mean() > _LOST[2]
+                ):
                     law = f" ({table.friction} law)" if table.friction != "both" else ""
-                    lost.setdefault((int(-np.log10(middle)), stem.startswith("dv")), set()).add(f"{stem}{law}")
+                    lost.setdefault((int(-np.log10(middle)), stem.startswith("dv")), set()).add(
+                        f"{stem}{law}"
+                    )
                     table.left[mine] = False
         for (digits, derivative), names in sorted(lost.items()):
             way = "the digits that difference quotients leave" if derivative else "too few"
-            self.causes.append(("digits", f"some {digits} digits of {', '.join(sorted(names))} are right: {way}"))
+            self.causes.append(
+                ("digits", f"some {digits} digits of {', '.join(sorted(names))} are right: {way}")
+            )
 
     def expected(self, table: Table) -> Array:
         """The answers of the mended program, or the truth where it gives none."""
@@ -322,10 +395,11 @@ class _Sheet:
         return np.where(np.isfinite(predicted), predicted, table.truth)
 
     def relations(self, tables: Sequence[Table], mended: bool = False, whole: bool = False) -> None:
-        """Take out quantities whose answers are related to right ones, or to those of the mended program.
+        """Take out quantities whose answers are related to right ones, or to those of the mended
+        program.
 
-        A relation of many quantities comes before one of few. Eigenvalues belong together, and so do the orders of the
-        slow manifold: all are explained, or none.
+        A relation of many quantities comes before one of few. Eigenvalues belong together, and so
+        do the orders of the slow manifold: all are explained, or none.
 
         Args:
             tables: The tables of a level.
@@ -334,8 +408,16 @@ class _Sheet:
         """
         truths, some = dict(self.truths), [table for table in tables if table.left.any()]
         if mended:
-            some = [replace(table, truth=self.expected(table)) for table in some if table.kind in PREDICTED]
-            truths |= {id_: x for table in some for id_, x in zip(table.ids, table.truth.tolist(), strict=True)}
+            some = [
+                replace(table, truth=self.expected(table))
+                for table in some
+                if table.kind in PREDICTED
+            ]
+            truths |= {
+                id_: x
+                for table in some
+                for id_, x in zip(table.ids, table.truth.tolist(), strict=True)
+            }
         groups: dict[str, list[tuple[float, Table, str, Array]]] = {}
         with np.errstate(all="ignore"):
             for table in some:
@@ -343,14 +425,21 @@ class _Sheet:
                     groups.setdefault(says, []).append((rank, table, stem, mine))
         before, causes = [table.left.copy() for table in tables], list(self.causes)
         total = {(table.friction, stem) for table in tables for stem in np.unique(table.stems)}
-        for says, group in sorted(groups.items(), key=lambda item: (-len(item[1]), min(rank for rank, *_ in item[1]))):
+        for says, group in sorted(
+            groups.items(), key=lambda item: (-len(item[1]), min(rank for rank, *_ in item[1]))
+        ):
             new = [(table, stem, mine) for _, table, stem, mine in group if table.left[mine].all()]
             if not new or (len(new) < 2 and re.search(r"order|\^n|n!", says)):
                 continue  # one order alone proves nothing
-            self.causes.append(("relation", _said(says, {(table.friction, stem) for table, stem, _ in new}, total)))
+            self.causes.append(
+                ("relation", _said(says, {(table.friction, stem) for table, stem, _ in new}, total))
+            )
             for table, _, mine in new:
                 table.left[mine] = False
-        if any((whole or table.kind in ("equilibrium", "slow-manifold")) and table.left.any() for table in tables):
+        if any(
+            (whole or table.kind in ("equilibrium", "slow-manifold")) and table.left.any()
+            for table in tables
+        ):
             self.causes = causes
             for table, left in zip(tables, before, strict=True):
                 table.left[:] = left
@@ -359,7 +448,11 @@ class _Sheet:
         """A change in words, with its friction law where the other one does not have it."""
         laws = self.changes[change]
         every = {table.friction for table in tables} - {"both"}
-        return f"{change.says}, under the {min(laws)} law" if len(laws) == 1 and laws < every else change.says
+        return (
+            f"{change.says}, under the {min(laws)} law"
+            if len(laws) == 1 and laws < every
+            else change.says
+        )
 
 
 def _left(tables: Iterable[Table]) -> int:
@@ -371,7 +464,13 @@ def _said(says: str, stems: set[tuple[str, str]], total: set[tuple[str, str]]) -
     """Say a relation of some quantities, given by friction law and name."""
     names, laws = sorted({name for _, name in stems}), {law for law, _ in stems}
     whole = stems == total and len(stems) >= _MANY
-    text = "all answers" if whole else " and ".join([", ".join(names[:-1]), names[-1]]) if len(names) > 1 else names[0]
+    text = (
+        "all answers"
+        if whole
+        else " and ".join([", ".join(names[:-1]), names[-1]])
+        if len(names) > 1
+        else names[0]
+    )
     if len(names) > 1 or whole:
         says = re.sub(
             r"^\{q\} (is|has|counts)\b",
@@ -379,13 +478,20 @@ def _said(says: str, stems: set[tuple[str, str]], total: set[tuple[str, str]]) -
             says,
         )
     others = {(law, name) for law, name in total if name in names} - stems
-    return says.replace("{q}", text) + (f", under the {min(laws)} law" if others and len(laws) == 1 else "")
+    return says.replace("{q}", text) + (
+        f", under the {min(laws)} law" if others and len(laws) == 1 else ""
+    )
 
 
 def diagnosed(
-    grades: Iterable[Grade], store: Store, advance: Callable[[str, int], None] = lambda label, steps: None
+    grades: Iterable[Grade],
+    store: Store,
+    advance: Callable[[str, int], None] = lambda label, steps: None,
 ) -> list[Diagnosis]:
-    """Return a diagnosis for each level that fails, in order. ``advance`` is told what is being tried."""
+    """Return a diagnosis for each level that fails, in order.
+
+    ``advance`` is told what is being tried.
+    """
     grades = list(grades)
     levels = sorted({grade.level for grade in grades if grade.failed})
     sheet = _Sheet(tables_of(grades, store) if levels else [], store, advance)

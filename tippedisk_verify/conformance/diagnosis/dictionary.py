@@ -1,8 +1,10 @@
-"""The equations of all levels as definitions, and the dictionary of what people write in place of their parts.
+"""The equations of all levels as definitions, and the dictionary of what people write in place of
+their parts.
 
-A kind of mistake is one entry: of `IN_PLACE` if another symbol or sum is written for a factor of a term, of
-`REDEFINED` if a symbol or a sum means something else wherever it stands, of `INPUTS` if inputs are taken otherwise.
-`changes` adds what can happen to every term and every factor: a sign, a term, a power, a factor lost or too many.
+A kind of mistake is one entry: of `IN_PLACE` if another symbol or sum is written for a factor of a
+term, of `REDEFINED` if a symbol or a sum means something else wherever it stands, of `INPUTS` if
+inputs are taken otherwise. `changes` adds what can happen to every term and every factor: a sign, a
+term, a power, a factor lost or too many.
 """
 
 from __future__ import annotations
@@ -14,7 +16,15 @@ from itertools import combinations
 
 import numpy as np
 
-from tippedisk_verify.conformance.diagnosis.terms import NOTHING, Piece, Term, Values, parsed, shown, written
+from tippedisk_verify.conformance.diagnosis.terms import (
+    NOTHING,
+    Piece,
+    Term,
+    Values,
+    parsed,
+    shown,
+    written,
+)
 
 __all__ = ["BY_HAND", "LINEAR", "SMOOTH", "Change", "changes", "inputs"]
 
@@ -94,7 +104,15 @@ IN_PLACE: dict[str, tuple[str, ...]] = {
     "v": ("Omega",),
     "epsilon": ("mu",),
     "M": ("inertia", "Bbar", "A"),
-    "rho": ("r", "(r + e)", "e", "(r - e)", "(r - e sin(gamma))", "(r + e cos(gamma))", "(e + r sin(gamma))"),
+    "rho": (
+        "r",
+        "(r + e)",
+        "e",
+        "(r - e)",
+        "(r - e sin(gamma))",
+        "(r + e cos(gamma))",
+        "(e + r sin(gamma))",
+    ),
     "sin(beta)": ("cos(beta)", "sin(gamma)", "beta", "(2 sin(beta) cos(beta))"),
     "cos(beta)": ("sin(beta)", "cos(gamma)", "(1 - 2 sin(beta)^2)"),
     "sin(gamma)": ("cos(gamma)", "sin(beta)", "(2 sin(gamma) cos(gamma))"),
@@ -221,7 +239,8 @@ REDEFINED: dict[str, tuple[str, ...]] = {
     "denominator": ("chi omega_crit_squared + m g e (r + e)",),
     "amplitude_squared": ("-4 e^2 excess / denominator / (r + e)^2",),
     "frequency_squared": (
-        "e omega_crit_squared / (r + e) - 1/8 omega_crit_squared (r - e + consistent e) answered_squared / (r + e)",
+        "e omega_crit_squared / (r + e) - 1/8 omega_crit_squared (r - e + consistent e) "
+        "answered_squared / (r + e)",
         "e omega_crit_squared / (r + e) + delta answered_squared",
     ),
     "omega_crit_squared": ("m g (r + 2 e) / Bbar",),
@@ -232,16 +251,22 @@ REDEFINED: dict[str, tuple[str, ...]] = {
         "epsilon transport - epsilon h / M - epsilon f_G / M",
     ),
 }
-_FORM = ("g_gamma", "g_v", "rate_21", "rate_31", "rate_32")  #: what the normal form at the Hopf point is made of
+#: What the normal form at the Hopf point is made of
+_FORM = ("g_gamma", "g_v", "rate_21", "rate_31", "rate_32")
 _PAIRS = [f"{name}_{part}" for name in _FORM for part in ("real", "imag")]
 #: Other inputs, by what is said.
 INPUTS: dict[str, dict[str, str]] = {
-    "the adjoint eigenvector p is not scaled to p q = 1": {name: f"given(bare_{name})" for name in _PAIRS},
-    "the adjoint eigenvector p is (i omega (i omega - A_33), A_32, i omega), not scaled to p q = 1": {
-        name: f"given(raw_{name})" for name in _PAIRS
+    "the adjoint eigenvector p is not scaled to p q = 1": {
+        name: f"given(bare_{name})" for name in _PAIRS
     },
-    "the adjoint eigenvector is scaled by the conjugate of p q": {name: f"given(turned_{name})" for name in _PAIRS},
-    "the eigenvector q in place of the adjoint one": {name: f"given(right_{name})" for name in _PAIRS},
+    "the adjoint eigenvector p is (i omega (i omega - A_33), A_32, i omega), not scaled to p q = "
+    "1": {name: f"given(raw_{name})" for name in _PAIRS},
+    "the adjoint eigenvector is scaled by the conjugate of p q": {
+        name: f"given(turned_{name})" for name in _PAIRS
+    },
+    "the eigenvector q in place of the adjoint one": {
+        name: f"given(right_{name})" for name in _PAIRS
+    },
     "A and B exchanged": {"A": "given(B)", "B": "given(A)"},
     "r and e exchanged": {"r": "given(e)", "e": "given(r)"},
     "mu and epsilon exchanged": {"mu": "given(epsilon)", "epsilon": "given(mu)"},
@@ -372,7 +397,8 @@ _WHOLE = {
     **{f"the factor {name}": Term(1.0, ((name, 1),)) for name in ("M", "Omega", "epsilon", "m")},
     **{f"the factor 1/{name}": Term(1.0, ((name, -1),)) for name in ("M", "Omega", "epsilon", "m")},
 }
-_SHARED = ("Bbar", "rho", "inertia")  #: symbols that stand for sums, which may be wrong in one place only
+#: Symbols that stand for sums, which may be wrong in one place only
+_SHARED = ("Bbar", "rho", "inertia")
 _SUMS = ("h_1", "h_2", "h_3", "h_4", "h_5")
 
 
@@ -383,11 +409,14 @@ class Change:
     pieces: tuple[Piece, ...]
     says: str
     rank: int = 0  #: lower is likelier
-    others: tuple[Change, ...] = field(default=(), compare=False, repr=False)  #: changes with the same effect
+    #: Changes with the same effect
+    others: tuple[Change, ...] = field(default=(), compare=False, repr=False)
 
     @property
     def order(self) -> tuple[int, bool, bool, int]:
-        """What changes with the same effect are sorted by: the likelier, a missing term, the shorter."""
+        """What changes with the same effect are sorted by: the likelier, a missing term, the
+        shorter.
+        """
         return (
             self.rank,
             self.pieces[0][1] is not None or self.pieces[0][0][0] == "(",
@@ -425,11 +454,20 @@ def changes(values: Values, names: Iterable[str]) -> list[Change]:
 
     def keep(says: str, rank: int, *pieces: Piece) -> None:
         """Keep a change that is none of those so far, and in which nothing is defined by itself."""
-        new = ((name, factor) for name, _, terms in pieces for term in terms for factor, _ in term.factors)
+        new = (
+            (name, factor)
+            for name, _, terms in pieces
+            for term in terms
+            for factor, _ in term.factors
+        )
         if pieces not in found and not any(name in values.behind(factor) for name, factor in new):
             found[pieces] = Change(pieces, says, rank)
 
-    local = {name: [f"({text})" for text in texts] for name, texts in REDEFINED.items() if name in _SHARED}
+    local = {
+        name: [f"({text})" for text in texts]
+        for name, texts in REDEFINED.items()
+        if name in _SHARED
+    }
     local["inertia"] = local["inertia"] + [
         f"({shown((*terms[:n], new, *terms[n + 1 :]))})"
         for terms in [values.terms("inertia")]
@@ -444,14 +482,20 @@ def changes(values: Values, names: Iterable[str]) -> list[Change]:
         for text in REDEFINED.get(name, ()):
             keep(f"{name} = {text}, not {shown(terms)}", 0, (name, None, parsed(text)))
         for index, term in enumerate(terms):
-            for new, says, rank in _of_term(term, len(terms) > 1 or name in _SUMS, shared) if term.number else ():
+            for new, says, rank in (
+                _of_term(term, len(terms) > 1 or name in _SUMS, shared) if term.number else ()
+            ):
                 late = name in _LATE or (name[0] == "(" and "(" in shown(new))
                 keep(f"in {name}: {says}", rank + late, (name, index, new))
                 if rank == 0 and new[0].number:
                     minus = (new[0].times(-1.0),)
                     keep(f"in {name}: {shown(minus)} for {shown((term,))}", 2, (name, index, minus))
         for text, whole in _WHOLE.items() if len(terms) > 1 and name[0] != "(" else ():
-            keep(f"{name} has {text}", 1, *((name, n, (term.by(whole),)) for n, term in enumerate(terms)))
+            keep(
+                f"{name} has {text}",
+                1,
+                *((name, n, (term.by(whole),)) for n, term in enumerate(terms)),
+            )
     for one in inputs():
         if any(piece[0] in names for piece in one.pieces):
             found.setdefault(one.pieces, one)
@@ -462,7 +506,9 @@ def changes(values: Values, names: Iterable[str]) -> list[Change]:
 def _of_term(
     term: Term, several: bool, local: tuple[tuple[str, tuple[str, ...]], ...]
 ) -> tuple[tuple[tuple[Term, ...], str, int], ...]:
-    """What can happen to a term: its replacement, what is said, and the rank; ``local`` has more sums for a factor."""
+    """What can happen to a term: its replacement, what is said, and the rank; ``local`` has
+    more sums for a factor.
+    """
     return tuple(_replacements(term, several, dict(local)))
 
 
@@ -474,10 +520,24 @@ def _replacements(
         yield (term.times(2.0),), f"the term {shown((term,))} is doubled", 2
     yield (term.times(-1.0),), f"the sign of {shown((term,))}", 0 if several else 1
     size, plain = abs(term.number), 1 if len(term.factors) == 1 else 0
-    numbers = {0.5: 1, 2.0: 1, 1.5: 2, 2 / 3: 2, 1 / 3: 2, 4.0: 2, 0.25: 2, 3.0: 2, **dict.fromkeys(_CONSTANTS, 3)}
+    numbers = {
+        0.5: 1,
+        2.0: 1,
+        1.5: 2,
+        2 / 3: 2,
+        1 / 3: 2,
+        4.0: 2,
+        0.25: 2,
+        3.0: 2,
+        **dict.fromkeys(_CONSTANTS, 3),
+    }
     for number, rank in numbers.items():
         new = term.times(number)
-        said = f"the factor {size:g} is missing in {shown((term,))}" if abs(number * size) == 1 and term.factors else ""
+        said = (
+            f"the factor {size:g} is missing in {shown((term,))}"
+            if abs(number * size) == 1 and term.factors
+            else ""
+        )
         yield (new,), said or f"{shown((new,))} for {shown((term,))}", rank + plain
     for name, power in term.factors:
         sign = 1 if power > 0 else -1
@@ -504,12 +564,16 @@ def _replacements(
     for one, two in combinations([name for name, _ in term.factors], 2):
         powers = dict(term.factors)
         if powers[one] != powers[two] and powers[one] * powers[two] > 0:
-            swapped = term.times(1.0, one, powers[two] - powers[one]).times(1.0, two, powers[one] - powers[two])
+            swapped = term.times(1.0, one, powers[two] - powers[one]).times(
+                1.0, two, powers[one] - powers[two]
+            )
             yield _named(term, swapped, 1)
         pair = {one, two}
         for angle in ("beta", "gamma"):
             if pair == {f"sin({angle})", f"cos({angle})"} and powers[one] == powers[two]:
-                yield _named(term, term.times(1.0, one, powers[one]).times(1.0, two, -powers[two]), 2)
+                yield _named(
+                    term, term.times(1.0, one, powers[one]).times(1.0, two, -powers[two]), 2
+                )
     for name in _EXTRA:
         if name not in dict(term.factors):
             yield _named(term, term.times(1.0, name), 2)

@@ -1,4 +1,6 @@
-"""What is graded, as arrays: entries of one kind and law, their inputs, and the answers beside the truths."""
+"""What is graded, as arrays: entries of one kind and law, their inputs, and the answers
+beside the truths.
+"""
 
 from __future__ import annotations
 
@@ -19,19 +21,24 @@ from tippedisk_verify.reference_values.store import Quantity, Store
 __all__ = ["Array", "Table", "fitted", "tables_of"]
 
 Array = np.ndarray[Any, Any]
-_CLOSER = 10.0  # times: a prediction has to come so much closer to a wrong answer than the truth does
+# Times: a prediction has to come so much closer to a wrong answer than the truth does
+_CLOSER = 10.0
 _NO_NUMBER = ("no-truth", "not-a-number", "unreadable")
 
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """Entries of one kind and friction law. The arrays behind ``names`` have one element to an answer."""
+    """Entries of one kind and friction law.
+
+    The arrays behind ``names`` have one element to an answer.
+    """
 
     kind: str
     level: int
     friction: str
     entries: tuple[str, ...]  #: ``set/friction/kind/entry``
-    given: Mapping[str, Any]  #: parameters and inputs by symbol, and words, as arrays over the entries
+    #: Parameters and inputs by symbol, and words, as arrays over the entries
+    given: Mapping[str, Any]
     names: Array  #: what each answer is to, such as ``h_3`` or ``beta@0.5``
     rows: Array  #: which entry it is to
     answer: Array
@@ -52,13 +59,20 @@ class Table:
 
     @cached_property
     def ids(self) -> list[str]:
-        return [f"{self.entries[row]}/{name}" for row, name in zip(self.rows, self.names, strict=True)]
+        return [
+            f"{self.entries[row]}/{name}" for row, name in zip(self.rows, self.names, strict=True)
+        ]
 
     def picked(self, results: Mapping[str, Any]) -> Array:
         """Of results by entry those that were answered; NaN for what is missing."""
         zeros = np.zeros(len(self.entries))
-        columns = {name: zeros + np.real(results.get(name, np.nan)) for name in np.unique(self.names)}
-        return np.array([columns[name][row] for name, row in zip(self.names, self.rows, strict=True)], dtype=float)
+        columns = {
+            name: zeros + np.real(results.get(name, np.nan)) for name in np.unique(self.names)
+        }
+        return np.array(
+            [columns[name][row] for name, row in zip(self.names, self.rows, strict=True)],
+            dtype=float,
+        )
 
     def column(self, name: str, values: Array) -> Array:
         """Of answers or truths those of a quantity, by entry; NaN where there is none."""
@@ -69,9 +83,13 @@ class Table:
 
 @np.errstate(all="ignore")
 def fitted(answer: Array, truth: Array, allowed: Array, wrong: Array, predicted: Array) -> Array:
-    """Return which answers a prediction gives: as close as is asked, the wrong ones ten times closer than the truth."""
+    """Return which answers a prediction gives: as close as is asked, the wrong ones ten times
+    closer than the truth.
+    """
     away = np.abs(answer - predicted)
-    close = away <= allowed * np.maximum(1.0, np.abs(predicted) / np.maximum(np.abs(truth), allowed))
+    close = away <= allowed * np.maximum(
+        1.0, np.abs(predicted) / np.maximum(np.abs(truth), allowed)
+    )
     return np.asarray(close & (~wrong | (away * _CLOSER <= np.abs(answer - truth))))
 
 
@@ -90,18 +108,45 @@ def _table(some: Sequence[tuple[Quantity, Grade]], store: Store) -> Table:
     first = {quantity.id.rsplit("/", 1)[0]: quantity for quantity, _ in reversed(some)}
     entries = tuple(dict.fromkeys(quantity.id.rsplit("/", 1)[0] for quantity, _ in some))
     inputs = [{**store.parameters[first[entry].set], **first[entry].inputs} for entry in entries]
-    given: dict[str, Any] = {x: np.array([float(one.get(x, "nan")) for one in inputs]) for x in (*SYMBOLS, *_NUMBERS)}
-    given |= {word: np.array([one.get(word, "") for one in inputs]) for word in ("equilibrium", "form")}
+    given: dict[str, Any] = {
+        x: np.array([float(one.get(x, "nan")) for one in inputs]) for x in (*SYMBOLS, *_NUMBERS)
+    }
+    given |= {
+        word: np.array([one.get(word, "") for one in inputs]) for word in ("equilibrium", "form")
+    }
     cells = []
     with arithmetic():
         for quantity, grade in some:
             truth = Decimal(grade.truth)
-            cells.append((float(as_decimal(grade.answer)), float(truth), float(scale_of(quantity, truth)), grade.needs))
+            cells.append(
+                (
+                    float(as_decimal(grade.answer)),
+                    float(truth),
+                    float(scale_of(quantity, truth)),
+                    grade.needs,
+                )
+            )
     answer, truths, scale, needs = np.array(cells).reshape(-1, 4).T
     rows = np.array([entries.index(quantity.id.rsplit("/", 1)[0]) for quantity, _ in some])
-    names, left = np.array([one.name for one, _ in some]), np.array([grade.failed for _, grade in some])
+    names, left = (
+        np.array([one.name for one, _ in some]),
+        np.array([grade.failed for _, grade in some]),
+    )
     kind, level, friction = some[0][0].kind, some[0][0].level, some[0][0].friction
-    return Table(kind, level, friction, entries, given, names, rows, answer, truths, scale * 10.0**-needs, scale, left)
+    return Table(
+        kind,
+        level,
+        friction,
+        entries,
+        given,
+        names,
+        rows,
+        answer,
+        truths,
+        scale * 10.0**-needs,
+        scale,
+        left,
+    )
 
 
 _NUMBERS = ("Omega", "beta", "gamma", "v")

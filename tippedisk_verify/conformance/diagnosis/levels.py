@@ -1,4 +1,6 @@
-"""Levels 1 to 5: what definitions predict of a table's entries, and what is asked of its answers one by one."""
+"""Levels 1 to 5: what definitions predict of a table's entries, and what is asked of its
+answers one by one.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,8 @@ __all__ = ["PARTS", "PREDICTED", "base_of", "matrix", "problems"]
 
 Results = dict[str, Any]  #: by a quantity's name, one value to an entry
 Cells = Mapping[str, Array]  #: answer, truth, allowed and left of a quantity, by entry
-PARTS = ("Bbar", "gamma_rate", "w_y", "f_G", "gamma_y", "M", "h_1", "h_2", "h_3", "h_4", "h_5", "h")  #: in their order
+#: In their order
+PARTS = ("Bbar", "gamma_rate", "w_y", "f_G", "gamma_y", "M", "h_1", "h_2", "h_3", "h_4", "h_5", "h")
 _RATES = (*PARTS, "lambda_Ty", "v_rate", "dv_rate_dbeta", "dv_rate_dgamma", "dv_rate_dv")
 _HOPF = (
     "omega_crit",
@@ -27,7 +30,8 @@ _HOPF = (
     "amplitude_squared_slope",
     "period_slope",
 )
-#: Sums that vanish, linear in the definitions' terms; of other quantities it is the answer less the definition.
+#: Sums that vanish, linear in the definitions' terms; of other quantities it is the answer less the
+#: definition.
 _IDENTITIES = {
     "v_rate": "M answer - force",
     "amplitude_squared": "(r + e) denominator answer + 4 e excess",
@@ -54,11 +58,14 @@ def rates(values: Values) -> Results:
 def matrix(values: Values, **given: Any) -> Array:
     """The matrix of the linearised equations, at the equilibrium unless other inputs are given."""
     at = Values(
-        values.definitions, {**values.given, "beta": np.pi / 2, "gamma": values["side"] * np.pi / 2, "v": 0.0, **given}
+        values.definitions,
+        {**values.given, "beta": np.pi / 2, "gamma": values["side"] * np.pi / 2, "v": 0.0, **given},
     )
     found = np.zeros((len(values["r"]), 3, 3))
     found[:, 0, 2], found[:, 1, 0] = 1.0, at["d(gamma_rate)/d(beta)"]
-    found[:, 2] = np.moveaxis(np.array([at[f"dv_rate_d{x}"] + 0 * at["Omega"] for x in ("beta", "gamma", "v")]), 0, -1)
+    found[:, 2] = np.moveaxis(
+        np.array([at[f"dv_rate_d{x}"] + 0 * at["Omega"] for x in ("beta", "gamma", "v")]), 0, -1
+    )
     return found
 
 
@@ -70,14 +77,20 @@ def _closed_matrix(values: Values) -> Array:
 
 
 def _spectrum(
-    values: Values, of: Callable[[Values], Array], solve: Callable[[Array], Array] = np.linalg.eigvals
+    values: Values,
+    of: Callable[[Values], Array],
+    solve: Callable[[Array], Array] = np.linalg.eigvals,
 ) -> Results:
     """Level 2: the eigenvalues of a matrix, by descending real part, then imaginary part."""
     here = of(values)
     finite = np.asarray(np.isfinite(here).all(axis=(1, 2)))
     z = solve(np.where(finite[:, None, None], here, 0.0)).astype(complex)
     z = np.take_along_axis(z, np.lexsort((-z.imag, -np.round(z.real, 9)), axis=-1), axis=-1)
-    return {f"lambda_{n + 1}_{part}": of(z[:, n]) for n in range(3) for part, of in (("re", np.real), ("im", np.imag))}
+    return {
+        f"lambda_{n + 1}_{part}": of(z[:, n])
+        for n in range(3)
+        for part, of in (("re", np.real), ("im", np.imag))
+    }
 
 
 def _where_noninverted(values: Values, **given: Any) -> Array:
@@ -103,7 +116,9 @@ def hopf(values: Values) -> Results:
 
 @np.errstate(all="ignore")
 def normal_form(values: Values, speed: Array) -> dict[str, Array]:
-    """What the definitions of level 3 are made of, at a speed: sums over the eigenvectors, by their parts."""
+    """What the definitions of level 3 are made of, at a speed: sums over the eigenvectors, by
+    their parts.
+    """
     j = matrix(values, Omega=speed)
     omega = np.sqrt(-j[:, 2, 0])
     q = np.array([1j * omega, j[:, 1, 0], -(omega**2)])
@@ -124,7 +139,11 @@ def normal_form(values: Values, speed: Array) -> dict[str, Array]:
         "turned_": p / product.conj(),
         "right_": q.conj(),
     }.items():
-        sums = {"g_gamma": a[1] * cubic[0], "g_v": a[2] * cubic[1], "rate_21": a[1] * by_speed[:, 1, 0] * q[0]}
+        sums = {
+            "g_gamma": a[1] * cubic[0],
+            "g_v": a[2] * cubic[1],
+            "rate_21": a[1] * by_speed[:, 1, 0] * q[0],
+        }
         sums |= {f"rate_3{n + 1}": a[2] * by_speed[:, 2, n] * q[n] for n in (0, 1)}
         found |= {
             f"{prefix}{name}_{part}": of(z)
@@ -140,34 +159,49 @@ def _cubic(values: Values, speed: Array, q: Array) -> Array:
     radius = 0.2 / np.sqrt((np.abs(q) ** 2).sum(axis=0))
     state = {
         x: place + turn * radius * part
-        for x, place, part in zip(("beta", "gamma", "v"), (np.pi / 2, np.pi / 2, 0.0), q, strict=True)
+        for x, place, part in zip(
+            ("beta", "gamma", "v"), (np.pi / 2, np.pi / 2, 0.0), q, strict=True
+        )
     }
     at = Values(values.definitions, {**values.given, **state, "Omega": speed})
-    return np.array([np.mean(at[name] / turn**3, axis=0) * 6 / radius**3 for name in ("gamma_rate", "v_rate")])
+    return np.array(
+        [np.mean(at[name] / turn**3, axis=0) * 6 / radius**3 for name in ("gamma_rate", "v_rate")]
+    )
 
 
 def harmonic(values: Values) -> Results:
     """Level 4: the one-harmonic law."""
     square = values["amplitude_squared"]
-    frequency = np.sqrt(Values(values.definitions, {**values.given, "answered_squared": square})["frequency_squared"])
+    frequency = np.sqrt(
+        Values(values.definitions, {**values.given, "answered_squared": square})[
+            "frequency_squared"
+        ]
+    )
     return {"amplitude": np.sqrt(square), "frequency": frequency, "period": 2 * np.pi / frequency}
 
 
 def _slope(f: Array, axis: int, radius: Array) -> Array:
-    """The derivative by beta (axis 0) or gamma (1) of a function that is known on circles about each state."""
+    """The derivative by beta (axis 0) or gamma (1) of a function that is known on circles
+    about each state.
+    """
     k, shape = np.arange(_NODES), [-1 if n == axis else 1 for n in range(3)]
     return np.asarray(
-        np.fft.ifft(np.fft.fft(f, axis=axis) * k.reshape(shape), axis=axis) / (radius * _TURN.reshape(shape))
+        np.fft.ifft(np.fft.fft(f, axis=axis) * k.reshape(shape), axis=axis)
+        / (radius * _TURN.reshape(shape))
     )
 
 
 def radius_of(values: Values) -> Array:
-    """The radius of the circles about each state: small near sin(beta) = 0, where the orders diverge."""
+    """The radius of the circles about each state: small near sin(beta) = 0, where the orders
+    diverge.
+    """
     return np.asarray(_RADIUS * np.abs(np.sin(values["beta"])))
 
 
 def orders(values: Values, last: int) -> tuple[list[Array], Callable[[int], dict[str, Any]]]:
-    """The orders of the slow manifold on circles about each state, and what goes into the recursion for each."""
+    """The orders of the slow manifold on circles about each state, and what goes into the
+    recursion for each.
+    """
     radius = radius_of(values)
     shifts = radius * _TURN[:, None, None], radius * _TURN[None, :, None]
     state = {x: values[x] + shift for x, shift in zip(("beta", "gamma"), shifts, strict=True)}
@@ -178,15 +212,26 @@ def orders(values: Values, last: int) -> tuple[list[Array], Callable[[int], dict
     def sums(n: int) -> dict[str, Any]:
         slopes, back = [_slope(one, 0, radius) for one in h[:n]], list(reversed(h[:n]))
         products = [a * b for a, b in zip(back, slopes, strict=True)]
-        found = {"h_h": sum(a * b for a, b in zip(h, back, strict=False)), "h_dh": sum(products), "h_last": h[n - 1]}
+        found = {
+            "h_h": sum(a * b for a, b in zip(h, back, strict=False)),
+            "h_dh": sum(products),
+            "h_last": h[n - 1],
+        }
         found |= {
             "dh_last": _slope(h[n - 1], 1, radius),
             "h_zero": h[0],
             "dh_zero": _slope(h[0], 1, radius),
             "dh_other": slopes[-1],
         }
-        found |= {"h_h_last": h[n - 1] ** 2, "h_h_zero": h[0] * h[n - 1], "h_dh_zero": h[0] * slopes[-1]}
-        found |= {"h_h_own": sum(a**2 for a in h[:n]), "h_dh_own": sum(a * b for a, b in zip(h, slopes, strict=False))}
+        found |= {
+            "h_h_last": h[n - 1] ** 2,
+            "h_h_zero": h[0] * h[n - 1],
+            "h_dh_zero": h[0] * slopes[-1],
+        }
+        found |= {
+            "h_h_own": sum(a**2 for a in h[:n]),
+            "h_dh_own": sum(a * b for a, b in zip(h, slopes, strict=False)),
+        }
         found["h_dh_last"] = h[n - 1] * slopes[-1]
         return {**found, "h_dh_short": sum(products[:-1]) + 0 * h[0], "first": np.float64(n == 1)}
 
@@ -200,7 +245,10 @@ def manifold(values: Values) -> Results:
     """Level 5: the orders of the slow manifold, and what they leave of the invariance equation."""
     h, _ = orders(values, _ORDERS[-1])
     found = {f"h_{n}": _centre(one) for n, one in enumerate(h)}
-    sums = [Values(values.definitions, {**values.given, **_partial(values, h[: n + 1])}) for n in _ORDERS]
+    sums = [
+        Values(values.definitions, {**values.given, **_partial(values, h[: n + 1])})
+        for n in _ORDERS
+    ]
     return found | {f"residual_{n}": one["residual"] for n, one in enumerate(sums)}
 
 
@@ -209,7 +257,9 @@ def _centre(x: Any) -> Any:
 
 
 def _partial(values: Values, h: list[Array]) -> dict[str, Any]:
-    """v and its derivatives by the series up to an order, and those of its last term and without it."""
+    """v and its derivatives by the series up to an order, and those of its last term and
+    without it.
+    """
     radius = radius_of(values)
     found: dict[str, Any] = {}
     series = {
@@ -239,14 +289,19 @@ _MATRICES: dict[str, Callable[[Values], Array]] = {
     "the equilibria are taken at beta = 0": partial(matrix, beta=0.0),
     "the eigenvalues are at Omega_crit": _at_critical_speed,
     "the eigenvalues are at Omega = 30.92": partial(matrix, Omega=30.92),
-    "the eigenvalues are at the first entry's Omega": lambda values: matrix(values, Omega=values["Omega"][0]),
+    "the eigenvalues are at the first entry's Omega": lambda values: matrix(
+        values, Omega=values["Omega"][0]
+    ),
     "the matrix has the rows of gamma and v exchanged": lambda values: matrix(values)[:, [0, 2, 1]],
-    "the matrix has the rows of beta and gamma exchanged": lambda values: matrix(values)[:, [1, 0, 2]],
+    "the matrix has the rows of beta and gamma exchanged": lambda values: matrix(values)[
+        :, [1, 0, 2]
+    ],
     "the matrix has no d(gamma')/d(beta)": partial(_scaled, 1, 0, 0.0),
     "d(gamma')/d(beta) has the wrong sign in the matrix": partial(_scaled, 1, 0, -1.0),
     "the matrix has the wrong sign": lambda values: -matrix(values),
 }
-#: By kind of question: what answers may be of, by what is said; first the right functions, of which nothing is said.
+#: By kind of question: what answers may be of, by what is said; first the right functions, of which
+#: nothing is said.
 PREDICTED: dict[str, dict[str, Callable[[Values], Results]]] = {
     "rhs": {"": rates},
     "hopf": {"": hopf},
@@ -271,7 +326,9 @@ def problems(table: Table, definitions: Mapping[str, Any]) -> Iterator[Problem]:
     """The quantities of a table that can be looked for alone, in the order of the equations."""
     base = base_of(definitions, table)
     columns = {
-        name: {x: table.column(name, getattr(table, x)) for x in ("answer", "truth", "allowed", "left")}
+        name: {
+            x: table.column(name, getattr(table, x)) for x in ("answer", "truth", "allowed", "left")
+        }
         for name in np.unique(table.names)
     }
     if table.kind == "rhs":
@@ -280,7 +337,11 @@ def problems(table: Table, definitions: Mapping[str, Any]) -> Iterator[Problem]:
     elif table.kind == "equilibrium" and len(columns) == 6:
         yield from _coefficients(base, columns)
     elif table.kind == "hopf":
-        speed = columns["omega_crit"]["answer"] if "omega_crit" in columns else np.sqrt(base["omega_crit_squared"])
+        speed = (
+            columns["omega_crit"]["answer"]
+            if "omega_crit" in columns
+            else np.sqrt(base["omega_crit_squared"])
+        )
         base = Values(definitions, {**base.given, **normal_form(base, speed)})
         yield from (
             _problem(name, base, columns[name], "hopf_period" if name == "period" else name)
@@ -299,7 +360,9 @@ def _problem(name: str, base: Values, cells: Cells, definition: str = "", **give
     inputs = {key: x[rows] if np.ndim(x) else x for key, x in {**base.given, **given}.items()}
     answer, truth, allowed = (cells[x][rows] for x in ("answer", "truth", "allowed"))
     identity = _IDENTITIES.get(definition, f"answer - {definition}")
-    return Problem(name, definition, answer, truth, allowed, cells["left"][rows] > 0, identity, inputs)
+    return Problem(
+        name, definition, answer, truth, allowed, cells["left"][rows] > 0, identity, inputs
+    )
 
 
 def _derivative(name: str, base: Values, columns: Mapping[str, Cells]) -> Problem:
@@ -316,23 +379,41 @@ def _coefficients(base: Values, columns: Mapping[str, Cells]) -> Iterator[Proble
     near = sum(columns[f"lambda_{n}_{part}"]["allowed"] for n in (1, 2, 3) for part in ("re", "im"))
     found = {}
     for which in ("answer", "truth"):
-        z = [columns[f"lambda_{n}_re"][which] + 1j * columns[f"lambda_{n}_im"][which] for n in (1, 2, 3)]
+        z = [
+            columns[f"lambda_{n}_re"][which] + 1j * columns[f"lambda_{n}_im"][which]
+            for n in (1, 2, 3)
+        ]
         pairs = z[0] * z[1] + z[0] * z[2] + z[1] * z[2]
-        found[which] = -pairs.real, (z[0] * z[1] * z[2]).real / base["Omega"], (z[0] + z[1] + z[2]).real
+        found[which] = (
+            -pairs.real,
+            (z[0] * z[1] * z[2]).real / base["Omega"],
+            (z[0] + z[1] + z[2]).real,
+        )
     size = np.abs(z).sum(axis=0)
     for n, unit in enumerate((size, size**2 / base["Omega"], 1.0)):
         answer, truth, allowed = found["answer"][n], found["truth"][n], near * unit
-        cells = {"answer": answer, "truth": truth, "allowed": allowed, "left": np.abs(answer - truth) > allowed}
+        cells = {
+            "answer": answer,
+            "truth": truth,
+            "allowed": allowed,
+            "left": np.abs(answer - truth) > allowed,
+        }
         yield _problem(f"A_3{n + 1}", base, cells)
 
 
 def _law(base: Values, columns: Mapping[str, Cells]) -> Iterator[Problem]:
-    """The squares of amplitude and frequency, the latter as it follows from the answered amplitude; and the period."""
+    """The squares of amplitude and frequency, the latter as it follows from the answered
+    amplitude; and the period.
+    """
     squares = {}
     for name in ("amplitude", "frequency"):
         if name in columns:
             truth = np.abs(columns[name]["truth"])
-            squares[name] = {**columns[name], "answer": columns[name]["answer"] ** 2, "truth": truth**2}
+            squares[name] = {
+                **columns[name],
+                "answer": columns[name]["answer"] ** 2,
+                "truth": truth**2,
+            }
             squares[name]["allowed"] = 2 * truth * columns[name]["allowed"]
     if "amplitude" in squares:
         yield _problem("amplitude", base, squares["amplitude"], "amplitude_squared")
@@ -341,12 +422,18 @@ def _law(base: Values, columns: Mapping[str, Cells]) -> Iterator[Problem]:
         yield _problem("frequency", base, squares["frequency"], "frequency_squared", **given)
     if "frequency" in columns and "period" in columns:
         yield _problem(
-            "period", base, columns["period"], "law_period", answered_frequency=columns["frequency"]["answer"]
+            "period",
+            base,
+            columns["period"],
+            "law_period",
+            answered_frequency=columns["frequency"]["answer"],
         )
 
 
 def _first_order(base: Values, columns: Mapping[str, Cells]) -> Iterator[Problem]:
-    """The first order that is wrong, with right ones before it; the first wrong residual if the orders are right."""
+    """The first order that is wrong, with right ones before it; the first wrong residual if
+    the orders are right.
+    """
     failing = [
         name
         for name in (*(f"h_{n}" for n in _ORDERS), *(f"residual_{n}" for n in _ORDERS))
@@ -360,4 +447,6 @@ def _first_order(base: Values, columns: Mapping[str, Cells]) -> Iterator[Problem
             more = {key: _centre(x) for key, x in orders(base, n - 1)[1](n).items()}
             yield _problem(name, base, columns[name], "h_next", v=1.0, **more)
         else:
-            yield _problem(name, base, columns[name], "residual", **_partial(base, orders(base, n)[0]))
+            yield _problem(
+                name, base, columns[name], "residual", **_partial(base, orders(base, n)[0])
+            )

@@ -1,9 +1,11 @@
-"""Regression: the smallest set of changes of the equations that leaves only rounding of the answers to a quantity.
+"""Regression: the smallest set of changes of the equations that leaves only rounding of the answers
+to a quantity.
 
-An identity such as M a - F = 0, with the answers a to v', is linear in changes of most terms. So the effects of single
-changes add up, and a set of two or three of them is found as numbers with a given sum. Where two changes multiply, the
-likeliest one is made in the program and the others are sought again. What is found is made in the program, evaluated,
-and held against all answers; nothing is claimed for answers that tell less than the changes assume.
+An identity such as M a - F = 0, with the answers a to v', is linear in changes of most terms. So
+the effects of single changes add up, and a set of two or three of them is found as numbers with a
+given sum. Where two changes multiply, the likeliest one is made in the program and the others are
+sought again. What is found is made in the program, evaluated, and held against all answers; nothing
+is claimed for answers that tell less than the changes assume.
 """
 
 from __future__ import annotations
@@ -26,7 +28,8 @@ _SAME = 1e-9  # relative difference of sums that are equal but for rounding
 _NOTHING = 1e-2  # of what is allowed: changes of less are none
 _DIRECTION = 0.15  # squared cosine to the residual that a change needs to be made first
 _FIRSTS = 24  # changes that are made first, where changes multiply
-_ASSUMED = (2.0, 3.0)  # digits that answers must tell to bear out changes: in all, and for each change
+# Digits that answers must tell to bear out changes: in all, and for each change
+_ASSUMED = (2.0, 3.0)
 _CROWDED = 20_000  # sets with nearly the same sum: effects too small to tell them apart
 _TYPED = 6  # digits of a number that somebody types in
 Set = tuple[Change, ...]
@@ -44,10 +47,13 @@ class Problem:
     wrong: Array
     identity: str  #: the sum that vanishes for right answers, in which ``answer`` stands for them
     given: Mapping[str, Any]
-    rate: Array | None = None  #: v', where the answers are its derivatives by an input with an imaginary step
+    #: V', where the answers are its derivatives by an input with an imaginary step
+    rate: Array | None = None
 
     def fits(self, values: Values) -> bool:
-        """Whether the definitions give all answers, and the wrong ones much better than the truth does."""
+        """Whether the definitions give all answers, and the wrong ones much better than the
+        truth does.
+        """
         with np.errstate(all="ignore"):
             predicted = np.real(values[self.definition]) + 0 * self.answer
             if self.rate is not None:  # of M v' - force = 0, whatever v' was answered
@@ -71,22 +77,31 @@ def made(values: Values, some: Iterable[Change]) -> Values:
 
 
 class Search:
-    """Looks for sets of changes; what it may evaluate for a sheet is bounded, so that time does not depend on luck."""
+    """Looks for sets of changes; what it may evaluate for a sheet is bounded, so that time
+    does not depend on luck.
+    """
 
     def __init__(self, budget: int) -> None:
         self.left = budget  #: changes that may still be evaluated
 
-    def __call__(self, problem: Problem, base: Values, deep: bool, kept: frozenset[str]) -> Set | None:
+    def __call__(
+        self, problem: Problem, base: Values, deep: bool, kept: frozenset[str]
+    ) -> Set | None:
         """Return the fewest changes of ``base`` with which it gives all answers, or None.
 
-        Args:
-            problem: The answers to one quantity.
-            base: The definitions that are changed, with the problem's inputs.
-            deep: Look for three changes at once, and for changes that multiply; otherwise for the others.
-            kept: Definitions that other, right answers come from.
+        Args: problem: The answers to one quantity. base: The definitions that are changed, with the
+            problem's inputs. deep: Look for three changes at once, and for changes that multiply;
+            otherwise for the others. kept: Definitions that other, right answers come from.
         """
-        order, wrong, told = np.argsort(~problem.wrong, kind="stable"), int(problem.wrong.sum()), problem.evidence()
-        spread = order[:wrong][:: max(1, wrong // _SAMPLES)][:_SAMPLES], order[wrong:][:: max(1, len(order) // 8)][:8]
+        order, wrong, told = (
+            np.argsort(~problem.wrong, kind="stable"),
+            int(problem.wrong.sum()),
+            problem.evidence(),
+        )
+        spread = (
+            order[:wrong][:: max(1, wrong // _SAMPLES)][:_SAMPLES],
+            order[wrong:][:: max(1, len(order) // 8)][:8],
+        )
         rows = np.sort(np.concatenate(spread))
 
         def columns(values: Values) -> _Columns:
@@ -95,9 +110,18 @@ class Search:
             return found
 
         def confirmed(sets: Iterable[Set], start: Values, more: int = 0) -> Set | None:
-            """The first set that gives all answers, if these tell more than the set and ``more`` changes assume."""
+            """The first set that gives all answers, if these tell more than the set and
+            ``more`` changes assume.
+            """
             tellable = (one for one in sets if told > _ASSUMED[0] + _ASSUMED[1] * (len(one) + more))
-            return next((one for one in tellable if len(rows) >= len(one) and problem.fits(made(start, one))), None)
+            return next(
+                (
+                    one
+                    for one in tellable
+                    if len(rows) >= len(one) and problem.fits(made(start, one))
+                ),
+                None,
+            )
 
         with np.errstate(all="ignore"):
             if self.left <= 0 or told <= sum(_ASSUMED):
@@ -109,27 +133,37 @@ class Search:
                     for one in changes(base, here.names | {problem.definition})
                     if one.pieces[0][0] == problem.definition or one.whole
                 ]
-                found = confirmed(here.sums(1, 9), base) or confirmed(own, base) or confirmed(here.sums(2, 2), base)
+                found = (
+                    confirmed(here.sums(1, 9), base)
+                    or confirmed(own, base)
+                    or confirmed(here.sums(2, 2), base)
+                )
                 return found or confirmed(here.solved(), base, 3)
             if found := confirmed(here.sums(3, 1), base):
                 return found
             for first in here.firsts():
                 start = base.changed(first.pieces)
                 more = columns(start)
-                rest = confirmed((one for size in (1, 2) for one in more.sums(size, 3 - size)), start, 1)
+                rest = confirmed(
+                    (one for size in (1, 2) for one in more.sums(size, 3 - size)), start, 1
+                )
                 if rest or self.left <= 0:
                     return _merged(first, rest, base) if rest else None
         return None
 
 
 def _merged(first: Change, rest: Set, base: Values) -> Set:
-    """A change and those behind it; two changes of the same term are one, of which the result is said."""
+    """A change and those behind it; two changes of the same term are one, of which the result
+    is said.
+    """
     merged = []
     for change in rest:
         name, index, new = change.pieces[0]
         if index is not None and (name, index) in first.places:
             change = Change(
-                change.pieces, f"in {name}: {shown(new)} for {shown((base.terms(name)[index],))}", change.rank
+                change.pieces,
+                f"in {name}: {shown(new)} for {shown((base.terms(name)[index],))}",
+                change.rank,
             )
         merged.append(change)
     hidden = all(any(place in change.places for change in rest) for place in first.places)
@@ -147,7 +181,9 @@ class _Columns:
             x if rate is None else rate + IMAGINARY_STEP * 1j * x
             for x in (problem.answer[rows], (problem.answer + problem.allowed)[rows])
         )
-        self.values, unit = (Values(base.definitions, {**given, "answer": answer}) for answer in answers)
+        self.values, unit = (
+            Values(base.definitions, {**given, "answer": answer}) for answer in answers
+        )
         self.identity = parsed(problem.identity)
         residual = self._of(self.values)
         self.unit = np.abs(self._of(unit) - residual)
@@ -158,18 +194,26 @@ class _Columns:
             (one, (self._of(self.values.changed(one.pieces)) - residual) / self.unit)
             for one in changes(self.values, self.names)
         ]
-        pairs = [(one, x) for one, x in pairs if np.isfinite(x).all() and np.abs(x).max() > _NOTHING]
+        pairs = [
+            (one, x) for one, x in pairs if np.isfinite(x).all() and np.abs(x).max() > _NOTHING
+        ]
         draws = np.random.default_rng(5).uniform(0.5, 1.5, (len(rows), 2)) / len(rows)
         self.signs = draws * np.where(np.arange(len(rows)) % 2, -1, 1)[:, None]
-        groups: dict[str, list[tuple[Change, Array]]] = {}  # changes with the same effect, the likeliest first
+        # Changes with the same effect, the likeliest first
+        groups: dict[str, list[tuple[Change, Array]]] = {}
         for one, x in sorted(pairs, key=lambda pair: pair[0].order):
             groups.setdefault("{:.8e} {:.8e}".format(*(x @ self.signs)), []).append((one, x))
-        self.changes = [replace(some[0][0], others=tuple(one for one, _ in some[1:])) for some in groups.values()]
+        self.changes = [
+            replace(some[0][0], others=tuple(one for one, _ in some[1:]))
+            for some in groups.values()
+        ]
         self.effects = np.array([some[0][1] for some in groups.values()]).reshape(-1, len(rows))
 
     def _of(self, values: Values) -> Array:
         total = values.total(self.identity)[0] + 0 * self.values.given["answer"]
-        return np.asarray(np.imag(total) / IMAGINARY_STEP if self.differentiated else np.real(total))
+        return np.asarray(
+            np.imag(total) / IMAGINARY_STEP if self.differentiated else np.real(total)
+        )
 
     def sums(self, size: int, highest: int) -> Iterator[Set]:
         """Sets of changes whose effects cancel the residual, the likeliest first."""
@@ -198,14 +242,21 @@ class _Columns:
             found = tuple(self.changes[some[n]] for n in members)
             places = [place for change in found for place in change.places]
             room = 2.0 + 1e-11 * (np.abs(self.residual) + np.abs(chosen).sum(axis=0))
-            if (np.abs(self.residual + chosen.sum(axis=0)) <= room).all() and len(set(places)) == len(places):
+            if (np.abs(self.residual + chosen.sum(axis=0)) <= room).all() and len(
+                set(places)
+            ) == len(places):
                 sets.append(found)
         yield from sorted(
-            sets, key=lambda one: [sum(parts) for parts in zip(*(change.order for change in one), strict=True)]
+            sets,
+            key=lambda one: [
+                sum(parts) for parts in zip(*(change.order for change in one), strict=True)
+            ],
         )
 
     def solved(self) -> Iterator[Set]:
-        """One parameter with another value, the same for all, that is solved for by the secant method."""
+        """One parameter with another value, the same for all, that is solved for by the
+        secant method.
+        """
         row = int(np.argmax(np.abs(self.residual)))
         for name in (one for one in SYMBOLS if one in self.names):
             old = float(np.ravel(self.values.given[name])[0])
@@ -221,10 +272,14 @@ class _Columns:
                 yield (Change(((name, None, (Term(value, ()),)),), says, 3),)
 
     def firsts(self) -> list[Change]:
-        """The changes whose effects point along the residual, those first that leave least of it."""
+        """The changes whose effects point along the residual, those first that leave least of
+        it.
+        """
         size = (self.effects**2).sum(axis=1) * float(self.residual @ self.residual)
         along = np.nan_to_num((self.effects @ self.residual) ** 2 / size)
         likely = [
-            n for n in np.argsort(-along, kind="stable").tolist() if along[n] > _DIRECTION and self.changes[n].rank < 2
+            n
+            for n in np.argsort(-along, kind="stable").tolist()
+            if along[n] > _DIRECTION and self.changes[n].rank < 2
         ]
         return [self.changes[n] for n in likely[:_FIRSTS]]

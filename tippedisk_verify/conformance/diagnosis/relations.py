@@ -1,7 +1,9 @@
-"""Relations of a quantity's answers to right values: a factor, a sign, a power, another place, other digits.
+"""Relations of a quantity's answers to right values: a factor, a sign, a power, another place,
+other digits.
 
-A relation predicts answers from right values, or from those of a program in which the mistakes found so far are made
-too. Each quantity is looked at by itself. A relation holds if it gives every wrong answer that it says something about.
+A relation predicts answers from right values, or from those of a program in which the mistakes
+found so far are made too. Each quantity is looked at by itself. A relation holds if it gives every
+wrong answer that it says something about.
 """
 
 from __future__ import annotations
@@ -20,7 +22,8 @@ from tippedisk_verify.model.parameters import SYMBOLS
 
 __all__ = ["related", "where"]
 
-_COVERED = 0.4  # of a quantity's wrong answers must have a counterpart, where the relation is to another question
+# Of a quantity's wrong answers must have a counterpart, where the relation is to another question
+_COVERED = 0.4
 _FEW = 3  # wrong answers that bear out a relation to another question
 _EVIDENCE = 6.0  # digits that a relation explains in all, so that it fits by no accident
 _SURE = 1e-4  # of what is allowed: closer answers tell no more
@@ -49,7 +52,9 @@ _FACTORS = {
     "9.81/9.80665": 9.81 / 9.80665,
     "5": 5.0,
 }
-_FACTORS |= {f"1/({text})" if " " in text else f"1/{text}": 1 / factor for text, factor in _FACTORS.items()}
+_FACTORS |= {
+    f"1/({text})" if " " in text else f"1/{text}": 1 / factor for text, factor in _FACTORS.items()
+}
 _FACTORS |= {f"-{text}": -factor for text, factor in _FACTORS.items()}
 _TENS = {f"10^{k}": 10.0**k for k in range(-12, 13) if k not in (0, 3, -3)}
 _OFFSETS = {"pi/2": _PI / 2, "pi": _PI, "2 pi": 2 * _PI, "1": 1.0}
@@ -69,7 +74,10 @@ _OF_VALUE: dict[float, dict[str, _Function]] = {  # by rank
         **{f"is {text} too small": partial(np.add, -x) for text, x in _OFFSETS.items()},
     },
     3: {
-        **{f"is {text} minus the right value": partial(np.subtract, x) for text, x in _OFFSETS.items()},
+        **{
+            f"is {text} minus the right value": partial(np.subtract, x)
+            for text, x in _OFFSETS.items()
+        },
         "is reduced to [0, 2 pi)": lambda x: x % (2 * _PI),
         "is reduced to [0, pi]": lambda x: np.arccos(np.cos(x)),
         "is reduced to (-pi, pi]": lambda x: _PI - (_PI - x) % (2 * _PI),
@@ -120,7 +128,12 @@ _OF_TWO: dict[str, Callable[[Array, Array], Array]] = {  # x the right value, y 
     "is half of {y} too large": lambda x, y: x + y / 2,
 }
 _NEAR = {"next": 1, "previous": -1, "next but one": 2, "last but one": -2}
-_WORDS = ("inverted", "noninverted"), ("printed", "consistent"), ("stable", "unstable"), ("linear", "smooth")
+_WORDS = (
+    ("inverted", "noninverted"),
+    ("printed", "consistent"),
+    ("stable", "unstable"),
+    ("linear", "smooth"),
+)
 _SORTED: dict[str, _Function] = {
     "real parts": np.real,
     "moduli": np.abs,
@@ -130,7 +143,9 @@ _SORTED: dict[str, _Function] = {
 
 
 def _moved(table: Table, truths: Mapping[str, float]) -> Iterator[tuple[float, str, list[str]]]:
-    """The questions whose right values stand where they do not belong: rank, what is said, and their ids."""
+    """The questions whose right values stand where they do not belong: rank, what is said,
+    and their ids.
+    """
     for one, two in _WORDS:
         pattern, other = re.compile(rf"(?<=/)({one}|{two})(?=[-/])"), {one: two, two: one}
         what = "law" if one == "linear" else f"{two}/{one}"
@@ -156,7 +171,11 @@ def _moved(table: Table, truths: Mapping[str, float]) -> Iterator[tuple[float, s
         yield 3, f"{{q}} has the values of the {text} crossing", _renumbered(table, "#", 1, by)
         yield 3, f"{{q}} has the values of the {text} order", _renumbered(table, "_", 1, by)
     for text, by in {"second, third, fifth": -1, "second, fourth": 0}.items():
-        yield 3, f"{{q}} counts crossings in one direction only ({text}, ...)", _renumbered(table, "#", 2, by)
+        yield (
+            3,
+            f"{{q}} counts crossings in one direction only ({text}, ...)",
+            _renumbered(table, "#", 2, by),
+        )
 
 
 def _renumbered(table: Table, mark: str, factor: int, by: int) -> list[str]:
@@ -166,7 +185,9 @@ def _renumbered(table: Table, mark: str, factor: int, by: int) -> list[str]:
 
 
 def _predicted(table: Table, truths: Mapping[str, float]) -> Iterator[tuple[float, str, Array]]:
-    """Yield rank, what is said (with {q} for the quantity), and what is predicted; NaN without counterpart."""
+    """Yield rank, what is said (with {q} for the quantity), and what is predicted; NaN
+    without counterpart.
+    """
     x, epsilon = table.truth, table.given["epsilon"][table.rows]
     for rank, functions in _OF_VALUE.items():
         for text, of in functions.items():
@@ -224,7 +245,9 @@ def _looked(truths: Mapping[str, float], ids: list[str]) -> Array:
 
 
 def _sorted(table: Table, others: Mapping[str, Array]) -> Iterator[tuple[float, str, Array]]:
-    """The right eigenvalues in another order; equal ones, and conjugates, by the sign of the imaginary part."""
+    """The right eigenvalues in another order; equal ones, and conjugates, by the sign of the
+    imaginary part.
+    """
     z = np.array([others[f"lambda_{n}_re"] + 1j * others[f"lambda_{n}_im"] for n in (1, 2, 3)])
     z = np.array([np.where(np.isnan(one), table.truth, one) for one in z])
     own = np.array([int(name[7]) - 1 for name in table.names])
@@ -232,21 +255,28 @@ def _sorted(table: Table, others: Mapping[str, Array]) -> Iterator[tuple[float, 
         places = np.lexsort((first * z.imag, np.round(up * key(z), 7)), axis=0)
         picked = z[places[own, np.arange(len(own))], np.arange(len(own))]
         also = (
-            "" if text == "imaginary parts" else f", the {'positive' if first < 0 else 'negative'} imaginary part first"
+            ""
+            if text == "imaginary parts"
+            else f", the {'positive' if first < 0 else 'negative'} imaginary part first"
         )
         says = f"the eigenvalues are in another order: {'ascending' if up > 0 else 'descending'} {text}{also}"
         yield 1, says, np.where(np.char.endswith(table.names, "_im"), picked.imag, picked.real)
 
 
 def _rounded(table: Table) -> Iterator[tuple[float, str, Array]]:
-    """Answers with few digits: whole multiples of a unit, within half of it or the whole one of the right values."""
+    """Answers with few digits: whole multiples of a unit, within half of it or the whole one
+    of the right values.
+    """
     x, answer, allowed = table.truth, table.answer, table.allowed
     size = np.floor(np.log10(np.where(x == 0, 1.0, np.abs(x)))) + 1
     for d, (word, share) in product(range(1, 13), {"decimal": 0, "significant digit": 1}.items()):
         unit = 10.0 ** (size * share - d)
         whole = np.abs(answer - unit * np.round(answer / unit)) < 1e-6 * unit + 1e-15 * np.abs(x)
         shorter = np.abs(answer) <= np.abs(x) + allowed
-        for rank, text, most, known in ((1, "rounded", 0.5001, whole), (2, "truncated", 1.0001, whole & shorter)):
+        for rank, text, most, known in (
+            (1, "rounded", 0.5001, whole),
+            (2, "truncated", 1.0001, whole & shorter),
+        ):
             fits = known & (np.abs(answer - x) < most * unit + allowed)
             yield (
                 rank + d / 100 + share / 1000,
@@ -257,7 +287,8 @@ def _rounded(table: Table) -> Iterator[tuple[float, str, Array]]:
 
 @np.errstate(all="ignore")
 def related(table: Table, truths: Mapping[str, float]) -> Iterator[tuple[float, str, str, Array]]:
-    """Yield the relations that give the wrong answers to a quantity: rank, what is said, its name, and which these are.
+    """Yield the relations that give the wrong answers to a quantity: rank, what is said, its name,
+    and which these are.
 
     ``truths`` are the right values by id, of this and of other tables.
     """
@@ -269,7 +300,9 @@ def related(table: Table, truths: Mapping[str, float]) -> Iterator[tuple[float, 
         mine, against = fits & table.left, known & ~fits
         away = np.maximum(np.abs(table.answer - predicted), _SURE * table.allowed)
         closer = np.where(mine, np.log10(np.abs(table.answer - table.truth) / away), 0.0)
-        told, explained, spoken = (np.bincount(group, one) for one in (closer, mine, against & table.left))
+        told, explained, spoken = (
+            np.bincount(group, one) for one in (closer, mine, against & table.left)
+        )
         enough = (explained == wrong) | ((explained >= _COVERED * wrong) & (explained >= _FEW))
         for n in np.flatnonzero(enough & (told > _EVIDENCE) & (spoken == 0)).tolist():
             here = group == n
@@ -283,14 +316,20 @@ def _conditions(table: Table) -> Iterator[tuple[str, Array]]:
     """No condition, and conditions on a question that the wrong answers satisfy."""
     yield "", np.ones_like(table.left)
     sets = np.array([entry.split("/")[0] for entry in table.entries])
-    for name, values in {"equilibrium": table.given["equilibrium"], "form": table.given["form"], "set": sets}.items():
+    for name, values in {
+        "equilibrium": table.given["equilibrium"],
+        "form": table.given["form"],
+        "set": sets,
+    }.items():
         picked = np.unique(values[table.rows][table.left])
         if len(picked) == 1 and (values != picked[0]).any():
             yield f" for the {name} {picked[0]}", values[table.rows] == picked[0]
 
 
 def where(table: Table, gamma_y: Array) -> str:
-    """The quantities that are wrong, and the simplest condition on the state that they satisfy and others do not."""
+    """The quantities that are wrong, and the simplest condition on the state that they
+    satisfy and others do not.
+    """
     stems = np.unique(table.stems[table.left])
     same = np.isin(table.stems, stems)
     names = (
@@ -307,8 +346,15 @@ def where(table: Table, gamma_y: Array) -> str:
         "cos(gamma)": np.cos(given["gamma"]),
     }.items():
         x = (x + 0 * given["r"])[table.rows]
-        sides += [(f"where {key} {sign} 0", mask) for sign, mask in (("<", x < 0), ("=", x == 0), (">", x > 0))]
+        sides += [
+            (f"where {key} {sign} 0", mask)
+            for sign, mask in (("<", x < 0), ("=", x == 0), (">", x > 0))
+        ]
     for text, mask in sides:
-        if (~mask & same).sum() > _FEW and not (table.left & ~mask).any() and table.left[mask & same].mean() >= _MOSTLY:
+        if (
+            (~mask & same).sum() > _FEW
+            and not (table.left & ~mask).any()
+            and table.left[mask & same].mean() >= _MOSTLY
+        ):
             return f"{names} {text}"
     return names

@@ -1,9 +1,11 @@
-"""Equations as sums of products, in the paper's symbols, and their evaluation for any kind of number.
+"""Equations as sums of products, in the paper's symbols, and their evaluation for any kind of
+number.
 
-A definition is a line such as ``f_G = -m g rho cos(beta)``: terms between plus and minus signs, in each a number and
-factors with powers; a slash divides by the factor behind it. A factor is a symbol, another definition, a sum in
-parentheses, a function of a sum, or a derivative such as ``d(M)/d(beta)``. ``given(x)`` is the input x, where a
-definition has put something else in its place.
+A definition is a line such as ``f_G = -m g rho cos(beta)``: terms between plus and minus signs, in
+each a number and factors with powers; a slash divides by the factor behind it. A factor is a
+symbol, another definition, a sum in parentheses, a function of a sum, or a derivative such as
+``d(M)/d(beta)``. ``given(x)`` is the input x, where a definition has put something else in its
+place.
 """
 
 from __future__ import annotations
@@ -16,7 +18,17 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-__all__ = ["IMAGINARY_STEP", "NOTHING", "Piece", "Term", "Values", "parsed", "replaced", "shown", "written"]
+__all__ = [
+    "IMAGINARY_STEP",
+    "NOTHING",
+    "Piece",
+    "Term",
+    "Values",
+    "parsed",
+    "replaced",
+    "shown",
+    "written",
+]
 
 
 class Term(NamedTuple):
@@ -27,16 +39,22 @@ class Term(NamedTuple):
 
     def text(self) -> str:
         size = Fraction(abs(self.number)).limit_denominator(1000)
-        number = str(size) if abs(float(size) - abs(self.number)) < 1e-12 else f"{abs(self.number):g}"
+        number = (
+            str(size) if abs(float(size) - abs(self.number)) < 1e-12 else f"{abs(self.number):g}"
+        )
         parts = {1: [], -1: []}  # type: dict[int, list[str]]
         for name, power in self.factors:
             if power:
-                parts[1 if power > 0 else -1].append(name + (f"^{abs(power)}" if abs(power) != 1 else ""))
+                parts[1 if power > 0 else -1].append(
+                    name + (f"^{abs(power)}" if abs(power) != 1 else "")
+                )
         above = parts[1] if number == "1" and parts[1] else [number, *parts[1]]
         return "-" * (self.number < 0) + " / ".join([" ".join(above), *parts[-1]])
 
     def times(self, number: float, name: str = "", power: int = 1) -> Term:
-        """The term with a number and the power of a factor multiplied in; factors of power 0 vanish."""
+        """The term with a number and the power of a factor multiplied in; factors of power 0
+        vanish.
+        """
         powers = dict(self.factors)
         if name:
             powers[name] = powers.get(name, 0) + power
@@ -50,7 +68,9 @@ class Term(NamedTuple):
         return product
 
     def put(self, old: str, new: str, power: int) -> Term:
-        """The term with another factor in the place of so many powers of one; "" and "1" are none."""
+        """The term with another factor in the place of so many powers of one; "" and "1" are
+        none.
+        """
         term = Term(self.number, ())
         for name, count in self.factors:
             if name == old and new not in ("", "1"):
@@ -61,7 +81,8 @@ class Term(NamedTuple):
 
 Terms = tuple[Term, ...]
 Definitions = Mapping[str, Terms]
-Piece = tuple[str, int | None, Terms]  #: a definition, which of its terms (None for all), and what takes its place
+#: A definition, which of its terms (None for all), and what takes its place
+Piece = tuple[str, int | None, Terms]
 NOTHING = Term(0.0, ())  #: in the place of a missing term, so that the numbers of the others stay
 
 
@@ -92,7 +113,9 @@ def parsed(text: str) -> Terms:
         elif re.fullmatch(r"[\d.]+(/\d+)?", word):
             term, power = term.times(float(Fraction(word)) ** power), 1
         else:
-            name, _, exponent = word.rpartition("^") if re.search(r"\^\d+$", word) else (word, "", "1")
+            name, _, exponent = (
+                word.rpartition("^") if re.search(r"\^\d+$", word) else (word, "", "1")
+            )
             term, power = term.times(1.0, name, power * int(exponent)), 1
     return (*terms, term)
 
@@ -140,17 +163,27 @@ FUNCTIONS: dict[str, Callable[[Any], Any]] = {
     **{f"to{n}": partial(_rounded, n) for n in range(1, 7)},
 }
 _DERIVATIVE = re.compile(r"d\((.*)\)/d\((\w+)\)")
-IMAGINARY_STEP = 1e-30  # of the imaginary step that differentiates: below it nothing is lost to rounding
+# Of the imaginary step that differentiates: below it nothing is lost to rounding
+IMAGINARY_STEP = 1e-30
 
 
 class Values:
-    """What definitions are worth for given inputs; each is computed when it is asked for, and once."""
+    """What definitions are worth for given inputs; each is computed when it is asked for, and
+    once.
+    """
 
-    def __init__(self, definitions: Definitions, given: Mapping[str, Any], known: Mapping[str, Any] | None = None):
+    def __init__(
+        self,
+        definitions: Definitions,
+        given: Mapping[str, Any],
+        known: Mapping[str, Any] | None = None,
+    ):
         self.definitions = definitions
         self.given = given
-        self.known: dict[str, tuple[Any, frozenset[str]]] = dict(known or {})  #: with the names that go into it
-        self.kept: dict[frozenset[str], dict[str, Any]] = {}  #: what is known, by the definitions that it does without
+        #: With the names that go into it
+        self.known: dict[str, tuple[Any, frozenset[str]]] = dict(known or {})
+        #: What is known, by the definitions that it does without
+        self.kept: dict[frozenset[str], dict[str, Any]] = {}
 
     def __getitem__(self, name: str) -> Any:
         if name not in self.known:
@@ -185,7 +218,10 @@ class Values:
         elif name.startswith("given("):
             return self.given[name[6:-1]], frozenset([name])
         elif slope := _DERIVATIVE.fullmatch(name):
-            at = Values(self.definitions, {**self.given, slope[2]: self.given[slope[2]] + IMAGINARY_STEP * 1j})
+            at = Values(
+                self.definitions,
+                {**self.given, slope[2]: self.given[slope[2]] + IMAGINARY_STEP * 1j},
+            )
             return np.imag(at[slope[1]]) / IMAGINARY_STEP, at.behind(slope[1]) | {name}
         elif name in self.given:
             return self.given[name], frozenset([name])
@@ -199,7 +235,9 @@ class Values:
         """The values after a change of definitions; what does not depend on them is kept."""
         names = frozenset(piece[0] for piece in pieces)
         if names not in self.kept:
-            self.kept[names] = {name: item for name, item in self.known.items() if not item[1] & names}
+            self.kept[names] = {
+                name: item for name, item in self.known.items() if not item[1] & names
+            }
         return Values(replaced(self.definitions, pieces), self.given, self.kept[names])
 
 

@@ -1,1 +1,3 @@
-"""The trusted kernel: enclosures of flows, returns and fixed points, tested by strict comparisons."""
+"""The trusted kernel: enclosures of flows, returns and fixed points, tested by strict
+comparisons.
+"""

@@ -34,5 +34,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 if __name__ == "__main__":
     if isinstance(sys.stdout, TextIOWrapper):
-        sys.stdout.reconfigure(errors="replace")  # a terminal or a locale that cannot show a character
+        # A terminal or a locale that cannot show a character
+        sys.stdout.reconfigure(errors="replace")
     sys.exit(main())

@@ -76,7 +76,9 @@ _STEPS, _STEPPED = np.array([_U, 3 * _U]), np.array([1.0, 1 + 4 * _U])  # 1 + st
 def _require_rounding_to_nearest() -> None:
     """Raise DisturbedError unless this process rounds to nearest: otherwise (1) would need 2 u."""
     if (1 + _STEPS != _STEPPED).any():
-        raise DisturbedError("this process does not round to nearest: proofs in doubles are not possible in it")
+        raise DisturbedError(
+            "this process does not round to nearest: proofs in doubles are not possible in it"
+        )
 
 
 @contextmanager
@@ -173,8 +175,11 @@ class BallArray:
         return made(self._mid[places], self._rad[places])
 
     def series(self, old: object = None) -> BallArraySeries:
-        """Return an empty series of the same width, in the memory of the ``old`` one if that fits."""
-        from tippedisk_verify.proofs.kernel.ball_array_series import BallArraySeries  # it is made of these arrays
+        """Return an empty series of the same width, in the memory of the ``old`` one if that
+        fits.
+        """
+        # It is made of these arrays
+        from tippedisk_verify.proofs.kernel.ball_array_series import BallArraySeries
 
         if isinstance(old, BallArraySeries) and old.width == len(self):
             old.clear()
@@ -314,7 +319,11 @@ class BallArray:
 
     def constant(self, value: Any) -> BallArray:
         """Return an array of this length whose balls hold one number; pass an array of balls."""
-        return value if isinstance(value, BallArray) else BallArray.of([value])[np.zeros(len(self), int)]
+        return (
+            value
+            if isinstance(value, BallArray)
+            else BallArray.of([value])[np.zeros(len(self), int)]
+        )
 
     alike = constant
 
@@ -357,7 +366,11 @@ def _doubles(values: Any) -> Array:
     Other kinds of numbers are refused: conversion might round them.
     """
     many = values if isinstance(values, Sequence) else [values]
-    if not (values.dtype == np.float64 if isinstance(values, np.ndarray) else all(isinstance(x, float) for x in many)):
+    if not (
+        values.dtype == np.float64
+        if isinstance(values, np.ndarray)
+        else all(isinstance(x, float) for x in many)
+    ):
         raise TypeError("midpoints and radii are doubles: BallArray.of takes other numbers")
     return np.asarray(values, dtype=np.float64)
 

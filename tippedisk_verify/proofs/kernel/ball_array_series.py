@@ -50,7 +50,8 @@ class BallArraySeries(Sequence[BallArray]):
         mid[:], rad[:] = ball.midpoints, ball.radii
         np.abs(mid, out=size)
         np.multiply(size, (self._length + 0.5) * _U, out=spread)
-        spread += _NORMAL * (size > 0)  # what the product may have lost is multiplied by the other factor
+        # What the product may have lost is multiplied by the other factor
+        spread += _NORMAL * (size > 0)
         spread += rad
         np.add(size, rad, out=upper)
         self._length += 1
@@ -104,7 +105,9 @@ class BallArraySeries(Sequence[BallArray]):
         """
         k = self._length
         if other._length != k:
-            raise ValueError(f"a convolution needs series of one length, not {k} and {other._length}")
+            raise ValueError(
+                f"a convolution needs series of one length, not {k} and {other._length}"
+            )
         if k == 0:
             return 0
         if k > _LONGEST:

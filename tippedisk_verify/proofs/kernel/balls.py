@@ -63,7 +63,9 @@ class Unproved(Exception):
 
 
 class DisturbedError(ArithmeticError):
-    """Raised if something else in this process has changed a setting that the arithmetic relies on."""
+    """Raised if something else in this process has changed a setting that the arithmetic
+    relies on.
+    """
 
 
 def need(verified: object, what: str) -> None:
@@ -79,7 +81,9 @@ def working_precision(bits: int) -> Iterator[None]:
     Another thread's block begins when this one has ended. Raises ValueError outside 24 … 1,000,000.
     """
     if not _FEWEST_BITS <= bits <= _MOST_BITS:
-        raise ValueError(f"a working precision of {bits} bits is not offered: use {_FEWEST_BITS} to {_MOST_BITS}")
+        raise ValueError(
+            f"a working precision of {bits} bits is not offered: use {_FEWEST_BITS} to {_MOST_BITS}"
+        )
     with _CONTEXT:
         before, ctx.prec = ctx.prec, bits
         try:
@@ -117,7 +121,8 @@ def coefficient(series: Any, power: int) -> Any:
         return arb(0) if power else series
     if power >= series.prec:
         raise DisturbedError(
-            f"a series was cut off before its coefficient {power}: something else in this process has changed "
+            f"a series was cut off before its coefficient {power}: something else in this process "
+            f"has changed "
             "python-flint's series length (ctx.cap); run the proof again without it"
         )
     return series[power]
@@ -146,7 +151,9 @@ def ball(value: Any) -> Any:
     if hasattr(value, "mid"):
         return value
     if hasattr(value, "pi_multiple"):
-        return _rational(value.rational) + (arb.pi() * _rational(value.pi_multiple) if value.pi_multiple else 0)
+        return _rational(value.rational) + (
+            arb.pi() * _rational(value.pi_multiple) if value.pi_multiple else 0
+        )
     return _rational(Fraction(getattr(value, "value", value)))
 
 

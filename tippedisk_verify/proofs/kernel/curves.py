@@ -74,7 +74,16 @@ from dataclasses import dataclass
 from itertools import chain
 from typing import Any, ClassVar
 
-from tippedisk_verify.proofs.kernel.balls import Unproved, arb, inside, need, negative, positive, rough, whole
+from tippedisk_verify.proofs.kernel.balls import (
+    Unproved,
+    arb,
+    inside,
+    need,
+    negative,
+    positive,
+    rough,
+    whole,
+)
 from tippedisk_verify.proofs.kernel.field import FieldConstants
 from tippedisk_verify.proofs.kernel.flow import Model, Path
 from tippedisk_verify.proofs.kernel.frame import Frame
@@ -162,7 +171,9 @@ class CurveFlight:
 
 
 class CurveReplay:
-    """The choices of a log: the share of each step and, except for the last, the axes, as decimals."""
+    """The choices of a log: the share of each step and, except for the last, the axes, as
+    decimals.
+    """
 
     def __init__(self, log: Sequence[Mapping[str, Any]]) -> None:
         self.log, self.number = log, 0
@@ -178,7 +189,10 @@ class CurveReplay:
         return [[arb(as_float(part)) for part in row] for row in log["axes"]]
 
     def took(self, step: Step, axes: Matrix | None) -> None:
-        need(axes is not None or self.number == len(self.log), "the return is reached, and there are further steps")
+        need(
+            axes is not None or self.number == len(self.log),
+            "the return is reached, and there are further steps",
+        )
 
 
 class _Equations:
@@ -235,7 +249,10 @@ def turnings(step: Step) -> Iterator[tuple[Any, Sequence[Jet]]]:
             open_parts += [(begin, middle), (middle, end)]
         else:
             only = slice(1)
-            yield step.component(0, time).range(), step.frame.derivatives(step.rows_at(time, only))[0]
+            yield (
+                step.component(0, time).range(),
+                step.frame.derivatives(step.rows_at(time, only))[0],
+            )
 
 
 def fly(constants: FieldConstants, curve: Curve, choices: Any) -> CurveFlight:
@@ -254,7 +271,10 @@ def fly(constants: FieldConstants, curve: Curve, choices: Any) -> CurveFlight:
             beta_bar, _, v = step.enclosure
             need(inside(beta_bar, arb(0, UPRIGHT)), "beta is not shown to stay upright")
             passed = positive(step.at_end()[0].range())
-            need(positive(v) if passed else negative(v) or negative(beta_bar), "beta is not shown to move as it must")
+            need(
+                positive(v) if passed else negative(v) or negative(beta_bar),
+                "beta is not shown to move as it must",
+            )
             least = least.union(beta_bar)
             if not (negative(v) or positive(v)):
                 turning.append(step)
@@ -368,17 +388,23 @@ def arc_test(constants: FieldConstants, curve: Curve, choices: Any) -> Arc:
     radii = [curve.deviation[k] for k in UNKNOWNS]
     value = [after - before for after, before in zip(flight.image, curve.start, strict=True)]
     jacobian = [
-        [entry - own for entry, own in zip(*rows, strict=True)] for rows in zip(flight.matrix, curve.unit, strict=True)
+        [entry - own for entry, own in zip(*rows, strict=True)]
+        for rows in zip(flight.matrix, curve.unit, strict=True)
     ]
     by_unknowns = [[row[k] for k in UNKNOWNS] for row in jacobian]
-    chosen = [[entry.mid() for entry in row] for row in inverse([[x.mid() for x in row] for row in by_unknowns])]
+    chosen = [
+        [entry.mid() for entry in row]
+        for row in inverse([[x.mid() for x in row] for row in by_unknowns])
+    ]
     degree = chosen[0][0].degree
     value = [entry.cut(degree) for entry in value]
     within, included = [], True
     for i in range(2):
         image = -(chosen[i][0] * value[0] + chosen[i][1] * value[1]).range()
         for j in range(2):
-            rest = int(i == j) - (chosen[i][0] * by_unknowns[0][j] + chosen[i][1] * by_unknowns[1][j])
+            rest = int(i == j) - (
+                chosen[i][0] * by_unknowns[0][j] + chosen[i][1] * by_unknowns[1][j]
+            )
             image = image + rest.range() * radii[j]
         within.append(image)
         included = included and bool(inside(image, radii[i]))

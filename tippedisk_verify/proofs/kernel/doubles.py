@@ -94,7 +94,11 @@ def outward(value: Any) -> tuple[float, float]:
         # radius.
         small = arb(2) ** -1022
         centre = Fraction(0) if abs(value.mid()) < small else midpoint_and_radius(value.mid())[0]
-        rad = Fraction(_NORMAL) if value.rad() < small and not value.is_exact() else midpoint_and_radius(value.rad())[0]
+        rad = (
+            Fraction(_NORMAL)
+            if value.rad() < small and not value.is_exact()
+            else midpoint_and_radius(value.rad())[0]
+        )
         spread = rad if centre or value.mid() == 0 else rad + Fraction(_NORMAL)
     elif isinstance(value, float):
         return value, 0.0

@@ -33,7 +33,16 @@ __all__ = ["UNITS", "FieldConstants", "Law", "constants", "field", "one_sided", 
 Law = Callable[[Any, Any, Any], Callable[[Any, Any, Any], tuple[Any, Any, Any]]]
 
 #: the eight numbers of a disk with their units, in the order of sentences
-UNITS = {"r": " m", "e": " m", "m": " kg", "A": " kg m^2", "B": " kg m^2", "g": " m/s^2", "mu": "", "epsilon": " m/s"}
+UNITS = {
+    "r": " m",
+    "e": " m",
+    "m": " kg",
+    "A": " kg m^2",
+    "B": " kg m^2",
+    "g": " m/s^2",
+    "mu": "",
+    "epsilon": " m/s",
+}
 
 
 class FieldConstants(NamedTuple):
@@ -55,11 +64,18 @@ def constants(disk: Mapping[str, str]) -> FieldConstants:
     Raises Unproved if no disk has these numbers.
     """
     r, e, m, A, B, g, mu, epsilon = (Fraction(disk[name]) for name in UNITS)
-    need(0 < e < r and m * e * e < B <= A and min(m, g, mu, epsilon) > 0, "the parameters are no disk's")
-    return FieldConstants(*map(ball, (r, e, A / m, B / m - e * e, g, mu * g / epsilon, mu * g, epsilon)))
+    need(
+        0 < e < r and m * e * e < B <= A and min(m, g, mu, epsilon) > 0,
+        "the parameters are no disk's",
+    )
+    return FieldConstants(
+        *map(ball, (r, e, A / m, B / m - e * e, g, mu * g / epsilon, mu * g, epsilon))
+    )
 
 
-def field(ops: Any, constants: Any, omega: Any, law: Any = "linear") -> Callable[[Any, Any, Any], tuple[Any, Any, Any]]:
+def field(
+    ops: Any, constants: Any, omega: Any, law: Any = "linear"
+) -> Callable[[Any, Any, Any], tuple[Any, Any, Any]]:
     """Return the rates (beta', gamma', v') [rad/s, rad/s, rad/s^2] as a function of the state.
 
     The state is (beta_bar, gamma_bar, v). ``law`` is 'linear', or 'smooth', which takes an absolute
@@ -67,7 +83,13 @@ def field(ops: Any, constants: Any, omega: Any, law: Any = "linear") -> Callable
     that sign.
     """
     r, e, a, b, g = constants.r, constants.e, constants.a, constants.b, constants.g
-    unlike, twice_unlike, three_e, square, drift = a - b, (a - b) + (a - b), e + e + e, omega * omega, e * omega
+    unlike, twice_unlike, three_e, square, drift = (
+        a - b,
+        (a - b) + (a - b),
+        e + e + e,
+        omega * omega,
+        e * omega,
+    )
 
     def rates(beta: Any, gamma: Any, v: Any) -> tuple[Any, Any, Any]:
         s, C, t, c = ops.sin(beta), ops.cos(beta), ops.sin(gamma), ops.cos(gamma)
@@ -77,7 +99,9 @@ def field(ops: Any, constants: Any, omega: Any, law: Any = "linear") -> Callable
         mass = b + unlike * (t * t) + lever * lever
         sweep = rho * v
         mixed = twice_unlike * c + e * rho - three_e * lifted
-        force = C * (sweep * sweep + square * (mass - r * lifted)) + omega * (t * (v * mixed)) - g * rho
+        force = (
+            C * (sweep * sweep + square * (mass - r * lifted)) + omega * (t * (v * mixed)) - g * rho
+        )
         slip = sweep + drift * (C * t)  # gamma_y / C
         grip = (rho - lifted) * slip  # w_y gamma_y
         if law == "linear":
@@ -92,7 +116,9 @@ def field(ops: Any, constants: Any, omega: Any, law: Any = "linear") -> Callable
 
 
 def one_sided(side: int) -> Law:
-    """Return the analytic law of a ``side``, 1 or -1: the smooth law where gamma_y has that sign."""
+    """Return the analytic law of a ``side``, 1 or -1: the smooth law where gamma_y has that
+    sign.
+    """
     return lambda ops, constants, omega: field(ops, constants, omega, side)
 
 
@@ -111,5 +137,9 @@ def sliding_motion(
         return C * slip, None
     # beta' = v and gamma' = Omega s.
     turning = omega * s
-    slipping = rho * acceleration - constants.e * t * (turning * v) + drift * (C * (c * turning) - s * (v * t))
+    slipping = (
+        rho * acceleration
+        - constants.e * t * (turning * v)
+        + drift * (C * (c * turning) - s * (v * t))
+    )
     return C * slip, C * slipping - s * (v * slip)

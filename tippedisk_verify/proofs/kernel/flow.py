@@ -44,7 +44,8 @@ class FlowStatus(Enum):
     NO_RETURN = "there is no return to the section in the time allowed"
     UNRESOLVED = "the signs of beta_bar and v could not be proved: work in more bits, or start from a narrower box"
     GRAZING = (
-        "the sliding velocity is not proved to keep its sign or to change it at a rate other than zero: work in more "
+        "the sliding velocity is not proved to keep its sign or to change it at a rate other than "
+        "zero: work in more "
         "bits, from a narrower box, or at another speed"
     )
     STEP_LIMIT = "the step limit was reached: shorten the run"
@@ -67,7 +68,9 @@ class StepProposer(Protocol):
         """Return the proposer of the steps behind a change of side."""
         ...
 
-    def axes(self, turned: Sequence[Sequence[Any]], sizes: Sequence[Any], stiffness: Any) -> Sequence[Sequence[Any]]:
+    def axes(
+        self, turned: Sequence[Sequence[Any]], sizes: Sequence[Any], stiffness: Any
+    ) -> Sequence[Sequence[Any]]:
         """Return the axes of a set: points, the columns of a regular matrix
         (`frame.Frame.carried`).
 
@@ -114,7 +117,9 @@ class Model:
         variables = [graph.variable() for _ in range(3)]
         return System(graph, variables, self._rates(graph, graph.number(omega), variables))
 
-    def path(self, start: Sequence[Any], proposer: StepProposer, *, derivatives: bool = False) -> Path:
+    def path(
+        self, start: Sequence[Any], proposer: StepProposer, *, derivatives: bool = False
+    ) -> Path:
         """Return the path of all orbits from a box of states."""
         return Path(self, start, proposer, derivatives=derivatives)
 
@@ -135,12 +140,19 @@ class Path:
     box's parts may be arrays of balls: such a path takes steps that its caller has tested.
     """
 
-    def __init__(self, model: Any, start: Sequence[Any] | Frame, proposer: Any, *, derivatives: bool = False) -> None:
+    def __init__(
+        self, model: Any, start: Sequence[Any] | Frame, proposer: Any, *, derivatives: bool = False
+    ) -> None:
         self.model, self.proposer, self.sharp = model, proposer, derivatives
-        self.frame = start if isinstance(start, Frame) else Frame([ball(part) for part in start], model.omega)
+        self.frame = (
+            start
+            if isinstance(start, Frame)
+            else Frame([ball(part) for part in start], model.omega)
+        )
         if len(self.frame.middle) != 3:
             raise ValueError("a state has three components: beta_bar, gamma_bar, v")
-        self.middle: Sequence[Any] | None = None  #: the start of the midpoint's orbit, if it is known separately
+        #: The start of the midpoint's orbit, if it is known separately
+        self.middle: Sequence[Any] | None = None
         self.box = self.frame.box()
         self.time, self.divergence = (alike(part, 0) for part in (self.box[0], rough(self.box[0])))
         self.steps = 0  #: taken
@@ -170,7 +182,10 @@ class Path:
         own = self.tested
         if own is None or own.frame is not self.frame or own.length is not step.length:
             raise ValueError("a step from elsewhere was proposed")
-        need(own.included, "the states and derivatives over it are not shown to stay in its enclosure")
+        need(
+            own.included,
+            "the states and derivatives over it are not shown to stay in its enclosure",
+        )
         return own
 
     def _spent(self) -> FlowStatus | None:
@@ -184,7 +199,9 @@ class Path:
         """Return the set of the states after ``time`` in the step, or at its end."""
         stiffness = 1 + upper(whole(step.derivatives[8][1]))  # of d(v)/d(v): its rate at the start
         centre, rows = step.end if time is None else (step.centre(time), step.rows_at(time))
-        return step.frame.carried(centre, rows, lambda turned, sizes: self.proposer.axes(turned, sizes, stiffness))
+        return step.frame.carried(
+            centre, rows, lambda turned, sizes: self.proposer.axes(turned, sizes, stiffness)
+        )
 
     def take(self, step: Step, time: Any = None) -> None:
         """Go to the step's end, or to ``time`` (a number or ball) within it."""
@@ -193,7 +210,12 @@ class Path:
         self.proposer.took(step, [[*row] for row in frame.axes])
         if self.sharp:
             self.divergence = self.divergence + step.divergence_at(moment)
-        self.frame, self.box, self.time, self.steps = frame, frame.box(), self.time + moment, self.steps + 1
+        self.frame, self.box, self.time, self.steps = (
+            frame,
+            frame.box(),
+            self.time + moment,
+            self.steps + 1,
+        )
 
 
 def short_float(length: float) -> float:

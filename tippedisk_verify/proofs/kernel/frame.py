@@ -44,7 +44,10 @@ class Frame:
     def __init__(self, start: Sequence[Any], omega: Any) -> None:
         self.middle: list[Any] = [part.mid() for part in start]
         #: d: four balls about zero
-        self.deviation = [*(x - mid for x, mid in zip(start, self.middle, strict=True)), omega - omega.mid()]
+        self.deviation = [
+            *(x - mid for x, mid in zip(start, self.middle, strict=True)),
+            omega - omega.mid(),
+        ]
         self.columns: Sequence[int] = (3,)  #: which of them the equations depend on
         zero, one = (alike(self.middle[0], k) for k in (0, 1))
         unit = [[one if k == row else zero for k in range(3)] for row in range(3)]
@@ -56,7 +59,12 @@ class Frame:
 
     def box(self) -> tuple[Any, ...]:
         """Return a box that holds all states and the middle."""
-        parts = zip(self.middle, _applied(self.lead, self.deviation), _applied(self.axes, self.rest), strict=True)
+        parts = zip(
+            self.middle,
+            _applied(self.lead, self.deviation),
+            _applied(self.axes, self.rest),
+            strict=True,
+        )
         return tuple(middle + a + b.union(0 * b) for middle, a, b in parts)
 
     def matrix(self) -> tuple[tuple[Any, ...], ...]:
@@ -68,13 +76,17 @@ class Frame:
         4).
         """
         lead, turned = self._mapped(rows)
-        parts = zip(centre, _applied(lead, self.deviation), _applied(turned, self.rest), strict=True)
+        parts = zip(
+            centre, _applied(lead, self.deviation), _applied(turned, self.rest), strict=True
+        )
         return tuple(a + b + c for a, b, c in parts)
 
     def own_image(self, centre: Sequence[Any], rows: Matrix) -> list[Any]:
         """Return the image of the states on the middle's own orbits."""
         assert self.own is not None
-        return [a + b for a, b in zip(centre, _applied(self._mapped(rows)[1], self.own), strict=True)]
+        return [
+            a + b for a, b in zip(centre, _applied(self._mapped(rows)[1], self.own), strict=True)
+        ]
 
     def derivatives(self, rows: Matrix) -> tuple[tuple[Any, ...], ...]:
         """Return the derivatives of the images by the deviations of the states."""
@@ -91,14 +103,25 @@ class Frame:
         image = copy(self)
         image.middle = [part.mid() for part in centre]
         image.lead = [[entry.mid() for entry in row] for row in lead]
-        sizes = [upper(part) + sum(map(upper, row)) for part, row in zip(self.rest, self.spread, strict=True)]
-        image.axes = [[entry.mid() for entry in row] for row in axes([[*row] for row in turned], sizes)]
+        sizes = [
+            upper(part) + sum(map(upper, row))
+            for part, row in zip(self.rest, self.spread, strict=True)
+        ]
+        image.axes = [
+            [entry.mid() for entry in row] for row in axes([[*row] for row in turned], sizes)
+        ]
         inverse = _inverse(image.axes)
         left = _product(
-            inverse, [[whole(a - b) for a, b in zip(*rows, strict=True)] for rows in zip(lead, image.lead, strict=True)]
+            inverse,
+            [
+                [whole(a - b) for a, b in zip(*rows, strict=True)]
+                for rows in zip(lead, image.lead, strict=True)
+            ],
         )
         turned = _product(inverse, turned)
-        away = _applied(inverse, [whole(part - mid) for part, mid in zip(centre, image.middle, strict=True)])
+        away = _applied(
+            inverse, [whole(part - mid) for part, mid in zip(centre, image.middle, strict=True)]
+        )
         parts = zip(away, _applied(left, self.deviation), _applied(turned, self.rest), strict=True)
         image.rest = [a + b + c for a, b, c in parts]
         if self.own is not None:
@@ -107,7 +130,9 @@ class Frame:
         return image
 
     def _mapped(self, rows: Matrix) -> tuple[Matrix, Matrix]:
-        """Return the images of the lead, with the equations' own part, and of the axes, as balls."""
+        """Return the images of the lead, with the equations' own part, and of the axes, as
+        balls.
+        """
         lead = _product(rows, self.lead)
         for entries, row in zip(lead, rows, strict=True):
             for column, own in zip(self.columns, row[3:], strict=True):

@@ -34,7 +34,8 @@ from tippedisk_verify.proofs.kernel.balls import arb, ball
 
 __all__ = ["ROUGH_DEGREE", "Jet", "JetSeries", "scaled_sine", "symmetric"]
 
-ROUGH_DEGREE = 3  #: of derivatives at most: 2 is too low at both ends of the family, and 4 tightens little
+#: Of derivatives at most: 2 is too low at both ends of the family, and 4 tightens little
+ROUGH_DEGREE = 3
 
 _BOTH = arb(0, 1)
 _TERMS = 10  # at z = 1/4 the rest is below 2^-80
@@ -84,7 +85,9 @@ class Jet:
     def __mul__(self, other: Any) -> Jet:
         if isinstance(other, Jet):
             if len(self.c) != len(other.c):
-                raise ValueError(f"jets of degree {self.degree} and {other.degree} do not go together")
+                raise ValueError(
+                    f"jets of degree {self.degree} and {other.degree} do not go together"
+                )
             return _multiplied(_polynomial(self) * _polynomial(other), len(self.c) - 1)
         return Jet([x * other for x in self.c])
 
@@ -103,7 +106,10 @@ class Jet:
         for k, part in enumerate(self.c):
             b.append((part - sum(c[i] * b[k - i] for i in range(1, k + 1))) / c[0])
         if top:
-            over = [sum(c[i] * b[k - i] for i in range(k - top, top + 1)) for k in range(top + 1, 2 * top + 1)]
+            over = [
+                sum(c[i] * b[k - i] for i in range(k - top, top + 1))
+                for k in range(top + 1, 2 * top + 1)
+            ]
             b[top] = b[top] + symmetric(sum(map(symmetric, over)) / other.range())
         return Jet(b)
 
@@ -160,8 +166,12 @@ class Jet:
         return Jet([x.mid() for x in self.c])
 
     def range(self) -> Any:
-        """Return a ball that holds all values: even powers of s are in [0, 1], odd ones in [-1, 1]."""
-        return self.c[0] + sum(x.union(0 * x) if k % 2 else symmetric(x) for k, x in enumerate(self.c[1:]))
+        """Return a ball that holds all values: even powers of s are in [0, 1], odd ones in
+        [-1, 1].
+        """
+        return self.c[0] + sum(
+            x.union(0 * x) if k % 2 else symmetric(x) for k, x in enumerate(self.c[1:])
+        )
 
     def at(self, s: Any) -> Any:
         """Return a ball that holds the value at s, a number or ball in [-1, 1]."""
@@ -206,10 +216,14 @@ class JetSeries(Sequence[Jet]):
         return self.jets[index]
 
     def convolution(self, other: JetSeries) -> Jet | int:
-        """Return a_0 b_(k-1) + … + a_(k-1) b_0 for two series of the same length k (0 for k = 0)."""
+        """Return a_0 b_(k-1) + … + a_(k-1) b_0 for two series of the same length k (0 for k =
+        0).
+        """
         if not len(self):
             return 0
-        return _multiplied(sum(map(mul, self._polynomials, reversed(other._polynomials))), self.jets[0].degree)
+        return _multiplied(
+            sum(map(mul, self._polynomials, reversed(other._polynomials))), self.jets[0].degree
+        )
 
 
 def _polynomial(jet: Jet) -> Any:

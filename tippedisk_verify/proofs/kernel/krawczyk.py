@@ -105,21 +105,35 @@ def krawczyk_test(
     """
     numbers, friction = constants(claim["parameters"]), claim["friction"]
     if centre is None:
-        centre = return_map(law_model(friction, numbers, middle[2]), section, middle[:2], choices.centre)
+        centre = return_map(
+            law_model(friction, numbers, middle[2]), section, middle[:2], choices.centre
+        )
     if centre.status is not FlowStatus.RETURNED:
         return centre
     whole = [point + part for point, part in zip(middle, deviations, strict=True)]
-    box = return_map(law_model(friction, numbers, whole[2]), section, whole[:2], choices.box, derivatives=True)
+    box = return_map(
+        law_model(friction, numbers, whole[2]), section, whole[:2], choices.box, derivatives=True
+    )
     if box.status is not FlowStatus.RETURNED:
         return box
     slopes = _slopes(box)
     return fixed_points(
-        middle, deviations, unknown, choices.inverse([[row[k] for k in unknown] for row in slopes]), centre, box
+        middle,
+        deviations,
+        unknown,
+        choices.inverse([[row[k] for k in unknown] for row in slopes]),
+        centre,
+        box,
     )
 
 
 def fixed_points(
-    middle: Pair, deviations: Pair, unknown: tuple[int, int], inverse: Sequence[Pair], centre: Return, box: Return
+    middle: Pair,
+    deviations: Pair,
+    unknown: tuple[int, int],
+    inverse: Sequence[Pair],
+    centre: Return,
+    box: Return,
 ) -> FixedPoints:
     """Apply the operator to the map at the middle and over the box; ``inverse`` is Y."""
     value = [after - before for after, before in zip(centre.image, middle, strict=False)]
@@ -127,7 +141,10 @@ def fixed_points(
     (other,) = {0, 1, 2}.difference(unknown)
     width = [deviations[k] for k in unknown]
     rest = [
-        [int(i == j) - sum(inverse[i][k] * slopes[k][column] for k in range(2)) for j, column in enumerate(unknown)]
+        [
+            int(i == j) - sum(inverse[i][k] * slopes[k][column] for k in range(2))
+            for j, column in enumerate(unknown)
+        ]
         for i in range(2)
     ]
     residual = product(inverse, value)
@@ -178,7 +195,9 @@ class StepReplay:
         self._parts: Iterator[Any] = iter(())
 
     def step(self, path: Path, longest: float | None) -> Step | None:
-        need(not self._open, f"{self._place()}: its signs are not shown, or it may touch gamma_y = 0")
+        need(
+            not self._open, f"{self._place()}: its signs are not shown, or it may touch gamma_y = 0"
+        )
         need(self.number < len(self.log), f"{self.name}: its steps end on the way")
         self.number, self._open = self.number + 1, True
         self._parts = iter(self.log[self.number - 1]["steps"])
@@ -192,7 +211,9 @@ class StepReplay:
         length, orders = part
         step = path.trial(orders).tested(length)
         need(
-            step.included, f"{self._place()}: the states and derivatives over it are not shown to stay in its enclosure"
+            step.included,
+            f"{self._place()}: the states and derivatives over it are not shown to "
+            f"stay in its enclosure",
         )
         return step
 

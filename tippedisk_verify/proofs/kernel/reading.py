@@ -12,7 +12,13 @@ from typing import Any, NoReturn
 
 from flint import arb
 
-from tippedisk_verify.proofs.kernel.balls import Unproved, ball, need, working_bits, working_precision
+from tippedisk_verify.proofs.kernel.balls import (
+    Unproved,
+    ball,
+    need,
+    working_bits,
+    working_precision,
+)
 from tippedisk_verify.proofs.kernel.field import UNITS
 
 __all__ = [
@@ -37,7 +43,8 @@ __all__ = [
     "radius",
 ]
 
-_LARGEST_FILE, _LARGEST_COUNT, _HIGHEST_ORDER = 2**26, 20_000, 1000  # bytes; bits of precision; of series
+# Bytes; bits of precision; of series
+_LARGEST_FILE, _LARGEST_COUNT, _HIGHEST_ORDER = 2**26, 20_000, 1000
 _FEWEST_BITS = 24
 
 
@@ -47,7 +54,11 @@ class Refused(Exception):
 
 def dyadic(value: Any) -> Any:
     """Read an exact point: a hexadecimal mantissa times a power of two."""
-    match = re.fullmatch(r"(-?[0-9a-f]{1,6000})p(-?[0-9]{1,6})", value, re.ASCII) if isinstance(value, str) else None
+    match = (
+        re.fullmatch(r"(-?[0-9a-f]{1,6000})p(-?[0-9]{1,6})", value, re.ASCII)
+        if isinstance(value, str)
+        else None
+    )
     if not match:
         raise ValueError("a dyadic number as text is needed, such as 1a3p-12")
     return arb((int(match[1], 16), int(match[2])))
@@ -103,7 +114,9 @@ def order(value: Any) -> int:
 
 def one_of(*choices: Any) -> Callable[[Any], Any]:
     def read(value: Any) -> Any:
-        if not any(value is choice or (isinstance(value, str) and value == choice) for choice in choices):
+        if not any(
+            value is choice or (isinstance(value, str) and value == choice) for choice in choices
+        ):
             raise ValueError(f"one of {', '.join(map(str, choices))} is needed")
         return value
 
@@ -120,7 +133,9 @@ def parsed(value: Any, shape: Any, path: str) -> Any:
         names = {name.removesuffix("?"): part for name, part in shape.items()}
         needed = {name for name in shape if not name.endswith("?")}
         if not isinstance(value, dict) or not needed <= value.keys() <= names.keys():
-            raise Refused(f"{path}: an object with exactly the members {', '.join(shape)} is needed")
+            raise Refused(
+                f"{path}: an object with exactly the members {', '.join(shape)} is needed"
+            )
         return {name: parsed(part, names[name], f"{path} {name}") for name, part in value.items()}
     if isinstance(shape, list):
         if not isinstance(value, list) or shape[1] not in (len(value), None):
@@ -134,7 +149,9 @@ def parsed(value: Any, shape: Any, path: str) -> Any:
 
 
 class ClaimReader(dict[str, Any]):
-    """A claim that remembers which members were read: a member that nothing reads, nothing tests."""
+    """A claim that remembers which members were read: a member that nothing reads, nothing
+    tests.
+    """
 
     def __init__(self, members: Mapping[str, Any]) -> None:
         super().__init__(members)
@@ -172,7 +189,9 @@ def content_of(path: str) -> Any:
             raw = stream.read(_LARGEST_FILE + 1)
         if len(raw) > _LARGEST_FILE:
             raise Refused(f"it is larger than {_LARGEST_FILE} bytes")
-        return json.loads(raw, object_pairs_hook=_once, parse_float=_no_float, parse_constant=_no_float)
+        return json.loads(
+            raw, object_pairs_hook=_once, parse_float=_no_float, parse_constant=_no_float
+        )
     except OSError as fault:
         raise Refused(f"it cannot be read: {fault.strerror}") from None
     except (ValueError, RecursionError):
@@ -182,13 +201,16 @@ def content_of(path: str) -> Any:
 def digest(content: dict[str, Any]) -> str:
     """Return the SHA-256 of all members but the digest, as JSON with sorted keys and no spaces."""
     rest = {name: value for name, value in content.items() if name != "sha256"}
-    return hashlib.sha256(json.dumps(rest, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
+    return hashlib.sha256(
+        json.dumps(rest, sort_keys=True, separators=(",", ":")).encode()
+    ).hexdigest()
 
 
 # --------------------------------------------------------------------------- common to all
 LAWS = {"linear": "linear", "smooth": "smooth Coulomb"}
 
-#: The names of an orbit by its stability. Unlike a limit cycle, an undecided one need not be isolated.
+#: The names of an orbit by its stability. Unlike a limit cycle, an undecided one need not be
+#: isolated.
 MANNERS = {
     True: "a limit cycle, asymptotically stable",
     False: "a limit cycle, unstable",
@@ -204,5 +226,7 @@ def held(number: Mapping[str, str], x: Any, name: str) -> None:
     with working_precision(
         2 * working_bits()
     ):  # a half-width may be a few last bits only, and rounding must not exceed it
-        within = x.is_finite() and abs(x - ball(Fraction(number["value"]))) <= ball(Fraction(number["uncertainty"]))
+        within = x.is_finite() and abs(x - ball(Fraction(number["value"]))) <= ball(
+            Fraction(number["uncertainty"])
+        )
     need(bool(within), f"claim: {name} is not shown to lie within its uncertainty")

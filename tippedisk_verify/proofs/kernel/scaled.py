@@ -84,14 +84,18 @@ class _Part:
         other = self._other(other)
         product = self.x * other.x
         both = self.odd and other.odd
-        return _Part(product * self.square if both else product, self.square, odd=self.odd is not other.odd)
+        return _Part(
+            product * self.square if both else product, self.square, odd=self.odd is not other.odd
+        )
 
     __rmul__ = __mul__
 
     def __truediv__(self, other: Any) -> _Part:
         other = self._other(other)
         if other.odd:
-            raise ArithmeticError("a quotient by an odd quantity is not analytic in the square of the amplitude")
+            raise ArithmeticError(
+                "a quotient by an odd quantity is not analytic in the square of the amplitude"
+            )
         return _Part(self.x / other.x, self.square, odd=self.odd)
 
 
@@ -137,14 +141,18 @@ class ScaledModel:
         graph = Graph()
         variables = [graph.variable() for _ in range(3)]
         return System(
-            graph, variables, self._recorded(graph, variables, graph.number(omega), graph.number(self.square))
+            graph,
+            variables,
+            self._recorded(graph, variables, graph.number(omega), graph.number(self.square)),
         )
 
     def rates(self, state: Any) -> tuple[Any, ...]:
         """Return (b', g', w')."""
         return _rates(self.constants, state, self.omega, self.square)
 
-    def _recorded(self, graph: Graph, variables: list[Node], omega: Node, square: Node) -> tuple[Any, ...]:
+    def _recorded(
+        self, graph: Graph, variables: list[Node], omega: Node, square: Node
+    ) -> tuple[Any, ...]:
         return _rates(FieldConstants(*map(graph.number, self.constants)), variables, omega, square)
 
 
@@ -190,4 +198,7 @@ class ScaledCurve(Curve):
 
     def __post_init__(self) -> None:
         less = positive(1 - self.gamma_bar.range())
-        need(bool(self.deviation[0] == 0) and less, "the square of the amplitude is not less than 1, or deviates")
+        need(
+            bool(self.deviation[0] == 0) and less,
+            "the square of the amplitude is not less than 1, or deviates",
+        )

@@ -48,7 +48,9 @@ _MOST_CUTS = 40
 
 
 class PoincareSection(NamedTuple):
-    """A section with its Poincare map: its coordinates, and the symmetry applied after the flight."""
+    """A section with its Poincare map: its coordinates, and the symmetry applied after the
+    flight.
+    """
 
     zero: int  #: of the component that is zero on the section
     first: int  #: of the first coordinate on it; the second is v
@@ -222,7 +224,10 @@ class PoincareMap:
         if moment is None:
             return False
         # At the turn beta' = 0: moving the moment does not change beta to first order.
-        self.turn = step.component(0, moment), step.derivatives_at(moment)[0][1:] if self.path.sharp else None
+        self.turn = (
+            step.component(0, moment),
+            step.derivatives_at(moment)[0][1:] if self.path.sharp else None,
+        )
         self.turned = True
         return True
 
@@ -236,7 +241,8 @@ class PoincareMap:
             speed = model.rates(step.enclosure)[zero]
         else:
             v = step.enclosure[2]
-            speed = v if positive(v) else self.path.box[2].union(step.at_end()[2])  # v climbs from one to the other
+            # V climbs from one to the other
+            speed = v if positive(v) else self.path.box[2].union(step.at_end()[2])
         return enclosed_moment(
             step,
             step.span(),
@@ -259,7 +265,10 @@ class PoincareMap:
             # others along.
             times = [-path.matrix[section.zero][k] / rates[section.zero] for k in columns]
             rows = [
-                [sign * (path.matrix[row][k] + rates[row] * time) for k, time in zip(columns, times, strict=True)]
+                [
+                    sign * (path.matrix[row][k] + rates[row] * time)
+                    for k, time in zip(columns, times, strict=True)
+                ]
                 for row in (first, 2)
             ]
             derivatives = {

@@ -54,7 +54,8 @@ class Node:
 
     def __init__(self, graph: Graph, kind: str, left: Any = None, right: Any = None) -> None:
         self.graph, self.kind, self.left, self.right = graph, kind, left, right
-        self.partner: Node | None = None  # of an angle: its sine; of a sine: its cosine, and the other way round
+        # Of an angle: its sine; of a sine: its cosine, and the other way round
+        self.partner: Node | None = None
         self.c: list[Any] = []
         parts: list[Node] = [part for part in (left, right) if isinstance(part, Node)]
         self.constant: bool = bool(parts) and all(part.constant for part in parts)
@@ -176,11 +177,15 @@ def with_derivatives(
         tangent = [graph.variable() for _ in variables]
         unknowns += tangent
         for row in partials:
-            terms = [part * side for part, side in zip(row, tangent, strict=False) if not _absent(part)]
+            terms = [
+                part * side for part, side in zip(row, tangent, strict=False) if not _absent(part)
+            ]
             if column >= len(variables) and not _absent(row[column]):
                 terms.append(row[column])
             slopes.append(_total(graph, terms))
-    divergence = _total(graph, [part for k, row in enumerate(partials) if not _absent(part := row[k])])
+    divergence = _total(
+        graph, [part for k, row in enumerate(partials) if not _absent(part := row[k])]
+    )
     plain = System(graph, unknowns, slopes)
     return plain, System(graph, [*unknowns, graph.variable()], [*slopes, divergence])
 
@@ -265,7 +270,9 @@ def _ancestors(nodes: Sequence[Node]) -> set[Node]:
             # A sine's recurrence needs the cosine, and the other way round; a variable has a
             # partner that it needs not.
             partner = node.partner if node.kind in (*_PAIR, "slope") else None
-            open_nodes += [part for part in (node.left, node.right, partner) if isinstance(part, Node)]
+            open_nodes += [
+                part for part in (node.left, node.right, partner) if isinstance(part, Node)
+            ]
     return ancestors
 
 
@@ -330,7 +337,11 @@ def _sine(node: Node) -> Callable[[int], None]:
         nonlocal slopes
         if k == 0:
             slopes, start = getattr(x.c[0], "series", _list)(slopes), x.c[0]
-            first = (start.sin(), start.cos()) if square is None else scaled_sine(start, square.c[0])[:2]
+            first = (
+                (start.sin(), start.cos())
+                if square is None
+                else scaled_sine(start, square.c[0])[:2]
+            )
             node.c.append(first[0])
             cosine.c.append(first[1])
         else:

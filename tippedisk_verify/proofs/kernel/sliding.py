@@ -105,7 +105,9 @@ class SmoothModel(Model):
             return self
         if self._other is None:
             traction, epsilon = -self.constants.traction, -self.constants.epsilon
-            self._other = SmoothModel(self.constants._replace(traction=traction, epsilon=epsilon), self.omega)
+            self._other = SmoothModel(
+                self.constants._replace(traction=traction, epsilon=epsilon), self.omega
+            )
             self._other._other = self
         return self._other
 
@@ -122,7 +124,9 @@ class SmoothModel(Model):
         integral = self._with_path.coefficients([*state, alike(state[0], 0)], order + 1)[-1]
         return [k * coefficient for k, coefficient in enumerate(integral)][1:]
 
-    def path(self, start: Sequence[Any], proposer: StepProposer, *, derivatives: bool = False) -> Path:
+    def path(
+        self, start: Sequence[Any], proposer: StepProposer, *, derivatives: bool = False
+    ) -> Path:
         return SlidingPath(self, start, proposer, derivatives=derivatives)
 
 
@@ -146,29 +150,44 @@ class Crossing(Step):
         return self.enclosure[components]
 
     def rows_at(self, time: Any, components: slice = slice(3)) -> tuple[tuple[Any, ...], ...]:
-        before, after = self.first.rows_at(self.tau), self.second.rows_at(_since(self.tau, time), components)
+        before, after = (
+            self.first.rows_at(self.tau),
+            self.second.rows_at(_since(self.tau, time), components),
+        )
         columns = list(zip(*before, strict=True))
         rows = [[sum(row[k] * column[k] for k in range(3)) for column in columns] for row in after]
-        return tuple((*entries[:3], entries[3] + row[3]) for entries, row in zip(rows, after, strict=True))
+        return tuple(
+            (*entries[:3], entries[3] + row[3]) for entries, row in zip(rows, after, strict=True)
+        )
 
     def divergence_at(self, time: Any) -> Any:
-        return self.first.divergence_at(self.tau) + self.second.divergence_at(_since(self.tau, time))
+        return self.first.divergence_at(self.tau) + self.second.divergence_at(
+            _since(self.tau, time)
+        )
 
     def centre(self, time: Any, components: slice = slice(3)) -> Any:
         return self.second.centre(_since(self.middle_tau, time), components)
 
 
 class SlidingPath(Path):
-    """The flight of all orbits from a box with one sign of the sliding velocity, from side to side."""
+    """The flight of all orbits from a box with one sign of the sliding velocity, from side to
+    side.
+    """
 
     model: SmoothModel  #: the law of the present side
 
     def __init__(
-        self, model: SmoothModel, start: Sequence[Any], proposer: StepProposer, *, derivatives: bool = False
+        self,
+        model: SmoothModel,
+        start: Sequence[Any],
+        proposer: StepProposer,
+        *,
+        derivatives: bool = False,
     ) -> None:
         super().__init__(model, start, proposer, derivatives=derivatives)
         velocity, _ = model.motion(self.box)
-        self.side = 1 * positive(velocity) - 1 * negative(velocity)  #: the sliding velocity's sign; 0: not known
+        #: The sliding velocity's sign; 0: not known
+        self.side = 1 * positive(velocity) - 1 * negative(velocity)
         self.model = model.of_side(self.side)
 
     def step(self, longest: float | None = None) -> Step | None:
@@ -211,7 +230,10 @@ class SlidingPath(Path):
 
         On these pieces s gamma_y falls to an end that is not known to be positive.
         """
-        start, throughout = self.model.velocity(self.box, _ORDER), self.model.velocity(step.enclosure, _ORDER + 1)
+        start, throughout = (
+            self.model.velocity(self.box, _ORDER),
+            self.model.velocity(step.enclosure, _ORDER + 1),
+        )
         velocity = [_signed(coefficient, self.side) for coefficient in (*start, throughout[-1])]
         rates = [k * coefficient for k, coefficient in enumerate(velocity)][1:]
         length, waits, run, fall = arb(step.length), False, arb(0), arb(0)
@@ -221,7 +243,11 @@ class SlidingPath(Path):
             rate, last = polynomial(rates, time), polynomial(velocity, high)
             falls = negative(rate)
             run, fall = (run.union(time), fall.union(rate)) if waits else (time, rate)
-            if positive(polynomial(velocity, time)) or (not waits and positive(rate)) or (falls and positive(last)):
+            if (
+                positive(polynomial(velocity, time))
+                or (not waits and positive(rate))
+                or (falls and positive(last))
+            ):
                 waits = False
                 continue
             if not falls:
@@ -238,7 +264,9 @@ class SlidingPath(Path):
             def towards(time: Any, k: int) -> Any:
                 return -_signed(self.model.motion(states(time), middle=middle)[k], self.side)
 
-            return enclosed_moment(step, between, lambda time: towards(time, 0), -rate, lambda time: towards(time, 1))
+            return enclosed_moment(
+                step, between, lambda time: towards(time, 0), -rate, lambda time: towards(time, 1)
+            )
 
         # The middle's orbit is one of them; the rates of all hold for it.
         tau, middle_tau = zero(step.at), zero(step.centre, middle=True)
@@ -255,7 +283,15 @@ class SlidingPath(Path):
         if not negative(_signed(other.motion(second.enclosure)[1], self.side)):
             return None
         enclosure = tuple(a.union(b) for a, b in zip(step.enclosure, second.enclosure, strict=True))
-        own = step.begin, until, enclosure, step.frame, step.orders, step.polynomials, step.derivatives
+        own = (
+            step.begin,
+            until,
+            enclosure,
+            step.frame,
+            step.orders,
+            step.polynomials,
+            step.derivatives,
+        )
         return Crossing(*own, first=step, tau=tau, second=second, middle_tau=middle_tau)
 
 

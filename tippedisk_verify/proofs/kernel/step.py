@@ -78,7 +78,8 @@ class Step:
     frame: Frame  #: of the states at its start
     orders: tuple[int, int]  #: of the midpoint's series, and of that over the box
     polynomials: list[list[Any]]  #: of the midpoint's orbit, the remainder's coefficient last
-    derivatives: list[list[Any]]  #: of the derivatives, 3 to a column (and the divergence's integral), likewise
+    #: Of the derivatives, 3 to a column (and the divergence's integral), likewise
+    derivatives: list[list[Any]]
     included: Any = True  #: whether it is proved; an array for arrays of balls
 
     def rows_at(self, time: Any, components: slice = _ALL) -> tuple[tuple[Any, ...], ...]:
@@ -190,7 +191,10 @@ class Trial:
         if rough_order != order:
             fine = [series[-1] for series in bound.orbit.coefficients(box[:3], order + 1)]
         # An infinite coefficient is in no interior.
-        included = [inside(part + r * (power * span), room) for part, r, room in zip(ranges, wider, box, strict=True)]
+        included = [
+            inside(part + r * (power * span), room)
+            for part, r, room in zip(ranges, wider, box, strict=True)
+        ]
         included += [positive(time), *(r.is_finite() for r in fine)]
         return tuple(box[:3]), fine, wider, reduce(and_, included)
 
@@ -217,7 +221,8 @@ def enclosed_moment(
         elif negative(there):
             moment = guess.union(guess + reach)
         moment = shared(guess - there / slope, moment)
-        if not 1.5 * upper(moment.rad()) < upper(reach):  # at worst a step halves it, up to rounding
+        # At worst a step halves it, up to rounding
+        if not 1.5 * upper(moment.rad()) < upper(reach):
             break
         slope = slope_over(moment)
     return moment if moment.is_finite() else None
@@ -233,7 +238,9 @@ def _pad(part: Any) -> Any:
     """Return an absolute pad, for a range without width."""
     if is_ball_array(part):
         return part.abs_upper() * 2.0 ** -(_REMAINDER_BITS // 2) + 2.0**-_REMAINDER_BITS
-    return arb(2) ** (max(-_REMAINDER_BITS, magnitude(part) - _REMAINDER_BITS // 2) if part.is_finite() else 0)
+    return arb(2) ** (
+        max(-_REMAINDER_BITS, magnitude(part) - _REMAINDER_BITS // 2) if part.is_finite() else 0
+    )
 
 
 def magnitude(x: Any) -> int:

@@ -19,7 +19,13 @@ from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.proofs.closed_forms import check_linearization, hopf_balls
 from tippedisk_verify.proofs.kernel.balls import ball_constants, working_precision
 from tippedisk_verify.proofs.kernel.certificates import connection_cycles, sentence
-from tippedisk_verify.proofs.kernel.certificates.family import ArcStatus, Piece, curve_fault, last_cycle, unique_within
+from tippedisk_verify.proofs.kernel.certificates.family import (
+    ArcStatus,
+    Piece,
+    curve_fault,
+    last_cycle,
+    unique_within,
+)
 from tippedisk_verify.proofs.numbers import measured
 from tippedisk_verify.proofs.search.certificate import Proof, claim_of, parameter_texts
 from tippedisk_verify.proofs.search.connection_end import ProvedEnd
@@ -41,7 +47,8 @@ class BranchProof(Proof):
 
     parameters: Parameters
     pieces: tuple[Piece, ...]
-    stopped: ArcStatus | None = None  #: why the piece after the last one is not proved, if one was tried
+    #: Why the piece after the last one is not proved, if one was tried
+    stopped: ArcStatus | None = None
     connection: ProvedConnection | None = None  #: Omega_h, if it is known
     end: ProvedEnd | None = None  #: the cycles next to the connection, if they are proved
 
@@ -86,7 +93,11 @@ class BranchProof(Proof):
         """
         if self.proved:
             return Fraction(1)
-        known = self.connection.omega_h if self.connection is not None and self.connection.proved else None
+        known = (
+            self.connection.omega_h
+            if self.connection is not None and self.connection.proved
+            else None
+        )
         if self.omega_end is None or known is None:
             return None
         # It grows with Omega_crit and with Omega_h.
@@ -105,16 +116,24 @@ class BranchProof(Proof):
             amplitude_first=self.pieces[0].high,
             amplitude_end=self.pieces[-1].high,
             omega_end=self.omega_end,
-            unique_within=dict(zip(names, map(rounded_down, unique_within(self.pieces)), strict=True)),
+            unique_within=dict(
+                zip(names, map(rounded_down, unique_within(self.pieces)), strict=True)
+            ),
         )
         if self.end is not None and self.end_closed:
             claim["numbers"] |= (end := self.end.claim)["numbers"]
-            claim |= {name: end[name] for name in connection_cycles.CLAIM} | {"kind": "whole family of limit cycles"}
+            claim |= {name: end[name] for name in connection_cycles.CLAIM} | {
+                "kind": "whole family of limit cycles"
+            }
         return claim
 
     @property
     def bits(self) -> int:  # type: ignore[override]
-        return max(_CLAIM_BITS, self.end.bits) if self.end is not None and self.end_closed else _CLAIM_BITS
+        return (
+            max(_CLAIM_BITS, self.end.bits)
+            if self.end is not None and self.end_closed
+            else _CLAIM_BITS
+        )
 
     @property
     def evidence(self) -> dict[str, Any]:
@@ -122,7 +141,9 @@ class BranchProof(Proof):
         if not self.hopf_closed:
             return {}
         arcs = {"arcs": [piece.evidence for piece in self.pieces]}
-        return arcs | ({"end": self.end.evidence} if self.end is not None and self.end_closed else {})
+        return arcs | (
+            {"end": self.end.evidence} if self.end is not None and self.end_closed else {}
+        )
 
     @property
     def statement(self) -> str:
@@ -139,7 +160,10 @@ class BranchProof(Proof):
     def to_dict(self) -> dict[str, object]:
         """Return the entries for the command line."""
         hopf, share = self.hopf_closed, self.covered
-        ends: dict[str, dict[str, object]] = {"hopf": {"closed": hopf}, "heteroclinic": {"closed": self.end_closed}}
+        ends: dict[str, dict[str, object]] = {
+            "hopf": {"closed": hopf},
+            "heteroclinic": {"closed": self.end_closed},
+        }
         if not hopf:
             ends["hopf"]["reason"] = self.reason
         if not self.end_closed:
@@ -149,7 +173,9 @@ class BranchProof(Proof):
             ends["heteroclinic"]["reason"] = f"{reason}; {self.reason}"
         elif self.end is not None:
             entry = self.end.to_dict()
-            ends["heteroclinic"] |= {name: entry[name] for name in ("from", "to", "gamma", "v", "numbers")}
+            ends["heteroclinic"] |= {
+                name: entry[name] for name in ("from", "to", "gamma", "v", "numbers")
+            }
         entries: dict[str, object] = {
             "proved": self.proved,
             "covered": None if share is None else _decimals(share),
@@ -157,11 +183,17 @@ class BranchProof(Proof):
             "ends": ends,
         }
         entries["omega_crit"] = omega_crit(self.parameters).to_dict()
-        if self.connection is not None and self.connection.omega_h is not None and self.connection.proved:
+        if (
+            self.connection is not None
+            and self.connection.omega_h is not None
+            and self.connection.proved
+        ):
             entries["omega_h"] = self.connection.omega_h.to_dict()
         if hopf:
             claim = self.claim
-            entries |= {name: claim[name] for name in ("amplitude_end", "omega_end", "unique_within")}
+            entries |= {
+                name: claim[name] for name in ("amplitude_end", "omega_end", "unique_within")
+            }
         arcs = [piece_entry(piece) for piece in self.pieces]
         return entries | {"arcs": arcs, "parameters": self.parameters.name}
 

@@ -44,7 +44,8 @@ class Proof:
     claim: Any
     evidence: Any
 
-    _printed: ClassVar[tuple[str, ...]] = ()  #: entries of the claim that are printed besides the numbers
+    #: Entries of the claim that are printed besides the numbers
+    _printed: ClassVar[tuple[str, ...]] = ()
 
     @property
     def proved(self) -> bool:
@@ -88,18 +89,29 @@ class Proof:
         if self.proved:
             claim = self.claim
             entries |= claim["numbers"]
-            entries |= {_PRINTED.get(name, name): claim[name] for name in self._printed if name in claim}
+            entries |= {
+                _PRINTED.get(name, name): claim[name] for name in self._printed if name in claim
+            }
         entries |= {"parameters": self.parameters.name, "bits": self.bits}
         return entries | ({"status": self.status.name} if self.status else {})
 
 
-def claim_of(kind: str, parameters: Parameters, numbers: Mapping[str, Measured], **more: Any) -> dict[str, Any]:
+def claim_of(
+    kind: str, parameters: Parameters, numbers: Mapping[str, Measured], **more: Any
+) -> dict[str, Any]:
     """Return a claim about a disk.
 
     ``more`` are its other entries; rational numbers become exact texts.
     """
-    texts = {name: exact_text(entry) if isinstance(entry, Fraction) else entry for name, entry in more.items()}
-    about = {"kind": kind, "parameters": parameter_texts(parameters), "friction": parameters.friction}
+    texts = {
+        name: exact_text(entry) if isinstance(entry, Fraction) else entry
+        for name, entry in more.items()
+    }
+    about = {
+        "kind": kind,
+        "parameters": parameter_texts(parameters),
+        "friction": parameters.friction,
+    }
     return about | texts | {"numbers": {name: number.to_dict() for name, number in numbers.items()}}
 
 

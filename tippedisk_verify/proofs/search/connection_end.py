@@ -28,7 +28,13 @@ from tippedisk_verify.model.exact import exact, shown
 from tippedisk_verify.model.parameters import Constants
 from tippedisk_verify.proofs.closed_forms import refuse_past_birth
 from tippedisk_verify.proofs.kernel.balls import Unproved, ball, working_precision
-from tippedisk_verify.proofs.kernel.certificates.connection_cycles import CLAIM, LID, End, LoopMap, verify_cycles
+from tippedisk_verify.proofs.kernel.certificates.connection_cycles import (
+    CLAIM,
+    LID,
+    End,
+    LoopMap,
+    verify_cycles,
+)
 from tippedisk_verify.proofs.kernel.certificates.passage import Passage
 from tippedisk_verify.proofs.kernel.certificates.saddle import most
 from tippedisk_verify.proofs.numbers import measured
@@ -50,7 +56,8 @@ _SPEED_CELL, _SLOW_CELL = 2e-3, 4e-3  # lengths of the exits' cells in the speed
 _ROOM = 1.01  # the lid relative to the bound from the largest speed's orbit
 _WIDENED = 0.15  # the excess width of an enclosure relative to a cell's image; measured
 _ROUNDS, _ATTEMPTS = 60, 8
-_STEP = 0.005  # s; a box's enclosure over a longer one is too wide where the fast direction contracts
+# S; a box's enclosure over a longer one is too wide where the fast direction contracts
+_STEP = 0.005
 _FLOWN, _LONGEST = 1e-3, 3000  # s, and the largest number, of steps of the single flights
 
 Array = NDArray[np.float64]
@@ -60,7 +67,9 @@ class EndStatus(Enum):
     """The ways in which the proof can end; each value is a message with what to try next."""
 
     PROVED = "proved"
-    NO_CONNECTION = "the connection itself is not proved: give the answer of `prove_connection` with its digits"
+    NO_CONNECTION = (
+        "the connection itself is not proved: give the answer of `prove_connection` with its digits"
+    )
     NO_LID = "no cycle passes the saddle near enough at the largest speed: ask for a smaller reach"
     FLIGHT = "the flight between the saddles could not be enclosed: ask for a smaller reach"
     INEQUALITY = "an inequality of the proof does not hold: ask for a smaller reach"
@@ -69,7 +78,9 @@ class EndStatus(Enum):
 
 @dataclass(frozen=True, repr=False)
 class ProvedEnd(Proof):
-    """The proof of the cycles at speeds from ``low`` to ``high`` [rad/s], if the status is PROVED."""
+    """The proof of the cycles at speeds from ``low`` to ``high`` [rad/s], if the status is
+    PROVED.
+    """
 
     status: EndStatus
     connection: ProvedConnection
@@ -90,15 +101,24 @@ class ProvedEnd(Proof):
         """The claim of the certificate; it needs a proof."""
         assert self.connection.omega_h is not None
         assert self.connection.parameters is not None
-        numbers, texts = {"omega_h": self.connection.omega_h}, {name: getattr(self, name) for name in CLAIM}
-        return claim_of("cycles next to the connection", self.connection.parameters, numbers, **texts)
+        numbers, texts = (
+            {"omega_h": self.connection.omega_h},
+            {name: getattr(self, name) for name in CLAIM},
+        )
+        return claim_of(
+            "cycles next to the connection", self.connection.parameters, numbers, **texts
+        )
 
     @property
     def evidence(self) -> dict[str, Any]:
         """The accepted choices, with those of the connection and its claim."""
-        eigenvalues = [(number.value, number.uncertainty) for number in self.connection.saddle_eigenvalues]
+        eigenvalues = [
+            (number.value, number.uncertainty) for number in self.connection.saddle_eigenvalues
+        ]
         claimed = {"eigenvalues": eigenvalues, "room": self.connection.room}
-        return self.choices and self.choices | {"connection": {**self.connection.evidence, **claimed}}
+        return self.choices and self.choices | {
+            "connection": {**self.connection.evidence, **claimed}
+        }
 
     def meets(self, omega: Any, gamma_bar: Any, v: Any) -> bool:
         """Return True if the fixed point of P in these balls is the statement's, at all speeds of
@@ -118,7 +138,10 @@ class ProvedEnd(Proof):
             "status": self.status.name.lower(),
             "statement": self.statement,
             "omega_h": None if omega_h is None else omega_h.to_dict(),
-            **{name: exact_text(getattr(self, field)) for name, field in zip(names, CLAIM, strict=True)},
+            **{
+                name: exact_text(getattr(self, field))
+                for name, field in zip(names, CLAIM, strict=True)
+            },
             "numbers": self.numbers,
         }
 
@@ -138,7 +161,12 @@ def prove_end(
     """
     parameters, omega_h = connection.parameters, connection.omega_h
     above, under = checked_distance(reach), checked_distance(below)
-    if not connection.proved or parameters is None or omega_h is None or connection.verified is None:
+    if (
+        not connection.proved
+        or parameters is None
+        or omega_h is None
+        or connection.verified is None
+    ):
         return ProvedEnd(EndStatus.NO_CONNECTION, connection)
     parameters.refuse_smooth("the cycles next to the connection are proved")
     middle = round(omega_h.value, 4)
@@ -160,7 +188,9 @@ def prove_end(
             texts = {name: f"{float(x):.4g}" for name, x in numbers.items()}
             entry = {name: part for name, part in search.log["entry"].items() if name not in CLAIM}
             choices = search.log | {"entry": entry}
-            return ProvedEnd(EndStatus.PROVED, connection, low, high, end.gamma, end.v, texts, choices=choices)
+            return ProvedEnd(
+                EndStatus.PROVED, connection, low, high, end.gamma, end.v, texts, choices=choices
+            )
     return failed
 
 
@@ -169,14 +199,19 @@ def checked_distance(number: object) -> Fraction:
     given = exact(number)
     if given.pi_multiple or not 0 < given.rational < 1:
         raise InputError(
-            f"the distance up to which cycles are proved is a decimal between 0 and 1 rad/s, not {shown(number)}"
+            f"the distance up to which cycles are proved is a decimal between 0 and 1 rad/s, not "
+            f"{shown(number)}"
         )
     return given.rational
 
 
 class _EndSearch(Proposer):
-    def __init__(self, connection: ProvedConnection, low: Fraction, high: Fraction, factor: float) -> None:
-        """Search between the speeds ``low`` and ``high``, with the expected lid times ``factor``."""
+    def __init__(
+        self, connection: ProvedConnection, low: Fraction, high: Fraction, factor: float
+    ) -> None:
+        """Search between the speeds ``low`` and ``high``, with the expected lid times
+        ``factor``.
+        """
         super().__init__()
         self.connection, self.low, self.high, self.factor = connection, low, high, factor
 
@@ -198,7 +233,8 @@ class _EndSearch(Proposer):
 
     def weights(self, n: Passage) -> dict[str, Any]:
         flat, lipschitz = (
-            most((abs(matrix[0, 1]) + abs(matrix[0, 2])) / matrix[0, 0] * 9 / 8).mid() for matrix in (n.M, n.A)
+            most((abs(matrix[0, 1]) + abs(matrix[0, 2])) / matrix[0, 0] * 9 / 8).mid()
+            for matrix in (n.M, n.A)
         )
         c = n.C
         grows = [[c[i, j].upper() if i == j else most(c[i, j]) for j in range(3)] for i in range(3)]
@@ -218,7 +254,9 @@ class _EndSearch(Proposer):
         arrive.
         """
         top, cell = float(self.high), float(self.high) - _SPEED_CELL
-        _, (arrival, further, slower) = self._flown(n, np.array([top, top, cell]), np.array([0, _SLOW_CELL, 0]))
+        _, (arrival, further, slower) = self._flown(
+            n, np.array([top, top, cell]), np.array([0, _SLOW_CELL, 0])
+        )
         wide = (abs(further - arrival) + abs(slower - arrival)) * _WIDENED
         lid = abs(arrival)
         for _ in range(_ROUNDS):
@@ -245,13 +283,23 @@ class _EndSearch(Proposer):
             first, second = low + (high - low) / 3, high - (high - low) / 3
             low, high = (low, second) if bound(first) < bound(second) else (first, high)
         c, d = (_decimal_above(bound(low) * n.at_crossing(row)) for row in (1, 2))
-        return {"lid": top, "fast": fast, "weight": ball(_WEIGHT), "moment": ball(low), "gamma": c, "v": d}
+        return {
+            "lid": top,
+            "fast": fast,
+            "weight": ball(_WEIGHT),
+            "moment": ball(low),
+            "gamma": c,
+            "v": d,
+        }
 
     def flights(self, loop_map: LoopMap) -> dict[str, Any]:
         """Choose steps that end half a step after the middle of each cell arrives."""
         low, high = float(self.low), float(self.high)
         least, largest = map(float, loop_map.exits)
-        rows, columns = math.ceil((high - low) / _SPEED_CELL), math.ceil((largest - least) / _SLOW_CELL)
+        rows, columns = (
+            math.ceil((high - low) / _SPEED_CELL),
+            math.ceil((largest - least) / _SLOW_CELL),
+        )
         speeds, slow = (
             begin + (end - begin) * (np.arange(number) + 0.5) / number
             for begin, end, number in ((low, high, rows), (least, largest, columns))
@@ -259,14 +307,18 @@ class _EndSearch(Proposer):
         times, _ = self._flown(loop_map.n, np.repeat(speeds, columns), np.tile(slow, rows))
         count = math.ceil(float(times.max()) / _STEP)
         lengths = np.round(times / (count - 0.5) * 2**30) / 2**30
-        return {"steps": count, "lengths": [[arb(float(x)) for x in row] for row in lengths.reshape(rows, columns)]}
+        return {
+            "steps": count,
+            "lengths": [[arb(float(x)) for x in row] for row in lengths.reshape(rows, columns)],
+        }
 
     def _flown(self, n: Passage, speeds: Array, slow: Array) -> tuple[Array, Array]:
         """Return times of single flights from z_u = u to z_s = -s, and z_u there (Runge-Kutta)."""
         assert self.connection.parameters is not None
         constants = Constants(*map(float, self.connection.parameters.rational()))
         to_y, to_z = (
-            np.array([[float(x) for x in row] for row in m.tolist()]) for m in (n.saddle.directions, n.saddle.inverse)
+            np.array([[float(x) for x in row] for row in m.tolist()])
+            for m in (n.saddle.directions, n.saddle.inverse)
         )
         rates = equations.field(equations.shifted(np), constants, speeds, "linear")
         u, s, _ = map(float, n.extents)

@@ -17,8 +17,22 @@ from typing import Any, NamedTuple, cast
 from tippedisk_verify.model.decimals import exact_text, rounded_up
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.proofs.kernel.balls import Unproved, arb, ball, need, working_precision
-from tippedisk_verify.proofs.kernel.certificates.family import ArcStatus, Piece, box_test, signs, upper_bound
-from tippedisk_verify.proofs.kernel.curves import ORDERS, UNKNOWNS, Arc, Curve, CurvePath, Matrix, inverse
+from tippedisk_verify.proofs.kernel.certificates.family import (
+    ArcStatus,
+    Piece,
+    box_test,
+    signs,
+    upper_bound,
+)
+from tippedisk_verify.proofs.kernel.curves import (
+    ORDERS,
+    UNKNOWNS,
+    Arc,
+    Curve,
+    CurvePath,
+    Matrix,
+    inverse,
+)
 from tippedisk_verify.proofs.kernel.field import FieldConstants, constants
 from tippedisk_verify.proofs.kernel.jets import Jet
 from tippedisk_verify.proofs.kernel.scaled import ScaledCurve
@@ -41,14 +55,16 @@ __all__ = [
 
 BITS, _DEGREE = 64, 4
 _PLACES = 16  # decimals of the polynomials' coefficients
-_SHARES = Fraction(1, 300), Fraction(1, 100)  # first radii of the box, relative to the family's motion over it
+# First radii of the box, relative to the family's motion over it
+_SHARES = Fraction(1, 300), Fraction(1, 100)
 _LEAST = Fraction(1, 10**12)  # a box's radius [rad/s]
 _MOST_ATTEMPTS = 3
 #: Sizes of a box of uniqueness, relative to the family's slope times the distance to the connection
 #: (for a scaled piece, times the distance of a^2 from 1).
 _WIDE_SHARES = Fraction(1, 64), Fraction(1, 256)
 
-Guess = tuple[Fraction, Fraction, Fraction]  #: v_0 (or v_0 / a) [rad/s], Omega [rad/s], half the period [s]
+#: v_0 (or v_0 / a) [rad/s], Omega [rad/s], half the period [s]
+Guess = tuple[Fraction, Fraction, Fraction]
 Test = Callable[[Sequence[Fraction], Any], Arc]  #: of a box of these radii, with these choices
 _TOLERANCE, _ROUGH_TOLERANCE = -56, -30  #: log2 of the last terms: of states, and of derivatives
 _FIRST_SHARE, _LONGEST_SHARE = 0.01, 0.03  #: of the time of flight, for a step
@@ -129,14 +145,20 @@ def glide(constants: FieldConstants, curve: Curve) -> tuple[Sequence[Jet], Jet]:
         if 1 - done < reach / 2:
             break
         length = (total * min(reach, 1 - done)).mid()
-        state, time, done = [polynomial(part, length).mid() for part in series], time + length, done + reach
+        state, time, done = (
+            [polynomial(part, length).mid() for part in series],
+            time + length,
+            done + reach,
+        )
     tau = _moment(series, 0 * total)
     return [-polynomial(part, tau).mid() for part in series[1:]], (tau + time).mid()
 
 
 def _reach(series: Sequence[Sequence[Jet]]) -> float:
     """Estimate the time [s] for which the last two terms stay below 2^_TOLERANCE."""
-    sizes = [(float(part[n].c[0].abs_upper()), n) for part in series for n in (ORDERS[0] - 1, ORDERS[0])]
+    sizes = [
+        (float(part[n].c[0].abs_upper()), n) for part in series for n in (ORDERS[0] - 1, ORDERS[0])
+    ]
     if not all(math.isfinite(size) for size, _ in sizes):
         return 0.0
     return min(1.0, *(math.exp2((_TOLERANCE - math.log2(size)) / n) for size, n in sizes if size))
@@ -152,7 +174,12 @@ def _moment(polynomials: Sequence[Sequence[Jet]], guess: Jet) -> Jet:
 
 
 def family_polynomials(
-    constants: FieldConstants, start: Sequence[Any], radius: Any, degree: int, total: Any, kind: type[Curve]
+    constants: FieldConstants,
+    start: Sequence[Any],
+    radius: Any,
+    degree: int,
+    total: Any,
+    kind: type[Curve],
 ) -> tuple[list[Jet], Jet]:
     """Return Taylor polynomials in s of (gamma_bar, v, Omega) along the family, and of half the
     period.
@@ -179,7 +206,9 @@ def family_polynomials(
         image, half = glide(constants, curve)
         value = [after.c[k] - before.c[k] for after, before in zip(image, curve.start, strict=True)]
         for row, index in zip(chord, UNKNOWNS, strict=True):
-            polynomials[index][k] = (polynomials[index][k] - row[0] * value[0] - row[1] * value[1]).mid()
+            polynomials[index][k] = (
+                polynomials[index][k] - row[0] * value[0] - row[1] * value[1]
+            ).mid()
     return [Jet(part) for part in polynomials], half
 
 
@@ -192,7 +221,9 @@ class Rows(NamedTuple):
     texts: list[list[str]]
 
 
-def family_rows(constants: FieldConstants, start: Sequence[Any], radius: Any, total: Any, kind: type[Curve]) -> Rows:
+def family_rows(
+    constants: FieldConstants, start: Sequence[Any], radius: Any, total: Any, kind: type[Curve]
+) -> Rows:
     """Return `family_polynomials` in decimals. Raises Stopped if they are not finite."""
     polynomials, half = family_polynomials(constants, start, radius, _DEGREE, total, kind)
     jets = [*(polynomials[k] for k in UNKNOWNS), half]
@@ -202,12 +233,16 @@ def family_rows(constants: FieldConstants, start: Sequence[Any], radius: Any, to
     return Rows(rows[:2], [[*map(exact_text, row)] for row in rows])
 
 
-def _slope(constants: FieldConstants, kind: type[Curve], point: Sequence[Any], half: Any, moving: int) -> list[Any]:
+def _slope(
+    constants: FieldConstants, kind: type[Curve], point: Sequence[Any], half: Any, moving: int
+) -> list[Any]:
     """Approximate the derivative of F by one of the three numbers."""
     zero = 0 * point[0]
     first, v, speed = (Jet([part, zero + _TINY * int(moving == j)]) for j, part in enumerate(point))
     image, _ = glide(constants, kind(first, v, speed, [zero] * 3, Jet.constant(half, 1)))
-    return [(part.c[1] / _TINY).mid() - own[moving] for part, own in zip(image, kind.unit, strict=True)]
+    return [
+        (part.c[1] / _TINY).mid() - own[moving] for part, own in zip(image, kind.unit, strict=True)
+    ]
 
 
 class Boxed(NamedTuple):
@@ -233,14 +268,18 @@ def boxed(test: Test, radii: Sequence[Fraction]) -> Boxed:
             raise Stopped(ArcStatus.NOT_FOLLOWED) from None
         if not all(off.is_finite() for off in arc.within):
             raise Stopped(ArcStatus.NOT_FOLLOWED)
-        within = [two_digits(max(upper_bound(off) * WIDER, Fraction(1, 10**30))) for off in arc.within]
+        within = [
+            two_digits(max(upper_bound(off) * WIDER, Fraction(1, 10**30))) for off in arc.within
+        ]
         if arc.included and all(a < b for a, b in zip(within, sizes, strict=True)):
             return Boxed(arc, sizes, within, choices.log)
         radii = [2 * part for part in within]
     raise Stopped(ArcStatus.NOT_INCLUDED)
 
 
-def prove_piece(parameters: Parameters, low: Fraction, high: Fraction, guess: Guess) -> Piece | ArcStatus:
+def prove_piece(
+    parameters: Parameters, low: Fraction, high: Fraction, guess: Guess
+) -> Piece | ArcStatus:
     """Prove the family from one amplitude to another [rad], with scaled states if ``low`` is 0.
 
     ``guess`` is a cycle at the middle of a or, with scaled states, of a^2.
@@ -253,7 +292,11 @@ def prove_piece(parameters: Parameters, low: Fraction, high: Fraction, guess: Gu
         kind = Curve if low else ScaledCurve
         try:
             rows = family_rows(constants(disk), start, ball(length), half, kind)
-            arc: dict[str, Any] = {"end": exact_text(high), "curve": rows.texts[:2], "half": rows.texts[2]}
+            arc: dict[str, Any] = {
+                "end": exact_text(high),
+                "curve": rows.texts[:2],
+                "half": rows.texts[2],
+            }
             test: Test = lambda radii, choices: box_test(disk, low, arc, radii, choices)  # noqa: E731
             radii = [abs(row[1]) * share for row, share in zip(rows.numbers, _SHARES, strict=True)]
             for _ in range(_MOST_ATTEMPTS):
@@ -262,7 +305,9 @@ def prove_piece(parameters: Parameters, low: Fraction, high: Fraction, guess: Gu
                     break
                 # Derivatives over a smaller box may decide signs that are undecided over this one.
                 radii = [part * 5 / 4 for part in box.within]
-                if any(2 * two_digits(new) > old for new, old in zip(radii, box.radii, strict=True)):
+                if any(
+                    2 * two_digits(new) > old for new, old in zip(radii, box.radii, strict=True)
+                ):
                     break
         except Stopped as fault:
             return cast("ArcStatus", fault.status)
@@ -281,7 +326,12 @@ def prove_piece(parameters: Parameters, low: Fraction, high: Fraction, guess: Gu
                     break
         first, second = rows.numbers
         return Piece(
-            low, high, (first, second), (unique.radii[0], unique.radii[1]), (box.within[0], box.within[1]), evidence
+            low,
+            high,
+            (first, second),
+            (unique.radii[0], unique.radii[1]),
+            (box.within[0], box.within[1]),
+            evidence,
         )
 
 

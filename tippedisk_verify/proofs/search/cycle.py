@@ -56,9 +56,12 @@ class OrbitStatus(Enum):
     NOT_FOLLOWED = "the flow could not be followed from section to section"
     NOT_CONVERGED = "the guess could not be refined to a fixed point: start closer to a cycle"
     TRIVIAL = "the guess falls onto the equilibrium: start closer to a cycle"
-    NOT_INCLUDED = "Krawczyk's image does not lie inside the box: work in more bits, or from a better guess"
+    NOT_INCLUDED = (
+        "Krawczyk's image does not lie inside the box: work in more bits, or from a better guess"
+    )
     TOO_FEW_DIGITS = (
-        "a cycle is proved to exist, but its numbers are not enclosed to the requested digits: work in more bits"
+        "a cycle is proved to exist, but its numbers are not enclosed to the requested digits: "
+        "work in more bits"
     )
 
 
@@ -77,11 +80,16 @@ class OrbitProof(Proof):
     parameters: Parameters
     omega: Fraction  #: [rad/s], exact
     bits: int  #: working precision
-    values: Mapping[str, Any] = field(default_factory=dict)  #: the numbers, balls that hold the true ones, by name
-    unique_within: Any = None  #: distances of the two coordinates within which the map has no other fixed point
-    stable: bool | None = None  #: asymptotically stable (True) or unstable (False), proved; None if not decided
-    reversals: int = 0  #: sign changes of the sliding velocity in a period, under the smooth law only
-    evidence: Mapping[str, Any] | None = field(default=None, repr=False)  #: the choices that the kernel accepted
+    #: The numbers, balls that hold the true ones, by name
+    values: Mapping[str, Any] = field(default_factory=dict)
+    #: Distances of the two coordinates within which the map has no other fixed point
+    unique_within: Any = None
+    #: Asymptotically stable (True) or unstable (False), proved; None if not decided
+    stable: bool | None = None
+    #: Sign changes of the sliding velocity in a period, under the smooth law only
+    reversals: int = 0
+    #: The choices that the kernel accepted
+    evidence: Mapping[str, Any] | None = field(default=None, repr=False)
 
     @property
     def claim(self) -> dict[str, Any]:
@@ -91,7 +99,13 @@ class OrbitProof(Proof):
         room = {name: _decimal_below(distance) for name, distance in distances}
         sliding = {"reversals": self.reversals} if self.parameters.friction == "smooth" else {}
         return claim_of(
-            kind, self.parameters, self.numbers(), omega=self.omega, stable=self.stable, **sliding, unique_within=room
+            kind,
+            self.parameters,
+            self.numbers(),
+            omega=self.omega,
+            stable=self.stable,
+            **sliding,
+            unique_within=room,
         )
 
     @property
@@ -107,9 +121,13 @@ class OrbitProof(Proof):
         for name, value in self.values.items():
             if not value.is_finite():
                 return 64
-            size = magnitude(value) if name in cycle.main(self.section) else max(0, magnitude(value))
+            size = (
+                magnitude(value) if name in cycle.main(self.section) else max(0, magnitude(value))
+            )
             # 2^size may be twice the value, and 10^-digits is rounded: two bits for that.
-            worst = max(worst, magnitude(value.rad()) - size + 2 + math.ceil(digits * math.log2(10)))
+            worst = max(
+                worst, magnitude(value.rad()) - size + 2 + math.ceil(digits * math.log2(10))
+            )
         return worst
 
     def numbers(self) -> dict[str, Measured]:
@@ -149,20 +167,34 @@ def prove_cycle(
     """
     attempt = Attempt(parameters, checked_speed(omega), digits, most_bits, section)
     if len(guess) != 2:
-        raise InputError(f"a guess has two components: {'gamma_bar' if section == HALF else 'beta_bar'} and v")
+        raise InputError(
+            f"a guess has two components: {'gamma_bar' if section == HALF else 'beta_bar'} and v"
+        )
     try:
         return attempt.run([exact(part) for part in guess])
     except Stopped as fault:
-        return OrbitProof(section, OrbitStatus(fault.status), str(fault), parameters, attempt.omega, attempt.bits)
+        return OrbitProof(
+            section, OrbitStatus(fault.status), str(fault), parameters, attempt.omega, attempt.bits
+        )
 
 
 class Attempt:
     """A proof in progress: the precision and box in use. Failures are raised as `Stopped`."""
 
     def __init__(
-        self, parameters: Parameters, omega: Fraction, digits: int, most_bits: int, section: PoincareSection = HALF
+        self,
+        parameters: Parameters,
+        omega: Fraction,
+        digits: int,
+        most_bits: int,
+        section: PoincareSection = HALF,
     ) -> None:
-        self.parameters, self.omega, self.digits, self.most_bits = parameters, omega, digits, most_bits
+        self.parameters, self.omega, self.digits, self.most_bits = (
+            parameters,
+            omega,
+            digits,
+            most_bits,
+        )
         self.section, self.setting = section, claim_of("", parameters, {}, omega=omega)
         self.box_bits = bits_for_digits(digits + _GUARD_DIGITS)
         self.bits = min(most_bits, self.box_bits + _GUARD_BITS)
@@ -180,13 +212,19 @@ class Attempt:
                 if isinstance(fixed, Return):
                     ended, more = _not_followed(fixed), 64
                 elif not fixed.included:
-                    ended, more = Stopped(OrbitStatus.NOT_INCLUDED, f"in {self.bits} bits"), _shortage(fixed, evidence)
+                    ended, more = (
+                        Stopped(OrbitStatus.NOT_INCLUDED, f"in {self.bits} bits"),
+                        _shortage(fixed, evidence),
+                    )
                 else:
                     proof = self.concluded(fixed)
                     lacking = proof.lacking_bits(self.digits)
                     if not lacking:
                         return self.neighbourhood(proof, fixed, drift, evidence)
-                    ended, more = Stopped(OrbitStatus.TOO_FEW_DIGITS, f"{lacking} bits are lacking"), lacking + 4
+                    ended, more = (
+                        Stopped(OrbitStatus.TOO_FEW_DIGITS, f"{lacking} bits are lacking"),
+                        lacking + 4,
+                    )
                     self.box_bits += more
                 if isinstance(fixed, FixedPoints) and all(part.is_finite() for part in fixed.image):
                     middle = [part.mid() for part in fixed.image[:2]]
@@ -196,7 +234,11 @@ class Attempt:
         raise ended
 
     def tested(
-        self, middle: Sequence[Any], drift: Any, size: int, centre: tuple[Steps, Return] | None = None
+        self,
+        middle: Sequence[Any],
+        drift: Any,
+        size: int,
+        centre: tuple[Steps, Return] | None = None,
     ) -> tuple[FixedPoints | Return, dict[str, Any]]:
         """Apply Krawczyk's test to a box whose radii are 2^-size of the state."""
         sizes = [(abs(part) * arb(2) ** -size).mid() for part in middle[:2]]
@@ -212,19 +254,26 @@ class Attempt:
         if not scale > 0:
             raise Stopped(OrbitStatus.TRIVIAL, "the guess is the equilibrium")
         matrix: Any = None
-        correct, gain = 0, 0  # -log2 of the last step's size relative to the state, and of the matrix's error
+        # -log2 of the last step's size relative to the state, and of the matrix's error
+        correct, gain = 0, 0
         for _ in range(_MOST_ITERATIONS):
             with working_precision(min(self.bits, max(_FIRST_BITS, 2 * correct + 64))):
-                flight = return_map(self.model(), self.section, state, Steps(), derivatives=matrix is None)
+                flight = return_map(
+                    self.model(), self.section, state, Steps(), derivatives=matrix is None
+                )
                 if flight.status is not FlowStatus.RETURNED:
                     raise _not_followed(flight)
                 if matrix is None:
                     (a, b), (c, d) = flight.matrix
                     matrix = ((a - 1, b), (c, d - 1))
                 inverse = midpoint_inverse(matrix)
-                step = product(inverse, [new - old for new, old in zip(flight.image, state, strict=True)])
+                step = product(
+                    inverse, [new - old for new, old in zip(flight.image, state, strict=True)]
+                )
                 if not all(part.is_finite() for part in step):
-                    raise Stopped(OrbitStatus.NOT_CONVERGED, "the derivative of the map is singular")
+                    raise Stopped(
+                        OrbitStatus.NOT_CONVERGED, "the derivative of the map is singular"
+                    )
             with working_precision(self.bits):
                 state = [(old - part).mid() for old, part in zip(state, step, strict=True)]
             if float(abs(state[0])) + float(abs(state[1])) / 10 < scale / 5:
@@ -240,15 +289,21 @@ class Attempt:
                 return state
             if correct <= previous:  # a stale derivative
                 matrix, gain = None, 0
-        raise Stopped(OrbitStatus.NOT_CONVERGED, f"after {_MOST_ITERATIONS} steps of Newton's iteration")
+        raise Stopped(
+            OrbitStatus.NOT_CONVERGED, f"after {_MOST_ITERATIONS} steps of Newton's iteration"
+        )
 
-    def neighbourhood(self, proof: OrbitProof, fixed: FixedPoints, drift: Any, evidence: dict[str, Any]) -> OrbitProof:
+    def neighbourhood(
+        self, proof: OrbitProof, fixed: FixedPoints, drift: Any, evidence: dict[str, Any]
+    ) -> OrbitProof:
         """Return the proof with the widest box that passes the test, and with its evidence."""
         with working_precision(_REMOTE_BITS):
             for size in _REMOTE_BOXES:
                 if size >= self.box_bits:
                     continue
-                remote, wide = self.tested(fixed.middle, drift, size, (evidence["centre"], fixed.centre))
+                remote, wide = self.tested(
+                    fixed.middle, drift, size, (evidence["centre"], fixed.centre)
+                )
                 if isinstance(remote, FixedPoints) and remote.included:
                     evidence["wide box"] = wide["box"] | {"bits": _REMOTE_BITS}
                     break
@@ -257,7 +312,10 @@ class Attempt:
 
     def concluded(self, fixed: FixedPoints) -> OrbitProof:
         """Return the proof with the cycle's numbers, from a passed test."""
-        values, where = cycle.cycle_numbers(self.section, fixed), f"{fixed.centre.steps} + {fixed.box.steps} steps"
+        values, where = (
+            cycle.cycle_numbers(self.section, fixed),
+            f"{fixed.centre.steps} + {fixed.box.steps} steps",
+        )
         return OrbitProof(
             self.section,
             OrbitStatus.PROVED,
@@ -272,7 +330,9 @@ class Attempt:
 
 
 def _not_followed(flight: Return) -> Stopped:
-    return Stopped(OrbitStatus.NOT_FOLLOWED, f"at t = {float(flight.reached):.4g} s: {flight.status.value}")
+    return Stopped(
+        OrbitStatus.NOT_FOLLOWED, f"at t = {float(flight.reached):.4g} s: {flight.status.value}"
+    )
 
 
 def _shortage(fixed: FixedPoints, evidence: Mapping[str, Any]) -> int:

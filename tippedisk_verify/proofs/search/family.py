@@ -56,14 +56,17 @@ _REACHES = (
     "0.002",
 )  # rad/s above Omega_h: reaches of the cycles next to the connection that are tried
 _OVERLAP = Fraction(3, 4)  # of that reach, for the pieces' end
-_KNOWN, _NEARER = 60, Fraction(4, 5)  # known cycles; ratio of successive distances from Omega_h for the last ones
+# Known cycles; ratio of successive distances from Omega_h for the last ones
+_KNOWN, _NEARER = 60, Fraction(4, 5)
 _CLOSEST = Fraction(1, 10**6)  # rad/s from Omega_h
 _CONNECTION_DIGITS = 10
 
-Known = tuple[Fraction, Fraction, Fraction, Fraction]  #: a cycle's gamma_bar_0, v_0, Omega and half its period
+#: A cycle's gamma_bar_0, v_0, Omega and half its period
+Known = tuple[Fraction, Fraction, Fraction, Fraction]
 Found = tuple[Piece | ArcStatus, "Interval"]
 Watch = Callable[[Piece | ArcStatus, "Interval"], None]
-Pool = Callable[[bool], AbstractContextManager[Executor | None]]  #: processes, if there are several intervals
+#: Processes, if there are several intervals
+Pool = Callable[[bool], AbstractContextManager[Executor | None]]
 
 
 def prove_family(
@@ -99,7 +102,9 @@ def prove_family(
 
     # Without the piece at the Hopf point the others are of no use.
     stage("the Hopf point")
-    stopped = prove_intervals(parameters, open_intervals(pieces, min(wanted, HOPF_END)), [], watch=keep)
+    stopped = prove_intervals(
+        parameters, open_intervals(pieces, min(wanted, HOPF_END)), [], watch=keep
+    )
     if chain(pieces):
         stage("the connection")
         speeds: list[Fraction] | None = None
@@ -231,7 +236,9 @@ def guess_at(known: Sequence[Known], amplitude: Fraction) -> Guess:
     nearest = sorted(known, key=lambda cycle: abs(cycle[0] - amplitude))[:_NEAREST]
     off = [float(cycle[0] - amplitude) for cycle in nearest]
     values = [[float(number) for number in cycle[1:]] for cycle in nearest]
-    first, second, third = map(Fraction, np.polynomial.polynomial.polyfit(off, values, len(off) - 1)[0].tolist())
+    first, second, third = map(
+        Fraction, np.polynomial.polynomial.polyfit(off, values, len(off) - 1)[0].tolist()
+    )
     return first, second, third
 
 
@@ -286,7 +293,11 @@ class _Jobs:
     def drop_from(self, low: Fraction) -> None:
         """Cancel intervals beyond ``low`` that have not begun."""
         self.waiting = [interval for interval in self.waiting if interval.low < low]
-        for future in [future for future, interval in self.running.items() if interval.low >= low and future.cancel()]:
+        for future in [
+            future
+            for future, interval in self.running.items()
+            if interval.low >= low and future.cancel()
+        ]:
             del self.running[future]
 
     def __iter__(self) -> Iterator[Found]:

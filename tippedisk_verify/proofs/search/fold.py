@@ -17,7 +17,14 @@ from typing import Any, ClassVar, Literal
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import bits_for_digits, checked_digits
-from tippedisk_verify.proofs.kernel.balls import Unproved, arb, ball, ball_constants, need, working_precision
+from tippedisk_verify.proofs.kernel.balls import (
+    Unproved,
+    arb,
+    ball,
+    ball_constants,
+    need,
+    working_precision,
+)
 from tippedisk_verify.proofs.kernel.certificates import fold
 from tippedisk_verify.proofs.kernel.flow import FlowStatus, Model
 from tippedisk_verify.proofs.kernel.krawczyk import FixedPoints, product
@@ -29,10 +36,12 @@ from tippedisk_verify.proofs.search.steps import Steps, midpoint_inverse, search
 __all__ = ["HALF", "TURN", "FoldProof", "prove_fold"]
 
 _GUARD_BITS = 60
-# Digits by which the arc is shorter than half the digits: enclosures of derivatives over it are wide.
+# Digits by which the arc is shorter than half the digits: enclosures of derivatives over it are
+# wide.
 _SHORTER = 5
 _SLOPE = 8  # of v along the arc [1/s], at first
-_EXCESS = 2**26  # of the enclosure of Omega over the arc, in units of its squared half-length, at first
+# Of the enclosure of Omega over the arc, in units of its squared half-length, at first
+_EXCESS = 2**26
 _INFLATIONS = 3
 _CHORDS = 12
 
@@ -51,7 +60,8 @@ class FoldProof(Proof):
     #: arc, v and the period
     values: Mapping[str, Measured] = field(default_factory=dict)
     extremum: Literal["smallest", "largest"] | None = None  #: which
-    evidence: Mapping[str, Any] | None = field(default=None, repr=False)  #: the choices that the kernel accepted
+    #: The choices that the kernel accepted
+    evidence: Mapping[str, Any] | None = field(default=None, repr=False)
 
     @property
     def status(self) -> None:
@@ -73,7 +83,11 @@ class FoldProof(Proof):
 
 
 def prove_fold(
-    parameters: Parameters, near: Sequence[object], *, digits: int = 12, section: PoincareSection = HALF
+    parameters: Parameters,
+    near: Sequence[object],
+    *,
+    digits: int = 12,
+    section: PoincareSection = HALF,
 ) -> FoldProof:
     """Prove the fold near a point (both coordinates on the section, Omega).
 
@@ -89,7 +103,8 @@ def prove_fold(
     # The printed arc is exactly the tested one, so its middle has no more decimals than its
     # half-length.
     arc = Measured(round(p, places + 2), Fraction(1, 10**places))
-    bits = bits_for_digits(digits + 2 * _SHORTER + 4) + _GUARD_BITS  # the squared half-length, and some more
+    # The squared half-length, and some more
+    bits = bits_for_digits(digits + 2 * _SHORTER + 4) + _GUARD_BITS
     attempt = _Attempt(section, parameters, (v, omega), arc)
     with working_precision(bits):
         try:
@@ -98,14 +113,20 @@ def prove_fold(
             need(values["omega"].uncertainty <= values["omega"].value / 10**digits, faint)
         except Unproved as fault:
             return FoldProof(section, str(fault), parameters, bits)
-    return FoldProof(section, f"in {bits} bits", parameters, bits, values, extremum, attempt.evidence)
+    return FoldProof(
+        section, f"in {bits} bits", parameters, bits, values, extremum, attempt.evidence
+    )
 
 
 class _Attempt:
     """A proof in progress, about one point on one arc. Failures are raised as Unproved."""
 
     def __init__(
-        self, section: PoincareSection, parameters: Parameters, near: tuple[Fraction, Fraction], arc: Measured
+        self,
+        section: PoincareSection,
+        parameters: Parameters,
+        near: tuple[Fraction, Fraction],
+        arc: Measured,
     ) -> None:
         self.section, self.parameters, self.near, self.arc = section, parameters, near, arc
         self.evidence: dict[str, Any] = {}
@@ -116,29 +137,45 @@ class _Attempt:
         length = ball(self.arc.uncertainty)
         whole = self.whole(p, length)
         sizes = [(length / 2**20).mid(), (length**2 * 2**10).mid()]
-        points = [self.at_end(name, end, whole, sizes) for name, end in zip(fold.POINTS[1:], ends, strict=True)]
+        points = [
+            self.at_end(name, end, whole, sizes)
+            for name, end in zip(fold.POINTS[1:], ends, strict=True)
+        ]
         extremum = fold.extremum(*map(fold.slope, points))
         if extremum is None:
-            raise Unproved("Omega is not proved to rise at one end of the arc and to fall at the other")
+            raise Unproved(
+                "Omega is not proved to rise at one end of the arc and to fall at the other"
+            )
         v, omega, period = map(measured, (*whole.image[1:], self.section.laps * whole.box.time))
         numbers = (widened(omega), self.arc, widened(v), widened(period))
         values = dict(zip(fold.names(self.section), numbers, strict=True))
         claim = claim_of("", self.parameters, values, extremum=extremum)
-        fold.judge(claim, self.section, [whole, *points], [arb(0, x) for x in self.evidence["arc"]["box"]["radii"]])
+        fold.judge(
+            claim,
+            self.section,
+            [whole, *points],
+            [arb(0, x) for x in self.evidence["arc"]["box"]["radii"]],
+        )
         return extremum, values
 
     def whole(self, arc: Any, length: Any) -> FixedPoints:
         """Test the cycles of all points of the arc, in a box widened until it holds Krawczyk's
         image.
         """
-        m, sizes = [ball(part).mid() for part in self.near], [(_SLOPE * length).mid(), (_EXCESS * length**2).mid()]
+        m, sizes = (
+            [ball(part).mid() for part in self.near],
+            [(_SLOPE * length).mid(), (_EXCESS * length**2).mid()],
+        )
         for _ in range(1 + _INFLATIONS):
             fixed = self.test("arc", arc, m, sizes)
             if fixed.included:
                 return fixed
             if not all(part.is_finite() for part in fixed.image):
                 break
-            m, sizes = [part.mid() for part in fixed.image[1:]], [2 * part.rad() for part in fixed.image[1:]]
+            m, sizes = (
+                [part.mid() for part in fixed.image[1:]],
+                [2 * part.rad() for part in fixed.image[1:]],
+            )
         raise Unproved("on the arc, Krawczyk's image does not lie inside the box")
 
     def at_end(self, name: str, end: Any, whole: FixedPoints, sizes: Sequence[Any]) -> FixedPoints:
@@ -146,13 +183,20 @@ class _Attempt:
         (f, *first), (g, *second) = whole.slopes
         inverse, p = midpoint_inverse((first, second)), end.mid()
         along, distance = product(inverse, (f, g)), p - whole.middle[0]  # -d(v, Omega)/dp
-        m = [(part - slope * distance).mid() for part, slope in zip(whole.image[1:], along, strict=True)]
+        m = [
+            (part - slope * distance).mid()
+            for part, slope in zip(whole.image[1:], along, strict=True)
+        ]
         for _ in range(_CHORDS):
             search, start = Steps(), (p, m[0])
-            flight = return_map(Model(ball_constants(self.parameters), m[1]), self.section, start, search)
+            flight = return_map(
+                Model(ball_constants(self.parameters), m[1]), self.section, start, search
+            )
             if flight.status is not FlowStatus.RETURNED:
                 raise _not_followed(flight)
-            steps = product(inverse, [after - before for after, before in zip(flight.image, start, strict=True)])
+            steps = product(
+                inverse, [after - before for after, before in zip(flight.image, start, strict=True)]
+            )
             if all(abs(step) < size / 4 for step, size in zip(steps, sizes, strict=True)):
                 break
             m = [(part - step).mid() for part, step in zip(m, steps, strict=True)]
@@ -163,11 +207,18 @@ class _Attempt:
         return fixed
 
     def test(
-        self, name: str, p: Any, m: Sequence[Any], sizes: Sequence[Any], centre: tuple[Steps, Return] | None = None
+        self,
+        name: str,
+        p: Any,
+        m: Sequence[Any],
+        sizes: Sequence[Any],
+        centre: tuple[Steps, Return] | None = None,
     ) -> FixedPoints:
         """Apply Krawczyk's test about a point; its choices become the evidence."""
         setting, middle = claim_of("", self.parameters, {}), [p.mid(), *m]
-        fixed, self.evidence[name] = searched_test(setting, self.section, (1, 2), middle, sizes, p - p.mid(), centre)
+        fixed, self.evidence[name] = searched_test(
+            setting, self.section, (1, 2), middle, sizes, p - p.mid(), centre
+        )
         if isinstance(fixed, Return):
             raise _not_followed(fixed)
         return fixed
@@ -175,5 +226,6 @@ class _Attempt:
 
 def _not_followed(flight: Return) -> Unproved:
     return Unproved(
-        f"on the arc, the orbit could not be followed beyond t = {float(flight.reached):.4g} s: {flight.status.value}"
+        f"on the arc, the orbit could not be followed beyond t = {float(flight.reached):.4g} s: "
+        f"{flight.status.value}"
     )

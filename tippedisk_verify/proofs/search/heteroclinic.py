@@ -26,8 +26,18 @@ from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.results import Printable
 from tippedisk_verify.proofs.angles import NONINVERTED
-from tippedisk_verify.proofs.closed_forms import characteristic_polynomial, exact_polynomial, real_root
-from tippedisk_verify.proofs.kernel.balls import Unproved, ball, ball_constants, coefficient, working_precision
+from tippedisk_verify.proofs.closed_forms import (
+    characteristic_polynomial,
+    exact_polynomial,
+    real_root,
+)
+from tippedisk_verify.proofs.kernel.balls import (
+    Unproved,
+    ball,
+    ball_constants,
+    coefficient,
+    working_precision,
+)
 from tippedisk_verify.proofs.kernel.certificates.connection import (
     CHOICES,
     EIGENVALUES,
@@ -49,7 +59,13 @@ from tippedisk_verify.proofs.kernel.certificates.saddle import (
 )
 from tippedisk_verify.proofs.kernel.flow import Path
 from tippedisk_verify.proofs.numbers import measured, widened
-from tippedisk_verify.proofs.search.certificate import Proof, Proposer, Stopped, claim_of, parameter_texts
+from tippedisk_verify.proofs.search.certificate import (
+    Proof,
+    Proposer,
+    Stopped,
+    claim_of,
+    parameter_texts,
+)
 from tippedisk_verify.proofs.search.steps import Steps
 
 __all__ = [
@@ -80,7 +96,9 @@ class ConnectionStatus(Enum):
 
     PROVED = "proved"
     NO_SADDLE = "there is no connection of saddles to prove"
-    UNSTABLE_BRANCH = "the unstable branch could not be enclosed at the first saddle: ask for more digits"
+    UNSTABLE_BRANCH = (
+        "the unstable branch could not be enclosed at the first saddle: ask for more digits"
+    )
     FLOW = "the flight between the saddles could not be enclosed: ask for more digits"
     NOT_NEAR = "the branch does not come near the second saddle: try another speed"
     BLOCK = "no isolating block at the second saddle holds the arrivals: ask for more digits"
@@ -120,16 +138,19 @@ class ProvedConnection(Printable, Proof):
     status: ConnectionStatus
     omega_h: Measured | None = None  #: [rad/s]; the interval I
     unique: bool = False  #: no second speed of I has a connection of this kind
-    saddle_eigenvalues: tuple[Measured, ...] = ()  #: unstable, slow stable, fast stable [1/s], for every speed of I
+    #: Unstable, slow stable, fast stable [1/s], for every speed of I
+    saddle_eigenvalues: tuple[Measured, ...] = ()
     room: Room | None = None  #: the box in which the branch stays
     upright: bool = False  #: |beta - pi/2| < pi/2 all along: the disk never lies flat
     bits: int = 0  #: working precision of the last pass
     where: str = ""  #: the inequality that fails
     slowly: bool = False  #: the connection comes in along the slow stable direction
-    turns_back: str = ""  #: "above" or "below" Omega_h, in I: there the branch leaves N with falling gamma
+    #: "above" or "below" Omega_h, in I: there the branch leaves N with falling gamma
+    turns_back: str = ""
     parameters: Parameters | None = None  #: the disk of the proof
     verified: EnclosedConnection | None = None  #: by the kernel
-    evidence: Mapping[str, Any] = field(default_factory=dict)  #: the choices that the kernel has accepted
+    #: The choices that the kernel has accepted
+    evidence: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def saddle_value(self) -> Measured | None:
@@ -148,31 +169,52 @@ class ProvedConnection(Printable, Proof):
         assert self.parameters is not None
         assert self.omega_h is not None
         assert self.room is not None
-        numbers = dict(zip(("omega_h", *EIGENVALUES), (self.omega_h, *self.saddle_eigenvalues), strict=True))
+        numbers = dict(
+            zip(("omega_h", *EIGENVALUES), (self.omega_h, *self.saddle_eigenvalues), strict=True)
+        )
         room = self.room._asdict()
         return claim_of(
-            "heteroclinic connection", self.parameters, numbers, unique=self.unique, upright=self.upright, **room
+            "heteroclinic connection",
+            self.parameters,
+            numbers,
+            unique=self.unique,
+            upright=self.upright,
+            **room,
         )
 
     @property
     def limit_cycle(self) -> str | None:
         """The conclusion of Shilnikov's theorem; None if one of its hypotheses is not proved."""
         value = self.saddle_value
-        if not (self.proved and self.unique and self.slowly and value and value.value + value.uncertainty < 0):
+        if not (
+            self.proved
+            and self.unique
+            and self.slowly
+            and value
+            and value.value + value.uncertainty < 0
+        ):
             return None
         if self.parameters is not None and self.parameters.friction == "smooth":
             return None  # the theorem asks for a smoother field
         other = "below" if self.turns_back == "above" else "above"
         return (
-            "for the tippedisk, the friction law and the Omega_h of the statement, by Shilnikov's theorem: with gamma "
-            "in R (not modulo 2 pi) the two connections and the saddles have a neighbourhood in which, for all speeds "
-            f"close enough to Omega_h, there is exactly one periodic orbit {self.turns_back} Omega_h and none {other} "
-            "it or at it; the orbit is asymptotically stable, the point symmetry maps it to itself, and its period "
+            "for the tippedisk, the friction law and the Omega_h of the statement, by Shilnikov's "
+            "theorem: with gamma "
+            "in R (not modulo 2 pi) the two connections and the saddles have a neighbourhood in "
+            "which, for all speeds "
+            f"close enough to Omega_h, there is exactly one periodic orbit {self.turns_back} "
+            f"Omega_h and none {other} "
+            "it or at it; the orbit is asymptotically stable, the point symmetry maps it to "
+            "itself, and its period "
             "tends to infinity as Omega tends to Omega_h."
         )
 
     def to_dict(self) -> dict[str, object]:
-        room = None if self.room is None else {name: exact_text(x) for name, x in self.room._asdict().items()}
+        room = (
+            None
+            if self.room is None
+            else {name: exact_text(x) for name, x in self.room._asdict().items()}
+        )
         return super().to_dict() | {"status": self.status.name.lower(), "room": room}
 
 
@@ -185,20 +227,32 @@ def prove_connection(parameters: Parameters, near: object, digits: int = 12) -> 
     saddle with real eigenvalues.
     """
     if not 1 <= digits <= MOST_DIGITS:
-        raise InputError(f"a proof of Omega_h is offered to 1 to {MOST_DIGITS} digits, not {digits}")
+        raise InputError(
+            f"a proof of Omega_h is offered to 1 to {MOST_DIGITS} digits, not {digits}"
+        )
     given = exact(near)
     if given.pi_multiple or not Fraction(1, 10**6) < given.rational < 10**6:
-        raise InputError(f"Omega_h must be a decimal between 1e-6 and 1e6 rad/s, not {str(near)[:40]}")
+        raise InputError(
+            f"Omega_h must be a decimal between 1e-6 and 1e6 rad/s, not {str(near)[:40]}"
+        )
     # Decimal ends, so that the printed interval is exactly the proved one.
     decimals = max(digits, _LEAST_DIGITS) + max(0, -decimal_magnitude(given.rational))
     middle, half_width = round(given.rational, decimals + 2), Fraction(4, 10 ** (decimals + 1))
-    bits = math.ceil(-math.log2(half_width)) + max(0, math.ceil(math.log2(given.rational))) + _GUARD_BITS
+    bits = (
+        math.ceil(-math.log2(half_width))
+        + max(0, math.ceil(math.log2(given.rational)))
+        + _GUARD_BITS
+    )
     for attempt in range(_MOST_PASSES):
-        search = _ConnectionSearch(parameters, middle, half_width, bits, Fraction(1, 64 ** (attempt + 1)))
+        search = _ConnectionSearch(
+            parameters, middle, half_width, bits, Fraction(1, 64 ** (attempt + 1))
+        )
         try:
             with working_precision(bits):
                 disk = parameter_texts(parameters)
-                verified = verify_connection(disk, parameters.friction, (middle, half_width), search)
+                verified = verify_connection(
+                    disk, parameters.friction, (middle, half_width), search
+                )
         except Unproved as fault:
             proof = ProvedConnection(search.stopped(fault), bits=bits, where=str(fault))
             if proof.status is ConnectionStatus.NOT_NEAR:
@@ -232,10 +286,14 @@ def eigenvectors(parameters: Parameters, speed: Fraction) -> tuple[list[Any], An
     found = exact_polynomial(parameters.rational(), speed, NONINVERTED).complex_roots()
     roots = [root for root, count in found if count == 1 and root.imag.is_zero()]
     if len(roots) != 3:
-        raise NoConnectionError("noninverted spinning is a saddle-focus here: its connections are not proved")
+        raise NoConnectionError(
+            "noninverted spinning is a saddle-focus here: its connections are not proved"
+        )
     fast, slow, unstable = sorted((root.real.mid() for root in roots), key=float)
     if not slow < 0 < unstable:
-        raise NoConnectionError("noninverted spinning is not a saddle with one unstable direction here")
+        raise NoConnectionError(
+            "noninverted spinning is not a saddle with one unstable direction here"
+        )
     columns = []
     for value in (unstable, slow, fast):
         vector = [value, ball(speed), value * value]
@@ -253,7 +311,9 @@ def smallest_weights(matrix: Any, by_speed: Sequence[Any]) -> list[Any]:
     return weights
 
 
-def series_of_curve(saddle: SaddleCoordinates, along: int, order: int, values: Sequence[Any]) -> ManifoldGraph:
+def series_of_curve(
+    saddle: SaddleCoordinates, along: int, order: int, values: Sequence[Any]
+) -> ManifoldGraph:
     """Compute the invariant curve at the middle speed.
 
     ``values`` are points near the eigenvalues.
@@ -262,7 +322,9 @@ def series_of_curve(saddle: SaddleCoordinates, along: int, order: int, values: S
     if saddle.friction == "smooth":
         direction = [arb(int(k == along)) for k in range(3)]
         side = 1 if saddle.sliding_slope([arb(0)] * 3, direction).mid() > 0 else -1
-    thin = SaddleCoordinates(saddle.disk, saddle.friction, saddle.omega.mid(), saddle.directions.tolist())
+    thin = SaddleCoordinates(
+        saddle.disk, saddle.friction, saddle.omega.mid(), saddle.directions.tolist()
+    )
     curve = ManifoldGraph(thin, along, [[arb(0)] * (order + 1) for _ in range(2)], side)
     step = 2 if side is None else 1  # the linear law's field is odd about the saddle, and analytic
     for power in range(1 + step, order + 1, step):
@@ -286,7 +348,12 @@ class _ConnectionSearch(Proposer):
     }
 
     def __init__(
-        self, parameters: Parameters, middle: Fraction, half_width: Fraction, bits: int, share: Fraction
+        self,
+        parameters: Parameters,
+        middle: Fraction,
+        half_width: Fraction,
+        bits: int,
+        share: Fraction,
     ) -> None:
         super().__init__()
         self.parameters, self.middle, self.bits = parameters, middle, bits
@@ -297,7 +364,11 @@ class _ConnectionSearch(Proposer):
         """Return the stage at which the kernel or the search gave up."""
         if isinstance(fault, Stopped):
             return ConnectionStatus(fault.status)
-        return ConnectionStatus.SIDES if str(fault) == SIDES else self._STAGES.get(self.asked, ConnectionStatus.FLOW)
+        return (
+            ConnectionStatus.SIDES
+            if str(fault) == SIDES
+            else self._STAGES.get(self.asked, ConnectionStatus.FLOW)
+        )
 
     def directions(self) -> list[list[Any]]:
         self.values, directions = eigenvectors(self.parameters, self.middle)
@@ -305,7 +376,9 @@ class _ConnectionSearch(Proposer):
         return list(directions.tolist())
 
     def eigenvalues(self, saddle: SaddleCoordinates) -> list[tuple[Fraction, Fraction]]:
-        polynomial = characteristic_polynomial(ball_constants(self.parameters), saddle.omega, NONINVERTED)
+        polynomial = characteristic_polynomial(
+            ball_constants(self.parameters), saddle.omega, NONINVERTED
+        )
         roots = [widened(measured(real_root(polynomial, value))) for value in self.values]
         printed = (root.decimals() for root in roots)
         return [(Fraction(value), Fraction(half)) for value, half in printed]
@@ -330,7 +403,8 @@ class _ConnectionSearch(Proposer):
         least = max(map(most, defect), key=float)
         for doubling in range(_GUESSES):
             k = [
-                most(2**doubling * 2 * (part + least / 16) / room).mid() for part, room in zip(defect, gap, strict=True)
+                most(2**doubling * 2 * (part + least / 16) / room).mid()
+                for part, room in zip(defect, gap, strict=True)
             ]
             try:
                 leaving(curve, theta, k, defect)
@@ -347,9 +421,12 @@ class _ConnectionSearch(Proposer):
 
     def arrived(self, path: Path, z: Sequence[Any], curve: ManifoldGraph) -> bool:
         beta, gamma, _ = path.box
-        if path.time > _LONGEST or beta < 0 or gamma > arb.pi():  # gamma falls, or has passed the saddle
+        # Gamma falls, or has passed the saddle
+        if path.time > _LONGEST or beta < 0 or gamma > arb.pi():
             raise Stopped(ConnectionStatus.NOT_NEAR)
-        return bool(abs(z[SLOW]) < self.reach and abs(curve.straightened(z)[1].mid()) < ball(self.small))
+        return bool(
+            abs(z[SLOW]) < self.reach and abs(curve.straightened(z)[1].mid()) < ball(self.small)
+        )
 
     def block(self, z: Sequence[Any], curve: ManifoldGraph) -> list[Any]:
         s, u, t = map(most, (z[SLOW], *curve.straightened(z)))
@@ -358,15 +435,23 @@ class _ConnectionSearch(Proposer):
         return [(s * 9 / 8).upper(), 2 * u, 2 * (t + u).upper()]
 
     def room(
-        self, offset: Sequence[Any], pieces: Sequence[Any], saddle: SaddleCoordinates, G: Sequence[Any]
+        self,
+        offset: Sequence[Any],
+        pieces: Sequence[Any],
+        saddle: SaddleCoordinates,
+        G: Sequence[Any],
     ) -> tuple[Fraction, Fraction, Fraction]:
         least = _decimal_above(offset[1])
         for gamma in (*(size for size in _ROOMS if size > least), least):
             after = [piece for piece in pieces if not piece[1] - arb.pi() < -ball(gamma)]
-            beta, _, v = (max(_decimal_above(state[k]) for state in (offset, *after)) for k in range(3))
+            beta, _, v = (
+                max(_decimal_above(state[k]) for state in (offset, *after)) for k in range(3)
+            )
             room = beta, gamma, v
             try:
-                if holds(room, offset, pieces) and alone(saddle, room, G, lambda name, *context: self.apart(*context)):
+                if holds(room, offset, pieces) and alone(
+                    saddle, room, G, lambda name, *context: self.apart(*context)
+                ):
                     break
             except Unproved:
                 continue

@@ -42,7 +42,8 @@ class Steps:
 
     def __init__(self) -> None:
         self.log: list[dict[str, Any]] = []
-        self._share = 0.75  # of the length that the midpoint's series allows; adapts to accepted steps
+        # Of the length that the midpoint's series allows; adapts to accepted steps
+        self._share = 0.75
 
     def beyond(self) -> Steps:
         """Return another search; its steps are logged with the step that begins before."""
@@ -60,11 +61,15 @@ class Steps:
         bits = working_bits()
         order = _order(bits)
         allowed, rough_allowed = _allowed(path, bits)
-        rough_order = min(order, _order(-rough_allowed, _WIDE_ORDER)) if path.sharp else _LEAST_ORDER
+        rough_order = (
+            min(order, _order(-rough_allowed, _WIDE_ORDER)) if path.sharp else _LEAST_ORDER
+        )
         trial = path.trial((order, rough_order))
         if rough_order < order:
             stiffness = float(abs(trial.wide[11][1]).abs_upper())
-            longest = min(math.inf if longest is None else longest, short_float(_DAMPED / max(1.0, stiffness)))
+            longest = min(
+                math.inf if longest is None else longest, short_float(_DAMPED / max(1.0, stiffness))
+            )
         sizes = [max(0, magnitude(column[0])) for column in trial.wide[3:]]
         reach, share = _length(trial.thin, allowed), self._share
         for _ in range(_MOST_TRIALS):
@@ -72,7 +77,9 @@ class Steps:
             if length < _SHORTEST_STEP:
                 return None
             step = trial.tested(length)
-            fine, rough = ([series[-1] for series in part] for part in (step.polynomials, step.derivatives))
+            fine, rough = (
+                [series[-1] for series in part] for part in (step.polynomials, step.derivatives)
+            )
             if not all(part.is_finite() for part in (*fine, *rough)):
                 share *= 0.5
                 continue
@@ -109,7 +116,10 @@ def _allowed(path: Path, bits: int) -> tuple[list[int], int]:
     """
     # As large as rounding, or a hundredth of the ball's radius: 70 steps at most double it.
     allowed = [
-        max(max(0, magnitude(part)) - bits, magnitude(part.rad()) - 7 if not part.is_exact() else -bits - 99)
+        max(
+            max(0, magnitude(part)) - bits,
+            magnitude(part.rad()) - 7 if not part.is_exact() else -bits - 99,
+        )
         for part in path.box
     ]
     if not path.sharp:
@@ -127,11 +137,23 @@ def _order(bits: int, least: int = _LEAST_ORDER) -> int:
 
 
 def _excess(
-    remainders: Sequence[Any], sizes: Sequence[int], allowed: Sequence[int], length: float, power: int
+    remainders: Sequence[Any],
+    sizes: Sequence[int],
+    allowed: Sequence[int],
+    length: float,
+    power: int,
 ) -> float:
-    """Return the excess of log2 of the step's length for remainders that grow like its ``power``."""
+    """Return the excess of log2 of the step's length for remainders that grow like its
+    ``power``.
+    """
     size = math.log2(length)
-    return max(magnitude(r) + power * size - s - a for r, s, a in zip(remainders, sizes, allowed, strict=True)) / power
+    return (
+        max(
+            magnitude(r) + power * size - s - a
+            for r, s, a in zip(remainders, sizes, allowed, strict=True)
+        )
+        / power
+    )
 
 
 def _length(series: Sequence[Sequence[Any]], allowed: Sequence[int]) -> float:
@@ -184,7 +206,10 @@ def midpoint_inverse(matrix: Matrix) -> list[list[Any]]:
     """Return the inverse of the midpoints' matrix, as points."""
     (a, b), (c, d) = ((entry.mid() for entry in row) for row in matrix)
     determinant = a * d - b * c
-    return [[(d / determinant).mid(), (-b / determinant).mid()], [(-c / determinant).mid(), (a / determinant).mid()]]
+    return [
+        [(d / determinant).mid(), (-b / determinant).mid()],
+        [(-c / determinant).mid(), (a / determinant).mid()],
+    ]
 
 
 def axes_of_balls(turned: Matrix, sizes: Sequence[float], stiffness: float) -> Matrix:
@@ -192,7 +217,10 @@ def axes_of_balls(turned: Matrix, sizes: Sequence[float], stiffness: float) -> M
     stiffness.
     """
     weights = (1.0, 1.0, 1 / stiffness)
-    columns = [[float(row[k].mid()) * weight for row, weight in zip(turned, weights, strict=True)] for k in range(3)]
+    columns = [
+        [float(row[k].mid()) * weight for row, weight in zip(turned, weights, strict=True)]
+        for k in range(3)
+    ]
     order = sorted(range(3), key=lambda k: -math.hypot(*columns[k]) * sizes[k])
     basis: list[list[float]] = []
     for vector in (*(columns[k] for k in order), [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]):

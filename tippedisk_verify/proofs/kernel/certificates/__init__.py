@@ -9,7 +9,13 @@ from collections.abc import Mapping
 from typing import Any
 
 from tippedisk_verify.proofs.kernel.balls import Unproved, need, working_precision
-from tippedisk_verify.proofs.kernel.certificates import connection, connection_cycles, cycle, family, fold
+from tippedisk_verify.proofs.kernel.certificates import (
+    connection,
+    connection_cycles,
+    cycle,
+    family,
+    fold,
+)
 from tippedisk_verify.proofs.kernel.field import UNITS
 from tippedisk_verify.proofs.kernel.reading import (
     DISK,
@@ -30,7 +36,9 @@ FORMAT = "tippedisk certificate 3"
 #: Its ``verify`` raises Unproved unless the evidence proves the claim. Its ``sentence`` states the
 #: claim, given the numbers with half-widths.
 KINDS: dict[str, Any] = {
-    kind: module for module in (cycle, fold, connection, connection_cycles, family) for kind in module.SHAPES
+    kind: module
+    for module in (cycle, fold, connection, connection_cycles, family)
+    for kind in module.SHAPES
 }
 
 
@@ -53,7 +61,13 @@ def proved(content: Any, mapped: family.Mapped = map) -> str:
     bits = parsed(content.get("bits"), precision, "bits")
     claim, evidence = KINDS[kind].SHAPES[kind]
     with working_precision(bits):
-        shape = {"format": str, "claim": DISK | claim, "bits": precision, "evidence": evidence, "sha256": str}
+        shape = {
+            "format": str,
+            "claim": DISK | claim,
+            "bits": precision,
+            "evidence": evidence,
+            "sha256": str,
+        }
         file = parsed(content, shape, "the file")
         need(content["sha256"] == digest(content), "the content does not have its digest, sha256")
         reader = ClaimReader(file["claim"])
@@ -71,6 +85,9 @@ def proved(content: Any, mapped: family.Mapped = map) -> str:
 def sentence(claim: Mapping[str, Any]) -> str:
     """Return the claim in one or more sentences."""
     disk = ", ".join(f"{name} = {claim['parameters'][name]}{unit}" for name, unit in UNITS.items())
-    numbers = {name: f"{number['value']} ± {number['uncertainty']}" for name, number in claim["numbers"].items()}
+    numbers = {
+        name: f"{number['value']} ± {number['uncertainty']}"
+        for name, number in claim["numbers"].items()
+    }
     words = KINDS[claim["kind"]].sentence(claim, numbers)
     return f"for the tippedisk with {disk} under the {LAWS[claim['friction']]} friction law{words}"

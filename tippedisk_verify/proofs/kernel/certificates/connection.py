@@ -105,7 +105,10 @@ class EnclosedConnection:
 
 
 def verify_connection(
-    disk: dict[str, str], friction: str, omega_h: tuple[Fraction, Fraction], choose: Callable[..., Any]
+    disk: dict[str, str],
+    friction: str,
+    omega_h: tuple[Fraction, Fraction],
+    choose: Callable[..., Any],
 ) -> EnclosedConnection:
     """Verify the interval ``omega_h`` (middle, half-width) [rad/s].
 
@@ -135,7 +138,10 @@ def verify_connection(
     extents = choose("block", z, arriving)
     delta, box, matrix = block(arriving, extents)
     w_u, w_f = arriving.straightened(z)
-    ask("6.3: arrivals lie in the block", *(x - abs(y) for x, y in zip(extents, (z[SLOW], w_u, w_f), strict=True)))
+    ask(
+        "6.3: arrivals lie in the block",
+        *(x - abs(y) for x, y in zip(extents, (z[SLOW], w_u, w_f), strict=True)),
+    )
     # The deviations of the ends of I from the middle of the speeds are points.
     shifts = [ball(end) - speeds.mid() for end in (low, high)]
     ends = [saddle.seen(path.frame, [*path.frame.deviation[:3], shift]) for shift in shifts]
@@ -144,18 +150,30 @@ def verify_connection(
     need(rising or _surely(first - delta, -last - delta), SIDES)
     offset = saddle.offset(box)
     room = choose("room", offset, pieces, saddle, G)
-    need(holds(room, offset, pieces), "6.3: the box at the second saddle is not shown to keep what arrives")
+    need(
+        holds(room, offset, pieces),
+        "6.3: the box at the second saddle is not shown to keep what arrives",
+    )
     unique = alone(saddle, room, G, choose)
     upright = upright and _stands(ball(room[0]))
-    return EnclosedConnection(disk, friction, low, high, room, unique, upright, _slowly(matrix, z), not rising, pieces)
+    return EnclosedConnection(
+        disk, friction, low, high, room, unique, upright, _slowly(matrix, z), not rising, pieces
+    )
 
 
 def _curve(saddle: SaddleCoordinates, along: int, entry: dict[str, Any]) -> ManifoldGraph:
-    need(("side" in entry) == (saddle.friction == "smooth"), "6.5: the smooth law has sides, the linear law has not")
-    return ManifoldGraph(saddle, along, entry["graph"], int(entry["side"]) if "side" in entry else None)
+    need(
+        ("side" in entry) == (saddle.friction == "smooth"),
+        "6.5: the smooth law has sides, the linear law has not",
+    )
+    return ManifoldGraph(
+        saddle, along, entry["graph"], int(entry["side"]) if "side" in entry else None
+    )
 
 
-def _departure(saddle: SaddleCoordinates, choose: Callable[..., Any]) -> tuple[list[Any], list[Any], bool, list[Any]]:
+def _departure(
+    saddle: SaddleCoordinates, choose: Callable[..., Any]
+) -> tuple[list[Any], list[Any], bool, list[Any]]:
     """Enclose the branch up to z_u = theta_0.
 
     Returns:
@@ -176,7 +194,10 @@ def _departure(saddle: SaddleCoordinates, choose: Callable[..., Any]) -> tuple[l
     directions = [slope + arb(0, most(k)) for slope, k in zip(slopes, cone, strict=True)]
     for row in rows[:2]:  # where beta_bar > 0, gamma grows
         along = zip(curve.others, directions, strict=True)
-        ask("6.1: gamma grows where the branch leaves", row[UNSTABLE] + sum((row[k] * x for k, x in along), arb(0)))
+        ask(
+            "6.1: gamma grows where the branch leaves",
+            row[UNSTABLE] + sum((row[k] * x for k, x in along), arb(0)),
+        )
     state = [offset[0], offset[1] - arb.pi(), offset[2]]
     return start, [arb(0), arb(0, most(k_s)), arb(0, most(k_f)), arb(1)], _stands(offset[0]), state
 
@@ -201,7 +222,9 @@ def holds(room: Sequence[Fraction], offset: Sequence[Any], pieces: Sequence[Any]
     """
     sizes = [ball(extent) for extent in room]
     offsets = [(beta, gamma - arb.pi(), v) for beta, gamma, v in pieces]
-    first = next((place for place, (_, gamma, _) in enumerate(offsets) if not positive(-sizes[1] - gamma)), 0)
+    first = next(
+        (place for place, (_, gamma, _) in enumerate(offsets) if not positive(-sizes[1] - gamma)), 0
+    )
     late = offsets[first:]
     if not first or not all(_surely(beta.sin(), sizes[1] - gamma) for beta, gamma, _ in late):
         return False
@@ -209,7 +232,12 @@ def holds(room: Sequence[Fraction], offset: Sequence[Any], pieces: Sequence[Any]
     return inside and all(_surely(size - abs(x)) for size, x in zip(sizes, offset, strict=True))
 
 
-def alone(saddle: SaddleCoordinates, room: Sequence[Fraction], G: Sequence[Any], choose: Callable[..., Any]) -> bool:
+def alone(
+    saddle: SaddleCoordinates,
+    room: Sequence[Fraction],
+    G: Sequence[Any],
+    choose: Callable[..., Any],
+) -> bool:
     """Return True if orbits of two speeds cannot both stay in the box.
 
     Raises Unproved if an orbit that stays is not shown to converge.
@@ -233,7 +261,8 @@ def _slowly(matrix: Any, z: Sequence[Any]) -> bool:
     eigenvector has |z_f| > |z_s|.
     """
     slow, fast = (
-        (matrix[row, row], sum((abs(matrix[row, k]) for k in range(3) if k != row), arb(0))) for row in (SLOW, FAST)
+        (matrix[row, row], sum((abs(matrix[row, k]) for k in range(3) if k != row), arb(0)))
+        for row in (SLOW, FAST)
     )
     return _surely(slow[0] - slow[1] - (fast[0] + fast[1]), abs(z[SLOW]) - abs(z[FAST]))
 
@@ -252,7 +281,10 @@ def _eigenvalues(saddle: SaddleCoordinates, claimed: Sequence[tuple[Fraction, Fr
             p = ((x + a_2) * x + a_1) * x + a_0
             signs.append(int(positive(p)) - int(positive(-p)))
     ends = [x for value, half in claimed for x in (value + half, value - half)]
-    need(ends == sorted(ends, reverse=True) and signs == [1, -1, -1, 1, 1, -1], "claim: the eigenvalues are not shown")
+    need(
+        ends == sorted(ends, reverse=True) and signs == [1, -1, -1, 1, 1, -1],
+        "claim: the eigenvalues are not shown",
+    )
 
 
 class Recorded:
@@ -265,7 +297,11 @@ class Recorded:
     def __call__(self, name: str, *context: Any) -> Any:
         if name == "flight":
             return self._flight
-        return self._flight.number == len(self._flight.log) if name == "arrived" else self.entries[name]
+        return (
+            self._flight.number == len(self._flight.log)
+            if name == "arrived"
+            else self.entries[name]
+        )
 
 
 SHAPES = {
@@ -282,15 +318,23 @@ SHAPES = {
 
 def verify(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> None:
     """Raise Unproved unless the evidence proves the claim."""
-    numbers = {name: (Fraction(x["value"]), Fraction(x["uncertainty"])) for name, x in claim["numbers"].items()}
+    numbers = {
+        name: (Fraction(x["value"]), Fraction(x["uncertainty"]))
+        for name, x in claim["numbers"].items()
+    }
     claimed = {
         "eigenvalues": [numbers[name] for name in EIGENVALUES],
         "room": tuple(Fraction(claim[name]) for name in ("beta", "gamma", "v")),
     }
     choices = Recorded({**evidence, **claimed})
-    verified = verify_connection(claim["parameters"], claim["friction"], numbers["omega_h"], choices)
+    verified = verify_connection(
+        claim["parameters"], claim["friction"], numbers["omega_h"], choices
+    )
     need(not claim["unique"] or verified.unique, "claim: that there is no other speed is not shown")
-    need(not claim["upright"] or verified.upright, "claim: that the disk never lies flat is not shown")
+    need(
+        not claim["upright"] or verified.upright,
+        "claim: that the disk never lies flat is not shown",
+    )
 
 
 def sentence(claim: Mapping[str, Any], numbers: Mapping[str, str]) -> str:
@@ -301,10 +345,14 @@ def sentence(claim: Mapping[str, Any], numbers: Mapping[str, str]) -> str:
     eigenvalues = ", ".join(numbers[name] for name in EIGENVALUES)
     return (
         f" there is {count} Omega with |Omega - {middle} rad/s| <= {half} rad/s "
-        "at which the branch of the unstable manifold of (beta, gamma, v) = (pi/2, -pi/2, 0) that leaves with growing "
-        f"gamma, from the moment on at which it first has gamma = 3 pi/2 - {claim['gamma']}, stays in the box "
-        f"|beta - pi/2| <= {claim['beta']}, |gamma - 3 pi/2| <= {claim['gamma']}, |v| <= {claim['v']} rad/s and "
+        "at which the branch of the unstable manifold of (beta, gamma, v) = (pi/2, -pi/2, 0) that "
+        "leaves with growing "
+        f"gamma, from the moment on at which it first has gamma = 3 pi/2 - {claim['gamma']}, stays "
+        f"in the box "
+        f"|beta - pi/2| <= {claim['beta']}, |gamma - 3 pi/2| <= {claim['gamma']}, |v| <= "
+        f"{claim['v']} rad/s and "
         f"converges to (pi/2, 3 pi/2, 0){upright}; by the symmetry "
-        "(beta, gamma, v) -> (pi - beta, pi - gamma, -v) the connection back exists at the same speed, an Omega_h; at "
+        "(beta, gamma, v) -> (pi - beta, pi - gamma, -v) the connection back exists at the same "
+        "speed, an Omega_h; at "
         f"every speed of the interval the saddle's eigenvalues are {eigenvalues} 1/s."
     )

@@ -128,7 +128,11 @@ from flint import arb
 from tippedisk_verify.proofs.kernel.ball_array import BallArray
 from tippedisk_verify.proofs.kernel.balls import ball, need, positive
 from tippedisk_verify.proofs.kernel.certificates import connection as connections
-from tippedisk_verify.proofs.kernel.certificates.connection import EnclosedConnection, Recorded, verify_connection
+from tippedisk_verify.proofs.kernel.certificates.connection import (
+    EnclosedConnection,
+    Recorded,
+    verify_connection,
+)
 from tippedisk_verify.proofs.kernel.certificates.passage import Passage, arrivals
 from tippedisk_verify.proofs.kernel.certificates.saddle import (
     FAST,
@@ -141,7 +145,17 @@ from tippedisk_verify.proofs.kernel.certificates.saddle import (
 )
 from tippedisk_verify.proofs.kernel.reading import MEASURED, count, decimal, dyadic, one_of, order
 
-__all__ = ["CLAIM", "EVIDENCE", "LID", "SHAPES", "End", "LoopMap", "sentence", "verify", "verify_cycles"]
+__all__ = [
+    "CLAIM",
+    "EVIDENCE",
+    "LID",
+    "SHAPES",
+    "End",
+    "LoopMap",
+    "sentence",
+    "verify",
+    "verify_cycles",
+]
 
 #: The refusal for which a higher lid may help.
 LID = "7a.3: arrivals above the lid of D"
@@ -172,7 +186,9 @@ EVIDENCE = CHOICES | {"connection": connections.CHOICES | _CONNECTION}
 
 @dataclass(frozen=True)
 class End:
-    """A verified result: for each speed of (Omega_h, high] the half map has one fixed point in Q."""
+    """A verified result: for each speed of (Omega_h, high] the half map has one fixed point
+    in Q.
+    """
 
     low: Fraction
     high: Fraction
@@ -187,7 +203,14 @@ class End:
         ``omega``.
         """
         above, high, c, d = map(ball, (self.above, self.high, self.gamma, self.v))
-        inside = (omega - above, high - omega, gamma_bar - arb.pi() + c, arb.pi() - gamma_bar, v + d, -v)
+        inside = (
+            omega - above,
+            high - omega,
+            gamma_bar - arb.pi() + c,
+            arb.pi() - gamma_bar,
+            v + d,
+            -v,
+        )
         return all(positive(x) for x in inside)
 
 
@@ -211,11 +234,17 @@ def verify_cycles(
     Raises:
         Unproved: With the inequality that fails.
     """
-    need(connection.friction == "linear", "the cycles are proved under the linear friction law only")
+    need(
+        connection.friction == "linear", "the cycles are proved under the linear friction law only"
+    )
     need(0 < low < connection.low < connection.high < high, "claim: an interval is empty")
     box = choose("box")
     speeds = ball(low).union(ball(high))
-    n = Passage(SaddleCoordinates(connection.disk, "linear", speeds, box["directions"]), box["extents"], box["cells"])
+    n = Passage(
+        SaddleCoordinates(connection.disk, "linear", speeds, box["directions"]),
+        box["extents"],
+        box["cells"],
+    )
     n.weighted(choose("weights", n))
     entry = choose("entry", n)
     loop_map = LoopMap(n, entry)
@@ -235,12 +264,26 @@ class LoopMap:
         (u, s, t), saddle = n.extents, n.saddle
         #: bounds of |g| on z_s = -s, and of |z_u| along the orbits of the graph from there
         edge = n.flat * s
-        ask("7a.1: D and the graph", n.thin * s - self.fast, s - self.fast, u - self.lid, self.lid - edge)
-        ask("7a.1: the fast part in N", n.stirred_within - n.forcing[1] - self.fast, s - n.forcing[1] - self.fast)
+        ask(
+            "7a.1: D and the graph",
+            n.thin * s - self.fast,
+            s - self.fast,
+            u - self.lid,
+            self.lid - edge,
+        )
+        ask(
+            "7a.1: the fast part in N",
+            n.stirred_within - n.forcing[1] - self.fast,
+            s - n.forcing[1] - self.fast,
+        )
         self.time = n.time(self.lid + edge)
         ask("7a.2: a passage takes time", self.time)
         crossing = n.crossing(self.lid, self.fast, entry["moment"])
-        ask("7a.4: crossings lie in Q", c - crossing * n.at_crossing(1), d - crossing * n.at_crossing(2))
+        ask(
+            "7a.4: crossings lie in Q",
+            c - crossing * n.at_crossing(1),
+            d - crossing * n.at_crossing(2),
+        )
         # Q = {-a by_gamma - b by_v: 0 < a <= c, 0 < b <= d}.
         by_gamma, by_v = ([saddle.inverse[k, j] for k in range(3)] for j in (1, 2))
         a, b = (arb(0).union(most(x)) for x in (c, d))
@@ -251,12 +294,18 @@ class LoopMap:
         ask("7a.4: the sign of z_s in Q", by_gamma[S])
         # Where orbits from D and Q leave N: z_s about the saddle that they fly from, and |z_f|.
         time = n.time(corner[U] + n.flat * corner[S].max(corner[F]))
-        (slow, fast), (slow_q, fast_q) = n.fallen(s, self.fast, self.time), n.fallen(corner[S], corner[F], time)
+        (slow, fast), (slow_q, fast_q) = (
+            n.fallen(s, self.fast, self.time),
+            n.fallen(corner[S], corner[F], time),
+        )
         back, _ = n.fallen(d * abs(by_v[S]), self.fast, time)
         self.exits, self.exit_fast = (-back, slow.max(slow_q)), arb(0, fast.max(fast_q))
         self.leaving = [-u, (-self.exits[0]).union(-self.exits[1]), self.exit_fast]
         ask("7a.1: beta_bar where N is left", -saddle.offset(self.leaving)[0])
-        ask("7a.4: gamma where N is left upwards", saddle.offset([u, arb(0, most(s)), arb(0, most(t))])[1])
+        ask(
+            "7a.4: gamma where N is left upwards",
+            saddle.offset([u, arb(0, most(s)), arb(0, most(t))])[1],
+        )
         ask("7a.1: the saddles' boxes are apart", 2 * arb.pi() * saddle.inverse[S, 1] - 2 * s)
 
     def verify(self, arrivals: Sequence[Sequence[Any]]) -> Any:
@@ -266,7 +315,10 @@ class LoopMap:
         (unstable, *by_u), (fast, *by_f), (_, *by_t), (beta, *by_b) = arrivals
         ask(LID, unstable + self.lid)
         ask("7a.3: arrivals in D", u - abs(unstable), self.fast - abs(fast))
-        entering, leaving = n.rates([(-self.lid).union(n.flat * s), -s, arb(0, most(self.fast))]), n.rates(self.leaving)
+        entering, leaving = (
+            n.rates([(-self.lid).union(n.flat * s), -s, arb(0, most(self.fast))]),
+            n.rates(self.leaving),
+        )
         speed = -leaving[U]
         ask("7a.1: orbits enter N and leave it", entering[S], speed)
 
@@ -282,8 +334,14 @@ class LoopMap:
         ratio = n.ratio(self.time)
         height = n.lipschitz * (abs(by_f[0]) + abs(by_f[1]) * ratio)
         ask("7a.3: heights grow downwards", -by_u[0] - abs(by_u[1]) * ratio - height)
-        moved = [row[0] * arb(0, most(k_s)) + row[1] * arb(0, most(k_f)) + row[2] for row in (by_u, by_f)]
-        ask("7a.3: the branch's arrivals fall", -moved[0] - k_u, -moved[0] - k_u / k_f * abs(moved[1]))
+        moved = [
+            row[0] * arb(0, most(k_s)) + row[1] * arb(0, most(k_f)) + row[2] for row in (by_u, by_f)
+        ]
+        ask(
+            "7a.3: the branch's arrivals fall",
+            -moved[0] - k_u,
+            -moved[0] - k_u / k_f * abs(moved[1]),
+        )
         # The derivatives of the fixed point of R by the speed. |z_f'| <= slope |z_u'| + offset by
         # the second row of 1 - DR, and the first one then bounds |z_u'|.
         first, second = after_round([arb(1), arb(0), arb(0)]), after_round([arb(0), arb(0), arb(1)])
@@ -295,25 +353,45 @@ class LoopMap:
         room = 1 - first[0] - second[0] * slope
         falls = -rest[0]
         ask("7a.5: the cycle's entry falls", room, falls - offset)
-        slowest, fastest = ((falls - offset) / (1 + second[0] * slope)).lower(), ((falls + offset) / room).upper()
+        slowest, fastest = (
+            ((falls - offset) / (1 + second[0] * slope)).lower(),
+            ((falls + offset) / room).upper(),
+        )
         share = arb(0, most(slope + abs(rest[1]) / own / slowest))  # z_f' / z_u'
         ask("7a.5: the cone of the derivative", slowest - k_u, k_f - k_u * abs(share))
         twisted = abs(entering[U] * share - entering[F])
-        ask("7a.5: the compound's cone of the derivative", k_1 * entering[S] - twisted, k_2 - abs(share))
+        ask(
+            "7a.5: the compound's cone of the derivative",
+            k_1 * entering[S] - twisted,
+            k_2 - abs(share),
+        )
         row = [n.saddle.directions[1, k] for k in range(3)]
         ask("7a.5: gamma_bar_0 falls", row[U] - (abs(row[S]) * k_s + abs(row[F]) * k_f) / k_u)
         b = n.settled([x * fastest for x in products(entering, (arb(1), arb(0), share))], self.time)
-        exits = [arb(0).union(b[0] / speed) + drift[0], arb(0, most(b[1] / speed)) + drift[1], arb(1)]
+        exits = [
+            arb(0).union(b[0] / speed) + drift[0],
+            arb(0, most(b[1] / speed)) + drift[1],
+            arb(1),
+        ]
         gained = (slowest * (n.grows[0] * self.time).exp() / speed).lower()
-        ask("7a.5: the period falls", gained - abs(sum(x * y for x, y in zip(by_t, exits, strict=True))))
+        ask(
+            "7a.5: the period falls",
+            gained - abs(sum(x * y for x, y in zip(by_t, exits, strict=True))),
+        )
         ask("7a.5: beta_max falls", -sum(x * y for x, y in zip(by_b, exits, strict=True)))
-        inside = n.saddle.offset([arb(0, most(u)), arb(0, most(s)), arb(0, most(n.forcing[1] + self.fast))])[0]
+        inside = n.saddle.offset(
+            [arb(0, most(u)), arb(0, most(s)), arb(0, most(n.forcing[1] + self.fast))]
+        )[0]
         ask("7a.5: beta_max is in the flight", beta - abs(inside))
         return kappa
 
 
 def _flights(
-    loop_map: LoopMap, low: Fraction, high: Fraction, entry: dict[str, Any], watch: Callable[[float], None]
+    loop_map: LoopMap,
+    low: Fraction,
+    high: Fraction,
+    entry: dict[str, Any],
+    watch: Callable[[float], None],
 ) -> list[list[Any]]:
     """Enclose the flights from all exits at all speeds, in cells: a row of lengths for each cell of
     speeds.
@@ -328,9 +406,19 @@ def _flights(
             speeds.append(ends[0].union(ends[1]))
             slow.append(cell[0].union(cell[1]))
     saddle = loop_map.n.saddle
-    over = SaddleCoordinates(saddle.disk, "linear", BallArray.of(speeds), saddle.directions.tolist())
+    over = SaddleCoordinates(
+        saddle.disk, "linear", BallArray.of(speeds), saddle.directions.tolist()
+    )
     lengths = np.array([float(length) for row in rows for length in row])
-    return arrivals(over, loop_map.n.extents, BallArray.of(slow), loop_map.exit_fast, lengths, entry["steps"], watch)
+    return arrivals(
+        over,
+        loop_map.n.extents,
+        BallArray.of(slow),
+        loop_map.exit_fast,
+        lengths,
+        entry["steps"],
+        watch,
+    )
 
 
 def _connected(n: Passage, connection: EnclosedConnection) -> None:
@@ -364,10 +452,15 @@ def verify(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> End:
     }
     omega_h = claim["numbers"]["omega_h"]
     interval = Fraction(omega_h["value"]), Fraction(omega_h["uncertainty"])
-    connection = verify_connection(claim["parameters"], "linear", interval, Recorded({**entries, **claimed}))
+    connection = verify_connection(
+        claim["parameters"], "linear", interval, Recorded({**entries, **claimed})
+    )
     choices = {**evidence, "entry": {**evidence["entry"], "gamma": claim["gamma"], "v": claim["v"]}}
     return verify_cycles(
-        connection, Fraction(claim["low"]), Fraction(claim["high"]), lambda name, *context: choices[name]
+        connection,
+        Fraction(claim["low"]),
+        Fraction(claim["high"]),
+        lambda name, *context: choices[name],
     )
 
 
@@ -376,15 +469,25 @@ def sentence(claim: Mapping[str, Any], numbers: Mapping[str, str]) -> str:
     low, high, gamma, v = (claim[name] for name in CLAIM)
     return (
         f" let gamma be a real number, not an angle; let P be the half map from the section beta = "
-        "pi/2, v < 0 along the flow to the next crossing of beta = pi/2, there v > 0, with |beta - pi/2| < pi/2 "
-        "between, and by S: (beta, gamma, v) -> (pi - beta, pi - gamma, -v) back; and let Q be the set of the "
-        f"section's states with 3 pi/2 - {gamma} <= gamma < 3 pi/2 and -{v} rad/s <= v < 0. Of the speeds from {low} "
-        f"to {high} rad/s exactly one, Omega_h, is one at which the branch of the unstable manifold of (beta, gamma, "
-        "v) = (pi/2, -pi/2, 0) that leaves with growing gamma converges to (pi/2, 3 pi/2, 0) with gamma growing all "
-        f"the way, and Omega_h = {numbers['omega_h']} rad/s. For every Omega with Omega_h < Omega <= "
-        f"{high} rad/s P has exactly one fixed point in Q; the limit cycle through it is asymptotically stable, S maps "
-        "it to itself, and it crosses beta = pi/2 exactly twice a period; as Omega grows, its period, its largest "
-        "|beta - pi/2| and its gamma in Q fall strictly; as Omega falls to Omega_h, its period tends to infinity and "
-        f"the fixed point to (pi/2, 3 pi/2, 0). For every Omega with {low} rad/s <= Omega <= Omega_h P has no fixed "
+        "pi/2, v < 0 along the flow to the next crossing of beta = pi/2, there v > 0, with |beta - "
+        "pi/2| < pi/2 "
+        "between, and by S: (beta, gamma, v) -> (pi - beta, pi - gamma, -v) back; and let Q be the "
+        "set of the "
+        f"section's states with 3 pi/2 - {gamma} <= gamma < 3 pi/2 and -{v} rad/s <= v < 0. Of the "
+        f"speeds from {low} "
+        f"to {high} rad/s exactly one, Omega_h, is one at which the branch of the unstable "
+        f"manifold of (beta, gamma, "
+        "v) = (pi/2, -pi/2, 0) that leaves with growing gamma converges to (pi/2, 3 pi/2, 0) with "
+        "gamma growing all "
+        f"the way, and Omega_h = {numbers['omega_h']} rad/s. For every Omega with Omega_h < Omega "
+        f"<= "
+        f"{high} rad/s P has exactly one fixed point in Q; the limit cycle through it is "
+        f"asymptotically stable, S maps "
+        "it to itself, and it crosses beta = pi/2 exactly twice a period; as Omega grows, its "
+        "period, its largest "
+        "|beta - pi/2| and its gamma in Q fall strictly; as Omega falls to Omega_h, its period "
+        "tends to infinity and "
+        f"the fixed point to (pi/2, 3 pi/2, 0). For every Omega with {low} rad/s <= Omega <= "
+        f"Omega_h P has no fixed "
         "point in Q."
     )

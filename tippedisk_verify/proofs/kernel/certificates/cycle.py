@@ -14,9 +14,25 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from tippedisk_verify.proofs.kernel.balls import arb, ball, need, negative, positive, working_precision
+from tippedisk_verify.proofs.kernel.balls import (
+    arb,
+    ball,
+    need,
+    negative,
+    positive,
+    working_precision,
+)
 from tippedisk_verify.proofs.kernel.krawczyk import BOX, FLIGHT, FixedPoints, replayed_test
-from tippedisk_verify.proofs.kernel.reading import MANNERS, MEASURED, count, decimal, dyadic, held, one_of, precision
+from tippedisk_verify.proofs.kernel.reading import (
+    MANNERS,
+    MEASURED,
+    count,
+    decimal,
+    dyadic,
+    held,
+    one_of,
+    precision,
+)
 from tippedisk_verify.proofs.kernel.section import HALF, TURN, PoincareSection, Return
 
 __all__ = [
@@ -88,11 +104,15 @@ def cycle_numbers(section: PoincareSection, fixed: FixedPoints) -> dict[str, Any
         f"d{first}_domega": by_omega[0],
         f"d{second}_domega": by_omega[1],
     }
-    return numbers | ({"beta_max": -fixed.along(centre.beta_least, box.turn_by_start)} if section == HALF else {})
+    return numbers | (
+        {"beta_max": -fixed.along(centre.beta_least, box.turn_by_start)} if section == HALF else {}
+    )
 
 
 def stability(numbers: Mapping[str, Any]) -> bool | None:
-    """Return True if asymptotic stability is proved, False if instability is, None if neither is."""
+    """Return True if asymptotic stability is proved, False if instability is, None if neither
+    is.
+    """
     slow, fast = numbers["log_multiplier_slow"], numbers["log_multiplier_fast"]
     if negative(slow) and negative(fast):
         return True
@@ -103,7 +123,9 @@ def apart(fixed: FixedPoints, radii: Sequence[Any]) -> tuple[Any, Any]:
     """Return distances from the fixed point that stay within a tested box of these radii."""
     # The fixed point is up to |K| away from m, so its distance to the box's faces is smaller by
     # that.
-    first, second = (radius.rad() - abs(part) for radius, part in zip(radii, fixed.shift, strict=False))
+    first, second = (
+        radius.rad() - abs(part) for radius, part in zip(radii, fixed.shift, strict=False)
+    )
     return first, second
 
 
@@ -121,7 +143,12 @@ SHAPES = {
             "unique_within": dict.fromkeys(UNKNOWNS[section], decimal),
             "reversals?": count,
         },
-        {"middle": [dyadic, 2], "centre": FLIGHT, "box": BOX, "wide box?": BOX | {"bits": precision}},
+        {
+            "middle": [dyadic, 2],
+            "centre": FLIGHT,
+            "box": BOX,
+            "wide box?": BOX | {"bits": precision},
+        },
     )
     for kind, section in KINDS.items()
 }
@@ -134,7 +161,9 @@ def verify(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> None:
 
     def test(name: str, centre: Return | None = None) -> FixedPoints:
         box, log = evidence[name], evidence["centre"]
-        return replayed_test(claim, section, middle, [*box["radii"], drift], (0, 1), log, box, name, centre)
+        return replayed_test(
+            claim, section, middle, [*box["radii"], drift], (0, 1), log, box, name, centre
+        )
 
     fixed, widest = test("box"), evidence["box"]["radii"]
     numbers = cycle_numbers(section, fixed)
@@ -142,7 +171,10 @@ def verify(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> None:
         held(number, numbers[name], name)
     need(claim["stable"] in (None, stability(numbers)), "claim: the stability is not shown")
     if claim["friction"] == "smooth":
-        need(claim.get("reversals") == reversals(section, fixed), "claim: the sliding reversals are not shown")
+        need(
+            claim.get("reversals") == reversals(section, fixed),
+            "claim: the sliding reversals are not shown",
+        )
     if "wide box" in evidence:
         widest = evidence["wide box"]["radii"]
         with working_precision(evidence["wide box"]["bits"]):
@@ -158,29 +190,46 @@ def sentence(claim: Mapping[str, Any], numbers: Mapping[str, str]) -> str:
     first, second = UNKNOWNS[section]
     sliding = ""
     if claim["friction"] == "smooth":
-        changes = f"changes its sign exactly {claim['reversals']} times a period and is 0 nowhere else"
+        changes = (
+            f"changes its sign exactly {claim['reversals']} times a period and is 0 nowhere else"
+        )
         sliding = f", on which the sliding velocity gamma_y {changes}"
     manner = MANNERS[claim["stable"]]
     if section == HALF:
         return (
             f" at Omega = {claim['omega']} rad/s, the half-period map, along the flow from beta = "
-            "pi/2, v < 0 to the next crossing of beta = pi/2 and then by S, (beta, gamma, v) -> (pi - beta, pi - "
-            f"gamma, -v), has a fixed point (gamma - pi/2, v) = (gamma_bar_0, v_0) with gamma_bar_0 = {n[first]} rad "
-            f"and v_0 = {n[second]} rad/s, and no other with gamma within {room[first]} rad and v within "
-            f"{room[second]} rad/s of it; through it runs {manner}, which S maps to itself, which crosses beta = pi/2 "
-            f"exactly twice a period and whose largest |beta - pi/2| is beta_max = {n['beta_max']} rad, less than "
-            f"1.5707{sliding}; its period is T = {n['period']} s, its larger Floquet multiplier other than 1 is "
-            f"{n['multiplier_slow']} with the logarithm {n['log_multiplier_slow']}, the logarithm of the smaller one "
-            f"is {n['log_multiplier_fast']}, dT/dOmega = {n['dperiod_domega']} s^2/rad, d(gamma_bar_0)/dOmega = "
+            "pi/2, v < 0 to the next crossing of beta = pi/2 and then by S, (beta, gamma, v) -> "
+            "(pi - beta, pi - "
+            f"gamma, -v), has a fixed point (gamma - pi/2, v) = (gamma_bar_0, v_0) with "
+            f"gamma_bar_0 = {n[first]} rad "
+            f"and v_0 = {n[second]} rad/s, and no other with gamma within {room[first]} rad and v "
+            f"within "
+            f"{room[second]} rad/s of it; through it runs {manner}, which S maps to itself, which "
+            f"crosses beta = pi/2 "
+            f"exactly twice a period and whose largest |beta - pi/2| is beta_max = {n['beta_max']} "
+            f"rad, less than "
+            f"1.5707{sliding}; its period is T = {n['period']} s, its larger Floquet multiplier "
+            f"other than 1 is "
+            f"{n['multiplier_slow']} with the logarithm {n['log_multiplier_slow']}, the logarithm "
+            f"of the smaller one "
+            f"is {n['log_multiplier_fast']}, dT/dOmega = {n['dperiod_domega']} s^2/rad, "
+            f"d(gamma_bar_0)/dOmega = "
             f"{n['dgamma_bar_0_domega']} s and d(v_0)/dOmega = {n['dv_0_domega']}."
         )
     return (
         f" at Omega = {claim['omega']} rad/s, the turn map, along the flow from gamma = pi/2 to "
-        f"gamma = 5 pi/2, has a fixed point (beta - pi/2, v) = (beta_bar_top, v_top) with beta_bar_top = {n[first]} "
-        f"rad and v_top = {n[second]} rad/s, and no other with beta within {room[first]} rad and v within "
-        f"{room[second]} rad/s of it; through it runs {manner}, on which gamma grows all the time, by 2 pi a period, "
-        f"with 0 < beta - pi/2 < 1.5707{sliding}; its period is T = {n['period']} s, its Floquet multiplier other than "
-        f"1 of larger absolute value is {n['multiplier_slow']}, the logarithms of the absolute values of both are "
-        f"{n['log_multiplier_slow']} and {n['log_multiplier_fast']}, dT/dOmega = {n['dperiod_domega']} s^2/rad, "
-        f"d(beta_bar_top)/dOmega = {n['dbeta_bar_top_domega']} s and d(v_top)/dOmega = {n['dv_top_domega']}."
+        f"gamma = 5 pi/2, has a fixed point (beta - pi/2, v) = (beta_bar_top, v_top) with "
+        f"beta_bar_top = {n[first]} "
+        f"rad and v_top = {n[second]} rad/s, and no other with beta within {room[first]} rad and v "
+        f"within "
+        f"{room[second]} rad/s of it; through it runs {manner}, on which gamma grows all the time, "
+        f"by 2 pi a period, "
+        f"with 0 < beta - pi/2 < 1.5707{sliding}; its period is T = {n['period']} s, its Floquet "
+        f"multiplier other than "
+        f"1 of larger absolute value is {n['multiplier_slow']}, the logarithms of the absolute "
+        f"values of both are "
+        f"{n['log_multiplier_slow']} and {n['log_multiplier_fast']}, dT/dOmega = "
+        f"{n['dperiod_domega']} s^2/rad, "
+        f"d(beta_bar_top)/dOmega = {n['dbeta_bar_top_domega']} s and d(v_top)/dOmega = "
+        f"{n['dv_top_domega']}."
     )

@@ -27,12 +27,26 @@ from fractions import Fraction
 from itertools import pairwise
 from typing import Any
 
-from tippedisk_verify.proofs.kernel.balls import Unproved, arb, ball, midpoint_and_radius, need, working_precision
+from tippedisk_verify.proofs.kernel.balls import (
+    Unproved,
+    arb,
+    ball,
+    midpoint_and_radius,
+    need,
+    working_precision,
+)
 from tippedisk_verify.proofs.kernel.certificates import connection_cycles
 from tippedisk_verify.proofs.kernel.curves import Arc, Curve, CurveReplay, arc_test
 from tippedisk_verify.proofs.kernel.field import constants
 from tippedisk_verify.proofs.kernel.jets import Jet
-from tippedisk_verify.proofs.kernel.reading import MEASURED, decimal, held, one_of, parsed, precision
+from tippedisk_verify.proofs.kernel.reading import (
+    MEASURED,
+    decimal,
+    held,
+    one_of,
+    parsed,
+    precision,
+)
 from tippedisk_verify.proofs.kernel.scaled import ScaledCurve
 
 __all__ = [
@@ -56,7 +70,8 @@ __all__ = [
     "verify_piece",
 ]
 
-KINDS = {"family of limit cycles": False, "whole family of limit cycles": True}  #: whether up to the connection
+#: Whether up to the connection
+KINDS = {"family of limit cycles": False, "whole family of limit cycles": True}
 _ROOMS = ("v_0_per_gamma_bar_0", "v_0", "omega")
 
 STEPS = [{"share": decimal, "axes?": [[decimal, 3], 3]}, None]
@@ -72,13 +87,16 @@ ARC = {
 
 Pair = tuple[Fraction, Fraction]
 Rows = tuple[tuple[Fraction, ...], tuple[Fraction, ...]]  #: coefficients of two polynomials
-Job = tuple[Mapping[str, str], Fraction, int, Mapping[str, Any]]  #: the disk, where the arc begins, number, evidence
+#: The disk, where the arc begins, number, evidence
+Job = tuple[Mapping[str, str], Fraction, int, Mapping[str, Any]]
 
 
 class ArcStatus(Enum):
     """The reasons for which an arc is not proved or not joined; each value is a message."""
 
-    NOT_FOLLOWED = "the orbits of all these amplitudes could not be followed from section to section"
+    NOT_FOLLOWED = (
+        "the orbits of all these amplitudes could not be followed from section to section"
+    )
     NOT_INCLUDED = "Krawczyk's image does not lie inside the box"
     RISING = "Omega grows with the amplitude"
     UNSTABLE = "the limit cycles are unstable"
@@ -104,7 +122,8 @@ class Piece:
     curve: Rows
     unique_within: Pair  #: of the polynomials: no other cycle is nearer
     within: Pair  #: of the polynomials: the true values are this near
-    evidence: Mapping[str, Any] = field(default_factory=dict, compare=False, repr=False)  #: of the shape `ARC`
+    #: Of the shape `ARC`
+    evidence: Mapping[str, Any] = field(default_factory=dict, compare=False, repr=False)
 
     @property
     def scaled(self) -> bool:
@@ -115,7 +134,9 @@ class Piece:
         s = (2 * amplitude - self.low - self.high) / (self.high - self.low)
         if self.scaled:
             s = 2 * amplitude**2 / self.high**2 - 1
-        first, second = (sum((c * s**k for k, c in enumerate(row)), Fraction(0)) for row in self.curve)
+        first, second = (
+            sum((c * s**k for k, c in enumerate(row)), Fraction(0)) for row in self.curve
+        )
         return self.scaled_to(amplitude, (first, second))
 
     def scaled_to(self, amplitude: Fraction, values: Pair) -> Pair:
@@ -140,7 +161,11 @@ def upper_bound(x: Any) -> Fraction:
 
 
 def box_test(
-    disk: Mapping[str, str], low: Fraction, arc: Mapping[str, Any], radii: Sequence[Fraction], choices: Any
+    disk: Mapping[str, str],
+    low: Fraction,
+    arc: Mapping[str, Any],
+    radii: Sequence[Fraction],
+    choices: Any,
 ) -> Arc:
     """Test a box about an arc's polynomials, at the working precision.
 
@@ -160,7 +185,9 @@ def box_test(
     first, second, half = map(polynomial, (*arc["curve"], arc["half"]))
     need(first.degree == second.degree == half.degree > 0, "its polynomials have unlike degrees")
     need(min(radii) > 0, "a box is empty: a radius is not positive")
-    parameter = Jet([ball((begin + end) / 2), ball((end - begin) / 2), *[arb(0)] * (half.degree - 1)])
+    parameter = Jet(
+        [ball((begin + end) / 2), ball((end - begin) / 2), *[arb(0)] * (half.degree - 1)]
+    )
     deviation = [arb(0), *(arb(0, ball(radius)) for radius in radii)]
     curve = (Curve if low else ScaledCurve)(parameter, first, second, deviation, half.mid())
     return arc_test(constants(disk), curve, choices)
@@ -196,12 +223,23 @@ def verify_piece(job: Job) -> Piece:
                 raise Unproved(f"arc {number}, {name}: {fault}") from None
         within = [upper_bound(off) for off in tests[0].within]
     boxes = [[Fraction(text) for text in arc[name]["radii"]] for name in (names[0], names[-1])]
-    need(all(a <= b for a, b in zip(*boxes, strict=True)), f"arc {number}: the wide box does not hold the other one")
+    need(
+        all(a <= b for a, b in zip(*boxes, strict=True)),
+        f"arc {number}: the wide box does not hold the other one",
+    )
     v, omega = (tuple(map(Fraction, row)) for row in arc["curve"])
-    return Piece(low, Fraction(arc["end"]), (v, omega), (boxes[1][0], boxes[1][1]), (within[0], within[1]), content)
+    return Piece(
+        low,
+        Fraction(arc["end"]),
+        (v, omega),
+        (boxes[1][0], boxes[1][1]),
+        (within[0], within[1]),
+        content,
+    )
 
 
-Mapped = Callable[[Callable[[Job], Piece], Sequence[Job]], Iterable[Piece]]  #: `map`, or that of a pool of processes
+#: `map`, or that of a pool of processes
+Mapped = Callable[[Callable[[Job], Piece], Sequence[Job]], Iterable[Piece]]
 
 
 def joined(first: Piece, second: Piece, amplitude: Fraction) -> bool:
@@ -234,7 +272,9 @@ def omega_crit(disk: Mapping[str, str]) -> Any:
 
 
 def curve_fault(disk: Mapping[str, str], pieces: Sequence[Piece]) -> str:
-    """Return the reason why the pieces are not proved to be one curve from the Hopf point, or ''."""
+    """Return the reason why the pieces are not proved to be one curve from the Hopf point, or
+    ''.
+    """
     if not pieces:
         return "there are no arcs"
     off = omega_crit(disk) - ball(pieces[0].at(Fraction(0))[1])
@@ -252,7 +292,10 @@ def unique_within(pieces: Sequence[Piece]) -> tuple[Fraction, Fraction, Fraction
     They are distances of v_0 / gamma_bar_0 [1/s] on the first piece, of v_0 [rad/s] on the others,
     and of Omega [rad/s].
     """
-    rooms = [[room - near for room, near in zip(piece.unique_within, piece.within, strict=True)] for piece in pieces]
+    rooms = [
+        [room - near for room, near in zip(piece.unique_within, piece.within, strict=True)]
+        for piece in pieces
+    ]
     later = [room[0] for room in rooms[1:]] or [rooms[0][0]]
     return rooms[0][0], min(later), min(room[1] for room in rooms)
 
@@ -293,10 +336,19 @@ def verify(claim: Mapping[str, Any], evidence: Mapping[str, Any], mapped: Mapped
     pieces = list(mapped(verify_piece, jobs))
     fault = curve_fault(disk, pieces)
     need(not fault, fault)
-    for name, amplitude in (("amplitude_first", pieces[0].high), ("amplitude_end", pieces[-1].high)):
-        need(Fraction(claim[name]) == amplitude, f"claim: {name} is not the amplitude at which an arc ends")
+    for name, amplitude in (
+        ("amplitude_first", pieces[0].high),
+        ("amplitude_end", pieces[-1].high),
+    ):
+        need(
+            Fraction(claim[name]) == amplitude,
+            f"claim: {name} is not the amplitude at which an arc ends",
+        )
     highest = pieces[-1].speeds(pieces[-1].high)[1]
-    need(highest <= Fraction(claim["omega_end"]), "claim: omega_end is not shown to lie above the last cycle's speed")
+    need(
+        highest <= Fraction(claim["omega_end"]),
+        "claim: omega_end is not shown to lie above the last cycle's speed",
+    )
     held(claim["numbers"]["omega_crit"], omega_crit(disk), "omega_crit")
     for name, room in zip(_ROOMS, unique_within(pieces), strict=True):
         need(
@@ -310,41 +362,62 @@ def verify(claim: Mapping[str, Any], evidence: Mapping[str, Any], mapped: Mapped
 
 def sentence(claim: Mapping[str, Any], numbers: Mapping[str, str]) -> str:
     """Return the statement about the disk, after its parameters, in several sentences."""
-    last, room, whole = f"{claim['amplitude_end']} rad", claim["unique_within"], KINDS[claim["kind"]]
+    last, room, whole = (
+        f"{claim['amplitude_end']} rad",
+        claim["unique_within"],
+        KINDS[claim["kind"]],
+    )
     if whole:
         amplitudes = "(0, pi)"
         speeds = (
-            f"as a tends to pi Omega tends to Omega_h = {numbers['omega_h']} rad/s, at which (pi/2, -pi/2, 0) and "
-            "(pi/2, 3 pi/2, 0) are connected by a heteroclinic orbit, and by its image under S; the period tends to "
+            f"as a tends to pi Omega tends to Omega_h = {numbers['omega_h']} rad/s, at which "
+            f"(pi/2, -pi/2, 0) and "
+            "(pi/2, 3 pi/2, 0) are connected by a heteroclinic orbit, and by its image under S; "
+            "the period tends to "
             "infinity, and v_0 to 0; each Omega with Omega_h < Omega < Omega_crit"
         )
         low, high = claim["low"], claim["high"]
         beyond = (
-            f" P has no fixed point with 3 pi/2 - {claim['gamma']} <= gamma < 3 pi/2 and -{claim['v']} rad/s <= v < 0 "
-            f"for any Omega from {low} rad/s to Omega_h, and none but these cycles' for any Omega from there to {high} "
-            f"rad/s. Of the speeds from {low} to {high} rad/s Omega_h is the only one at which the branch of the "
-            "unstable manifold of (beta, gamma, v) = (pi/2, -pi/2, 0) that leaves with growing gamma converges to "
+            f" P has no fixed point with 3 pi/2 - {claim['gamma']} <= gamma < 3 pi/2 and "
+            f"-{claim['v']} rad/s <= v < 0 "
+            f"for any Omega from {low} rad/s to Omega_h, and none but these cycles' for any Omega "
+            f"from there to {high} "
+            f"rad/s. Of the speeds from {low} to {high} rad/s Omega_h is the only one at which the "
+            f"branch of the "
+            "unstable manifold of (beta, gamma, v) = (pi/2, -pi/2, 0) that leaves with growing "
+            "gamma converges to "
             "(pi/2, 3 pi/2, 0) with gamma growing all the way."
         )
     else:
         amplitudes, beyond = f"(0, {last.removesuffix(' rad')}] rad", ""
         speeds = (
-            f"at a = {last} Omega is at most {claim['omega_end']} rad/s, so that each Omega from there up to, but "
+            f"at a = {last} Omega is at most {claim['omega_end']} rad/s, so that each Omega from "
+            f"there up to, but "
             "without, Omega_crit"
         )
     return (
         f", gamma being a real number, not an angle, there are analytic functions v_0(a) < 0 and "
-        f"Omega(a) of a in {amplitudes} such that at the speed Omega(a) the orbit from beta = pi/2, gamma = pi/2 + a "
-        "with beta' = v_0(a) is an asymptotically stable limit cycle, which S, (beta, gamma, v) -> (pi - beta, pi - "
-        "gamma, -v), maps to itself, which crosses beta = pi/2 exactly twice a period, and on which |beta - pi/2| is "
-        "less than pi/2; as a grows Omega falls strictly, and the period and the largest |beta - pi/2| grow strictly; "
+        f"Omega(a) of a in {amplitudes} such that at the speed Omega(a) the orbit from beta = "
+        f"pi/2, gamma = pi/2 + a "
+        "with beta' = v_0(a) is an asymptotically stable limit cycle, which S, (beta, gamma, v) -> "
+        "(pi - beta, pi - "
+        "gamma, -v), maps to itself, which crosses beta = pi/2 exactly twice a period, and on "
+        "which |beta - pi/2| is "
+        "less than pi/2; as a grows Omega falls strictly, and the period and the largest |beta - "
+        "pi/2| grow strictly; "
         "as a tends to 0 the cycle shrinks to inverted spinning, Omega tends to Omega_crit = "
-        f"{numbers['omega_crit']} rad/s, where a pair of eigenvalues crosses the imaginary axis, and the period tends "
+        f"{numbers['omega_crit']} rad/s, where a pair of eigenvalues crosses the imaginary axis, "
+        f"and the period tends "
         "to 2 pi over their imaginary part; "
-        f"{speeds} is the speed of exactly one of these cycles. Let P be the half-period map, along the flow at the "
-        "speed Omega from beta = pi/2, v < 0 to the next crossing of beta = pi/2, with |beta - pi/2| < pi/2 between, "
-        f"and then by S. For no a with 0 < a <= {last} there is another (v, Omega), v < 0, for which P has the fixed "
-        f"point gamma = pi/2 + a, v, with |Omega - Omega(a)| <= {room['omega']} rad/s and, where a <= "
-        f"{claim['amplitude_first']} rad, |v - v_0(a)| <= {room['v_0_per_gamma_bar_0']} a/s, where a is larger, |v - "
+        f"{speeds} is the speed of exactly one of these cycles. Let P be the half-period map, "
+        f"along the flow at the "
+        "speed Omega from beta = pi/2, v < 0 to the next crossing of beta = pi/2, with |beta - "
+        "pi/2| < pi/2 between, "
+        f"and then by S. For no a with 0 < a <= {last} there is another (v, Omega), v < 0, for "
+        f"which P has the fixed "
+        f"point gamma = pi/2 + a, v, with |Omega - Omega(a)| <= {room['omega']} rad/s and, where a "
+        f"<= "
+        f"{claim['amplitude_first']} rad, |v - v_0(a)| <= {room['v_0_per_gamma_bar_0']} a/s, where "
+        f"a is larger, |v - "
         f"v_0(a)| <= {room['v_0']} rad/s.{beyond}"
     )

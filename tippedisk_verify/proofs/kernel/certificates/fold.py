@@ -52,14 +52,19 @@ def slope(fixed: FixedPoints) -> Any:
 
 
 def extremum(lower: Any, upper: Any) -> Literal["smallest", "largest"] | None:
-    """Return the kind of extremum of Omega inside the arc, given its slopes at the ends, or None."""
+    """Return the kind of extremum of Omega inside the arc, given its slopes at the ends, or
+    None.
+    """
     if negative(lower) and positive(upper):
         return "smallest"
     return "largest" if positive(lower) and negative(upper) else None
 
 
 def judge(
-    claim: Mapping[str, Any], section: PoincareSection, points: Sequence[FixedPoints], radii: Sequence[Any]
+    claim: Mapping[str, Any],
+    section: PoincareSection,
+    points: Sequence[FixedPoints],
+    radii: Sequence[Any],
 ) -> None:
     """Raise Unproved unless tests on the whole arc and at its ends prove the claim.
 
@@ -69,8 +74,14 @@ def judge(
     for point, name in zip(points[1:], POINTS[1:], strict=True):
         # The arc's box holds one cycle only.
         deviations = zip(point.image[1:], whole.middle[1:], radii, strict=True)
-        need(all(inside(x - y, r) for x, y, r in deviations), f"{name}: the cycle is not shown to be the arc's")
-    need(extremum(*map(slope, points[1:])) == claim["extremum"], "claim: the speed has no such extremum")
+        need(
+            all(inside(x - y, r) for x, y, r in deviations),
+            f"{name}: the cycle is not shown to be the arc's",
+        )
+    need(
+        extremum(*map(slope, points[1:])) == claim["extremum"],
+        "claim: the speed has no such extremum",
+    )
     need(negative(whole.box.divergence), "claim: the third multiplier is not shown to be below 1")
     for name, x, middle, room in zip(
         (UNKNOWNS[section][1], "omega"), whole.image[1:], whole.middle[1:], radii, strict=True
@@ -119,20 +130,26 @@ def sentence(claim: Mapping[str, Any], numbers: Mapping[str, str]) -> str:
     pair = f"there is exactly one pair of v within {n[second]} rad/s and Omega within {n['omega']} rad/s such that"
     if section == HALF:
         cycles = (
-            f"for each gamma_bar = gamma - pi/2 of the closed interval {n[first]} rad {pair} the orbit from (pi/2, "
-            "gamma, v) meets beta = pi/2 next in (pi/2, pi - gamma, -v), whence S, (beta, gamma, v) -> (pi - beta, pi "
+            f"for each gamma_bar = gamma - pi/2 of the closed interval {n[first]} rad {pair} the "
+            f"orbit from (pi/2, "
+            "gamma, v) meets beta = pi/2 next in (pi/2, pi - gamma, -v), whence S, (beta, gamma, "
+            "v) -> (pi - beta, pi "
             "- gamma, -v), maps it to itself; on it |beta - pi/2| < 1.5707 throughout"
         )
     else:
         cycles = (
-            f"for each beta_bar = beta - pi/2 of the closed interval {n[first]} rad {pair} the orbit from (beta, pi/2, "
-            "v) returns to beta and v when gamma has grown by 2 pi for the first time; on it 0 < beta - pi/2 < 1.5707 "
+            f"for each beta_bar = beta - pi/2 of the closed interval {n[first]} rad {pair} the "
+            f"orbit from (beta, pi/2, "
+            "v) returns to beta and v when gamma has grown by 2 pi for the first time; on it 0 < "
+            "beta - pi/2 < 1.5707 "
             "throughout"
         )
     signs = ("falls", "rises") if claim["extremum"] == "smallest" else ("rises", "falls")
     return (
         f", {cycles}, and these periodic orbits form an analytic curve, on which Omega {signs[0]} "
-        f"at the lower end of the interval and {signs[1]} at the upper one: at an inner point Omega has its "
-        f"{claim['extremum']} value on the curve, and the Floquet multipliers of the orbit there are 1, 1 and a number "
+        f"at the lower end of the interval and {signs[1]} at the upper one: at an inner point "
+        f"Omega has its "
+        f"{claim['extremum']} value on the curve, and the Floquet multipliers of the orbit there "
+        f"are 1, 1 and a number "
         f"between 0 and 1; the periods lie within {n['period']} s."
     )

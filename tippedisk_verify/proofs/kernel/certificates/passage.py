@@ -131,16 +131,24 @@ class Passage:
     `weighted` shows inequalities.
     """
 
-    def __init__(self, saddle: SaddleCoordinates, extents: Sequence[Any], cells: Sequence[int]) -> None:
+    def __init__(
+        self, saddle: SaddleCoordinates, extents: Sequence[Any], cells: Sequence[int]
+    ) -> None:
         self.saddle, self.extents = saddle, list(extents)
         ask("7a.1: the extents", *self.extents)
         n, m = cells
         need(n * n * m <= _MOST_CELLS, "there are too many cells")
         #: the largest |z_f| for which `stirred` is a bound
         self.stirred_within = self.extents[F] / m
-        i, j, k = (places.ravel() for places in np.meshgrid(*map(np.arange, (n, 2 * n, 2 * m)), indexing="ij"))
+        i, j, k = (
+            places.ravel()
+            for places in np.meshgrid(*map(np.arange, (n, 2 * n, 2 * m)), indexing="ij")
+        )
         # The least multiple (shell + 1) / n of N that the cell's inside meets.
-        shells = np.maximum(np.maximum(n - 1 - i, np.maximum(j - n, n - 1 - j)), np.maximum(k - m, m - 1 - k) * n // m)
+        shells = np.maximum(
+            np.maximum(n - 1 - i, np.maximum(j - n, n - 1 - j)),
+            np.maximum(k - m, m - 1 - k) * n // m,
+        )
         whole: list[list[Any]] = [[] for _ in range(n)]
         stirred: list[Any] = []
         for begin in range(0, len(i), _AT_ONCE):
@@ -154,7 +162,9 @@ class Passage:
             for shell in np.unique(shells[block]):
                 whole[shell].append([hull_of_array(x[shells[block] == shell]) for x in held])
         self.stirred = [most(reduce(arb.union, column)) for column in zip(*stirred, strict=True)]
-        self._means([[reduce(arb.union, column) for column in zip(*parts, strict=True)] for parts in whole])
+        self._means(
+            [[reduce(arb.union, column) for column in zip(*parts, strict=True)] for parts in whole]
+        )
 
     def _over(self, z: list[Any], central: NDArray[np.bool_]) -> tuple[list[Any], list[list[Any]]]:
         """Return DF, the sums of its diagonal entries and B over cells, and the products' hull if
@@ -166,8 +176,14 @@ class Passage:
         if central.any():
             z = [x[central] for x in z]
             middle = [x.mid() for x in z]
-            changes = [[slope[central] * (x - y) for slope, x, y in zip(row, z, middle, strict=True)] for row in slopes]
-            rates = [sum(row, point) for point, row in zip(self.saddle.field(middle)[0], changes, strict=True)]
+            changes = [
+                [slope[central] * (x - y) for slope, x, y in zip(row, z, middle, strict=True)]
+                for row in slopes
+            ]
+            rates = [
+                sum(row, point)
+                for point, row in zip(self.saddle.field(middle)[0], changes, strict=True)
+            ]
             mixed = [[hull_of_array(x) for x in products(rates, [x[central] for x in by_speed])]]
         return [*d, d[0] + d[4], d[0] + d[8], d[4] + d[8], *by_speed], mixed
 
@@ -176,16 +192,36 @@ class Passage:
         for held in shells:
             whole = [x.union(y) for x, y in zip(whole, held, strict=True)]
             total = [x + y for x, y in zip(total, whole, strict=True)]
-        self.A, self.M = (arb_mat(3, 3, entries) for entries in (whole[:9], [x / len(shells) for x in total[:9]]))
+        self.A, self.M = (
+            arb_mat(3, 3, entries) for entries in (whole[:9], [x / len(shells) for x in total[:9]])
+        )
         a, (c_us, c_uf, c_sf) = self.A, whole[9:12]
-        self.C = arb_mat([[c_us, a[S, F], -a[U, F]], [a[F, S], c_uf, a[U, S]], [-a[F, U], a[S, U], c_sf]])
+        self.C = arb_mat(
+            [[c_us, a[S, F], -a[U, F]], [a[F, S], c_uf, a[U, S]], [-a[F, U], a[S, U], c_sf]]
+        )
         self.B = [most(x) for x in whole[12:]]
 
     def weighted(self, weights: dict[str, Any]) -> None:
         """Show the inequalities of faces, cones, compound, thin set and K. Raises Unproved."""
-        self.steep, self.compound, self.drift = weights["steep"], weights["compound"], weights["drift"]
-        self.flat, self.lipschitz, self.thin = weights["flat"], weights["lipschitz"], weights["thin"]
-        ask("7a.1: the weights", *self.steep, *self.compound, *self.drift, self.flat, self.lipschitz, self.thin)
+        self.steep, self.compound, self.drift = (
+            weights["steep"],
+            weights["compound"],
+            weights["drift"],
+        )
+        self.flat, self.lipschitz, self.thin = (
+            weights["flat"],
+            weights["lipschitz"],
+            weights["thin"],
+        )
+        ask(
+            "7a.1: the weights",
+            *self.steep,
+            *self.compound,
+            *self.drift,
+            self.flat,
+            self.lipschitz,
+            self.thin,
+        )
         (u, s, t), a, m, c = self.extents, self.A, self.M, self.C
         rest = others(m, self.extents)
         #: least rates of decay of |z_s| and |z_f|, down to `forcing`
@@ -199,20 +235,36 @@ class Passage:
             ask("7a.1: the cones of the flat weights", *cones(matrix, (weight, arb(1), arb(1))))
         # Bounds of the growth rate of |d_u| in the steep cone.
         rest_u = others(a, self.steep)[U] / self.steep[U]
-        self.grows = (a[U, U] - rest_u - self.B[U] / self.steep[U]).lower(), (a[U, U] + rest_u).upper()
+        self.grows = (
+            (a[U, U] - rest_u - self.B[U] / self.steep[U]).lower(),
+            (a[U, U] + rest_u).upper(),
+        )
         # |b| = max(|b_us|, |b_uf| / k_1, |b_sf| / k_2) falls, and b_us more slowly than the others.
         sizes = (arb(1), *self.compound)
         rest = [x / k for x, k in zip(others(c, sizes), sizes, strict=True)]
         rates = [(c[k, k] + rest[k]).upper() for k in range(3)]
-        self.rate, self.slowest = -rates[0].max(rates[1]).max(rates[2]), -(c[0, 0] - rest[0]).lower()
-        self.falls, self.fed = (-c[1, 1]).lower(), most(abs(c[1, 0]) + abs(c[1, 2]) * self.compound[1])
-        ask("7a.2: the second compound falls", self.rate, self.falls - self.rate, self.falls - self.slowest)
+        self.rate, self.slowest = (
+            -rates[0].max(rates[1]).max(rates[2]),
+            -(c[0, 0] - rest[0]).lower(),
+        )
+        self.falls, self.fed = (
+            (-c[1, 1]).lower(),
+            most(abs(c[1, 0]) + abs(c[1, 2]) * self.compound[1]),
+        )
+        ask(
+            "7a.2: the second compound falls",
+            self.rate,
+            self.falls - self.rate,
+            self.falls - self.slowest,
+        )
         ask("7a.3: the cone of the second compound", *(-self.slowest - rate for rate in rates[1:]))
         ask(
             "7a.5: the variation by the speed",
             *(
                 -c[k, k] * self.drift[k] - rest - stirred
-                for k, rest, stirred in zip(range(3), others(c, self.drift), self.stirred, strict=True)
+                for k, rest, stirred in zip(
+                    range(3), others(c, self.drift), self.stirred, strict=True
+                )
             ),
         )
         self._thin_set()
@@ -232,7 +284,12 @@ class Passage:
         ask("7a.4: the thin set at beta_bar = 0", 1 - abs(q) * k)
         fast = arb(0, most(k * abs(r).max(arb(1)) / (1 - abs(q) * k)))
         self.ratios = arb(1), r + q * fast, fast
-        ask("7a.4: the signs at beta_bar = 0", self.ratios[S], self.at_crossing(1), self.at_crossing(2))
+        ask(
+            "7a.4: the signs at beta_bar = 0",
+            self.ratios[S],
+            self.at_crossing(1),
+            self.at_crossing(2),
+        )
         ask("7a.4: the weights of the graph", 1 - k, 1 - self.flat)
         ask("7a.4: beta_bar on the graph", -p[0, S] - abs(p[0, U]) * self.flat - abs(p[0, F]) * k)
 
@@ -258,7 +315,9 @@ class Passage:
     def rates(self, z: Sequence[Any]) -> list[Any]:
         """Return F over a box of z, by the mean value theorem about its middle."""
         middle = [x.mid() for x in z]
-        change = arb_mat(self.saddle.field(z)[1]) * arb_mat([[x - y] for x, y in zip(z, middle, strict=True)])
+        change = arb_mat(self.saddle.field(z)[1]) * arb_mat(
+            [[x - y] for x, y in zip(z, middle, strict=True)]
+        )
         return [x + y for x, y in zip(self.saddle.field(middle)[0], change.entries(), strict=True)]
 
     def time(self, distance: Any) -> Any:
@@ -269,7 +328,9 @@ class Passage:
         return (((u - self.flat * s.max(t)) / distance).log() / self.grows[1]).lower()
 
     def fallen(self, slow: Any, fast: Any, time: Any) -> list[Any]:
-        """Return upper bounds of |z_s| and |z_f| after ``time`` in N, from ``slow`` and ``fast``."""
+        """Return upper bounds of |z_s| and |z_f| after ``time`` in N, from ``slow`` and
+        ``fast``.
+        """
         parts = zip((slow, fast), self.decay, self.forcing, strict=True)
         return [most(x * (-rate.lower() * time).exp() + rest) for x, rate, rest in parts]
 
@@ -289,7 +350,13 @@ class Passage:
         k_1, k_2 = self.compound
         size = most(b[0]).max(most(b[1] / k_1)).max(most(b[2] / k_2))
         first = most(size * (-self.rate * time).exp())
-        return [first, most(size * k_1 * (-self.falls * time).exp() + first * self.fed / (self.falls - self.rate))]
+        return [
+            first,
+            most(
+                size * k_1 * (-self.falls * time).exp()
+                + first * self.fed / (self.falls - self.rate)
+            ),
+        ]
 
     def ratio(self, time: Any) -> Any:
         """Return an upper bound of |b_uf| / b_us after ``time`` in the cone |b_uf| <= k_1 b_us,
@@ -320,7 +387,10 @@ def arrivals(
     Raises:
         Unproved: With the number of the first flight that is not proved.
     """
-    path, s = saddle.path([slow.constant(extents[U]), slow, slow.constant(fast)], _Axes()), extents[S]
+    path, s = (
+        saddle.path([slow.constant(extents[U]), slow, slow.constant(fast)], _Axes()),
+        extents[S],
+    )
     tops: list[list[Any]] = []
     turned = np.zeros(len(lengths), bool)
     for number in range(1, count + 1):
@@ -337,7 +407,11 @@ def arrivals(
         path.take(step)
         z = saddle.arrived(step.enclosure)
         rate, level = saddle.rates(z)[S], saddle.seen(path.frame)[S] + s
-        _all("it is not shown to be on its way", (-level).positive(), rate.positive() | (-s - z[S]).positive())
+        _all(
+            "it is not shown to be on its way",
+            (-level).positive(),
+            rate.positive() | (-s - z[S]).positive(),
+        )
     _all("beta_bar is not shown to have a largest value on the way", turned)
     beta = [reduce(arb.union, column) for column in zip(*tops, strict=True)]
     time, *landed = _landed(saddle, path, step, s)
@@ -347,7 +421,9 @@ def arrivals(
 
 
 class _Axes:
-    """The axes of the sets by a fixed rule: the images of those of z_u and z_s, and the axis of v."""
+    """The axes of the sets by a fixed rule: the images of those of z_u and z_s, and the axis
+    of v.
+    """
 
     def axes(self, turned: Sequence[Sequence[Any]], sizes: Any, stiffness: Any) -> list[list[Any]]:
         return [[*row[: S + 1], row[F].constant(int(k == 2))] for k, row in enumerate(turned)]
@@ -365,7 +441,10 @@ def _all(what: str, *verified: NDArray[np.bool_]) -> None:
 
 def _step(path: Path, lengths: NDArray[np.float64]) -> Step:
     step = path.trial((_ORDER, _ORDER)).tested(BallArray(lengths))
-    _all("the states and derivatives over a step are not shown to stay in its enclosure", step.included)
+    _all(
+        "the states and derivatives over a step are not shown to stay in its enclosure",
+        step.included,
+    )
     return step
 
 
@@ -375,7 +454,9 @@ def _climbs(model: Model, step: Step) -> NDArray[np.bool_]:
     _all("0 < beta_bar < 1.5707 is not shown", beta.positive(), (ball(UPRIGHT) - beta).positive())
     turning: NDArray[np.bool_] = ~(v.positive() | v.negative())
     if turning.any():
-        _all("v is not shown to pass zero once", ~turning | model.rates(step.enclosure)[2].negative())
+        _all(
+            "v is not shown to pass zero once", ~turning | model.rates(step.enclosure)[2].negative()
+        )
     return turning
 
 
@@ -388,7 +469,11 @@ def _landed(saddle: SaddleCoordinates, path: Path, step: Step, s: Any) -> list[l
     for _ in range(2):
         _all("it is not shown to pass z_s = -s once", rate.positive())
         time = middle - level / rate
-        _all("it is not shown to arrive in its last step", time.positive(), (step.length - time).positive())
+        _all(
+            "it is not shown to arrive in its last step",
+            time.positive(),
+            (step.length - time).positive(),
+        )
         rate = saddle.rates(saddle.seen(path.carried(step, time.union(middle))))[S]
     frame = path.carried(step, time)
     z = saddle.seen(frame)

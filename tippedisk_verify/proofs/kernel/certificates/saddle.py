@@ -76,7 +76,15 @@ import numpy as np
 from flint import arb, arb_mat, arb_series
 
 from tippedisk_verify.proofs.kernel.ball_array import BallArray
-from tippedisk_verify.proofs.kernel.balls import BallOps, Unproved, ball, coefficient, need, positive, series_length
+from tippedisk_verify.proofs.kernel.balls import (
+    BallOps,
+    Unproved,
+    ball,
+    coefficient,
+    need,
+    positive,
+    series_length,
+)
 from tippedisk_verify.proofs.kernel.field import constants, field, sliding_motion
 from tippedisk_verify.proofs.kernel.flow import Model, Path
 from tippedisk_verify.proofs.kernel.frame import Frame
@@ -117,7 +125,9 @@ def most(x: Any) -> Any:
 
 def others(matrix: Any, weights: Sequence[Any]) -> list[Any]:
     """Return for each row the weighted sum of the off-diagonal entries' sizes."""
-    return [sum((abs(matrix[i, j]) * weights[j] for j in range(3) if j != i), arb(0)) for i in range(3)]
+    return [
+        sum((abs(matrix[i, j]) * weights[j] for j in range(3) if j != i), arb(0)) for i in range(3)
+    ]
 
 
 def cones(matrix: Any, weights: Sequence[Any], by_speed: Sequence[Any] = (0, 0, 0)) -> list[Any]:
@@ -130,7 +140,9 @@ def cones(matrix: Any, weights: Sequence[Any], by_speed: Sequence[Any] = (0, 0, 
     - Once U >= max(S, D), this stays so, and U grows exponentially.
     - Backwards in time, once S >= max(U, D), this stays so, and S grows exponentially.
     """
-    rest = [(x + abs(b)) / k for x, b, k in zip(others(matrix, weights), by_speed, weights, strict=True)]
+    rest = [
+        (x + abs(b)) / k for x, b, k in zip(others(matrix, weights), by_speed, weights, strict=True)
+    ]
     return [matrix[0, 0] - rest[0], -matrix[1, 1] - rest[1], -matrix[2, 2] - rest[2]]
 
 
@@ -141,13 +153,18 @@ def hull_of_array(x: BallArray) -> Any:
     """
     if not x.is_finite().all():
         return arb.nan()
-    low, high = np.nextafter(x.midpoints - x.radii, -np.inf).min(), np.nextafter(x.midpoints + x.radii, np.inf).max()
+    low, high = (
+        np.nextafter(x.midpoints - x.radii, -np.inf).min(),
+        np.nextafter(x.midpoints + x.radii, np.inf).max(),
+    )
     return arb(float(low)).union(arb(float(high)))
 
 
 def products(x: Sequence[Any], y: Sequence[Any]) -> list[Any]:
     """Return x_i y_j - x_j y_i for us, uf, sf."""
-    return [x[i] * y[j] - x[j] * y[i] for i, j in ((UNSTABLE, SLOW), (UNSTABLE, FAST), (SLOW, FAST))]
+    return [
+        x[i] * y[j] - x[j] * y[i] for i, j in ((UNSTABLE, SLOW), (UNSTABLE, FAST), (SLOW, FAST))
+    ]
 
 
 class _Beyond:
@@ -172,8 +189,15 @@ class SaddleCoordinates:
     Raises Unproved if the matrix of directions has no inverse.
     """
 
-    def __init__(self, disk: dict[str, str], friction: str, omega: Any, directions: Sequence[Sequence[Any]]) -> None:
-        self.disk, self.friction, self.omega, self.directions = disk, friction, omega, arb_mat(directions)
+    def __init__(
+        self, disk: dict[str, str], friction: str, omega: Any, directions: Sequence[Sequence[Any]]
+    ) -> None:
+        self.disk, self.friction, self.omega, self.directions = (
+            disk,
+            friction,
+            omega,
+            arb_mat(directions),
+        )
         try:
             self.inverse = self.directions.inv()
         except ZeroDivisionError:
@@ -198,7 +222,9 @@ class SaddleCoordinates:
         def in_z(ops: Any, numbers: Any, omega: Any) -> Any:
             def rates(*z: Any) -> Any:
                 beta, gamma, v = self.offset(z)
-                of_y = field(_Beyond(ops, gamma), numbers, omega, self.friction if side is None else side)
+                of_y = field(
+                    _Beyond(ops, gamma), numbers, omega, self.friction if side is None else side
+                )
                 return self.coordinates(of_y(beta, gamma, v))
 
             return rates
@@ -214,14 +240,25 @@ class SaddleCoordinates:
         sides = (None,) if self.friction == "linear" else (1, -1)
         return [Model(self.constants, self.omega, self.law(side)) for side in sides]
 
-    def field(self, z: Sequence[Any], side: int | None = None) -> tuple[list[Any], list[list[Any]], list[Any]]:
+    def field(
+        self, z: Sequence[Any], side: int | None = None
+    ) -> tuple[list[Any], list[list[Any]], list[Any]]:
         """Return F, DF and the derivative B by the speed over a box of z.
 
         Under the smooth law without a ``side`` they are the hull of both sides'.
         """
-        start = [*z, *(ball(int(row == column)) + 0 * z[0] for column in range(4) for row in range(3))]
-        models = self._models if side is None or self.friction == "linear" else [self._models[0 if side > 0 else 1]]
-        sets = [[series[1] for series in model.variational.coefficients(start, 1)] for model in models]
+        start = [
+            *z,
+            *(ball(int(row == column)) + 0 * z[0] for column in range(4) for row in range(3)),
+        ]
+        models = (
+            self._models
+            if side is None or self.friction == "linear"
+            else [self._models[0 if side > 0 else 1]]
+        )
+        sets = [
+            [series[1] for series in model.variational.coefficients(start, 1)] for model in models
+        ]
         both = [a.union(b) for a, b in zip(*sets, strict=True)] if len(sets) > 1 else sets[0]
         return both[:3], [both[3 + row : 12 : 3] for row in range(3)], both[12:]
 
@@ -230,18 +267,26 @@ class SaddleCoordinates:
         with series_length(2):
             pairs = zip(self.offset(z), self.offset(direction), strict=True)
             beta, gamma, v = (arb_series([x, slope], prec=2) for x, slope in pairs)
-            moved, _ = sliding_motion(_Beyond(BallOps, gamma), self.constants, self.omega, (beta, gamma, v))
+            moved, _ = sliding_motion(
+                _Beyond(BallOps, gamma), self.constants, self.omega, (beta, gamma, v)
+            )
             return coefficient(moved, 1)
 
     def path(self, z: Sequence[Any], proposer: Any) -> Path:
-        """Return the path of all orbits from a box of z about the first saddle, with derivatives."""
+        """Return the path of all orbits from a box of z about the first saddle, with
+        derivatives.
+        """
         beta, gamma, v = self.offset([x.mid() for x in z])
         start = [beta, gamma - arb.pi(), v]
-        path = law_model(self.friction, self.constants, self.omega).path(start, proposer, derivatives=True)
+        path = law_model(self.friction, self.constants, self.omega).path(
+            start, proposer, derivatives=True
+        )
         frame = path.frame = Frame([x.mid() for x in start], self.omega)
         directions = self.directions.tolist()
         frame.axes, frame.rest = directions, self.coordinates([x - x.mid() for x in start])
-        frame.lead = [[*row, entries[3]] for row, entries in zip(directions, frame.lead, strict=True)]
+        frame.lead = [
+            [*row, entries[3]] for row, entries in zip(directions, frame.lead, strict=True)
+        ]
         frame.deviation = [*(x - x.mid() for x in z), frame.deviation[3]]
         path.box = frame.box()
         return path
@@ -255,12 +300,16 @@ class SaddleCoordinates:
         d = frame.deviation if deviation is None else deviation
         return [
             middle + sum(map(mul, by_start, d)) + sum(map(mul, by_axes, frame.rest))
-            for middle, by_start, by_axes in zip(self.arrived(frame.middle), lead, axes, strict=True)
+            for middle, by_start, by_axes in zip(
+                self.arrived(frame.middle), lead, axes, strict=True
+            )
         ]
 
     def columns(self, matrix: Sequence[Sequence[Any]]) -> list[list[Any]]:
         """Return P^-1 times a matrix."""
-        return [list(row) for row in zip(*map(self.coordinates, zip(*matrix, strict=True)), strict=True)]
+        return [
+            list(row) for row in zip(*map(self.coordinates, zip(*matrix, strict=True)), strict=True)
+        ]
 
 
 class ManifoldGraph:
@@ -271,14 +320,17 @@ class ManifoldGraph:
     law.
     """
 
-    def __init__(self, saddle: SaddleCoordinates, along: int, graph: Sequence[list[Any]], side: int | None) -> None:
+    def __init__(
+        self, saddle: SaddleCoordinates, along: int, graph: Sequence[list[Any]], side: int | None
+    ) -> None:
         self.saddle, self.along, self.graph, self.side = saddle, along, graph, side
         self.others = tuple(k for k in range(3) if k != along)
         self.order = len(graph[0]) - 1
         #: W is the polynomials' for theta > 0, and -W(-theta) for theta < 0
         self.mirrored = side is not None and along == SLOW
         need(
-            len({len(row) for row in graph}) == 1 and self.order > 0, "a curve's polynomials have unlike degrees, or 0"
+            len({len(row) for row in graph}) == 1 and self.order > 0,
+            "a curve's polynomials have unlike degrees, or 0",
         )
         need(all(bool(row[0] == 0) for row in graph), "a curve does not pass the saddle")
 
@@ -293,7 +345,9 @@ class ManifoldGraph:
         """Return W' at a number, ball or series."""
         if self.mirrored and not isinstance(theta, arb_series):
             theta = abs(theta)
-        return [_horner([n * value for n, value in enumerate(row)][1:], theta) for row in self.graph]
+        return [
+            _horner([n * value for n, value in enumerate(row)][1:], theta) for row in self.graph
+        ]
 
     def point(self, theta: Any, w: Sequence[Any] = (0, 0)) -> list[Any]:
         """Return z = (theta, W(theta) + w), its components in their places."""
@@ -304,7 +358,10 @@ class ManifoldGraph:
 
     def straightened(self, z: Sequence[Any]) -> list[Any]:
         """Return w of a point z."""
-        return [z[other] - value for other, value in zip(self.others, self.at(z[self.along]), strict=True)]
+        return [
+            z[other] - value
+            for other, value in zip(self.others, self.at(z[self.along]), strict=True)
+        ]
 
     def across(self, matrix: Any, theta: Any) -> list[list[Any]]:
         """Return J, where DF is ``matrix`` and theta in its ball."""
@@ -337,14 +394,17 @@ class ManifoldGraph:
             return [flow[other] - slope * flow[self.along] for other, slope in pairs]
 
     def relative_defect(self, reach: Any) -> list[Any]:
-        """Return bounds d of |D(theta)| / |theta| for 0 < |theta| <= reach and all speeds, or NaN."""
+        """Return bounds d of |D(theta)| / |theta| for 0 < |theta| <= reach and all speeds, or
+        NaN.
+        """
         order, whole = self.order, arb(0).union(reach)
         if self.side is None:
             whole = whole.union(-reach)
         inside = self.defect(arb(0), order)
         try:
             over = self.defect(whole, order + 1)
-        except ValueError:  # the mass may vanish somewhere: Arb divides no series by a ball that holds zero
+        # The mass may vanish somewhere: Arb divides no series by a ball that holds zero
+        except ValueError:
             return [arb.nan()] * 2
         bounds = []
         for inner, outer in zip(inside, over, strict=True):
@@ -403,7 +463,9 @@ def block(curve: ManifoldGraph, extents: Sequence[Any]) -> tuple[Any, list[Any],
         u - delta,
         outwards * delta - abs(from_f) * t - defect[0],
         -inwards * t - abs(from_u) * u - defect[1],
-        -matrix[SLOW, SLOW] * s - abs(matrix[SLOW, UNSTABLE] * box[UNSTABLE]) - abs(matrix[SLOW, FAST] * box[FAST]),
+        -matrix[SLOW, SLOW] * s
+        - abs(matrix[SLOW, UNSTABLE] * box[UNSTABLE])
+        - abs(matrix[SLOW, FAST] * box[FAST]),
     )
     return delta, box, matrix
 
@@ -416,4 +478,7 @@ def _horner(coefficients: Sequence[Any], variable: Any) -> Any:
 
 
 def _times(matrix: Any, vector: Sequence[Any]) -> list[Any]:
-    return [matrix[row, 0] * vector[0] + matrix[row, 1] * vector[1] + matrix[row, 2] * vector[2] for row in range(3)]
+    return [
+        matrix[row, 0] * vector[0] + matrix[row, 1] * vector[1] + matrix[row, 2] * vector[2]
+        for row in range(3)
+    ]
