@@ -10,7 +10,10 @@ import pytest
 
 from tippedisk_verify.cli import main
 
-GOOD = 'r = "0.045"\ne = "0.0025"\nm = "0.435"\nA = "0.249e-3"\nB = "0.227e-3"\ng = "9.81"\nmu = "0.3"\nepsilon = "0.1"\n'
+GOOD = (
+    'r = "0.045"\ne = "0.0025"\nm = "0.435"\nA = "0.249e-3"\nB = "0.227e-3"\n'
+    'g = "9.81"\nmu = "0.3"\nepsilon = "0.1"\n'
+)
 
 
 def test_scene_writes_whole_files(tmp_path: Path, capsys) -> None:

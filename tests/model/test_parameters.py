@@ -13,7 +13,10 @@ from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.parameters import CALIBRATED, NAMED_SETS, PRINTED, Parameters
 from tippedisk_verify.model.precision import DOUBLE, bits
 
-GOOD = 'r = "0.045"\ne = "0.0025"\nm = "0.435"\nA = "0.249e-3"\nB = "0.227e-3"\ng = "9.81"\nmu = "0.3"\nepsilon = "0.1"\n'
+GOOD = (
+    'r = "0.045"\ne = "0.0025"\nm = "0.435"\nA = "0.249e-3"\nB = "0.227e-3"\n'
+    'g = "9.81"\nmu = "0.3"\nepsilon = "0.1"\n'
+)
 
 
 def test_named_sets_are_as_documented() -> None:

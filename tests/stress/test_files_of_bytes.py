@@ -19,7 +19,10 @@ from tippedisk_verify.errors import InputError
 from tippedisk_verify.reference_values.manifest import LARGEST, faults_in_files
 from tippedisk_verify.reference_values.store import Store, data_folder
 
-_TOML = b'r = "0.045"\ne = "0.0025"\nm = "0.435"\nA = "0.249e-3"\nB = "0.227e-3"\ng = "9.81"\nmu = "0.3"\nepsilon = "0.1"\n'
+_TOML = (
+    b'r = "0.045"\ne = "0.0025"\nm = "0.435"\nA = "0.249e-3"\nB = "0.227e-3"\n'
+    b'g = "9.81"\nmu = "0.3"\nepsilon = "0.1"\n'
+)
 _ID = "table1/linear/hopf/point/omega_crit"
 _TOKENS = (
     *(bytes([code]) for code in b"\0\"'\\\n\r,;{}[]=-#"),
