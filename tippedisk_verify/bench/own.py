@@ -38,10 +38,12 @@ def method_of(
 ) -> Method:
     """Return a user's integrator as a competitor.
 
-    Args: name: what the legend calls it. solver: a function of a problem and a tolerance that
-        returns the states (n, 3) at ``problem.times``. tolerances: relative ones, loosest first.
-        clock: the time [s] that the last call took by the solver's own clock, or None for the wall
-        clock.
+    Args:
+        name: The name in the legend.
+        solver: A function of a problem and a tolerance that returns the states (n, 3) at
+            ``problem.times``.
+        tolerances: Relative tolerances, loosest first.
+        clock: The time [s] of the last call by the solver's own clock, or None for the wall clock.
     """
 
     def states(problem: Problem, tolerance: float) -> Any:
@@ -90,11 +92,14 @@ def question(problem: Problem, tolerance: float) -> dict[str, Any]:
 def scores_of(name: str, text: str) -> list[Score]:
     """Return the scores of runs that were made elsewhere.
 
-    Args: name: what the legend calls the integrator. text: CSV with the columns problem, setting,
-        seconds, and error or beta, gamma, v (the state at the end).
+    Args:
+        name: The name in the legend.
+        text: CSV with the columns problem, setting, seconds, and error or beta, gamma, v (the state
+            at the end).
 
-    Raises: InputError: for a file without these columns, an unknown problem or something that is no
-        number.
+    Raises:
+        InputError: For a file without these columns, an unknown problem or an entry that is not a
+            number.
     """
     rows = list(csv.DictReader(text.splitlines()))
     columns = set(rows[0]) if rows else set()

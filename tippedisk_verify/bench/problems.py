@@ -62,9 +62,10 @@ class Problem:
         """Return the equations of motion as a function ``rhs`` with all constants as numbers, to be
         compiled.
 
-        Args: language: ``"python"`` for ``rhs(t, y)`` with ``math``'s functions, which numba
-            compiles as it is;
-                ``"c"`` for ``void rhs(double t, const double *y, double *rates)`` with ``math.h``.
+        Args:
+            language: ``"python"`` for ``rhs(t, y)`` with ``math``'s functions, which numba compiles
+                as it is; ``"c"`` for ``void rhs(double t, const double *y, double *rates)`` with
+                ``math.h``.
         """
         rates = field(_Written, self.parameters.at(DOUBLE), self.omega, self.friction)
         rows = rates(*(_Written(name) for name in ("beta", "gamma", "v")))

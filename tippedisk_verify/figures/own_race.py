@@ -1,4 +1,4 @@
-"""A race with integrators of one's own: their run time against their error, beside the suite's."""
+"""A race with integrators of one's own: their run time against their error, with the suite's."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class Race(Printable):
         return "\n".join([head, *map(_line, self.scores)])
 
     def plot(self, columns: int = 2) -> Any:
-        """Return the work-precision diagram as a matplotlib figure of so many columns of panels."""
+        """Return the work-precision diagram as a matplotlib figure with this number of columns of panels."""
         return draw_bench(self.scores, columns)
 
 
@@ -61,19 +61,20 @@ def race(
 ) -> Race:
     """Race integrators of one's own against the suite's and SciPy's, interleaved, warm.
 
-    Args: solvers: by name, functions of a problem and a relative tolerance that return the states
-        (n, 3) at
-            ``problem.times`` [s]: beta, gamma [rad] and v [rad/s]. ``problem.rhs(t, y)`` has the
-            equations of motion, ``problem.source("python")`` and ``problem.source("c")`` their
-            text, to be compiled.
-        problems: names from `bench --help`, or problems. tolerances: those that the solvers run at,
-        loosest first. against: names of the suite's methods that run as well. answers: CSV files of
-        runs made elsewhere, with the columns problem, setting, seconds, and error or beta,
-            gamma, v (the state at the end).
-        progress: whether progress is shown.
+    Args:
+        solvers: By name, functions of a problem and a relative tolerance that return the states
+            (n, 3) at ``problem.times`` [s]: beta, gamma [rad] and v [rad/s]. ``problem.rhs(t, y)``
+            has the equations of motion. ``problem.source("python")`` and ``problem.source("c")``
+            are their text, to be compiled.
+        problems: Names from `bench --help`, or problems.
+        tolerances: The tolerances of the solvers, loosest first.
+        against: The names of the suite's methods that run as well.
+        answers: CSV files of runs made elsewhere, with the columns problem, setting, seconds, and
+            error or beta, gamma, v (the state at the end).
+        progress: Whether progress is shown.
 
     Returns:
-        The scores, which draw themselves; a solver that fails has a score that says why.
+        The scores, which draw themselves. The status of a solver that fails has the reason.
 
     Raises:
         InputError: for an unknown problem or method, or a file of answers that cannot be read.

@@ -383,7 +383,7 @@ class Measured(Bounded):
 
     @property
     def is_measured(self) -> bool:
-        """Whether the number has a half-width, because its error was measured."""
+        """True if the number has a half-width, because its error was measured."""
         return self.uncertainty < _UNMEASURED
 
     def holds(self, truth: object) -> bool:

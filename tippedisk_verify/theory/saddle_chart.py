@@ -97,7 +97,7 @@ class Monomials:
         return numpy.add.reduceat(p[:, left] * q[:, right], begins, axis=1)
 
     def at(self, point: Any) -> Any:
-        """All monomials (m,) at a point (u, s, f)."""
+        """Return all monomials (m,) at a point (u, s, f)."""
         u, s, f = (table[powers] for table, powers in self._tables(point))
         return u * s * f
 
@@ -137,7 +137,7 @@ class _Tape:
                 series.terms[:, of] = series.rule(degree, of)
 
     def sine_and_cosine(self, angle: _Series, sine: int, cosine: int) -> tuple[_Series, _Series]:
-        """Those of an angle whose constant term has the given sine and cosine.
+        """Return the sine and cosine of an angle, given those of its constant term.
 
         Along rays s' = c a' and c' = -s a', where a derivative multiplies a term by its degree.
         """

@@ -1,11 +1,11 @@
-"""Why answers fail: the mistakes that give them, several at once where there are several.
+"""The mistakes behind wrong answers, several at once if a program has several.
 
 A mistake in an equation changes its terms, and the answers to M a - F = 0 are linear in such
 changes. `terms` evaluates equations that are written as sums of products, `dictionary` has them and
 what people write in their place, `regression` finds the fewest changes that give the answers, and
-`levels` applies it to what is asked at levels 1 to 5. `relations` are what answers are instead of
-right ones, and `methods` has integrators. This module asks them in turn, level by level, and says
-what follows from what.
+`levels` applies it to the questions of levels 1 to 5. `relations` predicts wrong answers from right
+ones, and `methods` has integrators. This module asks them in turn, level by level, and separates
+mistakes from their consequences.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ Made = Mapping[Change, set[str]]  #: changes of the equations, by the friction l
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """What fails at one level, and why, where that can be told."""
+    """The failures at one level, and their causes as far as they are known."""
 
     level: int
     sets: tuple[str, ...]
@@ -323,7 +323,7 @@ class _Sheet:
     def best(
         self, change: Change, some: Sequence[Change], table: Table, own: Sequence[Problem]
     ) -> Change:
-        """Of a change and those with the same effect on one quantity the one that explains
+        """Return, of a change and those with the same effect on one quantity, the one that explains
         most of the others.
         """
 
@@ -490,7 +490,7 @@ def diagnosed(
 ) -> list[Diagnosis]:
     """Return a diagnosis for each level that fails, in order.
 
-    ``advance`` is told what is being tried.
+    ``advance`` is called with a label for each step.
     """
     grades = list(grades)
     levels = sorted({grade.level for grade in grades if grade.failed})

@@ -254,7 +254,7 @@ REDEFINED: dict[str, tuple[str, ...]] = {
 #: What the normal form at the Hopf point is made of
 _FORM = ("g_gamma", "g_v", "rate_21", "rate_31", "rate_32")
 _PAIRS = [f"{name}_{part}" for name in _FORM for part in ("real", "imag")]
-#: Other inputs, by what is said.
+#: Changes of the inputs, by their sentence.
 INPUTS: dict[str, dict[str, str]] = {
     "the adjoint eigenvector p is not scaled to p q = 1": {
         name: f"given(bare_{name})" for name in _PAIRS
@@ -414,8 +414,8 @@ class Change:
 
     @property
     def order(self) -> tuple[int, bool, bool, int]:
-        """What changes with the same effect are sorted by: the likelier, a missing term, the
-        shorter.
+        """The sort key among changes with the same effect: the likelier first, then a missing
+        term, then the shorter.
         """
         return (
             self.rank,
@@ -426,7 +426,7 @@ class Change:
 
     @property
     def whole(self) -> bool:
-        """Whether it defines a symbol otherwise, and is no change of inputs."""
+        """True if the change redefines a symbol, and is not a change of inputs."""
         return self.pieces[0][1] is None and not self.says.startswith("the inputs")
 
     @property
@@ -448,12 +448,12 @@ def inputs() -> list[Change]:
 
 
 def changes(values: Values, names: Iterable[str]) -> list[Change]:
-    """All single changes of some definitions, and of what goes into them."""
+    """Return all single changes of some definitions, and of those that they use."""
     found: dict[tuple[Piece, ...], Change] = {}
     names = frozenset(names)
 
     def keep(says: str, rank: int, *pieces: Piece) -> None:
-        """Keep a change that is none of those so far, and in which nothing is defined by itself."""
+        """Keep a change that is new, and in which no symbol is defined by its own value."""
         new = (
             (name, factor)
             for name, _, terms in pieces
@@ -506,7 +506,7 @@ def changes(values: Values, names: Iterable[str]) -> list[Change]:
 def _of_term(
     term: Term, several: bool, local: tuple[tuple[str, tuple[str, ...]], ...]
 ) -> tuple[tuple[tuple[Term, ...], str, int], ...]:
-    """What can happen to a term: its replacement, what is said, and the rank; ``local`` has
+    """Return the changes of a term: its replacement, the sentence and the rank. ``local`` has
     more sums for a factor.
     """
     return tuple(_replacements(term, several, dict(local)))

@@ -1,6 +1,4 @@
-"""What is graded, as arrays: entries of one kind and law, their inputs, and the answers
-beside the truths.
-"""
+"""The graded answers as arrays: entries of one kind and law, their inputs, answers and truths."""
 
 from __future__ import annotations
 
@@ -64,7 +62,7 @@ class Table:
         ]
 
     def picked(self, results: Mapping[str, Any]) -> Array:
-        """Of results by entry those that were answered; NaN for what is missing."""
+        """Select the answered results, by entry; NaN for a missing one."""
         zeros = np.zeros(len(self.entries))
         columns = {
             name: zeros + np.real(results.get(name, np.nan)) for name in np.unique(self.names)
@@ -75,7 +73,7 @@ class Table:
         )
 
     def column(self, name: str, values: Array) -> Array:
-        """Of answers or truths those of a quantity, by entry; NaN where there is none."""
+        """Select the answers or truths of one quantity, by entry; NaN for a missing one."""
         found, here = np.full(len(self.entries), np.nan), self.names == name
         found[self.rows[here]] = values[here]
         return found

@@ -1,5 +1,5 @@
-"""Levels 1 to 5: what definitions predict of a table's entries, and what is asked of its
-answers one by one.
+"""Levels 1 to 5: the predictions of definitions for a table's entries, and the searches for single
+quantities.
 """
 
 from __future__ import annotations
@@ -116,9 +116,7 @@ def hopf(values: Values) -> Results:
 
 @np.errstate(all="ignore")
 def normal_form(values: Values, speed: Array) -> dict[str, Array]:
-    """What the definitions of level 3 are made of, at a speed: sums over the eigenvectors, by
-    their parts.
-    """
+    """Return the parts of the definitions of level 3 at a speed: sums over the eigenvectors."""
     j = matrix(values, Omega=speed)
     omega = np.sqrt(-j[:, 2, 0])
     q = np.array([1j * omega, j[:, 1, 0], -(omega**2)])
@@ -277,7 +275,7 @@ def _partial(values: Values, h: list[Array]) -> dict[str, Any]:
     return found
 
 
-#: Other matrices than that of the linearised equations, by what is said of the answers.
+#: Wrong matrices in place of that of the linearised equations, by the sentence about the answers.
 _MATRICES: dict[str, Callable[[Values], Array]] = {
     "noninverted spinning is taken at (3 pi/2, pi/2, 0)": partial(
         _where_noninverted, beta=1.5 * np.pi, gamma=np.pi / 2
@@ -300,8 +298,8 @@ _MATRICES: dict[str, Callable[[Values], Array]] = {
     "d(gamma')/d(beta) has the wrong sign in the matrix": partial(_scaled, 1, 0, -1.0),
     "the matrix has the wrong sign": lambda values: -matrix(values),
 }
-#: By kind of question: what answers may be of, by what is said; first the right functions, of which
-#: nothing is said.
+#: By kind of question, the functions that answers may come from, by their sentence. The right
+#: functions come first, with an empty sentence.
 PREDICTED: dict[str, dict[str, Callable[[Values], Results]]] = {
     "rhs": {"": rates},
     "hopf": {"": hopf},
@@ -321,7 +319,7 @@ PREDICTED: dict[str, dict[str, Callable[[Values], Results]]] = {
 }
 
 
-# ---- what is asked of the answers
+# ---- the searches
 def problems(table: Table, definitions: Mapping[str, Any]) -> Iterator[Problem]:
     """The quantities of a table that can be looked for alone, in the order of the equations."""
     base = base_of(definitions, table)

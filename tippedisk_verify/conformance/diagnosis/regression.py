@@ -25,7 +25,7 @@ __all__ = ["Problem", "Search", "made"]
 
 _SAMPLES = 40  # rows on which changes are tried; all others confirm
 _SAME = 1e-9  # relative difference of sums that are equal but for rounding
-_NOTHING = 1e-2  # of what is allowed: changes of less are none
+_NOTHING = 1e-2  # of the allowed error; smaller changes do not count
 _DIRECTION = 0.15  # squared cosine to the residual that a change needs to be made first
 _FIRSTS = 24  # changes that are made first, where changes multiply
 # Digits that answers must tell to bear out changes: in all, and for each change
@@ -51,12 +51,12 @@ class Problem:
     rate: Array | None = None
 
     def fits(self, values: Values) -> bool:
-        """Whether the definitions give all answers, and the wrong ones much better than the
-        truth does.
+        """Return True if the definitions give all answers, and the wrong ones much better than
+        the truth does.
         """
         with np.errstate(all="ignore"):
             predicted = np.real(values[self.definition]) + 0 * self.answer
-            if self.rate is not None:  # of M v' - force = 0, whatever v' was answered
+            if self.rate is not None:  # of M v' - force = 0, for any answered v'
                 slopes = np.imag(values["force"]) - np.imag(values["M"]) * self.rate
                 predicted = slopes / IMAGINARY_STEP / np.real(values["M"])
         return bool(fitted(self.answer, self.truth, self.allowed, self.wrong, predicted).all())
@@ -87,11 +87,14 @@ class Search:
     def __call__(
         self, problem: Problem, base: Values, deep: bool, kept: frozenset[str]
     ) -> Set | None:
-        """Return the fewest changes of ``base`` with which it gives all answers, or None.
+        """Return the fewest changes of ``base`` that give all answers, or None.
 
-        Args: problem: The answers to one quantity. base: The definitions that are changed, with the
-            problem's inputs. deep: Look for three changes at once, and for changes that multiply;
-            otherwise for the others. kept: Definitions that other, right answers come from.
+        Args:
+            problem: The answers to one quantity.
+            base: The definitions that are changed, with the problem's inputs.
+            deep: Look for three changes at once, and for changes that multiply; otherwise for the
+                others.
+            kept: Definitions that other, right answers come from.
         """
         order, wrong, told = (
             np.argsort(~problem.wrong, kind="stable"),
@@ -153,8 +156,8 @@ class Search:
 
 
 def _merged(first: Change, rest: Set, base: Values) -> Set:
-    """A change and those behind it; two changes of the same term are one, of which the result
-    is said.
+    """Return a change and those after it. Two changes of the same term become one, with the
+    result of both in its sentence.
     """
     merged = []
     for change in rest:

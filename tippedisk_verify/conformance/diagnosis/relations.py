@@ -2,7 +2,7 @@
 other digits.
 
 A relation predicts answers from right values, or from those of a program in which the mistakes
-found so far are made too. Each quantity is looked at by itself. A relation holds if it gives every
+found so far are made too. Each quantity is examined separately. A relation holds if it gives every
 wrong answer that it says something about.
 """
 
@@ -143,8 +143,8 @@ _SORTED: dict[str, _Function] = {
 
 
 def _moved(table: Table, truths: Mapping[str, float]) -> Iterator[tuple[float, str, list[str]]]:
-    """The questions whose right values stand where they do not belong: rank, what is said,
-    and their ids.
+    """Yield exchanged questions: the rank, the sentence, and the ids whose right values stand in
+    the wrong places.
     """
     for one, two in _WORDS:
         pattern, other = re.compile(rf"(?<=/)({one}|{two})(?=[-/])"), {one: two, two: one}
@@ -179,14 +179,14 @@ def _moved(table: Table, truths: Mapping[str, float]) -> Iterator[tuple[float, s
 
 
 def _renumbered(table: Table, mark: str, factor: int, by: int) -> list[str]:
-    """The ids with the number behind a mark multiplied and moved; "" where there is none."""
+    """Return the ids with the number after a mark multiplied and shifted; "" if there is no mark."""
     found = (re.fullmatch(rf"(.*{mark})(\d+)", id_) for id_ in table.ids)
     return [f"{match[1]}{factor * int(match[2]) + by}" if match else "" for match in found]
 
 
 def _predicted(table: Table, truths: Mapping[str, float]) -> Iterator[tuple[float, str, Array]]:
-    """Yield rank, what is said (with {q} for the quantity), and what is predicted; NaN
-    without counterpart.
+    """Yield the rank, the sentence (with {q} for the quantity) and the predictions, which are NaN
+    without a counterpart.
     """
     x, epsilon = table.truth, table.given["epsilon"][table.rows]
     for rank, functions in _OF_VALUE.items():
@@ -287,8 +287,8 @@ def _rounded(table: Table) -> Iterator[tuple[float, str, Array]]:
 
 @np.errstate(all="ignore")
 def related(table: Table, truths: Mapping[str, float]) -> Iterator[tuple[float, str, str, Array]]:
-    """Yield the relations that give the wrong answers to a quantity: rank, what is said, its name,
-    and which these are.
+    """Yield the relations that give the wrong answers to a quantity: the rank, the sentence, the
+    quantity's name, and the mask of these answers.
 
     ``truths`` are the right values by id, of this and of other tables.
     """

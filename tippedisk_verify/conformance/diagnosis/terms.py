@@ -68,8 +68,8 @@ class Term(NamedTuple):
         return product
 
     def put(self, old: str, new: str, power: int) -> Term:
-        """The term with another factor in the place of so many powers of one; "" and "1" are
-        none.
+        """Return the term with another factor in place of ``power`` powers of an old one. "" and
+        "1" stand for no factor.
         """
         term = Term(self.number, ())
         for name, count in self.factors:
@@ -168,9 +168,7 @@ IMAGINARY_STEP = 1e-30
 
 
 class Values:
-    """What definitions are worth for given inputs; each is computed when it is asked for, and
-    once.
-    """
+    """The values of definitions for given inputs, each computed once, on demand."""
 
     def __init__(
         self,
