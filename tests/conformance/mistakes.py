@@ -92,8 +92,14 @@ KINDS: dict[str, Kind] = {
     "h1-missing": Kind("h = h1 +", "h = 0 +", r"term (h_1|inertia Omega\^2.*) is missing"),
     "h2-sign": Kind("h2 = -2", "h2 = 2", r"the sign of (h_2|-2 \(A)"),
     "h2-factor": Kind("h2 = -2", "h2 = -1", r"(factor 2 is missing in -2 \(A|1/2 h_2)"),
-    "h2-sum": Kind("(A - Bbar)", "(A + Bbar)", r"\(A \+ Bbar\)|\(A - Bbar\): the sign of -Bbar"),
-    "h2-B": Kind("(A - Bbar)", "(A - B)", r"\(A - B\)|\(A - Bbar\): -B for -Bbar"),
+    "h2-sum": Kind(
+        "h2 = -2 * (A - Bbar)",
+        "h2 = -2 * (A + Bbar)",
+        r"\(A \+ Bbar\)|\(A - Bbar\): the sign of -Bbar",
+    ),
+    "h2-B": Kind(
+        "h2 = -2 * (A - Bbar)", "h2 = -2 * (A - B)", r"\(A - B\)|\(A - Bbar\): -B for -Bbar"
+    ),
     "h2-sine": Kind(
         "v * cb * sg * cg",
         "v * sb * sg * cg",
@@ -120,9 +126,11 @@ KINDS: dict[str, Kind] = {
     ),
     "h5-v": Kind("Omega * v * cb * cg", "Omega * cb * cg", r"h_5: the factor v is missing"),
     "f_G-sign": Kind("f_G = -m", "f_G = m", r"the sign of (f_G|-m g rho)"),
-    "f_G-sine": Kind("g * rho * cb", "g * rho * sb", r"f_G: -?m g rho sin\(beta\)"),
+    "f_G-sine": Kind(
+        "f_G = -m * g * rho * cb", "f_G = -m * g * rho * sb", r"f_G: -?m g rho sin\(beta\)"
+    ),
     "f_G-mass": Kind("f_G = -m * g", "f_G = -g", r"f_G: the factor m is missing"),
-    "f_G-r": Kind("g * rho * cb", "g * r * cb", r"f_G: -?m g r cos"),
+    "f_G-r": Kind("f_G = -m * g * rho * cb", "f_G = -m * g * r * cb", r"f_G: -?m g r cos"),
     "w_y-cosine": Kind("w_y = rho * sb", "w_y = rho * cb", r"w_y: rho cos\(beta\)"),
     "w_y-r": Kind("w_y = rho * sb", "w_y = r * sb", r"w_y: r sin\(beta\)"),
     "w_y-sine": Kind("w_y = rho * sb", "w_y = rho", r"w_y: the factor sin\(beta\) is missing"),
@@ -224,8 +232,8 @@ ELSEWHERE: dict[str, Kind] = {
         r"sin\(beta\) is missing",
     ),
     "manifold-h_4": Kind(
-        "+ m * e * Omega**2 * rho * sb * cb * cb * cb * sg - m",
-        "- m",
+        "\n        + m * e * Omega**2 * rho * sb * cb * cb * cb * sg",
+        "",
         "h_4: the term .* is missing",
     ),
     "manifold-residual": Kind(

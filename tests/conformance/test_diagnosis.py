@@ -65,6 +65,10 @@ def _changed(pattern: str, of: Callable[[Quantity], float], store: Store) -> lis
     return _diagnosed({one.id: repr(of(one)) for one in store.matching(pattern)}, store)
 
 
+def test_every_kind_of_mistake_can_be_planted() -> None:
+    assert [name for name, kind in KINDS.items() if patched([(kind.old, kind.new)]) is None] == []
+
+
 @pytest.mark.parametrize("differences", LISTED, ids=["exact", "linear", "both"])
 def test_mistakes_in_the_equations_are_named_several_at_once(differences: tuple[bool, ...]) -> None:
     draws = [names for count, size in LISTED[differences] for names in drawn(1, count, size)]
