@@ -361,7 +361,8 @@ def next_to_omega_h(draw: Draw, law: str) -> Question:
     above = draw.told(
         decimal(draw.choice((draw.log_uniform(1e-5, 1e-2), draw.log_uniform(1e-12, 1e-5))), 4)
     )
-    return _with_more(partial(disk.limit_cycle, above_het=above), 16, 12)
+    # Quadruple precision answers up to 28 digits, and the truth must be sharper.
+    return _with_more(partial(disk.limit_cycle, above_het=above), 16, 24)
 
 
 def by_passages(draw: Draw) -> Question:
@@ -411,7 +412,8 @@ def rotation_fold(draw: Draw) -> Question:
 def below_omega_h(draw: Draw) -> Question:
     disk = draw.disk(STRUCTURED, draw.choice(_LAWS), 500)
     below = draw.told(decimal(draw.log_uniform(1e-20, 1e-2), 4))
-    return _with_more(partial(disk.rotating_cycle, below_het=below), 16, 8)
+    # Quadruple precision answers up to 28 digits, and the truth must be sharper.
+    return _with_more(partial(disk.rotating_cycle, below_het=below), 16, 24)
 
 
 def basin_boundary(draw: Draw) -> Question:
