@@ -17,7 +17,15 @@ from typing import NoReturn
 import click
 
 from tippedisk_verify import __version__
-from tippedisk_verify.commands import certify, conformance, one_disk, reference, studies, verify
+from tippedisk_verify.commands import (
+    certify,
+    conformance,
+    omega_h,
+    one_disk,
+    reference,
+    studies,
+    verify,
+)
 from tippedisk_verify.commands.help import Cli
 from tippedisk_verify.errors import AccuracyError, InputError
 
@@ -31,7 +39,7 @@ _MAX_LINE_LENGTH = 1_000  # characters of an error message
     sections={
         "The paper": verify.COMMANDS,
         "One disk's motion and cycles": one_disk.COMMANDS,
-        "Omega_h": one_disk.OMEGA_H,
+        "Omega_h": omega_h.COMMANDS,
         "Your implementation": (*conformance.COMMANDS, *reference.COMMANDS),
         "Proofs": certify.COMMANDS,
         "Studies": studies.COMMANDS,

@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from concurrent.futures import Executor
 
 __all__ = [
+    "MOTION",
     "Common",
     "Output",
     "alone_in",
@@ -50,11 +51,13 @@ __all__ = [
     "jobs_option",
     "known_executor",
     "levels",
+    "motion_rows",
     "omega_option",
     "processes",
     "rotating_option",
     "table",
     "unstable_option",
+    "with_width_columns",
     "workers_of",
 ]
 
@@ -443,3 +446,29 @@ def workers_of(executor: str, jobs: int | None) -> Iterator[Executor | None]:
     else:
         with processes(jobs, needed=executor == "local") as pool:
             yield pool and Checked(pool)
+
+
+# ------------------------------------------------------------------------------- motions as tables
+#: The columns of a motion: the time [s] and the state [rad, rad, rad/s].
+MOTION = ("t", "beta", "gamma", "v")
+
+
+def motion_rows(*columns: Sequence[Any]) -> list[dict[str, Any]]:
+    """Return a row for each time of a motion, from its columns in JSON."""
+    return [dict(zip(MOTION, row, strict=True)) for row in zip(*columns, strict=True)]
+
+
+def with_width_columns(rows: Sequence[dict[str, Any]]) -> list[dict[str, str]]:
+    """Return the rows of a table in which each half-width has its own column.
+
+    An event's name is left out, because it is in the column ``event``.
+    """
+    lines = []
+    for row in rows:
+        texts = {
+            name: entry for name, entry in row.items() if isinstance(entry, str) and name != "name"
+        }
+        numbers = {name: entry for name, entry in row.items() if isinstance(entry, dict)}
+        widths = {f"{name}_uncertainty": entry["uncertainty"] for name, entry in numbers.items()}
+        lines.append(texts | {name: entry["value"] for name, entry in numbers.items()} | widths)
+    return lines

@@ -1,9 +1,7 @@
-"""The commands about one disk: its equilibria, cycles, motion, and Omega_h."""
+"""The commands about one disk: its states, cycles and motion."""
 
 from __future__ import annotations
 
-import csv
-import math
 from contextlib import suppress
 from fractions import Fraction
 from pathlib import Path
@@ -12,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from tippedisk_verify.commands.common import (
+    MOTION,
     Common,
     alone_in,
     at_a_speed,
@@ -21,33 +20,30 @@ from tippedisk_verify.commands.common import (
     file_for,
     half_widths_option,
     jobs_option,
+    motion_rows,
     omega_option,
     processes,
     rotating_option,
     table,
     unstable_option,
+    with_width_columns,
 )
 from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.files import read_text, write_bytes, write_csv, write_table
-from tippedisk_verify.model.decimals import exact_text
 from tippedisk_verify.model.equations import one_speed
 from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.precision import DOUBLE
-from tippedisk_verify.model.results import heading, result_lines, with_widths
+from tippedisk_verify.model.results import heading, result_lines
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from tippedisk_verify.cycles.limit_cycle import LimitCycle, MissingCycle, RotatingCycle
-    from tippedisk_verify.cycles.near_heteroclinic import NearHeteroclinic
     from tippedisk_verify.motion.solution import Solution
 
-__all__ = ["COMMANDS", "OMEGA_H"]
+__all__ = ["COMMANDS"]
 
-_MOTION = ("t", "beta", "gamma", "v")
-_LAWS = ("law_of_one_term", "law_of_two_terms", "law_of_three_terms")
-_MOST_DISTANCES = 1000
 _MOST_TIMES = 1_000_000  # of one motion
 _LARGEST_FILE = 2**25  # bytes of a file of times
 _BRANCH_DIGITS = 12  # of the cycles of a family
@@ -120,7 +116,7 @@ def integrate(
     if solution.note:
         click.echo(f"note: {solution.note}", err=True)
     entries = solution.to_dict()
-    rows = _motion_rows(*(entries[name] for name in _MOTION))
+    rows = motion_rows(*(entries[name] for name in MOTION))
     if out is not None:
         _write_motion(
             solution, rows + [{**event, "event": event["name"]} for event in entries["events"]], out
@@ -159,28 +155,7 @@ def _write_motion(solution: Solution, rows: list[dict[str, Any]], target: Path) 
 
         write_bytes(target, encoded(draw_motion(solution), "png"))
         return
-    write_table(target, _with_width_columns(rows))
-
-
-def _motion_rows(*columns: Sequence[Any]) -> list[dict[str, Any]]:
-    """Return a row for each time of a motion, from its columns in JSON."""
-    return [dict(zip(_MOTION, row, strict=True)) for row in zip(*columns, strict=True)]
-
-
-def _with_width_columns(rows: Sequence[dict[str, Any]]) -> list[dict[str, str]]:
-    """Return the rows of a table in which each half-width has its own column.
-
-    An event's name is left out, because it is in the column ``event``.
-    """
-    lines = []
-    for row in rows:
-        texts = {
-            name: entry for name, entry in row.items() if isinstance(entry, str) and name != "name"
-        }
-        numbers = {name: entry for name, entry in row.items() if isinstance(entry, dict)}
-        widths = {f"{name}_uncertainty": entry["uncertainty"] for name, entry in numbers.items()}
-        lines.append(texts | {name: entry["value"] for name, entry in numbers.items()} | widths)
-    return lines
+    write_table(target, with_width_columns(rows))
 
 
 @disk_command("Compute states, eigenvalues and stability of inverted and noninverted spinning.")
@@ -462,144 +437,4 @@ def basin(
     return plane
 
 
-@disk_command("Compute Omega_h, where the saddles are connected, by one of several methods.")
-@click.option(
-    "--method",
-    default="manifolds",
-    show_default=True,
-    metavar="NAME",
-    help="manifolds, limit-cycles, bisection or scipy.",
-)
-@click.option(
-    "--near",
-    metavar="FIRST:LAST:COUNT",
-    help="Study the cycles at these distances above Omega_h [rad/s] instead, evenly spaced in the "
-    "logarithm.",
-)
-@click.option(
-    "--answers",
-    metavar="FILE.csv",
-    help="With --near: periods found elsewhere, in columns omega and period.",
-)
-@click.option(
-    "--out",
-    callback=file_for(".csv", ".png"),
-    metavar="FILE.csv|.png",
-    help="Write samples of the connecting orbit there; with --near the table, or its figure.",
-)
-@half_widths_option
-def heteroclinic(
-    common: Common,
-    method: str,
-    near: str | None,
-    answers: str | None,
-    out: Path | None,
-    half_widths: bool,
-) -> Any:
-    if near is not None:
-        return _near_heteroclinic(common, near, answers, out)
-    if answers is not None or (out is not None and out.suffix.lower() == ".png"):
-        raise InputError("--answers and a figure go with --near FIRST:LAST:COUNT")
-    connection = common.disk.heteroclinic(
-        digits=common.digits, method=method, half_widths=half_widths
-    )
-    if out is not None:
-        times, states, widths = connection.samples()
-        exact_times = [exact_text(Fraction(time)) for time in times]
-        write_table(
-            out, _with_width_columns(_motion_rows(exact_times, *with_widths(states, widths)))
-        )
-    return connection
-
-
-def _near_heteroclinic(common: Common, near: str, answers: str | None, out: Path | None) -> int:
-    """Study the cycles next to Omega_h.
-
-    Show a row for each distance and answer, and write the table or the figure.
-    """
-    pairs = None if answers is None else _answers(read_text(Path(answers), _LARGEST_FILE))
-    study = common.disk.near_heteroclinic(_distances(near), answers=pairs)
-    result = study.to_dict()
-    if out is not None and out.suffix.lower() == ".png":
-        from tippedisk_verify.figures.style import encoded
-
-        write_bytes(out, encoded(study.plot().figure, "png"))
-    elif out is not None:
-        rows = [{**row, **dict(zip(_LAWS, row["law"], strict=True))} for row in result["rows"]]
-        write_table(
-            out,
-            _with_width_columns([{key: row[key] for key in row if key != "law"} for row in rows]),
-        )
-    common.show(result, _near_lines(study))
-    return 0
-
-
-def _near_lines(study: NearHeteroclinic) -> Iterator[str]:
-    law = study.period_law
-    yield (
-        f"T = {float(law.slope):.9g} ln D + {float(law.constant):.9g} + "
-        f"{float(law.coefficient):.6g} "
-        f"D^{float(law.exponent):.6g} + ..., D above Omega_h in rad/s, T in s"
-    )
-    header = ("D [rad/s]", "T [s]", "1 term", "2 terms", "3 terms", "multiplier", "a double")
-    yield from table(
-        header,
-        (
-            [
-                f"{float(row.distance):.3g}",
-                f"{row.period:.13g}",
-                *(f"{float(term - row.period):.1e}" for term in row.law),
-                f"{float(row.multiplier_slow):.6g}",
-                f"{row.double_resolves:.1e}",
-            ]
-            for row in study.rows
-        ),
-    )
-    yield "terms: what the law with so many terms is off [s]; a double: what half an ulp of Omega changes T by [s]"
-    if study.answers:
-        yield from table(
-            ("Omega [rad/s]", "answer [s]", "T [s]", "error [s]"),
-            (
-                [
-                    f"{float(row.omega):.17g}",
-                    f"{float(row.period_found):.15g}",
-                    f"{row.period:.13g}",
-                    f"{float(row.error):.1e}",
-                ]
-                for row in study.answers
-            ),
-        )
-
-
-def _distances(text: str) -> list[str]:
-    """Return distances evenly spaced in the logarithm, as decimals of three digits, from
-    FIRST:LAST:COUNT.
-    """
-    try:
-        first, last, count = text.split(":")
-        ends, number = [math.log10(float(exact(end))) for end in (first, last)], int(count)
-        if not 1 <= number <= _MOST_DISTANCES:
-            raise ValueError
-    except (ValueError, ArithmeticError):
-        raise InputError(
-            f"--near is FIRST:LAST:COUNT, such as 1e-2:1e-20:10, with COUNT up to "
-            f"{_MOST_DISTANCES}, not '{text[:60]}'"
-        ) from None
-    steps = [n / max(1, number - 1) for n in range(number)]
-    exponents = [ends[0] + (ends[1] - ends[0]) * step for step in steps]
-    return [f"{10 ** (x - math.floor(x)):.2f}e{math.floor(x)}" for x in exponents]
-
-
-def _answers(text: str) -> list[tuple[str, str]]:
-    """Return the pairs of a table with the columns omega and period.
-
-    Raises InputError for another table.
-    """
-    rows = list(csv.DictReader(text.splitlines()))
-    if not rows or not {"omega", "period"} <= set(rows[0]):
-        raise InputError("--answers needs a CSV file with the columns omega and period")
-    return [(str(row["omega"]), str(row["period"])) for row in rows]
-
-
 COMMANDS = (integrate, equilibria, hopf, slow_manifold, orbit, harmonic_balance, branch, basin)
-OMEGA_H = (heteroclinic,)
