@@ -23,6 +23,7 @@ from tippedisk_verify.flow.lanes import BatchTaylor as BatchTaylor
 from tippedisk_verify.flow.taylor import Taylor as Taylor
 from tippedisk_verify.model.exact import Exact as Exact
 from tippedisk_verify.model.exact import exact as exact
+from tippedisk_verify.model.friction import FrictionLaw as FrictionLaw
 from tippedisk_verify.model.measured import Measured as Measured
 from tippedisk_verify.model.parameters import CALIBRATED as CALIBRATED
 from tippedisk_verify.model.parameters import GEOMETRY as GEOMETRY

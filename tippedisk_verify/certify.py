@@ -57,6 +57,9 @@ class Certifier:
 
     disk: Disk
 
+    def __post_init__(self) -> None:
+        self.disk.refuse_own_law("proofs are")
+
     # --------------------------------------------------------------------------------- closed forms
     def equilibrium(
         self, name: EquilibriumName, omega: object, *, digits: int = 12
@@ -105,7 +108,7 @@ class Certifier:
         """
         from tippedisk_verify.proofs.closed_forms import proved_hopf
 
-        self.disk.refuse_smooth("the Hopf point's normal form is")
+        self.disk.refuse_unless_linear("the Hopf point's normal form is")
         return proved_hopf(self.disk, digits)
 
     # -------------------------------------------------------------------------------- single cycles
@@ -197,7 +200,7 @@ class Certifier:
         from tippedisk_verify.proofs.kernel.certificates.fold import names
         from tippedisk_verify.proofs.search.fold import HALF, TURN, FoldProof, prove_fold
 
-        self.disk.refuse_smooth("folds of limit cycles are proved")
+        self.disk.refuse_unless_linear("folds of limit cycles are proved")
         section, folds = TURN if rotating else HALF, cast("tuple[Fold, ...]", ())
         fault = "no fold of this disk's limit cycles about inverted spinning was found"
         try:
@@ -289,7 +292,7 @@ class Certifier:
         from tippedisk_verify.proofs.search.connection_end import checked_distance, prove_end
 
         checked_distance(distance)
-        self.disk.refuse_smooth("limit cycles next to the connection are proved")
+        self.disk.refuse_unless_linear("limit cycles next to the connection are proved")
         connection, shares = self.heteroclinic(near, digits=digits, progress=progress), [0]
         with progress_of(100, progress) as advance:
 
@@ -327,7 +330,7 @@ class Certifier:
         from tippedisk_verify.proofs.kernel.certificates.family import Piece
         from tippedisk_verify.proofs.search.family import prove_family
 
-        self.disk.refuse_smooth("the family of limit cycles is proved as one curve")
+        self.disk.refuse_unless_linear("the family of limit cycles is proved as one curve")
         wanted = None if until is None else _amplitude(until)
         count = 0
         with progress_of(

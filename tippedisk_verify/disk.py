@@ -23,8 +23,9 @@ from tippedisk_verify.model.equations import (
     one_speed,
 )
 from tippedisk_verify.model.exact import fraction, shown
+from tippedisk_verify.model.friction import Friction, FrictionLaw
 from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.model.parameters import Friction, Parameters
+from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.progress import progress_of, watched
 
 if TYPE_CHECKING:
@@ -55,8 +56,8 @@ class Disk(Parameters):
     ``Disk("table1", mu="0.4")`` is the same disk with another mu, named ``custom``.
     ``Disk(r="0.045", ...)`` is a disk of your own: eight numbers r, e, m, A, B, g, mu, epsilon
     [SI], as decimal strings or other exact numbers. C enters no equation; it may be given or left
-    out (None). ``friction`` is linear or smooth. A disk is a `Parameters` and can be used wherever
-    those can.
+    out (None). ``friction`` is linear, smooth or a law of your own. A disk is a `Parameters` and can
+    be used wherever those can.
 
     In all methods, speeds are in rad/s, angles in rad and times in s. ``engine`` is the integrator,
     the Taylor integrator if left out. ``digits`` is the number of significant digits of each main
@@ -64,7 +65,7 @@ class Disk(Parameters):
 
     Args:
         named: The name of a set, or the path of a TOML file.
-        friction: ``linear`` or ``smooth``; linear if left out.
+        friction: ``linear``, ``smooth`` or a `FrictionLaw`; linear if left out.
         values: Parameters by name, which replace those of the named set.
 
     Raises:
@@ -74,7 +75,11 @@ class Disk(Parameters):
     __slots__ = ()
 
     def __init__(
-        self, named: str | None = None, *, friction: Friction | None = None, **values: Any
+        self,
+        named: str | None = None,
+        *,
+        friction: Friction | FrictionLaw | None = None,
+        **values: Any,
     ) -> None:
         if named is not None:
             if not isinstance(named, str):
@@ -94,12 +99,12 @@ class Disk(Parameters):
         super().__init__(**values)
 
     @classmethod
-    def read(cls, path: str | Path, friction: Friction = "linear") -> Disk:
+    def read(cls, path: str | Path, friction: Friction | FrictionLaw = "linear") -> Disk:
         """Return the disk in a TOML file of decimals.
 
         Args:
             path: The file, with the keys that `Parameters.from_toml` describes.
-            friction: ``linear`` or ``smooth``.
+            friction: ``linear``, ``smooth`` or a `FrictionLaw`.
 
         Raises:
             InputError: The file or its values cannot be used.

@@ -142,9 +142,7 @@ def test_the_baseline_in_threads() -> None:
     """Check LSODA, which once kept the state of its run in the library."""
     shared = Baseline("LSODA")
     requests = [
-        request
-        for request in _requests(16)
-        if request.friction == "linear" and not request.variations
+        request for request in _requests(16) if request.law.is_linear and not request.variations
     ]
     jobs = [lambda request=request: _bytes(shared(request)) for request in requests]
     serial = [job() for job in jobs]

@@ -89,7 +89,7 @@ class Draw(Random):
     def disk(
         self,
         families: Sequence[str] = FAMILIES,
-        law: str = "linear",
+        law: Any = "linear",
         stiffest: float = math.inf,
         born: str | None = None,
     ) -> Disk:

@@ -12,6 +12,7 @@ from functools import lru_cache, partial
 from typing import Any
 
 from reference_data.make.local import hopf_by_balance
+from tests.friction_laws import ARCTAN, OWN_LAWS
 from tests.honesty.harness import STRUCTURED, Draw, Kind, Question, decay, decimal
 from tippedisk_verify.connection.bisection import bisect_omega_h
 from tippedisk_verify.cycles.family import in_batches
@@ -265,7 +266,7 @@ def _rough_omega_h(disk: Parameters) -> Fraction:
     return bisect_omega_h(disk, default_engine(), confirm=False).omega_h.value
 
 
-def _librating(draw: Draw, law: str = "linear") -> tuple[Disk, Fraction]:
+def _librating(draw: Draw, law: Any = "linear") -> tuple[Disk, Fraction]:
     """A disk, and a speed on the side of its Omega_crit where cycles are, mostly above Omega_h."""
     unlike = ("near-equal", "spread", "tiny-eccentricity", "heavy", "far", "far")
     disk = draw.disk((*STRUCTURED, *STRUCTURED, *unlike), law, _STIFFEST)
@@ -298,7 +299,7 @@ def _true_cycle(found: Any, disk: Parameters, digits: int = 22) -> LimitCycle:
     return limit_cycle(disk, omega, default_engine(), digits=digits, guess=guess)
 
 
-def cycle(draw: Draw, law: str) -> Question:
+def cycle(draw: Draw, law: Any) -> Question:
     """To a number of digits: in double if it holds them, in quadruple precision, or beside a
     wider run.
     """
@@ -455,6 +456,7 @@ KINDS = (
     Kind("slow manifold", slow_manifold_series, 1, 3, 0.15, flown=False),
     Kind("proved closed forms", proved_closed_forms, 2, 30, 0.1, flown=False),
     Kind("flow", motion, 8, 250, 0.4),
+    Kind("flow, own friction laws", partial(motion, laws=OWN_LAWS), 1, 200, 0.5),
     Kind("events", partial(motion, events=(_PASSED, _RETURNS)), 4, 200, 0.2),
     Kind("derivatives", partial(motion, variations=VARIATIONS), 0, 30, 0.8),
     Kind(
@@ -470,6 +472,7 @@ KINDS = (
     Kind("solution", solution, 2, 15, 0.1, widest=1000),
     Kind("limit cycle", partial(cycle, law="linear"), 1, 8, 1.2),
     Kind("limit cycle, smooth", partial(cycle, law="smooth"), 0, 4, 0.3),
+    Kind("limit cycle, own friction law", partial(cycle, law=ARCTAN), 0, 3, 0.3),
     Kind("limit cycle in double", partial(cycle_in_double, law="linear"), 2, 20, 0.35),
     Kind("limit cycle in double, smooth", partial(cycle_in_double, law="smooth"), 0, 7, 0.2),
     Kind("harmonic balance", balanced, 2, 10, 0.15, flown=False),

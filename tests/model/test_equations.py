@@ -16,6 +16,7 @@ from tests.model import transcription as paper
 from tests.problems import decimals, physical_parameters, states
 from tippedisk_verify.model import equations
 from tippedisk_verify.model.exact import quotient
+from tippedisk_verify.model.friction import law_of
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.model.precision import DOUBLE, bits
 
@@ -54,7 +55,7 @@ def test_equations_are_the_papers(friction: str, parameters, state, omega, flip)
                 (M, pull, gravity, direction, c.r * v),
                 strict=True,
             ),
-            (equations.friction_force(c, terms.sliding_velocity, friction), force, grip),
+            (law_of(friction)(math, terms.sliding_velocity, c), force, grip),
         ]
         vector_field = equations.field(mp, c, speed, friction)
         acceleration = (pull + c.r * grip) / M

@@ -10,7 +10,7 @@ import pytest
 
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.exact import fraction
-from tippedisk_verify.model.parameters import CALIBRATED, NAMED_SETS, PRINTED, Parameters
+from tippedisk_verify.model.parameters import CALIBRATED, NAMED_SETS, PRINTED, Constants, Parameters
 from tippedisk_verify.model.precision import DOUBLE, bits
 
 GOOD = (
@@ -34,7 +34,8 @@ def test_constants_are_rounded_once_from_exact_values() -> None:
     for precision in (DOUBLE, bits(200)):
         constants = PRINTED.at(precision)
         assert constants is PRINTED.at(precision)
-        for name, true in PRINTED.rational()._asdict().items():
+        assert constants.pi == precision.pi
+        for name, true in zip(Constants._fields[:-1], PRINTED.rational(), strict=False):
             assert abs(fraction(getattr(constants, name)) - true) <= true * precision.epsilon / 2
 
 

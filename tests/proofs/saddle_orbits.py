@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 
 from tippedisk_verify.model.equations import field, jacobian, shifted
-from tippedisk_verify.model.parameters import PRINTED, Constants, Parameters
+from tippedisk_verify.model.parameters import PRINTED, Parameters
+from tippedisk_verify.model.precision import DOUBLE
 from tippedisk_verify.proofs.kernel.balls import working_precision
 from tippedisk_verify.proofs.search.certificate import parameter_texts
 from tippedisk_verify.proofs.search.heteroclinic import eigenvectors
@@ -34,7 +35,7 @@ class Orbits:
     def __init__(
         self, parameters: Parameters, directions: Sequence[Sequence[Any]], omega: float
     ) -> None:
-        constants = Constants(*map(float, parameters.rational()))
+        constants = parameters.at(DOUBLE)
         self.rate, self.slope = (
             f(shifted(math), constants, omega, "linear") for f in (field, jacobian)
         )

@@ -12,6 +12,7 @@ import mpmath
 
 from tippedisk_verify.model import equations
 from tippedisk_verify.model.exact import quotient
+from tippedisk_verify.model.friction import LAWS
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.theory.hopf import critical_frequency_squared, omega_crit_squared
 
@@ -107,7 +108,7 @@ def formal_cycles(parameters: Parameters, *, normal_form: bool = False) -> Forma
     def rates(speed: Series, state: list[Series]) -> list[Series]:
         ops = equations.shifted(_Ops)
         terms = equations.terms(ops, constants, speed, *state)
-        friction = equations.friction_force(constants, terms.sliding_velocity, "linear")
+        friction = LAWS["linear"](None, terms.sliding_velocity, constants)
         force = terms.gyroscopic + terms.gravity + terms.direction * friction
         return [state[2], -(speed * ops.cos(state[0])), force * terms.mass.reciprocal()]
 

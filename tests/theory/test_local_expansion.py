@@ -8,7 +8,8 @@ from types import SimpleNamespace
 import pytest
 import sympy as sp
 
-from tippedisk_verify.model.equations import friction_force, terms
+from tippedisk_verify.model.equations import terms
+from tippedisk_verify.model.friction import LAWS
 from tippedisk_verify.theory.expansion import derived, printed
 
 x, y, v, order = sp.symbols("x y v order")
@@ -33,7 +34,7 @@ def series() -> dict[str, sp.Poly]:
         sin=lambda name: cut["cos"](angles[name]), cos=lambda name: -cut["sin"](angles[name])
     )
     full = terms(ops, SYMBOLS, Omega, "beta", "gamma", v)
-    force = full.direction * friction_force(SYMBOLS, full.sliding_velocity, "linear")
+    force = full.direction * LAWS["linear"](sp, full.sliding_velocity, SYMBOLS)
     exact = {
         "mass": full.mass,
         "gyroscopic": full.gyroscopic,

@@ -58,8 +58,8 @@ def proof_of(claim: Claim, finding: Finding, sets: Mapping[str, Parameters]) -> 
         ):
             continue
         options = f"--parameters {quote(name)}"
-        if sets[name].friction == "smooth":
-            options += " --friction smooth"
+        if not sets[name].law.is_linear:
+            options += f" --friction {sets[name].friction}"
         parts = (f"tippedisk-verify {part} {options}" for part in offer.theorem.commands)
         commands[name] = " && ".join(parts)
     if not commands:

@@ -24,8 +24,9 @@ from tippedisk_verify.cycles.shooting import LimitCycle
 from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.exact import shown
+from tippedisk_verify.model.friction import Friction
 from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.model.parameters import NAMED_SETS, Friction, Parameters
+from tippedisk_verify.model.parameters import NAMED_SETS, Parameters
 from tippedisk_verify.model.results import Printable
 from tippedisk_verify.motion.scenes import Panel, compute, scene_named
 
@@ -179,6 +180,9 @@ class Audit(Printable):
     engine: Engine
     digits: int = 12
     _kept: dict[tuple[str, ...], Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.parameters.refuse_own_law("the paper's claims are examined")
 
     def _once(self, key: tuple[str, ...], compute: Callable[[], T]) -> T:
         """Compute a result when it is first needed, and store it."""

@@ -12,7 +12,8 @@ from tippedisk_verify.cycles.omega_h import heteroclinic
 from tippedisk_verify.cycles.shooting import LimitCycle
 from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.equations import jacobian, terms
-from tippedisk_verify.model.parameters import Friction, Parameters
+from tippedisk_verify.model.friction import Friction
+from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE
 from tippedisk_verify.motion.basins import basins
 from tippedisk_verify.theory.hopf import criticality, omega_crit

@@ -12,7 +12,6 @@ from tippedisk_verify.flow.contract import Engine, Status
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.equations import field as vector_field
 from tippedisk_verify.model.equations import jacobian
-from tippedisk_verify.model.parameters import Constants
 from tippedisk_verify.model.precision import DOUBLE, EXTENDED, QUADRUPLE, bits, heyoka_module
 
 __all__ = ["METHODS", "Method", "MethodRun", "Prepared", "compiled_rates"]
@@ -141,7 +140,7 @@ def _in_symbols(problem: Problem, formula: Callable[..., Any]) -> tuple[Any, lis
     """Return heyoka, the symbols of the state, and a formula of the linear law in them."""
     hy = heyoka_module()
     state = hy.make_vars("beta", "gamma", "v")
-    constants = Constants(*map(float, problem.parameters.rational()))
+    constants = problem.parameters.at(DOUBLE)
     return hy, list(state), formula(hy, constants, problem.omega, "linear")(*state)
 
 
@@ -202,7 +201,7 @@ def _scipy_compiled(method: str) -> Callable[[Problem, float], Prepared]:
 
 
 def _linear(problem: Problem) -> bool:
-    return problem.friction == "linear"
+    return problem.parameters.law.is_linear
 
 
 METHODS: tuple[Method, ...] = (

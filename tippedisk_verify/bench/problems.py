@@ -19,7 +19,7 @@ from tippedisk_verify.flow.contract import Request, Result, raise_unless_usable
 from tippedisk_verify.model.arrays import OnArrays
 from tippedisk_verify.model.equations import field
 from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.model.parameters import PRINTED, Friction, Parameters
+from tippedisk_verify.model.parameters import PRINTED, Parameters
 from tippedisk_verify.model.precision import DOUBLE, QUADRUPLE, Precision, bits
 from tippedisk_verify.theory.hopf import omega_crit
 
@@ -42,9 +42,9 @@ class Problem:
     duration: float  #: [s]
 
     @property
-    def friction(self) -> Friction:
-        """The friction law."""
-        return self.parameters.friction
+    def friction(self) -> str:
+        """The friction law's name."""
+        return self.parameters.law.name
 
     @property
     def times(self) -> tuple[float, ...]:

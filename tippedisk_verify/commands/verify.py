@@ -242,7 +242,7 @@ def scene(common: Common, names: Sequence[str], out: str | None, omega_h: str | 
     result = {
         "scenes": {name: panel.to_dict() for name, panel in panels.items()},
         "parameters": disk.name,
-        "friction": disk.friction,
+        "friction": disk.law.name,
     }
     common.show(result, (line for panel in panels.values() for line in _endings(panel)))
     return 0

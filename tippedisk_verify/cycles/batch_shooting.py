@@ -21,10 +21,10 @@ import numpy
 
 from tippedisk_verify.cycles.section import VARIATIONS, Section
 from tippedisk_verify.flow.lanes import BatchTaylor
-from tippedisk_verify.flow.system import PARAMETERS
+from tippedisk_verify.flow.system import constants_of
 from tippedisk_verify.model.arrays import Array
 from tippedisk_verify.model.equations import field, shifted
-from tippedisk_verify.model.parameters import Constants
+from tippedisk_verify.model.friction import LAWS
 
 __all__ = ["BatchCycles", "shoot_batch"]
 
@@ -114,7 +114,7 @@ def shoot_batch(
     """
     unknowns = numpy.stack((*guess, omegas), axis=1).astype(float)
     count = len(unknowns)
-    constants = numpy.broadcast_to(constants, (count, len(PARAMETERS) - 1))
+    constants = numpy.broadcast_to(constants, (count, numpy.shape(constants)[-1]))
     batch = _SectionBatch(section, constants, lanes, _FIRST if free_omega else _OMEGA)
     converged, last = batch.solve(unknowns, numpy.broadcast_to(tolerance, count))
     flown = {
@@ -268,10 +268,9 @@ class _SectionBatch:
 
 def _rates(constants: Array, omegas: Array, states: Array) -> Array:
     """Return the field (n, 3) at shifted states."""
-    by_name = Constants(
-        **dict.fromkeys(Constants._fields) | dict(zip(PARAMETERS[1:], constants.T, strict=True))
-    )
-    return numpy.stack(field(shifted(numpy), by_name, omegas, "linear")(*states.T), axis=1)
+    law = LAWS["linear"]
+    by_name = constants_of((omegas, *constants.T), law)
+    return numpy.stack(field(shifted(numpy), by_name, omegas, law)(*states.T), axis=1)
 
 
 def _inverse(matrices: Array) -> Any:

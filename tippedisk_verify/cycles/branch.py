@@ -281,7 +281,7 @@ def _at(
     """
     parameters, engine = disk_locator.parameters, disk_locator.engine
     by_speed: list[list[C] | None] = [None] * len(speeds)
-    if len(speeds) >= _FEWEST_FOR_LANES and parameters.friction == "linear":
+    if len(speeds) >= _FEWEST_FOR_LANES and parameters.law.is_linear:
         lanes, doubles = default_lanes(), [float(speed) for speed in speeds]
         speeds = [Fraction(speed) for speed in doubles]
         solve = in_batches(section, parameters, lanes)

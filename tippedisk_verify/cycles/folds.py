@@ -172,7 +172,7 @@ def libration_folds(
     except NoSuchCycleError as fault:
         raise AccuracyError(str(fault)) from None
     starts = [(*place.start, place.omega) for place in map(family.place, family.folds)]
-    if parameters.friction == "linear":
+    if parameters.law.is_linear:
         small = _small_fold(parameters)
         if small is not None:  # near a small fold doubles only see their rounding
             starts = [small, *(start for start in starts if start[0] > 2 * _SMALL_FOLD)]

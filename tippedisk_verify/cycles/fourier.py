@@ -36,7 +36,7 @@ import numpy
 from tippedisk_verify.model.equations import field, jacobian, shifted
 from tippedisk_verify.model.exact import quotient
 from tippedisk_verify.model.parameters import Constants, Parameters
-from tippedisk_verify.model.precision import DOUBLE, bits, bits_for_digits
+from tippedisk_verify.model.precision import DOUBLE, FUNCTIONS, bits, bits_for_digits
 
 __all__ = ["MOST_SAMPLES", "Collocation", "Kind", "resampled", "samples_for", "sizes"]
 
@@ -45,6 +45,13 @@ MOST_SAMPLES = 2048  #: the most samples of a collocation
 _SPARE = 20  # bits below an arithmetic's last one, in which sums of a thousand products are taken
 _COMPLEX_STEP = 1e-40  # rad/s; a complex step this small differentiates without cancellation
 _FEWEST_SAMPLES = 24  # samples; a cycle next to the Hopf point has hardly any harmonics
+
+
+def _on_arrays(ctx: Any) -> SimpleNamespace:
+    """Return an mpmath context's functions, for arrays of its numbers."""
+    return SimpleNamespace(
+        **{name: numpy.frompyfunc(getattr(ctx, name), 1, 1) for name in FUNCTIONS}
+    )
 
 
 class Kind(Enum):
@@ -69,7 +76,7 @@ class Collocation:
     """The equations at n samples, in double or in mpmath numbers.
 
     Args:
-        parameters: The disk, under the linear law.
+        parameters: The disk, under an analytic friction law.
         kind: The kind of cycle.
         count: The number of samples.
         digits: The digits of the mpmath numbers; None for double.
@@ -83,9 +90,9 @@ class Collocation:
         self.parameters, self.kind, self.count = parameters, kind, count
         self.pi: Any = math.pi if ctx is None else ctx.pi
         self.constants: Constants = parameters.at(DOUBLE) if ctx is None else parameters.within(ctx)
-        self.sin: Any = numpy.sin if ctx is None else numpy.frompyfunc(ctx.sin, 1, 1)
-        self.cos: Any = numpy.cos if ctx is None else numpy.frompyfunc(ctx.cos, 1, 1)
-        self._ops = shifted(SimpleNamespace(sin=self.sin, cos=self.cos))
+        functions: Any = numpy if ctx is None else _on_arrays(ctx)
+        self.sin, self.cos = functions.sin, functions.cos
+        self._ops = shifted(functions)
         self.slope, integral = _operators(kind, count, None if ctx is None else ctx.prec)
         # gamma_bar is 0 at a rotating cycle's first sample, and has mean 0 on a librating cycle.
         self.integral = integral - kind.turns * integral[0]
@@ -143,13 +150,13 @@ class Collocation:
         """
         beta, frequency, omega = point[:-2], point[-2], point[-1]
         gamma, v = self.motion(point)
-        rate = field(self._ops, self.constants, omega, "linear")(beta, gamma, v)[2]
+        rate = field(self._ops, self.constants, omega, self.parameters.law)(beta, gamma, v)[2]
         closing = omega * self._mean(self.sin(beta)) - self.kind.turns * frequency
         return numpy.append(frequency * self.differentiated(v) - rate, closing)
 
     def slopes(self, point: Any) -> tuple[Any, Any, Any]:
         """Return the acceleration's derivatives by beta, gamma and v at the samples."""
-        derivatives = jacobian(self._ops, self.constants, point[-1], "linear")
+        derivatives = jacobian(self._ops, self.constants, point[-1], self.parameters.law)
         by_beta, by_gamma, by_v = derivatives(point[:-2], *self.motion(point))[2]
         return by_beta, by_gamma, by_v
 
@@ -190,7 +197,9 @@ class Collocation:
         by_beta, by_gamma, by_v = self.slopes(point)
         swing = gamma - self._growth
         curve = self.slope @ beta
-        stepped = field(self._ops, self.constants, complex(omega, _COMPLEX_STEP), "linear")
+        stepped = field(
+            self._ops, self.constants, complex(omega, _COMPLEX_STEP), self.parameters.law
+        )
         rows = numpy.zeros((n + 1, n + 2))
         rows[:n, :n] = w * w * (self.slope @ self.slope) - by_v[:, None] * w * self.slope
         rows[:n, :n] -= (by_gamma * omega / w)[:, None] * self.integral * numpy.cos(beta)

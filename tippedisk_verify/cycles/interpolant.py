@@ -77,7 +77,7 @@ class FamilyInterpolant:
     """
 
     def __init__(self, family: Family, lanes: BatchTaylor) -> None:
-        family.parameters.refuse_smooth("cycles in batches are")
+        family.parameters.refuse_unless_linear("cycles in batches are")
         self.family, self._lanes, self._section = family, lanes, family.section
         self._constants = field_constants(family.parameters)
         nodes = family.nodes.T

@@ -97,8 +97,8 @@ class LibratingFamily(Family):
     def newborn(self, distance: float) -> Place:
         """Return the place of a cycle nearer to the Hopf point than the first node, by a power law.
 
-        Next to the Hopf point the distance goes like a power of the amplitude: in general the
-        second, under the smooth law the first. The first node has that power and its factor.
+        Next to the Hopf point the distance goes like a power of the amplitude: the second, or the
+        fourth at a degenerate Hopf point. The first node has that power and its factor.
 
         Args:
             distance: The distance of the speed from the Hopf point [rad/s].

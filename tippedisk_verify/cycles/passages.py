@@ -242,7 +242,7 @@ class HalfMap:
         self._arrivals = flights.at(distance)
         self.leaving, self.arriving = flights.leaving.at(distance), flights.arriving.at(distance)
         parameters = flights.parameters
-        self._crosses = parameters.friction == "smooth" and flights.one_sided == (image == -1)
+        self._crosses = parameters.law.two_sided and flights.one_sided == (image == -1)
         self._constants = parameters.at(EXTENDED)
         self._omega = EXTENDED.number(flights._omega_h) + distance
 

@@ -74,24 +74,24 @@ class BalancedCycle(Printable):
 def balanced_cycle(
     parameters: Parameters, omega: object, *, digits: int = 12, harmonics: int | None = None
 ) -> BalancedCycle:
-    """Return the limit cycle of the linear law at a speed, to ``digits`` significant digits of its
+    """Return the limit cycle at a speed by harmonic balance, to ``digits`` significant digits of its
     period.
 
     If a speed has several cycles, it is the first one from the Hopf point on.
 
     Args:
-        parameters: The disk, under the linear law.
+        parameters: The disk, under an analytic friction law.
         omega: The speed [rad/s].
         digits: The significant digits of the period.
         harmonics: The number of odd harmonics, 1 to 1024. If None, it grows until the half-widths
             allow the digits.
 
     Raises:
-        InputError: If the law is not linear, the speed is not positive, or the number of harmonics
+        InputError: If the law has two sides, the speed is not positive, or the number of harmonics
             is out of range.
         NoSuchCycleError: If there is no cycle at this speed, or the balance does not converge.
     """
-    parameters.refuse_smooth("harmonic balance is")
+    parameters.refuse_two_sides("harmonic balance is")
     speed = checked_speed(omega)
     if harmonics is not None and whole(harmonics, 1, _MOST_HARMONICS) is None:
         raise InputError(
@@ -188,16 +188,16 @@ def spectral_rotation(
     its period.
 
     Args:
-        parameters: The disk, under the linear law.
+        parameters: The disk, under an analytic friction law.
         omega: The speed [rad/s].
         stable: True for the stable cycle, False for the unstable one.
         digits: The digits of the period.
 
     Raises:
-        InputError: If the law is not linear, or the speed is not positive.
+        InputError: If the law has two sides, or the speed is not positive.
         NoSuchCycleError: If collocation finds no such cycle.
     """
-    parameters.refuse_smooth("spectral collocation is")
+    parameters.refuse_two_sides("spectral collocation is")
     speed = checked_speed(omega)
     digits = checked_digits(digits)
     start = rotation_at(parameters, float(speed), stable)
@@ -272,15 +272,15 @@ def spectral_fold(
     collocation's derivative is an unknown too.
 
     Args:
-        parameters: The disk, under the linear law.
+        parameters: The disk, under an analytic friction law.
         kind: The kind of cycle.
         digits: The approximate digits of the fold's numbers.
 
     Raises:
-        InputError: If the law is not linear.
+        InputError: If the law has two sides.
         NoSuchCycleError: If collocation finds no fold.
     """
-    parameters.refuse_smooth("spectral collocation is")
+    parameters.refuse_two_sides("spectral collocation is")
     digits = checked_digits(digits)
     start = first_fold(parameters, kind)
 

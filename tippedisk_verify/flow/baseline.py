@@ -1,6 +1,6 @@
 """SciPy's integrators behind the contract: a method that shares only the equations with heyoka.
 
-It works in double precision and with both friction laws. Under the smooth law it keeps its
+It works in double precision and with every friction law. Under a law with two sides it keeps its
 correctness and loses only order, because the field is once continuously differentiable and no more.
 Implicit methods and derivatives use the Jacobian of `model.equations`.
 """
@@ -134,7 +134,7 @@ class Baseline:
     def _integrate(self, request: Request, start: Start, initial: Any, duration: float) -> Result:
         from scipy.integrate import solve_ivp
 
-        law = start.ops, start.constants, start.omega, start.friction
+        law = start.ops, start.constants, start.omega, start.law
         options: dict[str, Any] = {}
         if request.variations:
             rates = _with_variations(request, start)
@@ -251,8 +251,8 @@ def _with_variations(request: Request, start: Start) -> Callable[[float, Any], A
     The derivatives come from an imaginary step along each of the variations.
     """
     step, ops = complex(0.0, _COMPLEX_STEP), shifted(cmath) if request.shifted else cmath
-    constants, omega, friction = start.constants, start.omega, start.friction
-    names = parameter_names(friction)[:6] + ("k",) * (friction == "linear")
+    constants, omega, law = start.constants, start.omega, start.law
+    names = parameter_names(law)
     fields = []
     for name in request.variations:
         if name not in (*STATE_VARIATIONS, *names):
@@ -266,8 +266,8 @@ def _with_variations(request: Request, start: Start) -> Callable[[float, Any], A
         )
         speed = omega + step if name == "Omega" else omega
         # The absolute value has no complex derivative; the sign of gamma_y replaces it.
-        fields.append({side: field(ops, moved, speed, friction, side) for side in (1, -1)})
-    real_field = field(start.ops, constants, omega, friction)
+        fields.append({side: field(ops, moved, speed, law, side) for side in (1, -1)})
+    real_field = field(start.ops, constants, omega, law)
 
     def rates(t: float, y: Any) -> Any:
         state, columns = y[:3].tolist(), y[3:].reshape(3, -1).T.tolist()

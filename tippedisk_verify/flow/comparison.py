@@ -129,7 +129,7 @@ def _moves(request: Request, wider: Precision) -> bool:
     if not request.events:
         return True
     ops = shifted(wider.ops) if request.shifted else wider.ops
-    flow = field(ops, request.parameters.at(wider), wider.number(request.omega), request.friction)
+    flow = field(ops, request.parameters.at(wider), wider.number(request.omega), request.law)
     fastest = max(abs(rate) for rate in flow(*map(wider.number, request.state)))
     return bool(fastest > wider.number(_LEAST_RATE_IN_ROUNDINGS * wider.epsilon))
 

@@ -19,7 +19,8 @@ from typing import Any, Literal, NamedTuple, Protocol
 
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.exact import refuse_qualified, shown
-from tippedisk_verify.model.parameters import Constants, Friction, Parameters
+from tippedisk_verify.model.friction import FrictionLaw
+from tippedisk_verify.model.parameters import Constants, Parameters
 from tippedisk_verify.model.precision import DOUBLE, Precision
 from tippedisk_verify.model.results import Printable, with_widths
 
@@ -235,9 +236,9 @@ class Request:
             raise InputError("a variation is asked for twice")
 
     @property
-    def friction(self) -> Friction:
+    def law(self) -> FrictionLaw:
         """The friction law."""
-        return self.parameters.friction
+        return self.parameters.law
 
     @property
     def estimated_by_defect(self) -> bool:

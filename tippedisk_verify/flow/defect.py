@@ -75,7 +75,7 @@ class Defect:
         self._leading = (
             len(small) - int(numpy.argmin(small[::-1])) if wide.kind == "extended" else len(small)
         )
-        ops, law = shifted(numpy) if request.shifted else numpy, request.friction
+        ops, law = shifted(numpy) if request.shifted else numpy, request.law
         self._field = field(ops, request.parameters.at(wide), wide.number(request.omega), law)
         places = lengths * self._places.astype(wide.type)
         self._nodes, self._slopes = (self._polynomial(places, derivative=k) for k in (0, 1))

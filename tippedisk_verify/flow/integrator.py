@@ -105,20 +105,21 @@ class Integrator:
         self, request: Request, events: tuple[Event, ...], chosen: dict[str, Any], compact: bool
     ) -> None:
         self.precision = precision = request.precision
-        number, smooth = precision.number, request.friction == "smooth"
+        number, two_sided = precision.number, request.law.two_sided
         self._ops = shifted(precision.ops) if request.shifted else precision.ops
-        self._events, self._smooth, self._divergence = events, smooth, request.divergence
+        self._events, self._two_sided = events, two_sided
+        self._divergence = request.divergence
         watched = [
-            event for event in events if smooth and event.function is SLIDING_REVERSAL.function
+            event for event in events if two_sided and event.function is SLIDING_REVERSAL.function
         ]
         built = [event for event in events if event not in watched]
-        watching = (*built, SWITCH, TURN_OVER) if smooth else built
-        asked = request.variations, request.divergence, watching, request.shifted, request.friction
+        watching = (*built, SWITCH, TURN_OVER) if two_sided else built
+        asked = request.variations, request.divergence, watching, request.shifted, request.law
         system, self._crossings = system_of(*asked)
-        self._names = parameter_names(request.friction)
+        self._names = parameter_names(request.law)
         self._records: list[EventRecord] = []
         self._terminal = [event for event in built if event.terminal]
-        if smooth:
+        if two_sided:
             self._branch = FrictionSign(precision, watched, self._records)
         options: dict[str, Any] = {"fp_type": precision.type, "compact_mode": compact, **chosen}
         if precision.kind == "real":
@@ -131,12 +132,12 @@ class Integrator:
         self._stepper: Any = hy.taylor_adaptive(
             system,
             start,
-            pars=[number(1)] * (len(self._names) + smooth),
+            pars=[number(1)] * (len(self._names) + two_sided),
             t_events=self._ending_events(),
             nt_events=[self._passing_event(event) for event in built if not event.terminal],
             **options,
         )
-        if smooth:
+        if two_sided:
             # heyoka holds its callbacks where the garbage collector does not see them.
             self._branch.stepper = proxy(self._stepper)
         # After the state, the integral of the divergence starts at 0 and the derivatives at the
@@ -150,10 +151,10 @@ class Integrator:
         self.build = Build(
             engine="taylor",
             precision=precision.name,
-            friction=request.friction,
+            friction=request.law.name,
             variations=request.variations,
             divergence=request.divergence,
-            events=(*(event.name for event in events), *((SWITCH.name,) if smooth else ())),
+            events=(*(event.name for event in events), *((SWITCH.name,) if two_sided else ())),
             u_variables=len(self._stepper.decomposition) - self._stepper.dim,
         )
         self._built = (self.build,)
@@ -174,7 +175,9 @@ class Integrator:
             return hy.t_event(self._crossings[name], cooldown=wait, fp_type=fp_type, **options)
 
         events = [ending(event.name, direction=direction_of(event)) for event in self._terminal]
-        if self._smooth:  # last, to keep heyoka's numbers of the others; their callbacks continue
+        if (
+            self._two_sided
+        ):  # last, to keep heyoka's numbers of the others; their callbacks continue
             branch = self._branch  # in bare functions: heyoka copies all other callables
             events.append(
                 ending(
@@ -218,7 +221,7 @@ class Integrator:
         if request.rounding is not None:
             *state, omega = nudged((*state, omega), request.rounding, self.precision)
         constants, forward = request.parameters.at(self.precision), bool(duration >= 0)
-        start = Start(self._ops, constants, request.friction, omega, state, forward)
+        start = Start(self._ops, constants, request.law, omega, state, forward)
         wanted = request.estimated_by_defect or request.dense or request.times is not None
         self._kept = [] if wanted else None
         self._set_parameters(request, omega)
@@ -228,7 +231,7 @@ class Integrator:
         on = surfaces(request, start) if request.events else NO_SURFACES
         # If an event function is zero to the last bit, heyoka misses its other crossings in the
         # first step.
-        careful = self._smooth or on.exactly
+        careful = self._two_sided or on.exactly
         outcome, low, steps = self._integrated(
             start, on if careful else NO_SURFACES, duration, request.max_steps
         )
@@ -305,7 +308,7 @@ class Integrator:
         """Integrate until the final time or the first terminal event (see `_until`)."""
         ended = self._set_off(start, on, duration)
         ran = ended or self._until(duration, max_steps=max_steps)
-        if self._smooth and not ended and self._branch.lost:
+        if self._two_sided and not ended and self._branch.lost:
             # Two switches came closer together than events can resolve.
             self._branch.looks_ahead = True
             ran = self._set_off(start, on, duration) or self._until(duration, max_steps=max_steps)
@@ -325,7 +328,7 @@ class Integrator:
             The outcome, as `_until` returns it, if the run ended on the way; otherwise None.
         """
         self._rewind(start.state)
-        if self._smooth:
+        if self._two_sided:
             self._branch.begin(start)
         if not on.names:
             return None
@@ -341,7 +344,7 @@ class Integrator:
             if not self._passable(outcome, on):
                 break
         ended = self._index(outcome) is not None and not self._passable(outcome, on)
-        return (outcome, low, 1) if ended or (self._smooth and self._branch.ended) else None
+        return (outcome, low, 1) if ended or (self._two_sided and self._branch.ended) else None
 
     def _jumped(self, start: Start, target: Any, on: StartSurfaces) -> bool:
         """Move to a time close to the start by the first step's series.
@@ -361,7 +364,7 @@ class Integrator:
         self._rewind(start.state)
         watched = [event for event in self._events if event.name not in on.names]
         # Its branch too must be the same all the way, and not in doubt at the start
-        if self._smooth:
+        if self._two_sided:
             self._branch.begin(start)
             watched += SLIDING_REVERSAL, FLAT
         if any(start.value(event) * start.value(event, ahead[:3]) <= 0 for event in watched):
@@ -387,7 +390,7 @@ class Integrator:
 
     def _stopped(self, outcome: Any, smallest_step: Any) -> Status:
         """Return the reason why a run did not reach its end, and record a terminal event."""
-        if self._smooth and self._branch.ended:
+        if self._two_sided and self._branch.ended:
             return Status.EVENT
         index = self._index(outcome)
         if index is None:

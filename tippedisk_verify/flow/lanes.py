@@ -30,7 +30,8 @@ from tippedisk_verify.flow.system import (
 from tippedisk_verify.model.arrays import Array, numbers
 from tippedisk_verify.model.equations import shifted as _shifted
 from tippedisk_verify.model.exact import shown
-from tippedisk_verify.model.parameters import Friction, Parameters, checked_friction
+from tippedisk_verify.model.friction import Friction, FrictionLaw, law_of
+from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, heyoka_module
 from tippedisk_verify.model.results import Printable
 from tippedisk_verify.model.surroundings import undisturbed_methods
@@ -65,9 +66,7 @@ def field_constants(parameters: Parameters) -> Array:
         parameters: The disk and its friction law.
     """
     constants = parameters.at(DOUBLE)
-    return numpy.array(
-        [getattr(constants, name) for name in parameter_names(parameters.friction)[1:]]
-    )
+    return numpy.array([getattr(constants, name) for name in parameter_names(parameters.law)[1:]])
 
 
 _MAX_LANES = 64  # eight times the widest registers; compile time grows with the number of lanes
@@ -102,21 +101,21 @@ class BatchTaylor:
         variations: tuple[Variation, ...] = (),
         divergence: bool = False,
         shifted: bool = False,
-        friction: Friction = "linear",
+        friction: Friction | FrictionLaw = "linear",
         events: tuple[Event, ...] = (),
         max_steps: int = 100_000,
     ) -> BatchResult:
         """Integrate n runs.
 
         Args:
-            constants: (6,) or (n, 6), or seven constants under the smooth law (`field_constants`).
+            constants: (k,) or (n, k), as `field_constants` gives them: six under the linear law.
             omegas: (n,) speeds [rad/s].
             states: (n, 3) starts: beta, gamma [rad], v [rad/s].
             durations: (n,) [s].
             variations: The variables of the derivatives.
             divergence: True adds the integral of the divergence.
             shifted: True measures angles from pi/2.
-            friction: The friction law.
+            friction: The friction law, or its name.
             events: Events that are recorded and end nothing. A start on the surface is not a
                 crossing.
             max_steps: The largest number of steps of a run.
@@ -129,19 +128,20 @@ class BatchTaylor:
             InputError: An argument is not an array of numbers, the shapes do not match, or an event
                 is terminal.
         """
-        names = parameter_names(checked_friction(friction))
+        law = law_of(friction)
+        names = parameter_names(law)
         constants, omegas, states, durations = map(numbers, (constants, omegas, states, durations))
         count = omegas.size
         if omegas.shape != (count,) or states.shape != (count, 3) or durations.shape != (count,):
             raise InputError(f"{count} speeds need states ({count}, 3) and as many durations")
         if constants.shape not in ((len(names) - 1,), (count, len(names) - 1)):
             raise InputError(
-                f"the constants of the {friction} law are {len(names) - 1}, or as many for each run"
+                f"the constants of the {law} law are {len(names) - 1}, or as many for each run"
             )
         if any(event.terminal for event in events):
             raise InputError("events of many runs at once are recorded; they cannot end a run")
         constants = numpy.broadcast_to(constants, (count, len(names) - 1))
-        key = (variations, divergence, events, shifted, friction)
+        key = (variations, divergence, events, shifted, law)
         result: BatchResult = self._batches.run(
             key,
             lambda: _CompiledBatch(self.width, *key),
@@ -162,8 +162,8 @@ class BatchTaylor:
             pars = [omegas[run].item(), *constants[run].tolist()]
             start = Start(
                 ops,
-                constants_of(pars, friction),
-                friction,
+                constants_of(pars, law),
+                law,
                 pars[0],
                 states[run].tolist(),
                 when >= 0,
@@ -186,24 +186,25 @@ class _CompiledBatch:
         divergence: bool,
         events: tuple[Event, ...],
         shift: bool,
-        friction: Friction,
+        law: FrictionLaw,
     ) -> None:
         hy = heyoka_module()
-        smooth = friction == "smooth"
-        # Events of the request may coincide with a change of the smooth law's sign. Of two events
-        # at the same time one is lost, so one serves for both.
+        # Events of the request may coincide with a change of the law's side. Of two events at the
+        # same time one is lost, so one serves for both.
         coinciding = {
-            own.name: [event for event in events if smooth and event.function is own.function]
+            own.name: [
+                event for event in events if law.two_sided and event.function is own.function
+            ]
             for own in (SWITCH, TURN_OVER)
         }
         self._events = [
             event for event in events if all(event not in own for own in coinciding.values())
         ]
-        self._ops, self._friction = _shifted(numpy) if shift else numpy, friction
+        self._ops, self._law = _shifted(numpy) if shift else numpy, law
         self._variations, self._divergence = len(variations), divergence
         self._crossings: list[_Crossing] = []
-        watched = (*self._events, SWITCH, TURN_OVER) if smooth else self._events
-        system, functions = system_of(variations, divergence, watched, shift, friction)
+        watched = (*self._events, SWITCH, TURN_OVER) if law.two_sided else self._events
+        system, functions = system_of(variations, divergence, watched, shift, law)
         options: dict[str, Any] = {}
         if self._events:
             options["nt_events"] = [
@@ -214,7 +215,7 @@ class _CompiledBatch:
                 )
                 for event in self._events
             ]
-        self._signs = FrictionSigns() if smooth else None
+        self._signs = FrictionSigns() if law.two_sided else None
         if self._signs is not None:
             changes = {SWITCH.name: self._signs.switched, TURN_OVER.name: self._signs.turned}
             options["t_events"] = [
@@ -227,7 +228,7 @@ class _CompiledBatch:
             ]
         start = numpy.zeros((3 + divergence, width))
         start[0] = start[1] = 1.0
-        pars = numpy.ones((len(parameter_names(friction)) + smooth, width))
+        pars = numpy.ones((len(parameter_names(law)) + law.two_sided, width))
         self._stepper: Any = hy.taylor_adaptive_batch(system, start, pars=pars, **options)
         # After the state, the integral of the divergence starts at 0 and the derivatives at the
         # identity.
@@ -284,8 +285,8 @@ class _CompiledBatch:
         stepper.set_time(0.0)
         stepper.pars[: len(pars)] = pars
         stepper.state[:3], stepper.state[3:] = states, self._rest
-        constants = constants_of(pars, self._friction)
-        start = Start(self._ops, constants, self._friction, pars[0], states, durations >= 0)
+        constants = constants_of(pars, self._law)
+        start = Start(self._ops, constants, self._law, pars[0], states, durations >= 0)
         if self._signs is not None:
             self._signs.begin(stepper, start)
         if stepper.with_events:

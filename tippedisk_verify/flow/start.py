@@ -8,7 +8,8 @@ from typing import Any, NamedTuple
 
 from tippedisk_verify.flow.contract import FLAT, Event, Request
 from tippedisk_verify.model.equations import Ops, field, shifted
-from tippedisk_verify.model.parameters import Constants, Friction
+from tippedisk_verify.model.friction import FrictionLaw
+from tippedisk_verify.model.parameters import Constants
 from tippedisk_verify.model.precision import DOUBLE, Precision
 
 __all__ = [
@@ -37,7 +38,7 @@ class Start(NamedTuple):
 
     ops: Ops
     constants: Constants
-    friction: Friction
+    law: FrictionLaw
     omega: Any  #: [rad/s]
     state: Sequence[Any]
     forward: Any  #: True if time rises
@@ -53,7 +54,7 @@ class Start(NamedTuple):
         number, ops = precision.number, shifted(precision.ops) if request.shifted else precision.ops
         state = [number(x) for x in request.state]
         constants, forward = request.parameters.at(precision), number(request.duration) >= 0
-        return cls(ops, constants, request.friction, number(request.omega), state, bool(forward))
+        return cls(ops, constants, request.law, number(request.omega), state, bool(forward))
 
     def value(self, event: Event, state: Sequence[Any] | None = None) -> Any:
         """Return the event's function at the start, or at another state.
@@ -72,7 +73,7 @@ class Start(NamedTuple):
         Args:
             state: (beta [rad], gamma [rad], v [rad/s]).
         """
-        return field(self.ops, self.constants, self.omega, self.friction)(*state)
+        return field(self.ops, self.constants, self.omega, self.law)(*state)
 
     def ahead(self, state: Sequence[Any], step: Any) -> Sequence[Any]:
         """Return the state a short time ``step`` [s] after another one, to second order.

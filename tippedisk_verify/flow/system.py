@@ -19,12 +19,11 @@ from tippedisk_verify.flow.contract import (
     Variation,
 )
 from tippedisk_verify.model.equations import field, jacobian, shifted
-from tippedisk_verify.model.parameters import Constants, Friction
+from tippedisk_verify.model.friction import FrictionLaw
+from tippedisk_verify.model.parameters import Constants
 from tippedisk_verify.model.precision import Precision, heyoka_module
 
 __all__ = [
-    "PARAMETERS",
-    "SMOOTH_PARAMETERS",
     "SWITCH",
     "TURN_OVER",
     "constants_of",
@@ -34,11 +33,10 @@ __all__ = [
     "system_of",
 ]
 
-#: The runtime parameters of the compiled field, in this order. The smooth law has two of its own
-#: instead of k, and its branch follows as the last one.
-PARAMETERS = ("Omega", "r", "e", "a", "b", "g", "k")
-SMOOTH_PARAMETERS = ("Omega", "r", "e", "a", "b", "g", "traction", "epsilon")
-#: The smooth law's own events, at which its branch changes. Requests cannot have these names.
+#: The runtime parameters of every law's compiled field, in this order. The law's own constants
+#: follow, and the side of a law that has two is the last one.
+_COMMON_PARAMETERS = ("Omega", "r", "e", "a", "b", "g")
+#: The events at which a law with two sides changes its side. Requests cannot have these names.
 SWITCH = Event("(switch)", SLIDING_REVERSAL.function)
 TURN_OVER = Event("(turns over)", FLAT.function)
 
@@ -48,23 +46,23 @@ TURN_OVER = Event("(turns over)", FLAT.function)
 _PATTERNS_PER_ROUND = 5
 
 
-def parameter_names(friction: Friction) -> tuple[str, ...]:
+def parameter_names(law: FrictionLaw) -> tuple[str, ...]:
     """Return the runtime parameters of a law's field, in their order.
 
     Args:
-        friction: The friction law.
+        law: The friction law.
     """
-    return PARAMETERS if friction == "linear" else SMOOTH_PARAMETERS
+    return _COMMON_PARAMETERS + law.constants
 
 
-def constants_of(pars: Any, friction: Friction) -> Constants:
+def constants_of(pars: Any, law: FrictionLaw) -> Constants:
     """Return the rows of the runtime parameters by name.
 
     Args:
         pars: The rows, in the order of `parameter_names`.
-        friction: The friction law.
+        law: The friction law.
     """
-    rows = dict(zip(parameter_names(friction), pars, strict=False))
+    rows = dict(zip(parameter_names(law), pars, strict=False))
     return Constants(**{name: rows.get(name) for name in Constants._fields})
 
 
@@ -73,7 +71,7 @@ def system_of(
     divergence: bool,
     events: Sequence[Event],
     shift: bool,
-    friction: Friction,
+    law: FrictionLaw,
 ) -> tuple[Any, dict[str, Any]]:
     """Return the heyoka system of a request, and the expressions of the events by name.
 
@@ -85,21 +83,27 @@ def system_of(
         divergence: True adds the integral of the divergence.
         events: The events.
         shift: True measures angles from pi/2.
-        friction: The friction law.
+        law: The friction law.
 
     Raises:
-        InputError: The field does not have such a derivative.
+        InputError: The field does not have such a derivative, or the law cannot be compiled.
     """
     hy = heyoka_module()
     ops = shifted(hy) if shift else hy
-    state, names = hy.make_vars("beta", "gamma", "v"), parameter_names(friction)
+    state, names = hy.make_vars("beta", "gamma", "v"), parameter_names(law)
     pars = [hy.par[index] for index in range(len(names))]
-    constants, omega = constants_of(pars, friction), pars[0]
-    side = hy.par[len(names)] if friction == "smooth" else None
-    rates = field(ops, constants, omega, friction, side)(*state)
+    constants, omega = constants_of(pars, law), pars[0]
+    side = hy.par[len(names)] if law.two_sided else None
+    try:
+        rates = field(ops, constants, omega, law, side)(*state)
+    except (AttributeError, TypeError) as fault:
+        raise InputError(
+            f"the friction law '{law}' cannot be compiled: {fault}; an absolute value needs "
+            f"two_sided=True"
+        ) from fault
     system: Any = list(zip(state, rates, strict=True))
     if divergence:
-        slope = jacobian(ops, constants, omega, friction, side)(*state)[2][2]
+        slope = jacobian(ops, constants, omega, law, side)(*state)[2][2]
         system.append((hy.make_vars("divergence"), slope))
     if variations:
         variables = dict(zip((*STATE_VARIATIONS, *names), (*state, *pars), strict=True))

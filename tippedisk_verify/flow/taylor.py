@@ -103,7 +103,7 @@ class Taylor:
         if request.domain == "event" and FLAT not in events:
             events = (*events, FLAT)
         shape = (request.shifted, request.variations, request.divergence, events)
-        key = (precision, request.friction, request.tolerance, *shape)
+        key = (precision, request.law, request.tolerance, *shape)
         compact = self._compact if self._compact is not None else precision != DOUBLE
         result: Result = self._integrators.run(
             key, lambda: Integrator(request, events, self._options, compact), request

@@ -23,7 +23,8 @@ from typing import Any, NamedTuple, Protocol
 
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.exact import entries, exact, shown
-from tippedisk_verify.model.parameters import Constants, Friction
+from tippedisk_verify.model.friction import FrictionLaw, law_of
+from tippedisk_verify.model.parameters import Constants
 
 __all__ = [
     "Ops",
@@ -31,7 +32,6 @@ __all__ = [
     "checked_speed",
     "checked_speeds",
     "field",
-    "friction_force",
     "jacobian",
     "normal_force_over_weight",
     "one_speed",
@@ -55,6 +55,7 @@ _SLOWEST, _FASTEST = Fraction(1, 10**300), 10**6  # rad/s
 
 class _ShiftedOps:
     def __init__(self, ops: Ops) -> None:
+        self.plain = ops
         self.sin = ops.cos
         self.cos = lambda angle: -ops.sin(angle)
 
@@ -162,24 +163,8 @@ def terms(ops: Ops, constants: Constants, omega: Any, beta: Any, gamma: Any, v: 
     )
 
 
-def friction_force(constants: Constants, sliding_velocity: Any, friction: Friction) -> Any:
-    """Return the friction force lambda_Ty [N].
-
-    It follows Eq. lin_lambda_y_3DOF (linear) or Eq. lambda_y_3DOF (smooth Coulomb).
-
-    Args:
-        constants: The parameters.
-        sliding_velocity: gamma_y [m/s].
-        friction: The friction law.
-    """
-    weight = constants.mu * constants.m * constants.g
-    if friction == "linear":
-        return -(weight / constants.epsilon) * sliding_velocity
-    return -weight * sliding_velocity / (abs(sliding_velocity) + constants.epsilon)
-
-
 def field(
-    ops: Ops, constants: Constants, omega: Any, friction: Friction, side: Any = None
+    ops: Ops, constants: Constants, omega: Any, friction: str | FrictionLaw, side: Any = None
 ) -> Field:
     """Return the vector field ``(beta, gamma, v) -> (beta', gamma', v')`` (Eq. 3DOF).
 
@@ -188,12 +173,12 @@ def field(
 
     Args:
         ops: The functions of the kind of number.
-        constants: The parameters in the same kind. Only ``r, e, a, b, g`` and ``k`` (linear) or
-            ``traction, epsilon`` (smooth) are used.
+        constants: The parameters in the same kind. Only ``r, e, a, b, g`` and the law's own
+            ``constants`` are used.
         omega: The spinning speed [rad/s].
-        friction: The friction law.
-        side: 1 or -1 selects the smooth law's analytic branch for gamma_y of that sign at every
-            state.
+        friction: The friction law, or its name.
+        side: 1 or -1 selects the analytic side of a law that has two, for gamma_y of that sign at
+            every state.
     """
     sin, cos = ops.sin, ops.cos
     r, e, b, g = constants.r, constants.e, constants.b, constants.g
@@ -205,8 +190,7 @@ def field(
         e * omega,
     )
     twice_asymmetry = asymmetry + asymmetry
-    linear = friction == "linear"
-    k, traction, epsilon = constants.k, constants.traction, constants.epsilon
+    law, plain = law_of(friction), getattr(ops, "plain", ops)
 
     def vector_field(beta: Any, gamma: Any, v: Any) -> tuple[Any, Any, Any]:
         sin_b, cos_b, sin_g, cos_g = sin(beta), cos(beta), sin(gamma), cos(gamma)
@@ -227,26 +211,20 @@ def field(
         # w_y gamma_y = rho sin^2(beta) * slip, and rho sin^2(beta) = rho - rho cos^2(beta).
         slip = sweep - e_omega * (sin_b * cos_g)  # gamma_y / sin(beta)
         grip = (rho - rho_cos2) * slip
-        if linear:
-            resistance = k * grip
-        else:
-            sliding = sin_b * slip
-            resistance = (
-                traction * grip / ((abs(sliding) if side is None else side * sliding) + epsilon)
-            )
+        resistance = law.resistance(plain, constants, side, grip, sin_b, slip, rho)
         return v, -(omega * cos_b), (cos_b * drive - resistance) / mass
 
     return vector_field
 
 
 def jacobian(
-    ops: Ops, constants: Constants, omega: Any, friction: Friction, side: Any = None
+    ops: Ops, constants: Constants, omega: Any, friction: str | FrictionLaw, side: Any = None
 ) -> Callable[[Any, Any, Any], tuple[tuple[Any, Any, Any], ...]]:
     """Return the function ``(beta, gamma, v) -> d(beta', gamma', v')/d(beta, gamma, v)``.
 
     The rows of its value are tuples. It is differentiated by hand, and kept in one piece so that
-    each line can be compared with the line of `field` that it differentiates. At gamma_y = 0 the
-    smooth law is continuously differentiable, with the linear law's derivative.
+    each line can be compared with the line of `field` that it differentiates. At gamma_y = 0 a law
+    with two sides is continuously differentiable.
 
     Args:
         ops, constants, omega, friction, side: As for `field`.
@@ -260,8 +238,7 @@ def jacobian(
         e * omega,
     )
     twice_asymmetry = asymmetry + asymmetry
-    linear = friction == "linear"
-    k, traction, epsilon = constants.k, constants.traction, constants.epsilon
+    law, plain = law_of(friction), getattr(ops, "plain", ops)
 
     def derivative(beta: Any, gamma: Any, v: Any) -> tuple[tuple[Any, Any, Any], ...]:
         sin_b, cos_b, sin_g, cos_g = sin(beta), cos(beta), sin(gamma), cos(gamma)
@@ -284,30 +261,16 @@ def jacobian(
         drive_v = 2 * sin_b * sweep * rho - omega * cos_g * mixed
 
         slip = sweep - e_omega * (sin_b * cos_g)
-        slip_b, slip_g, slip_v = -e_omega * cos_b * cos_g, rho_g * v + e_omega * sin_b * sin_g, rho
-        width = rho - rho_cos2
-        width_b, width_g = 2 * lever * sin_b, rho_g - rho_g * cos_b * cos_b
-        grip = width * slip
-        grip_b, grip_g, grip_v = (
-            width_b * slip + width * slip_b,
-            width_g * slip + width * slip_g,
-            width * slip_v,
-        )
-        if linear:
-            resistance, resist_b, resist_g, resist_v = k * grip, k * grip_b, k * grip_g, k * grip_v
-        else:
-            sliding = sin_b * slip
-            size = abs(sliding) if side is None else side * sliding
-            yielding = size + epsilon
-            resistance = traction * grip / yielding
-            # d|gamma_y| = sign(gamma_y) d(gamma_y), and grip = rho sin(beta) gamma_y. So
-            # grip * sign(gamma_y) needs no sign function. This holds for every kind of number, and
-            # at gamma_y = 0.
-            drag = traction * rho * sin_b * size / (yielding * yielding)
-            factor = traction / yielding
-            resist_b = factor * grip_b - drag * (cos_b * slip + sin_b * slip_b)
-            resist_g = factor * grip_g - drag * (sin_b * slip_g)
-            resist_v = factor * grip_v - drag * (sin_b * slip_v)
+        slip_b, slip_g = -e_omega * cos_b * cos_g, rho_g * v + e_omega * sin_b * sin_g
+        arm, arm_b, arm_g = rho * sin_b, rho * cos_b, rho_g * sin_b  # w_y
+        sliding = sin_b * slip  # gamma_y
+        sliding_b, sliding_g, sliding_v = cos_b * slip + sin_b * slip_b, sin_b * slip_g, sin_b * rho
+        braking = law.deceleration(plain, sliding, constants, side)
+        steepness = arm * law.slope_at(plain, sliding, constants, side)
+        resistance = arm * braking
+        resist_b = arm_b * braking + steepness * sliding_b
+        resist_g = arm_g * braking + steepness * sliding_g
+        resist_v = steepness * sliding_v
         total = (cos_b * drive - resistance) / mass
         return (
             (0 * v, 0 * v, 1 + 0 * v),

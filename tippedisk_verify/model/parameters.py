@@ -17,11 +17,12 @@ from decimal import Decimal
 from fractions import Fraction
 from functools import partial
 from pathlib import Path
-from typing import Any, Literal, NamedTuple, get_args
+from typing import Any, NamedTuple
 
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.decimals import exact_text
-from tippedisk_verify.model.exact import fraction, quotient, shown
+from tippedisk_verify.model.exact import PI, fraction, quotient, shown
+from tippedisk_verify.model.friction import LAWS, Friction, FrictionLaw, law_of
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.precision import Precision
 from tippedisk_verify.model.results import Printable, result_lines
@@ -33,12 +34,9 @@ __all__ = [
     "PRINTED",
     "SYMBOLS",
     "Constants",
-    "Friction",
     "Parameters",
-    "checked_friction",
 ]
 
-Friction = Literal["linear", "smooth"]
 #: The eight numbers that the equations need, in the order of every list.
 SYMBOLS = ("r", "e", "m", "A", "B", "g", "mu", "epsilon")
 
@@ -64,8 +62,9 @@ class Constants(NamedTuple):
     epsilon: Any  #: smoothing speed of the friction law [m/s]
     a: Any  #: A / m [m^2]
     b: Any  #: Bbar / m [m^2]
-    k: Any  #: mu g / epsilon, the linear law's friction per mass and sliding speed [1/s]
+    k: Any  #: friction per mass and sliding velocity at zero; mu g / epsilon in both laws [1/s]
     traction: Any  #: mu g, the smooth law's greatest friction per mass [m/s^2]
+    pi: Any = PI  #: for friction laws
 
 
 def _quantity(unit: str, source: str) -> Any:
@@ -103,8 +102,8 @@ class Parameters(Printable):
         },
     )
     name: str = "custom"
-    #: Eq. lin_lambda_y_3DOF, or the smooth Coulomb law that it linearises
-    friction: Friction = "linear"
+    #: Eq. lin_lambda_y_3DOF, the smooth Coulomb law that it linearises, or a law of one's own
+    friction: Friction | FrictionLaw = "linear"
     _constants: dict[Precision, Constants] = field(
         default_factory=dict, init=False, repr=False, compare=False
     )
@@ -148,11 +147,15 @@ class Parameters(Printable):
                     f"not {shown(value)}"
                 )
             object.__setattr__(self, item.name, number)
-        checked_friction(self.friction)
+        law = law_of(self.friction)
         if not faults:
             faults = self._inconsistencies()
         if faults:
             raise InputError(faults)
+        if law in LAWS.values():
+            object.__setattr__(self, "friction", law.name)
+        else:
+            law.refuse_unusable(self)
 
     def _inconsistencies(self) -> list[str]:
         faults = []
@@ -185,13 +188,9 @@ class Parameters(Printable):
         constants = self._constants.get(precision)
         if constants is None:
             constants = self._constants[precision] = Constants(
-                *(precision.number(value) for value in self._exact())
+                *map(precision.number, self.rational())
             )
         return constants
-
-    def rational(self) -> Constants:
-        """Return the parameters as exact rationals."""
-        return Constants(*self._exact())
 
     def within(self, ctx: Any) -> Constants:
         """Return the parameters as numbers of an mpmath context.
@@ -199,13 +198,15 @@ class Parameters(Printable):
         Args:
             ctx: The mpmath context.
         """
-        return Constants(*(quotient(ctx, value) for value in self._exact()))
+        *rational, _ = self.rational()
+        return Constants(*(quotient(ctx, value) for value in rational))._replace(pi=+ctx.pi)
 
-    def _exact(self) -> tuple[Fraction, ...]:
-        traction = self.mu * self.g
-        return (
+    def rational(self) -> Constants:
+        """Return the parameters as exact rationals, with pi as a symbol."""
+        return Constants(
             *(self.r, self.e, self.m, self.A, self.B, self.Bbar, self.g, self.mu, self.epsilon),
-            *(self.A / self.m, self.Bbar / self.m, traction / self.epsilon, traction),
+            *(self.A / self.m, self.Bbar / self.m),
+            *(self.law.slope(self) / self.m, self.mu * self.g),
         )
 
     def changed(self, **values: object) -> Parameters:
@@ -219,28 +220,56 @@ class Parameters(Printable):
         """
         return replace(self, **{"name": "custom", **values})  # type: ignore[arg-type]
 
-    def with_friction(self, friction: Friction) -> Parameters:
+    def with_friction(self, friction: Friction | FrictionLaw) -> Parameters:
         """Return the same disk, with the same name, under this friction law.
 
         Args:
-            friction: ``linear`` or ``smooth``.
+            friction: ``linear``, ``smooth`` or a `FrictionLaw`.
 
         Raises:
             InputError: There is no such law.
         """
         return self if friction == self.friction else replace(self, friction=friction)
 
-    def refuse_smooth(self, what: str) -> None:
-        """Raise InputError under the smooth law.
+    def refuse_unless_linear(self, what: str) -> None:
+        """Raise InputError unless the friction law is the linear one.
 
         Args:
             what: The beginning of the message, such as 'harmonic balance is'.
 
         Raises:
-            InputError: The friction law is the smooth one.
+            InputError: The friction law is another one.
         """
-        if self.friction == "smooth":
-            raise InputError(f"{what} for the linear friction law only, not for the smooth one")
+        if not self.law.is_linear:
+            law = "the smooth one" if self.friction in LAWS else f"'{self.friction}'"
+            raise InputError(f"{what} for the linear friction law only, not for {law}")
+
+    def refuse_two_sides(self, what: str) -> None:
+        """Raise InputError unless the friction law is analytic at gamma_y = 0.
+
+        Args:
+            what: The beginning of the message, such as 'spectral collocation is'.
+
+        Raises:
+            InputError: The law has two analytic sides.
+        """
+        if self.law.two_sided:
+            law = "the smooth one" if self.friction in LAWS else f"'{self.friction}'"
+            raise InputError(f"{what} for analytic friction laws only, not for {law}")
+
+    def refuse_own_law(self, what: str) -> None:
+        """Raise InputError if the friction law is not one of the paper's.
+
+        Args:
+            what: The beginning of the message, such as 'proofs are'.
+
+        Raises:
+            InputError: The friction law is a user's.
+        """
+        if self.friction not in LAWS:
+            raise InputError(
+                f"{what} for the paper's friction laws only, not for '{self.friction}'"
+            )
 
     def decimals(self) -> dict[str, str]:
         """Return each number as an exact decimal string.
@@ -255,7 +284,7 @@ class Parameters(Printable):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the numbers as decimal strings, with the name and the friction law."""
-        return {**self.decimals(), "name": self.name, "friction": self.friction}
+        return {**self.decimals(), "name": self.name, "friction": str(self.friction)}
 
     def _title(self) -> str:
         return f"{type(self).__name__} {self.name} ({self.friction})"
@@ -265,9 +294,9 @@ class Parameters(Printable):
         return "\n".join([self._title(), *result_lines(self.decimals(), "  ")])
 
     @property
-    def law(self) -> str:
-        """The friction law's name as used in a sentence."""
-        return "linear" if self.friction == "linear" else "smooth Coulomb"
+    def law(self) -> FrictionLaw:
+        """The friction law."""
+        return law_of(self.friction)
 
     def definition(self) -> str:
         """Return the eight exact numbers of the equations with their units, as a text.
@@ -341,20 +370,6 @@ class Parameters(Printable):
 
 #: The names of the numbers: the eight that the equations need, and C.
 _QUANTITIES = tuple(item.name for item in fields(Parameters) if item.metadata)
-
-
-def checked_friction(friction: str) -> Friction:
-    """Return a friction law by its name.
-
-    Args:
-        friction: ``linear`` or ``smooth``.
-
-    Raises:
-        InputError: There is no law of that name.
-    """
-    if friction not in get_args(Friction):
-        raise InputError(f"friction law '{shown(friction)}' is not known: use linear or smooth")
-    return friction  # type: ignore[return-value]
 
 
 def _file_name(path: Path) -> str:

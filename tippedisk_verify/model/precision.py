@@ -35,6 +35,7 @@ if TYPE_CHECKING:
 __all__ = [
     "DOUBLE",
     "EXTENDED",
+    "FUNCTIONS",
     "QUADRUPLE",
     "Precision",
     "bits",
@@ -47,6 +48,8 @@ __all__ = [
 # Python converts integers of up to 4300 decimal digits. Guard digits stay below that limit too.
 _MOST_DIGITS = 4_000
 _MOST_BITS = 4_000_000
+#: The functions of every namespace here. heyoka, math, NumPy and mpmath name them alike.
+FUNCTIONS = ("sin", "cos", "tan", "atan", "exp", "log", "sqrt", "sinh", "cosh", "tanh")
 _LOADING = threading.Lock()
 
 
@@ -99,7 +102,7 @@ class Precision:
 
     @cached_property
     def ops(self) -> Any:
-        """A namespace with sin, cos, exp, log and sqrt for scalars of this precision."""
+        """A namespace with sin, cos, exp, log, sqrt and others for scalars of this precision."""
         import numpy
 
         return (
@@ -126,9 +129,7 @@ class Precision:
                     return self.number(result)
             return zero / 0
 
-        return SimpleNamespace(
-            **{name: partial(function, name) for name in ("sin", "cos", "exp", "log", "sqrt")}
-        )
+        return SimpleNamespace(**{name: partial(function, name) for name in FUNCTIONS})
 
     @property
     def context(self) -> Any:

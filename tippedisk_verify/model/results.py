@@ -121,7 +121,7 @@ class Printable:
         disk = getattr(self, "parameters", getattr(self, "disk", None))
         tools = (getattr(self, name) for name in ("engine", "precision") if hasattr(self, name))
         made = [getattr(tool, "name", tool) for tool in tools]
-        whose = "" if disk is None else f" of {disk.name} ({', '.join([disk.friction, *made])})"
+        whose = "" if disk is None else f" of {disk.name} ({', '.join([disk.law.name, *made])})"
         return type(self).__name__ + whose
 
     def __str__(self) -> str:

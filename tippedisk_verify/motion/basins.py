@@ -93,7 +93,7 @@ class Basins(Printable):
         shares = self.fractions()
         return {
             "omega": exact_text(self.omega),
-            "friction": self.parameters.friction,
+            "friction": self.parameters.law.name,
             "states": int(self.outcome.size),
             "seconds": self.duration,
             "v": self.v,

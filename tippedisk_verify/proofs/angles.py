@@ -13,7 +13,8 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from tippedisk_verify.model.equations import field, jacobian
-from tippedisk_verify.model.parameters import Constants, Friction
+from tippedisk_verify.model.friction import Friction
+from tippedisk_verify.model.parameters import Constants
 
 __all__ = ["INVERTED", "NONINVERTED", "OPS", "Turned", "linearization", "rates"]
 

@@ -258,7 +258,7 @@ def proved_hopf(parameters: Parameters, digits: int = 12) -> ProvedHopf:
     Raises AccuracyError if the first Lyapunov coefficient is too close to zero for its sign or
     these digits.
     """
-    parameters.refuse_smooth("the Hopf point's normal form is")
+    parameters.refuse_unless_linear("the Hopf point's normal form is")
     check_linearization(parameters.rational())
     with_balls = to_digits(lambda: hopf_balls(ball_constants(parameters)), digits)
     falling, sign = with_balls["transversality"], with_balls["first_lyapunov_coefficient"]

@@ -14,7 +14,7 @@ from fractions import Fraction
 from functools import lru_cache
 
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.model.parameters import Friction
+from tippedisk_verify.model.friction import Friction
 from tippedisk_verify.reference_values.draws import DRAWN_SET, Draw, drawn_disk
 from tippedisk_verify.reference_values.entries import (
     KEPT,

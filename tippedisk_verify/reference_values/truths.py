@@ -21,7 +21,7 @@ from tippedisk_verify.cycles.shooting import limit_cycle, shoot
 from tippedisk_verify.errors import AccuracyError
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import Build, Engine, Request, Result, Status
-from tippedisk_verify.model.equations import friction_force, jacobian, shifted, terms
+from tippedisk_verify.model.equations import jacobian, shifted, terms
 from tippedisk_verify.model.exact import PI, exact, fraction, quotient
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import SYMBOLS
@@ -200,7 +200,7 @@ def _right_hand_side(case: ExactItem, ctx: Any, shift: bool = False) -> dict[str
             "gamma_y": values.sliding_velocity,
             "gamma_rate": -omega * ops.cos(beta),
         }
-    force = friction_force(c, values.sliding_velocity, case.disk.friction)
+    force = case.disk.law(ops, values.sliding_velocity, c)
     slopes = jacobian(ops, c, omega, case.disk.friction)(beta, gamma, v)[2]
     return {
         "lambda_Ty": force,

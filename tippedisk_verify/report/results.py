@@ -112,7 +112,7 @@ def _command(order: AuditJob) -> str:
     parts = ["tippedisk-verify verify"]
     for option, value, usual in (
         ("parameters", order.parameters.name, "table1"),
-        ("friction", order.parameters.friction, "linear"),
+        ("friction", order.parameters.law.name, "linear"),
         ("digits", str(order.digits), "12"),
     ):
         if value != usual:

@@ -197,7 +197,7 @@ class Plan:
     def key(self) -> str:
         """A hash of everything that determines the sweep."""
         fixed = [exact_text(getattr(self.parameters, name)) for name in SYMBOLS]
-        asked = repr((self.analysis, fixed, self.parameters.friction, self.digits, self.axes))
+        asked = repr((self.analysis, fixed, self.parameters.law.name, self.digits, self.axes))
         return hashlib.sha256(asked.encode()).hexdigest()
 
 

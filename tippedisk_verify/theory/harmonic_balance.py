@@ -180,7 +180,7 @@ def one_harmonic(
         InputError: An argument cannot be used, or the disk has the smooth friction law.
         AccuracyError: The formula has no real amplitude or frequency.
     """
-    parameters.refuse_smooth("harmonic balance is")
+    parameters.refuse_unless_linear("harmonic balance is")
     form, omega = _checked_form(form), checked_speed(omega)
     digits = checked_digits(digits)
     constants = parameters.rational()
@@ -213,7 +213,7 @@ def slopes(
         InputError: An argument cannot be used, or the disk has the smooth friction law.
         AccuracyError: The amplitude law's denominator vanishes at Omega_crit.
     """
-    parameters.refuse_smooth("harmonic balance is")
+    parameters.refuse_unless_linear("harmonic balance is")
     form, square, ratio = (
         _checked_form(form),
         omega_crit_squared(parameters),

@@ -21,8 +21,14 @@ W is the square of the cycle's frequency over Omega_crit, and f measures frictio
 with harmonics 1 and 3. Friction enters through the third harmonic, of order a^3. Tests solve the
 invariance equation of the full equations as well.
 
-**The friction law.** All formulas hold for the linear law. The smooth law has the same linear part.
-But its field is only once continuously differentiable, so it has no first Lyapunov coefficient.
+**The friction law.** All formulas hold for every law that is analytic at gamma_y = 0, with its slope
+there. On the critical mode omega^2 = W Omega^2 = e Omega^2 / (r + e), so
+
+    gamma_y = (r + e) v + e Omega gamma_bar
+
+vanishes to first order. By the point symmetry it is of order a^3 on a cycle, and a cubic term of the
+law is of order a^9. This is also why Omega_crit does not depend on friction. Under a law with two
+sides the field is only once continuously differentiable, so it has no first Lyapunov coefficient.
 """
 
 from __future__ import annotations
@@ -299,9 +305,9 @@ def hopf_point(parameters: Parameters, digits: int = 12) -> HopfPoint:
         digits: Significant digits, from 1 to 4000.
 
     Raises:
-        InputError: The number of digits cannot be used, or the disk has the smooth friction law.
+        InputError: The number of digits cannot be used, or the friction law has two sides.
     """
-    parameters.refuse_smooth("the Hopf point's normal form is")
+    parameters.refuse_two_sides("the Hopf point's normal form is")
     law = amplitude_law(parameters)
     numbers = normal_form(parameters, checked_digits(digits) + 17, degenerate=not law.quadratic)
     coefficients = {

@@ -10,7 +10,7 @@ along a passage u s is small and f smaller. Terms of one total degree follow fro
 degrees, by the divisors a lambda_u + b lambda_s + c lambda_f less an eigenvalue. Small divisors
 belong to high bands, whose monomials are tiny. Where they are not, two truncations differ.
 
-The smooth law has one chart for either sign of gamma_y. The point symmetry takes one to the other.
+A law with two sides has one chart for either sign of gamma_y. The point symmetry takes one to the other.
 The charts of a disk at several speeds are computed at once, and depend on the speed as polynomials.
 """
 
@@ -37,7 +37,7 @@ from tippedisk_verify.theory.saddle_manifolds import Saddle
 __all__ = ["ANGLE_OPS", "ChartFamily", "SaddleChart", "angles", "polynomial", "solved"]
 
 #: The functions of angles that are given as pairs of their sine and cosine.
-ANGLE_OPS: Any = SimpleNamespace(sin=itemgetter(0), cos=itemgetter(1))
+ANGLE_OPS: Any = SimpleNamespace(sin=itemgetter(0), cos=itemgetter(1), plain=numpy)
 
 _WORKING_BITS = 96  # of eigenvalues and eigenvectors, beyond the 64 of the series
 _SPEEDS = 6  # at Chebyshev's nodes: charts hardly bend with the speed
@@ -165,6 +165,11 @@ class _Series:
         self.tape, self.rule = tape, rule
         self.terms = numpy.zeros((tape.count, len(tape.monomials.powers)), EXTENDED.type)
         tape.series.append(self)
+
+    @property
+    def degree(self) -> int:
+        """The highest total degree that the series keeps."""
+        return self.tape.monomials.order
 
     def __add__(self, other: Any) -> _Series:
         if isinstance(other, _Series):
@@ -300,9 +305,10 @@ def _invariant(
     deviations = tape.sine_and_cosine(beta, 1, 0), tape.sine_and_cosine(gamma, -1, 0), v
     # With y from the equilibrium: beta = pi/2 + y, gamma = -pi/2 + y, whose sines and cosines are
     # those of the tape.
-    rates = field(ANGLE_OPS, parameters.at(EXTENDED), speeds, parameters.friction, side)(
-        *deviations
+    law = parameters.law.near_zero(
+        parameters, _WORKING_BITS, monomials.order, side, EXTENDED.number
     )
+    rates = field(ANGLE_OPS, parameters.at(EXTENDED), speeds, law, side)(*deviations)
     growth = eigenvalues @ monomials.powers.T
     tape.extend(0)
     for degree, of in enumerate(monomials.of_degree[1:], start=1):

@@ -15,7 +15,7 @@ L(s) with L the fast direction carried along the curve:
 
 The remainder is of order t^2.
 
-**Smooth law.** The smooth law is analytic on either side of gamma_y = 0, and each curve leaves the
+**Laws with two sides.** Such a law is analytic on either side of gamma_y = 0, and each curve leaves the
 saddle on one side. The branch of that side gives the curve there, with even powers too. The
 unstable curve is used for s > 0, where gamma grows. The stable curve is used for s < 0, where an
 orbit with growing gamma arrives.
@@ -30,12 +30,13 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 from tippedisk_verify.errors import AccuracyError, NoConnectionError
 from tippedisk_verify.model.equations import field, jacobian
 from tippedisk_verify.model.exact import fraction, quotient
+from tippedisk_verify.model.friction import FrictionLaw
 from tippedisk_verify.model.parameters import Constants, Parameters
 from tippedisk_verify.model.precision import bits
 from tippedisk_verify.theory.equilibria import eigenvalues, linearization, right_eigenvector
@@ -153,9 +154,7 @@ class Saddle:
         ctx, eigenvalue = self.context, self.eigenvalues[which]
         curve = [[ctx.zero, self.directions[row, which]] for row in range(3)]
         step = self._power_step
-        rates_of = field(
-            SeriesOps, self.constants, self.speed, self.parameters.friction, self.side(which)
-        )
+        rates_of = field(SeriesOps, self.constants, self.speed, *self._law(which))
         for power in range(1 + step, self.order + 1, step):
             for component in curve:
                 component.extend([ctx.zero] * step)
@@ -178,15 +177,25 @@ class Saddle:
 
     @property
     def _power_step(self) -> int:
-        """The step between powers: 2 for the linear law, otherwise 1.
+        """The step between powers: 1 for a law with two sides, otherwise 2.
 
-        The linear law's field is odd about the saddle, so every other power vanishes.
+        An analytic law's field is odd about the saddle, so every other power vanishes.
         """
-        return 2 if self.parameters.friction == "linear" else 1
+        return 1 if self.parameters.law.two_sided else 2
+
+    def _law(self, which: int) -> tuple[FrictionLaw, int | None]:
+        """Return the friction law along a curve as power series can take it, and its side."""
+        parameters, side = self.parameters, self.side(which)
+        number = partial(quotient, self.context)
+        law = parameters.law.near_zero(parameters, self.working_bits, self.order, side, number)
+        return law, side
 
     def side(self, which: int) -> int | None:
-        """Return the sign of gamma_y along a curve, on the half of it that is used."""
-        if self.parameters.friction == "linear":
+        """Return the sign of gamma_y along a curve, on the half of it that is used.
+
+        None stands for a law without sides.
+        """
+        if not self.parameters.law.two_sided:
             return None
         c, (_, gamma, v) = self.constants, (self.directions[row, which] for row in range(3))
         # Linearised at the saddle: rho v - e Omega cos(gamma), with cos(gamma) the deviation of
@@ -243,8 +252,8 @@ class Saddle:
     @cached_property
     def _jacobian_on_stable_curve(self) -> Any:
         curve = [component.c for component in self.stable_curve]
-        law = (self.parameters.friction, self.side(1))
-        return jacobian(SeriesOps, self.constants, self.speed, *law)(*self._state(curve))
+        slopes = jacobian(SeriesOps, self.constants, self.speed, *self._law(1))
+        return slopes(*self._state(curve))
 
     def reach(self, *curves: Sequence[PowerSeries]) -> Any:
         """Return the radius within which all the curves converge.

@@ -28,6 +28,11 @@ class PowerSeries:
     def _like(self, coefficients: Sequence[Any]) -> PowerSeries:
         return PowerSeries(coefficients, self.variables)
 
+    @property
+    def degree(self) -> int:
+        """The highest total degree that the series keeps."""
+        return _degrees(self.variables, len(self.c))[-1]
+
     def at(self, variable: Any) -> Any:
         """Return the value of a series in one variable.
 

@@ -341,7 +341,7 @@ def reduced_omega_crit(parameters: Parameters, order: int, digits: int = 15) -> 
         AccuracyError: The order is 0, where the trace vanishes at every speed, or no root lies
             within a tenth of Omega_crit.
     """
-    parameters.refuse_smooth("the slow manifold's expansion is")
+    parameters.refuse_unless_linear("the slow manifold's expansion is")
     order = _checked_order(order)
     if order == 0:
         raise AccuracyError(
@@ -435,7 +435,7 @@ def analyse_slow_manifold(
         InputError: The order or the speed cannot be used, or the disk has the smooth friction law.
             Or the point is not one, or the disk lies flat there.
     """
-    parameters.refuse_smooth("the slow manifold's expansion is")
+    parameters.refuse_unless_linear("the slow manifold's expansion is")
     order = _checked_order(order)
     speed = checked_speed(omega)
     digits = checked_digits(digits)

@@ -72,7 +72,7 @@ def method(table: Table) -> str:
     constants = Constants(
         r, e, m, A, B, Bbar, g, mu, epsilon, A / m, Bbar / m, mu * g / epsilon, mu * g
     )
-    vector_field = field(np, constants, omega, table.friction)  # type: ignore[arg-type]
+    vector_field = field(np, constants, omega, table.friction)
 
     def rates(state: Array) -> Array:
         return np.array(vector_field(*state))

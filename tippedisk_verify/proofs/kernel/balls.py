@@ -164,7 +164,7 @@ def _rational(value: Fraction) -> Any:
 def ball_constants(parameters: Any) -> Any:
     """Return balls that hold the exact constants of ``parameters``, at the working precision."""
     exact = parameters.rational()
-    return type(exact)(*map(_rational, exact))
+    return type(exact)(*map(ball, exact))
 
 
 def positive(x: Any) -> Any:

@@ -8,7 +8,7 @@ import os
 import re
 from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
-from typing import Any, NoReturn
+from typing import Any, NamedTuple, NoReturn
 
 from flint import arb
 
@@ -207,7 +207,14 @@ def digest(content: dict[str, Any]) -> str:
 
 
 # --------------------------------------------------------------------------- common to all
-LAWS = {"linear": "linear", "smooth": "smooth Coulomb"}
+class FrictionTraits(NamedTuple):
+    """What proofs need to know of a friction law besides its formula, which is in `field`."""
+
+    title: str  #: its name in a sentence
+    two_sided: bool  #: True if its two sides, at gamma_y = 0, are different analytic functions
+
+
+LAWS = {"linear": FrictionTraits("linear", False), "smooth": FrictionTraits("smooth Coulomb", True)}
 
 #: The names of an orbit by its stability. Unlike a limit cycle, an undecided one need not be
 #: isolated.

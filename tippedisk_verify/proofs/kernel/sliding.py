@@ -61,6 +61,7 @@ from tippedisk_verify.proofs.kernel.balls import (
 )
 from tippedisk_verify.proofs.kernel.field import Law, one_sided, sliding_motion
 from tippedisk_verify.proofs.kernel.flow import FlowStatus, Model, Path, StepProposer
+from tippedisk_verify.proofs.kernel.reading import LAWS
 from tippedisk_verify.proofs.kernel.series import Graph, System
 from tippedisk_verify.proofs.kernel.step import Step, enclosed_moment, polynomial
 
@@ -78,7 +79,7 @@ _LENGTH_MARGIN = 1 + 2.0**-18  # a proposer may round lengths down to 20 bits
 
 def law_model(friction: str, constants: Any, omega: Any) -> Model:
     """Return the equations of motion on balls under a friction law, 'linear' or 'smooth'."""
-    return (SmoothModel if friction == "smooth" else Model)(constants, omega)
+    return (SmoothModel if LAWS[friction].two_sided else Model)(constants, omega)
 
 
 def model_of(parameters: Any, omega: Any) -> Model:

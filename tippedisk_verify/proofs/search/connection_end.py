@@ -25,7 +25,7 @@ from tippedisk_verify.errors import InputError
 from tippedisk_verify.model import equations
 from tippedisk_verify.model.decimals import exact_text
 from tippedisk_verify.model.exact import exact, shown
-from tippedisk_verify.model.parameters import Constants
+from tippedisk_verify.model.precision import DOUBLE
 from tippedisk_verify.proofs.closed_forms import refuse_past_birth
 from tippedisk_verify.proofs.kernel.balls import Unproved, ball, working_precision
 from tippedisk_verify.proofs.kernel.certificates.connection_cycles import (
@@ -168,7 +168,7 @@ def prove_end(
         or connection.verified is None
     ):
         return ProvedEnd(EndStatus.NO_CONNECTION, connection)
-    parameters.refuse_smooth("the cycles next to the connection are proved")
+    parameters.refuse_unless_linear("the cycles next to the connection are proved")
     middle = round(omega_h.value, 4)
     low, high = middle - under, middle + above
     if not low < omega_h.value - omega_h.uncertainty < omega_h.value + omega_h.uncertainty < high:
@@ -315,7 +315,7 @@ class _EndSearch(Proposer):
     def _flown(self, n: Passage, speeds: Array, slow: Array) -> tuple[Array, Array]:
         """Return times of single flights from z_u = u to z_s = -s, and z_u there (Runge-Kutta)."""
         assert self.connection.parameters is not None
-        constants = Constants(*map(float, self.connection.parameters.rational()))
+        constants = self.connection.parameters.at(DOUBLE)
         to_y, to_z = (
             np.array([[float(x) for x in row] for row in m.tolist()])
             for m in (n.saddle.directions, n.saddle.inverse)

@@ -97,7 +97,7 @@ class OrbitProof(Proof):
         kind = next(kind for kind, section in cycle.KINDS.items() if section == self.section)
         distances = zip(cycle.UNKNOWNS[self.section], self.unique_within, strict=True)
         room = {name: _decimal_below(distance) for name, distance in distances}
-        sliding = {"reversals": self.reversals} if self.parameters.friction == "smooth" else {}
+        sliding = {"reversals": self.reversals} if self.parameters.law.two_sided else {}
         return claim_of(
             kind,
             self.parameters,

@@ -95,7 +95,7 @@ def prove_fold(
     significant digits. The answer has the reason of a failure. Raises InputError under the smooth
     law.
     """
-    parameters.refuse_smooth("the fold of limit cycles is proved")
+    parameters.refuse_unless_linear("the fold of limit cycles is proved")
     digits = checked_digits(digits)
     p, v, omega = (Measured.of(part, 0).value for part in near)
     # On the arc the speed moves by its squared half-length.

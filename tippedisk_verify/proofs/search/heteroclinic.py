@@ -194,7 +194,7 @@ class ProvedConnection(Printable, Proof):
             and value.value + value.uncertainty < 0
         ):
             return None
-        if self.parameters is not None and self.parameters.friction == "smooth":
+        if self.parameters is not None and self.parameters.law.two_sided:
             return None  # the theorem asks for a smoother field
         other = "below" if self.turns_back == "above" else "above"
         return (
@@ -251,7 +251,7 @@ def prove_connection(parameters: Parameters, near: object, digits: int = 12) -> 
             with working_precision(bits):
                 disk = parameter_texts(parameters)
                 verified = verify_connection(
-                    disk, parameters.friction, (middle, half_width), search
+                    disk, parameters.law.name, (middle, half_width), search
                 )
         except Unproved as fault:
             proof = ProvedConnection(search.stopped(fault), bits=bits, where=str(fault))
@@ -319,7 +319,7 @@ def series_of_curve(
     ``values`` are points near the eigenvalues.
     """
     side = None
-    if saddle.friction == "smooth":
+    if saddle.two_sided:
         direction = [arb(int(k == along)) for k in range(3)]
         side = 1 if saddle.sliding_slope([arb(0)] * 3, direction).mid() > 0 else -1
     thin = SaddleCoordinates(

@@ -90,4 +90,4 @@ def sentence(claim: Mapping[str, Any]) -> str:
         for name, number in claim["numbers"].items()
     }
     words = KINDS[claim["kind"]].sentence(claim, numbers)
-    return f"for the tippedisk with {disk} under the {LAWS[claim['friction']]} friction law{words}"
+    return f"for the tippedisk with {disk} under the {LAWS[claim['friction']].title} friction law{words}"

@@ -163,7 +163,7 @@ def verify_connection(
 
 def _curve(saddle: SaddleCoordinates, along: int, entry: dict[str, Any]) -> ManifoldGraph:
     need(
-        ("side" in entry) == (saddle.friction == "smooth"),
+        ("side" in entry) == saddle.two_sided,
         "6.5: the smooth law has sides, the linear law has not",
     )
     return ManifoldGraph(

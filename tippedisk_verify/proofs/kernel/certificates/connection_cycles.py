@@ -143,7 +143,15 @@ from tippedisk_verify.proofs.kernel.certificates.saddle import (
     most,
     products,
 )
-from tippedisk_verify.proofs.kernel.reading import MEASURED, count, decimal, dyadic, one_of, order
+from tippedisk_verify.proofs.kernel.reading import (
+    LAWS,
+    MEASURED,
+    count,
+    decimal,
+    dyadic,
+    one_of,
+    order,
+)
 
 __all__ = [
     "CLAIM",
@@ -235,7 +243,8 @@ def verify_cycles(
         Unproved: With the inequality that fails.
     """
     need(
-        connection.friction == "linear", "the cycles are proved under the linear friction law only"
+        not LAWS[connection.friction].two_sided,
+        "the cycles are proved under the linear friction law only",
     )
     need(0 < low < connection.low < connection.high < high, "claim: an interval is empty")
     box = choose("box")

@@ -24,6 +24,7 @@ from tippedisk_verify.proofs.kernel.balls import (
 )
 from tippedisk_verify.proofs.kernel.krawczyk import BOX, FLIGHT, FixedPoints, replayed_test
 from tippedisk_verify.proofs.kernel.reading import (
+    LAWS,
     MANNERS,
     MEASURED,
     count,
@@ -170,7 +171,7 @@ def verify(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> None:
     for name, number in claim["numbers"].items():
         held(number, numbers[name], name)
     need(claim["stable"] in (None, stability(numbers)), "claim: the stability is not shown")
-    if claim["friction"] == "smooth":
+    if LAWS[claim["friction"]].two_sided:
         need(
             claim.get("reversals") == reversals(section, fixed),
             "claim: the sliding reversals are not shown",
@@ -189,7 +190,7 @@ def sentence(claim: Mapping[str, Any], numbers: Mapping[str, str]) -> str:
     section, n, room = KINDS[claim["kind"]], numbers, claim["unique_within"]
     first, second = UNKNOWNS[section]
     sliding = ""
-    if claim["friction"] == "smooth":
+    if LAWS[claim["friction"]].two_sided:
         changes = (
             f"changes its sign exactly {claim['reversals']} times a period and is 0 nowhere else"
         )

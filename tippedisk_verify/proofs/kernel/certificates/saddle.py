@@ -88,6 +88,7 @@ from tippedisk_verify.proofs.kernel.balls import (
 from tippedisk_verify.proofs.kernel.field import constants, field, sliding_motion
 from tippedisk_verify.proofs.kernel.flow import Model, Path
 from tippedisk_verify.proofs.kernel.frame import Frame
+from tippedisk_verify.proofs.kernel.reading import LAWS
 from tippedisk_verify.proofs.kernel.sliding import law_model
 
 __all__ = [
@@ -235,9 +236,14 @@ class SaddleCoordinates:
         """Return F at balls or series of balls."""
         return list(self.law(side)(BallOps, self.constants, self.omega)(*z))
 
+    @property
+    def two_sided(self) -> bool:
+        """True if the friction law has two analytic sides."""
+        return LAWS[self.friction].two_sided
+
     @cached_property
     def _models(self) -> list[Model]:
-        sides = (None,) if self.friction == "linear" else (1, -1)
+        sides = (1, -1) if self.two_sided else (None,)
         return [Model(self.constants, self.omega, self.law(side)) for side in sides]
 
     def field(
@@ -253,7 +259,7 @@ class SaddleCoordinates:
         ]
         models = (
             self._models
-            if side is None or self.friction == "linear"
+            if side is None or not self.two_sided
             else [self._models[0 if side > 0 else 1]]
         )
         sets = [

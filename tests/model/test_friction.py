@@ -1,0 +1,217 @@
+"""Friction laws: the paper's two, and laws of a user's own."""
+
+from __future__ import annotations
+
+import math
+import pickle
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
+from fractions import Fraction
+from typing import Any
+
+import numpy
+import pytest
+
+import tippedisk_verify as tv
+from tests.friction_laws import ARCTAN, OWN_LAWS, STRIBECK, TANH
+from tippedisk_verify.audit.claims import Audit
+from tippedisk_verify.errors import InputError
+from tippedisk_verify.flow.taylor import Taylor
+from tippedisk_verify.model.equations import field, jacobian
+from tippedisk_verify.model.friction import LAWS, FrictionLaw, law_of
+from tippedisk_verify.model.precision import DOUBLE, EXTENDED, bits
+
+START = ("pi/2", "pi/2 + 0.4", 0)
+
+
+def weight(c: Any) -> Any:
+    return c.mu * c.m * c.g
+
+
+@pytest.mark.parametrize("law", [*LAWS.values(), *OWN_LAWS], ids=str)
+def test_a_law_is_one_function_in_every_arithmetic(law: FrictionLaw) -> None:
+    """The force on both sides of zero, and its derivative against a difference in 200 bits."""
+    disk, ctx = tv.Disk("table1", friction=law), bits(200).context
+    c, wide = disk.at(DOUBLE), disk.within(ctx)
+    for velocity in (-2.0, -0.03, 0.0, 0.03, 2.0):
+        x = ctx.mpf(velocity)
+        force = law(ctx, x, wide)
+        assert law(ctx, -x, wide) == -force
+        # A dozen operations of half a unit each, in numbers of the force's size.
+        assert law(math, velocity, c) == pytest.approx(float(force), rel=16 * 2.0**-53)
+        slope, step = law.slope_at(ctx, x, wide), ctx.mpf(2) ** -60
+        difference = law.deceleration(ctx, x + step, wide) - law.deceleration(ctx, x - step, wide)
+        # The second derivative jumps at zero, which a difference sees to first order in the step.
+        assert abs(difference / (2 * step) - slope) < 2.0**-50 * abs(wide.k)
+        for numbers in (DOUBLE, EXTENDED):
+            array = numpy.array([velocity], dtype=numbers.type)
+            found = law.slope_at(numpy, array, disk.at(numbers))
+            assert float(numpy.ravel(found)[0]) == pytest.approx(float(slope), rel=64 * 2.0**-53)
+
+
+@pytest.mark.parametrize("law", [*LAWS.values(), *OWN_LAWS], ids=str)
+def test_the_jacobian_is_the_fields_derivative(law: FrictionLaw) -> None:
+    """Against differences in 200 bits, on both sides of gamma_y = 0."""
+    ctx = bits(200).context
+    c, omega = tv.Disk("table1", friction=law).within(ctx), ctx.mpf(30)
+    step = ctx.mpf(2) ** -60
+    for state in ((1.2, 0.3, -3.0), (1.2, 0.3, 3.0), (0.4, 2.0, 9.0)):
+        at = [ctx.mpf(x) for x in state]
+        rows = jacobian(ctx, c, omega, law)(*at)
+        for column in range(3):
+            moved = [list(at), list(at)]
+            moved[0][column] += step
+            moved[1][column] -= step
+            ahead, behind = (field(ctx, c, omega, law)(*point) for point in moved)
+            for row, plus, minus in zip(rows, ahead, behind, strict=True):
+                # A central difference errs by the step squared times a third derivative, below 1e6.
+                assert abs((plus - minus) / (2 * step) - row[column]) < 1e7 * step**2
+
+
+@pytest.mark.parametrize(
+    ("law", "problem"),
+    [
+        (FrictionLaw("even", lambda ops, x, c: -weight(c) * x * x), "not odd"),
+        (FrictionLaw("push", lambda ops, x, c: weight(c) * x / c.epsilon), "does not brake"),
+        (FrictionLaw("steep", lambda ops, x, c: -2 * weight(c) * x / c.epsilon), "give its slope"),
+        (
+            FrictionLaw("sign", lambda ops, x, c: -weight(c) * (x / c.epsilon + 1), two_sided=True),
+            "not odd",
+        ),
+        (
+            FrictionLaw("root", lambda ops, x, c: -weight(c) * x / c.epsilon / ops.sqrt(2) ** 2),
+            "slope",
+        ),
+        (
+            FrictionLaw(
+                "double",
+                lambda ops, x, c: -weight(c) * ops.tanh(ops.sqrt(2) * x / c.epsilon) / ops.sqrt(2),
+            ),
+            "rounded to a double",
+        ),
+        (
+            FrictionLaw(
+                "rounded pi",
+                lambda ops, x, c: -2 * weight(c) / c.pi * ops.atan(math.pi * x / (2 * c.epsilon)),
+            ),
+            "give its slope",
+        ),
+        (FrictionLaw("typo", lambda ops, x, c: -c.nu * x), "cannot be computed"),
+        (FrictionLaw("text", lambda ops, x, c: "text"), "cannot be computed"),
+        (
+            FrictionLaw("root slope", LAWS["linear"].force, slope=lambda c: float(c.mu)),
+            "not rational",
+        ),
+    ],
+    ids=lambda part: str(part),
+)
+def test_a_law_that_a_disk_cannot_take(law: FrictionLaw, problem: str) -> None:
+    with pytest.raises(InputError, match=problem):
+        tv.Disk("table1", friction=law)
+
+
+def test_names_of_laws() -> None:
+    for name in ("", "two\nlines", "x" * 41, 3):
+        with pytest.raises(InputError, match="one line"):
+            FrictionLaw(name, ARCTAN.force)  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="choose another"):
+        FrictionLaw("smooth", ARCTAN.force)
+    with pytest.raises(InputError, match="is not known"):
+        law_of("arctan")
+    assert tv.Disk("table1", friction=LAWS["smooth"]) == tv.Disk("table1", friction="smooth")
+
+
+def test_an_absolute_value_needs_two_sides() -> None:
+    law = FrictionLaw("abs", lambda ops, x, c: -weight(c) * x / (abs(x) + c.epsilon))
+    with pytest.raises(InputError, match="two_sided=True"):
+        tv.Disk("table1", friction=law).integrate("30.4", START, 1)
+
+
+def test_the_smooth_law_as_a_law_of_ones_own(taylor: Taylor) -> None:
+    """A run under it has the paper's law's numbers, to the sum of both half-widths."""
+    law = FrictionLaw("own", lambda ops, x, c: -weight(c) * x / (x + c.epsilon), two_sided=True)
+    own, papers = (
+        tv.Disk("table1", friction=friction).integrate("30.4", START, 2, engine=taylor)
+        for friction in (law, "smooth")
+    )
+    assert (abs(own.y - papers.y) <= own.uncertainty + papers.uncertainty).all()
+
+
+def test_laws_of_one_name_are_never_confused(taylor: Taylor) -> None:
+    """The engine has compiled the first when it runs the second."""
+    other = FrictionLaw("arctan", TANH.force)
+    assert other != ARCTAN
+    first, second, third = (
+        tv.Disk("table1", friction=law).integrate("30.4", START, 1, engine=taylor).y[:, -1]
+        for law in (ARCTAN, other, TANH)
+    )
+    assert (second == third).all()
+    assert (first != second).any()
+
+
+def test_a_law_travels_by_its_functions_names() -> None:
+    disk = tv.Disk("table1", friction=STRIBECK)
+    assert pickle.loads(pickle.dumps(disk)) == disk
+    local = tv.Disk(
+        "table1", friction=FrictionLaw("local", lambda ops, x, c: ARCTAN.force(ops, x, c))
+    )
+    with ProcessPoolExecutor(1) as pool, pytest.raises(InputError, match="another process"):
+        pool.submit(str, local).result()
+
+
+def test_omega_crit_and_the_hopf_point_depend_on_the_slope_only() -> None:
+    """gamma_y vanishes on the critical mode, so that a law enters with its slope at zero."""
+    linear, own = (tv.Disk("table1", friction=law) for law in ("linear", ARCTAN))
+    assert own.omega_crit == linear.omega_crit
+    assert own.hopf().first_lyapunov_coefficient == linear.hopf().first_lyapunov_coefficient
+    steep = tv.Disk("table1", friction=STRIBECK)
+    assert steep.omega_crit == linear.omega_crit
+    assert steep.rational().k == Fraction(3, 2) * linear.rational().k
+    with pytest.raises(InputError, match="analytic friction laws only, not for 'Stribeck'"):
+        steep.hopf()
+
+
+def test_what_is_for_the_papers_laws_is_refused() -> None:
+    disk = tv.Disk("table1", friction=ARCTAN)
+    with pytest.raises(InputError, match="the paper's friction laws only, not for 'arctan'"):
+        _ = disk.certify
+    with pytest.raises(InputError, match="the paper's friction laws only, not for 'arctan'"):
+        Audit(disk, Taylor())
+    with pytest.raises(InputError, match="linear friction law only, not for 'arctan'"):
+        disk.slow_manifold(1)
+    with pytest.raises(InputError, match="linear friction law only, not for 'arctan'"):
+        tv.one_harmonic(disk, "30.4")
+
+
+def test_cycles_near_the_hopf_point_feel_the_law_at_high_order(taylor: Taylor) -> None:
+    """Cycles of two laws with one slope, next to the Hopf point, to 24 digits.
+
+    On a cycle of amplitude a, the third harmonic of gamma_y is of order a^3 and the first one of
+    order a^5. So the first harmonic of its cube is of order a^11, and the cubic term of the
+    arctangent changes a by order a^11 / a^2. The distance from Omega_crit is proportional to a^2:
+    distances in the ratio 4 give changes in the ratio 2^9.
+    """
+    linear, own = (tv.Disk("table1", friction=law) for law in ("linear", ARCTAN))
+
+    def change(distance: Fraction) -> Fraction:
+        first, second = (
+            disk.limit_cycle(below_crit=distance, digits=24, engine=taylor).beta_max.value
+            for disk in (linear, own)
+        )
+        return first - second
+
+    ratio = change(Fraction(1, 2500)) / change(Fraction(1, 10000))
+    # The next order is a^2 larger, a factor of 1 + O(4e-4).
+    assert float(ratio) == pytest.approx(2.0**9, rel=0.01)
+
+
+def test_a_law_with_another_number_of_constants(taylor: Taylor) -> None:
+    """A force that reads neither pi nor epsilon, and a replaced copy of a law."""
+    law = FrictionLaw(
+        "viscous", lambda ops, x, c: -10 * weight(c) * x, slope=lambda c: 10 * weight(c)
+    )
+    assert law.constants == ("m", "mu")
+    sol = tv.Disk("table1", friction=law).integrate("30.4", START, 1, engine=taylor)
+    linear = tv.Disk("table1").integrate("30.4", START, 1, engine=taylor)  # epsilon = 1/10
+    assert (abs(sol.y - linear.y) <= sol.uncertainty + linear.uncertainty).all()
+    assert replace(law, name="other").constants == law.constants

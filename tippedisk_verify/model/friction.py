@@ -1,0 +1,398 @@
+"""Friction laws: the friction force as a function of the sliding velocity.
+
+A law is an object, `FrictionLaw`. The paper's two laws have names and are written out here; a law
+of one's own is a name and a function. Other modules ask a law what it can do: whether it is linear,
+and whether it has two analytic sides.
+
+**Symmetry.** Each law is odd in the sliding velocity gamma_y, because the disk's point symmetry
+changes the sign of gamma_y.
+
+**Two sides.** A law such as Coulomb's smoothed by an absolute value is analytic for gamma_y >= 0,
+and its continuation across zero is another function. Its two sides are integrated one at a time.
+
+**Slope.** All laws here have the slope -mu m g / epsilon at gamma_y = 0 unless they give another.
+Equilibria, their eigenvalues and Omega_crit depend on a law through this slope only.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import lru_cache
+from typing import Any, ClassVar, Literal, get_args
+
+import numpy
+
+from tippedisk_verify.errors import InputError
+from tippedisk_verify.model.exact import fraction, quotient, shown
+from tippedisk_verify.model.precision import EXTENDED, bits, companion
+
+__all__ = ["LAWS", "Friction", "FrictionLaw", "law_of"]
+
+#: The names of the paper's laws.
+Friction = Literal["linear", "smooth"]
+
+_LONGEST_NAME = 40  # characters, so that a title stays on its line
+_STEP = 1e-150  # of an imaginary step, whose square is far below any sliding velocity's rounding
+_CHECK_BITS = 256
+_CHECKED_VELOCITIES = (Fraction(1, 10), Fraction(1), Fraction(7))  # in epsilon
+_SLACK = 2.0**-128  # relative; half of the check's bits are left to the force's rounding
+#: Relative, between the force in quadruple precision and in the check's: a constant that is rounded
+#: to double differs by some 2^-54, and the rounding of some operations in quadruple by 2^-110.
+_WIDE_SLACK = 2.0**-80
+
+
+def _default_slope(c: Any) -> Any:
+    return c.mu * c.m * c.g / c.epsilon
+
+
+@dataclass(frozen=True)
+class FrictionLaw:
+    """A friction law: lambda_Ty [N] as a function of the sliding velocity gamma_y [m/s].
+
+    ``force`` is called as ``force(ops, gamma_y, c)`` and returns lambda_Ty, which is negative for
+    positive gamma_y. It is one expression for every kind of number: floats, arrays, expressions of
+    heyoka, numbers of mpmath.
+
+    - ``ops`` has the functions that `precision.FUNCTIONS` lists. Apply them to expressions of ``gamma_y`` and
+      ``c``: a function of a plain number, such as ``ops.sqrt(2)``, is rounded to a double.
+    - ``c`` has the parameters m, g, mu and epsilon, and pi.
+    - A decimal such as 0.3 is the double next to it. ``3 * gamma_y / 10`` is exact.
+
+    A disk that takes the law checks that it is odd, that it brakes, that it has the slope that it
+    gives, and that it has no rounded constant.
+
+    Args:
+        name: The name in titles and messages.
+        force: The function that gives the force [N].
+        two_sided: False: the force is analytic at every gamma_y. True: ``force`` is called with
+            gamma_y >= 0 only, is analytic there, and is continued as an odd function.
+        slope: A function of ``c`` that gives -d(lambda_Ty)/d(gamma_y) at gamma_y = 0 [N s/m], by
+            the four arithmetic operations. If left out it is mu m g / epsilon.
+
+    Raises:
+        InputError: The name is that of one of the paper's laws, or not a short line.
+    """
+
+    name: str
+    force: Callable[[Any, Any, Any], Any]
+    two_sided: bool = False
+    slope: Callable[[Any], Any] = _default_slope
+
+    is_linear: ClassVar[bool] = False
+
+    def __post_init__(self) -> None:
+        name = self.name
+        if (
+            not isinstance(name, str)
+            or not name.isprintable()
+            or not 0 < len(name) <= _LONGEST_NAME
+        ):
+            raise InputError(
+                f"a friction law's name is one line of at most {_LONGEST_NAME} characters, not "
+                f"{shown(name)}"
+            )
+        if name in get_args(Friction) and type(self) is FrictionLaw:
+            raise InputError(f"'{name}' is one of the paper's laws: choose another name")
+
+    def __str__(self) -> str:
+        return self.name
+
+    @property
+    def title(self) -> str:
+        """The law's name as used in a sentence."""
+        return self.name
+
+    @property
+    def constants(self) -> tuple[str, ...]:
+        """The runtime parameters of the compiled field besides r, e, a, b and g."""
+        return _constants_used(self.force)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        for function in (self.force, self.slope):
+            if "<" in getattr(function, "__qualname__", "<"):
+                raise InputError(
+                    f"the friction law '{self.name}' cannot be sent to another process: define its "
+                    f"functions in a module, not as lambda or inside another function"
+                )
+        return type(self), (self.name, self.force, self.two_sided, self.slope)
+
+    def __call__(self, ops: Any, gamma_y: Any, c: Any, side: Any = None) -> Any:
+        """Return the friction force lambda_Ty [N].
+
+        Args:
+            ops: The functions of the kind of number.
+            gamma_y: The sliding velocity [m/s].
+            c: The parameters in the same kind.
+            side: 1 or -1 selects the side of a law with two sides; the sign of ``gamma_y`` if left
+                out.
+        """
+        if not self.two_sided:
+            return self.force(ops, gamma_y, c)
+        sign = 1 - 2 * (gamma_y < 0) if side is None else side
+        return sign * self.force(ops, sign * gamma_y, c)
+
+    def deceleration(self, ops: Any, gamma_y: Any, c: Any, side: Any = None) -> Any:
+        """Return -lambda_Ty / m [m/s^2].
+
+        Args:
+            ops, gamma_y, c, side: As for a call.
+        """
+        return -self(ops, gamma_y, c, side) / c.m
+
+    def slope_at(self, ops: Any, gamma_y: Any, c: Any, side: Any = None) -> Any:
+        """Return the derivative of `deceleration` by the sliding velocity [1/s].
+
+        heyoka differentiates an expression and mpmath its own numbers. Elsewhere the derivative
+        comes from an imaginary step.
+
+        Args:
+            ops, gamma_y, c, side: As for a call.
+        """
+        if hasattr(ops, "taylor_adaptive"):
+            sliding = ops.make_vars("sliding")
+            rate = self.deceleration(ops, sliding, c, side)
+            return ops.subs(ops.diff(rate, sliding), {sliding: gamma_y})
+        if isinstance(gamma_y, numpy.ndarray) and gamma_y.dtype.kind == "O":
+            return numpy.array([self.slope_at(ops, velocity, c, side) for velocity in gamma_y])
+        sign = 1 - 2 * (gamma_y < 0) if side is None else side
+        if hasattr(gamma_y, "context"):
+            return gamma_y.context.diff(
+                lambda velocity: self.deceleration(ops, velocity, c, sign), gamma_y
+            )
+        moved = gamma_y + complex(0, _STEP)
+        return self.deceleration(cmath if ops is math else ops, moved, c, sign).imag / _STEP
+
+    def resistance(
+        self, ops: Any, c: Any, side: Any, grip: Any, sin_b: Any, slip: Any, rho: Any
+    ) -> Any:
+        """Return -w_y lambda_Ty / m [m^2/s^2], the friction term of the field.
+
+        Args:
+            ops, c, side: As for a call.
+            grip: w_y gamma_y [m^2/s].
+            sin_b: sin(beta).
+            slip: gamma_y / sin(beta) [m/s].
+            rho: r + e sin(gamma) [m]; w_y is rho sin(beta).
+        """
+        return self.deceleration(ops, sin_b * slip, c, side) * (rho * sin_b)
+
+    def near_zero(
+        self, parameters: Any, working_bits: int, order: int, side: Any, number: Callable[..., Any]
+    ) -> FrictionLaw:
+        """Return the law as its Taylor polynomial at gamma_y = 0, which power series can take.
+
+        Args:
+            parameters: The disk.
+            working_bits: The bits to which the coefficients are right.
+            order: The degree of the polynomial.
+            side: 1 or -1 for a law with two sides, otherwise None.
+            number: The conversion of a coefficient, a rational, to the numbers of the series.
+        """
+        terms = _taylor_coefficients(self, parameters, working_bits, order)
+        if side is not None:  # -force(-x) on the other side
+            terms = tuple(side ** (power + 1) * term for power, term in enumerate(terms, start=1))
+        converted = tuple(number(term) for term in terms)
+        return _Polynomial(self.name, self.force, self.two_sided, self.slope, converted)
+
+    def refuse_unusable(self, parameters: Any) -> None:
+        """Raise InputError unless the law is odd, brakes, and has its slope and no rounded constant.
+
+        Args:
+            parameters: A disk.
+
+        Raises:
+            InputError: The force cannot be computed, or a check fails.
+        """
+        problem, wide = f"the friction law '{self.name}'", companion(EXTENDED)
+        ctx, velocities = (
+            bits(_CHECK_BITS).context,
+            [share * parameters.epsilon for share in _CHECKED_VELOCITIES],
+        )
+        try:
+            if not isinstance(self.slope(parameters), Fraction):
+                raise InputError(f"{problem} has a slope that is not rational in the parameters")
+            c, wide_c = parameters.within(ctx), parameters.at(wide)
+            slope = self.slope_at(ctx, ctx.zero, c, 1)
+            still = self.deceleration(ctx, ctx.zero, c, 1)
+            forward = [self.deceleration(ctx, quotient(ctx, x), c) for x in velocities]
+            backward = [self.deceleration(ctx, -quotient(ctx, x), c) for x in velocities]
+            widely = [self.deceleration(wide.ops, wide.number(x), wide_c) for x in velocities]
+            rounded = [wide.mpf(rate) for rate in widely]
+        except InputError:
+            raise
+        except Exception as fault:
+            raise InputError(f"{problem} cannot be computed: {fault}") from fault
+        if not all(rate > 0 for rate in forward):
+            raise InputError(f"{problem} does not brake: lambda_Ty and gamma_y have one sign")
+        if abs(still) > _SLACK * forward[0] or not all(
+            abs(plus + minus) <= _SLACK * plus
+            for plus, minus in zip(forward, backward, strict=True)
+        ):
+            raise InputError(f"{problem} is not odd in the sliding velocity")
+        if not abs(slope - c.k) <= _SLACK * slope:
+            raise InputError(
+                f"{problem} has the slope {float(slope * c.m):.10g} N s/m at zero, not "
+                f"{float(c.k * c.m):.10g}: give its slope"
+            )
+        if not all(
+            abs(rate - other) <= _WIDE_SLACK * rate
+            for rate, other in zip(forward, rounded, strict=True)
+        ):
+            raise InputError(
+                f"{problem} has a constant that is rounded to a double: use c.pi, and apply "
+                f"functions to expressions of gamma_y and c"
+            )
+
+
+class _Recorder:
+    """Constants of value 1 that record which of them a function reads."""
+
+    def __init__(self) -> None:
+        self.names = {"m": None}  # every force is divided by the mass
+
+    def __getattr__(self, name: str) -> float:
+        if name not in ("r", "e", "g"):  # which the field takes anyway
+            self.names[name] = None
+        return 1.0
+
+
+@lru_cache(maxsize=64)
+def _constants_used(force: Callable[[Any, Any, Any], Any]) -> tuple[str, ...]:
+    """Return the names of the constants that a force reads, and m."""
+    recorder = _Recorder()
+    force(math, 1.0, recorder)
+    return tuple(recorder.names)
+
+
+@lru_cache(maxsize=64)
+def _taylor_coefficients(
+    law: FrictionLaw, parameters: Any, working_bits: int, order: int
+) -> tuple[Fraction, ...]:
+    """Return the coefficients of gamma_y, gamma_y^2, ... in the deceleration, for positive gamma_y.
+
+    mpmath differentiates numerically, in as many bits as that takes. The even coefficients of a law
+    without sides are zero.
+    """
+    finest = Fraction(parameters.epsilon)  # the force varies on the scale of epsilon
+    spare = 64 + max(0, finest.denominator.bit_length() - finest.numerator.bit_length())
+    ctx = bits(working_bits + spare).context
+    c = parameters.within(ctx)
+    terms = ctx.taylor(lambda x: -law.force(ctx, x, c) / c.m, 0, order)
+    return tuple(
+        Fraction(0) if power % 2 == 0 and not law.two_sided else fraction(terms[power])
+        for power in range(1, order + 1)
+    )
+
+
+class _Linear(FrictionLaw):
+    """The linear law, Eq. lin_lambda_y_3DOF."""
+
+    is_linear = True
+
+    @property
+    def constants(self) -> tuple[str, ...]:
+        return ("k",)
+
+    def deceleration(self, ops: Any, gamma_y: Any, c: Any, side: Any = None) -> Any:
+        return c.k * gamma_y
+
+    def slope_at(self, ops: Any, gamma_y: Any, c: Any, side: Any = None) -> Any:
+        return c.k
+
+    def resistance(
+        self, ops: Any, c: Any, side: Any, grip: Any, sin_b: Any, slip: Any, rho: Any
+    ) -> Any:
+        return c.k * grip
+
+    def near_zero(self, *args: Any) -> FrictionLaw:
+        return self
+
+
+class _SmoothCoulomb(FrictionLaw):
+    """The smooth Coulomb law, Eq. lambda_y_3DOF."""
+
+    @property
+    def title(self) -> str:
+        return "smooth Coulomb"
+
+    @property
+    def constants(self) -> tuple[str, ...]:
+        return ("traction", "epsilon")
+
+    def __call__(self, ops: Any, gamma_y: Any, c: Any, side: Any = None) -> Any:
+        return -c.m * self.deceleration(ops, gamma_y, c, side)
+
+    def _yielding(self, gamma_y: Any, c: Any, side: Any) -> Any:
+        return (abs(gamma_y) if side is None else side * gamma_y) + c.epsilon
+
+    def deceleration(self, ops: Any, gamma_y: Any, c: Any, side: Any = None) -> Any:
+        return c.traction * gamma_y / self._yielding(gamma_y, c, side)
+
+    def slope_at(self, ops: Any, gamma_y: Any, c: Any, side: Any = None) -> Any:
+        yielding = self._yielding(gamma_y, c, side)
+        return c.traction * c.epsilon / (yielding * yielding)
+
+    def resistance(
+        self, ops: Any, c: Any, side: Any, grip: Any, sin_b: Any, slip: Any, rho: Any
+    ) -> Any:
+        return c.traction * grip / self._yielding(sin_b * slip, c, side)
+
+    def near_zero(self, *args: Any) -> FrictionLaw:
+        return self
+
+
+@dataclass(frozen=True)
+class _Polynomial(FrictionLaw):
+    """The Taylor polynomial of a law's deceleration at zero, for power series in it."""
+
+    terms: tuple[Any, ...] = ()  #: the coefficients of gamma_y, gamma_y^2, ...
+
+    def _sum(self, terms: tuple[Any, ...], sliding: Any) -> Any:
+        """Return terms[0] + terms[1] sliding + ..., up to the degree that the series keeps."""
+        step = 1 if self.two_sided else 2
+        *lower, total = terms[: sliding.degree : step]
+        variable = sliding if self.two_sided else sliding * sliding
+        for term in reversed(lower):
+            total = total * variable + term
+        return total
+
+    def deceleration(self, ops: Any, gamma_y: Any, c: Any, side: Any = None) -> Any:
+        return gamma_y * self._sum(self.terms, gamma_y)
+
+    def slope_at(self, ops: Any, gamma_y: Any, c: Any, side: Any = None) -> Any:
+        slopes = tuple(power * term for power, term in enumerate(self.terms, start=1))
+        return self._sum(slopes, gamma_y)
+
+
+#: The paper's laws by name.
+LAWS: dict[str, FrictionLaw] = {
+    "linear": _Linear("linear", lambda ops, gamma_y, c: -_default_slope(c) * gamma_y),
+    "smooth": _SmoothCoulomb(
+        "smooth",
+        lambda ops, gamma_y, c: -c.mu * c.m * c.g * gamma_y / (gamma_y + c.epsilon),
+        two_sided=True,
+    ),
+}
+
+
+def law_of(friction: object) -> FrictionLaw:
+    """Return the law itself.
+
+    Args:
+        friction: ``linear``, ``smooth`` or a `FrictionLaw`.
+
+    Raises:
+        InputError: There is no such law.
+    """
+    if isinstance(friction, FrictionLaw):
+        return friction
+    law = LAWS.get(friction) if isinstance(friction, str) else None
+    if law is None:
+        raise InputError(
+            f"friction law '{shown(friction)}' is not known: use linear or smooth, or a FrictionLaw"
+        )
+    return law
