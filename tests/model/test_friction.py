@@ -137,6 +137,23 @@ def test_the_smooth_law_as_a_law_of_ones_own(taylor: Taylor) -> None:
     assert (abs(own.y - papers.y) <= own.uncertainty + papers.uncertainty).all()
 
 
+def test_a_bend_that_no_series_shows_is_not_passed(taylor: Taylor) -> None:
+    """The start slides 300 epsilon fast, where tanh is 1 to rounding, and the run passes zero.
+
+    Its half-widths hold the end in quadruple precision, and are those of a resolved bend: below a
+    thousand roundings of the state.
+    """
+    values = {"r": "0.19", "e": "0.002", "m": "5.7", "A": "0.077", "B": "0.076", "g": "7.5"}
+    disk = tv.Disk(**values, mu="0.3", epsilon="0.0163", friction=TANH)
+    request = tv.Request(disk, "5.448", ("2.727", "0.7144", "26.226"), "0.45")
+    found = taylor(replace(request, error_estimate=True))
+    truth = taylor(replace(request, precision=tv.QUADRUPLE))
+    assert found.error is not None
+    distance = abs(found.state - truth.state.astype(float))
+    assert (distance <= found.error.state + abs(found.state) * 2.0**-53).all()
+    assert (found.error.state <= 1000 * abs(found.state) * 2.0**-53).all()
+
+
 def test_laws_of_one_name_are_never_confused(taylor: Taylor) -> None:
     """The engine has compiled the first when it runs the second."""
     other = FrictionLaw("arctan", TANH.force)
@@ -210,7 +227,7 @@ def test_a_law_with_another_number_of_constants(taylor: Taylor) -> None:
     law = FrictionLaw(
         "viscous", lambda ops, x, c: -10 * weight(c) * x, slope=lambda c: 10 * weight(c)
     )
-    assert law.constants == ("m", "mu")
+    assert law.constants == ("m", "mu", "k", "traction")
     sol = tv.Disk("table1", friction=law).integrate("30.4", START, 1, engine=taylor)
     linear = tv.Disk("table1").integrate("30.4", START, 1, engine=taylor)  # epsilon = 1/10
     assert (abs(sol.y - linear.y) <= sol.uncertainty + linear.uncertainty).all()

@@ -126,7 +126,9 @@ class Integrator:
             options["prec"] = precision.bits
         if request.tolerance is not None:
             options["tol"] = number(request.tolerance)
-        start = [number(1), number(1), number(0)] + [number(0)] * request.divergence
+        start = [number(1), number(1), number(0)] + [number(0)] * (
+            request.divergence + request.law.has_guard
+        )
         self._size = len(start)
         hy = heyoka_module()
         self._stepper: Any = hy.taylor_adaptive(
@@ -140,9 +142,9 @@ class Integrator:
         if two_sided:
             # heyoka holds its callbacks where the garbage collector does not see them.
             self._branch.stepper = proxy(self._stepper)
-        # After the state, the integral of the divergence starts at 0 and the derivatives at the
-        # identity.
-        extended = request.variations or request.divergence
+        # After the state, the integral of the divergence and the guard start at 0 and the
+        # derivatives at the identity.
+        extended = request.variations or self._size > 3
         self._identity = self._stepper.state[3:].copy() if extended else None
         self._zero, self._finished = number(0), hy.taylor_outcome.time_limit
         self._parameters: Parameters | None = None

@@ -226,7 +226,8 @@ class _CompiledBatch:
                 )
                 for name, change in changes.items()
             ]
-        start = numpy.zeros((3 + divergence, width))
+        self._size = 3 + divergence + law.has_guard
+        start = numpy.zeros((self._size, width))
         start[0] = start[1] = 1.0
         pars = numpy.ones((len(parameter_names(law)) + law.two_sided, width))
         self._stepper: Any = hy.taylor_adaptive_batch(system, start, pars=pars, **options)
@@ -268,9 +269,9 @@ class _CompiledBatch:
             ]
         derivatives = None
         if self._variations:
-            # Leave out the rows of the divergence.
-            size = 3 + self._divergence
-            derivatives = final[size:].reshape(size, self._variations, count)[:3].transpose(2, 0, 1)
+            # Leave out the rows of the divergence and the guard.
+            rows = final[self._size :].reshape(self._size, self._variations, count)
+            derivatives = rows[:3].transpose(2, 0, 1)
         return BatchResult(
             states=final[:3].T,
             derivatives=derivatives,

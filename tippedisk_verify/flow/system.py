@@ -75,8 +75,8 @@ def system_of(
 ) -> tuple[Any, dict[str, Any]]:
     """Return the heyoka system of a request, and the expressions of the events by name.
 
-    The variables are the state, then the integral of the divergence, then the derivatives row by
-    row.
+    The variables are the state, then the integral of the divergence and the law's guard, then the
+    derivatives row by row.
 
     Args:
         variations: The variables of the derivatives.
@@ -105,6 +105,10 @@ def system_of(
     if divergence:
         slope = jacobian(ops, constants, omega, law, side)(*state)[2][2]
         system.append((hy.make_vars("divergence"), slope))
+    if law.has_guard:
+        slip = SLIDING_REVERSAL.function(ops, constants, omega, *state)
+        guard = law.guard(ops.sin(state[0]) * slip, constants)
+        system.append((hy.make_vars("guard"), guard))
     if variations:
         variables = dict(zip((*STATE_VARIATIONS, *names), (*state, *pars), strict=True))
         unknown = [name for name in variations if name not in variables]

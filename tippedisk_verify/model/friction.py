@@ -24,8 +24,6 @@ from fractions import Fraction
 from functools import lru_cache
 from typing import Any, ClassVar, Literal, get_args
 
-import numpy
-
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.exact import fraction, quotient, shown
 from tippedisk_verify.model.precision import EXTENDED, bits, companion
@@ -36,6 +34,10 @@ __all__ = ["LAWS", "Friction", "FrictionLaw", "law_of"]
 Friction = Literal["linear", "smooth"]
 
 _LONGEST_NAME = 40  # characters, so that a title stays on its line
+_GUARD_CONSTANTS = ("k", "traction")
+#: The weight keeps the guard's variable below the angles in runs of some minutes. Integrators
+#: measure their error relative to the largest variable.
+_GUARD_WEIGHT = 2.0**-10
 _STEP = 1e-150  # of an imaginary step, whose square is far below any sliding velocity's rounding
 _CHECK_BITS = 256
 _CHECKED_VELOCITIES = (Fraction(1, 10), Fraction(1), Fraction(7))  # in epsilon
@@ -83,6 +85,7 @@ class FrictionLaw:
     slope: Callable[[Any], Any] = _default_slope
 
     is_linear: ClassVar[bool] = False
+    has_guard: ClassVar[bool] = True  # see `guard`
 
     def __post_init__(self) -> None:
         name = self.name
@@ -109,7 +112,21 @@ class FrictionLaw:
     @property
     def constants(self) -> tuple[str, ...]:
         """The runtime parameters of the compiled field besides r, e, a, b and g."""
-        return _constants_used(self.force)
+        return (*_constants_used(self.force), *_GUARD_CONSTANTS)
+
+    def guard(self, gamma_y: Any, c: Any) -> Any:
+        """Return the rate of a variable that shows an integrator where the law bends.
+
+        A law such as the hyperbolic tangent is constant to rounding at large sliding velocities. Its
+        Taylor series there do not show that it bends at zero, and a long step would pass the bend.
+        The series of this rate, 1 / (1 + (k gamma_y / (mu g))^2), show it from afar.
+
+        Args:
+            gamma_y: The sliding velocity [m/s].
+            c: The parameters.
+        """
+        bend = c.k * gamma_y / c.traction
+        return _GUARD_WEIGHT / (1 + bend * bend)
 
     def __reduce__(self) -> tuple[Any, ...]:
         for function in (self.force, self.slope):
@@ -156,7 +173,9 @@ class FrictionLaw:
             sliding = ops.make_vars("sliding")
             rate = self.deceleration(ops, sliding, c, side)
             return ops.subs(ops.diff(rate, sliding), {sliding: gamma_y})
-        if isinstance(gamma_y, numpy.ndarray) and gamma_y.dtype.kind == "O":
+        if getattr(getattr(gamma_y, "dtype", None), "kind", None) == "O":
+            import numpy
+
             return numpy.array([self.slope_at(ops, velocity, c, side) for velocity in gamma_y])
         sign = 1 - 2 * (gamma_y < 0) if side is None else side
         if hasattr(gamma_y, "context"):
@@ -255,7 +274,7 @@ class _Recorder:
         self.names = {"m": None}  # every force is divided by the mass
 
     def __getattr__(self, name: str) -> float:
-        if name not in ("r", "e", "g"):  # which the field takes anyway
+        if name not in ("r", "e", "g", *_GUARD_CONSTANTS):  # which the field takes anyway
             self.names[name] = None
         return 1.0
 
@@ -292,6 +311,7 @@ class _Linear(FrictionLaw):
     """The linear law, Eq. lin_lambda_y_3DOF."""
 
     is_linear = True
+    has_guard = False
 
     @property
     def constants(self) -> tuple[str, ...]:
@@ -314,6 +334,8 @@ class _Linear(FrictionLaw):
 
 class _SmoothCoulomb(FrictionLaw):
     """The smooth Coulomb law, Eq. lambda_y_3DOF."""
+
+    has_guard = False
 
     @property
     def title(self) -> str:
