@@ -11,9 +11,8 @@ mistakes from their consequences.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import product
 from typing import Any
 
 import numpy as np
@@ -37,6 +36,7 @@ _EXACT = 1e-15  # of the size: nothing is lost
 # Times: how much larger the errors of a mended program may be than those of the right one
 _SAFETY = 10.0
 _ALIKE = 12  # changes with the same effect on a quantity that are tried on the others
+_SAME = 1e-9  # relative difference of values that are equal but for rounding
 _MANY = 3  # quantities that may be called all answers
 _FORMULAS = 5  # the last level without an integrator
 _LAWS = ("both", "linear", "smooth")
@@ -238,7 +238,6 @@ class _Sheet:
         posed = [(table, problem) for table in tables for problem in problems(table, LINEAR)]
         values = [(table, problem) for table, problem in posed if not problem.name.startswith("dv")]
         self.searched(values, values)
-        self.pruned(values)
         for table in tables:
             self.take_out(table, self.candidates(table.friction)[0])
         self.lost(tables)
@@ -277,84 +276,65 @@ class _Sheet:
             mine = table.left & (table.names == problem.name)
             if mine.any() or (problem.name not in table.names and problem.wrong.any()):
                 self.advance(f"level {table.level}, {problem.name}", 1)
-                found = self.explained(table, problem, posed)
-                self.add(found or (), table)
-                table.left[mine] = found is None
+                table.left[mine] = not self.explained(table, problem, posed)
 
-    def explained(self, table: Table, problem: Problem, posed: Posed) -> list[Change] | None:
-        """Return the changes that give the answers to a quantity, or None; those that are
-        known already come first.
+    def explained(self, table: Table, problem: Problem, posed: Posed) -> bool:
+        """Return True if changes give the answers to a quantity, and keep these. The changes that
+        are known already come first.
         """
-        bases = [
-            (some, Values(self.program(table.friction, some), problem.given))
-            for some in self.candidates(table.friction)
-        ]
-        for some, base in bases:
-            if problem.fits(base):
-                return some
-        own = [one for other, one in posed if other.friction in ("both", table.friction)]
-        derivative = problem.name.startswith("dv")
+        law, derivative = table.friction, problem.name.startswith("dv")
+        own, *others = self.candidates(law)
+        readings = [(own, self.changes)]
+        if not derivative:
+            readings += self.alternatives(law, problem, posed)
+        readings += [(some, self.changes) for some in others if some or table.level > 1]
+        programs = [Values(self.program(law, some), problem.given) for some, _ in readings]
         right = frozenset[str]()
-        for one in own if not derivative else ():
-            right |= (
-                frozenset()
-                if one.wrong.any()
-                else Values(bases[0][1].definitions, one.given).behind(one.definition)
+        for other, one in posed if not derivative else ():
+            program = Values(programs[0].definitions, one.given)
+            if other.friction in ("both", law) and one.fits(program):
+                right |= program.behind(one.definition)
+        efforts = 4 if table.level == 1 and not derivative else 2
+        known = ((index, ()) for index, program in enumerate(programs) if problem.fits(program))
+        result: tuple[int, Sequence[Change]] | None = next(known, None)
+        result = result or self.search(problem, programs, efforts, right)
+        if result is None:
+            return False
+        some, self.changes = readings[result[0]]
+        if derivative and result[1]:
+            other_says = " and ".join(change.says for change in result[1])
+            self.causes.append(
+                ("equations", f"{problem.name} is the derivative of other equations: {other_says}")
             )
-        for deep, (some, base) in product(
-            (False, True) if table.level == 1 and not derivative else (False,),
-            bases[: 1 if derivative else 3],
-        ):
-            found = self.search(problem, base, deep, right)
-            if found and derivative:
-                other = " and ".join(change.says for change in found)
-                self.causes.append(
-                    ("equations", f"{problem.name} is the derivative of other equations: {other}")
-                )
-            elif found:
-                some = [
-                    *some,
-                    *(self.best(change, [*some, *found], table, own) for change in found),
-                ]
-            if found:
-                return some
-        return None
+        else:
+            self.add([*some, *result[1]], table)
+        return True
 
-    def best(
-        self, change: Change, some: Sequence[Change], table: Table, own: Sequence[Problem]
-    ) -> Change:
-        """Return, of a change and those with the same effect on one quantity, the one that explains
-        most of the others.
+    def alternatives(
+        self, law: str, problem: Problem, posed: Posed
+    ) -> Iterator[tuple[list[Change], dict[Change, set[str]]]]:
+        """Yield the changes of a law, and all, with one of them in another reading: a change with
+        the same effect on what is explained, and another one on a quantity.
         """
+        own = self.candidates(law)[0]
+        explained = [pair for pair in posed if self.fits(self.changes, *pair)]
+        effects = [self.effect(law, own, problem)]
+        for change, other in ((one, other) for one in own for other in one.others[:_ALIKE]):
+            rest = tuple(one for one in (change, *change.others) if one != other)
+            new = {change: replace(other, others=rest)}
+            some = [new.get(one, one) for one in own]
+            effect = self.effect(law, some, problem)
+            after = {new.get(one, one): laws for one, laws in self.changes.items()}
+            if not any(np.allclose(effect, one, rtol=_SAME, atol=0) for one in effects) and all(
+                self.fits(after, *pair) for pair in explained
+            ):
+                effects.append(effect)
+                yield some, after
 
-        def score(one: Change) -> int:
-            program = self.program(
-                table.friction, [one if other is change else other for other in some]
-            )
-            return sum(problem.fits(Values(program, problem.given)) for problem in own)
-
-        return (
-            max((change, *change.others[:_ALIKE]), key=score)
-            if change.others and len(own) > 1
-            else change
-        )
-
-    def pruned(self, posed: Posed) -> None:
-        """Drop changes without which the others, or one of the same effect for another, give
-        the same answers.
-        """
-        fitting = [pair for pair in posed if self.fits(self.changes, *pair)]
-        for change in list(self.changes):
-            for one in (change, *change.others[:_ALIKE]) if change in self.changes else ():
-                some = {
-                    one if other is change else other: laws for other, laws in self.changes.items()
-                }
-                for dropped in (
-                    (change,) if one is change else [other for other in some if other is not one]
-                ):
-                    rest = {other: laws for other, laws in some.items() if other is not dropped}
-                    if change in self.changes and all(self.fits(rest, *pair) for pair in fitting):
-                        self.changes = rest
+    def effect(self, law: str, some: Sequence[Change], problem: Problem) -> Array:
+        with np.errstate(all="ignore"):
+            values = Values(self.program(law, some), problem.given)
+            return np.asarray(np.real(values[problem.definition]))
 
     def fits(self, some: Made, table: Table, problem: Problem) -> bool:
         """Return True if the program with some changes gives the answers to a quantity."""

@@ -10,7 +10,7 @@ is claimed for answers that tell less than the changes assume.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -61,6 +61,13 @@ class Problem:
                 predicted = slopes / IMAGINARY_STEP / np.real(values["M"])
         return bool(fitted(self.answer, self.truth, self.allowed, self.wrong, predicted).all())
 
+    def sample(self) -> Array:
+        """Return the rows on which changes are tried, most of them of wrong answers."""
+        wrong, right = np.flatnonzero(self.wrong), np.flatnonzero(~self.wrong)
+        wrong = wrong[:: max(1, len(wrong) // _SAMPLES)][:_SAMPLES]
+        right = right[:: max(1, len(self.wrong) // 8)][:8]
+        return np.sort(np.concatenate((wrong, right)))
+
     def evidence(self) -> float:
         """Digits that an exact prediction explains, of answers that differ."""
         with np.errstate(all="ignore"):
@@ -77,81 +84,75 @@ def made(values: Values, some: Iterable[Change]) -> Values:
 
 
 class Search:
-    """Looks for sets of changes; what it may evaluate for a sheet is bounded, so that time
+    """The search for the fewest changes; what it may evaluate for a sheet is bounded, so that time
     does not depend on luck.
     """
 
     def __init__(self, budget: int) -> None:
         self.left = budget  #: changes that may still be evaluated
 
+    @np.errstate(all="ignore")
     def __call__(
-        self, problem: Problem, base: Values, deep: bool, kept: frozenset[str]
-    ) -> Set | None:
-        """Return the fewest changes of ``base`` that give all answers, or None.
+        self, problem: Problem, programs: Sequence[Values], efforts: int, right: frozenset[str]
+    ) -> tuple[int, Set] | None:
+        """Return the index of the program that needs the fewest changes to give all answers, and
+        these changes; None if no changes do.
 
         Args:
             problem: The answers to one quantity.
-            base: The definitions that are changed, with the problem's inputs.
-            deep: Look for three changes at once, and for changes that multiply; otherwise for the
-                others.
-            kept: Definitions that other, right answers come from.
+            programs: Definitions that may be changed, with the problem's inputs, the likeliest
+                first.
+            efforts: 1 looks for single changes, 2 for two, 3 for three, 4 for changes that
+                multiply; the lower ones come first.
+            right: Definitions that right answers to other quantities come from.
         """
-        order, wrong, told = (
-            np.argsort(~problem.wrong, kind="stable"),
-            int(problem.wrong.sum()),
-            problem.evidence(),
-        )
-        spread = (
-            order[:wrong][:: max(1, wrong // _SAMPLES)][:_SAMPLES],
-            order[wrong:][:: max(1, len(order) // 8)][:8],
-        )
-        rows = np.sort(np.concatenate(spread))
+        evidence, rows = problem.evidence(), problem.sample()
+        columns: list[_Columns] = []
 
-        def columns(values: Values) -> _Columns:
-            found = _Columns(problem, values, rows, kept)
+        def columns_of(values: Values) -> _Columns:
+            found = _Columns(problem, values, rows, right)
             self.left -= len(found.changes)
             return found
 
-        def confirmed(sets: Iterable[Set], start: Values, more: int = 0) -> Set | None:
-            """The first set that gives all answers, if these tell more than the set and
-            ``more`` changes assume.
+        def confirmed(sets: Iterable[Set], start: Values, assumed: int = 0) -> Set | None:
+            """Return the first set that gives all answers, if these tell more than the set and
+            some changes before it assume.
             """
-            tellable = (one for one in sets if told > _ASSUMED[0] + _ASSUMED[1] * (len(one) + more))
-            return next(
-                (
-                    one
-                    for one in tellable
-                    if len(rows) >= len(one) and problem.fits(made(start, one))
-                ),
-                None,
-            )
+            for changes_ in sets:
+                count = len(changes_) + assumed
+                told = evidence > _ASSUMED[0] + _ASSUMED[1] * count and len(rows) >= count
+                if told and problem.fits(made(start, changes_)):
+                    return changes_
+            return None
 
-        with np.errstate(all="ignore"):
-            if self.left <= 0 or told <= sum(_ASSUMED):
-                return None
-            here = columns(base)
-            if not deep:
-                own = [
-                    (one,)
-                    for one in changes(base, here.names | {problem.definition})
-                    if one.pieces[0][0] == problem.definition or one.whole
-                ]
-                found = (
-                    confirmed(here.sums(1, 9), base)
-                    or confirmed(own, base)
-                    or confirmed(here.sums(2, 2), base)
-                )
-                return found or confirmed(here.solved(), base, 3)
-            if found := confirmed(here.sums(3, 1), base):
-                return found
-            for first in here.firsts():
-                start = base.changed(first.pieces)
-                more = columns(start)
-                rest = confirmed(
-                    (one for size in (1, 2) for one in more.sums(size, 3 - size)), start, 1
-                )
-                if rest or self.left <= 0:
-                    return _merged(first, rest, base) if rest else None
+        for effort in range(1, efforts + 1):
+            for index, program in enumerate(programs):
+                if index == len(columns) and self.left > 0 and evidence > sum(_ASSUMED):
+                    columns.append(columns_of(program))
+                if index == len(columns):
+                    break
+                here = columns[index]
+                found: Set | None = None
+                if effort == 1:
+                    found = confirmed(here.sums(1, 9), program)
+                elif effort == 2:
+                    found = confirmed(here.sums(2, 2), program) or confirmed(
+                        here.solved(), program, 3
+                    )
+                elif effort == 3:
+                    found = confirmed(here.sums(3, 1), program)
+                for first in here.firsts() if effort == 4 else ():
+                    start = program.changed(first.pieces)
+                    after = columns_of(start)
+                    rest = confirmed(after.sums(1, 2), start, 1) or confirmed(
+                        after.sums(2, 1), start, 1
+                    )
+                    if rest:
+                        found = _merged(first, rest, program)
+                    if rest or self.left <= 0:
+                        break
+                if found:
+                    return index, found
         return None
 
 
@@ -176,7 +177,7 @@ def _merged(first: Change, rest: Set, base: Values) -> Set:
 class _Columns:
     """The effects of all single changes on the residual, in units of what is allowed."""
 
-    def __init__(self, problem: Problem, base: Values, rows: Array, kept: frozenset[str]) -> None:
+    def __init__(self, problem: Problem, base: Values, rows: Array, right: frozenset[str]) -> None:
         given = {name: x[rows] if np.ndim(x) else x for name, x in base.given.items()}
         rate = None if problem.rate is None else problem.rate[rows]
         self.differentiated = rate is not None
@@ -192,7 +193,7 @@ class _Columns:
         self.unit = np.abs(self._of(unit) - residual)
         self.residual = residual / self.unit
         behind = (self.values.behind(name) for term in self.identity for name, _ in term.factors)
-        self.names = frozenset[str]().union(*behind) - {"answer"} - kept
+        self.names = frozenset[str]().union(*behind) - {"answer"} - right
         pairs = [
             (one, (self._of(self.values.changed(one.pieces)) - residual) / self.unit)
             for one in changes(self.values, self.names)
