@@ -19,7 +19,13 @@ import numpy as np
 
 from tippedisk_verify.conformance.diagnosis.dictionary import LINEAR, SMOOTH, Change
 from tippedisk_verify.conformance.diagnosis.entries import Array, Table, fitted, tables_of
-from tippedisk_verify.conformance.diagnosis.levels import PREDICTED, base_of, problems
+from tippedisk_verify.conformance.diagnosis.levels import (
+    PREDICTED,
+    VARIANTS,
+    Results,
+    base_of,
+    problems,
+)
 from tippedisk_verify.conformance.diagnosis.methods import method
 from tippedisk_verify.conformance.diagnosis.regression import Problem, Search, made
 from tippedisk_verify.conformance.diagnosis.relations import related, where
@@ -194,14 +200,24 @@ class _Sheet:
         for change in some:
             self.changes.setdefault(change, set()).add(table.friction)
 
-    def predicted(self, table: Table, some: Iterable[Change], says: str = "") -> Array:
-        """The answers of a program with some changes; NaN where it gives none."""
-        with np.errstate(all="ignore"):
-            return table.picked(
-                PREDICTED[table.kind][says](base_of(self.program(table.friction, some), table))
-            )
+    @np.errstate(all="ignore")
+    def predicted(
+        self,
+        table: Table,
+        some: Iterable[Change],
+        function: Callable[[Values], Results] | None = None,
+    ) -> Array:
+        """Return the answers of a program with some changes; NaN where it gives none.
 
-    def take_out(self, table: Table, some: Iterable[Change]) -> None:
+        Args:
+            table: The answers.
+            some: The changes.
+            function: What is computed; by default what is asked.
+        """
+        values = base_of(self.program(table.friction, some), table)
+        return table.picked((function or PREDICTED[table.kind][0])(values))
+
+    def take_out(self, table: Table, some: Sequence[Change]) -> None:
         """Take out the quantities that a program with some changes gives."""
         if not table.left.any() or table.kind not in PREDICTED:
             return
@@ -209,24 +225,21 @@ class _Sheet:
         # Many derivatives, which lose digits in the right program as well
         if table.kind == "slow-manifold":
             size = np.nan_to_num(np.abs(self.predicted(table, ()) - table.truth) / table.scale)
-            room = room + _SAFETY * table.scale * np.array(
-                [size[table.names == name].max() for name in table.names]
-            )
-        for says in ("", " ") if " " in PREDICTED[table.kind] else ("",):
-            fits = fitted(
-                table.answer, table.truth, room, table.left, self.predicted(table, some, says)
-            )
+            worst = [size[table.names == name].max() for name in table.names]
+            room = room + _SAFETY * table.scale * np.array(worst)
+        for function in PREDICTED[table.kind]:
+            predicted = self.predicted(table, some, function)
+            fits = fitted(table.answer, table.truth, room, table.left, predicted)
             for stem in np.unique(table.stems[table.left]):
                 mine = table.left & (table.stems == stem)
                 table.left[mine] = not fits[mine].all()
 
     def variants(self, table: Table) -> None:
-        """Take out all answers of a table if another program of its level gives them, and say
-        which.
-        """
-        for says in filter(str.strip, PREDICTED.get(table.kind, {}) if table.left.any() else ()):
-            predicted = self.predicted(table, self.candidates(table.friction)[0], says)
-            if fitted(table.answer, table.truth, table.allowed, table.left, predicted).all():
+        """Take out all answers of a table if other functions give them, and say which."""
+        for says, function in VARIANTS.get(table.kind, {}).items():
+            predicted = self.predicted(table, self.candidates(table.friction)[0], function)
+            fits = fitted(table.answer, table.truth, table.allowed, table.left, predicted)
+            if fits.all() and table.left.any():
                 self.causes.append(("inputs", says))
                 table.left[:] = False
 
@@ -251,12 +264,8 @@ class _Sheet:
         if not table.left.any():
             return
         known, before = dict(self.changes), table.left.copy()
-        posed = [
-            (table, problem)
-            for problem in problems(
-                table, self.program(table.friction, self.candidates(table.friction)[0])
-            )
-        ]
+        definitions = self.program(table.friction, self.candidates(table.friction)[0])
+        posed = [(table, problem) for problem in problems(table, definitions)]
         self.searched(posed, posed)
         for some in self.candidates(table.friction) if posed else ():
             self.take_out(table, some)

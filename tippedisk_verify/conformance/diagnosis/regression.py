@@ -12,13 +12,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations, product
 from typing import Any
 
 import numpy as np
 
 from tippedisk_verify.conformance.diagnosis.dictionary import Change, changes
 from tippedisk_verify.conformance.diagnosis.entries import Array, fitted
-from tippedisk_verify.conformance.diagnosis.terms import IMAGINARY_STEP, Term, Values, parsed, shown
+from tippedisk_verify.conformance.diagnosis.terms import Term, Values, parsed, shown
 from tippedisk_verify.model.parameters import SYMBOLS
 
 __all__ = ["Problem", "Search", "made"]
@@ -47,8 +48,6 @@ class Problem:
     wrong: Array
     identity: str  #: the sum that vanishes for right answers, in which ``answer`` stands for them
     given: Mapping[str, Any]
-    #: V', where the answers are its derivatives by an input with an imaginary step
-    rate: Array | None = None
 
     def fits(self, values: Values) -> bool:
         """Return True if the definitions give all answers, and the wrong ones much better than
@@ -56,9 +55,6 @@ class Problem:
         """
         with np.errstate(all="ignore"):
             predicted = np.real(values[self.definition]) + 0 * self.answer
-            if self.rate is not None:  # of M v' - force = 0, for any answered v'
-                slopes = np.imag(values["force"]) - np.imag(values["M"]) * self.rate
-                predicted = slopes / IMAGINARY_STEP / np.real(values["M"])
         return bool(fitted(self.answer, self.truth, self.allowed, self.wrong, predicted).all())
 
     def sample(self) -> Array:
@@ -107,53 +103,38 @@ class Search:
             right: Definitions that right answers to other quantities come from.
         """
         evidence, rows = problem.evidence(), problem.sample()
-        columns: list[_Columns] = []
-
-        def columns_of(values: Values) -> _Columns:
-            found = _Columns(problem, values, rows, right)
-            self.left -= len(found.changes)
-            return found
-
-        def confirmed(sets: Iterable[Set], start: Values, assumed: int = 0) -> Set | None:
-            """Return the first set that gives all answers, if these tell more than the set and
-            some changes before it assume.
-            """
-            for changes_ in sets:
-                count = len(changes_) + assumed
-                told = evidence > _ASSUMED[0] + _ASSUMED[1] * count and len(rows) >= count
-                if told and problem.fits(made(start, changes_)):
-                    return changes_
-            return None
-
-        for effort in range(1, efforts + 1):
-            for index, program in enumerate(programs):
-                if index == len(columns) and self.left > 0 and evidence > sum(_ASSUMED):
-                    columns.append(columns_of(program))
-                if index == len(columns):
-                    break
-                here = columns[index]
-                found: Set | None = None
-                if effort == 1:
-                    found = confirmed(here.sums(1, 9), program)
-                elif effort == 2:
-                    found = confirmed(here.sums(2, 2), program) or confirmed(
-                        here.solved(), program, 3
-                    )
-                elif effort == 3:
-                    found = confirmed(here.sums(3, 1), program)
-                for first in here.firsts() if effort == 4 else ():
-                    start = program.changed(first.pieces)
-                    after = columns_of(start)
-                    rest = confirmed(after.sums(1, 2), start, 1) or confirmed(
-                        after.sums(2, 1), start, 1
-                    )
-                    if rest:
-                        found = _merged(first, rest, program)
-                    if rest or self.left <= 0:
-                        break
-                if found:
-                    return index, found
+        effects: list[_Effects] = []
+        for effort, (index, program) in product(range(1, efforts + 1), enumerate(programs)):
+            if index == len(effects) and self.left > 0 and evidence > sum(_ASSUMED):
+                effects.append(self.effects(problem, program, rows, right))
+            for assumed, some in self.proposed(effects[index], effort) if effects[index:] else ():
+                told = evidence > _ASSUMED[0] + _ASSUMED[1] * assumed and len(rows) >= assumed
+                if told and problem.fits(made(program, some)):
+                    return index, some
         return None
+
+    def effects(
+        self, problem: Problem, program: Values, rows: Array, right: frozenset[str]
+    ) -> _Effects:
+        found = _Effects(problem, program, rows, right)
+        self.left -= len(found.changes)
+        return found
+
+    def proposed(self, of: _Effects, effort: int) -> Iterator[tuple[int, Set]]:
+        """Yield sets of changes, with the number of changes that answers have to bear out."""
+        highest_ranks = {1: 9, 2: 2, 3: 1}
+        for some in of.sums(effort, highest_ranks[effort]) if effort in highest_ranks else ():
+            yield effort, some
+        for solved in of.solved() if effort == 2 else ():
+            yield 4, (solved,)
+        for first in of.firsts() if effort == 4 else ():
+            if self.left <= 0:
+                return
+            start = of.program.changed(first.pieces)
+            after = self.effects(of.problem, start, of.rows, of.right)
+            for size in (1, 2):
+                for rest in after.sums(size, 3 - size):
+                    yield size + 1, _merged(first, rest, of.program)
 
 
 def _merged(first: Change, rest: Set, base: Values) -> Set:
@@ -174,90 +155,83 @@ def _merged(first: Change, rest: Set, base: Values) -> Set:
     return tuple(merged) if hidden else (first, *merged)
 
 
-class _Columns:
+class _Effects:
     """The effects of all single changes on the residual, in units of what is allowed."""
 
-    def __init__(self, problem: Problem, base: Values, rows: Array, right: frozenset[str]) -> None:
-        given = {name: x[rows] if np.ndim(x) else x for name, x in base.given.items()}
-        rate = None if problem.rate is None else problem.rate[rows]
-        self.differentiated = rate is not None
-        answers = (
-            x if rate is None else rate + IMAGINARY_STEP * 1j * x
-            for x in (problem.answer[rows], (problem.answer + problem.allowed)[rows])
-        )
-        self.values, unit = (
-            Values(base.definitions, {**given, "answer": answer}) for answer in answers
-        )
+    def __init__(
+        self, problem: Problem, program: Values, rows: Array, right: frozenset[str]
+    ) -> None:
+        self.problem, self.program, self.rows, self.right = problem, program, rows, right
         self.identity = parsed(problem.identity)
-        residual = self._of(self.values)
-        self.unit = np.abs(self._of(unit) - residual)
+        given = {name: x[rows] if np.ndim(x) else x for name, x in program.given.items()}
+        answer, allowed = problem.answer[rows], problem.allowed[rows]
+        self.values = Values(program.definitions, {**given, "answer": answer})
+        moved = Values(program.definitions, {**given, "answer": answer + allowed})
+        residual = self.total(self.values)
+        self.unit = np.abs(self.total(moved) - residual)
         self.residual = residual / self.unit
         behind = (self.values.behind(name) for term in self.identity for name, _ in term.factors)
         self.names = frozenset[str]().union(*behind) - {"answer"} - right
-        pairs = [
-            (one, (self._of(self.values.changed(one.pieces)) - residual) / self.unit)
-            for one in changes(self.values, self.names)
-        ]
-        pairs = [
-            (one, x) for one, x in pairs if np.isfinite(x).all() and np.abs(x).max() > _NOTHING
-        ]
-        draws = np.random.default_rng(5).uniform(0.5, 1.5, (len(rows), 2)) / len(rows)
-        self.signs = draws * np.where(np.arange(len(rows)) % 2, -1, 1)[:, None]
+        # The weights of a sum over the rows that tells effects apart
+        self.weights = np.random.default_rng(5).uniform(0.5, 1.5, (len(rows), 2)) / len(rows)
+        self.weights[1::2] *= -1
         # Changes with the same effect, the likeliest first
-        groups: dict[str, list[tuple[Change, Array]]] = {}
-        for one, x in sorted(pairs, key=lambda pair: pair[0].order):
-            groups.setdefault("{:.8e} {:.8e}".format(*(x @ self.signs)), []).append((one, x))
-        self.changes = [
-            replace(some[0][0], others=tuple(one for one, _ in some[1:]))
-            for some in groups.values()
-        ]
-        self.effects = np.array([some[0][1] for some in groups.values()]).reshape(-1, len(rows))
+        groups: dict[str, list[Change]] = {}
+        effects: dict[str, Array] = {}
+        for change in sorted(changes(self.values, self.names), key=lambda change: change.order):
+            effect = self.total(self.values.changed(change.pieces)) / self.unit - self.residual
+            if np.isfinite(effect).all() and np.abs(effect).max() > _NOTHING:
+                mark = "{:.8e} {:.8e}".format(*(effect @ self.weights))
+                groups.setdefault(mark, []).append(change)
+                effects.setdefault(mark, effect)
+        self.changes = [replace(first, others=tuple(more)) for first, *more in groups.values()]
+        self.effects = np.array(list(effects.values())).reshape(-1, len(rows))
 
-    def _of(self, values: Values) -> Array:
-        total = values.total(self.identity)[0] + 0 * self.values.given["answer"]
-        return np.asarray(
-            np.imag(total) / IMAGINARY_STEP if self.differentiated else np.real(total)
-        )
+    def total(self, values: Values) -> Array:
+        """Return the sum that vanishes for right answers."""
+        return np.real(values.total(self.identity)[0] + 0 * self.values.given["answer"])
 
     def sums(self, size: int, highest: int) -> Iterator[Set]:
-        """Sets of changes whose effects cancel the residual, the likeliest first."""
-        some = [n for n, change in enumerate(self.changes) if change.rank <= highest]
-        effects = self.effects[some]
-        marks, target = effects @ self.signs[:, 0], -float(self.residual @ self.signs[:, 0])
-        order = np.argsort(marks)
-        count = np.arange(len(some))
-        groups = {1: count[:0].reshape(1, 0), 2: count[:, None]}.get(size)
-        if groups is None:
-            groups = np.stack(np.triu_indices(len(some), 1), axis=1)
-        total = target - marks[groups].sum(axis=1)
+        """Yield sets of changes whose effects cancel the residual, the likeliest first.
+
+        Args:
+            size: The number of changes.
+            highest: The highest rank of a change.
+        """
+        likely = [n for n, change in enumerate(self.changes) if change.rank <= highest]
+        if len(likely) < size:
+            return
+        # All changes but the last one, and the sum that the last one has to have
+        marks = self.effects[likely] @ self.weights[:, 0]
+        target = -float(self.residual @ self.weights[:, 0])
+        groups = np.array(list(combinations(range(len(likely)), size - 1)), dtype=int)
+        missing = target - marks[groups].sum(axis=1)
         room = _SAME * (abs(target) + np.abs(marks[groups]).sum(axis=1)) + 4.0
-        low = np.searchsorted(marks[order], total - room)
-        high = np.searchsorted(marks[order], total + room, side="right")
+        order = np.argsort(marks)
+        low = np.searchsorted(marks[order], missing - room)
+        high = np.searchsorted(marks[order], missing + room, side="right")
         if (high - low).sum() > _CROWDED:
             return
-        near = (
-            {*groups[g].tolist(), place}
-            for g in np.flatnonzero(high > low)
-            for place in order[low[g] : high[g]].tolist()
-        )
-        sets = []
-        for members in {tuple(sorted(one)) for one in near if len(one) == size}:
-            chosen = effects[list(members)]
-            found = tuple(self.changes[some[n]] for n in members)
-            places = [place for change in found for place in change.places]
-            room = 2.0 + 1e-11 * (np.abs(self.residual) + np.abs(chosen).sum(axis=0))
-            if (np.abs(self.residual + chosen.sum(axis=0)) <= room).all() and len(
-                set(places)
-            ) == len(places):
-                sets.append(found)
+        sets: dict[tuple[int, ...], Set] = {}
+        for group in np.flatnonzero(high > low).tolist():
+            for last in order[low[group] : high[group]].tolist():
+                members = tuple(likely[n] for n in sorted({*groups[group].tolist(), last}))
+                if len(members) == size and self.cancel(members):
+                    sets[members] = tuple(self.changes[n] for n in members)
         yield from sorted(
-            sets,
-            key=lambda one: [
-                sum(parts) for parts in zip(*(change.order for change in one), strict=True)
-            ],
+            sets.values(),
+            key=lambda one: [sum(parts) for parts in zip(*(x.order for x in one), strict=True)],
         )
 
-    def solved(self) -> Iterator[Set]:
+    def cancel(self, members: tuple[int, ...]) -> bool:
+        """Return True if changes of different terms leave only rounding of the residual."""
+        chosen = self.effects[list(members)]
+        room = 2.0 + 1e-11 * (np.abs(self.residual) + np.abs(chosen).sum(axis=0))
+        places = [place for n in members for place in self.changes[n].places]
+        left = np.abs(self.residual + chosen.sum(axis=0))
+        return len(set(places)) == len(places) and bool((left <= room).all())
+
+    def solved(self) -> Iterator[Change]:
         """One parameter with another value, the same for all, that is solved for by the
         secant method.
         """
@@ -266,14 +240,14 @@ class _Columns:
             old = float(np.ravel(self.values.given[name])[0])
             x, last, off = 1.001 * old, old, self.residual[row] * self.unit[row]
             for _ in range(15):
-                now = self._of(self.values.changed([(name, None, (Term(float(x), ()),))]))[row]
+                now = self.total(self.values.changed([(name, None, (Term(float(x), ()),))]))[row]
                 if now == off or not np.isfinite(now):
                     break
                 x, last, off = x - now * (x - last) / (now - off), x, now
             value = float(f"{x:.{_TYPED}g}")
             if np.isfinite(value) and value != old:
                 says = f"the inputs: {name} = {value:g}"
-                yield (Change(((name, None, (Term(value, ()),)),), says, 3),)
+                yield Change(((name, None, (Term(value, ()),)),), says, 3)
 
     def firsts(self) -> list[Change]:
         """The changes whose effects point along the residual, those first that leave least of
@@ -281,9 +255,6 @@ class _Columns:
         """
         size = (self.effects**2).sum(axis=1) * float(self.residual @ self.residual)
         along = np.nan_to_num((self.effects @ self.residual) ** 2 / size)
-        likely = [
-            n
-            for n in np.argsort(-along, kind="stable").tolist()
-            if along[n] > _DIRECTION and self.changes[n].rank < 2
-        ]
-        return [self.changes[n] for n in likely[:_FIRSTS]]
+        pairs = zip(-along, self.changes, strict=True)
+        likely = [pair for pair in pairs if pair[0] < -_DIRECTION and pair[1].rank < 2]
+        return [change for _, change in sorted(likely, key=lambda pair: pair[0])[:_FIRSTS]]
