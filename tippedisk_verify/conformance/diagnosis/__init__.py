@@ -11,7 +11,7 @@ mistakes from their consequences.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -28,7 +28,7 @@ from tippedisk_verify.conformance.diagnosis.levels import (
 )
 from tippedisk_verify.conformance.diagnosis.methods import method
 from tippedisk_verify.conformance.diagnosis.regression import Problem, Search, made
-from tippedisk_verify.conformance.diagnosis.relations import related, where
+from tippedisk_verify.conformance.diagnosis.relations import Relation, related, where
 from tippedisk_verify.conformance.diagnosis.terms import Values
 from tippedisk_verify.conformance.grading import LEVEL_NAMES, Grade
 from tippedisk_verify.reference_values.store import Store
@@ -46,8 +46,12 @@ _SAME = 1e-9  # relative difference of values that are equal but for rounding
 _MANY = 3  # quantities that may be called all answers
 _FORMULAS = 5  # the last level without an integrator
 _LAWS = ("both", "linear", "smooth")
+_TOGETHER = ("equilibrium", "slow-manifold")  #: kinds whose answers are all explained, or none
 Posed = Sequence[tuple[Table, Problem]]
-Made = Mapping[Change, set[str]]  #: changes of the equations, by the friction laws that have them
+#: Changes of the equations, by the friction laws that have them
+Made = dict[Change, frozenset[str]]
+#: The changes of one law, and all changes that they are taken from
+Reading = tuple[list[Change], Made]
 
 
 @dataclass(frozen=True)
@@ -136,7 +140,7 @@ class _Sheet:
         levels = {table.level for table in tables}
         self.truths = {one.id: one.for_doubles for one in store.values() if one.level in levels}
         self.advance, self.search = advance, Search(_BUDGET)
-        self.changes: dict[Change, set[str]] = {}
+        self.changes: Made = {}
         self.causes: list[tuple[str, str]] = []  #: of this level
 
     def level(self, level: int, grades: Sequence[Grade]) -> Diagnosis:
@@ -186,19 +190,15 @@ class _Sheet:
 
     # ---- programs with changes
     def candidates(self, law: str) -> list[list[Change]]:
-        """The changes that answers may come with: those of their law, all, none."""
-        own = [change for change, laws in self.changes.items() if laws & {law, "both"}]
-        some = [own, list(self.changes), []]
+        """Return the changes that answers may come with: those of their law, all, none."""
+        some = [_of_law(self.changes, law), list(self.changes), []]
         return [one for n, one in enumerate(some) if one not in some[:n]]
 
-    def program(self, law: str, some: Iterable[Change]) -> Mapping[str, Any]:
-        """The definitions under a law with some changes."""
-        return made(Values(SMOOTH if law == "smooth" else LINEAR, {}), some).definitions
-
-    def add(self, some: Iterable[Change], table: Table) -> None:
-        """Make changes certain for the law of a table."""
-        for change in some:
-            self.changes.setdefault(change, set()).add(table.friction)
+    def program(
+        self, law: str, some: Iterable[Change], inputs: Mapping[str, Any] | None = None
+    ) -> Values:
+        """Return the equations under a law with some changes."""
+        return made(Values(SMOOTH if law == "smooth" else LINEAR, inputs or {}), some)
 
     @np.errstate(all="ignore")
     def predicted(
@@ -214,7 +214,7 @@ class _Sheet:
             some: The changes.
             function: What is computed; by default what is asked.
         """
-        values = base_of(self.program(table.friction, some), table)
+        values = base_of(self.program(table.friction, some).definitions, table)
         return table.picked((function or PREDICTED[table.kind][0])(values))
 
     def take_out(self, table: Table, some: Sequence[Change]) -> None:
@@ -264,8 +264,8 @@ class _Sheet:
         if not table.left.any():
             return
         known, before = dict(self.changes), table.left.copy()
-        definitions = self.program(table.friction, self.candidates(table.friction)[0])
-        posed = [(table, problem) for problem in problems(table, definitions)]
+        program = self.program(table.friction, self.candidates(table.friction)[0])
+        posed = [(table, problem) for problem in problems(table, program.definitions)]
         self.searched(posed, posed)
         for some in self.candidates(table.friction) if posed else ():
             self.take_out(table, some)
@@ -292,91 +292,78 @@ class _Sheet:
         are known already come first.
         """
         law, derivative = table.friction, problem.name.startswith("dv")
+        posed = [] if derivative else [pair for pair in posed if pair[0].friction in ("both", law)]
         own, *others = self.candidates(law)
-        readings = [(own, self.changes)]
-        if not derivative:
-            readings += self.alternatives(law, problem, posed)
-        readings += [(some, self.changes) for some in others if some or table.level > 1]
-        programs = [Values(self.program(law, some), problem.given) for some, _ in readings]
-        right = frozenset[str]()
-        for other, one in posed if not derivative else ():
-            program = Values(programs[0].definitions, one.given)
-            if other.friction in ("both", law) and one.fits(program):
+        right = frozenset[str]()  # behind answers that are right, or explained already
+        for _, one in posed:
+            program = self.program(law, own, one.given)
+            if one.fits(program):
                 right |= program.behind(one.definition)
-        efforts = 4 if table.level == 1 and not derivative else 2
+        readings = [(own, self.changes), *self.alternatives(law, problem, posed)]
+        readings += [(some, self.changes) for some in others if some or table.level > 1]
+        programs = [self.program(law, some, problem.given) for some, _ in readings]
         known = ((index, ()) for index, program in enumerate(programs) if problem.fits(program))
         result: tuple[int, Sequence[Change]] | None = next(known, None)
+        efforts = 4 if table.level == 1 and not derivative else 2
         result = result or self.search(problem, programs, efforts, right)
         if result is None:
             return False
         some, self.changes = readings[result[0]]
         if derivative and result[1]:
-            other_says = " and ".join(change.says for change in result[1])
-            self.causes.append(
-                ("equations", f"{problem.name} is the derivative of other equations: {other_says}")
-            )
-        else:
-            self.add([*some, *result[1]], table)
+            says = " and ".join(change.says for change in result[1])
+            says = f"{problem.name} is the derivative of other equations: {says}"
+            self.causes.append(("equations", says))
+            return True
+        for change in (*some, *result[1]):
+            self.changes[change] = self.changes.get(change, frozenset()) | {law}
         return True
 
-    def alternatives(
-        self, law: str, problem: Problem, posed: Posed
-    ) -> Iterator[tuple[list[Change], dict[Change, set[str]]]]:
-        """Yield the changes of a law, and all, with one of them in another reading: a change with
-        the same effect on what is explained, and another one on a quantity.
+    @np.errstate(all="ignore")
+    def alternatives(self, law: str, problem: Problem, posed: Posed) -> list[Reading]:
+        """Return other readings of the changes that are known: in each, one of them is replaced by
+        a change that explains the same answers and has another effect on a quantity.
         """
         own = self.candidates(law)[0]
         explained = [pair for pair in posed if self.fits(self.changes, *pair)]
-        effects = [self.effect(law, own, problem)]
-        for change, other in ((one, other) for one in own for other in one.others[:_ALIKE]):
-            rest = tuple(one for one in (change, *change.others) if one != other)
-            new = {change: replace(other, others=rest)}
-            some = [new.get(one, one) for one in own]
-            effect = self.effect(law, some, problem)
-            after = {new.get(one, one): laws for one, laws in self.changes.items()}
-            if not any(np.allclose(effect, one, rtol=_SAME, atol=0) for one in effects) and all(
-                self.fits(after, *pair) for pair in explained
-            ):
-                effects.append(effect)
-                yield some, after
+        effects = [self.program(law, own, problem.given)[problem.definition]]
+        found = []
+        for change in own if posed else ():
+            for other in change.others[:_ALIKE]:
+                rest = tuple(one for one in (change, *change.others) if one != other)
+                new = {change: replace(other, others=rest)}
+                changes = {new.get(one, one): laws for one, laws in self.changes.items()}
+                some = _of_law(changes, law)
+                effect = self.program(law, some, problem.given)[problem.definition]
+                known = any(np.allclose(effect, one, rtol=_SAME, atol=0) for one in effects)
+                if not known and all(self.fits(changes, *pair) for pair in explained):
+                    effects.append(effect)
+                    found.append((some, changes))
+        return found
 
-    def effect(self, law: str, some: Sequence[Change], problem: Problem) -> Array:
-        with np.errstate(all="ignore"):
-            values = Values(self.program(law, some), problem.given)
-            return np.asarray(np.real(values[problem.definition]))
-
-    def fits(self, some: Made, table: Table, problem: Problem) -> bool:
+    def fits(self, changes: Made, table: Table, problem: Problem) -> bool:
         """Return True if the program with some changes gives the answers to a quantity."""
-        own = (change for change, laws in some.items() if laws & {table.friction, "both"})
-        return problem.fits(
-            made(Values(SMOOTH if table.friction == "smooth" else LINEAR, problem.given), own)
-        )
+        law = table.friction
+        return problem.fits(self.program(law, _of_law(changes, law), problem.given))
 
     # ---- digits and relations
     def lost(self, tables: Sequence[Table]) -> None:
         """Take out quantities that a program gives up to the digits that a method loses."""
-        lost: dict[tuple[int, bool], set[str]] = {}
+        lost: dict[tuple[int, str], list[str]] = {}
         for table in (table for table in tables if table.left.any()):
             expected = self.expected(table)
             size = np.abs(table.answer - expected) / np.maximum(np.abs(expected), table.scale)
+            law = f" ({table.friction} law)" if table.friction != "both" else ""
             for stem in np.unique(table.stems[table.left]):
                 mine = table.stems == stem
-                middle = float(np.median(size[mine]))
-                if (
-                    _EXACT < middle < _LOST[0]
-                    and size[mine].max() < _LOST[1]
-                    and table.left[mine].mean() > _LOST[2]
-                ):
-                    law = f" ({table.friction} law)" if table.friction != "both" else ""
-                    lost.setdefault((int(-np.log10(middle)), stem.startswith("dv")), set()).add(
-                        f"{stem}{law}"
-                    )
+                middle, share = float(np.median(size[mine])), table.left[mine].mean()
+                if _EXACT < middle < _LOST[0] and size[mine].max() < _LOST[1] and share > _LOST[2]:
+                    differences = stem.startswith("dv")
+                    why = "the digits that difference quotients leave" if differences else "too few"
+                    lost.setdefault((int(-np.log10(middle)), why), []).append(f"{stem}{law}")
                     table.left[mine] = False
-        for (digits, derivative), names in sorted(lost.items()):
-            way = "the digits that difference quotients leave" if derivative else "too few"
-            self.causes.append(
-                ("digits", f"some {digits} digits of {', '.join(sorted(names))} are right: {way}")
-            )
+        for (digits, why), names in sorted(lost.items()):
+            says = f"some {digits} digits of {', '.join(sorted(names))} are right: {why}"
+            self.causes.append(("digits", says))
 
     def expected(self, table: Table) -> Array:
         """The answers of the mended program, or the truth where it gives none."""
@@ -397,38 +384,26 @@ class _Sheet:
         """
         truths, some = dict(self.truths), [table for table in tables if table.left.any()]
         if mended:
-            some = [
-                replace(table, truth=self.expected(table))
-                for table in some
-                if table.kind in PREDICTED
-            ]
-            truths |= {
-                id_: x
-                for table in some
-                for id_, x in zip(table.ids, table.truth.tolist(), strict=True)
-            }
-        groups: dict[str, list[tuple[float, Table, str, Array]]] = {}
-        with np.errstate(all="ignore"):
+            known = (table for table in some if table.kind in PREDICTED)
+            some = [replace(table, truth=self.expected(table)) for table in known]
             for table in some:
-                for rank, says, stem, mine in related(table, truths):
-                    groups.setdefault(says, []).append((rank, table, stem, mine))
+                truths.update(zip(table.ids, table.truth.tolist(), strict=True))
+        groups: dict[str, list[Relation]] = {}
+        for table in some:
+            for relation in related(table, truths):
+                groups.setdefault(relation.says, []).append(relation)
         before, causes = [table.left.copy() for table in tables], list(self.causes)
         total = {(table.friction, stem) for table in tables for stem in np.unique(table.stems)}
-        for says, group in sorted(
-            groups.items(), key=lambda item: (-len(item[1]), min(rank for rank, *_ in item[1]))
-        ):
-            new = [(table, stem, mine) for _, table, stem, mine in group if table.left[mine].all()]
+        for says, group in sorted(groups.items(), key=_likeliest):
+            new = [one for one in group if one.table.left[one.answers].all()]
             if not new or (len(new) < 2 and re.search(r"order|\^n|n!", says)):
                 continue  # one order alone proves nothing
-            self.causes.append(
-                ("relation", _said(says, {(table.friction, stem) for table, stem, _ in new}, total))
-            )
-            for table, _, mine in new:
-                table.left[mine] = False
-        if any(
-            (whole or table.kind in ("equilibrium", "slow-manifold")) and table.left.any()
-            for table in tables
-        ):
+            names = {(one.table.friction, one.stem) for one in new}
+            self.causes.append(("relation", _said(says, names, total)))
+            for one in new:
+                one.table.left[one.answers] = False
+        together = (table for table in tables if whole or table.kind in _TOGETHER)
+        if any(table.left.any() for table in together):
             self.causes = causes
             for table, left in zip(tables, before, strict=True):
                 table.left[:] = left
@@ -442,6 +417,17 @@ class _Sheet:
             if len(laws) == 1 and laws < every
             else change.says
         )
+
+
+def _likeliest(item: tuple[str, list[Relation]]) -> tuple[int, float]:
+    """Return the sort key of a relation: that of many quantities first, then the likelier."""
+    _, group = item
+    return -len(group), min(one.rank for one in group)
+
+
+def _of_law(changes: Made, law: str) -> list[Change]:
+    """Select the changes of a friction law, and those that do not depend on it."""
+    return [change for change, laws in changes.items() if laws & {law, "both"}]
 
 
 def _left(tables: Iterable[Table]) -> int:
