@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from tippedisk_verify.conformance.diagnosis.dictionary import LINEAR, SMOOTH, Change
-from tippedisk_verify.conformance.diagnosis.entries import Array, Table, fitted, tables_of
+from tippedisk_verify.conformance.diagnosis.entries import Array, Table, tables_of
 from tippedisk_verify.conformance.diagnosis.levels import (
     PREDICTED,
     VARIANTS,
@@ -229,7 +229,7 @@ class _Sheet:
             room = room + _SAFETY * table.scale * np.array(worst)
         for function in PREDICTED[table.kind]:
             predicted = self.predicted(table, some, function)
-            fits = fitted(table.answer, table.truth, room, table.left, predicted)
+            fits = table.fitted(predicted, room)
             for stem in np.unique(table.stems[table.left]):
                 mine = table.left & (table.stems == stem)
                 table.left[mine] = not fits[mine].all()
@@ -238,8 +238,7 @@ class _Sheet:
         """Take out all answers of a table if other functions give them, and say which."""
         for says, function in VARIANTS.get(table.kind, {}).items():
             predicted = self.predicted(table, self.candidates(table.friction)[0], function)
-            fits = fitted(table.answer, table.truth, table.allowed, table.left, predicted)
-            if fits.all() and table.left.any():
+            if table.left.any() and table.fitted(predicted).all():
                 self.causes.append(("inputs", says))
                 table.left[:] = False
 
@@ -283,7 +282,7 @@ class _Sheet:
         """Look for changes behind each of some quantities; ``posed`` are all that are answered."""
         for table, problem in some:
             mine = table.left & (table.names == problem.name)
-            if mine.any() or (problem.name not in table.names and problem.wrong.any()):
+            if mine.any() or (problem.name not in table.names and problem.left.any()):
                 self.advance(f"level {table.level}, {problem.name}", 1)
                 table.left[mine] = not self.explained(table, problem, posed)
 
@@ -394,7 +393,10 @@ class _Sheet:
                 groups.setdefault(relation.says, []).append(relation)
         before, causes = [table.left.copy() for table in tables], list(self.causes)
         total = {(table.friction, stem) for table in tables for stem in np.unique(table.stems)}
-        for says, group in sorted(groups.items(), key=_likeliest):
+        for group in sorted(
+            groups.values(), key=lambda some: (-len(some), min(one.rank for one in some))
+        ):
+            says = group[0].says
             new = [one for one in group if one.table.left[one.answers].all()]
             if not new or (len(new) < 2 and re.search(r"order|\^n|n!", says)):
                 continue  # one order alone proves nothing
@@ -410,19 +412,9 @@ class _Sheet:
 
     def text(self, change: Change, tables: Sequence[Table]) -> str:
         """A change in words, with its friction law where the other one does not have it."""
-        laws = self.changes[change]
-        every = {table.friction for table in tables} - {"both"}
-        return (
-            f"{change.says}, under the {min(laws)} law"
-            if len(laws) == 1 and laws < every
-            else change.says
-        )
-
-
-def _likeliest(item: tuple[str, list[Relation]]) -> tuple[int, float]:
-    """Return the sort key of a relation: that of many quantities first, then the likelier."""
-    _, group = item
-    return -len(group), min(one.rank for one in group)
+        (*_, law), every = self.changes[change], {table.friction for table in tables} - {"both"}
+        only = len(self.changes[change]) == 1 and {law} < every
+        return change.says + (f", under the {law} law" if only else "")
 
 
 def _of_law(changes: Made, law: str) -> list[Change]:

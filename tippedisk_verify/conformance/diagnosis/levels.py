@@ -5,13 +5,12 @@ answers to single quantities are searched.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
 import numpy as np
 
-from tippedisk_verify.conformance.diagnosis.entries import Array, Table
+from tippedisk_verify.conformance.diagnosis.entries import Answered, Array, Table
 from tippedisk_verify.conformance.diagnosis.regression import Problem
 from tippedisk_verify.conformance.diagnosis.terms import Values
 
@@ -68,19 +67,19 @@ def matrix(values: Values, **place: Any) -> Array:
     place = {"beta": "1/2 pi", "gamma": "1/2 side pi", "v": "0", **place}
     numbers = {x: values[f"({at})"] if isinstance(at, str) else at for x, at in place.items()}
     at = Values(values.definitions, {**values.given, **numbers})
-    found = np.zeros((len(values["r"]), 3, 3))
-    found[:, 0, 2], found[:, 1, 0] = 1.0, at["d(gamma_rate)/d(beta)"]
-    for column, name in enumerate(_DERIVATIVES):
-        found[:, 2, column] = at[name]
-    return found
+    return _assembled(at["d(gamma_rate)/d(beta)"], [at[name] for name in _DERIVATIVES], values)
 
 
 def _closed_matrix(values: Values) -> Array:
     """Return the matrices by the closed forms of their entries."""
+    return _assembled(values["Omega"], [values[name] for name in ("A_31", "A_32", "A_33")], values)
+
+
+def _assembled(gamma_slope: Any, last_row: list[Any], values: Values) -> Array:
+    """Return the matrices of beta' = v, gamma' and v' from their entries that are not constant."""
     found = np.zeros((len(values["r"]), 3, 3))
-    found[:, 0, 2], found[:, 1, 0] = 1.0, values["Omega"]
-    for column in range(3):
-        found[:, 2, column] = values[f"A_3{column + 1}"]
+    found[:, 0, 2], found[:, 1, 0] = 1.0, gamma_slope
+    found[:, 2, 0], found[:, 2, 1], found[:, 2, 2] = last_row
     return found
 
 
@@ -315,29 +314,6 @@ VARIANTS: dict[str, dict[str, Callable[[Values], Results]]] = {
 
 
 # ---- the searches
-@dataclass(frozen=True)
-class _Cells:
-    """The answers to one quantity, one to an entry; NaN where there is none."""
-
-    answer: Array
-    truth: Array
-    allowed: Array
-    left: Array
-
-    @classmethod
-    def of(cls, table: Table, name: str) -> _Cells:
-        arrays = (table.answer, table.truth, table.allowed, table.left)
-        return cls(*(table.column(name, array) for array in arrays))
-
-    def or_else(self, values: Any) -> Array:
-        """Return the answers, and other values where there are none."""
-        return np.where(np.isfinite(self.answer), self.answer, values)
-
-    def squared(self) -> _Cells:
-        allowed = 2 * np.abs(self.truth) * self.allowed
-        return _Cells(self.answer**2, self.truth**2, allowed, self.left)
-
-
 def problems(table: Table, definitions: Mapping[str, Any]) -> list[Problem]:
     """Return the quantities of a table that can be searched alone, in the order of the
     equations.
@@ -346,35 +322,42 @@ def problems(table: Table, definitions: Mapping[str, Any]) -> list[Problem]:
     return [problem for problem in found if problem.answer.size]
 
 
-def _problem(name: str, base: Values, cells: _Cells, definition: str = "", **given: Any) -> Problem:
+def _problem(
+    name: str, base: Values, cells: Answered, definition: str = "", **given: Any
+) -> Problem:
     """Return the problem of a definition, where there are answers."""
     rows, definition = np.flatnonzero(np.isfinite(cells.answer)), definition or name
     inputs = {key: x[rows] if np.ndim(x) else x for key, x in {**base.given, **given}.items()}
     return Problem(
-        name,
-        definition,
         cells.answer[rows],
         cells.truth[rows],
         cells.allowed[rows],
-        cells.left[rows] > 0,
+        cells.left[rows],
+        name,
+        definition,
         _IDENTITIES.get(definition, f"answer - {definition}"),
         inputs,
     )
 
 
+def _or_else(answers: Array, values: Any) -> Array:
+    """Return answers, and other values where there are none."""
+    return np.where(np.isfinite(answers), answers, values)
+
+
 def _of_rates(table: Table, base: Values) -> Iterator[Problem]:
     """Level 1: the definitions, and the derivatives of v' with the answers to v' itself."""
     for name in _RATES:
-        yield _problem(name, base, _Cells.of(table, name))
-    rate = _Cells.of(table, "v_rate").or_else(base["v_rate"])
+        yield _problem(name, base, table.column(name))
+    rate = _or_else(table.column("v_rate").answer, base["v_rate"])
     for name in _DERIVATIVES:
         definition = name.replace("dv_rate", "answered")
-        yield _problem(name, base, _Cells.of(table, name), definition, answered_rate=rate)
+        yield _problem(name, base, table.column(name), definition, answered_rate=rate)
 
 
 def _of_matrix(table: Table, base: Values) -> Iterator[Problem]:
     """Level 2: the entries of the matrix, from the coefficients of the eigenvalues' polynomial."""
-    cells = [[_Cells.of(table, f"lambda_{n}_{part}") for part in ("re", "im")] for n in (1, 2, 3)]
+    cells = [[table.column(f"lambda_{n}_{part}") for part in ("re", "im")] for n in (1, 2, 3)]
     z = np.array([re.answer + 1j * im.answer for re, im in cells])
     right = np.array([re.truth + 1j * im.truth for re, im in cells])
     near, size = sum(re.allowed + im.allowed for re, im in cells), np.abs(right).sum(axis=0)
@@ -382,7 +365,7 @@ def _of_matrix(table: Table, base: Values) -> Iterator[Problem]:
     units = (size, size**2 / base["Omega"], 1.0)
     for n, (answer, truth, unit) in enumerate(zip(answers, truths, units, strict=True)):
         wrong = np.abs(answer - truth) > near * unit
-        yield _problem(f"A_3{n + 1}", base, _Cells(answer, truth, near * unit, wrong))
+        yield _problem(f"A_3{n + 1}", base, Answered(answer, truth, near * unit, wrong))
 
 
 def _entries(z: Array, omega: Array) -> tuple[Array, Array, Array]:
@@ -393,24 +376,24 @@ def _entries(z: Array, omega: Array) -> tuple[Array, Array, Array]:
 
 def _of_hopf(table: Table, base: Values) -> Iterator[Problem]:
     """Level 3, at the answered speed."""
-    speed = _Cells.of(table, "omega_crit").or_else(np.sqrt(base["omega_crit_squared"]))
+    speed = _or_else(table.column("omega_crit").answer, np.sqrt(base["omega_crit_squared"]))
     at = Values(base.definitions, {**base.given, **normal_form(base, speed)})
     for name in _HOPF:
         definition = "hopf_period" if name == "period" else name
-        yield _problem(name, at, _Cells.of(table, name), definition)
+        yield _problem(name, at, table.column(name), definition)
 
 
 def _of_law(table: Table, base: Values) -> Iterator[Problem]:
     """Level 4: the squares of amplitude and frequency, and the period; each from the answer before
     it.
     """
-    amplitude, frequency = (_Cells.of(table, name) for name in ("amplitude", "frequency"))
+    amplitude, frequency = (table.column(name) for name in ("amplitude", "frequency"))
     square = amplitude.squared()
     yield _problem("amplitude", base, square, "amplitude_squared")
     given = {"answered_squared": square.answer}
     yield _problem("frequency", base, frequency.squared(), "frequency_squared", **given)
     given = {"answered_frequency": frequency.answer}
-    yield _problem("period", base, _Cells.of(table, "period"), "law_period", **given)
+    yield _problem("period", base, table.column("period"), "law_period", **given)
 
 
 def _of_manifold(table: Table, base: Values) -> Iterator[Problem]:
@@ -420,7 +403,7 @@ def _of_manifold(table: Table, base: Values) -> Iterator[Problem]:
     names = [f"{stem}_{n}" for stem in ("h", "residual") for n in _ORDERS]
     wrong = [name for name in names if table.left[table.names == name].any()]
     for name in wrong[:1]:
-        cells, n = _Cells.of(table, name), int(name[-1])
+        cells, n = table.column(name), int(name[-1])
         if name == "h_0":
             yield _problem(name, base, cells)
         elif name.startswith("h_"):

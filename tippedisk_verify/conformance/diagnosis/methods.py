@@ -59,9 +59,9 @@ def method(table: Table) -> str:
     if table.kind != "trajectory" or not times or not table.left.any():
         return ""
     first = f"{min(times):g}"
+    columns = [table.column(f"{x}@{first}") for x in _STATE]
     answers, truths = (
-        np.array([table.column(f"{x}@{first}", of) for x in _STATE])
-        for of in (table.answer, table.truth)
+        np.array([getattr(column, x) for column in columns]) for x in ("answer", "truth")
     )
     rows = np.flatnonzero(np.isfinite(answers + truths).all(axis=0))[:_TRIED]
     errors = (answers - truths)[:, rows]

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from tippedisk_verify.conformance.diagnosis.dictionary import Change, changes
-from tippedisk_verify.conformance.diagnosis.entries import Array, fitted
+from tippedisk_verify.conformance.diagnosis.entries import Answered, Array
 from tippedisk_verify.conformance.diagnosis.terms import Term, Values, parsed, shown
 from tippedisk_verify.model.parameters import SYMBOLS
 
@@ -36,40 +36,35 @@ _TYPED = 6  # digits of a number that somebody types in
 Set = tuple[Change, ...]
 
 
-@dataclass(eq=False)
-class Problem:
+@dataclass(frozen=True, eq=False)
+class Problem(Answered):
     """The answers to one quantity, and the definition that predicts them."""
 
     name: str
     definition: str
-    answer: Array
-    truth: Array
-    allowed: Array
-    wrong: Array
     identity: str  #: the sum that vanishes for right answers, in which ``answer`` stands for them
     given: Mapping[str, Any]
 
+    @np.errstate(all="ignore")
     def fits(self, values: Values) -> bool:
         """Return True if the definitions give all answers, and the wrong ones much better than
         the truth does.
         """
-        with np.errstate(all="ignore"):
-            predicted = np.real(values[self.definition]) + 0 * self.answer
-        return bool(fitted(self.answer, self.truth, self.allowed, self.wrong, predicted).all())
+        return bool(self.fitted(np.real(values[self.definition]) + 0 * self.answer).all())
 
     def sample(self) -> Array:
         """Return the rows on which changes are tried, most of them of wrong answers."""
-        wrong, right = np.flatnonzero(self.wrong), np.flatnonzero(~self.wrong)
+        wrong, right = np.flatnonzero(self.left), np.flatnonzero(~self.left)
         wrong = wrong[:: max(1, len(wrong) // _SAMPLES)][:_SAMPLES]
-        right = right[:: max(1, len(self.wrong) // 8)][:8]
+        right = right[:: max(1, len(self.left) // 8)][:8]
         return np.sort(np.concatenate((wrong, right)))
 
+    @np.errstate(all="ignore")
     def evidence(self) -> float:
-        """Digits that an exact prediction explains, of answers that differ."""
-        with np.errstate(all="ignore"):
-            told = np.log10(np.abs(self.answer - self.truth) / self.allowed)[self.wrong]
-        _, first = np.unique([f"{x:.8e}" for x in self.answer[self.wrong]], return_index=True)
-        return float(np.clip(np.nan_to_num(told[first]), 0, 8).sum())
+        """Return the digits that an exact prediction explains, of answers that differ."""
+        digits = np.log10(np.abs(self.answer - self.truth) / self.allowed)[self.left]
+        _, first = np.unique([f"{x:.8e}" for x in self.answer[self.left]], return_index=True)
+        return float(np.clip(np.nan_to_num(digits[first]), 0, 8).sum())
 
 
 def made(values: Values, some: Iterable[Change]) -> Values:
@@ -127,14 +122,16 @@ class Search:
             yield effort, some
         for solved in of.solved() if effort == 2 else ():
             yield 4, (solved,)
-        for first in of.firsts() if effort == 4 else ():
-            if self.left <= 0:
-                return
-            start = of.program.changed(first.pieces)
-            after = self.effects(of.problem, start, of.rows, of.right)
-            for size in (1, 2):
-                for rest in after.sums(size, 3 - size):
-                    yield size + 1, _merged(first, rest, of.program)
+        firsts = of.firsts() if effort == 4 else []
+        after: dict[Change, _Effects] = {}
+        for sizes_and_ranks in (((1, 0),), ((1, 2), (2, 1))):  # all of the likeliest ones first
+            for first in firsts:
+                if first not in after and self.left > 0:
+                    start = of.program.changed(first.pieces)
+                    after[first] = self.effects(of.problem, start, of.rows, of.right)
+                for size, highest in sizes_and_ranks if first in after else ():
+                    for rest in after[first].sums(size, highest):
+                        yield size + 1, _merged(first, rest, of.program)
 
 
 def _merged(first: Change, rest: Set, base: Values) -> Set:

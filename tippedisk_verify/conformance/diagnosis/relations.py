@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tippedisk_verify.conformance.diagnosis.entries import Array, Table, fitted
+from tippedisk_verify.conformance.diagnosis.entries import Array, Table
 from tippedisk_verify.model.parameters import SYMBOLS
 
 __all__ = ["Relation", "related", "where"]
@@ -322,7 +322,7 @@ def related(table: Table, truths: Mapping[str, float]) -> list[Relation]:
     wrong, conditions = np.bincount(group, table.left), list(_conditions(table))
     for rank, says, predicted in _predictions(table, truths) if table.left.any() else ():
         known = np.isfinite(predicted)
-        fits = fitted(table.answer, table.truth, table.allowed, table.left, predicted) & known
+        fits = table.fitted(predicted) & known
         mine, against = fits & table.left, known & ~fits
         away = np.maximum(np.abs(table.answer - predicted), _SURE * table.allowed)
         digits = np.where(mine, np.log10(np.abs(table.answer - table.truth) / away), 0.0)

@@ -11,7 +11,7 @@ place.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
 from functools import cache
 from typing import Any, NamedTuple
@@ -24,7 +24,6 @@ __all__ = [
     "Term",
     "Values",
     "parsed",
-    "replaced",
     "shown",
     "written",
 ]
@@ -118,15 +117,6 @@ def shown(terms: Terms) -> str:
     return re.sub(r"given\((\w+)\)", r"\1", text) or "0"
 
 
-def replaced(definitions: Definitions, pieces: Iterable[Piece]) -> dict[str, Terms]:
-    """The definitions with some terms replaced, each by one other."""
-    changed = dict(definitions)
-    for name, index, terms in pieces:
-        old = changed.get(name) or parsed(name[1:-1] if name.startswith("(") else name)
-        changed[name] = terms if index is None else (*old[:index], *terms, *old[index + 1 :])
-    return changed
-
-
 FUNCTIONS: dict[str, Callable[[Any], Any]] = {
     "given": lambda x: x,
     "sin": np.sin,
@@ -213,13 +203,19 @@ class Values:
         return value, names | {name}
 
     def changed(self, pieces: Sequence[Piece]) -> Values:
-        """The values after a change of definitions; what does not depend on them is kept."""
-        names = frozenset(piece[0] for piece in pieces)
+        """Return the values after a change of definitions; what does not depend on them is
+        kept.
+        """
+        names, definitions = frozenset(piece[0] for piece in pieces), dict(self.definitions)
+        for name, index, terms in pieces:
+            old = definitions.get(name) or self.terms(name)
+            if index is not None:
+                terms = (*old[:index], *terms, *old[index + 1 :])
+            definitions[name] = terms
         if names not in self.kept:
-            self.kept[names] = {
-                name: item for name, item in self.known.items() if not item[1] & names
-            }
-        return Values(replaced(self.definitions, pieces), self.given, self.kept[names])
+            known = self.known.items()
+            self.kept[names] = {name: item for name, item in known if not item[1] & names}
+        return Values(definitions, self.given, self.kept[names])
 
 
 def written(lines: str) -> dict[str, Terms]:
