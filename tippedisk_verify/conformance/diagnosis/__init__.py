@@ -27,7 +27,7 @@ from tippedisk_verify.conformance.diagnosis.levels import (
     problems,
 )
 from tippedisk_verify.conformance.diagnosis.methods import method
-from tippedisk_verify.conformance.diagnosis.regression import Problem, Search, made
+from tippedisk_verify.conformance.diagnosis.regression import Problem, Search, likelihood, made
 from tippedisk_verify.conformance.diagnosis.relations import Relation, related, where
 from tippedisk_verify.conformance.diagnosis.terms import Values
 from tippedisk_verify.conformance.grading import LEVEL_NAMES, Grade
@@ -293,29 +293,38 @@ class _Sheet:
         law, derivative = table.friction, problem.name.startswith("dv")
         posed = [] if derivative else [pair for pair in posed if pair[0].friction in ("both", law)]
         own, *others = self.candidates(law)
-        right = frozenset[str]()  # behind answers that are right, or explained already
-        for _, one in posed:
-            program = self.program(law, own, one.given)
-            if one.fits(program):
-                right |= program.behind(one.definition)
         readings = [(own, self.changes), *self.alternatives(law, problem, posed)]
         readings += [(some, self.changes) for some in others if some or table.level > 1]
-        programs = [self.program(law, some, problem.given) for some, _ in readings]
-        known = ((index, ()) for index, program in enumerate(programs) if problem.fits(program))
-        result: tuple[int, Sequence[Change]] | None = next(known, None)
+        programs = [
+            (self.program(law, some, problem.given), self.behind_right_answers(law, some, posed))
+            for some, _ in readings
+        ]
         efforts = 4 if table.level == 1 and not derivative else 2
-        result = result or self.search(problem, programs, efforts, right)
-        if result is None:
+        fitting = [n for n, (program, _) in enumerate(programs) if problem.fits(program)]
+        sets = [(n, ()) for n in fitting[:1]] or self.search(problem, programs, efforts)
+        if not sets:
             return False
-        some, self.changes = readings[result[0]]
-        if derivative and result[1]:
-            says = " and ".join(change.says for change in result[1])
+        index, new = min(sets, key=lambda one: likelihood((*readings[one[0]][0], *one[1])))
+        some, self.changes = readings[index]
+        if derivative and new:
+            says = " and ".join(change.says for change in new)
             says = f"{problem.name} is the derivative of other equations: {says}"
             self.causes.append(("equations", says))
             return True
-        for change in (*some, *result[1]):
+        for change in (*some, *new):
             self.changes[change] = self.changes.get(change, frozenset()) | {law}
         return True
+
+    def behind_right_answers(
+        self, law: str, some: Sequence[Change], posed: Posed
+    ) -> frozenset[str]:
+        """Return the definitions behind answers that a program gives."""
+        names = frozenset[str]()
+        for _, problem in posed:
+            program = self.program(law, some, problem.given)
+            if problem.fits(program):
+                names |= program.behind(problem.definition)
+        return names
 
     @np.errstate(all="ignore")
     def alternatives(self, law: str, problem: Problem, posed: Posed) -> list[Reading]:

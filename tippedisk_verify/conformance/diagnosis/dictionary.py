@@ -517,7 +517,8 @@ def _other_factors(term: Term, local: Mapping[str, Iterable[str]]) -> Iterator[R
     for name, power in term.factors:
         one = 1 if power > 0 else -1  # power that is nearest to none
         for other in dict.fromkeys((*IN_PLACE.get(name, ()), *local.get(name, ()))):
-            yield _in_place(term, term.put(name, other, power), 0)
+            rank = int(name in _SHARED and other.startswith("("))  # likelier in its definition
+            yield _in_place(term, term.put(name, other, power), rank)
             if abs(power) > 1:
                 yield _in_place(term, term.put(name, other, one), 1)
         lost = f"the factor {name} is missing in {shown((term,))}"

@@ -66,7 +66,7 @@ def matrix(values: Values, **place: Any) -> Array:
     """
     place = {"beta": "1/2 pi", "gamma": "1/2 side pi", "v": "0", **place}
     numbers = {x: values[f"({at})"] if isinstance(at, str) else at for x, at in place.items()}
-    at = Values(values.definitions, {**values.given, **numbers})
+    at = values.at(**numbers)
     return _assembled(at["d(gamma_rate)/d(beta)"], [at[name] for name in _DERIVATIVES], values)
 
 
@@ -95,7 +95,7 @@ def _spectrum(matrices: Array, solve: Callable[[Array], Array] = np.linalg.eigva
 def hopf(values: Values) -> Results:
     """Level 3, from the Taylor coefficients of the equations."""
     speed = np.sqrt(values["omega_crit_squared"] + 0 * values["r"])
-    at = Values(values.definitions, {**values.given, **normal_form(values, speed)})
+    at = values.at(**normal_form(values, speed))
     return {name: at["hopf_period" if name == "period" else name] for name in _HOPF}
 
 
@@ -140,7 +140,7 @@ def _cubic(values: Values, speed: Array, q: Array) -> Array:
             ("beta", "gamma", "v"), (np.pi / 2, np.pi / 2, 0.0), q, strict=True
         )
     }
-    at = Values(values.definitions, {**values.given, **state, "Omega": speed})
+    at = values.at(**state, Omega=speed)
     return np.array(
         [np.mean(at[name] / turn**3, axis=0) * 6 / radius**3 for name in ("gamma_rate", "v_rate")]
     )
@@ -149,11 +149,7 @@ def _cubic(values: Values, speed: Array, q: Array) -> Array:
 def harmonic(values: Values) -> Results:
     """Level 4: the one-harmonic law."""
     square = values["amplitude_squared"]
-    frequency = np.sqrt(
-        Values(values.definitions, {**values.given, "answered_squared": square})[
-            "frequency_squared"
-        ]
-    )
+    frequency = np.sqrt(values.at(answered_squared=square)["frequency_squared"])
     return {"amplitude": np.sqrt(square), "frequency": frequency, "period": 2 * np.pi / frequency}
 
 
@@ -210,7 +206,7 @@ def orders(values: Values, last: int) -> tuple[list[Array], Callable[[int], dict
 
     base["recursion_parts"]  # kept for all orders
     for n in range(1, last + 1):
-        h += [Values(base.definitions, {**base.given, **sums(n)}, base.known)["h_next"]]
+        h += [Values(base.definitions, {**base.given, **sums(n)}, dict(base.known))["h_next"]]
     return h, sums
 
 
@@ -218,11 +214,9 @@ def manifold(values: Values) -> Results:
     """Level 5: the orders of the slow manifold, and what they leave of the invariance equation."""
     h, _ = orders(values, _ORDERS[-1])
     found = {f"h_{n}": _centre(one) for n, one in enumerate(h)}
-    sums = [
-        Values(values.definitions, {**values.given, **_partial(values, h[: n + 1])})
-        for n in _ORDERS
-    ]
-    return found | {f"residual_{n}": one["residual"] for n, one in enumerate(sums)}
+    for n in _ORDERS:
+        found[f"residual_{n}"] = values.at(**_partial(values, h[: n + 1]))["residual"]
+    return found
 
 
 def _centre(x: Any) -> Any:
@@ -377,7 +371,7 @@ def _entries(z: Array, omega: Array) -> tuple[Array, Array, Array]:
 def _of_hopf(table: Table, base: Values) -> Iterator[Problem]:
     """Level 3, at the answered speed."""
     speed = _or_else(table.column("omega_crit").answer, np.sqrt(base["omega_crit_squared"]))
-    at = Values(base.definitions, {**base.given, **normal_form(base, speed)})
+    at = base.at(**normal_form(base, speed))
     for name in _HOPF:
         definition = "hopf_period" if name == "period" else name
         yield _problem(name, at, table.column(name), definition)

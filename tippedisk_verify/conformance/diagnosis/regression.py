@@ -22,12 +22,13 @@ from tippedisk_verify.conformance.diagnosis.entries import Answered, Array
 from tippedisk_verify.conformance.diagnosis.terms import Term, Values, parsed, shown
 from tippedisk_verify.model.parameters import SYMBOLS
 
-__all__ = ["Problem", "Search", "made"]
+__all__ = ["Problem", "Search", "likelihood", "made"]
 
 _SAMPLES = 40  # rows on which changes are tried; all others confirm
 _SAME = 1e-9  # relative difference of sums that are equal but for rounding
 _NOTHING = 1e-2  # of the allowed error; smaller changes do not count
 _DIRECTION = 0.15  # squared cosine to the residual that a change needs to be made first
+_CHEAP = 2  # effort up to which all programs are tried
 _FIRSTS = 24  # changes that are made first, where changes multiply
 # Digits that answers must tell to bear out changes: in all, and for each change
 _ASSUMED = (2.0, 3.0)
@@ -67,6 +68,11 @@ class Problem(Answered):
         return float(np.clip(np.nan_to_num(digits[first]), 0, 8).sum())
 
 
+def likelihood(some: Iterable[Change]) -> list[int]:
+    """Return the sort key of sets of changes, the likeliest first."""
+    return [sum(parts) for parts in zip(*(change.order for change in some), strict=True)]
+
+
 def made(values: Values, some: Iterable[Change]) -> Values:
     """The values after several changes, one after the other."""
     for change in some:
@@ -84,29 +90,34 @@ class Search:
 
     @np.errstate(all="ignore")
     def __call__(
-        self, problem: Problem, programs: Sequence[Values], efforts: int, right: frozenset[str]
-    ) -> tuple[int, Set] | None:
-        """Return the index of the program that needs the fewest changes to give all answers, and
-        these changes; None if no changes do.
+        self, problem: Problem, programs: Sequence[tuple[Values, frozenset[str]]], efforts: int
+    ) -> list[tuple[int, Set]]:
+        """Return the fewest changes that give all answers: the index of a program, and the changes
+        that it needs; more than one where one or two changes of other programs do as well.
 
         Args:
             problem: The answers to one quantity.
-            programs: Definitions that may be changed, with the problem's inputs, the likeliest
-                first.
+            programs: Definitions that may be changed, with the problem's inputs, and the names of
+                those that right answers come from and that stay; the likeliest first.
             efforts: 1 looks for single changes, 2 for two, 3 for three, 4 for changes that
                 multiply; the lower ones come first.
-            right: Definitions that right answers to other quantities come from.
         """
         evidence, rows = problem.evidence(), problem.sample()
         effects: list[_Effects] = []
-        for effort, (index, program) in product(range(1, efforts + 1), enumerate(programs)):
+        found: list[tuple[int, Set]] = []
+        for effort, (index, (program, right)) in product(
+            range(1, efforts + 1), enumerate(programs)
+        ):
+            if found and (index == 0 or effort > _CHEAP):
+                break
             if index == len(effects) and self.left > 0 and evidence > sum(_ASSUMED):
                 effects.append(self.effects(problem, program, rows, right))
             for assumed, some in self.proposed(effects[index], effort) if effects[index:] else ():
                 told = evidence > _ASSUMED[0] + _ASSUMED[1] * assumed and len(rows) >= assumed
                 if told and problem.fits(made(program, some)):
-                    return index, some
-        return None
+                    found.append((index, some))
+                    break
+        return found
 
     def effects(
         self, problem: Problem, program: Values, rows: Array, right: frozenset[str]
@@ -142,14 +153,11 @@ def _merged(first: Change, rest: Set, base: Values) -> Set:
     for change in rest:
         name, index, new = change.pieces[0]
         if index is not None and (name, index) in first.places:
-            change = Change(
-                change.pieces,
-                f"in {name}: {shown(new)} for {shown((base.terms(name)[index],))}",
-                change.rank,
-            )
+            says = f"in {name}: {shown(new)} for {shown((base.terms(name)[index],))}"
+            change = Change(change.pieces, says, change.rank)
         merged.append(change)
-    hidden = all(any(place in change.places for change in rest) for place in first.places)
-    return tuple(merged) if hidden else (first, *merged)
+    over = {place for change in rest for place in change.places}
+    return tuple(merged) if over >= set(first.places) else (first, *merged)
 
 
 class _Effects:
@@ -162,8 +170,8 @@ class _Effects:
         self.identity = parsed(problem.identity)
         given = {name: x[rows] if np.ndim(x) else x for name, x in program.given.items()}
         answer, allowed = problem.answer[rows], problem.allowed[rows]
-        self.values = Values(program.definitions, {**given, "answer": answer})
-        moved = Values(program.definitions, {**given, "answer": answer + allowed})
+        self.values = program.at(**given, answer=answer)
+        moved = program.at(**given, answer=answer + allowed)
         residual = self.total(self.values)
         self.unit = np.abs(self.total(moved) - residual)
         self.residual = residual / self.unit
@@ -215,10 +223,7 @@ class _Effects:
                 members = tuple(likely[n] for n in sorted({*groups[group].tolist(), last}))
                 if len(members) == size and self.cancel(members):
                     sets[members] = tuple(self.changes[n] for n in members)
-        yield from sorted(
-            sets.values(),
-            key=lambda one: [sum(parts) for parts in zip(*(x.order for x in one), strict=True)],
-        )
+        yield from sorted(sets.values(), key=likelihood)
 
     def cancel(self, members: tuple[int, ...]) -> bool:
         """Return True if changes of different terms leave only rounding of the residual."""
@@ -229,22 +234,22 @@ class _Effects:
         return len(set(places)) == len(places) and bool((left <= room).all())
 
     def solved(self) -> Iterator[Change]:
-        """One parameter with another value, the same for all, that is solved for by the
+        """Yield one parameter with another value, the same for all, that is solved for by the
         secant method.
         """
         row = int(np.argmax(np.abs(self.residual)))
         for name in (one for one in SYMBOLS if one in self.names):
             old = float(np.ravel(self.values.given[name])[0])
-            x, last, off = 1.001 * old, old, self.residual[row] * self.unit[row]
+            last, off, x = old, self.residual[row] * self.unit[row], 1.001 * old
             for _ in range(15):
-                now = self.total(self.values.changed([(name, None, (Term(float(x), ()),))]))[row]
+                now = self.total(self.values.changed([(name, None, (Term(x, ()),))]))[row]
                 if now == off or not np.isfinite(now):
                     break
-                x, last, off = x - now * (x - last) / (now - off), x, now
+                last, off, x = x, now, float(x - now * (x - last) / (now - off))
             value = float(f"{x:.{_TYPED}g}")
             if np.isfinite(value) and value != old:
-                says = f"the inputs: {name} = {value:g}"
-                yield Change(((name, None, (Term(value, ()),)),), says, 3)
+                piece = (name, None, (Term(value, ()),))
+                yield Change((piece,), f"the inputs: {name} = {value:g}", 3)
 
     def firsts(self) -> list[Change]:
         """The changes whose effects point along the residual, those first that leave least of

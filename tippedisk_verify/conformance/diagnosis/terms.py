@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import cache
 from typing import Any, NamedTuple
@@ -94,11 +95,10 @@ _WORD = re.compile(rf"(?:[^\s()]|\({_NESTED}\))+")
 @cache
 def parsed(text: str) -> Terms:
     """The terms of a sum that is written out."""
-    terms, power, term = [], 1, Term(1.0, ())
-    words = _WORD.findall(re.sub(r"^-(?=\S)", "- ", text.strip()))
-    for word in words:
+    terms, power, term = list[Term](), 1, Term(1.0, ())
+    for word in _WORD.findall(re.sub(r"^-(?=\S)", "- ", text.strip())):
         if word in "+-":
-            terms += [term] if word is not words[0] else []
+            terms.append(term)
             term = Term(-1.0 if word == "-" else 1.0, ())
         elif word == "/":
             power = -1
@@ -107,7 +107,8 @@ def parsed(text: str) -> Terms:
         else:
             name, *exponent = re.split(r"\^(?=\d+$)", word)
             term, power = term.times(1.0, name, power * int(*exponent or [1])), 1
-    return (*terms, term)
+    terms.append(term)
+    return tuple(terms[1:] if re.match(r"[+-]", text.strip()) else terms)
 
 
 @cache
@@ -140,21 +141,18 @@ _DERIVATIVE = re.compile(r"d\((.*)\)/d\((\w+)\)")
 _IMAGINARY_STEP = 1e-30
 
 
+@dataclass(eq=False)
 class Values:
     """The values of definitions for given inputs, each computed once, on demand."""
 
-    def __init__(
-        self,
-        definitions: Definitions,
-        given: Mapping[str, Any],
-        known: Mapping[str, Any] | None = None,
-    ):
-        self.definitions = definitions
-        self.given = given
-        #: With the names that go into it
-        self.known: dict[str, tuple[Any, frozenset[str]]] = dict(known or {})
-        #: What is known, by the definitions that it does without
-        self.kept: dict[frozenset[str], dict[str, Any]] = {}
+    definitions: Definitions
+    given: Mapping[str, Any]
+    #: With the names that go into it
+    known: dict[str, tuple[Any, frozenset[str]]] = field(default_factory=dict)
+
+    def at(self, **inputs: Any) -> Values:
+        """Return the values with other inputs, or with more of them."""
+        return Values(self.definitions, {**self.given, **inputs})
 
     def __getitem__(self, name: str) -> Any:
         if name not in self.known:
@@ -189,10 +187,7 @@ class Values:
         elif name.startswith("given("):
             return self.given[name[6:-1]], frozenset([name])
         elif slope := _DERIVATIVE.fullmatch(name):
-            at = Values(
-                self.definitions,
-                {**self.given, slope[2]: self.given[slope[2]] + _IMAGINARY_STEP * 1j},
-            )
+            at = self.at(**{slope[2]: self.given[slope[2]] + _IMAGINARY_STEP * 1j})
             return np.imag(at[slope[1]]) / _IMAGINARY_STEP, at.behind(slope[1]) | {name}
         elif name in self.given:
             return self.given[name], frozenset([name])
@@ -212,10 +207,8 @@ class Values:
             if index is not None:
                 terms = (*old[:index], *terms, *old[index + 1 :])
             definitions[name] = terms
-        if names not in self.kept:
-            known = self.known.items()
-            self.kept[names] = {name: item for name, item in known if not item[1] & names}
-        return Values(definitions, self.given, self.kept[names])
+        kept = {name: item for name, item in self.known.items() if not item[1] & names}
+        return Values(definitions, self.given, kept)
 
 
 def written(lines: str) -> dict[str, Terms]:
