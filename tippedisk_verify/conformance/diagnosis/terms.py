@@ -149,6 +149,8 @@ class Values:
     given: Mapping[str, Any]
     #: With the names that go into it
     known: dict[str, tuple[Any, frozenset[str]]] = field(default_factory=dict)
+    #: What is known, by the definitions that it does without
+    kept: dict[frozenset[str], dict[str, Any]] = field(default_factory=dict)
 
     def at(self, **inputs: Any) -> Values:
         """Return the values with other inputs, or with more of them."""
@@ -207,8 +209,10 @@ class Values:
             if index is not None:
                 terms = (*old[:index], *terms, *old[index + 1 :])
             definitions[name] = terms
-        kept = {name: item for name, item in self.known.items() if not item[1] & names}
-        return Values(definitions, self.given, kept)
+        if names not in self.kept:
+            known = self.known.items()
+            self.kept[names] = {name: item for name, item in known if not item[1] & names}
+        return Values(definitions, self.given, dict(self.kept[names]))
 
 
 def written(lines: str) -> dict[str, Terms]:
