@@ -75,8 +75,8 @@ KINDS: dict[str, Kind] = {
     "inertia-powers": Kind(
         "A * cg**2 + Bbar * sg**2",
         "A * cg + Bbar * sg",
-        r"inertia.*A "
-        r"cos\(gamma\)[^^]",
+        r"inertia.*(A cos|Bbar sin)"
+        r"\(gamma\)[^^]",
     ),
     "M-sine": Kind("m * rho**2 * cb**2", "m * rho**2 * sb**2", r"M.*m rho\^2 sin\(beta\)\^2"),
     "M-power": Kind("m * rho**2 * cb**2", "m * rho**2 * cb", r"M.*m rho\^2 cos\(beta\) for"),

@@ -13,17 +13,22 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import product
 from typing import Any
 
 import numpy as np
 
 from tippedisk_verify.conformance.diagnosis.dictionary import LINEAR, SMOOTH, Change
-from tippedisk_verify.conformance.diagnosis.entries import Array, Table, fitted, tables_of
-from tippedisk_verify.conformance.diagnosis.levels import PREDICTED, base_of, problems
+from tippedisk_verify.conformance.diagnosis.entries import Array, Table, tables_of
+from tippedisk_verify.conformance.diagnosis.levels import (
+    PREDICTED,
+    VARIANTS,
+    Results,
+    base_of,
+    problems,
+)
 from tippedisk_verify.conformance.diagnosis.methods import method
-from tippedisk_verify.conformance.diagnosis.regression import Problem, Search, made
-from tippedisk_verify.conformance.diagnosis.relations import related, where
+from tippedisk_verify.conformance.diagnosis.regression import Problem, Search, likelihood, made
+from tippedisk_verify.conformance.diagnosis.relations import Relation, related, where
 from tippedisk_verify.conformance.diagnosis.terms import Values
 from tippedisk_verify.conformance.grading import LEVEL_NAMES, Grade
 from tippedisk_verify.reference_values.store import Store
@@ -37,11 +42,16 @@ _EXACT = 1e-15  # of the size: nothing is lost
 # Times: how much larger the errors of a mended program may be than those of the right one
 _SAFETY = 10.0
 _ALIKE = 12  # changes with the same effect on a quantity that are tried on the others
+_SAME = 1e-9  # relative difference of values that are equal but for rounding
 _MANY = 3  # quantities that may be called all answers
 _FORMULAS = 5  # the last level without an integrator
 _LAWS = ("both", "linear", "smooth")
+_TOGETHER = ("equilibrium", "slow-manifold")  #: kinds whose answers are all explained, or none
 Posed = Sequence[tuple[Table, Problem]]
-Made = Mapping[Change, set[str]]  #: changes of the equations, by the friction laws that have them
+#: Changes of the equations, by the friction laws that have them
+Made = dict[Change, frozenset[str]]
+#: The changes of one law, and all changes that they are taken from
+Reading = tuple[list[Change], Made]
 
 
 @dataclass(frozen=True)
@@ -130,7 +140,7 @@ class _Sheet:
         levels = {table.level for table in tables}
         self.truths = {one.id: one.for_doubles for one in store.values() if one.level in levels}
         self.advance, self.search = advance, Search(_BUDGET)
-        self.changes: dict[Change, set[str]] = {}
+        self.changes: Made = {}
         self.causes: list[tuple[str, str]] = []  #: of this level
 
     def level(self, level: int, grades: Sequence[Grade]) -> Diagnosis:
@@ -180,28 +190,34 @@ class _Sheet:
 
     # ---- programs with changes
     def candidates(self, law: str) -> list[list[Change]]:
-        """The changes that answers may come with: those of their law, all, none."""
-        own = [change for change, laws in self.changes.items() if laws & {law, "both"}]
-        some = [own, list(self.changes), []]
+        """Return the changes that answers may come with: those of their law, all, none."""
+        some = [_of_law(self.changes, law), list(self.changes), []]
         return [one for n, one in enumerate(some) if one not in some[:n]]
 
-    def program(self, law: str, some: Iterable[Change]) -> Mapping[str, Any]:
-        """The definitions under a law with some changes."""
-        return made(Values(SMOOTH if law == "smooth" else LINEAR, {}), some).definitions
+    def program(
+        self, law: str, some: Iterable[Change], inputs: Mapping[str, Any] | None = None
+    ) -> Values:
+        """Return the equations under a law with some changes."""
+        return made(Values(SMOOTH if law == "smooth" else LINEAR, inputs or {}), some)
 
-    def add(self, some: Iterable[Change], table: Table) -> None:
-        """Make changes certain for the law of a table."""
-        for change in some:
-            self.changes.setdefault(change, set()).add(table.friction)
+    @np.errstate(all="ignore")
+    def predicted(
+        self,
+        table: Table,
+        some: Iterable[Change],
+        function: Callable[[Values], Results] | None = None,
+    ) -> Array:
+        """Return the answers of a program with some changes; NaN where it gives none.
 
-    def predicted(self, table: Table, some: Iterable[Change], says: str = "") -> Array:
-        """The answers of a program with some changes; NaN where it gives none."""
-        with np.errstate(all="ignore"):
-            return table.picked(
-                PREDICTED[table.kind][says](base_of(self.program(table.friction, some), table))
-            )
+        Args:
+            table: The answers.
+            some: The changes.
+            function: What is computed; by default what is asked.
+        """
+        values = base_of(self.program(table.friction, some).definitions, table)
+        return table.picked((function or PREDICTED[table.kind][0])(values))
 
-    def take_out(self, table: Table, some: Iterable[Change]) -> None:
+    def take_out(self, table: Table, some: Sequence[Change]) -> None:
         """Take out the quantities that a program with some changes gives."""
         if not table.left.any() or table.kind not in PREDICTED:
             return
@@ -209,24 +225,20 @@ class _Sheet:
         # Many derivatives, which lose digits in the right program as well
         if table.kind == "slow-manifold":
             size = np.nan_to_num(np.abs(self.predicted(table, ()) - table.truth) / table.scale)
-            room = room + _SAFETY * table.scale * np.array(
-                [size[table.names == name].max() for name in table.names]
-            )
-        for says in ("", " ") if " " in PREDICTED[table.kind] else ("",):
-            fits = fitted(
-                table.answer, table.truth, room, table.left, self.predicted(table, some, says)
-            )
+            worst = [size[table.names == name].max() for name in table.names]
+            room = room + _SAFETY * table.scale * np.array(worst)
+        for function in PREDICTED[table.kind]:
+            predicted = self.predicted(table, some, function)
+            fits = table.fitted(predicted, room)
             for stem in np.unique(table.stems[table.left]):
                 mine = table.left & (table.stems == stem)
                 table.left[mine] = not fits[mine].all()
 
     def variants(self, table: Table) -> None:
-        """Take out all answers of a table if another program of its level gives them, and say
-        which.
-        """
-        for says in filter(str.strip, PREDICTED.get(table.kind, {}) if table.left.any() else ()):
-            predicted = self.predicted(table, self.candidates(table.friction)[0], says)
-            if fitted(table.answer, table.truth, table.allowed, table.left, predicted).all():
+        """Take out all answers of a table if other functions give them, and say which."""
+        for says, function in VARIANTS.get(table.kind, {}).items():
+            predicted = self.predicted(table, self.candidates(table.friction)[0], function)
+            if table.left.any() and table.fitted(predicted).all():
                 self.causes.append(("inputs", says))
                 table.left[:] = False
 
@@ -238,7 +250,6 @@ class _Sheet:
         posed = [(table, problem) for table in tables for problem in problems(table, LINEAR)]
         values = [(table, problem) for table, problem in posed if not problem.name.startswith("dv")]
         self.searched(values, values)
-        self.pruned(values)
         for table in tables:
             self.take_out(table, self.candidates(table.friction)[0])
         self.lost(tables)
@@ -252,12 +263,8 @@ class _Sheet:
         if not table.left.any():
             return
         known, before = dict(self.changes), table.left.copy()
-        posed = [
-            (table, problem)
-            for problem in problems(
-                table, self.program(table.friction, self.candidates(table.friction)[0])
-            )
-        ]
+        program = self.program(table.friction, self.candidates(table.friction)[0])
+        posed = [(table, problem) for problem in problems(table, program.definitions)]
         self.searched(posed, posed)
         for some in self.candidates(table.friction) if posed else ():
             self.take_out(table, some)
@@ -275,119 +282,96 @@ class _Sheet:
         """Look for changes behind each of some quantities; ``posed`` are all that are answered."""
         for table, problem in some:
             mine = table.left & (table.names == problem.name)
-            if mine.any() or (problem.name not in table.names and problem.wrong.any()):
+            if mine.any() or (problem.name not in table.names and problem.left.any()):
                 self.advance(f"level {table.level}, {problem.name}", 1)
-                found = self.explained(table, problem, posed)
-                self.add(found or (), table)
-                table.left[mine] = found is None
+                table.left[mine] = not self.explained(table, problem, posed)
 
-    def explained(self, table: Table, problem: Problem, posed: Posed) -> list[Change] | None:
-        """Return the changes that give the answers to a quantity, or None; those that are
-        known already come first.
+    def explained(self, table: Table, problem: Problem, posed: Posed) -> bool:
+        """Return True if changes give the answers to a quantity, and keep these. The changes that
+        are known already come first.
         """
-        bases = [
-            (some, Values(self.program(table.friction, some), problem.given))
-            for some in self.candidates(table.friction)
+        law, derivative = table.friction, problem.name.startswith("dv")
+        posed = [] if derivative else [pair for pair in posed if pair[0].friction in ("both", law)]
+        own, *others = self.candidates(law)
+        readings = [(own, self.changes), *self.alternatives(law, problem, posed)]
+        readings += [(some, self.changes) for some in others if some or table.level > 1]
+        programs = [
+            (self.program(law, some, problem.given), self.behind_right_answers(law, some, posed))
+            for some, _ in readings
         ]
-        for some, base in bases:
-            if problem.fits(base):
-                return some
-        own = [one for other, one in posed if other.friction in ("both", table.friction)]
-        derivative = problem.name.startswith("dv")
-        right = frozenset[str]()
-        for one in own if not derivative else ():
-            right |= (
-                frozenset()
-                if one.wrong.any()
-                else Values(bases[0][1].definitions, one.given).behind(one.definition)
-            )
-        for deep, (some, base) in product(
-            (False, True) if table.level == 1 and not derivative else (False,),
-            bases[: 1 if derivative else 3],
-        ):
-            found = self.search(problem, base, deep, right)
-            if found and derivative:
-                other = " and ".join(change.says for change in found)
-                self.causes.append(
-                    ("equations", f"{problem.name} is the derivative of other equations: {other}")
-                )
-            elif found:
-                some = [
-                    *some,
-                    *(self.best(change, [*some, *found], table, own) for change in found),
-                ]
-            if found:
-                return some
-        return None
+        efforts = 4 if table.level == 1 and not derivative else 2
+        fitting = [n for n, (program, _) in enumerate(programs) if problem.fits(program)]
+        sets = [(n, ()) for n in fitting[:1]] or self.search(problem, programs, efforts)
+        if not sets:
+            return False
+        index, new = min(sets, key=lambda one: likelihood((*readings[one[0]][0], *one[1])))
+        some, self.changes = readings[index]
+        if derivative and new:
+            says = " and ".join(change.says for change in new)
+            says = f"{problem.name} is the derivative of other equations: {says}"
+            self.causes.append(("equations", says))
+            return True
+        for change in (*some, *new):
+            self.changes[change] = self.changes.get(change, frozenset()) | {law}
+        return True
 
-    def best(
-        self, change: Change, some: Sequence[Change], table: Table, own: Sequence[Problem]
-    ) -> Change:
-        """Return, of a change and those with the same effect on one quantity, the one that explains
-        most of the others.
+    def behind_right_answers(
+        self, law: str, some: Sequence[Change], posed: Posed
+    ) -> frozenset[str]:
+        """Return the definitions behind answers that a program gives."""
+        names = frozenset[str]()
+        for _, problem in posed:
+            program = self.program(law, some, problem.given)
+            if problem.fits(program):
+                names |= program.behind(problem.definition)
+        return names
+
+    @np.errstate(all="ignore")
+    def alternatives(self, law: str, problem: Problem, posed: Posed) -> list[Reading]:
+        """Return other readings of the changes that are known: in each, one of them is replaced by
+        a change that explains the same answers and has another effect on a quantity.
         """
+        own = self.candidates(law)[0]
+        explained = [pair for pair in posed if self.fits(self.changes, *pair)]
+        effects = [self.program(law, own, problem.given)[problem.definition]]
+        found = []
+        for change in own if posed else ():
+            for other in change.others[:_ALIKE]:
+                rest = tuple(one for one in (change, *change.others) if one != other)
+                new = {change: replace(other, others=rest)}
+                changes = {new.get(one, one): laws for one, laws in self.changes.items()}
+                some = _of_law(changes, law)
+                effect = self.program(law, some, problem.given)[problem.definition]
+                known = any(np.allclose(effect, one, rtol=_SAME, atol=0) for one in effects)
+                if not known and all(self.fits(changes, *pair) for pair in explained):
+                    effects.append(effect)
+                    found.append((some, changes))
+        return found
 
-        def score(one: Change) -> int:
-            program = self.program(
-                table.friction, [one if other is change else other for other in some]
-            )
-            return sum(problem.fits(Values(program, problem.given)) for problem in own)
-
-        return (
-            max((change, *change.others[:_ALIKE]), key=score)
-            if change.others and len(own) > 1
-            else change
-        )
-
-    def pruned(self, posed: Posed) -> None:
-        """Drop changes without which the others, or one of the same effect for another, give
-        the same answers.
-        """
-        fitting = [pair for pair in posed if self.fits(self.changes, *pair)]
-        for change in list(self.changes):
-            for one in (change, *change.others[:_ALIKE]) if change in self.changes else ():
-                some = {
-                    one if other is change else other: laws for other, laws in self.changes.items()
-                }
-                for dropped in (
-                    (change,) if one is change else [other for other in some if other is not one]
-                ):
-                    rest = {other: laws for other, laws in some.items() if other is not dropped}
-                    if change in self.changes and all(self.fits(rest, *pair) for pair in fitting):
-                        self.changes = rest
-
-    def fits(self, some: Made, table: Table, problem: Problem) -> bool:
+    def fits(self, changes: Made, table: Table, problem: Problem) -> bool:
         """Return True if the program with some changes gives the answers to a quantity."""
-        own = (change for change, laws in some.items() if laws & {table.friction, "both"})
-        return problem.fits(
-            made(Values(SMOOTH if table.friction == "smooth" else LINEAR, problem.given), own)
-        )
+        law = table.friction
+        return problem.fits(self.program(law, _of_law(changes, law), problem.given))
 
     # ---- digits and relations
     def lost(self, tables: Sequence[Table]) -> None:
         """Take out quantities that a program gives up to the digits that a method loses."""
-        lost: dict[tuple[int, bool], set[str]] = {}
+        lost: dict[tuple[int, str], list[str]] = {}
         for table in (table for table in tables if table.left.any()):
             expected = self.expected(table)
             size = np.abs(table.answer - expected) / np.maximum(np.abs(expected), table.scale)
+            law = f" ({table.friction} law)" if table.friction != "both" else ""
             for stem in np.unique(table.stems[table.left]):
                 mine = table.stems == stem
-                middle = float(np.median(size[mine]))
-                if (
-                    _EXACT < middle < _LOST[0]
-                    and size[mine].max() < _LOST[1]
-                    and table.left[mine].mean() > _LOST[2]
-                ):
-                    law = f" ({table.friction} law)" if table.friction != "both" else ""
-                    lost.setdefault((int(-np.log10(middle)), stem.startswith("dv")), set()).add(
-                        f"{stem}{law}"
-                    )
+                middle, share = float(np.median(size[mine])), table.left[mine].mean()
+                if _EXACT < middle < _LOST[0] and size[mine].max() < _LOST[1] and share > _LOST[2]:
+                    differences = stem.startswith("dv")
+                    why = "the digits that difference quotients leave" if differences else "too few"
+                    lost.setdefault((int(-np.log10(middle)), why), []).append(f"{stem}{law}")
                     table.left[mine] = False
-        for (digits, derivative), names in sorted(lost.items()):
-            way = "the digits that difference quotients leave" if derivative else "too few"
-            self.causes.append(
-                ("digits", f"some {digits} digits of {', '.join(sorted(names))} are right: {way}")
-            )
+        for (digits, why), names in sorted(lost.items()):
+            says = f"some {digits} digits of {', '.join(sorted(names))} are right: {why}"
+            self.causes.append(("digits", says))
 
     def expected(self, table: Table) -> Array:
         """The answers of the mended program, or the truth where it gives none."""
@@ -408,51 +392,43 @@ class _Sheet:
         """
         truths, some = dict(self.truths), [table for table in tables if table.left.any()]
         if mended:
-            some = [
-                replace(table, truth=self.expected(table))
-                for table in some
-                if table.kind in PREDICTED
-            ]
-            truths |= {
-                id_: x
-                for table in some
-                for id_, x in zip(table.ids, table.truth.tolist(), strict=True)
-            }
-        groups: dict[str, list[tuple[float, Table, str, Array]]] = {}
-        with np.errstate(all="ignore"):
+            known = (table for table in some if table.kind in PREDICTED)
+            some = [replace(table, truth=self.expected(table)) for table in known]
             for table in some:
-                for rank, says, stem, mine in related(table, truths):
-                    groups.setdefault(says, []).append((rank, table, stem, mine))
+                truths.update(zip(table.ids, table.truth.tolist(), strict=True))
+        groups: dict[str, list[Relation]] = {}
+        for table in some:
+            for relation in related(table, truths):
+                groups.setdefault(relation.says, []).append(relation)
         before, causes = [table.left.copy() for table in tables], list(self.causes)
         total = {(table.friction, stem) for table in tables for stem in np.unique(table.stems)}
-        for says, group in sorted(
-            groups.items(), key=lambda item: (-len(item[1]), min(rank for rank, *_ in item[1]))
+        for group in sorted(
+            groups.values(), key=lambda some: (-len(some), min(one.rank for one in some))
         ):
-            new = [(table, stem, mine) for _, table, stem, mine in group if table.left[mine].all()]
+            says = group[0].says
+            new = [one for one in group if one.table.left[one.answers].all()]
             if not new or (len(new) < 2 and re.search(r"order|\^n|n!", says)):
                 continue  # one order alone proves nothing
-            self.causes.append(
-                ("relation", _said(says, {(table.friction, stem) for table, stem, _ in new}, total))
-            )
-            for table, _, mine in new:
-                table.left[mine] = False
-        if any(
-            (whole or table.kind in ("equilibrium", "slow-manifold")) and table.left.any()
-            for table in tables
-        ):
+            names = {(one.table.friction, one.stem) for one in new}
+            self.causes.append(("relation", _said(says, names, total)))
+            for one in new:
+                one.table.left[one.answers] = False
+        together = (table for table in tables if whole or table.kind in _TOGETHER)
+        if any(table.left.any() for table in together):
             self.causes = causes
             for table, left in zip(tables, before, strict=True):
                 table.left[:] = left
 
     def text(self, change: Change, tables: Sequence[Table]) -> str:
         """A change in words, with its friction law where the other one does not have it."""
-        laws = self.changes[change]
-        every = {table.friction for table in tables} - {"both"}
-        return (
-            f"{change.says}, under the {min(laws)} law"
-            if len(laws) == 1 and laws < every
-            else change.says
-        )
+        (*_, law), every = self.changes[change], {table.friction for table in tables} - {"both"}
+        only = len(self.changes[change]) == 1 and {law} < every
+        return change.says + (f", under the {law} law" if only else "")
+
+
+def _of_law(changes: Made, law: str) -> list[Change]:
+    """Select the changes of a friction law, and those that do not depend on it."""
+    return [change for change, laws in changes.items() if laws & {law, "both"}]
 
 
 def _left(tables: Iterable[Table]) -> int:

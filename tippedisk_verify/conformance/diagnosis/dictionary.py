@@ -26,7 +26,7 @@ from tippedisk_verify.conformance.diagnosis.terms import (
     written,
 )
 
-__all__ = ["BY_HAND", "LINEAR", "SMOOTH", "Change", "changes", "inputs"]
+__all__ = ["LINEAR", "SMOOTH", "Change", "changes"]
 
 _EQUATIONS = """
 Bbar = B - m e^2
@@ -48,8 +48,11 @@ v_rate = force / M
 dv_rate_dbeta = d(force)/d(beta) / M - d(M)/d(beta) v_rate / M
 dv_rate_dgamma = d(force)/d(gamma) / M - d(M)/d(gamma) v_rate / M
 dv_rate_dv = d(force)/d(v) / M
+answered_dbeta = d(force)/d(beta) / M - d(M)/d(beta) answered_rate / M
+answered_dgamma = d(force)/d(gamma) / M - d(M)/d(gamma) answered_rate / M
+answered_dv = d(force)/d(v) / M - d(M)/d(v) answered_rate / M
 """
-_BY_HAND = """
+_FORMULAS = """
 A_31 = m g (r + side e) / Bbar - Omega^2
 A_32 = -mu m g side e (r + side e) Omega / epsilon / Bbar
 A_33 = -mu m g (r + side e)^2 / epsilon / Bbar
@@ -81,14 +84,8 @@ recursion_parts = M + h_1 + h_2 + h_3 + h_4 + h_5 + f_G + drag + gamma_rate
 transport = slope_beta v + slope_gamma gamma_rate
 residual = epsilon transport - epsilon h / M - epsilon f_G / M + drag v / M - drag h_0 / M
 """
-BY_HAND = written(_BY_HAND)
-_LAWS = {
-    False: "lambda_Ty = -mu m g gamma_y / epsilon",
-    True: "lambda_Ty = -mu m g gamma_y / (abs(gamma_y) + epsilon)",
-}
-
-
-LINEAR, SMOOTH = (written(_EQUATIONS + _LAWS[smooth]) | BY_HAND for smooth in (False, True))
+LINEAR = written(_EQUATIONS + "lambda_Ty = -mu m g gamma_y / epsilon" + _FORMULAS)
+SMOOTH = LINEAR | written("lambda_Ty = -mu m g gamma_y / (abs(gamma_y) + epsilon)")
 
 #: What is written for a factor of a term.
 IN_PLACE: dict[str, tuple[str, ...]] = {
@@ -358,36 +355,22 @@ INPUTS: dict[str, dict[str, str]] = {
     "Table 1's A": {"A": "0.000249"},
     "Table 1's B": {"B": "0.000227"},
 }
+_ANGLES = ("sin(beta)", "cos(beta)", "sin(gamma)", "cos(gamma)")
+#: Factors that may be too many in a term, with their power.
 _EXTRA = (
-    "Omega",
-    "v",
-    "m",
-    "e",
-    "r",
-    "g",
-    "rho",
-    "mu",
-    "epsilon",
-    "M",
-    "sin(beta)",
-    "cos(beta)",
-    "sin(gamma)",
-    "cos(gamma)",
+    *(
+        (name, 1)
+        for name in ("Omega", "v", "m", "e", "r", "g", "rho", "mu", "epsilon", "M", *_ANGLES)
+    ),
+    *((name, -1) for name in ("epsilon", "M", "Omega")),
 )
-_CONSTANTS = (
-    np.pi,
-    1 / np.pi,
-    2 * np.pi,
-    1 / (2 * np.pi),
-    np.pi / 180,
-    180 / np.pi,
-    0.75,
-    4 / 3,
-    6.0,
-    1 / 6,
-    8.0,
-    1 / 8,
-)
+#: Numbers that may be too many in a term, with their rank.
+_NUMBERS = {
+    **dict.fromkeys((0.5, 2.0), 1),
+    **dict.fromkeys((1.5, 2 / 3, 1 / 3, 3.0, 4.0, 0.25), 2),
+    **dict.fromkeys((0.75, 4 / 3, 6.0, 1 / 6, 8.0, 1 / 8), 3),
+    **dict.fromkeys((np.pi, 1 / np.pi, 2 * np.pi, 1 / (2 * np.pi), np.pi / 180, 180 / np.pi), 3),
+}
 _LATE = ("recursion", "residual")  #: sums of parts that are likelier to be wrong themselves
 #: What may be written before or behind the bracket of a whole sum.
 _WHOLE = {
@@ -425,166 +408,136 @@ class Change:
         )
 
     @property
-    def whole(self) -> bool:
-        """True if the change redefines a symbol, and is not a change of inputs."""
-        return self.pieces[0][1] is None and not self.says.startswith("the inputs")
-
-    @property
     def places(self) -> list[tuple[str, int | None]]:
         """The definitions that it changes, and which of their terms."""
         return [(name, index) for name, index, _ in self.pieces]
 
 
-def inputs() -> list[Change]:
-    """Other inputs than those that were asked for."""
-    return [
-        Change(
-            tuple((name, None, parsed(text)) for name, text in puts.items()),
-            says if "vector" in says else f"the inputs: {says}",
-            2 + ("ten" in says or "hundred" in says or "thousand" in says),
-        )
-        for says, puts in INPUTS.items()
-    ]
-
-
 def changes(values: Values, names: Iterable[str]) -> list[Change]:
-    """Return all single changes of some definitions, and of those that they use."""
+    """Return all single changes of some definitions, and of those that they use. No symbol is
+    redefined by its own value.
+    """
+    names, local = frozenset(names), _sums_in_place(values)
     found: dict[tuple[Piece, ...], Change] = {}
-    names = frozenset(names)
-
-    def keep(says: str, rank: int, *pieces: Piece) -> None:
-        """Keep a change that is new, and in which no symbol is defined by its own value."""
-        new = (
-            (name, factor)
-            for name, _, terms in pieces
-            for term in terms
-            for factor, _ in term.factors
-        )
-        if pieces not in found and not any(name in values.behind(factor) for name, factor in new):
-            found[pieces] = Change(pieces, says, rank)
-
-    local = {
-        name: [f"({text})" for text in texts]
-        for name, texts in REDEFINED.items()
-        if name in _SHARED
-    }
-    local["inertia"] = local["inertia"] + [
-        f"({shown((*terms[:n], new, *terms[n + 1 :]))})"
-        for terms in [values.terms("inertia")]
-        for n, term in enumerate(terms)
-        if term.number
-        for (new,), _, rank in _of_term(term, True, ())
-        if rank < 2
-    ]
-    shared = tuple((name, tuple(texts)) for name, texts in local.items())
-    for name in sorted(names):
-        terms = values.terms(name)
-        for text in REDEFINED.get(name, ()):
-            keep(f"{name} = {text}, not {shown(terms)}", 0, (name, None, parsed(text)))
-        for index, term in enumerate(terms):
-            for new, says, rank in (
-                _of_term(term, len(terms) > 1 or name in _SUMS, shared) if term.number else ()
-            ):
-                late = name in _LATE or (name[0] == "(" and "(" in shown(new))
-                keep(f"in {name}: {says}", rank + late, (name, index, new))
-                if rank == 0 and new[0].number:
-                    minus = (new[0].times(-1.0),)
-                    keep(f"in {name}: {shown(minus)} for {shown((term,))}", 2, (name, index, minus))
-        for text, whole in _WHOLE.items() if len(terms) > 1 and name[0] != "(" else ():
-            keep(
-                f"{name} has {text}",
-                1,
-                *((name, n, (term.by(whole),)) for n, term in enumerate(terms)),
-            )
-    for one in inputs():
-        if any(piece[0] in names for piece in one.pieces):
-            found.setdefault(one.pieces, one)
+    for change in (
+        *(change for name in sorted(names) for change in _of_definition(name, values, local)),
+        *(_of_inputs(says, puts) for says, puts in INPUTS.items() if names & puts.keys()),
+    ):
+        new = {x for *_, terms in change.pieces for term in terms for x, _ in term.factors}
+        changed = {name for name, *_ in change.pieces}
+        if not any(changed & values.behind(factor) for factor in new):
+            found.setdefault(change.pieces, change)
     return list(found.values())
+
+
+def _of_inputs(says: str, puts: Mapping[str, str]) -> Change:
+    pieces = tuple((name, None, parsed(text)) for name, text in puts.items())
+    unusual = any(word in says for word in ("ten", "hundred", "thousand"))
+    return Change(pieces, says if "vector" in says else f"the inputs: {says}", 2 + unusual)
+
+
+def _sums_in_place(values: Values) -> dict[str, tuple[str, ...]]:
+    """Return the sums that may be written in one place for a symbol that stands for a sum."""
+    found = {name: [f"({text})" for text in REDEFINED[name]] for name in _SHARED}
+    terms = values.terms("inertia")
+    for n, term in enumerate(terms):
+        for new, _, rank in _of_term(term, True, ()) if term.number else ():
+            if rank < 2:
+                found["inertia"].append(f"({shown((*terms[:n], *new, *terms[n + 1 :]))})")
+    return {name: tuple(texts) for name, texts in found.items()}
+
+
+def _of_definition(
+    name: str, values: Values, local: Mapping[str, tuple[str, ...]]
+) -> Iterator[Change]:
+    """Yield the changes of one definition: another one, another term, another factor of it all."""
+    terms = values.terms(name)
+    for text in REDEFINED.get(name, ()):
+        yield Change(((name, None, parsed(text)),), f"{name} = {text}, not {shown(terms)}")
+    several = len(terms) > 1
+    for n, term in enumerate(terms):
+        for new, says, rank in (
+            _of_term(term, several or name in _SUMS, tuple(local.items())) if term.number else ()
+        ):
+            late = name in _LATE or (name[0] == "(" and "(" in shown(new))
+            yield Change(((name, n, new),), f"in {name}: {says}", rank + late)
+            if rank == 0 and new[0].number:
+                minus, says, rank = _in_place(term, new[0].times(-1.0), 2)
+                yield Change(((name, n, minus),), f"in {name}: {says}", rank)
+    for text, factor in _WHOLE.items() if several and name[0] != "(" else ():
+        pieces = tuple((name, n, (term.by(factor),)) for n, term in enumerate(terms))
+        yield Change(pieces, f"{name} has {text}", 1)
+
+
+Replacement = tuple[tuple[Term, ...], str, int]  #: new terms, sentence, and rank
 
 
 @lru_cache(4096)
 def _of_term(
     term: Term, several: bool, local: tuple[tuple[str, tuple[str, ...]], ...]
-) -> tuple[tuple[tuple[Term, ...], str, int], ...]:
-    """Return the changes of a term: its replacement, the sentence and the rank. ``local`` has
-    more sums for a factor.
+) -> tuple[Replacement, ...]:
+    """Return what may be written in place of a term.
+
+    Args:
+        term: The term.
+        several: True if it is one of several in a sum, so that it may be missing.
+        local: More sums for a factor, by its name.
     """
-    return tuple(_replacements(term, several, dict(local)))
+    return (
+        *_other_numbers(term, several),
+        *_other_factors(term, dict(local)),
+        *_exchanged_powers(term),
+        *(
+            _in_place(term, term.times(1.0, name, power), 2)
+            for name, power in _EXTRA
+            if name not in dict(term.factors)
+        ),
+    )
 
 
-def _replacements(
-    term: Term, several: bool, local: Mapping[str, Iterable[str]]
-) -> Iterator[tuple[tuple[Term, ...], str, int]]:
+def _in_place(old: Term, new: Term, rank: int) -> Replacement:
+    return (new,), f"{shown((new,))} for {shown((old,))}", rank
+
+
+def _other_numbers(term: Term, several: bool) -> Iterator[Replacement]:
+    """Yield a missing term, another sign, and other numbers before the term."""
     if several:
         yield (NOTHING,), f"the term {shown((term,))} is missing", 0
         yield (term.times(2.0),), f"the term {shown((term,))} is doubled", 2
     yield (term.times(-1.0),), f"the sign of {shown((term,))}", 0 if several else 1
-    size, plain = abs(term.number), 1 if len(term.factors) == 1 else 0
-    numbers = {
-        0.5: 1,
-        2.0: 1,
-        1.5: 2,
-        2 / 3: 2,
-        1 / 3: 2,
-        4.0: 2,
-        0.25: 2,
-        3.0: 2,
-        **dict.fromkeys(_CONSTANTS, 3),
-    }
-    for number, rank in numbers.items():
-        new = term.times(number)
-        said = (
-            f"the factor {size:g} is missing in {shown((term,))}"
-            if abs(number * size) == 1 and term.factors
-            else ""
-        )
-        yield (new,), said or f"{shown((new,))} for {shown((term,))}", rank + plain
+    for number, rank in _NUMBERS.items():
+        new, says, rank = _in_place(term, term.times(number), rank + (len(term.factors) == 1))
+        if abs(number * term.number) == 1 and term.factors:
+            says = f"the factor {abs(term.number):g} is missing in {shown((term,))}"
+        yield new, says, rank
+
+
+def _other_factors(term: Term, local: Mapping[str, Iterable[str]]) -> Iterator[Replacement]:
+    """Yield another factor in place of each one, another power of it, and none."""
     for name, power in term.factors:
-        sign = 1 if power > 0 else -1
+        one = 1 if power > 0 else -1  # power that is nearest to none
         for other in dict.fromkeys((*IN_PLACE.get(name, ()), *local.get(name, ()))):
-            yield _named(term, term.put(name, other, power), 0)
+            rank = int(name in _SHARED and other.startswith("("))  # likelier in its definition
+            yield _in_place(term, term.put(name, other, power), rank)
             if abs(power) > 1:
-                yield _named(term, term.put(name, other, sign), 1)
-        yield _missing(term, name, term.times(1.0, name, -power))
-        if abs(power) > 1:
-            yield _named(term, term.times(1.0, name, -sign), 0)
-        if abs(power) > 2:
-            yield _named(term, term.times(1.0, name, sign - power), 0)
-        yield _named(term, term.times(1.0, name, sign), 1)
-        yield _named(term, term.times(1.0, name, -2 * power), 1)
-        yield _named(term, term.times(-1.0, name, -power), 3)
-        if abs(power) > 1 and name[:3] in ("sin", "cos") and "^" not in name:
-            yield _named(
-                term,
-                term.put(name, f"{name[:-1]}^{abs(power)})", power).times(
-                    1.0, f"{name[:-1]}^{abs(power)})", sign - power
-                ),
-                0,
-            )
-    for one, two in combinations([name for name, _ in term.factors], 2):
-        powers = dict(term.factors)
-        if powers[one] != powers[two] and powers[one] * powers[two] > 0:
-            swapped = term.times(1.0, one, powers[two] - powers[one]).times(
-                1.0, two, powers[one] - powers[two]
-            )
-            yield _named(term, swapped, 1)
-        pair = {one, two}
-        for angle in ("beta", "gamma"):
-            if pair == {f"sin({angle})", f"cos({angle})"} and powers[one] == powers[two]:
-                yield _named(
-                    term, term.times(1.0, one, powers[one]).times(1.0, two, -powers[two]), 2
-                )
-    for name in _EXTRA:
-        if name not in dict(term.factors):
-            yield _named(term, term.times(1.0, name), 2)
-    for name in ("epsilon", "M", "Omega"):
-        if name not in dict(term.factors):
-            yield _named(term, term.times(1.0, name, -1), 2)
+                yield _in_place(term, term.put(name, other, one), 1)
+        lost = f"the factor {name} is missing in {shown((term,))}"
+        yield (term.times(1.0, name, -power),), lost, 0
+        powers = {power - one: 0, one: 0, power + one: 1, -power: 1}
+        for new, rank in powers.items():
+            if new not in (0, power):
+                yield _in_place(term, term.times(1.0, name, new - power), rank)
+        yield _in_place(term, term.times(-1.0, name, -power), 3)
+        if abs(power) > 1 and name.startswith(("sin", "cos")) and "^" not in name:
+            inside = f"{name[:-1]}^{abs(power)})"  # sin(beta^2) for sin(beta)^2
+            yield _in_place(term, term.put(name, inside, one).times(1.0, name, one - power), 0)
 
 
-def _missing(term: Term, name: str, new: Term) -> tuple[tuple[Term, ...], str, int]:
-    return (new,), f"the factor {name} is missing in {shown((term,))}", 0
-
-
-def _named(old: Term, new: Term, rank: int) -> tuple[tuple[Term, ...], str, int]:
-    return (new,), f"{shown((new,))} for {shown((old,))}", rank
+def _exchanged_powers(term: Term) -> Iterator[Replacement]:
+    """Yield the powers of two factors exchanged, and sine and cosine of an angle merged."""
+    for (one, first), (two, second) in combinations(term.factors, 2):
+        if first != second and first * second > 0:
+            new = term.times(1.0, one, second - first).times(1.0, two, first - second)
+            yield _in_place(term, new, 1)
+        if first == second and {one[:3], two[:3]} == {"sin", "cos"} and one[3:] == two[3:]:
+            yield _in_place(term, term.times(1.0, one, first).times(1.0, two, -first), 2)

@@ -16,7 +16,7 @@ from tippedisk_verify.model.decimals import arithmetic
 from tippedisk_verify.model.parameters import SYMBOLS
 from tippedisk_verify.reference_values.store import Quantity, Store
 
-__all__ = ["Array", "Table", "fitted", "tables_of"]
+__all__ = ["Answered", "Array", "Table", "tables_of"]
 
 Array = np.ndarray[Any, Any]
 # Times: a prediction has to come so much closer to a wrong answer than the truth does
@@ -25,7 +25,38 @@ _NO_NUMBER = ("no-truth", "not-a-number", "unreadable")
 
 
 @dataclass(frozen=True, eq=False)
-class Table:
+class Answered:
+    """Answers and what they are graded by, as arrays of the same length."""
+
+    answer: Array
+    truth: Array
+    allowed: Array  #: how far off an answer may be
+    left: Array  #: whether it failed, and nothing explains it yet
+
+    @np.errstate(all="ignore")
+    def fitted(self, predicted: Array, allowed: Array | None = None) -> Array:
+        """Return which answers a prediction gives: as close as is asked, and the wrong ones ten
+        times closer than the truth.
+
+        Args:
+            predicted: The prediction of each answer.
+            allowed: How far off it may be, if not as far as the answer.
+        """
+        allowed = self.allowed if allowed is None else allowed
+        larger = np.abs(predicted) / np.maximum(np.abs(self.truth), allowed)
+        away = np.abs(self.answer - predicted)
+        closer = away * _CLOSER <= np.abs(self.answer - self.truth)
+        close = away <= allowed * np.maximum(1.0, larger)
+        return np.asarray(close & (~self.left | closer))
+
+    def squared(self) -> Answered:
+        """Return the squares of the answers."""
+        allowed = 2 * np.abs(self.truth) * self.allowed
+        return Answered(self.answer**2, self.truth**2, allowed, self.left)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Table(Answered):
     """Entries of one kind and friction law.
 
     The arrays behind ``names`` have one element to an answer.
@@ -39,11 +70,7 @@ class Table:
     given: Mapping[str, Any]
     names: Array  #: what each answer is to, such as ``h_3`` or ``beta@0.5``
     rows: Array  #: which entry it is to
-    answer: Array
-    truth: Array
-    allowed: Array  #: how far off it may be
     scale: Array  #: the size that digits are counted from
-    left: Array  #: whether it failed, and nothing explains it yet
 
     @cached_property
     def stems(self) -> Array:
@@ -63,32 +90,23 @@ class Table:
 
     def picked(self, results: Mapping[str, Any]) -> Array:
         """Select the answered results, by entry; NaN for a missing one."""
-        zeros = np.zeros(len(self.entries))
-        columns = {
-            name: zeros + np.real(results.get(name, np.nan)) for name in np.unique(self.names)
-        }
-        return np.array(
-            [columns[name][row] for name, row in zip(self.names, self.rows, strict=True)],
-            dtype=float,
-        )
-
-    def column(self, name: str, values: Array) -> Array:
-        """Select the answers or truths of one quantity, by entry; NaN for a missing one."""
-        found, here = np.full(len(self.entries), np.nan), self.names == name
-        found[self.rows[here]] = values[here]
+        found = np.full(len(self.names), np.nan)
+        for name in np.unique(self.names):
+            values = np.real(results.get(name, np.nan)) + np.zeros(len(self.entries))
+            found[self.names == name] = values[self.rows[self.names == name]]
         return found
 
-
-@np.errstate(all="ignore")
-def fitted(answer: Array, truth: Array, allowed: Array, wrong: Array, predicted: Array) -> Array:
-    """Return which answers a prediction gives: as close as is asked, the wrong ones ten times
-    closer than the truth.
-    """
-    away = np.abs(answer - predicted)
-    close = away <= allowed * np.maximum(
-        1.0, np.abs(predicted) / np.maximum(np.abs(truth), allowed)
-    )
-    return np.asarray(close & (~wrong | (away * _CLOSER <= np.abs(answer - truth))))
+    def column(self, name: str) -> Answered:
+        """Return the answers to one quantity, one to an entry; NaN for a missing one, which is
+        not left to explain.
+        """
+        here, arrays = self.names == name, []
+        for array in (self.answer, self.truth, self.allowed, self.left):
+            found = np.full(len(self.entries), np.nan)
+            found[self.rows[here]] = array[here]
+            arrays.append(found)
+        answer, truth, allowed, left = arrays
+        return Answered(answer, truth, allowed, left > 0)
 
 
 @arithmetic()
@@ -126,24 +144,19 @@ def _table(some: Sequence[tuple[Quantity, Grade]], store: Store) -> Table:
             )
     answer, truths, scale, needs = np.array(cells).reshape(-1, 4).T
     rows = np.array([entries.index(quantity.id.rsplit("/", 1)[0]) for quantity, _ in some])
-    names, left = (
-        np.array([one.name for one, _ in some]),
-        np.array([grade.failed for _, grade in some]),
-    )
-    kind, level, friction = some[0][0].kind, some[0][0].level, some[0][0].friction
     return Table(
-        kind,
-        level,
-        friction,
-        entries,
-        given,
-        names,
-        rows,
-        answer,
-        truths,
-        scale * 10.0**-needs,
-        scale,
-        left,
+        kind=some[0][0].kind,
+        level=some[0][0].level,
+        friction=some[0][0].friction,
+        entries=entries,
+        given=given,
+        names=np.array([quantity.name for quantity, _ in some]),
+        rows=rows,
+        answer=answer,
+        truth=truths,
+        allowed=scale * 10.0**-needs,
+        scale=scale,
+        left=np.array([grade.failed for _, grade in some]),
     )
 
 

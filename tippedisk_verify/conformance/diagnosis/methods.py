@@ -31,41 +31,38 @@ _METHODS = {
 }
 
 
+#: What a trajectory starts from, in the order of the constants and the state
+_INPUTS = ("r", "e", "m", "A", "B", "g", "mu", "epsilon", "Omega", *_STATE)
+#: Order, shares of the step, and weights of a Runge-Kutta method
+Scheme = tuple[int, tuple[float, ...], tuple[float, ...]]
+
+
 def _flown(
-    rates: Callable[..., Array],
-    state: Array,
-    time: float,
-    step: float,
-    scheme: tuple[int, tuple[float, ...], tuple[float, ...]],
+    rates: Callable[[Array], Array], state: Array, time: float, step: float, scheme: Scheme
 ) -> Array:
     """Return the states after a time [s] by a method with a fixed step [s]."""
     _, shares, weights = scheme
-    count = max(1, round(time / step))
-    for _ in range(count):
+    for _ in range(max(1, round(time / step))):
         slopes = [rates(state)]
         for share in shares:
-            slopes = [*slopes, rates(state + step * share * slopes[-1])]
-        state = state + step * sum(
-            weight * slope for weight, slope in zip(weights, slopes, strict=True)
-        )
+            slopes.append(rates(state + step * share * slopes[-1]))
+        state = state + step * np.asarray(np.tensordot(weights, slopes, axes=1))
     return state
 
 
+@np.errstate(all="ignore")
 def method(table: Table) -> str:
     """Name the method whose own errors are those of the first samples, and take these out; ""
     if none has them.
     """
-    times = [float(place["t"]) for place in table.places if "t" in place]
-    if table.kind != "trajectory" or not times or not table.left.any():
-        return ""
-    first = f"{min(times):g}"
-    answers, truths = (
-        np.array([table.column(f"{x}@{first}", of) for x in _STATE])
-        for of in (table.answer, table.truth)
-    )
-    rows = np.flatnonzero(np.isfinite(answers + truths).all(axis=0))[:_TRIED]
-    errors = (answers - truths)[:, rows]
-    if not rows.size or not errors.any():
+    times = (float(place["t"]) for place in table.places if "t" in place)
+    time = min(times, default=np.nan)
+    columns = [table.column(f"{x}@{time:g}") for x in _STATE]
+    truths = np.array([column.truth for column in columns])
+    errors = np.array([column.answer for column in columns]) - truths
+    rows = np.flatnonzero(np.isfinite(errors).all(axis=0))[:_TRIED]
+    truths, errors = truths[:, rows], errors[:, rows]
+    if not errors.any() or not table.left.any():
         return ""
     r, e, m, A, B, g, mu, epsilon, omega, *start = (table.given[x][rows] for x in _INPUTS)
     Bbar = B - m * e**2
@@ -74,24 +71,19 @@ def method(table: Table) -> str:
     )
     vector_field = field(np, constants, omega, table.friction)
 
-    def rates(state: Array) -> Array:
-        return np.array(vector_field(*state))
+    def errors_of(scheme: Scheme, step: float) -> Array:
+        def rates(state: Array) -> Array:
+            return np.array(vector_field(*state))
 
-    with np.errstate(all="ignore"):
-        for name, scheme in _METHODS.items():
-            own = (
-                _flown(rates, np.array(start), min(times), _REFERENCE_STEP, scheme)
-                - truths[:, rows]
-            )
-            guess = _REFERENCE_STEP * float(np.linalg.norm(errors) / np.linalg.norm(own)) ** (
-                1 / scheme[0]
-            )
-            for step in sorted(_STEPS, key=lambda step: abs(np.log(step / guess)))[:_NEAREST]:
-                made = _flown(rates, np.array(start), min(times), step, scheme) - truths[:, rows]
-                if np.linalg.norm(made - errors) < _LEAVES * np.linalg.norm(errors):
-                    table.left[:] = False
-                    return f"the trajectories have the errors of {name} at a fixed step of {1000 * step:g} ms"
+        return np.asarray(_flown(rates, np.array(start), time, step, scheme) - truths)
+
+    size = float(np.linalg.norm(errors))
+    for name, scheme in _METHODS.items():
+        own = float(np.linalg.norm(errors_of(scheme, _REFERENCE_STEP)))
+        guess = _REFERENCE_STEP * (size / own) ** (1 / scheme[0])
+        for step in sorted(_STEPS, key=lambda step: abs(np.log(step / guess)))[:_NEAREST]:
+            if np.linalg.norm(errors_of(scheme, step) - errors) < _LEAVES * size:
+                table.left[:] = False
+                step_ms = f"{1000 * step:g} ms"
+                return f"the trajectories have the errors of {name} at a fixed step of {step_ms}"
     return ""
-
-
-_INPUTS = ("r", "e", "m", "A", "B", "g", "mu", "epsilon", "Omega", *_STATE)

@@ -13,14 +13,14 @@ import re
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 
-from tippedisk_verify.conformance.diagnosis.entries import Array, Table, fitted
-from tippedisk_verify.conformance.sheet import placed
+from tippedisk_verify.conformance.diagnosis.entries import Array, Table
 from tippedisk_verify.model.parameters import SYMBOLS
 
-__all__ = ["related", "where"]
+__all__ = ["Relation", "related", "where"]
 
 # Of a quantity's wrong answers must have a counterpart, where the relation is to another question
 _COVERED = 0.4
@@ -58,7 +58,8 @@ _FACTORS |= {
 _FACTORS |= {f"-{text}": -factor for text, factor in _FACTORS.items()}
 _TENS = {f"10^{k}": 10.0**k for k in range(-12, 13) if k not in (0, 3, -3)}
 _OFFSETS = {"pi/2": _PI / 2, "pi": _PI, "2 pi": 2 * _PI, "1": 1.0}
-_OF_VALUE: dict[float, dict[str, _Function]] = {  # by rank
+#: Functions of the right value, by rank and sentence
+_OF_VALUE: dict[float, dict[str, _Function]] = {
     0: {"has the wrong sign": np.negative},
     1: {
         "is the modulus of the right value": np.abs,
@@ -102,7 +103,8 @@ _OF_VALUE: dict[float, dict[str, _Function]] = {  # by rank
     },
     4.5: {f"has the factor {text}": partial(np.multiply, x) for text, x in _TENS.items()},
 }
-_OF_TWO: dict[str, Callable[[Array, Array], Array]] = {  # x the right value, y another one
+#: Functions of the right value x and of another quantity's, or an input's, y
+_OF_TWO: dict[str, Callable[[Array, Array], Array]] = {
     "has the values of {y}": lambda x, y: y,
     "has the values of {y} with the wrong sign": lambda x, y: -y,
     "is twice {y}": lambda x, y: 2 * y,
@@ -127,13 +129,16 @@ _OF_TWO: dict[str, Callable[[Array, Array], Array]] = {  # x the right value, y 
     "is 2 pi divided by {y}": lambda x, y: 2 * _PI / y,
     "is half of {y} too large": lambda x, y: x + y / 2,
 }
+#: Neighbours in a list of questions, by how far they are away
 _NEAR = {"next": 1, "previous": -1, "next but one": 2, "last but one": -2}
+#: Words of ids that may be exchanged
 _WORDS = (
     ("inverted", "noninverted"),
     ("printed", "consistent"),
     ("stable", "unstable"),
     ("linear", "smooth"),
 )
+#: Keys that eigenvalues may be sorted by
 _SORTED: dict[str, _Function] = {
     "real parts": np.real,
     "moduli": np.abs,
@@ -142,40 +147,97 @@ _SORTED: dict[str, _Function] = {
 }
 
 
-def _moved(table: Table, truths: Mapping[str, float]) -> Iterator[tuple[float, str, list[str]]]:
+class Relation(NamedTuple):
+    """A relation that gives the wrong answers to a quantity."""
+
+    rank: float  #: lower is likelier
+    says: str  #: sentence with {q} for the quantity
+    table: Table
+    stem: str  #: the quantity
+    answers: Array  #: mask of the answers that the relation gives
+
+
+Prediction = tuple[float, str, Array]  #: rank, sentence, and answers; NaN without a counterpart
+
+
+def _predictions(table: Table, truths: Mapping[str, float]) -> Iterator[Prediction]:
+    """Yield the answers that each relation predicts."""
+    x = table.truth
+    for rank, functions in _OF_VALUE.items():
+        for text, function in functions.items():
+            yield rank, f"{{q}} {text}", function(x)
+    turns = np.round((table.answer - x) / (2 * _PI))
+    yield 3, "{q} is off by whole turns", x + 2 * _PI * turns
+    if any("order" in place for place in table.places):
+        yield from _of_orders(table, truths)
+    for rank, says, ids in _exchanged(table):
+        yield rank, says, _right_values(truths, ids)
+    others = _other_values(table, truths)
+    for name, values in others.items():
+        y = np.where(table.stems == name, np.nan, values)
+        for n, (text, of_two) in enumerate(_OF_TWO.items()) if np.isfinite(y).any() else ():
+            yield 4 if n else 2, f"{{q}} {text.replace('{y}', name)}", of_two(x, y)
+    if {"lambda_3_re", "lambda_3_im"} <= others.keys():
+        yield from _sorted(table, others)
+    yield from _rounded(table)
+
+
+def _of_orders(table: Table, truths: Mapping[str, float]) -> Iterator[Prediction]:
+    """Yield the orders of the slow manifold with a power of epsilon or a factorial, and their
+    partial sums.
+    """
+    epsilon = table.given["epsilon"][table.rows]
+    order = np.array([float(place.get("order", "nan")) for place in table.places])
+    factorial = np.array([math.factorial(int(n)) if n >= 0 else np.nan for n in order])
+    for text, factor in {
+        "epsilon^n": epsilon**order,
+        "1/epsilon^n": epsilon**-order,
+        "n!": factorial,
+        "1/n!": 1 / factorial,
+    }.items():
+        yield 3, f"{{q}} has the factor {text}", factor * table.truth
+    for text, share in {"epsilon^k times ": epsilon, "": np.ones_like(epsilon)}.items():
+        sums = 0 * order
+        for k in range(int(np.nanmax(order)) + 1):
+            term = _right_values(truths, [re.sub(r"\d+$", str(k), id_) for id_ in table.ids])
+            sums = sums + np.where(order >= k, share**k * term, 0.0)
+        yield 3, f"{{q}} is the sum of {text}all orders so far", sums
+
+
+def _exchanged(table: Table) -> Iterator[tuple[float, str, list[str]]]:
     """Yield exchanged questions: the rank, the sentence, and the ids whose right values stand in
-    the wrong places.
+    the wrong places; "" where there is none.
     """
     for one, two in _WORDS:
-        pattern, other = re.compile(rf"(?<=/)({one}|{two})(?=[-/])"), {one: two, two: one}
         what = "law" if one == "linear" else f"{two}/{one}"
-        swap = partial(pattern.sub, lambda m, other=other: other[m[0]])
-        yield (
-            2.5,
-            f"{{q}} has the values of the other {what}",
-            ["/".join([a, swap(b)]) for a, b in (x.split("/", 1) for x in table.ids)],
-        )
-    place = {name: n for n, name in enumerate(dict.fromkeys(table.entries))}
-    for text, by in (*_NEAR.items(), ("first", None)):
-        moved = [0 if by is None else place[table.entries[row]] + by for row in table.rows]
-        ids = [
-            f"{table.entries[n]}/{name}" if 0 <= n < len(place) else ""
-            for n, name in zip(moved, table.names, strict=True)
-        ]
-        yield 3, f"{{q}} has the values of the {text} entry", ids
+        yield 2.5, f"{{q}} has the values of the other {what}", _with_words(table, one, two)
+    first = [f"{table.entries[0]}/{name}" for name in table.names]
+    yield 3, "{q} has the values of the first entry", first
     times = sorted({name.split("@")[1] for name in table.names if "@" in name}, key=float)
     for text, by in _NEAR.items():
+        entries = dict(enumerate(table.entries))
+        moved = [
+            f"{entries.get(row + by)}/{name}"
+            for row, name in zip(table.rows, table.names, strict=True)
+        ]
         later = dict(zip(times[max(0, -by) :], times[max(0, by) :], strict=False))
-        ids = [f"{id_.split('@')[0]}@{later.get(id_.split('@')[-1], '')}" for id_ in table.ids]
-        yield 3, f"{{q}} has the values of the {text} sample in time", ids
-        yield 3, f"{{q}} has the values of the {text} crossing", _renumbered(table, "#", 1, by)
-        yield 3, f"{{q}} has the values of the {text} order", _renumbered(table, "_", 1, by)
+        samples = [f"{id_.split('@')[0]}@{later.get(id_.split('@')[-1])}" for id_ in table.ids]
+        for what, ids in {
+            "entry": moved,
+            "sample in time": samples,
+            "crossing": _renumbered(table, "#", 1, by),
+            "order": _renumbered(table, "_", 1, by),
+        }.items():
+            yield 3, f"{{q}} has the values of the {text} {what}", ids
     for text, by in {"second, third, fifth": -1, "second, fourth": 0}.items():
-        yield (
-            3,
-            f"{{q}} counts crossings in one direction only ({text}, ...)",
-            _renumbered(table, "#", 2, by),
-        )
+        says = f"{{q}} counts crossings in one direction only ({text}, ...)"
+        yield 3, says, _renumbered(table, "#", 2, by)
+
+
+def _with_words(table: Table, one: str, two: str) -> list[str]:
+    """Return the ids with two words exchanged, wherever they stand behind the parameter set."""
+    pattern, other = re.compile(rf"(?<=/)({one}|{two})(?=[-/])"), {one: two, two: one}
+    return [pattern.sub(lambda match: other[match[0]], id_) for id_ in table.ids]
 
 
 def _renumbered(table: Table, mark: str, factor: int, by: int) -> list[str]:
@@ -184,132 +246,105 @@ def _renumbered(table: Table, mark: str, factor: int, by: int) -> list[str]:
     return [f"{match[1]}{factor * int(match[2]) + by}" if match else "" for match in found]
 
 
-def _predicted(table: Table, truths: Mapping[str, float]) -> Iterator[tuple[float, str, Array]]:
-    """Yield the rank, the sentence (with {q} for the quantity) and the predictions, which are NaN
-    without a counterpart.
+def _other_values(table: Table, truths: Mapping[str, float]) -> dict[str, Array]:
+    """Return what an answer may be related to, by name: the right values of the other quantities
+    of its entry, and the entry's inputs.
     """
-    x, epsilon = table.truth, table.given["epsilon"][table.rows]
-    for rank, functions in _OF_VALUE.items():
-        for text, of in functions.items():
-            yield rank, f"{{q}} {text}", of(x)
-    yield 3, "{q} is off by whole turns", x + 2 * _PI * np.round((table.answer - x) / (2 * _PI))
-    order = np.array([float(one.get("order", "nan")) for one in table.places])
-    factorial = np.array([math.factorial(int(n)) if n >= 0 else np.nan for n in order])
-    for text, factor in {
-        "epsilon^n": epsilon**order,
-        "1/epsilon^n": epsilon**-order,
-        "n!": factorial,
-        "1/n!": 1 / factorial,
-    }.items():
-        yield 3, f"{{q}} has the factor {text}", factor * x
-    for text, share in {"epsilon^k times ": epsilon, "": 1.0 + 0 * epsilon}.items():
-        sums = 0 * order
-        for k in range(int(np.nanmax(order, initial=-1)) + 1):
-            ids = [re.sub(r"\d+$", str(k), id_) for id_ in table.ids]
-            sums = sums + np.where(order >= k, share**k * _looked(truths, ids), 0.0)
-        yield 3, f"{{q}} is the sum of {text}all orders so far", sums
-    for rank, says, ids in _moved(table, truths):
-        yield rank, says, _looked(truths, ids)
-    others = {
-        str(name): _looked(
-            truths,
-            [
-                f"{table.entries[row]}/{_placed_as(name, full)}"
-                for row, full in zip(table.rows, table.names, strict=True)
-            ],
-        )
-        for name in np.unique(table.stems)
-    }
-    others |= {
-        f"the {'parameter' if name in SYMBOLS else 'input'} {name}": table.given[name][table.rows]
-        for name in (*SYMBOLS, "Omega", "beta", "gamma", "v")
-    }
-    if "period" in others:
-        others["the angular frequency"] = 2 * _PI / others["period"]
-    for name, y in others.items():
-        y = np.where(table.stems == name, np.nan, y)
-        for n, (text, both) in enumerate(_OF_TWO.items()) if np.isfinite(y).any() else ():
-            yield 4 if n else 2, f"{{q}} {text.replace('{y}', name)}", both(x, y)
-    if {"lambda_3_re", "lambda_3_im"} <= others.keys():
-        yield from _sorted(table, others)
-    yield from _rounded(table)
+    found = {}
+    for name in np.unique(table.stems).tolist():
+        places = [
+            full.removeprefix(stem) for full, stem in zip(table.names, table.stems, strict=True)
+        ]
+        ids = [
+            f"{table.entries[row]}/{name}{place}"
+            for row, place in zip(table.rows, places, strict=True)
+        ]
+        found[name] = _right_values(truths, ids)
+    for name in (*SYMBOLS, "Omega", "beta", "gamma", "v"):
+        sort = "parameter" if name in SYMBOLS else "input"
+        found[f"the {sort} {name}"] = table.given[name][table.rows]
+    if "period" in found:
+        found["the angular frequency"] = 2 * _PI / found["period"]
+    return found
 
 
-def _placed_as(name: str, full: str) -> str:
-    """A quantity's name at the place of another one."""
-    return str(name) + full[len(placed(full)[0]) :]
-
-
-def _looked(truths: Mapping[str, float], ids: list[str]) -> Array:
+def _right_values(truths: Mapping[str, float], ids: list[str]) -> Array:
     return np.array([truths.get(id_, np.nan) for id_ in ids])
 
 
-def _sorted(table: Table, others: Mapping[str, Array]) -> Iterator[tuple[float, str, Array]]:
-    """The right eigenvalues in another order; equal ones, and conjugates, by the sign of the
+def _sorted(table: Table, others: Mapping[str, Array]) -> Iterator[Prediction]:
+    """Yield the right eigenvalues in another order; equal ones, and conjugates, by the sign of the
     imaginary part.
     """
     z = np.array([others[f"lambda_{n}_re"] + 1j * others[f"lambda_{n}_im"] for n in (1, 2, 3)])
-    z = np.array([np.where(np.isnan(one), table.truth, one) for one in z])
-    own = np.array([int(name[7]) - 1 for name in table.names])
+    answers, number = np.arange(len(table.names)), [int(name[7]) - 1 for name in table.names]
     for (text, key), up, first in product(_SORTED.items(), (1, -1), (-1, 1)):
-        places = np.lexsort((first * z.imag, np.round(up * key(z), 7)), axis=0)
-        picked = z[places[own, np.arange(len(own))], np.arange(len(own))]
-        also = (
-            ""
-            if text == "imaginary parts"
-            else f", the {'positive' if first < 0 else 'negative'} imaginary part first"
-        )
-        says = f"the eigenvalues are in another order: {'ascending' if up > 0 else 'descending'} {text}{also}"
+        order = np.lexsort((first * z.imag, np.round(up * key(z), 7)), axis=0)
+        picked = z[order[number, answers], answers]
+        says = f"the eigenvalues are in another order: {'ascending' if up > 0 else 'descending'} {text}"
+        if text != "imaginary parts":
+            says += f", the {'positive' if first < 0 else 'negative'} imaginary part first"
         yield 1, says, np.where(np.char.endswith(table.names, "_im"), picked.imag, picked.real)
 
 
-def _rounded(table: Table) -> Iterator[tuple[float, str, Array]]:
-    """Answers with few digits: whole multiples of a unit, within half of it or the whole one
+def _rounded(table: Table) -> Iterator[Prediction]:
+    """Yield answers with few digits: whole multiples of a unit, within half of it or the whole one
     of the right values.
     """
     x, answer, allowed = table.truth, table.answer, table.allowed
     size = np.floor(np.log10(np.where(x == 0, 1.0, np.abs(x)))) + 1
-    for d, (word, share) in product(range(1, 13), {"decimal": 0, "significant digit": 1}.items()):
-        unit = 10.0 ** (size * share - d)
+    shorter = np.abs(answer) <= np.abs(x) + allowed
+    for digits, (word, share) in product(
+        range(1, 13), {"decimal": 0, "significant digit": 1}.items()
+    ):
+        unit = 10.0 ** (size * share - digits)
         whole = np.abs(answer - unit * np.round(answer / unit)) < 1e-6 * unit + 1e-15 * np.abs(x)
-        shorter = np.abs(answer) <= np.abs(x) + allowed
-        for rank, text, most, known in (
-            (1, "rounded", 0.5001, whole),
-            (2, "truncated", 1.0001, whole & shorter),
-        ):
-            fits = known & (np.abs(answer - x) < most * unit + allowed)
-            yield (
-                rank + d / 100 + share / 1000,
-                f"{{q}} is {text} to {d} {word}" + ("s" if d > 1 else ""),
-                np.where(fits, answer, x),
-            )
+        away, words = np.abs(answer - x) - allowed, f"{digits} {word}{'s' if digits > 1 else ''}"
+        rank = 1 + digits / 100 + share / 1000
+        rounded, truncated = (
+            whole & (away < 0.5001 * unit),
+            whole & (away < 1.0001 * unit) & shorter,
+        )
+        yield rank, f"{{q}} is rounded to {words}", np.where(rounded, answer, x)
+        yield rank + 1, f"{{q}} is truncated to {words}", np.where(truncated, answer, x)
 
 
 @np.errstate(all="ignore")
-def related(table: Table, truths: Mapping[str, float]) -> Iterator[tuple[float, str, str, Array]]:
-    """Yield the relations that give the wrong answers to a quantity: the rank, the sentence, the
-    quantity's name, and the mask of these answers.
+def related(table: Table, truths: Mapping[str, float]) -> list[Relation]:
+    """Return the relations that give the wrong answers to a quantity.
 
-    ``truths`` are the right values by id, of this and of other tables.
+    Args:
+        table: The answers.
+        truths: The right values by id, of this and of other tables.
     """
+    found = []
     stems, group = np.unique(table.stems, return_inverse=True)
-    wrong, sides = np.bincount(group, table.left), list(_conditions(table))
-    for rank, says, predicted in _predicted(table, truths) if table.left.any() else ():
+    wrong, conditions = np.bincount(group, table.left), list(_conditions(table))
+    for rank, says, predicted in _predictions(table, truths) if table.left.any() else ():
         known = np.isfinite(predicted)
-        fits = fitted(table.answer, table.truth, table.allowed, table.left, predicted) & known
+        fits = table.fitted(predicted) & known
         mine, against = fits & table.left, known & ~fits
         away = np.maximum(np.abs(table.answer - predicted), _SURE * table.allowed)
-        closer = np.where(mine, np.log10(np.abs(table.answer - table.truth) / away), 0.0)
+        digits = np.where(mine, np.log10(np.abs(table.answer - table.truth) / away), 0.0)
         told, explained, spoken = (
-            np.bincount(group, one) for one in (closer, mine, against & table.left)
+            np.bincount(group, one) for one in (digits, mine, against & table.left)
         )
         enough = (explained == wrong) | ((explained >= _COVERED * wrong) & (explained >= _FEW))
         for n in np.flatnonzero(enough & (told > _EVIDENCE) & (spoken == 0)).tolist():
             here = group == n
-            for text, mask in sides:
+            for text, mask in conditions:
                 if not (here & np.where(mask, against, table.left)).any():
-                    yield rank + 5 * bool(text), says + text, str(stems[n]), here & table.left
+                    found.append(
+                        Relation(
+                            rank + 5 * bool(text),
+                            says + text,
+                            table,
+                            str(stems[n]),
+                            here & table.left,
+                        )
+                    )
                     break
+    return found
 
 
 def _conditions(table: Table) -> Iterator[tuple[str, Array]]:
@@ -332,11 +367,8 @@ def where(table: Table, gamma_y: Array) -> str:
     """
     stems = np.unique(table.stems[table.left])
     same = np.isin(table.stems, stems)
-    names = (
-        ", ".join(stems[:6])
-        + (", ..." if len(stems) > 6 else "")
-        + (f" ({table.friction})" if table.friction != "both" else "")
-    )
+    names = ", ".join(stems[:6]) + (", ..." if len(stems) > 6 else "")
+    names += f" ({table.friction})" if table.friction != "both" else ""
     given = table.given
     sides = [(text[1:], mask) for text, mask in _conditions(table) if text]
     for key, x in {

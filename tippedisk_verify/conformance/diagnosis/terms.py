@@ -11,24 +11,26 @@ place.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from fractions import Fraction
-from functools import cache, partial
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
 
 __all__ = [
-    "IMAGINARY_STEP",
     "NOTHING",
     "Piece",
     "Term",
     "Values",
     "parsed",
-    "replaced",
     "shown",
     "written",
 ]
+
+
+_ONE = ("", "1")  #: names that stand for no factor
 
 
 class Term(NamedTuple):
@@ -52,31 +54,29 @@ class Term(NamedTuple):
         return "-" * (self.number < 0) + " / ".join([" ".join(above), *parts[-1]])
 
     def times(self, number: float, name: str = "", power: int = 1) -> Term:
-        """The term with a number and the power of a factor multiplied in; factors of power 0
-        vanish.
-        """
+        """Return the product with a number and a power of a factor; factors of power 0 vanish."""
         powers = dict(self.factors)
-        if name:
-            powers[name] = powers.get(name, 0) + power
-        return Term(self.number * number, tuple(item for item in powers.items() if item[1]))
+        powers[name] = powers.get(name, 0) + power
+        kept = (item for item in powers.items() if item[0] not in _ONE and item[1])
+        return Term(self.number * number, tuple(kept))
 
     def by(self, other: Term) -> Term:
-        """The product of two terms."""
+        """Return the product of two terms."""
         product = self.times(other.number)
         for name, power in other.factors:
             product = product.times(1.0, name, power)
         return product
 
     def put(self, old: str, new: str, power: int) -> Term:
-        """Return the term with another factor in place of ``power`` powers of an old one. "" and
-        "1" stand for no factor.
-        """
-        term = Term(self.number, ())
-        for name, count in self.factors:
-            if name == old and new not in ("", "1"):
-                term = term.times(1.0, new, power)
-            term = term.times(1.0, name, count - power * (name == old))
-        return term
+        """Return the term with another factor in place of ``power`` powers of an old one."""
+        at = [name for name, _ in self.factors].index(old)
+        before, after = self.factors[:at], self.factors[at:]
+        return (
+            Term(self.number, before)
+            .times(1.0, new, power)
+            .by(Term(1.0, after))
+            .times(1.0, old, -power)
+        )
 
 
 Terms = tuple[Term, ...]
@@ -86,38 +86,29 @@ Piece = tuple[str, int | None, Terms]
 NOTHING = Term(0.0, ())  #: in the place of a missing term, so that the numbers of the others stay
 
 
-def _split(text: str) -> list[str]:
-    """The words of a text; what stands in parentheses is one word with what is before it."""
-    words, depth, word = [], 0, ""
-    for character in text + " ":
-        depth += (character == "(") - (character == ")")
-        if character == " " and not depth:
-            words += [word] if word else []
-            word = ""
-        else:
-            word += character
-    return words
+_NESTED = r"[^()]*"  #: text with parentheses in it, up to the depth that definitions have
+for _depth in range(4):
+    _NESTED = rf"(?:[^()]|\({_NESTED}\))*"
+_WORD = re.compile(rf"(?:[^\s()]|\({_NESTED}\))+")
 
 
 @cache
 def parsed(text: str) -> Terms:
     """The terms of a sum that is written out."""
-    terms, power, term = [], 1, Term(1.0, ())
-    words = _split(re.sub(r"^-(?=\S)", "- ", text.strip()))
-    for word in words:
+    terms, power, term = list[Term](), 1, Term(1.0, ())
+    for word in _WORD.findall(re.sub(r"^-(?=\S)", "- ", text.strip())):
         if word in "+-":
-            terms += [term] if word is not words[0] else []
+            terms.append(term)
             term = Term(-1.0 if word == "-" else 1.0, ())
         elif word == "/":
             power = -1
         elif re.fullmatch(r"[\d.]+(/\d+)?", word):
             term, power = term.times(float(Fraction(word)) ** power), 1
         else:
-            name, _, exponent = (
-                word.rpartition("^") if re.search(r"\^\d+$", word) else (word, "", "1")
-            )
-            term, power = term.times(1.0, name, power * int(exponent)), 1
-    return (*terms, term)
+            name, *exponent = re.split(r"\^(?=\d+$)", word)
+            term, power = term.times(1.0, name, power * int(*exponent or [1])), 1
+    terms.append(term)
+    return tuple(terms[1:] if re.match(r"[+-]", text.strip()) else terms)
 
 
 @cache
@@ -125,23 +116,6 @@ def shown(terms: Terms) -> str:
     """The sum as text, in the way that `parsed` reads."""
     text = " + ".join(term.text() for term in terms if term.number).replace("+ -", "- ")
     return re.sub(r"given\((\w+)\)", r"\1", text) or "0"
-
-
-def replaced(definitions: Definitions, pieces: Iterable[Piece]) -> dict[str, Terms]:
-    """The definitions with some terms replaced, each by one other."""
-    changed = dict(definitions)
-    for name, index, terms in pieces:
-        old = changed.get(name) or parsed(name[1:-1] if name.startswith("(") else name)
-        changed[name] = terms if index is None else (*old[:index], *terms, *old[index + 1 :])
-    return changed
-
-
-def _modulus(x: Any) -> Any:
-    return x * np.sign(x.real)
-
-
-def _rounded(decimals: int, x: Any) -> Any:
-    return np.round(x.real, decimals)
 
 
 FUNCTIONS: dict[str, Callable[[Any], Any]] = {
@@ -153,35 +127,34 @@ FUNCTIONS: dict[str, Callable[[Any], Any]] = {
     "arctan": np.arctan,
     "exp": np.exp,
     "sqrt": lambda x: np.sqrt(x + 0j) if np.iscomplexobj(x) else np.sqrt(x),
-    "abs": _modulus,
+    "abs": lambda x: x * np.sign(x.real),
     "sgn": lambda x: np.sign(x.real),
     "first": lambda x: np.ravel(x)[0] + 0 * x,
     "previous": lambda x: np.roll(x, 1),
     "next": lambda x: np.roll(x, -1),
     "single": lambda x: x - x.real + np.asarray(x.real, dtype="f4").astype(float),
     "whole": lambda x: np.trunc(x.real),
-    **{f"to{n}": partial(_rounded, n) for n in range(1, 7)},
+    **{f"to{n}": lambda x, n=n: np.round(x.real, n) for n in range(1, 7)},  # type: ignore[misc]
 }
 _DERIVATIVE = re.compile(r"d\((.*)\)/d\((\w+)\)")
 # Of the imaginary step that differentiates: below it nothing is lost to rounding
-IMAGINARY_STEP = 1e-30
+_IMAGINARY_STEP = 1e-30
 
 
+@dataclass(eq=False)
 class Values:
     """The values of definitions for given inputs, each computed once, on demand."""
 
-    def __init__(
-        self,
-        definitions: Definitions,
-        given: Mapping[str, Any],
-        known: Mapping[str, Any] | None = None,
-    ):
-        self.definitions = definitions
-        self.given = given
-        #: With the names that go into it
-        self.known: dict[str, tuple[Any, frozenset[str]]] = dict(known or {})
-        #: What is known, by the definitions that it does without
-        self.kept: dict[frozenset[str], dict[str, Any]] = {}
+    definitions: Definitions
+    given: Mapping[str, Any]
+    #: With the names that go into it
+    known: dict[str, tuple[Any, frozenset[str]]] = field(default_factory=dict)
+    #: What is known, by the definitions that it does without
+    kept: dict[frozenset[str], dict[str, Any]] = field(default_factory=dict)
+
+    def at(self, **inputs: Any) -> Values:
+        """Return the values with other inputs, or with more of them."""
+        return Values(self.definitions, {**self.given, **inputs})
 
     def __getitem__(self, name: str) -> Any:
         if name not in self.known:
@@ -216,11 +189,8 @@ class Values:
         elif name.startswith("given("):
             return self.given[name[6:-1]], frozenset([name])
         elif slope := _DERIVATIVE.fullmatch(name):
-            at = Values(
-                self.definitions,
-                {**self.given, slope[2]: self.given[slope[2]] + IMAGINARY_STEP * 1j},
-            )
-            return np.imag(at[slope[1]]) / IMAGINARY_STEP, at.behind(slope[1]) | {name}
+            at = self.at(**{slope[2]: self.given[slope[2]] + _IMAGINARY_STEP * 1j})
+            return np.imag(at[slope[1]]) / _IMAGINARY_STEP, at.behind(slope[1]) | {name}
         elif name in self.given:
             return self.given[name], frozenset([name])
         else:
@@ -230,13 +200,19 @@ class Values:
         return value, names | {name}
 
     def changed(self, pieces: Sequence[Piece]) -> Values:
-        """The values after a change of definitions; what does not depend on them is kept."""
-        names = frozenset(piece[0] for piece in pieces)
+        """Return the values after a change of definitions; what does not depend on them is
+        kept.
+        """
+        names, definitions = frozenset(piece[0] for piece in pieces), dict(self.definitions)
+        for name, index, terms in pieces:
+            old = definitions.get(name) or self.terms(name)
+            if index is not None:
+                terms = (*old[:index], *terms, *old[index + 1 :])
+            definitions[name] = terms
         if names not in self.kept:
-            self.kept[names] = {
-                name: item for name, item in self.known.items() if not item[1] & names
-            }
-        return Values(replaced(self.definitions, pieces), self.given, self.kept[names])
+            known = self.known.items()
+            self.kept[names] = {name: item for name, item in known if not item[1] & names}
+        return Values(definitions, self.given, dict(self.kept[names]))
 
 
 def written(lines: str) -> dict[str, Terms]:
