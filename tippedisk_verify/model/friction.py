@@ -35,8 +35,7 @@ Friction = Literal["linear", "smooth"]
 
 _LONGEST_NAME = 40  # characters, so that a title stays on its line
 _GUARD_CONSTANTS = ("k", "traction")
-#: The weight keeps the guard's variable below the angles in runs of some minutes. Integrators
-#: measure their error relative to the largest variable.
+#: The weight keeps the guard's variable below the angles in runs of some minutes.
 _GUARD_WEIGHT = 2.0**-10
 _STEP = 1e-150  # of an imaginary step, whose square is far below any sliding velocity's rounding
 _CHECK_BITS = 256
@@ -119,14 +118,15 @@ class FrictionLaw:
 
         A law such as the hyperbolic tangent is constant to rounding at large sliding velocities. Its
         Taylor series there do not show that it bends at zero, and a long step would pass the bend.
-        The series of this rate, 1 / (1 + (k gamma_y / (mu g))^2), show it from afar.
+        The series of this rate, x^2 / (1 + x^2) with x = k gamma_y / (mu g), show it from afar. The
+        variable stays far below the state of a slow motion, which integrators measure errors by.
 
         Args:
             gamma_y: The sliding velocity [m/s].
             c: The parameters.
         """
         bend = c.k * gamma_y / c.traction
-        return _GUARD_WEIGHT / (1 + bend * bend)
+        return _GUARD_WEIGHT * (bend * bend) / (1 + bend * bend)
 
     def __reduce__(self) -> tuple[Any, ...]:
         for function in (self.force, self.slope):
