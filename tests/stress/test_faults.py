@@ -28,9 +28,6 @@ pytestmark = pytest.mark.skipif(
 )
 
 
-_VERIFY = ["verify", "--only", "omega_crit", "period_crit", "--quiet", "--out"]
-
-
 def _table(path: Path) -> list[dict[str, str]]:
     with open(path, newline="") as stream:
         return list(csv.DictReader(stream))
@@ -137,7 +134,3 @@ def test_standard_output_that_is_closed() -> None:
         command = ["sh", "-c", f'"$@" {closing_of}', "sh", *PROGRAM, "hopf"]
         done = subprocess.run(command, capture_output=True, text=True, timeout=LONGEST, check=False)
         assert (done.returncode, done.stderr) == (0, "")
-
-
-# ------------------------------------------------------------------------------------------ rights
-# ------------------------------------------------------------------------------------- two at once
