@@ -453,7 +453,7 @@ KINDS = (
     Kind("right-hand side", right_hand_side, 8, 150, 0.1, flown=False),
     Kind("Hopf point", hopf, 5, 100, 0.1, flown=False),
     Kind("slow manifold", slow_manifold_series, 1, 3, 0.15, flown=False),
-    Kind("proved closed forms", proved_closed_forms, 2, 30, 0.1, flown=False),
+    Kind("proved closed forms", proved_closed_forms, 8, 30, 0.1, flown=False),
     Kind("flow", motion, 8, 250, 0.4),
     Kind("events", partial(motion, events=(_PASSED, _RETURNS)), 4, 200, 0.2),
     Kind("derivatives", partial(motion, variations=VARIATIONS), 0, 30, 0.8),

@@ -6,18 +6,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from fractions import Fraction
 from functools import cache
 from typing import Any
 
-from tippedisk_verify.model.parameters import PRINTED, Parameters
+from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.proofs.kernel.balls import arb, ball, inside
 from tippedisk_verify.proofs.kernel.flow import FlowStatus, Model, Path, short_float
 from tippedisk_verify.proofs.kernel.krawczyk import FixedPoints, fixed_points
 from tippedisk_verify.proofs.kernel.section import HALF, TURN, PoincareSection, Return, return_map
 from tippedisk_verify.proofs.search.heteroclinic import ProvedConnection, prove_connection
 from tippedisk_verify.proofs.search.steps import Steps, midpoint_inverse
-from tippedisk_verify.theory.hopf import omega_crit
 
 SHORTEST_STEP = 2.0**-40  # s
 NUMBERS = (
@@ -32,11 +30,6 @@ NUMBERS = (
     "dgamma_bar_0_domega",
     "dv_0_domega",
 )
-
-
-def speed_below(parameters: Parameters, distance: str | Fraction) -> Fraction:
-    """Omega_crit - distance, cut to 40 decimals: an exact speed."""
-    return round(omega_crit(parameters, 60).value - Fraction(distance), 40)
 
 
 @dataclass(frozen=True)

@@ -12,9 +12,9 @@ from typing import Any
 
 import pytest
 
+from tests.command_line import answer, assert_refused
 from tests.proofs.cases import proved_connection
 from tests.proofs.saddle_orbits import OMEGA_H
-from tippedisk_verify.cli import main
 from tippedisk_verify.cycles.shooting import limit_cycle
 from tippedisk_verify.model.decimals import exact_text
 from tippedisk_verify.model.exact import fraction
@@ -150,21 +150,13 @@ def test_no_tampered_certificate_of_omega_h_is_accepted(share: slice) -> None:
         proved(content)
 
 
-def test_the_command_writes_it_and_checks_it(tmp_path, capsys) -> None:
+def test_the_command_writes_it_and_checks_it(tmp_path) -> None:
     path = tmp_path / "omega_h.json"
-    near = ["--near", str(float(OMEGA_H)), "--digits", "4", "--json"]
-    assert main(["certify", "heteroclinic", *near, "--certificate", str(path)]) == 0
-    result = json.loads(capsys.readouterr().out)
-    assert main(["certify", "check", str(path), "--json"]) == 0
-    assert json.loads(capsys.readouterr().out) == {
-        "accepted": True,
-        "statement": result["statement"],
-    }
-    assert (
-        main(["certify", "heteroclinic", *near, "--certificate", str(tmp_path / "no" / "c.json")])
-        == 2
-    )
-    assert "cannot be written" in capsys.readouterr().err
+    words = f"certify heteroclinic --near {float(OMEGA_H)} --digits 4 --certificate"
+    statement = answer(f"{words} {path}")["statement"]
+    assert answer(f"certify check {path}") == {"accepted": True, "statement": statement}
+    line = assert_refused(f"{words} {tmp_path / 'no' / 'c.json'}".split())
+    assert "cannot be written" in line
 
 
 OF_THE_CYCLES: list[tuple[str, Change]] = [
