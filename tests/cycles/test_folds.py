@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Iterator
 from fractions import Fraction
@@ -13,7 +12,7 @@ from types import SimpleNamespace
 import numpy
 import pytest
 
-from tippedisk_verify.cli import main
+from tests.command_line import answer, printed
 from tippedisk_verify.connection.bisection import bisect_omega_h
 from tippedisk_verify.cycles import folds
 from tippedisk_verify.cycles.branch import family
@@ -261,9 +260,8 @@ def test_many_speeds_where_lanes_do_not_hold_them_all(taylor, monkeypatch) -> No
 
 
 @pytest.mark.slow
-def test_command(folding, capsys) -> None:
-    assert main(["orbit", "--at-fold", "--json", "--parameters", folding]) == 0
-    (fold,) = json.loads(capsys.readouterr().out)["folds"]
+def test_command(folding) -> None:
+    (fold,) = answer(f"orbit --at-fold --parameters {folding}")["folds"]
     assert {
         "omega",
         "period",
@@ -273,10 +271,8 @@ def test_command(folding, capsys) -> None:
         "null_vector",
         "log_multiplier_fast",
     } <= set(fold)
-    assert main(["orbit", "--at-fold", "--json"]) == 0
-    assert json.loads(capsys.readouterr().out) == {"folds": [], "followed_to": "Omega_h"}
-    assert main(["orbit", "--at-fold"]) == 0
-    assert capsys.readouterr().out == "folds: none\nfollowed_to: Omega_h\n"
+    assert answer("orbit --at-fold") == {"folds": [], "followed_to": "Omega_h"}
+    assert printed("orbit --at-fold") == "folds: none\nfollowed_to: Omega_h\n"
 
 
 def random_disks(count: int, seed: int) -> Iterator[Parameters]:

@@ -4,7 +4,6 @@ Omega_h.
 
 from __future__ import annotations
 
-import json
 import math
 from fractions import Fraction
 
@@ -12,7 +11,6 @@ import numpy
 import pytest
 
 import tippedisk_verify as tv
-from tippedisk_verify.cli import main
 from tippedisk_verify.cycles.at_speed import rotating_below, rotating_cycle
 from tippedisk_verify.cycles.branch import rotating_branch
 from tippedisk_verify.cycles.folds import rotation_fold
@@ -188,32 +186,3 @@ def test_the_unstable_cycles_stay_within_the_model(taylor, omega) -> None:
         for state in cycle.orbit(201)[1].T.tolist()
     ]
     assert 0.8 < min(forces) < 1 < max(forces) < 1.1
-
-
-@pytest.mark.slow
-def test_the_command(capsys) -> None:
-    assert main(["orbit", "--rotating", "--omega", "30.02", "--json"]) == 0
-    shown = json.loads(capsys.readouterr().out)
-    assert shown["stable"] is True
-    period = spectral_rotation(PRINTED, "30.02", digits=14).period
-    assert agree(tv.Measured.of(*shown["period"].values()), period, 11)
-    assert main(["branch", "--rotating", "--omegas", "30.02", "--json"]) == 0
-    assert [entry["stable"] for entry in json.loads(capsys.readouterr().out)["orbits"]] == [
-        True,
-        False,
-    ]
-    for words, told in (
-        (
-            ["--rotating"],
-            "give the speed with one of --omega, --below-crit, --below-het and --at-fold",
-        ),
-        (["--rotating", "--unstable", "--at-fold"], "--unstable goes with"),
-        (["--rotating", "--above-het", "1e-3"], "do not rotate"),
-        (["--below-het", "1e-3"], "belongs to --rotating"),
-        (["--rotating", "--omega", "29"], "fold near"),
-        (["--rotating", "--below-het", "0.05"], "rad/s below Omega_h"),
-    ):
-        assert main(["orbit", *words]) == 2
-        captured = capsys.readouterr()
-        assert told in captured.err, words
-        assert captured.err.count("\n") == 1

@@ -5,14 +5,13 @@ one loses no other.
 from __future__ import annotations
 
 import csv
-import json
 from fractions import Fraction
 from pathlib import Path
 
 import pytest
 
 import tippedisk_verify as tv
-from tippedisk_verify.cli import main
+from tests.command_line import answer, printed
 from tippedisk_verify.errors import NoSuchCycleError
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.theory.hopf import speed_below_crit
@@ -36,23 +35,7 @@ def test_branch_sweep_and_limit_cycle_find_the_same(law: str, tmp_path: Path) ->
     branch = disk.branch(SPEEDS)
     assert not branch.missing
     axis = f"omega={','.join(SPEEDS)}"
-    assert (
-        main(
-            [
-                "sweep",
-                "orbit",
-                "--over",
-                axis,
-                "--out",
-                str(table),
-                "--friction",
-                law,
-                "--jobs",
-                "1",
-            ]
-        )
-        == 0
-    )
+    printed(f"sweep orbit --over {axis} --out {table} --friction {law} --jobs 1")
     with table.open() as stream:
         rows = list(csv.DictReader(stream))
     for speed, cycle, row in zip(SPEEDS, branch.cycles, rows, strict=True):
@@ -63,7 +46,7 @@ def test_branch_sweep_and_limit_cycle_find_the_same(law: str, tmp_path: Path) ->
             assert _agree(swept, getattr(alone, name)), (speed, name)
 
 
-def test_a_long_list_keeps_all_others(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_a_long_list_keeps_all_others(tmp_path: Path) -> None:
     """A hundred speeds are solved together. One lies between the Hopf point and the first node;
     some have no cycle.
     """
@@ -76,24 +59,12 @@ def test_a_long_list_keeps_all_others(capsys: pytest.CaptureFixture[str], tmp_pa
     assert branch.uncertainty["omega"].max() < 1e-14
     assert all("no limit cycle found" in row.status for row in branch.missing)
     table = tmp_path / "branch.csv"
-    assert (
-        main(
-            [
-                "branch",
-                "--omegas",
-                ",".join(["30.4", *EMPTY, "30.5"]),
-                "--out",
-                str(table),
-                "--json",
-            ]
-        )
-        == 0
-    )
-    orbits = json.loads(capsys.readouterr().out)["orbits"]
+    some = ["30.4", *EMPTY, "30.5"]
+    orbits = answer(f"branch --omegas {','.join(some)} --out {table}")["orbits"]
     assert ["status" in entry for entry in orbits] == [False, True, True, True, False]
     with table.open() as stream:
         rows = list(csv.DictReader(stream))
-    assert [row["omega"] for row in rows] == ["30.4", *EMPTY, "30.5"]
+    assert [row["omega"] for row in rows] == some
     assert (
         [row["status"] == "ok" for row in rows]
         == [bool(row["period"]) for row in rows]
@@ -104,11 +75,10 @@ def test_a_long_list_keeps_all_others(capsys: pytest.CaptureFixture[str], tmp_pa
 
 
 @pytest.mark.slow(minutes=0.3)
-def test_rotating_cycles_keep_all_others_too(capsys: pytest.CaptureFixture[str]) -> None:
+def test_rotating_cycles_keep_all_others_too() -> None:
     rows = tv.Disk("table1").rotating_branch(["30.04", "29", "30.5"])
     assert [getattr(row, "status", "ok") == "ok" for row in rows] == [True, True, False, True]
-    assert main(["branch", "--rotating", "--omegas", "30.04,29,30.5"]) == 0
-    assert "turn round in a fold" in capsys.readouterr().out
+    assert "turn round in a fold" in printed("branch --rotating --omegas 30.04,29,30.5")
 
 
 # --------------------------------------------------------------------------- next to the Hopf point
