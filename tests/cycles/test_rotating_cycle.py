@@ -15,7 +15,7 @@ from tippedisk_verify.cycles.at_speed import rotating_below, rotating_cycle
 from tippedisk_verify.cycles.branch import rotating_branch
 from tippedisk_verify.cycles.folds import rotation_fold
 from tippedisk_verify.cycles.locator import locator
-from tippedisk_verify.cycles.spectral import spectral_fold, spectral_rotation
+from tippedisk_verify.cycles.spectral import spectral_rotation
 from tippedisk_verify.flow.contract import Request, Status
 from tippedisk_verify.model.equations import field, normal_force_over_weight
 from tippedisk_verify.model.parameters import PRINTED
@@ -27,13 +27,6 @@ POINTS = (
     ("30.0388", False),
     pytest.param("30.02", True, marks=pytest.mark.slow),
     pytest.param("31.386592688643567", False, marks=pytest.mark.slow),
-)
-FOLD = (
-    ("omega", "omega"),
-    ("period", "period"),
-    ("beta_bar_top", "angle"),
-    ("v_top", "v"),
-    ("null_vector", "null_vector"),
 )
 SHARED = ("period", "beta_bar_top", "v_top", "multiplier_slow")
 
@@ -54,16 +47,6 @@ def test_shooting_and_collocation_agree(taylor, omega, stable) -> None:
     both = shot.log_multiplier_slow + shot.log_multiplier_fast
     assert agree(both, other.log_multipliers, 11)
     assert shot.stable is stable
-
-
-@pytest.mark.slow
-def test_the_fold_by_two_methods(taylor) -> None:
-    shot, other = (
-        rotation_fold(locator(PRINTED, taylor).rotations),
-        spectral_fold(PRINTED, digits=16),
-    )
-    for name, same in FOLD:
-        assert agree(getattr(shot, name), getattr(other, same), 11), name
 
 
 @pytest.mark.parametrize(

@@ -91,7 +91,7 @@ def test_table_2_converges_quadratically(taylor) -> None:
     speed = speed_below(CALIBRATED, "0.5")
     shot = shoot(ReturnMap(LIBRATING, CALIBRATED, speed, taylor), (1.69, -1.72))
     assert len(shot.residuals) <= 7
-    assert shot.residuals[-1] < 1e-14
+    assert shot.residuals[-1] < 32 * 2.0**-52  # some roundings of 1 to 2
     whole = shoot(ReturnMap(WHOLE_PERIOD, CALIBRATED, speed, taylor), (1.69, -1.72))
     assert abs(whole.image.time - float(limit_cycle(CALIBRATED, speed, taylor).period)) < 1e-12
     drops = [math.log10(size) for size in whole.residuals if size > 1e-14]

@@ -20,7 +20,8 @@ def test_basins() -> None:
         pooled = basins(smooth, speed, count=400, executor=pool)
     assert (alone.outcome == pooled.outcome).all()
     shares = alone.fractions()
-    assert abs(sum(share for share, _ in shares.values()) - 1) < 1e-12
+    # Some roundings of shares below 1
+    assert abs(sum(share for share, _ in shares.values()) - 1) < len(shares) * 2.0**-53
     # Another sample of the same plane, within both sampling errors.
     other = basins(smooth, speed, count=400, seed=2).fractions()
     for name, (share, error) in shares.items():

@@ -4,7 +4,7 @@ planted in the kernel.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -78,6 +78,22 @@ def carry(
             path.take(step, left)
             return Flight(None, path, upright, path.matrix if derivatives else None)
         path.take(step)
+
+
+#: What tampers with a certificate.
+Change = Callable[[dict[str, Any]], None]
+
+
+def put(*path: Any) -> Change:
+    """The last of the names is the value, or a function of the old one."""
+
+    def act(content: dict[str, Any]) -> None:
+        part: Any = content
+        for name in path[:-2]:
+            part = part[name]
+        part[path[-2]] = path[-1](part[path[-2]]) if callable(path[-1]) else path[-1]
+
+    return act
 
 
 def hull(low: object, high: object) -> Any:

@@ -5,7 +5,7 @@ tampered with.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from fractions import Fraction
 from functools import lru_cache
 from typing import Any
@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 from tests.command_line import answer, assert_refused
-from tests.proofs.cases import proved_connection
+from tests.proofs.cases import Change, proved_connection, put
 from tests.proofs.saddle_orbits import OMEGA_H
 from tippedisk_verify.cycles.shooting import limit_cycle
 from tippedisk_verify.model.decimals import exact_text
@@ -28,25 +28,12 @@ from tippedisk_verify.proofs.kernel.reading import dyadic
 from tippedisk_verify.proofs.search.connection_end import prove_end
 from tippedisk_verify.proofs.search.heteroclinic import ProvedConnection, prove_connection
 
-Change = Callable[[dict[str, Any]], None]
 DIGITS = 5
 
 
 @lru_cache(maxsize=1)
 def connection() -> ProvedConnection:
     return prove_connection(PRINTED, OMEGA_H, DIGITS)
-
-
-def put(*path: Any) -> Change:
-    """The last of the names is the value, or a function of the old one."""
-
-    def act(content: dict[str, Any]) -> None:
-        part: Any = content
-        for name in path[:-2]:
-            part = part[name]
-        part[path[-2]] = path[-1](part[path[-2]]) if callable(path[-1]) else path[-1]
-
-    return act
 
 
 def refused(text: str, line: str, act: Change) -> None:

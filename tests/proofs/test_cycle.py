@@ -159,8 +159,12 @@ def test_a_flight_off_the_cycle_against_shooting(taylor, disk, flight, section, 
         ordinary.time_by_omega,
     ]
     for mine, other in zip(numbers_of(found), others, strict=True):
-        assert mine.rad() < 1e-17 * (1 + abs(other))
-        assert float(mine.mid()) == pytest.approx(float(other), rel=1e-10, abs=1e-11)
+        # Of 80 bits some twenty: the amplification, and as many of the boxes
+        assert mine.rad() < 2.0**-56 * (1 + abs(other))
+        # A thousand times the roundings of some hundred steps
+        assert float(mine.mid()) == pytest.approx(
+            float(other), rel=1000 * 100 * 2.0**-53, abs=1000 * 100 * 2.0**-53
+        )
 
 
 @FLIGHTS

@@ -197,7 +197,9 @@ def test_the_programs_of_the_readme(language: str, runs: str, tmp_path: Path) ->
         }
         return
     assert len(done) == 3 * 10 + 5
-    assert all(abs(float(away)) < 1e-12 for away in done[2:30:3])
+    # Some fifty roundings of terms that are up to a hundred times the sum
+    assert all(abs(float(away)) < 50 * 100 * 2.0**-53 for away in done[2:30:3])
+    # The solver's tolerance is 1e-13 a step, for some hundred steps.
     assert abs(float(done[-1])) < 1e-11
 
 
