@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import contextlib
+import csv
 import io
 import json
 import re
 import shlex
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any, NamedTuple
 
 from tippedisk_verify.cli import main
@@ -39,6 +41,11 @@ def printed(words: str, status: int = 0) -> str:
 def answer(words: str, status: int = 0) -> Any:
     """Return the JSON that a command answers with ``--json``."""
     return json.loads(printed(f"{words} --json", status))
+
+
+def rows_of(path: Path) -> list[dict[str, str]]:
+    """Return the rows of a CSV table."""
+    return list(csv.DictReader(path.read_text(encoding="utf-8").splitlines()))
 
 
 _LINE = re.compile(r"[^\n]{1,1020}\n")

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import csv
 import shlex
 from pathlib import Path
 
 import pytest
 
-from tests.command_line import answer, assert_refused, printed
+from tests.command_line import answer, assert_refused, printed, rows_of
 
 GOOD = (
     'r = "0.045"\ne = "0.0025"\nm = "0.435"\nA = "0.249e-3"\nB = "0.227e-3"\n'
@@ -49,7 +48,7 @@ def test_integrate_prints_and_writes_a_motion(tmp_path: Path) -> None:
         == "t,beta,gamma,v,beta_uncertainty,gamma_uncertainty,v_uncertainty,event,t_uncertainty"
     )
     assert (first[:17], first[-2:]) == ("1,1.5707963267948", ",,")
-    rows = list(csv.DictReader((tmp_path / "motion.csv").read_text().splitlines()))
+    rows = rows_of(tmp_path / "motion.csv")
     assert [row["event"] for row in rows] == [""] * 5 + ["turn", "section", "turn", "section"]
     assert all(row["t_uncertainty"] and 1 < float(row["t"]) < 2 for row in rows[5:])
     assert (tmp_path / "motion.png").read_bytes()[:4] == b"\x89PNG"

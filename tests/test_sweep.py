@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Callable, Iterator
 from concurrent.futures import BrokenExecutor, Executor
 from contextlib import contextmanager, nullcontext
@@ -13,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from tests.command_line import answer, printed
+from tests.command_line import answer, printed, rows_of
 from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.sweep import running
@@ -21,12 +20,7 @@ from tippedisk_verify.sweep.plan import Plan, axis, computed
 from tippedisk_verify.theory.hopf import omega_crit
 
 
-def _rows(path: Path) -> list[dict[str, str]]:
-    with open(path, newline="") as stream:
-        return list(csv.DictReader(stream))
-
-
-def after_rows(patch: pytest.MonkeyPatch, count: int, action: Callable[[], object]) -> None:
+def afterrows_of(patch: pytest.MonkeyPatch, count: int, action: Callable[[], object]) -> None:
     """Call a function once a number of rows has been computed.
 
     The last of them is not in the journal yet.
@@ -110,7 +104,7 @@ def test_a_table_in_the_order_of_the_points(tmp_path: Path) -> None:
     for name, executor in (("a.csv", "serial"), ("b.csv", "local"), ("a.parquet", "serial")):
         found = answer(f"{words} --executor {executor} --out {tmp_path / name}")
         assert found["points"] == 6
-    rows = _rows(tmp_path / "a.csv")
+    rows = rows_of(tmp_path / "a.csv")
     assert [(row["e"], row["g"]) for row in rows][:3] == [
         ("0.001", "9.7"),
         ("0.001", "9.81"),
@@ -142,7 +136,7 @@ def _swept(out: Path) -> list[int]:
 def interrupted(tmp_path: Path) -> tuple[Path, bytes, bytes]:
     """Return a file that does not exist yet, its journal with four rows, and its final bytes."""
     assert _swept(tmp_path / "whole.csv") == list(range(10))
-    lines = [running._line(n, row) for n, row in enumerate(_rows(tmp_path / "whole.csv")[:4])]
+    lines = [running._line(n, row) for n, row in enumerate(rows_of(tmp_path / "whole.csv")[:4])]
     (tmp_path / ".a.csv.journal").write_bytes(running._head(_TEN) + b"".join(lines))
     return (
         tmp_path / "a.csv",
@@ -206,7 +200,7 @@ def test_a_process_that_is_killed_changes_nothing(
 ) -> None:
     printed(f"{_HOPF} --executor serial --out {tmp_path / 'serial.csv'}")
     monkeypatch.setattr(running, "_MOST_AHEAD", 4)
-    after_rows(monkeypatch, 5, lambda: active_children()[0].kill())
+    afterrows_of(monkeypatch, 5, lambda: active_children()[0].kill())
     printed(f"{_HOPF} --out {tmp_path / 'a.csv'}")
     assert (tmp_path / "a.csv").read_bytes() == (tmp_path / "serial.csv").read_bytes()
 

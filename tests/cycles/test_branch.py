@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import csv
 from fractions import Fraction
 from itertools import pairwise
 from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from tests.command_line import answer
+from tests.command_line import answer, rows_of
 from tippedisk_verify.connection.bisection import bisect_omega_h
 from tippedisk_verify.cycles.at_speed import cycle_at
 from tippedisk_verify.cycles.branch import Branch, family, paper_speeds
@@ -33,7 +32,7 @@ def test_command(tmp_path: Path) -> None:
     out = tmp_path / "branch.csv"
     result = answer(f"branch --omegas 30.6,30.4 --out {out}")
     assert [float(orbit["omega"]["value"]) for orbit in result["orbits"]] == [30.6, 30.4]
-    rows = list(csv.DictReader(out.read_text(encoding="utf-8").splitlines()))
+    rows = rows_of(out)
     assert rows[1]["period"] == result["orbits"][1]["period"]["value"]
 
 

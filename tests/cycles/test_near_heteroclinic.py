@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import csv
 import math
 from fractions import Fraction
 from pathlib import Path
 
 import pytest
 
-from tests.command_line import answer, printed
+from tests.command_line import answer, printed, rows_of
 from tippedisk_verify.disk import Disk
 from tippedisk_verify.errors import InputError
 
@@ -79,7 +78,7 @@ def test_the_command_prints_writes_and_draws_the_study(tmp_path: Path) -> None:
     result = answer(f"{words} --answers {answers} --out {out}")
     assert [row["distance"]["value"] for row in result["rows"]] == ["0.01", "0.0001", "1e-6"]
     assert abs(float(result["answers"][0]["error"]["value"]) + 7.3e-5) < 1e-6  # of 3.08277 s
-    rows = list(csv.DictReader(out.read_text().splitlines()))
+    rows = rows_of(out)
     assert [row["period"] for row in rows] == [row["period"]["value"] for row in result["rows"]]
     assert "error [s]" not in printed(f"{words} --out {tmp_path / 'near.png'}")
     assert (tmp_path / "near.png").read_bytes().startswith(b"\x89PNG")

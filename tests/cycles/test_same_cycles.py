@@ -4,14 +4,13 @@ one loses no other.
 
 from __future__ import annotations
 
-import csv
 from fractions import Fraction
 from pathlib import Path
 
 import pytest
 
 import tippedisk_verify as tv
-from tests.command_line import answer, printed
+from tests.command_line import answer, printed, rows_of
 from tippedisk_verify.errors import NoSuchCycleError
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.theory.hopf import speed_below_crit
@@ -32,8 +31,7 @@ def test_branch_sweep_and_limit_cycle_find_the_same(law: str, tmp_path: Path) ->
     assert not branch.missing
     axis = f"omega={','.join(SPEEDS)}"
     printed(f"sweep orbit --over {axis} --out {table} --friction {law} --jobs 1")
-    with table.open() as stream:
-        rows = list(csv.DictReader(stream))
+    rows = rows_of(table)
     for speed, cycle, row in zip(SPEEDS, branch.cycles, rows, strict=True):
         alone = disk.limit_cycle(speed)
         for name in ("period", "gamma_bar_0", "v_0", "beta_max", "multiplier_slow"):
@@ -58,8 +56,7 @@ def test_a_long_list_keeps_all_others(tmp_path: Path) -> None:
     some = ["30.4", *EMPTY, "30.5"]
     orbits = answer(f"branch --omegas {','.join(some)} --out {table}")["orbits"]
     assert ["status" in entry for entry in orbits] == [False, True, True, True, False]
-    with table.open() as stream:
-        rows = list(csv.DictReader(stream))
+    rows = rows_of(table)
     assert [row["omega"] for row in rows] == some
     assert (
         [row["status"] == "ok" for row in rows]

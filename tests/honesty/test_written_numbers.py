@@ -4,7 +4,6 @@ more digits says.
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Iterator
 from fractions import Fraction
 from pathlib import Path
@@ -13,7 +12,7 @@ from typing import Any
 import pytest
 
 import tippedisk_verify as tv
-from tests.command_line import answer, printed
+from tests.command_line import answer, printed, rows_of
 from tippedisk_verify.connection.heteroclinic import _BEGINNING, _UPRIGHT
 from tippedisk_verify.motion.scenes import INITIAL_STATES
 from tippedisk_verify.theory.saddle_manifolds import Saddle
@@ -71,18 +70,13 @@ def test_what_a_command_says_holds_what_it_says_with_more_digits(words: str) -> 
     assert compared > 1
 
 
-def _table(path: Path) -> list[dict[str, str]]:
-    with path.open(encoding="utf-8") as stream:
-        return list(csv.DictReader(stream))
-
-
 @pytest.mark.parametrize("words", SWEPT)
 def test_a_sweeps_table_holds_that_with_more_digits(words: str, tmp_path: Path) -> None:
     tables = []
     for digits in ("12", "24"):
         out = tmp_path / f"{digits}.csv"
         printed(f"{words} --out {out} --digits {digits} --executor serial --quiet")
-        tables.append(_table(out))
+        tables.append(rows_of(out))
     for few, many in zip(*tables, strict=True):
         widths = [name for name in few if name.endswith("_uncertainty")]
         assert widths
@@ -100,7 +94,7 @@ def test_a_branchs_table_holds_the_cycles_with_more_digits(
     out = tmp_path / "branch.csv"
     printed(f"branch {kind} --omegas {omega} --out {out} --quiet")
     disk = tv.Disk("table1")
-    for row in _table(out):
+    for row in rows_of(out):
         stable = row["stable"] == "True"
         if kind:
             truth = disk.rotating_cycle(omega, stable=stable, digits=24)
@@ -120,7 +114,7 @@ def test_the_connections_table_holds_a_run_at_a_sharper_omega_h(
 ) -> None:
     out = tmp_path / "connection.csv"
     printed(f"heteroclinic --friction {friction} --out {out} --quiet")
-    rows = _table(out)[::40]
+    rows = rows_of(out)[::40]
     disk = tv.Disk("table1", friction=friction)
     omega_h = disk.heteroclinic(digits=45).omega_h.value
     start = Saddle(disk, omega_h, 220, 8).start_on_branch(_BEGINNING)
@@ -144,7 +138,7 @@ def test_a_scenes_tables_are_right_to_their_last_decimal(scene: str, tmp_path: P
     disk = tv.Disk("table1")
     omega = disk.scene(scene).omega.value
     for number, start in enumerate(INITIAL_STATES, start=1):
-        rows = _table(tmp_path / f"scene_{scene}_orbit_{number}.csv")[1::100]
+        rows = rows_of(tmp_path / f"scene_{scene}_orbit_{number}.csv")[1::100]
         times = [Fraction(row["t [s]"]) for row in rows]
         truth = disk.integrate(omega, start, times[-1], t_eval=times, digits=16)
         for row, state in zip(rows, truth.y.T, strict=True):

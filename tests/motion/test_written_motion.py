@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import csv
 from fractions import Fraction
 from pathlib import Path
 
 import pytest
 
 import tippedisk_verify as tv
-from tests.command_line import answer, printed, ran
+from tests.command_line import answer, printed, ran, rows_of
 from tippedisk_verify.flow.contract import MOST_STEPS
 
 #: Arguments of `integrate`: even times that are not doubles, a late start, a ratio, both laws, 20
@@ -62,8 +61,7 @@ def test_written_numbers_hold_the_truth(words: str, tmp_path: Path) -> None:
         [[(end[name]["value"], end[name]["uncertainty"]) for name in ("beta", "gamma", "v")]],
         words,
     )
-    with table.open() as stream:
-        rows = list(csv.DictReader(stream))
+    rows = rows_of(table)
     assert [row["t"] for row in rows] == entries["t"]
     written = [
         [(row[name], row[f"{name}_uncertainty"]) for name in ("beta", "gamma", "v")] for row in rows

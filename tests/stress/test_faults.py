@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.command_line import rows_of
 from tests.stress.runs import (
     GENERATE,
     LONGEST,
@@ -26,11 +27,6 @@ from tippedisk_verify.reference_values.manifest import faults_in_files
 pytestmark = pytest.mark.skipif(
     sys.platform == "win32", reason="signals, limits and rights are POSIX here"
 )
-
-
-def _table(path: Path) -> list[dict[str, str]]:
-    with open(path, newline="") as stream:
-        return list(csv.DictReader(stream))
 
 
 # ------------------------------------------------------------------------------ kill -9 and Ctrl-C
@@ -80,7 +76,7 @@ def _strikes(tmp_path: Path, count: int, number: int) -> Iterator[int]:
         assert run(arguments).returncode == 0
     assert _whole(folder) == files
     assert faults_in_files(folder / "data") == []
-    rows = _table(folder / "sweep.csv")
+    rows = rows_of(folder / "sweep.csv")
     assert (len(rows), {row["status"] for row in rows}) == (300, {"ok"})
     assert not list(folder.glob(".*journal"))
 
