@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from fractions import Fraction
 
 import numpy
@@ -108,17 +107,6 @@ def test_a_run_that_ends_early_has_the_samples_up_to_there(taylor) -> None:
         for mine, theirs in zip(results[1].samples, results[0].samples, strict=True):
             # Quadruple precision: a hundred roundings of states of size 10, grown by less than 100
             assert away(mine, [fraction(part) for part in theirs]) < 100 * 10 * 100 * 2.0**-113
-
-
-def test_the_time_at_which_an_event_ends_a_run_has_a_half_width(taylor) -> None:
-    request = Request(
-        PRINTED, "30.4", START, "0.9", precision=EXTENDED, events=(SECTION,), error_estimate=True
-    )
-    rough, sharp = (
-        taylor(request),
-        taylor(replace(request, precision=QUADRUPLE, error_estimate=False)),
-    )
-    assert abs(fraction(rough.time) - fraction(sharp.time)) <= fraction(rough.error.time)
 
 
 def test_the_last_sample_may_be_a_rounding_of_a_double_later_than_the_end(taylor) -> None:
