@@ -15,6 +15,7 @@ from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.exact import Exact, exact, quotient
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import NAMED_SETS, Parameters
+from tippedisk_verify.theory.hopf import omega_crit
 
 #: Speeds below, between and above the two critical ones, for the three sets that describe the
 #: paper's disk [rad/s].
@@ -54,6 +55,11 @@ def physical_parameters(draw: st.DrawFn) -> Parameters:
     # Pragma: no cover - the construction above satisfies every condition
     except InputError as fault:
         raise AssertionError(fault) from fault
+
+
+def speed_below(parameters: Parameters, distance: str | Fraction) -> Fraction:
+    """Omega_crit - distance, cut to 40 decimals: an exact speed."""
+    return round(omega_crit(parameters, 60).value - Fraction(distance), 40)
 
 
 def held(values: Iterable[Any], truths: Iterable[Any], widths: Iterable[Any]) -> bool:

@@ -10,7 +10,6 @@ from __future__ import annotations
 import contextlib
 import decimal
 import inspect
-import io
 import json
 import locale
 import random
@@ -29,8 +28,8 @@ import mpmath
 import numpy as np
 
 import tippedisk_verify as tv
+from tests.command_line import ran
 from tippedisk_verify.certify import Certifier
-from tippedisk_verify.cli import main
 from tippedisk_verify.connection.heteroclinic import Heteroclinic
 from tippedisk_verify.cycles import locator
 from tippedisk_verify.cycles.branch import Branch
@@ -78,14 +77,6 @@ def as_text(result: Any) -> str:
         return f"{number.rational.numerator:x}/{number.rational.denominator:x} + {number.pi_multiple} pi"
     except tv.InputError:
         return str(result)
-
-
-def command(line: str) -> str:
-    """What a command prints, and its status."""
-    out, err = io.StringIO(), io.StringIO()
-    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
-        status = main(line.split())
-    return f"{status} {out.getvalue()} {err.getvalue()}"
 
 
 DISK = tv.Disk("table1")
@@ -237,7 +228,7 @@ CALLS: dict[str, Callable[[], Any]] = {
     "BatchTaylor.__call__": lambda: tv.BatchTaylor(1)(
         _CONSTANTS, [30.4], [[1.5, 1.6, 0.0]], [1.0], divergence=True
     ),
-    **{line: partial(command, line) for line in COMMANDS},
+    **{line: partial(ran, line.split()) for line in COMMANDS},
 }
 
 #: What takes longer than two seconds, and longer than a fifth of one.

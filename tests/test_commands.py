@@ -11,8 +11,9 @@ from pathlib import Path
 import click
 import pytest
 
+from tests.command_line import printed
 from tippedisk_verify.bench.problems import PROBLEMS
-from tippedisk_verify.cli import cli, main
+from tippedisk_verify.cli import cli
 from tippedisk_verify.commands import common
 from tippedisk_verify.model import results
 from tippedisk_verify.reference_values.store import stored
@@ -102,7 +103,7 @@ def test_an_example_of_the_help_runs(
     if example.startswith(LONG):
         parsed(shlex.split(example))
     else:
-        assert main([*shlex.split(example), "--quiet"]) == 0
+        printed(f"{example} --quiet")
 
 
 def test_each_command_has_two_examples_at_the_end_of_its_help() -> None:
@@ -140,17 +141,14 @@ def test_the_duration_of_verify_is_the_same_everywhere() -> None:
     assert [re.findall(durations, " ".join(text.split())) for text in texts] == [["a minute"]] * 3
 
 
-def test_verify_prints_the_verdict_of_an_equation_and_of_a_number(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    assert main(["verify", "--only", "eq.28,14"]) == 0
-    assert capsys.readouterr().out.startswith(
+def test_verify_prints_the_verdict_of_an_equation_and_of_a_number() -> None:
+    assert printed("verify --only eq.28,14").startswith(
         "eq. (28) has no verdict of its own; eq. (39), which is derived from it, does not follow "
         "(term), by the claim "
         "kappa_2\neq. (14): holds, by the claim linearization\n"
     )
-    assert main(["verify", "--only", "omega_crit"]) == 0
-    assert "omega_crit  fails for table1  30.8866 rad/s (paper: 30.92)\n" in capsys.readouterr().out
+    line = "omega_crit  fails for table1  30.8866 rad/s (paper: 30.92)\n"
+    assert line in printed("verify --only omega_crit")
 
 
 @pytest.mark.parametrize(
@@ -163,13 +161,11 @@ def test_verify_prints_the_verdict_of_an_equation_and_of_a_number(
     ],
 )
 def test_on_a_terminal_lines_end_between_words(
-    command: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    command: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    assert main(command.split()) == 0
-    words = capsys.readouterr().out.split()
+    words = printed(command).split()
     monkeypatch.setattr(common, "_width", lambda: 80)
-    assert main(command.split()) == 0
-    narrow = capsys.readouterr().out
+    narrow = printed(command)
     assert narrow.split() == words or sorted(narrow.split()) == sorted(words)
     assert max(len(line) for line in narrow.splitlines() if len(line.split()) > 1) <= 80
 

@@ -56,21 +56,13 @@ def test_a_named_disk_with_another_number_is_no_longer_the_named_one() -> None:
     assert tv.Disk("table1", friction="smooth").name == "table1"
 
 
-def test_a_text_for_a_list_is_one_number_or_refused() -> None:
+def test_a_text_for_a_list_is_one_number() -> None:
     disk = tv.Disk("table1")
     assert (
         [*disk.branch("30.4").omega]
         == [float(cycle.omega) for cycle in disk.rotating_branch("30.4")]
         == [30.4]
     )
-    for ask in (
-        lambda: disk.branch("30.4,30.5"),
-        lambda: disk.integrate("30.4", "123", 1),
-        lambda: disk.integrate("30.4", START, 3, times="12"),
-        lambda: disk.basin_boundary("30.5").margin("123"),
-    ):
-        with pytest.raises(tv.InputError):
-            ask()
 
 
 @pytest.mark.parametrize(
@@ -90,6 +82,18 @@ def test_a_text_for_a_list_is_one_number_or_refused() -> None:
         ),
         (lambda: tv.Disk("table1").heteroclinic(engine="taylor"), r"Taylor\(\) or Baseline\(\)"),
         (lambda: tv.Disk("table1").branch([]), "1 to"),
+        # a text for a list
+        (lambda: tv.Disk("table1").branch("30.4,30.5"), None),
+        (lambda: tv.Disk("table1").integrate("30.4", "123", 1), None),
+        (lambda: tv.Disk("table1").integrate("30.4", START, 3, times="12"), None),
+        (lambda: tv.Disk("table1").basin_boundary("30.5").margin("123"), None),
+        *(
+            (
+                lambda wrong=wrong: tv.Disk("table1").integrate("30.4", START, 1, events=wrong),
+                "not one of section, turn, surface",
+            )
+            for wrong in (len, "section,turn", ["turn", 1])
+        ),
     ],
 )
 def test_invalid_arguments_give_one_line(make, word) -> None:
@@ -134,8 +138,8 @@ def test_a_run_that_ends_early_ends_with_its_end() -> None:
     assert "lies flat" in lying.message
     assert lying.t.shape == (lying.y.shape[1],)
     assert 17.3 < lying.end.time < 17.4
-    assert abs(math.sin(lying.end.state[0])) < 1e-9
-    assert 0 < lying.end.time_uncertainty < 1e-10
+    assert abs(math.sin(lying.end.state[0])) <= lying.end.uncertainty[0]
+    assert 0 < lying.end.time_uncertainty < lying.end.time / 10**12  # twelve digits
     assert numpy.isfinite(lying.uncertainty).all()
     assert (numpy.diff(lying.t) > 0).all()
     assert lying.t[-1] < lying.end.time < lying.t[-1] + 0.1
@@ -225,15 +229,12 @@ def test_the_equations_serve_other_solvers(friction) -> None:
     assert numpy.allclose(jac(0, start), moved, rtol=1e-5, atol=1e-3)
 
 
-def test_one_event_or_time_needs_no_list_and_others_are_refused() -> None:
+def test_one_event_or_time_needs_no_list() -> None:
     disk = tv.Disk("table1")
     assert disk.integrate(
         "30.4", START, 1, t_eval="0.5", events="section", variations="omega"
     ).y.shape == (3, 1)
     assert disk.integrate("30.4", START, 1, events=None).events == ()
-    for wrong in (len, "section,turn", ["turn", 1]):
-        with pytest.raises(tv.InputError, match="not one of section, turn, surface"):
-            disk.integrate("30.4", START, 1, events=wrong)
 
 
 def test_keywords_of_solve_ivp_are_explained() -> None:
@@ -252,7 +253,7 @@ def test_an_orbit_closes_and_follows_the_equations(friction) -> None:
     cycle = disk.limit_cycle("30.4")
     t, y = cycle.orbit(9)
     assert t[-1] == float(cycle.period)
-    assert abs(y[:, 0] - y[:, -1]).max() < 1e-12
+    assert (y[:, 0] == y[:, -1]).all()  # the second half is the first one's image
     constants = disk.at(DOUBLE)
     theirs = solve_ivp(
         lambda t, y: field(math, constants, 30.4, friction)(*y),
@@ -265,7 +266,8 @@ def test_an_orbit_closes_and_follows_the_equations(friction) -> None:
     )
     assert abs(theirs.y - y[:, 2:]).max() < 1e-8
     _, shifted = cycle.orbit(9, shifted=True)
-    assert abs(shifted[:2] + math.pi / 2 - y[:2]).max() < 1e-15
+    # A rounding of pi/2, and one of the sum, of at most 4
+    assert abs(shifted[:2] + math.pi / 2 - y[:2]).max() < 2 * 2.0**-51
     assert abs(shifted[1]).max() <= float(cycle.gamma_bar_0)
 
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import re
-import shlex
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+
+from tests.command_line import printed
 
 ROOT = Path(__file__).parent.parent
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
@@ -50,9 +51,8 @@ def test_an_example_runs(path: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow(minutes=1.5)
-def test_the_commands_of_the_scenario_print_its_numbers(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_commands_of_the_scenario_print_its_numbers() -> None:
     """Check that its numbers are the beginnings of printed ones, and so are the speeds found."""
-    from tippedisk_verify.cli import main
 
     page = (ROOT / "docs" / "scenario.md").read_text(encoding="utf-8")
     rows = [
@@ -61,10 +61,9 @@ def test_the_commands_of_the_scenario_print_its_numbers(capsys: pytest.CaptureFi
         if len(cells := line.split("|")) == 6 and "`" in cells[4]
     ]
     for speed, *shown, command in ([cell.strip() for cell in cells[1:5]] for cells in rows):
-        assert main(shlex.split(command.strip("`"))) == 0
-        printed = capsys.readouterr().out
+        found = printed(command.strip("`"))
         numbers = re.findall(r"[0-9]+\.[0-9]+(?= s| of all| 1/s|$)", " ".join(shown))
         assert numbers, command
         for number in [*numbers, *re.findall(r"^[0-9.]{12,}$", speed)]:
-            assert re.search(rf"(?<![0-9.]){re.escape(number)}", printed), (command, number)
+            assert re.search(rf"(?<![0-9.]){re.escape(number)}", found), (command, number)
     assert len(rows) == 11

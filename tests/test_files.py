@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tippedisk_verify.cli import main
+from tests.command_line import assert_refused, ran
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.files import alone, output_file, printable, write_bytes, write_text
 
@@ -50,13 +50,11 @@ def test_a_file_that_cannot_be_written_is_refused_with_the_reason(
     says: str,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.chdir(tmp_path)
     Path("folder").mkdir()
     Path("file").touch()
-    assert main([*command.split(), out]) == 2
-    message = capsys.readouterr().err
+    message = assert_refused([*command.split(), out])
     assert message.endswith(f"cannot be written: {says}\n") or (
         f"cannot be written: {says} but" in message
     )
@@ -81,12 +79,10 @@ def test_a_folder_that_cannot_be_written_is_refused_with_the_reason(
     says: str,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.chdir(tmp_path)
     Path("file").touch()
-    assert main([*command.split(), "--out", out]) == 2
-    assert f"cannot be written: {says}" in capsys.readouterr().err
+    assert f"cannot be written: {says}" in assert_refused([*command.split(), "--out", out])
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no named pipes")
@@ -158,19 +154,16 @@ def test_a_lock_that_is_held_and_a_file_system_without_locks(
     ],
 )
 def test_a_second_run_into_one_place_is_refused_at_once(
-    arguments: str, out: str, lock: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    arguments: str, out: str, lock: str, tmp_path: Path
 ) -> None:
     pytest.importorskip("fcntl")
     command = [*arguments.split(), "--quiet", "--out", str(tmp_path / out)]
     (tmp_path / lock).parent.mkdir(exist_ok=True)
     with alone(tmp_path / lock, "the first run"):
-        assert main(command) == 2
-        message = capsys.readouterr().err
-        assert "another run is" in message
-        assert message.count("\n") == 1
+        assert "another run is" in assert_refused(command)
         assert [path.name for path in (tmp_path / lock).parent.iterdir()] == [
             (tmp_path / lock).name
         ]
     if not arguments.startswith("bench"):  # races for minutes
-        assert main(command) == 0
+        assert ran(command).status == 0
         assert not (tmp_path / lock).exists()

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import json
 from collections.abc import Callable, Iterator
 from concurrent.futures import BrokenExecutor, Executor
 from contextlib import contextmanager, nullcontext
@@ -14,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from tippedisk_verify.cli import main
+from tests.command_line import answer, printed, rows_of
 from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.sweep import running
@@ -22,12 +20,7 @@ from tippedisk_verify.sweep.plan import Plan, axis, computed
 from tippedisk_verify.theory.hopf import omega_crit
 
 
-def _rows(path: Path) -> list[dict[str, str]]:
-    with open(path, newline="") as stream:
-        return list(csv.DictReader(stream))
-
-
-def after_rows(patch: pytest.MonkeyPatch, count: int, action: Callable[[], object]) -> None:
+def afterrows_of(patch: pytest.MonkeyPatch, count: int, action: Callable[[], object]) -> None:
     """Call a function once a number of rows has been computed.
 
     The last of them is not in the journal yet.
@@ -63,35 +56,6 @@ def test_ranges_are_exact() -> None:
     assert axis("omega=30.1:30.4:4") == ("omega", ("30.1", "30.2", "30.3", "30.4"))
     assert axis("e=0:1:4") == ("e", ("0", "1/3", "2/3", "1"))
     assert axis("gamma=pi/2,1.2") == ("gamma", ("pi/2", "1.2"))
-
-
-@pytest.mark.parametrize(
-    ("arguments", "says"),
-    [
-        *(
-            (f"hopf --over g={values}", "a range ")
-            for values in ("1:2", "1:2:x", "1:2:1", "1:pi:3")
-        ),
-        ("hopf --over g=b", "'b'"),
-        ("orbit --over mu=0.3", "either omega"),
-        ("hopf --over omega=30", "cannot be swept over"),
-        ("orbit --over omega=30 --over below-crit=0.5", "either"),
-        ("hopf --over mu=1 --over mu=2", "given twice"),
-    ],
-)
-def test_invalid_sweeps_are_refused(
-    arguments: str,
-    says: str,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    assert main(["sweep", "--out", "a.csv", *arguments.split()]) == 2
-    message = capsys.readouterr().err
-    assert says in message
-    assert message.count("\n") == 1
-    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize(
@@ -134,28 +98,13 @@ def test_a_row_holds_its_inputs_and_its_results(
 
 
 # ------------------------------------------------------------------------------------------ tables
-def test_a_table_in_the_order_of_the_points(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_table_in_the_order_of_the_points(tmp_path: Path) -> None:
     parquet = pytest.importorskip("pyarrow.parquet")
-    arguments = [
-        "sweep",
-        "hopf",
-        "--over",
-        "e=0.001:0.003:3",
-        "--over",
-        "g=9.7,9.81",
-        "--digits",
-        "25",
-        "--json",
-    ]
+    words = "sweep hopf --over e=0.001:0.003:3 --over g=9.7,9.81 --digits 25 --jobs 2"
     for name, executor in (("a.csv", "serial"), ("b.csv", "local"), ("a.parquet", "serial")):
-        assert (
-            main([*arguments, "--executor", executor, "--jobs", "2", "--out", str(tmp_path / name)])
-            == 0
-        )
-        assert json.loads(capsys.readouterr().out)["points"] == 6
-    rows = _rows(tmp_path / "a.csv")
+        found = answer(f"{words} --executor {executor} --out {tmp_path / name}")
+        assert found["points"] == 6
+    rows = rows_of(tmp_path / "a.csv")
     assert [(row["e"], row["g"]) for row in rows][:3] == [
         ("0.001", "9.7"),
         ("0.001", "9.81"),
@@ -187,7 +136,7 @@ def _swept(out: Path) -> list[int]:
 def interrupted(tmp_path: Path) -> tuple[Path, bytes, bytes]:
     """Return a file that does not exist yet, its journal with four rows, and its final bytes."""
     assert _swept(tmp_path / "whole.csv") == list(range(10))
-    lines = [running._line(n, row) for n, row in enumerate(_rows(tmp_path / "whole.csv")[:4])]
+    lines = [running._line(n, row) for n, row in enumerate(rows_of(tmp_path / "whole.csv")[:4])]
     (tmp_path / ".a.csv.journal").write_bytes(running._head(_TEN) + b"".join(lines))
     return (
         tmp_path / "a.csv",
@@ -243,16 +192,16 @@ def test_a_journal_of_another_run_is_refused_and_kept(
 
 
 # --------------------------------------------------------------------------------------- processes
-_HOPF = ["sweep", "hopf", "--over", "g=9.7:9.9:41", "--quiet", "--jobs", "2"]
+_HOPF = "sweep hopf --over g=9.7:9.9:41 --quiet --jobs 2"
 
 
 def test_a_process_that_is_killed_changes_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    assert main([*_HOPF, "--executor", "serial", "--out", str(tmp_path / "serial.csv")]) == 0
+    printed(f"{_HOPF} --executor serial --out {tmp_path / 'serial.csv'}")
     monkeypatch.setattr(running, "_MOST_AHEAD", 4)
-    after_rows(monkeypatch, 5, lambda: active_children()[0].kill())
-    assert main([*_HOPF, "--out", str(tmp_path / "a.csv")]) == 0
+    afterrows_of(monkeypatch, 5, lambda: active_children()[0].kill())
+    printed(f"{_HOPF} --out {tmp_path / 'a.csv'}")
     assert (tmp_path / "a.csv").read_bytes() == (tmp_path / "serial.csv").read_bytes()
 
 

@@ -15,9 +15,9 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import tippedisk_verify as tv
+from tests.command_line import assert_refused, printed
 from tippedisk_verify.bench.problems import PROBLEMS, Problem, problem_named
 from tippedisk_verify.bench.race import Score, raced
-from tippedisk_verify.cli import main
 from tippedisk_verify.figures.own_race import program_method
 
 TRANSIENT = problem_named("transient")
@@ -136,21 +136,7 @@ def test_a_program_in_c_races_over_pipes(tmp_path: Path) -> None:
     )
     subprocess.run(["cc", "-O2", "-o", str(program), str(source), "-lm"], check=True)
     folder = tmp_path / "out"
-    assert (
-        main(
-            [
-                "bench",
-                "--only",
-                "transient",
-                "--program",
-                str(program),
-                "--out",
-                str(folder),
-                "--quiet",
-            ]
-        )
-        == 0
-    )
+    printed(f"bench --only transient --program {program} --out {folder} --quiet")
     runs = json.loads((folder / "bench.json").read_text())["runs"]
     mine = {run["setting"]: run for run in runs if run["method"] == "rk4"}
     assert list(mine) == ["1e-04", "1e-06", "1e-08", "1e-10", "1e-12"]
@@ -162,7 +148,7 @@ def test_a_program_in_c_races_over_pipes(tmp_path: Path) -> None:
     assert mine["1e-04"]["seconds"] == 0.5
 
 
-def test_runs_made_elsewhere_are_shown(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_runs_made_elsewhere_are_shown(tmp_path: Path) -> None:
     file = tmp_path / "elsewhere.csv"
     beta, gamma, v = map(float, scipys(TRANSIENT, 1e-6)[-1])
     file.write_text(
@@ -184,8 +170,7 @@ def test_runs_made_elsewhere_are_shown(tmp_path: Path, capsys: pytest.CaptureFix
         ("problem,setting,seconds,error\nnowhere,1,0.1,1\n", "problem 'nowhere' is not known"),
     ):
         file.write_text(text)
-        assert main(["bench", "--only", "transient", "--answers", str(file)]) == 2
-        assert said in capsys.readouterr().err
+        assert said in assert_refused(["bench", "--only", "transient", "--answers", str(file)])
 
 
 @pytest.mark.parametrize(
@@ -208,11 +193,7 @@ def test_a_solver_that_fails_has_a_score_that_says_why(solver: object, said: str
     assert said in score.status
 
 
-def test_a_program_that_cannot_race_says_why(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(["bench", "--program", "no-such-program"]) == 2
-    assert "cannot be started" in capsys.readouterr().err
+def test_a_program_that_cannot_race_says_why(tmp_path: Path) -> None:
     for text, said in (
         ("pass", "ended with status 0 before it answered"),
         ("input(); print('states')", "its line of JSON has no states"),
@@ -223,12 +204,3 @@ def test_a_program_that_cannot_race_says_why(
         with program_method(f"{sys.executable} {script}", [1e-6]) as method:
             (score,) = raced([TRANSIENT], [method])
         assert said in score.status
-
-
-def test_the_example_runs(tmp_path: Path) -> None:
-    example = Path(__file__).parents[2] / "examples" / "own_integrator.py"
-    run = subprocess.run(
-        [sys.executable, str(example)], cwd=tmp_path, capture_output=True, text=True, check=True
-    )
-    assert "my RK4" in run.stdout
-    assert (tmp_path / "race.png").stat().st_size > 10_000

@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
-import csv
-import json
 import math
 from fractions import Fraction
-from pathlib import Path
 
-import numpy
 import pytest
 
-from tippedisk_verify.cli import main
 from tippedisk_verify.connection import bisection
 from tippedisk_verify.connection.bisection import bisect_omega_h, unstable_branch
 from tippedisk_verify.connection.splitting import splitting_zero
@@ -20,15 +15,6 @@ from tippedisk_verify.errors import InputError, NoConnectionError
 from tippedisk_verify.flow.baseline import Baseline
 from tippedisk_verify.flow.contract import EventRecord, Request, Result, Status
 from tippedisk_verify.model.parameters import PRINTED, Parameters
-from tippedisk_verify.theory.equilibria import equilibrium
-
-
-def test_two_methods_agree(taylor) -> None:
-    manifolds, cycles = (
-        heteroclinic(PRINTED, taylor, digits=18, method=method).omega_h
-        for method in ("manifolds", "limit-cycles")
-    )
-    assert abs(manifolds.value - cycles.value) <= manifolds.uncertainty + cycles.uncertainty
 
 
 def test_the_unstable_branch_on_both_sides(taylor) -> None:
@@ -63,24 +49,6 @@ def test_a_connection_of_neutral_saddles_is_found(taylor) -> None:
     assert abs(found.value - other.value) <= found.uncertainty + other.uncertainty
 
 
-def test_samples_run_from_saddle_to_saddle(taylor, tmp_path: Path) -> None:
-    connection = heteroclinic(PRINTED, taylor)
-    omega_h = connection.omega_h
-    times, states = connection.orbit()
-    rows = numpy.column_stack((times, states.T))
-    begin, end = rows[0, 1:], rows[-1, 1:]
-    assert numpy.abs(begin - [math.pi / 2, -math.pi / 2, 0]).max() < 2e-6
-    assert numpy.abs(end - [math.pi / 2, 3 * math.pi / 2, 0]).max() < 1e-4
-    # Linear between times 0.0125 s apart
-    assert abs(numpy.interp(0, times, states[1]) - math.pi / 2) < 1e-3
-    growth = float(equilibrium(PRINTED, omega_h.value, "noninverted").eigenvalues[0].re)
-    assert abs(math.log(rows[20, 3] / rows[0, 3]) / (rows[20, 0] - rows[0, 0]) / growth - 1) < 1e-6
-    run = taylor(
-        Request(PRINTED, omega_h.value, rows[100, 1:].tolist(), float(rows[200, 0] - rows[100, 0]))
-    )
-    assert numpy.abs(run.state - rows[200, 1:]).max() < 1e-10
-
-
 def test_refusals(taylor) -> None:
     with pytest.raises(NoConnectionError, match="saddle-focus"):
         heteroclinic(PRINTED.changed(e="0.03", A="0.9e-3", B="0.8e-3", C=None), taylor)
@@ -88,18 +56,6 @@ def test_refusals(taylor) -> None:
         heteroclinic(PRINTED, taylor, digits=13, method="scipy")
     with pytest.raises(InputError, match="1000 digits"):
         heteroclinic(PRINTED, taylor, digits=1001)
-
-
-def test_command(tmp_path: Path, capsys) -> None:
-    out = tmp_path / "connection.csv"
-    assert main(["heteroclinic", "--digits", "20", "--json", "--out", str(out)]) == 0
-    result = json.loads(capsys.readouterr().out)
-    assert (
-        Fraction(result["omega_h"]["uncertainty"]) < Fraction(result["omega_h"]["value"]) / 10**20
-    )
-    assert len(result["saddle_eigenvalues"]) == 3
-    assert result["method"] == "manifolds"
-    assert len(list(csv.reader(out.read_text(encoding="utf-8").splitlines()))) == 402
 
 
 def test_a_disk_without_connection_is_refused(taylor) -> None:

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import csv
-import json
 from fractions import Fraction
 from itertools import pairwise
 from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from tippedisk_verify.cli import main
+from tests.command_line import answer, rows_of
 from tippedisk_verify.connection.bisection import bisect_omega_h
 from tippedisk_verify.cycles.at_speed import cycle_at
 from tippedisk_verify.cycles.branch import Branch, family, paper_speeds
@@ -30,15 +28,12 @@ def test_paper_sets_follow_their_rule(taylor) -> None:
             assert abs(after - (before + (end - before) / 100)) < 1e-14
 
 
-def test_command(tmp_path: Path, capsys) -> None:
+def test_command(tmp_path: Path) -> None:
     out = tmp_path / "branch.csv"
-    assert main(["branch", "--omegas", "30.6,30.4", "--json", "--out", str(out)]) == 0
-    result = json.loads(capsys.readouterr().out)
+    result = answer(f"branch --omegas 30.6,30.4 --out {out}")
     assert [float(orbit["omega"]["value"]) for orbit in result["orbits"]] == [30.6, 30.4]
-    rows = list(csv.DictReader(out.read_text(encoding="utf-8").splitlines()))
+    rows = rows_of(out)
     assert rows[1]["period"] == result["orbits"][1]["period"]["value"]
-    assert main(["branch", "--omegas", "30.4", "--paper-sets"]) == 2
-    assert capsys.readouterr().err.count("\n") == 1
 
 
 def test_the_family_has_the_cycles_of_single_speeds_next_to_omega_crit(taylor) -> None:

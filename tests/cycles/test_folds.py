@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Iterator
 from fractions import Fraction
@@ -13,11 +12,11 @@ from types import SimpleNamespace
 import numpy
 import pytest
 
-from tippedisk_verify.cli import main
+from tests.command_line import answer, printed
 from tippedisk_verify.connection.bisection import bisect_omega_h
 from tippedisk_verify.cycles import folds
 from tippedisk_verify.cycles.branch import family
-from tippedisk_verify.cycles.folds import LibrationFold, libration_folds
+from tippedisk_verify.cycles.folds import LibrationFold, libration_folds, rotation_fold
 from tippedisk_verify.cycles.fourier import Kind
 from tippedisk_verify.cycles.librating_family import LibratingFamily
 from tippedisk_verify.cycles.locator import locator
@@ -42,21 +41,25 @@ POSITIVE_SADDLE_VALUE = PRINTED.changed(
 
 
 # -------------------------------------------------------------------------------------- two methods
-@pytest.mark.parametrize("digits", [12, pytest.param(30, marks=pytest.mark.slow)])
-def test_the_fold_is_the_spectral_methods(taylor, digits) -> None:
-    found = libration_folds(FOLDING, taylor, digits=digits)
-    assert found.followed_to == "Omega_h"
-    (shot,) = found
-    other = spectral_fold(FOLDING, Kind.LIBRATING, digits=digits + 5)
-    for name, same in (
-        ("omega", "omega"),
-        ("period", "period"),
-        ("gamma_bar_0", "angle"),
-        ("v_0", "v"),
-        ("null_vector", "null_vector"),
-    ):
-        mine, its = getattr(shot, name), getattr(other, same)
-        assert abs(mine.value - its.value) <= mine.uncertainty + its.uncertainty, name
+@pytest.mark.parametrize(
+    ("kind", "digits"),
+    [
+        (Kind.LIBRATING, 12),
+        pytest.param(Kind.LIBRATING, 30, marks=pytest.mark.slow),
+        pytest.param(Kind.ROTATING, 12, marks=pytest.mark.slow),
+    ],
+)
+def test_the_fold_is_the_spectral_methods(taylor, kind, digits) -> None:
+    disk = FOLDING if kind is Kind.LIBRATING else PRINTED
+    if kind is Kind.LIBRATING:
+        (shot,) = found = libration_folds(disk, taylor, digits=digits)
+        assert found.followed_to == "Omega_h"
+    else:
+        shot = rotation_fold(locator(disk, taylor).rotations, digits=digits)
+    other = spectral_fold(disk, kind, digits=digits + 5)
+    names = ("omega", "period", *type(shot).section.names, "null_vector")
+    for name, same in zip(names, ("omega", "period", "angle", "v", "null_vector"), strict=True):
+        assert (getattr(shot, name) - getattr(other, same)).holds(0), name
     assert other.omega.uncertainty < Fraction(1, 10**digits)
 
 
@@ -261,9 +264,8 @@ def test_many_speeds_where_lanes_do_not_hold_them_all(taylor, monkeypatch) -> No
 
 
 @pytest.mark.slow
-def test_command(folding, capsys) -> None:
-    assert main(["orbit", "--at-fold", "--json", "--parameters", folding]) == 0
-    (fold,) = json.loads(capsys.readouterr().out)["folds"]
+def test_command(folding) -> None:
+    (fold,) = answer(f"orbit --at-fold --parameters {folding}")["folds"]
     assert {
         "omega",
         "period",
@@ -273,10 +275,8 @@ def test_command(folding, capsys) -> None:
         "null_vector",
         "log_multiplier_fast",
     } <= set(fold)
-    assert main(["orbit", "--at-fold", "--json"]) == 0
-    assert json.loads(capsys.readouterr().out) == {"folds": [], "followed_to": "Omega_h"}
-    assert main(["orbit", "--at-fold"]) == 0
-    assert capsys.readouterr().out == "folds: none\nfollowed_to: Omega_h\n"
+    assert answer("orbit --at-fold") == {"folds": [], "followed_to": "Omega_h"}
+    assert printed("orbit --at-fold") == "folds: none\nfollowed_to: Omega_h\n"
 
 
 def random_disks(count: int, seed: int) -> Iterator[Parameters]:

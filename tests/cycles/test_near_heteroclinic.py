@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import csv
-import json
 import math
 from fractions import Fraction
 from pathlib import Path
 
 import pytest
 
-from tippedisk_verify.cli import main
+from tests.command_line import answer, printed, rows_of
 from tippedisk_verify.disk import Disk
 from tippedisk_verify.errors import InputError
 
@@ -73,36 +71,14 @@ def test_the_figure_and_bad_input() -> None:
             Disk("table1").near_heteroclinic(distances, answers=answers)
 
 
-def test_the_command_prints_writes_and_draws_the_study(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_command_prints_writes_and_draws_the_study(tmp_path: Path) -> None:
     answers, out = tmp_path / "answers.csv", tmp_path / "near.csv"
     answers.write_text("omega,period\n30.05,3.0827\n")
-    words = ["heteroclinic", "--near", "1e-2:1e-6:3"]
-    assert main([*words, "--answers", str(answers), "--out", str(out), "--json"]) == 0
-    result = json.loads(capsys.readouterr().out)
+    words = "heteroclinic --near 1e-2:1e-6:3"
+    result = answer(f"{words} --answers {answers} --out {out}")
     assert [row["distance"]["value"] for row in result["rows"]] == ["0.01", "0.0001", "1e-6"]
     assert abs(float(result["answers"][0]["error"]["value"]) + 7.3e-5) < 1e-6  # of 3.08277 s
-    rows = list(csv.DictReader(out.read_text().splitlines()))
+    rows = rows_of(out)
     assert [row["period"] for row in rows] == [row["period"]["value"] for row in result["rows"]]
-    assert main([*words, "--out", str(tmp_path / "near.png")]) == 0
-    assert "error [s]" not in capsys.readouterr().out
+    assert "error [s]" not in printed(f"{words} --out {tmp_path / 'near.png'}")
     assert (tmp_path / "near.png").read_bytes().startswith(b"\x89PNG")
-
-
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        ("--near 1:2", "FIRST:LAST:COUNT"),
-        ("--near 0:1:3", "FIRST:LAST:COUNT"),
-        ("--near 1e-2:1e-3:0", "FIRST:LAST:COUNT"),
-        ("--near 1e-2:x:2", "FIRST:LAST:COUNT"),
-        ("--answers x.csv", "go with --near"),
-        ("--out x.png", "go with --near"),
-    ],
-)
-def test_what_the_study_cannot_do_it_says(
-    words: str, said: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(["heteroclinic", *words.split()]) == 2
-    assert said in capsys.readouterr().err

@@ -14,7 +14,7 @@ from tippedisk_verify.cycles.near_connection import cycle_near
 from tippedisk_verify.cycles.passage_cycles import cycle_by_passages
 from tippedisk_verify.cycles.section import LIBRATING, ROTATING, Section
 from tippedisk_verify.flow.baseline import Baseline
-from tippedisk_verify.model.parameters import NAMED_SETS, PRINTED
+from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.model.precision import DOUBLE, EXTENDED, companion
 
 pytestmark = pytest.mark.skipif(companion(DOUBLE) != EXTENDED, reason="needs numbers of 64 bits")
@@ -44,15 +44,6 @@ def compare(taylor, parameters, section: Section, distance: str) -> None:
 )
 def test_half_widths_hold(taylor, law, section) -> None:
     compare(taylor, PRINTED.changed(friction=law), section, "1e-6")
-
-
-@pytest.mark.slow(minutes=0.2)
-@pytest.mark.parametrize("distance", ["9e-6", "1e-9", "1e-15"])
-@pytest.mark.parametrize("section", [LIBRATING, ROTATING], ids=lambda section: section.name)
-@pytest.mark.parametrize("law", ["linear", "smooth"])
-@pytest.mark.parametrize("name", ["table1", "calibrated"])
-def test_more_half_widths_hold(taylor, name, law, section, distance) -> None:
-    compare(taylor, NAMED_SETS[name].changed(friction=law), section, distance)
 
 
 def test_orbits_close(taylor) -> None:

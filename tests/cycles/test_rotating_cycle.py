@@ -4,7 +4,6 @@ Omega_h.
 
 from __future__ import annotations
 
-import json
 import math
 from fractions import Fraction
 
@@ -12,12 +11,11 @@ import numpy
 import pytest
 
 import tippedisk_verify as tv
-from tippedisk_verify.cli import main
 from tippedisk_verify.cycles.at_speed import rotating_below, rotating_cycle
 from tippedisk_verify.cycles.branch import rotating_branch
 from tippedisk_verify.cycles.folds import rotation_fold
 from tippedisk_verify.cycles.locator import locator
-from tippedisk_verify.cycles.spectral import spectral_fold, spectral_rotation
+from tippedisk_verify.cycles.spectral import spectral_rotation
 from tippedisk_verify.flow.contract import Request, Status
 from tippedisk_verify.model.equations import field, normal_force_over_weight
 from tippedisk_verify.model.parameters import PRINTED
@@ -29,13 +27,6 @@ POINTS = (
     ("30.0388", False),
     pytest.param("30.02", True, marks=pytest.mark.slow),
     pytest.param("31.386592688643567", False, marks=pytest.mark.slow),
-)
-FOLD = (
-    ("omega", "omega"),
-    ("period", "period"),
-    ("beta_bar_top", "angle"),
-    ("v_top", "v"),
-    ("null_vector", "null_vector"),
 )
 SHARED = ("period", "beta_bar_top", "v_top", "multiplier_slow")
 
@@ -56,16 +47,6 @@ def test_shooting_and_collocation_agree(taylor, omega, stable) -> None:
     both = shot.log_multiplier_slow + shot.log_multiplier_fast
     assert agree(both, other.log_multipliers, 11)
     assert shot.stable is stable
-
-
-@pytest.mark.slow
-def test_the_fold_by_two_methods(taylor) -> None:
-    shot, other = (
-        rotation_fold(locator(PRINTED, taylor).rotations),
-        spectral_fold(PRINTED, digits=16),
-    )
-    for name, same in FOLD:
-        assert agree(getattr(shot, name), getattr(other, same), 11), name
 
 
 @pytest.mark.parametrize(
@@ -188,32 +169,3 @@ def test_the_unstable_cycles_stay_within_the_model(taylor, omega) -> None:
         for state in cycle.orbit(201)[1].T.tolist()
     ]
     assert 0.8 < min(forces) < 1 < max(forces) < 1.1
-
-
-@pytest.mark.slow
-def test_the_command(capsys) -> None:
-    assert main(["orbit", "--rotating", "--omega", "30.02", "--json"]) == 0
-    shown = json.loads(capsys.readouterr().out)
-    assert shown["stable"] is True
-    period = spectral_rotation(PRINTED, "30.02", digits=14).period
-    assert agree(tv.Measured.of(*shown["period"].values()), period, 11)
-    assert main(["branch", "--rotating", "--omegas", "30.02", "--json"]) == 0
-    assert [entry["stable"] for entry in json.loads(capsys.readouterr().out)["orbits"]] == [
-        True,
-        False,
-    ]
-    for words, told in (
-        (
-            ["--rotating"],
-            "give the speed with one of --omega, --below-crit, --below-het and --at-fold",
-        ),
-        (["--rotating", "--unstable", "--at-fold"], "--unstable goes with"),
-        (["--rotating", "--above-het", "1e-3"], "do not rotate"),
-        (["--below-het", "1e-3"], "belongs to --rotating"),
-        (["--rotating", "--omega", "29"], "fold near"),
-        (["--rotating", "--below-het", "0.05"], "rad/s below Omega_h"),
-    ):
-        assert main(["orbit", *words]) == 2
-        captured = capsys.readouterr()
-        assert told in captured.err, words
-        assert captured.err.count("\n") == 1

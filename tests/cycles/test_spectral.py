@@ -2,31 +2,26 @@
 
 from __future__ import annotations
 
-import json
 import math
 from fractions import Fraction
 
 import pytest
 
-from tippedisk_verify.cli import main
+from tests.problems import speed_below
 from tippedisk_verify.cycles.spectral import balanced_cycle
 from tippedisk_verify.cycles.spectral_branch import _librating_branch
 from tippedisk_verify.errors import NoSuchCycleError
 from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.model.exact import Exact, fraction
-from tippedisk_verify.model.parameters import CALIBRATED, PRINTED, Parameters
+from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
 from tippedisk_verify.model.precision import QUADRUPLE
 from tippedisk_verify.reference_values.lookup import reference
 from tippedisk_verify.theory.harmonic_balance import one_harmonic
 from tippedisk_verify.theory.hopf import criticality, omega_crit, period_crit
 
 
-def below(parameters: Parameters, distance: str | Fraction) -> Fraction:
-    return omega_crit(parameters, 60).value - Fraction(distance)
-
-
 def test_the_consistent_law_is_the_limit_and_the_printed_is_not() -> None:
-    speed = below(CALIBRATED, "1e-4")
+    speed = speed_below(CALIBRATED, "1e-4")
     cycle = balanced_cycle(CALIBRATED, speed, digits=15)
     crit = period_crit(CALIBRATED, 30).value
     ratios = {}
@@ -46,7 +41,7 @@ def test_cycles_close_under_the_flow(taylor) -> None:
     """An integrator tests the defining property: after T the state is back, to the digits
     claimed.
     """
-    speed = below(PRINTED, "0.7")
+    speed = speed_below(PRINTED, "0.7")
     cycle = balanced_cycle(PRINTED, speed, digits=25)
     half = Fraction(1, 2)
     start = [Exact(Fraction(0), half), Exact(cycle.gamma_bar_0.value, half), cycle.v_0.value]
@@ -60,7 +55,7 @@ def test_cycles_close_under_the_flow(taylor) -> None:
 @pytest.mark.parametrize("harmonics", [3, 6])
 def test_few_harmonics_are_honest(harmonics) -> None:
     """The estimate bounds the true error even if that is large."""
-    speed = below(PRINTED, "0.5")
+    speed = speed_below(PRINTED, "0.5")
     truth = balanced_cycle(PRINTED, speed, digits=30)
     rough = balanced_cycle(PRINTED, speed, harmonics=harmonics)
     for name in ("period", "gamma_bar_0", "v_0", "beta_max"):
@@ -81,7 +76,7 @@ def test_too_few_harmonics_find_nothing_rather_than_something() -> None:
         ),
     ):
         with pytest.raises(NoSuchCycleError, match=word):
-            balanced_cycle(PRINTED, below(PRINTED, distance), harmonics=harmonics)
+            balanced_cycle(PRINTED, speed_below(PRINTED, distance), harmonics=harmonics)
 
 
 def test_subcritical_disks_have_their_cycles_above() -> None:
@@ -110,11 +105,3 @@ def test_the_branch_goes_on_where_periods_are_long() -> None:
     """
     speed = float(reference("table1/linear/near-heteroclinic/het+1e-5/period").inputs["Omega"])
     assert any(point[-1] < speed for point, _ in _librating_branch(PRINTED, speed))
-
-
-def test_command(capsys) -> None:
-    assert main(["harmonic-balance", "--below-crit", "0.05", "--json", "--digits", "20"]) == 0
-    result = json.loads(capsys.readouterr().out)
-    assert Fraction(result["period"]["uncertainty"]) < Fraction(1, 10**20)
-    assert main(["harmonic-balance"]) == 2
-    assert "give the speed with one of --omega and --below-crit" in capsys.readouterr().err

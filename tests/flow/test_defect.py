@@ -96,7 +96,10 @@ def test_a_second_sweep_removes_the_error_of_second_order(taylor: Taylor, monkey
     assert after < 1e-4 * before
 
 
-@pytest.mark.parametrize("digits", [12, 15, 20, 25])
+@pytest.mark.parametrize(
+    "digits",
+    [12, pytest.param(15, marks=pytest.mark.slow), pytest.param(20, marks=pytest.mark.slow), 25],
+)
 @pytest.mark.parametrize("number", range(len(REQUESTS)))
 def test_half_widths_hold(taylor: Taylor, number: int, digits: int) -> None:
     law = LAWS[(number + digits // 5) % 2]

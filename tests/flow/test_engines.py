@@ -54,7 +54,16 @@ def test_a_run_that_settles(taylor: Taylor) -> None:
     assert held(mine_times, true_times, mine.error.events)
 
 
-def test_error_follows_the_tolerance(taylor: Taylor) -> None:
+@pytest.mark.parametrize(
+    ("law", "engine", "greatest"),
+    [
+        ("linear", Taylor(), 1.0),
+        ("smooth", Taylor(), 1.0),  # switches cost no order
+        ("linear", Baseline("DOP853"), 8 / 5),
+    ],
+    ids=["taylor", "taylor, smooth", "scipy"],
+)
+def test_error_follows_the_tolerance(taylor: Taylor, law, engine, greatest: float) -> None:
     """Check that the error is a power of the tolerance over eight decades, given by the orders.
 
     The tolerance bounds a Taylor step's error: the power is 1. DOP853's steps follow an error
@@ -62,17 +71,14 @@ def test_error_follows_the_tolerance(taylor: Taylor) -> None:
     II.10), and its solution has order 8. So the power lies between 1 and 8/5. Step-size control
     leaves a quarter over this range.
     """
-    truth = taylor(Request(PRINTED, "30.4", STARTS[1], 2, precision=QUADRUPLE)).state
+    request = Request(PRINTED.with_friction(law), "30.4", STARTS[1], 2)
+    truth = taylor(replace(request, precision=QUADRUPLE)).state
     tolerances = [10.0**-k for k in range(4, 13, 2)]
-    for engine, greatest in ((taylor, 1.0), (Baseline("DOP853"), 8 / 5)):
-        errors = [
-            float(
-                distance(engine(Request(PRINTED, "30.4", STARTS[1], 2, tolerance=t)).state, truth)
-            )
-            for t in tolerances
-        ]
-        slope = numpy.polyfit(numpy.log(tolerances), numpy.log(numpy.maximum(errors, 1e-16)), 1)[0]
-        assert 1 / 1.25 < slope < 1.25 * greatest, (engine.name, errors)
+    runs = [engine(replace(request, tolerance=tolerance)) for tolerance in tolerances]
+    # An error of zero is one of a rounding
+    errors = [max(float(distance(run.state, truth)), 2.0**-53) for run in runs]
+    slope = numpy.polyfit(numpy.log(tolerances), numpy.log(errors), 1)[0]
+    assert 1 / 1.25 < slope < 1.25 * greatest, errors
 
 
 def test_more_bits_give_more_digits(taylor: Taylor) -> None:
@@ -93,24 +99,13 @@ def test_baselines_agree_with_each_other(method: str, friction) -> None:
     assert distance(Baseline(method)(request).state, reference.state) < Fraction(1, 10**6) * 2
 
 
-def test_derivatives_agree_between_engines_and_with_differences(taylor: Taylor) -> None:
+def test_derivatives_agree_between_engines(taylor: Taylor) -> None:
     request = Request(PRINTED, "30.4", STARTS[1], 2, variations=ALL_VARIATIONS)
     mine = taylor(request).derivatives
     theirs = Baseline("DOP853")(request).derivatives
     scale = abs(mine).max(axis=0)
-    # DOP853 at a local tolerance of 1e-13.
+    # DOP853 at a local tolerance of 1e-13, for a hundred steps
     assert (abs(mine - theirs).max(axis=0) < 1e-11 * scale).all()
-    # Third road: central differences of runs in quadruple precision in Omega.
-    step = Fraction(1, 10**10)
-    ends = [
-        taylor(
-            Request(PRINTED, Fraction("30.4") + sign * step, STARTS[1], 2, precision=QUADRUPLE)
-        ).state
-        for sign in (1, -1)
-    ]
-    for row in range(3):
-        slope = (fraction(ends[0][row]) - fraction(ends[1][row])) / (2 * step)
-        assert float(slope) == pytest.approx(mine[row, 3], rel=1e-12)  # round-off of 2 s in double
 
 
 @pytest.mark.parametrize("make", [Taylor, Baseline], ids=["taylor", "scipy"])
@@ -156,18 +151,19 @@ def test_refusals(change) -> None:
 
 
 @pytest.mark.parametrize("friction", ["linear", "smooth"])
-def test_flat_and_step_limit(friction) -> None:
-    assert (
-        Baseline()(Request(PRINTED.with_friction(friction), "29.9", STARTS[0], 10)).status
-        is Status.FLAT
-    )
-    assert (
-        Baseline()(Request(PRINTED, 30.4, STARTS[1], 10.0, max_steps=2)).status is Status.STEP_LIMIT
-    )
-    assert (
-        Baseline()(Request(PRINTED.with_friction(friction), 30.4, (3.5, 0, 0), 10.0)).status
-        is Status.FLAT
-    )
+@pytest.mark.parametrize("make", [Taylor, Baseline], ids=["taylor", "scipy"])
+@pytest.mark.parametrize(
+    ("change", "status"),
+    [
+        ({"omega": 29.9, "state": STARTS[0]}, Status.FLAT),
+        ({"state": (3.5, 0.0, 0.0)}, Status.FLAT),
+        ({"max_steps": 2}, Status.STEP_LIMIT),
+        ({"state": (1.5, 0.0, 1e200), "domain": "none"}, Status.NON_FINITE),
+    ],
+)
+def test_how_runs_end(make, friction, change, status) -> None:
+    wanted = {"omega": 30.4, "state": STARTS[1], "duration": 10.0} | change
+    assert make()(Request(PRINTED.with_friction(friction), **wanted)).status is status
 
 
 @pytest.mark.parametrize("method", ["DOP853", "RK45", "Radau", "BDF"])

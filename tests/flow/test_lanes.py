@@ -12,6 +12,9 @@ from tippedisk_verify.flow.lanes import BatchTaylor, field_constants
 from tippedisk_verify.model.parameters import PRINTED
 
 TURNS = Event("turns", TURN.function, terminal=False)
+#: Of two orders of summation: some forty roundings of states of size 1 to 3, grown by less than
+#: ten over half a second.
+_ROUNDINGS = 40 * 2.0**-52 * 10
 
 
 @pytest.fixture(scope="module")
@@ -27,28 +30,28 @@ def starts(count: int) -> tuple[numpy.ndarray, numpy.ndarray, numpy.ndarray]:
     return random.uniform(30, 31, count), states, random.uniform(0.1, 0.5, count)
 
 
-@pytest.mark.parametrize("count", [1, 5, 19])
-def test_lanes_agree_with_single_runs(lanes, taylor, count) -> None:
+@pytest.mark.parametrize(
+    ("count", "wanted"),
+    [
+        *((count, {"divergence": True, "events": (TURNS,)}) for count in (1, 5, 19)),
+        (9, {"variations": ("beta", "gamma", "v", "Omega")}),
+    ],
+)
+def test_lanes_agree_with_single_runs(lanes, taylor, count, wanted) -> None:
     omegas, states, durations = starts(count)
     constants = numpy.array([field_constants(SETS[k % 3]) for k in range(count)])
-    found = lanes(constants, omegas, states, durations, divergence=True, events=(TURNS,))
+    found = lanes(constants, omegas, states, durations, **wanted)
     assert found.finished.all()
     for k in range(count):
-        alone = taylor(
-            Request(
-                SETS[k % 3],
-                omegas[k],
-                states[k],
-                durations[k],
-                divergence=True,
-                events=(TURNS,),
-                domain="none",
-            )
-        )
-        # Two orders of summation: some tens of roundings, grown by less than ten over half a
-        # second.
-        assert numpy.abs(found.states[k] - alone.state).max() < 1e-13
-        assert abs(found.divergence[k] - alone.divergence) < 1e-12
+        request = Request(SETS[k % 3], omegas[k], states[k], durations[k], domain="none", **wanted)
+        alone = taylor(request)
+        assert numpy.abs(found.states[k] - alone.state).max() < _ROUNDINGS
+        # The divergence is an integral of about 130 1/s; derivatives by v and Omega are below 10.
+        for many, one in (
+            (found.divergence, alone.divergence),
+            (found.derivatives, alone.derivatives),
+        ):
+            assert many is None or numpy.abs(many[k] - one).max() < 10 * _ROUNDINGS
         mine = [
             (when, state)
             for name, run, when, state in found.crossings
@@ -56,21 +59,8 @@ def test_lanes_agree_with_single_runs(lanes, taylor, count) -> None:
         ]
         assert len(mine) == len(alone.events)
         for (when, state), record in zip(mine, alone.events, strict=True):
-            assert abs(when - record.time) < 1e-13
-            assert numpy.abs(numpy.array(state) - record.state).max() < 1e-13
-
-
-def test_derivatives_are_those_of_single_runs(lanes, taylor) -> None:
-    omegas, states, durations = starts(9)
-    variations = ("beta", "gamma", "v", "Omega")
-    found = lanes(field_constants(PRINTED), omegas, states, durations, variations=variations)
-    for k in range(9):
-        alone = taylor(
-            Request(
-                PRINTED, omegas[k], states[k], durations[k], variations=variations, domain="none"
-            )
-        )
-        assert numpy.abs(found.derivatives[k] - alone.derivatives).max() < 1e-12
+            assert abs(when - record.time) < _ROUNDINGS
+            assert numpy.abs(numpy.array(state) - record.state).max() < _ROUNDINGS
 
 
 def test_a_lane_that_stops_early_stops_no_other(lanes) -> None:
@@ -91,7 +81,7 @@ def test_a_lane_that_stops_early_stops_no_other(lanes) -> None:
         crossings(broken), crossings(whole), strict=True
     ):
         assert run == other_run
-        assert abs(when - other_when) < 1e-14
+        assert abs(when - other_when) < 32 * 2.0**-53  # some roundings of half a second
 
 
 def test_refusals(lanes) -> None:

@@ -78,7 +78,8 @@ def test_an_orbit_that_touches_the_surface_at_its_start(
         assert result.status is Status.REACHED, events
         assert result.time == duration
         assert not result.events or all(record.name == "passing" for record in result.events)
-        assert abs(result.state - free.state).max() <= 1e-10
+        # A thousand times SciPy's tolerance of a step
+        assert abs(result.state - free.state).max() <= 1000 * 1e-13
     turned = engine(request(DROPPED, duration, TURN, SECTION))
     # It swings out, and v is zero for the first time after 0.236 s, far from the section
     if duration == 0.3:

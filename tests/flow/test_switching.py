@@ -13,28 +13,13 @@ from tippedisk_verify.flow import switching
 from tippedisk_verify.flow.baseline import Baseline
 from tippedisk_verify.flow.contract import FLAT, SLIDING_REVERSAL, Event, Request, Status
 from tippedisk_verify.flow.lanes import BatchTaylor, field_constants
-from tippedisk_verify.model.exact import exact, fraction
+from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.model.precision import DOUBLE, QUADRUPLE
 
 
 def smooth(omega, start, duration, **needs) -> Request:
     return Request(PRINTED.with_friction("smooth"), omega, start, duration, **needs)
-
-
-def test_the_error_follows_the_tolerance(taylor) -> None:
-    """Check proportionality, as in `test_engines` for the linear law: switches cost no order."""
-    tolerances = [1e-4, 1e-6, 1e-8, 1e-10]
-    truth = taylor(smooth("30.4", STARTS[1], 3, precision=QUADRUPLE)).state
-    states = [
-        taylor(smooth("30.4", STARTS[1], 3, tolerance=tolerance)).state for tolerance in tolerances
-    ]
-    errors = [
-        numpy.abs([float(fraction(a) - fraction(b)) for a, b in zip(one, truth, strict=True)]).max()
-        for one in states
-    ]
-    slope = numpy.polyfit(numpy.log(tolerances), numpy.log(errors), 1)[0]
-    assert 0.8 < slope < 1.25
 
 
 def test_a_start_on_the_surface(taylor) -> None:

@@ -81,8 +81,8 @@ def test_a_disk_that_lies_flat_stops_the_run(taylor: Taylor) -> None:
     result = taylor(Request(PRINTED, "29.9", STARTS[0], 10))
     assert result.status is Status.FLAT
     assert result.events[-1].name == FLAT.name
-    # sin(beta) at the event, with |v| of about 11 rad/s
-    assert abs(math.sin(result.state[0])) < 1e-12
+    # A rounding of the time, of 9e-16 s, with |v| of about 11 rad/s, and some of beta
+    assert abs(math.sin(result.state[0])) < 100 * 2.0**-53
     assert 5 < result.time < 6
 
 
@@ -102,13 +102,9 @@ def test_starting_outside_the_domain(taylor: Taylor) -> None:
     assert list(result.state) == [-0.1, 0.0, 0.0]
 
 
-def test_step_limit_and_its_message(taylor: Taylor) -> None:
-    result = taylor(Request(PRINTED, 30.4, STARTS[1], 10.0, max_steps=5))
-    assert result.status is Status.STEP_LIMIT
+def test_the_message_of_the_step_limit(taylor: Taylor) -> None:
     with pytest.raises(ArithmeticError, match="raise max_steps"):
-        raise_unless_usable(result)
-    overflown = taylor(Request(PRINTED, 30.4, (1.5, 0.0, 1e200), 1.0, domain="none"))
-    assert overflown.status is Status.NON_FINITE
+        raise_unless_usable(taylor(Request(PRINTED, 30.4, STARTS[1], 10.0, max_steps=5)))
 
 
 @pytest.mark.parametrize(

@@ -43,6 +43,13 @@ def _in_threads(jobs: list[Callable[[], Any]], again: int = _THREADS) -> list[li
         return list(pool.map(all_from, range(0, len(jobs), len(jobs) // again)))
 
 
+def _assert_as_alone(jobs: list[Callable[[], Any]], again: int = _THREADS) -> None:
+    """Check that jobs in threads give what they give one after another."""
+    serial = [job() for job in jobs]
+    for found in _in_threads(jobs, again):
+        assert found == serial
+
+
 def _bytes(result: Result) -> tuple[object, ...]:
     parts = [
         result.state,
@@ -83,11 +90,8 @@ def _requests(count: int) -> list[Request]:
 def test_one_engine_that_keeps_little_in_four_threads(monkeypatch: pytest.MonkeyPatch) -> None:
     """Check that an integrator that is removed during a run finishes it, and is compiled again."""
     monkeypatch.setattr(compiled, "_MAX_KEPT", 2)
-    requests, shared = _requests(8), Taylor()
-    serial = [_bytes(Taylor()(request)) for request in requests]
-    jobs = [lambda request=request: _bytes(shared(request)) for request in requests]
-    for found in _in_threads(jobs, 4):
-        assert found == serial
+    shared = Taylor()
+    _assert_as_alone([lambda one=one: _bytes(shared(one)) for one in _requests(8)], 4)
     assert len(shared.builds) <= 2
 
 
@@ -116,9 +120,7 @@ def test_one_batch_engine_in_threads() -> None:
             return flights.states.tobytes(), flights.crossings
 
         jobs.append(job)
-    serial = [job() for job in jobs]
-    for found in _in_threads(jobs):
-        assert found == serial
+    _assert_as_alone(jobs)
 
 
 def test_continuous_output_is_for_all_threads() -> None:
@@ -127,14 +129,11 @@ def test_continuous_output_is_for_all_threads() -> None:
     request = Request(PRINTED, 30.4, STARTS[1], 2.0, dense=True)
     dense = engine(request).dense
     times = numpy.linspace(0, 2, 400).reshape(80, 5)
-    serial = [dense(some).tobytes() for some in times]
-    jobs = [lambda some=some: dense(some).tobytes() for some in times]
     with ThreadPoolExecutor(1) as pool:
         other = pool.submit(
             lambda: [engine(request.starting_at((1.5, 1.9, n / 100))) for n in range(100)]
         )
-        for found in _in_threads(jobs):
-            assert found == serial
+        _assert_as_alone([lambda some=some: dense(some).tobytes() for some in times])
         other.result()
 
 
@@ -144,16 +143,12 @@ def test_the_baseline_in_threads() -> None:
     requests = [
         request for request in _requests(16) if request.law.is_linear and not request.variations
     ]
-    jobs = [lambda request=request: _bytes(shared(request)) for request in requests]
-    serial = [job() for job in jobs]
-    for found in _in_threads(jobs, 4):
-        assert found == serial
+    _assert_as_alone([lambda one=one: _bytes(shared(one)) for one in requests], 4)
 
 
 def test_contexts_keep_their_precision() -> None:
     """Check while roots of polynomials raise their context's precision."""
-    jobs = [lambda: str(bits(150).context.polyroots([1, 2, 3, 4]))] * 16
-    assert all(found == [jobs[0]()] * 16 for found in _in_threads(jobs))
+    _assert_as_alone([lambda: str(bits(150).context.polyroots([1, 2, 3, 4]))] * 16)
     assert bits(150).context.prec == 150
 
 

@@ -454,7 +454,7 @@ KINDS = (
     Kind("right-hand side", right_hand_side, 8, 150, 0.1, flown=False),
     Kind("Hopf point", hopf, 5, 100, 0.1, flown=False),
     Kind("slow manifold", slow_manifold_series, 1, 3, 0.15, flown=False),
-    Kind("proved closed forms", proved_closed_forms, 2, 30, 0.1, flown=False),
+    Kind("proved closed forms", proved_closed_forms, 8, 30, 0.1, flown=False),
     Kind("flow", motion, 8, 250, 0.4),
     Kind("flow, own friction laws", partial(motion, laws=OWN_LAWS), 1, 200, 0.5),
     Kind("events", partial(motion, events=(_PASSED, _RETURNS)), 4, 200, 0.2),

@@ -4,8 +4,6 @@ more digits says.
 
 from __future__ import annotations
 
-import csv
-import json
 from collections.abc import Iterator
 from fractions import Fraction
 from pathlib import Path
@@ -14,7 +12,7 @@ from typing import Any
 import pytest
 
 import tippedisk_verify as tv
-from tippedisk_verify.cli import main
+from tests.command_line import answer, printed, rows_of
 from tippedisk_verify.connection.heteroclinic import _BEGINNING, _UPRIGHT
 from tippedisk_verify.motion.scenes import INITIAL_STATES
 from tippedisk_verify.theory.saddle_manifolds import Saddle
@@ -60,13 +58,8 @@ def _assert_held(value: str, width: str, truth: str, doubt: str, where: str) -> 
 
 
 @pytest.mark.parametrize("words", SAID)
-def test_what_a_command_says_holds_what_it_says_with_more_digits(
-    words: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    answers = []
-    for digits in ("12", "24"):
-        assert main([*words.split(), "--digits", digits, "--json", "--quiet"]) == 0
-        answers.append(json.loads(capsys.readouterr().out))
+def test_what_a_command_says_holds_what_it_says_with_more_digits(words: str) -> None:
+    answers = [answer(f"{words} --digits {digits} --quiet") for digits in (12, 24)]
     compared = 0
     for where, few, many in _pairs(*answers):
         if "infinite" not in (few["uncertainty"], many["uncertainty"]) and "defect" not in where:
@@ -77,32 +70,13 @@ def test_what_a_command_says_holds_what_it_says_with_more_digits(
     assert compared > 1
 
 
-def _table(path: Path) -> list[dict[str, str]]:
-    with path.open(encoding="utf-8") as stream:
-        return list(csv.DictReader(stream))
-
-
 @pytest.mark.parametrize("words", SWEPT)
 def test_a_sweeps_table_holds_that_with_more_digits(words: str, tmp_path: Path) -> None:
     tables = []
     for digits in ("12", "24"):
         out = tmp_path / f"{digits}.csv"
-        assert (
-            main(
-                [
-                    *words.split(),
-                    "--out",
-                    str(out),
-                    "--digits",
-                    digits,
-                    "--executor",
-                    "serial",
-                    "--quiet",
-                ]
-            )
-            == 0
-        )
-        tables.append(_table(out))
+        printed(f"{words} --out {out} --digits {digits} --executor serial --quiet")
+        tables.append(rows_of(out))
     for few, many in zip(*tables, strict=True):
         widths = [name for name in few if name.endswith("_uncertainty")]
         assert widths
@@ -118,9 +92,9 @@ def test_a_branchs_table_holds_the_cycles_with_more_digits(
     kind: str, omega: str, tmp_path: Path
 ) -> None:
     out = tmp_path / "branch.csv"
-    assert main(["branch", *kind.split(), "--omegas", omega, "--out", str(out), "--quiet"]) == 0
+    printed(f"branch {kind} --omegas {omega} --out {out} --quiet")
     disk = tv.Disk("table1")
-    for row in _table(out):
+    for row in rows_of(out):
         stable = row["stable"] == "True"
         if kind:
             truth = disk.rotating_cycle(omega, stable=stable, digits=24)
@@ -139,8 +113,8 @@ def test_the_connections_table_holds_a_run_at_a_sharper_omega_h(
     friction: tv.Friction, tmp_path: Path
 ) -> None:
     out = tmp_path / "connection.csv"
-    assert main(["heteroclinic", "--friction", friction, "--out", str(out), "--quiet"]) == 0
-    rows = _table(out)[::40]
+    printed(f"heteroclinic --friction {friction} --out {out} --quiet")
+    rows = rows_of(out)[::40]
     disk = tv.Disk("table1", friction=friction)
     omega_h = disk.heteroclinic(digits=45).omega_h.value
     start = Saddle(disk, omega_h, 220, 8).start_on_branch(_BEGINNING)
@@ -160,11 +134,11 @@ def test_the_connections_table_holds_a_run_at_a_sharper_omega_h(
 
 @pytest.mark.parametrize("scene", ["a", "d", "f"])
 def test_a_scenes_tables_are_right_to_their_last_decimal(scene: str, tmp_path: Path) -> None:
-    assert main(["scene", scene, "--out", str(tmp_path), "--quiet"]) == 0
+    printed(f"scene {scene} --out {tmp_path} --quiet")
     disk = tv.Disk("table1")
     omega = disk.scene(scene).omega.value
     for number, start in enumerate(INITIAL_STATES, start=1):
-        rows = _table(tmp_path / f"scene_{scene}_orbit_{number}.csv")[1::100]
+        rows = rows_of(tmp_path / f"scene_{scene}_orbit_{number}.csv")[1::100]
         times = [Fraction(row["t [s]"]) for row in rows]
         truth = disk.integrate(omega, start, times[-1], t_eval=times, digits=16)
         for row, state in zip(rows, truth.y.T, strict=True):

@@ -253,6 +253,26 @@ def strange_operands(module, count: int = 0, seed: int = 4) -> None:
         assert not result.is_finite().any()
 
 
+def term(rng: random.Random, kind: int, side: int, place: int) -> tuple[float, float]:
+    """A term of one of a convolution's two factors, of six kinds."""
+    mid = rng.uniform(0.5, 1) * rng.choice((1, 1 + 2.0**-20))
+    rad = rng.uniform(0, 1) * 1e-3
+    if kind == 0:
+        mid = draw(rng)
+        return mid, draw_radius(rng, mid)
+    if kind == 1:
+        return mid, 0.0
+    if kind == 3 and side:
+        return 0.0, rad
+    if kind == 4:
+        # The sum is small and its terms are not: what is lost is seen against a small result.
+        return (-1) ** (place * side) * rng.uniform(0.9, 1), 0.0
+    if kind == 5:
+        # What a term's rounding loses in an underflow is multiplied by the other factor
+        return rng.choice((-1, 1)) * mid * 2.0 ** (-975 if side else 30 - 0.7 * place), 0.0
+    return mid, rad
+
+
 def convolutions(module, count: int, seed: int = 5, lengths=(1, 2, 3, 5, 9, 17, 26)) -> None:
     """Against exact rationals: at their upper ends, where nothing cancels; at random ends;
     thin, cancelling; small.
@@ -260,44 +280,10 @@ def convolutions(module, count: int, seed: int = 5, lengths=(1, 2, 3, 5, 9, 17, 
     for length in lengths:
         rng = random.Random(seed + length)
         width = max(2, count // len(lengths))
-        columns = []
-        for _ in range(width):
-            kind = rng.randrange(6)
-            pair = []
-            for side in range(2):
-                terms = []
-                for i in range(length):
-                    mid = (
-                        draw(rng)
-                        if kind == 0
-                        else rng.uniform(0.5, 1) * rng.choice((1, 1 + 2.0**-20))
-                    )
-                    rad = (
-                        draw_radius(rng, mid)
-                        if kind == 0
-                        else 0.0
-                        if kind == 1
-                        else rng.uniform(0, 1) * 1e-3
-                    )
-                    if kind == 3 and side:
-                        mid = 0.0
-                    if kind == 4:
-                        # The sum is small and its terms are not: what is lost is seen against a
-                        # small result.
-                        mid, rad = (
-                            (rng.uniform(0.9, 1), 0.0)
-                            if not side
-                            else ((-1) ** i * rng.uniform(0.9, 1), 0.0)
-                        )
-                    # What a term's rounding loses in an underflow is multiplied by the other factor
-                    if kind == 5:
-                        mid, rad = (
-                            rng.choice((-1, 1)) * mid * 2.0 ** (-975 if side else 30 - 0.7 * i),
-                            0.0,
-                        )
-                    terms.append((mid, rad))
-                pair.append(terms)
-            columns.append(pair)
+        columns = [
+            [[term(rng, kind, side, place) for place in range(length)] for side in range(2)]
+            for kind in (rng.randrange(6) for _ in range(width))
+        ]
         series = []
         for side in range(2):
             made = getattr(module, "BallArraySeries", BallArraySeries)(width)
@@ -314,14 +300,9 @@ def convolutions(module, count: int, seed: int = 5, lengths=(1, 2, 3, 5, 9, 17, 
                     [Fraction(m) + rng.choice(ends) * Fraction(r) for m, r in terms]
                     for terms in (first, second)
                 )
-                image = sum(x * y for x, y in zip(a, reversed(b), strict=True))
-                assert_holds(found, place, image, (length, first, second))
-                assert_holds(
-                    square,
-                    place,
-                    sum(x * y for x, y in zip(a, reversed(a), strict=True)),
-                    (length, first),
-                )
+                for result, other in ((found, b), (square, a)):
+                    image = sum(x * y for x, y in zip(a, reversed(other), strict=True))
+                    assert_holds(result, place, image, (length, first, second))
 
 
 def angle_boxes(rng: random.Random, count: int) -> list[tuple[float, float]]:

@@ -4,20 +4,18 @@ planted in the kernel.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from fractions import Fraction
 from functools import cache
 from typing import Any
 
-from tippedisk_verify.model.parameters import PRINTED, Parameters
+from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.proofs.kernel.balls import arb, ball, inside
 from tippedisk_verify.proofs.kernel.flow import FlowStatus, Model, Path, short_float
 from tippedisk_verify.proofs.kernel.krawczyk import FixedPoints, fixed_points
 from tippedisk_verify.proofs.kernel.section import HALF, TURN, PoincareSection, Return, return_map
 from tippedisk_verify.proofs.search.heteroclinic import ProvedConnection, prove_connection
 from tippedisk_verify.proofs.search.steps import Steps, midpoint_inverse
-from tippedisk_verify.theory.hopf import omega_crit
 
 SHORTEST_STEP = 2.0**-40  # s
 NUMBERS = (
@@ -32,11 +30,6 @@ NUMBERS = (
     "dgamma_bar_0_domega",
     "dv_0_domega",
 )
-
-
-def speed_below(parameters: Parameters, distance: str | Fraction) -> Fraction:
-    """Omega_crit - distance, cut to 40 decimals: an exact speed."""
-    return round(omega_crit(parameters, 60).value - Fraction(distance), 40)
 
 
 @dataclass(frozen=True)
@@ -85,6 +78,22 @@ def carry(
             path.take(step, left)
             return Flight(None, path, upright, path.matrix if derivatives else None)
         path.take(step)
+
+
+#: What tampers with a certificate.
+Change = Callable[[dict[str, Any]], None]
+
+
+def put(*path: Any) -> Change:
+    """The last of the names is the value, or a function of the old one."""
+
+    def act(content: dict[str, Any]) -> None:
+        part: Any = content
+        for name in path[:-2]:
+            part = part[name]
+        part[path[-2]] = path[-1](part[path[-2]]) if callable(path[-1]) else path[-1]
+
+    return act
 
 
 def hull(low: object, high: object) -> Any:

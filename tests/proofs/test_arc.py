@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from tests.proofs.cases import speed_below
+from tests.problems import speed_below
 from tippedisk_verify.cycles.section import RETURNS
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import Request

@@ -1,16 +1,17 @@
-"""`certify equilibria|hopf|heteroclinic` as a user meets them."""
+"""`certify equilibria|hopf|heteroclinic` as a user meets them, and the refusals of all proofs."""
 
 from __future__ import annotations
 
-import json
 import subprocess
 import sys
+from dataclasses import replace
 from fractions import Fraction
 
 import pytest
 from flint import arb
 
-from tippedisk_verify.cli import main
+from tests.command_line import answer
+from tests.proofs.cases import proved_connection
 from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.model.parameters import NAMED_SETS, PRINTED, Parameters
 from tippedisk_verify.proofs import angles
@@ -22,19 +23,15 @@ from tippedisk_verify.proofs.closed_forms import (
     real_root,
 )
 from tippedisk_verify.proofs.kernel.balls import working_precision
+from tippedisk_verify.proofs.search.connection_end import prove_end
+from tippedisk_verify.proofs.search.cycle import TURN, prove_cycle
+from tippedisk_verify.proofs.search.fold import prove_fold
+from tippedisk_verify.proofs.search.heteroclinic import MOST_DIGITS, prove_connection
 from tippedisk_verify.theory import hopf
-from tippedisk_verify.theory.equilibria import equilibrium
 
 
-def _json(capsys, *arguments: str, status: int = 0) -> dict:
-    assert main([*arguments, "--json"]) == status
-    captured = capsys.readouterr()
-    assert captured.err == ""
-    return json.loads(captured.out)
-
-
-def test_equilibria(capsys) -> None:
-    result = _json(capsys, "certify", "equilibria", "--omega", "30.4", "--digits", "30")
+def test_equilibria() -> None:
+    result = answer("certify equilibria --omega 30.4 --digits 30")
     assert result["proved"] is True
     assert (result["inverted"]["stable"], result["noninverted"]["unstable_directions"]) == (
         False,
@@ -42,9 +39,7 @@ def test_equilibria(capsys) -> None:
     )
     for value in result["inverted"]["eigenvalues"]:
         assert Fraction(value["re"]["uncertainty"]) <= abs(Fraction(value["re"]["value"])) / 10**27
-    always = _json(
-        capsys, "certify", "equilibria", "--every-speed", "--friction", "smooth", "--digits", "20"
-    )
+    always = answer("certify equilibria --every-speed --friction smooth --digits 20")
     assert Fraction(always["omega_crit"]["uncertainty"]) < Fraction(1, 10**17)
     # The sentence stands by itself: the disk, and the numbers as above.
     for said in (
@@ -55,37 +50,10 @@ def test_equilibria(capsys) -> None:
         assert said in always["statement"]
 
 
-def test_heteroclinic_about_a_given_speed(capsys) -> None:
-    result = _json(
-        capsys, "certify", "heteroclinic", "--near", "30.2", "--digits", "4", "--quiet", status=1
-    )
+def test_heteroclinic_about_a_given_speed() -> None:
+    result = answer("certify heteroclinic --near 30.2 --digits 4 --quiet", status=1)
     assert (result["proved"], result["status"]) == (False, "not_near")
     assert result["statement"].startswith("nothing is proved")
-
-
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (
-            ["certify", "equilibria", "--omega", "30", "--every-speed"],
-            "--every-speed takes the place",
-        ),
-        (["certify", "hopf", "--friction", "smooth"], "smooth"),
-        (["certify", "heteroclinic", "--digits", "301"], "300 digits"),
-        (["certify", "heteroclinic", "--near", "-1"], "between 1e-6 and 1e6"),
-        (["certify", "heteroclinic", "--cycles", "1"], "between 0 and 1"),
-        (
-            ["certify", "heteroclinic", "--cycles", "0.001", "--friction", "smooth"],
-            "linear friction law",
-        ),
-    ],
-)
-def test_bad_input_gets_one_line(capsys, arguments: list[str], said: str) -> None:
-    assert main(arguments) == 2
-    captured = capsys.readouterr()
-    assert captured.out == ""
-    assert len(captured.err.splitlines()) == 1
-    assert said in captured.err
 
 
 def test_without_python_flint_one_line_says_what_to_install() -> None:
@@ -102,7 +70,7 @@ def test_without_python_flint_one_line_says_what_to_install() -> None:
         assert ran.stderr == f"{name}proofs need python-flint: pip install '.[certify]'\n"
 
 
-def test_the_help_loads_no_flint(capsys) -> None:
+def test_the_help_loads_no_flint() -> None:
     program = (
         "import sys; from tippedisk_verify.cli import main; main(['certify', '--help'])\n"
         "sys.exit('flint' in sys.modules)"
@@ -131,21 +99,6 @@ def test_the_hopf_point_agrees_with_theory(parameters: Parameters) -> None:
         assert theirs.holds(mine.value), name
     assert proved.criticality == ordinary.criticality == hopf.criticality(parameters)
     assert proved.criticality in proved.statement
-
-
-@pytest.mark.parametrize("name", ["inverted", "noninverted"])
-@pytest.mark.parametrize("omega", ["5", "30.4", "31.5", "200"])
-def test_eigenvalues_agree_with_theory(name: str, omega: str) -> None:
-    proved = proved_equilibrium(PRINTED, omega, name, 30)
-    ordinary = equilibrium(PRINTED, omega, name, 30)  # type: ignore[arg-type]
-    assert proved.stable == ordinary.stable
-    assert (
-        proved.unstable_directions
-        == {"inverted": 0 if ordinary.stable else 2, "noninverted": 1}[name]
-    )
-    for mine, theirs in zip(proved.eigenvalues, ordinary.eigenvalues, strict=True):
-        for part, other in ((mine.re, theirs.re), (mine.im, theirs.im)):
-            assert abs(part.value - other.value) <= other.uncertainty + part.uncertainty
 
 
 def test_theorem_1_is_refused_where_a_hypothesis_fails() -> None:
@@ -181,3 +134,40 @@ def test_a_root_is_enclosed_for_all_coefficients_in_their_balls() -> None:
         for shift in (-1e-6, 1e-6):
             x = real_root((arb(4) + shift, arb(1) + shift, arb(-6) - shift), arb(1) - shift / 4)
             assert wide.contains(x)
+
+
+# ------------------------------------------------------------------------------------ from Python
+SMOOTH = PRINTED.with_friction("smooth")
+
+
+@pytest.mark.parametrize(
+    ("prove", "said"),
+    [
+        *(
+            (lambda omega=omega: prove_cycle(PRINTED, omega, (1, -1)), None)
+            for omega in ("0", "-30")
+        ),
+        *(
+            (lambda omega=omega: prove_cycle(PRINTED, omega, (1, -1)), None)
+            for omega in ("pi", "x")
+        ),
+        (lambda: prove_cycle(PRINTED, "30.4", (1, 2, 3)), "two components"),
+        (lambda: prove_cycle(PRINTED, "30.06", (0.45,), section=TURN), "two components"),
+        (lambda: prove_cycle(PRINTED, "30.4", ("x", -1)), "decimal"),
+        (lambda: prove_fold(SMOOTH, (1, -1, 30)), "linear"),
+        (lambda: prove_fold(PRINTED, (1, -1, 30), digits=0), "digits"),
+        (lambda: prove_connection(PRINTED, "30", 0), "digits"),
+        (lambda: prove_connection(PRINTED, "30", MOST_DIGITS + 1), "digits"),
+        (lambda: prove_connection(PRINTED, "-1", 8), None),
+        (lambda: prove_end(replace(proved_connection(), parameters=SMOOTH)), "linear friction law"),
+        *(
+            (lambda reach=reach: prove_end(proved_connection(), reach), None)
+            for reach in ("0", "-1", "pi", "2", "soon")
+        ),
+        (lambda: prove_end(proved_connection(), "1e-5", "1e-5"), "between the ends"),
+        (lambda: prove_end(proved_connection(), "0.9"), "born below"),
+    ],
+)
+def test_bad_input_of_a_proof_is_refused(prove, said: str | None) -> None:
+    with pytest.raises(InputError, match=said):
+        prove()

@@ -5,16 +5,16 @@ tampered with.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from fractions import Fraction
 from functools import lru_cache
 from typing import Any
 
 import pytest
 
-from tests.proofs.cases import proved_connection
+from tests.command_line import answer, assert_refused
+from tests.proofs.cases import Change, proved_connection, put
 from tests.proofs.saddle_orbits import OMEGA_H
-from tippedisk_verify.cli import main
 from tippedisk_verify.cycles.shooting import limit_cycle
 from tippedisk_verify.model.decimals import exact_text
 from tippedisk_verify.model.exact import fraction
@@ -28,25 +28,12 @@ from tippedisk_verify.proofs.kernel.reading import dyadic
 from tippedisk_verify.proofs.search.connection_end import prove_end
 from tippedisk_verify.proofs.search.heteroclinic import ProvedConnection, prove_connection
 
-Change = Callable[[dict[str, Any]], None]
 DIGITS = 5
 
 
 @lru_cache(maxsize=1)
 def connection() -> ProvedConnection:
     return prove_connection(PRINTED, OMEGA_H, DIGITS)
-
-
-def put(*path: Any) -> Change:
-    """The last of the names is the value, or a function of the old one."""
-
-    def act(content: dict[str, Any]) -> None:
-        part: Any = content
-        for name in path[:-2]:
-            part = part[name]
-        part[path[-2]] = path[-1](part[path[-2]]) if callable(path[-1]) else path[-1]
-
-    return act
 
 
 def refused(text: str, line: str, act: Change) -> None:
@@ -150,21 +137,13 @@ def test_no_tampered_certificate_of_omega_h_is_accepted(share: slice) -> None:
         proved(content)
 
 
-def test_the_command_writes_it_and_checks_it(tmp_path, capsys) -> None:
+def test_the_command_writes_it_and_checks_it(tmp_path) -> None:
     path = tmp_path / "omega_h.json"
-    near = ["--near", str(float(OMEGA_H)), "--digits", "4", "--json"]
-    assert main(["certify", "heteroclinic", *near, "--certificate", str(path)]) == 0
-    result = json.loads(capsys.readouterr().out)
-    assert main(["certify", "check", str(path), "--json"]) == 0
-    assert json.loads(capsys.readouterr().out) == {
-        "accepted": True,
-        "statement": result["statement"],
-    }
-    assert (
-        main(["certify", "heteroclinic", *near, "--certificate", str(tmp_path / "no" / "c.json")])
-        == 2
-    )
-    assert "cannot be written" in capsys.readouterr().err
+    words = f"certify heteroclinic --near {float(OMEGA_H)} --digits 4 --certificate"
+    statement = answer(f"{words} {path}")["statement"]
+    assert answer(f"certify check {path}") == {"accepted": True, "statement": statement}
+    line = assert_refused(f"{words} {tmp_path / 'no' / 'c.json'}".split())
+    assert "cannot be written" in line
 
 
 OF_THE_CYCLES: list[tuple[str, Change]] = [

@@ -7,48 +7,30 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 from fractions import Fraction
-from functools import cache
 from typing import Any
 
-import mpmath
 import pytest
 
 from tests.proofs.cases import NUMBERS, Flight, carry, half_flight
-from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.model.parameters import PRINTED, Parameters
-from tippedisk_verify.model.precision import bits
 from tippedisk_verify.proofs.kernel import sliding
 from tippedisk_verify.proofs.kernel.balls import (
-    Unproved,
     arb,
     ball,
     ball_constants,
     positive,
     working_precision,
 )
-from tippedisk_verify.proofs.kernel.certificates.saddle import (
-    SLOW,
-    UNSTABLE,
-    ManifoldGraph,
-    SaddleCoordinates,
-    block,
-    leaving,
-)
 from tippedisk_verify.proofs.kernel.field import sliding_motion
 from tippedisk_verify.proofs.kernel.flow import FlowStatus
 from tippedisk_verify.proofs.kernel.sliding import Crossing, SlidingPath, model_of
-from tippedisk_verify.proofs.numbers import measured
-from tippedisk_verify.proofs.search.certificate import parameter_texts
 from tippedisk_verify.proofs.search.cycle import prove_cycle
 from tippedisk_verify.proofs.search.heteroclinic import (
     ProvedConnection,
-    eigenvectors,
     prove_connection,
-    series_of_curve,
 )
 from tippedisk_verify.proofs.search.steps import Steps
 from tippedisk_verify.reference_values.lookup import reference
-from tippedisk_verify.theory.saddle_manifolds import Saddle as Series
 
 SMOOTH = PRINTED.with_friction("smooth")
 OMEGA = Fraction("30.386592688644")
@@ -78,57 +60,7 @@ def gamma_y(constants, omega, state):
     return sliding_motion(sliding.BallOps, constants, omega, state)[0]
 
 
-def moved(column: int, step: object) -> tuple[list, object]:
-    """Start and speed, one of the four moved."""
-    values = [ball(part) for part in (*START, OMEGA)]
-    values[column] = values[column] + step
-    return values[:3], values[3]
-
-
 # ------------------------------------------------------------------- a crossing and its derivatives
-def test_the_integrator_finds_the_same_through_a_reversal(taylor) -> None:
-    """In 200 bits, with all derivatives."""
-    request = Request(
-        SMOOTH,
-        OMEGA,
-        START,
-        SPAN,
-        shifted=True,
-        precision=bits(200),
-        domain="none",
-        variations=("beta", "gamma", "v", "Omega"),
-        divergence=True,
-    )
-    ordinary, flight = taylor(request), flown(derivatives=True)
-    assert flight.matrix is not None
-    rows = zip((flight.state, *flight.matrix), (ordinary.state, *ordinary.derivatives), strict=True)
-    for mine, other in [
-        *(pair for row in rows for pair in zip(*row, strict=True)),
-        (flight.divergence, ordinary.divergence),
-    ]:
-        assert measured(mine).holds(other)
-        assert mine.rad() < 1e-20
-
-
-def test_flights_through_reversals_hold_orbits_and_derivatives() -> None:
-    """The mean value theorem, which knows nothing of crossings: over start boxes and speeds
-    of size 1e-6.
-    """
-    for column in range(4):
-        start, omega = moved(column, arb(0, ball(SIZE).upper()))
-        whole = flown(start, omega, derivatives=True)
-        ends = [flown(*moved(column, side * ball(SIZE))) for side in (1, -1)]
-        for row in range(3):
-            assert all(whole.state[row].contains(end.state[row].mid()) for end in ends)
-            quotient = (ends[0].state[row] - ends[1].state[row]) / (2 * ball(SIZE))
-            assert whole.matrix[row][column].overlaps(quotient)
-            # v's derivatives change at the kink by some hundreds for each unit of the box, relative
-            # to their size.
-            assert abs(whole.matrix[row][column] - quotient) < (1 + abs(quotient)) * ball("0.01")
-    flight = flown(derivatives=True)
-    (a, b, c), (d, e, f), (g, h, i) = (row[:3] for row in flight.matrix)
-    determinant = a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
-    assert determinant.overlaps(flight.divergence.exp())
 
 
 # -------------------------------------------------------------------------- what must not be proved
@@ -260,92 +192,3 @@ def test_nothing_is_said_of_limit_cycles_of_a_field_without_second_derivatives(
     assert connection.slowly
     assert connection.limit_cycle is None
     assert replace(connection, parameters=PRINTED).limit_cycle is not None
-
-
-@cache
-def saddle_curve(along: int) -> ManifoldGraph:
-    """The series of one side's law."""
-    speed = Fraction(round(TRUTH.value * 2**60), 2**60)
-    with working_precision(160):
-        values, directions = eigenvectors(SMOOTH, speed)
-        saddle = SaddleCoordinates(
-            parameter_texts(SMOOTH), "smooth", ball(speed), directions.tolist()
-        )
-        return series_of_curve(saddle, along, 41, values)
-
-
-def on_curve(curve: ManifoldGraph, along: int, wanted: float) -> list[Any]:
-    """z of the power series of `theory` where the coordinate ``along`` has the value wanted."""
-    ordinary = Series(SMOOTH, Fraction(round(TRUTH.value * 2**60), 2**60), 240, 41)
-    context = mpmath.MPContext()
-    context.prec = 240
-    s = context.mpf(wanted)
-    for _ in range(60):
-        parts = ordinary.unstable_curve if along == UNSTABLE else ordinary.stable_curve
-        z = curve.saddle.coordinates([ball(str(context.nstr(part.at(s), 60))) for part in parts])
-        s -= context.mpf(z[along].mid().str(60, radius=False)) - wanted
-    return z
-
-
-def other_side(curve: ManifoldGraph) -> ManifoldGraph:
-    return ManifoldGraph(curve.saddle, curve.along, curve.graph, -(curve.side or 0))
-
-
-def test_the_unstable_branch_is_where_the_one_sided_power_series_puts_it() -> None:
-    with working_precision(160):
-        curve, theta = saddle_curve(UNSTABLE), arb(1) / 32
-        defect = curve.relative_defect(theta)
-        box, _, _ = leaving(curve, theta, [2 * part + arb(2) ** -150 for part in defect], defect)
-        for mine, true in zip(box, on_curve(curve, UNSTABLE, 1 / 32), strict=True):
-            assert abs(true - mine.mid()) < mine.rad() + arb(2) ** -140
-        assert all(float(part) < 1e-20 for part in defect)
-
-
-def test_the_slow_curve_lies_in_the_block_on_both_sides_of_the_saddle() -> None:
-    """Where gamma_y has one sign, and, mirrored, where it has the other."""
-    with working_precision(160):
-        curve, small = saddle_curve(SLOW), arb("1e-25").mid()
-        delta, _, _ = block(curve, (arb(0.01), small, small))
-        truth = on_curve(curve, SLOW, -0.008)
-        for z in (truth, [-part for part in truth]):
-            off = curve.straightened(z)
-            assert all(abs(part) < small for part in off)
-            assert abs(off[0]) < delta
-        # Without the mirror one of the two is off by the jump of the curve's second derivative.
-        plain = ManifoldGraph(curve.saddle, SLOW, curve.graph, None)
-        offs = [
-            max(float(abs(x)) for x in plain.straightened(z))
-            for z in (truth, [-part for part in truth])
-        ]
-        assert max(offs) > 1e-8
-
-
-def test_a_curve_of_the_wrong_side_is_refused() -> None:
-    with working_precision(160):
-        theta, curve = arb(1) / 32, saddle_curve(UNSTABLE)
-        curve.keeps_side(theta, (arb(0), arb(0)))
-        # gamma_y = 0 cuts it
-        for wrong, cone in ((other_side(curve), (arb(0), arb(0))), (curve, (arb(1), arb(1)))):
-            with pytest.raises(Unproved, match="sign of the sliding velocity"):
-                wrong.keeps_side(theta, cone)
-        with pytest.raises(Unproved):
-            block(other_side(saddle_curve(SLOW)), (arb(0.01), arb(1e-9), arb(1e-9)))
-
-
-def test_derivatives_over_boxes_that_both_sides_meet() -> None:
-    """Differences of the smooth field itself lie in them, wherever the two states are."""
-    with working_precision(160):
-        size, saddle = arb("0.002"), saddle_curve(SLOW).saddle
-        _, matrix, _ = saddle.field([arb(0, size.upper())] * 3)
-        for one, two in (
-            ((1, 0, 0), (-1, 0, 0)),
-            ((0, 1, 1), (0, 1, -1)),
-            ((1, 1, 1), (-1, -1, -1)),
-            ((0, 0, 1), (1, 1, 0)),
-        ):
-            a, b = ([size * part for part in signs] for signs in (one, two))
-            moved = [x - y for x, y in zip(saddle.rates(a), saddle.rates(b), strict=True)]
-            for row in range(3):
-                assert sum((matrix[row][k] * (a[k] - b[k]) for k in range(3)), arb(0)).overlaps(
-                    moved[row]
-                )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import random
 from collections.abc import Iterator
 from pathlib import Path
@@ -11,7 +10,7 @@ import pytest
 
 from reference_data.make import generation
 from reference_data.make.generation import generate, replace_files
-from tippedisk_verify.cli import main
+from tests.command_line import answer, assert_refused, printed
 from tippedisk_verify.conformance.grading import compare
 from tippedisk_verify.conformance.sheet import questions, read_answers, sheet_csv, sheet_json
 from tippedisk_verify.errors import InputError
@@ -87,27 +86,23 @@ def test_whoever_reads_refuses(
     name: str,
     installed: Path,
     tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
     pytester: pytest.Pytester,
 ) -> None:
     sheet = tmp_path / "answers.csv"
     sheet.write_text(f"id,answer\n{_ID},30.886592688643567\n")
     commands = [
-        ["reference", "show", _ID],
-        ["reference", "list"],
-        ["conformance", "grade", str(sheet)],
-        ["conformance", "questions", str(tmp_path / "q.csv")],
+        f"reference show {_ID}",
+        "reference list",
+        f"conformance grade {sheet}",
+        f"conformance questions {tmp_path / 'q.csv'}",
     ]
-    assert [main(arguments) for arguments in commands] == [0] * len(commands)
+    for words in commands:
+        printed(words)
     reading.stored.cache_clear()
     (tmp_path / "q.csv").unlink()
-    capsys.readouterr()
     _flip(installed / name, random.Random(6))
-    for arguments in commands:
-        assert main(arguments) == 2
-        said = capsys.readouterr()
-        assert (said.out, said.err.count("\n")) == ("", 1)
-        assert Path(name).name in said.err
+    for words in commands:
+        assert Path(name).name in assert_refused(words.split())
     for ask in (lambda: reference(_ID), lambda: compare(_ID, 30.9)):
         with pytest.raises(InputError) as refused:
             ask()
@@ -183,9 +178,7 @@ def test_a_turned_bit_in_a_question_is_reported(form: str, tmp_path: Path) -> No
     assert ends["told"] > 40
 
 
-def test_a_remark_says_which_row_asks_something_else(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_remark_says_which_row_asks_something_else(tmp_path: Path) -> None:
     store = reading.stored()
     text = sheet_csv(store, [store[_ID], store["table1/both/rhs/001/M"]]).replace(",,\n", ",,1\n")
     path = tmp_path / "sheet.csv"
@@ -198,10 +191,8 @@ def test_a_remark_says_which_row_asks_something_else(
         (("rhs/001", "rhs/002"), "such as table1/both/rhs/002/M, Omega:"),
     ):
         path.write_text(text.replace(*change))
-        assert main(["conformance", "grade", str(path), "--json"]) == 0
-        remarks = [
-            one for one in json.loads(capsys.readouterr().out)["remarks"] if "stands for" in one
-        ]
+        found = answer(f"conformance grade {path}")
+        remarks = [one for one in found["remarks"] if "stands for" in one]
         assert len(remarks) == (remark is not None)
         assert remark is None or remark in remarks[0]
 

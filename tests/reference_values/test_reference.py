@@ -14,8 +14,8 @@ import pytest
 
 import tippedisk_verify as tv
 from reference_data.make.generation import write_manifest
+from tests.command_line import answer, printed
 from tests.problems import paper_rates
-from tippedisk_verify.cli import main
 from tippedisk_verify.disk import Disk
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.baseline import Baseline
@@ -272,49 +272,17 @@ def test_suggested_ids_share_the_beginning_of_a_wrong_one(id_: str, beginning: s
     assert all(one.startswith(beginning) for one in suggested)
 
 
-def test_the_commands(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["reference", "list", "table1/linear/hopf", "--json"]) == 0
-    ids = json.loads(capsys.readouterr().out)["ids"]
+def test_the_commands(folder: Path) -> None:
+    ids = answer("reference list table1/linear/hopf")["ids"]
     assert "table1/linear/hopf/point/period" in ids
-    assert main(["reference", "show", ids[0], "--json"]) == 0
-    shown = json.loads(capsys.readouterr().out)["values"][0]
+    shown = answer(f"reference show {ids[0]}")["values"][0]
     assert Decimal(shown["uncertainty"]) < Decimal("1e-40")
-    assert main(["reference", "show", ids[0]]) == 0
-    assert "from doubles" in capsys.readouterr().out
-    assert (
-        main(
-            ["reference", "check", "--data", str(folder), "--sample", "1", "--jobs", "1", "--json"]
-        )
-        == 0
-    )
-    assert json.loads(capsys.readouterr().out)["faults"] == []
-
-
-@pytest.mark.parametrize(
-    ("arguments", "says"),
-    [
-        (["reference", "show", "omega_crit"], "did you mean table1/linear/hopf/point/omega_crit"),
-        (["reference", "prove"], "No such command 'prove'"),
-        (["reference", "export", "nothing", "--out", "a.csv"], "starts with"),
-    ],
-)
-def test_bad_input(
-    arguments: list[str],
-    says: str,
-    capsys: pytest.CaptureFixture[str],
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    assert main(arguments) == 2
-    message = capsys.readouterr().err
-    assert says in message
-    assert message.count("\n") == 1
-    assert not list(tmp_path.iterdir())
+    assert "from doubles" in printed(f"reference show {ids[0]}")
+    assert answer(f"reference check --data {folder} --sample 1 --jobs 1")["faults"] == []
 
 
 def test_ids_of_versions_before_2_are_taken_and_answered_with_the_new_ones(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path,
 ) -> None:
     new = "table1/linear/hopf/point/omega_crit"
     old = new.replace("table1", "printed")
@@ -326,20 +294,6 @@ def test_ids_of_versions_before_2_are_taken_and_answered_with_the_new_ones(
     assert (grade.id, grade.verdict) == (new, "exact")
     sheet = tmp_path / "answers.csv"
     sheet.write_text(f"id,answer\n{old},{float(truth)!r}\n")
-    assert main(["conformance", "grade", str(sheet), "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["grades"][0]["id"] == new
-    assert (
-        main(
-            [
-                "conformance",
-                "questions",
-                str(tmp_path / "sheet.csv"),
-                "--set",
-                "printed",
-                "--levels",
-                "3",
-            ]
-        )
-        == 0
-    )
+    assert answer(f"conformance grade {sheet}")["grades"][0]["id"] == new
+    printed(f"conformance questions {tmp_path / 'sheet.csv'} --set printed --levels 3")
     assert "printed/" not in (tmp_path / "sheet.csv").read_text()

@@ -5,14 +5,15 @@ from __future__ import annotations
 import csv
 import json
 import re
+import shlex
 from html.parser import HTMLParser
 from itertools import pairwise
 from pathlib import Path
 
 import pytest
 
+from tests.command_line import printed
 from tests.test_cli import GOOD
-from tippedisk_verify.cli import main
 from tippedisk_verify.figures.catalogue import EXHIBITS
 from tippedisk_verify.report.pages import _symbols
 
@@ -57,8 +58,8 @@ class Page(HTMLParser):
 def folder(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Write a report on some claims, and one on all."""
     folder = tmp_path_factory.mktemp(request.param)
-    only = ["--only", ONLY, "--jobs", "1"] if request.param == "part" else []
-    assert main(["verify", "--quiet", "--out", str(folder), *only]) == 0
+    only = f"--only {ONLY} --jobs 1" if request.param == "part" else ""
+    printed(f"verify --quiet --out {folder} {only}")
     return folder
 
 
@@ -182,18 +183,14 @@ def columns_of_doubles_have_a_unit(path: Path) -> None:
 
 @pytest.mark.parametrize("disk", ["table1", "geometry", "own.toml"])
 def test_a_verdict_has_the_same_words_on_the_terminal_and_in_the_report(
-    disk: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    disk: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The claims include all verdicts: different between sets, proved, and each kind of fault."""
     monkeypatch.chdir(tmp_path)
     Path("own.toml").write_text(GOOD, encoding="utf-8")
     only = "omega_crit,lambda_3,chi,kappa_1,kappa_2,linearization,inverted_unstable_below,convergent_series"
-    assert (
-        main(["verify", "--only", only, "--out", "out", "--parameters", disk, "--jobs", "1"]) == 0
-    )
-    terminal = dict(
-        re.findall(r"^(\w+)  +(\S.*?)(?:  .*|)$", capsys.readouterr().out, re.MULTILINE)
-    )
+    lines = printed(f"verify --only {only} --out out --parameters {disk} --jobs 1")
+    terminal = dict(re.findall(r"^(\w+)  +(\S.*?)(?:  .*|)$", lines, re.MULTILINE))
     page = Page(Path("out/report.html").read_text(encoding="utf-8"))
     text = Path("out/report.md").read_text(encoding="utf-8")
     cells = " ".join("".join(page.text).split())
@@ -206,17 +203,14 @@ def test_a_verdict_has_the_same_words_on_the_terminal_and_in_the_report(
 
 
 def test_results_of_earlier_runs_are_reported(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("TIPPEDISK_VERIFY_CACHE", str(tmp_path))
-    command = ["verify", "--only", "omega_crit,lambda_3"]
-    says = []
-    for more in ([], [], ["--fresh"], ["--json"]):
-        assert main([*command, *more]) == 0
-        says.append(
-            "2 of 2 results are from earlier runs: --fresh computes them again\n"
-            in capsys.readouterr().out
-        )
+    line = "2 of 2 results are from earlier runs: --fresh computes them again\n"
+    says = [
+        line in printed(f"verify --only omega_crit,lambda_3 {more}")
+        for more in ("", "", "--fresh", "--json")
+    ]
     assert says == [False, True, False, False]
 
 
@@ -224,21 +218,8 @@ def test_names_from_outside_are_text(tmp_path: Path) -> None:
     path = tmp_path / "<script>alert(1)</script>&`x`[a](b)|.toml".replace("/", "∕")
     path.write_text(GOOD, encoding="utf-8")
     out = tmp_path / "out"
-    assert (
-        main(
-            [
-                "verify",
-                "--quiet",
-                "--out",
-                str(out),
-                "--only",
-                "omega_crit",
-                "--parameters",
-                str(path),
-            ]
-        )
-        == 0
-    )
+    words = ["verify", "--quiet", "--only", "omega_crit", "--out", out, "--parameters", path]
+    printed(shlex.join(map(str, words)))
     page = Page((out / "report.html").read_text(encoding="utf-8"))
     assert "script" not in {tag for tag, _ in page.elements}
     assert path.name in "".join(page.text)
@@ -254,8 +235,8 @@ def test_an_odd_but_possible_disk_gets_its_report(tmp_path: Path) -> None:
     path = tmp_path / "low.toml"
     path.write_text(GOOD.replace("9.81", "1e-9"), encoding="utf-8")
     out = tmp_path / "out"
-    only = ["--only", "inverted_unstable_below", "scene_d"]
-    assert main(["verify", "--quiet", "--out", str(out), "--parameters", str(path), *only]) == 0
+    only = "inverted_unstable_below scene_d"
+    printed(f"verify --quiet --out {out} --parameters {path} --only {only}")
     below, scene = json.loads((out / "results.json").read_text(encoding="utf-8"))["claims"]
     assert (below["verdict"], scene["verdict"]) == ("holds", "holds-for")
     assert "not positive" in scene["note"]

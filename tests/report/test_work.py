@@ -11,10 +11,10 @@ from pathlib import Path
 
 import pytest
 
+from tests.command_line import answer
 from tippedisk_verify.audit.catalogue import CLAIMS, selected
 from tippedisk_verify.audit.claims import Audit, Finding, examined
 from tippedisk_verify.cache import VARIABLE, Cache
-from tippedisk_verify.cli import main
 from tippedisk_verify.commands.common import processes
 from tippedisk_verify.figures.catalogue import EXHIBITS
 from tippedisk_verify.flow.taylor import Taylor
@@ -52,14 +52,14 @@ def test_a_record_loses_nothing() -> None:
 
 @pytest.mark.slow
 def test_kept_and_computed_are_the_same_object(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv(VARIABLE, str(tmp_path / "kept"))
-    only = ["--only", "omega_crit,lambda_3,attraction,order_1_hopf"]
-    results = []
-    for name, options in (("one", []), ("two", []), ("three", ["--fresh"])):
-        assert main(["verify", "--json", "--out", str(tmp_path / name), *only, *options]) == 0
-        results.append(json.loads(capsys.readouterr().out))
+    only = "--only omega_crit,lambda_3,attraction,order_1_hopf"
+    results = [
+        answer(f"verify {only} --out {tmp_path / name} {more}")
+        for name, more in (("one", ""), ("two", ""), ("three", "--fresh"))
+    ]
     runs = [result.pop("run") for result in results]
     assert results[0] == results[1] == results[2]
     assert [(run["kept"] > 0, run["computed"] > 0) for run in runs] == [

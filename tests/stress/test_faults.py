@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.command_line import rows_of
 from tests.stress.runs import (
     GENERATE,
     LONGEST,
@@ -26,14 +27,6 @@ from tippedisk_verify.reference_values.manifest import faults_in_files
 pytestmark = pytest.mark.skipif(
     sys.platform == "win32", reason="signals, limits and rights are POSIX here"
 )
-
-
-_VERIFY = ["verify", "--only", "omega_crit", "period_crit", "--quiet", "--out"]
-
-
-def _table(path: Path) -> list[dict[str, str]]:
-    with open(path, newline="") as stream:
-        return list(csv.DictReader(stream))
 
 
 # ------------------------------------------------------------------------------ kill -9 and Ctrl-C
@@ -83,7 +76,7 @@ def _strikes(tmp_path: Path, count: int, number: int) -> Iterator[int]:
         assert run(arguments).returncode == 0
     assert _whole(folder) == files
     assert faults_in_files(folder / "data") == []
-    rows = _table(folder / "sweep.csv")
+    rows = rows_of(folder / "sweep.csv")
     assert (len(rows), {row["status"] for row in rows}) == (300, {"ok"})
     assert not list(folder.glob(".*journal"))
 
@@ -137,7 +130,3 @@ def test_standard_output_that_is_closed() -> None:
         command = ["sh", "-c", f'"$@" {closing_of}', "sh", *PROGRAM, "hopf"]
         done = subprocess.run(command, capture_output=True, text=True, timeout=LONGEST, check=False)
         assert (done.returncode, done.stderr) == (0, "")
-
-
-# ------------------------------------------------------------------------------------------ rights
-# ------------------------------------------------------------------------------------- two at once

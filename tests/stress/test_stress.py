@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import pytest
@@ -10,20 +9,18 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import tippedisk_verify as tv
-from tests.stress.nonsense import ran
-from tippedisk_verify.cli import main
+from tests.command_line import answer, printed, ran
 from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.model.parameters import PRINTED
-from tippedisk_verify.stress.battery import CASES, cases_named
+from tippedisk_verify.stress.battery import CASES
 from tippedisk_verify.stress.case import Found, StressCase, StressResult, flown, refused
 
 
 @pytest.mark.slow(minutes=2.5)
-def test_the_whole_battery(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["stress", "--json"]) == 0
-    result = json.loads(capsys.readouterr().out)
+def test_the_whole_battery() -> None:
+    result = answer("stress")
     assert [case["name"] for case in result["cases"]] == [case.name for case in CASES]
     assert [case for case in result["cases"] if not case["passed"]] == []
 
@@ -64,16 +61,10 @@ def test_what_is_unforeseen_never_passes() -> None:
     assert not refused(lambda: 1, InputError).honest
 
 
-def test_the_command_lists_runs_and_refuses(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["stress", "--list"]) == 0
-    assert "expected" in capsys.readouterr().out.splitlines()[0]
-    assert main(["stress", "--only", "grazing, cut", "--json"]) == 0
-    (case,) = json.loads(capsys.readouterr().out)["cases"]
+def test_the_command_lists_and_runs() -> None:
+    assert "expected" in printed("stress --list").splitlines()[0]
+    (case,) = answer("stress --only 'grazing, cut'")["cases"]
     assert {"name", "outcome", "error", "expected", "passed"} <= set(case)
-    assert main(["stress", "--only", "no such thing"]) == 2
-    assert "case 'no such thing' is not known" in capsys.readouterr().err
-    with pytest.raises(InputError):
-        cases_named(("none",))
 
 
 def test_the_most_digits_are_had() -> None:

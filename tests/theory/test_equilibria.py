@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Sequence
 from fractions import Fraction
 from itertools import permutations
@@ -15,7 +14,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.problems import decimals, paper_rates, physical_parameters
-from tippedisk_verify.cli import main
 from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.model import equations
 from tippedisk_verify.model.exact import fraction, quotient
@@ -218,14 +216,6 @@ def test_refusals() -> None:
             equilibrium(PRINTED, omega, "inverted")
     with pytest.raises(InputError, match="inverted or noninverted"):
         equilibrium(PRINTED, 30, "sideways")  # type: ignore[arg-type]
-
-
-def test_equilibria_command(capsys) -> None:
-    assert main(["equilibria", "--omega", "31.5", "--json"]) == 0
-    result = json.loads(capsys.readouterr().out)
-    assert result["inverted"]["stable"] is True
-    assert result["noninverted"]["stable"] is False
-    assert set(result["inverted"]["eigenvalues"][0]) == {"re", "im"}
 
 
 def discriminant(matrix: Linearization) -> Fraction:

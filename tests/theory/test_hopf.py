@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from fractions import Fraction
 
 import mpmath
@@ -11,7 +10,6 @@ from hypothesis import given, settings
 
 from tests.problems import decimals, physical_parameters
 from tests.theory.formal_cycles import formal_cycles
-from tippedisk_verify.cli import main
 from tippedisk_verify.model.parameters import PRINTED, Parameters
 from tippedisk_verify.theory.equilibria import characteristic_polynomial, equilibrium, linearization
 from tippedisk_verify.theory.hopf import (
@@ -129,27 +127,3 @@ def test_transversality_against_a_difference(parameters) -> None:
     slope = (ends[0] - ends[1]) / (2 * step)
     # Central difference: relative error of about step^2 / crit^2 times a moderate third derivative.
     assert abs(slope / hopf_point(parameters, 30).transversality.value - 1) < Fraction(1, 10**15)
-
-
-def test_command(capsys, tmp_path) -> None:
-    assert main(["hopf", "--json", "--digits", "20"]) == 0
-    result = json.loads(capsys.readouterr().out)
-    assert result["criticality"] == "supercritical"
-    for name in (
-        "omega_crit",
-        "period",
-        "first_lyapunov_coefficient",
-        "amplitude_squared_slope",
-        "period_slope",
-    ):
-        assert (
-            Fraction(result[name]["uncertainty"]) <= abs(Fraction(result[name]["value"])) / 10**20
-        )
-    path = tmp_path / "thick.toml"
-    path.write_text(
-        "\n".join(f'{k} = "{v}"' for k, v in {**PRINTED.decimals(), "A": "0.227e-3"}.items()),
-        "utf-8",
-    )
-    assert main(["hopf", "--json", "--parameters", str(path)]) == 0
-    assert json.loads(capsys.readouterr().out)["criticality"] == "subcritical"
-    assert main(["hopf", "--friction", "smooth"]) == 2

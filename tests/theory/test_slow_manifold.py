@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import operator
 from fractions import Fraction
@@ -15,8 +14,8 @@ import sympy
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.command_line import answer
 from tests.problems import decimals, paper_rates, physical_parameters
-from tippedisk_verify.cli import main
 from tippedisk_verify.errors import AccuracyError
 from tippedisk_verify.model import equations
 from tippedisk_verify.model.exact import quotient
@@ -219,11 +218,9 @@ def test_attraction_rate_is_the_friction_part_of_the_jacobian() -> None:
     assert rate == pytest.approx(with_friction - without, rel=1e-12)  # roundings, as terms cancel
 
 
-def test_command(capsys) -> None:
+def test_command() -> None:
     """Check at another point: h_0 is pure rolling, gamma_y = 0."""
-    point = ["--beta", "1.4", "--gamma", "-2.5", "--omega", "30.4"]
-    assert main(["slow-manifold", "--order", "2", "--json", *point]) == 0
-    result = json.loads(capsys.readouterr().out)
+    result = answer("slow-manifold --order 2 --beta 1.4 --gamma -2.5 --omega 30.4")
     c = PRINTED.at(DOUBLE)
     rolling = 30.4 * c.e * math.sin(1.4) * math.cos(-2.5) / (c.r + c.e * math.sin(-2.5))
     assert [float(h["value"]) for h in result["h"][:2]] == pytest.approx(
