@@ -124,7 +124,7 @@ def test_the_package_leaves_signals_to_its_users() -> None:
         "signal.signal(signal.SIGINT, mine)\n"
         "changed = []; signal.signal = signal.pthread_sigmask = lambda *given: "
         "changed.append(given)\n"
-        "from tippedisk_verify.model.precision import heyoka_module; heyoka_module()\n"
+        "from tippedisk_verify.flow.jit import heyoka_module; heyoka_module()\n"
         "from tippedisk_verify.cli import main\n"
         "assert main(['hopf', '--quiet']) == 0\n"
         "assert signal.getsignal(signal.SIGINT) is mine and not changed, changed\n"

@@ -2,7 +2,7 @@
 
 Each file carries its own checksum. The files lie in the user's cache folder or in the folder that
 TIPPEDISK_VERIFY_CACHE names. The value ``off`` turns the cache off. The value ``code`` keeps only
-compiled code (`tippedisk_verify.model.code_cache`), which lies in the same folder. Each file is
+compiled code (`tippedisk_verify.flow.code_cache`), which lies in the same folder. Each file is
 replaced in one step, so several runs may use the cache at the same time. A cache that is damaged or
 cannot be used is not an error: a missing value is computed again.
 

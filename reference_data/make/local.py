@@ -9,11 +9,12 @@ from typing import Any
 import numpy
 
 from tippedisk_verify.flow.baseline import Baseline
+from tippedisk_verify.flow.jit import heyoka_module
 from tippedisk_verify.model.equations import field, terms
 from tippedisk_verify.model.exact import fraction, quotient
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Constants
-from tippedisk_verify.model.precision import bits, heyoka_module
+from tippedisk_verify.model.precision import bits
 from tippedisk_verify.reference_values.entries import ExactItem, Values
 from tippedisk_verify.reference_values.truths import (
     BITS,

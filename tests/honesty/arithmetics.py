@@ -16,9 +16,9 @@ from unittest import mock
 import numpy
 
 from tippedisk_verify import flow
+from tippedisk_verify.flow.jit import heyoka_module
 from tippedisk_verify.flow.lanes import BatchTaylor
 from tippedisk_verify.flow.taylor import Taylor
-from tippedisk_verify.model.precision import heyoka_module
 
 __all__ = ["DEFAULT", "MOVED_BITS", "OTHER_ORDER", "Arithmetic"]
 

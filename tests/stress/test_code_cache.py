@@ -16,7 +16,7 @@ import pytest
 
 from tests.stress.runs import LONGEST, environment, run
 from tippedisk_verify.cache import VARIABLE
-from tippedisk_verify.model import code_cache
+from tippedisk_verify.flow import code_cache
 
 pytestmark = pytest.mark.skipif(
     sys.platform == "win32", reason="signals, limits and rights are POSIX here"

@@ -9,10 +9,11 @@ from typing import Any
 from tippedisk_verify.bench.problems import Problem
 from tippedisk_verify.flow.baseline import Baseline
 from tippedisk_verify.flow.contract import Engine, Status
+from tippedisk_verify.flow.jit import heyoka_module
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.equations import field as vector_field
 from tippedisk_verify.model.equations import jacobian
-from tippedisk_verify.model.precision import DOUBLE, EXTENDED, QUADRUPLE, bits, heyoka_module
+from tippedisk_verify.model.precision import DOUBLE, EXTENDED, QUADRUPLE, bits
 
 __all__ = ["METHODS", "Method", "MethodRun", "Prepared", "compiled_rates"]
 

@@ -249,7 +249,7 @@ def _row(best: dict[str, Score]) -> dict[str, Any]:
 
 def machine() -> dict[str, Any]:
     """Return the processor, cores and package versions of this machine."""
-    from tippedisk_verify.model.precision import heyoka_module
+    from tippedisk_verify.flow.jit import heyoka_module
 
     return {
         "processor": processor(),

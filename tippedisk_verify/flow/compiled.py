@@ -11,7 +11,7 @@ from itertools import count
 from threading import RLock
 from typing import Any
 
-from tippedisk_verify.model.code_cache import vouch
+from tippedisk_verify.flow.code_cache import vouch
 
 __all__ = ["CompiledRunners"]
 

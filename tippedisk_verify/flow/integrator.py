@@ -18,6 +18,7 @@ from tippedisk_verify.flow.contract import (
     Result,
     Status,
 )
+from tippedisk_verify.flow.jit import heyoka_module
 from tippedisk_verify.flow.start import NO_SURFACES, START_WINDOW, Start, StartSurfaces, surfaces
 from tippedisk_verify.flow.switching import FrictionSign
 from tippedisk_verify.flow.system import (
@@ -30,7 +31,7 @@ from tippedisk_verify.flow.system import (
 )
 from tippedisk_verify.model.equations import shifted
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.model.precision import Precision, heyoka_module
+from tippedisk_verify.model.precision import Precision
 
 __all__ = ["Integrator", "Series"]
 

@@ -17,6 +17,7 @@ import numpy
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.compiled import CompiledRunners
 from tippedisk_verify.flow.contract import Event, Variation
+from tippedisk_verify.flow.jit import heyoka_module
 from tippedisk_verify.flow.start import LONGEST_WINDOW, START_WINDOW, Start
 from tippedisk_verify.flow.switching import FrictionSigns
 from tippedisk_verify.flow.system import (
@@ -32,7 +33,7 @@ from tippedisk_verify.model.equations import shifted as _shifted
 from tippedisk_verify.model.exact import shown
 from tippedisk_verify.model.friction import Friction, FrictionLaw, law_of
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.model.precision import DOUBLE, heyoka_module
+from tippedisk_verify.model.precision import DOUBLE
 from tippedisk_verify.model.results import Printable
 from tippedisk_verify.model.surroundings import undisturbed_methods
 

@@ -18,10 +18,11 @@ from tippedisk_verify.flow.contract import (
     Event,
     Variation,
 )
+from tippedisk_verify.flow.jit import heyoka_module
 from tippedisk_verify.model.equations import field, jacobian, shifted
 from tippedisk_verify.model.friction import FrictionLaw
 from tippedisk_verify.model.parameters import Constants
-from tippedisk_verify.model.precision import Precision, heyoka_module
+from tippedisk_verify.model.precision import Precision
 
 __all__ = [
     "SWITCH",

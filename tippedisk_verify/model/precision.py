@@ -42,7 +42,7 @@ __all__ = [
     "bits_for_digits",
     "checked_digits",
     "companion",
-    "heyoka_module",
+    "heyoka_types",
 ]
 
 # Python converts integers of up to 4300 decimal digits. Guard digits stay below that limit too.
@@ -50,7 +50,6 @@ _MOST_DIGITS = 4_000
 _MOST_BITS = 4_000_000
 #: The functions of every namespace here. heyoka, math, NumPy and mpmath name them alike.
 FUNCTIONS = ("sin", "cos", "tan", "atan", "exp", "log", "sqrt", "sinh", "cosh", "tanh")
-_LOADING = threading.Lock()
 
 
 @dataclass(frozen=True)
@@ -97,7 +96,7 @@ class Precision:
             import numpy
 
             return numpy.longdouble
-        hy = heyoka_module()
+        hy = heyoka_types()
         return hy.real128 if self.kind == "quadruple" else hy.real
 
     @cached_property
@@ -351,7 +350,7 @@ def companion(precision: Precision) -> Precision:
     if precision.kind == "double" and _has_extended():
         return EXTENDED
     if precision.kind in ("double", "extended"):
-        return QUADRUPLE if hasattr(heyoka_module(), "real128") else bits(128)
+        return QUADRUPLE if hasattr(heyoka_types(), "real128") else bits(128)
     return bits(precision.bits + 64)
 
 
@@ -362,28 +361,19 @@ def _has_extended() -> bool:
     return bool(numpy.finfo(numpy.longdouble).nmant == 63)
 
 
-@lru_cache(maxsize=1)
-def heyoka_module() -> ModuleType:
-    """Return heyoka, with its code cache guarded and its log silenced.
+def heyoka_types() -> ModuleType:
+    """Return heyoka, for its types of numbers; `flow.jit` prepares it for compiling.
 
     Raises:
         ImportError: heyoka cannot be imported.
     """
-    from tippedisk_verify.model.code_cache import guarded
-
-    with _LOADING:
-        try:
-            import heyoka
-        except ImportError as fault:
-            raise type(fault)(
-                f"heyoka, the integrator ({fault}); its wheels are for Linux on x86_64 and "
-                f"aarch64, glibc 2.28 or newer"
-            ) from fault
-
-        heyoka.llvm_state.set_memcache_limit(256 * 2**20)  # bytes
-        guarded(heyoka.llvm_state)
-        # It logs to standard output, which is for results. Each run's outcome holds its warnings.
-        heyoka.set_logger_level_critical()
+    try:
+        import heyoka
+    except ImportError as fault:
+        raise type(fault)(
+            f"heyoka, the integrator ({fault}); its wheels are for Linux on x86_64 and "
+            f"aarch64, glibc 2.28 or newer"
+        ) from fault
     return heyoka  # type: ignore[no-any-return]
 
 

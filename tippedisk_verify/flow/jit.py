@@ -1,0 +1,31 @@
+"""heyoka as a compiler, with its code cache guarded and its log silenced."""
+
+from __future__ import annotations
+
+import threading
+from functools import lru_cache
+from types import ModuleType
+
+from tippedisk_verify.flow.code_cache import guarded
+from tippedisk_verify.model.precision import heyoka_types
+
+__all__ = ["heyoka_module"]
+
+_LOADING = threading.Lock()
+_MEMORY_LIMIT = 256 * 2**20  # bytes of compiled code that a process keeps
+
+
+@lru_cache(maxsize=1)
+def heyoka_module() -> ModuleType:
+    """Return heyoka, ready to compile.
+
+    Raises:
+        ImportError: heyoka cannot be imported.
+    """
+    heyoka = heyoka_types()
+    with _LOADING:
+        heyoka.llvm_state.set_memcache_limit(_MEMORY_LIMIT)
+        guarded(heyoka.llvm_state)
+        # It logs to standard output, which is for results. Each run's outcome holds its warnings.
+        heyoka.set_logger_level_critical()
+    return heyoka
