@@ -169,6 +169,7 @@ CALLS: dict[str, Callable[[], Any]] = {
         LAW.limit_cycle("30.4"),
         DISK.limit_cycle(below_crit="1e-9"),
     ],
+    "Disk.sensitivity": lambda: DISK.sensitivity(),
     "Disk.near_heteroclinic": lambda: DISK.near_heteroclinic(["1e-3", "1e-7"]),
     "Disk.omega_crit": lambda: (
         f"{DISK.omega_crit:.30g} {DISK.omega_crit} {DISK.omega_crit.uncertainty:.3g}"
@@ -198,6 +199,7 @@ CALLS: dict[str, Callable[[], Any]] = {
     ).to_dict(),
     "Solution.y_events": lambda: DISK.integrate("30.4", START, 2, events="turn").y_events,
     "Cycle.monodromy": lambda: DISK.limit_cycle("30.4").monodromy,
+    "Cycle.sensitivity": lambda: DISK.limit_cycle("30.4").sensitivity,
     "Cycle.multipliers": lambda: DISK.limit_cycle("30.4").multipliers,
     "Cycle.orbit": lambda: DISK.limit_cycle("30.4").orbit(20),
     "Cycle.plot": lambda: DISK.limit_cycle("30.4").plot(),
@@ -245,6 +247,8 @@ SLOW = (
     "Certifier.beside_omega_h",
     "Certifier.branch",
     "Certifier.limit_cycle",
+    "Cycle.sensitivity",
+    "Disk.sensitivity",
     "Disk.near_heteroclinic",
     "Disk.rotation_fold",
     "Disk.slow_manifold",

@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from tippedisk_verify.cycles.spectral import BalancedCycle
     from tippedisk_verify.flow.contract import Engine, Event
     from tippedisk_verify.model.arrays import Array
+    from tippedisk_verify.model.sensitivity import Sensitivity
     from tippedisk_verify.motion.basin_boundary import BasinBoundary
     from tippedisk_verify.motion.basins import Basins
     from tippedisk_verify.motion.scenes import Panel
@@ -662,6 +663,31 @@ class Disk(Parameters):
         return heteroclinic(
             self, self._engine(engine), digits=digits, method=method, half_widths=half_widths
         )
+
+    def sensitivity(self, *, digits: int = 12, engine: Engine | None = None) -> Sensitivity:
+        """Return the derivatives of Omega_crit and Omega_h by every parameter of the disk.
+
+        The rows are ``omega_crit`` and, if there is a connection, ``omega_h``. A cycle's numbers
+        have theirs in `LimitCycle.sensitivity`.
+
+        Args:
+            digits: Significant digits of Omega_crit and of most derivatives.
+            engine: The integrator.
+
+        Returns:
+            The table, in SI units, with half-widths.
+
+        Raises:
+            InputError: The digits cannot be used, or a parameter cannot be moved, such as B = A.
+            AccuracyError: The digits were not reached.
+
+        >>> slopes = Disk("table1").sensitivity()
+        >>> print(f"{slopes['omega_crit']['g']:.8g} {slopes['omega_h']['mu']:.8g}")
+        1.5742402 0.24436011
+        """
+        from tippedisk_verify.cycles.sensitivity import sensitivity_of_bifurcations
+
+        return sensitivity_of_bifurcations(self, self._engine(engine), digits)
 
     def near_heteroclinic(
         self,
