@@ -252,8 +252,8 @@ class Disk(Parameters):
             events: Events, which end the run unless made with ``terminal=False``. The names
                 "section" (beta = pi/2), "turn" (v = 0) and "surface" (sliding velocity gamma_y = 0)
                 record the crossings.
-            variations: "state" and "omega" add the derivatives of the end state with respect to
-                them.
+            variations: "state", "omega" and the names of parameters, such as "mu", add the
+                derivatives of the end and of the states by them (``by``).
             shifted: Angles are beta_bar and gamma_bar, measured from pi/2.
             max_steps: The largest number of steps; the default allows about 2800 s of motion.
             half_widths: If False, integrate once without measuring the error. This takes a fraction

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
@@ -31,7 +31,7 @@ from tippedisk_verify.flow.error_estimate import CORRECTED_DIGITS, EXTENDED_DIGI
 from tippedisk_verify.model.arrays import half_widths, workable
 from tippedisk_verify.model.decimals import at_place, decimal_magnitude, exact_decimals
 from tippedisk_verify.model.exact import Exact, entries, exact, shown
-from tippedisk_verify.model.parameters import Parameters
+from tippedisk_verify.model.parameters import SYMBOLS, Parameters
 from tippedisk_verify.model.precision import (
     DOUBLE,
     EXTENDED,
@@ -42,6 +42,7 @@ from tippedisk_verify.model.precision import (
     companion,
 )
 from tippedisk_verify.model.results import Printable, with_widths
+from tippedisk_verify.motion.derivatives import Derivative, by_constants, derivatives
 from tippedisk_verify.progress import progress_of
 
 __all__ = ["EVENTS", "EvenTimes", "Solution", "integrated"]
@@ -53,12 +54,16 @@ _SHORTEST = 1e-300  # s; in longer runs, even times differ as extended numbers
 _LONG = 60  # s; shorter motions are finished before progress would be shown
 _LARGEST_ANGLE = 100  # rad; gamma of a rotating disk reaches it in a minute, degrees at once
 _CUT_DIGITS, _CUT_BITS = 50, 400  # of a time whose decimals never end, and of its enclosure
+#: The variables of derivatives, by the names that callers give.
+_VARIABLES: dict[str, tuple[str, ...]] = {
+    "state": STATE_VARIATIONS,
+    **{name: (name,) for name in ("omega", *SYMBOLS)},
+}
 #: The named events: each crossing is recorded, and the run goes on.
 EVENTS = {
     name: replace(event, terminal=False)
     for name, event in (("section", SECTION), ("turn", TURN), ("surface", SLIDING_REVERSAL))
 }
-_VARIATIONS: dict[str, tuple[Variation, ...]] = {"state": STATE_VARIATIONS, "omega": ("Omega",)}
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -74,6 +79,9 @@ class Solution(Printable):
       terminal event ends the run, as ``status`` and ``message`` report.
     - ``events`` are the recorded crossings. Like ``end`` they have half-widths of their time and
       state.
+    - ``by["mu"]`` is the derivative of the end and of the states by mu, a `Derivative`, if
+      ``variations`` asked for it; likewise for omega, the other parameters, and the start's beta,
+      gamma and v.
     - ``transition`` (3, 3) is the derivative of the end's state with respect to the start's, and
       ``by_omega`` (3,) [s] that with respect to the speed (rows as in ``y``). Both are taken at a
       fixed time, and are None unless ``variations`` asked for them.
@@ -94,6 +102,7 @@ class Solution(Printable):
     transition_uncertainty: Any
     by_omega: Any
     by_omega_uncertainty: Any
+    by: Mapping[str, Derivative]
     engine: str
     precision: str
     times: Sequence[Exact]  #: the exact times that ``t`` rounds [s]
@@ -204,6 +213,13 @@ class Solution(Printable):
                 for name, values, widths in derivatives
                 if values is not None
             },
+            "derivatives": {
+                name: {
+                    "end": with_widths(slope.end, slope.end_uncertainty),
+                    **dict(zip(_STATE, with_widths(slope.y, slope.uncertainty), strict=True)),
+                }
+                for name, slope in self.by.items()
+            },
         }
 
     def _end_entries(self) -> dict[str, Any]:
@@ -250,6 +266,8 @@ def integrated(
             times = _rounded_even_times(end - start)
         elif precision == DOUBLE and not measured:
             times = times.rounded(DOUBLE)
+    variables = [variable for name in _several(variations) for variable in _named(name, _VARIABLES)]
+    slopes = by_constants(parameters)
     request = Request(
         parameters,
         omega,
@@ -259,7 +277,7 @@ def integrated(
         precision=precision,
         times=times,
         variations=tuple(
-            variable for name in _several(variations) for variable in _named(name, _VARIATIONS)
+            dict.fromkeys(constant for variable in variables for constant in slopes[variable])
         ),
         events=tuple(
             event if isinstance(event, Event) else _named(event, EVENTS)
@@ -275,7 +293,7 @@ def integrated(
     if result.status is Status.FLAT and not result.time:
         angle = float(exact(state[0])) + math.pi / 2 * shifted
         raise InputError(f"beta lies between 0 and pi, where the disk stands, not at {angle:g}")
-    return _solution(request, result, engine, start, end, asked)
+    return _solution(request, result, engine, start, end, asked, variables)
 
 
 class EvenTimes(Sequence[Exact]):
@@ -388,7 +406,13 @@ def _since(start: Exact, end: Exact, times: Any) -> tuple[list[Exact], list[Exac
 
 
 def _solution(
-    request: Request, result: Result, engine: Engine, start: Exact, end: Exact, asked: Any
+    request: Request,
+    result: Result,
+    engine: Engine,
+    start: Exact,
+    end: Exact,
+    asked: Any,
+    variables: Sequence[str],
 ) -> Solution:
     """Return the solution from an engine's result.
 
@@ -462,6 +486,7 @@ def _solution(
         transition_uncertainty=transition_widths,
         by_omega=workable(by_omega),
         by_omega_uncertainty=by_omega_widths,
+        by=derivatives(request, result, variables),
         engine=engine.name,
         precision=precision.name,
         times=asked,
