@@ -65,7 +65,8 @@ def sensitivity_of(cycle: Cycle) -> Sensitivity:
         InputError: A parameter cannot be moved, such as B = A.
     """
     section: Section[Any] = LIBRATING if cycle.symmetric else ROTATING
-    share = float(cycle.period.uncertainty / cycle.period.value)
+    period = cycle.period
+    share = float(period.uncertainty / period.value) if period.is_measured else 0.0
     digits = max(_FEWEST_DIGITS, -math.log10(share) / 2) if share else _FEWEST_DIGITS
     scale = _scale(cycle, section)
     if scale < _LEAST_SCALE:
