@@ -23,7 +23,7 @@ from tippedisk_verify.flow.contract import (
     Result,
     raise_unless_usable,
 )
-from tippedisk_verify.model.arrays import doubles, workable
+from tippedisk_verify.model.arrays import doubles, numbers, workable
 from tippedisk_verify.model.exact import exact, fraction, shown, whole
 from tippedisk_verify.model.measured import DISTANCES, Measured
 from tippedisk_verify.model.parameters import Parameters
@@ -164,9 +164,38 @@ class Cycle(Printable):
             raise InputError(f"an orbit has 2 to {_MOST_POINTS} points, not {shown(count)}")
         times = numpy.linspace(0.0, float(self.period), count)
         states = self._states(times, engine or default_engine())
+        if self.symmetric:
+            states[:, -1] = states[:, 0]
         if not shifted:
             states[:2] += math.pi / 2
         return times, states
+
+    def __call__(self, t: Any) -> Any:
+        """Return the state (3,) at a time, or the states (3, n) at times (n,), in double.
+
+        Time counts from the start of `orbit`, and goes on periodically to both sides. On a rotating
+        cycle gamma grows by 2 pi in each period.
+
+        Args:
+            t: A time or times [s].
+
+        Returns:
+            beta, gamma [rad] and v [rad/s].
+
+        Raises:
+            InputError: If a time is not a finite number.
+            ArithmeticError: If the engine gives up.
+        """
+        times = numbers(t)
+        if not numpy.isfinite(times).all():
+            raise InputError("a time on a cycle is a finite number")
+        period = float(self.period)
+        laps, since = numpy.divmod(numpy.atleast_1d(times), period)
+        states = self._states(since, default_engine())
+        states[:2] += math.pi / 2
+        if not self.symmetric:
+            states[1] += math.tau * laps
+        return states if times.ndim else states[:, 0]
 
     def _states(self, times: Any, engine: Engine) -> Any:
         """Return the shifted states (3, n) at times within the period.
@@ -180,7 +209,6 @@ class Cycle(Printable):
         states = doubles(dense(numpy.minimum(times - lap * flight, flight * (1 - 2.0**-52)))).T
         if self.symmetric:
             states[:, lap == 1] *= -1
-            states[:, -1] = states[:, 0]
         return states
 
     def _flown(self, duration: Fraction, engine: Engine) -> Any:
