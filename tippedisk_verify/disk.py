@@ -34,10 +34,10 @@ if TYPE_CHECKING:
     from tippedisk_verify.cycles.folds import Folds, RotationFold
     from tippedisk_verify.cycles.limit_cycle import LimitCycle, MissingCycle, RotatingCycle
     from tippedisk_verify.cycles.near_heteroclinic import NearHeteroclinic
+    from tippedisk_verify.cycles.sensitivity import Sensitivity
     from tippedisk_verify.cycles.spectral import BalancedCycle
     from tippedisk_verify.flow.contract import Engine, Event
     from tippedisk_verify.model.arrays import Array
-    from tippedisk_verify.model.sensitivity import Sensitivity
     from tippedisk_verify.motion.basin_boundary import BasinBoundary
     from tippedisk_verify.motion.basins import Basins
     from tippedisk_verify.motion.scenes import Panel

@@ -199,14 +199,13 @@ class SplittingFunction:
         """
         value: Fraction = getattr(self.parameters, symbol)
         step = value * self.step / omega
-
-        def carried(value: Fraction) -> Fraction:
+        change = Fraction(0)
+        for sign in (1, -1):
             moved = copy(self)
-            moved.parameters = self.parameters.changed(**{symbol: value})
+            moved.parameters = self.parameters.changed(**{symbol: value + sign * step})
             moved._saddle = Saddle(moved.parameters, omega, self.bits, self.order)
-            return moved(omega).carried
-
-        return (carried(value + step) - carried(value - step)) / (2 * step)
+            change += sign * moved(omega).carried
+        return change / (2 * step)
 
     def _flight_time(self, saddle: Saddle) -> Fraction:
         """Return the flight time [s] until the slow stable coordinate is that of the end.

@@ -146,17 +146,20 @@ class Branch(Printable):
         Raises:
             AccuracyError: A fold does not have 12 digits.
         """
-        parameters, zero = self._locator.parameters, Measured(Fraction(0), Fraction(0))
-        born = omega_crit(parameters), period_crit(parameters), zero, zero
+        disk, zero = (
+            locator(found(self.cycles)[0].parameters, default_engine()),
+            Measured(Fraction(0), Fraction(0)),
+        )
+        born = omega_crit(disk.parameters), period_crit(disk.parameters), zero, zero
         points = [SpecialPoint("Omega_crit", *born)]
-        if self._locator.lost:
+        if disk.lost:
             return tuple(points)
-        family, engine = self._locator.family, self._locator.engine
+        parameters, family, engine = disk.parameters, disk.family, disk.engine
         for number, fold in enumerate(libration_folds(parameters, engine, family=family), start=1):
             numbers = fold.omega, fold.period, fold.gamma_bar_0, fold.beta_max
             points.append(SpecialPoint(f"fold {number}", *numbers))
         if family.connected:
-            zero_of_splitting = splitting_zero(parameters, self._locator.omega_h, engine, 12)
+            zero_of_splitting = splitting_zero(parameters, disk.omega_h, engine, 12)
             half_turn = Measured(fraction(DOUBLE.pi), DOUBLE.epsilon)
             connection = zero_of_splitting.omega_h, None, half_turn, None
             points.append(SpecialPoint("Omega_h", *connection))
@@ -167,29 +170,20 @@ class Branch(Printable):
 
         Args:
             point: One of `points`, or its name.
-            count: The number of cycles.
+            count: The number of cycles. None are on a piece that is too short for doubles.
 
         Raises:
             InputError: The family does not go on from there, or ``count`` is not 2 to 1,000,000.
-            AccuracyError: The family cannot be followed, or no cycle fits between the two points.
+            NoSuchCycleError: The family cannot be followed.
         """
-        if self._locator.lost:
-            raise AccuracyError(self._locator.lost)
         going_on = [special.name for special in self.points if special.name != "Omega_h"]
         name = getattr(point, "name", point)
         if name not in going_on:
             raise InputError(f"a branch restarts from {', '.join(going_on)}, not {shown(name)}")
         if whole(count, 2, _MOST_SPEEDS) is None:
             raise InputError(f"a branch has 2 to {_MOST_SPEEDS} cycles, not {shown(count)}")
-        cycles = tuple(_piece(self._locator, going_on.index(name), count))
-        if not cycles:
-            raise AccuracyError(f"the family's piece from {name} on is too short for doubles")
-        return Branch.of(cycles)
-
-    @property
-    def _locator(self) -> Locator:
-        """The disk's locator."""
-        return locator(found(self.cycles)[0].parameters, default_engine())
+        disk = locator(found(self.cycles)[0].parameters, default_engine())
+        return Branch.of(_piece(disk, going_on.index(name), count))
 
     def __len__(self) -> int:
         return len(self.cycles)
@@ -230,14 +224,24 @@ class Branch(Printable):
             for point in self.points:
                 omega_there, value = float(point.omega), getattr(point, name)
                 label = _LABELS.get(point.name, point.name)
-                near: dict[str, Any] = {"textcoords": "offset points"}
                 if value is None:  # the connection
                     axis.axvline(omega_there, color="0.6", linestyle=":", linewidth=1)
-                    near |= {"xycoords": axis.get_xaxis_transform(), "ha": "right"}
-                    axis.annotate(label, (omega_there, 0.5), xytext=(-4, 0), **near)
+                    axis.annotate(
+                        label,
+                        (omega_there, 0.5),
+                        xycoords=axis.get_xaxis_transform(),
+                        xytext=(-4, 0),
+                        textcoords="offset points",
+                        ha="right",
+                    )
                 else:
                     axis.plot(omega_there, float(value), "o", color="C3")
-                    axis.annotate(label, (omega_there, float(value)), xytext=(6, -13), **near)
+                    axis.annotate(
+                        label,
+                        (omega_there, float(value)),
+                        xytext=(6, -13),
+                        textcoords="offset points",
+                    )
             axis.set(xlabel="Ω [rad/s]", ylabel=text, xlim=(low, high))
             axis.margins(y=0.1)
             axis.locator_params(axis="x", nbins=6)
@@ -250,16 +254,14 @@ class Branch(Printable):
         The stretches meet in the special points between their cycles. A line begins in the Hopf
         point if that is no farther away than the cycles are from each other.
         """
-        cycles = sorted(found(self.cycles), key=_abscissa)
-        first, last = _abscissa(cycles[0]), _abscissa(cycles[-1])
-        gaps = [_abscissa(after) - _abscissa(before) for before, after in pairwise(cycles)]
+        heights = numpy.sort(self.gamma_bar_0[numpy.isfinite(self.gamma_bar_0)])
+        reach = numpy.diff(heights).max(initial=0.0)
         joints = [
             point
             for point in self.points
-            if point.period is not None
-            and first - max(gaps, default=0.0) <= _abscissa(point) <= last
+            if point.period is not None and heights[0] - reach <= _abscissa(point) <= heights[-1]
         ]
-        course: list[Any] = sorted([*cycles, *joints], key=_abscissa)
+        course: list[Any] = sorted([*found(self.cycles), *joints], key=_abscissa)
         steps = [(step, _stability(*step)) for step in pairwise(course)]
         labelled: set[str] = set()
         for stable, stretch in groupby(steps, lambda step: step[1]):

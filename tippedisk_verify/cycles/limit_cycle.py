@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import cached_property
 from itertools import combinations
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy
 
@@ -29,7 +29,9 @@ from tippedisk_verify.model.measured import DISTANCES, Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, bits
 from tippedisk_verify.model.results import Printable, as_json, quantity, with_widths
-from tippedisk_verify.model.sensitivity import Sensitivity
+
+if TYPE_CHECKING:
+    from tippedisk_verify.cycles.sensitivity import Sensitivity
 
 __all__ = ["Cycle", "FloquetVectors", "LimitCycle", "MissingCycle", "Monodromy", "RotatingCycle"]
 

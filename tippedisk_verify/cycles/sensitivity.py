@@ -18,7 +18,9 @@ distance is the error of the first.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from contextlib import suppress
+from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
@@ -32,14 +34,15 @@ from tippedisk_verify.cycles.section import LIBRATING, ROTATING, Section
 from tippedisk_verify.errors import AccuracyError, NoConnectionError
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import Engine
+from tippedisk_verify.model.decimals import decimal_magnitude
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import SYMBOLS, Parameters
 from tippedisk_verify.model.precision import DOUBLE, Precision, companion
-from tippedisk_verify.model.sensitivity import Sensitivity
+from tippedisk_verify.model.results import Printable, result_lines
 from tippedisk_verify.theory.hopf import omega_crit_slopes
 
-__all__ = ["sensitivity_of", "sensitivity_of_bifurcations"]
+__all__ = ["Sensitivity", "sensitivity_of", "sensitivity_of_bifurcations"]
 
 # Weights of the differences q(k h) - q(-k h), k = 1, 2, ..., of a central difference over h.
 _FOUR_FLIGHTS = (Fraction(2, 3), Fraction(-1, 12))
@@ -50,6 +53,30 @@ _SHORTER = 4
 _FEWEST_DIGITS = 12  # those of doubles; a cycle without half-widths has as many
 _LEAST_SCALE = 2.0**-30  # below it flights need more than quadruple precision, and minutes
 _RESIDUALS = ("first residual", "second residual")
+
+
+@dataclass(frozen=True, repr=False)
+class Sensitivity(Printable):
+    """The partial derivatives of numbers by parameters, in SI units, with half-widths.
+
+    ``sensitivity["period"]["mu"]`` is dT/dmu at fixed other parameters and fixed speed. The columns
+    are r, e, m, A, B, g, mu and epsilon, and for a cycle also omega.
+    """
+
+    derivatives: Mapping[str, Mapping[str, Measured]]  #: by number, then by parameter
+    parameters: Parameters  #: the disk, with the friction law
+
+    def __getitem__(self, name: str) -> Mapping[str, Measured]:
+        """Return the derivatives of one number, by parameter."""
+        return self.derivatives[name]
+
+    def __str__(self) -> str:
+        entries = {
+            f"d({name})/d({symbol})": slope.to_dict()
+            for name, row in self.derivatives.items()
+            for symbol, slope in row.items()
+        }
+        return "\n".join([f"{self._title()}, in SI units", *result_lines(entries, "  ")])
 
 
 def sensitivity_of(cycle: Cycle) -> Sensitivity:
@@ -65,9 +92,8 @@ def sensitivity_of(cycle: Cycle) -> Sensitivity:
         InputError: A parameter cannot be moved, such as B = A.
     """
     section: Section[Any] = LIBRATING if cycle.symmetric else ROTATING
-    period = cycle.period
-    share = float(period.uncertainty / period.value) if period.is_measured else 0.0
-    digits = max(_FEWEST_DIGITS, -math.log10(share) / 2) if share else _FEWEST_DIGITS
+    magnitude = decimal_magnitude(cycle.period.uncertainty / cycle.period.value)
+    digits = max(_FEWEST_DIGITS, -magnitude / 2)
     scale = _scale(cycle, section)
     if scale < _LEAST_SCALE:
         raise AccuracyError(
@@ -121,53 +147,45 @@ def _derivatives(
     own = ReturnMap(section, cycle.parameters, cycle.omega.value, default_engine(), precision)
     start = tuple(precision.number(getattr(cycle, name).value) for name in section.names)
     point, _ = settled(own, FixedPoint(own, start, own(start)))
-    share = Fraction(1, 1 << (precision.bits // (2 * len(weights) + 1) + _SHORTER))
-    near_saddle = section.saddle_scale([float(x) for x in point])
-    steps = {
-        name: share * Fraction(min(1.0, abs(float(x)), near_saddle))
-        for name, x in zip(section.names, point, strict=True)
-    }
     values = {symbol: getattr(cycle.parameters, symbol) for symbol in SYMBOLS}
     values["omega"] = cycle.omega.value
-    steps |= {symbol: share * Fraction(scale) * value for symbol, value in values.items()}
+    steps = {symbol: Fraction(scale) * value for symbol, value in values.items()}
+    near_saddle = section.saddle_scale([float(x) for x in point])
+    for name, x in zip(section.names, map(fraction, point), strict=True):
+        values[name], steps[name] = x, Fraction(min(1.0, abs(float(x)), near_saddle))
+    share = Fraction(1, 1 << (precision.bits // (2 * len(weights) + 1) + _SHORTER))
 
     def numbers(moved: str, shift: Fraction) -> dict[str, Fraction]:
         """Return the numbers and residuals with one coordinate or parameter moved."""
-        disk = cycle.parameters
-        if moved in SYMBOLS:
-            disk = disk.changed(**{moved: values[moved] + shift})
-        omega = values["omega"] + shift * (moved == "omega")
-        return_map = ReturnMap(section, disk, omega, own.engine, precision)
-        at = tuple(
-            x + precision.number(shift) if name == moved else x
-            for name, x in zip(section.names, point, strict=True)
-        )
-        image = return_map(at)
-        table = numbers_at(return_map, at, image)
+        at = {**values, moved: values[moved] + shift}
+        disk = cycle.parameters.changed(**{symbol: at[symbol] for symbol in SYMBOLS})
+        return_map = ReturnMap(section, disk, at["omega"], own.engine, precision)
+        image = return_map(place := tuple(precision.number(at[name]) for name in section.names))
+        table = numbers_at(return_map, place, image)
         table |= zip(_RESIDUALS, image.residual, strict=True)
         return {name: fraction(number) for name, number in table.items()}
 
     def differences(moved: str) -> dict[str, Fraction]:
-        slopes: dict[str, Fraction] = {}
-        for times, weight in enumerate(weights, start=1):
-            ahead, behind = (numbers(moved, sign * times * steps[moved]) for sign in (1, -1))
-            for name, number in ahead.items():
-                change = weight * (number - behind[name]) / steps[moved]
-                slopes[name] = slopes.get(name, Fraction(0)) + change
-        return slopes
+        step = share * steps[moved]
+        pairs = [
+            (weight / step, numbers(moved, times * step), numbers(moved, -times * step))
+            for times, weight in enumerate(weights, start=1)
+        ]
+        return {
+            name: sum((w * (ahead[name] - behind[name]) for w, ahead, behind in pairs), Fraction(0))
+            for name in pairs[0][1]
+        }
 
+    slopes = {moved: differences(moved) for moved in values}
     (a, b), (c, d) = (map(fraction, row) for row in own(point).matrix)
-    determinant = (a - 1) * (d - 1) - b * c
-    by_first, by_second = map(differences, section.names)
+    by_first, by_second = (slopes.pop(name) for name in section.names)
     derivatives: dict[str, dict[str, Fraction]] = {}
-    for symbol in values:
-        slopes = differences(symbol)
-        first, second = (slopes[name] for name in _RESIDUALS)
-        x = (b * second - (d - 1) * first) / determinant
-        y = (c * first - (a - 1) * second) / determinant
+    for symbol, row in slopes.items():
+        first, second = (row[name] / ((a - 1) * (d - 1) - b * c) for name in _RESIDUALS)
+        x, y = b * second - (d - 1) * first, c * first - (a - 1) * second
         for name in section.numbers:
             if not name.startswith("d"):
-                slope = slopes[name] + by_first[name] * x + by_second[name] * y
+                slope = row[name] + by_first[name] * x + by_second[name] * y
                 derivatives.setdefault(name, {})[symbol] = slope
     return derivatives
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
-from typing import Any, overload
+from typing import Any, NamedTuple, overload
 
 import numpy
 
@@ -25,10 +25,10 @@ from tippedisk_verify.flow.contract import (
     Request,
     Result,
     Status,
-    Variation,
 )
 from tippedisk_verify.flow.error_estimate import CORRECTED_DIGITS, EXTENDED_DIGITS, PLAIN_DIGITS
-from tippedisk_verify.model.arrays import half_widths, workable
+from tippedisk_verify.flow.system import by_constants
+from tippedisk_verify.model.arrays import doubles, half_widths, workable
 from tippedisk_verify.model.decimals import at_place, decimal_magnitude, exact_decimals
 from tippedisk_verify.model.exact import Exact, entries, exact, shown
 from tippedisk_verify.model.parameters import SYMBOLS, Parameters
@@ -42,10 +42,9 @@ from tippedisk_verify.model.precision import (
     companion,
 )
 from tippedisk_verify.model.results import Printable, with_widths
-from tippedisk_verify.motion.derivatives import Derivative, by_constants, derivatives
 from tippedisk_verify.progress import progress_of
 
-__all__ = ["EVENTS", "EvenTimes", "Solution", "integrated"]
+__all__ = ["EVENTS", "Derivative", "EvenTimes", "Solution", "integrated"]
 
 _STATE = ("beta", "gamma", "v")
 _SAMPLES = 201  # the number of times if none are given
@@ -64,6 +63,15 @@ EVENTS = {
     name: replace(event, terminal=False)
     for name, event in (("section", SECTION), ("turn", TURN), ("surface", SLIDING_REVERSAL))
 }
+
+
+class Derivative(NamedTuple):
+    """The derivative of a motion by one variable at fixed times, in SI units, with half-widths."""
+
+    end: Any  #: (3,) of the end's beta, gamma [rad] and v [rad/s]
+    end_uncertainty: Any  #: (3,)
+    y: Any  #: (3, n) of the states, as in `Solution.y`
+    uncertainty: Any  #: (3, n)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -437,13 +445,6 @@ def _solution(
         rounding = float(abs(time)) * float(precision.epsilon)
         return replace(record, time=time, time_uncertainty=record.time_uncertainty + rounding)
 
-    def derivative(by: tuple[Variation, ...]) -> tuple[Any, Any]:
-        if result.derivatives is None or not set(by) <= set(request.variations):
-            return None, None
-        columns = [request.variations.index(variable) for variable in by]
-        estimated = widths(error.variations, result.derivatives)
-        return result.derivatives[:, columns].squeeze(), estimated[:, columns].squeeze()
-
     events = result.events
     if error.events:
         estimated = zip(events, error.events, error.event_states, strict=True)
@@ -471,8 +472,16 @@ def _solution(
         times = (
             asked.rounded(precision) if isinstance(asked, EvenTimes) else precision.sequence(asked)
         )
-    transition, transition_widths = derivative(STATE_VARIATIONS)
-    by_omega, by_omega_widths = derivative(("Omega",))
+    by = _derivatives(request, result, variables)
+    start_columns = [by[name] for name in STATE_VARIATIONS if name in by]
+    transition, transition_widths = (
+        numpy.column_stack(columns) if start_columns else None
+        for columns in (
+            [slope.end for slope in start_columns],
+            [slope.end_uncertainty for slope in start_columns],
+        )
+    )
+    by_omega, by_omega_widths, *_ = by.get("omega", (None, None))
     return Solution(
         disk=request.parameters,
         omega=request.omega,
@@ -482,11 +491,11 @@ def _solution(
         status=result.status,
         end=last,
         events=tuple(map(moment, events)),
-        transition=workable(transition),
+        transition=transition,
         transition_uncertainty=transition_widths,
-        by_omega=workable(by_omega),
+        by_omega=by_omega,
         by_omega_uncertainty=by_omega_widths,
-        by=derivatives(request, result, variables),
+        by=by,
         engine=engine.name,
         precision=precision.name,
         times=asked,
@@ -496,3 +505,43 @@ def _solution(
         _request=request,
         _engine=engine,
     )
+
+
+def _derivatives(
+    request: Request, result: Result, variables: Sequence[str]
+) -> dict[str, Derivative]:
+    """Return the derivatives of a motion by some variables, by the chain rule.
+
+    The request's variations are the field's constants that the variables need. The chain rule's
+    factors are exact.
+    """
+    precision, error = result.precision or request.precision, result.error
+
+    def chained(row: Mapping[Any, Fraction], values: Any, estimated: Any) -> tuple[Any, Any]:
+        """Return the sum over the constants, and its half-widths, along the last axis."""
+        widths = numpy.full(values.shape, numpy.inf) if estimated is None else estimated
+        columns = [request.variations.index(name) for name in row]
+        factors = list(row.values())
+        terms = [
+            values[..., n] * precision.number(x) for n, x in zip(columns, factors, strict=True)
+        ]
+        # A factor 1 and a single term are not rounded.
+        roundings = [len(row) - (factor == 1) for factor in factors]
+        width = sum(
+            half_widths(widths[..., n]) * abs(float(x)) * (1 + k * 2.0**-50)
+            + k * float(precision.epsilon) * doubles(abs(term))
+            for n, x, term, k in zip(columns, factors, terms, roundings, strict=True)
+        )
+        return workable(sum(terms[1:], terms[0])), width
+
+    found = {}
+    if result.derivatives is not None:
+        slopes = by_constants(request.parameters)
+        for variable in variables:
+            end = chained(slopes[variable], result.derivatives, error and error.variations)
+            y, width = (numbers[:, None] for numbers in end)
+            if result.sample_derivatives is not None:
+                samples = result.sample_derivatives, error and error.sample_variations
+                y, width = (numbers.T for numbers in chained(slopes[variable], *samples))
+            found[variable] = Derivative(*end, y, width)
+    return found
