@@ -13,6 +13,7 @@ from scipy.integrate import solve_ivp
 import tippedisk_verify as tv
 from tippedisk_verify.errors import UnknownKeywordError
 from tippedisk_verify.model.equations import field
+from tippedisk_verify.model.parameters import SYMBOLS
 from tippedisk_verify.model.precision import DOUBLE
 from tippedisk_verify.proofs.closed_forms import proved_hopf
 from tippedisk_verify.theory import harmonic_balance, slow_manifold
@@ -206,6 +207,63 @@ def test_derivatives_of_the_end_are_those_of_difference_quotients(friction) -> N
     assert (away <= widths + numpy.spacing(abs(numpy.column_stack(columns)))).all()
     assert (widths < 1e-11).all()  # twelve digits of derivatives of order 10
     assert mine.to_dict()["by_omega"][0]["value"].startswith(f"{mine.by_omega[0]:.10f}"[:10])
+
+
+@pytest.mark.parametrize("friction", LAWS)
+@pytest.mark.parametrize(
+    ("named", "symbols"),
+    [
+        ("table1", ("e", "mu")),
+        *(
+            pytest.param(named, SYMBOLS, marks=pytest.mark.slow(minutes=0.5))
+            for named in ("table1", "calibrated", "geometry")
+        ),
+    ],
+)
+def test_derivatives_by_parameters_hold_differences(friction, named, symbols) -> None:
+    """Compare with motions to forty digits, moved by 1e-12, at the end and on the way."""
+    step, times = Fraction(1, 10**12), [Fraction(1, 2), 1, 2]
+    disk = tv.Disk(named, friction=friction)
+    mine = disk.integrate("30.4", START, 2, t_eval=times, variations=("state", *symbols))
+    for symbol in symbols:
+        value = getattr(disk, symbol)
+        ahead, behind = (
+            tv.Disk(named, friction=friction, **{symbol: value * (1 + sign * step)}).integrate(
+                "30.4", START, 2, t_eval=times, digits=40, half_widths=False
+            )
+            for sign in (1, -1)
+        )
+        truth = ((ahead.y - behind.y) / tv.bits(160).number(2 * step * value)).astype(float)
+        slope = mine.by[symbol]
+        rounding = numpy.spacing(abs(truth))  # of the truth to a double
+        assert (abs(slope.y - truth) <= slope.uncertainty + rounding).all()
+        assert (abs(slope.end - truth[:, -1]) <= slope.end_uncertainty + rounding[:, -1]).all()
+        assert (slope.uncertainty < 1e-11 * (1 + abs(truth))).all()
+    assert numpy.array_equal(mine.by["gamma"].end, mine.transition[:, 1])
+    assert set(mine.to_dict()["derivatives"]) == {"beta", "gamma", "v", *symbols}
+
+
+def test_derivatives_by_parameters_have_as_many_digits_as_the_motion() -> None:
+    rough, sharp = (
+        tv.Disk("table1").integrate("30.4", START, 1, digits=digits, variations="m").by["m"]
+        for digits in (18, 30)
+    )
+    away = abs((rough.y - sharp.y).astype(float))
+    assert (away <= rough.uncertainty).all()
+    assert (rough.uncertainty < 1e-17).all()
+
+
+def test_other_engines_and_short_motions_have_derivatives_by_parameters() -> None:
+    disk, times = tv.Disk("table1"), [0.25, 0.5]
+    mine, theirs = (
+        disk.integrate("30.4", START, 0.5, t_eval=times, variations="B", engine=engine)
+        for engine in (None, tv.Baseline())
+    )
+    # SciPy's tolerance is relative to derivatives of order 1e3 here.
+    assert abs(mine.by["B"].y - theirs.by["B"].y).max() < 1e-6
+    assert numpy.isinf(theirs.by["B"].uncertainty).all()
+    rest = disk.integrate("30.4", START, 0, t_eval=[0], variations="B")
+    assert not rest.by["B"].end.any()
 
 
 @pytest.mark.parametrize("friction", LAWS)

@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from tippedisk_verify.cycles.folds import Folds, RotationFold
     from tippedisk_verify.cycles.limit_cycle import LimitCycle, MissingCycle, RotatingCycle
     from tippedisk_verify.cycles.near_heteroclinic import NearHeteroclinic
+    from tippedisk_verify.cycles.sensitivity import Sensitivity
     from tippedisk_verify.cycles.spectral import BalancedCycle
     from tippedisk_verify.flow.contract import Engine, Event
     from tippedisk_verify.model.arrays import Array
@@ -256,8 +257,8 @@ class Disk(Parameters):
             events: Events, which end the run unless made with ``terminal=False``. The names
                 "section" (beta = pi/2), "turn" (v = 0) and "surface" (sliding velocity gamma_y = 0)
                 record the crossings.
-            variations: "state" and "omega" add the derivatives of the end state with respect to
-                them.
+            variations: "state", "omega" and the names of parameters, such as "mu", add the
+                derivatives of the end and of the states by them (``by``).
             shifted: Angles are beta_bar and gamma_bar, measured from pi/2.
             max_steps: The largest number of steps; the default allows about 2800 s of motion.
             half_widths: If False, integrate once without measuring the error. This takes a fraction
@@ -667,6 +668,31 @@ class Disk(Parameters):
         return heteroclinic(
             self, self._engine(engine), digits=digits, method=method, half_widths=half_widths
         )
+
+    def sensitivity(self, *, digits: int = 12, engine: Engine | None = None) -> Sensitivity:
+        """Return the derivatives of Omega_crit and Omega_h by every parameter of the disk.
+
+        The rows are ``omega_crit`` and, if there is a connection, ``omega_h``. A cycle's numbers
+        have theirs in `LimitCycle.sensitivity`.
+
+        Args:
+            digits: Significant digits of Omega_crit and of most derivatives.
+            engine: The integrator.
+
+        Returns:
+            The table, in SI units, with half-widths.
+
+        Raises:
+            InputError: The digits cannot be used, or a parameter cannot be moved, such as B = A.
+            AccuracyError: The digits were not reached.
+
+        >>> slopes = Disk("table1").sensitivity()
+        >>> print(f"{slopes['omega_crit']['g']:.8g} {slopes['omega_h']['mu']:.8g}")
+        1.5742402 0.24436011
+        """
+        from tippedisk_verify.cycles.sensitivity import sensitivity_of_bifurcations
+
+        return sensitivity_of_bifurcations(self, self._engine(engine), digits)
 
     def near_heteroclinic(
         self,

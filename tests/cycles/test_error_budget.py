@@ -165,7 +165,7 @@ def test_steps_end_when_both_coordinates_rest(second: str, newton: bool, off: fl
     return_map, truth = LinearMap("-0.5", second), LinearMap.truth
     rows = ((0.5, 0.0), (0.0, 0.5))
     start = SimpleNamespace(point=tuple(float(t) + off for t in truth), image=derivatives(rows))
-    point, standing = error_budget._settled(return_map, start)
+    point, standing = error_budget.settled(return_map, start)
     assert max(abs(fraction(x) - t) for x, t in zip(point, truth, strict=True)) < Fraction(
         1, 10**55
     )

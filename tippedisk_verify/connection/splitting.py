@@ -21,6 +21,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property, lru_cache
@@ -32,7 +33,7 @@ from tippedisk_verify.errors import AccuracyError
 from tippedisk_verify.flow.contract import Engine, Request, Result, Status
 from tippedisk_verify.model.exact import fraction, quotient
 from tippedisk_verify.model.measured import DISTANCES, Measured
-from tippedisk_verify.model.parameters import Parameters
+from tippedisk_verify.model.parameters import SYMBOLS, Parameters
 from tippedisk_verify.model.precision import (
     DOUBLE,
     EXTENDED,
@@ -184,6 +185,28 @@ class SplittingFunction:
         self.latest = latest
         return change / (2 * self.step)
 
+    def slope_by(self, symbol: str, omega: Fraction) -> Fraction:
+        """Return the derivative of u by a parameter of the disk, carried back to s = 1 [SI].
+
+        Start, end and flight time stay, because u does not depend on them.
+
+        Args:
+            symbol: The parameter's name.
+            omega: The speed [rad/s].
+
+        Raises:
+            AccuracyError: If a flight fails.
+        """
+        value: Fraction = getattr(self.parameters, symbol)
+        step = value * self.step / omega
+        change = Fraction(0)
+        for sign in (1, -1):
+            moved = copy(self)
+            moved.parameters = self.parameters.changed(**{symbol: value + sign * step})
+            moved._saddle = Saddle(moved.parameters, omega, self.bits, self.order)
+            change += sign * moved(omega).carried
+        return change / (2 * step)
+
     def _flight_time(self, saddle: Saddle) -> Fraction:
         """Return the flight time [s] until the slow stable coordinate is that of the end.
 
@@ -224,6 +247,24 @@ class SplittingZero:
         functions = (self.finer, self.splitting_at)
         finer, slope = (function.slope(function.latest.omega) for function in functions)
         return Measured.compared(finer, slope, self.splitting_at.precision.epsilon)
+
+    def by_parameters(self) -> dict[str, Measured]:
+        """Return the derivatives of Omega_h by the disk's parameters [SI], by name.
+
+        The splitting stays zero, so they are -(du/dp) / (du/dOmega). Their error is measured as
+        that of `derivative`.
+
+        Raises:
+            AccuracyError: If a flight fails.
+        """
+        finer, rough = (
+            {symbol: -function.slope_by(symbol, omega) / slope for symbol in SYMBOLS}
+            for function in (self.finer, self.splitting_at)
+            for omega in (function.latest.omega,)
+            for slope in (function.slope(omega),)
+        )
+        epsilon = self.splitting_at.precision.epsilon
+        return {name: Measured.compared(finer[name], rough[name], epsilon) for name in SYMBOLS}
 
 
 @lru_cache(maxsize=_KEPT)

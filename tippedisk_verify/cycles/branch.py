@@ -5,18 +5,19 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from fractions import Fraction
-from functools import partial
+from functools import cached_property, partial
 from html import escape
-from itertools import pairwise
+from itertools import groupby, pairwise
 from typing import Any, TypeVar
 
 import numpy
 
+from tippedisk_verify.connection.splitting import splitting_zero
 from tippedisk_verify.cycles.at_speed import cycles_at
 from tippedisk_verify.cycles.family import Family, in_batches
-from tippedisk_verify.cycles.folds import rotation_fold
+from tippedisk_verify.cycles.folds import libration_folds, rotation_fold
 from tippedisk_verify.cycles.interpolant import FamilyInterpolant
 from tippedisk_verify.cycles.librating_family import LibratingFamily
 from tippedisk_verify.cycles.limit_cycle import Cycle, LimitCycle, MissingCycle, RotatingCycle
@@ -25,20 +26,23 @@ from tippedisk_verify.cycles.near_connection import DOUBLE_SHOOTS
 from tippedisk_verify.cycles.rotating_family import RotatingFamily
 from tippedisk_verify.cycles.section import LIBRATING, ROTATING, Section
 from tippedisk_verify.errors import AccuracyError, InputError, NoConnectionError, NoSuchCycleError
-from tippedisk_verify.flow import default_lanes
+from tippedisk_verify.flow import default_engine, default_lanes
 from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.arrays import Array
 from tippedisk_verify.model.equations import checked_speeds
+from tippedisk_verify.model.exact import fraction, shown, whole
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.model.results import Printable, as_json, heading
-from tippedisk_verify.theory.hopf import omega_crit
+from tippedisk_verify.model.precision import DOUBLE
+from tippedisk_verify.model.results import Printable, as_json, heading, quantity
+from tippedisk_verify.theory.hopf import omega_crit, period_crit
 
 __all__ = [
     "DEFAULT_COUNT",
     "DEFAULT_ROTATIONS",
     "PAPER_COUNT",
     "Branch",
+    "SpecialPoint",
     "family",
     "found",
     "not_all_missing",
@@ -47,11 +51,19 @@ __all__ = [
 ]
 
 C = TypeVar("C", bound=Cycle)
+# The style and the name of a stretch by its stability, the axes' names, and those of points.
+_STYLES = {
+    True: ("-", "stable cycles"),
+    False: ("--", "unstable cycles"),
+    None: (":", "not decided"),
+}
+_AXES = ("largest |β − π/2| [rad]", "period T [s]")
+_LABELS = {"Omega_crit": "Hopf point", "Omega_h": "$Ω_h$"}
 _SHOWN = ("omega", "period", "gamma_bar_0", "beta_max", "multiplier_slow")
 
 DEFAULT_COUNT = 41  #: the number of speeds in the overview of the librating cycles
 DEFAULT_ROTATIONS = 40  #: the number of speeds in the overview of the rotating cycles
-_FEWEST_ON_PIECE = 5  # the least number of speeds on a piece between folds
+_FEWEST_ON_PIECE = 11  # the least number of speeds on a piece between folds
 # A relative distance of speeds. Closer to the Hopf point or a fold doubles do not separate cycles.
 _UNRESOLVED = 1e-10
 _MOST_SPEEDS = 1_000_000
@@ -61,6 +73,21 @@ _STEPS = 400  # the steps of each of the paper's sets
 PAPER_COUNT = 2 * _STEPS + 1  #: the number of speeds in both of the paper's sets
 # The number of speeds from which on it pays to compile for all lanes of the SIMD registers.
 _FEWEST_FOR_LANES = 100
+
+
+@dataclass(frozen=True, repr=False)
+class SpecialPoint(Printable):
+    """A point at which a piece of the family of limit cycles begins or ends."""
+
+    name: str  #: ``Omega_crit`` (the Hopf point), ``fold 1``, ``fold 2``, ... or ``Omega_h``
+    omega: Measured = field(metadata=quantity("the speed there", "rad/s"))
+    period: Measured | None = field(metadata=quantity("T there; None at Omega_h, infinite", "s"))
+    gamma_bar_0: Measured = field(
+        metadata=quantity("gamma - pi/2 there where beta = pi/2 and v < 0; pi at Omega_h", "rad")
+    )
+    beta_max: Measured | None = field(
+        metadata=quantity("largest abs(beta - pi/2) there; None at Omega_h", "rad")
+    )
 
 
 @dataclass(frozen=True, repr=False)
@@ -104,6 +131,60 @@ class Branch(Printable):
         """The speeds at which no cycle was found."""
         return tuple(row for row in self.cycles if isinstance(row, MissingCycle))
 
+    @property
+    def stable(self) -> tuple[bool | None, ...]:
+        """The stability of each cycle; None where it is not certain, or no cycle was found."""
+        return tuple(getattr(cycle, "stable", None) for cycle in self.cycles)
+
+    @cached_property
+    def points(self) -> tuple[SpecialPoint, ...]:
+        """The special points of the whole family, in its order: the Hopf point, the folds and the
+        connection. They are computed on first use.
+
+        Of a family that cannot be followed only the Hopf point is known.
+
+        Raises:
+            AccuracyError: A fold does not have 12 digits.
+        """
+        disk, zero = (
+            locator(found(self.cycles)[0].parameters, default_engine()),
+            Measured(Fraction(0), Fraction(0)),
+        )
+        born = omega_crit(disk.parameters), period_crit(disk.parameters), zero, zero
+        points = [SpecialPoint("Omega_crit", *born)]
+        if disk.lost:
+            return tuple(points)
+        parameters, family, engine = disk.parameters, disk.family, disk.engine
+        for number, fold in enumerate(libration_folds(parameters, engine, family=family), start=1):
+            numbers = fold.omega, fold.period, fold.gamma_bar_0, fold.beta_max
+            points.append(SpecialPoint(f"fold {number}", *numbers))
+        if family.connected:
+            zero_of_splitting = splitting_zero(parameters, disk.omega_h, engine, 12)
+            half_turn = Measured(fraction(DOUBLE.pi), DOUBLE.epsilon)
+            connection = zero_of_splitting.omega_h, None, half_turn, None
+            points.append(SpecialPoint("Omega_h", *connection))
+        return tuple(points)
+
+    def restart(self, point: SpecialPoint | str, count: int = DEFAULT_COUNT) -> Branch:
+        """Return the branch from a special point on, to the next one or to the family's end.
+
+        Args:
+            point: One of `points`, or its name.
+            count: The number of cycles. None are on a piece that is too short for doubles.
+
+        Raises:
+            InputError: The family does not go on from there, or ``count`` is not 2 to 1,000,000.
+            NoSuchCycleError: The family cannot be followed.
+        """
+        going_on = [special.name for special in self.points if special.name != "Omega_h"]
+        name = getattr(point, "name", point)
+        if name not in going_on:
+            raise InputError(f"a branch restarts from {', '.join(going_on)}, not {shown(name)}")
+        if whole(count, 2, _MOST_SPEEDS) is None:
+            raise InputError(f"a branch has 2 to {_MOST_SPEEDS} cycles, not {shown(count)}")
+        disk = locator(found(self.cycles)[0].parameters, default_engine())
+        return Branch.of(_piece(disk, going_on.index(name), count))
+
     def __len__(self) -> int:
         return len(self.cycles)
 
@@ -112,21 +193,84 @@ class Branch(Printable):
         return self.cycles[index]
 
     def plot(self, axes: Any = None) -> Any:
-        """Plot the period against the speed.
+        """Plot the bifurcation diagram: the largest lean and the period against the speed.
+
+        Lines are solid where cycles, or inverted spinning, are stable, and dashed where they are
+        not. The special points are marked with their names.
 
         Args:
-            axes: The matplotlib axes; None for new ones.
+            axes: Two matplotlib axes; None for new ones.
 
         Returns:
-            The axes.
+            Both axes: of beta_max and of the period.
+
+        Raises:
+            AccuracyError: As for `points`.
         """
         if axes is None:
             from matplotlib import pyplot
 
-            _, axes = pyplot.subplots()
-        axes.plot(self.omega, self.period, ".-")
-        axes.set(xlabel="Ω [rad/s]", ylabel="period T [s]")
+            _, axes = pyplot.subplots(1, 2, figsize=(10, 4), layout="constrained")
+        speeds = [float(cycle.omega) for cycle in found(self.cycles)]
+        speeds += [float(point.omega) for point in self.points]
+        low, high, crit = min(speeds), max(speeds), float(self.points[0].omega)
+        # Room for the names: of the connection on the left, of the other points on the right
+        low, high = low - 0.1 * (high - low), high + 0.3 * (high - low)
+        axes[0].plot([low, crit], [0, 0], "--", color="0.4")
+        axes[0].plot([crit, high], [0, 0], "-", color="0.4", label="inverted spinning")
+        for axis, name, text in zip(axes, ("beta_max", "period"), _AXES, strict=True):
+            for style, label, (omega, height) in self._lines(name):
+                axis.plot(omega, height, style, color="C0", label=label)
+            for point in self.points:
+                omega_there, value = float(point.omega), getattr(point, name)
+                label = _LABELS.get(point.name, point.name)
+                if value is None:  # the connection
+                    axis.axvline(omega_there, color="0.6", linestyle=":", linewidth=1)
+                    axis.annotate(
+                        label,
+                        (omega_there, 0.5),
+                        xycoords=axis.get_xaxis_transform(),
+                        xytext=(-4, 0),
+                        textcoords="offset points",
+                        ha="right",
+                    )
+                else:
+                    axis.plot(omega_there, float(value), "o", color="C3")
+                    axis.annotate(
+                        label,
+                        (omega_there, float(value)),
+                        xytext=(6, -13),
+                        textcoords="offset points",
+                    )
+            axis.set(xlabel="Ω [rad/s]", ylabel=text, xlim=(low, high))
+            axis.margins(y=0.1)
+            axis.locator_params(axis="x", nbins=6)
+        axes[0].legend()
         return axes
+
+    def _lines(self, name: str) -> Iterator[tuple[str, str, tuple[list[float], list[float]]]]:
+        """Yield the line style, the label and the points of each stretch of one stability.
+
+        The stretches meet in the special points between their cycles. A line begins in the Hopf
+        point if that is no farther away than the cycles are from each other.
+        """
+        heights = numpy.sort(self.gamma_bar_0[numpy.isfinite(self.gamma_bar_0)])
+        reach = numpy.diff(heights).max(initial=0.0)
+        joints = [
+            point
+            for point in self.points
+            if point.period is not None and heights[0] - reach <= _abscissa(point) <= heights[-1]
+        ]
+        course: list[Any] = sorted([*found(self.cycles), *joints], key=_abscissa)
+        steps = [(step, _stability(*step)) for step in pairwise(course)]
+        labelled: set[str] = set()
+        for stable, stretch in groupby(steps, lambda step: step[1]):
+            pairs = [pair for pair, _ in stretch]
+            places = [pairs[0][0], *(after for _, after in pairs)]
+            style, label = _STYLES[stable]
+            omega, height = ([float(getattr(x, key)) for x in places] for key in ("omega", name))
+            yield style, "" if label in labelled else label, (omega, height)
+            labelled.add(label)
 
     def to_dict(self) -> dict[str, Any]:
         return {"orbits": as_json(self.cycles)}
@@ -153,6 +297,16 @@ class Branch(Printable):
         """Return a table, for notebooks."""
         rows = ("".join(f"<td>{escape(cell)}</td>" for cell in row) for row in self._rows())
         return f"<table><tr>{'</tr><tr>'.join(rows)}</tr></table>"
+
+
+def _abscissa(place: LimitCycle | SpecialPoint) -> float:
+    """Return gamma_bar_0 [rad], which rises along the family, whatever the order of the speeds."""
+    return float(place.gamma_bar_0)
+
+
+def _stability(*places: LimitCycle | SpecialPoint) -> bool | None:
+    """Return the stability of the first cycle among neighbours on the family."""
+    return next((place.stable for place in places if isinstance(place, LimitCycle)), None)
 
 
 def found(rows: Iterable[C | MissingCycle]) -> list[C]:
@@ -314,22 +468,31 @@ def _overview(disk_locator: Locator) -> Iterator[LimitCycle]:
         family = disk_locator.family
     except NoSuchCycleError as fault:  # the caller named no speed
         raise AccuracyError(str(fault)) from None
-    breaks, closest = family.breaks, 2 * float(DOUBLE_SHOOTS)
-    for piece, ((_, begin), (name, end)) in enumerate(pairwise(family.ends)):
+    breaks = family.breaks
+    for piece in range(len(breaks) - 1):
         share = (breaks[piece + 1] - breaks[piece]) / (breaks[-1] - breaks[0])
         count = max(_FEWEST_ON_PIECE, round(DEFAULT_COUNT * share))
-        margin = (end - begin) / 1000
-        first = begin + math.copysign(max(abs(margin), _UNRESOLVED * begin), margin)
-        last = end - math.copysign(
-            max(abs(margin), closest if name == "Omega_h" else _UNRESOLVED * end), margin
-        )
-        if (last - first) * margin <= 0:
-            continue
-        for n in range(count):
-            place = (2 * n - count + 1) / (count - 1)
-            omega = first + (0.5 + 0.5 * place * (1.5 - 0.5 * place * place)) * (last - first)
-            location = disk_locator.librating(Fraction(omega))
-            yield from (location.cycle(start) for start in location.starts if start.piece == piece)
+        yield from _piece(disk_locator, piece, count)
+
+
+def _piece(disk_locator: Locator, piece: int, count: int) -> Iterator[LimitCycle]:
+    """Yield ``count`` cycles on a piece of the family, closer together towards its ends.
+
+    They stay away from the ends as `_overview` says. None are on a piece that is too short.
+    """
+    (_, begin), (name, end) = disk_locator.family.ends[piece : piece + 2]
+    margin, closest = (end - begin) / 1000, 2 * float(DOUBLE_SHOOTS)
+    first = begin + math.copysign(max(abs(margin), _UNRESOLVED * begin), margin)
+    last = end - math.copysign(
+        max(abs(margin), closest if name == "Omega_h" else _UNRESOLVED * end), margin
+    )
+    if (last - first) * margin <= 0:
+        return
+    for n in range(count):
+        place = (2 * n - count + 1) / (count - 1)
+        omega = first + (0.5 + 0.5 * place * (1.5 - 0.5 * place * place)) * (last - first)
+        location = disk_locator.librating(Fraction(omega))
+        yield from (location.cycle(start) for start in location.starts if start.piece == piece)
 
 
 # ----------------------------------------------------------------------------------------- rotating

@@ -49,6 +49,7 @@ __all__ = [
     "cycle_to_digits",
     "logarithms_bounded",
     "numbers_at",
+    "settled",
     "wider_cycle",
 ]
 
@@ -387,7 +388,7 @@ def _sharpened(
     if precision == return_map.precision:
         return numbers_at(return_map, fixed_point.point, fixed_point.image), {}, fixed_point
     return_map = return_map.within(precision)
-    point, standing = _settled(return_map, fixed_point)
+    point, standing = settled(return_map, fixed_point)
     image = return_map(point)
     undecided = [_STALLED_STEPS * step for step in standing]
     times = (fraction(abs(a)) * b for a, b in zip(image.time_by_state, undecided, strict=True))
@@ -397,7 +398,7 @@ def _sharpened(
     return numbers_at(return_map, point, image), doubt, sharper
 
 
-def _settled(
+def settled(
     return_map: ReturnMap[C], fixed_point: FixedPoint[C]
 ) -> tuple[tuple[Any, Any], tuple[Fraction, Fraction]]:
     """Iterate for the fixed point in the map's arithmetic, until a step is below rounding or no

@@ -208,12 +208,15 @@ def _result(request: Request, solution: Any, watched: list[Event]) -> Result:
         status = (
             Status.STEP_TOO_SMALL if "step size" in str(solution.message).lower() else Status.FAILED
         )
-    samples = None
+    samples = sample_derivatives = None
     if request.times is not None:
         times = numpy.array([DOUBLE.number(time) for time in request.times])
         reached = times[abs(times) <= abs(end)]
         # SciPy's interpolant refuses an empty array.
-        samples = dense(reached)[:3].T.copy() if reached.size else numpy.empty((0, 3))
+        rows = dense(reached).T if reached.size else numpy.empty((0, len(final)))
+        samples = rows[:, :3].copy()
+        if request.variations:
+            sample_derivatives = rows[:, 3:].reshape(len(rows), 3, len(request.variations))
     return Result(
         status=status,
         time=end,
@@ -222,6 +225,7 @@ def _result(request: Request, solution: Any, watched: list[Event]) -> Result:
         samples=samples,
         dense=(lambda t: dense(numpy.asarray(t))[:3].T) if request.dense else None,
         derivatives=final[3:].reshape(3, -1).copy() if request.variations else None,
+        sample_derivatives=sample_derivatives,
         events=tuple(records),
         evaluations=int(solution.nfev),
     )

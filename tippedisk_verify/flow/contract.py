@@ -42,8 +42,11 @@ __all__ = [
     "raise_unless_usable",
 ]
 
-#: The variables of derivatives: the initial state and the parameters of the field.
-Variation = Literal["beta", "gamma", "v", "Omega", "r", "e", "a", "b", "g", "k"]
+#: The variables of derivatives: the initial state and the parameters of the field. A law of a
+#: user's own takes m, mu and epsilon.
+Variation = Literal[
+    "beta", "gamma", "v", "Omega", "r", "e", "a", "b", "g", "k", "traction", "m", "mu", "epsilon"
+]
 #: The default limit of a run's steps: half an hour of ordinary motion. A run that needs more is
 #: usually stuck.
 MOST_STEPS = 100_000
@@ -316,6 +319,7 @@ class ErrorEstimate:
     events: tuple[float, ...] = ()  #: [s] of the time of each recorded event
     event_states: tuple[Any, ...] = ()  #: (3,) of the state of each recorded event
     variations: Any = None  #: of the derivatives, with their shape
+    sample_variations: Any = None  #: of the derivatives at the samples, with their shape
 
     @property
     def largest(self) -> float:
@@ -337,6 +341,7 @@ class Result(NamedTuple):
     dense: Callable[[Any], Any] | None = None  #: times (n,) -> states (n, 3)
     #: (3, number of variations) d(final state)/d(variations), at fixed final time
     derivatives: Any = None
+    sample_derivatives: Any = None  #: (n, 3, number of variations), the same at the sample times
     divergence: Any = None  #: integral of d(v')/d(v) over the run [1]
     events: tuple[EventRecord, ...] = ()
     error: ErrorEstimate | None = None

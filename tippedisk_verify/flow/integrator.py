@@ -51,19 +51,24 @@ class Series:
         Args:
             precision: The arithmetic.
             start: The time of the start [s].
-            steps: For each step the time of its end [s] and its polynomials (3, order + 1).
+            steps: For each step the time of its end [s] and its polynomials (k, order + 1), those of
+                the state first.
         """
         element = object if precision.kind == "real" else precision.type
         self._precision = precision
         #: (n + 1,) [s]
         self.times = numpy.array([start, *(end for end, _ in steps)], dtype=element)
-        #: (order + 1, 3, n), so that all steps' terms of one power lie together
+        #: (order + 1, k, n), so that all steps' terms of one power lie together
         self.coefficients = (
             numpy.array([terms for _, terms in steps], dtype=element).transpose(2, 1, 0).copy()
         )
 
     def __call__(self, times: Any) -> Any:
         """Return the states (k, 3) at times (k,) [s]."""
+        return self.values(times)[:, :3]
+
+    def values(self, times: Any) -> Any:
+        """Return the values of all polynomials at times (k,) [s], a row for each time."""
         wanted = self._precision.sequence(times)
         step = self.step_of(wanted)
         since = wanted - self.times[step]
@@ -73,7 +78,8 @@ class Series:
         return total.T.copy()
 
     def samples(self, request: Request, status: Status) -> Any:
-        """Return the states (n, 3) at the sample times that were reached; None without times.
+        """Return the values at the sample times that were reached, as `values` does; None without
+        times.
 
         A run that reached its end has them all: the last one may be a rounding of a double later.
 
@@ -84,7 +90,9 @@ class Series:
         if request.times is None:
             return None
         times = self._precision.sequence(request.times)
-        return self(times if status is Status.REACHED else times[abs(times) <= abs(self.times[-1])])
+        return self.values(
+            times if status is Status.REACHED else times[abs(times) <= abs(self.times[-1])]
+        )
 
     def step_of(self, times: Any) -> Any:
         """Return the number (k,) of the step in which each time lies.
@@ -131,6 +139,7 @@ class Integrator:
             request.divergence + request.law.has_guard
         )
         self._size = len(start)
+        self._kept_rows = None if request.variations else 3
         hy = heyoka_module()
         self._stepper: Any = hy.taylor_adaptive(
             system,
@@ -302,7 +311,7 @@ class Integrator:
         assert self._kept is not None
         end = self._stepper.time
         if end != (self._kept[-1][0] if self._kept else self._zero):
-            self._kept.append((end, self.precision.owned(self._stepper.tc[:3])))
+            self._kept.append((end, self.precision.owned(self._stepper.tc[: self._kept_rows])))
         return True
 
     def _integrated(
@@ -363,7 +372,8 @@ class Integrator:
         stepper = self._stepper
         stepper.step(target, write_tc=True)
         stepper.update_d_output(target)
-        ahead, terms = stepper.d_output.tolist(), self.precision.owned(stepper.tc[:3])
+        ahead = stepper.d_output.tolist()
+        terms = self.precision.owned(stepper.tc[: self._kept_rows])
         self._rewind(start.state)
         watched = [event for event in self._events if event.name not in on.names]
         # Its branch too must be the same all the way, and not in doubt at the start
@@ -415,28 +425,36 @@ class Integrator:
 
     def _result(self, request: Request, status: Status, steps: int) -> Result:
         final, derivatives, divergence = self.precision.owned(self._stepper.state), None, None
+        whole, size = final, self._size
         if self._identity is not None:
             if self._divergence:
                 divergence = final[3]
             if self.build.variations:
-                derivatives = final[self._size :].reshape(self._size, -1)[:3]
+                derivatives = final[size:].reshape(size, -1)[:3]
             final = final[:3]
         series = None
         if self._kept is not None:
             # A run that has taken no step stands at its start.
             series = Series(
-                self.precision, self._zero, self._kept or [(self._zero, final[:, None])]
+                self.precision,
+                self._zero,
+                self._kept or [(self._zero, whole[: self._kept_rows, None])],
             )
+        samples = sample_derivatives = None
+        if series is not None and not request.estimated_by_defect:
+            samples = series.samples(request, status)
+        if samples is not None and derivatives is not None:
+            at_samples = samples[:, size:].reshape(len(samples), size, derivatives.shape[1])
+            samples, sample_derivatives = samples[:, :3], at_samples[:, :3]
         return Result(
             status,
             self._stepper.time,
             final,
             steps,
-            samples=None
-            if series is None or request.estimated_by_defect
-            else series.samples(request, status),
+            samples=samples,
             dense=series if request.dense else None,
             derivatives=derivatives,
+            sample_derivatives=sample_derivatives,
             divergence=divergence,
             events=tuple(self._records) if self._crossings else (),
             built=self._built,

@@ -6,6 +6,7 @@ A system consists of the field's expressions, the variations and the event funct
 from __future__ import annotations
 
 from collections.abc import Sequence
+from fractions import Fraction
 from functools import lru_cache
 from random import Random
 from typing import Any
@@ -21,12 +22,13 @@ from tippedisk_verify.flow.contract import (
 from tippedisk_verify.flow.jit import heyoka_module
 from tippedisk_verify.model.equations import field, jacobian, shifted
 from tippedisk_verify.model.friction import FrictionLaw
-from tippedisk_verify.model.parameters import Constants
+from tippedisk_verify.model.parameters import Constants, Parameters
 from tippedisk_verify.model.precision import Precision
 
 __all__ = [
     "SWITCH",
     "TURN_OVER",
+    "by_constants",
     "constants_of",
     "direction_of",
     "nudged",
@@ -54,6 +56,39 @@ def parameter_names(law: FrictionLaw) -> tuple[str, ...]:
         law: The friction law.
     """
     return _COMMON_PARAMETERS + law.constants
+
+
+def by_constants(parameters: Parameters) -> dict[str, dict[Variation, Fraction]]:
+    """Return the exact derivatives of the field's constants by each variable of a motion.
+
+    The variables are the start's beta, gamma and v, omega, and the disk's parameters. The constants
+    a = A / m, b = B / m - e^2, k = mu g / epsilon and mu g depend on several of these.
+
+    Args:
+        parameters: The disk and its friction law, which decides on the constants.
+    """
+    c, one = parameters.rational(), Fraction(1)
+    table: dict[str, dict[Variation, Fraction]] = {
+        "beta": {"beta": one},
+        "gamma": {"gamma": one},
+        "v": {"v": one},
+        "omega": {"Omega": one},
+        "r": {"r": one},
+        "e": {"e": one, "b": -2 * c.e},
+        "m": {"m": one, "a": -c.a / c.m, "b": -c.B / c.m**2},
+        "A": {"a": 1 / c.m},
+        "B": {"b": 1 / c.m},
+        "g": {"g": one, "k": c.mu / c.epsilon, "traction": c.mu},
+        "mu": {"mu": one, "k": c.g / c.epsilon, "traction": c.g},
+        "epsilon": {"epsilon": one, "k": -c.k / c.epsilon},
+    }
+    has = {*STATE_VARIATIONS, *parameter_names(parameters.law)}
+    if parameters.law.has_guard:
+        has -= {"k", "traction"}  # which only its guard takes
+    return {
+        variable: {name: slope for name, slope in row.items() if name in has}
+        for variable, row in table.items()
+    }
 
 
 def constants_of(pars: Any, law: FrictionLaw) -> Constants:

@@ -133,7 +133,8 @@ class Taylor:
         refined = from_defect(request, result)
         if refined is None and request.digits > PLAIN_DIGITS:
             precision = bits(bits_for_digits(request.digits + 8))
-            return self(replace(request, precision=precision, tolerance=None, digits=PLAIN_DIGITS))
+            wide = replace(request, precision=precision, tolerance=None, digits=PLAIN_DIGITS)
+            return self(wide)._replace(precision=precision)
         if refined is None:
             if request.estimated_by_defect:
                 result = result._replace(samples=result.series.samples(request, result.status))

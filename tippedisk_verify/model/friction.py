@@ -234,6 +234,7 @@ class FrictionLaw:
         try:
             if not isinstance(self.slope(parameters), Fraction):
                 raise InputError(f"{problem} has a slope that is not rational in the parameters")
+            _constants_used(self.force)  # raises AttributeError for others
             c, wide_c = parameters.within(ctx), parameters.at(wide)
             slope = self.slope_at(ctx, ctx.zero, c, 1)
             still = self.deceleration(ctx, ctx.zero, c, 1)
@@ -274,7 +275,9 @@ class _Recorder:
         self.names = {"m": None}  # every force is divided by the mass
 
     def __getattr__(self, name: str) -> float:
-        if name not in ("r", "e", "g", *_GUARD_CONSTANTS):  # which the field takes anyway
+        if name not in ("g", "m", "mu", "epsilon", "pi"):
+            raise AttributeError(f"there is no constant '{name}': use m, g, mu, epsilon and pi")
+        if name != "g":  # which the field takes anyway
             self.names[name] = None
         return 1.0
 

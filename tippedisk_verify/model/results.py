@@ -295,7 +295,7 @@ def _cell(value: Any) -> str:
 
 
 def _brief(value: Any) -> Any:
-    """Shorten data for JSON: long lists keep their ends, and rows of a matrix share a line."""
+    """Shorten data for JSON: long lists keep their ends, and each row of a matrix has a line."""
     if _measured(value) and value["uncertainty"] == "0" and len(value["value"]) > _MAX_EXACT_LENGTH:
         return f"{value['value'][:_MAX_EXACT_LENGTH]}…"  # a double has up to 50 digits
     if isinstance(value, dict):
@@ -307,7 +307,7 @@ def _brief(value: Any) -> Any:
     shorter = [_brief(entry) for entry in value]
     if not any(isinstance(entry, list) for entry in shorter):
         return shorter
-    return "; ".join(
+    return [
         ", ".join(map(_cell, entry)) if isinstance(entry, list) else _cell(entry)
         for entry in shorter
-    )
+    ]

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
-from typing import Any, overload
+from typing import Any, NamedTuple, overload
 
 import numpy
 
@@ -25,13 +25,13 @@ from tippedisk_verify.flow.contract import (
     Request,
     Result,
     Status,
-    Variation,
 )
 from tippedisk_verify.flow.error_estimate import CORRECTED_DIGITS, EXTENDED_DIGITS, PLAIN_DIGITS
-from tippedisk_verify.model.arrays import half_widths, workable
+from tippedisk_verify.flow.system import by_constants
+from tippedisk_verify.model.arrays import doubles, half_widths, workable
 from tippedisk_verify.model.decimals import at_place, decimal_magnitude, exact_decimals
 from tippedisk_verify.model.exact import Exact, entries, exact, shown
-from tippedisk_verify.model.parameters import Parameters
+from tippedisk_verify.model.parameters import SYMBOLS, Parameters
 from tippedisk_verify.model.precision import (
     DOUBLE,
     EXTENDED,
@@ -44,7 +44,7 @@ from tippedisk_verify.model.precision import (
 from tippedisk_verify.model.results import Printable, with_widths
 from tippedisk_verify.progress import progress_of
 
-__all__ = ["EVENTS", "EvenTimes", "Solution", "integrated"]
+__all__ = ["EVENTS", "Derivative", "EvenTimes", "Solution", "integrated"]
 
 _STATE = ("beta", "gamma", "v")
 _SAMPLES = 201  # the number of times if none are given
@@ -53,12 +53,25 @@ _SHORTEST = 1e-300  # s; in longer runs, even times differ as extended numbers
 _LONG = 60  # s; shorter motions are finished before progress would be shown
 _LARGEST_ANGLE = 100  # rad; gamma of a rotating disk reaches it in a minute, degrees at once
 _CUT_DIGITS, _CUT_BITS = 50, 400  # of a time whose decimals never end, and of its enclosure
+#: The variables of derivatives, by the names that callers give.
+_VARIABLES: dict[str, tuple[str, ...]] = {
+    "state": STATE_VARIATIONS,
+    **{name: (name,) for name in ("omega", *SYMBOLS)},
+}
 #: The named events: each crossing is recorded, and the run goes on.
 EVENTS = {
     name: replace(event, terminal=False)
     for name, event in (("section", SECTION), ("turn", TURN), ("surface", SLIDING_REVERSAL))
 }
-_VARIATIONS: dict[str, tuple[Variation, ...]] = {"state": STATE_VARIATIONS, "omega": ("Omega",)}
+
+
+class Derivative(NamedTuple):
+    """The derivative of a motion by one variable at fixed times, in SI units, with half-widths."""
+
+    end: Any  #: (3,) of the end's beta, gamma [rad] and v [rad/s]
+    end_uncertainty: Any  #: (3,)
+    y: Any  #: (3, n) of the states, as in `Solution.y`
+    uncertainty: Any  #: (3, n)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -74,6 +87,9 @@ class Solution(Printable):
       terminal event ends the run, as ``status`` and ``message`` report.
     - ``events`` are the recorded crossings. Like ``end`` they have half-widths of their time and
       state.
+    - ``by["mu"]`` is the derivative of the end and of the states by mu, a `Derivative`, if
+      ``variations`` asked for it; likewise for omega, the other parameters, and the start's beta,
+      gamma and v.
     - ``transition`` (3, 3) is the derivative of the end's state with respect to the start's, and
       ``by_omega`` (3,) [s] that with respect to the speed (rows as in ``y``). Both are taken at a
       fixed time, and are None unless ``variations`` asked for them.
@@ -94,6 +110,7 @@ class Solution(Printable):
     transition_uncertainty: Any
     by_omega: Any
     by_omega_uncertainty: Any
+    by: Mapping[str, Derivative]
     engine: str
     precision: str
     times: Sequence[Exact]  #: the exact times that ``t`` rounds [s]
@@ -204,6 +221,13 @@ class Solution(Printable):
                 for name, values, widths in derivatives
                 if values is not None
             },
+            "derivatives": {
+                name: {
+                    "end": with_widths(slope.end, slope.end_uncertainty),
+                    **dict(zip(_STATE, with_widths(slope.y, slope.uncertainty), strict=True)),
+                }
+                for name, slope in self.by.items()
+            },
         }
 
     def _end_entries(self) -> dict[str, Any]:
@@ -250,6 +274,8 @@ def integrated(
             times = _rounded_even_times(end - start)
         elif precision == DOUBLE and not measured:
             times = times.rounded(DOUBLE)
+    variables = [variable for name in _several(variations) for variable in _named(name, _VARIABLES)]
+    slopes = by_constants(parameters)
     request = Request(
         parameters,
         omega,
@@ -259,7 +285,7 @@ def integrated(
         precision=precision,
         times=times,
         variations=tuple(
-            variable for name in _several(variations) for variable in _named(name, _VARIATIONS)
+            dict.fromkeys(constant for variable in variables for constant in slopes[variable])
         ),
         events=tuple(
             event if isinstance(event, Event) else _named(event, EVENTS)
@@ -275,7 +301,7 @@ def integrated(
     if result.status is Status.FLAT and not result.time:
         angle = float(exact(state[0])) + math.pi / 2 * shifted
         raise InputError(f"beta lies between 0 and pi, where the disk stands, not at {angle:g}")
-    return _solution(request, result, engine, start, end, asked)
+    return _solution(request, result, engine, start, end, asked, variables)
 
 
 class EvenTimes(Sequence[Exact]):
@@ -388,7 +414,13 @@ def _since(start: Exact, end: Exact, times: Any) -> tuple[list[Exact], list[Exac
 
 
 def _solution(
-    request: Request, result: Result, engine: Engine, start: Exact, end: Exact, asked: Any
+    request: Request,
+    result: Result,
+    engine: Engine,
+    start: Exact,
+    end: Exact,
+    asked: Any,
+    variables: Sequence[str],
 ) -> Solution:
     """Return the solution from an engine's result.
 
@@ -412,13 +444,6 @@ def _solution(
         time = precision.number(start + record.time)
         rounding = float(abs(time)) * float(precision.epsilon)
         return replace(record, time=time, time_uncertainty=record.time_uncertainty + rounding)
-
-    def derivative(by: tuple[Variation, ...]) -> tuple[Any, Any]:
-        if result.derivatives is None or not set(by) <= set(request.variations):
-            return None, None
-        columns = [request.variations.index(variable) for variable in by]
-        estimated = widths(error.variations, result.derivatives)
-        return result.derivatives[:, columns].squeeze(), estimated[:, columns].squeeze()
 
     events = result.events
     if error.events:
@@ -447,8 +472,16 @@ def _solution(
         times = (
             asked.rounded(precision) if isinstance(asked, EvenTimes) else precision.sequence(asked)
         )
-    transition, transition_widths = derivative(STATE_VARIATIONS)
-    by_omega, by_omega_widths = derivative(("Omega",))
+    by = _derivatives(request, result, variables)
+    start_columns = [by[name] for name in STATE_VARIATIONS if name in by]
+    transition, transition_widths = (
+        numpy.column_stack(columns) if start_columns else None
+        for columns in (
+            [slope.end for slope in start_columns],
+            [slope.end_uncertainty for slope in start_columns],
+        )
+    )
+    by_omega, by_omega_widths, *_ = by.get("omega", (None, None))
     return Solution(
         disk=request.parameters,
         omega=request.omega,
@@ -458,10 +491,11 @@ def _solution(
         status=result.status,
         end=last,
         events=tuple(map(moment, events)),
-        transition=workable(transition),
+        transition=transition,
         transition_uncertainty=transition_widths,
-        by_omega=workable(by_omega),
+        by_omega=by_omega,
         by_omega_uncertainty=by_omega_widths,
+        by=by,
         engine=engine.name,
         precision=precision.name,
         times=asked,
@@ -471,3 +505,43 @@ def _solution(
         _request=request,
         _engine=engine,
     )
+
+
+def _derivatives(
+    request: Request, result: Result, variables: Sequence[str]
+) -> dict[str, Derivative]:
+    """Return the derivatives of a motion by some variables, by the chain rule.
+
+    The request's variations are the field's constants that the variables need. The chain rule's
+    factors are exact.
+    """
+    precision, error = result.precision or request.precision, result.error
+
+    def chained(row: Mapping[Any, Fraction], values: Any, estimated: Any) -> tuple[Any, Any]:
+        """Return the sum over the constants, and its half-widths, along the last axis."""
+        widths = numpy.full(values.shape, numpy.inf) if estimated is None else estimated
+        columns = [request.variations.index(name) for name in row]
+        factors = list(row.values())
+        terms = [
+            values[..., n] * precision.number(x) for n, x in zip(columns, factors, strict=True)
+        ]
+        # A factor 1 and a single term are not rounded.
+        roundings = [len(row) - (factor == 1) for factor in factors]
+        width = sum(
+            half_widths(widths[..., n]) * abs(float(x)) * (1 + k * 2.0**-50)
+            + k * float(precision.epsilon) * doubles(abs(term))
+            for n, x, term, k in zip(columns, factors, terms, roundings, strict=True)
+        )
+        return workable(sum(terms[1:], terms[0])), width
+
+    found = {}
+    if result.derivatives is not None:
+        slopes = by_constants(request.parameters)
+        for variable in variables:
+            end = chained(slopes[variable], result.derivatives, error and error.variations)
+            y, width = (numbers[:, None] for numbers in end)
+            if result.sample_derivatives is not None:
+                samples = result.sample_derivatives, error and error.sample_variations
+                y, width = (numbers.T for numbers in chained(slopes[variable], *samples))
+            found[variable] = Derivative(*end, y, width)
+    return found

@@ -43,7 +43,7 @@ from tippedisk_verify.model.decimals import decimal_magnitude
 from tippedisk_verify.model.equations import checked_speed
 from tippedisk_verify.model.exact import PI, exact
 from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.model.parameters import Parameters
+from tippedisk_verify.model.parameters import SYMBOLS, Parameters
 from tippedisk_verify.model.precision import bits_for_digits, checked_digits
 from tippedisk_verify.model.results import Printable, quantity
 from tippedisk_verify.model.surroundings import undisturbed
@@ -60,6 +60,7 @@ __all__ = [
     "hopf_point",
     "normal_form",
     "omega_crit",
+    "omega_crit_slopes",
     "omega_crit_squared",
     "period_crit",
     "period_of",
@@ -221,6 +222,30 @@ def omega_crit(parameters: Parameters, digits: int = 15) -> Measured:
         InputError: The number of digits cannot be used.
     """
     return square_root(omega_crit_squared(parameters), checked_digits(digits) + 5)
+
+
+def omega_crit_slopes(parameters: Parameters, digits: int = 15) -> dict[str, Measured]:
+    """Return the derivatives of Omega_crit by the disk's parameters [SI], by name.
+
+    They are Omega_crit times half the derivative of log(Omega_crit^2), which is rational. Those by
+    A, mu and epsilon are zero.
+
+    Args:
+        parameters: The disk.
+        digits: Significant digits, from 1 to 4000.
+
+    Raises:
+        InputError: The number of digits cannot be used.
+    """
+    c, crit = parameters.rational(), omega_crit(parameters, digits)
+    logarithmic = {
+        "r": 2 / (c.r + c.e) - 1 / c.r,
+        "e": 2 / (c.r + c.e) + 2 * c.m * c.e / c.Bbar,
+        "m": 1 / c.m + c.e**2 / c.Bbar,
+        "B": -1 / c.Bbar,
+        "g": 1 / c.g,
+    }
+    return {symbol: crit * (logarithmic.get(symbol, Fraction(0)) / 2) for symbol in SYMBOLS}
 
 
 def distance_below_crit(parameters: Parameters, omega: Fraction) -> Fraction:
