@@ -417,7 +417,7 @@ class Disk(Parameters):
             NoSuchCycleError: There is no such cycle, or none was found.
             AccuracyError: The digits were not reached.
         """
-        from tippedisk_verify.cycles.at_speed import cycle_above, cycle_at
+        from tippedisk_verify.cycles.at_speed import cycle_at
 
         one_speed(omega=omega, below_crit=below_crit, above_het=above_het)
         if above_het is not None:
@@ -426,6 +426,8 @@ class Disk(Parameters):
                     "above_het leads to the cycles next to Omega_h: choose with "
                     "stable at a speed omega"
                 )
+            from tippedisk_verify.cycles.at_distance import cycle_above
+
             return cycle_above(self, above_het, self._engine(engine), digits=digits)
         speed = self._speed(omega, below_crit, digits)
         cycle = cycle_at(
@@ -519,7 +521,8 @@ class Disk(Parameters):
             NoSuchCycleError: There is no such cycle, or none was found.
             AccuracyError: The digits were not reached.
         """
-        from tippedisk_verify.cycles.at_speed import rotating_below, rotating_cycle
+        from tippedisk_verify.cycles.at_distance import rotating_below
+        from tippedisk_verify.cycles.at_speed import rotating_cycle
 
         one_speed(omega=omega, below_crit=below_crit, below_het=below_het)
         if below_het is None:

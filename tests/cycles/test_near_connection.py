@@ -7,7 +7,8 @@ from fractions import Fraction
 
 import pytest
 
-from tippedisk_verify.cycles.at_speed import cycle_above, cycle_at
+from tippedisk_verify.cycles.at_distance import cycle_above
+from tippedisk_verify.cycles.at_speed import cycle_at
 from tippedisk_verify.cycles.near_connection import with_speed
 from tippedisk_verify.cycles.omega_h import heteroclinic
 from tippedisk_verify.cycles.period_continuation import PeriodContinuation

@@ -9,7 +9,7 @@ import pytest
 
 from tippedisk_verify.connection.bisection import bisect_omega_h
 from tippedisk_verify.connection.splitting import splitting_zero
-from tippedisk_verify.cycles.at_speed import cycle_above
+from tippedisk_verify.cycles.at_distance import cycle_above
 from tippedisk_verify.cycles.near_connection import cycle_near
 from tippedisk_verify.cycles.passage_cycles import cycle_by_passages
 from tippedisk_verify.cycles.section import LIBRATING, ROTATING, Section

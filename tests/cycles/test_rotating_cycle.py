@@ -11,7 +11,8 @@ import numpy
 import pytest
 
 import tippedisk_verify as tv
-from tippedisk_verify.cycles.at_speed import rotating_below, rotating_cycle
+from tippedisk_verify.cycles.at_distance import rotating_below
+from tippedisk_verify.cycles.at_speed import rotating_cycle
 from tippedisk_verify.cycles.branch import rotating_branch
 from tippedisk_verify.cycles.folds import rotation_fold
 from tippedisk_verify.cycles.locator import locator

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from tippedisk_verify.commands.help import load_quantities
+from tippedisk_verify.commands.help import DefinedCommand, load_quantities
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.files import file_ending_in, output_file, sole_writer
 from tippedisk_verify.interrupts import undoing
@@ -326,7 +326,7 @@ def _command(
 
     params = [*reversed(getattr(function, "__click_params__", [])), *shared]
     name = function.__name__.rstrip("_").replace("_", "-")
-    return click.Command(name, params=params, callback=run, help=help_text)
+    return DefinedCommand(name, params=params, callback=run, help=help_text)
 
 
 def _common(parameters: str, friction: Any, digits: int, json: bool, quiet: bool) -> Common:

@@ -10,7 +10,7 @@ import click
 
 from tippedisk_verify.model.results import COORDINATES, QuantityMeaning, heading, quantities
 
-__all__ = ["EXAMPLES", "Cli", "load_quantities"]
+__all__ = ["EXAMPLES", "Cli", "DefinedCommand", "load_quantities"]
 
 #: Two examples of each command, the cheaper first. Their output files can be written in any folder.
 EXAMPLES: dict[str, tuple[str, str]] = {
@@ -79,6 +79,24 @@ _PRINTED: dict[str, tuple[tuple[str, ...], ...]] = {
 }
 
 
+class DefinedCommand(click.Command):
+    """A command whose help ends with the quantities that it prints, and examples.
+
+    A run that shows no help does not load the classes of all its quantities.
+    """
+
+    path = ""  #: the words that call it, after the program's name
+
+    @property
+    def epilog(self) -> str | None:
+        """The end of the help."""
+        return _paragraphs(_defined(self.path), _examples(self.path))
+
+    @epilog.setter
+    def epilog(self, text: str | None) -> None:
+        assert text is None  # click sets what its caller gives, which is nothing here
+
+
 class Cli(click.Group):
     """The program's commands in sections; help defines what is printed, and ends with examples."""
 
@@ -107,14 +125,19 @@ class Cli(click.Group):
 
 
 def _completed(command: click.Command, path: str) -> click.Command:
-    """Add quantities and examples to a command's help, and whole sentences to its list."""
-    command.epilog = "\n\n".join(
-        "\b\n" + "\n".join(lines) for lines in (_defined(path), _examples(path)) if lines
-    )
+    """Give a command the words that call it, and a group examples and a list of sentences."""
+    if isinstance(command, DefinedCommand):
+        command.path = path
     if isinstance(command, click.Group):
+        command.epilog = _paragraphs(_examples(path))
         for name, inner in command.commands.items():
             _completed(inner, f"{path} {name}").short_help = _sentence(inner)
     return command
+
+
+def _paragraphs(*parts: list[str]) -> str:
+    """Return paragraphs whose lines click keeps."""
+    return "\n\n".join("\b\n" + "\n".join(lines) for lines in parts if lines)
 
 
 def _sentence(command: click.Command) -> str:

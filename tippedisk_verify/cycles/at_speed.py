@@ -1,35 +1,34 @@
-"""Single limit cycles: at a speed, or at a distance from Omega_h that doubles need not resolve."""
+"""Single limit cycles at a speed."""
 
 from __future__ import annotations
 
-import math
 from contextlib import suppress
 from fractions import Fraction
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING
 
-from tippedisk_verify.connection.splitting import MOST_DIGITS, splitting_zero
 from tippedisk_verify.cycles.error_budget import cycle_to_digits
-from tippedisk_verify.cycles.limit_cycle import Cycle, LimitCycle, RotatingCycle
-from tippedisk_verify.cycles.locator import NEWBORN, Location, Locator, locator
-from tippedisk_verify.cycles.near_connection import DOUBLE_SHOOTS, cycle_near, with_speed
-from tippedisk_verify.cycles.passage_cycles import cycle_by_passages
+from tippedisk_verify.cycles.limit_cycle import LimitCycle, RotatingCycle
 from tippedisk_verify.cycles.return_map import ReturnMap
-from tippedisk_verify.cycles.section import LIBRATING, ROTATING, Section
-from tippedisk_verify.cycles.shooting import shoot, shoot_from_law
-from tippedisk_verify.errors import AccuracyError, InputError, NoConnectionError, NoSuchCycleError
+from tippedisk_verify.cycles.section import LIBRATING, ROTATING
+from tippedisk_verify.cycles.shooting import NEWBORN, shoot, shoot_from_law
+from tippedisk_verify.errors import NoConnectionError, NoSuchCycleError
 from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.equations import checked_speed
-from tippedisk_verify.model.exact import exact, shown
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import checked_digits
-from tippedisk_verify.model.surroundings import undisturbed
-from tippedisk_verify.theory.hopf import criticality, distance_below_crit, omega_crit
+from tippedisk_verify.theory.hopf import distance_below_crit
 
-__all__ = ["cycle_above", "cycle_at", "cycles_at", "rotating_below", "rotating_cycle"]
+if TYPE_CHECKING:
+    from tippedisk_verify.cycles.locator import Locator
 
-C = TypeVar("C", bound=Cycle)
+__all__ = ["cycle_at", "cycles_at", "rotating_cycle"]
 
-_MOST_ZEROS = 800  # the most zeros after the point of a distance from Omega_h
+
+def _locator(parameters: Parameters, engine: Engine) -> Locator:
+    """Return the disk's locator. Most speeds do not need it, nor the families that it loads."""
+    from tippedisk_verify.cycles.locator import locator
+
+    return locator(parameters, engine)
 
 
 def cycle_at(
@@ -63,7 +62,7 @@ def cycle_at(
     cycle: LimitCycle | None = None
     newborn = (
         abs(distance_below_crit(parameters, speed)) < NEWBORN
-        and not locator(parameters, engine).lost
+        and not _locator(parameters, engine).lost
     )
     # Mostly the law leads to a stable cycle, and nothing else is needed
     if stable is not False and not newborn:
@@ -72,7 +71,7 @@ def cycle_at(
             cycle = cycle_to_digits(fixed_point, digits, half_widths=half_widths)
             if cycle.stable:
                 return cycle
-    location = locator(parameters, engine).librating(speed)
+    location = _locator(parameters, engine).librating(speed)
     if cycle and stable is None and not location.starts:
         return cycle
     cycles = location.cycles(digits, half_widths=half_widths)
@@ -103,7 +102,7 @@ def cycles_at(
         NoSuchCycleError: If the search fails.
         AccuracyError: If the digits are not reached.
     """
-    location = locator(parameters, engine).librating(omega)
+    location = _locator(parameters, engine).librating(omega)
     if location.starts:
         return location.cycles(half_widths=half_widths)
     return [cycle_at(parameters, omega, engine, half_widths=half_widths)]
@@ -146,136 +145,6 @@ def rotating_cycle(
             cycle = cycle_to_digits(fixed_point, digits, half_widths=half_widths)
             if cycle.stable:
                 return cycle
-    location = locator(parameters, engine).rotating(speed, stable=stable)
+    location = _locator(parameters, engine).rotating(speed, stable=stable)
     (cycle,) = location.cycles(digits, half_widths=half_widths)
     return cycle
-
-
-@undisturbed
-def cycle_above(
-    parameters: Parameters, above: object, engine: Engine, *, digits: int = 12
-) -> LimitCycle:
-    """Return the limit cycle at Omega_h + ``above``, to ``digits`` significant digits.
-
-    Args:
-        parameters: The disk and its friction law.
-        above: The distance from Omega_h [rad/s], a positive decimal.
-        engine: The engine of the flights.
-        digits: The significant digits wanted.
-
-    Raises:
-        InputError: If ``above`` is not a positive decimal.
-        NoSuchCycleError: If the family does not reach as far, or the search fails.
-        AccuracyError: If the digits are not reached.
-    """
-    return _next_to_omega_h(LIBRATING, parameters, above, engine, digits)
-
-
-def rotating_below(
-    parameters: Parameters, below: object, engine: Engine, *, digits: int = 12
-) -> RotatingCycle:
-    """Return the stable rotating limit cycle at Omega_h - ``below``, to ``digits`` significant
-    digits.
-
-    Args:
-        parameters: The disk and its friction law.
-        below: The distance from Omega_h [rad/s], a positive decimal.
-        engine: The engine of the flights.
-        digits: The significant digits wanted.
-
-    Raises:
-        InputError: If ``below`` is not a positive decimal.
-        NoSuchCycleError: If the speed lies beyond the fold.
-        AccuracyError: If the digits are not reached.
-    """
-    return _next_to_omega_h(ROTATING, parameters, below, engine, digits)
-
-
-def _next_to_omega_h(
-    section: Section[C], parameters: Parameters, offset: object, engine: Engine, digits: int
-) -> C:
-    """Return the cycle at a distance from Omega_h, on the piece of the section's family that ends
-    there.
-    """
-    above = section is LIBRATING
-    side, cycles = ("above", "limit cycles") if above else ("below", "stable rotating cycles")
-    distance, omega_h_digits = _checked_distance(offset, side, digits)
-    if distance < DOUBLE_SHOOTS:
-        place = distance if above else -distance
-        passing = cycle_by_passages(section, parameters, place, engine, digits, from_omega_h=True)
-        if passing is not None:
-            return passing
-    disk_locator = locator(parameters, engine)
-    branch_length = _branch_length(section, disk_locator)
-    if distance >= branch_length:
-        raise NoSuchCycleError(
-            f"{cycles} lie less than {float(branch_length):.6g} rad/s {side} Omega_h, not "
-            f"{shown(offset)}"
-        )
-    omega_h = splitting_zero(parameters, disk_locator.omega_h, engine, omega_h_digits).omega_h
-    omega = omega_h.value + (distance if above else -distance)
-    at_speed: Any
-    if distance < DOUBLE_SHOOTS:  # the branch leads there: the family is not needed
-        at_speed = cycle_near(section, parameters, omega, omega_h.value, engine, digits=digits)
-    else:
-        location: Location[Any] = (
-            disk_locator.librating(omega, omega_h.value)
-            if above
-            else disk_locator.rotating(omega, stable=True, omega_h=omega_h.value)
-        )
-        if not location.starts:
-            raise NoSuchCycleError(location.refusal)
-        at_speed = location.cycle(location.starts[-1], digits)
-    cycle: C = with_speed(at_speed, section, omega_h, distance, branch_length, engine)
-    if cycle.period.uncertainty > cycle.period.value / 10**digits:
-        raise AccuracyError(
-            f"T has fewer than {digits} digits this close to Omega_h: ask for {digits + 10}"
-        )
-    return cycle
-
-
-def _branch_length(section: Section[Any], disk_locator: Locator) -> Fraction:
-    """Return the length [rad/s] of the piece of the section's family that ends at Omega_h."""
-    omega_h = disk_locator.omega_h
-    if section is ROTATING:
-        return omega_h - Fraction(disk_locator.rotations.near_fold().omega)
-    if criticality(disk_locator.parameters) == "supercritical" and disk_locator.attracts:
-        # Mostly there is no fold, and those there are lie in between.
-        return omega_crit(disk_locator.parameters, 20).value - omega_h
-    (_, start), (_, end) = disk_locator.family.ends[-2:]
-    if start < end:
-        raise NoSuchCycleError(
-            f"next to Omega_h = {end:.10g} rad/s the limit cycles of this disk lie below it, down "
-            f"to a fold at"
-            f" {start:.10g} rad/s: its saddle value is positive"
-        )
-    return Fraction(start) - omega_h
-
-
-def _checked_distance(offset: object, side: str, digits: int) -> tuple[Fraction, int]:
-    """Return a distance from Omega_h [rad/s], and the digits of Omega_h that a cycle there needs.
-
-    ``digits`` are those wanted of the cycle. Raises InputError unless the distance is a positive
-    decimal that is not too small.
-    """
-    distance = exact(offset)
-    if distance.pi_multiple or distance.rational <= 0:
-        raise InputError(
-            f"the distance {side} Omega_h must be a positive decimal, not {shown(offset)}"
-        )
-    digits = checked_digits(digits)
-    value = distance.rational
-    # Of huge integers too
-    zeros = max(0, math.ceil(math.log10(value.denominator) - math.log10(value.numerator)))
-    if zeros > _MOST_ZEROS:
-        raise InputError(
-            f"distances {side} Omega_h are offered down to 1e-{_MOST_ZEROS} rad/s, not 1e-{zeros}"
-        )
-    if zeros + digits > MOST_DIGITS:
-        raise InputError(
-            f"Omega_h is offered to {MOST_DIGITS} digits: {digits} at 1e-{zeros} rad/s {side} it "
-            f"need more"
-        )
-    # The speed must be right to the digits asked for, and T depends on the logarithm of the
-    # distance.
-    return value, zeros + digits + 6

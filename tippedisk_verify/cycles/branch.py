@@ -245,7 +245,7 @@ class Branch(Printable):
             axis.set(xlabel="Ω [rad/s]", ylabel=text, xlim=(low, high))
             axis.margins(y=0.1)
             axis.locator_params(axis="x", nbins=6)
-        axes[0].legend()
+        axes[0].legend(loc="upper right")
         return axes
 
     def _lines(self, name: str) -> Iterator[tuple[str, str, tuple[list[float], list[float]]]]:

@@ -27,7 +27,7 @@ from tippedisk_verify.cycles.passage_cycles import FIRST_DIGITS, cycle_by_passag
 from tippedisk_verify.cycles.return_map import ReturnMap
 from tippedisk_verify.cycles.rotating_family import RotatingFamily
 from tippedisk_verify.cycles.section import LIBRATING, ROTATING, Section
-from tippedisk_verify.cycles.shooting import shoot
+from tippedisk_verify.cycles.shooting import NEWBORN, shoot
 from tippedisk_verify.errors import AccuracyError, NoConnectionError, NoSuchCycleError
 from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.decimals import decimal_magnitude
@@ -35,7 +35,7 @@ from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.theory.equilibria import saddle_value_sign
 from tippedisk_verify.theory.hopf import distance_below_crit
 
-__all__ = ["NEWBORN", "Location", "Locator", "locator"]
+__all__ = ["Location", "Locator", "locator"]
 
 C = TypeVar("C", bound=Cycle)
 
@@ -43,10 +43,6 @@ C = TypeVar("C", bound=Cycle)
 # followed.
 _UNFOLLOWED = Fraction(1, 100)
 _ABOUT_TO_MEET = 1e-4  # rad, in the first coordinate; two cycles that close are next to a fold
-#: A distance [rad/s] from the Hopf point. There the slow multiplier is some 1e-12 short of 1. The
-#: rounding of half a period, some 1e-14, moves the amplitude by a percent in double. Closer, the
-#: law is nearer to the cycle than shooting.
-NEWBORN = Fraction(1, 10**12)
 # The most zeros after the point of a distance from the Hopf point. A cycle there takes half a
 # minute.
 _MOST_NEWBORN_ZEROS = 100

@@ -10,7 +10,8 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import Any
 
-from tippedisk_verify.cycles.at_speed import cycle_above, cycle_at
+from tippedisk_verify.cycles.at_distance import cycle_above
+from tippedisk_verify.cycles.at_speed import cycle_at
 from tippedisk_verify.cycles.passage_cycles import PeriodLaw, period_law
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.contract import Engine

@@ -25,7 +25,6 @@ from tippedisk_verify.model.equations import field, shifted
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, Precision
-from tippedisk_verify.theory.saddle_manifolds import Saddle
 
 __all__ = ["Held", "Image", "ReturnMap"]
 
@@ -248,6 +247,8 @@ class ReturnMap(Generic[C]):
         Raises:
             NoSuchCycleError: If the branch does not arrive.
         """
+        from tippedisk_verify.theory.saddle_manifolds import Saddle
+
         saddle = Saddle(
             self.parameters, fraction(self.omega), self.precision.bits + 16, _BRANCH_ORDER
         )

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import suppress
+from fractions import Fraction
 from typing import TypeVar
 
 from tippedisk_verify.cycles.error_budget import cycle_in, cycle_to_digits
@@ -16,7 +17,6 @@ from tippedisk_verify.cycles.limit_cycle import Cycle, LimitCycle
 from tippedisk_verify.cycles.newton import FixedPoint, Stop, newton, section_size
 from tippedisk_verify.cycles.return_map import ReturnMap
 from tippedisk_verify.cycles.section import LIBRATING
-from tippedisk_verify.cycles.spectral import approximate_cycle
 from tippedisk_verify.errors import InputError, NoSuchCycleError
 from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.equations import checked_speed
@@ -25,10 +25,14 @@ from tippedisk_verify.model.precision import DOUBLE, Precision, checked_digits
 from tippedisk_verify.model.surroundings import undisturbed
 from tippedisk_verify.theory.harmonic_balance import section_start
 
-__all__ = ["LimitCycle", "limit_cycle", "shoot", "shoot_from_law"]
+__all__ = ["NEWBORN", "LimitCycle", "limit_cycle", "shoot", "shoot_from_law"]
 
 C = TypeVar("C", bound=Cycle)
 
+#: A distance [rad/s] from the Hopf point. There the slow multiplier is some 1e-12 short of 1. The
+#: rounding of half a period, some 1e-14, moves the amplitude by a percent in double. Closer, the
+#: law is nearer to the cycle than shooting.
+NEWBORN = Fraction(1, 10**12)
 _MOST_STEPS = 25
 # The largest amplitude [rad] at which shooting starts from the law. Beyond it harmonic balance
 # takes fewer steps.
@@ -87,8 +91,7 @@ def limit_cycle(
         omega: The speed [rad/s].
         engine: The engine of the flights.
         digits: The significant digits wanted.
-        guess: (gamma_bar, v) [rad, rad/s] on the section. Without it harmonic balance of the linear
-            law provides one: the laws' cycles differ little.
+        guess: (gamma_bar, v) [rad, rad/s] on the section. Without it harmonic balance provides one.
         precision: The arithmetic. If given, the digits are those of this arithmetic.
 
     Raises:
@@ -100,8 +103,11 @@ def limit_cycle(
     digits = checked_digits(digits)
     fixed_point = None if guess is not None else shoot_from_law(return_map)
     if fixed_point is None:
-        start = approximate_cycle(parameters, return_map.omega) if guess is None else guess
-        fixed_point = shoot(return_map, start)
+        if guess is None:
+            from tippedisk_verify.cycles.spectral import approximate_cycle  # loads collocation
+
+            guess = approximate_cycle(parameters, return_map.omega)
+        fixed_point = shoot(return_map, guess)
     return (
         cycle_to_digits(fixed_point, digits)
         if precision is None

@@ -8,7 +8,7 @@ from fractions import Fraction
 from typing import Any
 
 from tippedisk_verify.connection.bisection import bisect_omega_h
-from tippedisk_verify.cycles.at_speed import cycle_above
+from tippedisk_verify.cycles.at_distance import cycle_above
 from tippedisk_verify.cycles.near_connection import cycle_near
 from tippedisk_verify.cycles.omega_h import heteroclinic
 from tippedisk_verify.cycles.section import LIBRATING
