@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import doctest
 import inspect
+import re
 import subprocess
 import sys
+from collections.abc import Iterator
 from importlib import import_module
+from typing import Any
 
 import pytest
 
@@ -75,3 +78,37 @@ def test_the_examples_of_docstrings_run(name: str) -> None:
         for test in finder.find(item, getattr(item, "__qualname__", None), module, vars(module)):
             runner.run(test)
     assert (runner.failures, runner.tries > 0) == (0, True)
+
+
+def public_functions() -> Iterator[tuple[str, Any]]:
+    """Yield the public functions, and the public methods and properties of public classes."""
+    for name in tv.__all__:
+        item = getattr(tv, name)
+        if inspect.isfunction(item):
+            yield name, item
+        members = vars(item).items() if inspect.isclass(item) else ()
+        for label, member in members:
+            function = getattr(member, "__func__", getattr(member, "fget", member))
+            function = getattr(function, "func", function)  # of a cached property
+            if inspect.isfunction(function) and not label.startswith("_"):
+                yield f"{name}.{label}", function
+
+
+@pytest.mark.parametrize(
+    ("label", "function"), [pytest.param(*pair, id=pair[0]) for pair in public_functions()]
+)
+def test_a_docstring_describes_arguments_and_results(label: str, function: Any) -> None:
+    """Every argument is in Args. A method with arguments returns something that is described."""
+    text, signature = inspect.getdoc(function), inspect.signature(function)
+    assert text, "there is no docstring"
+    section = re.search(r"Args:\n(.*?)(\n\S|\Z)", text, re.DOTALL)
+    described = section.group(1) if section else ""
+    kinds = inspect.Parameter.VAR_KEYWORD, inspect.Parameter.VAR_POSITIONAL
+    names = [
+        name
+        for name, parameter in signature.parameters.items()
+        if name not in ("self", "cls") and parameter.kind not in kinds
+    ]
+    assert [name for name in names if not re.search(rf"\b{name}[,:]", described)] == []
+    if names and signature.return_annotation not in (None, "None"):
+        assert text.startswith(("Return", "Yield")) or "Returns:" in text

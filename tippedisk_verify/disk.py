@@ -704,12 +704,22 @@ class Disk(Parameters):
         answers: Sequence[Sequence[object]] | None = None,
         engine: Engine | None = None,
     ) -> NearHeteroclinic:
-        """The accuracy study next to Omega_h: T, its law with corrections, multipliers, and errors
-        of ``answers``.
+        """Study accuracy next to Omega_h.
 
-        The distances [rad/s] are above Omega_h. An answer is a pair of a speed [rad/s] and the
-        period [s] found there; each counts as the exact decimal or double that it is. Raises
-        InputError for what is neither, and as `limit_cycle` and `heteroclinic` do.
+        Args:
+            distances: The distances above Omega_h [rad/s], a list of decimals.
+            answers: Pairs of a speed [rad/s] and the period [s] that another program found there.
+                Each number is exactly the decimal or the double given.
+            engine: The engine of the flights.
+
+        Returns:
+            A row for each distance: T, its law with one, two and three terms, the slow multiplier,
+            and what a double of Omega resolves. A row for each answer: its error.
+
+        Raises:
+            InputError: A distance or an answer is not such a number.
+            NoSuchCycleError: As for `limit_cycle`.
+            AccuracyError: As for `limit_cycle` and `heteroclinic`.
         """
         from tippedisk_verify.cycles.near_heteroclinic import near_heteroclinic
 

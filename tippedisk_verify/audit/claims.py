@@ -206,6 +206,9 @@ class Audit(Printable):
     def linear(self, name: str) -> Parameters:
         """Return a set under the linear law, for claims about expansions where the disk rolls.
 
+        Args:
+            name: The set's name.
+
         Raises:
             InputError: If the set is not audited.
         """
@@ -213,6 +216,9 @@ class Audit(Printable):
 
     def connection(self, name: str) -> Heteroclinic:
         """Return the heteroclinic connection of a set.
+
+        Args:
+            name: The set's name.
 
         Raises:
             InputError: If the set is not audited.
@@ -223,6 +229,9 @@ class Audit(Printable):
     def omega_h(self, name: str) -> Measured:
         """Return Omega_h [rad/s] of a set.
 
+        Args:
+            name: The set's name.
+
         Raises:
             InputError: If the set is not audited.
             AccuracyError: If it has no connection.
@@ -230,7 +239,10 @@ class Audit(Printable):
         return self.connection(name).omega_h
 
     def approach(self, name: str) -> PeriodContinuation:
-        """Follow a set's limit cycles towards Omega_h in double precision.
+        """Return a set's limit cycles, followed towards Omega_h in double precision.
+
+        Args:
+            name: The set's name.
 
         Raises:
             NoSuchCycleError: If there is no cycle to start from.
@@ -241,13 +253,22 @@ class Audit(Printable):
         )
 
     def family(self, name: str) -> tuple[LimitCycle, ...]:
-        """Return an overview of a set's limit cycles."""
+        """Return an overview of a set's limit cycles.
+
+        Args:
+            name: The set's name.
+        """
         return self._once(
             ("family", name), lambda: tuple(found(family(self._set(name), self.engine)))
         )
 
     def panel(self, scene: str, name: str) -> Panel:
-        """Return the panel of one of the six scenes (a to f) for a set."""
+        """Return the panel of one of the six scenes for a set.
+
+        Args:
+            scene: The scene's letter, a to f.
+            name: The set's name.
+        """
         panel = scene_named(scene)
         omega_h = self.omega_h(name) if panel.base == "Omega_h" else None
         return self._once(

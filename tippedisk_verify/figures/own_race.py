@@ -40,7 +40,11 @@ class Race(Printable):
         return "\n".join([head, *map(_line, self.scores)])
 
     def plot(self, columns: int = 2) -> Any:
-        """Return the work-precision diagram as a matplotlib figure with this number of columns of panels."""
+        """Return the work-precision diagram as a matplotlib figure.
+
+        Args:
+            columns: The number of panels side by side.
+        """
         return draw_bench(self.scores, columns)
 
 

@@ -87,14 +87,17 @@ class Baseline:
 
     @property
     def name(self) -> str:
+        """The name in results: ``scipy-`` and the method."""
         return f"scipy-{self.method}"
 
     @property
     def measures_error(self) -> bool:
+        """False: SciPy has no reliable error estimate."""
         return False
 
     @property
     def builds(self) -> tuple[Build, ...]:
+        """Empty: nothing is compiled."""
         return ()
 
     def __call__(self, request: Request) -> Result:

@@ -72,10 +72,12 @@ class Taylor:
 
     @property
     def name(self) -> str:
+        """The name in results."""
         return "taylor"
 
     @property
     def measures_error(self) -> bool:
+        """True: results can have half-widths."""
         return True
 
     @property

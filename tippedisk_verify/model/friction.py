@@ -47,6 +47,11 @@ _WIDE_SLACK = 2.0**-80
 
 
 def _default_slope(c: Any) -> Any:
+    """Return the slope mu m g / epsilon [N s/m] of both of the paper's laws at zero.
+
+    Args:
+        c: The parameters.
+    """
     return c.mu * c.m * c.g / c.epsilon
 
 

@@ -341,7 +341,7 @@ class Measured(Bounded):
 
     @classmethod
     def of(cls, value: object, uncertainty: object) -> Measured:
-        """Construct a number as the constructor does, for arguments of any type.
+        """Return a number as the constructor does, for arguments of any type.
 
         Args:
             value: A number of any kind, or a decimal as text.
@@ -354,11 +354,15 @@ class Measured(Bounded):
 
     @classmethod
     def without_half_width(cls, value: object, digits: int = _DOUBLE_DIGITS) -> Measured:
-        """Return a number whose error was not measured; beyond doubles, rounded to three digits
-        more than ``digits``.
+        """Return a number whose error was not measured.
 
         It is shown without a half-width, or with an infinite one, and no comparison by size is
         decided by it.
+
+        Args:
+            value: The number.
+            digits: The significant digits asked for. Beyond doubles, the value is rounded to three
+                digits more.
         """
         exact_value = fraction(value)
         if exact_value and digits > _DOUBLE_DIGITS:
