@@ -17,7 +17,7 @@ from decimal import Decimal
 from fractions import Fraction
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, NoReturn
 
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.decimals import exact_text
@@ -241,8 +241,7 @@ class Parameters(Printable):
             InputError: The friction law is another one.
         """
         if not self.law.is_linear:
-            law = "the smooth one" if self.friction in LAWS else f"'{self.friction}'"
-            raise InputError(f"{what} for the linear friction law only, not for {law}")
+            self._refuse(what, "the linear friction law")
 
     def refuse_two_sides(self, what: str) -> None:
         """Raise InputError unless the friction law is analytic at gamma_y = 0.
@@ -254,8 +253,7 @@ class Parameters(Printable):
             InputError: The law has two analytic sides.
         """
         if self.law.two_sided:
-            law = "the smooth one" if self.friction in LAWS else f"'{self.friction}'"
-            raise InputError(f"{what} for analytic friction laws only, not for {law}")
+            self._refuse(what, "analytic friction laws")
 
     def refuse_own_law(self, what: str) -> None:
         """Raise InputError if the friction law is not one of the paper's.
@@ -267,9 +265,11 @@ class Parameters(Printable):
             InputError: The friction law is a user's.
         """
         if self.friction not in LAWS:
-            raise InputError(
-                f"{what} for the paper's friction laws only, not for '{self.friction}'"
-            )
+            self._refuse(what, "the paper's friction laws")
+
+    def _refuse(self, what: str, laws: str) -> NoReturn:
+        law = "the smooth one" if self.friction in LAWS else f"'{self.friction}'"
+        raise InputError(f"{what} for {laws} only, not for {law}")
 
     def decimals(self) -> dict[str, str]:
         """Return each number as an exact decimal string.
