@@ -1,4 +1,7 @@
-"""Additions to the commands' help: sections, quantities, and examples that tests run."""
+"""Additions to the commands' help: sections, quantities, and examples that tests run.
+
+The meaning of a quantity comes from the field of its class; the options are in the commands' modules.
+"""
 
 from __future__ import annotations
 
@@ -125,7 +128,7 @@ class Cli(click.Group):
 
 
 def _completed(command: click.Command, path: str) -> click.Command:
-    """Give a command the words that call it, and a group examples and a list of sentences."""
+    """Set a command's path; for a group, also its examples and its commands' summaries."""
     if isinstance(command, DefinedCommand):
         command.path = path
     if isinstance(command, click.Group):

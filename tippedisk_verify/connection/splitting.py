@@ -1,4 +1,4 @@
-"""Omega_h to any number of digits: where the saddles' manifolds meet.
+"""Omega_h to any number of digits: where the saddles' manifolds meet; and its derivatives.
 
 **The splitting.** The unstable branch of (pi/2, -pi/2, 0) starts on its power series, at a fixed
 distance. It flows for a fixed time and ends next to (pi/2, 3 pi/2, 0). There the power series of

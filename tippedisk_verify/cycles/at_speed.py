@@ -1,4 +1,7 @@
-"""Single limit cycles at a speed."""
+"""Single limit cycles at a speed: the cycle that a user asks for.
+
+Most are found by shooting from a law. The others need the disk's families, which `locator` keeps.
+"""
 
 from __future__ import annotations
 
@@ -137,7 +140,8 @@ def rotating_cycle(
     speed = checked_speed(omega)
     digits = checked_digits(digits)
     if stable:
-        # Doubles see Omega_h itself
+        # The saddle's branch is lost where the disk has no connection (NoConnectionError), where
+        # the speed is Omega_h to rounding (ZeroDivisionError), and next to the fold.
         with suppress(NoSuchCycleError, NoConnectionError, ZeroDivisionError):
             # The saddle's unstable branch leads there where the cycle is not next to the fold.
             return_map = ReturnMap(ROTATING, parameters, speed, engine)

@@ -1,4 +1,7 @@
-"""Many limit cycles of a family: at given speeds, at the paper's, or at those of an overview."""
+"""Branches of limit cycles: many speeds of a family, its special points, and their diagram.
+
+The speeds are given, or the paper's, or those of an overview of the whole family.
+"""
 
 from __future__ import annotations
 
@@ -51,13 +54,15 @@ __all__ = [
 ]
 
 C = TypeVar("C", bound=Cycle)
-# The style and the name of a stretch by its stability, the axes' names, and those of points.
+# The line style and the legend of a stretch by its stability.
 _STYLES = {
     True: ("-", "stable cycles"),
     False: ("--", "unstable cycles"),
     None: (":", "not decided"),
 }
+# The labels of the two vertical axes.
 _AXES = ("largest |β − π/2| [rad]", "period T [s]")
+# The labels of special points; folds keep their names.
 _LABELS = {"Omega_crit": "Hopf point", "Omega_h": "$Ω_h$"}
 _SHOWN = ("omega", "period", "gamma_bar_0", "beta_max", "multiplier_slow")
 

@@ -1,5 +1,4 @@
-"""The limit cycles of a disk at a speed: the starts for shooting, or the reason why there is no
-cycle.
+"""Where the limit cycles of a disk are: the families, and the starts for shooting at a speed.
 
 The Hopf point, the folds and Omega_h bound the pieces of a disk's families. A `Locator` finds these
 families in double when it first needs them, and keeps them. It computes Omega_h to more digits if a

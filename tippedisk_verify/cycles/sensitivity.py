@@ -47,8 +47,8 @@ __all__ = ["Sensitivity", "sensitivity_of", "sensitivity_of_bifurcations"]
 # Weights of the differences q(k h) - q(-k h), k = 1, 2, ..., of a central difference over h.
 _FOUR_FLIGHTS = (Fraction(2, 3), Fraction(-1, 12))
 _TWO_FLIGHTS = (Fraction(1, 2),)
-# Bits by which a step is shorter than the root of the rounding: numbers bend over a tenth of the
-# scale by which their first derivatives change them.
+# Bits by which a step is shorter than the root of the rounding. Higher derivatives matter at about a
+# tenth of the step that the first derivatives suggest.
 _SHORTER = 4
 _FEWEST_DIGITS = 12  # those of doubles; a cycle without half-widths has as many
 _LEAST_SCALE = 2.0**-30  # below it flights need more than quadruple precision, and minutes
@@ -97,8 +97,8 @@ def sensitivity_of(cycle: Cycle) -> Sensitivity:
     scale = _scale(cycle, section)
     if scale < _LEAST_SCALE:
         raise AccuracyError(
-            "so close to a bifurcation a cycle depends on the disk by its distance from there: "
-            "Disk.sensitivity has the derivatives of Omega_crit and Omega_h"
+            "the speed is too close to a bifurcation for derivatives of this cycle: use "
+            "Disk.sensitivity, which gives those of Omega_crit and Omega_h"
         )
     # Differences of fourth order keep four fifths of the bits.
     needed = 5 / 4 * digits * math.log2(10) - 2 * math.log2(scale)

@@ -1,5 +1,6 @@
 """Limit cycles by Newton shooting: fixed points of a section's return map.
 
+The iteration starts from the one-harmonic law, or from harmonic balance where the law is too far.
 The period is the flight time times the number of flights in a period. The multipliers are the map's
 to that power. The flow's derivatives come from the variational equations. `error_budget` has the
 half-widths.

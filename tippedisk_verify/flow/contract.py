@@ -1,6 +1,7 @@
-"""The contract between the users of trajectories and the engines that compute them.
+"""The contract between the users of trajectories and the engines that compute them, and its events.
 
-A `Request` describes a run, and an engine returns a `Result`. Nothing is built or computed that the
+The events that the package knows by name are here: crossings of a section, turns, sliding reversals,
+and lying flat. A `Request` describes a run, and an engine returns a `Result`. Nothing is built or computed that the
 request does not name. Engines are callables ``engine(request) -> Result``. `taylor` and `baseline`
 each provide one kind.
 """

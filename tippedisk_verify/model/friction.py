@@ -123,8 +123,9 @@ class FrictionLaw:
 
         A law such as the hyperbolic tangent is constant to rounding at large sliding velocities. Its
         Taylor series there do not show that it bends at zero, and a long step would pass the bend.
-        The series of this rate, x^2 / (1 + x^2) with x = k gamma_y / (mu g), show it from afar. The
-        variable stays far below the state of a slow motion, which integrators measure errors by.
+        The series of this rate, x^2 / (1 + x^2) with x = k gamma_y / (mu g), show it from afar. Its
+        variable is far smaller than the state even in a slow motion, so that it does not loosen the
+        integrator's tolerance.
 
         Args:
             gamma_y: The sliding velocity [m/s].
@@ -354,7 +355,7 @@ class _SmoothCoulomb(FrictionLaw):
         return ("traction", "epsilon")
 
     def __call__(self, ops: Any, gamma_y: Any, c: Any, side: Any = None) -> Any:
-        return -c.m * self.deceleration(ops, gamma_y, c, side)
+        return self.force(ops, gamma_y, c)  # at either sign
 
     def _yielding(self, gamma_y: Any, c: Any, side: Any) -> Any:
         return (abs(gamma_y) if side is None else side * gamma_y) + c.epsilon
@@ -403,7 +404,7 @@ LAWS: dict[str, FrictionLaw] = {
     "linear": _Linear("linear", lambda ops, gamma_y, c: -_default_slope(c) * gamma_y),
     "smooth": _SmoothCoulomb(
         "smooth",
-        lambda ops, gamma_y, c: -c.mu * c.m * c.g * gamma_y / (gamma_y + c.epsilon),
+        lambda ops, gamma_y, c: -c.mu * c.m * c.g * gamma_y / (abs(gamma_y) + c.epsilon),
         two_sided=True,
     ),
 }

@@ -36,10 +36,11 @@ from tippedisk_verify.reference_values.store import Store
 __all__ = ["Diagnosis", "diagnosed"]
 
 _BUDGET = 25_000  # changes evaluated for a sheet, some two seconds
-# Of the size: what a method may lose, in the median and at most; share of wrong answers
-_LOST = (1e-5, 1e-2, 0.3)
+# Errors relative to the answers' size, in the median and at most, below which a method only loses
+# digits, and the least share of answers that it then loses them in.
+_LOST_MEDIAN, _LOST_MOST, _LOST_SHARE = 1e-5, 1e-2, 0.3
 _EXACT = 1e-15  # of the size: nothing is lost
-# Times: how much larger the errors of a mended program may be than those of the right one
+# The factor by which the errors of a mended program may exceed those of the right one.
 _SAFETY = 10.0
 _ALIKE = 12  # changes with the same effect on a quantity that are tried on the others
 _SAME = 1e-9  # relative difference of values that are equal but for rounding
@@ -149,7 +150,7 @@ class _Sheet:
         numbers, earlier, self.causes = _left(tables), dict(self.changes), []
         for table in tables if level <= _FORMULAS else ():
             for some in filter(None, self.candidates(table.friction)):
-                self.take_out(table, some)
+                self.mark_explained(table, some)
         follows = numbers - _left(tables)
         self.relations(tables, whole=True)
         if level == 1:
@@ -217,8 +218,8 @@ class _Sheet:
         values = base_of(self.program(table.friction, some).definitions, table)
         return table.picked((function or PREDICTED[table.kind][0])(values))
 
-    def take_out(self, table: Table, some: Sequence[Change]) -> None:
-        """Take out the quantities that a program with some changes gives."""
+    def mark_explained(self, table: Table, some: Sequence[Change]) -> None:
+        """Mark as explained the quantities whose answers the changed program gives."""
         if not table.left.any() or table.kind not in PREDICTED:
             return
         room = table.allowed
@@ -251,7 +252,7 @@ class _Sheet:
         values = [(table, problem) for table, problem in posed if not problem.name.startswith("dv")]
         self.searched(values, values)
         for table in tables:
-            self.take_out(table, self.candidates(table.friction)[0])
+            self.mark_explained(table, self.candidates(table.friction)[0])
         self.lost(tables)
         self.relations(tables, mended=bool(self.changes))
         self.searched([pair for pair in posed if pair not in values], posed)
@@ -267,7 +268,7 @@ class _Sheet:
         posed = [(table, problem) for problem in problems(table, program.definitions)]
         self.searched(posed, posed)
         for some in self.candidates(table.friction) if posed else ():
-            self.take_out(table, some)
+            self.mark_explained(table, some)
         if posed and table.left.any():
             alone = before.sum() - table.left.sum() <= (table.names == posed[0][1].name).sum()
             if table.kind == "equilibrium" or (
@@ -284,11 +285,12 @@ class _Sheet:
             mine = table.left & (table.names == problem.name)
             if mine.any() or (problem.name not in table.names and problem.left.any()):
                 self.advance(f"level {table.level}, {problem.name}", 1)
-                table.left[mine] = not self.explained(table, problem, posed)
+                table.left[mine] = not self.adopted(table, problem, posed)
 
-    def explained(self, table: Table, problem: Problem, posed: Posed) -> bool:
-        """Return True if changes give the answers to a quantity, and keep these. The changes that
-        are known already come first.
+    def adopted(self, table: Table, problem: Problem, posed: Posed) -> bool:
+        """Find the changes that give the answers to a quantity, and add them to the known ones.
+
+        Known changes come first. Return True if there are any.
         """
         law, derivative = table.friction, problem.name.startswith("dv")
         posed = [] if derivative else [pair for pair in posed if pair[0].friction in ("both", law)]
@@ -364,7 +366,8 @@ class _Sheet:
             for stem in np.unique(table.stems[table.left]):
                 mine = table.stems == stem
                 middle, share = float(np.median(size[mine])), table.left[mine].mean()
-                if _EXACT < middle < _LOST[0] and size[mine].max() < _LOST[1] and share > _LOST[2]:
+                loses = _EXACT < middle < _LOST_MEDIAN and size[mine].max() < _LOST_MOST
+                if loses and share > _LOST_SHARE:
                     differences = stem.startswith("dv")
                     why = "the digits that difference quotients leave" if differences else "too few"
                     lost.setdefault((int(-np.log10(middle)), why), []).append(f"{stem}{law}")

@@ -19,7 +19,7 @@ from tippedisk_verify.reference_values.store import Quantity, Store
 __all__ = ["Answered", "Array", "Table", "tables_of"]
 
 Array = np.ndarray[Any, Any]
-# Times: a prediction has to come so much closer to a wrong answer than the truth does
+# The factor by which a prediction must be closer to a wrong answer than the truth is.
 _CLOSER = 10.0
 _NO_NUMBER = ("no-truth", "not-a-number", "unreadable")
 

@@ -1,6 +1,4 @@
-"""Level 6: the method with a fixed step whose errors the answered states along trajectories
-show.
-"""
+"""Level 6: recognise a fixed-step integrator by the errors of the answered trajectories."""
 
 from __future__ import annotations
 

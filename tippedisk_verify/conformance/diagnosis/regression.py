@@ -4,8 +4,8 @@ to a quantity.
 An identity such as M a - F = 0, with the answers a to v', is linear in changes of most terms. So
 the effects of single changes add up, and a set of two or three of them is found as numbers with a
 given sum. Where two changes multiply, the likeliest one is made in the program and the others are
-sought again. What is found is made in the program, evaluated, and held against all answers; nothing
-is claimed for answers that tell less than the changes assume.
+sought again. The changes found are made in the program, evaluated, and compared with all answers. A
+set of changes is accepted only if the answers are more digits of evidence than the set needs.
 """
 
 from __future__ import annotations

@@ -22,12 +22,12 @@ from tippedisk_verify.model.parameters import SYMBOLS
 
 __all__ = ["Relation", "related", "where"]
 
-# Of a quantity's wrong answers must have a counterpart, where the relation is to another question
+# The least share of a quantity's wrong answers that a relation to another question must give.
 _COVERED = 0.4
 _FEW = 3  # wrong answers that bear out a relation to another question
 _EVIDENCE = 6.0  # digits that a relation explains in all, so that it fits by no accident
-_SURE = 1e-4  # of what is allowed: closer answers tell no more
-_MOSTLY = 0.9  # of the answers to a quantity that satisfy a condition must be wrong
+_SURE = 1e-4  # of the allowed distance; closer answers are no further evidence
+_MOSTLY = 0.9  # the least share of wrong answers among those that satisfy a condition
 _PI = math.pi
 _Function = Callable[[Array], Array]
 _FACTORS = {
