@@ -20,7 +20,7 @@ from tippedisk_verify.sweep.plan import Plan, axis, computed
 from tippedisk_verify.theory.hopf import omega_crit
 
 
-def afterrows_of(patch: pytest.MonkeyPatch, count: int, action: Callable[[], object]) -> None:
+def after_rows(patch: pytest.MonkeyPatch, count: int, action: Callable[[], object]) -> None:
     """Call a function once a number of rows has been computed.
 
     The last of them is not in the journal yet.
@@ -200,7 +200,7 @@ def test_a_process_that_is_killed_changes_nothing(
 ) -> None:
     printed(f"{_HOPF} --executor serial --out {tmp_path / 'serial.csv'}")
     monkeypatch.setattr(running, "_MOST_AHEAD", 4)
-    afterrows_of(monkeypatch, 5, lambda: active_children()[0].kill())
+    after_rows(monkeypatch, 5, lambda: active_children()[0].kill())
     printed(f"{_HOPF} --out {tmp_path / 'a.csv'}")
     assert (tmp_path / "a.csv").read_bytes() == (tmp_path / "serial.csv").read_bytes()
 

@@ -160,7 +160,7 @@ def test_a_flight_off_the_cycle_against_shooting(taylor, disk, flight, section, 
     ]
     for mine, other in zip(numbers_of(found), others, strict=True):
         # Of 80 bits some twenty: the amplification, and as many of the boxes
-        assert mine.rad() < 2.0**-57 * (1 + abs(other))
+        assert mine.rad() < 1e-17 * (1 + abs(other))
         # A thousand times the roundings of some ninety steps
         assert float(mine.mid()) == pytest.approx(float(other), rel=1e-11, abs=1e-11)
 
