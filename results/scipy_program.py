@@ -77,7 +77,9 @@ def _trajectory(
 
     flat.terminal = True  # type: ignore[attr-defined]
     start = [float(asked[0].inputs[name]) for name in ("beta", "gamma", "v")]
-    times = sorted({float(place["t"]) for q in asked if "t" in (place := placed(q.name)[1])})
+    times = sorted(
+        {float(place["t"]) for q in asked if "t" in (place := placed(q.name, q.kind)[1])}
+    )
     run = solve_ivp(rates, (0, 10), start, t_eval=times, events=(section, flat), **options)
     found = {
         f"{name}@{t:g}": value

@@ -1,7 +1,7 @@
 """A program that answers a sheet of questions, levels 1 to 9, written from the paper's equations
 alone.
 
-The lines `# ---- name` cut its text into parts: `faults.py` runs changed texts, and a run is
+The lines `# ---- name` cut its text into parts: `mistakes.py` runs changed texts, and a run is
 remembered as long as the head of the text and the parts that it names are as they were.
 """
 
@@ -69,7 +69,7 @@ def model(o, p, Omega, smooth, beta, gamma, v):
         lambda_Ty = -mu * m * g * gamma_y / (size + eps)
     gamma_rate = -Omega * cb
     v_rate = (h + f_G + w_y * lambda_Ty) / M
-    return M, h, f_G, w_y, gamma_y, lambda_Ty, gamma_rate, v_rate
+    return M, h, f_G, w_y, gamma_y, lambda_Ty, gamma_rate, v_rate, Bbar, h1, h2, h3, h4, h5
 
 
 def rates(p, Omega, smooth, y):
@@ -259,6 +259,7 @@ def rhs(p, row):
     Omega = float(row["Omega"])
     y = [float(row[name]) for name in ("beta", "gamma", "v")]
     names = ("M", "h", "f_G", "w_y", "gamma_y", "lambda_Ty", "gamma_rate", "v_rate")
+    names += ("Bbar", "h_1", "h_2", "h_3", "h_4", "h_5")
     found = dict(zip(names, model(math, p, Omega, smooth, *y), strict=True))
     J = jacobian(p, Omega, smooth, y)
     found["dv_rate_dbeta"] = J[2, 0]

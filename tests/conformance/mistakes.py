@@ -26,7 +26,7 @@ from typing import Any, NamedTuple
 from tippedisk_verify.conformance.diagnosis import Diagnosis, diagnosed
 from tippedisk_verify.conformance.grading import Grade, graded
 from tippedisk_verify.conformance.sheet import Answers, collected, questions, sheet_csv
-from tippedisk_verify.reference_values.store import stored
+from tippedisk_verify.reference_values.store import is_optional, stored
 
 HERE = Path(__file__).parent
 TEXTS = [(HERE / name).read_text() for name in ("blind_theory.py", "blind_program.py")]
@@ -297,14 +297,14 @@ def patched(patches: list[tuple[str, str]]) -> dict[str, Any] | None:
 
 
 def grades_of(program: dict[str, Any], levels: range, only: str = "") -> list[Grade]:
-    """The grades of a program's answers, or of those to some quantities only."""
+    """The grades of a program's answers but the optional ones, or of those to some ids only."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # what mistakes do to square roots and integrators
         answers = program["answered"](rows(levels), levels)
     given = [
         (id_, "doubles", str(text), {})
         for id_, text in answers.items()
-        if not only or re.search(only, id_)
+        if (re.search(only, id_) if only else not is_optional(id_))
     ]
     return graded(collected(given, stored(), None, Answers()), stored())
 
@@ -365,12 +365,13 @@ def _first_answers(names: tuple[str, ...]) -> dict[str, str] | None:
     return program["answered"](FIRST, range(1, 2)) if program else None
 
 
-#: The planted mistakes of the tests: the laws under which derivatives are differences, by count and
-#: size of the draws.
-LISTED: dict[tuple[bool, ...], tuple[tuple[int, int], ...]] = {
-    (): ((3, 1), (12, 2), (6, 3)),
-    (False,): ((4, 2), (2, 3)),
-    (False, True): ((2, 2), (4, 3)),
+#: The planted mistakes of the tests: the laws under which derivatives are differences, the pattern
+#: of the ids that are answered, and count and size of the draws.
+LISTED: dict[str, tuple[tuple[bool, ...], str, tuple[tuple[int, int], ...]]] = {
+    "exact": ((), "", ((3, 1), (12, 2), (6, 3))),
+    "linear": ((False,), "", ((4, 2), (2, 3))),
+    "both": ((False, True), "", ((2, 2), (4, 3))),
+    "optional": ((), ".", ((8, 6),)),
 }
 
 
@@ -382,7 +383,11 @@ def main() -> None:
     parser.add_argument(
         "--differences", choices=("none", "linear", "smooth", "both"), default="none"
     )
-    parser.add_argument("--only", default="", help="pattern of the ids that are answered")
+    parser.add_argument(
+        "--only",
+        default="",
+        help="pattern of the ids that are answered, the optional ones included",
+    )
     asked = parser.parse_args()
     laws = {"none": (), "linear": (False,), "smooth": (True,), "both": (False, True)}[
         asked.differences

@@ -50,9 +50,9 @@ def test_equations_are_the_papers(friction: str, parameters, state, omega, flip)
         terms = equations.terms(mp, c, speed, beta, gamma, v)
         expected: list[tuple[Any, Any, Any]] = [
             *zip(
-                terms,
-                (M, h, gravity, direction, gamma_y),
-                (M, pull, gravity, direction, c.r * v),
+                (*terms[:-1], *terms.gyroscopic_terms),
+                (M, h, gravity, direction, gamma_y, *gyroscopic),
+                (M, pull, gravity, direction, c.r * v, *5 * [pull]),
                 strict=True,
             ),
             (law_of(friction)(math, terms.sliding_velocity, c), force, grip),

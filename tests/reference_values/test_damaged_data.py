@@ -141,7 +141,7 @@ def test_a_turned_bit_in_a_question_is_reported(form: str, tmp_path: Path) -> No
     rows = {"csv": sheet_csv, "json": sheet_json}[form](store, asked).splitlines()
     filled = []
     for n, quantity in enumerate(asked, start=1):
-        answer = quantity.values["doubles"][0]
+        answer = store[quantity.id].values["doubles"][0]
         end = {"csv": ",,", "json": '"from": "", "answer": ""'}[form]
         said = {"csv": f",doubles,{answer}", "json": f'"from": "doubles", "answer": "{answer}"'}[
             form

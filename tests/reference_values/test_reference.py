@@ -15,11 +15,11 @@ import pytest
 import tippedisk_verify as tv
 from reference_data.make.generation import write_manifest
 from tests.command_line import answer, printed
-from tests.problems import paper_rates
+from tests.problems import paper_rates, paper_terms
 from tippedisk_verify.disk import Disk
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.baseline import Baseline
-from tippedisk_verify.model.exact import exact
+from tippedisk_verify.model.exact import exact, quotient
 from tippedisk_verify.model.parameters import SYMBOLS, Parameters
 from tippedisk_verify.reference_values.checking import StoredItem, check, entries_of, recomputed
 from tippedisk_verify.reference_values.entries import as_doubles, case_of
@@ -106,8 +106,13 @@ def test_the_right_hand_side_is_that_of_the_tests_own_transcription(
             state = tuple(
                 mpmath.mpf(part.numerator) / part.denominator for part in (beta, gamma, v)
             )
-            rate = paper_rates(Parameters.named(name), omega, state)[2]
+            disk = Parameters.named(name)
+            rate = paper_rates(disk, omega, state)[2]
             assert quantity.measured().holds(rate)
+            terms = paper_terms(disk, quotient(mpmath.mp, omega), state).gyroscopic
+            for k, term in enumerate(terms, start=1):
+                assert store[f"{name}/both/rhs/{n:03d}/h_{k}"].measured().holds(term)
+            assert store[f"{name}/both/rhs/{n:03d}/Bbar"].measured().holds(disk.Bbar)
 
 
 @pytest.mark.slow

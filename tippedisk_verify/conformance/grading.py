@@ -30,7 +30,7 @@ from tippedisk_verify.reference_values.questions import (
     scale_of,
     slopes_of,
 )
-from tippedisk_verify.reference_values.store import Quantity, Reading
+from tippedisk_verify.reference_values.store import Quantity, Reading, is_optional, optional_beside
 
 __all__ = [
     "FAILS_BELOW",
@@ -227,12 +227,9 @@ def graded(answers: Answers, store: Mapping[str, Quantity]) -> list[Grade]:
         answers: The answers of a sheet.
         store: The questions with their truths.
     """
+    ids = dict.fromkeys(one for id_ in store for one in (id_, *optional_beside(id_)))
     with arithmetic():
-        return [
-            _grade(quantity, *answers.given[id_])
-            for id_, quantity in store.items()
-            if id_ in answers.given
-        ]
+        return [_grade(store[id_], *answers.given[id_]) for id_ in ids if id_ in answers.given]
 
 
 def _grade(quantity: Quantity, reading: str, text: str) -> Grade:
@@ -296,16 +293,16 @@ def _nearest_double(answer: Decimal, truth: Decimal) -> bool:
 
 
 def levels_of(grades: Iterable[Grade], asked: Iterable[Quantity]) -> list[Tally]:
-    """Return the tallies of all levels that have questions.
+    """Return the tallies of all levels that have questions, without optional ones.
 
     Args:
         grades: The grades of a sheet.
         asked: The questions.
     """
-    counts = Counter(quantity.level for quantity in asked)
+    counts = Counter(quantity.level for quantity in asked if not is_optional(quantity.id))
     by_level: dict[int, list[Grade]] = {level: [] for level in counts}
     for grade in grades:
-        if grade.verdict != "no-truth":
+        if grade.verdict != "no-truth" and not is_optional(grade.id):
             by_level.setdefault(grade.level, []).append(grade)
     return [
         Tally.of(own, level, counts.get(level, len(own))) for level, own in sorted(by_level.items())
@@ -321,8 +318,8 @@ def by_quantity(grades: Iterable[Grade]) -> list[Tally]:
     groups: dict[tuple[int, str, str], list[Grade]] = {}
     for grade in grades:
         if grade.verdict != "no-truth":
-            _, friction, _, _, name = grade.id.split("/", 4)
-            plain, place = placed(name)
+            _, friction, kind, _, name = grade.id.split("/", 4)
+            plain, place = placed(name, kind)
             quantity = re.sub(r"_\d+$", "", plain) if "order" in place else plain
             groups.setdefault((grade.level, quantity, friction), []).append(grade)
     ordered = sorted(groups.items(), key=lambda item: item[0][0])

@@ -102,8 +102,9 @@ class Interview:
             )
             if (answered := sum(bool(row[2]) for row in got)) and not self.broke_off:
                 self._times.append((next(iter(questions.values())), answered, seconds))
+            answers = collected([*mine, *got], self._store, self._reading, Answers())
             grades = graded(
-                collected([*mine, *got], self._store, self._reading, Answers()), questions
+                answers, {id_: self._store[id_] for id_ in questions if id_ in answers.given}
             )
             self.grades += grades
             failed += sum(grade.failed for grade in grades)

@@ -14,6 +14,7 @@ from tippedisk_verify.conformance.grading import FAILS_BELOW, TOLERANCES, Grade,
 from tippedisk_verify.conformance.sheet import Answers
 from tippedisk_verify.files import csv_text
 from tippedisk_verify.model.results import Printable
+from tippedisk_verify.reference_values.store import is_optional
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -60,8 +61,10 @@ class Report(Printable):
 
     @property
     def passed(self) -> bool:
-        """True if there are graded answers, and none failed."""
-        return any(grade.verdict != "no-truth" for grade in self.grades) and not self.failed
+        """True if there are graded answers, and none failed; optional ones do not count."""
+        counting = [grade for grade in self.grades if not is_optional(grade.id)]
+        graded = any(grade.verdict != "no-truth" for grade in counting)
+        return graded and not any(grade.failed for grade in counting)
 
     def __str__(self) -> str:
         """Return the result in a sentence, the diagnosis, the remarks and the failures, in ten

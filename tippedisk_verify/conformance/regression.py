@@ -14,7 +14,7 @@ from typing import Any
 from tippedisk_verify.conformance.grading import Grade, Tally
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.files import printable, read_text
-from tippedisk_verify.reference_values.store import Store
+from tippedisk_verify.reference_values.store import Store, is_optional
 
 __all__ = ["Change", "badge", "changes", "expected_failures", "shortcomings"]
 
@@ -75,7 +75,10 @@ def shortcomings(
         failed = [
             grade.id
             for grade in grades
-            if grade.level == number and grade.failed and grade.id not in expected
+            if grade.level == number
+            and grade.failed
+            and grade.id not in expected
+            and not is_optional(grade.id)
         ]
         if failed:
             reasons.append(
@@ -122,7 +125,7 @@ def _shown(grade: Grade | None) -> float | None:
 
 
 def changes(old: Iterable[Grade], new: Iterable[Grade]) -> list[Change]:
-    """Return the changes between two sheets, worst first.
+    """Return the changes between two sheets, worst first; optional answers do not count.
 
     Args:
         old: The grades of the earlier sheet.
@@ -130,7 +133,9 @@ def changes(old: Iterable[Grade], new: Iterable[Grade]) -> list[Change]:
     """
     before, after = {grade.id: grade for grade in old}, {grade.id: grade for grade in new}
     every = [
-        Change(id_, before.get(id_), after.get(id_)) for id_ in dict.fromkeys((*before, *after))
+        Change(id_, before.get(id_), after.get(id_))
+        for id_ in dict.fromkeys((*before, *after))
+        if not is_optional(id_)
     ]
     order = ("broken", "gone", "lost", "gained", "mended", "added")
     return sorted(

@@ -18,7 +18,7 @@ import io
 import json
 import re
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from functools import lru_cache
 from pathlib import Path
@@ -29,7 +29,13 @@ from tippedisk_verify.errors import InputError
 from tippedisk_verify.files import csv_text, printable, read_text
 from tippedisk_verify.reference_values.lookup import full_id
 from tippedisk_verify.reference_values.questions import COLUMNS, TABLE, placed, question_fields
-from tippedisk_verify.reference_values.store import Quantity, Store
+from tippedisk_verify.reference_values.store import (
+    Quantity,
+    Store,
+    definition_of,
+    is_optional,
+    optional_beside,
+)
 
 __all__ = [
     "COLUMNS",
@@ -89,6 +95,9 @@ def questions(
 ) -> list[Quantity]:
     """Return the questions of the sets, laws and levels named, in order of difficulty.
 
+    Optional questions follow M of the same state. They have no true values; look these up in the
+    store.
+
     Args:
         store: The questions with their truths.
         sets: The parameter sets; () for all. ``printed`` is taken for `table1`.
@@ -119,7 +128,19 @@ def questions(
     ]
     if not chosen:
         raise InputError("there is no such question: levels 3 to 5 are for the linear friction law")
-    return chosen
+    return [one for quantity in chosen for one in (quantity, *_optional_ones(quantity))]
+
+
+def _optional_ones(quantity: Quantity) -> list[Quantity]:
+    """Return the optional questions about the state of M, without answers; [] for another
+    quantity.
+    """
+    blank = replace(quantity, values=dict.fromkeys(quantity.values, ("", "")))
+    names = [(id_, id_.rsplit("/", 1)[1]) for id_ in optional_beside(quantity.id)]
+    return [
+        replace(blank, id=id_, name=name, unit=definition_of("rhs", name).unit)
+        for id_, name in names
+    ]
 
 
 def question_row(store: Store, quantity: Quantity) -> dict[str, str]:
@@ -389,7 +410,7 @@ def collected(
             answer.strip(),
         )
         if id_ in store:
-            answers.sets.add(store[id_].set)
+            answers.sets.add(id_.split("/")[0])
         if not answer:
             continue
         if id_ not in store:
@@ -418,7 +439,7 @@ def collected(
 
 
 def _without_missing(answers: Answers) -> Answers:
-    """Remove entries without an answer.
+    """Remove entries without an answer, and optional answers that are missing.
 
     A program that writes NaN throughout an entry has not answered it. One that writes NaN here and
     there is wrong.
@@ -427,10 +448,13 @@ def _without_missing(answers: Answers) -> Answers:
     for id_ in answers.given:
         by_entry.setdefault(id_.rsplit("/", 1)[0], []).append(id_)
     for entry, ids in by_entry.items():
-        if all(is_missing(answers.given[id_][1]) for id_ in ids):
+        missing = [id_ for id_ in ids if is_missing(answers.given[id_][1])]
+        if len(missing) == len(ids):
             answers.missing.append(entry)
-            for id_ in ids:
-                del answers.given[id_]
+        else:
+            missing = [id_ for id_ in missing if is_optional(id_)]
+        for id_ in missing:
+            del answers.given[id_]
     return answers
 
 

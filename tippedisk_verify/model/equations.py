@@ -130,10 +130,11 @@ class Terms(NamedTuple):
     direction: Any  #: w_y [m], Eq. gendir_3DOF
     #: gamma_y [m/s], Eq. gamma_y_3DOF with its sin(beta)^2 read as (sin beta)^2
     sliding_velocity: Any
+    gyroscopic_terms: tuple[Any, ...]  #: h_1 ... h_5 [N m], the terms of h in the paper's order
 
 
 def terms(ops: Ops, constants: Constants, omega: Any, beta: Any, gamma: Any, v: Any) -> Terms:
-    """Return M, h, f_G, w_y and gamma_y as the paper writes them.
+    """Return M, h and its terms, f_G, w_y and gamma_y as the paper writes them.
 
     Args:
         ops: The functions of the kind of number.
@@ -147,19 +148,18 @@ def terms(ops: Ops, constants: Constants, omega: Any, beta: Any, gamma: Any, v: 
     sin_b, cos_b, sin_g, cos_g = ops.sin(beta), ops.cos(beta), ops.sin(gamma), ops.cos(gamma)
     rho = r + e * sin_g
     inertia = A * (cos_g * cos_g) + Bbar * (sin_g * sin_g)
-    gyroscopic = (
-        inertia * (omega * omega) * sin_b * cos_b
-        - 2 * (A - Bbar) * omega * v * cos_b * sin_g * cos_g
-        + m * (rho * rho) * (v * v) * sin_b * cos_b
-        + m * e * rho * (omega * omega) * sin_b * (cos_b * (cos_b * cos_b)) * sin_g
-        - m * e * rho * (3 * (sin_b * sin_b) - 2) * omega * v * cos_b * cos_g
-    )
+    h_1 = inertia * (omega * omega) * sin_b * cos_b
+    h_2 = -2 * (A - Bbar) * omega * v * cos_b * sin_g * cos_g
+    h_3 = m * (rho * rho) * (v * v) * sin_b * cos_b
+    h_4 = m * e * rho * (omega * omega) * sin_b * (cos_b * (cos_b * cos_b)) * sin_g
+    h_5 = -m * e * rho * (3 * (sin_b * sin_b) - 2) * omega * v * cos_b * cos_g
     return Terms(
         mass=inertia + m * (rho * rho) * (cos_b * cos_b),
-        gyroscopic=gyroscopic,
+        gyroscopic=h_1 + h_2 + h_3 + h_4 + h_5,
         gravity=-m * g * rho * cos_b,
         direction=rho * sin_b,
         sliding_velocity=rho * v * sin_b - e * omega * (sin_b * sin_b) * cos_g,
+        gyroscopic_terms=(h_1, h_2, h_3, h_4, h_5),
     )
 
 

@@ -7,13 +7,12 @@ sheet from this one table.
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Mapping
 from decimal import Decimal
 
 from tippedisk_verify.model.decimals import arithmetic
 from tippedisk_verify.model.parameters import SYMBOLS
-from tippedisk_verify.reference_values.store import Quantity
+from tippedisk_verify.reference_values.store import Quantity, is_optional
 
 __all__ = [
     "COLUMNS",
@@ -85,16 +84,22 @@ TABLE = (
 )
 
 
-def placed(name: str) -> tuple[str, dict[str, str]]:
-    """Split a quantity's name into plain name and place: ``beta@0.5`` is beta at t = 0.5."""
+def placed(name: str, kind: str) -> tuple[str, dict[str, str]]:
+    """Split a quantity's name into plain name and place: ``beta@0.5`` is beta at t = 0.5.
+
+    Args:
+        name: The quantity's name.
+        kind: The kind of question. Only orders of the slow manifold are places: at level 1 ``h_1``
+            is the name of a force.
+    """
     if "@" in name:
         plain, place = name.split("@", 1)
         return plain, {"t": place}
     if "#" in name:
         plain, place = name.split("#", 1)
         return plain, {"n": place}
-    if term := re.fullmatch(r"(h|residual)_(\d+)", name):
-        return name, {"order": term[2]}
+    if kind == "slow-manifold":
+        return name, {"order": name.rsplit("_", 1)[1]}
     return name, {}
 
 
@@ -105,7 +110,7 @@ def question_fields(parameters: Mapping[str, str], quantity: Quantity) -> dict[s
         parameters: The disk's parameters as decimals.
         quantity: The reference value.
     """
-    plain, place = placed(quantity.name)
+    plain, place = placed(quantity.name, quantity.kind)
     return {
         "id": quantity.id,
         "level": str(quantity.level),
@@ -117,6 +122,7 @@ def question_fields(parameters: Mapping[str, str], quantity: Quantity) -> dict[s
         **{symbol: parameters[symbol] for symbol in SYMBOLS},
         **quantity.inputs,
         **place,
+        **({"form": "optional"} if is_optional(quantity.id) else {}),
         "from": "decimals" if "doubles" not in quantity.values else "",
         "answer": "",
     }
@@ -132,7 +138,7 @@ def scale_of(quantity: Quantity, value: Decimal) -> Decimal:
     size = value.copy_abs()  # abs() would round
     if quantity.level == 1:
         return max([size, *(Decimal(slope).copy_abs() for slope in quantity.condition.values())])
-    if quantity.level == 2 or placed(quantity.name)[0].startswith(_UNIT_SIZED):
+    if quantity.level == 2 or placed(quantity.name, quantity.kind)[0].startswith(_UNIT_SIZED):
         return max(size, Decimal(1))
     return size
 

@@ -25,17 +25,23 @@ from tippedisk_verify.reference_values.draws import disk_of
 from tippedisk_verify.reference_values.manifest import data_folder, sound_files
 
 __all__ = [
+    "OPTIONAL",
     "Quantity",
     "Reading",
     "Store",
     "codebook",
     "definition_of",
+    "is_optional",
+    "optional_beside",
     "quantity_of",
     "stored",
     "table_rows",
 ]
 
 Reading = Literal["decimals", "doubles"]  #: inputs exactly as written, or rounded to doubles
+#: Quantities of level 1 that a program may answer or leave out. They count nowhere. They are closed
+#: forms, so the data have no values of them.
+OPTIONAL = ("Bbar", "h_1", "h_2", "h_3", "h_4", "h_5")
 
 
 class Definition(NamedTuple):
@@ -208,8 +214,26 @@ numbers.Real.register(Quantity)  # so that pytest.approx compares it as a number
 _INPUTS = ("Omega", "beta", "gamma", "v", "equilibrium", "form")
 
 
+def optional_beside(id_: str) -> tuple[str, ...]:
+    """Return the ids of the optional quantities of a state; () unless the id is that of its M."""
+    return tuple(f"{id_[:-1]}{name}" for name in OPTIONAL) if id_.endswith("/M") else ()
+
+
+def _mass_of(id_: str) -> str:
+    """Return the id of M in the entry of an optional quantity."""
+    return f"{id_.rsplit('/', 1)[0]}/M"
+
+
+def is_optional(id_: object) -> bool:
+    """Return True if an id is that of an optional quantity."""
+    *entry, name = str(id_).split("/")
+    return name in OPTIONAL and entry[1:3] == ["both", "rhs"]
+
+
 class Store(Mapping[str, Quantity]):
     """The reference values by id, in order of difficulty.
+
+    Optional quantities are computed when they are looked up; they are not iterated over.
 
     Args:
         folder: The folder of the reference data.
@@ -223,6 +247,7 @@ class Store(Mapping[str, Quantity]):
         try:
             proofs, rows = json.loads(texts["proofs.json"]), table_rows(texts["values.csv"])
             self._quantities = {row["id"]: quantity_of(row, proofs) for row in rows}
+            self._optional: dict[str, Quantity] = {}
         except (KeyError, TypeError, AttributeError, ValueError, RecursionError, csv.Error):
             raise InputError(
                 f"the reference data in {folder} are damaged: run reference check"
@@ -235,6 +260,7 @@ class Store(Mapping[str, Quantity]):
         """Return a store of the given values."""
         store = cls.__new__(cls)
         store._quantities = {quantity.id: quantity for quantity in quantities}
+        store._optional = {}
         return store
 
     def joined(self, other: Store) -> Store:
@@ -254,7 +280,18 @@ class Store(Mapping[str, Quantity]):
         }
 
     def __getitem__(self, id_: str) -> Quantity:
-        return self._quantities[id_]
+        if not is_optional(id_):
+            return self._quantities[id_]
+        if id_ not in self._optional:
+            from tippedisk_verify.reference_values.truths import optional_quantities
+
+            mass = self._quantities[_mass_of(id_)]
+            self._optional |= {one.id: one for one in optional_quantities(mass)}
+        return self._optional[id_]
+
+    def __contains__(self, id_: object) -> bool:
+        """Return True for the id of a value or an optional quantity, without computing it."""
+        return (_mass_of(str(id_)) if is_optional(id_) else id_) in self._quantities
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._quantities)

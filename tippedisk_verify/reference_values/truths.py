@@ -13,6 +13,8 @@ from fractions import Fraction
 from functools import partial
 from typing import Any
 
+from mpmath import fp
+
 from tippedisk_verify.cycles.error_budget import cycle_numbers
 from tippedisk_verify.cycles.newton import FixedPoint
 from tippedisk_verify.cycles.return_map import ReturnMap
@@ -27,8 +29,17 @@ from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import SYMBOLS
 from tippedisk_verify.model.precision import DOUBLE, bits
 from tippedisk_verify.reference_values.draws import DRAWN_SET
-from tippedisk_verify.reference_values.entries import ExactItem, Item, Reading, Values
-from tippedisk_verify.reference_values.store import Quantity, codebook, definition_of
+from tippedisk_verify.reference_values.entries import (
+    KEPT,
+    READINGS,
+    ExactItem,
+    Item,
+    Reading,
+    Values,
+    case_of,
+    trimmed,
+)
+from tippedisk_verify.reference_values.store import OPTIONAL, Quantity, codebook, definition_of
 from tippedisk_verify.theory import harmonic_balance, hopf, slow_manifold
 
 __all__ = [
@@ -46,6 +57,7 @@ __all__ = [
     "connection",
     "in_two",
     "motion",
+    "optional_quantities",
     "orbit",
     "shot",
 ]
@@ -56,6 +68,8 @@ DIGITS = 56  #: of closed forms, so that 50 can be stored
 BITS, WIDER = 240, 304
 ORDERS = 5  #: of the slow manifold
 _STEP = Fraction(1, 10**12)  # relative step of the differences that give condition numbers
+# Relative step of differences in doubles: rounding costs ten digits, and the step twelve.
+_STEP_IN_DOUBLE = Fraction(1, 10**6)
 # [s] Orbits start on the section up to rounding, half of them with v = 0. A crossing before this
 # time is the start itself, even after a start is moved by 1e-7 to find its effect.
 _START = 0.01
@@ -207,6 +221,34 @@ def _right_hand_side(case: ExactItem, ctx: Any, shift: bool = False) -> dict[str
         "v_rate": (values.gyroscopic + values.gravity + values.direction * force) / values.mass,
         **dict(zip(("dv_rate_dbeta", "dv_rate_dgamma", "dv_rate_dv"), slopes, strict=True)),
     }
+
+
+def _optional(case: ExactItem, ctx: Any) -> dict[str, Any]:
+    """Evaluate Bbar and the terms of h, by name."""
+    c, omega, beta, gamma, v = _in(ctx, case, "Omega", *_STATE)
+    parts = terms(ctx, c, omega, beta, gamma, v).gyroscopic_terms
+    return dict(zip(OPTIONAL, (c.Bbar, *parts), strict=True))
+
+
+def optional_quantities(quantity: Quantity) -> list[Quantity]:
+    """Compute the optional quantities of a state, in the order of `OPTIONAL`.
+
+    Args:
+        quantity: A quantity of the same state.
+    """
+    item = Item(quantity.id.rsplit("/", 1)[0], quantity.inputs)
+    cases = {reading: case_of(item, reading) for reading in READINGS}
+    values = {reading: in_two(partial(_optional, case)) for reading, case in cases.items()}
+    slopes = by_differences(cases["decimals"], lambda moved: _optional(moved, fp), _STEP_IN_DOUBLE)
+    return [
+        as_quantity(
+            item,
+            name,
+            {reading: trimmed(values[reading][name], KEPT).decimals() for reading in READINGS},
+            slopes[name],
+        )
+        for name in OPTIONAL
+    ]
 
 
 def _equilibrium(case: ExactItem, digits: int) -> Values:

@@ -19,7 +19,7 @@ from numpy import abs, cos, hypot, log, pi, sin, sqrt
 
 
 def equations(p, Omega, smooth, beta, gamma, v):
-    """M, h, f_G, w_y, gamma_y, lambda_Ty, gamma' and v' at a state."""
+    """M, h, f_G, w_y, gamma_y, lambda_Ty, gamma' and v' at a state; Bbar and the terms of h."""
     r, e, m, A, B, g, mu, epsilon = p
     Bbar = B - m * e**2
     rho = r + e * sin(gamma)
@@ -42,7 +42,8 @@ def equations(p, Omega, smooth, beta, gamma, v):
     gamma_rate = -Omega * cos(beta)
     force = h + f_G + w_y * lambda_Ty
     v_rate = force / M
-    return M, h, f_G, w_y, gamma_y, lambda_Ty, gamma_rate, v_rate
+    terms = Bbar, h_1, h_2, h_3, h_4, h_5
+    return M, h, f_G, w_y, gamma_y, lambda_Ty, gamma_rate, v_rate, *terms
 
 
 def quotient_rate(dforce, dM, M, v_rate):
@@ -56,7 +57,7 @@ def derivatives(p, Omega, smooth, beta, gamma, v):
     Bbar = B - m * e**2
     rho = r + e * sin(gamma)
     drho_dgamma = e * cos(gamma)
-    M, h, f_G, w_y, gamma_y, lambda_Ty, gamma_rate, v_rate = equations(
+    M, h, f_G, w_y, gamma_y, lambda_Ty, gamma_rate, v_rate, *_ = equations(
         p, Omega, smooth, beta, gamma, v
     )
     dM_dbeta = -2 * m * rho**2 * sin(beta) * cos(beta)
@@ -139,6 +140,7 @@ def rhs(p, smooth, given, asked):
     """Level 1: the terms of the equations at a state, and the derivatives of v'."""
     Omega, beta, gamma, v = given["Omega"], given["beta"], given["gamma"], given["v"]
     names = "M", "h", "f_G", "w_y", "gamma_y", "lambda_Ty", "gamma_rate", "v_rate"
+    names += "Bbar", "h_1", "h_2", "h_3", "h_4", "h_5"  # optional
     names += "dv_rate_dbeta", "dv_rate_dgamma", "dv_rate_dv"
     values = (
         equations(p, Omega, smooth, beta, gamma, v)

@@ -53,7 +53,7 @@ def runge_kutta_step(rates, p, Omega, smooth, state, h):
 def flow(p, Omega, smooth, state):
     """The rates of (beta, gamma, v)."""
     beta, gamma, v = state
-    M, h, f_G, w_y, gamma_y, lambda_Ty, gamma_rate, v_rate = equations(
+    M, h, f_G, w_y, gamma_y, lambda_Ty, gamma_rate, v_rate, *_ = equations(
         p, Omega, smooth, beta, gamma, v
     )
     return np.array([v, gamma_rate, v_rate])

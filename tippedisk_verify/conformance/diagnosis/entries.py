@@ -75,12 +75,12 @@ class Table(Answered):
     @cached_property
     def stems(self) -> Array:
         """The quantities without their places: beta for ``beta@0.5``."""
-        return np.array([placed(name)[0] for name in self.names])
+        return np.array([placed(name, self.kind)[0] for name in self.names])
 
     @cached_property
     def places(self) -> list[dict[str, str]]:
         """The times, numbers and orders of the answers."""
-        return [placed(name)[1] for name in self.names]
+        return [placed(name, self.kind)[1] for name in self.names]
 
     @cached_property
     def ids(self) -> list[str]:

@@ -18,7 +18,22 @@ __all__ = ["PREDICTED", "VARIANTS", "Results", "base_of", "problems"]
 
 Results = dict[str, Any]  #: by a quantity's name, one value to an entry
 #: The quantities of level 1, in the order of the equations, and the derivatives of the last one.
-_RATES = ("gamma_rate", "w_y", "f_G", "gamma_y", "M", "h", "lambda_Ty", "v_rate")
+_RATES = (
+    "Bbar",
+    "gamma_rate",
+    "w_y",
+    "f_G",
+    "gamma_y",
+    "M",
+    "h_1",
+    "h_2",
+    "h_3",
+    "h_4",
+    "h_5",
+    "h",
+    "lambda_Ty",
+    "v_rate",
+)
 _DERIVATIVES = ("dv_rate_dbeta", "dv_rate_dgamma", "dv_rate_dv")
 _HOPF = (
     "omega_crit",
