@@ -41,7 +41,7 @@ from tippedisk_verify.model.precision import (
     checked_digits,
     companion,
 )
-from tippedisk_verify.model.results import Printable, with_widths
+from tippedisk_verify.model.results import Printable, data_frame, with_widths
 from tippedisk_verify.progress import progress_of
 
 __all__ = ["EVENTS", "EvenTimes", "Solution", "integrated"]
@@ -182,6 +182,19 @@ class Solution(Printable):
             states = self._dense(self._request.precision.array(times)).T
         states = workable(states)
         return states if numpy.ndim(t) else states[:, 0]
+
+    def to_dataframe(self) -> Any:
+        """Return a pandas data frame of the samples, with the columns that `integrate --out` writes.
+
+        They are ``t``, the rows of ``y`` as beta, gamma and v, and those of ``uncertainty`` as
+        beta_uncertainty and so on.
+
+        Raises:
+            InputError: pandas is not installed.
+        """
+        widths = (f"{name}_uncertainty" for name in _STATE)
+        names = ("t", *_STATE, *widths)
+        return data_frame(dict(zip(names, (self.t, *self.y, *self.uncertainty), strict=True)))
 
     def to_dict(self) -> dict[str, Any]:
         """Return times and states with half-widths, the end, the events and the derivatives.
