@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import csv
+import json
 import sys
+from dataclasses import fields
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -12,10 +14,14 @@ import numpy
 import pytest
 
 import tippedisk_verify as tv
+from tippedisk_verify.bench.race import Score
 from tippedisk_verify.cli import main
+from tippedisk_verify.cycles.limit_cycle import Cycle
+from tippedisk_verify.cycles.near_heteroclinic import LAWS
 
 DISK, START = tv.Disk("table1"), ("pi/2", "pi/2 + 0.4", 0)
 HOPF = "table1/linear/hopf/point"
+NUMBERS = [field.name for field in fields(Score)][5:]  # after the texts
 
 
 def _table(path: Path) -> list[dict[str, str]]:
@@ -63,23 +69,27 @@ def test_a_branchs_data_frame_has_a_row_for_a_missing_cycle(tmp_path: Path) -> N
     assert frame["omega_uncertainty"][0] > 0
 
 
-def test_the_data_frame_next_to_omega_h_has_the_laws_in_columns(tmp_path: Path) -> None:
+def test_the_data_frame_next_to_omega_h_has_the_laws_in_columns() -> None:
     pytest.importorskip("pandas")
-    out = tmp_path / "near.csv"
-    assert main(["heteroclinic", "--near", "1e-2:1e-3:2", "--quiet", "--out", str(out)]) == 0
-    frame = DISK.near_heteroclinic(["1e-2", "1e-3"]).to_dataframe()
-    # A number without a half-width, which the file leaves out
-    _assert_as_written(frame.drop(columns="double_resolves"), out)
+    (row,) = (study := DISK.near_heteroclinic(["1e-2"])).rows
+    (line,) = study.to_dataframe().to_dict("records")
+    assert (line["period"], line["double_resolves"]) == (float(row.period), row.double_resolves)
+    assert [line[name] for name in LAWS] == [float(number) for number in row.law]
+    assert row.law[2].uncertainty <= line["law_of_three_terms_uncertainty"] < 1e-11
 
 
 def test_grades_and_scores_are_rows() -> None:
     pytest.importorskip("pandas")
     report = tv.grade({f"{HOPF}/omega_crit": 30.88659268864, f"{HOPF}/period": 0.9})
     assert report.to_dataframe().to_dict("records") == [g.to_dict() for g in report.grades]
-    race = tv.race({}, against=["taylor"])
-    frame = race.to_dataframe()
-    assert list(frame["error"]) == [score.error for score in race.scores]
-    assert set(frame["method"]) == {"taylor"}
+    what = {"problem": "cycle", "method": "mine", "family": "own", "setting": "1e-6"}
+    scores = (
+        Score(**what, status="reached", **dict.fromkeys(NUMBERS, 1e-7)),
+        Score(**what, status="gave up", **dict.fromkeys(NUMBERS)),
+    )
+    frame = tv.Race(scores).to_dataframe()
+    assert list(frame["status"]) == ["reached", "gave up"]
+    assert (frame["error"][0], numpy.isnan(frame["error"][1])) == (1e-7, True)
 
 
 @pytest.mark.parametrize(
@@ -98,3 +108,112 @@ def test_without_pandas_a_data_frame_is_refused_in_one_line(
     monkeypatch.setitem(sys.modules, "pandas", None)
     with pytest.raises(tv.InputError, match=r"^a data frame needs pandas: pip install pandas$"):
         result().to_dataframe()
+
+
+# -------------------------------------------------------------------------------------- saved files
+LEVEL = tv.Event("level", lambda t, y: y[2] - 0.1, terminal=True)
+SMOOTH = tv.Disk("geometry", mu="0.31", B=Fraction(1, 4403), friction="smooth")
+SOLUTIONS = {
+    "doubles": lambda: DISK.integrate(
+        DISK.omega_crit - 0.5, START, 3, events=("section", "turn"), variations=("state", "omega")
+    ),
+    "extended": lambda: DISK.integrate("30.4", START, (1, 2), digits=16),
+    "wide": lambda: SMOOTH.integrate(
+        "30.4", START, 1, digits=20, t_eval=["1/3", "pi/4", 1], events="section"
+    ),
+    "quadruple": lambda: DISK.integrate("30.4", START, "0.1", digits=18),
+    "no sample": lambda: DISK.integrate("30.4", ("0.5", 0, -5), 10, t_eval=[9]),
+    "ended": lambda: DISK.integrate("30.4", START, (5, 10), events=LEVEL),
+    "unmeasured": lambda: DISK.integrate("30.4", START, 1, half_widths=False),
+}
+CYCLES = {
+    "librating": lambda: DISK.limit_cycle(below_crit="0.5"),
+    "wide": lambda: SMOOTH.limit_cycle("30.4", digits=30),
+    "rotating": lambda: DISK.rotating_cycle("30.5", stable=False),
+    "next to Omega_h": lambda: DISK.limit_cycle(above_het="1e-20"),
+    "unmeasured": lambda: DISK.limit_cycle("30.4", half_widths=False),
+}
+
+
+def _assert_identical(one: Any, other: Any) -> None:
+    """Check that two numbers or arrays have the same type and are equal."""
+    assert type(one) is type(other)
+    assert getattr(one, "dtype", None) == getattr(other, "dtype", None)
+    assert numpy.shape(one) == numpy.shape(other)
+    assert numpy.all(one == other)
+
+
+@pytest.mark.parametrize("kind", SOLUTIONS)
+def test_a_loaded_solution_has_equal_numbers(kind: str, tmp_path: Path) -> None:
+    solution = SOLUTIONS[kind]()
+    loaded = tv.load(solution.save(tmp_path / "motion.json"))
+    assert isinstance(loaded, tv.Solution)
+    for name in ("t", "y", "uncertainty", "transition", "transition_uncertainty", "by_omega"):
+        _assert_identical(getattr(solution, name), getattr(loaded, name))
+    assert len(solution.events) == len(loaded.events)
+    pairs = zip((solution.end, *solution.events), (loaded.end, *loaded.events), strict=True)
+    for record, other in pairs:
+        assert record.name == other.name
+        for name in ("time", "state", "uncertainty"):
+            _assert_identical(getattr(record, name), getattr(other, name))
+        assert record.time_uncertainty == other.time_uncertainty
+    assert tuple(loaded.times) == tuple(solution.times)
+    assert (loaded.disk, loaded.to_dict()) == (solution.disk, solution.to_dict())
+    assert repr(loaded) == repr(solution)
+    again = loaded.save(tmp_path / "again.json")
+    assert again.read_bytes() == (tmp_path / "motion.json").read_bytes()
+    with pytest.raises(tv.InputError, match="has its samples only: integrate again"):
+        loaded("0.5")
+
+
+@pytest.mark.parametrize("kind", CYCLES)
+def test_a_loaded_cycle_equals_the_saved_one(kind: str, tmp_path: Path) -> None:
+    cycle = CYCLES[kind]()
+    loaded = tv.load(cycle.save(tmp_path / "cycle.json"))
+    assert isinstance(loaded, Cycle)
+    assert type(loaded) is type(cycle)
+    assert loaded == cycle
+    assert (loaded.orbit(3)[1] == cycle.orbit(3)[1]).all()
+
+
+def test_a_saved_number_is_a_decimal_that_another_program_reads(tmp_path: Path) -> None:
+    cycle = DISK.limit_cycle("30.4")
+    solution = DISK.integrate("30.4", START, 1, t_eval=["1/3", 1])
+    saved, motion = (
+        json.loads(result.save(tmp_path / "x.json").read_text()) for result in (cycle, solution)
+    )
+    assert Fraction(saved["period"]["value"]) == cycle.period.value
+    assert Fraction(saved["period"]["uncertainty"]) == cycle.period.uncertainty
+    assert Fraction(saved["disk"]["r"]) == DISK.r
+    assert motion["t"]["numbers"] == ["1/3", "1"]
+    assert [Fraction(x) for x in motion["y"]["numbers"][1]] == [Fraction(x) for x in solution.y[1]]
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        (lambda text: "{", "is not a file with the format 'tippedisk-verify result 1'"),
+        (lambda text: "[" * 10**5, "is not a file with the format"),
+        (lambda text: text.replace("result 1", "result 0"), "is not a file with the format"),
+        (lambda text: text.replace('"LimitCycle"', '"Orbit"'), "KeyError: 'Orbit'"),
+        (lambda text: text.replace('"period"', '"perio"'), "KeyError: 'period'"),
+        (lambda text: text.replace('"30.4"', '"thirty"'), "is damaged, or no saved result"),
+        (lambda text: text.replace('"30.4"', '"1e99999"'), "a decimal exponent beyond"),
+        (lambda text: text.replace('"30.4"', '"1/0"'), "ZeroDivisionError"),
+        (lambda text: text.replace('"0.045"', '"-1"'), "parameter r must be positive"),
+    ],
+)
+def test_a_damaged_file_is_refused_in_one_line(change: Any, reason: str, tmp_path: Path) -> None:
+    path = DISK.limit_cycle("30.4").save(tmp_path / "cycle.json")
+    path.write_text(change(path.read_text()))
+    with pytest.raises(tv.InputError, match=reason) as fault:
+        tv.load(path)
+    assert "\n" not in str(fault.value)
+
+
+def test_results_under_a_law_of_ones_own_are_not_saved(tmp_path: Path) -> None:
+    law = tv.FrictionLaw("own", lambda ops, gamma_y, c: -c.mu * c.m * c.g * gamma_y / c.epsilon)
+    solution = tv.Disk("table1", friction=law).integrate("30.4", START, "0.1")
+    with pytest.raises(tv.InputError, match="saved for the paper's friction laws only, not for"):
+        solution.save(tmp_path / "motion.json")
+    assert not list(tmp_path.iterdir())

@@ -282,6 +282,14 @@ class Parameters(Printable):
             if item.name in _QUANTITIES and getattr(self, item.name) is not None
         }
 
+    def exact_texts(self) -> dict[str, str]:
+        """Return each number as an exact decimal, or as a ratio if its decimals never end."""
+        return {
+            name: exact_text(value)
+            for name in _QUANTITIES
+            if (value := getattr(self, name)) is not None
+        }
+
     def to_dict(self) -> dict[str, Any]:
         """Return the numbers as decimal strings, with the name and the friction law."""
         return {**self.decimals(), "name": self.name, "friction": str(self.friction)}

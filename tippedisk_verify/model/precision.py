@@ -43,6 +43,8 @@ __all__ = [
     "checked_digits",
     "companion",
     "heyoka_module",
+    "precision_named",
+    "precision_of",
 ]
 
 # Python converts integers of up to 4300 decimal digits. Guard digits stay below that limit too.
@@ -299,6 +301,32 @@ def bits(count: int) -> Precision:
             f"a precision of {shown(count)} bits is not offered: use 24 to {_MOST_BITS}"
         )
     return Precision("real", number)
+
+
+def precision_named(name: str) -> Precision:
+    """Return the arithmetic with this `Precision.name`.
+
+    Args:
+        name: The name, such as ``double`` or ``real200``.
+
+    Raises:
+        ValueError: There is no such arithmetic.
+    """
+    for precision in (DOUBLE, EXTENDED, QUADRUPLE):
+        if name == precision.name:
+            return precision
+    return bits(int(name.removeprefix("real")))
+
+
+def precision_of(number: Any) -> Precision:
+    """Return the arithmetic of a native number.
+
+    Args:
+        number: A number as `Precision.number` returns it.
+    """
+    kinds = {"longdouble": EXTENDED, "real128": QUADRUPLE}
+    kind = type(number).__name__
+    return bits(number.prec) if kind == "real" else kinds.get(kind, DOUBLE)
 
 
 def bits_for_digits(digits: int) -> int:

@@ -7,6 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
+from os import PathLike
+from pathlib import Path
 from typing import Any, overload
 
 import numpy
@@ -100,8 +102,9 @@ class Solution(Printable):
     note: str  #: a warning about the numbers, or an empty text
     _watched: tuple[str, ...]  #: the names of the requested events
     _start: Exact
-    _request: Request
-    _engine: Engine
+    _final: Exact  #: the requested end of the run [s]
+    _request: Request | None  #: None if the solution was loaded, as is the engine
+    _engine: Engine | None
 
     def __getstate__(self) -> dict[str, Any]:
         """Return the state to pickle or copy, without continuous output.
@@ -109,7 +112,8 @@ class Solution(Printable):
         The copy computes continuous output again, by a run that needs no events.
         """
         kept = {name: value for name, value in self.__dict__.items() if name != "_dense"}
-        return kept | {"_request": replace(self._request, events=(), times=None)}
+        request = self._request and replace(self._request, events=(), times=None)
+        return kept | {"_request": request}
 
     @property
     def success(self) -> bool:
@@ -140,10 +144,19 @@ class Solution(Printable):
     def _of(self, name: str) -> list[EventRecord]:
         return [record for record in self.events if record.name == name]
 
+    @property
+    def _run(self) -> tuple[Engine, Request]:
+        if self._request is None or self._engine is None:
+            raise InputError(
+                "a loaded solution has its samples only: integrate again for other times"
+            )
+        return self._engine, self._request
+
     @cached_property
     def _dense(self) -> Any:
-        result = self._engine(
-            replace(self._request, dense=True, times=None, variations=(), error_estimate=False)
+        engine, request = self._run
+        result = engine(
+            replace(request, dense=True, times=None, variations=(), error_estimate=False)
         )
         if result.dense is None:
             raise InputError(f"{self.engine} gives no continuous output")
@@ -159,29 +172,44 @@ class Solution(Printable):
             t: A time or times [s].
 
         Raises:
-            InputError: A time lies outside the run.
+            InputError: A time lies outside the run, or the solution was loaded.
         """
-        asked = entries(t)
-        end = (
-            exact(self._request.duration) + self._start
-            if self.status is Status.REACHED
-            else exact(self.end.time)
-        )
+        (engine, request), asked = self._run, entries(t)
+        end = self._final if self.status is Status.REACHED else exact(self.end.time)
         _, times = _since(self._start, end, asked)
         since, length = DOUBLE.array(times), float(end - self._start)
         if (since * length < 0).any() or (abs(since) > abs(length)).any():
             first, last = sorted((float(self._start), float(end)))
             raise InputError(f"the solution is known from {first:.10g} s to {last:.10g} s")
-        if self._request.digits > PLAIN_DIGITS:  # the error at each time is removed
+        if request.digits > PLAIN_DIGITS:  # the error at each time is removed
             _, first_of, places = numpy.unique(abs(since), return_index=True, return_inverse=True)
-            wanted = replace(
-                self._request, times=[times[n] for n in first_of], events=(), variations=()
-            )
-            states = self._engine(wanted).samples.T[:, places]
+            wanted = replace(request, times=[times[n] for n in first_of], events=(), variations=())
+            states = engine(wanted).samples.T[:, places]
         else:
-            states = self._dense(self._request.precision.array(times)).T
+            states = self._dense(request.precision.array(times)).T
         states = workable(states)
         return states if numpy.ndim(t) else states[:, 0]
+
+    def save(self, path: str | PathLike[str]) -> Path:
+        """Write the solution as JSON in which every number is exact; `tippedisk_verify.load` reads it.
+
+        The file is described in `tippedisk_verify.model.saved`. Its keys are the attributes' names;
+        ``t`` has the exact times. A loaded solution has its samples, events and derivatives, but no
+        continuous output: ``solution(t)`` is refused.
+
+        Args:
+            path: The file.
+
+        Returns:
+            The path of the file written.
+
+        Raises:
+            InputError: The friction law is a user's own, a state is not finite, or the file cannot be
+                written.
+        """
+        from tippedisk_verify.motion.saved import save_solution
+
+        return save_solution(self, path)
 
     def to_dataframe(self) -> Any:
         """Return a pandas data frame of the samples, with the columns that `integrate --out` writes.
@@ -223,10 +251,7 @@ class Solution(Printable):
         """Return the end for JSON; the time is exact if the run reached it."""
         entries = {name: entry for name, entry in self.end.to_dict().items() if name != "name"}
         if self.status is Status.REACHED:
-            entries["t"] = {
-                "value": _decimal(self._start + self._request.duration),
-                "uncertainty": "0",
-            }
+            entries["t"] = {"value": _decimal(self._final), "uncertainty": "0"}
         return entries
 
 
@@ -481,6 +506,7 @@ def _solution(
         note=_note(request),
         _watched=tuple(event.name for event in request.events),
         _start=start,
+        _final=end,
         _request=request,
         _engine=engine,
     )
