@@ -18,6 +18,7 @@ from tippedisk_verify.bench.race import Score
 from tippedisk_verify.cli import main
 from tippedisk_verify.cycles.limit_cycle import Cycle
 from tippedisk_verify.cycles.near_heteroclinic import LAWS
+from tippedisk_verify.figures.style import pyplot
 
 DISK, START = tv.Disk("table1"), ("pi/2", "pi/2 + 0.4", 0)
 HOPF = "table1/linear/hopf/point"
@@ -217,3 +218,64 @@ def test_results_under_a_law_of_ones_own_are_not_saved(tmp_path: Path) -> None:
     with pytest.raises(tv.InputError, match="saved for the paper's friction laws only, not for"):
         solution.save(tmp_path / "motion.json")
     assert not list(tmp_path.iterdir())
+
+
+# ----------------------------------------------------------------------------------- plots and paths
+def test_a_solution_plots_its_states_and_events(tmp_path: Path) -> None:
+    solution = DISK.integrate("30.4", START, 1, events="section")
+    for drawn in (solution, tv.load(solution.save(tmp_path / "motion.json"))):
+        for row, axis in enumerate(drawn.plot()):
+            curve, dots = axis.lines
+            ends = solution.y[row, [0, -1]]
+            # The curve is the run's continuous output, and the samples are rounded once more.
+            assert curve.get_ydata()[[0, -1]] == pytest.approx(ends, abs=1e-12)
+            assert list(dots.get_xdata()) == [float(record.time) for record in solution.events]
+            assert list(dots.get_ydata()) == [record.state[row] for record in solution.events]
+            pyplot().close(axis.figure)
+    empty = SOLUTIONS["no sample"]().plot()
+    assert not empty[0].lines[0].get_xdata().size
+    pyplot().close(empty[0].figure)
+
+
+@pytest.mark.parametrize("disk", [DISK, tv.Disk("calibrated"), SMOOTH, DISK.changed(e=1 / 400)])
+def test_a_disk_is_written_as_the_file_that_gives_it_back(
+    disk: tv.Parameters, tmp_path: Path
+) -> None:
+    text = disk.to_toml(tmp_path / "disk.toml")
+    assert (tmp_path / "disk.toml").read_text() == text
+    again = tv.Disk.read(tmp_path / "disk.toml", friction=disk.friction)
+    assert (again, again.C) == (disk, disk.C)
+
+
+@pytest.fixture
+def files(tmp_path: Path) -> dict[str, Path]:
+    """Write a file of each kind that a function reads."""
+    DISK.to_toml(tmp_path / "disk.toml")
+    answers = "problem,setting,seconds,error\ncycle,1,1e-3,1e-8\n"
+    (tmp_path / "mine.csv").write_text(answers)
+    DISK.limit_cycle("30.4").save(tmp_path / "cycle.json")
+    return {name: tmp_path / name for name in ("disk.toml", "mine.csv", "cycle.json", "new")}
+
+
+@pytest.mark.parametrize("kind", [str, Path])
+def test_a_file_is_named_by_a_text_or_a_path(kind: Any, files: dict[str, Path]) -> None:
+    path = {name: kind(file) for name, file in files.items()}
+    calls: list[tuple[Any, str]] = [
+        (tv.Disk, "disk.toml"),
+        (tv.Disk.read, "disk.toml"),
+        (tv.Parameters.named, "disk.toml"),
+        (tv.Parameters.from_toml, "disk.toml"),
+        (tv.load, "cycle.json"),
+        (DISK.to_toml, "new"),
+        (DISK.limit_cycle("30.4").save, "new"),
+        (DISK.integrate("30.4", START, 1).save, "new"),
+        (lambda file: tv.race({}, against=[], answers=[file]), "mine.csv"),
+    ]
+    for call, name in calls:
+        assert call(path[name])
+        if name == "new":
+            assert files["new"].stat().st_size
+            files["new"].unlink()
+    assert [tv.Disk(path["disk.toml"]), tv.Disk.read(path["disk.toml"])] == [DISK, DISK]
+    with pytest.raises(tv.InputError, match="there is no folder"):
+        DISK.to_toml(kind(files["new"] / "disk.toml"))

@@ -30,7 +30,7 @@ from tippedisk_verify.flow.contract import (
     Variation,
 )
 from tippedisk_verify.flow.error_estimate import CORRECTED_DIGITS, EXTENDED_DIGITS, PLAIN_DIGITS
-from tippedisk_verify.model.arrays import half_widths, workable
+from tippedisk_verify.model.arrays import doubles, half_widths, workable
 from tippedisk_verify.model.decimals import at_place, decimal_magnitude, exact_decimals
 from tippedisk_verify.model.exact import Exact, entries, exact, shown
 from tippedisk_verify.model.parameters import Parameters
@@ -50,6 +50,7 @@ __all__ = ["EVENTS", "EvenTimes", "Solution", "integrated"]
 
 _STATE = ("beta", "gamma", "v")
 _SAMPLES = 201  # the number of times if none are given
+_PLOTTED = 4001  # the number of times in a plot
 _LATEST = 10**300  # s; doubles hold all times up to it
 _SHORTEST = 1e-300  # s; in longer runs, even times differ as extended numbers
 _LONG = 60  # s; shorter motions are finished before progress would be shown
@@ -189,6 +190,34 @@ class Solution(Printable):
             states = self._dense(request.precision.array(times)).T
         states = workable(states)
         return states if numpy.ndim(t) else states[:, 0]
+
+    def plot(self, axes: Any = None) -> Any:
+        """Plot beta, gamma and v against the time, with the recorded events as dots.
+
+        A loaded solution is plotted at its samples only.
+
+        Args:
+            axes: Three matplotlib axes; None for new ones, one below the other.
+
+        Returns:
+            The axes.
+        """
+        if axes is None:
+            from matplotlib import pyplot
+
+            _, axes = pyplot.subplots(3, sharex=True, layout="constrained")
+        times, states = doubles(self.t), doubles(self.y)
+        if self._request is not None and times.size:
+            times = numpy.linspace(times[0], times[-1], _PLOTTED)
+            states = doubles(self(times))
+        moments = [float(event.time) for event in self.events]
+        labels = ("β [rad]", "γ [rad]", "dβ/dt [rad/s]")
+        for row, (axis, label) in enumerate(zip(axes, labels, strict=True)):
+            axis.plot(times, states[row])
+            axis.plot(moments, [float(event.state[row]) for event in self.events], ".")
+            axis.set(ylabel=label)
+        axes[-1].set(xlabel="t [s]")
+        return axes
 
     def save(self, path: str | PathLike[str]) -> Path:
         """Write the solution as JSON in which every number is exact; `tippedisk_verify.load` reads it.
