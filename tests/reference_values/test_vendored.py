@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from itertools import product
 from pathlib import Path
 
+import numpy
 import pytest
 from scipy.integrate import solve_ivp
 
@@ -217,6 +218,23 @@ def test_right_hand_sides_and_a_cycle_from_the_columns_alone() -> None:
     ).y[:, -1]
     # A hundredfold of the tolerance for a thousand steps
     assert end == pytest.approx(start, abs=1e-9)
+
+
+@pytest.mark.parametrize("library", ["duckdb", "pandas", "polars"])
+def test_the_lines_of_the_datas_page_read_every_digit(
+    library: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    module = pytest.importorskip(library)
+    page = (ROOT / "docs" / "reference" / "data.md").read_text(encoding="utf-8")
+    (line,) = re.findall(rf"^{library}\..*$", page, re.MULTILINE)
+    monkeypatch.chdir(DATA)
+    table = eval(line, {library: module})
+    with open(DATA / "values.csv", encoding="utf-8", newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    for name in ("id", "Omega", "value_from_doubles", "uncertainty_from_decimals"):
+        cells = numpy.ma.filled(table[name], "")  # an empty cell is masked, NaN or None
+        read = ["" if cell is None or cell != cell else cell for cell in cells]
+        assert read == [row[name] for row in rows]
 
 
 @pytest.mark.parametrize(
