@@ -312,10 +312,8 @@ def precision_named(name: str) -> Precision:
     Raises:
         ValueError: There is no such arithmetic.
     """
-    for precision in (DOUBLE, EXTENDED, QUADRUPLE):
-        if name == precision.name:
-            return precision
-    return bits(int(name.removeprefix("real")))
+    named = {precision.name: precision for precision in (DOUBLE, EXTENDED, QUADRUPLE)}
+    return named.get(name) or bits(int(name.removeprefix("real")))
 
 
 def precision_of(number: Any) -> Precision:
@@ -325,8 +323,9 @@ def precision_of(number: Any) -> Precision:
         number: A number as `Precision.number` returns it.
     """
     kinds = {"longdouble": EXTENDED, "real128": QUADRUPLE}
-    kind = type(number).__name__
-    return bits(number.prec) if kind == "real" else kinds.get(kind, DOUBLE)
+    return (
+        bits(number.prec) if hasattr(number, "prec") else kinds.get(type(number).__name__, DOUBLE)
+    )
 
 
 def bits_for_digits(digits: int) -> int:

@@ -33,7 +33,7 @@ from tippedisk_verify.model.exact import Exact, exact, long_fraction
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 
-__all__ = ["FORMAT", "measured", "number", "read_saved", "saved_numbers", "write_saved"]
+__all__ = ["FORMAT", "number", "read_saved", "saved_numbers", "write_saved"]
 
 FORMAT = "tippedisk-verify result 1"  #: the name and version of the form of these files
 _LARGEST = 2**30  # bytes; a million samples have about half of it
@@ -65,31 +65,22 @@ def saved_numbers(value: Any) -> Any:
 
 
 def number(entry: Any) -> Any:
-    """Return the exact number of an entry that `saved_numbers` made, with its half-width if it has
-    one; or infinity.
+    """Return the number of an entry that `saved_numbers` made.
 
     Args:
         entry: The entry.
+
+    Returns:
+        An `Exact`, a `Measured` if the entry has a half-width, or infinity.
     """
-    if entry == _INFINITE:
-        return math.inf
     if isinstance(entry, Mapping) and "value" in entry:
-        return measured(entry)
+        value, width = long_fraction(entry["value"]), number(entry["uncertainty"])
+        if width == math.inf:
+            return Measured.without_half_width(value)
+        return Measured(value, width.rational)
     if isinstance(entry, Mapping):
         return Exact(long_fraction(entry["rational"]), long_fraction(entry["pi"]))
-    return Exact(long_fraction(entry))
-
-
-def measured(entry: Any) -> Measured:
-    """Return the number with its half-width of an entry that `saved_numbers` made.
-
-    Args:
-        entry: The entry.
-    """
-    value, width = long_fraction(entry["value"]), entry["uncertainty"]
-    if width == _INFINITE:
-        return Measured.without_half_width(value)
-    return Measured(value, long_fraction(width))
+    return math.inf if entry == _INFINITE else Exact(long_fraction(entry))
 
 
 def write_saved(

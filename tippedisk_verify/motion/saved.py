@@ -21,7 +21,6 @@ from tippedisk_verify.model.precision import (
 )
 from tippedisk_verify.model.results import quantities
 from tippedisk_verify.model.saved import (
-    measured,
     number,
     read_saved,
     saved_numbers,
@@ -102,7 +101,7 @@ def load(path: str | PathLike[str]) -> Solution | LimitCycle | RotatingCycle:
 def _cycle(
     kind: type[LimitCycle | RotatingCycle], disk: Parameters, entries: dict[str, Any]
 ) -> LimitCycle | RotatingCycle:
-    numbers: dict[str, Any] = {name: measured(entries[name]) for name in quantities(kind)}
+    numbers: dict[str, Any] = {name: number(entries[name]) for name in quantities(kind)}
     return kind(
         **numbers,
         stable=entries["stable"],
@@ -137,17 +136,13 @@ def _values(entry: dict[str, Any] | None) -> Any:
     if entry is None:
         return None
     precision = precision_named(entry["arithmetic"])
-
-    def rounded(part: Any) -> Any:
-        if isinstance(part, list):
-            return [rounded(one) for one in part]
-        value = number(part)
-        return value if value == math.inf else precision.number(value)
-
-    numbers = rounded(entry["numbers"])
-    if not isinstance(numbers, list):
-        return numbers
-    return numpy.array(numbers, precision.type if precision in (DOUBLE, EXTENDED) else object)
+    texts = numpy.array(entry["numbers"], object)
+    exact = (number(text) for text in texts.flat)
+    values = [value if value == math.inf else precision.number(value) for value in exact]
+    if not texts.ndim:
+        return values[0]
+    kind = precision.type if precision in (DOUBLE, EXTENDED) else object
+    return numpy.array(values, kind).reshape(texts.shape)
 
 
 def _record(entry: dict[str, Any]) -> EventRecord:
