@@ -21,6 +21,7 @@ from functools import _lru_cache_wrapper, cached_property, partial
 from importlib import import_module
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import flint
 import gmpy2
@@ -90,8 +91,21 @@ def _written(disk: tv.Disk) -> tv.Disk:
     """The disk from a file."""
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "disk.toml"
-        file.write_text("".join(f'{name} = "{value}"\n' for name, value in disk.decimals().items()))
+        disk.to_toml(file)
         return tv.Disk.read(file)
+
+
+def _loaded(result: Any) -> Any:
+    """Save a result and load it again."""
+    with tempfile.TemporaryDirectory() as folder:
+        return tv.load(result.save(Path(folder) / "result.json"))
+
+
+def _framed(result: Any) -> str:
+    """Ask for a data frame without pandas, which is optional; the result is its refusal."""
+    with patch.dict(sys.modules, {"pandas": None}), contextlib.suppress(tv.InputError):
+        return str(result.to_dataframe())
+    return "refused"
 
 
 def _certified(proof: Any) -> str:
@@ -183,6 +197,9 @@ CALLS: dict[str, Callable[[], Any]] = {
     "Certifier.stability": lambda: DISK.certify.stability(),
     "Solution.__call__": lambda: DISK.integrate("30.4", START, 2)([0.1, 1.3]),
     "Solution.message": lambda: DISK.integrate("30.4", START, 1).message,
+    "Solution.plot": lambda: DISK.integrate("30.4", START, 1).plot(),
+    "Solution.save": lambda: _loaded(DISK.integrate("30.4", START, 1, digits=20)).to_dict(),
+    "Solution.to_dataframe": lambda: _framed(DISK.integrate("30.4", START, 1)),
     "Solution.success": lambda: DISK.integrate("30.4", START, 1).success,
     "Solution.t_events": lambda: DISK.integrate("30.4", START, 2, events="turn").t_events,
     "Solution.to_dict": lambda: DISK.integrate(
@@ -195,6 +212,8 @@ CALLS: dict[str, Callable[[], Any]] = {
     "Cycle.sensitivity": lambda: DISK.limit_cycle("30.4").sensitivity,
     "Cycle.multipliers": lambda: DISK.limit_cycle("30.4").multipliers,
     "Cycle.orbit": lambda: DISK.limit_cycle("30.4").orbit(20),
+    "Cycle.save": lambda: _loaded(DISK.limit_cycle("30.4")),
+    "load": lambda: _loaded(DISK.limit_cycle("30.4", digits=20)),
     "Cycle.plot": lambda: DISK.limit_cycle("30.4").plot(),
     "Branch.missing": lambda: DISK.branch(["30.4", "31"]).missing,
     "Branch.of": lambda: DISK.branch(["30.4"]).of([DISK.limit_cycle("30.5")]),
@@ -202,6 +221,7 @@ CALLS: dict[str, Callable[[], Any]] = {
     "Branch.restart": lambda: DISK.branch(["30.4"]).restart("Omega_crit", 3),
     "Branch.stable": lambda: DISK.branch(["30.4", "31"]).stable,
     "Branch.plot": lambda: DISK.branch(["30.4", "30.5"]).plot(),
+    "Branch.to_dataframe": lambda: _framed(DISK.branch(["30.4"])),
     "Branch.to_dict": lambda: DISK.branch(["30.4"]).to_dict(),
     "Heteroclinic.orbit": lambda: DISK.heteroclinic().orbit(20),
     "race": lambda: [
@@ -273,6 +293,8 @@ LONG = (
     "Disk.speed",
     "Certifier.fold",
     "Certifier.heteroclinic",
+    "Solution.plot",
+    "Solution.save",
     "Solution.to_dict",
     "Cycle.__call__",
     "Cycle.floquet_vectors",
@@ -280,12 +302,15 @@ LONG = (
     "Cycle.multipliers",
     "Cycle.orbit",
     "Cycle.plot",
+    "Cycle.save",
+    "load",
     "Branch.missing",
     "Branch.of",
     "Branch.points",
     "Branch.restart",
     "Branch.stable",
     "Branch.plot",
+    "Branch.to_dataframe",
     "Branch.to_dict",
     "Heteroclinic.orbit",
     "Heteroclinic.samples",

@@ -161,14 +161,17 @@ def test_the_numbers_of_the_first_page() -> None:
 
 # ------------------------------------------------------------------------------------- the release
 def test_the_version_is_the_same_everywhere() -> None:
+    """Between releases, the package has the version of the next one and files name the last one."""
     changes = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
-    assert re.findall(r"^## (\d+\.\d+\.\d+) ", changes, re.MULTILINE)[0] == tv.__version__
+    released = re.findall(r"^## (\d+\.\d+\.\d+) ", changes, re.MULTILINE)[0]
+    if tv.__version__ != released:
+        coming = tv.__version__.removesuffix(".dev0")
+        assert tv.__version__ == f"{coming}.dev0"
+        assert [*map(int, coming.split("."))] > [*map(int, released.split("."))]
+        assert "\n## Unreleased\n" in changes
+    assert f"version = {{{released}}}" in README
     citation = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
-    assert f"\nversion: {tv.__version__}\n" in citation
-    assert (
-        json.loads((ROOT / ".zenodo.json").read_text(encoding="utf-8"))["version"] == tv.__version__
-    )
-    released = re.findall(r"^date-released: (\S+)$", citation, re.MULTILINE)
-    assert released == re.findall(
-        rf"^## {re.escape(tv.__version__)} \((\S+)\)$", changes, re.MULTILINE
-    )
+    assert f"\nversion: {released}\n" in citation
+    assert json.loads((ROOT / ".zenodo.json").read_text(encoding="utf-8"))["version"] == released
+    dates = re.findall(r"^date-released: (\S+)$", citation, re.MULTILINE)
+    assert dates == re.findall(rf"^## {re.escape(released)} \((\S+)\)$", changes, re.MULTILINE)

@@ -41,7 +41,7 @@ Importing the package loads nothing heavy: each name is imported on first use. T
 
 from __future__ import annotations
 
-__version__ = "1.0.0"
+__version__ = "1.1.0.dev0"
 
 _homes: dict[str, str] = {}
 

@@ -35,6 +35,7 @@ from tippedisk_verify.model.precision import QUADRUPLE as QUADRUPLE
 from tippedisk_verify.model.precision import Precision as Precision
 from tippedisk_verify.model.precision import bits as bits
 from tippedisk_verify.motion.basins import basins as basins
+from tippedisk_verify.motion.saved import load as load
 from tippedisk_verify.motion.scenes import SCENES as SCENES
 from tippedisk_verify.motion.scenes import scene_named as scene_named
 from tippedisk_verify.motion.solution import Solution as Solution

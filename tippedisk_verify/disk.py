@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import fields, replace
 from fractions import Fraction
-from pathlib import Path
+from os import PathLike
 from typing import TYPE_CHECKING, Any
 
 from tippedisk_verify.errors import AccuracyError, InputError, UnknownKeywordError
@@ -77,13 +77,13 @@ class Disk(Parameters):
 
     def __init__(
         self,
-        named: str | None = None,
+        named: str | PathLike[str] | None = None,
         *,
         friction: Friction | FrictionLaw | None = None,
         **values: Any,
     ) -> None:
         if named is not None:
-            if not isinstance(named, str):
+            if not isinstance(named, str | PathLike):
                 raise InputError(f"a disk is named by a text, not by {shown(named)}")
             known = Parameters.named(named)
             name = "custom" if values else known.name  # a changed disk is no longer the named one
@@ -100,7 +100,7 @@ class Disk(Parameters):
         super().__init__(**values)
 
     @classmethod
-    def read(cls, path: str | Path, friction: Friction | FrictionLaw = "linear") -> Disk:
+    def read(cls, path: str | PathLike[str], friction: Friction | FrictionLaw = "linear") -> Disk:
         """Return the disk in a TOML file of decimals.
 
         Args:
@@ -110,7 +110,7 @@ class Disk(Parameters):
         Raises:
             InputError: The file or its values cannot be used.
         """
-        known = Parameters.from_toml(Path(path))
+        known = Parameters.from_toml(path)
         values = {item.name: getattr(known, item.name) for item in fields(known) if item.init}
         return cls(**values | {"friction": friction})
 

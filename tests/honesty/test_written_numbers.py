@@ -100,9 +100,9 @@ def test_a_branchs_table_holds_the_cycles_with_more_digits(
             truth = disk.rotating_cycle(omega, stable=stable, digits=24)
         else:
             truth = disk.limit_cycle(omega, stable=stable, digits=24)
-        for name in (name for name in row if f"{name} uncertainty" in row and "defect" not in name):
+        for name in (name for name in row if f"{name}_uncertainty" in row and "defect" not in name):
             _assert_held(
-                row[name], row[f"{name} uncertainty"], *getattr(truth, name).decimals(), name
+                row[name], row[f"{name}_uncertainty"], *getattr(truth, name).decimals(), name
             )
 
 

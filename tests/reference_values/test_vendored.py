@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import re
 import shutil
 import subprocess
 from pathlib import Path
 
+import numpy
 import pytest
 
 import tippedisk_verify as tv
@@ -170,6 +172,23 @@ def test_a_julia_test_file_has_the_doubles(tmp_path: Path) -> None:
 
 
 # ----------------------------------------------------------------------------- without the package
+
+
+@pytest.mark.parametrize("library", ["duckdb", "pandas", "polars"])
+def test_the_lines_of_the_datas_page_read_every_digit(
+    library: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    module = pytest.importorskip(library)
+    page = (ROOT / "docs" / "reference" / "data.md").read_text(encoding="utf-8")
+    (line,) = re.findall(rf"^{library}\..*$", page, re.MULTILINE)
+    monkeypatch.chdir(DATA)
+    table = eval(line, {library: module})
+    with open(DATA / "values.csv", encoding="utf-8", newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    for name in ("id", "Omega", "value_from_doubles", "uncertainty_from_decimals"):
+        cells = numpy.ma.filled(table[name], "")  # an empty cell is masked, NaN or None
+        read = ["" if cell is None or cell != cell else cell for cell in cells]
+        assert read == [row[name] for row in rows]
 
 
 @pytest.mark.parametrize(

@@ -32,7 +32,6 @@ if TYPE_CHECKING:
 
 __all__ = ["COMMANDS"]
 
-_LAWS = ("law_of_one_term", "law_of_two_terms", "law_of_three_terms")
 _MOST_DISTANCES = 1000
 _LARGEST_FILE = 2**20  # bytes of a file of answers; each takes seconds
 
@@ -98,7 +97,9 @@ def _near_heteroclinic(common: Common, near: str, answers: str | None, out: Path
 
         write_bytes(out, encoded(study.plot().figure, "png"))
     elif out is not None:
-        rows = [{**row, **dict(zip(_LAWS, row["law"], strict=True))} for row in result["rows"]]
+        from tippedisk_verify.cycles.near_heteroclinic import LAWS
+
+        rows = [{**row, **dict(zip(LAWS, row["law"], strict=True))} for row in result["rows"]]
         write_table(
             out,
             with_width_columns([{key: row[key] for key in row if key != "law"} for row in rows]),

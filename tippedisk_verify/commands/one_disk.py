@@ -343,7 +343,7 @@ def _family_table(
     """
     (first, *_) = (row for row in rows if hasattr(row, "stable"))
     names = [name for name, value in vars(first).items() if isinstance(value, Measured)]
-    header = [part for name in names for part in (name, f"{name} uncertainty")]
+    header = [part for name in names for part in (name, f"{name}_uncertainty")]
     lines = []
     for row in rows:
         numbers = [getattr(row, name, None) for name in names]

@@ -13,7 +13,7 @@ from tippedisk_verify.conformance.diagnosis import Diagnosis
 from tippedisk_verify.conformance.grading import FAILS_BELOW, TOLERANCES, Grade, Tally, by_quantity
 from tippedisk_verify.conformance.sheet import Answers
 from tippedisk_verify.files import csv_text
-from tippedisk_verify.model.results import Printable
+from tippedisk_verify.model.results import Printable, data_frame
 from tippedisk_verify.reference_values.store import is_optional
 
 if TYPE_CHECKING:
@@ -215,6 +215,14 @@ class Report(Printable):
         """Return the tallies by level, quantity and friction law, as a table."""
         columns = list(Tally.of((), 0, 0, "any").to_dict())
         return csv_text(columns, (list(row.to_dict().values()) for row in by_quantity(self.grades)))
+
+    def to_dataframe(self) -> Any:
+        """Return a pandas data frame with a row for each grade, as in ``grades`` of `to_dict`.
+
+        Raises:
+            InputError: pandas is not installed.
+        """
+        return data_frame([grade.to_dict() for grade in self.grades])
 
     def to_dict(self) -> dict[str, Any]:
         first = self.first_failure

@@ -37,7 +37,14 @@ from tippedisk_verify.model.exact import fraction, shown, whole
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE
-from tippedisk_verify.model.results import Printable, as_json, heading, quantity
+from tippedisk_verify.model.results import (
+    Printable,
+    as_json,
+    data_frame,
+    half_width_in_double,
+    heading,
+    quantity,
+)
 from tippedisk_verify.theory.hopf import omega_crit, period_crit
 
 __all__ = [
@@ -126,7 +133,12 @@ class Branch(Printable):
         numbers = {name: [getattr(cycle, name, math.nan) for cycle in kept] for name in names}
         columns = {name: numpy.array(column, float) for name, column in numbers.items()}
         widths = {
-            name: numpy.array([_in_double(number) for number in column])
+            name: numpy.array(
+                [
+                    half_width_in_double(number) if isinstance(number, Measured) else number
+                    for number in column
+                ]
+            )
             for name, column in numbers.items()
         }
         return cls(kept, uncertainty=widths, **columns)
@@ -253,6 +265,23 @@ class Branch(Printable):
         axes[0].legend(loc="upper right")
         return axes
 
+    def to_dataframe(self) -> Any:
+        """Return a pandas data frame with a row for each cycle, as `branch --out` writes them.
+
+        Each number is rounded to a double. Its half-width, in the column NAME_uncertainty, includes
+        this rounding. A speed without a cycle has only ``omega`` and the reason as ``status``.
+
+        Raises:
+            InputError: pandas is not installed.
+        """
+        return data_frame(
+            [
+                {name: value for name, value in vars(row).items() if isinstance(value, Measured)}
+                | {"stable": getattr(row, "stable", None), "status": getattr(row, "status", "ok")}
+                for row in self.cycles
+            ]
+        )
+
     def _lines(self, name: str) -> Iterator[tuple[str, str, tuple[list[float], list[float]]]]:
         """Yield the line style, the label and the points of each stretch of one stability.
 
@@ -336,18 +365,6 @@ def not_all_missing(rows: Iterable[C | MissingCycle]) -> list[C | MissingCycle]:
     if kept and isinstance(kept[0], MissingCycle) and not found(kept):
         raise kept[0].fault
     return kept
-
-
-def _in_double(number: Measured | float) -> float:
-    """Return a half-width for the value as a double. It includes the value's rounding and is
-    rounded up.
-    """
-    if isinstance(number, float):  # not a number, where a cycle is missing
-        return number
-    if not number.is_measured:
-        return math.inf
-    width = number.uncertainty + abs(number.value - Fraction(float(number)))
-    return math.nextafter(float(width), math.inf) if width else 0.0
 
 
 def paper_speeds(parameters: Parameters, omega_h: Fraction) -> tuple[float, ...]:

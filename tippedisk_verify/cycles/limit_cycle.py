@@ -10,6 +10,8 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import cached_property
 from itertools import combinations
+from os import PathLike
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy
@@ -28,7 +30,8 @@ from tippedisk_verify.model.exact import exact, fraction, shown, whole
 from tippedisk_verify.model.measured import DISTANCES, Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, bits
-from tippedisk_verify.model.results import Printable, as_json, quantity, with_widths
+from tippedisk_verify.model.results import Printable, as_json, quantities, quantity, with_widths
+from tippedisk_verify.model.saved import saved_numbers, write_saved
 
 if TYPE_CHECKING:
     from tippedisk_verify.cycles.sensitivity import Sensitivity
@@ -232,6 +235,26 @@ class Cycle(Printable):
         if result.dense is None:
             raise InputError("an orbit needs an engine with continuous output")
         return result.dense
+
+    def save(self, path: str | PathLike[str]) -> Path:
+        """Write the cycle as JSON in which every number is exact; `tippedisk_verify.load` reads it.
+
+        The file is described in `tippedisk_verify.model.saved`. The loaded cycle equals this one and
+        can do the same. Next to Omega_h its monodromy matrix comes from flights and takes longer.
+
+        Args:
+            path: The file.
+
+        Returns:
+            The path of the file written.
+
+        Raises:
+            InputError: The friction law is a user's own, or the file cannot be written.
+        """
+        names = (*quantities(type(self)), "residuals")
+        entries = {name: saved_numbers(getattr(self, name)) for name in names}
+        entries |= {name: getattr(self, name) for name in ("stable", "engine", "precision")}
+        return write_saved(path, type(self).__name__, self.parameters, entries)
 
     def plot(self, axes: Any = None) -> Any:
         """Plot the orbit in the (gamma_bar, beta_bar) plane.

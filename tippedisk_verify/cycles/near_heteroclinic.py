@@ -19,9 +19,12 @@ from tippedisk_verify.model.equations import checked_speed
 from tippedisk_verify.model.exact import entries, fraction
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.model.results import Printable, quantity
+from tippedisk_verify.model.results import Printable, data_frame, quantity
 
-__all__ = ["AnswerRow", "DistanceRow", "NearHeteroclinic", "near_heteroclinic"]
+__all__ = ["LAWS", "AnswerRow", "DistanceRow", "NearHeteroclinic", "near_heteroclinic"]
+
+#: The columns of `DistanceRow.law` in tables.
+LAWS = ("law_of_one_term", "law_of_two_terms", "law_of_three_terms")
 
 
 @dataclass(frozen=True, repr=False)
@@ -66,6 +69,18 @@ class NearHeteroclinic(Printable):
     answers: tuple[AnswerRow, ...]  #: in the order of the answers
     parameters: Parameters  #: the disk, with the friction law
     engine: str  #: the engine that computed it
+
+    def to_dataframe(self) -> Any:
+        """Return a pandas data frame with a row for each distance, as `heteroclinic --near` writes
+        them.
+
+        Numbers are rounded to doubles; their half-widths, in NAME_uncertainty, include the rounding.
+
+        Raises:
+            InputError: pandas is not installed.
+        """
+        rows = [vars(row) | dict(zip(LAWS, row.law, strict=True)) for row in self.rows]
+        return data_frame(rows).drop(columns="law")
 
     def plot(self, axes: Any = None) -> Any:
         """Plot the remainder of T after one, two and three terms of the law, against the distance.

@@ -19,7 +19,7 @@ from tippedisk_verify.errors import InputError
 from tippedisk_verify.figures.race import draw_bench
 from tippedisk_verify.files import read_text
 from tippedisk_verify.model.exact import shown
-from tippedisk_verify.model.results import Printable
+from tippedisk_verify.model.results import Printable, data_frame
 from tippedisk_verify.progress import progress_of
 
 __all__ = ["Race", "answered_elsewhere", "program_method", "race"]
@@ -38,6 +38,14 @@ class Race(Printable):
     def __str__(self) -> str:
         head = f"{'problem':<14}{'method':<26}{'setting':<12}{'time [ms]':>10}{'error':>10}"
         return "\n".join([head, *map(_line, self.scores)])
+
+    def to_dataframe(self) -> Any:
+        """Return a pandas data frame with a row for each score and the fields of `Score` as columns.
+
+        Raises:
+            InputError: pandas is not installed.
+        """
+        return data_frame([score.to_dict() for score in self.scores])
 
     def plot(self, columns: int = 2) -> Any:
         """Return the work-precision diagram as a matplotlib figure.

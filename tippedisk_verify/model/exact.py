@@ -27,6 +27,7 @@ __all__ = [
     "entries",
     "exact",
     "fraction",
+    "long_fraction",
     "mantissa_exponent",
     "plain_number",
     "quotient",
@@ -319,6 +320,21 @@ def fraction(value: object) -> Fraction:
     if number.pi_multiple:
         raise InputError(f"a number without a multiple of pi is needed, not {shown(value)}")
     return number.rational
+
+
+def long_fraction(text: str) -> Fraction:
+    """Return the number of a decimal or a ratio of any length, as `decimals.exact_text` writes it.
+
+    Args:
+        text: The decimal or the ratio.
+
+    Raises:
+        InputError: A decimal exponent is too large.
+        ArithmeticError: The text is not such a number. So does ValueError.
+    """
+    parts = [_decimal_fraction(part, part[:60]) for part in text.split("/")]
+    numerator, denominator = parts if len(parts) > 1 else (*parts, Fraction(1))
+    return numerator / denominator
 
 
 def quotient(ctx: Any, value: Fraction) -> Any:

@@ -16,10 +16,12 @@ from dataclasses import dataclass, field, fields, replace
 from decimal import Decimal
 from fractions import Fraction
 from functools import partial
+from os import PathLike
 from pathlib import Path
 from typing import Any, NamedTuple, NoReturn
 
 from tippedisk_verify.errors import InputError
+from tippedisk_verify.files import output_file, write_text
 from tippedisk_verify.model.decimals import exact_text
 from tippedisk_verify.model.exact import PI, fraction, quotient, shown
 from tippedisk_verify.model.friction import LAWS, Friction, FrictionLaw, law_of
@@ -282,6 +284,32 @@ class Parameters(Printable):
             if item.name in _QUANTITIES and getattr(self, item.name) is not None
         }
 
+    def exact_texts(self) -> dict[str, str]:
+        """Return each number as an exact decimal, or as a ratio if its decimals never end."""
+        return {
+            name: exact_text(value)
+            for name in _QUANTITIES
+            if (value := getattr(self, name)) is not None
+        }
+
+    def to_toml(self, path: str | PathLike[str] | None = None) -> str:
+        """Return the disk as the text of a parameter file, and write it if a path is given.
+
+        Its numbers are exact: decimals, or ratios such as "1/3" if the decimals never end.
+        `from_toml` reads it. A parameter file does not hold the friction law.
+
+        Args:
+            path: The file.
+
+        Raises:
+            InputError: The file cannot be written.
+        """
+        lines = [f'{name} = "{text}"\n' for name, text in self.exact_texts().items()]
+        content = "".join(lines)
+        if path is not None:
+            write_text(output_file(str(path)), content)
+        return content
+
     def to_dict(self) -> dict[str, Any]:
         """Return the numbers as decimal strings, with the name and the friction law."""
         return {**self.decimals(), "name": self.name, "friction": str(self.friction)}
@@ -312,27 +340,30 @@ class Parameters(Printable):
         )
 
     @classmethod
-    def named(cls, name_or_path: str) -> Parameters:
+    def named(cls, name_or_path: str | PathLike[str]) -> Parameters:
         """Return a named set, or the set in a TOML file.
 
         Args:
-            name_or_path: A set's name; a text with a dot or a path separator is a path.
+            name_or_path: A set's name; a text with a dot or a path separator is a path, as is a
+                `pathlib.Path`.
 
         Raises:
             InputError: There is no such set, or the file cannot be used, as in `from_toml`.
         """
+        if not isinstance(name_or_path, str):
+            return cls.from_toml(name_or_path)
         name = _ALIASES.get(name_or_path, name_or_path)
         if name in NAMED_SETS:
             return NAMED_SETS[name]
         if "." in name_or_path or "/" in name_or_path or "\\" in name_or_path:
-            return cls.from_toml(Path(name_or_path))
+            return cls.from_toml(name_or_path)
         raise InputError(
             f"parameter set '{name_or_path[:60]}' is not known: use {', '.join(NAMED_SETS)} or a "
             f".toml file"
         )
 
     @classmethod
-    def from_toml(cls, path: Path) -> Parameters:
+    def from_toml(cls, path: str | PathLike[str]) -> Parameters:
         """Read parameters from a file with the keys r, e, m, A, B, g, mu, epsilon and optionally C.
 
         A number is exactly the decimal in the file, quoted or not. A ratio such as "1/3" needs the
@@ -348,6 +379,7 @@ class Parameters(Printable):
             InputError: The file cannot be read, is not TOML, lacks a key, has an unknown key, or
                 holds values that `Parameters` refuses.
         """
+        path = Path(path)
         entries = _toml_entries(path)
         allowed = ", ".join(_QUANTITIES)
         faults = [

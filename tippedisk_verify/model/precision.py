@@ -43,6 +43,8 @@ __all__ = [
     "checked_digits",
     "companion",
     "heyoka_types",
+    "precision_named",
+    "precision_of",
 ]
 
 # Python converts integers of up to 4300 decimal digits. Guard digits stay below that limit too.
@@ -298,6 +300,31 @@ def bits(count: int) -> Precision:
             f"a precision of {shown(count)} bits is not offered: use 24 to {_MOST_BITS}"
         )
     return Precision("real", number)
+
+
+def precision_named(name: str) -> Precision:
+    """Return the arithmetic with this `Precision.name`.
+
+    Args:
+        name: The name, such as ``double`` or ``real200``.
+
+    Raises:
+        ValueError: There is no such arithmetic.
+    """
+    named = {precision.name: precision for precision in (DOUBLE, EXTENDED, QUADRUPLE)}
+    return named.get(name) or bits(int(name.removeprefix("real")))
+
+
+def precision_of(number: Any) -> Precision:
+    """Return the arithmetic of a native number.
+
+    Args:
+        number: A number as `Precision.number` returns it.
+    """
+    kinds = {"longdouble": EXTENDED, "real128": QUADRUPLE}
+    return (
+        bits(number.prec) if hasattr(number, "prec") else kinds.get(type(number).__name__, DOUBLE)
+    )
 
 
 def bits_for_digits(digits: int) -> int:

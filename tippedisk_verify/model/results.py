@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from enum import Enum
 from fractions import Fraction
 from html import escape
 from typing import Any, ClassVar, NamedTuple
 
+from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.decimals import exact_decimals
 from tippedisk_verify.model.exact import fraction, plain_number
 from tippedisk_verify.model.measured import Measured
@@ -21,6 +22,8 @@ __all__ = [
     "Printable",
     "QuantityMeaning",
     "as_json",
+    "data_frame",
+    "half_width_in_double",
     "heading",
     "quantities",
     "quantity",
@@ -236,6 +239,50 @@ def with_widths(values: Any, widths: Any) -> Any:
         text = repr(number) if isinstance(number, float) else exact_decimals(fraction(number))[0]
         return {"value": text, "uncertainty": "infinite"}
     return Measured.of(values, float(widths)).to_dict()
+
+
+def half_width_in_double(number: Measured) -> float:
+    """Return a half-width for the value as a double.
+
+    It includes the value's rounding and is rounded up.
+
+    Args:
+        number: A number with a half-width; without one, the result is infinite.
+    """
+    if not number.is_measured:
+        return math.inf
+    width = number.uncertainty + abs(number.value - Fraction(float(number)))
+    return math.nextafter(float(width), math.inf) if width else 0.0
+
+
+def data_frame(table: Mapping[str, Any] | Sequence[Mapping[str, Any]]) -> Any:
+    """Return a table as a pandas data frame.
+
+    A number with a half-width in a row becomes two columns of doubles, NAME and NAME_uncertainty.
+    The half-width includes the rounding to a double. Missing cells are NaN.
+
+    Args:
+        table: The columns by name, or the rows.
+
+    Raises:
+        InputError: pandas is not installed.
+    """
+    try:
+        import pandas
+    except ImportError:
+        raise InputError("a data frame needs pandas: pip install pandas") from None
+    if isinstance(table, Mapping):
+        return pandas.DataFrame(table)
+    return pandas.DataFrame([dict(_cells_in_doubles(row)) for row in table])
+
+
+def _cells_in_doubles(row: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
+    for name, cell in row.items():
+        if isinstance(cell, Measured):
+            yield name, float(cell)
+            yield f"{name}_uncertainty", half_width_in_double(cell)
+        else:
+            yield name, cell
 
 
 def heading(name: str) -> str:

@@ -7,6 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
+from os import PathLike
+from pathlib import Path
 from typing import Any, NamedTuple, overload
 
 import numpy
@@ -41,13 +43,14 @@ from tippedisk_verify.model.precision import (
     checked_digits,
     companion,
 )
-from tippedisk_verify.model.results import Printable, with_widths
+from tippedisk_verify.model.results import Printable, data_frame, with_widths
 from tippedisk_verify.progress import progress_of
 
 __all__ = ["EVENTS", "Derivative", "EvenTimes", "Solution", "integrated"]
 
 _STATE = ("beta", "gamma", "v")
 _SAMPLES = 201  # the number of times if none are given
+_PLOTTED = 4001  # the number of times in a plot
 _LATEST = 10**300  # s; doubles hold all times up to it
 _SHORTEST = 1e-300  # s; in longer runs, even times differ as extended numbers
 _LONG = 60  # s; shorter motions are finished before progress would be shown
@@ -117,8 +120,9 @@ class Solution(Printable):
     note: str  #: a warning about the numbers, or an empty text
     _watched: tuple[str, ...]  #: the names of the requested events
     _start: Exact
-    _request: Request
-    _engine: Engine
+    _final: Exact  #: the requested end of the run [s]
+    _request: Request | None  #: None if the solution was loaded, as is the engine
+    _engine: Engine | None
 
     def __getstate__(self) -> dict[str, Any]:
         """Return the state to pickle or copy, without continuous output.
@@ -126,7 +130,8 @@ class Solution(Printable):
         The copy computes continuous output again, by a run that needs no events.
         """
         kept = {name: value for name, value in self.__dict__.items() if name != "_dense"}
-        return kept | {"_request": replace(self._request, events=(), times=None)}
+        request = self._request and replace(self._request, events=(), times=None)
+        return kept | {"_request": request}
 
     @property
     def success(self) -> bool:
@@ -157,10 +162,19 @@ class Solution(Printable):
     def _of(self, name: str) -> list[EventRecord]:
         return [record for record in self.events if record.name == name]
 
+    @property
+    def _run(self) -> tuple[Engine, Request]:
+        if self._request is None or self._engine is None:
+            raise InputError(
+                "a loaded solution has its samples only: integrate again for other times"
+            )
+        return self._engine, self._request
+
     @cached_property
     def _dense(self) -> Any:
-        result = self._engine(
-            replace(self._request, dense=True, times=None, variations=(), error_estimate=False)
+        engine, request = self._run
+        result = engine(
+            replace(request, dense=True, times=None, variations=(), error_estimate=False)
         )
         if result.dense is None:
             raise InputError(f"{self.engine} gives no continuous output")
@@ -176,29 +190,85 @@ class Solution(Printable):
             t: A time or times [s].
 
         Raises:
-            InputError: A time lies outside the run.
+            InputError: A time lies outside the run, or the solution was loaded.
         """
-        asked = entries(t)
-        end = (
-            exact(self._request.duration) + self._start
-            if self.status is Status.REACHED
-            else exact(self.end.time)
-        )
+        (engine, request), asked = self._run, entries(t)
+        end = self._final if self.status is Status.REACHED else exact(self.end.time)
         _, times = _since(self._start, end, asked)
         since, length = DOUBLE.array(times), float(end - self._start)
         if (since * length < 0).any() or (abs(since) > abs(length)).any():
             first, last = sorted((float(self._start), float(end)))
             raise InputError(f"the solution is known from {first:.10g} s to {last:.10g} s")
-        if self._request.digits > PLAIN_DIGITS:  # the error at each time is removed
+        if request.digits > PLAIN_DIGITS:  # the error at each time is removed
             _, first_of, places = numpy.unique(abs(since), return_index=True, return_inverse=True)
-            wanted = replace(
-                self._request, times=[times[n] for n in first_of], events=(), variations=()
-            )
-            states = self._engine(wanted).samples.T[:, places]
+            wanted = replace(request, times=[times[n] for n in first_of], events=(), variations=())
+            states = engine(wanted).samples.T[:, places]
         else:
-            states = self._dense(self._request.precision.array(times)).T
+            states = self._dense(request.precision.array(times)).T
         states = workable(states)
         return states if numpy.ndim(t) else states[:, 0]
+
+    def plot(self, axes: Any = None) -> Any:
+        """Plot beta, gamma and v against the time, with the recorded events as dots.
+
+        A loaded solution is plotted at its samples only.
+
+        Args:
+            axes: Three matplotlib axes; None for new ones, one below the other.
+
+        Returns:
+            The axes.
+        """
+        if axes is None:
+            from matplotlib import pyplot
+
+            _, axes = pyplot.subplots(3, sharex=True, layout="constrained")
+        times, states = doubles(self.t), doubles(self.y)
+        if self._request is not None and times.size:
+            times = numpy.linspace(times[0], times[-1], _PLOTTED)
+            states = doubles(self(times))
+        moments = [float(event.time) for event in self.events]
+        labels = ("β [rad]", "γ [rad]", "dβ/dt [rad/s]")
+        for row, (axis, label) in enumerate(zip(axes, labels, strict=True)):
+            axis.plot(times, states[row])
+            axis.plot(moments, [float(event.state[row]) for event in self.events], ".")
+            axis.set(ylabel=label)
+        axes[-1].set(xlabel="t [s]")
+        return axes
+
+    def save(self, path: str | PathLike[str]) -> Path:
+        """Write the solution as JSON in which every number is exact; `tippedisk_verify.load` reads it.
+
+        The file is described in `tippedisk_verify.model.saved`. Its keys are the attributes' names;
+        ``t`` has the exact times. A loaded solution has its samples, events and derivatives, but no
+        continuous output: ``solution(t)`` is refused.
+
+        Args:
+            path: The file.
+
+        Returns:
+            The path of the file written.
+
+        Raises:
+            InputError: The friction law is a user's own, a state is not finite, or the file cannot be
+                written.
+        """
+        from tippedisk_verify.motion.saved import save_solution
+
+        return save_solution(self, path)
+
+    def to_dataframe(self) -> Any:
+        """Return a pandas data frame of the samples, with the columns that `integrate --out` writes.
+
+        They are ``t``, the rows of ``y`` as beta, gamma and v, and those of ``uncertainty`` as
+        beta_uncertainty and so on.
+
+        Raises:
+            InputError: pandas is not installed.
+        """
+        widths = (f"{name}_uncertainty" for name in _STATE)
+        names = ("t", *_STATE, *widths)
+        return data_frame(dict(zip(names, (self.t, *self.y, *self.uncertainty), strict=True)))
 
     def to_dict(self) -> dict[str, Any]:
         """Return times and states with half-widths, the end, the events and the derivatives.
@@ -234,10 +304,7 @@ class Solution(Printable):
         """Return the end for JSON; the time is exact if the run reached it."""
         entries = {name: entry for name, entry in self.end.to_dict().items() if name != "name"}
         if self.status is Status.REACHED:
-            entries["t"] = {
-                "value": _decimal(self._start + self._request.duration),
-                "uncertainty": "0",
-            }
+            entries["t"] = {"value": _decimal(self._final), "uncertainty": "0"}
         return entries
 
 
@@ -502,6 +569,7 @@ def _solution(
         note=_note(request),
         _watched=tuple(event.name for event in request.events),
         _start=start,
+        _final=end,
         _request=request,
         _engine=engine,
     )
