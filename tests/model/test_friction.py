@@ -97,6 +97,12 @@ def test_the_jacobian_is_the_fields_derivative(law: FrictionLaw) -> None:
             "give its slope",
         ),
         (FrictionLaw("typo", lambda ops, x, c: -c.nu * x), "cannot be computed"),
+        (
+            FrictionLaw(
+                "condition", lambda ops, x, c: weight(c) / c.epsilon * (-x if x > -1000 else x)
+            ),
+            "cannot be compiled",
+        ),
         (FrictionLaw("text", lambda ops, x, c: "text"), "cannot be computed"),
         (
             FrictionLaw("root slope", LAWS["linear"].force, slope=lambda c: float(c.mu)),
@@ -124,7 +130,9 @@ def test_names_of_laws() -> None:
 def test_an_absolute_value_needs_two_sides() -> None:
     law = FrictionLaw("abs", lambda ops, x, c: -weight(c) * x / (abs(x) + c.epsilon))
     with pytest.raises(InputError, match="two_sided=True"):
-        tv.Disk("table1", friction=law).integrate("30.4", START, 1)
+        tv.Disk("table1", friction=law)
+    with pytest.raises(InputError, match="True or False"):
+        FrictionLaw("tanh", TANH.force, two_sided="yes")  # type: ignore[arg-type]
 
 
 def test_the_smooth_law_as_a_law_of_ones_own(taylor: Taylor) -> None:

@@ -22,11 +22,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
+from types import SimpleNamespace
 from typing import Any, ClassVar, Literal, get_args
 
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.exact import fraction, quotient, shown
-from tippedisk_verify.model.precision import EXTENDED, bits, companion
+from tippedisk_verify.model.precision import EXTENDED, bits, companion, heyoka_types
 
 __all__ = ["LAWS", "Friction", "FrictionLaw", "law_of"]
 
@@ -34,6 +35,7 @@ __all__ = ["LAWS", "Friction", "FrictionLaw", "law_of"]
 Friction = Literal["linear", "smooth"]
 
 _LONGEST_NAME = 40  # characters, so that a title stays on its line
+_CONSTANTS = ("m", "g", "mu", "epsilon", "pi")  # which a force may read
 _GUARD_CONSTANTS = ("k", "traction")
 #: The weight keeps the guard's variable below the angles in runs of some minutes.
 _GUARD_WEIGHT = 2.0**-10
@@ -67,6 +69,12 @@ class FrictionLaw:
       ``c``: a function of a plain number, such as ``ops.sqrt(2)``, is rounded to a double.
     - ``c`` has the parameters m, g, mu and epsilon, and pi.
     - A decimal such as 0.3 is the double next to it. ``3 * gamma_y / 10`` is exact.
+    - It is one formula, without conditions and absolute values, and depends on nothing that changes:
+      it is compiled once.
+
+    Half-widths are for laws that vary on the scale of epsilon, and whose sharpest bend is at zero. A
+    feature elsewhere that is narrower than a tenth of epsilon may lie within one step of an integrator
+    and be missed.
 
     A disk that takes the law checks that it is odd, that it brakes, that it has the slope that it
     gives, and that it has no rounded constant.
@@ -102,6 +110,8 @@ class FrictionLaw:
                 f"a friction law's name is one line of at most {_LONGEST_NAME} characters, not "
                 f"{shown(name)}"
             )
+        if not isinstance(self.two_sided, bool):
+            raise InputError(f"two_sided is True or False, not {shown(self.two_sided)}")
         if name in get_args(Friction) and type(self) is FrictionLaw:
             raise InputError(f"'{name}' is one of the paper's laws: choose another name")
 
@@ -223,6 +233,18 @@ class FrictionLaw:
         converted = tuple(number(term) for term in terms)
         return _Polynomial(self.name, self.force, self.two_sided, self.slope, converted)
 
+    def _refuse_uncompilable(self, problem: str) -> None:
+        """Raise InputError unless the force can be written as an expression of heyoka's."""
+        hy = heyoka_types()
+        values = {name: hy.par[index] for index, name in enumerate(_CONSTANTS)}
+        try:
+            self.deceleration(hy, hy.make_vars("sliding"), SimpleNamespace(**values), 1)
+        except Exception as fault:
+            raise InputError(
+                f"{problem} cannot be compiled ({str(fault).splitlines()[0]}): write one formula with "
+                f"the functions of ops, without conditions; an absolute value needs two_sided=True"
+            ) from fault
+
     def refuse_unusable(self, parameters: Any) -> None:
         """Raise InputError unless the law is odd, brakes, and has its slope and no rounded constant.
 
@@ -261,8 +283,9 @@ class FrictionLaw:
             raise InputError(f"{problem} is not odd in the sliding velocity")
         if not abs(slope - c.k) <= _SLACK * slope:
             raise InputError(
-                f"{problem} has the slope {float(slope * c.m):.10g} N s/m at zero, not "
-                f"{float(c.k * c.m):.10g}: give its slope"
+                f"{problem} has the slope {float(slope * c.m):.10g} N s/m at zero, which differs "
+                f"from its `slope`, {float(c.k * c.m):.10g}, by {float(slope / c.k - 1):.1e}: give "
+                f"its slope, or mend a rounded constant"
             )
         if not all(
             abs(rate - other) <= _WIDE_SLACK * rate
@@ -272,6 +295,7 @@ class FrictionLaw:
                 f"{problem} has a constant that is rounded to a double: use c.pi, and apply "
                 f"functions to expressions of gamma_y and c"
             )
+        self._refuse_uncompilable(problem)
 
 
 class _Recorder:
@@ -281,7 +305,7 @@ class _Recorder:
         self.names = {"m": None}  # every force is divided by the mass
 
     def __getattr__(self, name: str) -> float:
-        if name not in ("g", "m", "mu", "epsilon", "pi"):
+        if name not in _CONSTANTS:
             raise AttributeError(f"there is no constant '{name}': use m, g, mu, epsilon and pi")
         if name != "g":  # which the field takes anyway
             self.names[name] = None
