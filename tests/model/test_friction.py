@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import math
 import pickle
 from concurrent.futures import ProcessPoolExecutor
@@ -26,6 +27,21 @@ START = ("pi/2", "pi/2 + 0.4", 0)
 
 def weight(c: Any) -> Any:
     return c.mu * c.m * c.g
+
+
+def _tanh_with(ops: Any, x: Any, c: Any, height: float, sharpness: float) -> Any:
+    """Return tanh friction with a bump at 2 epsilon, of the width epsilon / sqrt(32 sharpness)."""
+    q, one = x / c.epsilon, c.epsilon / c.epsilon
+    place = q * q - 4
+    bump, at_zero = ops.exp(-sharpness * place * place), ops.exp(-16 * sharpness * one)
+    return -weight(c) * ops.tanh(q) * (1 + height * bump) / (1 + height * at_zero)
+
+
+def _two_levels(ops: Any, x: Any, c: Any, sharpness: int) -> Any:
+    """Return friction that rises to a second level at 2 epsilon."""
+    q = x / c.epsilon
+    rise = ops.tanh(sharpness * (q - 2)) + ops.tanh(sharpness * (q + 2))
+    return -weight(c) * (ops.tanh(q) + rise / 4)
 
 
 @pytest.mark.parametrize("law", [*LAWS.values(), *OWN_LAWS], ids=str)
@@ -96,6 +112,21 @@ def test_the_jacobian_is_the_fields_derivative(law: FrictionLaw) -> None:
             ),
             "give its slope",
         ),
+        (FrictionLaw("bump", lambda ops, x, c: _tanh_with(ops, x, c, 5, 10**6)), "narrow feature"),
+        (FrictionLaw("small", lambda ops, x, c: _tanh_with(ops, x, c, 1 / 4096, 200)), "narrow"),
+        (
+            FrictionLaw("two levels", lambda ops, x, c: _two_levels(ops, x, c, 100)),
+            "narrow feature",
+        ),
+        (
+            FrictionLaw(
+                "driving",
+                lambda ops, x, c: (
+                    -weight(c) * x / c.epsilon * (1 - x * x / (c.epsilon * c.epsilon) / 100)
+                ),
+            ),
+            "does not brake",
+        ),
         (FrictionLaw("typo", lambda ops, x, c: -c.nu * x), "cannot be computed"),
         (
             FrictionLaw(
@@ -106,7 +137,7 @@ def test_the_jacobian_is_the_fields_derivative(law: FrictionLaw) -> None:
         (FrictionLaw("text", lambda ops, x, c: "text"), "cannot be computed"),
         (
             FrictionLaw("root slope", LAWS["linear"].force, slope=lambda c: float(c.mu)),
-            "not rational",
+            "not a positive rational",
         ),
     ],
     ids=lambda part: str(part),
@@ -160,6 +191,31 @@ def test_a_bend_that_no_series_shows_is_not_passed(taylor: Taylor) -> None:
     distance = abs(found.state - truth.state.astype(float))
     assert (distance <= found.error.state + abs(found.state) * 2.0**-53).all()
     assert (found.error.state <= 1000 * abs(found.state) * 2.0**-53).all()
+
+
+@pytest.mark.parametrize("duration", ["0.2", "0.22", "1"])
+def test_a_feature_that_is_accepted_is_resolved(taylor: Taylor, duration: str) -> None:
+    """A bump of a quarter of the force, 1/8 of the velocity wide, which the run slides through."""
+    law = FrictionLaw("bump", lambda ops, x, c: _tanh_with(ops, x, c, 0.25, 0.5))
+    disk = tv.Disk("table1", friction=law)
+    request = tv.Request(disk, "30.4", ("pi/2", "pi/2 + 0.4", 20), duration)
+    found = taylor(replace(request, error_estimate=True))
+    truth = taylor(replace(request, precision=tv.bits(200)))
+    assert found.error is not None
+    distance = abs(found.state - truth.state.astype(float))
+    assert (distance <= found.error.state + abs(found.state) * 2.0**-53).all()
+    assert found.error.state.max() < 1e-10  # the bump itself moves the end by 1e-2
+
+
+def test_a_force_that_changes_is_another_law() -> None:
+    factor = [1]
+    force = lambda ops, x, c: -weight(c) * ops.tanh(factor[0] * x / c.epsilon) / factor[0]  # noqa: E731
+    before = FrictionLaw("mine", force)
+    factor[0] = 2
+    assert FrictionLaw("mine", force) != before
+    with pytest.raises(InputError, match="has changed"):
+        tv.Disk("table1", friction=before)
+    assert copy.deepcopy(before) is before
 
 
 def test_laws_of_one_name_are_never_confused(taylor: Taylor) -> None:

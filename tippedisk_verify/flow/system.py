@@ -143,7 +143,7 @@ def system_of(
         system.append((hy.make_vars("divergence"), slope))
     if law.has_guard:
         slip = SLIDING_REVERSAL.function(ops, constants, omega, *state)
-        guard = law.guard(ops.sin(state[0]) * slip, constants)
+        guard = law.guard(hy, ops.sin(state[0]) * slip, constants)
         system.append((hy.make_vars("guard"), guard))
     if variations:
         variables = dict(zip((*STATE_VARIATIONS, *names), (*state, *pars), strict=True))

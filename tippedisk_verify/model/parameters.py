@@ -25,6 +25,7 @@ from tippedisk_verify.files import output_file, write_text
 from tippedisk_verify.model.decimals import exact_text
 from tippedisk_verify.model.exact import PI, fraction, quotient, shown
 from tippedisk_verify.model.friction import LAWS, Friction, FrictionLaw, law_of
+from tippedisk_verify.model.friction_checks import refuse_unusable
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.precision import Precision
 from tippedisk_verify.model.results import Printable, result_lines
@@ -157,7 +158,7 @@ class Parameters(Printable):
         if law in LAWS.values():
             object.__setattr__(self, "friction", law.name)
         else:
-            law.refuse_unusable(self)
+            refuse_unusable(law, self)
 
     def _inconsistencies(self) -> list[str]:
         faults = []

@@ -1,0 +1,138 @@
+"""The checks of a user's friction law, when a disk takes it."""
+
+from __future__ import annotations
+
+import math
+from fractions import Fraction
+from types import SimpleNamespace
+from typing import Any
+
+from tippedisk_verify.errors import InputError
+from tippedisk_verify.model.exact import quotient
+from tippedisk_verify.model.friction import FORCE_CONSTANTS, FrictionLaw, constants_used
+from tippedisk_verify.model.precision import DOUBLE, EXTENDED, bits, companion, heyoka_types
+
+__all__ = ["refuse_unusable"]
+
+_CHECK_BITS = 256
+_VELOCITIES = (Fraction(1, 10), Fraction(1), Fraction(7))  # in epsilon
+_SLACK = 2.0**-128  # relative; half of the check's bits are left to the force's rounding
+#: Relative, between the force in quadruple precision and in the check's: a constant that is rounded
+#: to double differs by some 2^-54, and the rounding of some operations in quadruple by 2^-110.
+_WIDE_SLACK = 2.0**-80
+#: The sliding velocities of the scan for narrow features, in units of mu g / k, where the law bends.
+_SCANNED = (1e-3, 300.0)
+#: The scan fits a Chebyshev polynomial of this degree to the force on intervals of ln(gamma_y) of this
+#: length, and compares it at so many more places.
+_DEGREE, _LENGTH, _PLACES = 24, 0.3, 3000
+#: The largest distance from the polynomial, relative to the largest force. A step like tanh whose width
+#: is w of the velocity has its poles at pi w / 2 in ln(gamma_y). Its distance is rho^-24 of its height,
+#: with rho = d + sqrt(1 + d^2) and d = pi w / 0.3. A step as high as the force has this distance at
+#: w = 1/6, a Gaussian bump at a width of 1/12, and one of a millionth of the height at 1/22. Taylor
+#: series in double show these from farther away than the third of the velocity that the guard allows a
+#: step: the steps from 18 widths, the bumps from 8.
+_MISFIT = 1e-13
+
+
+def refuse_unusable(law: FrictionLaw, parameters: Any) -> None:
+    """Raise InputError unless a law is odd, brakes, can be compiled, and has no narrow feature.
+
+    Args:
+        law: The law.
+        parameters: The disk that takes it.
+
+    Raises:
+        InputError: The force cannot be computed or compiled, or a check fails.
+    """
+    problem = f"the friction law '{law}'"
+    if law.values != law.values_now():
+        raise InputError(f"{problem} has changed since it was made: make a new FrictionLaw")
+    try:
+        constants_used(law.force)  # raises AttributeError for others
+        slope = law.slope(parameters)
+    except Exception as fault:
+        raise InputError(f"{problem} cannot be computed: {fault}") from fault
+    if not isinstance(slope, Fraction) or slope <= 0:
+        raise InputError(f"{problem} has a slope that is not a positive rational number")
+    try:
+        _refuse_values(law, parameters, problem)
+        _refuse_uncompilable(law, problem)
+        _refuse_narrow_features(law, parameters, problem)
+    except InputError:
+        raise
+    except Exception as fault:
+        raise InputError(f"{problem} cannot be computed: {fault}") from fault
+
+
+def _refuse_values(law: FrictionLaw, parameters: Any, problem: str) -> None:
+    """Raise InputError unless the force is odd and brakes, with its slope and no rounded constant."""
+    ctx, wide = bits(_CHECK_BITS).context, companion(EXTENDED)
+    c, wide_c = parameters.within(ctx), parameters.at(wide)
+    velocities = [share * parameters.epsilon for share in _VELOCITIES]
+    forward = [law.deceleration(ctx, quotient(ctx, x), c) for x in velocities]
+    backward = [law.deceleration(ctx, -quotient(ctx, x), c) for x in velocities]
+    if not all(ctx.isfinite(rate) for rate in forward + backward):
+        raise InputError(f"{problem} has a force that is not a finite number")
+    if not all(rate > 0 for rate in forward):
+        raise InputError(f"{problem} does not brake: lambda_Ty must be negative for gamma_y > 0")
+    still = law.deceleration(ctx, ctx.zero, c, 1)
+    if abs(still) > _SLACK * forward[0] or not all(
+        abs(plus + minus) <= _SLACK * plus for plus, minus in zip(forward, backward, strict=True)
+    ):
+        raise InputError(f"{problem} is not odd in the sliding velocity")
+    slope = law.slope_at(ctx, ctx.zero, c, 1)
+    if not abs(slope - c.k) <= _SLACK * slope:
+        raise InputError(
+            f"{problem} has the slope {float(slope * c.m):.10g} N s/m at zero, which differs from "
+            f"its `slope`, {float(c.k * c.m):.10g}, by {float(slope / c.k - 1):.1e}: give its slope, "
+            f"or mend a rounded constant"
+        )
+    for x, rate in zip(velocities, forward, strict=True):
+        other = wide.mpf(law.deceleration(wide.ops, wide.number(x), wide_c))
+        if not abs(rate - other) <= _WIDE_SLACK * rate:
+            raise InputError(
+                f"{problem} has a constant that is rounded to a double: use c.pi, and apply "
+                f"functions to expressions of gamma_y and c"
+            )
+
+
+def _refuse_narrow_features(law: FrictionLaw, parameters: Any, problem: str) -> None:
+    """Raise InputError if the force varies much within a small part of the sliding velocity."""
+    import numpy
+    from numpy.polynomial import chebyshev
+
+    c, nodes = parameters.at(DOUBLE), chebyshev.chebpts1(_DEGREE + 1)
+    low, high = (math.log(share * c.traction / c.k) for share in _SCANNED)
+    middles = numpy.arange(low, high, _LENGTH)[:, None]
+    between = numpy.linspace(-1, 1, _PLACES)
+    places = numpy.exp(middles + _LENGTH / 2 * between)
+    rates = law.deceleration(numpy, places, c)
+    wrong = ~(rates >= 0) | ~numpy.isfinite(rates)
+    if wrong.any():
+        raise InputError(
+            f"{problem} does not brake, or is not finite, at gamma_y = {places[wrong][0]:.3g} m/s"
+        )
+    fitted = law.deceleration(numpy, numpy.exp(middles + _LENGTH / 2 * nodes), c)
+    values_between = numpy.linalg.solve(
+        chebyshev.chebvander(nodes, _DEGREE).T, chebyshev.chebvander(between, _DEGREE).T
+    )
+    away = abs(fitted @ values_between - rates)
+    if (away > _MISFIT * rates.max()).any():
+        where = places.flat[away.argmax()]
+        raise InputError(
+            f"{problem} varies within a small part of the sliding velocity near gamma_y = "
+            f"{where:.3g} m/s: an integrator's step could pass such a narrow feature"
+        )
+
+
+def _refuse_uncompilable(law: FrictionLaw, problem: str) -> None:
+    """Raise InputError unless the force can be written as an expression of heyoka's."""
+    hy = heyoka_types()
+    values = {name: hy.par[index] for index, name in enumerate(FORCE_CONSTANTS)}
+    try:
+        law.deceleration(hy, hy.make_vars("sliding"), SimpleNamespace(**values), 1)
+    except Exception as fault:
+        raise InputError(
+            f"{problem} cannot be compiled ({str(fault).splitlines()[0]}): write one formula with "
+            f"the functions of ops, without conditions; an absolute value needs two_sided=True"
+        ) from fault
