@@ -126,6 +126,7 @@ def test_a_solution_agrees_with_scipys(friction) -> None:
     # DOP853's error at this tolerance, where the smooth law's field bends
     assert abs(mine.y - theirs.y).max() < 1e-8
     assert (mine.uncertainty < 1e-11).all()
+    # The polynomial at a rounded time: its rounding times the largest rate of some hundred
     assert abs(mine(times[3]) - mine.y[:, 3]).max() < 1e-12
     assert mine(times[:4]).shape == (3, 4)
     assert mine.disk.friction == friction
@@ -238,6 +239,7 @@ def test_derivatives_by_parameters_hold_differences(friction, named, symbols) ->
         rounding = numpy.spacing(abs(truth))  # of the truth to a double
         assert (abs(slope.y - truth) <= slope.uncertainty + rounding).all()
         assert (abs(slope.end - truth[:, -1]) <= slope.end_uncertainty + rounding[:, -1]).all()
+        # Twelve digits of the motion leave eleven of its derivatives.
         assert (slope.uncertainty < 1e-11 * (1 + abs(truth))).all()
     assert numpy.array_equal(mine.by["gamma"].end, mine.transition[:, 1])
     assert set(mine.to_dict()["derivatives"]) == {"beta", "gamma", "v", *symbols}
@@ -250,6 +252,7 @@ def test_derivatives_by_parameters_have_as_many_digits_as_the_motion() -> None:
     )
     away = abs((rough.y - sharp.y).astype(float))
     assert (away <= rough.uncertainty).all()
+    # Eighteen digits of numbers up to ten
     assert (rough.uncertainty < 1e-17).all()
 
 

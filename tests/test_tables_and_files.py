@@ -76,6 +76,7 @@ def test_the_data_frame_next_to_omega_h_has_the_laws_in_columns() -> None:
     (line,) = study.to_dataframe().to_dict("records")
     assert (line["period"], line["double_resolves"]) == (float(row.period), row.double_resolves)
     assert [line[name] for name in LAWS] == [float(number) for number in row.law]
+    # Twelve digits of a period of some seconds
     assert row.law[2].uncertainty <= line["law_of_three_terms_uncertainty"] < 1e-11
 
 

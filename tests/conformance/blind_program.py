@@ -196,6 +196,7 @@ def half_cycle(p, Omega, smooth, guess):
         by = -(change + np.outer(speed, dtime))[1:]
         step = np.linalg.solve(np.eye(2) - by[:, :2], [HALF_PI - y[1] - x[0], -y[2] - x[1]])
         x = x + step
+        # The next step is its square.
         if max(abs(step)) < 1e-9:
             break
     else:
@@ -224,6 +225,7 @@ def connection(p, smooth):
         return len(gone) == 0 or orbit[gone[0], 1] > 3 * HALF_PI
 
     low, high = 29.8, 30.4
+    # Some hundred units in the last place of 30
     while high - low > 1e-12:
         middle = (low + high) / 2
         low, high = (middle, high) if passes(middle) else (low, middle)

@@ -37,6 +37,7 @@ def test_a_value_is_of_one_reading_in_all_that_it_does(reading) -> None:
     quantity = tv.reference(NEAR, reading=reading)
     value, uncertainty = (Fraction(text) for text in quantity.values[reading])
     other = tv.reference(NEAR, reading="doubles" if reading == "decimals" else "decimals")
+    # The seventh digit of 2.6 s is 1e-7.
     assert abs(other - quantity) > 1e-8
     assert (quantity.value, quantity.uncertainty) == (value, uncertainty)
     assert quantity.measured() == quantity.measured(reading)
@@ -98,14 +99,17 @@ def test_numpy_and_pytest_compare_on_either_side() -> None:
     ):
         np.testing.assert_allclose(left, right, rtol=DOUBLES)
     with pytest.raises(AssertionError, match="Not equal to tolerance"):
+        # 30.9 is off by 4e-4 of Omega_crit.
         np.testing.assert_allclose(30.9, quantity, rtol=1e-6)
     for own in (mine, np.float64(mine), np.array([mine]), mpmath.mpf(mine)):
         assert own == pytest.approx(quantity, rel=DOUBLES)
         assert quantity == pytest.approx(own, rel=DOUBLES)
     assert [mine] == pytest.approx([quantity], rel=DOUBLES)
     assert {"crit": quantity} == pytest.approx({"crit": mine}, rel=DOUBLES)
+    # A change of ten tolerances is seen from either side.
     assert mine * (1 + 1e-12) != pytest.approx(quantity, rel=1e-13)
     assert quantity != pytest.approx(mine * (1 + 1e-12), rel=1e-13)
+    # Thirty rad/s times a hundred roundings
     assert np.array([mine, mine]) - quantity == pytest.approx([0, 0], abs=1e-12)
 
 

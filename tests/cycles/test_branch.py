@@ -137,6 +137,7 @@ def test_a_cycle_at_a_time_is_its_orbit_and_periodic(kind: str) -> None:
     disk = Disk("table1")
     cycle = disk.limit_cycle("30.4") if kind == "librating" else disk.rotating_cycle("30.03")
     t, y = cycle.orbit(41)
+    # Two runs of one start: some hundred roundings of v and gamma, which are of order 10
     assert numpy.allclose(cycle(t[:-1]), y[:, :-1], rtol=0, atol=1e-12)
     period = float(cycle.period)
     turns = numpy.array([[0], [2 * math.pi * (kind == "rotating")], [0]])
@@ -146,6 +147,7 @@ def test_a_cycle_at_a_time_is_its_orbit_and_periodic(kind: str) -> None:
     since = float(t[7])
     start = [float(x) for x in y[:, 0]]
     flown = disk.integrate(cycle.omega, start, since).end.state
+    # The start as doubles, times the growth of its rounding within a period, some thousand
     assert numpy.allclose(cycle(since), flown, rtol=0, atol=1e-10)
     with pytest.raises(InputError):
         cycle([0.1, math.inf])

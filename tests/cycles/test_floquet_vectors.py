@@ -105,5 +105,6 @@ def test_a_matrix_prints_its_digits() -> None:
     entry = str(monodromy).splitlines()[3].split(",")[0]
     value, width = entry.split(" ± ")
     assert tv.Measured.of(value, width).holds(monodromy[0, 0])
+    # The cycle was asked for with 25 digits.
     assert float(width) < 1e-25
     assert monodromy.to_dict()["matrix"][0][0] == {"value": value.strip(), "uncertainty": width}

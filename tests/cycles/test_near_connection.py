@@ -97,6 +97,7 @@ def test_the_periods_slope_tends_to_the_laws(taylor) -> None:
     rows = PeriodContinuation(PRINTED, taylor).law_rows(unstable)
     lacking = [ratio - 1 for _, _, ratio in rows]
     assert lacking == sorted(lacking, reverse=True)
+    # The rows reach as close to Omega_h as doubles resolve.
     assert rows[-1][0] < 1e-9
     power = math.log(lacking[-2] / lacking[-1]) / math.log(rows[-2][0] / rows[-1][0])
     # The next power of the remainder is twice the first

@@ -52,6 +52,7 @@ def test_orbits_close(taylor) -> None:
     """
     for distance in ("1e-6", "1e-12"):
         _, states = cycle_above(PRINTED, distance, taylor).orbit(3, shifted=True)
+        # Rounding of the state, 1e-16, grows by 1 / D = 1e6 past the saddle.
         assert abs(states[:, 1] + states[:, 0]).max() < 1e-9
 
 
@@ -85,5 +86,6 @@ def test_monodromy_matrix(taylor, law) -> None:
     ).monodromy
     truth = EXTENDED.array(flown.matrix.ravel().tolist()).reshape(3, 3)
     assert (abs(quick.matrix - truth) <= quick.uncertainty + flown.uncertainty).all()
+    # As the cycle itself, the matrix comes with 13 digits and more.
     assert (quick.uncertainty < 1e-12).all()
     assert (flown.uncertainty < quick.uncertainty).all()

@@ -94,6 +94,7 @@ def test_table_2_converges_quadratically(taylor) -> None:
     assert shot.residuals[-1] < 32 * 2.0**-52  # some roundings of 1 to 2
     whole = shoot(ReturnMap(WHOLE_PERIOD, CALIBRATED, speed, taylor), (1.69, -1.72))
     assert abs(whole.image.time - float(limit_cycle(CALIBRATED, speed, taylor).period)) < 1e-12
+    # Below that a residual is rounding.
     drops = [math.log10(size) for size in whole.residuals if size > 1e-14]
     assert len(whole.residuals) <= 8
     assert drops[-1] < 1.6 * drops[-2] or drops[-1] < -12  # digits nearly double until round-off

@@ -31,6 +31,7 @@ def test_the_consistent_law_is_the_limit_and_the_printed_is_not() -> None:
             float(cycle.beta_max.value**2 / law.amplitude.value**2),
             float((cycle.period.value - crit) / (law.period.value - crit)),
         )
+    # The law errs by the square of the amplitude, which falls with the distance, 1e-4 rad/s here.
     assert all(abs(ratio - 1) < 1e-4 for ratio in ratios["consistent"])
     # Two to three per cent, as the normal form says (claims amplitude_law and period_law).
     assert 0.015 < 1 - ratios["printed"][0] < 0.03

@@ -151,6 +151,7 @@ def test_many_runs_at_once_start_there_too(friction) -> None:
             )
             assert [name for _, name in mine] == [record.name for record in alone.events]
             for (when, _), record in zip(mine, alone.events, strict=True):
+                # Two runs of one start: rounding of the state over its smallest rate at a crossing
                 assert abs(when - abs(record.time)) < 1e-12
 
 
@@ -177,6 +178,7 @@ def test_a_disk_that_lies_flat_at_once_ends_the_run(taylor: Taylor, more, precis
     } | more
     result = taylor(Request(**wanted, events=(LEVEL,), precision=precision))
     assert result.status is Status.FLAT
+    # beta = 1e-10 falls at the rate 1; the rate changes by 1e-10 of itself times its slope.
     assert abs(result.time - 1e-10) < 1e-16
     if "times" in more:
         assert abs(float(result.samples[0][0]) - 5e-11) < 1e-16
@@ -203,6 +205,7 @@ def test_another_event_next_to_the_start_is_no_start(taylor: Taylor, more) -> No
     result = taylor(request((0.0, 0.3, 1e-8), 0.1, SECTION, TURN, **more))
     assert result.status is Status.EVENT
     assert [record.name for record in result.events] == ["turn"]
+    # Relative 1e-8: v changes by its rate, which changes by 1e-10 s of its slope.
     assert abs(result.time - 1.656437567775737e-10) < 1e-18
 
 
@@ -279,6 +282,7 @@ def test_events_from_the_surface_are_those_of_scipy(
     assert mine.status is other.status
     assert len(mine.events) == len(other.events)
     for one, two in zip(mine.events, other.events, strict=True):
+        # SciPy's error in the state over the rate of a crossing, which is small near a touching
         assert abs(one.time - two.time) < 1e-7
     if not terminal and not direction:
         many = lanes(

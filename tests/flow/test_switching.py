@@ -62,6 +62,7 @@ def test_careful_runs_give_the_same(taylor, monkeypatch) -> None:
     monkeypatch.setattr(switching.FrictionSign, "lost", property(lambda sign: not sign.looks_ahead))
     slow = taylor(request)
     assert slow.status is fast.status
+    # Both err by rounding, which grows to some 1e-12 in three seconds.
     assert numpy.abs(slow.state - fast.state).max() < 1e-11
     assert numpy.abs(slow.samples - fast.samples).max() < 1e-11
     for most in (1, 7, 20):
@@ -120,6 +121,7 @@ def test_all_requested_reversals_are_found(taylor, precision) -> None:
 def test_a_reversal_ends_the_run_where_it_should(taylor) -> None:
     """Check terminal events in each direction; the start on the surface is no reversal."""
     whole = smooth("30.4", STARTS[1], 2, events=(_REVERSES,))
+    # Any time between the start, which may be on the surface, and the first reversal
     times = [float(record.time) for record in taylor(whole).events if float(record.time) > 1e-6]
     assert len(times) > 4
     ends = {}
@@ -176,6 +178,7 @@ def test_lanes_agree_with_single_runs_on_reversals_and_flat_disks(taylor) -> Non
         }
         assert bool(mine[flat.name]) == (alone.status is Status.FLAT)
         if alone.status is Status.REACHED:
+            # The lanes' rounding, grown in four seconds; a missed switch would be off by 1e-3.
             assert numpy.abs(found.states[k] - alone.state).max() < 1e-9
             theirs = [float(record.time) for record in alone.events]
             # Of two step sequences

@@ -65,6 +65,7 @@ def test_exponent_and_prefactor_of_the_range_of_hysteresis(taylor: Taylor) -> No
         assert abs(limit / mpmath.mpf(_FOLD_SPEED_CURVATURE) - 1) < left
         exponents = [mpmath.log(far / near, _SHRINKING) for far, near in pairwise(ranges)]
         off = mpmath.fprod(abs(exponent - 2) for exponent in exponents) * 3**3
+        # The bound itself is a share of the exponent, 2.
         assert off < 1e-2
         assert abs(extrapolated(exponents) - 2) < off
         slope = extrapolated(

@@ -118,6 +118,7 @@ def test_the_variational_coefficients_hold_those_of_arb() -> None:
 def _assert_within(found: BallArray, place: int, image: object) -> None:
     radius = float(found.radii[place])
     if radius < math.inf:
+        # The exact images are computed in 128 bits and more; they must not decide.
         assert image.rad() < 1e-30 * (1 + abs(image.mid()))
         assert not abs(image - arb(float(found.midpoints[place]))) > arb(radius)
 

@@ -162,4 +162,5 @@ def test_wide_boxes_and_few_bits_end_with_a_status() -> None:
         )
     with working_precision(24):
         short = carry(model(), start(), "0.5")
+        # Twenty-four bits hold seven digits.
         assert short.status is not None or max(part.rad() for part in short.state) > 1e-6

@@ -56,7 +56,9 @@ def test_the_flow_is_linear_in_the_chart(law) -> None:
     for point in (numpy.array(point, EXTENDED.type) for point in POINTS):
         chart = charts[0] if point[0] > 1e-3 else charts[1]
         if law == "linear" or abs(point).max() > 1e-3:
+            # Truncation and some hundred roundings of 64 bits
             assert residual(chart, parameters, point) < 1e-16
+        # Some roundings of 64 bits
         assert abs(chart.coordinates(chart.at(point)) - point).max() < 1e-18
 
 
@@ -67,4 +69,5 @@ def test_one_law_is_the_other_ones_image() -> None:
         ChartFamily(smooth, ORIGIN, side, 12, 4).at(EXTENDED.number(0)) for side in (1, -1)
     )
     for point in (numpy.array(point, EXTENDED.type) for point in POINTS):
+        # Some roundings of 64 bits, of coordinates of 0.1
         assert abs(one.at(point) + other.at(-point)).max() < 1e-19

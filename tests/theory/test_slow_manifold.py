@@ -94,6 +94,7 @@ def assert_exponent(sizes: list[Any], exponent: int) -> None:
     to a zero.
     """
     for coarse, fine in pairwise(sizes):
+        # 1e-20 times 1e12 is 1e-8; a hundred times more for a ratio next to a zero.
         assert abs(mpmath.log(coarse / fine, 2) - exponent) < 1e-6
 
 
@@ -198,6 +199,7 @@ def test_reduced_flow() -> None:
     # Fifty roundings
     assert float(-saddle.determinant) == pytest.approx(30.4**2 * 0.0025 / 0.0425, rel=1e-14)
     centre = reduced_equilibrium(PRINTED, omega, "inverted", 0)
+    # Again the rounding of pi/2
     assert abs(centre.trace) < 1e-30
     # Fifty roundings
     assert float(centre.determinant) == pytest.approx(30.4**2 * 0.0025 / 0.0475, rel=1e-14)
