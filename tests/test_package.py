@@ -63,7 +63,9 @@ def test_public_names_exist() -> None:
         _ = tv.nothing  # type: ignore[attr-defined]
 
 
-@pytest.mark.parametrize("name", ["", ".disk", ".model.measured", ".cycles.limit_cycle"])
+@pytest.mark.parametrize(
+    "name", ["", ".disk", ".model.measured", ".cycles.limit_cycle", ".cycles.monodromy"]
+)
 def test_the_examples_of_docstrings_run(name: str) -> None:
     module = import_module(f"tippedisk_verify{name}")
     finder, runner = doctest.DocTestFinder(), doctest.DocTestRunner()

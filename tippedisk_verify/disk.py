@@ -277,7 +277,7 @@ class Disk(Parameters):
         >>> sol.y.shape, sol.end.time, len(sol.events)
         ((3, 2), 10.0, 21)
         """
-        from tippedisk_verify.motion.solution import integrated
+        from tippedisk_verify.motion.integration import integrated
 
         if unknown:
             raise UnknownKeywordError(

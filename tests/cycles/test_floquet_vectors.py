@@ -9,7 +9,8 @@ import numpy
 import pytest
 
 import tippedisk_verify as tv
-from tippedisk_verify.cycles.limit_cycle import Cycle, FloquetVectors
+from tippedisk_verify.cycles.limit_cycle import Cycle
+from tippedisk_verify.cycles.monodromy import FloquetVectors
 
 _SLOW = pytest.mark.slow(minutes=0.2)
 

@@ -133,7 +133,7 @@ def _times(text: str, ends: list[str]) -> Sequence[Any]:
 
     The column may have the heading t.
     """
-    from tippedisk_verify.motion.solution import EvenTimes
+    from tippedisk_verify.motion.times import EvenTimes
 
     if not text.isdecimal():
         lines = read_text(Path(text), _LARGEST_FILE).splitlines()

@@ -25,7 +25,7 @@ from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import SYMBOLS, Parameters
 from tippedisk_verify.model.precision import checked_digits
-from tippedisk_verify.motion.solution import integrated
+from tippedisk_verify.motion.integration import integrated
 from tippedisk_verify.theory.equilibria import EquilibriumName, equilibrium
 from tippedisk_verify.theory.hopf import hopf_point, speed_below_crit
 

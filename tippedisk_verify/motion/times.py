@@ -1,0 +1,99 @@
+"""Exact times of a motion: evenly spaced ones, and spans and times as callers give them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from fractions import Fraction
+from typing import Any, overload
+
+import numpy
+
+from tippedisk_verify.errors import InputError
+from tippedisk_verify.model.decimals import at_place, decimal_magnitude, exact_decimals
+from tippedisk_verify.model.exact import Exact, exact, shown
+from tippedisk_verify.model.precision import DOUBLE, Precision
+
+__all__ = ["EvenTimes", "decimal_time", "since_start", "span_of"]
+
+_LATEST = 10**300  # s; doubles hold all times up to it
+_CUT_DIGITS, _CUT_BITS = 50, 400  # of a time whose decimals never end, and of its enclosure
+
+
+class EvenTimes(Sequence[Exact]):
+    """Evenly spaced times [s] from a start to an end, both included.
+
+    Each exact time is computed when it is accessed.
+
+    Args:
+        start: The first time [s].
+        end: The last time [s].
+        count: The number of times, at least 2.
+    """
+
+    def __init__(self, start: Exact, end: Exact, count: int) -> None:
+        self._start, self._step, self._count = start, (end - start) * Fraction(1, count - 1), count
+
+    def __len__(self) -> int:
+        return self._count
+
+    @overload
+    def __getitem__(self, index: int) -> Exact: ...
+    @overload
+    def __getitem__(self, index: slice) -> tuple[Exact, ...]: ...
+    def __getitem__(self, index: int | slice) -> Exact | tuple[Exact, ...]:
+        numbers = range(self._count)[index]
+        if isinstance(numbers, range):
+            return tuple(self._start + self._step * number for number in numbers)
+        return self._start + self._step * numbers
+
+    def rounded(self, precision: Precision) -> Any:
+        """Return the times (n,), each rounded once.
+
+        Args:
+            precision: The arithmetic.
+        """
+        if precision != DOUBLE or self._start.pi_multiple or self._step.pi_multiple:
+            return precision.sequence(tuple(self))
+        start, step = self._start.rational, self._step.rational
+        denominator = math.lcm(start.denominator, step.denominator)
+        first, more = (int(number * denominator) for number in (start, step))
+        return numpy.array([(first + more * number) / denominator for number in range(self._count)])
+
+
+def decimal_time(time: Exact) -> str:
+    """Return the exact time as a decimal, cut after fifty digits if it never ends."""
+    if not time.pi_multiple:
+        return exact_decimals(time.rational)[0]
+    low, high = time.enclosed(_CUT_BITS)
+    middle = (low + high) / 2
+    return at_place(middle, decimal_magnitude(middle) - _CUT_DIGITS)[0] if middle else "0"
+
+
+def span_of(time: Any) -> tuple[Exact, Exact]:
+    """Return the start and the end of the run [s] from a duration or a pair."""
+    ends = time if isinstance(time, tuple | list) or getattr(time, "ndim", False) else (0, time)
+    if len(ends) != 2:
+        raise InputError(
+            f"a time span is a duration or a pair (t0, t1), not {shown(time)}: "
+            f"`t_eval` takes more times"
+        )
+    start, end = exact(ends[0]), exact(ends[1])
+    if max(abs(start.rational), abs(end.rational)) > _LATEST:
+        raise InputError(f"a run starts and ends within 1e300 s of 0, not at {shown(time)}")
+    return start, end
+
+
+def since_start(start: Exact, end: Exact, times: Any) -> tuple[list[Exact], list[Exact]]:
+    """Return the exact times, and the same times since the start.
+
+    A time outside the run that equals one of its ends as a double means that end.
+    """
+    asked, length = list(map(exact, times)), float(end - start)
+    for n, time in enumerate(asked):
+        since, rounded = DOUBLE.number(time - start), DOUBLE.number(time)
+        if since * length < 0 and rounded == float(start):
+            asked[n] = start
+        elif abs(since) > abs(length) and rounded == float(end):
+            asked[n] = end
+    return asked, [time - start for time in asked]
