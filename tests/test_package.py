@@ -74,8 +74,9 @@ def test_the_examples_of_docstrings_run(name: str) -> None:
         for item in vars(module).values()
         if isinstance(item, type) and item.__module__ == module.__name__
     )
-    # None is found in a wrapper.
-    methods = (inspect.unwrap(member) for kind in classes for member in vars(kind).values())
+    # The finder looks neither into wrappers nor into cached properties.
+    members = (member for kind in classes for member in vars(kind).values())
+    methods = (inspect.unwrap(getattr(member, "func", member)) for member in members)
     for item in (module, *filter(inspect.isfunction, methods)):
         for test in finder.find(item, getattr(item, "__qualname__", None), module, vars(module)):
             runner.run(test)
