@@ -200,7 +200,13 @@ FOR_STARTERS = (
 )
 
 
-@pytest.mark.parametrize("language", STARTERS)
+@pytest.mark.parametrize(
+    "language",
+    [
+        pytest.param(name, marks=pytest.mark.slow(minutes=0.4) if name == "octave" else ())
+        for name in STARTERS
+    ],
+)
 def test_a_starter_is_short_and_right(language: str, store: Store, tmp_path: Path) -> None:
     """Level 1 to the digits of doubles, level 6 to those of its fixed step; what it does not
     answer stays empty.

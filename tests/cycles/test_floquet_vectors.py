@@ -37,7 +37,7 @@ def _applied(vectors: FloquetVectors, vector: tuple[tv.Measured, ...]) -> list[t
     [
         ("librating", "0"),
         ("librating", "0.3"),
-        ("wide", "0"),
+        pytest.param("wide", "0", marks=_SLOW),
         pytest.param("rotating", "0.5", marks=_SLOW),
         pytest.param("smooth", "0.3", marks=_SLOW),
         pytest.param("next to Omega_h", "0", marks=_SLOW),

@@ -100,7 +100,7 @@ def test_baselines_agree_with_each_other(method: str, friction) -> None:
 
 
 def test_derivatives_agree_between_engines(taylor: Taylor) -> None:
-    request = Request(PRINTED, "30.4", STARTS[1], 2, variations=ALL_VARIATIONS)
+    request = Request(PRINTED, "30.4", STARTS[1], "0.5", variations=ALL_VARIATIONS)
     mine = taylor(request).derivatives
     theirs = Baseline("DOP853")(request).derivatives
     scale = abs(mine).max(axis=0)

@@ -478,10 +478,10 @@ KINDS = (
     Kind("harmonic balance", balanced, 2, 10, 0.15, flown=False),
     Kind("branch", branch, 1, 3, 0.3),
     Kind("folds", folds, 0, 2, 0.2),
-    Kind("next to Omega_h", partial(next_to_omega_h, law="linear"), 1, 2, 0.3),
+    Kind("next to Omega_h", partial(next_to_omega_h, law="linear"), 0, 2, 0.3),
     Kind("next to Omega_h, smooth", partial(next_to_omega_h, law="smooth"), 0, 2, 0.5),
     # Eight times the largest of four errors that are four times as large.
-    Kind("by passages", by_passages, 1, 60, 30, widest=300),
+    Kind("by passages", by_passages, 0, 60, 30, widest=300),
     Kind("Omega_h by manifolds", partial(connection, method="manifolds"), 1, 3, 0.1),
     Kind("Omega_h by limit cycles", partial(connection, method="limit-cycles"), 1, 2, 0.1),
     Kind("Omega_h by bisection", partial(connection, method="bisection"), 2, 4, 0.1),
@@ -495,7 +495,7 @@ KINDS = (
     ),
     Kind("rotating cycle", partial(rotating, law="linear"), 1, 5, 0.3),
     Kind("rotating cycle, smooth", partial(rotating, law="smooth"), 0, 2, 0.25),
-    Kind("fold of rotating cycles", rotation_fold, 1, 2, 0.2),
+    Kind("fold of rotating cycles", rotation_fold, 0, 2, 0.3),
     Kind("rotating, next to Omega_h", below_omega_h, 0, 2, 0.4),
     Kind("basin boundary", basin_boundary, 1, 2, 0.2, flown=False),
 )

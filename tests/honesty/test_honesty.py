@@ -23,8 +23,7 @@ from tippedisk_verify.model.parameters import PRINTED
 
 #: Other draws than those of every run: DRAWS_SEED=7 python -m pytest tests/honesty -m slow
 SEED = int(os.environ.get("DRAWS_SEED", "1"))
-#: Draws that take some seconds each: what is planted there is noticed in the slow tests, by the
-#: draws of every run.
+#: Kinds whose draws take some seconds each. The slow tests plant half-widths in their first draws.
 LONG = (
     "slow manifold",
     "limit cycle",
@@ -65,11 +64,12 @@ def test_more_draws_hold(kind: Kind) -> None:
 )
 def test_a_half_width_a_hundred_times_too_narrow_is_noticed(where: str) -> None:
     kind = kind_named(PLANTS[where])
-    for index in range(kind.draws):
+    draws = max(kind.draws, 4)  # not every draw takes the way that is planted
+    for index in range(draws):
         found = run(kind, index, planted=planted(where))
         if any(not number.holds for number in found.numbers):
             return
-    pytest.fail(f"{kind.draws} draws of '{kind.name}' do not notice")
+    pytest.fail(f"{draws} draws of '{kind.name}' do not notice")
 
 
 # ------------------------------------------------------------------------------------------ harness

@@ -264,6 +264,7 @@ def test_what_is_for_the_papers_laws_is_refused() -> None:
         tv.one_harmonic(disk, "30.4")
 
 
+@pytest.mark.slow(minutes=0.4)
 def test_cycles_near_the_hopf_point_feel_the_law_at_high_order(taylor: Taylor) -> None:
     """Cycles of two laws with one slope, next to the Hopf point, to 24 digits.
 

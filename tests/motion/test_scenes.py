@@ -96,7 +96,8 @@ def test_between_fold_and_omega_h_orbits_rotate_for_good(taylor, friction) -> No
         assert set(orbit.ending.to_dict()) == {"kind", "reason", "beta_bar_at_top"}
 
 
-@pytest.mark.parametrize("friction", ["linear", pytest.param("smooth", marks=pytest.mark.slow)])
+@pytest.mark.slow(minutes=0.3)
+@pytest.mark.parametrize("friction", ["linear", "smooth"])
 def test_orbits_that_only_slow_down_near_the_fold_are_not_taken_for_cycles(
     taylor, friction
 ) -> None:
