@@ -58,7 +58,7 @@ def test_more_draws_hold(kind: Kind) -> None:
 @pytest.mark.parametrize(
     "where",
     [
-        pytest.param(where, marks=pytest.mark.slow(minutes=0.2) if PLANTS[where] in LONG else ())
+        pytest.param(where, marks=pytest.mark.slow(minutes=0.5) if PLANTS[where] in LONG else ())
         for where in PLANTS
     ],
 )
