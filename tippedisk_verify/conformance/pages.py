@@ -220,7 +220,7 @@ class Report(Printable):
         """Return a pandas data frame with a row for each grade, as in ``grades`` of `to_dict`.
 
         Raises:
-            InputError: pandas is not installed.
+            InputError: If pandas is not installed.
         """
         return data_frame([grade.to_dict() for grade in self.grades])
 

@@ -60,7 +60,7 @@ class Draw:
 
 @lru_cache(maxsize=4096)
 def drawn_disk(seed: int, number: int) -> Disk:
-    """Return a drawn disk.
+    """Return the disk that a seed and a number determine.
 
     Its limit cycles are born stable at Omega_crit, as the paper's are. Table 1 lies among these
     disks.
