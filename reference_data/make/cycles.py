@@ -101,8 +101,8 @@ class _Period:
         rates = field(precision.ops, case.disk.at(precision), number(omega), case.disk.friction)
         self.flow = [mpf(rate) for rate in rates(*state)]  #: (beta', gamma', v') at the end
         aims = [angle, PI * Fraction(3, 2), free[1]] if rotating else start
-        #: The end minus the start (for a rotating cycle, with gamma reduced by a turn), and its
-        #: derivatives with respect to the free angle and v at the start, and the period.
+        #: The end minus the start; for a rotating cycle, gamma is first reduced by a turn. The
+        #: matrix has its derivatives with respect to the free angle, v at the start, and the period.
         self.away = [mpf(end - number(aim)) for end, aim in zip(state, aims, strict=True)]
         axes = (0, 2) if rotating else (1, 2)
         self.bordered = [

@@ -260,7 +260,7 @@ class Request:
         return self.error_estimate and self.precision == DOUBLE and not self.variations
 
     def starting_at(self, state: Sequence[object], rounding: int | None = None) -> Request:
-        """Return the same request from another state.
+        """Return a copy of the request that starts from another state.
 
         Only the state is checked again, so this takes a fraction of the time of `replace`.
 

@@ -217,7 +217,7 @@ class _Crossing(NamedTuple):
 
 
 class _Run:
-    """One run with the error that its defect has caused."""
+    """A run in doubles, with the error that its defect has caused along it."""
 
     def __init__(self, request: Request, result: Result, method: _Method) -> None:
         self.wide, self.uncorrected = method.wide, request.digits <= PLAIN_DIGITS

@@ -28,7 +28,7 @@ _DEGREE, _LENGTH, _PLACES = 24, 0.3, 3000
 #: The largest distance from the polynomial, relative to the largest force. A step like tanh whose width
 #: is w of the velocity has its poles at pi w / 2 in ln(gamma_y). Its distance is rho^-24 of its height,
 #: with rho = d + sqrt(1 + d^2) and d = pi w / 0.3. A step as high as the force has this distance at
-#: w = 1/6, a Gaussian bump at a width of 1/12, and one of a millionth of the height at 1/22. Taylor
+#: w = 1/6. A Gaussian bump has it at a width of 1/12, and one of a millionth of the height at 1/22. Taylor
 #: series in double show these from farther away than the third of the velocity that the guard allows a
 #: step: the steps from 18 widths, the bumps from 8.
 _MISFIT = 1e-13

@@ -41,7 +41,9 @@ _INFINITE = "infinite"
 
 
 def saved_numbers(value: Any) -> Any:
-    """Return a number as an exact text, and lists and arrays as lists of these; None stays None.
+    """Convert numbers to the exact entries of a file, and lists and arrays to lists of entries.
+
+    None stays None.
 
     Args:
         value: A number of any kind, or a list or an array of numbers.

@@ -44,7 +44,7 @@ class StoredItem:
     quantities: tuple[Quantity, ...]
 
     def values(self, reading: Reading) -> Values:
-        """Return the stored numbers by name, as `reading` takes the inputs."""
+        """Return the stored numbers for one reading of the inputs, by name."""
         return {quantity.name: quantity.measured(reading) for quantity in self.quantities}
 
 
