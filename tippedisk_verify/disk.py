@@ -101,7 +101,7 @@ class Disk(Parameters):
 
     @classmethod
     def read(cls, path: str | PathLike[str], friction: Friction | FrictionLaw = "linear") -> Disk:
-        """Read a disk from a TOML file of decimals.
+        """Return the disk that a TOML file of decimals describes.
 
         Args:
             path: The file, with the keys that `Parameters.from_toml` describes.

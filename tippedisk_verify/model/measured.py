@@ -350,7 +350,7 @@ class Measured(Bounded):
 
     @classmethod
     def of(cls, value: object, uncertainty: object) -> Measured:
-        """Construct a number with a half-width, from arguments of any type.
+        """Return a new number with a half-width, from arguments of any type.
 
         Args:
             value: A number of any kind, or a decimal as text.

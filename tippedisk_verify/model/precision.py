@@ -174,7 +174,7 @@ class Precision:
         return self._from_mantissa(*exact(number).rounded(self.bits))
 
     def array(self, values: Sequence[object]) -> Any:
-        """Round each value as `number` does and return a one-dimensional array.
+        """Return a one-dimensional array of the values, each rounded as `number` does.
 
         MPFR numbers are stored as objects.
 
