@@ -41,9 +41,9 @@ def default_folder() -> Path | None:
 
 
 def code_folder() -> Path | None:
-    """Return the folder for compiled code; None if nothing is to be cached.
+    """Return the folder for compiled code; None if caching is off.
 
-    It is the folder of `default_folder`, and also given if only compiled code is to be cached.
+    Setting the variable to ``code`` keeps compiled code only, in the default folder.
     """
     chosen = os.environ.get(VARIABLE, _CODE)
     if chosen.strip().lower() != _CODE:

@@ -122,7 +122,7 @@ def entry() -> NoReturn:
 def _report_error(message: str, status: int) -> int:
     """Print one line on standard error and return ``status``.
 
-    Output that could not be written to standard output is given up.
+    Output that cannot be written to standard output is discarded.
     """
     # Import nothing here: there may be no memory left for it.
     line = "".join(

@@ -70,7 +70,7 @@ class Disk(Parameters):
         values: Parameters by name, which replace those of the named set.
 
     Raises:
-        InputError: A parameter is missing or unknown, or `Parameters` refuses the values.
+        InputError: If a parameter is missing or unknown, or `Parameters` refuses the values.
     """
 
     __slots__ = ()
@@ -101,14 +101,14 @@ class Disk(Parameters):
 
     @classmethod
     def read(cls, path: str | PathLike[str], friction: Friction | FrictionLaw = "linear") -> Disk:
-        """Return the disk in a TOML file of decimals.
+        """Return the disk that a TOML file of decimals describes.
 
         Args:
             path: The file, with the keys that `Parameters.from_toml` describes.
             friction: ``linear``, ``smooth`` or a `FrictionLaw`.
 
         Raises:
-            InputError: The file or its values cannot be used.
+            InputError: If the file or its values cannot be used.
         """
         known = Parameters.from_toml(path)
         values = {item.name: getattr(known, item.name) for item in fields(known) if item.init}
@@ -117,8 +117,9 @@ class Disk(Parameters):
     # --------------------------------------------------------------------------------- closed forms
     @property
     def omega_crit(self) -> Measured:
-        """The critical speed Omega_crit [rad/s], where inverted spinning loses stability (Eq.
-        approx_omega_crit).
+        """The critical speed Omega_crit [rad/s], where inverted spinning loses stability.
+
+        Its source is Eq. approx_omega_crit.
         """
         from tippedisk_verify.theory.hopf import omega_crit
 
@@ -147,8 +148,8 @@ class Disk(Parameters):
             digits: Significant digits of the distance.
 
         Raises:
-            InputError: Not exactly one is given, or it cannot be used.
-            NoConnectionError: The disk has no Omega_h.
+            InputError: If not exactly one of the four is given, or it cannot be used.
+            NoConnectionError: If the disk has no Omega_h.
         """
         from tippedisk_verify.theory.hopf import speed_below_crit
 
@@ -178,7 +179,7 @@ class Disk(Parameters):
             digits: Significant digits of each eigenvalue.
 
         Raises:
-            InputError: An argument cannot be used.
+            InputError: If an argument cannot be used.
         """
         from tippedisk_verify.theory.equilibria import equilibrium, kind_changes
 
@@ -193,7 +194,7 @@ class Disk(Parameters):
             digits: Significant digits of each main result.
 
         Raises:
-            InputError: The disk has the smooth friction law.
+            InputError: If the friction law has two analytic sides, as the smooth law has.
         """
         from tippedisk_verify.theory.hopf import hopf_point
 
@@ -217,7 +218,7 @@ class Disk(Parameters):
             digits: Significant digits of each order.
 
         Raises:
-            InputError: The disk has the smooth friction law, or an argument cannot be used.
+            InputError: If the friction law is not the linear one, or an argument cannot be used.
         """
         from tippedisk_verify.theory.slow_manifold import analyse_slow_manifold
 
@@ -258,9 +259,9 @@ class Disk(Parameters):
                 "section" (beta = pi/2), "turn" (v = 0) and "surface" (sliding velocity gamma_y = 0)
                 record the crossings.
             variations: "state", "omega" and the names of parameters, such as "mu", add the
-                derivatives of the end and of the states by them (``by``).
-            shifted: Angles are beta_bar and gamma_bar, measured from pi/2.
-            max_steps: The largest number of steps; the default allows about 2800 s of motion.
+                derivatives of the end and of the states with respect to them (``by``).
+            shifted: True if angles are beta_bar and gamma_bar, measured from pi/2.
+            max_steps: The maximum number of steps; the default allows about 2800 s of motion.
             half_widths: If False, integrate once without measuring the error. This takes a fraction
                 of the time, and all half-widths are infinite.
             engine: The integrator.
@@ -270,7 +271,7 @@ class Disk(Parameters):
             The solution, with ``t`` (n,), ``y`` (3, n) and ``uncertainty`` (3, n).
 
         Raises:
-            InputError: An argument cannot be used.
+            InputError: If an argument cannot be used.
 
         >>> disk = Disk("table1")
         >>> sol = disk.integrate("30.4", ("pi/2", 2, 0), (0, 10), t_eval=[1, 2], events="section")
@@ -297,7 +298,7 @@ class Disk(Parameters):
             omega: The spinning speed [rad/s].
 
         Raises:
-            InputError: ``omega`` is not a positive decimal.
+            InputError: If ``omega`` is not a positive decimal.
 
         >>> disk = Disk("table1")
         >>> [f("30.4")(0, [1.5, 1.6, 0.0]).shape for f in (disk.rhs, disk.jacobian)]
@@ -316,7 +317,7 @@ class Disk(Parameters):
             omega: The spinning speed [rad/s].
 
         Raises:
-            InputError: ``omega`` is not a positive decimal.
+            InputError: If ``omega`` is not a positive decimal.
         """
         from tippedisk_verify.model.arrays import OnArrays
 
@@ -337,7 +338,7 @@ class Disk(Parameters):
             The initial states and the outcome of each, as arrays (rows, columns).
 
         Raises:
-            InputError: An argument cannot be used.
+            InputError: If an argument cannot be used.
         """
         from tippedisk_verify.motion.basins import basins
 
@@ -352,7 +353,7 @@ class Disk(Parameters):
             engine: The integrator.
 
         Raises:
-            NoSuchCycleError: No unstable rotating cycle was found, as in `rotating_cycle`.
+            NoSuchCycleError: If no unstable rotating cycle was found, as in `rotating_cycle`.
         """
         from tippedisk_verify.motion.basin_boundary import BasinBoundary
 
@@ -370,7 +371,7 @@ class Disk(Parameters):
             The panel with both orbits and their attractors.
 
         Raises:
-            InputError: There is no such panel, or ``omega_h`` is not a speed.
+            InputError: If there is no such panel, or ``omega_h`` is not a speed.
         """
         from tippedisk_verify.motion.scenes import compute, scene_named
 
@@ -396,7 +397,7 @@ class Disk(Parameters):
         """Find the limit cycle about inverted spinning at a speed.
 
         Exactly one of the first three arguments is given. Where a speed has several cycles, the
-        result is the stable one unless ``stable`` says otherwise.
+        result is the stable one unless ``stable`` is False.
 
         Args:
             omega: The speed [rad/s].
@@ -404,8 +405,9 @@ class Disk(Parameters):
             above_het: A distance above Omega_h [rad/s].
             stable: Ask for the stable or the unstable cycle; not with ``above_het``.
             digits: Significant digits of each main result.
-            half_widths: False computes once in the first arithmetic that holds the digits and does
-                not measure the error. Next to Omega_h half-widths cost nothing and come anyway.
+            half_widths: False computes once, in the first arithmetic that holds the digits, and
+                does not measure the error. Next to Omega_h half-widths cost nothing, so they are
+                always given.
             engine: The integrator.
 
         Returns:
@@ -413,9 +415,9 @@ class Disk(Parameters):
                 half-widths.
 
         Raises:
-            InputError: Not exactly one speed is given, or it cannot be used.
-            NoSuchCycleError: There is no such cycle, or none was found.
-            AccuracyError: The digits were not reached.
+            InputError: If not exactly one speed is given, or it cannot be used.
+            NoSuchCycleError: If there is no such cycle, or none was found.
+            AccuracyError: If the digits were not reached.
         """
         from tippedisk_verify.cycles.at_speed import cycle_at
 
@@ -454,9 +456,10 @@ class Disk(Parameters):
             The cycle with its harmonics and half-widths.
 
         Raises:
-            InputError: The disk has the smooth friction law, or an argument cannot be used.
-            NoSuchCycleError: There is no such cycle, or none was found.
-            AccuracyError: The digits were not reached.
+            InputError: If the friction law has two analytic sides, as the smooth law has, or an
+                argument cannot be used.
+            NoSuchCycleError: If there is no such cycle, or none was found.
+            AccuracyError: If the digits were not reached.
         """
         from tippedisk_verify.cycles.spectral import balanced_cycle
 
@@ -476,7 +479,7 @@ class Disk(Parameters):
             The folds with their speeds [rad/s] and half-widths.
 
         Raises:
-            AccuracyError: The family cannot be followed, or the digits were not reached.
+            AccuracyError: If the family cannot be followed, or the digits were not reached.
         """
         from tippedisk_verify.cycles.folds import libration_folds
         from tippedisk_verify.cycles.locator import locator
@@ -497,7 +500,7 @@ class Disk(Parameters):
         half_widths: bool = True,
         engine: Engine | None = None,
     ) -> RotatingCycle:
-        """Find the rotating limit cycle, on which gamma grows by 2 pi a period, at a speed.
+        """Find the rotating limit cycle at a speed, on which gamma grows by 2 pi in each period.
 
         Exactly one of the first three arguments is given. Stable cycles lie between the family's
         fold and Omega_h; unstable ones lie above the fold.
@@ -508,8 +511,9 @@ class Disk(Parameters):
             below_het: A distance below Omega_h [rad/s], for stable cycles only.
             stable: Ask for the stable or the unstable cycle.
             digits: Significant digits of each main result.
-            half_widths: False computes once in the first arithmetic that holds the digits and does
-                not measure the error. Next to Omega_h half-widths cost nothing and come anyway.
+            half_widths: False computes once, in the first arithmetic that holds the digits, and
+                does not measure the error. Next to Omega_h half-widths cost nothing, so they are
+                always given.
             engine: The integrator.
 
         Returns:
@@ -517,9 +521,9 @@ class Disk(Parameters):
                 half-widths.
 
         Raises:
-            InputError: Not exactly one speed is given, or it cannot be used.
-            NoSuchCycleError: There is no such cycle, or none was found.
-            AccuracyError: The digits were not reached.
+            InputError: If not exactly one speed is given, or it cannot be used.
+            NoSuchCycleError: If there is no such cycle, or none was found.
+            AccuracyError: If the digits were not reached.
         """
         from tippedisk_verify.cycles.at_distance import rotating_below
         from tippedisk_verify.cycles.at_speed import rotating_cycle
@@ -558,8 +562,8 @@ class Disk(Parameters):
             The cycles in order; a `MissingCycle` stands for each speed without a cycle.
 
         Raises:
-            InputError: A speed cannot be used.
-            NoSuchCycleError: No speed has a cycle.
+            InputError: If a speed cannot be used.
+            NoSuchCycleError: If no speed has a cycle.
         """
         from tippedisk_verify.cycles.branch import (
             DEFAULT_ROTATIONS,
@@ -583,8 +587,8 @@ class Disk(Parameters):
             The fold with its speed [rad/s] and half-widths.
 
         Raises:
-            NoSuchCycleError: There is no such fold, or none was found.
-            AccuracyError: The digits were not reached.
+            NoSuchCycleError: If there is no such fold, or none was found.
+            AccuracyError: If the digits were not reached.
         """
         from tippedisk_verify.cycles.folds import rotation_fold
         from tippedisk_verify.cycles.locator import locator
@@ -610,8 +614,8 @@ class Disk(Parameters):
             omegas: The speeds [rad/s]; a single text or number is one speed. If left out, an even
                 overview of the family.
             paper_sets: Use the paper's speeds A^in and A^de.
-            half_widths: False leaves out half-widths, as in `limit_cycle`; with a hundred speeds or
-                more they come anyway.
+            half_widths: False leaves out half-widths, as in `limit_cycle`. With a hundred speeds or
+                more they are always given.
             engine: The integrator.
             progress: False hides the progress bar, which appears on standard error after two
                 seconds.
@@ -620,8 +624,8 @@ class Disk(Parameters):
             The branch. A speed without a cycle has a row with the reason.
 
         Raises:
-            InputError: A speed cannot be used.
-            NoSuchCycleError: No speed has a cycle; the error is that of the first speed.
+            InputError: If a speed cannot be used.
+            NoSuchCycleError: If no speed has a cycle; the error is that of the first speed.
         """
         from tippedisk_verify.cycles.branch import (
             DEFAULT_COUNT,
@@ -662,9 +666,9 @@ class Disk(Parameters):
             Omega_h [rad/s] with its half-width, and numbers of the connection.
 
         Raises:
-            NoConnectionError: The disk has no connection.
-            InputError: ``method`` is not known.
-            AccuracyError: The digits were not reached.
+            NoConnectionError: If the disk has no connection.
+            InputError: If ``method`` is not known.
+            AccuracyError: If the digits were not reached.
         """
         from tippedisk_verify.cycles.omega_h import heteroclinic
 
@@ -673,10 +677,10 @@ class Disk(Parameters):
         )
 
     def sensitivity(self, *, digits: int = 12, engine: Engine | None = None) -> Sensitivity:
-        """Return the derivatives of Omega_crit and Omega_h by every parameter of the disk.
+        """Return the derivatives of Omega_crit and Omega_h with respect to the disk's parameters.
 
-        The rows are ``omega_crit`` and, if there is a connection, ``omega_h``. A cycle's numbers
-        have theirs in `LimitCycle.sensitivity`.
+        The rows are ``omega_crit`` and, if there is a connection, ``omega_h``. For the numbers of a
+        cycle, use `LimitCycle.sensitivity`.
 
         Args:
             digits: Significant digits of Omega_crit and of most derivatives.
@@ -686,8 +690,8 @@ class Disk(Parameters):
             The table, in SI units, with half-widths.
 
         Raises:
-            InputError: The digits cannot be used, or a parameter cannot be moved, such as B = A.
-            AccuracyError: The digits were not reached.
+            InputError: If the digits cannot be used, or a parameter cannot be moved, such as B = A.
+            AccuracyError: If the digits were not reached.
 
         >>> slopes = Disk("table1").sensitivity()
         >>> print(f"{slopes['omega_crit']['g']:.8g} {slopes['omega_h']['mu']:.8g}")
@@ -704,7 +708,7 @@ class Disk(Parameters):
         answers: Sequence[Sequence[object]] | None = None,
         engine: Engine | None = None,
     ) -> NearHeteroclinic:
-        """Study accuracy next to Omega_h.
+        """Compute cycles next to Omega_h, and the accuracy that is possible there.
 
         Args:
             distances: The distances above Omega_h [rad/s], a list of decimals.
@@ -717,7 +721,7 @@ class Disk(Parameters):
             and what a double of Omega resolves. A row for each answer: its error.
 
         Raises:
-            InputError: A distance or an answer is not such a number.
+            InputError: If a distance or an answer is not such a number.
             NoSuchCycleError: As for `limit_cycle`.
             AccuracyError: As for `limit_cycle` and `heteroclinic`.
         """
@@ -736,7 +740,7 @@ class Disk(Parameters):
         return Certifier(self)
 
     def _speed(self, omega: object, below_crit: object, digits: int) -> Measured:
-        """Return a speed with its half-width, which comes from Omega_crit."""
+        """Return a speed, given directly or by its distance below Omega_crit, with its half-width."""
         from tippedisk_verify.theory.hopf import speed_below_crit
 
         if below_crit is None:

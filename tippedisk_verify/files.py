@@ -46,7 +46,7 @@ def output_folder(path: str | Path) -> Path:
         path: The folder.
 
     Raises:
-        InputError: The folder cannot be used.
+        InputError: If the folder cannot be used.
     """
     folder = Path(path)
     with _refused(f"output folder {_named(folder)} cannot be written"):
@@ -61,13 +61,13 @@ def output_folder(path: str | Path) -> Path:
 
 
 def output_file(path: str) -> Path:
-    """Return the path of a file to write.
+    """Check that a file may be written at a path, and return the path.
 
     Args:
         path: The file.
 
     Raises:
-        InputError: The path cannot be that of a file.
+        InputError: If the path cannot be that of a file.
     """
     file = Path(path)
     with _refused(f"'{_named(file)}' cannot be written"):
@@ -109,7 +109,7 @@ def write_bytes(path: Path, content: bytes) -> Path:
         The path of the file written.
 
     Raises:
-        InputError: The path is not that of a regular file, or cannot be written.
+        InputError: If the path is not that of a regular file, or cannot be written.
     """
     path = path.resolve() if path.is_symlink() else path
     with _refused(f"{_named(path)} cannot be written"), unbroken():
@@ -142,7 +142,7 @@ def write_text(path: Path, content: str) -> Path:
         The path of the file written.
 
     Raises:
-        InputError: The file cannot be written.
+        InputError: If the file cannot be written.
     """
     return write_bytes(path, content.encode())
 
@@ -175,20 +175,20 @@ def write_csv(path: Path, header: Sequence[str], rows: Iterable[Sequence[object]
         The path of the file written.
 
     Raises:
-        InputError: The file cannot be written.
+        InputError: If the file cannot be written.
     """
     return write_text(path, csv_text(header, rows))
 
 
 def file_ending_in(path: str, *kinds: str) -> Path:
-    """Return the path of a file to write whose name ends in one of ``kinds``, such as ".csv".
+    """Check the path of a file to write and its ending, such as ".csv", and return the path.
 
     Args:
         path: The file.
         kinds: The allowed endings, in lower case.
 
     Raises:
-        InputError: The name has another ending, the path cannot be that of a file, or Parquet is
+        InputError: If the name has another ending, the path cannot be that of a file, or Parquet is
             asked for without pyarrow.
     """
     file = output_file(path)
@@ -211,7 +211,7 @@ def write_table(path: Path, rows: Sequence[Mapping[str, str]]) -> Path:
         The path of the file written.
 
     Raises:
-        InputError: The file cannot be written.
+        InputError: If the file cannot be written.
     """
     columns = list(dict.fromkeys(name for row in rows for name in row))
     if path.suffix.lower() == ".csv":
@@ -237,8 +237,8 @@ def alone(lock: Path, refusal: str) -> Iterator[None]:
         refusal: The message for the case that another run holds the lock.
 
     Raises:
-        InputError: Another run holds the lock, the file system has no locks, or the path is a link
-            or not a regular file.
+        InputError: If another run holds the lock, the file system has no locks, or the path is a
+            link or not a regular file.
     """
     import fcntl
 
@@ -249,7 +249,7 @@ def alone(lock: Path, refusal: str) -> Iterator[None]:
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
             # Its last holder may have ended and removed it since it was opened.
             held = os.path.samestat(os.fstat(handle), os.lstat(lock))
-        # The second from a network's file system
+        # A network file system raises the second
         except (BlockingIOError, PermissionError, FileNotFoundError):
             held = False
         except OSError as fault:
@@ -270,7 +270,7 @@ def sole_writer(path: str | Path) -> Iterator[Path]:
         path: The folder.
 
     Raises:
-        InputError: Another run does, or the folder cannot be used.
+        InputError: If another run writes there, or the folder cannot be used.
     """
     folder = output_folder(path)
     remove = partial((folder / ".lock").unlink, missing_ok=True)
@@ -292,7 +292,7 @@ def read_text(path: Path, largest: int) -> str:
         largest: The largest size in bytes.
 
     Raises:
-        InputError: The file is too large, is not a regular file in UTF-8, or cannot be read.
+        InputError: If the file is too large, is not a regular file in UTF-8, or cannot be read.
     """
     try:
         return read_bytes(path, largest).decode("utf-8-sig")
@@ -308,7 +308,7 @@ def read_bytes(path: Path, largest: int) -> bytes:
         largest: The largest size in bytes.
 
     Raises:
-        InputError: The file is too large, is not a regular file, or cannot be read.
+        InputError: If the file is too large, is not a regular file, or cannot be read.
     """
     with _refused(f"{_named(path)} cannot be read"):
         if "\0" in str(path) or not path.exists():

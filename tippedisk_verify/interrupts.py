@@ -111,8 +111,9 @@ def _leave() -> None:
 
 
 def _clear(stream: int) -> bytes:
-    """Return the codes that clear a terminal's line and show its cursor, which a progress bar
-    hides.
+    """Return the codes that clear a terminal's line and show its cursor; b"" if it is no terminal.
+
+    A progress bar hides the cursor.
     """
     return (
         b"\r\x1b[2K\x1b[?25h"

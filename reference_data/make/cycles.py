@@ -101,8 +101,8 @@ class _Period:
         rates = field(precision.ops, case.disk.at(precision), number(omega), case.disk.friction)
         self.flow = [mpf(rate) for rate in rates(*state)]  #: (beta', gamma', v') at the end
         aims = [angle, PI * Fraction(3, 2), free[1]] if rotating else start
-        #: The end minus the start (for a rotating cycle, with gamma reduced by a turn), and its
-        #: derivatives with respect to the free angle and v at the start, and the period.
+        #: The end minus the start; for a rotating cycle, gamma is first reduced by a turn. The
+        #: matrix has its derivatives with respect to the free angle, v at the start, and the period.
         self.away = [mpf(end - number(aim)) for end, aim in zip(state, aims, strict=True)]
         axes = (0, 2) if rotating else (1, 2)
         self.bordered = [
@@ -124,7 +124,7 @@ class _Period:
         )
 
     def at_top(self, change: Sequence[Any], names: tuple[str, str]) -> dict[str, Fraction]:
-        """Return the state at gamma = pi/2, and its change with the start.
+        """Return the state at gamma = pi/2 by name, and how it changes with the start.
 
         Args:
             change: A change of (beta, gamma, v, Omega) at the start.
@@ -162,7 +162,10 @@ class _Period:
 
 
 def _claimed(numbers: dict[str, Fraction], values: Values) -> Values:
-    """Return the numbers with 35 digits claimed; after the last step only rounding is left."""
+    """Return the numbers with half-widths that claim 35 digits, plus the half-widths of `values`.
+
+    After the last Newton step only rounding is left.
+    """
     return {
         name: Measured(value, abs(value) / 10**35 + values[name].uncertainty)
         for name, value in numbers.items()
@@ -258,7 +261,10 @@ def _attributes(result: Any, *names: str) -> Values:
 
 
 def balance(case: ExactItem, values: Values) -> Values:
-    """Compute a librating cycle by harmonic balance (linear law, not too close to Omega_h)."""
+    """Compute a librating cycle by harmonic balance.
+
+    Returns {} for the smooth law and close to Omega_h.
+    """
     omega = case.inputs["Omega"]
     if case.disk.friction != "linear" or omega - omega_h_for(case) < _BALANCE_ABOVE:
         return {}
@@ -267,7 +273,7 @@ def balance(case: ExactItem, values: Values) -> Values:
 
 
 def collocation(case: ExactItem, values: Values) -> Values:
-    """Compute a rotating cycle by collocation, under the linear law."""
+    """Compute a rotating cycle by collocation; returns {} for the smooth law."""
     if case.disk.friction != "linear":
         return {}
     stable = case.inputs["form"] == "stable"
@@ -281,7 +287,7 @@ def collocation(case: ExactItem, values: Values) -> Values:
 
 
 def fold_by_collocation(case: ExactItem, values: Values) -> Values:
-    """Compute the fold of the rotating cycles by collocation, under the linear law."""
+    """Compute the fold of the rotating cycles by collocation; returns {} for the smooth law."""
     if case.disk.friction != "linear":
         return {}
     fold = spectral_fold(case.disk, digits=_COLLOCATED_FOLD)

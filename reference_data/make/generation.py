@@ -145,7 +145,10 @@ def _present(folder: Path) -> Entries:
 
 
 def _texts(entries: Entries) -> dict[str, str]:
-    """Return the files with values; a line has one quantity or proof, to keep differences small."""
+    """Return the texts of values.csv and proofs.json, by file name.
+
+    Each line holds one quantity or proof, so that differences between versions are small.
+    """
     ordered = [item.id for item in items_of() if item.id in entries]
     rows = [[row[name] for name in TABLE] for id_ in ordered for row in entries[id_]["rows"]]
     proofs = {id_: entries[id_]["proof"] for id_ in ordered if entries[id_]["proof"]}

@@ -147,21 +147,21 @@ def test_a_program_is_graded_and_timed(
         ("ids = [asked() for _ in range(6)]\nfor id_ in ids[::-1]: said(id_)\nasked()", None),
         (
             "for _ in range(6): id_ = asked(); said(id_); said(id_)\nasked()",
-            "second answers, of which the first",
+            "second answers, which do not count",
         ),
         (
             "said(asked()); said('table1/linear/hopf/point/none')\n" + WELL,
-            "answers to what was not asked",
+            "answers to questions that were not asked",
         ),
-        ("said('table1/both/rhs/002/M')\n" + WELL, "answers to what was not asked"),
+        ("said('table1/both/rhs/002/M')\n" + WELL, "answers to questions that were not asked"),
         (
             "print('rubbish'); print('{\"id\": 3}'); print('\\x00\\x1b[2J\\xff'); print('[' * "
             "5000)\n" + WELL,
-            "lines that are no answer: 4, the first 'rubbish'",
+            "lines that are not answers: 4, the first 'rubbish'",
         ),
         (
             "said(ASKED := asked(), **{'from': 'singles'}); said(ASKED)\n" + WELL,
-            "lines that are no answer: 1",
+            "lines that are not answers: 1",
         ),
         (
             "for line in sys.stdin:\n"

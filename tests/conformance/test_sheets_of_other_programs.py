@@ -151,13 +151,15 @@ def test_reasons_are_counted_and_not_too_many(tmp_path: Path) -> None:
         f'{{"id": "{id_}", "answer": "{text}"}}\n' for id_, text in zip(ids, texts, strict=False)
     )
     remarks = [
-        remark for remark in _report(tmp_path / "a.jsonl", rows).remarks() if "no number" in remark
+        remark
+        for remark in _report(tmp_path / "a.jsonl", rows).remarks()
+        if "not numbers" in remark
     ]
     assert (
         remarks[0]
-        == f"2 answers are no number, such as '30,9' at {ids[0]}: a decimal comma; write a point"
+        == f"2 answers are not numbers, such as '30,9' at {ids[0]}: a decimal comma; write a point"
     )
-    assert remarks[-1] == "5 more reasons why answers are no numbers"
+    assert remarks[-1] == "5 more reasons why answers are not numbers"
 
 
 # ------------------------------------------------------------------------------------ a whole sheet
@@ -228,5 +230,5 @@ def test_a_semicolon_sheet_with_decimal_commas_asks_the_same_and_is_helped(tmp_p
         )
     report = _report(tmp_path / "a.csv", "\n".join(lines) + "\n")
     (remark,) = report.remarks()
-    assert remark.startswith(f"{len(asked)} answers are no number")
+    assert remark.startswith(f"{len(asked)} answers are not numbers")
     assert remark.endswith(": a decimal comma; write a point")

@@ -78,7 +78,7 @@ def hopf(common: Common) -> dict[str, Any]:
     " for a rotating cycle, from beta_bar and v at gamma = pi/2.",
 )
 @click.option(
-    "--rotating", is_flag=True, help="Prove the cycle on which gamma grows by 2 pi a period."
+    "--rotating", is_flag=True, help="Prove the cycle on which gamma grows by 2 pi in each period."
 )
 @unstable_option
 @click.option(

@@ -105,8 +105,8 @@ class Output:
         """Print a command's result, and return the exit status.
 
         Args:
-            result: An exit status, which is returned; or a result to print. A result that is not
-                proved has the exit status 1.
+            result: A result to print, or an exit status, which is returned as it is. The exit
+                status of a result that is not proved is 1.
         """
         if isinstance(result, int):
             return result
@@ -134,10 +134,10 @@ class Common(Output):
 
 # ------------------------------------------------------------------------------- checks of options
 def checked(check: Callable[[Any], Any]) -> Check:
-    """Return an option's callback whose value is ``check(text)``.
+    """Return a callback that replaces an option's text by ``check(text)``; None stays None.
 
     Args:
-        check: A function that raises InputError for a bad value.
+        check: A function of the text, which raises InputError for a bad value.
     """
     return lambda context, option, value: None if value is None else check(value)
 
@@ -160,12 +160,12 @@ def decimal(context: click.Context, option: click.Parameter, value: str | None) 
 
 
 def file_for(*endings: str) -> Check:
-    """Return the callback of an option that names an output file with one of these endings."""
+    """Return a callback for an option that names an output file with one of these endings."""
     return checked(lambda text: file_ending_in(text, *endings))
 
 
 def checked_jobs(jobs: int | None) -> int | None:
-    """Return the number of processes, if this machine can be asked for as many.
+    """Check a number of processes against this machine's limit, and return it; None stays None.
 
     Raises:
         InputError: If it is out of range.
@@ -179,7 +179,7 @@ def checked_jobs(jobs: int | None) -> int | None:
 
 
 def known_executor(executor: str) -> str:
-    """Return the name of an executor.
+    """Check the name of an executor, and return it.
 
     Raises:
         InputError: If it is not known.
@@ -255,7 +255,7 @@ half_widths_option = click.option(
 rotating_option = click.option(
     "--rotating",
     is_flag=True,
-    help="Compute rotating cycles, on which gamma grows by 2 pi a period.",
+    help="Compute rotating cycles, on which gamma grows by 2 pi in each period.",
 )
 unstable_option = click.option(
     "--unstable", is_flag=True, help="Choose the unstable cycle if a stable one has the same speed."
@@ -291,9 +291,10 @@ def at_a_speed(function: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def command(help_text: str) -> Callable[[Callable[..., Any]], click.Command]:
-    """Make a command of a function of an `Output` and the options declared below the decorator.
+    """Return a decorator that makes a command of a function.
 
-    The function's result is printed, unless it is an exit status.
+    The function takes an `Output` and the options declared below the decorator. Its result is
+    printed, unless it is an exit status.
 
     Args:
         help_text: The help of the command.
@@ -302,7 +303,7 @@ def command(help_text: str) -> Callable[[Callable[..., Any]], click.Command]:
 
 
 def disk_command(help_text: str) -> Callable[[Callable[..., Any]], click.Command]:
-    """Make a command about one disk, as `command` does, of a function that takes a `Common`.
+    """Return a decorator as `command` does, for a function about one disk that takes a `Common`.
 
     Args:
         help_text: The help of the command.
@@ -401,13 +402,13 @@ def alone_in(out: str | None) -> Path | None:
 def processes(
     jobs: int | None, *, needed: bool = True, even_one: bool = False
 ) -> Iterator[Executor | None]:
-    """Make a pool of new processes, or give None if this process is enough.
+    """Yield a pool of new processes, or None if this process is enough.
 
     Ctrl-C reaches this process only, and the pool always ends with it.
 
     Args:
         jobs: The number of processes; None for the number of cores.
-        needed: False to make none.
+        needed: False to yield None in any case.
         even_one: True to make a pool even for a single process.
 
     Raises:
@@ -425,14 +426,13 @@ def processes(
 
 @contextmanager
 def workers_of(executor: str, jobs: int | None) -> Iterator[Executor | None]:
-    """Make the executor that --executor names; its workers are checked to have this code.
+    """Yield the executor that --executor names, or None for this process.
+
+    Each call checks that its worker has the same code.
 
     Args:
         executor: serial, local or dask://HOST:PORT.
         jobs: The number of processes of a local executor.
-
-    Returns:
-        The executor, or None for this process.
 
     Raises:
         InputError: If no scheduler answers.
@@ -454,12 +454,12 @@ MOTION = ("t", "beta", "gamma", "v")
 
 
 def motion_rows(*columns: Sequence[Any]) -> list[dict[str, Any]]:
-    """Return a row for each time of a motion, from its columns in JSON."""
+    """Return a row by column name for each time of a motion, from its columns as data for JSON."""
     return [dict(zip(MOTION, row, strict=True)) for row in zip(*columns, strict=True)]
 
 
 def with_width_columns(rows: Sequence[dict[str, Any]]) -> list[dict[str, str]]:
-    """Return the rows of a table in which each half-width has its own column.
+    """Return the rows of a table with each half-width in a column NAME_uncertainty of its own.
 
     An event's name is left out, because it is in the column ``event``.
     """

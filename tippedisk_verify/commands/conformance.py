@@ -46,7 +46,7 @@ def _known_reading(reading: str) -> str:
 
 
 def _together(*options: Callable[[Any], Any]) -> Callable[[Any], Any]:
-    """Return several options as one decorator."""
+    """Combine the decorators of several options into one."""
     return lambda function: reduce(lambda made, option: option(made), reversed(options), function)
 
 
@@ -384,7 +384,7 @@ class _Wanted:
         require: tuple[int, ...] | None,
         expected_failures: str | None,
     ) -> _Wanted:
-        """Check the options.
+        """Check the options of a command, and return what they ask for.
 
         Raises:
             InputError: If a file cannot be written or read.
@@ -409,7 +409,7 @@ class _Wanted:
     ) -> int:
         """Diagnose the grades, print and write them, and return the exit status.
 
-        ``more`` is for the `Report`.
+        ``more`` holds further fields of the `Report`.
         """
         from rich.console import Console
 
@@ -443,9 +443,9 @@ class _Wanted:
 
 
 def _over_grades(path: Path) -> None:
-    """Raise InputError if --csv would overwrite anything but a table of grades.
+    """Raise InputError if --csv would overwrite a file that is not a table of grades.
 
-    Answers are CSV files as well.
+    Sheets of answers are CSV files as well.
     """
     if path.exists() and not read_text(path, _LARGEST).startswith("level,quantity,"):
         raise InputError(

@@ -85,7 +85,7 @@ _PRINTED: dict[str, tuple[tuple[str, ...], ...]] = {
 class DefinedCommand(click.Command):
     """A command whose help ends with the quantities that it prints, and examples.
 
-    A run that shows no help does not load the classes of all its quantities.
+    The classes of all its quantities are loaded only when help is shown.
     """
 
     path = ""  #: the words that call it, after the program's name
@@ -97,7 +97,7 @@ class DefinedCommand(click.Command):
 
     @epilog.setter
     def epilog(self, text: str | None) -> None:
-        assert text is None  # click sets what its caller gives, which is nothing here
+        assert text is None  # click's constructor sets it, here always to None
 
 
 class Cli(click.Group):
@@ -128,7 +128,10 @@ class Cli(click.Group):
 
 
 def _completed(command: click.Command, path: str) -> click.Command:
-    """Set a command's path; for a group, also its examples and its commands' summaries."""
+    """Set a command's path, and return the command.
+
+    For a group, also set its examples, and the paths and summaries of its commands.
+    """
     if isinstance(command, DefinedCommand):
         command.path = path
     if isinstance(command, click.Group):
@@ -139,7 +142,7 @@ def _completed(command: click.Command, path: str) -> click.Command:
 
 
 def _paragraphs(*parts: list[str]) -> str:
-    """Return paragraphs whose lines click keeps."""
+    """Join paragraphs into a help text in which click keeps the lines; leave out empty ones."""
     return "\n\n".join("\b\n" + "\n".join(lines) for lines in parts if lines)
 
 

@@ -129,7 +129,7 @@ def _near_lines(study: NearHeteroclinic) -> Iterator[str]:
             for row in study.rows
         ),
     )
-    yield "terms: what the law with so many terms is off [s]; a double: what half an ulp of Omega changes T by [s]"
+    yield "terms: the error of the law with so many terms [s]; a double: the change of T by half an ulp of Omega [s]"
     if study.answers:
         yield from table(
             ("Omega [rad/s]", "answer [s]", "T [s]", "error [s]"),
@@ -146,8 +146,9 @@ def _near_lines(study: NearHeteroclinic) -> Iterator[str]:
 
 
 def _distances(text: str) -> list[str]:
-    """Return distances evenly spaced in the logarithm, as decimals of three digits, from
-    FIRST:LAST:COUNT.
+    """Return the distances that FIRST:LAST:COUNT means, as decimals of three digits.
+
+    They are evenly spaced in the logarithm. Raises InputError for another text.
     """
     try:
         first, last, count = text.split(":")
@@ -165,9 +166,9 @@ def _distances(text: str) -> list[str]:
 
 
 def _answers(text: str) -> list[tuple[str, str]]:
-    """Return the pairs of a table with the columns omega and period.
+    """Return the pairs (omega, period) in the text of a CSV file with these columns.
 
-    Raises InputError for another table.
+    Raises InputError if it lacks one of them.
     """
     rows = list(csv.DictReader(text.splitlines()))
     if not rows or not {"omega", "period"} <= set(rows[0]):

@@ -81,7 +81,7 @@ _STATES = ("inverted", "noninverted")
     default=100_000,
     show_default=True,
     metavar="N",
-    help="The most steps; a run that needs more ends with exit status 1.",
+    help="The maximum number of steps; a run that needs more ends with exit status 1.",
 )
 @half_widths_option
 @click.option(
@@ -129,7 +129,7 @@ def integrate(
 
 
 def _times(text: str, ends: list[str]) -> Sequence[Any]:
-    """Return even times over the run, exactly, or the times in the first column of a file.
+    """Return the times that --times gives: exact even times, or the first column of a file.
 
     The column may have the heading t.
     """

@@ -129,7 +129,10 @@ def verify(
 
 
 def _pool(jobs: int | None, wanted: int) -> AbstractContextManager[Any]:
-    """Make processes for a number of tasks: as many as asked for, or as there are cores."""
+    """Return a context manager that yields a pool for ``wanted`` tasks, or None for one process.
+
+    The pool has ``jobs`` processes, or as many as there are cores, up to `_MOST_PROCESSES`.
+    """
     workers = jobs or min(usable_cores(), wanted, _MOST_PROCESSES)
     return processes(workers) if workers > 1 else nullcontext(None)
 
@@ -260,7 +263,7 @@ def _write_scenes(panels: Sequence[Panel], folder: Path) -> None:
 
 
 def _endings(panel: Panel) -> list[str]:
-    """Return lines that show what the panel's orbits end on."""
+    """Return lines for printing that show what each orbit of the panel ends on."""
     lines = [f"scene {panel.scene.name}: Omega = {panel.omega} rad/s"]
     for start, orbit in enumerate(panel.orbits, start=1):
         ending = orbit.ending

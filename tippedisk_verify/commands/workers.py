@@ -3,7 +3,7 @@
 Dask watches its workers itself and gives the work of a lost one to another. Two things remain to be
 done here:
 
-- A port where something else listens must be recognised, because Dask's client would wait for it.
+- A port on which another server listens must be recognised: Dask's client would wait for it.
 - Calls are sent as plain bytes. A worker without the package dies when Dask sends it a function of
   the package; with bytes it can report that the package is missing.
 """
@@ -46,7 +46,7 @@ class Pool(ProcessPoolExecutor):
         # Python's resource tracker removes the semaphores of an interrupted pool; hide its warning.
         if _QUIET not in (filters := os.environ.get("PYTHONWARNINGS", "")):
             os.environ["PYTHONWARNINGS"] = f"{filters},{_QUIET}" if filters else _QUIET
-        # Semaphores are first made, then registered with a process that must outlive this one: an
+        # Semaphores are made first and then registered with a process that outlives this one. An
         # interrupt in between would leave them behind.
         with unbroken(), deaf_children():
             super().__init__(count, mp_context=get_context("spawn"), initializer=_end_with_parent)
@@ -78,7 +78,7 @@ def _end_with_parent() -> None:
 
 
 class Checked(Executor):
-    """An executor whose calls raise AccuracyError in a process with other code than this one's."""
+    """An executor whose calls raise AccuracyError in a process that has different code."""
 
     def __init__(self, executor: Executor) -> None:
         self._executor = executor

@@ -16,12 +16,12 @@ CLIENTS_FOLDER = Path(__file__).resolve().parent / "clients"
 
 
 def client_text(name: str) -> str:
-    """Return the program of a file among the clients, with its further parts.
+    """Return the source of a client program, with its further parts appended.
 
-    The further part of client.py is client_orbits.py.
+    client.py has the further part client_orbits.py.
 
     Args:
-        name: The file's name.
+        name: The name of a file in `CLIENTS_FOLDER`.
     """
     parts = (CLIENTS_FOLDER / name, *sorted(CLIENTS_FOLDER.glob(name.replace(".", "_*."))))
     return "\n\n".join(part.read_text(encoding="utf-8") for part in parts)

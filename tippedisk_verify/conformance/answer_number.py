@@ -146,8 +146,7 @@ _REST = [
 
 
 def is_missing(text: str) -> bool:
-    """Return True if a text stands for a missing number: NaN in any spelling, NA, null and the
-    like.
+    """Return True if a text stands for a missing number, such as NaN in any spelling, NA or null.
 
     Args:
         text: The text of an answer, without space at its ends.

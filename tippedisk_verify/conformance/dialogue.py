@@ -1,5 +1,6 @@
-"""A conversation in lines over pipes with another program, which can neither block nor outlive this
-one.
+"""A conversation in lines over pipes with another program.
+
+The program can neither block this one nor outlive it.
 
 One thread does everything. It writes only as much as the pipe takes, and reads whenever there is
 output. The program gets a process group of its own: Ctrl-C on the terminal does not reach it, and
@@ -73,15 +74,15 @@ class Program:
         self._selector.register(errors, selectors.EVENT_READ, self._overhear)
 
     def ask(self, text: str, waiting: Collection[str], take: Callable[[str], None]) -> str:
-        """Write ``text``, and pass each line read to ``take`` until that has emptied ``waiting``.
+        """Write ``text``, and pass each line read to ``take`` until ``waiting`` is empty.
 
         The time limit is for each answer: the clock restarts when ``waiting`` gets shorter, not
         with other lines.
 
         Args:
             text: The questions, one to a line.
-            waiting: The ids without an answer, from which ``take`` removes.
-            take: Is called with each line.
+            waiting: The ids without an answer; ``take`` removes each id that is answered.
+            take: A function that is called with each line.
 
         Returns:
             "", or the reason why no more answers will come.
@@ -108,7 +109,7 @@ class Program:
         """End the program's input, and pass its remaining lines to ``take``.
 
         Args:
-            take: Is called with each line.
+            take: A function that is called with each line.
 
         Returns:
             "", or a description of an end that is not normal.
@@ -129,7 +130,7 @@ class Program:
             os.killpg(self._process.pid, signal.SIGKILL)
 
     def close(self) -> None:
-        """Release the process and its pipes. The end of its input asked it to end before."""
+        """Kill the program if it still runs, and release its process and its pipes."""
         self.kill()
         self._process.wait()
         self._selector.close()
@@ -158,10 +159,10 @@ class Program:
         self._input.close()
 
     def _listen(self, take: Callable[[str], None]) -> None:
-        """Check all pipes once."""
+        """Check all pipes once, and pass the lines read to ``take``."""
         ready = self._selector.select(_LOOK)
         lines = [line for key, _ in ready for line in key.data(key.fileobj)]
-        # A child of the program's may keep the pipe open when the program has ended.
+        # A child of the program may keep the pipe open after the program has ended.
         if not ready and not self._closed and self._fate():
             lines = self._last()
         for line in lines:
@@ -186,7 +187,7 @@ class Program:
         return whole if content else self._last()
 
     def _last(self) -> list[bytes]:
-        """Return the rest at the end of standard output; a last line may lack its end."""
+        """Mark standard output as closed, and return the rest: a last line may lack its end."""
         self._closed = True
         rest, self._rest = self._rest, b""
         return [rest]

@@ -1,6 +1,4 @@
-"""The digits of answers: their distance from the truth, the size it is relative to, and whether
-that is a failure.
-"""
+"""The grading of answers in digits: the error, the size it is relative to, and the verdict."""
 
 from __future__ import annotations
 
@@ -207,8 +205,8 @@ def digits_between(
     Args:
         answer: The answer.
         truth: The true value.
-        scale: The size that digits are counted from.
-        most: The most digits, and the result for an exact answer.
+        scale: The size relative to which the error is counted.
+        most: The maximum number of digits, and the result for an exact answer.
     """
     away = abs(answer - truth)
     if not away:
@@ -286,8 +284,9 @@ def _grade(quantity: Quantity, reading: str, text: str) -> Grade:
 
 
 def _nearest_double(answer: Decimal, truth: Decimal) -> bool:
-    """Return True if no double is a better answer: its seventeenth digit is not always the
-    truth's.
+    """Return True if the answer is the double nearest to the truth, written with 16 or 17 digits.
+
+    The seventeenth digit of such a double may differ from the truth's.
     """
     return 16 <= len(answer.as_tuple().digits) <= 17 and float(answer) == float(truth)
 

@@ -1,4 +1,4 @@
-"""A program asked question by question: its answers, its run time, and the other things it does."""
+"""The interview of a program: its answers, its run times, and remarks on whatever else it does."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class Interview:
         self._end = ""
 
     def exchange(self, questions: Iterable[Mapping[str, str]]) -> tuple[list[Row], float]:
-        """Ask questions at once.
+        """Ask several questions together, and wait for their answers.
 
         Args:
             questions: The questions, each by columns.
@@ -74,13 +74,14 @@ class Interview:
     def conduct(
         self, asked: Sequence[Quantity], first: Quantity, advance: Callable[[str, int], None]
     ) -> None:
-        """Ask all questions.
+        """Ask all questions in turn, grade the answers, and keep grades and times on this object.
 
         Args:
             asked: The questions.
-            first: The question that is asked before them, alone. Its answer counts only if it is
-                one of them.
-            advance: Is called with the progress in words and the number of new questions.
+            first: The question that is asked before them, alone, to time the start-up. Its answer
+                counts only if it is one of them.
+            advance: A function that is called with the progress in words and the number of new
+                questions.
 
         Raises:
             InputError: If the program breaks off before it has answered anything.
@@ -116,14 +117,12 @@ class Interview:
                 break
 
     def finish(self) -> None:
-        """End the program's input, which should end it."""
+        """Close the program's input, so that it ends, and note an end that is not normal."""
         if not self.broke_off:
             self._end = self.program.finish(self._take)
 
     def answers(self) -> Answers:
-        """Return all answers to the reference questions, including those of a program that has
-        broken off.
-        """
+        """Return all answers so far to the reference questions, even if the program broke off."""
         return collected(self.rows, self._store, self._reading, Answers())
 
     def sheet(self) -> str:
@@ -136,7 +135,7 @@ class Interview:
         """Return the seconds by level and kind, in the order of the questions.
 
         The questions about one state, trajectory or cycle are one entry. Their ids differ only in
-        the last part. An entry with no answer but null does not count.
+        the last part. An entry without an answer other than null does not count.
         """
         kinds: dict[tuple[int, str], list[tuple[Quantity, int, float]]] = {}
         for timing in self._times:
@@ -167,16 +166,16 @@ class Interview:
         row = answer_line(line)
         if row is None:
             if line.strip():
-                self._note("lines that are no answer", repr(printable(line.strip()[:80])))
+                self._note("lines that are not answers", repr(printable(line.strip()[:80])))
         elif row[0] in self._open:
             del self._open[row[0]]
             self._got.append(row)
             if row[0] in self._counted:
                 self.rows.append(row)
         elif row[0] in self._asked:
-            self._note("second answers, of which the first counts", printable(row[0][:120]))
+            self._note("second answers, which do not count", printable(row[0][:120]))
         else:
-            self._note("answers to what was not asked", printable(row[0][:120]))
+            self._note("answers to questions that were not asked", printable(row[0][:120]))
 
     def _note(self, what: str, which: str) -> None:
         count, first = self._noted.get(what, (0, which))

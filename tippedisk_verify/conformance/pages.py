@@ -1,6 +1,4 @@
-"""The display of grades: a table for the terminal, a page for the browser, an object for
-programs.
-"""
+"""The display of grades: a table for the terminal, a page for the browser, an object in Python."""
 
 from __future__ import annotations
 
@@ -36,7 +34,7 @@ _LEGEND = {
 }
 _WORST = 12  # failures in the list of the worst answers
 _MOST_REASONS = 5  # reasons listed why answers are not numbers
-_MOST_ROWS = 2_000  # rows of a level on a page, failures first; the JSON has all
+_MOST_ROWS = 2_000  # rows of a level on a page, failures first; the JSON contains all
 
 
 @dataclass(frozen=True, repr=False)
@@ -67,9 +65,7 @@ class Report(Printable):
         return graded and not any(grade.failed for grade in counting)
 
     def __str__(self) -> str:
-        """Return the result in a sentence, the diagnosis, the remarks and the failures, in ten
-        lines at most.
-        """
+        """Return at most ten lines: the result, the diagnosis, the remarks and the failures."""
         lines = [
             self.headline(),
             *(diagnosis.says() for diagnosis in self.diagnoses),
@@ -97,7 +93,7 @@ class Report(Printable):
             )
             rounded = sum(level.rounded for level in reached)
             sentence = f"{answers}, the least with {least:.1f} digits"
-            by_rounding = f"; {counted(rounded, 'is', 'are')} off by what rounding the inputs does"
+            by_rounding = f"; {counted(rounded, 'is', 'are')} off by rounding of the inputs"
             return sentence + by_rounding if rounded else sentence
         answers = counted(first.answered, "answer", "answers")
         how = (
@@ -119,7 +115,7 @@ class Report(Printable):
         return [row for row in by_quantity(self.grades) if row.level in failing]
 
     def remarks(self) -> list[str]:
-        """Return remarks on the sheet itself."""
+        """Return remarks on the sheet itself, each in one line."""
         answers = self.answers
         rounded = sum("inputs were rounded" in grade.note for grade in self.grades)
         ungraded = sum(grade.verdict == "no-truth" for grade in self.grades)
@@ -157,39 +153,41 @@ class Report(Printable):
             self.mended,
             "answer passes",
             "answers pass",
-            "though expected to fail, such as {}: mend the list",
+            "though expected to fail, such as {}: update the list",
         )
         said += _remark(answers.short, "row ends", "rows end", "before the column answer")
         said += _remark(
-            rounded, "answer", "answers", "said to be from decimals: exactly what doubles give"
+            rounded, "answer", "answers", "declared as from decimals: exactly those from doubles"
         )
         doubles = "from doubles where doubles cannot tell the inputs apart: not graded"
         return said + _remark(ungraded, "answer", "answers", doubles)
 
     def _unread(self) -> list[str]:
-        """Return a remark for each reason why answers are not numbers, with the first of these
-        answers.
+        """Return a remark for each reason why answers are not numbers.
+
+        It quotes the first such answer.
         """
         by_reason: dict[str, list[Grade]] = {}
         for grade in self.grades:
             if grade.verdict in ("unreadable", "not-a-number"):
                 by_reason.setdefault(grade.note, []).append(grade)
         said = [
-            f"{counted(len(grades), 'answer is', 'answers are')} no number, such as "
+            f"{counted(len(grades), 'answer is not a number', 'answers are not numbers')}, such as "
             f"'{grades[0].answer[:60]}' at"
             f" {grades[0].id}: {reason}"
             for reason, grades in list(by_reason.items())[:_MOST_REASONS]
         ]
         more = len(by_reason) - _MOST_REASONS
         return said + (
-            [f"{counted(more, 'more reason', 'more reasons')} why answers are no numbers"]
+            [f"{counted(more, 'more reason', 'more reasons')} why answers are not numbers"]
             if more > 0
             else []
         )
 
     def _tolerance(self) -> list[str]:
-        """Return remarks on an integrator's tolerance: answers that are not wrong, but off by more
-        than `TOLERANCES`.
+        """Return a remark for each level at which an integrator's tolerance shows.
+
+        Its answers are not wrong, but some are off by more than `TOLERANCES`.
         """
         said = []
         for level in self.levels:
@@ -204,15 +202,15 @@ class Report(Printable):
             if off:
                 most = max(off, key=lambda grade: grade.off)
                 said.append(
-                    f"level {level.level}: a tolerance shows, at "
+                    f"level {level.level}: a tolerance shows in "
                     f"{counted(len(off), 'answer', 'answers')} of"
-                    f" {len(here)}, the most at {most.id}, off as if all inputs were changed by "
-                    f"{most.off:.0e}"
+                    f" {len(here)}; the largest error, at {most.id}, is as if all inputs were "
+                    f"changed by {most.off:.0e}"
                 )
         return said
 
     def csv(self) -> str:
-        """Return the tallies by level, quantity and friction law, as a table."""
+        """Return the tallies by level, quantity and friction law as the text of a CSV file."""
         columns = list(Tally.of((), 0, 0, "any").to_dict())
         return csv_text(columns, (list(row.to_dict().values()) for row in by_quantity(self.grades)))
 
@@ -220,7 +218,7 @@ class Report(Printable):
         """Return a pandas data frame with a row for each grade, as in ``grades`` of `to_dict`.
 
         Raises:
-            InputError: pandas is not installed.
+            InputError: If pandas is not installed.
         """
         return data_frame([grade.to_dict() for grade in self.grades])
 
@@ -243,7 +241,7 @@ class Report(Printable):
         }
 
     def worst(self) -> list[Grade]:
-        """Return the worst failures, those of the first failing level first, then by digits."""
+        """Return up to twelve failures: by level, and at each level by digits, fewest first."""
         return sorted(self.failed, key=lambda grade: (grade.level, grade.digits))[:_WORST]
 
 
@@ -261,7 +259,7 @@ def _remark(which: int | Sequence[str], one: str, many: str, text: str) -> list[
 
 
 def counted(number: int, one: str, many: str) -> str:
-    """Return a number of things, in words that agree with it.
+    """Return a number followed by the words for one thing or for several.
 
     Args:
         number: The number.
@@ -272,11 +270,10 @@ def counted(number: int, one: str, many: str) -> str:
 
 
 def shade(verdict: str) -> str:
-    """Return the name of the colour for a verdict on an answer or on a level; "" for one that was
-    not graded.
+    """Return the name of a verdict's colour; "" if nothing was graded.
 
     Args:
-        verdict: The verdict.
+        verdict: The verdict on an answer or on a level.
     """
     return _SHADES.get(verdict, "")
 
@@ -291,8 +288,7 @@ def shown_digits(digits: float) -> str:
 
 
 def shown_least(tally: Tally) -> str:
-    """Return the least digits of a level or a quantity; "none" if one of its answers is not a
-    number.
+    """Return the least digits in a tally as text; "none" if one of its answers is not a number.
 
     Args:
         tally: The tally of the level or the quantity.
@@ -319,7 +315,9 @@ def split_where_wrong(answer: str, truth: str) -> tuple[str, str]:
 
 
 def print_report(report: Report, console: Console) -> None:
-    """Print the diagnosis, the tables, the worst answers coloured by agreeing digits, and the unmet
+    """Print a report on a terminal.
+
+    It has the diagnosis, the tables, the worst answers coloured by agreeing digits, and the unmet
     requirements.
 
     Args:
@@ -396,7 +394,7 @@ def _print_table(
 ) -> None:
     """Print a table for a terminal of 80 columns, in which no word is broken.
 
-    A heading that starts with = is that of a column of numbers.
+    A column whose heading starts with = is aligned to the right, for numbers.
     """
     from rich.table import Table
     from rich.text import Text
@@ -412,8 +410,9 @@ def _print_table(
 
 
 def html_page(report: Report) -> str:
-    """Return one self-contained page. Right answers are folded away, so they do not appear on
-    paper.
+    """Return the report as one self-contained HTML page.
+
+    Answers that pass are folded away, so they do not appear on paper.
 
     Args:
         report: The report.
@@ -436,8 +435,9 @@ def html_page(report: Report) -> str:
 
 
 def _level_section(level: Tally, grades: Sequence[Grade]) -> dict[str, Any]:
-    """Return a level for the page: its failures, its other answers, and the number of rows beyond a
-    page's limit.
+    """Return a level's grades for the page.
+
+    They are its tally, its failures, its other answers, and the number of rows beyond the limit.
     """
     own = sorted(
         (grade for grade in grades if grade.level == level.level),

@@ -1,5 +1,6 @@
-"""Fixtures for the test suites of other implementations. pytest finds them where this package is
-installed.
+"""Fixtures for the test suites of other implementations.
+
+pytest finds them where this package is installed.
 
 ``tippedisk_reference(id)`` is a reference value. ``tippedisk_agrees(id, answer, digits=10)`` fails
 a test with one line that names the answer's digits. An unknown id, or an answer that is not one
@@ -35,10 +36,10 @@ def tippedisk_reference() -> Callable[[str], Quantity]:
 
 @pytest.fixture(scope="session")
 def tippedisk_agrees() -> Callable[..., Grade]:
-    """Return the function (id, answer, digits=..., reading="doubles") that fails a test with too
-    few digits.
+    """Return a function that fails the test if an answer has too few digits.
 
-    Without ``digits`` it requires those that the question needs. It returns the grade.
+    It is called as (id, answer, digits=..., reading="doubles") and returns the grade. Without
+    ``digits`` it requires those that the question needs.
     """
     from tippedisk_verify.conformance.grading import compare
 
@@ -59,7 +60,7 @@ def tippedisk_agrees() -> Callable[..., Grade]:
 
 
 def _in_one_line(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Return the function with a failed test in place of an InputError."""
+    """Wrap a function so that an InputError fails the test with one line."""
 
     def called(id_: str, *given: Any, **options: Any) -> Any:
         __tracebackhide__ = True

@@ -1,6 +1,4 @@
-"""Grades as a gate: levels that must pass, expected failures, and the changes between two
-sheets.
-"""
+"""Grades as a gate: levels that must pass, expected failures, and changes between two sheets."""
 
 from __future__ import annotations
 
@@ -34,7 +32,7 @@ def expected_failures(path: Path, store: Store) -> frozenset[str]:
         store: The questions.
 
     Raises:
-        InputError: If a line matches no question: it would hide nothing, or be a slip.
+        InputError: If a line matches no question.
     """
     ids: set[str] = set()
     for line in read_text(path, _LARGEST).splitlines():
@@ -98,7 +96,10 @@ class Change:
 
     @property
     def kind(self) -> str:
-        """Broken (passed, and fails now), gone, mended, added, lost or gained; "" for no change."""
+        """The kind: broken (passed, and now fails), gone, mended, added, lost or gained digits.
+
+        It is "" for no change.
+        """
         if self.old is None or self.new is None:
             return "added" if self.old is None else "gone"
         if self.old.failed != self.new.failed:

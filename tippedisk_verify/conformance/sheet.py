@@ -1,12 +1,11 @@
-"""Answer sheets: the questions of the reference data without the answers, as CSV or JSON, and back
-again.
+"""Answer sheets: writing the questions of the reference data, and reading answers.
 
 **CSV.** Every row is complete, parameters included, and no field needs quotes, so that ``strtok``
 can read a sheet. An answered sheet may be separated by tabs or semicolons as well, and may begin
 with a spreadsheet's ``sep=;``.
 
-**JSON.** It has the same questions, or simply ``{"from": "doubles", "answers": {id: number}}``, or
-``{id: number}``, or one question to a line.
+**JSON.** A sheet contains the same questions. It may also be simply ``{id: number}`` or
+``{"from": "doubles", "answers": {id: number}}``, or have one question to a line.
 
 A remark names the columns of CSV and the names of JSON that no sheet has.
 """
@@ -54,7 +53,7 @@ __all__ = [
 
 _QUESTION = COLUMNS[1:-2]  # the columns that describe the question, apart from the id
 Row = tuple[str, str, str, dict[str, str]]  #: id, reading, answer, and the other columns of the row
-# Bytes; a sheet with every question and fifty digits each has some ten million
+# bytes; a sheet with every question and fifty digits each is about ten million long
 _LARGEST = 64_000_000
 _LONGEST = 2_000  # characters of an answer
 _MOST_UNKNOWN = 1_000
@@ -132,9 +131,7 @@ def questions(
 
 
 def _optional_ones(quantity: Quantity) -> list[Quantity]:
-    """Return the optional questions about the state of M, without answers; [] for another
-    quantity.
-    """
+    """Return the optional questions that follow M of a state, without answers; [] for others."""
     blank = replace(quantity, values=dict.fromkeys(quantity.values, ("", "")))
     names = [(id_, id_.rsplit("/", 1)[1]) for id_ in optional_beside(quantity.id)]
     return [
@@ -154,7 +151,7 @@ def question_row(store: Store, quantity: Quantity) -> dict[str, str]:
 
 
 def sheet_csv(store: Store, asked: Iterable[Quantity]) -> str:
-    """Return the sheet as CSV. Where only decimals make sense, ``from`` is filled in.
+    """Return the sheet as CSV. Where only decimals make sense, the column ``from`` is filled in.
 
     Args:
         store: The questions with their parameters.
@@ -183,7 +180,7 @@ def store_for(
     Args:
         path: The sheet.
         store: The published questions.
-        advance: Is called with the progress in words and in steps.
+        advance: A function that is called with the progress in words and in steps.
 
     Raises:
         InputError: If the file cannot be read.
@@ -197,7 +194,7 @@ def store_for(
 
 
 def read_answers(path: Path, store: Store, default_reading: str | None = None) -> Answers:
-    """Return the answers of a sheet in either form. Rows without an answer are left out.
+    """Read the answers of a sheet in CSV or JSON. Rows without an answer are left out.
 
     Args:
         path: The sheet.
@@ -350,8 +347,9 @@ def _csv_rows(text: str, answers: Answers) -> Iterable[Row]:
 
 
 def _separator(header: str) -> str:
-    """Return the first separator between which a header has the columns id and answer, in any case
-    of letters.
+    """Return the separator that splits a header into columns with id and answer, in any case.
+
+    Returns a comma if there is none.
     """
 
     def columns(mark: str) -> set[str]:
@@ -380,7 +378,7 @@ def _with_likely(name: str, known: tuple[str, ...]) -> str:
 
 
 def _listed(names: Iterable[str], known: tuple[str, ...]) -> str:
-    """Return the names that a sheet has, at most as many as a message can hold."""
+    """List the names in a sheet for a message, as many as fit; "none" if there are none."""
     return (
         ", ".join(_with_likely(name, known) for name in list(names)[:_MOST_STRANGE])[:400] or "none"
     )
@@ -389,7 +387,7 @@ def _listed(names: Iterable[str], known: tuple[str, ...]) -> str:
 def collected(
     rows: Iterable[Row], store: Store, default_reading: str | None, answers: Answers
 ) -> Answers:
-    """Add the answers of rows.
+    """Add the answers in the rows of a sheet to ``answers``.
 
     Args:
         rows: The rows of a sheet.
@@ -459,8 +457,9 @@ def _without_missing(answers: Answers) -> Answers:
 
 
 def _altered(columns: dict[str, str], store: Store, quantity: Quantity) -> str | None:
-    """Return the first column that differs from the question of that id. A number may be written
-    otherwise.
+    """Return the first column that differs from the question of that id; None if none does.
+
+    Numbers may be written in another way.
     """
     asked = question_row(store, quantity) if columns else {}
     for name, text in columns.items():

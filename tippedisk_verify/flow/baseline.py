@@ -77,7 +77,7 @@ class Baseline:
         method: One of `METHODS`.
 
     Raises:
-        InputError: SciPy has no such method, or it is not offered.
+        InputError: If SciPy has no such method, or it is not offered.
     """
 
     def __init__(self, method: str = "DOP853") -> None:
@@ -110,8 +110,8 @@ class Baseline:
             The result, without half-widths.
 
         Raises:
-            InputError: The request asks for more than double precision, for the divergence or for
-                an error estimate.
+            InputError: If the request asks for more than double precision, for the divergence or
+                for an error estimate.
         """
         if request.precision != DOUBLE:
             raise InputError(

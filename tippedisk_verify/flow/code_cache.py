@@ -59,17 +59,17 @@ def guarded(llvm_state: Any) -> None:
 
 
 def vouch(*, ending: bool = False) -> None:
-    """Add checksums to new entries if any have come since the last call.
+    """Add checksums to new entries if the cache has changed its size since the last call.
 
     Args:
-        ending: The process is ending: look at the file even if it has not grown.
+        ending: True if the process is ending; the file is then always looked at.
     """
     with suppress(OSError, ValueError, RuntimeError, sqlite3.Error):
         llvm_state, path, note, before = _in_use
         _in_use[3] = size = llvm_state.get_diskcache_size()
         if ending or size != before:
             sound = note.read_bytes() == _stamp(path)
-            # Closes it: two SQLites undo each other's locks
+            # heyoka closes the file: two SQLite libraries undo each other's locks
             llvm_state.set_diskcache_path(str(path.parent))
             _settle(path, note, adding=True, checking=not sound)
 
@@ -77,8 +77,8 @@ def vouch(*, ending: bool = False) -> None:
 def _settle(path: Path, note: Path, *, adding: bool, checking: bool) -> None:
     """Add or check checksums, then note the file's state unless another process is changing it.
 
-    A file that is not a cache is removed. SQLite must not call a function of ours: it would take
-    Ctrl-C in one for a fault of the file and hide it.
+    A file that is not a cache is removed. No Python function is registered with SQLite, because it
+    would mistake a Ctrl-C in one for a fault of the file and hide it.
     """
     before = _stamp(path)
     try:

@@ -1,4 +1,4 @@
-"""The error of a run by the same run in wider arithmetic, where its defect does not suffice.
+"""The error of a run, from the same run in wider arithmetic, where its defect does not suffice.
 
 This serves numbers beyond doubles, derivatives, and errors that are no longer proportional to
 roundings (see `flow.error_estimate`). The half-width of a number q is
@@ -123,9 +123,9 @@ def _undecided() -> ErrorEstimate:
 
 
 def _moves(request: Request, wider: Precision) -> bool:
-    """Return True if the start moves faster than a rounding of it would.
+    """Return True if the start's rates are far larger than its rounding, or if there are no events.
 
-    Otherwise its events are those of that rounding.
+    The events of a slower start would be artefacts of rounding.
     """
     if not request.events:
         return True
@@ -136,9 +136,9 @@ def _moves(request: Request, wider: Precision) -> bool:
 
 
 def _parted(first: Result, second: Result) -> bool:
-    """Return True if two runs that end alike have parted.
+    """Return True if two runs end alike but lie far apart.
 
-    They then lie so far apart that the effect of rounding is no longer proportional.
+    The effect of rounding is then no longer proportional to it.
     """
     if not _alike(first, second):
         return False

@@ -23,7 +23,7 @@ _CLOCK = count()
 
 
 class CompiledRunners:
-    """The compiled runners of an engine, each with a method ``run``. A copy starts empty."""
+    """The compiled runners of an engine, each with a method ``run``. A pickled copy is empty."""
 
     def __init__(self) -> None:
         self._slots: dict[Any, _Slot] = {}
@@ -50,7 +50,7 @@ class CompiledRunners:
             The result of the runner's ``run``.
 
         Raises:
-            RuntimeError: The call comes from within a run of the same runner, which cannot wait.
+            RuntimeError: If the call comes from within a run of the same runner, which cannot wait.
                 Only an event function that calls its own engine can cause this.
         """
         slot = self._slots.get(key)
@@ -65,7 +65,7 @@ class CompiledRunners:
         with slot.lock:
             if slot.running:
                 raise RuntimeError(
-                    "a run asks for another one of the same kind: take another engine for it"
+                    "a run has started another run of the same kind: use a second engine for that"
                 )
             slot.running, slot.used = True, next(_CLOCK)
             try:

@@ -79,7 +79,10 @@ _SCIPY_ARGUMENTS = 2  # the arguments of SciPy's event functions: t and y
 
 
 class _Symbol:
-    """A number without a value, which takes part in arithmetic to try out an event's function."""
+    """A placeholder for a number, on which an event's function is tried out.
+
+    The result of any arithmetic with it is the placeholder itself.
+    """
 
     def _combined(self, other: object = 0) -> _Symbol:
         if other is None:
@@ -101,7 +104,10 @@ class _Symbols:
 def _of_state(
     function: Callable[..., Any], ops: Any, constants: Any, omega: Any, *state: Any
 ) -> Any:
-    """Return SciPy's event function at a state; the motion is autonomous, and so are its events."""
+    """Evaluate an event function of SciPy's form at a state, with None in place of the time.
+
+    Motion and events do not depend on the time.
+    """
     return function(None, state)
 
 
@@ -128,7 +134,7 @@ class Event:
         terminal: True ends the run at the crossing.
 
     Raises:
-        InputError: The direction or the function cannot be used.
+        InputError: If the direction or the function cannot be used.
     """
 
     name: str
@@ -192,7 +198,7 @@ class Request:
             one of them lies outside. ``"none"`` does not check.
 
     Raises:
-        InputError: No engine can serve the request.
+        InputError: If no engine can serve the request.
     """
 
     parameters: Parameters
@@ -213,7 +219,8 @@ class Request:
     events: tuple[Event, ...] = ()
     #: Compute half-widths that hold the error of all numbers (`flow.error_estimate`).
     error_estimate: bool = False
-    #: Beyond 12, in doubles and with an error estimate, the error is removed from the result.
+    #: Significant digits. Beyond 12, in doubles and with an error estimate, the error is removed
+    #: from the result.
     digits: int = 12
     domain: Literal["event", "samples", "none"] = "event"
     #: For a twin of the run: the pattern by which the inputs' last bits move (`system.nudged`).
@@ -253,7 +260,7 @@ class Request:
         return self.error_estimate and self.precision == DOUBLE and not self.variations
 
     def starting_at(self, state: Sequence[object], rounding: int | None = None) -> Request:
-        """Return the same request from another state.
+        """Return a copy of the request that starts from another state.
 
         Only the state is checked again, so this takes a fraction of the time of `replace`.
 
@@ -262,7 +269,7 @@ class Request:
             rounding: The pattern of a twin (`system.nudged`), or None.
 
         Raises:
-            InputError: The state does not have three components.
+            InputError: If the state does not have three components.
         """
         _check_state(state)
         other = object.__new__(Request)
@@ -380,18 +387,18 @@ class Engine(Protocol):
             The result; its status gives the reason for an early end.
 
         Raises:
-            InputError: This engine cannot serve the request.
+            InputError: If this engine cannot serve the request.
         """
 
 
 def raise_unless_usable(result: Result) -> Result:
-    """Return the result if its run ended as requested.
+    """Return the result unchanged if its run ended as requested; otherwise raise.
 
     Args:
         result: The result of a run.
 
     Raises:
-        ArithmeticError: It did not; the message gives its status.
+        ArithmeticError: If the run ended otherwise; the message gives the time and the status.
     """
     if not result.status.usable:
         raise ArithmeticError(f"at t = {float(result.time):.6g} s {result.status.value}")

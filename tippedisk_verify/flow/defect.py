@@ -135,7 +135,7 @@ class Defect:
         return (fastest * lengths).max(axis=1), (growing * lengths).max(axis=1)
 
     def sweep(self) -> float:
-        """Correct the errors by the defect that they leave.
+        """Do one sweep: correct the errors by the defect of polynomial plus error.
 
         Returns:
             The largest correction, in carried roundings.
@@ -293,7 +293,10 @@ def _signs(count: int) -> Any:
 
 
 def _carried(carry: Any, start: Any, gained: Any) -> Any:
-    """Return (n + 1, 3, k): each step multiplies the errors by its matrix and adds its own."""
+    """Carry errors through all steps; return them at the start and after each step, (n + 1, 3, k).
+
+    Each step multiplies the errors by its matrix ``carry`` and adds its own, ``gained``.
+    """
     errors = numpy.empty((len(carry) + 1, *start.shape))
     errors[0] = start
     for n, (matrix, more) in enumerate(zip(carry, gained, strict=True)):
@@ -312,7 +315,7 @@ def _gauss(nodes: int) -> tuple[Any, Any, Any]:
 
 
 def _integrals(shares: Any, basis: Any) -> Any:
-    """Return (k, nodes) the basis integrated from 0 to these shares of a step.
+    """Return the integrals (k, nodes) of the basis from 0 to each of these shares of a step.
 
     It uses the discrete orthogonality on Gauss nodes and
 

@@ -126,14 +126,14 @@ class NotInProportion(ArithmeticError):
 
 
 def from_defect(request: Request, result: Result) -> Result | None:
-    """Return a result with half-widths, and with as many digits as the request has.
+    """Return a result with half-widths, accurate to the digits that the request asks for.
 
     Args:
         request: The run, in doubles.
         result: Its result, with the series of its steps.
 
     Returns:
-        The result, in wider arithmetic beyond twelve digits; None where the defect does not
+        The result, in wider arithmetic beyond twelve digits. None where the defect does not
         suffice.
     """
     if not request.estimated_by_defect or not result.status.usable or not result.steps:
@@ -154,7 +154,7 @@ def from_defect(request: Request, result: Result) -> Result | None:
 
 
 def _has(wide: Precision) -> bool:
-    """Return True if this machine computes with arrays of these numbers."""
+    """Return True if this machine has arrays of numbers in the arithmetic ``wide``."""
     return wide in (companion(DOUBLE), companion(companion(DOUBLE)))
 
 
@@ -217,7 +217,7 @@ class _Crossing(NamedTuple):
 
 
 class _Run:
-    """One run with the error that its defect has caused."""
+    """A run in doubles, with the error that its defect has caused along it."""
 
     def __init__(self, request: Request, result: Result, method: _Method) -> None:
         self.wide, self.uncorrected = method.wide, request.digits <= PLAIN_DIGITS
@@ -251,7 +251,14 @@ class _Run:
         )
 
     def _swept(self) -> float:
-        """Correct the errors to second order and return what may be left, in carried roundings."""
+        """Correct the errors to second order.
+
+        Returns:
+            A bound of the error that is left, in carried roundings.
+
+        Raises:
+            NotInProportion: If the errors are too large for the sweeps.
+        """
         largest = float(abs(self._defect.errors).max())
         if not largest < _LIMITS.too_large:
             raise NotInProportion
@@ -269,9 +276,9 @@ class _Run:
         raise NotInProportion
 
     def numbers(self, times: Any, at_end: Any) -> tuple[Any, Any]:
-        """Return the states (3, k) at these times and their half-widths.
+        """Return the states at wide times (k,) and their half-widths, both (3, k).
 
-        The result has ``at_end`` at the last of the times.
+        Up to twelve digits, the last state is ``at_end``.
         """
         places, errors, left = self._at(times)
         # A time is rounded to the wide arithmetic.
@@ -301,10 +308,10 @@ class _Run:
         return self._share * roundings + DISTANCES * nodes
 
     def crossing(self, record: EventRecord) -> _Crossing:
-        """Find a recorded crossing of the true motion.
+        """Compute where the true motion makes a recorded crossing, with half-widths.
 
         Raises:
-            NotInProportion: The crossing is nearly a mere touch.
+            NotInProportion: If the crossing is nearly a mere touch.
         """
         event = next(event for event in (*self._request.events, FLAT) if event.name == record.name)
         first = time = self.wide.array([record.time])
@@ -414,9 +421,10 @@ class _Run:
 
 
 def _touching(times: Any, values: Any, share: float) -> Any:
-    """Return the indices where a parabola through three neighbours of one sign turns near zero.
+    """Return the indices of values that, with their neighbours, suggest a touch of zero.
 
-    Near zero means below a share of the largest of them.
+    The three values have one sign, and the parabola through them has its extremum nearby. The
+    extremum lies below ``share`` of the larger neighbour.
     """
     before, middle, after = values[:-2], values[1:-1], values[2:]
     left, right = times[1:-1] - times[:-2], times[2:] - times[1:-1]

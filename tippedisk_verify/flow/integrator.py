@@ -1,4 +1,4 @@
-"""A compiled stepper of heyoka's for one kind of request, with its events and its restarts."""
+"""A compiled heyoka stepper for one kind of request, with its events and its restarts."""
 
 from __future__ import annotations
 
@@ -39,10 +39,10 @@ _MAX_PASSES = 64  # the number of events passed next to the start
 
 
 class Series:
-    """Polynomials in the time since each step's start; as a function, times (k,) -> states (k, 3).
+    """The polynomials of a run's steps, in the time since each step's start.
 
-    Values are exact to rounding. Threads may share a series, whereas heyoka's own continuous output
-    hands out memory that its next call overwrites.
+    A call converts times (k,) [s] to states (k, 3), exact to rounding. Threads may share a series,
+    whereas heyoka's own continuous output hands out memory that its next call overwrites.
     """
 
     def __init__(self, precision: Precision, start: Any, steps: Sequence[tuple[Any, Any]]) -> None:
@@ -78,14 +78,16 @@ class Series:
         return total.T.copy()
 
     def samples(self, request: Request, status: Status) -> Any:
-        """Return the values at the sample times that were reached, as `values` does; None without
-        times.
+        """Return the values of all polynomials at the sample times that were reached.
 
-        A run that reached its end has them all: the last one may be a rounding of a double later.
+        A run that reached its end has them all, even if rounding puts the last one slightly later.
 
         Args:
             request: The run.
             status: Its status.
+
+        Returns:
+            A row for each time, as in `values`. None if the request has no sample times.
         """
         if request.times is None:
             return None
@@ -97,7 +99,7 @@ class Series:
     def step_of(self, times: Any) -> Any:
         """Return the number (k,) of the step in which each time lies.
 
-        A time outside the run counts to the first or the last step.
+        A time outside the run belongs to the first or the last step.
 
         Args:
             times: (k,) times [s].
@@ -108,7 +110,7 @@ class Series:
 
 
 class Integrator:
-    """A stepper of heyoka's with the callbacks that record its events."""
+    """A heyoka stepper for one kind of request, with the callbacks that record its events."""
 
     def __init__(
         self, request: Request, events: tuple[Event, ...], chosen: dict[str, Any], compact: bool
@@ -203,7 +205,7 @@ class Integrator:
         return events
 
     def _passing_event(self, event: Event) -> Any:
-        """Return heyoka's event that records its crossings and ends nothing."""
+        """Return a heyoka event that records crossings of an event without ending the run."""
         name, records, owned = event.name, self._records, self.precision.owned
 
         def record(stepper: Any, when: Any, sign: int) -> None:
@@ -225,7 +227,7 @@ class Integrator:
             The result, without half-widths.
 
         Raises:
-            InputError: The start, the duration or the speed is not finite.
+            InputError: If the start, the duration or the speed is not finite.
         """
         number = self.precision.number
         state = [number(component) for component in request.state]
@@ -274,7 +276,7 @@ class Integrator:
             self._stepper.pars[: 1 + len(values)] = [omega, *values]
 
     def _rewind(self, state: Sequence[Any]) -> None:
-        """Return to the start, at time 0, with nothing recorded."""
+        """Put the stepper at a start at time 0, and clear all records."""
         stepper = self._stepper
         stepper.time = self._zero
         if self._kept:
@@ -287,7 +289,7 @@ class Integrator:
             self._records.clear()
 
     def _until(self, target: Any, **options: Any) -> tuple[Any, Any, int]:
-        """Integrate until a time or the first terminal event.
+        """Integrate until ``target`` [s] or the first terminal event.
 
         The series of the steps are kept if they are needed.
 
@@ -361,9 +363,8 @@ class Integrator:
     def _jumped(self, start: Start, target: Any, on: StartSurfaces) -> bool:
         """Move to a time close to the start by the first step's series.
 
-        This passes all events of the start's surfaces.
-        Many small steps from event to event would not do: their changes of an angle are lost in its
-        rounding.
+        This passes all events of the start's surfaces. Many small steps from event to event would
+        not work: their changes of an angle are lost in its rounding.
 
         Returns:
             False, with the stepper back at the start, if an event of another surface lies on the
@@ -376,7 +377,7 @@ class Integrator:
         terms = self.precision.owned(stepper.tc[: self._kept_rows])
         self._rewind(start.state)
         watched = [event for event in self._events if event.name not in on.names]
-        # Its branch too must be the same all the way, and not in doubt at the start
+        # The branch, too, must be the same all the way, and not in doubt at the start
         if self._two_sided:
             self._branch.begin(start)
             watched += SLIDING_REVERSAL, FLAT

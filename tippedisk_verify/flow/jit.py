@@ -20,7 +20,7 @@ def heyoka_module() -> ModuleType:
     """Return heyoka, ready to compile.
 
     Raises:
-        ImportError: heyoka cannot be imported.
+        ImportError: If heyoka cannot be imported.
     """
     heyoka = heyoka_types()
     with _LOADING:

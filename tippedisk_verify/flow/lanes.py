@@ -83,7 +83,7 @@ class BatchTaylor:
         width: The number of lanes; by default as many as this machine's SIMD registers hold.
 
     Raises:
-        InputError: The width is not between 1 and 64.
+        InputError: If the width is not between 1 and 64.
     """
 
     def __init__(self, width: int | None = None) -> None:
@@ -119,15 +119,15 @@ class BatchTaylor:
             friction: The friction law, or its name.
             events: Events that are recorded and end nothing. A start on the surface is not a
                 crossing.
-            max_steps: The largest number of steps of a run.
+            max_steps: The maximum number of steps of a run.
 
         Returns:
             The final states (n, 3), derivatives, divergence, crossings, and True for each finished
             run.
 
         Raises:
-            InputError: An argument is not an array of numbers, the shapes do not match, or an event
-                is terminal.
+            InputError: If an argument is not an array of numbers, the shapes do not match, or an
+                event is terminal.
         """
         law = law_of(friction)
         names = parameter_names(law)
@@ -178,7 +178,7 @@ class BatchTaylor:
 
 
 class _CompiledBatch:
-    """A batch integrator of heyoka's for one kind of request."""
+    """A heyoka batch integrator for one kind of request."""
 
     def __init__(
         self,
@@ -238,9 +238,15 @@ class _CompiledBatch:
         self._reached = hy.taylor_outcome.time_limit
 
     def run(self, pars: Array, states: Array, durations: Array, max_steps: int) -> BatchResult:
-        """Integrate all runs, batch by batch.
+        """Integrate n runs in SIMD lanes, batch by batch, and return their results.
 
-        ``pars`` (m, n) holds the speeds and the constants, in the order of `parameter_names`.
+        A run that fails is NaN and not ``finished``.
+
+        Args:
+            pars: (m, n) speeds and constants, in the order of `parameter_names`.
+            states: (n, 3) starts.
+            durations: (n,) [s].
+            max_steps: The maximum number of steps of a run.
         """
         count, width = len(durations), self._rest.shape[1]
         final = numpy.full((3 + len(self._rest), count), numpy.nan)
@@ -282,7 +288,7 @@ class _CompiledBatch:
         )
 
     def _propagated(self, pars: Array, states: Any, durations: Array, max_steps: int) -> Any:
-        """Run all lanes and return (width,) True for each lane that reached its end."""
+        """Run all lanes and return a mask (width,) of the lanes that reached their end."""
         stepper = self._stepper
         stepper.set_time(0.0)
         stepper.pars[: len(pars)] = pars
@@ -313,7 +319,7 @@ class _CompiledBatch:
         return record
 
     def _changer(self, change: Callable[[Any, int, int], None], coinciding: Sequence[Event]) -> Any:
-        """Return a callback that changes the sign and records the coinciding events.
+        """Return a callback that calls ``change`` and records the coinciding events.
 
         It is a bare function, because heyoka copies all other callables.
         """

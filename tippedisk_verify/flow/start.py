@@ -45,7 +45,7 @@ class Start(NamedTuple):
 
     @classmethod
     def of(cls, request: Request, precision: Precision) -> Start:
-        """Return the start of a request, in an arithmetic with functions for single numbers.
+        """Return the start of a request as numbers of one arithmetic.
 
         Args:
             request: The run.
@@ -76,11 +76,11 @@ class Start(NamedTuple):
         return field(self.ops, self.constants, self.omega, self.law)(*state)
 
     def ahead(self, state: Sequence[Any], step: Any) -> Sequence[Any]:
-        """Return the state a short time ``step`` [s] after another one, to second order.
+        """Return the state to which a state moves in a short time, to second order.
 
         Args:
             state: (beta [rad], gamma [rad], v [rad/s]).
-            step: The time [s].
+            step: The time [s]; negative for a backward run.
         """
         middle = [x + step / 2 * rate for x, rate in zip(state, self.rates(state), strict=True)]
         return [x + step * rate for x, rate in zip(state, self.rates(middle), strict=True)]
@@ -95,14 +95,17 @@ class Start(NamedTuple):
         return bool(abs(self.value(event)) <= ROUNDINGS * epsilon)
 
     def window(self, event: Event, epsilon: float = 2.0**-52) -> tuple[float, float]:
-        """Return the duration [s] of a start on the event's surface, and the function's value then.
+        """Return how long a start on the event's surface lasts, and the function's value then.
 
-        The start lasts until the function exceeds rounding; it is longer where the orbit only
-        touches the surface. A crossing within it is the start itself. Both numbers are doubles.
+        The start lasts until the function exceeds rounding. That takes longer where the orbit only
+        touches the surface. A crossing within this time is the start itself.
 
         Args:
             event: The event.
             epsilon: The relative rounding of the start.
+
+        Returns:
+            The duration [s] and the value, both as doubles.
         """
         window = value = 0.0
         for window in _WINDOWS:
@@ -152,8 +155,8 @@ def starts_on_a_surface(request: Request) -> bool:
 def surfaces(request: Request, start: Start) -> StartSurfaces:
     """Return the surfaces on which the start of a run lies.
 
-    A start given by floats is rounded to a double in every arithmetic. As the edge of the domain,
-    sin(beta) = 0 always ends a run.
+    A start given by floats is rounded to a double in every arithmetic. sin(beta) = 0 counts only if
+    the domain is not checked; as the edge of the domain it always ends a run.
 
     Args:
         request: The run.

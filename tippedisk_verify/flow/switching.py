@@ -1,4 +1,4 @@
-"""The analytic branch of the smooth law on which a run moves, and its changes at gamma_y = 0.
+"""The analytic branch of a two-sided law on which a run moves, and its changes at gamma_y = 0.
 
 **Carrying the state across.** The field is continuous where gamma_y = 0, and so are its first
 derivatives. So state and derivatives are carried across unchanged: the saltation matrix is the
@@ -34,7 +34,7 @@ _MAX_RESIDUAL_SLIP = 1000  # the slip that may be left at a switch, in roundings
 
 
 class FrictionSign:
-    """The sign of gamma_y with which an integrator computes, its last parameter."""
+    """The sign of gamma_y with which an integrator computes; it is the last runtime parameter."""
 
     def __init__(
         self, precision: Precision, watched: Sequence[Event], records: list[EventRecord]
@@ -50,7 +50,7 @@ class FrictionSign:
         self.looks_ahead = False  #: True if the motion a moment later decides at each switch
 
     def begin(self, start: Start) -> None:
-        """Set the branch for a run. On the surface the motion a moment later decides.
+        """Set the branch for a run. If the start is on gamma_y = 0, look a moment ahead.
 
         Args:
             start: The start of the run.
@@ -67,10 +67,7 @@ class FrictionSign:
             self._set(1 if start.value(SLIDING_REVERSAL) >= 0 else -1)
 
     def turned(self) -> bool:
-        """Change the branch at sin(beta) = 0, where the run does not end.
-
-        Return True, so that the run continues.
-        """
+        """Change the branch at sin(beta) = 0 and return True, so that the run continues."""
         self._upright = -self._upright
         self._set(self.side)
         return True
@@ -123,7 +120,7 @@ class FrictionSign:
 
     @property
     def lost(self) -> bool:
-        """True if the run was on the wrong branch for a while, by its switches or by its end."""
+        """True if the switches or the end show that the run was on the wrong branch for a while."""
         # NaN is lost too.
         slip = float(self._start.value(SLIDING_REVERSAL, self.stepper.state[:3]))
         return self._contradicted or not slip * self.side >= -_MAX_RESIDUAL_SLIP * self._epsilon
@@ -137,7 +134,7 @@ class FrictionSigns:
     """The signs of gamma_y for every run of a batch, in the last row of the parameters."""
 
     def begin(self, stepper: Any, start: Start) -> None:
-        """Set the branches. On the surface the motion a moment later decides.
+        """Set the branches. For starts on gamma_y = 0, look a moment ahead.
 
         Args:
             stepper: heyoka's batch integrator.
@@ -180,7 +177,7 @@ class FrictionSigns:
         stepper.pars[-1, lane] = self._sides[lane] * self._upright[lane]
 
     def kept(self, stepper: Any) -> Any:
-        """Return True for each run that was on the right branch all the time.
+        """Return a mask (n,) of the runs that were on the right branch all the time.
 
         Args:
             stepper: heyoka's batch integrator at the end of the runs.

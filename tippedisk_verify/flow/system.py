@@ -50,7 +50,7 @@ _PATTERNS_PER_ROUND = 5
 
 
 def parameter_names(law: FrictionLaw) -> tuple[str, ...]:
-    """Return the runtime parameters of a law's field, in their order.
+    """Return the names of the runtime parameters of a law's field, in their order.
 
     Args:
         law: The friction law.
@@ -59,13 +59,17 @@ def parameter_names(law: FrictionLaw) -> tuple[str, ...]:
 
 
 def by_constants(parameters: Parameters) -> dict[str, dict[Variation, Fraction]]:
-    """Return the exact derivatives of the field's constants by each variable of a motion.
+    """Return the exact derivatives of the field's constants with respect to each input of a motion.
 
-    The variables are the start's beta, gamma and v, omega, and the disk's parameters. The constants
-    a = A / m, b = B / m - e^2, k = mu g / epsilon and mu g depend on several of these.
+    The inputs are the start's beta, gamma and v, omega, and the disk's parameters. The constants
+    a = A / m, b = B / m - e^2, k = mu g / epsilon and mu g depend on several of these. The start
+    and Omega count as constants of their own.
 
     Args:
-        parameters: The disk and its friction law, which decides on the constants.
+        parameters: The disk and its friction law, which determines the constants.
+
+    Returns:
+        A row for each input: its nonzero derivatives, by the name of the constant.
     """
     c, one = parameters.rational(), Fraction(1)
     table: dict[str, dict[Variation, Fraction]] = {
@@ -92,10 +96,10 @@ def by_constants(parameters: Parameters) -> dict[str, dict[Variation, Fraction]]
 
 
 def constants_of(pars: Any, law: FrictionLaw) -> Constants:
-    """Return the rows of the runtime parameters by name.
+    """Return the constants among the runtime parameters by name; None for those not used.
 
     Args:
-        pars: The rows, in the order of `parameter_names`.
+        pars: The runtime parameters or rows of them, in the order of `parameter_names`.
         law: The friction law.
     """
     rows = dict(zip(parameter_names(law), pars, strict=False))
@@ -122,7 +126,7 @@ def system_of(
         law: The friction law.
 
     Raises:
-        InputError: The field does not have such a derivative, or the law cannot be compiled.
+        InputError: If the field does not have such a derivative, or the law cannot be compiled.
     """
     hy = heyoka_module()
     ops = shifted(hy) if shift else hy
@@ -157,7 +161,7 @@ def system_of(
 
 
 def direction_of(event: Event) -> Any:
-    """Return heyoka's name for the sign of an event's crossings.
+    """Return the direction of an event's crossings as heyoka's enum member.
 
     Args:
         event: The event.

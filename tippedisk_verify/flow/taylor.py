@@ -48,7 +48,7 @@ class Taylor:
             loops (above double, where unrolled code would take minutes to compile).
 
     Raises:
-        InputError: Both ``high_accuracy`` and ``fast_math`` are chosen.
+        InputError: If both ``high_accuracy`` and ``fast_math`` are chosen.
     """
 
     def __init__(
@@ -95,8 +95,8 @@ class Taylor:
             The result, with half-widths if the request asks for them.
 
         Raises:
-            InputError: The start, the duration or the speed is not a finite number. Or the start is
-                so close to the floor that the event sees the disk lie flat only when it is below.
+            InputError: If the start, the duration or the speed is not a finite number. Also if the
+                start is so close to the floor that rounding decides whether the disk leaves it.
         """
         if request.events and at_rest(request):
             return self(replace(request, events=()))
@@ -125,8 +125,8 @@ class Taylor:
     def _with_error(self, request: Request, result: Result) -> Result:
         """Return the result with half-widths, from its defect or else from a wider run.
 
-        A run that stopped early has no half-widths. A start within rounding of an event's surface,
-        for which doubles have no half-widths, is corrected in wider arithmetic.
+        A run that stopped early gets no half-widths. Where doubles give none because the start lies
+        on an event's surface up to rounding, the run is corrected in wider arithmetic.
         """
         if not result.status.usable:
             if request.estimated_by_defect:

@@ -46,7 +46,7 @@ def numbers(values: Any) -> Any:
         An array of the same shape; a single number has no dimensions.
 
     Raises:
-        InputError: An entry is not a number, or the lists do not form an array.
+        InputError: If an entry is not a number, or the lists do not form an array.
     """
     if type(values) is numpy.ndarray and values.dtype.kind == "f":
         return values.astype(float, copy=False)
@@ -62,7 +62,7 @@ def numbers(values: Any) -> Any:
 def half_widths(values: Any) -> Array:
     """Round half-widths to doubles.
 
-    The least double stands for a positive half-width that rounds to zero.
+    A positive half-width that would round to zero becomes the smallest positive double.
 
     Args:
         values: An array of half-widths of any kind.
@@ -77,8 +77,8 @@ def half_widths(values: Any) -> Array:
 def workable(values: Any) -> Any:
     """Convert an array to objects unless it holds doubles or extended numbers; None stays None.
 
-    NumPy refuses most of its functions to heyoka's arrays of quadruple numbers, and `numpy.save`
-    spoils them.
+    Most functions of NumPy do not accept heyoka's arrays of quadruple numbers, and `numpy.save`
+    corrupts them.
 
     Args:
         values: An array, or None.
@@ -102,7 +102,7 @@ class OnArrays:
         omega: The spinning speed [rad/s].
 
     Raises:
-        InputError: ``omega`` is not a speed, or ``y`` has another shape.
+        InputError: If ``omega`` is not a speed, or ``y`` has another shape.
     """
 
     def __init__(self, made: Callable[..., Any], parameters: Parameters, omega: object) -> None:
@@ -113,11 +113,11 @@ class OnArrays:
         """Return the function's value at a state (3,) or at states (3, k).
 
         Args:
-            t: The time, which does not matter.
+            t: The time, which is not used.
             y: The state or states.
 
         Raises:
-            InputError: ``y`` does not have three rows, or has a unit or masked elements.
+            InputError: If ``y`` does not have three rows, or has a unit or masked elements.
         """
         refuse_qualified(y)
         try:

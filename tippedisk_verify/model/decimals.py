@@ -49,7 +49,7 @@ _TRUNCATED = _context(1, ROUND_DOWN)
 
 @contextmanager
 def arithmetic(digits: int = 140, rounding: str = ROUND_HALF_EVEN) -> Iterator[None]:
-    """Compute with decimals of ``digits`` digits while the context is entered; also a decorator.
+    """Return a context manager, also a decorator, in which decimals have ``digits`` digits.
 
     All decimal arithmetic of the package runs in it. The caller's context is neither read nor
     changed.

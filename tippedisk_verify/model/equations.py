@@ -63,9 +63,9 @@ class _ShiftedOps:
 def shifted(ops: Ops) -> Ops:
     """Return ``ops`` for angles measured from pi/2, the paper's beta_bar and gamma_bar.
 
-    They are defined in Eq. shifted coordinates. With the result, every function here takes shifted
-    angles. Near inverted spinning these are small numbers. They keep the relative accuracy that
-    beta and gamma, of size pi/2, lose.
+    Eq. shifted coordinates defines them. With the result, every function of this module takes
+    shifted angles. Near inverted spinning these are small numbers, and so keep the relative
+    accuracy that beta and gamma, of size pi/2, lose.
 
     Args:
         ops: The functions of the kind of number.
@@ -80,8 +80,8 @@ def checked_speed(omega: object) -> Fraction:
         omega: A number or text that `exact` accepts.
 
     Raises:
-        InputError: It is not one decimal between 1e-300 and 1e6. Beyond these limits doubles
-            or the model fail.
+        InputError: If ``omega`` is not one decimal between 1e-300 and 1e6. Beyond these limits
+            doubles or the model fail.
     """
     if isinstance(omega, list | tuple):
         raise InputError("one speed is needed, not several: `Disk.branch` takes a list of them")
@@ -99,7 +99,7 @@ def one_speed(**ways: object) -> None:
             unused.
 
     Raises:
-        InputError: None of them is used, or several.
+        InputError: If none of them is used, or several are.
     """
     if (number := sum(way is not None and way is not False for way in ways.values())) != 1:
         *first, last = ways
@@ -114,14 +114,15 @@ def checked_speeds(omegas: object) -> list[Fraction]:
         omegas: A list or an array of speeds, or one speed.
 
     Raises:
-        InputError: An entry is not a speed, as in `checked_speed`.
+        InputError: If an entry is not a speed, as in `checked_speed`.
     """
     return [checked_speed(omega) for omega in entries(omegas)]
 
 
 class Terms(NamedTuple):
-    """The paper's quantities at one state, in SI units: M v' - h = f_G + w_y lambda_Ty (Eq.
-    3DOF).
+    """The paper's quantities at one state, in SI units.
+
+    They satisfy M v' - h = f_G + w_y lambda_Ty (Eq. 3DOF).
     """
 
     mass: Any  #: M [kg m^2], Eq. MassMatrix_3DOF

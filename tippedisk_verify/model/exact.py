@@ -42,7 +42,7 @@ _LARGEST_DECIMAL_EXPONENT = 10_000
 _LARGEST_BINARY_EXPONENT = 100_000_000
 # Python converts integers of up to 4300 decimal digits; nothing here needs more.
 _LARGEST_TEXT = 4_000
-# Attributes of an object with a physical unit, in the packages for units.
+# Attributes by which the numbers of packages for physical units are recognised.
 _UNIT_ATTRIBUTES = ("unit", "units", "dimensionality", "dimensions")
 _HAS_UNIT = "'{}' has a unit: give it in rad/s, rad, s or other SI units, without a unit"
 
@@ -157,7 +157,7 @@ def plain_number(value: object) -> Exact | Binary | Decimal | float | str:
         value: Any object.
 
     Raises:
-        InputError: The object is anything else, or qualifies its number. Such objects are truth
+        InputError: If the object is anything else, or qualifies its number. Such objects are truth
             values, masked elements, quantities with a unit, complex numbers and balls with a
             radius. Constants such as mpmath's pi, whose value depends on the precision, are refused
             too.
@@ -186,7 +186,7 @@ def refuse_qualified(value: Any) -> None:
         value: Any object.
 
     Raises:
-        InputError: The value is such an object.
+        InputError: If the value is such an object.
     """
     if not _can_be_qualified(type(value)):  # type: ignore[arg-type]
         return
@@ -208,7 +208,11 @@ def _can_be_qualified(kind: type) -> bool:
 
 
 def _binary(value: Any) -> Binary | float | None:
-    """Return a floating-point number of another kind than Python's; None for any other object."""
+    """Convert a float of NumPy, heyoka, mpmath or a similar package to mantissa and exponent.
+
+    Returns NaN if it is not finite, and None for any other object. Raises InputError for a ball
+    with a nonzero radius.
+    """
     kind = type(value).__name__
     if kind in ("real", "real128"):
         return _heyoka_mantissa(value, getattr(value, "prec", 113))
@@ -267,7 +271,7 @@ def entries(values: object) -> list[Any]:
         values: A list, an array, a number or a text.
 
     Raises:
-        InputError: The array has a unit or masked elements, as in `refuse_qualified`.
+        InputError: If the array has a unit or masked elements, as in `refuse_qualified`.
     """
     refuse_qualified(values)
     single = (
@@ -283,15 +287,15 @@ def exact(value: object) -> Exact:
 
     A number of any kind (`plain_number`) is accepted. Texts are decimals (``"0.435"``,
     ``"1e-30"``), ratios (``"1/3"``) and sums with multiples of pi (``"pi/2 + 0.4"``,
-    ``"-3*pi/2"``). A float means its exact binary value. A computed number means the rational at
-    its middle, ``value``: the same one at every precision, and not the rounded decimals that are
-    printed. Its half-width is dropped.
+    ``"-3*pi/2"``). A float means its exact binary value. A computed number means its midpoint
+    ``value``, an exact rational: the same one at every precision, and not the rounded decimals that
+    are printed. Its half-width is dropped.
 
     Args:
         value: A number of any kind, or a text.
 
     Raises:
-        InputError: The value is infinite, NaN, or not a number.
+        InputError: If the value is infinite, NaN, or not a number.
     """
     number = plain_number(value)
     if isinstance(number, Exact):
@@ -329,8 +333,9 @@ def long_fraction(text: str) -> Fraction:
         text: The decimal or the ratio.
 
     Raises:
-        InputError: A decimal exponent is too large.
-        ArithmeticError: The text is not such a number. So does ValueError.
+        InputError: If a decimal exponent is too large.
+        ArithmeticError: If the text is not such a number.
+        ValueError: Likewise; which of the two depends on the text.
     """
     parts = [_decimal_fraction(part, part[:60]) for part in text.split("/")]
     numerator, denominator = parts if len(parts) > 1 else (*parts, Fraction(1))
@@ -364,9 +369,9 @@ def whole(value: object, least: int, most: int) -> int | None:
 
 
 def shown(value: object) -> str:
-    """Return the beginning of a value's text, for messages of one line."""
+    """Return the first forty characters of a value's text, on one line, for messages."""
     try:
-        # `python -bb` has no str of these
+        # `python -bb` refuses str() of these
         text = repr(value) if isinstance(value, bytes | bytearray) else str(value)
     except Exception:
         return f"an object of type {type(value).__name__}"
@@ -442,7 +447,7 @@ def mantissa_exponent(value: object) -> Binary | None:
         value: A floating-point number of any kind.
 
     Raises:
-        InputError: ``value`` is not a floating-point number.
+        InputError: If ``value`` is not a floating-point number.
     """
     number = plain_number(value)
     if isinstance(number, float):

@@ -1,8 +1,8 @@
 """Friction laws: the friction force as a function of the sliding velocity.
 
-A law is an object, `FrictionLaw`. The paper's two laws have names and are written out here; a law
-of one's own is a name and a function. Other modules ask a law what it can do: whether it is linear,
-and whether it has two analytic sides.
+A law is an object, `FrictionLaw`. The paper's two laws have names and are written out here; a
+user's own law is a name and a function. Other modules ask a law what it can do: whether it is
+linear, and whether it has two analytic sides.
 
 **Symmetry.** Each law is odd in the sliding velocity gamma_y, because the disk's point symmetry
 changes the sign of gamma_y.
@@ -34,12 +34,12 @@ __all__ = ["FORCE_CONSTANTS", "LAWS", "Friction", "FrictionLaw", "constants_used
 Friction = Literal["linear", "smooth"]
 
 _LONGEST_NAME = 40  # characters, so that a title stays on its line
-FORCE_CONSTANTS = ("m", "g", "mu", "epsilon", "pi")  #: which a force may read
+FORCE_CONSTANTS = ("m", "g", "mu", "epsilon", "pi")  #: the constants that a force may read
 _PROBES = (0.001, 0.1, 0.7, 1.0, 2.5, 30.0)  # sliding velocities, for constants of value 1
 _GUARD_CONSTANTS = ("k", "traction")
 #: The weight keeps the guard's variable near the size of the angles in runs of some minutes.
 _GUARD_WEIGHT = 2.0**-6
-_STEP = 1e-150  # of an imaginary step, whose square is far below any sliding velocity's rounding
+_STEP = 1e-150  # imaginary step; its square is far below the rounding of any sliding velocity
 
 
 def _default_slope(c: Any) -> Any:
@@ -62,32 +62,33 @@ class FrictionLaw:
     - ``ops`` has the functions that `precision.FUNCTIONS` lists. Apply them to expressions of ``gamma_y`` and
       ``c``: a function of a plain number, such as ``ops.sqrt(2)``, is rounded to a double.
     - ``c`` has the parameters m, g, mu and epsilon, and pi.
-    - A decimal such as 0.3 is the double next to it. ``3 * gamma_y / 10`` is exact.
-    - It is one formula, without conditions and absolute values, and depends on nothing that changes:
-      it is compiled once.
+    - A decimal such as 0.3 is rounded to the nearest double. ``3 * gamma_y / 10`` is exact.
+    - The force is one formula, without conditions and absolute values. It must not depend on
+      anything that changes, because it is compiled once.
 
-    A disk that takes the law checks that it is odd, that it brakes, and that it has the slope that
-    it gives and no rounded constant. It also scans the law for features much narrower than the
-    sliding velocity where they lie. It refuses these, because an integrator's step could pass one
-    (`friction_checks`).
+    A disk that is created with the law checks that the force is odd and brakes. It also checks that
+    the force has the given slope and no rounded constant. It refuses a law with features much
+    narrower than the sliding velocity at which they lie, because an integrator's step could pass
+    one (`friction_checks`).
 
     Args:
         name: The name in titles and messages.
         force: The function that gives the force [N].
         two_sided: False: the force is analytic at every gamma_y. True: ``force`` is called with
             gamma_y >= 0 only, is analytic there, and is continued as an odd function.
-        slope: A function of ``c`` that gives -d(lambda_Ty)/d(gamma_y) at gamma_y = 0 [N s/m], by
-            the four arithmetic operations. If left out it is mu m g / epsilon.
+        slope: A function of ``c`` that gives -d(lambda_Ty)/d(gamma_y) at gamma_y = 0 [N s/m]. It
+            uses only the four arithmetic operations. If left out it is mu m g / epsilon.
 
     Raises:
-        InputError: The name is that of one of the paper's laws, or not a short line.
+        InputError: If the name is that of one of the paper's laws or not a short line, or if
+            ``two_sided`` is not a bool.
     """
 
     name: str
     force: Callable[[Any, Any, Any], Any]
     two_sided: bool = False
     slope: Callable[[Any], Any] = _default_slope
-    #: values of the force: a function whose results have changed makes another law
+    #: the values of the force when the law was made; if they change, so has the law
     values: tuple[Any, ...] = field(default=(), init=False, repr=False)
 
     is_linear: ClassVar[bool] = False
@@ -133,7 +134,7 @@ class FrictionLaw:
 
     @property
     def constants(self) -> tuple[str, ...]:
-        """The runtime parameters of the compiled field besides r, e, a, b and g."""
+        """The names of the runtime parameters that this law adds to the compiled field."""
         return (*constants_used(self.force), *_GUARD_CONSTANTS)
 
     def guard(self, ops: Any, gamma_y: Any, c: Any) -> Any:
@@ -186,7 +187,7 @@ class FrictionLaw:
         return -self(ops, gamma_y, c, side) / c.m
 
     def slope_at(self, ops: Any, gamma_y: Any, c: Any, side: Any = None) -> Any:
-        """Return the derivative of `deceleration` by the sliding velocity [1/s].
+        """Return the derivative of `deceleration` with respect to the sliding velocity [1/s].
 
         heyoka differentiates an expression and mpmath its own numbers. Elsewhere the derivative
         comes from an imaginary step.
@@ -227,11 +228,13 @@ class FrictionLaw:
     def near_zero(
         self, parameters: Any, working_bits: int, order: int, side: Any, number: Callable[..., Any]
     ) -> FrictionLaw:
-        """Return the law as its Taylor polynomial at gamma_y = 0, which power series can take.
+        """Return a law whose deceleration is this one's Taylor polynomial at gamma_y = 0.
+
+        Its argument may be a power series.
 
         Args:
             parameters: The disk.
-            working_bits: The bits to which the coefficients are right.
+            working_bits: The number of correct bits of the coefficients.
             order: The degree of the polynomial.
             side: 1 or -1 for a law with two sides, otherwise None.
             number: The conversion of a coefficient, a rational, to the numbers of the series.
@@ -252,14 +255,14 @@ class _Recorder:
     def __getattr__(self, name: str) -> float:
         if name not in FORCE_CONSTANTS:
             raise AttributeError(f"there is no constant '{name}': use m, g, mu, epsilon and pi")
-        if name != "g":  # which the field takes anyway
+        if name != "g":  # the field always has g
             self.names[name] = None
         return 1.0
 
 
 @lru_cache(maxsize=64)
 def constants_used(force: Callable[[Any, Any, Any], Any]) -> tuple[str, ...]:
-    """Return the names of the constants that a force reads, and m."""
+    """Return the names of the constants that a force reads, with m and without g."""
     recorder = _Recorder()
     force(math, 1.0, recorder)
     return tuple(recorder.names)
@@ -271,8 +274,8 @@ def _taylor_coefficients(
 ) -> tuple[Fraction, ...]:
     """Return the coefficients of gamma_y, gamma_y^2, ... in the deceleration, for positive gamma_y.
 
-    mpmath differentiates numerically, in as many bits as that takes. The even coefficients of a law
-    without sides are zero.
+    mpmath differentiates numerically, with as many bits as that needs. The coefficients of even
+    powers are zero for a law that is analytic at zero.
     """
     finest = Fraction(parameters.epsilon)  # the force varies on the scale of epsilon
     spare = 64 + max(0, finest.denominator.bit_length() - finest.numerator.bit_length())
@@ -347,7 +350,7 @@ class _SmoothCoulomb(FrictionLaw):
 
 @dataclass(frozen=True)
 class _Polynomial(FrictionLaw):
-    """The Taylor polynomial of a law's deceleration at zero, for power series in it."""
+    """A law whose deceleration is a Taylor polynomial, for arguments that are power series."""
 
     terms: tuple[Any, ...] = ()  #: the coefficients of gamma_y, gamma_y^2, ...
 
@@ -380,13 +383,13 @@ LAWS: dict[str, FrictionLaw] = {
 
 
 def law_of(friction: object) -> FrictionLaw:
-    """Return the law itself.
+    """Return the `FrictionLaw` of a name; a law is returned unchanged.
 
     Args:
         friction: ``linear``, ``smooth`` or a `FrictionLaw`.
 
     Raises:
-        InputError: There is no such law.
+        InputError: If there is no such law.
     """
     if isinstance(friction, FrictionLaw):
         return friction

@@ -1,4 +1,4 @@
-"""The checks of a user's friction law, when a disk takes it."""
+"""The checks of a user's friction law, made when a disk is created with it."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ _WIDE_SLACK = 2.0**-80
 #: The sliding velocities of the scan for narrow features, in units of mu g / k, where the law bends.
 _SCANNED = (1e-3, 300.0)
 #: The scan fits a Chebyshev polynomial of this degree to the force on intervals of ln(gamma_y) of this
-#: length, and compares it at so many more places.
+#: length, and compares the two at this number of further places.
 _DEGREE, _LENGTH, _PLACES = 24, 0.3, 3000
 #: The largest distance from the polynomial, relative to the largest force. A step like tanh whose width
 #: is w of the velocity has its poles at pi w / 2 in ln(gamma_y). Its distance is rho^-24 of its height,
 #: with rho = d + sqrt(1 + d^2) and d = pi w / 0.3. A step as high as the force has this distance at
-#: w = 1/6, a Gaussian bump at a width of 1/12, and one of a millionth of the height at 1/22. Taylor
+#: w = 1/6. A Gaussian bump has it at a width of 1/12, and one of a millionth of the height at 1/22. Taylor
 #: series in double show these from farther away than the third of the velocity that the guard allows a
 #: step: the steps from 18 widths, the bumps from 8.
 _MISFIT = 1e-13
@@ -42,7 +42,7 @@ def refuse_unusable(law: FrictionLaw, parameters: Any) -> None:
         parameters: The disk that takes it.
 
     Raises:
-        InputError: The force cannot be computed or compiled, or a check fails.
+        InputError: If the force cannot be computed or compiled, or a check fails.
     """
     problem = f"the friction law '{law}'"
     if law.values != law.values_now():
@@ -65,7 +65,10 @@ def refuse_unusable(law: FrictionLaw, parameters: Any) -> None:
 
 
 def _refuse_values(law: FrictionLaw, parameters: Any, problem: str) -> None:
-    """Raise InputError unless the force is odd and brakes, with its slope and no rounded constant."""
+    """Raise InputError unless the force is odd, brakes, and has the slope that the law gives.
+
+    Also refuse a force with a constant that is rounded to a double.
+    """
     ctx, wide = bits(_CHECK_BITS).context, companion(EXTENDED)
     c, wide_c = parameters.within(ctx), parameters.at(wide)
     velocities = [share * parameters.epsilon for share in _VELOCITIES]

@@ -1,7 +1,7 @@
-"""Results: a value with the half-width that holds the truth, and arithmetic that keeps it so.
+"""Computed results: a value with a half-width that holds the truth.
 
-Numbers that are printed, compared or combined still hold the truth. `DISTANCES` is the factor from
-a distance between two runs to a half-width.
+The half-width still holds the truth after numbers are printed, compared or combined. `DISTANCES` is
+the factor from a distance between two runs to a half-width.
 """
 
 from __future__ import annotations
@@ -34,12 +34,15 @@ DISTANCES = 2
 
 _LARGEST_POWER = 1000  # the largest power that is computed by multiplication
 _LARGEST_EXPONENT = 100_000  # a larger one is a mistake, and would cost memory without bound
-_DOUBLE_DIGITS = 12  # the most digits that doubles are asked for
+_DOUBLE_DIGITS = 12  # the maximum number of digits for which doubles are used
 _SPARE_BITS = 8  # mpmath's last place is right to one or two units, so this many bits are not used
 
 
 def _of_two(act: Callable[[Bounded, Measured], Measured]) -> Callable[[Bounded, object], Measured]:
-    """Return a method that converts its second operand and applies ``act``."""
+    """Return a method that converts its second operand to a `Measured` and applies ``act``.
+
+    The method returns NotImplemented if the operand is not a number.
+    """
 
     def operation(self: Bounded, other: object) -> Measured:
         theirs = _operand(other)
@@ -61,10 +64,10 @@ class Bounded(Approximate):
     half-width equals any number of the same value.
 
     Raises:
-        AccuracyError: The half-widths leave a comparison by size undecided, or the integer of
+        AccuracyError: If the half-widths leave undecided a comparison by size, or the integer of
             `int`, `round`, `math.floor`, `math.ceil` or `math.trunc`.
-        ZeroDivisionError: The divisor may be zero.
-        InputError: A function is not defined for every value that the number may have.
+        ZeroDivisionError: If the divisor may be zero.
+        InputError: If a function is not defined for every value that the number may have.
 
     >>> print(Measured.of(2, "1e-9") ** 2)
     4.00000000000 ± 4.1e-9
@@ -121,7 +124,8 @@ class Bounded(Approximate):
         def exactly(operand: Any) -> Any:
             if isinstance(operand, Bounded):
                 return numpy.asarray(operand, object)
-            # NumPy keeps these as they are when it makes objects, and would call this method again.
+            # NumPy leaves long doubles as they are when it converts to objects, and would call this
+            # method again.
             extended = getattr(operand, "dtype", None) == numpy.longdouble
             return numpy.frompyfunc(fraction, 1, 1)(operand) if extended else operand
 
@@ -138,10 +142,12 @@ class Bounded(Approximate):
         return self.value - self.uncertainty, self.value + self.uncertainty
 
     def _compared(self, compare: Callable[[Fraction, int], bool], other: object) -> bool:
-        """Return a comparison if it is the same for all possible true values.
+        """Return the result of a comparison that is the same for all possible true values.
+
+        Returns NotImplemented if the other operand is not a number.
 
         Raises:
-            AccuracyError: The half-widths leave it undecided.
+            AccuracyError: If the half-widths leave the comparison undecided.
         """
         theirs = _operand(other)
         if theirs is None:
@@ -176,7 +182,7 @@ class Bounded(Approximate):
         """Return the rounded integer if it is the same for all possible true values.
 
         Raises:
-            AccuracyError: The half-width leaves it undecided.
+            AccuracyError: If the half-width leaves the integer undecided.
         """
         low, high = map(rounding, self._ends())
         if low != high:
@@ -230,7 +236,10 @@ class Bounded(Approximate):
 
     @_of_two
     def __pow__(self, other: Measured) -> Measured:
-        """Return a power, of a positive number unless the exponent is an integer up to 1000."""
+        """Return the number to a power.
+
+        The number must be positive unless the exponent is an exact integer from -1000 to 1000.
+        """
         power = other.value
         if other.uncertainty or power.denominator > 1 or abs(power) > _LARGEST_POWER:
             return (self.log() * other).exp()
@@ -248,9 +257,9 @@ class Bounded(Approximate):
         return NotImplemented if theirs is None else theirs**self
 
     def _of(self, name: str) -> Measured:
-        """Return a function of the number, as accurately as its half-width deserves.
+        """Return sqrt, log, exp, sin or cos of the number, selected by ``name``.
 
-        An exact number has fifty digits.
+        The result is as accurate as the half-width allows. For an exact number it has fifty digits.
         """
         low, high = self._ends()
         if {"sqrt": low < 0, "log": low <= 0}.get(name):
@@ -279,7 +288,7 @@ class Bounded(Approximate):
         """Return the tangent.
 
         Raises:
-            ZeroDivisionError: The cosine may be zero.
+            ZeroDivisionError: If the cosine may be zero.
         """
         return self.sin() / self.cos()
 
@@ -287,7 +296,7 @@ class Bounded(Approximate):
         """Return the decimal logarithm.
 
         Raises:
-            InputError: The number may be zero or negative.
+            InputError: If the number may be zero or negative.
         """
         return self.log() / Measured(Fraction(10), Fraction(0)).log()
 
@@ -324,7 +333,7 @@ class Measured(Bounded):
         uncertainty: The half-width, likewise.
 
     Raises:
-        InputError: An argument is not a number, or the half-width is negative.
+        InputError: If an argument is not a number, or the half-width is negative.
     """
 
     value: Fraction
@@ -341,14 +350,14 @@ class Measured(Bounded):
 
     @classmethod
     def of(cls, value: object, uncertainty: object) -> Measured:
-        """Return a number as the constructor does, for arguments of any type.
+        """Return a new number with a half-width, from arguments of any type.
 
         Args:
             value: A number of any kind, or a decimal as text.
             uncertainty: The half-width, likewise.
 
         Raises:
-            InputError: An argument is not a number, or the half-width is negative.
+            InputError: If an argument is not a number, or the half-width is negative.
         """
         return cls(value, uncertainty)  # type: ignore[arg-type]
 
@@ -356,8 +365,8 @@ class Measured(Bounded):
     def without_half_width(cls, value: object, digits: int = _DOUBLE_DIGITS) -> Measured:
         """Return a number whose error was not measured.
 
-        It is shown without a half-width, or with an infinite one, and no comparison by size is
-        decided by it.
+        It is shown without a half-width, or with an infinite one. A comparison with it by size
+        raises AccuracyError.
 
         Args:
             value: The number.
@@ -426,7 +435,7 @@ class Measured(Bounded):
         return {"value": value, "uncertainty": uncertainty}
 
     def _repr_html_(self) -> str:
-        """Return a table for notebooks."""
+        """Return the value and the half-width as an HTML table for notebooks."""
         rows = (f"<tr><th>{name}</th><td>{text}</td></tr>" for name, text in self.to_dict().items())
         return f"<table>{''.join(rows)}</table>"
 
@@ -441,7 +450,8 @@ class Measured(Bounded):
 def _operand(other: object) -> Measured | None:
     """Return the other operand as a `Measured`; None if it is not a number.
 
-    A number without a half-width is exact.
+    A number without a half-width is exact. Raises InputError for a float or Decimal that is not
+    finite.
     """
     if isinstance(other, Bounded):
         return other if isinstance(other, Measured) else Measured(other.value, other.uncertainty)
@@ -457,9 +467,9 @@ def _operand(other: object) -> Measured | None:
 
 
 def _enclosure(name: str, low: Fraction, high: Fraction, bits: int) -> tuple[Fraction, Fraction]:
-    """Return bounds of sqrt, log, exp, sin or cos between two rationals.
+    """Return a lower and an upper bound of a function's values between ``low`` and ``high``.
 
-    They come from mpmath's interval arithmetic.
+    The function, sqrt, log, exp, sin or cos, is evaluated in mpmath's interval arithmetic.
     """
     from mpmath import libmp
 

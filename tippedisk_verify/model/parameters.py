@@ -78,13 +78,13 @@ def _quantity(unit: str, source: str) -> Any:
 class Parameters(Printable):
     """One tippedisk and its friction law, with exact rational values.
 
-    Values may be strings, Fractions, Decimals, ints or floats. Two sets are equal if their
-    equations are: the eight numbers and the law, with any name and C.
+    Values may be strings, Fractions, Decimals, ints or floats. Two sets are equal if they have the
+    same eight numbers and the same law. The name and C do not count.
 
     Raises:
-        InputError: There is one line for each fault. A value is not finite or not between 1e-30
-            and 1e30. Or the values have e >= r, Bbar <= 0, B > A or A > C. Or the friction law is
-            unknown.
+        InputError: If a value is not finite or not between 1e-30 and 1e30, or if e >= r, Bbar <= 0,
+            B > A or A > C. Also if the friction law is unknown or unusable. The message has one
+            line for each fault.
     """
 
     _without_numpy = True
@@ -112,7 +112,7 @@ class Parameters(Printable):
     )
 
     def _given(self) -> dict[str, Any]:
-        """Return the fields without the values computed from them."""
+        """Return the constructor's arguments by name."""
         return {item.name: getattr(self, item.name) for item in fields(self) if item.init}
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -205,7 +205,7 @@ class Parameters(Printable):
         return Constants(*(quotient(ctx, value) for value in rational))._replace(pi=+ctx.pi)
 
     def rational(self) -> Constants:
-        """Return the parameters as exact rationals, with pi as a symbol."""
+        """Return the parameters as exact rationals, and pi as the exact number `PI`."""
         return Constants(
             *(self.r, self.e, self.m, self.A, self.B, self.Bbar, self.g, self.mu, self.epsilon),
             *(self.A / self.m, self.Bbar / self.m),
@@ -219,7 +219,7 @@ class Parameters(Printable):
             values: The new values by field name.
 
         Raises:
-            InputError: The new values are refused, as by the constructor.
+            InputError: If the constructor refuses the new values.
         """
         return replace(self, **{"name": "custom", **values})  # type: ignore[arg-type]
 
@@ -230,7 +230,7 @@ class Parameters(Printable):
             friction: ``linear``, ``smooth`` or a `FrictionLaw`.
 
         Raises:
-            InputError: There is no such law.
+            InputError: If there is no such law.
         """
         return self if friction == self.friction else replace(self, friction=friction)
 
@@ -241,7 +241,7 @@ class Parameters(Printable):
             what: The beginning of the message, such as 'harmonic balance is'.
 
         Raises:
-            InputError: The friction law is another one.
+            InputError: If the friction law is not the linear one.
         """
         if not self.law.is_linear:
             self._refuse(what, "the linear friction law")
@@ -253,7 +253,7 @@ class Parameters(Printable):
             what: The beginning of the message, such as 'spectral collocation is'.
 
         Raises:
-            InputError: The law has two analytic sides.
+            InputError: If the law has two analytic sides.
         """
         if self.law.two_sided:
             self._refuse(what, "analytic friction laws")
@@ -265,7 +265,7 @@ class Parameters(Printable):
             what: The beginning of the message, such as 'proofs are'.
 
         Raises:
-            InputError: The friction law is a user's.
+            InputError: If the friction law is a user's own.
         """
         if self.friction not in LAWS:
             self._refuse(what, "the paper's friction laws")
@@ -275,9 +275,9 @@ class Parameters(Printable):
         raise InputError(f"{what} for {laws} only, not for {law}")
 
     def decimals(self) -> dict[str, str]:
-        """Return each number as an exact decimal string.
+        """Return the numbers by name, as decimal strings.
 
-        A repeating decimal is cut after fifty digits.
+        They are exact, except that a repeating decimal is cut after fifty digits.
         """
         return {
             item.name: Measured(getattr(self, item.name), Fraction(0)).decimals()[0]
@@ -286,7 +286,7 @@ class Parameters(Printable):
         }
 
     def exact_texts(self) -> dict[str, str]:
-        """Return each number as an exact decimal, or as a ratio if its decimals never end."""
+        """Return the numbers by name, as exact decimals, or as ratios if the decimals never end."""
         return {
             name: exact_text(value)
             for name in _QUANTITIES
@@ -303,7 +303,7 @@ class Parameters(Printable):
             path: The file.
 
         Raises:
-            InputError: The file cannot be written.
+            InputError: If the file cannot be written.
         """
         lines = [f'{name} = "{text}"\n' for name, text in self.exact_texts().items()]
         content = "".join(lines)
@@ -319,7 +319,7 @@ class Parameters(Printable):
         return f"{type(self).__name__} {self.name} ({self.friction})"
 
     def __str__(self) -> str:
-        """Return the title, which has name and law, and a line for each number."""
+        """Return a title with the name and the law, then a line for each number."""
         return "\n".join([self._title(), *result_lines(self.decimals(), "  ")])
 
     @property
@@ -328,9 +328,9 @@ class Parameters(Printable):
         return law_of(self.friction)
 
     def definition(self) -> str:
-        """Return the eight exact numbers of the equations with their units, as a text.
+        """Return one text with the eight exact numbers of the equations and their units.
 
-        It identifies the disk of a statement.
+        It identifies the disk to which a statement applies.
         """
         return ", ".join(
             f"{item.name} = {exact_text(getattr(self, item.name))} {item.metadata['unit']}".removesuffix(
@@ -349,7 +349,7 @@ class Parameters(Printable):
                 `pathlib.Path`.
 
         Raises:
-            InputError: There is no such set, or the file cannot be used, as in `from_toml`.
+            InputError: If there is no such set, or the file cannot be used, as in `from_toml`.
         """
         if not isinstance(name_or_path, str):
             return cls.from_toml(name_or_path)
@@ -377,7 +377,7 @@ class Parameters(Printable):
             The parameters, named by the file's name.
 
         Raises:
-            InputError: The file cannot be read, is not TOML, lacks a key, has an unknown key, or
+            InputError: If the file cannot be read, is not TOML, lacks a key, has an unknown key, or
                 holds values that `Parameters` refuses.
         """
         path = Path(path)
@@ -406,7 +406,10 @@ _QUANTITIES = tuple(item.name for item in fields(Parameters) if item.metadata)
 
 
 def _file_name(path: Path) -> str:
-    """Return the file's name so that `Parameters.named` reads it as a path, not as a set's name."""
+    """Return the file's name, with ``./`` in front if it has no dot.
+
+    `Parameters.named` then reads it as a path, not as a set's name.
+    """
     name = path.name.encode(errors="replace").decode()
     return name if "." in name else f"./{name}"
 

@@ -157,7 +157,7 @@ class Precision:
             A number of this precision's `type`.
 
         Raises:
-            InputError: The value is not a finite number, or is too large for the type.
+            InputError: If the value is not a finite number, or is too large for the type.
         """
         number = plain_number(value)
         if self.kind == "double":
@@ -174,9 +174,9 @@ class Precision:
         return self._from_mantissa(*exact(number).rounded(self.bits))
 
     def array(self, values: Sequence[object]) -> Any:
-        """Return a one-dimensional array of the `number` of each value.
+        """Return a one-dimensional array of the values, each rounded as `number` does.
 
-        Its elements are objects if the numbers are MPFR's.
+        MPFR numbers are stored as objects.
 
         Args:
             values: (n,) numbers or texts that `exact` accepts.
@@ -217,10 +217,10 @@ class Precision:
         return self.array(values)
 
     def owned(self, view: Any) -> Any:
-        """Copy memory that heyoka will overwrite; MPFR's numbers into an array of objects.
+        """Return a copy of an array whose memory heyoka will overwrite.
 
-        heyoka does not free the memory behind the elements of its own arrays of these
-        (tests/stress/test_memory.py).
+        MPFR numbers are copied into an array of objects, because heyoka does not free the memory of
+        the elements of its own arrays (tests/stress/test_memory.py).
 
         Args:
             view: An array of numbers of this precision.
@@ -249,7 +249,7 @@ class Precision:
             A number of this precision's `context`.
 
         Raises:
-            InputError: The value is infinite, NaN, or not a floating-point number.
+            InputError: If the value is infinite, NaN, or not a floating-point number.
         """
         from mpmath.libmp import from_man_exp
 
@@ -292,7 +292,7 @@ def bits(count: int) -> Precision:
         count: The number of bits.
 
     Raises:
-        InputError: ``count`` is not an integer from 24 to 4,000,000.
+        InputError: If ``count`` is not an integer from 24 to 4,000,000.
     """
     number = whole(count, 24, _MOST_BITS)
     if number is None:
@@ -309,7 +309,7 @@ def precision_named(name: str) -> Precision:
         name: The name, such as ``double`` or ``real200``.
 
     Raises:
-        ValueError: There is no such arithmetic.
+        ValueError: If there is no such arithmetic.
     """
     named = {precision.name: precision for precision in (DOUBLE, EXTENDED, QUADRUPLE)}
     return named.get(name) or bits(int(name.removeprefix("real")))
@@ -334,7 +334,7 @@ def bits_for_digits(digits: int) -> int:
         digits: The number of decimal digits.
 
     Raises:
-        InputError: `bits` does not offer an arithmetic of that size.
+        InputError: If `bits` does not offer an arithmetic of that size.
     """
     if not 1 <= digits <= _MOST_BITS / math.log2(10) - 1:
         raise InputError(f"an arithmetic of {shown(digits)} digits is not offered")
@@ -342,13 +342,13 @@ def bits_for_digits(digits: int) -> int:
 
 
 def checked_digits(digits: object) -> int:
-    """Return the number of digits that a caller asks for.
+    """Check a number of decimal digits and return it as an int.
 
     Args:
         digits: An integer of any kind.
 
     Raises:
-        InputError: It is not an integer from 1 to 4000.
+        InputError: If ``digits`` is not an integer from 1 to 4000.
     """
     number = whole(digits, 1, _MOST_DIGITS)
     if number is None:
@@ -389,10 +389,10 @@ def _has_extended() -> bool:
 
 
 def heyoka_types() -> ModuleType:
-    """Return heyoka, for its types of numbers; `flow.jit` prepares it for compiling.
+    """Import and return heyoka, for its types of numbers; for compiling, use `flow.jit`.
 
     Raises:
-        ImportError: heyoka cannot be imported.
+        ImportError: If heyoka cannot be imported.
     """
     try:
         import heyoka
@@ -405,7 +405,7 @@ def heyoka_types() -> ModuleType:
 
 
 class _ThreadContexts(threading.local):
-    """The contexts of each thread."""
+    """The mpmath contexts of each thread, by their bits."""
 
     def __init__(self) -> None:
         self.context = lru_cache(maxsize=256)(_context)

@@ -64,9 +64,9 @@ _UNITS = {name: coordinate.unit for name, coordinate in COORDINATES.items()}
 
 
 def quantity(meaning: str, unit: str) -> dict[str, QuantityMeaning]:
-    """Return the metadata of a number's dataclass field: its meaning and unit, "1" for none.
+    """Return the metadata for a dataclass field that holds a number: its meaning and unit.
 
-    Help, printed tables and the site read them there.
+    Help texts, printed tables and the web pages read them from the field.
 
     Args:
         meaning: The quantity in words.
@@ -143,7 +143,7 @@ class Printable:
         )
 
     def _repr_html_(self) -> str:
-        """Return a table for notebooks."""
+        """Return the result as an HTML table for notebooks."""
         cells = ((heading(name), _cell(entry)) for name, entry in _brief(self.to_dict()).items())
         rows = "".join(
             f"<tr><th>{escape(name)}</th><td>{escape(text)}</td></tr>" for name, text in cells
@@ -217,7 +217,7 @@ def as_json(value: Any) -> Any:
         if isinstance(value, Enum)
         else value
     )
-    # NumPy has no other name for a long double
+    # tolist() leaves NumPy's long double as it is
     return str(value) if type(bare) is type(value) else as_json(bare)
 
 
@@ -233,7 +233,7 @@ def with_widths(values: Any, widths: Any) -> Any:
     """
     if hasattr(values, "__len__"):
         return [with_widths(*pair) for pair in zip(values, widths, strict=True)]
-    # str() of NumPy's numbers is as the caller's print options have it
+    # str() of NumPy's numbers depends on the caller's print options
     if not math.isfinite(widths):
         number = plain_number(values)
         text = repr(number) if isinstance(number, float) else exact_decimals(fraction(number))[0]
@@ -242,9 +242,9 @@ def with_widths(values: Any, widths: Any) -> Any:
 
 
 def half_width_in_double(number: Measured) -> float:
-    """Return a half-width for the value as a double.
+    """Return a half-width, as a double, for the value rounded to a double.
 
-    It includes the value's rounding and is rounded up.
+    It includes the rounding of the value and is itself rounded up.
 
     Args:
         number: A number with a half-width; without one, the result is infinite.
@@ -265,7 +265,7 @@ def data_frame(table: Mapping[str, Any] | Sequence[Mapping[str, Any]]) -> Any:
         table: The columns by name, or the rows.
 
     Raises:
-        InputError: pandas is not installed.
+        InputError: If pandas is not installed.
     """
     try:
         import pandas
@@ -342,7 +342,11 @@ def _cell(value: Any) -> str:
 
 
 def _brief(value: Any) -> Any:
-    """Shorten data for JSON: long lists keep their ends, and each row of a matrix has a line."""
+    """Shorten data for JSON for display.
+
+    A long list becomes a text with its length, first and last entry. Each row of a matrix becomes
+    one text. Exact numbers lose their later digits.
+    """
     if _measured(value) and value["uncertainty"] == "0" and len(value["value"]) > _MAX_EXACT_LENGTH:
         return f"{value['value'][:_MAX_EXACT_LENGTH]}…"  # a double has up to 50 digits
     if isinstance(value, dict):

@@ -36,18 +36,20 @@ from tippedisk_verify.model.parameters import Parameters
 __all__ = ["FORMAT", "number", "read_saved", "saved_numbers", "write_saved"]
 
 FORMAT = "tippedisk-verify result 1"  #: the name and version of the form of these files
-_LARGEST = 2**30  # bytes; a million samples have about half of it
+_LARGEST = 2**30  # bytes; a file with a million samples is about half as large
 _INFINITE = "infinite"
 
 
 def saved_numbers(value: Any) -> Any:
-    """Return a number as an exact text, and lists and arrays as lists of these; None stays None.
+    """Convert numbers to the exact entries of a file, and lists and arrays to lists of entries.
+
+    None stays None.
 
     Args:
         value: A number of any kind, or a list or an array of numbers.
 
     Raises:
-        InputError: A number is not finite, other than an infinite half-width.
+        InputError: If a number is not finite, other than an infinite half-width.
     """
     if value is None:
         return None
@@ -65,10 +67,10 @@ def saved_numbers(value: Any) -> Any:
 
 
 def number(entry: Any) -> Any:
-    """Return the number of an entry that `saved_numbers` made.
+    """Convert an entry of a file back to a number.
 
     Args:
-        entry: The entry.
+        entry: The entry, as `saved_numbers` returns it for one number.
 
     Returns:
         An `Exact`, a `Measured` if the entry has a half-width, or infinity.
@@ -86,19 +88,19 @@ def number(entry: Any) -> Any:
 def write_saved(
     path: str | PathLike[str], kind: str, disk: Parameters, entries: Mapping[str, Any]
 ) -> Path:
-    """Write a result as the file that this module describes. The file appears as a whole.
+    """Write a result to a file in this module's format. A failure leaves no incomplete file.
 
     Args:
         path: The file.
         kind: The class of the result.
         disk: The disk and its friction law.
-        entries: The result's own keys.
+        entries: The result's own keys, with values that JSON can hold.
 
     Returns:
         The path of the file written.
 
     Raises:
-        InputError: The friction law is a user's own, or the file cannot be written.
+        InputError: If the friction law is a user's own, or the file cannot be written.
     """
     from tippedisk_verify import __version__
 
@@ -120,7 +122,7 @@ def read_saved(path: str | PathLike[str]) -> dict[str, Any]:
         path: The file.
 
     Raises:
-        InputError: The file cannot be read, or has another form.
+        InputError: If the file cannot be read, or has another form.
     """
     text = read_text(Path(path), _LARGEST)
     try:

@@ -20,9 +20,7 @@ C = TypeVar("C", bound=type)
 
 
 def undisturbed(function: Callable[P, R]) -> Callable[P, R]:
-    """Return the function so that it runs with all NumPy floating-point errors ignored.
-
-    It is for public functions.
+    """Wrap a public function so that NumPy's floating-point errors are ignored while it runs.
 
     Args:
         function: The function.

@@ -23,7 +23,7 @@ __all__ = ["CheckReport", "StoredItem", "check", "entries_of", "recomputed"]
 
 # Above this level an entry costs seconds: at most a twentieth of a sample.
 _CHEAP_LEVEL = 5
-_DIGITS = 20  # of numbers that need an integrator; the published values come from wider arithmetic
+_DIGITS = 20  # of numbers from an integrator; the published values come from wider arithmetic
 
 
 @dataclass(frozen=True, repr=False)
@@ -44,7 +44,7 @@ class StoredItem:
     quantities: tuple[Quantity, ...]
 
     def values(self, reading: Reading) -> Values:
-        """Return the stored numbers by name, as `reading` takes the inputs."""
+        """Return the stored numbers for one reading of the inputs, by name."""
         return {quantity.name: quantity.measured(reading) for quantity in self.quantities}
 
 

@@ -53,14 +53,17 @@ class Draw:
         return Fraction(int(hashlib.sha256(text.encode()).hexdigest()[:12], 16), 16**12)
 
     def between(self, name: str, low: object, high: object, places: int) -> str:
-        """Return a name's decimal between `low` and `high`, with at most `places` places."""
+        """Return the decimal that belongs to a name, between `low` and `high`.
+
+        It has at most `places` decimal places.
+        """
         ends = [Fraction(str(end)) for end in (low, high)]
         return decimal_text(ends[0] + self.share(name) * (ends[1] - ends[0]), places)
 
 
 @lru_cache(maxsize=4096)
 def drawn_disk(seed: int, number: int) -> Disk:
-    """Return a drawn disk.
+    """Return the disk that a seed and a number determine.
 
     Its limit cycles are born stable at Omega_crit, as the paper's are. Table 1 lies among these
     disks.

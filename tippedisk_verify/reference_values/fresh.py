@@ -31,13 +31,13 @@ from tippedisk_verify.theory.hopf import omega_crit
 __all__ = ["MOST_STATES", "STATES_PER_DISK", "blank_questions", "entries_of", "with_fresh"]
 
 STATES_PER_DISK = 10
-MOST_STATES = 1000  #: on one sheet
+MOST_STATES = 1000  #: the maximum on one sheet
 _LAWS: tuple[Friction, ...] = ("linear", "smooth")
 _TIMES = ("0.5", "1", "1.5", "2")
 _DIGITS = 12  # of orbits and cycles, which double precision reaches
 _HALF_PI = Fraction("1.5708")
 _ENTRY = re.compile(rf"(?<![\w-]){DRAWN_SET.pattern}/(both|linear|smooth)/[a-z-]+/[A-Za-z0-9.+-]+")
-_MOST_ENTRIES = 42 * MOST_STATES // STATES_PER_DISK  # of a sheet; a disk has 42
+_MOST_ENTRIES = 42 * MOST_STATES // STATES_PER_DISK  # the maximum on one sheet; a disk has 42
 
 
 @lru_cache(maxsize=MOST_STATES // STATES_PER_DISK)
@@ -148,9 +148,9 @@ def blank_questions(states: int, seed: int) -> Store:
 
 
 def entries_of(prefix: str) -> str:
-    """Return the drawn entries whose ids start with a prefix, one a line.
+    """Return the ids of the drawn entries that start with a prefix, as text with one id per line.
 
-    For the id of a quantity, return the entry that the quantity belongs to.
+    For the id of a quantity, return the id of the entry that the quantity belongs to.
     """
     drawn = re.match(rf"{DRAWN_SET.pattern}(?=/)", prefix)
     items = () if drawn is None else _items(drawn[0])
@@ -208,9 +208,9 @@ def _truths(item_id: str) -> tuple[Quantity, ...]:
 
 @lru_cache(maxsize=32)
 def _names(kind: str, friction: str) -> tuple[str, ...]:
-    """Return the quantities that the published data have for such an entry.
+    """Return the names of the quantities that the published data contain for such an entry.
 
-    For orbits, keep those at the times of a drawn orbit.
+    For orbits, keep only those at the times of a drawn orbit.
     """
     published = stored().matching(f"table1/{friction}/{kind}/")
     first = published[0].id.rsplit("/", 1)[0]

@@ -64,9 +64,7 @@ def reference(id_: str, *, reading: Reading = "decimals") -> Quantity:
 
 
 def full_id(id_: str) -> str:
-    """Return the id as the data have it: before version 2.0 the set ``table1`` was called
-    ``printed``.
-    """
+    """Return an id with the set name ``printed``, used before version 2.0, replaced by ``table1``."""
     return re.sub("^printed(?=/|$)", "table1", id_)
 
 

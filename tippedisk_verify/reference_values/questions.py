@@ -65,7 +65,7 @@ _UNIT_SIZED = (
 #: measured at rtol = atol = 1e-12 and 1e-13, on all orbits and librating cycles of the printed set.
 #: It is at most 5.3e-11 with SciPy's LSODA and 5.0e-11 with DOP853.
 TOLERANCES = {level: 1e-12 if level < 6 else 1e-10 for level in FAILS_BELOW}
-_LEAST = 0.3  # digits that every question asks for: an error of half the value
+_LEAST = 0.3  # digits that every question requires: an error of half the value
 ROUNDING = 2.0**-52  #: twice the relative change that rounding to a double makes
 #: Columns of values.csv: the question, its numbers as hexadecimal doubles, the value, its grade.
 TABLE = (

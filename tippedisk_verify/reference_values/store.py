@@ -150,7 +150,7 @@ class Quantity(Printable, Bounded):
         """Return the value and half-width alone.
 
         Args:
-            reading: Another reading than this one's, or None.
+            reading: The reading; if None, the one that this quantity stands for.
 
         Raises:
             InputError: If there is no value for that reading.
@@ -188,7 +188,7 @@ class Quantity(Printable, Bounded):
         return " ± ".join(self.values[self.reading])
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the quantity as in JSON, with both readings."""
+        """Return the quantity as data for JSON, with both readings."""
         value, uncertainty = self.values["decimals"]
         entry: dict[str, Any] = {"id": self.id, "definition": self.definition, "unit": self.unit}
         entry |= {"value": value, "uncertainty": uncertainty}
@@ -215,7 +215,7 @@ _INPUTS = ("Omega", "beta", "gamma", "v", "equilibrium", "form")
 
 
 def optional_beside(id_: str) -> tuple[str, ...]:
-    """Return the ids of the optional quantities of a state; () unless the id is that of its M."""
+    """Return the ids of the optional quantities of a state, from the id of its M; () for others."""
     return tuple(f"{id_[:-1]}{name}" for name in OPTIONAL) if id_.endswith("/M") else ()
 
 
@@ -345,7 +345,7 @@ def quantity_of(row: Mapping[str, str], proofs: Mapping[str, Any]) -> Quantity:
 
 
 def _pairs(text: str) -> dict[str, str]:
-    """Parse ``r=0.05 e=-0.004``."""
+    """Parse a text such as ``r=0.05 e=-0.004`` into a dict."""
     return dict(pair.split("=") for pair in text.split())
 
 

@@ -104,7 +104,7 @@ def condition(case: ExactItem, values: Values) -> Slopes:
 
     Args:
         case: The question in one reading.
-        values: Its numbers, which shooting starts from.
+        values: Its numbers, from which shooting starts.
     """
     plain, step = _PLAIN[case.item.kind]
     return by_differences(case, lambda moved: plain(moved, values), step)
@@ -145,7 +145,7 @@ def in_two(
     Args:
         evaluate: A function of an mpmath context.
         narrow: Bits of the lower precision; the higher one has 64 more.
-        kept: Bits of the values that may be taken as right.
+        kept: Bits of the values that may be taken as correct.
     """
     rough, sharp = (evaluate(bits(working).context) for working in (narrow, narrow + WIDER - BITS))
     return {
@@ -155,7 +155,7 @@ def in_two(
 
 
 def _in(ctx: Any, case: ExactItem, *names: str) -> tuple[Any, ...]:
-    """Return the disk's constants and the named inputs in a context."""
+    """Return the disk's constants, then the named inputs, as numbers of an mpmath context."""
     return (case.disk.within(ctx), *(quotient(ctx, case.inputs[name]) for name in names))
 
 
@@ -288,7 +288,7 @@ def _law(case: ExactItem, ctx: Any) -> dict[str, Any]:
 
 
 def _manifold(case: ExactItem, ctx: Any) -> dict[str, Any]:
-    """Compute the slow manifold's orders and residuals by recursion on truncated power series."""
+    """Compute the slow manifold's orders and residuals, by recursion on truncated power series."""
     arguments = (ctx, *_in(ctx, case, "Omega", "beta", "gamma"), ORDERS)
     orders, residuals = (
         slow_manifold.orders(*arguments),
@@ -400,7 +400,7 @@ def _moved_orbit(case: ExactItem, values: Values) -> dict[str, Any]:
 
 # ------------------------------------------------------------------------------ cycles and Omega_h
 def _named(case: ExactItem, result: Any) -> Values:
-    """Return the numbers of a result that the data have for its kind."""
+    """Return by name those numbers of a result that the data contain for its kind."""
     return {name: getattr(result, name) for name in codebook()[case.item.kind]}
 
 

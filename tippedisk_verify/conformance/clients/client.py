@@ -1,11 +1,12 @@
-"""The tippedisk: answers to a sheet of questions, all ten levels and both friction laws, with NumPy
-alone.
+"""The tippedisk: answers to a sheet of questions, with NumPy alone.
+
+All ten levels and both friction laws are covered.
 
     python client.py SHEET.csv ANSWERS.csv
 
 Every function works on arrays over entries: p is the tuple (r, e, m, A, B, g, mu, epsilon) of such
-arrays, and `smooth` says which friction law all of them have. Units are SI, angles in rad. KINDS at
-the end names the function that answers each kind of question.
+arrays. `smooth` is True for the smooth friction law, False for the linear one, for all entries.
+Units are SI, angles in rad. KINDS at the end names the function that answers each kind of question.
 """
 
 import csv
@@ -19,7 +20,7 @@ from numpy import abs, cos, hypot, log, pi, sin, sqrt
 
 
 def equations(p, Omega, smooth, beta, gamma, v):
-    """M, h, f_G, w_y, gamma_y, lambda_Ty, gamma' and v' at a state; Bbar and the terms of h."""
+    """Return M, h, f_G, w_y, gamma_y, lambda_Ty, gamma', v', Bbar and the terms of h."""
     r, e, m, A, B, g, mu, epsilon = p
     Bbar = B - m * e**2
     rho = r + e * sin(gamma)
@@ -47,12 +48,12 @@ def equations(p, Omega, smooth, beta, gamma, v):
 
 
 def quotient_rate(dforce, dM, M, v_rate):
-    """The derivative of v' = force / M."""
+    """Return the derivative of v' = force / M."""
     return (dforce - dM * v_rate) / M
 
 
 def derivatives(p, Omega, smooth, beta, gamma, v):
-    """The partial derivatives of v' by beta, gamma, v and Omega, in closed form, and v' itself."""
+    """Return the partial derivatives of v' with respect to beta, gamma, v and Omega, and v'."""
     r, e, m, A, B, g, mu, epsilon = p
     Bbar = B - m * e**2
     rho = r + e * sin(gamma)
@@ -137,7 +138,7 @@ def derivatives(p, Omega, smooth, beta, gamma, v):
 
 
 def rhs(p, smooth, given, asked):
-    """Level 1: the terms of the equations at a state, and the derivatives of v'."""
+    """Answer level 1: the terms of the equations at a state, and the derivatives of v'."""
     Omega, beta, gamma, v = given["Omega"], given["beta"], given["gamma"], given["v"]
     names = "M", "h", "f_G", "w_y", "gamma_y", "lambda_Ty", "gamma_rate", "v_rate"
     names += "Bbar", "h_1", "h_2", "h_3", "h_4", "h_5"  # optional
@@ -153,8 +154,9 @@ def rhs(p, smooth, given, asked):
 
 
 def linearisation(p, Omega, side):
-    """The matrix at beta = pi/2, gamma = side pi/2: inverted spinning for side 1, noninverted
-    for side -1.
+    """Return the matrices (n, 3, 3) of the linearised motion at beta = pi/2, gamma = side pi/2.
+
+    Side 1 is inverted spinning, side -1 noninverted spinning.
     """
     r, e, m, A, B, g, mu, epsilon = p
     Bbar = B - m * e**2
@@ -172,14 +174,14 @@ def linearisation(p, Omega, side):
 
 
 def sorted_eigenvalues(matrix):
-    """Eigenvalues by descending real part, then by descending imaginary part."""
+    """Return eigenvalues (n, 3) by descending real part, then by descending imaginary part."""
     eigenvalues = np.linalg.eigvals(matrix).astype(complex)
     order = np.lexsort((-eigenvalues.imag, -eigenvalues.real), axis=-1)
     return np.take_along_axis(eigenvalues, order, axis=-1)
 
 
 def equilibrium(p, smooth, given, asked):
-    """Level 2: the eigenvalues of inverted and of noninverted spinning."""
+    """Answer level 2: the eigenvalues of inverted and of noninverted spinning."""
     side = np.where(given["equilibrium"] == "inverted", 1, -1)
     eigenvalues = sorted_eigenvalues(linearisation(p, given["Omega"], side))
     answers = {}
@@ -190,14 +192,14 @@ def equilibrium(p, smooth, given, asked):
 
 
 def critical_speed(p):
-    """Omega_crit, where a pair of eigenvalues of inverted spinning is imaginary."""
+    """Return Omega_crit, where a pair of eigenvalues of inverted spinning is imaginary."""
     r, e, m, A, B, g, mu, epsilon = p
     Bbar = B - m * e**2
     return sqrt((r + e) ** 2 / r * m * g / Bbar)
 
 
 def hopf_eigenvectors(p, Omega, omega):
-    """The eigenvector q, |q| = 1, of i omega, and the adjoint one p_star, with p_star q = 1."""
+    """Return the eigenvector q of i omega, |q| = 1, and the adjoint p_star with p_star q = 1."""
     A_31, A_32, A_33 = linearisation(p, Omega, 1)[:, 2].T
     q = np.array([1j * omega, Omega, -(omega**2)])
     q = q / sqrt(sum(abs(q) ** 2))
@@ -207,13 +209,14 @@ def hopf_eigenvectors(p, Omega, omega):
 
 
 def triple(q_1, q_2, q_3):
-    """The contribution of the product of three variables to C(q, q, conj(q))."""
+    """Return the contribution of the product of three variables to C(q, q, conj(q))."""
     return 2 * (q_1 * q_2 * q_3.conj() + q_1 * q_2.conj() * q_3 + q_1.conj() * q_2 * q_3)
 
 
 def cubic_terms(p, Omega, q):
-    """C(q, q, conj(q)) of gamma' and v' about inverted spinning, which have no terms of
-    second order.
+    """Return C(q, q, conj(q)) of gamma' and of v' about inverted spinning.
+
+    Both have no terms of second order there.
     """
     r, e, m, A, B, g, mu, epsilon = p
     Bbar = B - m * e**2
@@ -244,7 +247,7 @@ def cubic_terms(p, Omega, q):
 
 
 def eigenvalue_rate(p, Omega, q, p_star):
-    """d(lambda)/dOmega of the pair, from the derivative of the matrix by Omega."""
+    """Return d(lambda)/dOmega of the pair, from the matrix's derivative with respect to Omega."""
     A_32 = linearisation(p, Omega, 1)[:, 2, 1]
     dA_21 = 1
     dA_31 = -2 * Omega
@@ -253,9 +256,7 @@ def eigenvalue_rate(p, Omega, q, p_star):
 
 
 def hopf(p, smooth, given, asked):
-    """Level 3: the Hopf point, its normal form, and the slopes of the family of cycles that
-    begins there.
-    """
+    """Answer level 3: the Hopf point, its normal form, and the slopes of the family of cycles."""
     r, e, m, A, B, g, mu, epsilon = p
     Omega = critical_speed(p)
     omega = sqrt(e / (r + e)) * Omega
@@ -280,7 +281,7 @@ def hopf(p, smooth, given, asked):
 
 
 def one_harmonic_law(p, Omega, form):
-    """C and omega of the one-harmonic law, in its printed or its consistent form."""
+    """Return C and omega of the one-harmonic law, in its printed or its consistent form."""
     r, e, m, A, B, g, mu, epsilon = p
     Bbar = B - m * e**2
     stiffness = np.where(form == "printed", r - e, r)
@@ -294,7 +295,7 @@ def one_harmonic_law(p, Omega, form):
 
 
 def harmonic_balance(p, smooth, given, asked):
-    """Level 4: amplitude, frequency and period of the one-harmonic law."""
+    """Answer level 4: amplitude, frequency and period of the one-harmonic law."""
     C, omega = one_harmonic_law(p, given["Omega"], given["form"])
     return {"amplitude": C, "frequency": omega, "period": 2 * pi / omega}
 
@@ -303,7 +304,7 @@ def harmonic_balance(p, smooth, given, asked):
 
 
 def series_product(*factors):
-    """The product of truncated series."""
+    """Return the product of truncated series."""
     product = factors[0]
     for factor in factors[1:]:
         partial = np.zeros_like(product)
@@ -316,7 +317,7 @@ def series_product(*factors):
 
 
 def series_quotient(numerator, denominator):
-    """The quotient of truncated series, by long division."""
+    """Return the quotient of truncated series, by long division."""
     quotient = np.zeros_like(numerator)
     remainder = numerator.copy()
     size = len(numerator)
@@ -328,7 +329,7 @@ def series_quotient(numerator, denominator):
 
 
 def series_in(variable, coefficients):
-    """A series in beta (variable 0) or gamma (variable 1) alone, as one in both."""
+    """Return a series in beta (variable 0) or gamma (variable 1) alone as a series in both."""
     series = np.zeros((len(coefficients),) + coefficients.shape)
     if variable == 0:
         series[:, 0] = coefficients
@@ -346,7 +347,7 @@ def series_cosine(angle, size):
 
 
 def derivative_beta(series):
-    """The derivative by beta; the highest order is lost."""
+    """Return the derivative with respect to beta; the highest order is lost."""
     derivative = np.zeros_like(series)
     for i in range(1, len(series)):
         derivative[i - 1, :] = i * series[i, :]
@@ -354,7 +355,7 @@ def derivative_beta(series):
 
 
 def derivative_gamma(series):
-    """The derivative by gamma; the highest order is lost."""
+    """Return the derivative with respect to gamma; the highest order is lost."""
     derivative = np.zeros_like(series)
     for j in range(1, len(series)):
         derivative[:, j - 1] = j * series[:, j]
@@ -362,7 +363,10 @@ def derivative_gamma(series):
 
 
 def manifold_terms(p, Omega, beta, gamma, size):
-    """The series in M v' = free + linear v + square v^2 - drag (v - h_0) / epsilon."""
+    """Return the series in M v' = free + linear v + square v^2 - drag (v - h_0) / epsilon.
+
+    The last one returned is cos(beta).
+    """
     r, e, m, A, B, g, mu, epsilon = p
     Bbar = B - m * e**2
     sin_beta = series_in(0, series_sine(beta, size))
@@ -393,7 +397,7 @@ def manifold_terms(p, Omega, beta, gamma, size):
 
 
 def slow_manifold_orders(p, Omega, beta, gamma, last):
-    """The series of h_0 ... h_last: epsilon^n in the invariance equation gives h_n."""
+    """Return the series of h_0 ... h_last; epsilon^n in the invariance equation gives h_n."""
     M, free, linear, square, drag, h_0, cos_beta = manifold_terms(p, Omega, beta, gamma, last + 2)
     h = [h_0]
     for n in range(1, last + 1):
@@ -409,7 +413,7 @@ def slow_manifold_orders(p, Omega, beta, gamma, last):
 
 
 def invariance_residual(p, Omega, beta, gamma, h):
-    """The residual of the invariance equation for the series of the orders h."""
+    """Return the residual of the invariance equation for the series of the orders h."""
     epsilon = p[7]
     series = manifold_terms(p, Omega, beta, gamma, 1)
     M, free, linear, square, drag, h_0, cos_beta = [one[0, 0] for one in series]
@@ -424,7 +428,7 @@ def invariance_residual(p, Omega, beta, gamma, h):
 
 
 def slow_manifold(p, smooth, given, asked):
-    """Level 5: the orders of the slow manifold and their residuals."""
+    """Answer level 5: the orders of the slow manifold and their residuals."""
     Omega, beta, gamma = given["Omega"], given["beta"], given["gamma"]
     last = max(int(name.rsplit("_", 1)[1]) for name in asked)
     h = slow_manifold_orders(p, Omega, beta, gamma, last)

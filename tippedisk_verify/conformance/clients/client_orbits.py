@@ -36,12 +36,12 @@ TABLEAU = [np.array(row) for row in STAGES]
 FLIGHT_STEP = 0.005
 # Seconds for which an orbit is followed to its crossings, and until it lies flat
 LONGEST_FLIGHT = 10
-# Seconds to a section; what takes longer passes a saddle nearer than doubles can tell
+# Seconds to a section; a longer flight passes a saddle closer than doubles can resolve
 LONGEST = 2.8
 
 
 def runge_kutta_step(rates, p, Omega, smooth, state, h):
-    """The state after one step of length h, which may differ between the entries."""
+    """Return the state after one step of length h, which may differ between the entries."""
     slopes = np.empty((len(TABLEAU), state.size))
     stage = state
     for i, row in enumerate(TABLEAU):
@@ -51,7 +51,7 @@ def runge_kutta_step(rates, p, Omega, smooth, state, h):
 
 
 def flow(p, Omega, smooth, state):
-    """The rates of (beta, gamma, v)."""
+    """Return the rates of (beta, gamma, v)."""
     beta, gamma, v = state
     M, h, f_G, w_y, gamma_y, lambda_Ty, gamma_rate, v_rate, *_ = equations(
         p, Omega, smooth, beta, gamma, v
@@ -60,8 +60,9 @@ def flow(p, Omega, smooth, state):
 
 
 def variational_flow(p, Omega, smooth, state):
-    """The rates of a state, of three variations, the third by Omega, and of the divergence's
-    integral.
+    """Return the rates of a state, of its three variations and of the divergence's integral.
+
+    The third variation is the one with respect to Omega.
     """
     beta, gamma, v = state[:3]
     delta_beta, delta_gamma, delta_v = state[3:6], state[6:9], state[9:12]
@@ -78,8 +79,9 @@ def variational_flow(p, Omega, smooth, state):
 
 
 def flight_step(rates, p, Omega, smooth, state, h):
-    """A step, in two parts where gamma_y passes zero: there the smooth law's second
-    derivative jumps.
+    """Return the state after a step, taken in two parts where gamma_y passes zero.
+
+    There the second derivative of the smooth law jumps.
     """
     after = runge_kutta_step(rates, p, Omega, smooth, state, h)
     if smooth:
@@ -108,8 +110,9 @@ def flight_step(rates, p, Omega, smooth, state, h):
 
 
 def fly_to(rates, p, Omega, smooth, state, event, sign=1, longest=LONGEST, h=FLIGHT_STEP):
-    """Time and state where a function of the state passes zero, upward for sign 1; NaN where
-    it never does.
+    """Return time and state where a function of the state passes zero, upward for sign 1.
+
+    They are NaN where it never does.
     """
     before, time = np.full_like(state, np.nan), np.full(Omega.shape, np.nan)
     for k in range(int(longest / h)):
@@ -131,9 +134,7 @@ def fly_to(rates, p, Omega, smooth, state, event, sign=1, longest=LONGEST, h=FLI
 
 
 def trajectory(p, smooth, given, asked):
-    """Level 6: states at the asked times, crossings of beta = pi/2, and the time when the
-    disk lies flat.
-    """
+    """Answer level 6: states at given times, crossings of beta = pi/2, and when the disk lies flat."""
     names = "beta", "gamma", "v"
     Omega, state, time = given["Omega"], np.array([given[name] for name in names]), 0
     answers = {"flat_time": np.full(len(Omega), np.nan)}
@@ -164,13 +165,14 @@ def trajectory(p, smooth, given, asked):
 
 # ---- cycles, from a section to itself: beta = pi/2 with the symmetry (index 0), gamma = pi/2 + 2 pi (index 1) ----
 
-# Returns to a period, and the questions about x and v.
+# For each section: the number of returns in a period, and the names of x and v in questions.
 SECTIONS = (2, "gamma_bar_0", "v_0"), (1, "beta_bar_top", "v_top")
 
 
 def section_state(Omega, index, x, v):
-    """A state on a section with its variations; x is gamma - pi/2 for index 0, beta - pi/2
-    for index 1.
+    """Return a state on a section with its variations.
+
+    x is gamma - pi/2 for index 0, beta - pi/2 for index 1.
     """
     state = np.zeros((13,) + Omega.shape)
     state[:3] = pi / 2 + index * x, pi / 2 + (1 - index) * x, v
@@ -179,7 +181,7 @@ def section_state(Omega, index, x, v):
 
 
 def section_return(rates, p, Omega, smooth, index, x, v, h=FLIGHT_STEP):
-    """Time, x, v and state of the return to a section."""
+    """Return the time, x, v and state at which an orbit returns to a section."""
     state = section_state(Omega, index, x, v)
     state = state[:3] if rates is flow else state
     time, end = fly_to(
@@ -189,8 +191,9 @@ def section_return(rates, p, Omega, smooth, index, x, v, h=FLIGHT_STEP):
 
 
 def return_derivative(p, Omega, smooth, index, end):
-    """The derivatives of the time of the return, and of x and v there, by x, v and Omega of the
-    start.
+    """Return the derivatives of the return time, and of (x, v) at the return.
+
+    They are derivatives with respect to x, v and Omega at the start.
     """
     end_rate = flow(p, Omega, smooth, end[:3])
     delta = end[3:12].reshape((3, 3) + Omega.shape)
@@ -200,7 +203,10 @@ def return_derivative(p, Omega, smooth, index, end):
 
 
 def cycle_derivatives(p, Omega, smooth, index, end):
-    """The multipliers of a cycle, from where it returned, and its derivatives by Omega."""
+    """Return a cycle's multipliers and its derivatives with respect to Omega, by name.
+
+    ``end`` is the state with variations at the return.
+    """
     parts, x_name, v_name = SECTIONS[index]
     dtime, derivative = return_derivative(p, Omega, smooth, index, end)
     P, by_omega = derivative[:, :, :2], derivative[:, :, 2:]
@@ -219,8 +225,9 @@ def cycle_derivatives(p, Omega, smooth, index, end):
 
 
 def cycle_extremes(p, Omega, smooth, index, end):
-    """The largest beta on a cycle, from where it returned, and the state next to the saddle
-    on a rotating one.
+    """Return the largest beta on a cycle, and on a rotating one the state next to the saddle.
+
+    ``end`` is the state at the return.
     """
     time_highest, highest = fly_to(flow, p, Omega, smooth, end[:3], lambda s: s[2], -1)
     if index == 0:
@@ -230,8 +237,9 @@ def cycle_extremes(p, Omega, smooth, index, end):
 
 
 def cycle_answers(p, Omega, smooth, index, time, x, v, end):
-    """The answers to all questions about a cycle, from its start on the section and the place and
-    time of its return.
+    """Return the answers to all questions about a cycle, by name.
+
+    x and v are its start on the section, and ``time`` and ``end`` are those of its return.
     """
     parts, x_name, v_name = SECTIONS[index]
     answers = {"omega": Omega, "period": parts * time, x_name: x, v_name: v}
@@ -241,11 +249,12 @@ def cycle_answers(p, Omega, smooth, index, time, x, v, end):
 
 
 def cycle(p, Omega, smooth, index, stable, fold=False, h=FLIGHT_STEP):
-    """A cycle with its multipliers and derivatives by Omega; for a fold the one where
-    dOmega/dx is zero.
+    """Find a cycle and return the answers about it; for a fold, the cycle where dOmega/dx is zero.
+
+    The answers are NaN where no cycle was found.
     """
-    # Stable cycles lie where returns begin to lead inward, unstable ones where they end to; the
-    # first is to settle.
+    # Stable cycles lie where returns begin to lead inward, unstable ones where they stop doing so.
+    # The first return only lets the orbit settle.
     columns = tuple(parameter[:, np.newaxis] for parameter in p)
     speeds = Omega[:, np.newaxis] + np.zeros(60)
     x_next, v_next = np.linspace((3.1, 0.1)[index], (0.01, 1)[index], 60) + 0 * speeds, 0 * speeds
@@ -264,8 +273,8 @@ def cycle(p, Omega, smooth, index, stable, fold=False, h=FLIGHT_STEP):
             variational_flow, p, Omega, smooth, index, x, v, h
         )
         derivative = return_derivative(p, Omega, smooth, index, end)[1]
-        # x, v and Omega are to close the cycle: one of them is fixed, or takes a chosen step; the
-        # others follow.
+        # The cycle closes by a change of x, v and Omega. One of them is fixed, or takes a chosen
+        # step; the others follow.
         matrix = derivative - np.eye(2, 3)
         sides = np.stack([np.array([x - x_next, v - v_next]).T, -matrix[:, :, fixed]], axis=2)
         newton, tangent = np.linalg.solve(matrix[:, :, free], sides).T
@@ -286,27 +295,27 @@ def cycle(p, Omega, smooth, index, stable, fold=False, h=FLIGHT_STEP):
 
 
 def limit_cycle(p, smooth, given, asked):
-    """Level 7: the limit cycle."""
+    """Answer level 7: the limit cycle."""
     return cycle(p, given["Omega"], smooth, 0, True)
 
 
 def near_heteroclinic(p, smooth, given, asked):
-    """Level 9: the limit cycle near Omega_h, where errors grow while it passes the saddles."""
+    """Answer level 9: the limit cycle near Omega_h, on which errors grow next to the saddles."""
     return cycle(p, given["Omega"], smooth, 0, True, h=FLIGHT_STEP / 2 if smooth else FLIGHT_STEP)
 
 
 def rotating_cycle(p, smooth, given, asked):
-    """Level 10: a rotating cycle."""
+    """Answer level 10: a rotating cycle."""
     return cycle(p, given["Omega"], smooth, 1, given["form"] == "stable")
 
 
 def rotation_fold(p, smooth, given, asked):
-    """Level 10: the fold, on from the unstable cycle at the Hopf point's speed."""
+    """Answer level 10: the fold, reached from the unstable cycle at the Hopf point's speed."""
     return cycle(p, critical_speed(p), smooth, 1, False, fold=True)
 
 
 def heteroclinic(p, smooth, given, asked):
-    """Level 8: Omega_h, by cutting an interval that holds it into a hundred, again and again."""
+    """Answer level 8: Omega_h, by repeatedly cutting an interval that holds it into a hundred."""
     columns = tuple(parameter[:, np.newaxis] for parameter in p)
     low, width = 0.9 * critical_speed(p), 0.1 * critical_speed(p)
     for _ in range(5):
@@ -354,8 +363,9 @@ KINDS = {
 
 
 def answered(rows):
-    """The answers to a sheet's rows, by id; entries of one kind and friction law are computed
-    together.
+    """Return the answers to a sheet's rows, by id; NaN for those without a value.
+
+    Entries of one kind and friction law are computed together.
     """
     groups = {}
     for row in rows:
@@ -382,7 +392,10 @@ def answered(rows):
 
 
 def main(sheet, target):
-    """Answer a sheet; what has no value is left out."""
+    """Read a sheet of questions (CSV) and write the answers to the file ``target``.
+
+    Questions whose answer is not a finite number are left out.
+    """
     with open(sheet, newline="", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     with open(target, "w", encoding="utf-8") as file:
