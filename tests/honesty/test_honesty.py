@@ -23,6 +23,8 @@ from tippedisk_verify.model.parameters import PRINTED
 
 #: Other draws than those of every run: DRAWS_SEED=7 python -m pytest tests/honesty -m slow
 SEED = int(os.environ.get("DRAWS_SEED", "1"))
+#: How many times as many draws as usual the slow tests take, such as DRAWS_TIMES=5.
+TIMES = int(os.environ.get("DRAWS_TIMES", "1"))
 #: Draws that take some seconds each: what is planted there is noticed in the slow tests, by the
 #: draws of every run.
 LONG = (
@@ -52,7 +54,7 @@ def test_draws_hold(kind: Kind) -> None:
 def test_more_draws_hold(kind: Kind) -> None:
     """In each arithmetic in turn."""
     here = (DEFAULT, MOVED_BITS, OTHER_ORDER) if kind.flown else (DEFAULT,)
-    indices = range(kind.draws, kind.draws + kind.more)
+    indices = range(kind.draws, kind.draws + TIMES * kind.more)
     assert_honest(kind, [run(kind, index, SEED, here[index % len(here)]) for index in indices])
 
 
