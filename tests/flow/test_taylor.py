@@ -102,6 +102,39 @@ def test_starting_outside_the_domain(taylor: Taylor) -> None:
     assert list(result.state) == [-0.1, 0.0, 0.0]
 
 
+@pytest.mark.parametrize("friction", ["linear", "smooth"])
+@pytest.mark.parametrize(
+    ("start", "duration", "times"),
+    [
+        (("pi/2", "pi/2 + 0.4", "0"), 2.0, [0.0, 0.7, 2.0]),
+        (("pi/2", "pi/2 + 0.4", "0"), 2.0, [0.5, 1.5]),
+        (("pi/2", "pi/2 + 0.4", "0"), -0.1, [-0.01, -0.1]),
+        (("0.1", "1", "-8"), 1.0, [0.0, 0.001, 0.5, 1.0]),
+        (("-0.1", "1", "0"), 1.0, [0.0, 1.0]),
+    ],
+    ids=["all", "inside", "backward", "lies flat", "outside"],
+)
+def test_heyokas_samples_are_those_of_the_series(
+    taylor: Taylor, friction: Friction, start, duration: float, times
+) -> None:
+    disk = PRINTED.changed(friction=friction)
+    variations = () if duration < 0 else ("beta",)
+    by_series, by_grid = (
+        taylor(
+            Request(disk, "30.4", start, duration, times=times, dense=dense, variations=variations)
+        )
+        for dense in (True, False)
+    )
+    assert by_grid.status is by_series.status
+    assert by_grid.samples.shape == by_series.samples.shape
+    assert (by_grid.state == by_series.state).all()
+    # Horner's scheme and heyoka's compensated sum differ by some roundings.
+    assert abs(by_grid.samples - by_series.samples).max(initial=0) < 1e-13
+    if variations and by_grid.status is Status.REACHED:
+        apart = abs(by_grid.sample_derivatives - by_series.sample_derivatives)
+        assert apart.max() < 1e-12 * abs(by_series.sample_derivatives).max()
+
+
 def test_the_message_of_the_step_limit(taylor: Taylor) -> None:
     with pytest.raises(ArithmeticError, match="raise max_steps"):
         raise_unless_usable(taylor(Request(PRINTED, 30.4, STARTS[1], 10.0, max_steps=5)))

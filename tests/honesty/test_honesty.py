@@ -23,6 +23,8 @@ from tippedisk_verify.model.parameters import PRINTED
 
 #: Other draws than those of every run: DRAWS_SEED=7 python -m pytest tests/honesty -m slow
 SEED = int(os.environ.get("DRAWS_SEED", "1"))
+#: The factor for the number of draws in the slow tests, such as DRAWS_TIMES=5.
+TIMES = int(os.environ.get("DRAWS_TIMES", "1"))
 #: Kinds whose draws take some seconds each. The slow tests plant half-widths in their first draws.
 LONG = (
     "slow manifold",
@@ -51,7 +53,7 @@ def test_draws_hold(kind: Kind) -> None:
 def test_more_draws_hold(kind: Kind) -> None:
     """In each arithmetic in turn."""
     here = (DEFAULT, MOVED_BITS, OTHER_ORDER) if kind.flown else (DEFAULT,)
-    indices = range(kind.draws, kind.draws + kind.more)
+    indices = range(kind.draws, kind.draws + TIMES * kind.more)
     assert_honest(kind, [run(kind, index, SEED, here[index % len(here)]) for index in indices])
 
 

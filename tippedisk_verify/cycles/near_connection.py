@@ -35,7 +35,7 @@ from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, bits
 from tippedisk_verify.theory.equilibria import equilibrium
 
-__all__ = ["DOUBLE_SHOOTS", "cycle_near", "with_speed"]
+__all__ = ["DOUBLE_SHOOTS", "cycle_near", "fixed_point_near", "with_speed"]
 
 C = TypeVar("C", bound=Cycle)
 
@@ -90,6 +90,29 @@ def _cycle_near(
     engine: Engine,
     digits: int,
 ) -> Any:
+    fixed_point = fixed_point_near(section, parameters, omega, omega_h, engine, digits=digits)
+    precision = fixed_point.return_map.precision
+    return cycle_in(fixed_point, precision, bits(precision.bits + _WIDER))
+
+
+def fixed_point_near(
+    section: Section[C],
+    parameters: Parameters,
+    omega: Fraction,
+    omega_h: Fraction,
+    engine: Engine,
+    *,
+    digits: int,
+) -> FixedPoint[C]:
+    """Solve for the cycle of `cycle_near` in one arithmetic, without a measure of its error.
+
+    Args:
+        section, parameters, omega, omega_h, engine: As for `cycle_near`.
+        digits: The significant digits that the arithmetic holds.
+
+    Raises:
+        NoSuchCycleError: If there is no such cycle.
+    """
     distance = abs(omega - omega_h)
     precision = resolving(parameters, omega_h, distance, digits + 4)
     return_map = ReturnMap(section, parameters, omega, engine, precision)
@@ -107,9 +130,7 @@ def _cycle_near(
             else return_map.end_of_branch()
         )
         matrix = return_map(point).matrix
-    return cycle_in(
-        _fixed_point(return_map, point, matrix, distance), precision, bits(precision.bits + _WIDER)
-    )
+    return _fixed_point(return_map, point, matrix, distance)
 
 
 def _predicted(return_map: ReturnMap[C], above: Fraction) -> tuple[Any, Any]:

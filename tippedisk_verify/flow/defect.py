@@ -297,10 +297,9 @@ def _carried(carry: Any, start: Any, gained: Any) -> Any:
 
     Each step multiplies the errors by its matrix ``carry`` and adds its own, ``gained``.
     """
-    errors = numpy.empty((len(carry) + 1, *start.shape))
-    errors[0] = start
-    for n, (matrix, more) in enumerate(zip(carry, gained, strict=True)):
-        errors[n + 1] = matrix @ errors[n] + more
+    errors = numpy.concatenate((start[None], gained))
+    for matrix, before, after in zip(carry, errors[:-1], errors[1:], strict=True):
+        after += matrix.dot(before)
     return errors
 
 

@@ -383,17 +383,16 @@ class _Run:
         to zero, more places between the nodes are evaluated.
         """
         times, *at_nodes = self._defect.at_nodes()
-        start = 0 * last
-        at_start, at_end = self._defect.at(start), self._defect.at(last)
+        ends = numpy.concatenate((0 * last, last))
+        at_ends = self._defect.at(ends)
         states, errors, roundings, nodes = (
-            numpy.concatenate(parts, axis=1)
-            for parts in zip(at_start, at_nodes, at_end, strict=True)
+            numpy.concatenate((of[:, :1], inside, of[:, 1:]), axis=1)
+            for of, inside in zip(at_ends, at_nodes, strict=True)
         )
-        times = numpy.concatenate((start.astype(float), times, last.astype(float)))
+        times = numpy.concatenate(([0.0], times, last.astype(float)))
         states, reach = states.astype(float), abs(errors) + self._left(roundings, nodes)
-        reach[:, -1:] += abs(
-            (self._defect.rates(at_end[0]) * (last - self.wide.number(result.time))).astype(float)
-        )
+        rates = self._defect.rates(at_ends[0][:, 1:])
+        reach[:, -1:] += abs((rates * (last - self.wide.number(result.time))).astype(float))
         ending = None if result.status is Status.REACHED else result.events[-1].name
         for event in [*self._request.events, *([FLAT] if self._request.domain == "event" else [])]:
             values = self._in_doubles(event, states)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 from weakref import proxy
 
@@ -31,7 +31,7 @@ from tippedisk_verify.flow.system import (
 )
 from tippedisk_verify.model.equations import shifted
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.model.precision import Precision
+from tippedisk_verify.model.precision import DOUBLE, Precision
 
 __all__ = ["Integrator", "Series"]
 
@@ -109,6 +109,21 @@ class Series:
         return numpy.searchsorted(-inside if backward else inside, -times if backward else times)
 
 
+def _grid_of(request: Request, duration: Any) -> Any:
+    """Return a grid from 0 to the duration through a run's sample times, for heyoka to sample it.
+
+    None if the series of the steps are needed, or if the run may stop and go on at its start.
+    """
+    times = request.times
+    if request.precision != DOUBLE or times is None or request.events or not duration:
+        return None
+    if request.estimated_by_defect or request.dense:
+        return None
+    inside = DOUBLE.sequence(times)
+    inside = inside[(inside != 0) & (abs(inside) < abs(duration))]
+    return numpy.concatenate(([0.0], inside, [duration]))
+
+
 class Integrator:
     """A heyoka stepper for one kind of request, with the callbacks that record its events."""
 
@@ -162,6 +177,9 @@ class Integrator:
         self._parameters: Parameters | None = None
         self._speed: Any = None
         self._kept: list[tuple[Any, Any]] | None = None  # the end and the series of each step
+        # The times from start to end at which heyoka samples the run, and the samples
+        self._grid: Any = None
+        self._rows: Any = None
         self.build = Build(
             engine="taylor",
             precision=precision.name,
@@ -236,11 +254,13 @@ class Integrator:
             *state, omega = nudged((*state, omega), request.rounding, self.precision)
         constants, forward = request.parameters.at(self.precision), bool(duration >= 0)
         start = Start(self._ops, constants, request.law, omega, state, forward)
-        wanted = request.estimated_by_defect or request.dense or request.times is not None
-        self._kept = [] if wanted else None
+        self._grid = _grid_of(request, duration)
+        sampled = request.times is not None and self._grid is None
+        self._kept = [] if request.estimated_by_defect or request.dense or sampled else None
         self._set_parameters(request, omega)
         if request.domain != "none" and self._ops.sin(state[0]) <= 0:
             self._rewind(state)
+            self._rows = self._stepper.state[None].copy()
             return self._result(request, Status.FLAT, 0)
         on = surfaces(request, start) if request.events else NO_SURFACES
         # If an event function is zero to the last bit, heyoka misses its other crossings in the
@@ -291,30 +311,36 @@ class Integrator:
     def _until(self, target: Any, **options: Any) -> tuple[Any, Any, int]:
         """Integrate until ``target`` [s] or the first terminal event.
 
-        The series of the steps are kept if they are needed.
+        The series of the steps are kept if they are needed. With a grid, its states are.
 
         Returns:
             heyoka's outcome, the smallest step and the number of steps.
         """
+        if self._grid is not None:
+            outcome, low, _, steps, _, self._rows = self._stepper.propagate_grid(
+                self._grid, **options
+            )
+            return outcome, low, steps
         if self._kept is not None:
             # This takes half the time of heyoka's continuous output. heyoka copies callables that
             # are not bare functions.
-            options |= {"callback": lambda stepper: self._keep_step(), "write_tc": True}
+            options |= {"callback": self._keeping(self._kept), "write_tc": True}
         outcome, low, _, steps, _, _ = self._stepper.propagate_until(target, **options)
         if self._kept is not None and steps:
-            self._keep_step()
+            options["callback"](self._stepper)
         return outcome, low, steps
 
-    def _keep_step(self) -> bool:
-        """Keep the last step's series, unless it is kept already.
+    def _keeping(self, kept: list[tuple[Any, Any]]) -> Callable[[Any], bool]:
+        """Return a function that keeps the last step's series, unless it is kept already."""
+        rows, zero, owned = self._kept_rows, self._zero, self.precision.owned
 
-        Return True, so that the run continues.
-        """
-        assert self._kept is not None
-        end = self._stepper.time
-        if end != (self._kept[-1][0] if self._kept else self._zero):
-            self._kept.append((end, self.precision.owned(self._stepper.tc[: self._kept_rows])))
-        return True
+        def keep(stepper: Any) -> bool:
+            end = stepper.time
+            if end != (kept[-1][0] if kept else zero):
+                kept.append((end, owned(stepper.tc[:rows])))
+            return True  # the run continues
+
+        return keep
 
     def _integrated(
         self, start: Start, on: StartSurfaces, duration: Any, max_steps: int
@@ -444,6 +470,10 @@ class Integrator:
         samples = sample_derivatives = None
         if series is not None and not request.estimated_by_defect:
             samples = series.samples(request, status)
+        elif self._grid is not None:
+            times = DOUBLE.sequence(request.times)
+            first, last = (int(times[end] == self._grid[end]) for end in (0, -1))
+            samples = self._rows[1 - first : len(self._grid) - 1 + last, : self._kept_rows]
         if samples is not None and derivatives is not None:
             at_samples = samples[:, size:].reshape(len(samples), size, derivatives.shape[1])
             samples, sample_derivatives = samples[:, :3], at_samples[:, :3]

@@ -156,7 +156,7 @@ def _outside(request: Request, result: Result) -> bool:
         if request.estimated_by_defect
         else result.samples
     )
-    angles = [result.state[0], *(() if samples is None else samples[:, 0])]
     # The angle lies far enough from the edge that the float's sign is the number's.
+    angles = [] if samples is None else samples[:, 0].astype(float)
     sine = numpy.cos if request.shifted else numpy.sin
-    return bool((sine([float(angle) for angle in angles]) <= 0).any())
+    return bool((sine(numpy.append(angles, float(result.state[0]))) <= 0).any())

@@ -101,13 +101,7 @@ class Exact:
         """
         if not self.pi_multiple:
             return _round_fraction(self.rational, mantissa_bits)
-        working = mantissa_bits + 64
-        # Ziv's loop: pi is irrational, so the two ends round alike once there are enough bits
-        while True:
-            low, high = (_round_fraction(end, mantissa_bits) for end in self.enclosed(working))
-            if low == high:
-                return low
-            working *= 2
+        return _round_with_pi(self, mantissa_bits)
 
     def __float__(self) -> float:
         if not self.pi_multiple:
@@ -420,6 +414,18 @@ def _pi_bounds(working_bits: int) -> tuple[Fraction, Fraction]:
     scaled = int(pi_fixed(working_bits + 8)) >> 8
     # The guard bits of pi_fixed leave its last kept bit uncertain by at most one.
     return Fraction(scaled - 1, 1 << working_bits), Fraction(scaled + 2, 1 << working_bits)
+
+
+@lru_cache(maxsize=256)
+def _round_with_pi(number: Exact, mantissa_bits: int) -> tuple[int, int]:
+    """Return the result of `Exact.rounded` for a number with a multiple of pi."""
+    working = mantissa_bits + 64
+    # Ziv's loop: pi is irrational, so the two ends round alike once there are enough bits
+    while True:
+        low, high = (_round_fraction(end, mantissa_bits) for end in number.enclosed(working))
+        if low == high:
+            return low
+        working *= 2
 
 
 def _round_fraction(value: Fraction, mantissa_bits: int) -> tuple[int, int]:

@@ -94,7 +94,7 @@ def integrated(
         elif precision == DOUBLE and not measured:
             times = times.rounded(DOUBLE)
     variables = [variable for name in _several(variations) for variable in _named(name, _VARIABLES)]
-    slopes = by_constants(parameters)
+    slopes = by_constants(parameters) if variables else {}
     request = Request(
         parameters,
         omega,

@@ -17,6 +17,7 @@ from tippedisk_verify.model.precision import DOUBLE, Precision
 __all__ = ["EvenTimes", "decimal_time", "since_start", "span_of"]
 
 _LATEST = 10**300  # s; doubles hold all times up to it
+_EXACT = 2**53  # doubles hold all smaller integers, so that their quotient is rounded once
 _CUT_DIGITS, _CUT_BITS = 50, 400  # of a time whose decimals never end, and of its enclosure
 
 
@@ -58,6 +59,8 @@ class EvenTimes(Sequence[Exact]):
         start, step = self._start.rational, self._step.rational
         denominator = math.lcm(start.denominator, step.denominator)
         first, more = (int(number * denominator) for number in (start, step))
+        if max(abs(first), abs(first + more * (self._count - 1)), denominator) < _EXACT:
+            return (first + more * numpy.arange(self._count)) / denominator
         return numpy.array([(first + more * number) / denominator for number in range(self._count)])
 
 
