@@ -122,9 +122,7 @@ def _numbalsoda(name: str) -> Callable[[Problem, float], Prepared]:
         import numbalsoda
         import numpy
 
-        equations: dict[str, Any] = {}
-        exec(problem.source("python"), equations)
-        rates = numba.njit(equations["rhs"])
+        rates = numba.njit(problem.scalar_rhs)
 
         @numba.cfunc(numbalsoda.lsoda_sig)  # type: ignore[untyped-decorator]
         def right(t: Any, y: Any, yp: Any, data: Any) -> None:

@@ -76,8 +76,8 @@ def race(
     Args:
         solvers: By name, functions of a problem and a relative tolerance that return the states
             (n, 3) at ``problem.times`` [s]: beta, gamma [rad] and v [rad/s]. ``problem.rhs(t, y)``
-            has the equations of motion. ``problem.source("python")`` and ``problem.source("c")``
-            are their text, to be compiled. A text is the command of a program that answers over
+            has the equations of motion, and ``problem.scalar_rhs`` has them for numba.
+            ``problem.source("c")`` is their text, to be compiled. A text is the command of a program that answers over
             pipes (`program_method`).
         problems: Names from `bench --help`, or problems.
         tolerances: The tolerances of the solvers, loosest first.

@@ -26,8 +26,8 @@ _LOOKS = {
     "taylor": (BLUE, "o", "-"),
     "taylor, fast math": (BLUE, "o", ":"),
     "taylor, high accuracy": (BLUE, "s", ":"),
-    "taylor beyond double": (BLUE, "*", ":"),
-    "bare heyoka": (BLUE, "d", ":"),
+    "taylor beyond double": (BLUE, "*", "none"),
+    "bare heyoka": (BLUE, "d", "none"),
     "with half-widths, digits": (RED, "D", "-"),
     "scipy DOP853": (ORANGE, "^", "-"),
     "scipy DOP853, compiled": (ORANGE, "^", ":"),
@@ -36,14 +36,14 @@ _LOOKS = {
     "scipy LSODA, compiled": (GREEN, "v", ":"),
     "scipy BDF": (PURPLE, "P", "--"),
     "scipy Radau": (PURPLE, "s", "-"),
-    "numbalsoda LSODA": (GREY, "v", "-"),
-    "numbalsoda DOP853": (GREY, "^", "-"),
-    "CVODE BDF": (GREY, "P", "--"),
-    "CVODE Adams": (GREY, "X", "--"),
-    "diffrax Dopri8": (GREY, "h", "-"),
+    "numbalsoda LSODA": (BLACK, "v", "-"),
+    "numbalsoda DOP853": (BLACK, "^", "-"),
+    "CVODE BDF": (SKY, "P", "--"),
+    "CVODE Adams": (SKY, "X", "--"),
+    "diffrax Dopri8": (SKY, "h", "-"),
 }
 #: Those of integrators that users bring.
-_OWN_LOOKS = ((BLACK, "X", "-"), (SKY, "p", "-"), (BLACK, ">", "--"), (SKY, "h", "--"))
+_OWN_LOOKS = ((BLACK, "X", "-"), (SKY, "p", "-"), (BLACK, ">", "--"), (SKY, "*", "--"))
 _UNITS = dict.fromkeys(("error", "error_over_samples", "truth_uncertainty"), "rad or rad/s") | {
     "seconds": "s",
     "spread": "1",
@@ -100,7 +100,7 @@ def _looks(scores: Sequence[Score]) -> dict[str, dict[str, Any]]:
     own, looks = cycle(_OWN_LOOKS), {}
     for method in sorted(fastest, key=fastest.__getitem__):
         colour, mark, line = _LOOKS.get(method) or next(own)
-        face = "white" if line == ":" else colour
+        face = colour if "-" in line else "white"
         looks[method] = {
             "color": colour,
             "marker": mark,
