@@ -20,7 +20,6 @@ SAYS = {
     "limit_cycles": "",
     "one_limit_cycle": "SciPy comes back to within",
     "own_friction_law": "Radau closes the cycle to within",
-    "own_integrator": "my RK4",
     "scenario_picture": "from a fold at 30.00346 rad/s",
     "scenes_picture": "scene d: limit cycle, scene f: inverted spinning",
 }

@@ -234,6 +234,7 @@ class Disk(Parameters):
         *,
         t_eval: Any = None,
         digits: int = 12,
+        rtol: object = None,
         events: Event | str | Sequence[Event | str] = (),
         variations: str | Sequence[str] = (),
         shifted: bool = False,
@@ -255,6 +256,8 @@ class Disk(Parameters):
             t_eval: The times [s] at which the solution is wanted, strictly monotonic and within the
                 run; 201 evenly spaced ones if left out.
             digits: Significant digits of the end state.
+            rtol: The tolerance of a step, relative to states above 1 and absolute below, in doubles;
+                their rounding if left out. Half-widths hold the error that it leaves.
             events: Events, which end the run unless made with ``terminal=False``. The names
                 "section" (beta = pi/2), "turn" (v = 0) and "surface" (sliding velocity gamma_y = 0)
                 record the crossings.
@@ -282,10 +285,10 @@ class Disk(Parameters):
 
         if unknown:
             raise UnknownKeywordError(
-                f"integrate has no {', '.join(unknown)}: `digits` sets the accuracy, `engine` the"
-                " integrator, such as Baseline('DOP853'), and the solution sol(t) the dense output"
+                f"integrate has no {', '.join(unknown)}: `digits` or `rtol` sets the accuracy, `engine`"
+                " the integrator, such as Baseline('DOP853'), and the solution sol(t) the dense output"
             )
-        how = (self._engine(engine), variations, shifted, max_steps, progress, half_widths)
+        how = (self._engine(engine), variations, shifted, max_steps, progress, half_widths, rtol)
         return integrated(self, omega, state, time, t_eval, digits, events, *how)
 
     def rhs(self, omega: object) -> Callable[[object, Any], Array]:

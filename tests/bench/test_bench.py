@@ -8,6 +8,7 @@ import pytest
 
 from tests.command_line import answer
 from tippedisk_verify.bench.methods import METHODS, Method, MethodRun, Prepared
+from tippedisk_verify.bench.peers import PEERS
 from tippedisk_verify.bench.problems import PROBLEMS, problem_named
 from tippedisk_verify.bench.race import Score, machine, raced, ratios
 from tippedisk_verify.figures.race import draw_bench
@@ -49,9 +50,33 @@ def test_runs_that_stop_early_or_fail_are_reported_and_drawn(tmp_path: Path) -> 
     found = raced([TRANSIENT], [Method("broken", "none", ("stops", "raises"), broken)])
     assert [score.status for score in found] == ["gave up", "failed: no such luck"]
     assert all(score.error is None and score.seconds is None for score in found)
-    figure = draw_bench(found)
-    axis = figure.axes[0]
-    assert sum(line.get_marker() == "x" for line in axis.lines) == 2
+    axis = draw_bench(found).axes[0]
+    assert [text.get_text() for text in axis.texts] == ["failed"]
+    drawn = [line.get_ydata()[0] for line in axis.lines if len(line.get_xdata())]
+    assert len(drawn) == 1  # one mark for the method, above all errors
+    assert min(drawn) > 1
+
+
+def test_each_method_has_its_own_look_in_the_order_of_the_curves() -> None:
+    names = [
+        *(method.name for method in METHODS),
+        *(method.name for _, method in PEERS),
+        "mine",
+        "yours",
+    ]
+    scores = [
+        Score("p", name, "", "1e-6", "reached", 1e-9, None, 99.0 - n, 0.0, 0.0, 1, 1, 1e-9)
+        for n, name in enumerate(names)
+    ]
+    figure = draw_bench(scores)
+    assert [text.get_text() for text in figure.axes[0].texts] == ["reference"]
+    (legend,) = figure.legends
+    assert [text.get_text() for text in legend.get_texts()] == names[::-1]
+    looks = {
+        (line.get_color(), line.get_marker(), line.get_markerfacecolor())
+        for line in legend.get_lines()
+    }
+    assert len(looks) == len(names)
 
 
 def test_ratios_name_the_fastest_within_a_bound() -> None:

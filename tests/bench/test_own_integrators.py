@@ -4,166 +4,156 @@ answers.
 
 from __future__ import annotations
 
+import contextlib
+import importlib.util
+import io
 import json
+import re
 import shutil
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
 import tippedisk_verify as tv
 from tests.command_line import assert_refused, printed
 from tippedisk_verify.bench.problems import PROBLEMS, Problem, problem_named
-from tippedisk_verify.bench.race import Score, raced
+from tippedisk_verify.bench.race import raced
 from tippedisk_verify.figures.own_race import program_method
 
 TRANSIENT = problem_named("transient")
-#: A fourth-order Runge-Kutta method behind the equations' C text: one line of numbers in, one line
-#: of JSON out.
-C_PROGRAM = r"""
+PAGE = (Path(__file__).parents[2] / "docs" / "choosing_an_integrator.md").read_text(
+    encoding="utf-8"
+)
+#: The fourth-order Runge-Kutta method of the page, for its program in C.
+ADVANCE = r"""
 #include <stdio.h>
-static double number(const char *line, const char *key) {
-    double x = 0; const char *at = strstr(line, key);
-    if (at) sscanf(at + strlen(key), "%lf", &x);
-    return x;
-}
-int main(void) {
-    static char line[65536];
-    while (fgets(line, sizeof line, stdin)) {
-        double y[3], a[3], b[3], c[3], d[3], z[3], t = 0, times[20];
-        const char *at = strstr(line, "\"state\": [") + 10;
-        sscanf(at, "%lf, %lf, %lf", y, y + 1, y + 2);
-        at = strstr(line, "\"times\": [") + 10;
-        for (int n = 0; n < 20; n++) { times[n] = strtod(at, (char **)&at); at++; }
-        int steps = (int)(4 / pow(number(line, "\"tolerance\": "), 0.25));
-        printf("{\"seconds\": 0.5, \"states\": [");
-        for (int n = 0; n < 20; n++) {
-            double h = (times[n] - t) / steps;
-            for (int k = 0; k < steps; k++) {
-                rhs(t, y, a);
-                for (int i = 0; i < 3; i++) z[i] = y[i] + h / 2 * a[i];
-                rhs(t, z, b);
-                for (int i = 0; i < 3; i++) z[i] = y[i] + h / 2 * b[i];
-                rhs(t, z, c);
-                for (int i = 0; i < 3; i++) z[i] = y[i] + h * c[i];
-                rhs(t, z, d);
-                for (int i = 0; i < 3; i++) y[i] += h / 6 * (a[i] + 2 * b[i] + 2 * c[i] + d[i]);
+#include <stdlib.h>
+#include <string.h>
+static void advance(double *y, double t, double end, double tolerance) {
+    static const double part[] = {0.5, 0.5, 1, 0}, weight[] = {1, 2, 2, 1};
+    int steps = (int)(4 / pow(tolerance, 0.25));
+    double h = (end - t) / steps;
+    for (int n = 0; n < steps; n++) {
+        double z[3] = {y[0], y[1], y[2]}, sum[3] = {0, 0, 0}, slope[3];
+        for (int stage = 0; stage < 4; stage++) {
+            rhs(t, z, slope);
+            for (int i = 0; i < 3; i++) {
+                sum[i] += weight[stage] * slope[i];
+                z[i] = y[i] + part[stage] * h * slope[i];
             }
-            t = times[n];
-            printf("%s[%.17g, %.17g, %.17g]", n ? ", " : "", y[0], y[1], y[2]);
         }
-        printf("]}\n"); fflush(stdout);
+        for (int i = 0; i < 3; i++) y[i] += h / 6 * sum[i];
     }
-    return 0;
 }
 """
 
 
-def scipys(problem: Problem, tolerance: float) -> np.ndarray:
-    options = {"method": "DOP853", "rtol": tolerance, "atol": tolerance, "t_eval": problem.times}
-    return solve_ivp(problem.rhs, (0, problem.duration), problem.start, **options).y.T
+def blocks(language: str) -> list[str]:
+    """Return the code of the page in a language, block by block."""
+    return re.findall(rf"^```{language}\n(.*?)^```$", PAGE, re.DOTALL | re.MULTILINE)
 
 
-def runge_kutta(problem: Problem, tolerance: float) -> np.ndarray:
-    namespace: dict[str, object] = {}
-    exec(problem.source("python"), namespace)
-    rhs, y, t, states = namespace["rhs"], np.array(problem.start), 0.0, []
-    steps = int(4 / tolerance**0.25)
-    for end in problem.times:
-        h = (end - t) / steps
-        for _ in range(steps):
-            a = np.array(rhs(t, y))
-            b = np.array(rhs(t, y + h / 2 * a))
-            c = np.array(rhs(t, y + h / 2 * b))
-            y = y + h / 6 * (a + 2 * b + 2 * c + np.array(rhs(t, y + h * c)))
-        t = end
-        states.append(y)
-    return np.array(states)
+def independent_errors(states: np.ndarray) -> np.ndarray:
+    """Return the errors (n, 3) of states at the problem's times, by a run to 20 digits."""
+    disk, times = tv.Disk("table1"), TRANSIENT.times
+    true = disk.integrate(TRANSIENT.omega, TRANSIENT.start, times[-1], t_eval=times, digits=20)
+    return abs(states - true.y.T.astype(float))
 
 
-def independent_error(problem: Problem, states: np.ndarray) -> float:
-    """Return the largest error at the race's stops by a run to 20 digits at the same doubles."""
-    disk = tv.Disk(problem.parameters.name, friction=problem.friction)
-    found = disk.integrate(
-        problem.omega, problem.start, problem.times[-1], t_eval=problem.times, digits=20
-    )
-    away = [abs(states[n, k] - float(found.y[k, n])) for n in range(20) for k in range(3)]
-    return max(away)
+# ----------------------------------------------------------------------------------- the page
+ANSWERS = re.findall(r"^## ([^\n]+)\n\n```python\n(.*?)^```$", PAGE, re.DOTALL | re.MULTILINE)
 
 
-@pytest.fixture(scope="module")
-def found() -> dict[tuple[str, str], Score]:
-    solvers = {"scipy": scipys, "RK4": runge_kutta}
-    race = tv.race(
-        solvers, problems=["transient"], tolerances=[1e-4, 1e-8], against=["taylor"], progress=False
-    )
-    assert "RK4" in str(race)
-    axes = race.plot(1).axes
-    assert len(axes) == 1
-    return {(score.method, score.setting): score for score in race.scores}
-
-
-@pytest.mark.parametrize(("name", "solver"), [("scipy", scipys), ("RK4", runge_kutta)])
-@pytest.mark.parametrize("tolerance", [1e-4, 1e-8])
-def test_errors_are_those_that_another_run_finds(
-    found: dict[tuple[str, str], Score], name: str, solver: object, tolerance: float
-) -> None:
-    score = found[name, f"{tolerance:.0e}"]
-    error = independent_error(TRANSIENT, solver(TRANSIENT, tolerance))  # type: ignore[operator]
-    assert score.error_over_samples == pytest.approx(error, rel=0.01, abs=1e-15)
-    assert score.seconds is not None
-
-
-@pytest.mark.parametrize("problem", PROBLEMS, ids=lambda problem: problem.name)
-def test_the_text_of_the_equations_is_the_right_hand_side(problem: Problem) -> None:
-    namespace: dict[str, object] = {}
-    exec(problem.source("python"), namespace)
-    random = np.random.default_rng(7)
-    for _ in range(20):
-        y = random.uniform([0.3, -3, -5], [2.8, 6, 5])
-        assert np.allclose(namespace["rhs"](0, y), problem.rhs(0, y), rtol=1e-13)  # type: ignore[operator]
+@pytest.mark.parametrize(("need", "code"), ANSWERS, ids=[need for need, _ in ANSWERS])
+def test_an_answer_of_the_page_runs_and_is_as_accurate_as_it_says(need: str, code: str) -> None:
+    names: dict[str, Any] = {}
+    output = io.StringIO()
+    with contextlib.redirect_stdout(output):
+        exec(code, names)
+    assert len([line for line in code.splitlines() if line]) <= 5
+    for line, said in zip(
+        output.getvalue().splitlines(), re.findall(r"  # (.+)$", code, re.MULTILINE), strict=False
+    ):
+        assert line.startswith(said.removesuffix("..."))
+    if "sol" in names:
+        bound = float(need.split()[-1]) if need.startswith("An error of") else 1e-8
+        sol, disk = names["sol"], names["disk"]
+        true = disk.integrate("30.4", names["start"], sol.t[-1], digits=20)
+        assert abs(sol.y.astype(float) - true.y.astype(float)).max() < bound
 
 
 @pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler")
-@pytest.mark.slow(minutes=0.3)
-def test_a_program_in_c_races_over_pipes(tmp_path: Path) -> None:
-    source, program = tmp_path / "rk4.c", tmp_path / "rk4"
-    source.write_text(
-        "#include <stdlib.h>\n#include <string.h>\n" + TRANSIENT.source("c") + C_PROGRAM
+def test_four_integrators_of_the_page_race_in_one_diagram(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Run SciPy's, numba's (in plain Python without numba), the one in C and the file of answers.
+
+    Errors are compared with those of another run, to two digits.
+    """
+    if importlib.util.find_spec("numba") is None:
+        monkeypatch.setitem(sys.modules, "numba", SimpleNamespace(njit=lambda function: function))  # type: ignore[arg-type]
+    monkeypatch.chdir(tmp_path)
+    (program,), (answers,) = blocks("c"), blocks("text")
+    Path("mine.c").write_text(TRANSIENT.source("c") + ADVANCE + program)
+    subprocess.run(["cc", "-O2", "-o", "mine", "mine.c", "-lm"], check=True)
+    Path("elsewhere.csv").write_text(answers)
+    *_, bdf, rk4, race = blocks("python")
+    for code in (bdf, rk4, program):
+        written = [line for line in code.splitlines() if re.search(r"\w", line)]
+        assert len([line for line in written if "import" not in line]) <= 15
+    names: dict[str, Any] = {}
+    exec(bdf + rk4 + race, names)
+    found = {(score.method, score.setting): score for score in names["race"].scores}
+    for tolerance in (1e-4, 1e-6):
+        setting = f"{tolerance:.0e}"
+        for label, solver in (("my BDF", "my_bdf"), ("my RK4", "my_rk4"), ("my C", "my_rk4")):
+            error = independent_errors(np.array(names[solver](TRANSIENT, tolerance))).max()
+            assert found[label, setting].error_over_samples == pytest.approx(error, rel=0.01)
+            assert found[label, setting].seconds is not None
+    end = np.array(answers.splitlines()[1].split(",")[3:], float)
+    error = independent_errors(np.tile(end, (20, 1)))[-1].max()
+    assert found["elsewhere", "1e-6"].error == pytest.approx(error, rel=0.01)
+    assert found["elsewhere", "1e-6"].seconds == 0.02
+    assert Path("race.png").stat().st_size > 10_000
+    (panel,) = names["race"].plot().axes
+    assert {"my BDF", "my RK4", "my C", "elsewhere"} <= {line.get_label() for line in panel.lines}
+
+
+# ------------------------------------------------------------------------------------ the rest
+@pytest.mark.parametrize("problem", PROBLEMS, ids=lambda problem: problem.name)
+def test_the_text_of_the_equations_is_the_right_hand_side(problem: Problem) -> None:
+    random = np.random.default_rng(7)
+    for _ in range(20):
+        y = random.uniform([0.3, -3, -5], [2.8, 6, 5])
+        assert np.allclose(problem.scalar_rhs(0, y), problem.rhs(0, y), rtol=1e-13)
+
+
+@pytest.mark.slow
+def test_the_command_shows_a_program_and_runs_made_elsewhere(tmp_path: Path) -> None:
+    program, answers, folder = tmp_path / "mine.py", tmp_path / "elsewhere.csv", tmp_path / "out"
+    program.write_text(
+        "import json\nwhile True:\n    state = json.loads(input())['state']\n"
+        "    print(json.dumps({'states': [state] * 20, 'seconds': 0.5}), flush=True)\n"
     )
-    subprocess.run(["cc", "-O2", "-o", str(program), str(source), "-lm"], check=True)
-    folder = tmp_path / "out"
-    printed(f"bench --only transient --program {program} --out {folder} --quiet")
+    answers.write_text("problem,setting,seconds,error\ntransient,loose,0.02,1e-5\n")
+    command = f"bench --only transient --program '{sys.executable} {program}' --answers {answers}"
+    printed(f"{command} --out {folder} --quiet")
     runs = json.loads((folder / "bench.json").read_text())["runs"]
-    mine = {run["setting"]: run for run in runs if run["method"] == "rk4"}
-    assert list(mine) == ["1e-04", "1e-06", "1e-08", "1e-10", "1e-12"]
-    assert mine["1e-04"]["status"] == "reached"
+    mine, other = ([r for r in runs if r["method"] == name] for name in ("mine", "elsewhere"))
+    assert [run["setting"] for run in mine] == ["1e-04", "1e-06", "1e-08", "1e-10", "1e-12"]
     # By the program's own clock
-    assert mine["1e-06"]["status"].startswith("not run: the setting before took 0.5 s")
-    expected = independent_error(TRANSIENT, runge_kutta(TRANSIENT, 1e-4))
-    assert mine["1e-04"]["error_over_samples"] == pytest.approx(expected, rel=0.01)
-    assert mine["1e-04"]["seconds"] == 0.5
+    assert (mine[0]["status"], mine[0]["seconds"]) == ("reached", 0.5)
+    assert mine[1]["status"].startswith("not run: the setting before took 0.5 s")
+    assert [(run["seconds"], run["error"]) for run in other] == [(0.02, 1e-5)]
 
 
-def test_runs_made_elsewhere_are_shown(tmp_path: Path) -> None:
+def test_a_file_of_answers_without_times_and_errors_is_refused(tmp_path: Path) -> None:
     file = tmp_path / "elsewhere.csv"
-    beta, gamma, v = map(float, scipys(TRANSIENT, 1e-6)[-1])
-    file.write_text(
-        f"problem,setting,seconds,beta,gamma,v\ntransient,1e-6,0.02,{beta!r},{gamma!r},{v!r}\n"
-    )
-    race = tv.race({}, problems=["transient"], against=[], answers=[file], progress=False)
-    (score,) = race.scores
-    right = (
-        tv.Disk("table1")
-        .integrate(TRANSIENT.omega, TRANSIENT.start, TRANSIENT.duration, digits=20)
-        .end.state
-    )
-    away = max(abs(mine - float(true)) for mine, true in zip((beta, gamma, v), right, strict=True))
-    assert (score.method, score.seconds) == ("elsewhere", 0.02)
-    assert score.error == pytest.approx(away, rel=0.01)
     for text, said in (
         ("problem,setting\ntransient,1\n", "need the columns problem, setting, seconds"),
         ("problem,setting,seconds,error\ntransient,1,0.1,x\n", "has no time and error"),

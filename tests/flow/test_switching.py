@@ -118,6 +118,23 @@ def test_all_requested_reversals_are_found(taylor, precision) -> None:
             assert abs(float(slip)) < 64 * float(precision.epsilon)
 
 
+@pytest.mark.parametrize("tolerance", [1e-4, 1e-5, 1e-9])
+def test_a_loose_tolerance_crosses_the_surface_once(taylor, monkeypatch, tolerance: float) -> None:
+    """Check that no crossing is found again just after itself, which would repeat the run."""
+    repeats = []
+    begin = switching.FrictionSign.begin
+    monkeypatch.setattr(
+        switching.FrictionSign,
+        "begin",
+        lambda sign, start: repeats.append(sign.looks_ahead) or begin(sign, start),
+    )
+    request = smooth("30.4", (math.pi / 2, 3.27, -1.71), 10.0, tolerance=tolerance)
+    times = [record.time for record in taylor(replace(request, events=(_REVERSES,))).events]
+    assert len(times) > 40
+    assert min(numpy.diff(times)) > 1e-3
+    assert repeats == [False]
+
+
 def test_a_reversal_ends_the_run_where_it_should(taylor) -> None:
     """Check terminal events in each direction; the start on the surface is no reversal."""
     whole = smooth("30.4", STARTS[1], 2, events=(_REVERSES,))

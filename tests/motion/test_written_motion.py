@@ -80,6 +80,31 @@ def test_even_times_are_exact_and_doubles_are_written_in_full() -> None:
     assert abs(Fraction(third) - Fraction(1, 3)) < Fraction(1, 10**49)
 
 
+@pytest.mark.parametrize("friction", ["linear", "smooth"])
+def test_half_widths_hold_the_error_that_a_tolerance_leaves(friction: tv.Friction) -> None:
+    disk, start = tv.Disk("table1", friction=friction), ("1.3", "2.2", 6)
+    true = disk.integrate("30.4", start, 3, digits=25, events="section")
+    errors = []
+    for rtol in (1e-2, 1e-5, "1e-9"):
+        sol = disk.integrate("30.4", start, 3, rtol=rtol, events="section")
+        error = abs(sol.y - true.y.astype(float))
+        assert (error <= sol.uncertainty + 2.0**-50).all()
+        # The estimate of the error and a quarter of it, or all of it, again
+        assert (sol.uncertainty.max(axis=1) <= 2.5 * error.max(axis=1) + 2.0**-50).all()
+        for mine, exact in zip(sol.events, true.events, strict=True):
+            assert abs(float(mine.time) - float(exact.time)) <= mine.time_uncertainty + 2.0**-50
+        errors.append(error.max())
+    assert errors[0] > 100 * errors[1] > 1e4 * errors[2] > 0
+    for options, said in (
+        ({"rtol": 1e-6, "digits": 20}, "either rtol or digits"),
+        ({"rtol": 2}, "between 0 and 1"),
+        ({"rtol": "x"}, "x"),
+        ({"rtol": 1e-6, "atol": 1e-9}, "`rtol` sets the accuracy"),
+    ):
+        with pytest.raises((tv.InputError, TypeError), match=said):
+            disk.integrate("30.4", start, 3, **options)
+
+
 @pytest.mark.parametrize(("digits", "friction"), [(12, "linear"), (12, "smooth"), (20, "linear")])
 def test_missing_half_widths_are_marked(digits: int, friction: tv.Friction) -> None:
     disk, start = tv.Disk("table1", friction=friction), ("1.2", 2, 0)

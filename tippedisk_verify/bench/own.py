@@ -73,8 +73,9 @@ def states_of(answer: Any, problem: Problem) -> Any:
 
 
 def question(problem: Problem, tolerance: float) -> dict[str, Any]:
-    """Return what a program over pipes is asked, as data for one line of JSON; all numbers
-    are doubles.
+    """Return what a program over pipes is asked, as data for one line of JSON.
+
+    All numbers are doubles. The order of the keys is kept, for programs without a reader of JSON.
     """
     return {
         "problem": problem.name,
@@ -83,9 +84,9 @@ def question(problem: Problem, tolerance: float) -> dict[str, Any]:
             name: float(value) for name, value in problem.parameters.rational()._asdict().items()
         },
         "Omega": problem.omega,
+        "tolerance": tolerance,
         "state": list(problem.start),
         "times": list(problem.times),
-        "tolerance": tolerance,
     }
 
 

@@ -21,7 +21,7 @@ from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.equations import field, jacobian
 from tippedisk_verify.model.precision import DOUBLE
 
-__all__ = ["peer_methods"]
+__all__ = ["PEERS", "peer_methods"]
 
 _TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12)
 _MOST_STEPS = 1_000_000  # more than any of these runs takes
@@ -122,13 +122,11 @@ def _numbalsoda(name: str) -> Callable[[Problem, float], Prepared]:
         import numbalsoda
         import numpy
 
-        rates = numba.njit(
-            field(math, problem.parameters.at(DOUBLE), problem.omega, problem.friction)
-        )
+        rates = numba.njit(problem.scalar_rhs)
 
         @numba.cfunc(numbalsoda.lsoda_sig)  # type: ignore[untyped-decorator]
         def right(t: Any, y: Any, yp: Any, data: Any) -> None:
-            yp[0], yp[1], yp[2] = rates(y[0], y[1], y[2])
+            yp[0], yp[1], yp[2] = rates(t, (y[0], y[1], y[2]))
 
         solve, start = getattr(numbalsoda, name), numpy.array(problem.start)
 
@@ -152,7 +150,8 @@ def _numbalsoda(name: str) -> Callable[[Problem, float], Prepared]:
     return prepare
 
 
-_METHODS = (
+#: Each with the package that it needs.
+PEERS = (
     ("sksundae", Method("CVODE BDF", "cvode", _TOLERANCES, _cvode("BDF"))),
     ("sksundae", Method("CVODE Adams", "cvode", _TOLERANCES, _cvode("Adams"))),
     ("diffrax", Method("diffrax Dopri8", "diffrax", _TOLERANCES, _diffrax("Dopri8"))),
@@ -167,7 +166,7 @@ def peer_methods() -> tuple[Method, ...]:
     Raises:
         InputError: If none is installed.
     """
-    methods = tuple(method for module, method in _METHODS if find_spec(module) is not None)
+    methods = tuple(method for module, method in PEERS if find_spec(module) is not None)
     if not methods:
         raise InputError("no peer is installed: pip install '.[peers]'")
     return methods

@@ -58,14 +58,19 @@ class Problem:
         """
         return OnArrays(field, self.parameters, self.omega)
 
+    @property
+    def scalar_rhs(self) -> Callable[[object, Any], Any]:
+        """The function of ``source("python")``, the same object whenever the text is the same."""
+        return _function(self.source("python"))
+
     def source(self, language: Language) -> str:
         """Return the equations of motion as a function ``rhs`` with all constants as numbers, to be
         compiled.
 
         Args:
-            language: ``"python"`` for ``rhs(t, y)`` with ``math``'s functions, which numba compiles
-                as it is; ``"c"`` for ``void rhs(double t, const double *y, double *rates)`` with
-                ``math.h``.
+            language: ``"python"`` for ``rhs(t, y)`` with ``math``'s functions, which returns a tuple
+                and which numba compiles as it is; ``"c"`` for ``void rhs(double t, const double *y,
+                double *rates)`` with ``math.h``.
         """
         rates = field(_Written, self.parameters.at(DOUBLE), self.omega, self.friction)
         rows = rates(*(_Written(name) for name in ("beta", "gamma", "v")))
@@ -125,7 +130,7 @@ _SOURCES: dict[Language, str] = {
 
 
 def rhs(t, y):
-    beta, gamma, v = y
+    beta, gamma, v = y[0], y[1], y[2]
     return {}, {}, {}
 """,
     "c": """#include <math.h>
@@ -138,6 +143,13 @@ void rhs(double t, const double *y, double *rates) {{
 }}
 """,
 }
+
+
+@lru_cache(maxsize=16)
+def _function(source: str) -> Callable[[object, Any], Any]:
+    names: dict[str, Any] = {}
+    exec(source, names)
+    return names["rhs"]  # type: ignore[no-any-return]
 
 
 @dataclass(frozen=True)

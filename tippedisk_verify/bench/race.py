@@ -53,7 +53,8 @@ class Score(Printable):
     error_over_samples: float | None  #: largest at the samples, with the method's own interpolation
     seconds: float | None  #: median of the repeats, warm
     spread: float | None  #: (largest - smallest) / median of the repeats
-    preparation: float | None  #: [s] compiling (or loading from the code cache) and the first run
+    #: [s] compiling (or loading from the code cache) and the first run, or the time until it failed
+    preparation: float | None
     steps: int | None
     evaluations: int | None
     truth_uncertainty: float
@@ -143,10 +144,11 @@ def _first_runs(problem: Problem, method: Method) -> list[_Entry]:
         if longest > _LONG:
             entry.status = f"not run: the setting before took {longest:.1f} s"
             continue
+        begin = time.perf_counter()
         try:
-            spent, entry.prepared = _timed(partial(method.prepare, problem, setting))
-            cold, entry.outcome = _timed(entry.prepared.sampled)
-            entry.preparation = spent + cold
+            entry.prepared = method.prepare(problem, setting)
+            entry.outcome = entry.prepared.sampled()
+            entry.preparation = time.perf_counter() - begin
             entry.status = entry.outcome.status
             if entry.status == "reached":
                 for stop in STOPS:
@@ -155,7 +157,7 @@ def _first_runs(problem: Problem, method: Method) -> list[_Entry]:
                 longest = max(longest, warm)
         except (ArithmeticError, ValueError, RuntimeError) as fault:
             entry.status = f"failed: {str(fault).splitlines()[0][:100] if str(fault) else type(fault).__name__}"
-            entry.prepared = None
+            entry.prepared, entry.preparation = None, time.perf_counter() - begin
     return entries
 
 

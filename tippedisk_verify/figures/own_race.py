@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import shlex
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -63,7 +63,7 @@ def _line(score: Score) -> str:
 
 
 def race(
-    solvers: Mapping[str, Solver],
+    solvers: Mapping[str, Solver | str],
     *,
     problems: Sequence[str | Problem] = ("cycle",),
     tolerances: Sequence[float] = TOLERANCES,
@@ -76,8 +76,9 @@ def race(
     Args:
         solvers: By name, functions of a problem and a relative tolerance that return the states
             (n, 3) at ``problem.times`` [s]: beta, gamma [rad] and v [rad/s]. ``problem.rhs(t, y)``
-            has the equations of motion. ``problem.source("python")`` and ``problem.source("c")``
-            are their text, to be compiled.
+            has the equations of motion, and ``problem.scalar_rhs`` has them for numba.
+            ``problem.source("c")`` is their text, to be compiled. A text is the command of a program that answers over
+            pipes (`program_method`).
         problems: Names from `bench --help`, or problems.
         tolerances: The tolerances of the solvers, loosest first.
         against: The names of the suite's methods that run as well.
@@ -89,7 +90,8 @@ def race(
         The scores, which draw themselves. The status of a solver that fails has the reason.
 
     Raises:
-        InputError: for an unknown problem or method, or a file of answers that cannot be read.
+        InputError: for an unknown problem or method, a file of answers that cannot be read, or a
+            program that cannot be started.
     """
     chosen = [one if isinstance(one, Problem) else problem_named(one) for one in problems]
     known = {method.name: method for method in METHODS}
@@ -97,10 +99,16 @@ def race(
         if name not in known:
             raise InputError(f"method '{shown(name)}' is not known: use {', '.join(known)}")
     methods = [known[name] for name in against]
-    methods += [method_of(name, solver, tolerances) for name, solver in solvers.items()]
     elsewhere = [score for file in answers for score in answered_elsewhere(Path(file))]
-    with progress_of(len(methods) * len(chosen), progress) as advance:
-        scores = raced(chosen, methods, advance)
+    with ExitStack() as running:
+        for name, solver in solvers.items():
+            methods.append(
+                running.enter_context(program_method(solver, tolerances, name))
+                if isinstance(solver, str)
+                else method_of(name, solver, tolerances)
+            )
+        total = len(methods) * len(chosen)
+        scores = raced(chosen, methods, running.enter_context(progress_of(total, progress)))
     return Race((*scores, *elsewhere))
 
 
@@ -110,7 +118,9 @@ def answered_elsewhere(file: Path) -> list[Score]:
 
 
 @contextmanager
-def program_method(command: str, tolerances: Sequence[float] = TOLERANCES) -> Iterator[Method]:
+def program_method(
+    command: str, tolerances: Sequence[float] = TOLERANCES, name: str = ""
+) -> Iterator[Method]:
     """Start a program that integrates, and give it as a competitor.
 
     It reads a line of JSON with the keys of `bench.own.question` for each run, and writes one with
@@ -127,7 +137,8 @@ def program_method(command: str, tolerances: Sequence[float] = TOLERANCES) -> It
         raise InputError("a program needs a command")
     with started(words, _PATIENCE) as program:
         dialogue = _Dialogue(program)
-        yield method_of(Path(words[-1]).stem, dialogue.solve, tolerances, lambda: dialogue.seconds)
+        label = name or Path(words[-1]).stem
+        yield method_of(label, dialogue.solve, tolerances, lambda: dialogue.seconds)
 
 
 class _Dialogue:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
@@ -11,34 +12,44 @@ from typing import Any
 
 from tippedisk_verify.audit.claims import Audit
 from tippedisk_verify.bench.methods import METHODS, Method
-from tippedisk_verify.bench.own import OWN
 from tippedisk_verify.bench.peers import peer_methods
 from tippedisk_verify.bench.problems import problem_named
 from tippedisk_verify.bench.race import Score, machine, raced, ratios
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.figures.exhibit import CSV, Drawing, Exhibit
-from tippedisk_verify.figures.style import BLACK, BLUE, GREEN, ORANGE, PURPLE, RED, grid
+from tippedisk_verify.figures.style import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, RED, SKY, grid
 
 __all__ = ["draw_bench", "race", "race_csv"]
 
-#: Colour and line by family. Each method has its own mark, so no reader needs the colours.
-_FAMILIES = {
-    "heyoka": (BLUE, "-"),
-    "bare": (BLACK, "none"),
-    "half-widths": (RED, ":"),
-    "numbalsoda": (GREEN, "-"),
-    "cvode": (PURPLE, "-."),
-    "diffrax": (PURPLE, ":"),
-    "scipy": (ORANGE, "--"),
+#: Colour, mark and line by method. Variants of a method share its colour and have hollow marks.
+_LOOKS = {
+    "taylor": (BLUE, "o", "-"),
+    "taylor, fast math": (BLUE, "o", ":"),
+    "taylor, high accuracy": (BLUE, "s", ":"),
+    "taylor beyond double": (BLUE, "*", "none"),
+    "bare heyoka": (BLUE, "d", "none"),
+    "with half-widths, digits": (RED, "D", "-"),
+    "scipy DOP853": (ORANGE, "^", "-"),
+    "scipy DOP853, compiled": (ORANGE, "^", ":"),
+    "scipy RK45": (ORANGE, "<", "--"),
+    "scipy LSODA": (GREEN, "v", "-"),
+    "scipy LSODA, compiled": (GREEN, "v", ":"),
+    "scipy BDF": (PURPLE, "P", "--"),
+    "scipy Radau": (PURPLE, "s", "-"),
+    "numbalsoda LSODA": (BLACK, "v", "-"),
+    "numbalsoda DOP853": (BLACK, "^", "-"),
+    "CVODE BDF": (SKY, "P", "--"),
+    "CVODE Adams": (SKY, "X", "--"),
+    "diffrax Dopri8": (SKY, "h", "-"),
 }
-_OWN_COLOURS = (GREEN, PURPLE, RED, ORANGE)  # of a user's integrators
-_MARKS = "os^Dv<>PXphd*8H12+"
+#: Those of integrators that users bring.
+_OWN_LOOKS = ((BLACK, "X", "-"), (SKY, "p", "-"), (BLACK, ">", "--"), (SKY, "*", "--"))
 _UNITS = dict.fromkeys(("error", "error_over_samples", "truth_uncertainty"), "rad or rad/s") | {
     "seconds": "s",
     "spread": "1",
     "preparation": "s",
 }
-_LEAST = 1e-27  # the least error shown; a smaller one is drawn on the lower edge
+_LEAST = 1e-27  # the least error shown; a smaller one is drawn there
 
 #: The problems and settings of the report, which take seconds in all. `bench` has all of them.
 _PROBLEMS = ("cycle", "passage")
@@ -52,65 +63,77 @@ _METHODS: dict[str, tuple[Any, ...]] = {
 }
 
 
-def draw_bench(scores: Sequence[Score], most_columns: int = 4) -> Any:
-    """Draw the work-precision diagram; failed and unfinished runs are crosses on the upper edge.
+def draw_bench(scores: Sequence[Score], columns: int = 2) -> Any:
+    """Draw the work-precision diagram, with a panel for each problem.
+
+    A method with a run that failed has its mark in a band at the top. Errors in a band at the
+    bottom are below the uncertainty of the reference.
 
     Args:
         scores: The scores.
-        most_columns: The most columns.
+        columns: The number of panels side by side.
 
     Returns:
         The Matplotlib figure.
     """
     names = list(dict.fromkeys(score.problem for score in scores))
-    methods = list(dict.fromkeys((score.method, score.family) for score in scores))
-    columns = min(most_columns, len(names))
-    legend_columns = max(1, min(4, 2 * columns))
-    below = 0.25 * -(-len(methods) // legend_columns)
-    figure, axes = grid(len(names), columns, (4.6, 4.0) if columns < 3 else (3.4, 3.6), below)
-    shown: dict[str, Any] = {}
-    own = dict(
-        zip(
-            [method for method, family in methods if family == OWN],
-            cycle(_OWN_COLOURS),
-            strict=False,
-        )
-    )
+    columns = min(columns, len(names))
+    looks = _looks(scores)
+    size = (4.0, 3.4) if columns == 1 else (3.0, 3.0)
+    figure, axes = grid(len(names), columns, size, 0.2 * math.ceil(len(looks) / 2))
     for place, (axis, name) in enumerate(zip(axes, names, strict=True)):
-        highest = 10 * (max(score.error or 0.0 for score in scores if score.problem == name) or 1.0)
-        for (method, family), mark in zip(methods, cycle(_MARKS), strict=False):
-            mine = [score for score in scores if (score.problem, score.method) == (name, method)]
-            points = [
-                (s.seconds, max(s.error, _LEAST)) for s in mine if s.error is not None and s.seconds
-            ]
-            colour, line = _FAMILIES.get(family, (own.get(method, BLACK), "-"))
-            (shown[method],) = axis.plot(
-                [x for x, _ in points],
-                [y for _, y in points],
-                color=colour,
-                marker=mark,
-                ls=line,
-                lw=1.0,
-                label=method,
-            )
-            slowest = max((x for x, _ in points), default=1.0)
-            for score in mine:
-                if score.error is None:
-                    axis.plot(
-                        score.preparation or slowest,
-                        highest,
-                        "x",
-                        color=colour,
-                        ms=6,
-                        clip_on=False,
-                    )
+        _draw_panel(axis, [score for score in scores if score.problem == name], looks)
         label = "run time, warm [s]" if place + columns >= len(names) else ""  # nothing below it
-        axis.set(xscale="log", yscale="log", title=name, xlabel=label)
-        axis.set_ylim(top=highest)
+        axis.set(title=name, xlabel=label)
         if place % columns == 0:
             axis.set_ylabel("error [rad or rad/s]")
-    figure.legend(shown.values(), shown.keys(), loc="outside lower center", ncols=legend_columns)
+    marks = [axes[0].plot([], [], label=method, **look)[0] for method, look in looks.items()]
+    figure.legend(handles=marks, loc="outside lower center", ncols=2)
     return figure
+
+
+def _looks(scores: Sequence[Score]) -> dict[str, dict[str, Any]]:
+    """Return the style of each method's curve, in the order of the curves from left to right."""
+    fastest: dict[str, float] = {}
+    for score in scores:
+        fastest[score.method] = min(fastest.get(score.method, math.inf), score.seconds or math.inf)
+    own, looks = cycle(_OWN_LOOKS), {}
+    for method in sorted(fastest, key=fastest.__getitem__):
+        colour, mark, line = _LOOKS.get(method) or next(own)
+        face = colour if "-" in line else "white"
+        looks[method] = {
+            "color": colour,
+            "marker": mark,
+            "ls": line,
+            "mfc": face,
+            "lw": 1.0 if method in _LOOKS else 1.8,
+        }
+    return looks
+
+
+def _draw_panel(axis: Any, scores: Sequence[Score], looks: dict[str, dict[str, Any]]) -> None:
+    """Draw the scores of a problem."""
+    errors = [max(score.error, _LEAST) for score in scores if score.error is not None] or [1.0]
+    bottom, top = min(errors) / 10, max(errors) * 10
+    axis.set(xscale="log", yscale="log")
+    for method, look in looks.items():
+        mine = [score for score in scores if score.method == method]
+        reached = [score for score in mine if score.error is not None and score.seconds]
+        times = [score.seconds for score in reached]
+        axis.plot(times, [max(score.error or 0.0, _LEAST) for score in reached], **look)
+    failed = dict.fromkeys(
+        s.method for s in scores if s.error is None and s.preparation is not None
+    )
+    for place, method in enumerate(failed):
+        at = {"transform": axis.get_yaxis_transform(), "ls": "none"}
+        axis.plot(0.97 - 0.05 * place, 3 * top, **looks[method] | at)
+    axis.set_ylim(bottom, 10 * top if failed else top)
+    uncertainty = max(score.truth_uncertainty for score in scores)
+    bands = {"failed": (top, 10 * top), "reference": (bottom, uncertainty)}
+    for label, (low, high) in bands.items():
+        if low < min(high, axis.get_ylim()[1]):
+            axis.axhspan(low, high, color=GREY, alpha=0.4, lw=0)
+            axis.text(0.02, low, label, transform=axis.get_yaxis_transform(), fontsize=7.5)
 
 
 def _brief_methods() -> list[Method]:
@@ -174,4 +197,8 @@ def _compared(scores: Sequence[Score]) -> str:
         if any(score.family == "numbalsoda" for score in scores)
         else (" No compiled peer is installed here; the extra `peers` brings numbalsoda.")
     )
-    return f"To an error of 1e-6, as a multiple of the Taylor engine's time, {'; '.join(comparisons)}.{missing}"
+    return (
+        f"To an error of 1e-6, as a multiple of the Taylor engine's time, {'; '.join(comparisons)}."
+        f"{missing} Methods that failed have their marks in a grey band at the top. A grey band at "
+        "the bottom is the uncertainty of the reference."
+    )

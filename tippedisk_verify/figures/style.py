@@ -17,6 +17,7 @@ __all__ = [
     "ORANGE",
     "PURPLE",
     "RED",
+    "SKY",
     "encoded",
     "grid",
     "pyplot",
@@ -24,8 +25,9 @@ __all__ = [
 ]
 
 # Okabe and Ito's palette: distinct for all colour vision, and of different lightness in grey.
-BLUE, ORANGE, GREEN, RED, PURPLE, BLACK = (
+BLUE, SKY, ORANGE, GREEN, RED, PURPLE, BLACK = (
     "#0072B2",
+    "#56B4E9",
     "#E69F00",
     "#009E73",
     "#D55E00",

@@ -57,6 +57,7 @@ class FrictionSign:
         """
         self._start = start
         self._contradicted = self.ended = self._rests = False
+        self._switch_time: Any = None
         self._upright = 1 if start.ops.sin(start.state[0]) >= 0 else -1  # the sign of sin(beta)
         self._from_surface = start.lies_on(SLIDING_REVERSAL, self._epsilon)
         if self._from_surface:
@@ -84,10 +85,15 @@ class FrictionSign:
         """
         if self._rests:
             return True
+        side = self.side if sign == 0 else sign if self._start.forward else -sign
+        last, self._switch_time = self._switch_time, time
+        if side == self.side and last is not None and abs(time - last) <= self._moment:
+            # The same crossing again: at a loose tolerance the event's series and that of the state
+            # differ by more than rounding. The branch is right to rounding in any case.
+            return True
         if self.looks_ahead:
             self._set(self._side_ahead(self._owned(self.stepper.state[:3])))
         else:
-            side = self.side if sign == 0 else sign if self._start.forward else -sign
             if side == self.side and abs(time) > self._window:
                 # The run is on this branch already: the previous crossing was missed, or this one
                 # only touches the surface. At the very beginning it is the start itself, on the

@@ -74,8 +74,11 @@ def integrated(
     max_steps: int = MOST_STEPS,
     progress: bool | None = None,
     half_widths: bool = True,
+    rtol: object = None,
 ) -> Solution:
     """Integrate a motion; see `Disk.integrate`, which defines the arguments."""
+    if rtol is not None and checked_digits(digits) > PLAIN_DIGITS:
+        raise InputError("rtol is the tolerance of doubles: give either rtol or digits")
     start, end = span_of(time)
     measured = half_widths and engine.measures_error
     corrected = checked_digits(digits) <= CORRECTED_DIGITS if measured else False
@@ -102,6 +105,7 @@ def integrated(
         end - start,
         shifted=shifted,
         precision=precision,
+        tolerance=None if rtol is None else float(exact(rtol)),
         times=times,
         variations=tuple(
             dict.fromkeys(constant for variable in variables for constant in slopes[variable])
