@@ -4,20 +4,21 @@ The front door is `tippedisk_verify.disk`: a `Disk` and the questions it answers
 behind it follow; each imports only from those before it:
 
 - `tippedisk_verify.model`: numbers, parameters, equations of motion;
+- `tippedisk_verify.proofs`: proved enclosures in ball arithmetic. It imports `model` only, and
+  `tippedisk_verify.certify` supplies its starting numbers;
 - `tippedisk_verify.theory`: results in closed form and series, and
   `tippedisk_verify.flow`: the integration of states. Neither imports the other, so their agreement
   is evidence;
 - `tippedisk_verify.connection`: the heteroclinic connection;
 - `tippedisk_verify.cycles`: limit cycles at a speed, their families and folds, and Omega_h;
 - `tippedisk_verify.motion`: solutions, scenes, basins;
-- `tippedisk_verify.proofs`: proved enclosures in ball arithmetic. It imports `model` only, and
-  `tippedisk_verify.certify` supplies its starting numbers;
 - `tippedisk_verify.audit`: the paper's claims and the examination of each;
 - `tippedisk_verify.reference_values`: reading, checking and redrawing the reference values, and
   `tippedisk_verify.conformance`: grading other programs by them;
-- `tippedisk_verify.bench`: run time against error, and `tippedisk_verify.stress`: numerically hard
-  cases;
-- `tippedisk_verify.figures` and `tippedisk_verify.report`: pictures and pages.
+- `tippedisk_verify.bench`: run time against error, `tippedisk_verify.stress`: numerically hard
+  cases, and `tippedisk_verify.sweep`: tables of many disks, speeds or starts;
+- `tippedisk_verify.figures` and `tippedisk_verify.report`: pictures and pages;
+- `tippedisk_verify.commands`: the command line.
 
 >>> import tippedisk_verify as tv
 >>> disk = tv.Disk("table1")

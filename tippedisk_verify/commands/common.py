@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import re
 import shutil
 import sys
@@ -170,7 +169,7 @@ def checked_jobs(jobs: int | None) -> int | None:
     Raises:
         InputError: If it is out of range.
     """
-    most = max(_FEWEST_OFFERED, 2 * (os.cpu_count() or 1))
+    most = max(_FEWEST_OFFERED, 2 * usable_cores())
     if jobs is not None and not 1 <= jobs <= most:
         raise InputError(
             f"--jobs must lie between 1 and {most} on this machine, not {str(jobs)[:40]}"
