@@ -306,9 +306,9 @@ class Integrator:
         return outcome, low, steps
 
     def _keep_step(self) -> bool:
-        """Keep the last step's series, unless it is kept already.
+        """Keep the last step's series, unless it is kept already, and return True.
 
-        Return True, so that the run continues.
+        As the value of a callback, True lets the run continue.
         """
         assert self._kept is not None
         end = self._stepper.time
