@@ -41,7 +41,7 @@ def default_folder() -> Path | None:
 
 
 def code_folder() -> Path | None:
-    """Return the folder for compiled code; None if caching is off.
+    """Return the folder for compiled code; None if caching is off or no folder can be found.
 
     Setting the variable to ``code`` keeps compiled code only, in the default folder.
     """

@@ -342,7 +342,7 @@ def _named(path: Path) -> str:
 
 @contextmanager
 def _refused(what: str) -> Iterator[None]:
-    """Turn every OSError into an InputError of one line that begins with ``what``."""
+    """Turn an OSError raised in the context into an InputError, a line that begins with ``what``."""
     try:
         yield
     except OSError as fault:

@@ -70,7 +70,10 @@ def progress_of(total: int = 0, progress: bool | None = None) -> Iterator[Advanc
 
 @contextmanager
 def _on_terminal(total: int) -> Iterator[Advance]:
-    """Draw a bar on standard error if that is a terminal. The bar vanishes at the end."""
+    """Yield a function that draws a bar on standard error; without a terminal it draws nothing.
+
+    It takes a label and the number of steps done so far. The bar vanishes at the end.
+    """
     from rich.console import Console
     from rich.progress import (
         BarColumn,
@@ -107,8 +110,9 @@ def _has_kernel() -> bool:
 
 @contextmanager
 def _in_notebook(total: int) -> Iterator[Advance]:
-    """Write a line in the cell and replace it at each drawing.
+    """Yield a function that writes a line in the notebook's cell and replaces it at each call.
 
+    It takes a label and the number of steps done so far.
     A notebook that is executed to a file stores every output that is not replaced.
     """
     display: Any = import_module("IPython.display").display

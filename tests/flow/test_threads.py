@@ -173,7 +173,7 @@ def test_a_run_within_a_run_of_its_kind_is_refused() -> None:
     assert _bytes(engine(outer)) == plain
     assert not asked
     asked.append(outer.starting_at(STARTS[0]))
-    with pytest.raises(RuntimeError, match="another engine"):
+    with pytest.raises(RuntimeError, match="second engine"):
         engine(outer)
     assert not asked
     assert _bytes(engine(outer)) == plain

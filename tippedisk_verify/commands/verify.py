@@ -202,7 +202,7 @@ def _verdict_lines(
 
 
 def _computed(entry: dict[str, Any]) -> str:
-    """Return the value computed for the selected set, then the number that the paper prints."""
+    """Return one text: the value computed for the selected set, then the number in the paper."""
     value = entry["computed"]
     if isinstance(value, str):
         return value.partition("; ")[0]

@@ -250,7 +250,10 @@ class Defect:
         return (self._steps * gained).reshape(count, 3, columns)
 
     def _rates_of(self, errors: Any, gained: Any) -> Any:
-        """Return the rates (n, nodes, 3) of errors that begin each step with these values."""
+        """Return the rates (n, nodes, 3) at the nodes of errors that begin each step with ``errors``.
+
+        ``gained`` holds the rates of errors that begin with zero.
+        """
         return (self._homogeneous @ errors[:-1, None, :, None])[..., 0] + gained
 
 

@@ -331,7 +331,10 @@ class Integrator:
         return outcome, low, steps
 
     def _keeping(self, kept: list[tuple[Any, Any]]) -> Callable[[Any], bool]:
-        """Return a function that keeps the last step's series, unless it is kept already."""
+        """Return a callback that appends the last step's series to ``kept``, unless it is there.
+
+        The callback returns True, so that the run continues.
+        """
         rows, zero, owned = self._kept_rows, self._zero, self.precision.owned
 
         def keep(stepper: Any) -> bool:

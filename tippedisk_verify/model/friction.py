@@ -88,7 +88,7 @@ class FrictionLaw:
     force: Callable[[Any, Any, Any], Any]
     two_sided: bool = False
     slope: Callable[[Any], Any] = _default_slope
-    #: the values of the force when the law was made; if they change, so has the law
+    #: the values of the force when the law was made; a disk refuses a law whose values have changed
     values: tuple[Any, ...] = field(default=(), init=False, repr=False)
 
     is_linear: ClassVar[bool] = False

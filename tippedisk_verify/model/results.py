@@ -286,7 +286,7 @@ def _cells_in_doubles(row: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
 
 
 def heading(name: str) -> str:
-    """Return the quantity's name with its unit, if it has one.
+    """Return a quantity's name, followed by its unit in brackets if it has one.
 
     Args:
         name: The quantity's name.

@@ -134,10 +134,11 @@ def manifest_text(content: dict[str, Any]) -> str:
 
 
 def _sound(folder: Path, name: str, manifest: dict[str, Any]) -> bytes:
-    """Return the bytes of a file.
+    """Return the bytes of a file, compressed or not, after comparing them with their hash.
 
     Raises:
-        ValueError: If its hash is not in the manifest; the message names the fault.
+        ValueError: If it is missing, cannot be read, or its hash is not in the manifest. The
+            message names the fault.
     """
     path, packed = folder / name, folder / f"{name}.gz"
     entry = manifest["files"].get(name)
