@@ -1,7 +1,7 @@
 """Proofs about a disk: ordinary methods find candidates, and `proofs` encloses them.
 
-`proofs` imports only the equations. This module supplies the starting numbers of each proof.
-A proof that fails is a result too: its ``status`` names the step that failed.
+`proofs` imports only the equations. This module supplies the starting numbers of each proof. A
+failed proof is a result too: its ``status`` names the step that failed.
 """
 
 from __future__ import annotations
@@ -129,8 +129,8 @@ class Certifier:
             omega: The spinning speed [rad/s].
             rotating: Prove a rotating cycle, on which gamma grows by 2 pi a period.
             stable: Choose the stable or the unstable cycle where a speed has both.
-            guess: Approximate section coordinates (gamma_bar_0 [rad], v_0 [rad/s]); of a rotating
-                cycle (beta_bar_top [rad], v_top [rad/s]).
+            guess: Approximate section coordinates (gamma_bar_0 [rad], v_0 [rad/s]), or for a
+                rotating cycle (beta_bar_top [rad], v_top [rad/s]).
             digits: Significant digits of each main result.
 
         Returns:
@@ -156,7 +156,8 @@ class Certifier:
         return prove_cycle(self.disk, speed, start, digits=digits, section=section)
 
     def _start(self, speed: Fraction, rotating: bool, stable: bool | None) -> tuple[object, object]:
-        """Return both coordinates of the cycle on its section.
+        """Return both section coordinates of the cycle that `Disk` finds, from which a proof
+        starts.
 
         Raises:
             InputError: The speed lies next to Omega_h.
@@ -235,7 +236,7 @@ class Certifier:
         """Enclose Omega_h in an interval of length 10^-digits or less, and prove it unique there.
 
         Args:
-            near: The speed [rad/s] about which to prove; the Omega_h that `Disk` finds if left out.
+            near: An approximation of Omega_h [rad/s]. If it is left out, `Disk` computes one.
             digits: Decimal places of the enclosure.
             progress: False hides the progress bar.
 
@@ -243,7 +244,7 @@ class Certifier:
             The proof. Without a connection to start from, its status is ``NO_SADDLE``.
 
         Raises:
-            InputError: More digits are asked for than a proof offers.
+            InputError: The number of digits is larger than a proof offers.
         """
         from tippedisk_verify.proofs.search.heteroclinic import (
             MOST_DIGITS,
@@ -379,7 +380,7 @@ class Certifier:
 
 
 def _amplitude(value: object) -> Fraction:
-    """Return the amplitude gamma_bar_0 [rad] at which a family is to end.
+    """Read the amplitude gamma_bar_0 [rad] at which a family is to end, as an exact number.
 
     Raises:
         InputError: The value is not a decimal between 0 and 3.1415.
