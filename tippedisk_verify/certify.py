@@ -75,7 +75,7 @@ class Certifier:
             The enclosures, each with its statement.
 
         Raises:
-            InputError: ``omega`` is not a speed or ``name`` is not an equilibrium.
+            InputError: If ``omega`` is not a speed or ``name`` is not an equilibrium.
         """
         from tippedisk_verify.proofs.closed_forms import proved_equilibrium
 
@@ -104,7 +104,7 @@ class Certifier:
             The enclosures, each with its statement.
 
         Raises:
-            InputError: The disk has the smooth friction law.
+            InputError: If the disk has the smooth friction law.
         """
         from tippedisk_verify.proofs.closed_forms import proved_hopf
 
@@ -137,7 +137,7 @@ class Certifier:
             The proof. Without a cycle to start from, its status is ``NO_GUESS``.
 
         Raises:
-            InputError: The speed lies next to Omega_h and no guess is given; `beside_omega_h`
+            InputError: If the speed lies next to Omega_h and no guess is given; `beside_omega_h`
                 proves those cycles.
         """
         from tippedisk_verify.proofs.search.cycle import (
@@ -160,7 +160,7 @@ class Certifier:
         starts.
 
         Raises:
-            InputError: The speed lies next to Omega_h.
+            InputError: If the speed lies next to Omega_h.
         """
         from tippedisk_verify.cycles.locator import locator
         from tippedisk_verify.flow import default_engine
@@ -195,8 +195,8 @@ class Certifier:
             The proof. If no fold was found, it gives the reason.
 
         Raises:
-            InputError: The disk has the smooth friction law, the family has no such fold, or it has
-                several and ``number`` is left out.
+            InputError: If the disk has the smooth friction law, the family has no such fold, or it
+                has several and ``number`` is left out.
         """
         from tippedisk_verify.proofs.kernel.certificates.fold import names
         from tippedisk_verify.proofs.search.fold import HALF, TURN, FoldProof, prove_fold
@@ -244,7 +244,7 @@ class Certifier:
             The proof. Without a connection to start from, its status is ``NO_SADDLE``.
 
         Raises:
-            InputError: The number of digits is larger than a proof offers.
+            InputError: If the number of digits is larger than a proof offers.
         """
         from tippedisk_verify.proofs.search.heteroclinic import (
             MOST_DIGITS,
@@ -288,7 +288,7 @@ class Certifier:
             The proof of the cycles, with that of Omega_h.
 
         Raises:
-            InputError: The disk has the smooth friction law, or an argument cannot be used.
+            InputError: If the disk has the smooth friction law, or an argument cannot be used.
         """
         from tippedisk_verify.proofs.search.connection_end import checked_distance, prove_end
 
@@ -325,7 +325,7 @@ class Certifier:
             The proof; if it fails, its status names the step.
 
         Raises:
-            InputError: The disk has the smooth friction law, or ``until`` is not an amplitude.
+            InputError: If the disk has the smooth friction law, or ``until`` is not an amplitude.
         """
         from tippedisk_verify.cycles.branch import found
         from tippedisk_verify.proofs.kernel.certificates.family import Piece
@@ -383,7 +383,7 @@ def _amplitude(value: object) -> Fraction:
     """Read the amplitude gamma_bar_0 [rad] at which a family is to end, as an exact number.
 
     Raises:
-        InputError: The value is not a decimal between 0 and 3.1415.
+        InputError: If the value is not a decimal between 0 and 3.1415.
     """
     number = exact(value)
     if number.pi_multiple or not 0 < number.rational < _LARGEST_AMPLITUDE:

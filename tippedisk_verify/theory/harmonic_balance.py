@@ -181,8 +181,8 @@ def one_harmonic(
         digits: Significant digits of each number.
 
     Raises:
-        InputError: An argument cannot be used, or the disk has the smooth friction law.
-        AccuracyError: The formula has no real amplitude or frequency.
+        InputError: If an argument cannot be used, or the disk has the smooth friction law.
+        AccuracyError: If the formula has no real amplitude or frequency.
     """
     parameters.refuse_unless_linear("harmonic balance is")
     form, omega = _checked_form(form), checked_speed(omega)
@@ -214,8 +214,8 @@ def slopes(
         The slopes of C^2 [rad s] and of T - T_crit [s^2/rad].
 
     Raises:
-        InputError: An argument cannot be used, or the disk has the smooth friction law.
-        AccuracyError: The amplitude law's denominator vanishes at Omega_crit.
+        InputError: If an argument cannot be used, or the disk has the smooth friction law.
+        AccuracyError: If the amplitude law's denominator vanishes at Omega_crit.
     """
     parameters.refuse_unless_linear("harmonic balance is")
     form, square, ratio = (

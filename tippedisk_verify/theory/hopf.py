@@ -109,7 +109,7 @@ class HopfPoint(Printable):
         """Return `amplitude_squared_slope` and `period_slope`.
 
         Raises:
-            AccuracyError: l_1 = 0, so there are no slopes.
+            AccuracyError: If l_1 = 0, where there are no slopes.
         """
         if self.amplitude_squared_slope is None or self.period_slope is None:
             raise AccuracyError(
@@ -220,7 +220,7 @@ def omega_crit(parameters: Parameters, digits: int = 15) -> Measured:
         digits: Significant digits, from 1 to 4000.
 
     Raises:
-        InputError: The number of digits cannot be used.
+        InputError: If the number of digits cannot be used.
     """
     return square_root(omega_crit_squared(parameters), checked_digits(digits) + 5)
 
@@ -236,7 +236,7 @@ def omega_crit_slopes(parameters: Parameters, digits: int = 15) -> dict[str, Mea
         digits: Significant digits, from 1 to 4000.
 
     Raises:
-        InputError: The number of digits cannot be used.
+        InputError: If the number of digits cannot be used.
     """
     c, crit = parameters.rational(), omega_crit(parameters, digits)
     logarithmic = {
@@ -281,7 +281,7 @@ def speed_below_crit(parameters: Parameters, distance: object, digits: int) -> M
         digits: Significant digits of the distance.
 
     Raises:
-        InputError: The distance is not a decimal, or the result is not a speed.
+        InputError: If the distance is not a decimal, or the result is not a speed.
     """
     below = exact(distance)
     if below.pi_multiple:
@@ -304,7 +304,7 @@ def period_crit(parameters: Parameters, digits: int = 15) -> Measured:
         digits: Significant digits, from 1 to 4000.
 
     Raises:
-        InputError: The number of digits cannot be used.
+        InputError: If the number of digits cannot be used.
     """
     working = checked_digits(digits) + 5
     return period_of(square_root(critical_frequency_squared(parameters), working), working)
@@ -332,7 +332,7 @@ def hopf_point(parameters: Parameters, digits: int = 12) -> HopfPoint:
         digits: Significant digits, from 1 to 4000.
 
     Raises:
-        InputError: The number of digits cannot be used, or the friction law has two sides.
+        InputError: If the number of digits cannot be used, or the friction law has two sides.
     """
     parameters.refuse_two_sides("the Hopf point's normal form is")
     law = amplitude_law(parameters)

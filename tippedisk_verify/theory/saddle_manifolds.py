@@ -58,7 +58,7 @@ class Saddle:
         order: The highest power of the series.
 
     Raises:
-        NoConnectionError: The equilibrium is not a saddle with one unstable and two real stable
+        NoConnectionError: If the equilibrium is not a saddle with one unstable and two real stable
             directions. Properties raise it on first use.
     """
 
@@ -284,7 +284,7 @@ class Saddle:
             point: (beta_bar [rad], gamma + pi/2 [rad], v [rad/s]).
 
         Raises:
-            AccuracyError: The point is too far from the saddle.
+            AccuracyError: If the point is too far from the saddle.
         """
         ctx = self.context
         u = s = t = ctx.zero

@@ -251,7 +251,7 @@ def orders(
         highest: The highest order.
 
     Raises:
-        InputError: The order is not from 0 to 40.
+        InputError: If the order is not from 0 to 40.
     """
     highest = _checked_order(highest)
     return SlowManifoldSeries(ops, constants, omega, beta, gamma, highest, slopes=False).orders
@@ -266,7 +266,7 @@ def invariance_residuals(
         ops, constants, omega, beta, gamma, highest: As for `orders`.
 
     Raises:
-        InputError: The order is not from 0 to 40.
+        InputError: If the order is not from 0 to 40.
     """
     highest = _checked_order(highest)
     return SlowManifoldSeries(ops, constants, omega, beta, gamma, highest).residuals(
@@ -312,7 +312,7 @@ def reduced_equilibrium(
         working_bits: The precision.
 
     Raises:
-        InputError: The name or the order cannot be used.
+        InputError: If the name or the order cannot be used.
     """
     order = _checked_order(order)
     ctx = bits(working_bits).context
@@ -336,8 +336,8 @@ def reduced_omega_crit(parameters: Parameters, order: int, digits: int = 15) -> 
         digits: Significant digits.
 
     Raises:
-        InputError: The order cannot be used, or the disk has the smooth friction law.
-        AccuracyError: The order is 0, where the trace vanishes at every speed, or no root lies
+        InputError: If the order cannot be used, or the disk has the smooth friction law.
+        AccuracyError: If the order is 0, where the trace vanishes at every speed, or no root lies
             within a tenth of Omega_crit.
     """
     parameters.refuse_unless_linear("the slow manifold's expansion is")
@@ -431,7 +431,7 @@ def analyse_slow_manifold(
         at: The point (beta, gamma) [rad], as decimals.
 
     Raises:
-        InputError: The order, the speed or the point cannot be used, the disk lies flat at the
+        InputError: If the order, the speed or the point cannot be used, the disk lies flat at the
             point, or it has the smooth friction law.
     """
     parameters.refuse_unless_linear("the slow manifold's expansion is")

@@ -23,9 +23,11 @@ For q > 0 its zeros are the family's cycles with gamma_bar_0 = a and v_0 = a w. 
 They form an analytic curve. At q = 0 the flow is that of the linearisation, which then has a
 periodic orbit, so that Omega is Omega_crit: the curve begins at the Hopf point.
 
-Multipliers ----------- P is homogeneous: l P(g, w; Omega, l^2 q) = P(l g, l w; Omega, q) for l > 0.
-Let c_g, c_w be the columns of P' - 1, and c_Omega, c_q the derivatives of P. Differentiation with
-respect to l at the fixed point (1, w) gives
+Multipliers
+-----------
+P is homogeneous: l P(g, w; Omega, l^2 q) = P(l g, l w; Omega, q) for l > 0. Let c_g, c_w be the
+columns of P' - 1, and c_Omega, c_q the derivatives of P. Differentiation with respect to l at the
+fixed point (1, w) gives
 
     c_g + w c_w = 2 q c_q,   so that   det(P' - 1) = det(c_g, c_w) = 2 q det(c_q, c_w).
 

@@ -26,10 +26,12 @@ on which Taylor's formula encloses s gamma_y and its rate. One of these cases is
 If neither case can be shown by shorter steps, the proof ends: an orbit may touch gamma_y = 0 there
 and turn back.
 
-The derivatives through a crossing ---------------------------------- Let phi and psi be the flows
-of the two sides' laws, with fields f_s and f_-s. At a time t after the crossing the state is psi(t
-- tau, phi(tau, x)). Here tau is an analytic function of the start x and of Omega, as gamma_y' is
-not zero. A flow's time derivative is its derivative with respect to the state times the field, so
+The derivatives through a crossing
+----------------------------------
+Let phi and psi be the flows of the two sides' laws, with fields f_s and f_-s. At a time t after the
+crossing the state is psi(t - tau, phi(tau, x)). Here tau is an analytic function of the start x and
+of Omega, as gamma_y' is not zero. A flow's time derivative is its derivative with respect to the
+state times the field, so
 
     d(state)/dx = psi_x phi_x + psi_x (f_s - f_-s) dtau/dx,       f_s = f_-s where gamma_y = 0.
 
@@ -182,7 +184,7 @@ class SlidingPath(Path):
     start this sign is the same for all orbits.
     """
 
-    model: SmoothModel  #: the law of the present side
+    model: SmoothModel  #: the law of the current side
 
     def __init__(
         self,

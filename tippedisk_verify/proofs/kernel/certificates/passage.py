@@ -5,7 +5,7 @@ N is the box |z_u| <= u, |z_s| <= s, |z_f| <= t in the coordinates of `saddle`. 
 one ball. F is odd, so DF is the same at z and -z, and half of N suffices. Over small cells are
 enclosed:
 
-- A, which holds DF, and B, the derivative of F by the speed.
+- A, which holds DF, and B, the derivative of F with respect to the speed.
 - M, the mean of DF over each ray from the saddle, so that F(z) = M z for a matrix of M. It is the
   mean of n unions. The k-th is over the cells that meet (k / n) N. It holds DF where the ray's
   parameter is between (k - 1) / n and k / n.
