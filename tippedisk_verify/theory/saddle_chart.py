@@ -250,7 +250,7 @@ class SaddleChart:
         return float((sizes[sizes > 0] ** (-1 / degrees[sizes > 0])).min())
 
     def flow(self, point: Any, time: Any) -> Any:
-        """Return the point (u, s, f) to which a point flows in a time [s]."""
+        """Return the point (u, s, f) that a point reaches after a time [s]."""
         return point * numpy.exp(self.eigenvalues * time)
 
     def coordinates(self, y: Any) -> Any:

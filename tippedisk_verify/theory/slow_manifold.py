@@ -379,7 +379,7 @@ class SlowManifold(Printable):
     """The truncated series: its orders at one point, and its accuracy at twenty fixed points.
 
     A residual is |epsilon (dh/dx) f - g|, at this set's epsilon. ``reduced_omega_crit`` belongs to
-    the reduced flow of order N. It is None at order 0, where there is no Hopf point.
+    the reduced flow of order N. It is None where no Hopf point is found, as at order 0.
     """
 
     order: int

@@ -306,7 +306,7 @@ def eigenvectors(parameters: Parameters, speed: Fraction) -> tuple[list[Any], An
 def smallest_weights(matrix: Any, by_speed: Sequence[Any]) -> list[Any]:
     """Return cone weights that are nearly the smallest possible.
 
-    With them, each row's off-diagonal terms and speed term amount to at most half of its weighted
+    With them, each row's off-diagonal terms and speed term amount to about half of its weighted
     diagonal entry. The kernel tests them with `cones`.
     """
     weights = [most(2 * part) / abs(matrix[k, k].mid()) for k, part in enumerate(by_speed)]
