@@ -1,7 +1,7 @@
 """Proofs about a disk: ordinary methods find candidates, and `proofs` encloses them.
 
-`proofs` imports only the equations. This module supplies the starting numbers of each proof.
-A proof that fails is a result too: its ``status`` names the step that failed.
+`proofs` imports only the equations. This module supplies the starting numbers of each proof. A
+failed proof is a result too: its ``status`` names the step that failed.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ class Certifier:
             The enclosures, each with its statement.
 
         Raises:
-            InputError: ``omega`` is not a speed or ``name`` is not an equilibrium.
+            InputError: If ``omega`` is not a speed or ``name`` is not an equilibrium.
         """
         from tippedisk_verify.proofs.closed_forms import proved_equilibrium
 
@@ -104,7 +104,7 @@ class Certifier:
             The enclosures, each with its statement.
 
         Raises:
-            InputError: The disk has the smooth friction law.
+            InputError: If the disk has the smooth friction law.
         """
         from tippedisk_verify.proofs.closed_forms import proved_hopf
 
@@ -129,15 +129,15 @@ class Certifier:
             omega: The spinning speed [rad/s].
             rotating: Prove a rotating cycle, on which gamma grows by 2 pi a period.
             stable: Choose the stable or the unstable cycle where a speed has both.
-            guess: Approximate section coordinates (gamma_bar_0 [rad], v_0 [rad/s]); of a rotating
-                cycle (beta_bar_top [rad], v_top [rad/s]).
+            guess: Approximate section coordinates (gamma_bar_0 [rad], v_0 [rad/s]), or for a
+                rotating cycle (beta_bar_top [rad], v_top [rad/s]).
             digits: Significant digits of each main result.
 
         Returns:
             The proof. Without a cycle to start from, its status is ``NO_GUESS``.
 
         Raises:
-            InputError: The speed lies next to Omega_h and no guess is given; `beside_omega_h`
+            InputError: If the speed lies next to Omega_h and no guess is given; `beside_omega_h`
                 proves those cycles.
         """
         from tippedisk_verify.proofs.search.cycle import (
@@ -156,10 +156,11 @@ class Certifier:
         return prove_cycle(self.disk, speed, start, digits=digits, section=section)
 
     def _start(self, speed: Fraction, rotating: bool, stable: bool | None) -> tuple[object, object]:
-        """Return both coordinates of the cycle on its section.
+        """Return both section coordinates of the cycle that `Disk` finds, from which a proof
+        starts.
 
         Raises:
-            InputError: The speed lies next to Omega_h.
+            InputError: If the speed lies next to Omega_h.
         """
         from tippedisk_verify.cycles.locator import locator
         from tippedisk_verify.flow import default_engine
@@ -194,8 +195,8 @@ class Certifier:
             The proof. If no fold was found, it gives the reason.
 
         Raises:
-            InputError: The disk has the smooth friction law, the family has no such fold, or it has
-                several and ``number`` is left out.
+            InputError: If the disk has the smooth friction law, the family has no such fold, or it
+                has several and ``number`` is left out.
         """
         from tippedisk_verify.proofs.kernel.certificates.fold import names
         from tippedisk_verify.proofs.search.fold import HALF, TURN, FoldProof, prove_fold
@@ -235,7 +236,7 @@ class Certifier:
         """Enclose Omega_h in an interval of length 10^-digits or less, and prove it unique there.
 
         Args:
-            near: The speed [rad/s] about which to prove; the Omega_h that `Disk` finds if left out.
+            near: An approximation of Omega_h [rad/s]. If it is left out, `Disk` computes one.
             digits: Decimal places of the enclosure.
             progress: False hides the progress bar.
 
@@ -243,7 +244,7 @@ class Certifier:
             The proof. Without a connection to start from, its status is ``NO_SADDLE``.
 
         Raises:
-            InputError: More digits are asked for than a proof offers.
+            InputError: If the number of digits is larger than a proof offers.
         """
         from tippedisk_verify.proofs.search.heteroclinic import (
             MOST_DIGITS,
@@ -287,7 +288,7 @@ class Certifier:
             The proof of the cycles, with that of Omega_h.
 
         Raises:
-            InputError: The disk has the smooth friction law, or an argument cannot be used.
+            InputError: If the disk has the smooth friction law, or an argument cannot be used.
         """
         from tippedisk_verify.proofs.search.connection_end import checked_distance, prove_end
 
@@ -324,7 +325,7 @@ class Certifier:
             The proof; if it fails, its status names the step.
 
         Raises:
-            InputError: The disk has the smooth friction law, or ``until`` is not an amplitude.
+            InputError: If the disk has the smooth friction law, or ``until`` is not an amplitude.
         """
         from tippedisk_verify.cycles.branch import found
         from tippedisk_verify.proofs.kernel.certificates.family import Piece
@@ -379,10 +380,10 @@ class Certifier:
 
 
 def _amplitude(value: object) -> Fraction:
-    """Return the amplitude gamma_bar_0 [rad] at which a family is to end.
+    """Read the amplitude gamma_bar_0 [rad] at which a family is to end, as an exact number.
 
     Raises:
-        InputError: The value is not a decimal between 0 and 3.1415.
+        InputError: If the value is not a decimal between 0 and 3.1415.
     """
     number = exact(value)
     if number.pi_multiple or not 0 < number.rational < _LARGEST_AMPLITUDE:

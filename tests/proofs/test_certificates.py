@@ -376,11 +376,11 @@ def test_certificates_of_every_kind_are_accepted_and_all_tampered_ones_rejected(
     lines = {name: rejected(kind, name, act) for name, act in mutations(kind)}
     for said in (
         "stay in its enclosure",
-        "its steps end on the way",
-        "that nothing asks for",
+        "its steps end before the flight does",
+        "it has unused steps",
         "Krawczyk's image",
         "within its uncertainty",
-        "no disk's",
+        "no disk has",
         "as text",
         "whole number",
         "exactly the members",

@@ -53,7 +53,7 @@ def disks() -> Iterator[tuple[str, Change]]:
             ".",
             put("claim", "parameters", name, exact_text(getattr(PRINTED, name) * 1001 / 1000)),
         )
-    yield "no disk's", put("claim", "parameters", "e", "0.05")
+    yield "no disk has", put("claim", "parameters", "e", "0.05")
     yield ".", put("bits", 30)
 
 

@@ -121,7 +121,7 @@ SPOILED: dict[str, tuple[Callable[[Any, Any], Any], str]] = {
         lambda c, e: c.update(parameters=parameter_texts(CALIBRATED)),
         "begin at the Hopf point",
     ),
-    "no disk": (lambda c, e: c.update(parameters={**DISK, "e": "0.05"}), "no disk's"),
+    "no disk": (lambda c, e: c.update(parameters={**DISK, "e": "0.05"}), "no disk has"),
     "no arcs": (lambda c, e: e.clear(), "no arcs"),
 }
 

@@ -111,7 +111,7 @@ def test_rates_and_derivatives_at_random_points_of_random_disks() -> None:
     ],
 )
 def test_what_is_no_disk_is_refused(name: str, value: str) -> None:
-    with pytest.raises(Unproved, match="no disk's"):
+    with pytest.raises(Unproved, match="no disk has"):
         constants({**DISK, name: value})
 
 

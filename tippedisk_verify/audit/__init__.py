@@ -1,1 +1,1 @@
-"""The paper's claims: what each states, how it is examined, and the proof that belongs to it."""
+"""The paper's claims: their statements, their examinations, and the proofs that belong to them."""

@@ -14,7 +14,9 @@ __all__ = ["BALANCE_CLAIMS"]
 
 
 def _expansion_part(part: str, audit: Audit, name: str, printed_text: str) -> Answer:
-    """Compare a part of the printed expansion with the derived one, coefficient by coefficient."""
+    """Compare a part of the printed expansion with the derived one, coefficient by coefficient, for
+    one set.
+    """
     constants, speed = audit.sets[name].rational(), Fraction("30.4")
     follows, claimed = (
         getattr(function(constants, speed), part) for function in (derived, printed)
@@ -32,7 +34,7 @@ def _expansion_part(part: str, audit: Audit, name: str, printed_text: str) -> An
 def _balance_constant(which: str, audit: Audit, name: str, printed_text: str) -> Answer:
     """Compare the printed kappa_1, kappa_2 or delta with the value that the expansion gives.
 
-    tests/theory derives the latter by projection.
+    tests/theory derives that value by projection.
     """
     constants, speed = audit.sets[name].rational(), Fraction("30.4")
     square = constants.e / (constants.r + constants.e) * speed**2
@@ -67,7 +69,7 @@ def _supercritical(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
 def _expansion(
     part: str, label: str, expanded: str, formula: str, fault: Fault | None = None
 ) -> Claim:
-    """Return the claim that a part of the equations is expanded to third order as printed."""
+    """Return the claim that the paper's third-order expansion of a part of the equations is right."""
     examine = partial(_expansion_part, part)
     return Claim(
         f"expansion_{part}",

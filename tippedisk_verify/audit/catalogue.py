@@ -34,7 +34,7 @@ CLAIMS: tuple[Claim, ...] = tuple(claim for claims in GROUPS.values() for claim 
 
 
 def group_of(name: str) -> str:
-    """Return the subject of a claim."""
+    """Return the subject of a claim, a key of `GROUPS`, given the claim's name."""
     return next(
         group for group, claims in GROUPS.items() if any(claim.name == name for claim in claims)
     )
@@ -46,7 +46,10 @@ def claims_drawn_in(figure: str) -> tuple[str, ...]:
 
 
 def equations_named(names: Sequence[str]) -> list[str]:
-    """Return the equation numbers among some names; one is written "eq. 30", "(30)" or "30"."""
+    """Return the equation numbers among some names, as texts.
+
+    An equation is written "eq. 30", "(30)" or "30". Other names are left out.
+    """
     return [
         match[1]
         for name in names
@@ -58,8 +61,8 @@ def selected(names: Sequence[str]) -> tuple[Claim, ...]:
     """Return the claims with these names, or about these equations.
 
     Args:
-        names: Names of claims, or equation numbers as `equations_named` takes them. If empty, all
-            claims are meant.
+        names: Names of claims, or equation numbers as `equations_named` takes them. If there are
+            none, all claims are returned.
 
     Returns:
         The claims in the order of the paper.

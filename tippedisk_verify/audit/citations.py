@@ -35,7 +35,10 @@ _SECTIONS = {
 
 
 def _numbers() -> dict[str, tuple[str, str]]:
-    """Return the kind and the number of each label."""
+    """Return a dict from every label of the paper to its kind and printed number.
+
+    An example is ``("eq.", "(48)")``.
+    """
     numbers, latest = {}, ("", 0)
     for place, name in enumerate(_EQUATIONS.split(), start=1):
         if name != "-":
@@ -60,7 +63,7 @@ _NUMBERS = _numbers()
 
 
 def cited(labels: str) -> str:
-    """Return the published numbers of some labels.
+    """Return the published numbers of some LaTeX labels, as one text.
 
     ``eq:Csol`` gives "eq. (48)"; ``eq:3DOF_lin, fig:hom`` gives "eq. (13), Figure 7b". "eq:Csol+1"
     is the first numbered equation after eq:Csol if it has no label. "below eq:Csol" is the text

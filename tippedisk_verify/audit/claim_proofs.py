@@ -1,6 +1,6 @@
 """The proofs in ball arithmetic that belong to a claim, and how much of its verdict they decide.
 
-A claim is *proved* if the commands named prove its verdict for each audited set. It is *proved in
+A claim is *proved* if the named commands prove its verdict for each audited set. It is *proved in
 part* if they prove it for some of the sets, or a part of its statement. Theorem 1 holds for every
 disk. For the other theorems only proofs for the named sets count here, because a test runs them.
 """
@@ -27,11 +27,11 @@ class ClaimProof(Printable):
     friction: tuple[str, ...]  #: the laws that the theorem covers
     proves: str  #: what the commands prove
     not_proved: str  #: the rest of the verdict; empty if all of it is proved for all sets
-    commands: Mapping[str, str]  #: by parameter set
+    commands: Mapping[str, str]  #: the commands that prove it, by parameter set
 
     @property
     def grade(self) -> str:
-        """ "proved", or "proved in part"."""
+        """The grade of the proof: "proved", or "proved in part" if something is left open."""
         return "proved in part" if self.not_proved else "proved"
 
 
@@ -72,7 +72,9 @@ def proof_of(claim: Claim, finding: Finding, sets: Mapping[str, Parameters]) -> 
 
 
 def _covered(theorem: Theorem, parameters: Parameters) -> bool:
-    """Return True if the theorem covers the disk and its law, and a command can name the disk."""
+    """Return True if the theorem covers the disk and its friction law, and a command can name the
+    disk.
+    """
     if theorem.law not in (None, parameters.friction):
         return False
     if NAMED_SETS.get(parameters.name) == parameters.with_friction("linear"):
@@ -81,9 +83,10 @@ def _covered(theorem: Theorem, parameters: Parameters) -> bool:
 
 
 def _decides(computed: Measured | str, printed: str) -> bool:
-    """Return True if a command's twelve digits decide whether the number rounds as printed.
+    """Return True if the twelve digits of a command's result decide whether the number rounds as
+    printed.
 
-    They do not if the number lies next to a boundary.
+    They do not if the number lies next to a rounding boundary. A word is always decided.
     """
     if isinstance(computed, str):
         return True

@@ -1,7 +1,7 @@
 """The classes of the audit: a claim of the paper, its examination, and its verdict.
 
 A claim is examined on every audited parameter set, which gives a `Finding`. A claim that does not
-follow is a result; only the suite's own cross-checks (``own_check``) can fail.
+follow is a result. Only the suite's own cross-checks (``own_check``) can fail.
 """
 
 from __future__ import annotations
@@ -62,10 +62,10 @@ class Verdict(Enum):
 
 @dataclass(frozen=True)
 class Finding:
-    """The outcome of one claim."""
+    """The outcome of one claim's examination on all audited sets."""
 
-    computed: dict[str, Measured | str]  #: by parameter set
-    holds: dict[str, bool | None]  #: by parameter set; None: undecided
+    computed: dict[str, Measured | str]  #: the computed value, by parameter set
+    holds: dict[str, bool | None]  #: whether it holds, by parameter set; None: undecided
     note: str = ""
 
     @property
@@ -93,7 +93,7 @@ class Finding:
 
     @classmethod
     def of_record(cls, record: dict[str, Any]) -> Finding:
-        """Return the finding that `record` has written."""
+        """Return the finding that a record of `record` describes."""
         computed = {
             name: value if isinstance(value, str) else Measured(*map(Fraction, value))
             for name, value in record["computed"].items()
@@ -107,7 +107,7 @@ class Theorem(NamedTuple):
     name: str
     commands: tuple[str, ...]
 
-    law: Friction | None = None  #: the only law that it covers; None: both
+    law: Friction | None = None  #: the only law that it covers; None for both
     every_disk: bool = False  #: True if it holds for every disk
 
 
@@ -125,9 +125,9 @@ FaultKind = Literal["slip", "follows-from", "differs"]
 class Fault(NamedTuple):
     """The reason why a claim does not follow, and the true statement.
 
-    A ``slip`` is a slip of the pen: the paper itself shows what is meant. A fault that
-    ``follows-from`` another claim or a dropped term has the name of that claim or term as its
-    cause. Any other fault ``differs``.
+    A ``slip`` is a slip of the pen: the paper itself shows what is meant. A fault ``follows-from``
+    another claim or a dropped term; its cause then names that claim or term. Any other fault
+    ``differs``.
     """
 
     kind: FaultKind
@@ -147,8 +147,8 @@ class Claim:
     note: str = ""
     methods: tuple[str, ...] = ("exact arithmetic",)
     formula: str = ""  #: the paper's formula, or the sentence's mathematical content, in LaTeX
-    unit: str = ""  #: of the printed and the computed number
-    fault: Fault | None = None  #: if the claim follows for no disk
+    unit: str = ""  #: the unit of the printed and the computed number
+    fault: Fault | None = None  #: the fault, if the claim follows for no disk
     own_check: bool = False
     figures: tuple[str, ...] = ()  #: the exhibits that illustrate it
     proof: ProofOffer | None = None
@@ -185,7 +185,7 @@ class Audit(Printable):
         self.parameters.refuse_own_law("the paper's claims are examined")
 
     def _once(self, key: tuple[str, ...], compute: Callable[[], T]) -> T:
-        """Compute a result when it is first needed, and store it."""
+        """Return the result with this key; compute and store it when it is first needed."""
         if key not in self._kept:
             self._kept[key] = compute()
         kept: T = self._kept[key]
@@ -253,7 +253,7 @@ class Audit(Printable):
         )
 
     def family(self, name: str) -> tuple[LimitCycle, ...]:
-        """Return an overview of a set's limit cycles.
+        """Return the limit cycles of a set that `cycles.branch.family` finds at its default speeds.
 
         Args:
             name: The set's name.
@@ -277,14 +277,16 @@ class Audit(Printable):
 
 
 def sets_with(parameters: Parameters) -> dict[str, Parameters]:
-    """Return the audited sets, all under one friction law: the selected one, then `NAMED_SETS`."""
+    """Return the audited sets by name, all under the friction law of ``parameters``. The selected
+    set comes first, then `NAMED_SETS`.
+    """
     chosen = {parameters.name: parameters}
     named = {name: disk.with_friction(parameters.friction) for name, disk in NAMED_SETS.items()}
     return chosen | named | chosen
 
 
 def rounds_to(measured: Measured, printed: str) -> bool | None:
-    """Return whether the true value rounds to a printed decimal.
+    """Return True if the true value rounds to a printed decimal, and False if it does not.
 
     Returns:
         None if the half-width leaves it open.
@@ -301,7 +303,8 @@ def rounds_to(measured: Measured, printed: str) -> bool | None:
 def examined(audit: Audit, claim: Claim) -> Finding:
     """Examine a claim on each audited set; our own checks use the selected set only.
 
-    If a computation fails, its set is undecided, and the finding's note has the reason.
+    If a computation fails, its set is undecided, and the finding's note gives the reason. An own
+    check then fails.
     """
     computed: dict[str, Measured | str] = {}
     holds: dict[str, bool | None] = {}
@@ -336,7 +339,7 @@ def _against(
     return examine
 
 
-#: The computed value for one set, whether the claim holds for it, and an optional note.
+#: The computed value for one set, True if the claim holds for it, and an optional note.
 Answer = tuple[Measured | str, bool | None] | tuple[Measured | str, bool | None, str]
 #: A function of the audit, the name of one of its sets, and the printed text.
 Examination = Callable[[Audit, str, str], Answer]

@@ -31,7 +31,7 @@ _OFFSET = Fraction(1, 10**6)
 
 
 def _infinite_period(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
-    """Compare the law with the slope of T against log(Omega - Omega_h) at the end of the family."""
+    """Compare the slope of T against log(Omega - Omega_h) at the end of the family with the law."""
     above, period, ratio = audit.approach(name).law_rows(
         float(audit.connection(name).saddle_eigenvalues[0])
     )[-1]
@@ -60,7 +60,9 @@ def _attracting(audit: Audit, name: str, printed: str) -> tuple[str, bool | None
 
 
 def _both_connections(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
-    """Measure how close each noninverted state's unstable branch comes to the other at Omega_h."""
+    """Check that each noninverted state's unstable branch comes close to the other state at
+    Omega_h.
+    """
     import numpy
 
     parameters, omega = audit.sets[name], audit.omega_h(name).value
@@ -85,7 +87,7 @@ def _both_connections(audit: Audit, name: str, printed: str) -> tuple[str, bool]
 
 
 def _identified(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
-    """Compare the field at states a full turn of gamma apart, in 400 bits.
+    """Check that the field is the same at states a full turn of gamma apart, in 400 bits.
 
     Two of these are the noninverted states.
     """
@@ -103,7 +105,9 @@ def _identified(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
 
 
 def _two_methods(audit: Audit, name: str, printed: str) -> Answer:
-    """Compute Omega_h as the zero of the splitting and as the limit of the limit cycles."""
+    """Check that two methods agree: Omega_h as the zero of the splitting and as the limit of the
+    cycles.
+    """
     taylor = audit.engine if audit.engine.measures_error else default_engine()
     ends, without = [], []
     for digits, method in ((12, "manifolds"), (14, "limit-cycles")):

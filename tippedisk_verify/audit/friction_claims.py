@@ -35,7 +35,9 @@ def _cycle(parameters: Parameters, engine: Engine) -> LimitCycle:
 
 
 def _qualitative(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
-    """Compare the kind of Hopf point, the cycles' stability and the connection under both laws."""
+    """Compare the kind of Hopf point, the cycles' stability and the connection under both friction
+    laws.
+    """
     parameters, crit = audit.sets[name], float(omega_crit(audit.sets[name]))
     speeds = [
         float(heteroclinic(parameters.with_friction(law), audit.engine).omega_h) for law in _LAWS
@@ -57,7 +59,7 @@ def _qualitative(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
 
 
 def _smooth_kind(parameters: Parameters, engine: Engine) -> str:
-    """Return the kind of the smooth law's Hopf point, as its cycles show it.
+    """Return the kind of the smooth law's Hopf point, determined from its cycles.
 
     The smooth field is only C^1, which is not enough for a Lyapunov coefficient. The point is
     supercritical if stable cycles below Omega_crit shrink towards it.
@@ -87,7 +89,7 @@ def _asymptotic(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
 
 
 def _attractive(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
-    """Return by both laws the rates -d(v')/d(v) at which neighbours in v approach, near rolling."""
+    """Check that neighbours in v approach near rolling under both laws: the rates -d(v')/d(v) > 0."""
     import numpy
 
     parameters, ranges, falling = audit.sets[name], [], []
@@ -109,7 +111,7 @@ def _attractive(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
 
 
 def _almost_all(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
-    """Find what the starts of a plane at rest end on, above Omega_crit."""
+    """Find where starts with v = 0 end above Omega_crit, and check that almost all end inverted."""
     parameters = audit.sets[name]
     omega = omega_crit(parameters, 20).value + Fraction(1, 2)
     plane = basins(parameters, omega, count=_STATES)

@@ -24,9 +24,10 @@ __all__ = ["GLOBAL_CLAIMS"]
 
 
 def _scene(scene: str, audit: Audit, name: str, printed: str) -> Answer:
-    """Find what the orbits of a panel end on.
+    """Check that all orbits of a panel end as printed.
 
-    Orbits that are repelled from one well may also end on a rotating cycle.
+    Return their endings, and None if one is undecided. Orbits that are repelled from one well may
+    also end on a rotating cycle.
     """
     endings = [orbit.ending for orbit in audit.panel(scene, name).orbits]
     expected = ("flat", "rotating limit cycle") if printed == "repelled" else (printed,)
@@ -44,7 +45,11 @@ def _ending_text(ending: Ending) -> str:
 
 
 def _branch(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
-    """Check that all cycles of the family are stable, with monotone amplitude and period."""
+    """Check that all cycles on the branch are stable, and that amplitude and period fall as Omega
+    rises.
+
+    Return a summary and True if the check passes.
+    """
     cycles = sorted(audit.family(name), key=lambda cycle: cycle.omega.value)
     steps = list(pairwise(cycles))
     falling = all(
@@ -83,7 +88,10 @@ def _table_2(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
 
 
 def _contact(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
-    """Find the smallest lambda_N / (m g) on the sampled orbits; the contact is lost below 0."""
+    """Check that lambda_N / (m g) is positive on the sampled orbits: below 0 the contact is lost.
+
+    Return the smallest value as text, and the outcome.
+    """
     import numpy
 
     constants, smallest = audit.sets[name].at(DOUBLE), math.inf

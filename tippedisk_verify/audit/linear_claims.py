@@ -47,7 +47,7 @@ _TABLE = {
     "g": ("9.81", "0.01"),
 }
 
-#: The closed forms whose values the paper prints, by claim: functions of the disk and the digits.
+#: The closed forms whose values the paper prints, by claim. Each takes a disk and digits.
 _CLOSED_FORMS: dict[str, Callable[[Parameters, int], Measured]] = {
     "omega_crit": omega_crit,
     "period_crit": period_crit,
@@ -59,7 +59,7 @@ _CLOSED_FORMS: dict[str, Callable[[Parameters, int], Measured]] = {
 
 
 def closed_form(name: str) -> Callable[[Audit, str], Measured]:
-    """Return the function of the audit and a set's name that computes a claim's number."""
+    """Return a function that computes the number of a claim. It takes the audit and a set's name."""
     return lambda audit, set_name: _CLOSED_FORMS[name](audit.sets[set_name], max(audit.digits, 12))
 
 
@@ -84,7 +84,8 @@ _EIGHT_SPEEDS = "exact Routh-Hurwitz in rational arithmetic at eight speeds on e
 
 
 def _stability(which: EquilibriumName, sides: tuple[int, ...], audit: Audit, name: str) -> str:
-    """Determine the stability at eight speeds on each given side of Omega_crit, exactly.
+    """Return the stability at eight speeds on each given side of Omega_crit, exactly: "stable",
+    "unstable" or both.
 
     The sides are -1 (below) and 1 (above).
     """
@@ -96,7 +97,9 @@ def _stability(which: EquilibriumName, sides: tuple[int, ...], audit: Audit, nam
 
 
 def _friction_free(audit: Audit, name: str) -> str:
-    """Check that the linearisation loses stability at one speed for very different friction."""
+    """Return "independent" if the linearisation loses its stability at the same speed for very
+    different friction, otherwise "dependent".
+    """
     parameters = audit.sets[name]
     speed = omega_crit(parameters, 40).value
     nearby = Fraction(1, 10**30)
@@ -113,12 +116,12 @@ def _friction_free(audit: Audit, name: str) -> str:
 
 
 def _square_of_sine(audit: Audit, name: str) -> str:
-    """Find the reading of the printed square that makes gamma_y the contact point's velocity."""
+    """Return the reading of the printed square for which gamma_y is the contact point's velocity."""
     c, omega, beta, gamma, v = audit.sets[name].at(DOUBLE), 30.4, 1.2, 0.3, 0.7
     rest = (c.r + c.e * math.sin(gamma)) * v * math.sin(beta)
     velocity = terms(math, c, omega, beta, gamma, v).sliding_velocity
     square = (rest - velocity) / (c.e * omega * math.cos(gamma))
-    # A tenth apart
+    # The two readings differ by a tenth.
     readings = {"(sin beta)^2": math.sin(beta) ** 2, "sin beta^2": math.sin(beta**2)}
     return next(
         (text for text, value in readings.items() if math.isclose(value, square)), "neither"
@@ -155,7 +158,7 @@ def _jacobian_entries(audit: Audit, name: str, printed: str) -> tuple[str, bool]
 
 
 def _stiff_order(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
-    """Measure the exponent of epsilon in lambda_3 - A33."""
+    """Check that the exponent of epsilon in lambda_3 - A33 is 1."""
     gaps = []
     for exponent in (4, 5):
         changed = audit.sets[name].changed(epsilon=Fraction(1, 10**exponent))

@@ -52,7 +52,7 @@ def _attraction(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
 
 
 def _order_0(which: EquilibriumName, audit: Audit, name: str, printed: str) -> Answer:
-    """Find the kind of an equilibrium of the flow on the critical manifold.
+    """Check that an equilibrium of the flow on the critical manifold is a centre.
 
     If it is a centre, the flow does not show that the equilibrium gains or loses stability.
     """
@@ -63,9 +63,9 @@ def _order_0(which: EquilibriumName, audit: Audit, name: str, printed: str) -> A
 
 
 def _growing_series(audit: Audit, name: str, printed: str) -> tuple[str, bool | None]:
-    """Compute |h_n|^(1/n) at (1.2, 0.3), which is bounded if the series converges.
+    """Check whether |h_n|^(1/n) grows at (1.2, 0.3). It is bounded if the series converges.
 
-    Growth over twelve terms does not disprove convergence.
+    Growth over twelve terms does not disprove convergence, so the claim is then undecided.
     """
     ctx = bits(160).context
     terms = orders(
@@ -85,7 +85,10 @@ def _order_1_hopf(audit: Audit, name: str, printed: str) -> tuple[Measured, bool
 
 
 def _slow_variables(audit: Audit, name: str) -> str:
-    """Count the eigenvalues that stay bounded as epsilon tends to 0; the others are fast."""
+    """Return the number of slow variables in words, such as "two-dimensional".
+
+    It is the number of eigenvalues that stay bounded as epsilon tends to 0. The others are fast.
+    """
     large, small = (
         equilibrium(audit.sets[name].changed(epsilon=epsilon), "30.4", "inverted", 20).eigenvalues
         for epsilon in ("1e-4", "1e-5")

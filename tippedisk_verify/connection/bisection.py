@@ -1,4 +1,4 @@
-"""Omega_h by bisection, from the side that the unstable branch of noninverted spinning takes.
+"""Omega_h by bisection on the side to which the unstable branch of noninverted spinning goes.
 
 Below Omega_h the branch that leaves (pi/2, -pi/2, 0) towards growing gamma passes the copy at gamma
 = 3 pi/2. It then goes on from well to well. Above Omega_h the branch turns back before the copy. By
@@ -109,9 +109,9 @@ def unstable_branch(
 @undisturbed
 @lru_cache(maxsize=_KEPT)
 def bisect_omega_h(parameters: Parameters, engine: Engine, *, confirm: bool = True) -> Connection:
-    """Return Omega_h by bisection on the side that the unstable branch takes.
+    """Return Omega_h, found by bisection on the side to which the unstable branch goes.
 
-    The answer is good to the last digits of double, and it is cached.
+    The result is accurate to the last digits of double, and it is cached.
 
     With the Taylor engine the bracket is confirmed. At both its ends the branch is followed again
     in a wider arithmetic, from a start eight times closer to the saddle. The half-width grows until
@@ -135,7 +135,7 @@ def bisect_omega_h(parameters: Parameters, engine: Engine, *, confirm: bool = Tr
     passes = partial(_passes, parameters, engine)
     lower, upper = _bracket(passes, Fraction(float(omega_crit(parameters))))
     centre, half_width = (lower + upper) / 2, (upper - lower) * 2
-    # About which the branch winds: it passes without being connected
+    # The branch winds about a saddle-focus and passes it without being connected.
     refuse_focus(parameters, centre)
     if not confirm:
         return Connection(Measured(centre, half_width), "bisection in double")
@@ -166,7 +166,9 @@ def _passes(
     offset: Fraction = _OFFSET,
     tolerance: float | None = None,
 ) -> bool:
-    """Return True if the unstable branch passes the next saddle, False if it turns back."""
+    """Return True if the unstable branch passes the next saddle, False if it turns back. Raises
+    AccuracyError if the flight fails.
+    """
     result = unstable_branch(
         parameters, omega, engine, precision=precision, offset=offset, tolerance=tolerance
     )
@@ -178,14 +180,14 @@ def _passes(
 
 
 def _spread_of_tolerances(passes: Callable[..., bool], centre: Fraction) -> Fraction:
-    """Return the half-width of Omega_h [rad/s] that holds the baseline's truncation error.
+    """Return a half-width of Omega_h [rad/s] that covers the baseline's truncation error.
 
     At its tightest tolerance the baseline is near round-off. Under the smooth law the field has
-    kinks, so the error there does not follow the tolerance: every sequence of steps gives another
-    error. Each tolerance is a draw of that error. All of them are looser than the baseline's own.
-    The half-width is the spread of the draws and the answer, times `_SPREADS`, as in
-    `error_budget`. It includes sixteen ulps of the speed for the rounding that the passage
-    amplifies.
+    kinks, so the error there does not follow the tolerance: every sequence of steps has a different
+    error. Each run at one of `_TOLERANCES` is a draw of that error. All of these are looser than
+    the baseline's own tolerance. The half-width is the spread of the draws and the answer, times
+    `_SPREADS`, as in `error_budget`. It includes sixteen ulps of the speed for the rounding that
+    the passage amplifies.
     """
     values = [centre]
     for tolerance in _TOLERANCES:
@@ -203,8 +205,8 @@ def _spread_of_tolerances(passes: Callable[..., bool], centre: Fraction) -> Frac
 def _bracket(passes: Callable[..., bool], top: Fraction) -> tuple[Fraction, Fraction]:
     """Return two neighbouring doubles [rad/s] between which the branch changes sides.
 
-    Raises NoConnectionError if it does not between Omega_crit / 2 and 3/2 Omega_crit. ``top`` is
-    Omega_crit.
+    ``top`` is Omega_crit. Raises NoConnectionError if the branch does not change sides between
+    Omega_crit / 2 and 3/2 Omega_crit.
     """
     upper, lower = top, top * Fraction(63, 64)
     while passes(upper):

@@ -28,7 +28,7 @@ from tippedisk_verify.theory.saddle_manifolds import Saddle
 __all__ = ["Heteroclinic", "Method", "connection_at"]
 
 Method = Literal["manifolds", "limit-cycles", "bisection", "scipy"]
-# The start's distance from the first saddle. There the series of the branch is exact to 30 digits.
+# The start's distance from the first saddle, where the branch's series is exact to 30 digits
 _BEGINNING = Fraction(1, 10**6)
 _SADDLE_BITS, _SADDLE_ORDER = 120, 6
 _FOLLOWED = 12.0  # s; by then doubles have long left the connection
@@ -43,7 +43,7 @@ _UPRIGHT = Event(
 class Heteroclinic(Printable):
     """The connection from (pi/2, -pi/2, 0) to (pi/2, 3 pi/2, 0).
 
-    By the point symmetry the way back exists too. Only the method `manifolds` has the splitting
+    By the point symmetry the way back exists too. Only the method `manifolds` gives the splitting
     derivative and the budget.
     """
 
@@ -59,8 +59,8 @@ class Heteroclinic(Printable):
         )
     )
     method: Method
-    parameters: Parameters  #: whose connection it is, with the friction law
-    engine: str  #: what computed it
+    parameters: Parameters  #: the disk and its friction law
+    engine: str  #: the name of the engine that computed it
     splitting_derivative: Measured | None = field(
         default=None,
         metadata=quantity(
@@ -92,11 +92,11 @@ class Heteroclinic(Printable):
         return times, states
 
     def samples(self, count: int = 401, *, engine: Engine | None = None) -> tuple[Any, Any, Any]:
-        """Return times and states as `orbit` does, and the states' half-widths at exactly these
-        times.
+        """Return times and states as `orbit` does, and the half-widths of the states at exactly
+        these times.
 
-        The half-widths hold the effect of the half-width of Omega_h on a state. It grows towards
-        the second saddle. With an engine that does not measure its error they are infinite.
+        The half-widths include the effect of the half-width of Omega_h on a state, which grows
+        towards the second saddle. They are infinite for an engine that does not measure its error.
 
         Args:
             count: The number of points, at least 2.
@@ -128,7 +128,7 @@ class Heteroclinic(Printable):
         late = numpy.spacing(numpy.abs(times)) + run.error.events[0] + DISTANCES * earlier
         rates = numpy.abs(OnArrays(equations_of_motion, self.parameters, omega_h.value)(0, states))
         widths = doubles(run.error.samples + DISTANCES * numpy.abs(moved.samples - run.samples)).T
-        # Two roundings, of the flight's number to a double and of the sum with pi/2.
+        # Two roundings: that of the flight's number to a double, and that of the sum with pi/2.
         return (
             times,
             states,
@@ -138,10 +138,9 @@ class Heteroclinic(Printable):
     def _branch(
         self, omega: Fraction, times: Any, engine: Engine, *, measured: bool = True
     ) -> Result:
-        """Fly from the first saddle along its unstable branch, in shifted angles, with the event
-        gamma = pi/2.
+        """Return the flight from the first saddle along its unstable branch, in shifted angles.
 
-        Raises AccuracyError if the flight does not reach the last time.
+        Its event is gamma = pi/2. Raises AccuracyError if the flight does not reach the last time.
         """
         start = Saddle(self.parameters, omega, _SADDLE_BITS, _SADDLE_ORDER).start_on_branch(
             _BEGINNING
@@ -202,7 +201,7 @@ def _eigenvalues(
 ) -> tuple[Measured, Measured, Measured]:
     """Return the saddle's eigenvalues [1/s] at Omega_h.
 
-    Their half-widths hold the effect of the half-width of Omega_h. The eigenvalues are smooth in
+    Their half-widths include the effect of the half-width of Omega_h. The eigenvalues are smooth in
     Omega, so that effect is linear.
     """
     if not omega_h.is_measured:

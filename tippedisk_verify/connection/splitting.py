@@ -1,4 +1,5 @@
-"""Omega_h to any number of digits: where the saddles' manifolds meet; and its derivatives.
+"""Omega_h to any number of digits, as the speed at which the saddles' manifolds meet; and its
+derivatives.
 
 **The splitting.** The unstable branch of (pi/2, -pi/2, 0) starts on its power series, at a fixed
 distance. It flows for a fixed time and ends next to (pi/2, 3 pi/2, 0). There the power series of
@@ -53,8 +54,8 @@ __all__ = [
     "splitting_zero",
 ]
 
-#: The most digits of Omega_h that are offered. They take some hours. The time grows like the power
-#: 2.5 of the digits.
+#: The largest number of digits of Omega_h. They take some hours: the time grows like the power 2.5
+#: of the digits.
 MOST_DIGITS = 1000
 
 # Guard digits of the first attempt: the passages amplify rounding, and the starts cancel.
@@ -78,14 +79,14 @@ class Splitting:
 
     @property
     def carried(self) -> Fraction:
-        """u carried back along the flow to s = 1."""
+        """The coordinate u, carried back along the flow to s = 1."""
         return fraction(self.u * self.growth)
 
 
 class SplittingFunction:
     """The splitting as a function of Omega in one arithmetic.
 
-    Its series and flight time are chosen for the digits of the arithmetic.
+    The orders of its series and its flight time suit the digits of the arithmetic.
 
     Args:
         parameters: The disk and its friction law.
@@ -108,8 +109,8 @@ class SplittingFunction:
     ) -> None:
         self.parameters, self.engine, self.precision = parameters, engine, precision
         digits = precision.bits * math.log10(2)
-        # Longer series cost a cube of their order, closer starts a longer flight: a balance,
-        # measured.
+        # Longer series cost the cube of their order, and closer starts a longer flight. This balance
+        # was measured.
         self.order = 2 * round(digits / 9) + 1
         self.bits = precision.bits + 32
         self._saddle = saddle = Saddle(parameters, speed, self.bits, self.order)
@@ -123,8 +124,8 @@ class SplittingFunction:
         )
         self.duration = self._flight_time(saddle)
         if coarser is not None:
-            # The fast coordinate must fall until its square, which is neglected, is below what is
-            # resolved.
+            # The fast coordinate must fall until its square, which is neglected, is below the
+            # resolution.
             too_large = math.log(abs(float(coarser.latest.t)) + 1e-300) + (
                 digits + 2
             ) / 2 * math.log(10)
@@ -132,7 +133,7 @@ class SplittingFunction:
                 max(0, math.ceil(-100 * too_large / float(saddle.eigenvalues[2]))), 100
             )
             self.duration = max(self.duration, coarser.duration + longer)
-        self.latest: Splitting = Splitting(speed, 0, 0, 0, 0)  #: at the last speed, slopes apart
+        self.latest: Splitting = Splitting(speed, 0, 0, 0, 0)  #: the last result, except by slopes
 
     def __call__(self, omega: Fraction) -> Splitting:
         """Return the splitting at a speed [rad/s].
@@ -156,7 +157,7 @@ class SplittingFunction:
     def _flown(
         self, saddle: Saddle, precision: Precision, duration: object, times: Any = None
     ) -> Result:
-        """Fly along the saddle's unstable branch, from the chosen distance on."""
+        """Return the flight along the saddle's unstable branch, from the chosen distance on."""
         wanted: dict[str, Any] = {
             "times": times,
             "precision": precision,
@@ -168,7 +169,7 @@ class SplittingFunction:
 
     @property
     def step(self) -> Fraction:
-        """The step of a central difference [rad/s], half of the digits.
+        """The step of a central difference [rad/s]: ten to minus half of the digits.
 
         It lies between the resolution and the step at which curvature shows.
         """
@@ -186,9 +187,10 @@ class SplittingFunction:
         return change / (2 * self.step)
 
     def slope_by(self, symbol: str, omega: Fraction) -> Fraction:
-        """Return the derivative of u by a parameter of the disk, carried back to s = 1 [SI].
+        """Return the derivative of u with respect to a parameter of the disk, carried back to s = 1
+        [SI].
 
-        Start, end and flight time stay, because u does not depend on them.
+        Start, end and flight time are kept, because u does not depend on them.
 
         Args:
             symbol: The parameter's name.
@@ -208,9 +210,10 @@ class SplittingFunction:
         return change / (2 * step)
 
     def _flight_time(self, saddle: Saddle) -> Fraction:
-        """Return the flight time [s] until the slow stable coordinate is that of the end.
+        """Return the flight time [s] after which the slow stable coordinate is that of the end.
 
-        It is rounded to a hundredth of a second.
+        It is rounded to a hundredth of a second. Raises AccuracyError if the branch does not come
+        near the second saddle.
         """
         times = numpy.arange(0, _LONGEST, 0.01)
         samples = self._flown(saddle, DOUBLE, float(times[-1]), times).samples
@@ -239,20 +242,20 @@ class SplittingZero:
 
     @cached_property
     def derivative(self) -> Measured:
-        """d(u)/d(Omega) [s/rad], carried back along the flow to s = 1.
+        """The derivative d(u)/d(Omega) [s/rad], carried back along the flow to s = 1.
 
-        Another step and another distance from the saddles change the slope by as much as it is
-        wrong.
+        Its error is measured: a different step and a different distance from the saddles change the
+        slope by as much as it is wrong.
         """
         functions = (self.finer, self.splitting_at)
         finer, slope = (function.slope(function.latest.omega) for function in functions)
         return Measured.compared(finer, slope, self.splitting_at.precision.epsilon)
 
     def by_parameters(self) -> dict[str, Measured]:
-        """Return the derivatives of Omega_h by the disk's parameters [SI], by name.
+        """Return the derivatives of Omega_h with respect to the disk's parameters [SI], by name.
 
-        The splitting stays zero, so they are -(du/dp) / (du/dOmega). Their error is measured as
-        that of `derivative`.
+        The splitting stays zero, so they are -(du/dp) / (du/dOmega). Their error is measured in the
+        way of `derivative`.
 
         Raises:
             AccuracyError: If a flight fails.
@@ -271,7 +274,7 @@ class SplittingZero:
 def splitting_zero(
     parameters: Parameters, guess: Fraction, engine: Engine, digits: int
 ) -> SplittingZero:
-    """Return Omega_h to ``digits`` significant digits; the answer is cached.
+    """Return Omega_h to ``digits`` significant digits. The result is cached.
 
     Args:
         parameters: The disk and its friction law.
@@ -298,8 +301,9 @@ def splitting_zero(
 
 
 def _stages(wanted: int) -> list[Precision]:
-    """Return arithmetics from cheap to one that holds the digits, each with about twice those
-    before.
+    """Return a list of arithmetics for Newton's iteration, in order of growing precision.
+
+    The last one has the ``wanted`` digits. Each has about twice the digits of the one before.
     """
     if wanted <= EXTENDED.digits and companion(DOUBLE) == EXTENDED:
         return [EXTENDED]
@@ -354,7 +358,7 @@ def _zero(
     check = finer(omega)
     budget = {
         "series, flow and rounding, by a wider run": abs(check.carried) / steepness * DISTANCES,
-        # What L(s) leaves out: the square of the fast coordinate, with a curvature of order 1.
+        # L(s) leaves out the square of the fast coordinate, with a curvature of order 1.
         "fast direction beyond first order": 10
         * fraction(check.t) ** 2
         * fraction(check.growth)
@@ -379,11 +383,12 @@ class _Slope(NamedTuple):
 def _newton(
     splitting_at: SplittingFunction, omega: Fraction, slope: _Slope | None
 ) -> tuple[Fraction, _Slope]:
-    """Return the zero [rad/s] in one arithmetic and the slope next to it.
+    """Find the zero [rad/s] of the splitting in one arithmetic, and return it with the slope next
+    to it.
 
     The iteration starts from the slope of a coarser arithmetic, or else from a difference. From the
-    second step on it uses the secant's slope if that is better. It ends where the next step would
-    be below a thousand roundings. The wider run measures the rest.
+    second step on it uses the secant's slope if that is better. It ends when the next step would be
+    below a thousand roundings. The wider run measures the remaining error.
     """
     resolution = omega * splitting_at.precision.epsilon
     previous: tuple[Fraction, Fraction] | None = None
@@ -406,16 +411,18 @@ def _newton(
         if abs(change) * max(_MOST_CURVATURE * abs(change), slope.error) < 1000 * resolution:
             return omega, slope
     raise AccuracyError(
-        "the iteration for Omega_h does not settle: is the approximation it starts from one?"
+        "the iteration for Omega_h does not settle: check the approximation from which it starts"
     )
 
 
 def _short(value: float) -> Fraction:
-    """Round to three digits, so that the value is exact, and the same, in every arithmetic."""
+    """Round to three significant digits, so that the value is exact, and the same, in every
+    arithmetic.
+    """
     return Fraction(f"{value:.2e}")
 
 
 def _cut(omega: Fraction, precision: Precision) -> Fraction:
-    """Round to a few bits more than the arithmetic has, so that the rational does not grow."""
+    """Round to a few bits more than the arithmetic has, so that the fraction does not grow."""
     scale = 1 << (precision.bits + 8)
     return Fraction(round(omega * scale), scale)

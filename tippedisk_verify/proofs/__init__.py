@@ -12,7 +12,7 @@ try:
     import flint  # noqa: F401
 except ImportError:
     _LACKING = "proofs need python-flint: pip install '.[certify]'"
-    # What Python imports for `python -m tippedisk_verify.proofs.kernel`, before it runs it
+    # `python -m tippedisk_verify.proofs.kernel` imports this package before it runs the kernel
     if sys.argv[:1] == ["-m"]:
         print(_LACKING, file=sys.stderr)
         sys.exit(2)

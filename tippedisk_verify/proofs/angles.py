@@ -73,6 +73,6 @@ def linearization(
     """Return the Jacobian at the equilibrium: exact for rational constants and speed, enclosed for
     balls.
 
-    ``side`` as in `model.equations.jacobian`.
+    ``side`` has the meaning of `model.equations.jacobian`.
     """
     return jacobian(OPS, constants, omega, friction, side)(Turned(1), Turned(around), 0)

@@ -78,7 +78,7 @@ __all__ = [
 ]
 
 Criticality = Literal["supercritical", "subcritical"]
-_BITS = 128  # to decide on which side of Omega_crit a speed lies
+_BITS = 128  # the precision that decides on which side of Omega_crit a speed lies
 _AROUND = {"inverted": INVERTED, "noninverted": NONINVERTED}
 
 
@@ -103,7 +103,7 @@ class ProvedEquilibrium(Printable):
 class ProvedHopf(Printable):
     """The Hopf point of inverted spinning.
 
-    Units and definitions as in `tippedisk_verify.theory.hopf.HopfPoint`.
+    Units and definitions are those of `tippedisk_verify.theory.hopf.HopfPoint`.
     """
 
     omega_crit: Measured = field(metadata=quantity("Eq. approx_omega_crit", "rad/s"))
@@ -173,8 +173,8 @@ def exact_polynomial(constants: Constants, omega: Fraction, around: int) -> Any:
 def proved_equilibrium(
     parameters: Parameters, omega: object, name: str, digits: int = 12
 ) -> ProvedEquilibrium:
-    """Enclose eigenvalues to ``digits`` significant digits and prove stability, at ``omega``
-    [rad/s], exact.
+    """Enclose the eigenvalues of an equilibrium to ``digits`` significant digits and prove its
+    stability. ``omega`` [rad/s] is an exact speed.
 
     Arb isolates the roots of the exact polynomial. Raises InputError for an unknown name or a speed
     out of range, AccuracyError if the stability depends on nonlinear terms or an eigenvalue is
@@ -223,8 +223,8 @@ def proved_equilibrium(
 
 
 def real_root(polynomial: tuple[Any, Any, Any], guess: Any) -> Any:
-    """Return a ball with exactly one root of lambda^3 + a2 lambda^2 + a1 lambda + a0, for all
-    coefficients.
+    """Return a ball that holds exactly one root of lambda^3 + a2 lambda^2 + a1 lambda + a0, for all
+    coefficients in their balls.
 
     Interval Newton: N = x - p(x) / p'(X) inside X holds exactly one zero. Raises AccuracyError if
     that is not proved.
@@ -243,9 +243,9 @@ def real_root(polynomial: tuple[Any, Any, Any], guess: Any) -> Any:
 
 
 def chi(constants: Any) -> Any:
-    """Return chi = A (r - 2e) - Bbar (2 r^2 + e (r + e)) / (2 (r + e)) [kg m^3] (below Eq.
+    """Return chi = A (r - 2 e) - Bbar (2 r^2 + e (r + e)) / (2 (r + e)) [kg m^3].
 
-    Csol).
+    The formula stands below Eq. Csol.
     """
     r, e, A, Bbar = constants.r, constants.e, constants.A, constants.Bbar
     return A * (r - 2 * e) - Bbar * (2 * (r * r) + e * (r + e)) / (2 * (r + e))
@@ -277,7 +277,7 @@ def refuse_past_birth(parameters: Parameters, highest: Fraction) -> None:
     """Raise InputError if speeds up to ``highest`` [rad/s] reach Omega_crit and cycles are born
     below it.
 
-    If cycles are born above Omega_crit, a range that holds it may well be proved.
+    If cycles are born above Omega_crit, a range that includes it may well be proved.
     """
     with working_precision(_BITS):
         numbers = hopf_balls(ball_constants(parameters))
@@ -322,8 +322,9 @@ def _hopf_statement(
 
 
 def _apart(roots: list[Eigenvalue]) -> bool:
-    """Return True for three roots whose rectangles, even doubled (printing widens them), are
-    disjoint.
+    """Return True for three roots whose rectangles are disjoint, even if doubled.
+
+    Printing widens them.
     """
 
     def meet(a: Measured, b: Measured) -> bool:
@@ -344,8 +345,8 @@ def critical_speed_squared(constants: Constants) -> Any:
 def check_linearization(constants: Constants) -> None:
     """Check the formulas for a2, a1 and a0 and the theorem's hypotheses on the disk.
 
-    Raises InputError if the disk does not meet them, ArithmeticError if the equations of motion
-    have other coefficients.
+    Raises InputError if the disk does not meet the hypotheses, ArithmeticError if the equations of
+    motion have different coefficients.
     """
     names = ("r", "e", "m", "A", "Bbar", "g", "mu", "epsilon")
     wrong = [name for name in names if not getattr(constants, name) > 0]
@@ -382,8 +383,8 @@ def _check_coefficients() -> None:
 
 
 def proved_stability(parameters: Parameters, digits: int = 12) -> ProvedStability:
-    """Prove stability at every speed, and enclose Omega_crit and the numbers there to ``digits``
-    digits.
+    """Prove the linear stability at every speed, and enclose Omega_crit and the numbers there to
+    ``digits`` digits.
     """
     check_linearization(parameters.rational())
     names = ("omega_crit", "period", "lambda_3", "transversality")
@@ -426,8 +427,8 @@ def hopf_balls(constants: Constants) -> dict[str, Any]:
     a2, _, _ = characteristic_polynomial(constants, speed, INVERTED)
     matrix = linearization(constants, speed, INVERTED)
     root = acb(0, frequency)
-    # a1 = Omega^2 - g (r + e) / b and a0, proportional to Omega^2, by Omega; a1 = frequency^2 at
-    # Omega_crit.
+    # The derivatives of a1 = Omega^2 - g (r + e) / b and of a0, proportional to Omega^2, with
+    # respect to Omega. At Omega_crit a1 = frequency^2.
     slope_a0 = -2 * matrix[2][1]
     pair_slope = -(2 * speed * root + slope_a0) / (
         3 * root * root + 2 * a2 * root + frequency * frequency
@@ -473,8 +474,9 @@ def _resonant_cubic(constants: Constants, omega: Any, q: list[Any]) -> list[Any]
 
 
 def _along(constants: Constants, omega: Any, direction: list[Any]) -> list[Any]:
-    """Return coefficients of s^3 of the rates at s times a complex direction from inverted
-    spinning.
+    """Return the coefficients of s^3 of the three rates, at s times a complex direction.
+
+    The directions start at inverted spinning.
     """
     with series_length(4):
         line = [acb_series([0, part], prec=4) for part in direction]
@@ -482,8 +484,8 @@ def _along(constants: Constants, omega: Any, direction: list[Any]) -> list[Any]:
 
 
 def to_digits(compute: Callable[[], Mapping[str, Any]], digits: int) -> Mapping[str, Any]:
-    """Return the balls of ``compute`` at a precision at which each has ``digits`` significant
-    digits.
+    """Call ``compute`` at growing precision until each of its balls has ``digits`` significant
+    digits, and return the balls.
 
     An exact zero may have the radius 0. Raises AccuracyError if eight times the digits do not
     suffice.

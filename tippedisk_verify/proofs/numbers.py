@@ -11,19 +11,23 @@ from tippedisk_verify.proofs.kernel.balls import midpoint_and_radius
 
 __all__ = ["WIDER", "measured", "widened"]
 
-#: The margin that another version of Arb or another processor may need
+#: The factor on half-widths: a margin for other versions of Arb and other processors
 WIDER = 1 + Fraction(1, 2**20)
 
 
 def measured(x: Any) -> Measured:
-    """Return the ball as exact midpoint and radius. Raises InputError if it is not finite."""
+    """Return a ball as a `Measured` number: its exact midpoint and radius.
+
+    Raises InputError if the ball is not finite.
+    """
     if not x.is_finite():
         raise InputError("an infinite ball has no value")
     return Measured(*midpoint_and_radius(x))
 
 
 def widened(number: Measured) -> Measured:
-    """Widen the half-width by 2^-20 of it, so that other versions of Arb and processors confirm it
-    too.
+    """Return the number with its half-width multiplied by 1 + 2^-20.
+
+    Other versions of Arb and other processors then confirm it too.
     """
     return Measured(number.value, number.uncertainty * WIDER)

@@ -10,7 +10,8 @@ __all__ = ["agreed_digits", "shortened"]
 
 
 def agreed_digits(value: str, printed: str) -> tuple[int, int] | None:
-    """Count the digits in which two decimals agree, once the first has the second's places.
+    """Count the digits in which two decimals agree, after rounding the first to the second's last
+    place.
 
     Args:
         value: The computed decimal.
@@ -38,7 +39,7 @@ def shortened(value: str, printed: str = "", longest: int = 24) -> tuple[str, st
     Args:
         value: The computed decimal.
         printed: The printed decimal.
-        longest: The most characters to show; a longer mantissa is cut.
+        longest: The maximum number of characters to show; a longer mantissa is cut.
     """
     mantissa, e, power = value.partition("e")
     left = longest - len(e + power)

@@ -52,7 +52,7 @@ def html_page(
 
     Args:
         results: The content of results.json.
-        pictures: For each figure the wide picture, and the narrow one for small screens.
+        pictures: For each figure's name, the wide picture and the narrow one for small screens.
         formulas: The formulas, as `formulas_drawn` returns them. Their LaTeX is the package's own;
             text from users is always escaped.
     """
@@ -91,7 +91,7 @@ def _page(template: str, results: dict[str, Any], **more: Any) -> str:
 
 
 def _reason(fault: dict[str, Any]) -> str:
-    """Return the reason why one claim, or a group of claims, does not follow."""
+    """Return a phrase that says why a claim, or a group of claims, does not follow."""
     if fault["class"] == "follows-from":  # another claim, by its name, or a dropped term
         return f"Follows from {'dropping ' if ' ' in fault['cause'] else ''}{fault['cause']}"
     if fault["cause"] is None:  # a group of claims
@@ -102,7 +102,7 @@ def _reason(fault: dict[str, Any]) -> str:
 def _pieces(value: Any, printed: str, longest: int) -> list[tuple[str, str]]:
     """Split a number's text into the digits that agree with the printed ones, and the rest.
 
-    A sentence stays in one piece.
+    Return pairs of kind (``agreed``, ``rest`` or ``text``) and text. A sentence stays in one piece.
     """
     if not isinstance(value, dict):
         return [("text", value or "")]
@@ -119,7 +119,9 @@ def _alike(values: dict[str, Any]) -> bool:
 
 
 def _symbols(text: str) -> Markup:
-    """Mark up the symbols of a text: Greek letters, bars, indices, powers and roots."""
+    """Return a text as HTML with its symbols marked up: Greek letters, bars, indices, powers and
+    roots.
+    """
 
     def drawn(match: re.Match[str]) -> str:
         letter, bar, index = match.groups()

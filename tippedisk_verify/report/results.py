@@ -26,7 +26,7 @@ _NAMES = {claim.name for claim in CLAIMS}
 
 
 def shown(value: Measured | str) -> str:
-    """Return a computed value as text for the terminal; a number has at most twelve digits."""
+    """Return a computed value as text for the terminal. Numbers have at most twelve digits."""
     if isinstance(value, str):
         return value
     text, width = value.decimals()
@@ -78,8 +78,8 @@ def claim_json(claim: Claim, finding: Finding, order: AuditJob) -> dict[str, Any
 def verdict_words(entry: dict[str, Any]) -> str:
     """Return the verdict of an entry of ``claims`` in words, for the terminal and the report.
 
-    If the sets differ, the words are the verdict on the user's own disk, or they name the smaller
-    group of sets.
+    If the sets differ, the words give the verdict on the user's own disk, or name the smaller group
+    of sets.
     """
     if entry["verdict"] == "holds-for":
         selected, own = next(iter(entry["holds"].items()))
@@ -96,7 +96,7 @@ def verdict_words(entry: dict[str, Any]) -> str:
 
 
 def _fault(claim: Claim, finding: Finding) -> Fault | None:
-    """Return the reason why the claim does not follow, or None if it follows."""
+    """Return the reason why the claim does not follow, or None for any other verdict."""
     if finding.verdict is not Verdict.DOES_NOT_FOLLOW:
         return None
     return claim.fault or Fault("differs", "what is computed differs from what is printed", "")
@@ -149,7 +149,7 @@ def summary(findings: Findings) -> dict[str, Any]:
 
 
 def totals(counts: dict[str, Any]) -> str:
-    """Return the summary as a sentence."""
+    """Return the counts of `summary` as a sentence."""
 
     faults = ", ".join(_counted_fault(fault) for fault in counts["not_following"])
     verdicts = {
@@ -189,8 +189,9 @@ def results_json(
         order: The audit.
         findings: The claims with their findings.
         figures: The figures, as `figures.exhibit.drawn` returns them.
-        run: Facts about this run alone. All other entries are the same in every run, except that a
-            figure of run times has the times measured when it was drawn.
+        run: Facts about this run alone, as `run_facts` returns them. All other entries are the same
+            in every run, except that a figure of run times shows the times measured when it was
+            drawn.
     """
     from dataclasses import fields
 
@@ -218,7 +219,7 @@ def results_json(
 
 
 def run_facts(began: float, tasks: int, kept: int) -> dict[str, Any]:
-    """Return the facts about this run alone.
+    """Return the facts about this run alone: its end, its duration and its numbers of tasks.
 
     Args:
         began: The value of time.monotonic() at the start [s].

@@ -66,7 +66,7 @@ def tasks_for(order: AuditJob, *, figures: bool) -> tuple[Task, ...]:
 
 
 def key(order: AuditJob, task: Task) -> str:
-    """Return a hash of everything that a task's result depends on."""
+    """Return the cache key of a task: a hash of everything that its result depends on."""
     inputs: dict[str, Any] = {
         "task": asdict(task),
         "parameters": {
@@ -102,7 +102,8 @@ def _exhibit(name: str) -> Any:
 def _audit(parameters: Parameters, name: str, digits: int) -> Audit:
     """Return the audit that all tasks of this process share.
 
-    It computes connections, families and panels once. Equal disks may have different names.
+    It computes connections, families and panels once. ``name`` is part of the cache's key, because
+    equal disks may have different names.
     """
     from tippedisk_verify.flow.taylor import Taylor
 
@@ -177,7 +178,7 @@ def run(
 
 
 def _light(task: Task) -> bool:
-    """Return True for the claims with closed forms, which are done before a process has started."""
+    """Return True for a claim with closed forms, which takes less time than starting a process."""
     return task.kind == "claim" and group_of(task.name) == next(iter(GROUPS))
 
 
@@ -209,7 +210,10 @@ def _there(
     keep: Callable[[Task, Any], None],
     advance: Callable[[str, int], None],
 ) -> None:
-    """Compute the heavy tasks on the executor, and meanwhile the light ones in this process."""
+    """Compute the heavy tasks on the executor, and meanwhile the light ones in this process.
+
+    Each result goes to ``keep``. Tasks of a broken executor are computed here.
+    """
     waiting: dict[Future[Any], Task] = {}
     try:
         waiting |= {executor.submit(compute, order, task): task for task in heavy}

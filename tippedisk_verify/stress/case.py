@@ -32,7 +32,7 @@ _MOST_DIGITS = 16.0  # closer values cannot be distinguished in doubles
 
 @dataclass(frozen=True)
 class Found:
-    """The outcome of a case."""
+    """The outcome of a case: correct digits, a status, or an error."""
 
     outcome: str  #: "digits", or the name of the status or error
     digits: float | None = None  #: correct digits of the worst number; None without a number
@@ -42,10 +42,10 @@ class Found:
 
 @dataclass(frozen=True)
 class StressCase:
-    """A case with the outcomes that it may have."""
+    """A case: a computation, and the outcomes that pass."""
 
     name: str
-    says: str
+    says: str  #: a description of it
     run: Callable[[], Found]
     least: float = 0.0  #: correct digits that are required if the outcome is "digits"
     may: tuple[str, ...] = ("digits",)  #: the outcomes that pass
@@ -61,7 +61,7 @@ class StressCase:
 
 @dataclass(frozen=True)
 class StressResult:
-    """The result of a case."""
+    """The result of running a case: its outcome and the verdict on it."""
 
     name: str
     says: str
@@ -112,7 +112,7 @@ def digits_between(value: Any, truth: Any, scale: Any = None) -> float:
     Args:
         value: The value.
         truth: The true value.
-        scale: The size that the error is relative to; None for the true value's.
+        scale: The size to which the error is relative; None for that of the true value.
     """
     away = abs(fraction(value) - fraction(truth))
     size = abs(fraction(truth)) if scale is None else abs(fraction(scale))
@@ -124,16 +124,18 @@ def digits_between(value: Any, truth: Any, scale: Any = None) -> float:
 
 
 def _log10(ratio: Fraction) -> float:
-    """Return log10 of a ratio, which may be outside the range of doubles."""
+    """Return log10 of a positive ratio, which may be outside the range of doubles."""
     top, bottom = ratio.numerator, ratio.denominator
     return (math.log2(top) - math.log2(bottom)) / math.log2(10)
 
 
 def flown(request: Request, truth: Precision = _TRUTH, engine: Engine | None = None) -> Found:
-    """Compare a run in double precision, with its error estimate, with one in higher precision.
+    """Compare a run in double precision and its error estimate with the same run in higher
+    precision.
 
     Digits are relative to the largest component, or to 1 if that is larger. If the estimate is
-    infinite or leaves no digit, that is the outcome. It is honest unless the status is wrong.
+    infinite or leaves no digit, the outcome says so. That outcome is honest unless the status is
+    wrong.
 
     Args:
         request: The run.
@@ -180,7 +182,8 @@ def against(mine: Result, sharp: Result) -> Found:
 
 
 def cycle_digits(mine: Any, sharp: Any, names: Sequence[str]) -> Found:
-    """Compare two results of a kind, which are honest if the intervals of each pair overlap.
+    """Compare the numbers of two results. The outcome is honest if the intervals of each pair
+    overlap.
 
     Args:
         mine: The result to judge.
@@ -196,7 +199,7 @@ def cycle_digits(mine: Any, sharp: Any, names: Sequence[str]) -> Found:
 
 
 def refused(action: Callable[[], Any], *kinds: type[Exception]) -> Found:
-    """Check that an action is refused with one clear line.
+    """Check that an action is refused with one clear line, and return the outcome.
 
     Args:
         action: The action.

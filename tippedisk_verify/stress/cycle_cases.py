@@ -54,7 +54,10 @@ def _near_omega_h(distance: str) -> Callable[[], Found]:
 
 
 def _omega_h_by_two_methods() -> Found:
-    """Compare bisection in double precision with 40 digits."""
+    """Compute Omega_h by bisection in doubles and to 40 digits by another method, and compare.
+
+    Return how many digits agree, and whether the half-widths overlap.
+    """
     return cycle_digits(
         bisect_omega_h(PRINTED, default_engine()),
         heteroclinic(PRINTED, default_engine(), digits=40),
@@ -63,7 +66,10 @@ def _omega_h_by_two_methods() -> Found:
 
 
 def _one_ulp_above() -> Found:
-    """Use the next double above Omega_h as the speed: T must be right for exactly this double."""
+    """Compute the period at the next double above Omega_h, and compare it with more digits.
+
+    T must be right for exactly this double.
+    """
     engine = default_engine()
     omega_h = heteroclinic(PRINTED, engine, digits=50).omega_h
     speed = Fraction(float(omega_h))
@@ -75,7 +81,7 @@ def _one_ulp_above() -> Found:
 
 
 def _one_ulp_below() -> Found:
-    """Use the next double below Omega_h as the speed: no cycle exists, which it must report."""
+    """Check that a cycle at the next double below Omega_h is refused, because none exists there."""
     engine = default_engine()
     omega_h = heteroclinic(PRINTED, engine, digits=30).omega_h
     speed = Fraction(float(omega_h))
@@ -85,7 +91,10 @@ def _one_ulp_below() -> Found:
 
 
 def _underflow() -> Found:
-    """Set epsilon = 1e-3: the fast multiplier underflows (about 1e-5000), not its logarithm."""
+    """Compute a cycle at epsilon = 1e-3, and compare it with more digits.
+
+    The fast multiplier (about 1e-5000) underflows, but its logarithm does not.
+    """
     parameters = PRINTED.changed(epsilon="1e-3")
     mine, sharp = (
         limit_cycle(parameters, _below_hopf("0.3"), default_engine(), digits=digits)

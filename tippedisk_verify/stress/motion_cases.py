@@ -1,6 +1,6 @@
 """Motions that are hard to compute.
 
-They have extreme parameters and states, backward time, events that barely happen, or extreme
+These have extreme parameters or states, backward time, events that barely happen, or extreme
 tolerances.
 """
 
@@ -26,7 +26,7 @@ _START: tuple[Any, Any, Any] = ("1.4", "1.9", "0.5")
 _OMEGA = "30.4"
 # Outcomes of a run that stopped early
 _STOPPED_EARLY = ("NON_FINITE", "STEP_LIMIT", "STEP_TOO_SMALL")
-_DIGITS_MAY_BE_LOST = ("digits", "no digits left", "rounding decides")  # outcomes
+_DIGITS_MAY_BE_LOST = ("digits", "no digits left", "rounding decides")  # allowed outcomes
 
 
 def _run(
@@ -47,12 +47,12 @@ def _parameters(**values: object) -> Callable[[], Parameters]:
 
 
 def _later(duration: Any, make: Callable[[], Parameters], **more: Any) -> Callable[[], Found]:
-    """Return an action that makes the parameters when it runs; a refusal of them is an outcome."""
+    """Return an action that makes the parameters only when it runs, so their refusal is an outcome."""
     return lambda: _run(duration, make(), **more)()
 
 
 def _thin(share: str) -> Callable[[], Parameters]:
-    """Return a disk with e = r (1 - share), with inertias that such a body can have."""
+    """Return a function that makes a disk with e = r (1 - share), with inertias of a possible body."""
 
     def make() -> Parameters:
         e = PRINTED.r * (1 - Fraction(share))
@@ -181,7 +181,7 @@ def _start_cases() -> list[StressCase]:
 
 
 def _stable_manifold() -> Found:
-    """Follow the unstable manifold to the other saddle and beyond.
+    """Compare a run along the unstable manifold to the other saddle and beyond with 400 bits.
 
     The speed is the double that bisection finds for Omega_h.
     """
@@ -234,7 +234,7 @@ def _crossing(level: float) -> Event:
 
 def _event_cases() -> list[StressCase]:
     engine = default_engine()
-    # A maximum of beta within half a second, for a surface to touch or to cut just below it.
+    # beta has a maximum within half a second. A surface touches it, or cuts it just below.
     turn = Event("turn", lambda ops, c, omega, beta, gamma, v: 1 * v, direction=-1)
 
     def peak() -> tuple[Any, float]:
@@ -317,7 +317,8 @@ def _tolerance_cases() -> list[StressCase]:
 
 
 def _long_run() -> Found:
-    """Measure the phase error after N periods of the limit cycle, up to about 1e5 s of motion.
+    """Measure the phase error after N periods of the limit cycle, up to about 1e5 s of motion. The
+    outcome is honest if the error grows at most linearly.
 
     The true solution needs no integration: after N periods the cycle is where it was. Rounding acts
     on the period, so the error grows linearly. A faster growth would be a fault of the integrator.

@@ -97,7 +97,7 @@ def location(name: EquilibriumName) -> tuple[Exact, Exact, Exact]:
         name: ``inverted`` or ``noninverted``.
 
     Raises:
-        InputError: There is no equilibrium of that name.
+        InputError: If there is no equilibrium of that name.
     """
     if name not in get_args(EquilibriumName):
         raise InputError(f"equilibrium '{shown(name)}' is not known: use inverted or noninverted")
@@ -165,7 +165,7 @@ def saddle_value_sign(parameters: Parameters, omega: object) -> int:
         omega: The spinning speed [rad/s].
 
     Raises:
-        InputError: ``omega`` is not a speed.
+        InputError: If ``omega`` is not a speed.
     """
     _, a2, a1, a0 = characteristic_polynomial(
         linearization(parameters, checked_speed(omega), "noninverted")
@@ -213,8 +213,8 @@ def equilibrium(
         digits: Significant digits of each eigenvalue.
 
     Raises:
-        InputError: An argument cannot be used.
-        AccuracyError: Two eigenvalues cannot be distinguished.
+        InputError: If an argument cannot be used.
+        AccuracyError: If two eigenvalues cannot be distinguished.
     """
     speed = checked_speed(omega)
     digits = checked_digits(digits)
@@ -235,7 +235,7 @@ def eigenvalues(matrix: Linearization, digits: int) -> tuple[Eigenvalue, Eigenva
         digits: Significant digits of each eigenvalue.
 
     Raises:
-        AccuracyError: Two eigenvalues coincide, or nearly so.
+        AccuracyError: If two eigenvalues coincide, or nearly so.
     """
     zero, (lead, a2, a1, a0) = Measured.of(0, 0), map(Fraction, characteristic_polynomial(matrix))
     guard = _GUARD_DIGITS
@@ -274,7 +274,7 @@ def kind_changes(
         digits: Significant digits of each speed.
 
     Raises:
-        InputError: The name or the number of digits cannot be used.
+        InputError: If the name or the number of digits cannot be used.
     """
     location(name)
     digits = checked_digits(digits)

@@ -1,8 +1,8 @@
 """The equations of motion about inverted spinning, to third order in (beta_bar, gamma_bar, v).
 
-`derived` follows from the full equations, and `printed` is the paper's version. Their differences
-are claims. There are no terms of even order, by the point symmetry. Arguments may be numbers of any
-kind or symbols.
+`derived` follows from the full equations, and `printed` is the paper's version. Claims state where
+they differ. There are no terms of even order, by the point symmetry. Arguments may be numbers of
+any kind or symbols.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 __all__ = ["LocalExpansion", "derived", "printed"]
 
-#: Coefficient of beta_bar^i gamma_bar^j v^k by (i, j, k).
+#: The coefficients of beta_bar^i gamma_bar^j v^k, with keys (i, j, k).
 Coefficients = dict[tuple[int, int, int], Any]
 
 
@@ -78,8 +78,7 @@ def printed(constants: Any, omega: Any) -> LocalExpansion:
     - h-tilde's mixed term has 2 m e (r + e) instead of m e (r + e);
     - f_G has gamma_bar^3 (a fourth-order term) where gamma_bar^2 follows.
 
-    All entries are copied from the paper. So where the two agree, they agree because both are
-    right.
+    All entries are copied from the paper, so their agreement with `derived` is evidence.
 
     Args:
         constants: The parameters, in any kind of number.

@@ -139,13 +139,16 @@ def squares(constants: Any, omega: Any, form: Form) -> tuple[Any, Any]:
 
 
 def _denominator(constants: Any, omega_squared: Any, form: Form) -> Any:
-    """Return chi Omega^2 + m g e (r + e) [kg m^3/s^2] of Eq. Csol; its zero is a pole."""
+    """Return chi Omega^2 + m g e (r + e) [kg m^3/s^2], the denominator of Eq. Csol. Its zero is a
+    pole of the law.
+    """
     r, e, m, g = constants.r, constants.e, constants.m, constants.g
     return chi(constants, form) * omega_squared + m * g * e * (r + e)
 
 
 def section_start(constants: Any, omega: float) -> tuple[float, float, float] | None:
-    """Return the consistent law's cycle at beta = pi/2 with v < 0, in double.
+    """Return the section coordinates and half period of the consistent law's cycle, in double. The
+    section is beta = pi/2, v < 0.
 
     The result is None where the law has no cycle.
 
@@ -168,7 +171,8 @@ def section_start(constants: Any, omega: float) -> tuple[float, float, float] | 
 def one_harmonic(
     parameters: Parameters, omega: object, form: Form = "printed", digits: int = 12
 ) -> OneHarmonic:
-    """Return amplitude, frequency and period by the closed law.
+    """Return amplitude, frequency and period of the one-harmonic cycle at a speed, by the closed
+    law.
 
     Args:
         parameters: The disk.
@@ -177,8 +181,8 @@ def one_harmonic(
         digits: Significant digits of each number.
 
     Raises:
-        InputError: An argument cannot be used, or the disk has the smooth friction law.
-        AccuracyError: The formula has no real amplitude or frequency.
+        InputError: If an argument cannot be used, or the disk has the smooth friction law.
+        AccuracyError: If the formula has no real amplitude or frequency.
     """
     parameters.refuse_unless_linear("harmonic balance is")
     form, omega = _checked_form(form), checked_speed(omega)
@@ -210,8 +214,8 @@ def slopes(
         The slopes of C^2 [rad s] and of T - T_crit [s^2/rad].
 
     Raises:
-        InputError: An argument cannot be used, or the disk has the smooth friction law.
-        AccuracyError: The amplitude law's denominator vanishes at Omega_crit.
+        InputError: If an argument cannot be used, or the disk has the smooth friction law.
+        AccuracyError: If the amplitude law's denominator vanishes at Omega_crit.
     """
     parameters.refuse_unless_linear("harmonic balance is")
     form, square, ratio = (

@@ -109,7 +109,7 @@ class HopfPoint(Printable):
         """Return `amplitude_squared_slope` and `period_slope`.
 
         Raises:
-            AccuracyError: l_1 = 0, so there are no slopes.
+            AccuracyError: If l_1 = 0, where there are no slopes.
         """
         if self.amplitude_squared_slope is None or self.period_slope is None:
             raise AccuracyError(
@@ -120,14 +120,14 @@ class HopfPoint(Printable):
 
 
 class AmplitudeLaw(NamedTuple):
-    """The law's coefficients over Omega_crit, exactly."""
+    """The coefficients c_1 and c_2 of the amplitude law, divided by Omega_crit, exactly."""
 
     quadratic: Fraction  #: c_1 / Omega_crit [1/rad^2]; friction does not enter
     quartic: Fraction  #: c_2 / Omega_crit [1/rad^4]
 
 
 def frequency_ratio_squared(parameters: Parameters) -> Fraction:
-    """Return W, exactly.
+    """Return W = e / (r + e), exactly.
 
     Args:
         parameters: The disk.
@@ -136,7 +136,7 @@ def frequency_ratio_squared(parameters: Parameters) -> Fraction:
 
 
 def _friction_ratio_squared(parameters: Parameters) -> Fraction:
-    """Return f^2, exactly."""
+    """Return f^2 = (A33 / Omega_crit)^2, exactly."""
     c = parameters.rational()
     return Fraction(c.k**2 * (c.r + c.e) ** 2 * c.r / (c.b * c.g))
 
@@ -172,7 +172,8 @@ def amplitude_law(parameters: Parameters) -> AmplitudeLaw:
 def omega_crit_squared(parameters: Parameters) -> Fraction:
     """Return Omega_crit^2 [rad^2/s^2], exactly (Eq. approx_omega_crit).
 
-    It is (r + e)^2 m g / (r Bbar), where Routh-Hurwitz has a2 a1 = a0; mu and epsilon cancel.
+    It is (r + e)^2 m g / (r Bbar). There a2 a1 = a0 in the Routh-Hurwitz criterion, in which mu and
+    epsilon cancel.
 
     Args:
         parameters: The disk.
@@ -193,7 +194,7 @@ def critical_frequency_squared(parameters: Parameters) -> Fraction:
 
 
 def criticality(parameters: Parameters) -> Criticality:
-    """Return on which side of Omega_crit the cycles lie, by the exact sign of c_1.
+    """Return the kind of Hopf point, by the exact sign of c_1.
 
     Friction does not enter. The Hopf point is supercritical where
 
@@ -219,23 +220,23 @@ def omega_crit(parameters: Parameters, digits: int = 15) -> Measured:
         digits: Significant digits, from 1 to 4000.
 
     Raises:
-        InputError: The number of digits cannot be used.
+        InputError: If the number of digits cannot be used.
     """
     return square_root(omega_crit_squared(parameters), checked_digits(digits) + 5)
 
 
 def omega_crit_slopes(parameters: Parameters, digits: int = 15) -> dict[str, Measured]:
-    """Return the derivatives of Omega_crit by the disk's parameters [SI], by name.
+    """Return the derivatives of Omega_crit with respect to the disk's parameters [SI], by name.
 
-    They are Omega_crit times half the derivative of log(Omega_crit^2), which is rational. Those by
-    A, mu and epsilon are zero.
+    They are Omega_crit times half the derivative of log(Omega_crit^2), which is rational. Those
+    with respect to A, mu and epsilon are zero.
 
     Args:
         parameters: The disk.
         digits: Significant digits, from 1 to 4000.
 
     Raises:
-        InputError: The number of digits cannot be used.
+        InputError: If the number of digits cannot be used.
     """
     c, crit = parameters.rational(), omega_crit(parameters, digits)
     logarithmic = {
@@ -261,8 +262,9 @@ def distance_below_crit(parameters: Parameters, omega: Fraction) -> Fraction:
 
 @lru_cache(maxsize=64)
 def _critical_speed(parameters: Parameters) -> tuple[Fraction, Fraction]:
-    """Return Omega_crit^2 and Omega_crit [rad/s] to 20 digits, which searches for cycles ask
-    for at every speed.
+    """Return Omega_crit^2 and Omega_crit [rad/s] to 20 digits.
+
+    They are cached, because searches for cycles need them at every speed.
     """
     square = omega_crit_squared(parameters)
     return square, square_root(square, 20).value
@@ -279,7 +281,7 @@ def speed_below_crit(parameters: Parameters, distance: object, digits: int) -> M
         digits: Significant digits of the distance.
 
     Raises:
-        InputError: The distance is not a decimal, or the result is not a speed.
+        InputError: If the distance is not a decimal, or the result is not a speed.
     """
     below = exact(distance)
     if below.pi_multiple:
@@ -302,7 +304,7 @@ def period_crit(parameters: Parameters, digits: int = 15) -> Measured:
         digits: Significant digits, from 1 to 4000.
 
     Raises:
-        InputError: The number of digits cannot be used.
+        InputError: If the number of digits cannot be used.
     """
     working = checked_digits(digits) + 5
     return period_of(square_root(critical_frequency_squared(parameters), working), working)
@@ -323,14 +325,14 @@ def period_of(frequency: Measured, digits: int) -> Measured:
 def hopf_point(parameters: Parameters, digits: int = 12) -> HopfPoint:
     """Return the Hopf point to ``digits`` significant digits.
 
-    At a generalized Hopf point, where l_1 = 0, the result has l_2 instead of the two slopes.
+    At a generalized Hopf point, where l_1 = 0, the result contains l_2 instead of the two slopes.
 
     Args:
         parameters: The disk.
         digits: Significant digits, from 1 to 4000.
 
     Raises:
-        InputError: The number of digits cannot be used, or the friction law has two sides.
+        InputError: If the number of digits cannot be used, or the friction law has two sides.
     """
     parameters.refuse_two_sides("the Hopf point's normal form is")
     law = amplitude_law(parameters)

@@ -56,9 +56,10 @@ def real_roots(polynomial: Sequence[Fraction], digits: int) -> list[Measured]:
 
 
 def _cells(polynomial: list[int], bound: int) -> list[tuple[int, int]]:
-    """Return neighbouring integers with a root between them, or an integer root twice.
+    """Return a pair of neighbouring integers for each root, ascending.
 
-    The search covers ``-bound`` to ``bound``.
+    The root lies between the two. An integer root is returned twice, as (n, n). The search covers
+    ``-bound`` to ``bound``.
     """
     if len(polynomial) == 1:
         return []
@@ -72,7 +73,7 @@ def _cells(polynomial: list[int], bound: int) -> list[tuple[int, int]]:
 
 
 def _cell(polynomial: list[int], low: int, high: int) -> tuple[int, int]:
-    """Return the cell, as in `_cells`, of the only root between two integers."""
+    """Return the pair, as in `_cells`, for the only root between two integers."""
     rising, slope = _value_at(polynomial, high) > 0, _derivative(polynomial)
     while high - low > 1:
         middle, width, size = (low + high) // 2, high - low, min(abs(low), abs(high))
@@ -94,12 +95,12 @@ def _cell(polynomial: list[int], low: int, high: int) -> tuple[int, int]:
 
 
 def _derivative(polynomial: Sequence[Any]) -> list[Any]:
-    """Return the polynomial's derivative."""
+    """Return the coefficients of the polynomial's derivative."""
     return [power * coefficient for power, coefficient in enumerate(polynomial)][1:]
 
 
 def _value_at(polynomial: Sequence[Any], x: Any) -> Any:
-    """Return the polynomial's value."""
+    """Return the polynomial's value at ``x``."""
     total = 0
     for coefficient in reversed(polynomial):
         total = total * x + coefficient

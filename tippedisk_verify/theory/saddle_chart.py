@@ -8,7 +8,8 @@ so that u, s and f grow and decay like exponentials. u = 0 is the stable manifol
 unstable one. The monomials u^a s^b f^c with min(a, b) + 2 c up to a number of bands are enough:
 along a passage u s is small and f smaller. Terms of one total degree follow from those of lower
 degrees, by the divisors a lambda_u + b lambda_s + c lambda_f less an eigenvalue. Small divisors
-belong to high bands, whose monomials are tiny. Where they are not, two truncations differ.
+belong to high bands, whose monomials are tiny. Where the monomials are not tiny, two truncations
+differ.
 
 A law with two sides has one chart for either sign of gamma_y. The point symmetry takes one to the other.
 The charts of a disk at several speeds are computed at once, and depend on the speed as polynomials.
@@ -43,20 +44,20 @@ _WORKING_BITS = 96  # of eigenvalues and eigenvectors, beyond the 64 of the seri
 _SPEEDS = 6  # at Chebyshev's nodes: charts hardly bend with the speed
 _REACH = 2.5e-4  # of the origin, within which these lie
 _CHORDS = 60  # at most, for the coordinates of a point
-_LAST = 3  # powers below the order whose terms tell the radius of convergence
+_LAST = 3  # powers below the order, whose terms show the radius of convergence
 _SMALL = 2.0**-50  # of the largest coordinate; below it a step that does not shrink is rounding
 
 
 def angles(y: Sequence[Any]) -> tuple[Any, Any, Any]:
-    """Return (beta, gamma, v) at a point y about the saddle, both angles as pairs of sine and
+    """Return (beta, gamma, v) at a point y about the saddle. Both angles are pairs of sine and
     cosine.
     """
     return (numpy.cos(y[0]), -numpy.sin(y[0])), (-numpy.cos(y[1]), numpy.sin(y[1])), y[2]
 
 
 class Monomials:
-    """The monomials u^a s^b f^c of a truncated series, by total degree, and which products
-    give which.
+    """The monomials u^a s^b f^c of a truncated series, sorted by total degree, with a table of
+    their products.
     """
 
     def __init__(self, order: int, bands: int) -> None:
@@ -79,7 +80,9 @@ class Monomials:
     def _pairs(
         wanted: Sequence[tuple[int, int, int]], places: dict[Any, int]
     ) -> tuple[Any, Any, Any]:
-        """The places of all factors of these monomials, and where those of the next one begin."""
+        """Return the factor pairs of these monomials: the places of the left and of the right
+        factors, and the index at which each monomial's pairs begin.
+        """
         left, right, begins = list[int](), list[int](), list[int]()
         for triple in wanted:
             begins.append(len(left))
@@ -92,7 +95,7 @@ class Monomials:
         return numpy.array(left), numpy.array(right), numpy.array(begins)
 
     def product(self, p: Any, q: Any, degree: int) -> Any:
-        """The terms of one degree of a product of series (k, m)."""
+        """Return the terms of one degree of the product of two series (k, m)."""
         left, right, begins = self._factors[degree]
         return numpy.add.reduceat(p[:, left] * q[:, right], begins, axis=1)
 
@@ -102,14 +105,16 @@ class Monomials:
         return u * s * f
 
     def slopes(self, point: Any) -> Any:
-        """Their derivatives (m, 3)."""
+        """Return the derivatives (m, 3) of all monomials at a point (u, s, f)."""
         pairs = self._tables(point)
         u, s, f = (table[powers] for table, powers in pairs)
         by_u, by_s, by_f = (powers * table[powers - (powers > 0)] for table, powers in pairs)
         return numpy.stack((by_u * s * f, u * by_s * f, u * s * by_f), axis=1)
 
     def _tables(self, point: Any) -> list[tuple[Any, Any]]:
-        """The powers of each variable, with the places at which the monomials have them."""
+        """Return for each variable the table of its powers, and the exponents (m,) that the
+        monomials have.
+        """
         tables = (numpy.cumprod([variable**0] + [variable] * self.order) for variable in point)
         return list(zip(tables, self.powers.T, strict=True))
 
@@ -120,8 +125,9 @@ def _monomials(order: int, bands: int) -> Monomials:
 
 
 class _Tape:
-    """Series (k, m) of k speeds, each with the rule that gives its terms of one degree; in
-    the order of computing.
+    """A list of series (k, m) for k speeds, in the order of computing.
+
+    Each has the rule that gives its terms of one degree.
     """
 
     def __init__(self, count: int, monomials: Monomials) -> None:
@@ -157,7 +163,9 @@ class _Tape:
 
 
 class _Series:
-    """A series on a tape. Numbers that take part are the same for all speeds, or (k, 1)."""
+    """A series on a tape. Numbers in its arithmetic are the same for all speeds, or have the shape
+    (k, 1).
+    """
 
     __array_ufunc__ = None
 
@@ -211,7 +219,7 @@ class _Series:
 class SaddleChart:
     """The chart at one speed.
 
-    A complex speed gives complex numbers, and so derivatives by the speed.
+    A complex speed gives complex numbers, and thus derivatives with respect to the speed.
     """
 
     monomials: Monomials
@@ -220,31 +228,36 @@ class SaddleChart:
     inverse: Any  #: (3, 3) of the matrix of eigenvectors
 
     def at(self, point: Any) -> Any:
-        """y (3,) at a point (u, s, f)."""
+        """Return y (3,) at a point (u, s, f)."""
         return self.coefficients @ self.monomials.at(point)
 
     def slopes(self, point: Any) -> Any:
-        """DW (3, 3)."""
+        """Return DW (3, 3) at a point (u, s, f)."""
         return self.coefficients @ self.monomials.slopes(point)
 
     def along(self, gradient: Sequence[Any]) -> Any:
-        """The derivatives (3,) by (u, s, f) at the saddle of what has this gradient (3,) in y."""
+        """Convert a gradient (3,) with respect to y at the saddle into one with respect to (u, s,
+        f).
+        """
         return numpy.asarray(gradient) @ self.slopes(self.eigenvalues * 0)
 
     def radius(self, variable: int) -> float:
-        """The radius of convergence in u (0) or s (1), from the last terms that have hardly
-        anything else.
+        """Estimate the radius of convergence in u (0) or s (1), from the last terms that are nearly
+        pure powers of it.
         """
         last = self.monomials.powers[:, variable] >= self.monomials.order - _LAST
         sizes, degrees = abs(self.coefficients[:, last]).max(axis=0), self.monomials.degrees[last]
         return float((sizes[sizes > 0] ** (-1 / degrees[sizes > 0])).min())
 
     def flow(self, point: Any, time: Any) -> Any:
-        """The point (3,) after a time [s]."""
+        """Return the point (u, s, f) that a point reaches after a time [s]."""
         return point * numpy.exp(self.eigenvalues * time)
 
     def coordinates(self, y: Any) -> Any:
-        """(u, s, f) of a y (3,). Raises ArithmeticError where the iteration does not settle."""
+        """Return (u, s, f) of a state y (3,).
+
+        Raises ArithmeticError if the iteration does not settle.
+        """
         point, before = self.inverse @ y, numpy.inf
         for _ in range(_CHORDS):
             step = self.inverse @ (y - self.at(point))
@@ -283,7 +296,7 @@ class ChartFamily:
         self._polynomials = solved(steps ** numpy.arange(_SPEEDS), values)
 
     def at(self, distance: Any) -> SaddleChart:
-        """The chart at a distance from the origin [rad/s]."""
+        """Return the chart at a distance from the origin [rad/s]."""
         values = polynomial(self._polynomials, distance)
         return SaddleChart(
             self.monomials, values[12:].reshape(3, -1), values[:3], values[3:12].reshape(3, 3)
@@ -299,7 +312,7 @@ def _invariant(
     directions: Any,
     inverse: Any,
 ) -> Any:
-    """The terms (k, 3, m) of W at k speeds, degree by degree."""
+    """Return the terms (k, 3, m) of W at k speeds, computed degree by degree."""
     tape = _Tape(len(speeds), monomials)
     beta, gamma, v = (_Series(tape) for _ in range(3))
     deviations = tape.sine_and_cosine(beta, 1, 0), tape.sine_and_cosine(gamma, -1, 0), v
@@ -315,7 +328,7 @@ def _invariant(
         if degree == 1:
             column = directions @ monomials.powers[of].T
         else:
-            tape.extend(degree)  # without what is looked for, which adds the linearisation of it
+            tape.extend(degree)  # without the unknown terms; the linearisation adds their part
             rest = numpy.stack([rate.terms[:, of] for rate in rates], axis=1)
             column = directions @ (inverse @ rest / (growth[:, None, of] - eigenvalues[:, :, None]))
         for component, terms in zip((beta, gamma, v), numpy.moveaxis(column, 1, 0), strict=True):
@@ -325,7 +338,7 @@ def _invariant(
 
 
 def polynomial(coefficients: Any, variable: Any) -> Any:
-    """The value of a polynomial whose coefficients lie along the first axis, the constant one
+    """Return the value of a polynomial. Its coefficients lie along the first axis, the constant one
     first.
     """
     total = coefficients[-1]
@@ -335,9 +348,7 @@ def polynomial(coefficients: Any, variable: Any) -> Any:
 
 
 def solved(matrix: Any, right: Any) -> Any:
-    """The solution of linear equations (n, n) with right sides (n, k), in the arithmetic of
-    the arrays.
-    """
+    """Solve linear equations (n, n) with right sides (n, k), in the arithmetic of the arrays."""
     rows = numpy.concatenate((matrix, right), axis=1)
     for place in range(len(rows)):
         pivot = place + int(numpy.argmax(abs(rows[place:, place])))

@@ -44,7 +44,7 @@ from tippedisk_verify.theory.series import Angle, PowerSeries, SeriesOps
 
 __all__ = ["Saddle", "refuse_focus"]
 
-_RESONANT = 1e-4  # in parts of the eigenvalue; coefficients grow like the inverse of such a divisor
+_RESONANT = 1e-4  # relative to the eigenvalue; coefficients grow like the inverse of a divisor
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ class Saddle:
         order: The highest power of the series.
 
     Raises:
-        NoConnectionError: The equilibrium is not a saddle with one unstable and two real stable
+        NoConnectionError: If the equilibrium is not a saddle with one unstable and two real stable
             directions. Properties raise it on first use.
     """
 
@@ -74,13 +74,13 @@ class Saddle:
 
     @cached_property
     def constants(self) -> Constants:
-        """The parameters in the context."""
+        """The constants of the disk, as numbers of `context`."""
         ctx = self.context
         return self.parameters.within(ctx)
 
     @cached_property
     def speed(self) -> Any:
-        """The spinning speed [rad/s] in the context."""
+        """The spinning speed [rad/s], as a number of `context`."""
         return quotient(self.context, self.omega)
 
     @cached_property
@@ -97,7 +97,7 @@ class Saddle:
         unstable, slow, fast = (quotient(ctx, value.re.value) for value in values)
         if not slow < 0 < unstable:
             raise NoConnectionError(
-                "noninverted spinning is no saddle with one unstable direction here"
+                "noninverted spinning is not a saddle with one unstable direction here"
             )
         return unstable, slow, fast
 
@@ -184,16 +184,17 @@ class Saddle:
         return 1 if self.parameters.law.two_sided else 2
 
     def _law(self, which: int) -> tuple[FrictionLaw, int | None]:
-        """Return the friction law along a curve as power series can take it, and its side."""
+        """Return the friction law along a curve in a form that accepts power series, and its side."""
         parameters, side = self.parameters, self.side(which)
         number = partial(quotient, self.context)
         law = parameters.law.near_zero(parameters, self.working_bits, self.order, side, number)
         return law, side
 
     def side(self, which: int) -> int | None:
-        """Return the sign of gamma_y along a curve, on the half of it that is used.
+        """Return the sign of gamma_y along a curve (0: unstable, 1: slow stable), on the half that
+        is used.
 
-        None stands for a law without sides.
+        Returns None for a law without sides.
         """
         if not self.parameters.law.two_sided:
             return None
@@ -283,7 +284,7 @@ class Saddle:
             point: (beta_bar [rad], gamma + pi/2 [rad], v [rad/s]).
 
         Raises:
-            AccuracyError: The point is too far from the saddle.
+            AccuracyError: If the point is too far from the saddle.
         """
         ctx = self.context
         u = s = t = ctx.zero

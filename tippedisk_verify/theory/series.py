@@ -95,16 +95,17 @@ class PowerSeries:
         return self._like([value] + [0 * self.c[0]] * (len(self.c) - 1)) / self
 
     def slope(self, axis: int) -> PowerSeries:
-        """Return the partial derivative in the first (0) or second (1) of two variables.
+        """Return the partial derivative with respect to the first (0) or second (1) of two
+        variables.
 
-        One degree is lost.
+        The result has one degree less.
 
         Args:
             axis: 0 or 1.
         """
         degree, slopes = _degrees(2, len(self.c))[-1], []
         for total in range(1, degree + 1):
-            # Of x^total, x^(total - 1) y, ..., y^total
+            # The coefficients of x^total, x^(total - 1) y, ..., y^total
             block = self.c[total * (total + 1) // 2 :][: total + 1]
             powers = range(total + 1) if axis else range(total, -1, -1)
             slopes += [power * a for power, a in zip(powers, block, strict=True) if power]
@@ -114,11 +115,11 @@ class PowerSeries:
 class Angle:
     """An angle as a series, with the sine and cosine of its constant term.
 
-    The series itself may leave out that term.
+    The constant term of the series itself is not used.
 
     Args:
         series: The angle.
-        sine, cosine: The functions of its constant term.
+        sine, cosine: The sine and cosine of its constant term.
     """
 
     def __init__(self, series: PowerSeries, sine: Any, cosine: Any) -> None:
@@ -126,9 +127,9 @@ class Angle:
 
     @cached_property
     def sine_and_cosine(self) -> tuple[PowerSeries, PowerSeries]:
-        """The sine and cosine as series, by s' = c a' and c' = -s a' along each ray.
+        """The sine and cosine as series, from s' = c a' and c' = -s a' along each ray.
 
-        There a derivative multiplies a coefficient by its degree.
+        Along a ray a derivative multiplies a coefficient by its degree.
         """
         series = self.series
         degrees = _degrees(series.variables, len(series.c))
@@ -154,7 +155,7 @@ SeriesOps: Any = SimpleNamespace(
 
 
 def _nonzero(coefficients: Sequence[Any]) -> list[tuple[int, Any]]:
-    """Return the coefficients other than zero with their places.
+    """Return pairs of place and value for the coefficients that are not zero.
 
     Half of the coefficients of even and odd series are zero.
     """
@@ -171,11 +172,14 @@ def _degrees(variables: int, count: int) -> tuple[int, ...]:
 
 @lru_cache(maxsize=64)
 def _products(variables: int, count: int) -> tuple[Sequence[int], ...]:
-    """Return the places of each monomial's products with all monomials in order."""
+    """Return for each monomial the places of its products with all monomials, in order.
+
+    Products beyond the kept degree are left out.
+    """
     if variables == 1:
         return tuple(range(i, count) for i in range(count))
     degree = _degrees(2, count)[-1]
-    # X^(m - k) y^k is at m (m + 1) / 2 + k
+    # x^(m - k) y^k is at the place m (m + 1) / 2 + k
     places = [(m, k) for m in range(degree + 1) for k in range(m + 1)]
     return tuple(
         [(m + n) * (m + n + 1) // 2 + k + j for n, j in places if m + n <= degree]

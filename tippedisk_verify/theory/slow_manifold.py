@@ -111,7 +111,7 @@ def slow_manifold(
 ) -> Any:
     """Return v [rad/s] on the slow manifold, truncated at order 0 or 1.
 
-    It follows Eq. slow_manifold_tippdisk.
+    The formula is Eq. slow_manifold_tippdisk.
 
     Args:
         ops, constants, omega, beta, gamma: As for `critical_manifold`.
@@ -124,7 +124,7 @@ def slow_manifold(
 
 
 def attraction_rate(ops: Ops, constants: Constants, beta: Any, gamma: Any) -> Any:
-    """Return d(v')/d(v) of the friction term [1/s].
+    """Return the attraction rate d(v')/d(v) of the friction term [1/s].
 
     It is -M^-1 (mu m g / epsilon) rho^2 sin^2(beta): negative, and 0 where the disk lies flat.
 
@@ -224,7 +224,7 @@ class SlowManifoldSeries:
     def residuals(self, epsilon: Any) -> list[Any]:
         """Return epsilon (dh/dx) f - g [m rad/s^3] of each truncation.
 
-        That of order n is of size epsilon^(n + 1).
+        The residual of order n has the size epsilon^(n + 1).
 
         Args:
             epsilon: The parameter of the series [m/s].
@@ -251,7 +251,7 @@ def orders(
         highest: The highest order.
 
     Raises:
-        InputError: The order is not from 0 to 40.
+        InputError: If the order is not from 0 to 40.
     """
     highest = _checked_order(highest)
     return SlowManifoldSeries(ops, constants, omega, beta, gamma, highest, slopes=False).orders
@@ -266,7 +266,7 @@ def invariance_residuals(
         ops, constants, omega, beta, gamma, highest: As for `orders`.
 
     Raises:
-        InputError: The order is not from 0 to 40.
+        InputError: If the order is not from 0 to 40.
     """
     highest = _checked_order(highest)
     return SlowManifoldSeries(ops, constants, omega, beta, gamma, highest).residuals(
@@ -285,8 +285,7 @@ def _checked_order(order: int) -> int:
     return number
 
 
-# --------------------------------------------------------------------------------------------- the
-# reduced flow
+# ------------------------------------------------------------------------------ the reduced flow
 class ReducedEquilibrium(NamedTuple):
     """The linearisation of beta' = h(beta, gamma), gamma' = -Omega cos(beta) at an equilibrium.
 
@@ -313,7 +312,7 @@ def reduced_equilibrium(
         working_bits: The precision.
 
     Raises:
-        InputError: The name or the order cannot be used.
+        InputError: If the name or the order cannot be used.
     """
     order = _checked_order(order)
     ctx = bits(working_bits).context
@@ -337,8 +336,8 @@ def reduced_omega_crit(parameters: Parameters, order: int, digits: int = 15) -> 
         digits: Significant digits.
 
     Raises:
-        InputError: The order cannot be used, or the disk has the smooth friction law.
-        AccuracyError: The order is 0, where the trace vanishes at every speed, or no root lies
+        InputError: If the order cannot be used, or the disk has the smooth friction law.
+        AccuracyError: If the order is 0, where the trace vanishes at every speed, or no root lies
             within a tenth of Omega_crit.
     """
     parameters.refuse_unless_linear("the slow manifold's expansion is")
@@ -374,14 +373,13 @@ def reduced_omega_crit(parameters: Parameters, order: int, digits: int = 15) -> 
     return Measured.compared(rough, sharp, Fraction(1, 2 ** (working - 1)))
 
 
-# --------------------------------------------------------------------------------------------- how
-# good the series are
+# ------------------------------------------------------------------- the accuracy of the series
 @dataclass(frozen=True, repr=False)
 class SlowManifold(Printable):
     """The truncated series: its orders at one point, and its accuracy at twenty fixed points.
 
-    A residual is |epsilon (dh/dx) f - g|, at this set's epsilon. The reduced flow is that of order
-    N. At order 0 it has no Hopf point (None).
+    A residual is |epsilon (dh/dx) f - g|, at this set's epsilon. ``reduced_omega_crit`` belongs to
+    the reduced flow of order N. It is None where no Hopf point is found, as at order 0.
     """
 
     order: int
@@ -422,7 +420,8 @@ def analyse_slow_manifold(
     *,
     at: tuple[object, object] = ("1.2", "0.3"),
 ) -> SlowManifold:
-    """Return orders at a point, residuals with their observed exponents, and the best order.
+    """Return the orders of the series at a point, its residuals with their observed exponents, and
+    the best order.
 
     Args:
         parameters: The disk.
@@ -432,8 +431,8 @@ def analyse_slow_manifold(
         at: The point (beta, gamma) [rad], as decimals.
 
     Raises:
-        InputError: The order or the speed cannot be used, or the disk has the smooth friction law.
-            Or the point is not one, or the disk lies flat there.
+        InputError: If the order, the speed or the point cannot be used, the disk lies flat at the
+            point, or it has the smooth friction law.
     """
     parameters.refuse_unless_linear("the slow manifold's expansion is")
     order = _checked_order(order)
@@ -527,7 +526,7 @@ def _largest_residuals(
 ) -> list[list[float]]:
     """Return the largest residual over the fixed points, for each epsilon and each order.
 
-    The precision has sixty digits beyond those by which the residual lies below its terms.
+    The precision exceeds by sixty digits those by which the residual lies below its terms.
     """
     below = (order + 1) * max(0, math.ceil(-math.log10(min(epsilons))))
     working = bits_for_digits(60 + below)

@@ -1,7 +1,7 @@
 """``python -m tippedisk_verify.proofs.kernel FILE`` checks a certificate of ``certify``.
 
-Exit status 0 means proved; 1 not proved, with a line that names the failure; 2 no readable
-certificate.
+Exit status 0 means proved; 1 not proved, with a line that names the failure; 2 that FILE is not a
+readable certificate.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             raise Refused("give the name of one certificate")
         print(f"proved: {check(named[0])}")
     except Refused as fault:
-        print(f"no certificate: {fault}"[:1000], file=sys.stderr)
+        print(f"not a certificate: {fault}"[:1000], file=sys.stderr)
         return 2
     except Unproved as fault:
         print(f"not proved: {fault}"[:1000], file=sys.stderr)

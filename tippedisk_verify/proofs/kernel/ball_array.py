@@ -98,7 +98,7 @@ def quiet() -> Iterator[None]:
 
 
 def quieted(function: _F) -> _F:
-    """Make an operation on these arrays enter `quiet`."""
+    """Decorate an operation on these arrays so that it runs within `quiet`."""
 
     @wraps(function)
     def wrapped(*arguments: Any) -> Any:
@@ -141,7 +141,9 @@ class BallArray:
 
     @classmethod
     def of(cls, values: Iterable[Any]) -> BallArray:
-        """Return a ball that holds each number: Arb's balls, Fractions, integers or floats."""
+        """Return an array with a ball around each number: Arb's balls, Fractions, integers or
+        floats.
+        """
         pairs = [outward(value) for value in values]
         return cls([mid for mid, _ in pairs], [rad for _, rad in pairs])
 
@@ -164,7 +166,7 @@ class BallArray:
         return BallArray(self._rad)
 
     def is_finite(self) -> NDArray[np.bool_]:
-        """Return for each ball whether it is finite."""
+        """Return a mask that is True for finite balls."""
         return self._rad < np.inf
 
     def __len__(self) -> int:
@@ -175,10 +177,10 @@ class BallArray:
         return made(self._mid[places], self._rad[places])
 
     def series(self, old: object = None) -> BallArraySeries:
-        """Return an empty series of the same width, in the memory of the ``old`` one if that
+        """Return an empty series of the same width, reusing the memory of ``old`` if its width
         fits.
         """
-        # It is made of these arrays
+        # Imported here, because that module imports this one
         from tippedisk_verify.proofs.kernel.ball_array_series import BallArraySeries
 
         if isinstance(old, BallArraySeries) and old.width == len(self):
@@ -318,7 +320,9 @@ class BallArray:
         return BallArray(np.zeros(len(self)), self.abs_upper()._mid)
 
     def constant(self, value: Any) -> BallArray:
-        """Return an array of this length whose balls hold one number; pass an array of balls."""
+        """Return an array of this length whose balls all hold one number. An array of balls is
+        returned unchanged.
+        """
         return (
             value
             if isinstance(value, BallArray)
@@ -329,9 +333,9 @@ class BallArray:
 
     @quieted
     def union(self, other: Any) -> BallArray:
-        """Return a ball around both.
+        """Return balls that hold both operands.
 
-        Its midpoint may be any number: the radius is measured from it.
+        The midpoint may be any number, because the radius is measured from it.
         """
         b = _operand(other)
         middle = 0.5 * self._mid + 0.5 * b._mid
@@ -339,18 +343,21 @@ class BallArray:
         return rounded(middle, np.maximum(reach, np.abs(b._mid - middle) + b._rad))
 
     def positive(self) -> NDArray[np.bool_]:
-        """Return for each ball whether all its numbers are positive: a comparison of two floats."""
+        """Return a mask that is True for balls whose numbers are all positive.
+
+        This is a comparison of two floats.
+        """
         return (self._mid > self._rad) & self.is_finite()
 
     def negative(self) -> NDArray[np.bool_]:
-        """Return for each ball whether all its numbers are negative."""
+        """Return a mask that is True for balls whose numbers are all negative."""
         return (-self._mid > self._rad) & self.is_finite()
 
     @quieted
     def inside(self, other: Any) -> NDArray[np.bool_]:
-        """Return for each ball whether it lies in the interior of the other.
+        """Return a mask that is True for balls in the interior of the other array's ball.
 
-        False if one is infinite.
+        It is False where either ball is infinite.
         """
         b = _operand(other)
         reach = np.abs(self._mid - b._mid)
@@ -376,7 +383,10 @@ def _doubles(values: Any) -> Array:
 
 
 def made(mid: Array, rad: Array) -> BallArray:
-    """Return the `BallArray` of arrays that already keep the module's rules."""
+    """Return a `BallArray` that shares the given arrays, without checking or copying them.
+
+    The arrays must already obey the module's rules for midpoints and radii.
+    """
     ball = BallArray.__new__(BallArray)
     ball._mid, ball._rad = mid, rad
     return ball
@@ -385,9 +395,9 @@ def made(mid: Array, rad: Array) -> BallArray:
 def rounded(middle: Array, radius: Array, up: float = _UP) -> BallArray:
     """Return the result of an operation, with the midpoint's rounding added to the radius.
 
-    ``radius`` is a new array, computed from the operands' radii, and is overwritten. ``up`` exceeds
-    the radius's own roundings. If the midpoint is not finite, the radius is not; fmin turns NaN
-    into infinity.
+    ``radius`` is a new array, computed from the operands' radii, and is overwritten. The factor
+    ``up`` outweighs the radius's own roundings. If the midpoint is not finite, the radius becomes
+    infinite: fmin turns NaN into infinity.
     """
     rounding = np.abs(middle)
     rounding *= _U
@@ -398,9 +408,9 @@ def rounded(middle: Array, radius: Array, up: float = _UP) -> BallArray:
 
 
 def _exact_float(value: Any) -> float | None:
-    """Return an exact integer or float as a float, and None for others.
+    """Return an integer or float as a float if that is exact, otherwise None.
 
-    Subnormal floats and 0.0 are excluded, because some processors do not tell them apart.
+    Subnormal floats and 0.0 also give None, because some processors do not tell them apart.
     """
     if isinstance(value, int) and abs(value) <= _EXACT_INTEGERS:
         return float(value)

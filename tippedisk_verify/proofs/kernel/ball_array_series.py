@@ -50,7 +50,7 @@ class BallArraySeries(Sequence[BallArray]):
         mid[:], rad[:] = ball.midpoints, ball.radii
         np.abs(mid, out=size)
         np.multiply(size, (self._length + 0.5) * _U, out=spread)
-        # What the product may have lost is multiplied by the other factor
+        # The product may underflow, and its loss is later multiplied by the other factor
         spread += _NORMAL * (size > 0)
         spread += rad
         np.add(size, rad, out=upper)
@@ -67,8 +67,8 @@ class BallArraySeries(Sequence[BallArray]):
         """Return one coefficient or a series of several, as views that are valid until the next
         `clear`.
 
-        In a part of a series each s is at least that of its new place, which is no later than the
-        old one.
+        In a part of a series each s is large enough: its new place is no later than its old one,
+        and s grows with the place.
         """
         rows = self._rows[:, : self._length]
         if isinstance(index, slice):

@@ -1,4 +1,4 @@
-"""Arb's balls (midpoint, radius): exact numbers into them, results out of them, and predicates.
+"""Arb's balls (midpoint, radius): conversions to and from exact numbers, and predicates.
 
 Each operation of python-flint's `arb` returns a ball that holds the result for every choice of
 points in its operands' balls (Johansson 2017, *Arb: efficient arbitrary-precision midpoint-radius
@@ -69,7 +69,7 @@ class DisturbedError(ArithmeticError):
 
 
 def need(verified: object, what: str) -> None:
-    """Raise Unproved unless ``verified`` is True."""
+    """Raise Unproved, with the message ``what``, unless ``verified`` is True."""
     if verified is not True:
         raise Unproved(what)
 
@@ -107,7 +107,7 @@ def series_length(length: int) -> Iterator[None]:
 
 
 def working_bits() -> int:
-    """Return Arb's present working precision."""
+    """Return Arb's current working precision [bits]."""
     return int(ctx.prec)
 
 
@@ -129,7 +129,7 @@ def coefficient(series: Any, power: int) -> Any:
 
 
 class BallOps:
-    """The ``ops`` of `field` for balls and for series of them."""
+    """The sine and cosine (``ops``) that `field` uses for balls and for series of balls."""
 
     @staticmethod
     def sin(angle: Any) -> Any:
@@ -145,8 +145,8 @@ def ball(value: Any) -> Any:
 
     The number is an integer, a Fraction, a float, a decimal or a ratio as text, or a sum of a
     rational and a multiple of pi (``rational``, ``pi_multiple``). An object with a ``value`` of
-    these kinds will do. A ball of any arithmetic passes unchanged. Raises ValueError if ``value``
-    is not a number, OverflowError if it is infinite.
+    these kinds will do. A ball of any arithmetic is returned unchanged. Raises ValueError if
+    ``value`` is not a number, OverflowError if it is infinite.
     """
     if hasattr(value, "mid"):
         return value
@@ -180,7 +180,7 @@ def negative(x: Any) -> Any:
 def inside(x: Any, y: Any) -> Any:
     """Return True if the ball ``x`` lies in the interior of ``y``.
 
-    False if either is not finite.
+    Returns False if either is not finite.
     """
     if is_ball_array(x):
         return x.inside(y)
@@ -188,28 +188,31 @@ def inside(x: Any, y: Any) -> Any:
 
 
 def upper(x: Any) -> Any:
-    """Return a float near the largest absolute value in the ball, or an array of them: for choices,
-    not for proofs.
+    """Return a float near the largest absolute value in the ball; for an array of balls, an array.
+    It serves choices, not proofs.
     """
     return x.abs_upper().midpoints if is_ball_array(x) else float(x.abs_upper())
 
 
 def alike(sample: Any, value: object) -> Any:
-    """Return a number or a ball as a ball in the arithmetic of ``sample``."""
+    """Convert a number or ball to a ball in the arithmetic of ``sample``.
+
+    An object of the type of ``sample`` is returned unchanged.
+    """
     if type(value) is type(sample):
         return value
     return sample.alike(value) if hasattr(sample, "alike") else ball(value)
 
 
 def whole(x: Any) -> Any:
-    """Return a ball that holds all values of a `jets.Jet`; pass anything else."""
+    """Return a ball that holds all values of a `jets.Jet`; return anything else unchanged."""
     return x.range() if hasattr(x, "c") else x
 
 
 def rough(x: Any) -> Any:
-    """Return a jet cut to the degree of derivatives, with the same functions.
+    """Return a jet cut to `jets.ROUGH_DEGREE`, the degree that suffices for derivatives.
 
-    Pass anything else.
+    The result still encloses the same functions. Anything else is returned unchanged.
     """
     return x.rough() if hasattr(x, "c") else x
 
@@ -222,7 +225,10 @@ def around_zero(radius: Any) -> Any:
 
 
 def shared(x: Any, y: Any) -> Any:
-    """Return a ball that holds the intersection with the finite ball ``y``; NaN if it is empty."""
+    """Return a ball that holds the intersection of ``x`` with the finite ball ``y``.
+
+    Returns ``y`` if ``x`` is not finite, and NaN if the two do not meet.
+    """
     if not x.is_finite():
         return y
     return x.intersection(y) if x.overlaps(y) else arb.nan()
@@ -234,7 +240,7 @@ def is_ball_array(x: object) -> bool:
 
 
 def midpoint_and_radius(x: Any) -> tuple[Fraction, Fraction]:
-    """Return both exactly. Raises ValueError if the ball is not finite."""
+    """Return the exact midpoint and radius of a ball. Raises ValueError if it is not finite."""
     if not x.is_finite():
         raise ValueError("an infinite ball has no value")
     return _point(x.mid()), _point(x.rad())

@@ -53,9 +53,9 @@ the curve, give c_g + c_v v' + c_Omega Omega' = 0. The determinants of both side
 which keeps its relative accuracy where Omega' is small.
 
 Let beta_max be the largest |beta_bar| of a cycle; v = 0 at its moment. The derivative of beta_bar
-by gamma_bar_0 *at a fixed time* is enclosed for all times at which v may be 0. If it is negative,
-beta_max grows: when one cycle has its beta_max, its neighbours of larger gamma_bar_0 are further
-out. `scaled` has the same for the state divided by gamma_bar_0.
+with respect to gamma_bar_0 *at a fixed time* is enclosed for all times at which v may be 0. If it
+is negative, beta_max grows: when one cycle has its beta_max, its neighbours of larger gamma_bar_0
+are further out. `scaled` has the same for the state divided by gamma_bar_0.
 
 Let tau be the trace of P' and delta = exp(integral of div f) = -det P' > 0 (Liouville, see
 `certificates.cycle`). P' has one positive and one negative eigenvalue. The values of its
@@ -116,17 +116,17 @@ Matrix = Sequence[Sequence[Any]]
 
 @dataclass(frozen=True)
 class Curve:
-    """Starts on the section and speeds, polynomials of s, and deviations about them."""
+    """A curve of starts on the section and speeds, polynomials in s, with deviations about it."""
 
     gamma_bar: Jet  #: [rad]
     v: Jet  #: [rad/s]
     omega: Jet  #: [rad/s]
-    deviation: Sequence[Any]  #: of the three, balls about zero
-    total: Jet  #: about how long the half map takes [s]: steps are shares of it
+    deviation: Sequence[Any]  #: of the three numbers, balls about zero
+    total: Jet  #: the half map's approximate duration [s]; steps are shares of it
 
-    unit: ClassVar = ((1, 0, 0), (0, 1, 0))  #: derivatives of `start` by the three numbers
+    unit: ClassVar = ((1, 0, 0), (0, 1, 0))  #: d(`start`)/d(the three numbers)
     columns: ClassVar[tuple[int, ...]] = (2,)  #: the indices of the numbers in the equations
-    equations: ClassVar[Any] = Model  #: for the constants and `numbers`
+    equations: ClassVar[Any] = Model  #: called with the constants and `numbers`
 
     @property
     def start(self) -> tuple[Jet, Jet]:
@@ -135,19 +135,20 @@ class Curve:
 
     @property
     def numbers(self) -> tuple[Jet, ...]:
-        """The values of `columns`, with the deviation."""
+        """The numbers in the equations, in the order of `columns`, with their deviations."""
         return (self.omega + self.deviation[2],)
 
     def trace(self, matrix: Matrix) -> Jet:
-        """Return the trace of the half map's derivative at a fixed point, given that by the three
-        numbers.
+        """Return the trace of the half map's derivative at a fixed point, given the map's
+        derivatives with respect to the curve's three numbers.
         """
         trace: Jet = matrix[0][0] + matrix[1][1]
         return trace
 
     def rise(self, beta_bar: Any, slope: Jet) -> Jet:
-        """Return a number with the sign of d(beta_bar)/d(gamma_bar_0) at a fixed time, given the
-        slope.
+        """Return a jet with the sign of d(beta_bar)/d(gamma_bar_0) at a fixed time.
+
+        ``slope`` is the derivative of ``beta_bar`` with respect to the curve's parameter.
         """
         return slope
 
@@ -158,7 +159,7 @@ class CurveFlight:
 
     ``image`` is the image under S of the point (gamma_bar, v) to which the curve's own orbits
     return after ``own_time``. The others hold for all orbits from the curve and the deviations
-    about it. Derivatives are by the curve's three numbers.
+    about it. Derivatives are taken with respect to the curve's three numbers.
     """
 
     image: Sequence[Jet]
@@ -166,13 +167,14 @@ class CurveFlight:
     matrix: Matrix  #: (2, 3) jets: of the half map
     time_by: Sequence[Jet]  #: (3,)
     divergence: Jet  #: integral of div f over the flight
-    beta_least: Any  #: a ball below whose lowest number beta_bar never is [rad]
-    turning: Sequence[Step]  #: those that hold all moments with v = 0
+    beta_least: Any  #: a ball whose lowest number is a lower bound of beta_bar [rad]
+    turning: Sequence[Step]  #: the steps that hold all moments with v = 0
 
 
 class CurveReplay:
-    """The choices of a log: the share of each step and, except for the last, the axes, as
-    decimals.
+    """The proposer of a flight that replays a log.
+
+    The log contains, as decimals, the share of each step and, except for the last, the axes.
     """
 
     def __init__(self, log: Sequence[Mapping[str, Any]]) -> None:
@@ -185,7 +187,7 @@ class CurveReplay:
 
     def axes(self, turned: Any, sizes: Any, stiffness: Any) -> Matrix:
         log = self.log[self.number - 1]
-        need("axes" in log, "the axes behind it are missing")
+        need("axes" in log, "the axes after it are missing")
         return [[arb(as_float(part)) for part in row] for row in log["axes"]]
 
     def took(self, step: Step, axes: Matrix | None) -> None:
@@ -209,7 +211,7 @@ class _Equations:
 class CurvePath(Path):
     """The flight of all orbits from a curve and its deviations.
 
-    Each has its own lengths of steps.
+    For each s the steps have lengths of their own.
     """
 
     def __init__(self, constants: FieldConstants, curve: Curve, choices: Any) -> None:
@@ -225,7 +227,7 @@ class CurvePath(Path):
         self.total = curve.total
 
     def _spent(self) -> None:
-        """Accept wide boxes: s determines the place of an orbit in them."""
+        """Return None even for wide boxes: s determines the place of an orbit in them."""
 
     def step_of(self, trial: Trial, share: float) -> Step:
         """Return the step over a share of the time of flight, proved or not."""
@@ -233,8 +235,10 @@ class CurvePath(Path):
 
 
 def turnings(step: Step) -> Iterator[tuple[Any, Sequence[Jet]]]:
-    """Yield beta_bar and its derivatives at a fixed time in each part of the step that may have v =
-    0.
+    """For each part of the step in which v may be 0, yield beta_bar and its derivatives at a fixed
+    time.
+
+    The derivatives are taken with respect to the curve's three numbers.
     """
     nothing = 0 * step.length.c[0]
     open_parts = [(0.0, 1.0)]
@@ -258,8 +262,8 @@ def turnings(step: Step) -> Iterator[tuple[Any, Sequence[Jet]]]:
 def fly(constants: FieldConstants, curve: Curve, choices: Any) -> CurveFlight:
     """Enclose the half map over the curve and its deviations.
 
-    ``choices`` is a `flow.StepProposer` of `CurvePath.step_of`. Raises Unproved, with the step that
-    fails.
+    ``choices`` is a `flow.StepProposer` whose steps come from `CurvePath.step_of`. Raises Unproved,
+    with the number of the step that fails.
     """
     path = CurvePath(constants, curve, choices)
     need(negative(path.box[2].range()), "v is not shown to be negative at the start")
@@ -287,7 +291,7 @@ def fly(constants: FieldConstants, curve: Curve, choices: Any) -> CurveFlight:
 
 
 def _landed(path: CurvePath, step: Step, least: Any, turning: Sequence[Step]) -> CurveFlight:
-    """Enclose the return within the last step, and the half map's derivatives."""
+    """Return the proved properties of the flight, with the return enclosed within the last step."""
     states, length = step.frame, step.length
     tau = (path.total - path.time).mid()
     centre, rows = step.centre(tau), step.rows_at(tau)
@@ -324,8 +328,8 @@ class Arc:
     curve: Curve  #: m(s) and r
     flight: CurveFlight
     within: Sequence[Any]  #: K(s) - m(s) for all s: balls of the two unknowns
-    slopes: Sequence[Jet]  #: derivatives of the two unknowns by the parameter
-    determinant: Jet  #: of the equations' derivative by the unknowns
+    slopes: Sequence[Jet]  #: d(the two unknowns)/d(parameter)
+    determinant: Jet  #: of d(equations)/d(unknowns)
 
     def period(self) -> Jet:
         """Return the period T [s]."""
@@ -340,7 +344,7 @@ class Arc:
         return 2 * (by[0] + by[1] * self.slopes[0] + by[2] * self.slopes[1])
 
     def trace(self) -> Jet:
-        """Return the trace of the half map's derivative by gamma_bar and v."""
+        """Return the trace of the half map's derivative with respect to gamma_bar and v."""
         return self.curve.trace(self.flight.matrix)
 
     def stable(self) -> bool | None:
@@ -356,8 +360,9 @@ class Arc:
         return False if negative(1 - trace) or negative(1 + trace) else None
 
     def falling(self) -> bool | None:
-        """Return True if Omega falls with gamma_bar_0 all along the arc, False if it rises, else
-        None.
+        """Return True if Omega falls all along the arc as gamma_bar_0 grows.
+
+        Returns False if Omega rises, and None if neither is shown.
         """
         slope = self.slopes[1].range()
         if negative(slope):
@@ -414,7 +419,7 @@ def arc_test(constants: FieldConstants, curve: Curve, choices: Any) -> Arc:
 
 
 def inverse(matrix: Sequence[Sequence[Any]]) -> list[list[Any]]:
-    """Return the inverse of a matrix (2, 2) of jets or balls."""
+    """Return the inverse of a matrix (2, 2) of jets or balls, by Cramer's rule."""
     (a, b), (c, d) = matrix
     determinant = a * d - b * c
     return [[d / determinant, -b / determinant], [-c / determinant, a / determinant]]

@@ -41,7 +41,7 @@ _COSINE = tuple((-1) ** (i + 1) / math.factorial(2 * i + 2) for i in range(8, -1
 def sine_and_cosine(x: Array) -> tuple[Array, Array, Array, Array, Array]:
     """Return an integer n, then sin(x - n pi/2) and cos(x - n pi/2), each with an error bound.
 
-    Out of range they are NaN.
+    For |x| > 2^18 they are NaN.
 
     *Reduction.* y = ((x - n A) - n B) - n C. Any integer n with |n| < 2^19 is right if |y| <= 0.8,
     which is tested. The three differences, from the last to the first, are then at most 0.8, 0.8 +
@@ -83,15 +83,15 @@ def sine_and_cosine(x: Array) -> tuple[Array, Array, Array, Array, Array]:
 
 
 def outward(value: Any) -> tuple[float, float]:
-    """Return a midpoint and a radius that hold a number or one of Arb's balls.
+    """Return the midpoint and radius, as doubles, of a ball that holds a number or one of Arb's
+    balls.
 
-    The radius is infinite if the number is too large; neither is subnormal.
+    The radius is infinite if the number is too large. Neither result is subnormal.
     """
     if isinstance(value, arb):
         if not (value.is_finite() and abs(value) < arb(2) ** 1023):
             return 0.0, np.inf
-        # Exponents may be beyond all reason; what is smaller than any normal number becomes a
-        # radius.
+        # Exponents may be extreme. A number smaller than any normal one becomes a radius.
         small = arb(2) ** -1022
         centre = Fraction(0) if abs(value.mid()) < small else midpoint_and_radius(value.mid())[0]
         rad = (

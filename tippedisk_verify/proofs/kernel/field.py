@@ -32,7 +32,7 @@ __all__ = ["UNITS", "FieldConstants", "Law", "constants", "field", "one_sided", 
 #: has sin and cos.
 Law = Callable[[Any, Any, Any], Callable[[Any, Any, Any], tuple[Any, Any, Any]]]
 
-#: the eight numbers of a disk with their units, in the order of sentences
+#: The units of a disk's eight numbers, in the order in which sentences name them
 UNITS = {
     "r": " m",
     "e": " m",
@@ -66,7 +66,7 @@ def constants(disk: Mapping[str, str]) -> FieldConstants:
     r, e, m, A, B, g, mu, epsilon = (Fraction(disk[name]) for name in UNITS)
     need(
         0 < e < r and m * e * e < B <= A and min(m, g, mu, epsilon) > 0,
-        "the parameters are no disk's",
+        "no disk has these parameters",
     )
     return FieldConstants(
         *map(ball, (r, e, A / m, B / m - e * e, g, mu * g / epsilon, mu * g, epsilon))
@@ -127,7 +127,7 @@ def sliding_motion(
 ) -> tuple[Any, Any]:
     """Return gamma_y [m/s] and its rate [m/s^2].
 
-    ``acceleration`` is v', and without it the rate is None.
+    ``acceleration`` is v'. Without it the rate is returned as None.
     """
     beta, gamma, v = state
     s, C, t, c = ops.sin(beta), ops.cos(beta), ops.sin(gamma), ops.cos(gamma)

@@ -25,7 +25,7 @@ from tippedisk_verify.proofs.kernel.step import Step, Trial, magnitude
 
 __all__ = ["FlowStatus", "Model", "Path", "StepProposer", "short_float"]
 
-_WIDEST = 3  # -log2 of the radius [rad, rad/s] beyond which a box says too little to go on
+_WIDEST = 3  # -log2 of the radius [rad, rad/s] beyond which a box is too wide to go on
 _SHORTEST_STEP = 2.0**-40  # s
 _MOST_STEPS = 20_000
 
@@ -65,7 +65,7 @@ class StepProposer(Protocol):
         ...
 
     def beyond(self) -> StepProposer:
-        """Return the proposer of the steps behind a change of side."""
+        """Return the proposer of the steps after a change of side."""
         ...
 
     def axes(
@@ -93,7 +93,7 @@ class Model:
     Args:
         constants: As from `field.constants` or `balls.ball_constants`, or arrays of balls.
         omega: [rad/s], a ball of any radius, a `Jet` of balls, or an array of balls.
-        law: Replaces the equations, for tests with exact answers.
+        law: The equations, if they are not those of the linear law.
     """
 
     def __init__(self, constants: Any, omega: Any, law: Law | None = None) -> None:
@@ -106,9 +106,9 @@ class Model:
         variables = [graph.variable() for _ in range(3)]
         speed = graph.number(self.omega, active=True)
         rates = self._rates(graph, speed, variables)
-        self.bound: Any = self  #: the equations that remainders come from
-        #: state (3), derivatives by beta, gamma, v and Omega (3 each); the other has the
-        #: divergence's integral too
+        self.bound: Any = self  #: the equations that enclose remainders
+        #: The system of the state (3) and its derivatives with respect to beta, gamma, v and
+        #: Omega (3 each); ``with_divergence`` adds the divergence's integral
         self.variational, self.with_divergence = with_derivatives(graph, variables, [speed], rates)
 
     def orbit_at(self, omega: Any) -> System:
@@ -133,11 +133,12 @@ class Model:
 
 
 class Path:
-    """The flight of all orbits from a box, one proved step after the other.
+    """The flight of all orbits from a box, one proved step after another.
 
-    With ``derivatives`` they are computed to the working precision and accumulated over the path,
-    with the divergence's integral. Without, they are rough and serve the mean-value form only. The
-    box's parts may be arrays of balls: such a path takes steps that its caller has tested.
+    With ``derivatives``, those of the states are computed to the working precision and accumulated
+    over the path, together with the divergence's integral. Without, rough ones serve the mean-value
+    form only. The box's parts may be arrays of balls: such a path takes steps that its caller has
+    tested.
     """
 
     def __init__(
@@ -162,7 +163,7 @@ class Path:
 
     @property
     def matrix(self) -> tuple[tuple[Any, ...], ...]:
-        """(3, 4): d(state)/d(start, Omega)."""
+        """The derivatives (3, 4) of the state with respect to start and Omega."""
         return self.frame.matrix()
 
     def trial(self, orders: tuple[int, int]) -> Trial:
@@ -172,7 +173,7 @@ class Path:
     def step(self, longest: Any = None) -> Step | None:
         """Return a step of at most ``longest`` seconds, not yet taken.
 
-        None, with a status, if none is proved.
+        If no step is proved, sets ``status`` and returns None.
         """
         self.status = self._spent()
         step = None if self.status else self.proposer.step(self, longest)
@@ -181,7 +182,7 @@ class Path:
             return None
         own = self.tested
         if own is None or own.frame is not self.frame or own.length is not step.length:
-            raise ValueError("a step from elsewhere was proposed")
+            raise ValueError("the proposed step is not the latest trial of this path")
         need(
             own.included,
             "the states and derivatives over it are not shown to stay in its enclosure",
@@ -204,7 +205,7 @@ class Path:
         )
 
     def take(self, step: Step, time: Any = None) -> None:
-        """Go to the step's end, or to ``time`` (a number or ball) within it."""
+        """Move the path to the step's end, or to ``time`` (a number or ball) within the step."""
         moment = alike(self.time, step.length) if time is None else time
         frame = self.carried(step, time)
         self.proposer.took(step, [[*row] for row in frame.axes])
@@ -219,6 +220,6 @@ class Path:
 
 
 def short_float(length: float) -> float:
-    """Round down to 20 bits, so that sums of step lengths are exact."""
+    """Round a step length down to 20 bits, so that sums of lengths are exact."""
     mantissa, exponent = math.frexp(length)
     return math.ldexp(math.floor(mantissa * 2**20), exponent - 20)

@@ -12,8 +12,8 @@ derivatives M over the set takes it to
     image of middle  +  (M lead + by Omega) d  +  M axes q.
 
 New points are chosen. The differences between the balls and these points go into q, turned into the
-new axes by an enclosure of their inverse. The derivatives of the states by start and Omega are
-lead + axes spread  in the same way.
+new axes by an enclosure of their inverse. Likewise, the derivatives of the states with respect to
+start and Omega are lead + axes spread.
 
 Where a ball becomes a point: middle and lead are midpoints, axes any regular matrix of points.
 """
@@ -33,10 +33,11 @@ Matrix = Sequence[Sequence[Any]]
 
 
 class Frame:
-    """A set of states, with their derivatives (3, 4) by the start's three coordinates and Omega.
+    """A set of states, with their derivatives (3, 4) with respect to the start's three coordinates
+    and Omega.
 
-    A set over a curve (`curves`) has jets for middle and lead, and other deviations. Its ``own`` is
-    the part of ``rest`` that belongs to the middle's own orbits.
+    In a set over a curve (`curves`), middle and lead are jets, and the deviations differ. Its
+    ``own`` is the part of ``rest`` that belongs to the middle's own orbits.
     """
 
     __slots__ = ("axes", "columns", "deviation", "lead", "middle", "own", "rest", "spread")
@@ -68,7 +69,7 @@ class Frame:
         return tuple(middle + a + b.union(0 * b) for middle, a, b in parts)
 
     def matrix(self) -> tuple[tuple[Any, ...], ...]:
-        """Return the derivatives of all states by the deviations."""
+        """Return the derivatives of all states with respect to the deviations."""
         return tuple(tuple(row) for row in _sum(self.lead, _product(self.axes, self.spread)))
 
     def image(self, centre: Sequence[Any], rows: Matrix) -> tuple[Any, ...]:
@@ -82,22 +83,25 @@ class Frame:
         return tuple(a + b + c for a, b, c in parts)
 
     def own_image(self, centre: Sequence[Any], rows: Matrix) -> list[Any]:
-        """Return the image of the states on the middle's own orbits."""
+        """Return the image, under a map, of the states on the middle's own orbits."""
         assert self.own is not None
         return [
             a + b for a, b in zip(centre, _applied(self._mapped(rows)[1], self.own), strict=True)
         ]
 
     def derivatives(self, rows: Matrix) -> tuple[tuple[Any, ...], ...]:
-        """Return the derivatives of the images by the deviations of the states."""
+        """Return the derivatives of the images under a map with respect to the states' deviations."""
         lead, turned = self._mapped(rows)
         return tuple(tuple(row) for row in _sum(lead, _product(turned, self.spread)))
 
     def carried(self, centre: Sequence[Any], rows: Matrix, axes: Callable[..., Matrix]) -> Frame:
-        """Return the images' frame.
+        """Return the frame of the images under a map.
 
-        ``axes`` gives the new axes, points, from the images of the old ones (balls) and the sizes
-        along them.
+        Args:
+            centre: The image of the middle.
+            rows: The derivatives (3, 4) of the map.
+            axes: Called with the images of the old axes (balls) and the sizes along them. Returns the
+                new axes (points).
         """
         lead, turned = self._mapped(rows)
         image = copy(self)
@@ -130,8 +134,8 @@ class Frame:
         return image
 
     def _mapped(self, rows: Matrix) -> tuple[Matrix, Matrix]:
-        """Return the images of the lead, with the equations' own part, and of the axes, as
-        balls.
+        """Return two matrices of balls: the image of the lead, plus the map's own derivatives with
+        respect to the equations' numbers, and the image of the axes.
         """
         lead = _product(rows, self.lead)
         for entries, row in zip(lead, rows, strict=True):

@@ -13,8 +13,8 @@ the box's interior, there is exactly one zero for each p, and all matrices F_u a
 
 **The choices in a certificate.** A flight's log has an entry for each step taken. Its "steps" are
 the length and the orders tested. If the sliding velocity changes its sign in the step, those of the
-step behind the change follow. Its "axes" are those of the set at the step's end. A test has the
-logs of two flights, the radii of its box, and Y.
+step after the change follow. Its "axes" are those of the set at the step's end. A test has the logs
+of two flights, the radii of its box, and Y.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ class Choices:
 
 @dataclass(frozen=True)
 class FixedPoints:
-    """One application of Krawczyk's operator. ``included`` is the proof."""
+    """The result of Krawczyk's operator. If ``included``, the fixed points are proved."""
 
     included: bool
     middle: Pair  #: m, three points
@@ -74,8 +74,8 @@ class FixedPoints:
         return [middle + part for middle, part in zip(self.middle, self.shift, strict=True)]
 
     def along(self, value: Any, by: Pair) -> Any:
-        """Return a function at the fixed points, given its middle ``value`` and its derivatives
-        over the box.
+        """Return an enclosure of a function at the fixed points, given its ``value`` at the middle
+        and its derivatives ``by`` the three numbers over the box.
         """
         return value + by[0] * self.shift[0] + by[1] * self.shift[1] + by[2] * self.shift[2]
 
@@ -89,19 +89,19 @@ def krawczyk_test(
     choices: Choices,
     centre: Return | None = None,
 ) -> FixedPoints | Return:
-    """Apply Krawczyk's test.
+    """Apply Krawczyk's test to a section's map over a box.
 
     Args:
-        claim: Gives the disk and the friction law (``parameters``, ``friction``).
+        claim: Contains the disk and the friction law (``parameters``, ``friction``).
         section: The section of the map.
         middle: Three points.
         deviations: Three balls about zero; the box is ``middle`` plus these.
         unknown: The indices of the two unknown numbers.
-        choices: Of the two flights, and Y.
+        choices: The proposers of the two flights, and Y.
         centre: The map at the middle, if it has already been computed.
 
     Returns:
-        The test's result, or the flight that did not return.
+        The test's result, or a `Return` of the first flight that did not return.
     """
     numbers, friction = constants(claim["parameters"]), claim["friction"]
     if centre is None:
@@ -148,8 +148,8 @@ def fixed_points(
         for i in range(2)
     ]
     residual = product(inverse, value)
-    # p's part is one ball that both equations share: its factors come first, for their sum may
-    # nearly vanish.
+    # p's part is one ball that both equations share. Its factors are summed first, because their
+    # sum may nearly vanish.
     moved = product(inverse, [row[other] for row in slopes])
     shift = list(deviations)
     for k, spread, part, factor in zip(unknown, product(rest, width), residual, moved, strict=True):
@@ -185,26 +185,26 @@ BOX = {"radii": [radius, 2], "inverse": [[dyadic, 2], 2], "flight": FLIGHT}  #: 
 class StepReplay:
     """The proposer of a flight that takes the steps of a log, and no others.
 
-    Failures name the step.
+    Raises Unproved, with the step's number, if a step fails or the log ends too early.
     """
 
     def __init__(self, log: Sequence[Mapping[str, Any]], name: str) -> None:
         self.log, self.name = log, name
         self.number = 0
-        self._open = False  #: whether the step proposed last has not been taken
+        self._open = False  #: True while the latest proposed step has not been taken
         self._parts: Iterator[Any] = iter(())
 
     def step(self, path: Path, longest: float | None) -> Step | None:
         need(
             not self._open, f"{self._place()}: its signs are not shown, or it may touch gamma_y = 0"
         )
-        need(self.number < len(self.log), f"{self.name}: its steps end on the way")
+        need(self.number < len(self.log), f"{self.name}: its steps end before the flight does")
         self.number, self._open = self.number + 1, True
         self._parts = iter(self.log[self.number - 1]["steps"])
         return self.next_part(path)
 
     def next_part(self, path: Path) -> Step | None:
-        """Return the next step of the present entry, tested; None if there is no other."""
+        """Return the next step of the current entry, tested, or None if the entry has no more."""
         part = next(self._parts, None)
         if part is None:
             return None
@@ -243,8 +243,8 @@ def replayed_test(
 ) -> FixedPoints:
     """Apply `krawczyk_test` with the choices of a certificate.
 
-    ``log`` is that of the flight from the middle, and ``box`` a `BOX`. Raises Unproved if the test
-    fails, or if a part of the logs is not used.
+    ``log`` is the log of the flight from the middle, ``box`` has the shape `BOX`, and ``name``
+    begins the messages. Raises Unproved if the test fails, or if a part of the logs is not used.
     """
     flights = StepReplay(log, f"{name}, centre"), StepReplay(box["flight"], f"{name}, box")
     choices = Choices(*flights, lambda matrix: box["inverse"])
@@ -252,6 +252,6 @@ def replayed_test(
     if isinstance(outcome, Return):
         raise Unproved(f"{name}: at t = {float(outcome.reached):.4g} s: {outcome.status.value}")
     for flight in flights if centre is None else flights[1:]:
-        need(flight.number == len(flight.log), f"{flight.name}: it has steps that nothing asks for")
+        need(flight.number == len(flight.log), f"{flight.name}: it has unused steps")
     need(outcome.included, f"{name}: Krawczyk's image is not shown to lie inside the box")
     return outcome

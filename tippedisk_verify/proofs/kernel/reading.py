@@ -43,17 +43,20 @@ __all__ = [
     "radius",
 ]
 
-# Bytes; bits of precision; of series
+# Bytes of a file; the largest whole number; the highest order of a series
 _LARGEST_FILE, _LARGEST_COUNT, _HIGHEST_ORDER = 2**26, 20_000, 1000
 _FEWEST_BITS = 24
 
 
 class Refused(Exception):
-    """Raised if the file is no certificate; the message names the fault and its place."""
+    """Raised if the file is not a certificate; the message names the fault and its place."""
 
 
 def dyadic(value: Any) -> Any:
-    """Read an exact point: a hexadecimal mantissa times a power of two."""
+    """Read an exact point, a hexadecimal mantissa times a power of two, as one of Arb's balls.
+
+    Raises ValueError for any other value.
+    """
     match = (
         re.fullmatch(r"(-?[0-9a-f]{1,6000})p(-?[0-9]{1,6})", value, re.ASCII)
         if isinstance(value, str)
@@ -71,7 +74,10 @@ def dyadic_text(point: Any) -> str:
 
 
 def radius(value: Any) -> Any:
-    """Read a ball about zero."""
+    """Read a radius as `dyadic` does, and return the ball about zero with this radius.
+
+    Raises ValueError if it is negative.
+    """
     size = dyadic(value)
     if not size >= 0:
         raise ValueError("a radius must not be negative")
@@ -79,7 +85,10 @@ def radius(value: Any) -> Any:
 
 
 def decimal(value: Any) -> str:
-    """Check the text of an exact decimal or of a ratio of two integers, and return it unchanged."""
+    """Return the text of an exact decimal or of a ratio of two integers unchanged.
+
+    Raises ValueError for any other value.
+    """
     pattern = r"-?[0-9]{1,4000}(\.[0-9]{1,4000}(?!/))?(e-?[0-9]{1,4}(?!/))?(/0{0,3999}[1-9][0-9]{0,3999})?"
     if not isinstance(value, str) or not re.fullmatch(pattern, value, re.ASCII):
         raise ValueError("an exact decimal as text is needed")
@@ -124,7 +133,7 @@ def one_of(*choices: Any) -> Callable[[Any], Any]:
 
 
 def parsed(value: Any, shape: Any, path: str) -> Any:
-    """Read a value of the given shape. Raises Refused, with the path, if it has another one.
+    """Read a value of the given shape. Raises Refused, with the path, if its shape differs.
 
     A shape is a dictionary of members (those with '?' are optional), a list [shape, length or
     None], or a function that reads a leaf.
@@ -149,8 +158,9 @@ def parsed(value: Any, shape: Any, path: str) -> Any:
 
 
 class ClaimReader(dict[str, Any]):
-    """A claim that remembers which members were read: a member that nothing reads, nothing
-    tests.
+    """A claim that records in ``read`` the members that were read.
+
+    A member that is never read is never tested.
     """
 
     def __init__(self, members: Mapping[str, Any]) -> None:
@@ -195,7 +205,7 @@ def content_of(path: str) -> Any:
     except OSError as fault:
         raise Refused(f"it cannot be read: {fault.strerror}") from None
     except (ValueError, RecursionError):
-        raise Refused("it is no JSON") from None
+        raise Refused("it is not JSON") from None
 
 
 def digest(content: dict[str, Any]) -> str:
@@ -208,7 +218,7 @@ def digest(content: dict[str, Any]) -> str:
 
 # --------------------------------------------------------------------------- common to all
 class FrictionTraits(NamedTuple):
-    """What proofs need to know of a friction law besides its formula, which is in `field`."""
+    """The properties of a friction law that proofs need, besides its formula in `field`."""
 
     title: str  #: its name in a sentence
     two_sided: bool  #: True if its two sides, at gamma_y = 0, are different analytic functions
@@ -224,12 +234,15 @@ MANNERS = {
     None: "a periodic orbit, of undecided stability",
 }
 
-#: the members that every claim has: its kind and its disk
+#: The members that every claim has: its kind, its disk and its friction law
 DISK = {"kind": str, "parameters": dict.fromkeys(UNITS, decimal), "friction": one_of(*LAWS)}
 
 
 def held(number: Mapping[str, str], x: Any, name: str) -> None:
-    """Raise Unproved unless the whole ball lies within the claimed half-width."""
+    """Raise Unproved unless the ball ``x`` lies within the half-width of the claimed ``number``.
+
+    The message contains ``name``.
+    """
     with working_precision(
         2 * working_bits()
     ):  # a half-width may be a few last bits only, and rounding must not exceed it

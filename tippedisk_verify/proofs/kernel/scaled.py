@@ -26,8 +26,8 @@ periodic orbit, so that Omega is Omega_crit: the curve begins at the Hopf point.
 Multipliers
 -----------
 P is homogeneous: l P(g, w; Omega, l^2 q) = P(l g, l w; Omega, q) for l > 0. Let c_g, c_w be the
-columns of P' - 1, and c_Omega, c_q the derivatives of P. Differentiation by l at the fixed point
-(1, w) gives
+columns of P' - 1, and c_Omega, c_q the derivatives of P. Differentiation with respect to l at the
+fixed point (1, w) gives
 
     c_g + w c_w = 2 q c_q,   so that   det(P' - 1) = det(c_g, c_w) = 2 q det(c_q, c_w).
 
@@ -132,8 +132,8 @@ class ScaledModel:
         variables = [graph.variable() for _ in range(3)]
         speed, q = (graph.number(part, active=True) for part in (omega, square))
         rates = self._recorded(graph, variables, speed, q)
-        #: state (3), derivatives by b, g, w, Omega and q (3 each), and the integral of the
-        #: divergence d(w')/d(w)
+        #: The system of the state (3), its derivatives with respect to b, g, w, Omega and q (3
+        #: each), and the integral of the divergence d(w')/d(w)
         self.with_divergence = with_derivatives(graph, variables, [speed, q], rates)[1]
 
     def orbit_at(self, omega: Any) -> System:
@@ -167,10 +167,11 @@ def _rates(constants: FieldConstants, state: Any, omega: Any, square: Any) -> tu
 
 @dataclass(frozen=True)
 class ScaledCurve(Curve):
-    """Starts (1, w) of the scaled state. The three numbers are q, in gamma_bar's place, w, in that
-    of v, and Omega.
+    """A curve of starts (1, w) of the scaled state. Its three numbers are q (as ``gamma_bar``), w
+    (as ``v``) and Omega.
 
-    q has no deviation and is less than 1: then |a b| < 1.5707 where |b| is.
+    q has no deviation and is less than 1, so |a b| < 1.5707 wherever |b| < 1.5707. Raises Unproved
+    otherwise.
     """
 
     unit = ((0, 0, 0), (0, 1, 0))

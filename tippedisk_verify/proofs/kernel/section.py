@@ -1,4 +1,4 @@
-"""The Poincare maps of two sections, proved: from a section along the flow to its first crossing.
+"""Proved Poincare maps of two sections: from a section along the flow to the first crossing.
 
 The half map (`HALF`)
 ---------------------
@@ -52,21 +52,21 @@ class PoincareSection(NamedTuple):
     flight.
     """
 
-    zero: int  #: of the component that is zero on the section
-    first: int  #: of the first coordinate on it; the second is v
-    laps: int  #: flights a period: the half map has two, with S between
+    zero: int  #: index of the component that is zero on the section
+    first: int  #: index of the first coordinate on it; the second is v
+    laps: int  #: flights in a period: two for the half map, with S between them
 
     @property
     def sign(self) -> int:
-        """The sign of the image under the symmetry after the flight."""
+        """The sign of the symmetry after the flight: -1 for the half map, 1 for the turn map."""
         return -1 if self.laps == 2 else 1
 
     def level(self) -> Any:
-        """Return the level of the component at which the flight ends."""
+        """Return the value of the component ``zero`` at which the flight ends."""
         return arb(0) if self.laps == 2 else 2 * arb.pi()
 
     def start(self, first: Any, v: Any) -> list[Any]:
-        """Return the state (beta_bar, gamma_bar, v) of two coordinates."""
+        """Return the state (beta_bar, gamma_bar, v) with these two coordinates on the section."""
         state = [alike(v, 0), alike(v, 0), v]
         state[self.first] = first
         return state
@@ -79,7 +79,7 @@ HALF, TURN = PoincareSection(0, 1, 2), PoincareSection(1, 0, 1)
 class Return:
     """The proved properties of all orbits from a box on a section.
 
-    Only with the status RETURNED do the others have a meaning.
+    The other members have a meaning only if the status is RETURNED.
     The coordinates x are (gamma_bar, v) for the half map and (beta_bar, v) for the turn map.
     """
 
@@ -89,8 +89,8 @@ class Return:
     reversals: Any = 0  #: changes of the sliding velocity's sign; counted under the smooth law only
     time: Any = None  #: flight time [s]
     image: Any = None  #: x under the map
-    beta_least: Any = None  #: of the half map least beta_bar, at the turn [rad]
-    turn_by_start: Any = None  #: derivatives of that by (x, Omega)
+    beta_least: Any = None  #: half map only: the least beta_bar, at the turn [rad]
+    turn_by_start: Any = None  #: its derivatives with respect to (x, Omega)
     matrix: Any = None  #: d(image)/d(x), over the box and the speeds in their ball
     by_omega: Any = None
     time_by_state: Any = None
@@ -107,8 +107,18 @@ def return_map(
     derivatives: bool = False,
     longest: float = 60.0,
 ) -> Return:
-    """Enclose the Poincare map over a box of the section's two coordinates, for up to ``longest``
-    [s].
+    """Enclose the Poincare map over a box of the section's two coordinates.
+
+    Args:
+        model: The equations of motion.
+        section: The section.
+        box: Balls of its two coordinates.
+        proposer: The source of the steps.
+        derivatives: Also enclose the map's derivatives.
+        longest: The flight's longest duration [s].
+
+    Returns:
+        The proved properties, or the status that names why there is no proof.
     """
     poincare_map = PoincareMap(model, section, box, proposer, derivatives=derivatives)
     path = poincare_map.path
@@ -147,7 +157,7 @@ class Round(NamedTuple):
     length: float  #: of the step [s]
     upright: bool  #: the disk does not lie flat
     proved: bool  #: its case as well; then the path has taken the step, or has landed
-    landing: Return | None = None  #: what is proved of the orbits, if they have reached the section
+    landing: Return | None = None  #: the proved properties of orbits that have reached the section
 
 
 class PoincareMap:
@@ -165,11 +175,14 @@ class PoincareMap:
         self.section = section
         self.path = model.path(section.start(*box), proposer, derivatives=derivatives)
         self.turned = False
-        #: least beta_bar, and its derivatives by (gamma_bar, v, Omega), where the path has turned
+        #: least beta_bar and its derivatives (gamma_bar, v, Omega), once the path has turned
         self.turn: tuple[Any, Any] = (None, None)
 
     def advance(self, longest: float | None = None) -> Round | None:
-        """Try one step and take it if it is proved. Return None if the path has no step."""
+        """Try one step, take it if it is proved, and return its proved properties.
+
+        Returns None if the path finds no step.
+        """
         step = self.path.step(longest)
         if step is None:
             return None
@@ -188,7 +201,7 @@ class PoincareMap:
         return Round(step.length, upright, True)
 
     def _case(self, step: Step) -> tuple[bool, SectionCase | None]:
-        """Return whether the disk is shown to stay upright, and the case that is shown, or None."""
+        """Return True if the disk is shown to stay upright, and the case that is shown, or None."""
         rates, (beta, _, v) = self.path.model.rates(step.enclosure), step.enclosure
         beta_end, gamma_end, v_end = step.at_end()
         one_law = not isinstance(step, Crossing)
@@ -234,14 +247,14 @@ class PoincareMap:
     def _crossing(self, step: Step) -> Any:
         """Return a ball of times at which the orbits cross the section in the step.
 
-        None if it cannot be enclosed.
+        Returns None if they cannot be enclosed.
         """
         model, zero, level = self.path.model, self.section.zero, self.section.level()
         if self.section == TURN:
             speed = model.rates(step.enclosure)[zero]
         else:
             v = step.enclosure[2]
-            # V climbs from one to the other
+            # v grows from its value at the start to that at the end.
             speed = v if positive(v) else self.path.box[2].union(step.at_end()[2])
         return enclosed_moment(
             step,
@@ -261,8 +274,8 @@ class PoincareMap:
             if sign < 0:  # that is where the section lies
                 state[section.zero] = alike(state[2], 0)
             rates, columns = path.model.rates(state), (first, 2, 3)
-            # On the section time moves with the start, dt = -d(component) / its rate, and takes the
-            # others along.
+            # On the section the time changes with the start, dt = -d(component) / its rate, and the
+            # other components change with it.
             times = [-path.matrix[section.zero][k] / rates[section.zero] for k in columns]
             rows = [
                 [

@@ -38,7 +38,10 @@ _PAIR = ("sin", "cos")
 
 
 def _operation(kind: str, *, reflected: bool = False) -> Callable[[Node, Any], Node]:
-    """Return a method of `Node` that records an operation."""
+    """Return a method of `Node` that records a binary operation.
+
+    If ``reflected``, the node is the right operand.
+    """
 
     def record(node: Node, other: Any) -> Node:
         left, right = (node.graph.number(other), node) if reflected else (node, other)
@@ -54,7 +57,7 @@ class Node:
 
     def __init__(self, graph: Graph, kind: str, left: Any = None, right: Any = None) -> None:
         self.graph, self.kind, self.left, self.right = graph, kind, left, right
-        # Of an angle: its sine; of a sine: its cosine, and the other way round
+        # The sine of an angle, the cosine of a sine, the sine of a cosine
         self.partner: Node | None = None
         self.c: list[Any] = []
         parts: list[Node] = [part for part in (left, right) if isinstance(part, Node)]
@@ -87,7 +90,7 @@ class Graph:
         return node
 
     def number(self, value: Any, *, active: bool = False) -> Node:
-        """Record a constant; `gradient` may differentiate by an ``active`` one."""
+        """Record a constant. `gradient` may differentiate with respect to an ``active`` one."""
         if isinstance(value, Node):
             return value
         node = Node(self, "number")
@@ -122,7 +125,8 @@ class Graph:
         return angle.partner
 
     def gradient(self, output: Node, inputs: Sequence[Node]) -> list[Node]:
-        """Record the partial derivatives of ``output`` by variables and active numbers.
+        """Record the partial derivatives of ``output`` with respect to variables and active
+        numbers.
 
         Return their nodes.
         """
@@ -132,8 +136,8 @@ class Graph:
             if node.active:
                 adjoints[node] = adjoints[node] + share if node in adjoints else share
 
-        # The list grows while it is read: what is recorded now are the adjoints' own operations, no
-        # part of output.
+        # The list grows while it is read. The new entries are the adjoints' own operations, which
+        # are not part of the output.
         for node in reversed(self.nodes[: self.nodes.index(output) + 1]):
             if node not in adjoints or node.left is None:
                 continue
@@ -168,8 +172,8 @@ def with_derivatives(
     """Return the system of the states and their derivatives, without and with the divergence's
     integral.
 
-    Derivatives are by each variable at the start and by each active number. Each of these adds a
-    column of as many unknowns as there are variables.
+    The derivatives are those with respect to each variable at the start and each active number.
+    Each of these adds a column of as many unknowns as there are variables.
     """
     partials = [graph.gradient(rate, [*variables, *numbers]) for rate in rates]
     unknowns, slopes = [*variables], [*rates]
@@ -206,7 +210,7 @@ class System:
         needed = _ancestors(self.rates)
         moving = [node for node in graph.nodes if node in needed and not node.constant]
         if any(node.kind == "variable" and node not in self.variables for node in moving):
-            raise ValueError("a rate depends on a variable that has none")
+            raise ValueError("a rate depends on a variable without a rate")
         convolved = {part for node in moving for part in _convolved(node)}
         inner = [node for node in moving if node.kind != "variable"]
         self._remembered = [node for node in inner if node in convolved]
@@ -225,7 +229,7 @@ class System:
         empty = getattr(start[0], "series", _list)
         for node in self._remembered:
             node.c = empty(node.c)
-        for variable in self.variables:  # handed out: not where an earlier call's lie
+        for variable in self.variables:  # new lists: the caller keeps them
             variable.c = empty()
         for node in self._passing:
             node.c = []
@@ -267,8 +271,8 @@ def _ancestors(nodes: Sequence[Node]) -> set[Node]:
         node = open_nodes.pop()
         if node not in ancestors:
             ancestors.add(node)
-            # A sine's recurrence needs the cosine, and the other way round; a variable has a
-            # partner that it needs not.
+            # A sine's recurrence needs the cosine, and the other way round. A variable has a
+            # partner that it does not need.
             partner = node.partner if node.kind in (*_PAIR, "slope") else None
             open_nodes += [
                 part for part in (node.left, node.right, partner) if isinstance(part, Node)
@@ -292,7 +296,8 @@ def _convolved(node: Node) -> tuple[Node, ...]:
 def _recurrence(node: Node) -> Callable[[int], None] | None:
     """Return the rule that appends coefficient k, with one case for each kind of operation.
 
-    The rule needs the operands' coefficients up to k and the node's own up to k - 1.
+    The rule needs the operands' coefficients up to k and the node's own up to k - 1. Returns None
+    for a variable and for a cosine, whose coefficients other rules append.
     """
     kind, x, y = node.kind, node.left, node.right
 
@@ -328,7 +333,7 @@ def _recurrence(node: Node) -> Callable[[int], None] | None:
 
 
 def _sine(node: Node) -> Callable[[int], None]:
-    """Return the rule of a sine with its cosine: S' = C x', C' = -q S x'."""
+    """Return the rule that appends to a sine and its cosine: S' = C x', C' = -q S x'."""
     x, square, cosine = node.left, node.right, node.partner
     slopes: Any = []
     assert cosine is not None
@@ -354,8 +359,8 @@ def _sine(node: Node) -> Callable[[int], None]:
 
 
 def _slope(node: Node) -> Callable[[int], None]:
-    """Return the rule of a scaled sine's derivative by q: D' = -(x S) x' / 2, where ``left`` is x
-    S.
+    """Return the rule of a scaled sine's derivative with respect to q: D' = -(x S) x' / 2, where
+    ``left`` is x S.
     """
     product, x, square = node.left, node.partner, node.right
     slopes: Any = []

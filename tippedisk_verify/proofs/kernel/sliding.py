@@ -30,15 +30,15 @@ The derivatives through a crossing
 ----------------------------------
 Let phi and psi be the flows of the two sides' laws, with fields f_s and f_-s. At a time t after the
 crossing the state is psi(t - tau, phi(tau, x)). Here tau is an analytic function of the start x and
-of Omega, as gamma_y' is not zero. A flow's time derivative is its derivative by state times the
-field, so
+of Omega, as gamma_y' is not zero. A flow's time derivative is its derivative with respect to the
+state times the field, so
 
     d(state)/dx = psi_x phi_x + psi_x (f_s - f_-s) dtau/dx,       f_s = f_-s where gamma_y = 0.
 
-Derivatives multiply as if tau were a fixed time; those by Omega are psi_x phi_Omega + psi_Omega.
-(The jump, or saltation, matrix is the identity.) The products are taken over the ball of all tau.
-So the smooth law's flow is continuously differentiable along such orbits, and the mean value
-theorem applies as in `step`. The midpoint has its own tau, known to the working precision: no
+Derivatives multiply as if tau were a fixed time. Those with respect to Omega are psi_x phi_Omega +
+psi_Omega. (The jump, or saltation, matrix is the identity.) The products are taken over the ball of
+all tau. So the smooth law's flow is continuously differentiable along such orbits, and the mean
+value theorem applies as in `step`. The midpoint has its own tau, known to the working precision: no
 digits are lost.
 
 Where a ball becomes a point or a float: pieces and the step's end are free.
@@ -78,17 +78,26 @@ _LENGTH_MARGIN = 1 + 2.0**-18  # a proposer may round lengths down to 20 bits
 
 
 def law_model(friction: str, constants: Any, omega: Any) -> Model:
-    """Return the equations of motion on balls under a friction law, 'linear' or 'smooth'."""
+    """Return the equations of motion on balls, as a `Model`, under a friction law.
+
+    ``friction`` is 'linear' or 'smooth'.
+    """
     return (SmoothModel if LAWS[friction].two_sided else Model)(constants, omega)
 
 
 def model_of(parameters: Any, omega: Any) -> Model:
-    """Return the equations of motion on balls for a disk and its law, at the working precision."""
+    """Return the equations of motion on balls, as a `Model`, for a disk and its friction law.
+
+    All numbers are enclosed at the working precision. ``omega`` [rad/s] is the speed.
+    """
     return law_model(parameters.friction, ball_constants(parameters), omega)
 
 
 class SmoothModel(Model):
-    """The law of one side: side 1, unless `of_side` has given traction and epsilon other signs."""
+    """The equations of motion with the friction law of one side of gamma_y = 0.
+
+    This is side 1, unless `of_side` has changed the signs of traction and epsilon.
+    """
 
     def __init__(self, constants: Any, omega: Any, law: Law | None = None) -> None:
         super().__init__(constants, omega, law or one_sided(1))
@@ -171,11 +180,11 @@ class Crossing(Step):
 
 
 class SlidingPath(Path):
-    """The flight of all orbits from a box with one sign of the sliding velocity, from side to
-    side.
+    """The flight of all orbits from a box, through changes of the sliding velocity's sign. At the
+    start this sign is the same for all orbits.
     """
 
-    model: SmoothModel  #: the law of the present side
+    model: SmoothModel  #: the law of the current side
 
     def __init__(
         self,
@@ -187,7 +196,7 @@ class SlidingPath(Path):
     ) -> None:
         super().__init__(model, start, proposer, derivatives=derivatives)
         velocity, _ = model.motion(self.box)
-        #: The sliding velocity's sign; 0: not known
+        #: The sliding velocity's sign; 0 if it is not known
         self.side = 1 * positive(velocity) - 1 * negative(velocity)
         self.model = model.of_side(self.side)
 
@@ -214,7 +223,7 @@ class SlidingPath(Path):
     def _followed(self, step: Step) -> Step | None:
         """Return the step if gamma_y keeps its sign, or the step through the crossing.
 
-        None if neither.
+        Returns None if neither is shown.
         """
         if not self.side:
             return None
@@ -226,10 +235,11 @@ class SlidingPath(Path):
         return None if crossing is None else self._crossing(step, *crossing)
 
     def _by_pieces(self, step: Step) -> tuple[bool, tuple[Any, Any] | None]:
-        """Return True for a kept step; for a crossed one, the times and rate of the crossing's
-        pieces.
+        """Return (True, None) for a kept step.
 
-        On these pieces s gamma_y falls to an end that is not known to be positive.
+        For a crossed one, return False and two balls: the times of the crossing's pieces, and the
+        rate of s gamma_y on them. On these pieces s gamma_y falls to an end that is not known to be
+        positive. If neither case is shown, return (False, None).
         """
         start, throughout = (
             self.model.velocity(self.box, _ORDER),
@@ -253,13 +263,16 @@ class SlidingPath(Path):
                 continue
             if not falls:
                 return False, None
-            if negative(last):  # what comes after the crossing is the other side's
+            if negative(last):  # after the crossing the other side's law holds
                 return False, (run, fall)
             waits = True
         return not waits, None
 
     def _crossing(self, step: Step, between: Any, rate: Any) -> Crossing | None:
-        """Return the step up to shortly after its crossing, which lies ``between`` two times."""
+        """Return the step up to shortly after its crossing, which lies ``between`` two times.
+
+        Returns None if the crossing is not proved.
+        """
 
         def zero(states: Callable[[Any], Any], *, middle: bool = False) -> Any:
             def towards(time: Any, k: int) -> Any:
@@ -297,7 +310,7 @@ class SlidingPath(Path):
 
 
 def _since(moment: Any, time: Any) -> Any:
-    """Return the time since the moment; NaN unless it is shown to be later."""
+    """Return the time since the moment, or NaN unless ``time`` is shown to be later."""
     after = time - moment
     return after if positive(after) else arb.nan()
 

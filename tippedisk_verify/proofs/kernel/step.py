@@ -4,9 +4,9 @@ The test
 --------
 Let X be a box of states (a vector of balls) with the midpoint m, and Omega a ball of speeds.
 Recurrences (`series`) give the Taylor coefficients p_0 … p_N of the orbit from m. They also give
-those of the orbits from X, with their derivatives by state and Omega, to order K. Over [0, h] the
-latter polynomials have a range; padded, it is a box E. With c the coefficients of order K + 1 over
-E, the step is accepted if
+those of the orbits from X, with their derivatives with respect to state and Omega, to order K. Over
+[0, h] the latter polynomials have a range; padded, it is a box E. With c the coefficients of order
+K + 1 over E, the step is accepted if
 
     polynomial(t) + t^(K+1) c  lies in the interior of E  for all t in [0, h].
 
@@ -70,7 +70,10 @@ _ALL = slice(3)
 
 @dataclass(frozen=True)
 class Step:
-    """One accepted step: its proved properties over [0, length] from the path's place."""
+    """One step of a path, from its current set of states: its properties over [0, length].
+
+    They are proved if ``included`` is True.
+    """
 
     begin: Any  #: time at its start [s]
     length: Any  #: [s], exact: a float, or an array of balls
@@ -78,9 +81,9 @@ class Step:
     frame: Frame  #: of the states at its start
     orders: tuple[int, int]  #: of the midpoint's series, and of that over the box
     polynomials: list[list[Any]]  #: of the midpoint's orbit, the remainder's coefficient last
-    #: Of the derivatives, 3 to a column (and the divergence's integral), likewise
+    #: those of the derivatives, 3 to a column, and of the divergence's integral, likewise
     derivatives: list[list[Any]]
-    included: Any = True  #: whether it is proved; an array for arrays of balls
+    included: Any = True  #: True if the step is proved; a mask for arrays of balls
 
     def rows_at(self, time: Any, components: slice = _ALL) -> tuple[tuple[Any, ...], ...]:
         """Return d(state at ``time``)/d(state at the step's start, Omega) for every orbit from the
@@ -97,12 +100,12 @@ class Step:
         return self.frame.derivatives(self.rows_at(time))
 
     def divergence_at(self, time: Any) -> Any:
-        """Return the integral of div f from the step's start."""
+        """Return the integral of div f from the step's start to ``time``."""
         return polynomial(self.derivatives[-1], rough(time))
 
     def at(self, time: Any, components: slice = _ALL) -> tuple[Any, ...]:
-        """Return the state, or components, after ``time``, a ball within [0, length], for every
-        orbit.
+        """Return balls of the state, or of some components, after ``time``, a ball within [0,
+        length]. They hold for every orbit.
         """
         return self.frame.image(self.centre(time, components), self.rows_at(time, components))
 
@@ -116,7 +119,7 @@ class Step:
 
     @cached_property
     def end(self) -> tuple[Sequence[Any], tuple[tuple[Any, ...], ...]]:
-        """The midpoint's image at the step's end, and `rows_at` it."""
+        """The midpoint's image at the step's end, and the derivatives that `rows_at` gives there."""
         time = alike(self.polynomials[0][0], self.length)
         return self.centre(time), self.rows_at(time)
 
@@ -157,7 +160,7 @@ class Trial:
         return system
 
     def tested(self, length: Any) -> Step:
-        """Return the step of that length, proved or not, and register it with the path."""
+        """Return the step of the given length, proved or not, and make it the path's latest trial."""
         with working_precision(_REMAINDER_BITS):
             enclosure, fine, wider, included = self._test(length)
         step = self.path.tested = Step(
@@ -235,7 +238,7 @@ def _from_zero(length: Any) -> Any:
 
 
 def _pad(part: Any) -> Any:
-    """Return an absolute pad, for a range without width."""
+    """Return the amount by which a range is padded: not zero, even for a range without width."""
     if is_ball_array(part):
         return part.abs_upper() * 2.0 ** -(_REMAINDER_BITS // 2) + 2.0**-_REMAINDER_BITS
     return arb(2) ** (

@@ -1,7 +1,7 @@
 """The proof of the family of limit cycles: its answer for the command line, and its certificate.
 
-`kernel.certificates.family` has the argument: why arcs that fit together are one curve from the
-Hopf point on, and what joins it to the cycles next to the connection.
+`kernel.certificates.family` explains why arcs that fit together are one curve from the Hopf point
+on, and what joins it to the cycles next to the connection.
 
 No ball becomes a point or a float here.
 """
@@ -47,7 +47,7 @@ class BranchProof(Proof):
 
     parameters: Parameters
     pieces: tuple[Piece, ...]
-    #: Why the piece after the last one is not proved, if one was tried
+    #: The reason why the piece after the last one is not proved, if one was tried
     stopped: ArcStatus | None = None
     connection: ProvedConnection | None = None  #: Omega_h, if it is known
     end: ProvedEnd | None = None  #: the cycles next to the connection, if they are proved
@@ -89,7 +89,7 @@ class BranchProof(Proof):
     def covered(self) -> Fraction | None:
         """A lower bound of the covered share of (Omega_h, Omega_crit).
 
-        None if Omega_h is not proved.
+        It is None if Omega_h is not proved.
         """
         if self.proved:
             return Fraction(1)
@@ -137,7 +137,9 @@ class BranchProof(Proof):
 
     @property
     def evidence(self) -> dict[str, Any]:
-        """The accepted choices; empty if nothing is proved from the Hopf point on."""
+        """The choices that the kernel has accepted; empty if nothing is proved from the Hopf point
+        on.
+        """
         if not self.hopf_closed:
             return {}
         arcs = {"arcs": [piece.evidence for piece in self.pieces]}
@@ -199,7 +201,7 @@ class BranchProof(Proof):
 
 
 def omega_crit(parameters: Parameters) -> Measured:
-    """Enclose Omega_crit [rad/s]."""
+    """Return an enclosure of Omega_crit [rad/s] as a `Measured` number."""
     with working_precision(_BITS):
         return measured(hopf_balls(ball_constants(parameters))["omega_crit"])
 

@@ -23,7 +23,7 @@ _PRINTED = {"reversals": "sliding_reversals"}  #: names that differ from those i
 
 
 class Stopped(Unproved):
-    """Raised if a search gives up; ``status`` has the reason, and the message may have details."""
+    """Raised if a search gives up; ``status`` is the reason, and the message may give details."""
 
     def __init__(self, status: Enum, detail: str = "") -> None:
         super().__init__(detail)
@@ -33,8 +33,8 @@ class Stopped(Unproved):
 class Proof:
     """The result of a search: its statement and its certificate.
 
-    Each kind has its ``status``, the ``claim`` of its certificate, and the ``evidence``: the
-    choices that the kernel has accepted.
+    Each kind provides its ``status``, the ``claim`` of its certificate, and the ``evidence``, which
+    are the choices that the kernel has accepted.
     """
 
     status: Any
@@ -73,9 +73,9 @@ class Proof:
     __str__ = __repr__
 
     def certificate(self) -> str:
-        """Return the text of a file that the kernel alone checks.
+        """Return the text of a certificate file, which the kernel alone can check.
 
-        Raises InputError without a proof.
+        Raises InputError if nothing is proved.
         """
         if not self.evidence:
             raise InputError(f"no certificate: {self.statement}")
@@ -101,7 +101,7 @@ def claim_of(
 ) -> dict[str, Any]:
     """Return a claim about a disk.
 
-    ``more`` are its other entries; rational numbers become exact texts.
+    ``more`` contains its other entries. Rational numbers become exact texts.
     """
     texts = {
         name: exact_text(entry) if isinstance(entry, Fraction) else entry
@@ -120,7 +120,10 @@ def parameter_texts(parameters: Parameters) -> dict[str, str]:
 
 
 class Proposer:
-    """A source of choices with a method for each name; ``log`` has the latest answers."""
+    """A source of choices, called with a choice's name and context.
+
+    Subclasses have a method for each name. ``log`` contains the latest answers.
+    """
 
     def __init__(self) -> None:
         self.log: dict[str, Any] = {}

@@ -45,7 +45,7 @@ __all__ = ["EndStatus", "ProvedEnd", "checked_distance", "prove_end"]
 
 #: u, s, t: the extent of |z_f| allows starts on the section beta = pi/2 off the slow manifold
 _EXTENTS = (Fraction(1, 5), Fraction(1, 5), Fraction(3, 10))
-_CELLS = (32, 6)  # along half of z_u and z_s, and of z_f
+_CELLS = (32, 6)  # numbers of cells along half of z_u and z_s, and along half of z_f
 _STEEP = (Fraction(1), Fraction(1, 8), Fraction(1))
 _COMPOUND = (Fraction(1, 2), Fraction(1))
 _RETURN = Fraction(10)  # 1/s, between the two roots of p^2 - a_2 p + a_1
@@ -56,9 +56,9 @@ _SPEED_CELL, _SLOW_CELL = 2e-3, 4e-3  # lengths of the exits' cells in the speed
 _ROOM = 1.01  # the lid relative to the bound from the largest speed's orbit
 _WIDENED = 0.15  # the excess width of an enclosure relative to a cell's image; measured
 _ROUNDS, _ATTEMPTS = 60, 8
-# S; a box's enclosure over a longer one is too wide where the fast direction contracts
+# s; over a longer step a box's enclosure is too wide where the fast direction contracts
 _STEP = 0.005
-_FLOWN, _LONGEST = 1e-3, 3000  # s, and the largest number, of steps of the single flights
+_FLOWN, _LONGEST = 1e-3, 3000  # length [s] and largest number of steps of the single flights
 
 Array = NDArray[np.float64]
 
@@ -90,7 +90,7 @@ class ProvedEnd(Proof):
     v: Fraction = Fraction(0)  #: d [rad/s]
     numbers: dict[str, str] = field(default_factory=dict)  #: kappa and other sizes in the proof
     where: str = ""  #: the inequality that fails
-    choices: dict[str, Any] = field(default_factory=dict)  #: that the kernel has accepted
+    choices: dict[str, Any] = field(default_factory=dict)  #: those that the kernel has accepted
 
     @property
     def bits(self) -> int:  # type: ignore[override]
@@ -121,8 +121,8 @@ class ProvedEnd(Proof):
         }
 
     def meets(self, omega: Any, gamma_bar: Any, v: Any) -> bool:
-        """Return True if the fixed point of P in these balls is the statement's, at all speeds of
-        ``omega``.
+        """Return True if a fixed point of P in these balls is the one in the statement, at all
+        speeds of ``omega``.
 
         Then a curve of cycles that is proved there is the same curve.
         """
@@ -209,14 +209,15 @@ class _EndSearch(Proposer):
     def __init__(
         self, connection: ProvedConnection, low: Fraction, high: Fraction, factor: float
     ) -> None:
-        """Search between the speeds ``low`` and ``high``, with the expected lid times
-        ``factor``.
+        """Prepare a search between the speeds ``low`` and ``high`` [rad/s].
+
+        The expected lid is multiplied by ``factor``.
         """
         super().__init__()
         self.connection, self.low, self.high, self.factor = connection, low, high, factor
 
     def stopped(self, fault: Unproved) -> EndStatus:
-        """Return the stage at which the kernel or the search gave up."""
+        """Return the status of the stage at which the kernel or the search gave up."""
         if isinstance(fault, Stopped):
             return EndStatus(fault.status)
         if "connection" in str(fault):
@@ -250,8 +251,8 @@ class _EndSearch(Proposer):
         }
 
     def entry(self, n: Passage) -> dict[str, Any]:
-        """Choose D and Q, with a lid above which the flights of the largest speed and z_s should
-        arrive.
+        """Choose D and Q, with a lid so high that the flights of the largest speed and z_s arrive
+        within D.
         """
         top, cell = float(self.high), float(self.high) - _SPEED_CELL
         _, (arrival, further, slower) = self._flown(
@@ -270,8 +271,10 @@ class _EndSearch(Proposer):
         return LoopMap(n, self._entry(n, lid))
 
     def _entry(self, n: Passage, lid: float) -> dict[str, Any]:
-        """Choose the moment that bounds the crossings of beta_bar = 0 best, and c and d that hold
-        them.
+        """Return the choice of D and Q with a given lid.
+
+        It contains the moment that bounds the crossings of beta_bar = 0 best, and c and d so large
+        that Q holds them.
         """
         top, fast = ball(lid), ball(_FAST)
 
@@ -293,7 +296,9 @@ class _EndSearch(Proposer):
         }
 
     def flights(self, loop_map: LoopMap) -> dict[str, Any]:
-        """Choose steps that end half a step after the middle of each cell arrives."""
+        """Choose steps for each cell: the last one ends half a step after the cell's middle
+        arrives.
+        """
         low, high = float(self.low), float(self.high)
         least, largest = map(float, loop_map.exits)
         rows, columns = (
@@ -313,7 +318,11 @@ class _EndSearch(Proposer):
         }
 
     def _flown(self, n: Passage, speeds: Array, slow: Array) -> tuple[Array, Array]:
-        """Return times of single flights from z_u = u to z_s = -s, and z_u there (Runge-Kutta)."""
+        """Return the times of single flights from z_u = u to z_s = -s, and z_u on arrival.
+
+        The method is Runge-Kutta's in doubles. ``speeds`` and ``slow`` (z_s at the start) have one
+        entry for each flight. Raises Unproved if a flight does not arrive.
+        """
         assert self.connection.parameters is not None
         constants = self.connection.parameters.at(DOUBLE)
         to_y, to_z = (

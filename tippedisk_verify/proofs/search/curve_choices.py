@@ -65,7 +65,7 @@ _WIDE_SHARES = Fraction(1, 64), Fraction(1, 256)
 
 #: v_0 (or v_0 / a) [rad/s], Omega [rad/s], half the period [s]
 Guess = tuple[Fraction, Fraction, Fraction]
-Test = Callable[[Sequence[Fraction], Any], Arc]  #: of a box of these radii, with these choices
+Test = Callable[[Sequence[Fraction], Any], Arc]  #: a test of a box with these radii and choices
 _TOLERANCE, _ROUGH_TOLERANCE = -56, -30  #: log2 of the last terms: of states, and of derivatives
 _FIRST_SHARE, _LONGEST_SHARE = 0.01, 0.03  #: of the time of flight, for a step
 _MOST_STEPS, _MOST_TRIALS = 2000, 15
@@ -75,9 +75,10 @@ _POLISHES = 3  # chord steps towards the cycle at s = 0
 
 
 class StepSearch:
-    """A proposer of the steps of one flight, each after trials of its length; ``log`` keeps them.
+    """A proposer of the steps of one flight, each found by trials of its length.
 
-    Choices are first rounded to a few digits, so the log holds them exactly.
+    ``log`` records the choices. They are first rounded to a few digits, so the log holds them
+    exactly.
     """
 
     def __init__(self) -> None:
@@ -106,7 +107,7 @@ class StepSearch:
         return step
 
     def _next(self) -> str:
-        """Return the share to try.
+        """Return the share to try next, as a decimal.
 
         If the return lies in that step, it is well away from both ends.
         """
@@ -114,7 +115,7 @@ class StepSearch:
         return f"{left + 0.3 * self._share if left <= 0.7 * self._share else min(self._share, 0.6 * left):.4g}"
 
     def took(self, step: Step, axes: Matrix | None) -> None:
-        """Do not record the step: `step` has done so."""
+        """Do nothing: `step` has recorded the step."""
 
     def axes(self, turned: Matrix, sizes: Sequence[float], stiffness: float) -> Matrix:
         """Return the axes of `axes_of_balls`, rounded, and record them."""
@@ -125,7 +126,11 @@ class StepSearch:
 
 
 def _excess(series: Sequence[Sequence[Jet]], step: Step, power: int, tolerance: int) -> float:
-    """Return the excess of log2 of a length for remainders that grow like its ``power``."""
+    """Return log2 of the step's length over the largest acceptable one.
+
+    Remainders grow like the ``power`` of the length and may reach 2^tolerance. Returns infinity if
+    a remainder is not finite.
+    """
     size = max(float(part[-1].c[0].abs_upper()) for part in series)
     length = float(step.length.c[0].mid())
     if not (math.isfinite(size) and length > 0):
@@ -134,7 +139,9 @@ def _excess(series: Sequence[Sequence[Jet]], step: Step, power: int, tolerance: 
 
 
 def glide(constants: FieldConstants, curve: Curve) -> tuple[Sequence[Jet], Jet]:
-    """Approximate the image (gamma_bar, v) of the curve itself and its time by midpoints."""
+    """Approximate the image (gamma_bar, v) of the curve itself, and its time of flight, by
+    midpoints.
+    """
     orbit = curve.equations(constants, *curve.numbers).orbit_at(curve.omega)
     total = curve.total
     state, time, done = [0 * curve.v.mid(), *curve.start], 0 * total, 0.0
@@ -236,7 +243,7 @@ def family_rows(
 def _slope(
     constants: FieldConstants, kind: type[Curve], point: Sequence[Any], half: Any, moving: int
 ) -> list[Any]:
-    """Approximate the derivative of F by one of the three numbers."""
+    """Approximate the derivative of F with respect to the number with the index ``moving``."""
     zero = 0 * point[0]
     first, v, speed = (Jet([part, zero + _TINY * int(moving == j)]) for j, part in enumerate(point))
     image, _ = glide(constants, kind(first, v, speed, [zero] * 3, Jet.constant(half, 1)))
@@ -259,7 +266,10 @@ class Boxed(NamedTuple):
 
 
 def boxed(test: Test, radii: Sequence[Fraction]) -> Boxed:
-    """Test boxes, first with these radii, until Krawczyk's image fits. Raises Stopped."""
+    """Test boxes, first with these radii, until Krawczyk's image fits, and return the passed test.
+
+    Raises Stopped if none passes.
+    """
     for _ in range(_MOST_ATTEMPTS):
         choices, sizes = StepSearch(), [two_digits(max(radius, _LEAST)) for radius in radii]
         try:
@@ -281,6 +291,7 @@ def prove_piece(
     parameters: Parameters, low: Fraction, high: Fraction, guess: Guess
 ) -> Piece | ArcStatus:
     """Prove the family from one amplitude to another [rad], with scaled states if ``low`` is 0.
+    Return the piece, or the reason why it is not proved.
 
     ``guess`` is a cycle at the middle of a or, with scaled states, of a^2.
     """
@@ -336,7 +347,7 @@ def prove_piece(
 
 
 def piece_entry(piece: Piece) -> dict[str, object]:
-    """Return a piece without its evidence, in exact decimals."""
+    """Return the entries of a piece, without its evidence, in exact decimals."""
     return {
         "low": exact_text(piece.low),
         "high": exact_text(piece.high),

@@ -113,7 +113,7 @@ class OrbitProof(Proof):
         return {"omega": Measured(self.omega, Fraction(0)).to_dict()}
 
     def lacking_bits(self, digits: int) -> int:
-        """Return the bits by which the worst number misses ``digits`` digits.
+        """Return the number of bits by which the worst number misses ``digits`` digits.
 
         They are significant digits for the main results, and decimals for the others.
         """
@@ -133,7 +133,7 @@ class OrbitProof(Proof):
     def numbers(self) -> dict[str, Measured]:
         """Return the enclosures, slightly widened, as exact rational midpoints and radii.
 
-        Raises InputError without a proof.
+        Raises InputError if nothing is proved.
         """
         if not self.proved:
             raise InputError(self.statement)
@@ -141,8 +141,10 @@ class OrbitProof(Proof):
 
 
 def _decimal_below(x: Any) -> str:
-    """Return a decimal of two digits below all numbers of the ball, by at least 2^-20 of them, or
-    0.
+    """Return a decimal of two digits below all numbers of the ball, with a relative margin of
+    2^-20.
+
+    Returns "0" if there is no positive one.
     """
     enclosure = measured(x)
     least = enclosure.value - enclosure.uncertainty
@@ -179,7 +181,7 @@ def prove_cycle(
 
 
 class Attempt:
-    """A proof in progress: the precision and box in use. Failures are raised as `Stopped`."""
+    """A proof in progress: the current precision and box. Failures are raised as `Stopped`."""
 
     def __init__(
         self,
@@ -200,7 +202,7 @@ class Attempt:
         self.bits = min(most_bits, self.box_bits + _GUARD_BITS)
 
     def model(self) -> Model:
-        """Return the equations at the present working precision."""
+        """Return the equations of motion at the current working precision."""
         return model_of(self.parameters, ball(self.omega))
 
     def run(self, guess: Sequence[Any]) -> OrbitProof:
@@ -240,7 +242,10 @@ class Attempt:
         size: int,
         centre: tuple[Steps, Return] | None = None,
     ) -> tuple[FixedPoints | Return, dict[str, Any]]:
-        """Apply Krawczyk's test to a box whose radii are 2^-size of the state."""
+        """Apply Krawczyk's test to a box whose radii are 2^-size times the state.
+
+        Return its result, or the flight that failed, and the evidence.
+        """
         sizes = [(abs(part) * arb(2) ** -size).mid() for part in middle[:2]]
         return searched_test(self.setting, self.section, (0, 1), middle, sizes, drift, centre)
 
@@ -311,7 +316,7 @@ class Attempt:
         return replace(proof, unique_within=cycle.apart(fixed, radii), evidence=evidence)
 
     def concluded(self, fixed: FixedPoints) -> OrbitProof:
-        """Return the proof with the cycle's numbers, from a passed test."""
+        """Return the proof of the cycle, with its numbers, from a test that was passed."""
         values, where = (
             cycle.cycle_numbers(self.section, fixed),
             f"{fixed.centre.steps} + {fixed.box.steps} steps",
@@ -336,8 +341,8 @@ def _not_followed(flight: Return) -> Stopped:
 
 
 def _shortage(fixed: FixedPoints, evidence: Mapping[str, Any]) -> int:
-    """Return the bits, at least 16, that bring rounding errors of Y F(m) well below the box's
-    radius.
+    """Return the number of extra bits, at least 16, that bring the rounding errors of Y F(m) well
+    below the box's radius.
     """
     if not all(part.is_finite() for part in fixed.residual):
         return 64

@@ -1,7 +1,7 @@
 """The proof of the family of limit cycles: the intervals that are tried, and their order.
 
 An interval of amplitudes that is not proved is halved, unless its proved properties exclude every
-part of it. At the Hopf point only the lower half is tried; `open_intervals` has the rest. If an
+part of it. At the Hopf point only the lower half is tried; `open_intervals` returns the rest. If an
 interval is given up, nothing beyond it is useful, because the curve has to begin at the Hopf point.
 
 Where a ball becomes a point or a float: intervals and guesses are chosen, and no proof depends on
@@ -65,7 +65,7 @@ _CONNECTION_DIGITS = 10
 Known = tuple[Fraction, Fraction, Fraction, Fraction]
 Found = tuple[Piece | ArcStatus, "Interval"]
 Watch = Callable[[Piece | ArcStatus, "Interval"], None]
-#: Processes, if there are several intervals
+#: A maker of a pool of processes, for several intervals
 Pool = Callable[[bool], AbstractContextManager[Executor | None]]
 
 
@@ -78,15 +78,16 @@ def prove_family(
     stage: Callable[[str], None] = lambda name: None,
     watch: Watch = lambda found, interval: None,
 ) -> BranchProof:
-    """Prove as much of the family as possible: up to the amplitude ``until`` [rad], or to the
+    """Prove as much of the family as possible: up to the amplitude ``until`` [rad], or up to the
     connection.
 
     Args:
         parameters: The disk.
-        connected_at: Gives Omega_h [rad/s] to some digits, or None.
-        cycles_at: Gives cycles at some speeds [rad/s], or at speeds of its choice, for guesses.
+        connected_at: Called with a number of digits; returns Omega_h [rad/s] or None.
+        cycles_at: Called with speeds [rad/s], or with None for speeds of its choice; returns
+            cycles, which serve as guesses.
         until: The amplitude at which to end [rad].
-        pool: Makes the executor.
+        pool: Called with True if there are several intervals; returns the executor's context.
         stage: Called with the name of each stage.
         watch: Called with each interval that is proved or given up, and the piece or the reason.
     """
@@ -131,7 +132,7 @@ def prove_family(
 def _next_to(connection: ProvedConnection) -> ProvedEnd | None:
     """Prove the cycles next to the connection, with the largest reach that succeeds.
 
-    Or return a failure.
+    Returns the last failure if none succeeds, and None if nothing could be tried.
     """
     from tippedisk_verify.proofs.search.connection_end import prove_end
 
@@ -145,7 +146,9 @@ def _next_to(connection: ProvedConnection) -> ProvedEnd | None:
 
 
 def _end_for(near: ProvedEnd | None, known: Sequence[Known]) -> Fraction | None:
-    """Return an amplitude at which pieces reach the proved cycles next to the connection."""
+    """Return an amplitude at which pieces reach the proved cycles next to the connection, or None
+    if these are not proved.
+    """
     if near is None or not near.proved or near.connection.omega_h is None:
         return None
     low = near.connection.omega_h.value
@@ -166,15 +169,15 @@ def _speeds(parameters: Parameters, omega_h: Fraction) -> Iterator[Fraction]:
 
 @dataclass(frozen=True)
 class Interval:
-    """An interval of amplitudes to be proved [rad]; with ``low`` 0, by scaled states."""
+    """An interval of amplitudes to be proved [rad]. If ``low`` is 0, states are scaled."""
 
     low: Fraction
     high: Fraction
     halvings: int = 0
 
     def halves(self) -> tuple[Interval, ...]:
-        """Return both halves, or the lower one if ``low`` is 0, because the other needs known
-        cycles.
+        """Return both halves. If ``low`` is 0, return the lower half only, because the other one
+        needs known cycles.
         """
         middle, count = (self.low + self.high) / 2, self.halvings + 1
         lower = Interval(self.low, middle, count)
@@ -232,7 +235,9 @@ def hopf_guess(parameters: Parameters) -> Guess:
 
 
 def guess_at(known: Sequence[Known], amplitude: Fraction) -> Guess:
-    """Interpolate the cycle of an amplitude between known ones; no proof depends on it."""
+    """Return v_0, Omega and half the period at an amplitude, interpolated between known cycles. No
+    proof depends on it.
+    """
     nearest = sorted(known, key=lambda cycle: abs(cycle[0] - amplitude))[:_NEAREST]
     off = [float(cycle[0] - amplitude) for cycle in nearest]
     values = [[float(number) for number in cycle[1:]] for cycle in nearest]
@@ -249,7 +254,8 @@ def prove_intervals(
     executor: Executor | None = None,
     watch: Watch = lambda found, interval: None,
 ) -> ArcStatus | None:
-    """Prove intervals. Return the reason for which the first one was given up, or None.
+    """Prove intervals. Return the reason why the lowest failed one was given up, or None if all are
+    proved.
 
     ``watch`` is called with each interval that is proved or given up, and the piece or the reason.
     """
@@ -267,8 +273,9 @@ def prove_intervals(
 
 
 class _Jobs:
-    """The intervals in progress: in order here, the lowest first, or all at once in other
-    processes.
+    """An iterator over results of intervals, as (piece or reason, interval).
+
+    The intervals are tried here in order, the lowest first, or all at once in other processes.
     """
 
     def __init__(

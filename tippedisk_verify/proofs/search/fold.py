@@ -36,11 +36,11 @@ from tippedisk_verify.proofs.search.steps import Steps, midpoint_inverse, search
 __all__ = ["HALF", "TURN", "FoldProof", "prove_fold"]
 
 _GUARD_BITS = 60
-# Digits by which the arc is shorter than half the digits: enclosures of derivatives over it are
-# wide.
+# The arc's length has this many digits more than half the requested ones, because enclosures of
+# derivatives over it are wide.
 _SHORTER = 5
 _SLOPE = 8  # of v along the arc [1/s], at first
-# Of the enclosure of Omega over the arc, in units of its squared half-length, at first
+# First radius of Omega's enclosure over the arc, in units of the squared half-length
 _EXCESS = 2**26
 _INFLATIONS = 3
 _CHORDS = 12
@@ -56,16 +56,16 @@ class FoldProof(Proof):
     where: str  #: the reason for which the proof ended
     parameters: Parameters
     bits: int  #: working precision
-    #: omega, the extreme speed on the arc [rad/s], the first coordinate on the section along the
-    #: arc, v and the period
+    #: The extreme speed on the arc, omega [rad/s], the first coordinate on the section along the
+    #: arc, v [rad/s] and the period [s]
     values: Mapping[str, Measured] = field(default_factory=dict)
-    extremum: Literal["smallest", "largest"] | None = None  #: which
+    extremum: Literal["smallest", "largest"] | None = None  #: the kind of extremum
     #: The choices that the kernel accepted
     evidence: Mapping[str, Any] | None = field(default=None, repr=False)
 
     @property
     def status(self) -> None:
-        """No status: ``where`` has the reason of a failure."""
+        """None: a fold has no status, and ``where`` gives the reason of a failure."""
 
     @property
     def proved(self) -> bool:
@@ -92,8 +92,8 @@ def prove_fold(
     """Prove the fold near a point (both coordinates on the section, Omega).
 
     The point needs a few more than ``digits`` digits. The fold's speed is enclosed to ``digits``
-    significant digits. The answer has the reason of a failure. Raises InputError under the smooth
-    law.
+    significant digits. If the proof fails, the result gives the reason. Raises InputError under the
+    smooth law.
     """
     parameters.refuse_unless_linear("the fold of limit cycles is proved")
     digits = checked_digits(digits)
@@ -103,7 +103,7 @@ def prove_fold(
     # The printed arc is exactly the tested one, so its middle has no more decimals than its
     # half-length.
     arc = Measured(round(p, places + 2), Fraction(1, 10**places))
-    # The squared half-length, and some more
+    # Enough for the squared half-length, with a margin
     bits = bits_for_digits(digits + 2 * _SHORTER + 4) + _GUARD_BITS
     attempt = _Attempt(section, parameters, (v, omega), arc)
     with working_precision(bits):
@@ -132,7 +132,7 @@ class _Attempt:
         self.evidence: dict[str, Any] = {}
 
     def run(self) -> tuple[Literal["smallest", "largest"], dict[str, Measured]]:
-        """Return the kind of extremum and the numbers, at the present working precision."""
+        """Return the kind of extremum and the numbers, at the current working precision."""
         p, *ends = fold.arc_balls(self.arc.value, self.arc.uncertainty)
         length = ball(self.arc.uncertainty)
         whole = self.whole(p, length)
@@ -214,7 +214,7 @@ class _Attempt:
         sizes: Sequence[Any],
         centre: tuple[Steps, Return] | None = None,
     ) -> FixedPoints:
-        """Apply Krawczyk's test about a point; its choices become the evidence."""
+        """Apply Krawczyk's test about a point, and store its choices as evidence."""
         setting, middle = claim_of("", self.parameters, {}), [p.mid(), *m]
         fixed, self.evidence[name] = searched_test(
             setting, self.section, (1, 2), middle, sizes, p - p.mid(), centre

@@ -1,4 +1,4 @@
-"""The search for the proof of Omega_h; `kernel.certificates.connection` has the proof itself.
+"""The search for the proof of Omega_h; the proof itself is in `kernel.certificates.connection`.
 
 An approximation is given, with a few more digits than the interval's length needs. The polynomials
 of the invariant curves solve the equation of invariance power by power. The other choices (cones,
@@ -148,7 +148,7 @@ class ProvedConnection(Printable, Proof):
     #: "above" or "below" Omega_h, in I: there the branch leaves N with falling gamma
     turns_back: str = ""
     parameters: Parameters | None = None  #: the disk of the proof
-    verified: EnclosedConnection | None = None  #: by the kernel
+    verified: EnclosedConnection | None = None  #: the kernel's result
     #: The choices that the kernel has accepted
     evidence: Mapping[str, Any] = field(default_factory=dict)
 
@@ -277,11 +277,12 @@ def prove_connection(parameters: Parameters, near: object, digits: int = 12) -> 
 
 
 def eigenvectors(parameters: Parameters, speed: Fraction) -> tuple[list[Any], Any]:
-    """Return points near the eigenvalues of noninverted spinning [1/s], by descending value, and P.
+    """Return the eigenvalues of noninverted spinning [1/s], by descending value, and the matrix P.
+    Both are points near the true numbers.
 
-    P's columns are near the eigenvectors, with largest component 1, and its entries in gamma's row
-    are positive. Raises NoConnectionError unless the equilibrium is a saddle with one unstable and
-    two real stable directions.
+    P's columns are near the eigenvectors. Their largest component is 1, and the entries in gamma's
+    row are positive. Raises NoConnectionError unless the equilibrium is a saddle with one unstable
+    and two real stable directions.
     """
     found = exact_polynomial(parameters.rational(), speed, NONINVERTED).complex_roots()
     roots = [root for root, count in found if count == 1 and root.imag.is_zero()]
@@ -303,7 +304,11 @@ def eigenvectors(parameters: Parameters, speed: Fraction) -> tuple[list[Any], An
 
 
 def smallest_weights(matrix: Any, by_speed: Sequence[Any]) -> list[Any]:
-    """Return weights near the smallest that leave half of each diagonal entry."""
+    """Return cone weights that are nearly the smallest possible.
+
+    With them, each row's off-diagonal terms and speed term amount to about half of its weighted
+    diagonal entry. The kernel tests them with `cones`.
+    """
     weights = [most(2 * part) / abs(matrix[k, k].mid()) for k, part in enumerate(by_speed)]
     for _ in range(_GUESSES):
         rest = [x + abs(b) for x, b in zip(others(matrix, weights), by_speed, strict=True)]
@@ -314,9 +319,10 @@ def smallest_weights(matrix: Any, by_speed: Sequence[Any]) -> list[Any]:
 def series_of_curve(
     saddle: SaddleCoordinates, along: int, order: int, values: Sequence[Any]
 ) -> ManifoldGraph:
-    """Compute the invariant curve at the middle speed.
+    """Return the power series of an invariant curve at the middle speed, as a polynomial graph.
 
-    ``values`` are points near the eigenvalues.
+    ``along`` is the index of the coordinate that parametrises it, and ``values`` are points near
+    the eigenvalues [1/s].
     """
     side = None
     if saddle.two_sided:
@@ -335,9 +341,9 @@ def series_of_curve(
 
 
 class _ConnectionSearch(Proposer):
-    """One pass over an interval of speeds, with a working precision."""
+    """The proposer of one pass over an interval of speeds, at one working precision."""
 
-    #: by the latest choice
+    #: The status of a failure, by the choice made last
     _STAGES: ClassVar = {
         "unstable": ConnectionStatus.UNSTABLE_BRANCH,
         "cone": ConnectionStatus.UNSTABLE_BRANCH,
@@ -361,7 +367,7 @@ class _ConnectionSearch(Proposer):
         self.small = half_width * share
 
     def stopped(self, fault: Unproved) -> ConnectionStatus:
-        """Return the stage at which the kernel or the search gave up."""
+        """Return the status of the stage at which the kernel or the search gave up."""
         if isinstance(fault, Stopped):
             return ConnectionStatus(fault.status)
         return (
@@ -421,7 +427,7 @@ class _ConnectionSearch(Proposer):
 
     def arrived(self, path: Path, z: Sequence[Any], curve: ManifoldGraph) -> bool:
         beta, gamma, _ = path.box
-        # Gamma falls, or has passed the saddle
+        # gamma falls, or has passed the saddle
         if path.time > _LONGEST or beta < 0 or gamma > arb.pi():
             raise Stopped(ConnectionStatus.NOT_NEAR)
         return bool(

@@ -1,8 +1,8 @@
 """The search for steps: lengths and orders that the kernel's test is likely to pass, and axes, with
 a log.
 
-A `Steps` proposes for one flight. Its ``log`` has the steps taken, in the form in which
-`kernel.krawczyk` reads them from a certificate.
+A `Steps` object proposes the steps of one flight. Its ``log`` lists the steps taken, in the form in
+which `kernel.krawczyk` reads them from a certificate.
 
 Axes for sets of states are nearly orthogonal, the first along the largest direction (Lohner's QR
 method). Velocities are divided by the stiffness [1/s] of d(v')/dv before angles and lengths are
@@ -38,26 +38,29 @@ _AXIS_BITS = 30
 
 
 class Steps:
-    """A proposer that works by trial and error on the kernel's test."""
+    """A proposer of steps that works by trial and error on the kernel's test."""
 
     def __init__(self) -> None:
         self.log: list[dict[str, Any]] = []
-        # Of the length that the midpoint's series allows; adapts to accepted steps
+        # Share of the length that the midpoint's series allows; it adapts to accepted steps
         self._share = 0.75
 
     def beyond(self) -> Steps:
-        """Return another search; its steps are logged with the step that begins before."""
+        """Return a new search. Its steps are logged with the step that begins before."""
         return Steps()
 
     def step(self, path: Path, longest: float | None) -> Step | None:
-        """Return a step whose remainders are as small as rounding, or as a share of the box."""
+        """Return a step whose remainders are as small as rounding, or as a share of the box.
+
+        Returns None if none passes.
+        """
         try:
             return self._trials(path, longest)
         except OverflowError:
             return None
 
     def _trials(self, path: Path, longest: float | None) -> Step | None:
-        """Try steps of falling length until one passes."""
+        """Try steps of falling length and return the first one that passes, or None."""
         bits = working_bits()
         order = _order(bits)
         allowed, rough_allowed = _allowed(path, bits)
@@ -111,8 +114,8 @@ class Steps:
 
 
 def _allowed(path: Path, bits: int) -> tuple[list[int], int]:
-    """Return log2 of the largest allowed remainders, of the state's components and of the
-    derivatives.
+    """Return log2 of the largest allowed remainders: a list for the state's components, and one
+    number for the derivatives.
     """
     # As large as rounding, or a hundredth of the ball's radius: 70 steps at most double it.
     allowed = [
@@ -143,8 +146,9 @@ def _excess(
     length: float,
     power: int,
 ) -> float:
-    """Return the excess of log2 of the step's length for remainders that grow like its
-    ``power``.
+    """Return log2 of the step's length over the largest acceptable one.
+
+    The remainders grow like the ``power`` of the length.
     """
     size = math.log2(length)
     return (
@@ -157,7 +161,10 @@ def _excess(
 
 
 def _length(series: Sequence[Sequence[Any]], allowed: Sequence[int]) -> float:
-    """Estimate the length for which the last two terms stay within bounds; the test decides."""
+    """Estimate the longest step [s], at most 1 s, for which the last two terms stay within bounds.
+
+    The test decides.
+    """
     order = len(series[0]) - 1
     exponents = (
         (limit - magnitude(column[n])) / n
@@ -183,9 +190,9 @@ def searched_test(
 ) -> tuple[FixedPoints | Return, dict[str, Any]]:
     """Apply Krawczyk's test about three points; return its result and evidence.
 
-    ``sizes``, points, are the radii of the box of the two ``unknown`` numbers, and the ball
-    ``moved`` is the deviation of the third one. Pass ``centre`` if the flight of the middle has
-    already been computed.
+    ``sizes`` (points) are the radii of the box of the two ``unknown`` numbers. The ball ``moved``
+    is the deviation of the third one. Pass ``centre`` if the flight of the middle has already been
+    computed.
     """
     way, flight = (Steps(), None) if centre is None else centre
     chosen: list[Sequence[Any]] = []
@@ -203,7 +210,7 @@ def searched_test(
 
 
 def midpoint_inverse(matrix: Matrix) -> list[list[Any]]:
-    """Return the inverse of the midpoints' matrix, as points."""
+    """Return the inverse (2, 2) of the matrix of midpoints, as points."""
     (a, b), (c, d) = ((entry.mid() for entry in row) for row in matrix)
     determinant = a * d - b * c
     return [

@@ -1,6 +1,6 @@
 """Certificates: their kinds, and the check that the evidence in a file proves its claim.
 
-No search.
+This package searches for nothing.
 """
 
 from __future__ import annotations
@@ -43,12 +43,13 @@ KINDS: dict[str, Any] = {
 
 
 def check(path: str, mapped: family.Mapped = map) -> str:
-    """Apply `proved` to the content of a file."""
+    """Verify the certificate in a file and return its claim as a sentence (see `proved`)."""
     return proved(content_of(path), mapped)
 
 
 def proved(content: Any, mapped: family.Mapped = map) -> str:
-    """Verify a certificate and return its claim as a sentence. Raises Unproved or Refused.
+    """Verify the content of a certificate and return its claim as a sentence. Raises Unproved or
+    Refused.
 
     ``mapped`` may be the map of a pool of processes: a family's arcs take most of the time, and
     each is verified separately.
@@ -75,8 +76,8 @@ def proved(content: Any, mapped: family.Mapped = map) -> str:
         try:
             KINDS[kind].verify(reader, file["evidence"], *extra)
         except (ValueError, IndexError, OverflowError, ZeroDivisionError) as fault:
-            raise Unproved(f"its choices cannot be computed with: {fault}") from None
-    # The kind chose the test. Reading the file tested the members that a kind narrows in `DISK`.
+            raise Unproved(f"the computation with its choices fails: {fault}") from None
+    # The kind has chosen the test. Members of `DISK` that a kind narrows were tested on reading.
     untested = reader.keys() - reader.read - {"kind"} - (claim.keys() & DISK.keys())
     need(not untested, f"claim: nothing tests {', '.join(sorted(untested))}")
     return sentence(file["claim"])

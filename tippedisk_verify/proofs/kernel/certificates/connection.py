@@ -164,7 +164,7 @@ def verify_connection(
 def _curve(saddle: SaddleCoordinates, along: int, entry: dict[str, Any]) -> ManifoldGraph:
     need(
         ("side" in entry) == saddle.two_sided,
-        "6.5: the smooth law has sides, the linear law has not",
+        "6.5: the smooth law has sides, the linear law does not",
     )
     return ManifoldGraph(
         saddle, along, entry["graph"], int(entry["side"]) if "side" in entry else None
@@ -177,8 +177,8 @@ def _departure(
     """Enclose the branch up to z_u = theta_0.
 
     Returns:
-        A box of z at theta_0; its derivative there by the speed, in z and the speed; whether the
-        branch stays upright; a box of states that holds it.
+        A box of z at theta_0; d(z, speed)/d(speed) there; True if the branch stays upright; a box
+        of states that holds it.
     """
     entry = choose("unstable", saddle)
     curve, theta = _curve(saddle, UNSTABLE, entry), entry["reach"]
@@ -217,8 +217,8 @@ def _parts(step: Step) -> list[Any]:
 
 
 def holds(room: Sequence[Fraction], offset: Sequence[Any], pieces: Sequence[Any]) -> bool:
-    """Return True if the room holds a block's offsets, and all orbits after their first arrival in
-    it.
+    """Return True if the box ``room`` holds a block's offsets, and all orbits from their first
+    arrival in the box on.
     """
     sizes = [ball(extent) for extent in room]
     offsets = [(beta, gamma - arb.pi(), v) for beta, gamma, v in pieces]
@@ -238,7 +238,7 @@ def alone(
     G: Sequence[Any],
     choose: Callable[..., Any],
 ) -> bool:
-    """Return True if orbits of two speeds cannot both stay in the box.
+    """Return True if orbits of two different speeds cannot both stay in the box ``room``.
 
     Raises Unproved if an orbit that stays is not shown to converge.
     """
@@ -268,8 +268,8 @@ def _slowly(matrix: Any, z: Sequence[Any]) -> bool:
 
 
 def _eigenvalues(saddle: SaddleCoordinates, claimed: Sequence[tuple[Fraction, Fraction]]) -> None:
-    """Show that each of three disjoint intervals holds one eigenvalue at every speed, in descending
-    order.
+    """Raise Unproved unless each of three disjoint intervals, in descending order, holds one
+    eigenvalue at every speed.
     """
     c, w = saddle.constants, saddle.omega
     arm = c.r - c.e
@@ -288,7 +288,10 @@ def _eigenvalues(saddle: SaddleCoordinates, claimed: Sequence[tuple[Fraction, Fr
 
 
 class Recorded:
-    """The choices of a certificate, by name. The flight ends with its log."""
+    """The recorded choices of a certificate, called with their names.
+
+    The flight arrives when its log ends.
+    """
 
     def __init__(self, entries: Mapping[str, Any]) -> None:
         self.entries = entries
@@ -317,7 +320,15 @@ SHAPES = {
 
 
 def verify(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> None:
-    """Raise Unproved unless the evidence proves the claim."""
+    """Verify a claim of Omega_h: replay its proof with the recorded choices.
+
+    Args:
+        claim: The claim, as read from the file.
+        evidence: The recorded choices.
+
+    Raises:
+        Unproved: If the choices do not prove the claim.
+    """
     numbers = {
         name: (Fraction(x["value"]), Fraction(x["uncertainty"]))
         for name, x in claim["numbers"].items()

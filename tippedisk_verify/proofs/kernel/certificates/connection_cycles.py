@@ -85,12 +85,12 @@ Let z(Omega) be the fixed point. It is analytic, z' = (1 - DR)^-1 dR/d(Omega), w
 kappa_u and dR/d(Omega) at fixed z from the drift and the flight. So z_u' < 0, and d = (z_u', 0,
 z_f') is in the cone of the steep weights with the speed's part 1. It stays there and |d_u| grows.
 
-- gamma_bar_0 falls: gamma' = 0 where beta_bar = 0, so its derivative by Omega is that at fixed
-  time, with d_u's sign.
+- gamma_bar_0 falls: gamma' = 0 where beta_bar = 0, so its derivative with respect to Omega
+  is that at fixed time, with d_u's sign.
 - T falls: the passage's time has the derivative -d_u / F_u at the exit, both negative. Its size
   exceeds the derivative of the flight's time.
-- beta_max falls: |beta_bar| is largest in the flight, with derivatives by (z_s, z_f, Omega) at its
-  start.
+- beta_max falls: |beta_bar| is largest in the flight, with derivatives with respect to (z_s,
+  z_f, Omega) at its start.
 
 As Omega falls to Omega_h (7a.5)
 --------------------------------
@@ -194,21 +194,22 @@ EVIDENCE = CHOICES | {"connection": connections.CHOICES | _CONNECTION}
 
 @dataclass(frozen=True)
 class End:
-    """A verified result: for each speed of (Omega_h, high] the half map has one fixed point
+    """A verified result: for each speed of (Omega_h, high] the half map has exactly one fixed point
     in Q.
     """
 
     low: Fraction
     high: Fraction
-    above: Fraction  #: Omega_h is not higher [rad/s]
+    above: Fraction  #: an upper bound of Omega_h [rad/s]
     gamma: Fraction  #: c [rad]
     v: Fraction  #: d [rad/s]
     kappa: Any = None
-    time: Any = None  #: no passage from D is shorter [s]
+    time: Any = None  #: a lower bound of the duration of a passage from D [s]
 
     def meets(self, omega: Any, gamma_bar: Any, v: Any) -> bool:
-        """Return True if a fixed point of P in these balls is the one in Q, at all speeds of
-        ``omega``.
+        """Return True if these balls lie in Q, at speeds of (Omega_h, high].
+
+        A fixed point of P in them is then the one in Q.
         """
         above, high, c, d = map(ball, (self.above, self.high, self.gamma, self.v))
         inside = (
@@ -237,7 +238,7 @@ def verify_cycles(
         high: Above Omega_h.
         choose: Called with the names of `CHOICES` and the values on which each may depend. Its
             ``entry`` also has the claimed c and d (``gamma``, ``v``).
-        watch: Called with the share of the flights that is done.
+        watch: Called with the share of the flights' steps that is done.
 
     Raises:
         Unproved: With the inequality that fails.
@@ -318,7 +319,10 @@ class LoopMap:
         ask("7a.1: the saddles' boxes are apart", 2 * arb.pi() * saddle.inverse[S, 1] - 2 * s)
 
     def verify(self, arrivals: Sequence[Sequence[Any]]) -> Any:
-        """Show the inequalities of R, given the arrivals of all flights. Return kappa."""
+        """Show the inequalities of R, given the arrivals of all flights, and return kappa.
+
+        Raises Unproved.
+        """
         n, w = self.n, self.weight
         (u, s, _), (k_u, k_s, k_f), (k_1, k_2) = n.extents, n.steep, n.compound
         (unstable, *by_u), (fast, *by_f), (_, *by_t), (beta, *by_b) = arrivals
@@ -351,8 +355,8 @@ class LoopMap:
             -moved[0] - k_u,
             -moved[0] - k_u / k_f * abs(moved[1]),
         )
-        # The derivatives of the fixed point of R by the speed. |z_f'| <= slope |z_u'| + offset by
-        # the second row of 1 - DR, and the first one then bounds |z_u'|.
+        # The derivatives of R's fixed point with respect to the speed. The second row of 1 - DR
+        # shows |z_f'| <= slope |z_u'| + offset; the first one then bounds |z_u'|.
         first, second = after_round([arb(1), arb(0), arb(0)]), after_round([arb(0), arb(0), arb(1)])
         drift = [arb(0, most(x / speed)) for x in n.drift[:2]]
         rest = [row[0] * drift[0] + row[1] * drift[1] + row[2] for row in (by_u, by_f)]
@@ -402,8 +406,9 @@ def _flights(
     entry: dict[str, Any],
     watch: Callable[[float], None],
 ) -> list[list[Any]]:
-    """Enclose the flights from all exits at all speeds, in cells: a row of lengths for each cell of
-    speeds.
+    """Return `arrivals` of the flights from all exits at all speeds, divided into cells.
+
+    ``entry`` contains the lengths of steps, with one row for each cell of speeds.
     """
     rows, (least, largest) = entry["lengths"], loop_map.exits
     need(bool(rows) and all(rows), "7a.1: there are no flights")
@@ -431,7 +436,10 @@ def _flights(
 
 
 def _connected(n: Passage, connection: EnclosedConnection) -> None:
-    """Show that gamma grows all along the connection, which stays in N from z_s = -s on."""
+    """Show that gamma grows all along the connection, which stays in N from z_s = -s on.
+
+    Raises Unproved.
+    """
     saddle, (u, s, t) = n.saddle, n.extents
     box = saddle.coordinates([arb(0, ball(extent).upper()) for extent in connection.room])
     ask("7a.3: the connection's box lies in N", u - abs(box[U]))
@@ -453,7 +461,15 @@ SHAPES = {
 
 
 def verify(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> End:
-    """Return the verified cycles. Raises Unproved unless the evidence proves the claim."""
+    """Verify the claim of the cycles next to the connection, and return the result.
+
+    Args:
+        claim: The claim, as read from the file.
+        evidence: The recorded choices.
+
+    Raises:
+        Unproved: If the choices do not prove the claim.
+    """
     entries = evidence["connection"]
     claimed = {
         "room": tuple(map(Fraction, entries["room"])),

@@ -2,7 +2,8 @@
 
 By Theorems 5 and 9 of docs/certified_cycles.md a fixed point lies on a cycle, and the numbers
 follow on balls. Period and largest |beta_bar| follow by the mean value theorem from the test's
-middle. The derivatives by the speed and the multipliers follow from the flight over its box.
+middle. The multipliers and the derivatives with respect to the speed follow from the flight over
+its box.
 
 Let D = exp(integral of div f). The determinant of the turn map's P' is D at a fixed point, because
 the factor gamma'(start) / gamma'(end) is 1 there. That of the half map's P' is -D: S after the flow
@@ -57,8 +58,9 @@ UNKNOWNS = {HALF: ("gamma_bar_0", "v_0"), TURN: ("beta_bar_top", "v_top")}
 
 
 def names(section: PoincareSection) -> tuple[str, ...]:
-    """Return the names of the numbers claimed, first those of `main`, which have the requested
-    digits.
+    """Return the names of the claimed numbers.
+
+    Those of `main` come first. They have the requested digits.
     """
     slopes = (f"d{name}_domega" for name in UNKNOWNS[section])
     others = ("multiplier_slow", "log_multiplier_slow", "log_multiplier_fast", "dperiod_domega")
@@ -76,7 +78,12 @@ def place(claim: Mapping[str, Any], middle: Sequence[Any]) -> tuple[list[Any], A
 
 
 def cycle_numbers(section: PoincareSection, fixed: FixedPoints) -> dict[str, Any]:
-    """Return the cycle's numbers, balls, by name."""
+    """Return enclosures of the cycle's period, multipliers and derivatives, by name.
+
+    Args:
+        section: The section of the cycle.
+        fixed: The enclosed fixed point, with the map's derivatives.
+    """
     centre, box, laps = fixed.centre, fixed.box, section.laps
     (a, b), (c, d) = box.matrix
     trace, shrinking = a + d, box.divergence.exp()
@@ -121,9 +128,11 @@ def stability(numbers: Mapping[str, Any]) -> bool | None:
 
 
 def apart(fixed: FixedPoints, radii: Sequence[Any]) -> tuple[Any, Any]:
-    """Return distances from the fixed point that stay within a tested box of these radii."""
-    # The fixed point is up to |K| away from m, so its distance to the box's faces is smaller by
-    # that.
+    """Return two balls: the distances from the fixed point to the faces of a tested box.
+
+    ``radii`` are those of the box. No other fixed point is nearer than these distances.
+    """
+    # The fixed point is up to |K| away from m, which reduces its distance to the box's faces.
     first, second = (
         radius.rad() - abs(part) for radius, part in zip(radii, fixed.shift, strict=False)
     )
@@ -156,7 +165,15 @@ SHAPES = {
 
 
 def verify(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> None:
-    """Raise Unproved unless the evidence proves the claim."""
+    """Verify the claim of a limit cycle: replay its proof with the recorded choices.
+
+    Args:
+        claim: The claim, as read from the file.
+        evidence: The recorded choices.
+
+    Raises:
+        Unproved: If the choices do not prove the claim.
+    """
     section = KINDS[claim["kind"]]
     middle, drift = place(claim, evidence["middle"])
 

@@ -70,7 +70,7 @@ __all__ = [
     "verify_piece",
 ]
 
-#: Whether up to the connection
+#: True for a family that reaches up to the connection
 KINDS = {"family of limit cycles": False, "whole family of limit cycles": True}
 _ROOMS = ("v_0_per_gamma_bar_0", "v_0", "omega")
 
@@ -87,7 +87,7 @@ ARC = {
 
 Pair = tuple[Fraction, Fraction]
 Rows = tuple[tuple[Fraction, ...], tuple[Fraction, ...]]  #: coefficients of two polynomials
-#: The disk, where the arc begins, number, evidence
+#: The disk, the amplitude at which the arc begins, the arc's number, its evidence
 Job = tuple[Mapping[str, str], Fraction, int, Mapping[str, Any]]
 
 
@@ -122,7 +122,7 @@ class Piece:
     curve: Rows
     unique_within: Pair  #: of the polynomials: no other cycle is nearer
     within: Pair  #: of the polynomials: the true values are this near
-    #: Of the shape `ARC`
+    #: with the shape `ARC`
     evidence: Mapping[str, Any] = field(default_factory=dict, compare=False, repr=False)
 
     @property
@@ -130,7 +130,7 @@ class Piece:
         return not self.low
 
     def at(self, amplitude: Fraction) -> Pair:
-        """Return the polynomials' v_0 [rad/s] and Omega [rad/s]."""
+        """Return v_0 [rad/s] and Omega [rad/s] of the polynomials at an amplitude [rad]."""
         s = (2 * amplitude - self.low - self.high) / (self.high - self.low)
         if self.scaled:
             s = 2 * amplitude**2 / self.high**2 - 1
@@ -140,11 +140,11 @@ class Piece:
         return self.scaled_to(amplitude, (first, second))
 
     def scaled_to(self, amplitude: Fraction, values: Pair) -> Pair:
-        """Convert values or distances of the polynomials to those of v_0 and Omega."""
+        """Convert values or distances of the two polynomials to those of v_0 and Omega."""
         return values[0] * (amplitude if self.scaled else 1), values[1]
 
     def speeds(self, amplitude: Fraction) -> Pair:
-        """Return a lower and an upper bound of Omega [rad/s]."""
+        """Return a lower and an upper bound of Omega [rad/s] at an amplitude [rad]."""
         middle = self.at(amplitude)[1]
         return middle - self.within[1], middle + self.within[1]
 
@@ -173,8 +173,8 @@ def box_test(
         disk: The eight exact numbers.
         low: The amplitude at which the arc begins [rad].
         arc: Its end, and the coefficients of the two unknown numbers and of half the period.
-        radii: Of the box, for the two unknown numbers.
-        choices: Of the flight.
+        radii: The box's radii, for the two unknown numbers.
+        choices: The proposer of the flight's steps.
 
     Raises:
         Unproved: If the flight fails.
@@ -206,7 +206,7 @@ def signs(arc: Arc) -> ArcStatus | None:
 
 
 def verify_piece(job: Job) -> Piece:
-    """Verify one arc and return its piece. Raises Unproved."""
+    """Verify one arc and return its piece. Raises Unproved with the test that fails."""
     disk, low, number, content = job
     arc = parsed(content, ARC, f"arc {number}")
     names = [name for name in ("box", "wide box") if name in arc]
@@ -243,7 +243,7 @@ Mapped = Callable[[Callable[[Job], Piece], Sequence[Job]], Iterable[Piece]]
 
 
 def joined(first: Piece, second: Piece, amplitude: Fraction) -> bool:
-    """Return True if both pieces hold this positive amplitude and provably have the same cycle
+    """Return True if both pieces include this positive amplitude and provably have the same cycle
     there.
     """
     if not all(piece.low <= amplitude <= piece.high for piece in (first, second)) or amplitude <= 0:
@@ -252,7 +252,7 @@ def joined(first: Piece, second: Piece, amplitude: Fraction) -> bool:
 
 
 def _known_in(first: Piece, second: Piece, amplitude: Fraction) -> bool:
-    """Return True if the enclosure of the first one's cycle lies in the second one's box of
+    """Return True if the enclosure of the first piece's cycle lies in the second piece's box of
     uniqueness.
     """
     parts = zip(
@@ -272,8 +272,8 @@ def omega_crit(disk: Mapping[str, str]) -> Any:
 
 
 def curve_fault(disk: Mapping[str, str], pieces: Sequence[Piece]) -> str:
-    """Return the reason why the pieces are not proved to be one curve from the Hopf point, or
-    ''.
+    """Return the reason why the pieces are not proved to be one curve from the Hopf point. Returns
+    '' if they are.
     """
     if not pieces:
         return "there are no arcs"
@@ -328,7 +328,7 @@ SHAPES = {kind: _shape(whole) for kind, whole in KINDS.items()}
 def verify(claim: Mapping[str, Any], evidence: Mapping[str, Any], mapped: Mapped = map) -> None:
     """Raise Unproved unless the evidence proves the claim.
 
-    ``mapped`` verifies the independent arcs.
+    ``mapped`` applies `verify_piece` to the arcs, which are independent of each other.
     """
     disk, arcs = claim["parameters"], evidence["arcs"]
     lows = [Fraction(0), *(Fraction(arc["end"]) for arc in arcs)]

@@ -41,19 +41,19 @@ def names(section: PoincareSection) -> tuple[str, ...]:
 
 
 def arc_balls(place: Fraction, half: Fraction) -> tuple[Any, Any, Any]:
-    """Return balls of p on the arc, at its lower and at its upper end."""
+    """Return three balls of p: over the arc, at its lower end and at its upper end."""
     return ball(place) + arb(0, ball(half).upper()), ball(place - half), ball(place + half)
 
 
 def slope(fixed: FixedPoints) -> Any:
-    """Return dOmega/dp over the box."""
+    """Return a ball of dOmega/dp on the curve of fixed points, over the box of a test."""
     (f, a, b), (g, c, d) = fixed.slopes
     return (c * f - a * g) / (a * d - b * c)
 
 
 def extremum(lower: Any, upper: Any) -> Literal["smallest", "largest"] | None:
-    """Return the kind of extremum of Omega inside the arc, given its slopes at the ends, or
-    None.
+    """Return the kind of extremum that Omega has inside the arc, given its slopes at both ends.
+    Returns None if no extremum is shown.
     """
     if negative(lower) and positive(upper):
         return "smallest"
@@ -68,7 +68,7 @@ def judge(
 ) -> None:
     """Raise Unproved unless tests on the whole arc and at its ends prove the claim.
 
-    ``radii`` are the arc's.
+    ``radii`` are those of the arc's box. ``points`` are the results in the order of `POINTS`.
     """
     whole, numbers = points[0], claim["numbers"]
     for point, name in zip(points[1:], POINTS[1:], strict=True):
@@ -109,11 +109,19 @@ SHAPES = {
 
 
 def verify(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> None:
-    """Raise Unproved unless the evidence proves the claim."""
+    """Verify the claim of a fold: replay its proof with the recorded choices.
+
+    Args:
+        claim: The claim, as read from the file.
+        evidence: The recorded choices.
+
+    Raises:
+        Unproved: If the choices do not prove the claim.
+    """
     section = KINDS[claim["kind"]]
     arc = claim["numbers"][UNKNOWNS[section][0]]
     place, half = Fraction(arc["value"]), Fraction(arc["uncertainty"])
-    need(half > 0, f"claim: {UNKNOWNS[section][0]} is no interval")
+    need(half > 0, f"claim: {UNKNOWNS[section][0]} is not an interval")
     points = []
     for name, p in zip(POINTS, arc_balls(place, half), strict=True):
         point = evidence[name]

@@ -5,7 +5,7 @@ N is the box |z_u| <= u, |z_s| <= s, |z_f| <= t in the coordinates of `saddle`. 
 one ball. F is odd, so DF is the same at z and -z, and half of N suffices. Over small cells are
 enclosed:
 
-- A, which holds DF, and B, the derivative of F by the speed.
+- A, which holds DF, and B, the derivative of F with respect to the speed.
 - M, the mean of DF over each ray from the saddle, so that F(z) = M z for a matrix of M. It is the
   mean of n unions. The k-th is over the cells that meet (k / n) N. It holds DF where the ray's
   parameter is between (k - 1) / n and k / n.
@@ -47,9 +47,9 @@ Let d be a variation of an orbit. The products b_ij = F_i d_j - F_j d_i obey b' 
     |b| = max(|b_us|, |b_uf| / k_1, |b_sf| / k_2)
 
 falls along the whole passage. b_uf falls faster, down to a bound by b_us and b_sf (`settled`,
-`ratio`). If d is the derivative by the speed, F_i B_j - F_j B_i is added. Then |b_ij| <= X_ij stays
-true where C X + |F_i B_j - F_j B_i| < 0, for C with its off-diagonal entries made positive (X =
-`drift`).
+`ratio`). If d is the derivative with respect to the speed, F_i B_j - F_j B_i is added. Then |b_ij|
+<= X_ij stays true where C X + |F_i B_j - F_j B_i| < 0, for C with its off-diagonal entries made
+positive (X = `drift`).
 
 b does not change if a multiple of F is added to d: it gives the variation on a section, at either
 end. The cone |b_uf| <= k_1 b_us, |b_sf| <= k_2 b_us, b_us > 0 is kept, because b_us falls more
@@ -128,7 +128,7 @@ _ORDER = 8  # of the flights' series
 class Passage:
     """The box N with its extents and cells, and the enclosures over it.
 
-    `weighted` shows inequalities.
+    `weighted` shows the inequalities for given weights.
     """
 
     def __init__(
@@ -167,8 +167,11 @@ class Passage:
         )
 
     def _over(self, z: list[Any], central: NDArray[np.bool_]) -> tuple[list[Any], list[list[Any]]]:
-        """Return DF, the sums of its diagonal entries and B over cells, and the products' hull if
-        ``central``.
+        """Return two lists, over an array of cells.
+
+        The first one contains DF, the sums of pairs of its diagonal entries, and B. The second one
+        contains the hull of the products F_i B_j - F_j B_i over the ``central`` cells, if there are
+        any.
         """
         _, slopes, by_speed = self.saddle.field(z)
         d = [entry for row in slopes for entry in row]
@@ -271,9 +274,9 @@ class Passage:
         self._quadrant(weights["return"])
 
     def _thin_set(self) -> None:
-        """Show that |z_f| <= k_3 max(|z_u|, |z_s|) is kept.
+        """Show that orbits stay in the thin set |z_f| <= k_3 max(|z_u|, |z_s|) (part 7a.4).
 
-        Enclose z_s / z_u and z_f / z_u at beta_bar = 0.
+        Enclose z_s / z_u and z_f / z_u at beta_bar = 0 in ``ratios``. Raises Unproved.
         """
         m, k, p = self.M, self.thin, self.saddle.directions
         falls = self.decay[1] - (abs(m[F, U]) + abs(m[F, S])) / k
@@ -298,8 +301,10 @@ class Passage:
         return sum(self.saddle.directions[row, k] * self.ratios[k] for k in range(3))
 
     def _quadrant(self, rate: Any) -> None:
-        """Show that K is kept: from there beta_bar does not come back to 0 before the orbit leaves
-        N.
+        """Show that orbits do not leave K within N, so beta_bar does not come back to 0 there
+        (7a.4).
+
+        Raises Unproved.
         """
         p = self.saddle.directions
         rows = p * self.M * self.saddle.inverse
@@ -346,7 +351,7 @@ class Passage:
         return most(early).max(most(self.fallen(s, fast, moment)[0] / self.ratios[S].lower()))
 
     def settled(self, b: Sequence[Any], time: Any) -> list[Any]:
-        """Return upper bounds of |b_us| and |b_uf| after ``time``, from b."""
+        """Return upper bounds of |b_us| and |b_uf| after ``time``, given b at its start."""
         k_1, k_2 = self.compound
         size = most(b[0]).max(most(b[1] / k_1)).max(most(b[2] / k_2))
         first = most(size * (-self.rate * time).exp())
@@ -375,11 +380,19 @@ def arrivals(
     count: int,
     watch: Callable[[float], None] = lambda share: None,
 ) -> list[list[Any]]:
-    """Enclose the arrivals of all flights, with their derivatives by z_s, z_f and the speed at the
-    start.
+    """Enclose the arrivals of all flights, with their derivatives.
 
-    The saddle's speeds are an array of balls. All inequalities belong to part 1 of Theorem 7a's
-    proof.
+    The derivatives are those with respect to z_s, z_f and the speed at the start. All inequalities
+    belong to part 1 of the proof of Theorem 7a.
+
+    Args:
+        saddle: The coordinates; their speeds are an array of balls, one for each flight.
+        extents: The extents of the box N.
+        slow: z_s at the start of each flight.
+        fast: The ball of z_f at all starts.
+        lengths: The length of each flight's steps [s].
+        count: The number of steps of a flight.
+        watch: Called after each step with the share of the steps that is done.
 
     Returns:
         Rows of Arb's balls for z_u, z_f and the time on arrival, and for the largest beta_bar.
@@ -421,8 +434,9 @@ def arrivals(
 
 
 class _Axes:
-    """The axes of the sets by a fixed rule: the images of those of z_u and z_s, and the axis
-    of v.
+    """The proposer of the sets' axes, by a fixed rule.
+
+    The axes are the images of those of z_u and z_s, and the axis of v.
     """
 
     def axes(self, turned: Sequence[Sequence[Any]], sizes: Any, stiffness: Any) -> list[list[Any]]:
@@ -449,7 +463,10 @@ def _step(path: Path, lengths: NDArray[np.float64]) -> Step:
 
 
 def _climbs(model: Model, step: Step) -> NDArray[np.bool_]:
-    """Show that gamma grows and v has at most one zero; return in which flights it may have one."""
+    """Show that gamma grows and that v has at most one zero in the step.
+
+    Returns a mask of the flights in which v may have a zero.
+    """
     beta, _, v = step.enclosure
     _all("0 < beta_bar < 1.5707 is not shown", beta.positive(), (ball(UPRIGHT) - beta).positive())
     turning: NDArray[np.bool_] = ~(v.positive() | v.negative())
@@ -461,7 +478,10 @@ def _climbs(model: Model, step: Step) -> NDArray[np.bool_]:
 
 
 def _landed(saddle: SaddleCoordinates, path: Path, step: Step, s: Any) -> list[list[Any]]:
-    """Enclose the time of the arrival in a step, z_u and z_f, with their derivatives."""
+    """Return rows for the time of arrival within the step [s], for z_u and for z_f.
+
+    Each row is the value and its derivatives with respect to z_s, z_f and the speed at the start.
+    """
     # By the mean value theorem about the middle of the step.
     middle = step.length / 2
     level = saddle.seen(path.carried(step, middle))[S] + s

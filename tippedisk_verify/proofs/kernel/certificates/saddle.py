@@ -135,8 +135,8 @@ def cones(matrix: Any, weights: Sequence[Any], by_speed: Sequence[Any] = (0, 0, 
     """Return three balls that have to be positive for the cones of the weights.
 
     On a convex box that holds the saddle let ``matrix`` hold DF and ``by_speed`` the derivative of
-    F by the speed. Let two orbits at speeds w and w + D, D >= 0, differ by d, and let U = |d_u| /
-    k_u and S = max(|d_s| / k_s, |d_f| / k_f). As long as both orbits are in the box:
+    F with respect to the speed. Let two orbits at speeds w and w + D, D >= 0, differ by d, and let
+    U = |d_u| / k_u and S = max(|d_s| / k_s, |d_f| / k_f). As long as both orbits are in the box:
 
     - Once U >= max(S, D), this stays so, and U grows exponentially.
     - Backwards in time, once S >= max(U, D), this stays so, and S grows exponentially.
@@ -150,7 +150,7 @@ def cones(matrix: Any, weights: Sequence[Any], by_speed: Sequence[Any] = (0, 0, 
 def hull_of_array(x: BallArray) -> Any:
     """Return one of Arb's balls that holds a whole array.
 
-    Rounded differences move outwards by one ulp.
+    Rounded differences move outwards by one ulp. Returns NaN if a ball is infinite.
     """
     if not x.is_finite().all():
         return arb.nan()
@@ -162,7 +162,7 @@ def hull_of_array(x: BallArray) -> Any:
 
 
 def products(x: Sequence[Any], y: Sequence[Any]) -> list[Any]:
-    """Return x_i y_j - x_j y_i for us, uf, sf."""
+    """Return x_i y_j - x_j y_i for the pairs (i, j) = us, uf, sf."""
     return [
         x[i] * y[j] - x[j] * y[i] for i, j in ((UNSTABLE, SLOW), (UNSTABLE, FAST), (SLOW, FAST))
     ]
@@ -249,7 +249,7 @@ class SaddleCoordinates:
     def field(
         self, z: Sequence[Any], side: int | None = None
     ) -> tuple[list[Any], list[list[Any]], list[Any]]:
-        """Return F, DF and the derivative B by the speed over a box of z.
+        """Return F, DF and the derivative B with respect to the speed over a box of z.
 
         Under the smooth law without a ``side`` they are the hull of both sides'.
         """
@@ -298,9 +298,10 @@ class SaddleCoordinates:
         return path
 
     def seen(self, frame: Frame, deviation: Sequence[Any] | None = None) -> list[Any]:
-        """Return z about the second saddle of a set of states, summed over the set's own axes.
+        """Return a box of z, about the second saddle, that holds a set of states.
 
-        With ``deviation``, only the states with these deviations are meant.
+        It is summed over the set's own axes. With ``deviation``, it holds the states with these
+        deviations.
         """
         lead, axes = map(self.columns, (frame.lead, frame.axes))
         d = frame.deviation if deviation is None else deviation
@@ -321,9 +322,9 @@ class SaddleCoordinates:
 class ManifoldGraph:
     """A polynomial graph w = W(theta) over the coordinate ``along``.
 
-    ``graph`` has the exact coefficients of theta^0 ... theta^N for each of the other coordinates,
-    the first one 0. ``side`` is the sign of gamma_y on the half with theta > 0, None for the linear
-    law.
+    ``graph`` contains the exact coefficients of theta^0 ... theta^N for each of the other
+    coordinates, the first one 0. ``side`` is the sign of gamma_y on the half with theta > 0, None
+    for the linear law.
     """
 
     def __init__(
@@ -332,7 +333,7 @@ class ManifoldGraph:
         self.saddle, self.along, self.graph, self.side = saddle, along, graph, side
         self.others = tuple(k for k in range(3) if k != along)
         self.order = len(graph[0]) - 1
-        #: W is the polynomials' for theta > 0, and -W(-theta) for theta < 0
+        #: The polynomials give W for theta > 0; for theta < 0 the graph is -W(-theta)
         self.mirrored = side is not None and along == SLOW
         need(
             len({len(row) for row in graph}) == 1 and self.order > 0,
@@ -356,7 +357,7 @@ class ManifoldGraph:
         ]
 
     def point(self, theta: Any, w: Sequence[Any] = (0, 0)) -> list[Any]:
-        """Return z = (theta, W(theta) + w), its components in their places."""
+        """Return z = (theta, W(theta) + w), with the components in the order u, s, f."""
         z = [theta] * 3
         for other, value, off in zip(self.others, self.at(theta), w, strict=True):
             z[other] = value + off
@@ -381,7 +382,10 @@ class ManifoldGraph:
         return [_horner(row[1:], theta) for row in self.graph]
 
     def keeps_side(self, reach: Any, cone: Sequence[Any]) -> None:
-        """Show that gamma_y has the curve's sign on |w_i| <= cone_i theta, 0 < theta <= reach."""
+        """Show that gamma_y has the curve's sign on |w_i| <= cone_i theta, 0 < theta <= reach.
+
+        Raises Unproved. A curve without a side passes.
+        """
         if self.side is None:
             return
         span = arb(0).union(reach)
@@ -400,8 +404,9 @@ class ManifoldGraph:
             return [flow[other] - slope * flow[self.along] for other, slope in pairs]
 
     def relative_defect(self, reach: Any) -> list[Any]:
-        """Return bounds d of |D(theta)| / |theta| for 0 < |theta| <= reach and all speeds, or
-        NaN.
+        """Return bounds d of |D(theta)| / |theta| for 0 < |theta| <= reach and all speeds.
+
+        Returns NaN where there is no bound.
         """
         order, whole = self.order, arb(0).union(reach)
         if self.side is None:
@@ -409,7 +414,7 @@ class ManifoldGraph:
         inside = self.defect(arb(0), order)
         try:
             over = self.defect(whole, order + 1)
-        # The mass may vanish somewhere: Arb divides no series by a ball that holds zero
+        # The mass may vanish somewhere: Arb does not divide a series by a ball that holds zero
         except ValueError:
             return [arb.nan()] * 2
         bounds = []
@@ -449,7 +454,7 @@ def leaving(
 
 
 def block(curve: ManifoldGraph, extents: Sequence[Any]) -> tuple[Any, list[Any], Any]:
-    """Show that N with the extents s, u, t isolates (6.3).
+    """Show that N with the extents s, u, t is an isolating block (6.3).
 
     Returns:
         Its delta, a box of z that holds N, and DF over that box.
