@@ -64,7 +64,8 @@ class Heteroclinic(Printable):
     splitting_derivative: Measured | None = field(
         default=None,
         metadata=quantity(
-            "derivative of the distance between the manifolds by Omega, at s = 1", "s/rad"
+            "derivative of the distance between the manifolds with respect to Omega, at s = 1",
+            "s/rad",
         ),
     )
     #: the parts of the half-width of Omega_h, by name [rad/s]
