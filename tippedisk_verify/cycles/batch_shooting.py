@@ -39,13 +39,13 @@ _FIRST, _OMEGA = 0, 3
 
 @dataclass(frozen=True)
 class BatchCycles:
-    """n limit cycles of a section in double. ``cycles[name]`` is a number of each, (n,), NaN where
-    Newton failed.
+    """n limit cycles of a section in double. ``cycles[name]`` is the array (n,) of one number, NaN
+    where Newton's iteration failed.
 
     The names are omega, the section's `numbers` and the trivial multiplier's defect.
     ``log_multipliers`` is the sum of both logarithms, which is the integral of the divergence.
-    ``residual`` is |image of the flight's end - start| of (beta_bar, gamma_bar, v / 10), summed
-    [rad].
+    ``residual`` is the sum of |image of the flight's end - start| over beta_bar, gamma_bar and v /
+    10 [rad].
     """
 
     section: Section[Any]
@@ -243,8 +243,10 @@ class _SectionBatch:
         )
 
     def measures(self, unknowns: Array, runs: Any) -> dict[str, Any]:
-        """Return the section's measures, and the integral of the ``divergence`` over a flight, of
-        these runs.
+        """Return the section's measures, and the integral of the ``divergence`` over a flight, by
+        name.
+
+        ``runs`` are the indices (k,) of the runs, and the numbers are arrays (k,).
         """
         states = unknowns[runs]
         flights = self._lanes(
@@ -267,7 +269,7 @@ class _SectionBatch:
 
 
 def _rates(constants: Array, omegas: Array, states: Array) -> Array:
-    """Return the field (n, 3) at shifted states."""
+    """Return the field (n, 3) of the linear law at shifted states (n, 3)."""
     law = LAWS["linear"]
     by_name = constants_of((omegas, *constants.T), law)
     return numpy.stack(field(shifted(numpy), by_name, omegas, law)(*states.T), axis=1)
