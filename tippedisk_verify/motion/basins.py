@@ -134,7 +134,7 @@ def basins(
         The initial states and the outcome of each, as arrays (rows, columns).
 
     Raises:
-        InputError: An argument cannot be used.
+        InputError: If an argument cannot be used.
     """
     speed = checked_speed(omega)
     duration, v, known_count = (
@@ -274,12 +274,13 @@ def classified_lanes(
 def _run(
     parameters: Parameters, omega: Fraction, now: Any, duration: float, *, record: bool
 ) -> tuple[Any, Any, dict[int, list[_Crossing]]]:
-    """Run all states for a while.
+    """Integrate all states (n, 3) for a duration [s].
 
     They run in lanes. The default engine, one run at a time, computes what a lane cannot finish.
 
     Returns:
-        The states, True for each disk that lies flat, and the crossings of each run.
+        The states (n, 3) at the end, a mask (n,) of the disks that lie flat, and the crossings of
+        each run by its index. Without ``record`` only crossings into lying flat are recorded.
     """
     events = (_FLAT, _SECTION, _TOP) if record else (_FLAT,)
     count = len(now)
