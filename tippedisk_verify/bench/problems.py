@@ -154,7 +154,7 @@ def _function(source: str) -> Callable[[object, Any], Any]:
 
 @dataclass(frozen=True)
 class Truth:
-    """The true samples."""
+    """The true states of a problem at its sample times."""
 
     samples: tuple[tuple[Measured, ...], ...]  #: (n, 3)
     uncertainty: float  #: the largest half-width
@@ -235,7 +235,7 @@ def problem_named(name: str) -> Problem:
 
 @lru_cache(maxsize=16)
 def truth_of(problem: Problem, sharp: bool = True) -> Truth:
-    """Compute the true samples.
+    """Compute the true states of a problem at its sample times, with half-widths.
 
     Args:
         problem: The problem.
