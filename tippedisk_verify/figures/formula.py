@@ -60,7 +60,11 @@ def _pieces(latex: str) -> list[str]:
 
 
 def _svg(latex: str, outlines: dict[Any, Any]) -> str:
-    """Draw a piece in ems, on the baseline of the text; add new letters to the outlines."""
+    """Return a piece of a formula as an ``<svg>`` element.
+
+    It is measured in ems and stands on the baseline of the text. New letters are added to
+    ``outlines``.
+    """
     from matplotlib.font_manager import FontProperties
     from matplotlib.textpath import text_to_path
 
