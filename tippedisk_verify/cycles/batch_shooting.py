@@ -59,12 +59,12 @@ class BatchCycles:
 
     @property
     def coordinate(self) -> Array:
-        """The section's first coordinate."""
+        """The section's first coordinate of each cycle (n,)."""
         return self.numbers[self.section.names[0]]
 
     @property
     def slope(self) -> Any:
-        """|dOmega / d(first coordinate)| along the family."""
+        """|dOmega / d(first coordinate)| along the family at each cycle (n,)."""
         return 1 / numpy.abs(self.numbers[f"d{self.section.names[0]}_domega"])
 
     @property
@@ -145,7 +145,8 @@ class _Step(NamedTuple):
 
 
 class _SectionBatch:
-    """The runs of one section with constants (n, 6).
+    """Newton's iteration for n cycles of one section at once, each with constants of its own (n,
+    6).
 
     The unknown (n, 4) numbered ``held`` is fixed.
     """

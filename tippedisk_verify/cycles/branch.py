@@ -147,7 +147,7 @@ class Branch(Printable):
 
     @property
     def missing(self) -> tuple[MissingCycle, ...]:
-        """The speeds at which no cycle was found."""
+        """A `MissingCycle` for each speed at which no cycle was found."""
         return tuple(row for row in self.cycles if isinstance(row, MissingCycle))
 
     @property
@@ -224,7 +224,7 @@ class Branch(Printable):
             Both axes: of beta_max and of the period.
 
         Raises:
-            AccuracyError: As for `points`.
+            AccuracyError: If a fold of the family does not have 12 digits.
         """
         if axes is None:
             from matplotlib import pyplot
@@ -555,7 +555,8 @@ def rotating_branch(
 
 
 def _rotating_overview(disk_locator: Locator) -> Iterator[RotatingCycle]:
-    """Yield an overview of the rotating cycles.
+    """Yield an overview of the rotating cycles: stable ones from Omega_h down to the fold, then
+    unstable ones upward.
 
     Speeds lie closest together where the family turns round. They never reach Omega_h.
     """

@@ -338,13 +338,15 @@ class Family:
         return numpy.stack(rows)
 
     def places(self, omega: float) -> Iterator[Place]:
-        """Yield the family's cycles at a speed [rad/s], from the smallest first coordinate on."""
+        """Yield the family's cycles at a speed [rad/s] as `Place`s, from the smallest first
+        coordinate on.
+        """
         for piece, (s,) in enumerate(self.abscissas(numpy.array([omega]))):
             if math.isfinite(s):
                 yield self.place(float(s), piece)
 
     def place(self, s: float, piece: int = 0) -> Place:
-        """Return the cycle at an abscissa of a piece."""
+        """Return the family's cycle at an abscissa of a piece, as a `Place`."""
         ratio, flight, omega, _ = (float(value) for value in self.at(numpy.array([s]))[:, 0])
         first = float(self.coordinate(s))
         return Place((first, ratio * first), omega, piece, self.falls[piece], flight)

@@ -115,8 +115,8 @@ class FamilyInterpolant:
             digits: The significant digits that a cycle must have.
 
         Returns:
-            For each speed its cycles. None if a speed has no cycle, or has one that doubles do not
-            hold.
+            A list of cycles for each speed, or None if the speed has no cycle, or has one that
+            doubles do not hold.
         """
         speeds = numpy.asarray(omegas, dtype=float)
         s = self.family.abscissas(speeds)
@@ -263,8 +263,8 @@ class FamilyInterpolant:
 
     @property
     def _to_the_end(self) -> Any:
-        """The distance of each node from the Hopf point, a fold or the connection [rad/s],
-        predicted by its slope.
+        """The distance [rad/s] of each node from the Hopf point, a fold or the connection,
+        whichever is nearest, as predicted by its slope.
         """
         slope = numpy.abs(self.family.nodes[:, 6])
         bend = numpy.abs(numpy.gradient(self.family.nodes[:, 6], self._s))

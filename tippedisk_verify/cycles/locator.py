@@ -163,7 +163,7 @@ class Locator:
 
     @cached_property
     def family(self) -> LibratingFamily:
-        """The librating cycles.
+        """The family of librating cycles, followed on first use.
 
         Raises:
             NoSuchCycleError: If they cannot be followed.
@@ -181,7 +181,7 @@ class Locator:
 
     @cached_property
     def rotations(self) -> RotatingFamily:
-        """The rotating cycles.
+        """The family of rotating cycles, followed on first use.
 
         Raises:
             NoSuchCycleError: If they cannot be followed.
@@ -195,6 +195,9 @@ class Locator:
         Args:
             omega: The speed [rad/s].
             omega_h: A better Omega_h than the locator's own [rad/s], if the caller has one.
+
+        Returns:
+            The starts for shooting, or the reason why there is none.
 
         Raises:
             AccuracyError: If the speed is closer to Omega_crit than cycles are offered.
@@ -225,6 +228,9 @@ class Locator:
             omega: The speed [rad/s].
             stable: True for the stable cycle only, False for the unstable one only, None for both.
             omega_h: A better Omega_h than the locator's own [rad/s], if the caller has one.
+
+        Returns:
+            The starts for shooting, or the reason why there is none.
 
         Raises:
             NoSuchCycleError: If the family cannot be followed.
@@ -295,7 +301,7 @@ def _newborn(family: LibratingFamily, below_crit: Fraction) -> list[Place]:
 
 
 def _no_libration(family: LibratingFamily, omega: float) -> str:
-    """Return the message that there is no cycle at a speed.
+    """Return the message that no librating cycle was found at a speed.
 
     It names the family's ends if the speed lies outside them. Otherwise the search has failed.
     """

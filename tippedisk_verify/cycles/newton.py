@@ -52,7 +52,7 @@ class Stop:
         self._small, self._near, self._fewest = small, near, fewest
 
     def converged(self, size: Any) -> bool:
-        """Return True if this size is the last one.
+        """Record a size, and return True if the iteration has converged.
 
         Args:
             size: The size of the present residual or step.

@@ -323,9 +323,9 @@ def _numbers(
 ) -> tuple[dict[str, Any], list[float]]:
     """Return the numbers of a cycle by name, and the relative sizes of the iteration's steps.
 
-    The number ``gamma_bar_0`` is less by pi, so that it keeps its digits. The speed has an
-    imaginary part far below rounding. The imaginary parts of the numbers are derivatives with
-    respect to the speed.
+    pi is subtracted from ``gamma_bar_0``, so that it keeps its digits. The speed has an imaginary
+    part far below rounding. The imaginary parts of the numbers are derivatives with respect to the
+    speed.
     """
     image = section.image
     at = EXTENDED.number(distance)

@@ -218,9 +218,9 @@ class GlobalMap:
         """Fit the polynomials to flights, and return their coefficients (speeds, 5, 7).
 
         The axes are powers of the distance, powers of sigma, and the numbers of
-        `LinearPassage.arrival`. ``distances`` are those of the speeds from Omega_h [rad/s] of
-        flights on the unstable manifold, ``off_manifold`` those of flights off it. u vanishes
-        exactly at sigma = 0 and Omega_h; the fit's rounding there is dropped.
+        `LinearPassage.arrival`. Flights on the unstable manifold are at these ``distances`` of the
+        speed from Omega_h [rad/s], flights off it at those of ``off_manifold``. u vanishes exactly
+        at sigma = 0 and Omega_h; the fit's rounding there is dropped.
         """
         count, reach = len(distances), EXTENDED.number(max(distances))
         largest = float(self.u_1) * self.choice.sigma

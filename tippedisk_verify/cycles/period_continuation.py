@@ -293,7 +293,7 @@ class PeriodContinuation:
 
             T = c - (2 / lambda_u) log(Omega - Omega_h) + O((Omega - Omega_h)^p),
 
-        where p = |lambda_s| / lambda_u - 1. It tends to 1.
+        where p = |lambda_s| / lambda_u - 1. The ratio tends to 1.
 
         Args:
             unstable: lambda_u [1/s].

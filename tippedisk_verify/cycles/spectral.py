@@ -160,7 +160,7 @@ def approximate_cycle(parameters: Parameters, omega: Fraction) -> tuple[float, f
     Raises:
         NoSuchCycleError: If there is no cycle at this speed, or the balance does not converge.
     """
-    if parameters.law.two_sided:  # whose cycles differ little from those of the linear law
+    if parameters.law.two_sided:  # its cycles differ little from those of the linear law
         parameters = parameters.with_friction("linear")
     point = branch_to(parameters, omega)
     gamma, v = Collocation(parameters, Kind.LIBRATING, len(point) - 2).motion(point)

@@ -128,8 +128,8 @@ def fold_near(a: Collocation, start: Any) -> Any | None:
         start: The first guess (n + 2,).
 
     Returns:
-        The fold's point and null vector (2 n + 3,). None if Newton's iteration does not lead to a
-        fold.
+        The fold's point and null vector (2 n + 3,), or None if Newton's iteration does not lead to
+        a fold.
     """
     # The branch's tangent is the null vector where Omega is extreme.
     null = numpy.linalg.svd(a.matrix(start))[2][-1][:-1]
@@ -144,7 +144,7 @@ def fold_near(a: Collocation, start: Any) -> Any | None:
 
 
 def fold_residual(a: Collocation, fold: Any, largest: int) -> Any:
-    """Return the equations of a fold (2 n + 3,).
+    """Return the residuals of a fold's equations (2 n + 3,).
 
     They are the equations of the cycle, those of a null vector of their derivative, and the null
     vector's scale.
@@ -189,6 +189,9 @@ def first_fold(parameters: Parameters, kind: Kind) -> Any:
     Args:
         parameters: The disk, under the linear law.
         kind: The kind of cycle.
+
+    Returns:
+        The point (n + 2,).
 
     Raises:
         NoSuchCycleError: If there is no fold before periods are long.
@@ -384,9 +387,9 @@ def floquet_mode(a: Collocation, point: Any) -> tuple[float, Any, Any]:
         point: The cycle's point (n + 2,).
 
     Returns:
-        The exponent in units of the frequency, the mode (3 n,) of (beta, gamma, v), and the matrix
-        (3 n, 3 n) of the variational equation with the angle in place of time. The exponent and the
-        mode are an eigenvalue and eigenvector of this matrix.
+        The exponent in units of the frequency, the mode (3 n,) of (beta, gamma, v), and a matrix (3
+        n, 3 n). The matrix is that of the variational equation with the angle in place of time. The
+        exponent and the mode are an eigenvalue and eigenvector of it.
     """
     by_beta, by_gamma, by_v = (numpy.diag(slope / point[-2]) for slope in a.slopes(point))
     turning, zero = (
