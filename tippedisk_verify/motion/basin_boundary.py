@@ -107,7 +107,10 @@ class BasinBoundary(Printable):
         return pi - self._upper(math.pi - gamma, -v), self._upper(gamma, v)
 
     def _upper(self, gamma: float, v: float) -> Measured:
-        """Return beta [rad] on the sheet of larger beta."""
+        """Return beta [rad] on the sheet of larger beta.
+
+        The half-width is from the root after one more turn.
+        """
         root = self._root(gamma, v, self._turns, (0.0, math.pi))
         nearby = max(0.0, root - _SEARCH_RADIUS), min(math.pi, root + _SEARCH_RADIUS)
         again = self._root(gamma, v, self._turns + 1, nearby)

@@ -77,12 +77,14 @@ class Basins(Printable):
         shares = {}
         for index, name in enumerate(OUTCOMES):
             share = float(numpy.count_nonzero(self.outcome == index)) / count
-            # Nothing seen in n tries: less than 3 / n with 95 %.
+            # If n tries show none, the share is below 3 / n with a probability of 95 %.
             shares[name] = share, max(2 * math.sqrt(share * (1 - share) / count), 3 / count)
         return shares
 
     def rows(self) -> list[tuple[float, float, float, str]]:
-        """Return beta [rad], gamma [rad], v [rad/s] and the outcome of each initial state."""
+        """Return a row for each initial state: beta [rad], gamma [rad], v [rad/s] and the outcome's
+        name.
+        """
         states = zip(
             *(part.ravel().tolist() for part in (self.beta, self.gamma, self.outcome)), strict=True
         )

@@ -92,7 +92,7 @@ def span_of(time: Any) -> tuple[Exact, Exact]:
 
 
 def since_start(start: Exact, end: Exact, times: Any) -> tuple[list[Exact], list[Exact]]:
-    """Return the exact times, and the same times since the start.
+    """Return the times as exact numbers, and the same times counted from the start.
 
     A time outside the run that equals one of its ends as a double means that end.
     """
